@@ -1,0 +1,111 @@
+//! Names and numbers by which lines, drives, clients and requests are told apart.
+
+use std::fmt;
+
+/// A drive's number on its serial line (Modbus: server address). What range is valid depends on the model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Station(pub u8);
+
+impl fmt::Display for Station {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// The number by which a drive is reached on the Modbus TCP side, 1 to 247.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct UnitId(u8);
+
+impl UnitId {
+    /// The lowest unit a drive may have.
+    pub const MIN: u8 = 1;
+    /// The highest unit a drive may have (Modbus application protocol V1.1b3, 4.1).
+    pub const MAX: u8 = 247;
+
+    /// The unit `number`, or nothing outside 1 to 247.
+    #[must_use]
+    pub const fn new(number: u8) -> Option<Self> {
+        if number >= Self::MIN && number <= Self::MAX { Some(Self(number)) } else { None }
+    }
+
+    /// The number as it stands in a frame.
+    #[must_use]
+    pub const fn get(self) -> u8 {
+        self.0
+    }
+}
+
+impl fmt::Display for UnitId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// The name of a gateway, line or drive: 1 to 64 letters, digits, `-`, `_` or `.`, so that it fits into
+/// a topic, a URL and a file name as it is.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Name(String);
+
+impl Name {
+    /// The longest name, in characters.
+    pub const MAX_CHARS: usize = 64;
+
+    /// The name `text`, or nothing if it is empty, too long or holds any other character.
+    #[must_use]
+    pub fn new(text: &str) -> Option<Self> {
+        let fits = (1..=Self::MAX_CHARS).contains(&text.len())
+            && text.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'-' | b'_' | b'.'));
+        fits.then(|| Self(text.to_owned()))
+    }
+
+    /// The name as text.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl fmt::Display for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// A drive's place on its line, in the order of the configuration, from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct DriveIndex(pub u16);
+
+impl DriveIndex {
+    /// The place as an index into a slice.
+    #[must_use]
+    pub const fn get(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// Somebody who asks for native reads: one client connection. Fairness is kept among askers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct AskerId(pub u64);
+
+/// The number of one request of one asker, chosen by the asker and carried back in the answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Ticket(pub u64);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_fit_into_topics() {
+        assert!(Name::new("pump-1_a.B").is_some());
+        for bad in ["", "a/b", "a+", "#", "pump 1", "ü", &"x".repeat(65)] {
+            assert!(Name::new(bad).is_none(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn units_are_1_to_247() {
+        assert!(UnitId::new(0).is_none() && UnitId::new(248).is_none());
+        assert_eq!(UnitId::new(247).map(UnitId::get), Some(247));
+    }
+}

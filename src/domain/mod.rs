@@ -1,0 +1,11 @@
+//! The words of the trade: time, ids, link settings, requests, reports. No room stands before this one.
+
+pub mod describe;
+pub mod ids;
+pub mod link;
+pub mod native;
+pub mod problem;
+pub mod report;
+pub mod time;
+pub mod traffic;
+pub mod units;

@@ -1,0 +1,85 @@
+//! Native requests: a client asks for a vendor's registers by their addresses.
+
+use super::ids::{AskerId, DriveIndex, Ticket};
+use super::time::MonoTime;
+use std::sync::Arc;
+
+/// What is asked of a drive's own registers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NativeAsk {
+    /// Read `count` (1 to 125) holding registers from `address` on; the range does not pass 0xFFFF.
+    Read {
+        /// First register.
+        address: u16,
+        /// Number of words.
+        count: u16,
+    },
+    /// Write `values` (1 to 123) to holding registers from `address` on.
+    Write {
+        /// First register.
+        address: u16,
+        /// The words, in order.
+        values: Vec<u16>,
+    },
+}
+
+/// One native request of one asker.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NativeRequest {
+    /// Who asks.
+    pub asker: AskerId,
+    /// The asker's number for this request.
+    pub ticket: Ticket,
+    /// Which drive of the line.
+    pub drive: DriveIndex,
+    /// What is asked.
+    pub ask: NativeAsk,
+    /// When the asker no longer waits. The request ends by then, with [`NativeOutcome::Expired`] if need be.
+    pub deadline: MonoTime,
+}
+
+/// The answer to one native request.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NativeAnswer {
+    /// Who asked.
+    pub asker: AskerId,
+    /// The asker's number for the request.
+    pub ticket: Ticket,
+    /// What became of it.
+    pub outcome: NativeOutcome,
+}
+
+/// How a native request ended. Each request ends in exactly one.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NativeOutcome {
+    /// The words that the drive sent. Shared, because many askers may get the same exchange.
+    Words(Arc<[u16]>),
+    /// The drive answered with an exception of its own.
+    DriveException(u8),
+    /// Nothing was put on the line.
+    Refused(Refusal),
+    /// The drive did not answer, or only with damaged frames.
+    NoReply,
+    /// The asker's deadline passed before the drive was asked.
+    Expired,
+}
+
+/// Why a request put nothing on the line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, thiserror::Error)]
+pub enum Refusal {
+    /// No drive is reached at this unit.
+    #[error("no drive has this unit")]
+    NoSuchUnit,
+    /// The drive has no control section, so nothing may be written to it from anywhere.
+    #[error("the drive is read-only: it has no control section")]
+    ReadOnly,
+    /// The request would need more than 16 frames (semantics: one request, at most 16 frames).
+    #[error("the request would need more than 16 frames on the line")]
+    TooManyFrames,
+    /// Too many requests wait: of this asker, or on this line.
+    #[error("too many requests are waiting")]
+    QueueFull,
+    /// The line's port is not open.
+    #[error("the line is down")]
+    LineDown,
+}

@@ -1,0 +1,69 @@
+//! A mistake in a file that a person wrote: where it is, what is wrong, what would be right.
+
+use std::ops::Range;
+
+/// One mistake in a TOML file. Whoever checks a file reports all of them at once.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Problem {
+    /// The key, as a path: `line[0].drive[2].station`.
+    pub key: String,
+    /// Bytes of the file's text that are wrong; empty at 0 where no place can be named.
+    pub span: Range<usize>,
+    /// What is wrong, in one sentence.
+    pub what: String,
+    /// What would be right: a range, the nearest valid name, a key to add.
+    pub right: Option<String>,
+}
+
+impl Problem {
+    /// A problem at `key`, which stands at `span`.
+    #[must_use]
+    pub fn new(key: impl Into<String>, span: Range<usize>, what: impl Into<String>) -> Self {
+        Self { key: key.into(), span, what: what.into(), right: None }
+    }
+
+    /// Adds what would be right.
+    #[must_use]
+    pub fn right(mut self, right: impl Into<String>) -> Self {
+        self.right = Some(right.into());
+        self
+    }
+
+    /// Line and column of the problem in `text`, both from 1.
+    #[must_use]
+    pub fn place_in(&self, text: &str) -> (usize, usize) {
+        let before = text.get(..self.span.start).unwrap_or(text);
+        let line_start = before.rfind('\n').map_or(0, |at| at + 1);
+        (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
+    }
+}
+
+/// The name among `valid` that is nearest to `wrong`, if any is near enough to be a slip of the pen.
+#[must_use]
+pub fn nearest<'a>(wrong: &str, valid: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    valid
+        .into_iter()
+        .map(|name| (strsim::damerau_levenshtein(wrong, name), name))
+        .filter(|(distance, name)| *distance <= 1 + name.len() / 4)
+        .min_by_key(|(distance, _)| *distance)
+        .map(|(_, name)| name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_count_from_one() {
+        let text = "a = 1\nb = ü2\n";
+        let at = text.find('2').unwrap();
+        assert_eq!(Problem::new("b", at..at + 1, "x").place_in(text), (2, 6));
+        assert_eq!(Problem::new("a", 0..0, "x").place_in(text), (1, 1));
+    }
+
+    #[test]
+    fn only_a_near_name_is_offered() {
+        assert_eq!(nearest("buad", ["baud", "parity"]), Some("baud"));
+        assert_eq!(nearest("colour", ["baud", "parity"]), None);
+    }
+}

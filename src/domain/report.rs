@@ -1,0 +1,59 @@
+//! States and counters that log, page, metrics and topics share. Plain numbers, no clock.
+
+/// Whether a line's port is open.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum LineState {
+    /// The port is open.
+    Up,
+    /// The port is closed or gone.
+    Down,
+}
+
+/// Why a port is not open.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, thiserror::Error)]
+pub enum PortFault {
+    /// The device reported its end: unplugged, or the other side of a pseudo-terminal closed.
+    #[error("the device is gone")]
+    Gone,
+    /// Reading or writing failed.
+    #[error("reading or writing failed")]
+    Failed,
+    /// The device took no more bytes although the line should long have been free.
+    #[error("the device takes no bytes")]
+    Stuck,
+}
+
+/// Counts of one line since start. They only rise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LineCounters {
+    /// Frames sent.
+    pub requests: u64,
+    /// Right replies.
+    pub replies: u64,
+    /// Exceptions that drives answered with.
+    pub exceptions: u64,
+    /// Time-outs without any frame from the station.
+    pub silent: u64,
+    /// Exchanges that ended with a damaged reply.
+    pub garbled: u64,
+    /// Frames of the asked station that were not the answer: late ones above all.
+    pub strays: u64,
+    /// Sound frames of stations that were not asked.
+    pub foreign: u64,
+    /// Bytes that made no frame.
+    pub noise_bytes: u64,
+    /// Exchanges repeated at once after damage.
+    pub retries: u64,
+    /// Exchanges sent only to prove that no late reply can follow.
+    pub barriers: u64,
+    /// Native reads that joined an exchange somebody else had asked for.
+    pub joined: u64,
+    /// Native requests refused because a queue was full.
+    pub queue_full: u64,
+    /// Native requests whose deadline passed in the queue.
+    pub expired: u64,
+    /// Times the port was opened.
+    pub port_ups: u64,
+    /// Times the port was lost.
+    pub port_downs: u64,
+}

@@ -1,0 +1,188 @@
+//! RTU frames: building them, and finding replies in a stream of bytes by length, CRC and silence.
+
+use super::crc;
+use super::pdu::function;
+
+/// Longest RTU frame in bytes (Modbus over serial line V1.02, 2.5.1).
+pub const MAX_ADU_BYTES: usize = 256;
+/// Station before and CRC behind the PDU.
+pub const OVERHEAD_BYTES: usize = 3;
+/// Length of an exception reply: station, function, code, CRC.
+pub const EXCEPTION_ADU_BYTES: usize = 5;
+
+/// Appends the frame for `station` to `out`; `pdu` appends its PDU.
+pub fn encode(out: &mut Vec<u8>, station: u8, pdu: impl FnOnce(&mut Vec<u8>)) {
+    let start = out.len();
+    out.push(station);
+    pdu(out);
+    let check = crc::modbus(&out[start..]);
+    out.extend(check.to_le_bytes());
+}
+
+/// Station and PDU of a whole frame, if its CRC is right.
+#[must_use]
+pub fn decode(adu: &[u8]) -> Option<(u8, &[u8])> {
+    match adu {
+        [station, pdu @ .., _, _] if !pdu.is_empty() && crc::is_sound(adu) => Some((*station, pdu)),
+        _ => None,
+    }
+}
+
+/// Length of the reply frame that begins with `head`, as function and byte count tell it.
+#[must_use]
+pub fn reply_adu_bytes(head: &[u8]) -> ReplyLength {
+    let Some(&code) = head.get(1) else { return ReplyLength::NotYetKnown };
+    match code {
+        0x01..=0x04 | 0x17 => match head.get(2) {
+            Some(&count) => ReplyLength::Known(OVERHEAD_BYTES + 2 + usize::from(count)),
+            None => ReplyLength::NotYetKnown,
+        },
+        0x05 | 0x06 | function::DIAGNOSTICS | 0x0F | function::WRITE_MULTIPLE => ReplyLength::Known(8),
+        0x16 => ReplyLength::Known(10),
+        _ if code & function::EXCEPTION_BIT != 0 => ReplyLength::Known(EXCEPTION_ADU_BYTES),
+        _ => ReplyLength::OnlySilenceTells,
+    }
+}
+
+/// What the first bytes of a reply tell about its length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReplyLength {
+    /// More bytes are needed.
+    NotYetKnown,
+    /// The whole frame, station and CRC included, has this many bytes.
+    Known(usize),
+    /// The function code has no known reply form.
+    OnlySilenceTells,
+}
+
+/// The frame that is waited for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Expected {
+    /// The station that was asked.
+    pub station: u8,
+    /// The function that was asked for.
+    pub function: u8,
+    /// Length of the normal reply frame.
+    pub adu_bytes: usize,
+}
+
+impl Expected {
+    /// Length of the frame at the start of `bytes` if that could be the expected reply or its exception.
+    fn adu_bytes_at(&self, bytes: &[u8]) -> Option<usize> {
+        match bytes {
+            [station, code, ..] if *station == self.station && *code == self.function => Some(self.adu_bytes),
+            [station, code, ..] if *station == self.station && *code == self.function | function::EXCEPTION_BIT => {
+                Some(EXCEPTION_ADU_BYTES)
+            }
+            _ => None,
+        }
+    }
+}
+
+/// A sound frame found in the stream.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Found {
+    /// Bytes before the frame that belong to none.
+    pub noise: Vec<u8>,
+    /// The whole frame.
+    pub adu: Vec<u8>,
+}
+
+/// Collects received bytes and finds sound reply frames among them.
+///
+/// A frame at the start is taken by its own length. Behind noise only the expected reply is looked
+/// for, because a random place has a chance of 1 in 65,536 to look like the start of some frame.
+#[derive(Debug, Default)]
+pub struct Assembler {
+    bytes: Vec<u8>,
+}
+
+impl Assembler {
+    /// Most bytes that are kept: two of the longest frames. What comes on top pushes out the oldest.
+    pub const MAX_BYTES: usize = 2 * MAX_ADU_BYTES;
+
+    /// Takes received bytes; returns those that were pushed out because nobody could use them.
+    pub fn push(&mut self, received: &[u8]) -> Vec<u8> {
+        self.bytes.extend_from_slice(received);
+        let excess = self.bytes.len().saturating_sub(Self::MAX_BYTES);
+        self.bytes.drain(..excess).collect()
+    }
+
+    /// Takes the next sound frame out, with the noise before it.
+    pub fn take(&mut self, expected: Option<&Expected>) -> Option<Found> {
+        let (start, end) = self.find(expected)?;
+        let adu = self.bytes[start..end].to_vec();
+        let noise = self.bytes[..start].to_vec();
+        self.bytes.drain(..end);
+        Some(Found { noise, adu })
+    }
+
+    /// Whether bytes wait that make no whole frame yet.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.bytes.is_empty()
+    }
+
+    /// Ends the frame by silence: all that is left is given out, as a frame if its CRC is right.
+    pub fn end(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.bytes)
+    }
+
+    fn find(&self, expected: Option<&Expected>) -> Option<(usize, usize)> {
+        if let ReplyLength::Known(length) = reply_adu_bytes(&self.bytes)
+            && self.is_sound_at(0, length)
+        {
+            return Some((0, length));
+        }
+        let expected = expected?;
+        (1..self.bytes.len()).find_map(|start| {
+            let length = expected.adu_bytes_at(&self.bytes[start..])?;
+            self.is_sound_at(start, length).then_some((start, start + length))
+        })
+    }
+
+    fn is_sound_at(&self, start: usize, length: usize) -> bool {
+        self.bytes.get(start..start + length).is_some_and(crc::is_sound)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const EXPECTED: Expected = Expected { station: 1, function: 3, adu_bytes: 7 };
+    const REPLY: [u8; 7] = [0x01, 0x03, 0x02, 0x17, 0x70, 0xB6, 0x50];
+
+    #[test]
+    fn a_frame_ends_by_its_length() {
+        let mut assembler = Assembler::default();
+        for byte in &REPLY[..6] {
+            assembler.push(&[*byte]);
+            assert_eq!(assembler.take(Some(&EXPECTED)), None);
+        }
+        assembler.push(&REPLY[6..]);
+        assert_eq!(assembler.take(Some(&EXPECTED)), Some(Found { noise: vec![], adu: REPLY.to_vec() }));
+        assert!(assembler.is_empty());
+    }
+
+    #[test]
+    fn noise_before_the_reply_is_told_apart() {
+        let mut assembler = Assembler::default();
+        assembler.push(&[0xFF, 0x01, 0x03, 0x00]);
+        assembler.push(&REPLY);
+        let found = assembler.take(Some(&EXPECTED)).unwrap();
+        assert_eq!(found.noise, [0xFF, 0x01, 0x03, 0x00]);
+        assert_eq!(found.adu, REPLY);
+    }
+
+    #[test]
+    fn a_babbling_node_cannot_fill_the_memory() {
+        let mut assembler = Assembler::default();
+        let mut pushed_out = 0;
+        for _ in 0..1000 {
+            pushed_out += assembler.push(&[0x55; 100]).len();
+        }
+        assert_eq!(pushed_out, 100_000 - Assembler::MAX_BYTES);
+        assert_eq!(assembler.end().len(), Assembler::MAX_BYTES);
+    }
+}
