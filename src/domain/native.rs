@@ -54,6 +54,10 @@ pub struct NativeAnswer {
 pub enum NativeOutcome {
     /// The words that the drive sent. Shared, because many askers may get the same exchange.
     Words(Arc<[u16]>),
+    /// The drive confirmed the write by its own reply.
+    Written,
+    /// The drive refused the write: its reply carries the value that it kept.
+    KeptOldValue(u16),
     /// The drive answered with an exception of its own.
     DriveException(u8),
     /// Nothing was put on the line.

@@ -1,1 +1,22 @@
-//! Not built yet.
+//! [`LineCore`]: the pure whole of one line: its wire, its drives, the door for writes.
+//!
+//! It is given events with the time at which they happened ([`Input`]) and says what should be done
+//! ([`Effect`]) and when it wants to be woken ([`Wake`]). It decides only on [`Input::Time`], so that all that
+//! is known by then is taken into account; whoever drives it feeds all events first and then lets time pass.
+//!
+//! One small file per kind of event: [`ask`](self) native requests, `decide` what goes on the wire, `ended` what
+//! follows from the end of an exchange, `port` the port's coming and going.
+
+mod ask;
+mod core;
+mod decide;
+mod ended;
+mod event;
+mod natives;
+mod port;
+mod setup;
+
+pub use self::core::LineCore;
+pub use event::{Effect, Input, Wake, WakeReason};
+pub use natives::REQUESTS_MAX;
+pub use setup::{DriveSetup, LineSetup};

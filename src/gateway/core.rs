@@ -1,0 +1,156 @@
+//! The state of one line and the one door through which events come in.
+
+use super::event::{Effect, Input, Wake, WakeReason};
+use super::natives::Natives;
+use super::setup::LineSetup;
+use crate::domain::ids::DriveIndex;
+use crate::domain::native::NativeAnswer;
+use crate::domain::report::{LineCounters, LineState};
+use crate::domain::time::MonoTime;
+use crate::drive::plan::PollPlan;
+use crate::drive::snapshot::DriveSnapshot;
+use crate::line::schedule::{ReadJob, Schedule, WriteJob};
+use crate::line::station::StationState;
+use crate::line::transaction::Wire;
+use std::collections::VecDeque;
+
+/// One line with its drives. See the [module](super) for how it is driven.
+#[derive(Debug)]
+pub struct LineCore {
+    pub(super) setup: LineSetup,
+    pub(super) state: LineState,
+    pub(super) wire: Wire,
+    pub(super) stations: Vec<StationState>,
+    pub(super) plans: Vec<PollPlan>,
+    pub(super) snapshots: Vec<DriveSnapshot>,
+    pub(super) schedule: Schedule,
+    pub(super) natives: Natives,
+    pub(super) flight: Option<Flight>,
+    /// Native reads and polls take turns: whether it is the polls' turn.
+    pub(super) polls_turn: bool,
+    pub(super) counters: LineCounters,
+    pub(super) effects: VecDeque<Effect>,
+}
+
+/// What the exchange on the wire was sent for.
+#[derive(Debug)]
+pub(super) struct Flight {
+    pub(super) drive: DriveIndex,
+    pub(super) purpose: Purpose,
+}
+
+/// Why an exchange was sent.
+#[derive(Debug)]
+pub(super) enum Purpose {
+    /// Clients asked.
+    Read(ReadJob),
+    /// An approved write.
+    Write(WriteJob),
+    /// A poll that began at this register.
+    Poll { address: u16 },
+    /// Only to prove that no late reply can follow.
+    Barrier,
+}
+
+impl LineCore {
+    /// A line whose port is not open yet.
+    #[must_use]
+    pub fn new(setup: LineSetup, now: MonoTime) -> Self {
+        let count = setup.drives.len();
+        let plans = setup.drives.iter().enumerate().map(|(index, drive)| {
+            let phase = index as f64 / count as f64;
+            PollPlan::new(&drive.model, drive.poll, now, phase)
+        });
+        Self {
+            state: LineState::Down,
+            wire: Wire::new(setup.timing, now),
+            stations: (0..count).map(|_| StationState::default()).collect(),
+            plans: plans.collect(),
+            snapshots: vec![DriveSnapshot::default(); count],
+            schedule: Schedule::default(),
+            natives: Natives::default(),
+            flight: None,
+            polls_turn: true,
+            counters: LineCounters::default(),
+            effects: VecDeque::new(),
+            setup,
+        }
+    }
+
+    /// Takes an event that happened at `now`. Moments never go back.
+    pub fn handle(&mut self, now: MonoTime, input: Input<'_>) {
+        match input {
+            Input::Bytes(bytes) => self.on_bytes(now, bytes),
+            Input::PortUp => self.on_port_up(now),
+            Input::PortDown(fault) => self.on_port_down(now, fault),
+            Input::Native(request) => self.on_native(now, request),
+            Input::AskerGone(asker) => {
+                self.natives.forget(asker);
+                self.schedule.forget(asker);
+                self.drop_unwanted();
+            }
+            Input::Time => self.on_time(now),
+        }
+    }
+
+    /// The next thing that should be done, in order.
+    pub fn next_effect(&mut self) -> Option<Effect> {
+        self.effects.pop_front()
+    }
+
+    /// When the line wants to be given the time again.
+    #[must_use]
+    pub fn next_wake(&self) -> Option<Wake> {
+        let deadline = self.natives.next_deadline().map(|at| Wake { at, reason: WakeReason::RequestDeadline });
+        let wire = self.wire.wake_at().map(|at| {
+            let reason = if self.wire.is_busy() { WakeReason::ReplyDue } else { WakeReason::FrameEnd };
+            Wake { at, reason }
+        });
+        let work = if self.wire.is_busy() { None } else { self.work_wake() };
+        [deadline, wire, work].into_iter().flatten().min_by_key(|wake| wake.at)
+    }
+
+    /// Counts since start.
+    #[must_use]
+    pub const fn counters(&self) -> &LineCounters {
+        &self.counters
+    }
+
+    /// What is known of the drive at `index`.
+    #[must_use]
+    pub fn snapshot(&self, index: DriveIndex) -> Option<&DriveSnapshot> {
+        self.snapshots.get(index.get())
+    }
+
+    fn on_time(&mut self, now: MonoTime) {
+        if let Some((exchange, ending)) = self.wire.pass(now) {
+            self.ended(now, exchange, ending);
+        }
+        self.tell_heard(now);
+        let mut expired = 0;
+        while let Some(answer) = self.natives.expire(now) {
+            expired += 1;
+            self.answer(answer);
+        }
+        if expired > 0 {
+            self.counters.expired += expired;
+            self.drop_unwanted();
+        }
+        self.decide(now);
+    }
+
+    fn on_bytes(&mut self, now: MonoTime, bytes: &[u8]) {
+        if let Some((exchange, ending)) = self.wire.receive(now, bytes) {
+            self.ended(now, exchange, ending);
+        }
+        self.tell_heard(now);
+    }
+
+    pub(super) fn answer(&mut self, answer: NativeAnswer) {
+        self.effects.push_back(Effect::Answer(answer));
+    }
+
+    pub(super) fn drop_unwanted(&mut self) {
+        self.schedule.drop_unwanted(|waiter| self.natives.is_waited_for(waiter));
+    }
+}

@@ -1,0 +1,211 @@
+//! What goes on the wire next, and when there is something to decide again.
+
+use super::core::{Flight, LineCore, Purpose};
+use super::event::{Effect, Wake, WakeReason};
+use crate::domain::ids::DriveIndex;
+use crate::domain::report::LineState;
+use crate::domain::time::MonoTime;
+use crate::domain::traffic::{TrafficKind, TrafficRecord};
+use crate::drive::plan::PollGroup;
+use crate::guard::{Approved, Class};
+use crate::line::schedule::ReadKey;
+use crate::line::station::PROBE_TIMEOUT;
+use crate::line::transaction::Exchange;
+use crate::profile::model::PollClass;
+use crate::wire::pdu::Request;
+
+/// A poll that is due.
+#[derive(Clone, Copy)]
+struct DuePoll {
+    drive: DriveIndex,
+    index: usize,
+    group: PollGroup,
+}
+
+impl LineCore {
+    /// Opens the next exchange if the wire is free and has been silent for long enough.
+    pub(super) fn decide(&mut self, now: MonoTime) {
+        if self.state == LineState::Down || self.wire.is_busy() || now < self.wire.may_send_from() {
+            return;
+        }
+        let Some((drive, request, purpose)) = self.pick(now) else { return };
+        let setup = &self.setup.drives[drive.get()];
+        let station = &self.stations[drive.get()];
+        let timeout =
+            if station.is_known_silent() { setup.reply_timeout.min(PROBE_TIMEOUT) } else { setup.reply_timeout };
+        let in_doubt = station.misses_function(request.function(), now);
+        let exchange = Exchange { station: setup.station, request, timeout, in_doubt };
+        let mut frame = Vec::with_capacity(16);
+        self.wire.send(now, exchange, &mut frame);
+        self.flight = Some(Flight { drive, purpose });
+        self.counters.requests += 1;
+        if self.setup.tells_traffic {
+            let record = TrafficRecord { at: now, kind: TrafficKind::Request, bytes: frame.clone() };
+            self.effects.push_back(Effect::Traffic(record));
+        }
+        self.effects.push_back(Effect::Transmit(frame));
+    }
+
+    /// Writes, barriers, polls that have aged, then native reads and polls in turn.
+    fn pick(&mut self, now: MonoTime) -> Option<(DriveIndex, Request, Purpose)> {
+        if let Some(picked) = self.pick_write(now) {
+            return Some(picked);
+        }
+        if let Some((drive, request)) = self.pick_barrier(now) {
+            self.counters.barriers += 1;
+            return Some((drive, request, Purpose::Barrier));
+        }
+        if let Some(poll) = self.due_poll(now, true) {
+            return Some(self.take_poll(now, poll));
+        }
+        let polls_first = self.polls_turn;
+        self.polls_turn = !polls_first;
+        if polls_first && let Some(poll) = self.due_poll(now, false) {
+            return Some(self.take_poll(now, poll));
+        }
+        if let Some(picked) = self.pick_read(now) {
+            return Some(picked);
+        }
+        let poll = self.due_poll(now, false)?;
+        Some(self.take_poll(now, poll))
+    }
+
+    fn pick_write(&mut self, now: MonoTime) -> Option<(DriveIndex, Request, Purpose)> {
+        let stations = &self.stations;
+        let may_go = |write: &Approved| {
+            let station = &stations[write.drive().get()];
+            let may_wait = write.class() != Class::Stop;
+            write.may_be_sent(now) && !(may_wait && now < station.unmistakable_at(write.request()))
+        };
+        let job = self.schedule.take_write(may_go)?;
+        Some((job.approved.drive(), job.approved.request().clone(), Purpose::Write(job)))
+    }
+
+    fn pick_read(&mut self, now: MonoTime) -> Option<(DriveIndex, Request, Purpose)> {
+        let stations = &self.stations;
+        let may_go = |key: &ReadKey| {
+            let station = &stations[key.drive.get()];
+            now >= station.ask_again_at() && now >= station.unmistakable_at(&read_request(key))
+        };
+        let job = self.schedule.take_read(may_go)?;
+        Some((job.key.drive, read_request(&job.key), Purpose::Read(job)))
+    }
+
+    /// The poll that has been due for longest, fast ones first; if `aged`, only a fast one that has waited
+    /// for more than half its period.
+    fn due_poll(&self, now: MonoTime, aged: bool) -> Option<DuePoll> {
+        let mut best: Option<((PollClass, MonoTime), DuePoll)> = None;
+        for (drive, plan) in self.drives().zip(&self.plans) {
+            for (index, group, due) in plan.iter() {
+                let rank = (group.class, due);
+                let is_better = best.as_ref().is_none_or(|(best_rank, _)| rank < *best_rank);
+                if due > now || !is_better || !self.may_poll(now, drive, group) {
+                    continue;
+                }
+                if aged && !(group.class == PollClass::Fast && plan.is_aged(group, due, now)) {
+                    continue;
+                }
+                best = Some((rank, DuePoll { drive, index, group }));
+            }
+        }
+        best.map(|(_, poll)| poll)
+    }
+
+    fn may_poll(&self, now: MonoTime, drive: DriveIndex, group: PollGroup) -> bool {
+        let station = &self.stations[drive.get()];
+        now >= station.ask_again_at() && now >= station.unmistakable_at(&poll_request(group))
+    }
+
+    fn take_poll(&mut self, now: MonoTime, poll: DuePoll) -> (DriveIndex, Request, Purpose) {
+        self.plans[poll.drive.get()].sent(poll.index, now);
+        (poll.drive, poll_request(poll.group), Purpose::Poll { address: poll.group.address })
+    }
+
+    /// A read that settles whether a late reply can still come, for a drive whose waiting work cannot go
+    /// before that is settled.
+    fn pick_barrier(&self, now: MonoTime) -> Option<(DriveIndex, Request)> {
+        self.drives().find_map(|drive| {
+            let station = &self.stations[drive.get()];
+            if !station.is_dirty(now) || now < station.ask_again_at() || !self.is_held_up(now, drive) {
+                return None;
+            }
+            let barrier = self.barriers(drive).find(|request| now >= station.unmistakable_at(request))?;
+            Some((drive, barrier))
+        })
+    }
+
+    /// Whether work waits for `drive` and none of it may go because of replies that may come late.
+    fn is_held_up(&self, now: MonoTime, drive: DriveIndex) -> bool {
+        let station = &self.stations[drive.get()];
+        let mut waits = false;
+        for request in self.waiting_requests(now, drive) {
+            if now >= station.unmistakable_at(&request) {
+                return false;
+            }
+            waits = true;
+        }
+        waits
+    }
+
+    fn waiting_requests(&self, now: MonoTime, drive: DriveIndex) -> impl Iterator<Item = Request> + '_ {
+        let reads = self.schedule.reads().filter(move |key| key.drive == drive).map(read_request);
+        let writes = self.schedule.writes().filter(move |write| write.drive() == drive);
+        let polls = self.plans[drive.get()].iter().filter(move |(_, _, due)| *due <= now);
+        writes.map(|write| write.request().clone()).chain(reads).chain(polls.map(|(_, group, _)| poll_request(group)))
+    }
+
+    fn barriers(&self, drive: DriveIndex) -> impl Iterator<Item = Request> + '_ {
+        let reads = &self.setup.drives[drive.get()].model.barrier_reads;
+        reads.iter().map(|read| Request::ReadHolding { address: read.address, count: read.count })
+    }
+
+    /// When the next frame could go, if anything waits or will be due.
+    pub(super) fn work_wake(&self) -> Option<Wake> {
+        if self.state == LineState::Down {
+            return None;
+        }
+        let work = self.work_at()?;
+        let silence = self.wire.may_send_from();
+        Some(if work > silence {
+            Wake { at: work, reason: WakeReason::WorkDue }
+        } else {
+            Wake { at: silence, reason: WakeReason::SilentInterval }
+        })
+    }
+
+    /// When the next frame may go: what waits, as soon as its station is asked again and its answer cannot be
+    /// mistaken or a barrier can settle that.
+    fn work_at(&self) -> Option<MonoTime> {
+        let writes = self.schedule.writes().map(|write| match write.class() {
+            Class::Stop => MonoTime::ZERO,
+            Class::Command => self.free_at(write.drive(), write.request()),
+        });
+        let reads = self.schedule.reads().map(|key| self.free_at(key.drive, &read_request(key)));
+        let polls = self.drives().zip(&self.plans).flat_map(|(drive, plan)| {
+            plan.iter().map(move |(_, group, due)| due.max(self.free_at(drive, &poll_request(group))))
+        });
+        writes.chain(reads).chain(polls).min()
+    }
+
+    fn free_at(&self, drive: DriveIndex, request: &Request) -> MonoTime {
+        let station = &self.stations[drive.get()];
+        let unmistakable = station.unmistakable_at(request);
+        if unmistakable == MonoTime::ZERO {
+            return station.ask_again_at();
+        }
+        let barrier = self.barriers(drive).map(|request| station.unmistakable_at(&request)).min();
+        barrier.map_or(unmistakable, |barrier| unmistakable.min(barrier)).max(station.ask_again_at())
+    }
+
+    fn drives(&self) -> impl Iterator<Item = DriveIndex> + use<> {
+        (0..self.setup.drives.len() as u16).map(DriveIndex)
+    }
+}
+
+fn read_request(key: &ReadKey) -> Request {
+    Request::ReadHolding { address: key.address, count: key.count }
+}
+
+fn poll_request(group: PollGroup) -> Request {
+    Request::ReadHolding { address: group.address, count: group.count }
+}

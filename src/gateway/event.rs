@@ -1,0 +1,62 @@
+//! What a line is told and what it says.
+
+use crate::domain::ids::{AskerId, DriveIndex};
+use crate::domain::native::{NativeAnswer, NativeRequest};
+use crate::domain::report::PortFault;
+use crate::domain::time::MonoTime;
+use crate::domain::traffic::TrafficRecord;
+use crate::drive::snapshot::Presence;
+
+/// Something that happened.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Input<'a> {
+    /// Bytes were read from the port.
+    Bytes(&'a [u8]),
+    /// The port was opened; nothing that was received before counts.
+    PortUp,
+    /// The port is gone.
+    PortDown(PortFault),
+    /// A client asks for registers by their addresses.
+    Native(NativeRequest),
+    /// A client is gone; nobody waits for its answers any more.
+    AskerGone(AskerId),
+    /// All that had happened has been told. Only now is decided what to do.
+    Time,
+}
+
+/// Something that should be done.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Effect {
+    /// Hand these bytes to the port, now and all at once.
+    Transmit(Vec<u8>),
+    /// Give this answer to its asker.
+    Answer(NativeAnswer),
+    /// A drive has come or gone.
+    Presence(DriveIndex, Presence),
+    /// For whoever watches the line; only if the line was set up to tell.
+    Traffic(TrafficRecord),
+}
+
+/// When a line wants to be given the time again, and why.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wake {
+    /// At this moment.
+    pub at: MonoTime,
+    /// What it waits for.
+    pub reason: WakeReason,
+}
+
+/// What a line can wait for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum WakeReason {
+    /// A reply, or the end of the wait for it.
+    ReplyDue,
+    /// The silence before the next frame.
+    SilentInterval,
+    /// The next poll, the end of a back-off, or the end of the time in which a late reply may come.
+    WorkDue,
+    /// The deadline of a request that waits.
+    RequestDeadline,
+    /// The silence that ends what is being received.
+    FrameEnd,
+}

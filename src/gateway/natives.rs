@@ -1,0 +1,120 @@
+//! Native requests that wait: each has one or more frames on the line and ends in exactly one outcome.
+
+use crate::domain::ids::{AskerId, Ticket};
+use crate::domain::native::{NativeAnswer, NativeOutcome, NativeRequest};
+use crate::domain::time::MonoTime;
+use crate::line::schedule::WaiterId;
+use std::collections::{BTreeSet, HashMap};
+use std::sync::Arc;
+
+/// Most requests that may wait on one line: 256 clients with 16 each.
+pub const REQUESTS_MAX: usize = 4096;
+
+/// A request that waits.
+#[derive(Debug)]
+struct Native {
+    asker: AskerId,
+    ticket: Ticket,
+    deadline: MonoTime,
+    words: Collected,
+}
+
+/// The words that have come so far.
+#[derive(Debug)]
+enum Collected {
+    /// One frame brings all.
+    AtOnce,
+    /// Several frames bring them: where each begins, how many are out, and the words.
+    InParts { starts: Vec<u16>, out: usize, words: Vec<u16> },
+}
+
+/// The requests that wait on one line.
+#[derive(Debug, Default)]
+pub struct Natives {
+    last: u64,
+    waiting: HashMap<u64, Native>,
+    deadlines: BTreeSet<(MonoTime, u64)>,
+}
+
+impl Natives {
+    /// Whether one more would be too many.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        self.waiting.len() >= REQUESTS_MAX
+    }
+
+    /// Takes a request whose frames bring `parts` words each, and returns its number.
+    pub fn open(&mut self, request: &NativeRequest, parts: &[u16]) -> u64 {
+        self.last += 1;
+        let words = if parts.len() <= 1 { Collected::AtOnce } else { collected(parts) };
+        let native = Native { asker: request.asker, ticket: request.ticket, deadline: request.deadline, words };
+        self.deadlines.insert((request.deadline, self.last));
+        self.waiting.insert(self.last, native);
+        self.last
+    }
+
+    /// Whether somebody still waits for a job.
+    #[must_use]
+    pub fn is_waited_for(&self, waiter: WaiterId) -> bool {
+        self.waiting.contains_key(&waiter.request)
+    }
+
+    /// Takes the words of one frame. Returns the answer once all frames have come.
+    pub fn words(&mut self, waiter: WaiterId, words: &Arc<[u16]>) -> Option<NativeAnswer> {
+        let native = self.waiting.get_mut(&waiter.request)?;
+        let all = match &mut native.words {
+            Collected::AtOnce => Arc::clone(words),
+            Collected::InParts { starts, out, words: all } => {
+                let start = usize::from(*starts.get(usize::from(waiter.part))?);
+                all.get_mut(start..start + words.len())?.copy_from_slice(words);
+                *out -= 1;
+                if *out > 0 {
+                    return None;
+                }
+                Arc::from(std::mem::take(all))
+            }
+        };
+        self.end(waiter, NativeOutcome::Words(all))
+    }
+
+    /// Ends the request of `waiter`, if it still waits.
+    pub fn end(&mut self, waiter: WaiterId, outcome: NativeOutcome) -> Option<NativeAnswer> {
+        let native = self.waiting.remove(&waiter.request)?;
+        self.deadlines.remove(&(native.deadline, waiter.request));
+        Some(NativeAnswer { asker: native.asker, ticket: native.ticket, outcome })
+    }
+
+    /// Ends a request whose deadline has passed at `now`, if there is one.
+    pub fn expire(&mut self, now: MonoTime) -> Option<NativeAnswer> {
+        let (deadline, request) = *self.deadlines.first()?;
+        (deadline <= now).then(|| self.end(WaiterId { request, part: 0 }, NativeOutcome::Expired))?
+    }
+
+    /// The earliest deadline.
+    #[must_use]
+    pub fn next_deadline(&self) -> Option<MonoTime> {
+        self.deadlines.first().map(|(deadline, _)| *deadline)
+    }
+
+    /// Forgets all requests of an asker that is gone.
+    pub fn forget(&mut self, asker: AskerId) {
+        let deadlines = &mut self.deadlines;
+        self.waiting.retain(|request, native| {
+            let stays = native.asker != asker;
+            if !stays {
+                deadlines.remove(&(native.deadline, *request));
+            }
+            stays
+        });
+    }
+}
+
+fn collected(parts: &[u16]) -> Collected {
+    let mut total = 0;
+    let mut starts = Vec::with_capacity(parts.len());
+    for count in parts {
+        starts.push(total);
+        total += count;
+    }
+    Collected::InParts { starts, out: parts.len(), words: vec![0; usize::from(total)] }
+}

@@ -1,0 +1,50 @@
+//! The port comes and goes.
+
+use super::core::{LineCore, Purpose};
+use crate::domain::native::{NativeOutcome, Refusal};
+use crate::domain::report::{LineState, PortFault};
+use crate::domain::time::MonoTime;
+use crate::line::fault::{Fault, consequence};
+use crate::line::schedule::WaiterId;
+
+impl LineCore {
+    pub(super) fn on_port_up(&mut self, now: MonoTime) {
+        self.state = LineState::Up;
+        self.counters.port_ups += 1;
+        self.wire.abandon(now);
+    }
+
+    /// Everything that waits is answered: what was on the wire as not answered, the rest as not sent.
+    pub(super) fn on_port_down(&mut self, now: MonoTime, _fault: PortFault) {
+        if self.state == LineState::Down {
+            return;
+        }
+        self.state = LineState::Down;
+        self.counters.port_downs += 1;
+        if let (Some(exchange), Some(flight)) = (self.wire.abandon(now), self.flight.take()) {
+            if consequence(Fault::PortGone).reply_may_come_late {
+                let lateness = self.setup.drives[flight.drive.get()].max_lateness;
+                self.stations[flight.drive.get()].reply_missing(exchange.request, now, lateness);
+            }
+            self.end_all(waiters_of(flight.purpose), &NativeOutcome::NoReply);
+        }
+        let waiting = self.schedule.clear();
+        self.end_all(waiting, &NativeOutcome::Refused(Refusal::LineDown));
+    }
+
+    pub(super) fn end_all(&mut self, waiters: Vec<WaiterId>, outcome: &NativeOutcome) {
+        for waiter in waiters {
+            if let Some(answer) = self.natives.end(waiter, outcome.clone()) {
+                self.answer(answer);
+            }
+        }
+    }
+}
+
+pub(super) fn waiters_of(purpose: Purpose) -> Vec<WaiterId> {
+    match purpose {
+        Purpose::Read(job) => job.waiters,
+        Purpose::Write(job) => vec![job.waiter],
+        Purpose::Poll { .. } | Purpose::Barrier => Vec::new(),
+    }
+}

@@ -1,0 +1,36 @@
+//! What a line is made of, ready to use.
+
+use crate::domain::ids::Station;
+use crate::guard::Control;
+use crate::line::timing::Timing;
+use crate::profile::model::Model;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// One line and its drives.
+#[derive(Clone, Debug)]
+pub struct LineSetup {
+    /// Times on the wire.
+    pub timing: Timing,
+    /// The drives, in the order of the configuration.
+    pub drives: Vec<DriveSetup>,
+    /// Whether the traffic is told.
+    pub tells_traffic: bool,
+}
+
+/// One drive of a line.
+#[derive(Clone, Debug)]
+pub struct DriveSetup {
+    /// Number on the line.
+    pub station: Station,
+    /// What it is.
+    pub model: Arc<Model>,
+    /// Period of its fast polls.
+    pub poll: Duration,
+    /// Longest wait for a reply.
+    pub reply_timeout: Duration,
+    /// How long after a time-out a reply may still come.
+    pub max_lateness: Duration,
+    /// Who may write to it.
+    pub control: Control,
+}

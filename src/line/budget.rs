@@ -1,0 +1,65 @@
+//! What a poll plan costs on the wire, computed before anything is opened.
+
+use super::timing::Timing;
+use std::time::Duration;
+
+/// Turnaround that is assumed for a drive whose documents give no processing time. An estimate for people
+/// who plan a line, not a limit of anything.
+pub const ASSUMED_TURNAROUND: Duration = Duration::from_millis(10);
+
+/// One repeated read of a plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PlannedRead {
+    /// Words in one frame.
+    pub count: u16,
+    /// Wanted time between two of them.
+    pub period: Duration,
+    /// Time the drive takes to answer.
+    pub turnaround: Duration,
+}
+
+/// What the polls of one line cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Budget {
+    /// Part of the line's time that the plan takes, 1.0 = all of it. Above that every period stretches.
+    pub use_of_line: f64,
+    /// By how much every period is stretched: 1.0 while the plan fits.
+    pub stretch: f64,
+    /// The longest exchange of the plan without its reply missing.
+    pub longest_exchange: Duration,
+}
+
+/// Time that one read of `count` words takes: silence, request, turnaround, reply.
+#[must_use]
+pub fn read_time(timing: &Timing, count: u16, turnaround: Duration) -> Duration {
+    const REQUEST_BYTES: usize = 8;
+    let reply_bytes = 5 + 2 * usize::from(count);
+    timing.silence + timing.on_wire(REQUEST_BYTES) + turnaround + timing.on_wire(reply_bytes)
+}
+
+/// Adds up a plan.
+#[must_use]
+pub fn of_plan(timing: &Timing, plan: &[PlannedRead]) -> Budget {
+    let cost = |read: &PlannedRead| read_time(timing, read.count, read.turnaround);
+    let use_of_line = plan.iter().map(|read| cost(read).as_secs_f64() / read.period.as_secs_f64()).sum::<f64>();
+    let longest_exchange = plan.iter().map(cost).max().unwrap_or_default();
+    Budget { use_of_line, stretch: use_of_line.max(1.0), longest_exchange }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::link::LinkSettings;
+
+    #[test]
+    fn one_word_at_9600_takes_32_milliseconds() {
+        let timing = Timing::for_models(LinkSettings::DEFAULT, [4.5], Duration::ZERO);
+        let read = PlannedRead { count: 1, period: Duration::from_millis(500), turnaround: ASSUMED_TURNAROUND };
+        // 4.6875 silence + 8.3333 request + 10 turnaround + 7.2917 reply
+        let budget = of_plan(&timing, &[read]);
+        assert_eq!(budget.longest_exchange.as_micros(), 30_312);
+        assert!((budget.use_of_line - 0.060_625).abs() < 1e-5);
+        let full = of_plan(&timing, &[read; 20]);
+        assert!((full.stretch - 1.2125).abs() < 1e-3);
+    }
+}

@@ -1,0 +1,92 @@
+//! The fault table: what can go wrong in an exchange, and what happens next.
+
+/// What went wrong in an exchange, or instead of one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Fault {
+    /// The reply came, but damaged: as long as it should be, with a wrong CRC.
+    Garbled,
+    /// No frame came from the station in time.
+    Silent,
+    /// The station answered something else, or too late.
+    Stray,
+    /// A station that was not asked spoke.
+    Foreign,
+    /// The drive answered with an exception.
+    Refused,
+    /// The drive answered a write with the value it kept.
+    KeptOldValue,
+    /// The port is gone.
+    PortGone,
+}
+
+/// What follows from a fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Consequence {
+    /// The exchange is over; otherwise the wait for its reply goes on.
+    pub ends_exchange: bool,
+    /// A read is sent once more before it is given up. A write never is.
+    pub repeats_read: bool,
+    /// A reply to this exchange may still come, so the station's next answers must not be mistakable.
+    pub reply_may_come_late: bool,
+    /// The station is asked less and less often.
+    pub backs_off: bool,
+    /// The drive has shown that it is there.
+    pub drive_is_there: bool,
+    /// The port is closed and opened again.
+    pub reopens_port: bool,
+}
+
+/// The table.
+#[must_use]
+pub const fn consequence(fault: Fault) -> Consequence {
+    let none = Consequence {
+        ends_exchange: false,
+        repeats_read: false,
+        reply_may_come_late: false,
+        backs_off: false,
+        drive_is_there: false,
+        reopens_port: false,
+    };
+    match fault {
+        Fault::Garbled => Consequence { ends_exchange: true, repeats_read: true, ..none },
+        Fault::Silent => Consequence { ends_exchange: true, reply_may_come_late: true, backs_off: true, ..none },
+        Fault::Stray => Consequence { drive_is_there: true, ..none },
+        Fault::Foreign => none,
+        Fault::Refused | Fault::KeptOldValue => Consequence { ends_exchange: true, drive_is_there: true, ..none },
+        Fault::PortGone => {
+            Consequence { ends_exchange: true, reply_may_come_late: true, reopens_port: true, ..none }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// ends, repeats a read, late reply possible, backs off, drive is there, reopens
+    const TABLE: [(Fault, [bool; 6]); 7] = [
+        (Fault::Garbled, [true, true, false, false, false, false]),
+        (Fault::Silent, [true, false, true, true, false, false]),
+        (Fault::Stray, [false, false, false, false, true, false]),
+        (Fault::Foreign, [false, false, false, false, false, false]),
+        (Fault::Refused, [true, false, false, false, true, false]),
+        (Fault::KeptOldValue, [true, false, false, false, true, false]),
+        (Fault::PortGone, [true, false, true, false, false, true]),
+    ];
+
+    #[test]
+    fn what_follows_from_each_fault() {
+        for (fault, row) in TABLE {
+            let c = consequence(fault);
+            let got = [
+                c.ends_exchange,
+                c.repeats_read,
+                c.reply_may_come_late,
+                c.backs_off,
+                c.drive_is_there,
+                c.reopens_port,
+            ];
+            assert_eq!(got, row, "{fault:?}");
+        }
+    }
+}

@@ -1,0 +1,320 @@
+//! What goes on the wire next: writes and verifies first, then native reads and polls in turn, native reads
+//! shared by all who ask for the same and served fairly among askers.
+
+use crate::domain::ids::{AskerId, DriveIndex};
+use crate::guard::{Approved, Class};
+use std::collections::{BTreeMap, HashMap, VecDeque};
+
+/// Most different native reads that may wait on one line. At 9600 bit/s this is more than half a minute of
+/// work, far beyond any client's patience.
+pub const READS_MAX: usize = 1024;
+/// Most writes that may wait on one line.
+pub const WRITES_MAX: usize = 256;
+/// How often a read may be overtaken by younger ones that lie on the way. Those who walk over the same
+/// registers meet in one exchange this way, and nobody waits more than this many exchanges longer.
+pub const OVERTAKEN_MAX: u32 = 16;
+
+/// A native read by what it reads. Equal keys share one exchange.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ReadKey {
+    /// Which drive of the line.
+    pub drive: DriveIndex,
+    /// First register.
+    pub address: u16,
+    /// Number of words, within the model's limit.
+    pub count: u16,
+}
+
+/// A native read that waits or is on the wire.
+#[derive(Debug)]
+pub struct ReadJob {
+    /// What it reads.
+    pub key: ReadKey,
+    /// Requests that wait for it, in the order in which they came.
+    pub waiters: Vec<WaiterId>,
+    /// Whether it is on its second try.
+    pub repeated: bool,
+    /// Start tag of fair queueing: the turn of the asker whose turn comes first.
+    tag: u64,
+    overtaken: u32,
+}
+
+/// An approved write and the request that waits for it.
+#[derive(Debug)]
+pub struct WriteJob {
+    /// What may be written.
+    pub approved: Approved,
+    /// The request that waits for it.
+    pub waiter: WaiterId,
+}
+
+/// The number of a request that waits on the line, and which of its frames a job is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WaiterId {
+    /// The request.
+    pub request: u64,
+    /// Which of its frames.
+    pub part: u16,
+}
+
+/// The queue is full; nothing was taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Full;
+
+/// Whether a read joined another or waits on its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Queued {
+    /// It waits on its own.
+    Alone,
+    /// It will be answered from an exchange that somebody else asked for and that is not on the wire yet.
+    Joined,
+}
+
+/// The waiting work of one line.
+#[derive(Debug, Default)]
+pub struct Schedule {
+    stops: VecDeque<WriteJob>,
+    commands: VecDeque<WriteJob>,
+    reads: BTreeMap<ReadKey, ReadJob>,
+    /// The turn that is being served.
+    turn: u64,
+    /// The next turn of each asker that has one ahead.
+    next_turn: HashMap<AskerId, u64>,
+    last_served: Option<ReadKey>,
+}
+
+impl Schedule {
+    /// Takes an approved write.
+    ///
+    /// # Errors
+    /// [`Full`] if too many wait. A stop always fits.
+    pub fn push_write(&mut self, job: WriteJob) -> Result<(), Full> {
+        let is_stop = job.approved.class() == Class::Stop;
+        let queue = if is_stop { &mut self.stops } else { &mut self.commands };
+        if !is_stop && queue.len() >= WRITES_MAX {
+            return Err(Full);
+        }
+        queue.push_back(job);
+        Ok(())
+    }
+
+    /// Takes a native read for `waiter` of `asker`, or joins it to a waiting one.
+    ///
+    /// # Errors
+    /// [`Full`] if too many different reads wait.
+    pub fn push_read(&mut self, key: ReadKey, asker: AskerId, waiter: WaiterId) -> Result<Queued, Full> {
+        if self.reads.len() >= READS_MAX && !self.reads.contains_key(&key) {
+            return Err(Full);
+        }
+        let tag = self.take_turn(asker);
+        match self.reads.get_mut(&key) {
+            Some(job) => {
+                job.waiters.push(waiter);
+                job.tag = job.tag.min(tag);
+                Ok(Queued::Joined)
+            }
+            None => {
+                let job = ReadJob { key, waiters: vec![waiter], repeated: false, tag, overtaken: 0 };
+                self.reads.insert(key, job);
+                Ok(Queued::Alone)
+            }
+        }
+    }
+
+    /// Puts a read back that shall be sent once more, before all others.
+    pub fn repeat_read(&mut self, mut job: ReadJob) {
+        job.repeated = true;
+        job.tag = 0;
+        job.overtaken = OVERTAKEN_MAX;
+        if let Some(newer) = self.reads.remove(&job.key) {
+            job.waiters.extend(newer.waiters);
+        }
+        self.reads.insert(job.key, job);
+    }
+
+    /// Takes out the next write that may go: stops first.
+    pub fn take_write(&mut self, may_go: impl Fn(&Approved) -> bool) -> Option<WriteJob> {
+        [&mut self.stops, &mut self.commands].into_iter().find_map(|queue| {
+            let at = queue.iter().position(|job| may_go(&job.approved))?;
+            queue.remove(at)
+        })
+    }
+
+    /// Takes out the next native read that may go. The one whose turn it is goes first, but up to
+    /// [`OVERTAKEN_MAX`] times the next one on the way over the registers is taken before it.
+    pub fn take_read(&mut self, may_go: impl Fn(&ReadKey) -> bool) -> Option<ReadJob> {
+        let head = self
+            .reads
+            .values()
+            .filter(|job| may_go(&job.key))
+            .min_by_key(|job| (job.tag, std::cmp::Reverse(job.overtaken), job.key))?;
+        let (head_key, head_waited) = (head.key, head.overtaken);
+        let key = if head_waited >= OVERTAKEN_MAX { head_key } else { self.next_on_the_way(&may_go)? };
+        let job = self.reads.remove(&key)?;
+        for other in self.reads.values_mut().filter(|other| other.tag < job.tag) {
+            other.overtaken += 1;
+        }
+        self.turn = self.turn.max(job.tag);
+        self.last_served = Some(key);
+        Some(job)
+    }
+
+    /// The writes that wait, stops first.
+    pub fn writes(&self) -> impl Iterator<Item = &Approved> {
+        self.stops.iter().chain(&self.commands).map(|job| &job.approved)
+    }
+
+    /// The native reads that wait.
+    pub fn reads(&self) -> impl Iterator<Item = &ReadKey> {
+        self.reads.keys()
+    }
+
+    /// Takes out all native reads of `drive`.
+    pub fn take_reads_of(&mut self, drive: DriveIndex) -> Vec<ReadJob> {
+        self.reads.extract_if(.., |key, _| key.drive == drive).map(|(_, job)| job).collect()
+    }
+
+    /// Takes out everything that waits; returns who waited for it.
+    pub fn clear(&mut self) -> Vec<WaiterId> {
+        let writes = self.stops.drain(..).chain(self.commands.drain(..)).map(|job| job.waiter);
+        let reads = std::mem::take(&mut self.reads).into_values().flat_map(|job| job.waiters);
+        writes.chain(reads).collect()
+    }
+
+    /// Removes reads and writes, stops aside, for which nobody waits any more, as `is_waited_for` tells.
+    pub fn drop_unwanted(&mut self, is_waited_for: impl Fn(WaiterId) -> bool) {
+        self.commands.retain(|job| is_waited_for(job.waiter));
+        self.reads.retain(|_, job| {
+            job.waiters.retain(|waiter| is_waited_for(*waiter));
+            !job.waiters.is_empty()
+        });
+    }
+
+    /// Forgets an asker that is gone.
+    pub fn forget(&mut self, asker: AskerId) {
+        self.next_turn.remove(&asker);
+    }
+
+    fn next_on_the_way(&self, may_go: impl Fn(&ReadKey) -> bool) -> Option<ReadKey> {
+        let mut ahead = self.last_served.map(|last| {
+            self.reads.range((std::ops::Bound::Excluded(last), std::ops::Bound::Unbounded)).map(|(key, _)| *key)
+        });
+        let from_start = || self.reads.keys().copied().find(&may_go);
+        ahead.as_mut().and_then(|keys| keys.find(&may_go)).or_else(from_start)
+    }
+
+    fn take_turn(&mut self, asker: AskerId) -> u64 {
+        let next = self.next_turn.entry(asker).or_insert(0);
+        let tag = self.turn.max(*next);
+        *next = tag + 1;
+        tag
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn key(address: u16) -> ReadKey {
+        ReadKey { drive: DriveIndex(0), address, count: 1 }
+    }
+
+    fn waiter(request: u64) -> WaiterId {
+        WaiterId { request, part: 0 }
+    }
+
+    fn served(schedule: &mut Schedule) -> Vec<u16> {
+        std::iter::from_fn(|| schedule.take_read(|_| true)).map(|job| job.key.address).collect()
+    }
+
+    #[test]
+    fn equal_reads_share_one_exchange() {
+        let mut schedule = Schedule::default();
+        assert_eq!(schedule.push_read(key(1), AskerId(1), waiter(1)), Ok(Queued::Alone));
+        assert_eq!(schedule.push_read(key(1), AskerId(2), waiter(2)), Ok(Queued::Joined));
+        let job = schedule.take_read(|_| true).unwrap();
+        assert_eq!(job.waiters, [waiter(1), waiter(2)]);
+        // What is on the wire is joined no more.
+        assert_eq!(schedule.push_read(key(1), AskerId(3), waiter(3)), Ok(Queued::Alone));
+    }
+
+    #[test]
+    fn two_walks_over_the_same_registers_meet() {
+        let mut schedule = Schedule::default();
+        let mut at = [1_u16, 5];
+        for (asker, address) in (0..).zip(at) {
+            schedule.push_read(key(address), AskerId(asker), waiter(asker)).unwrap();
+        }
+        let mut exchanges = 0;
+        while at[0] != at[1] {
+            let job = schedule.take_read(|_| true).unwrap();
+            exchanges += 1;
+            for WaiterId { request: asker, .. } in job.waiters {
+                let place = &mut at[asker as usize];
+                *place = *place % 8 + 1;
+                schedule.push_read(key(*place), AskerId(asker), waiter(asker)).unwrap();
+            }
+            assert!(exchanges < 20, "{at:?}");
+        }
+    }
+
+    #[test]
+    fn a_busy_asker_cannot_starve_a_modest_one() {
+        let mut schedule = Schedule::default();
+        for n in 0..500 {
+            schedule.push_read(key(n), AskerId(1), waiter(n.into())).unwrap();
+        }
+        for _ in 0..100 {
+            schedule.take_read(|_| true).unwrap();
+        }
+        // Its register lies behind all others on the way.
+        schedule.push_read(key(9999), AskerId(2), waiter(9999)).unwrap();
+        let waited = served(&mut schedule).iter().position(|address| *address == 9999).unwrap();
+        assert!(waited <= OVERTAKEN_MAX as usize + 1, "{waited}");
+    }
+
+    #[test]
+    fn every_read_is_served_within_its_turn_and_what_may_overtake_it() {
+        let mut schedule = Schedule::default();
+        for asker in 0..10 {
+            for n in 0..20_u16 {
+                let at = n * 10 + asker as u16;
+                schedule.push_read(key(at), AskerId(asker), waiter(at.into())).unwrap();
+            }
+        }
+        assert_eq!(served(&mut schedule).len(), 200);
+    }
+
+    #[test]
+    fn a_full_queue_refuses_what_it_cannot_join() {
+        let mut schedule = Schedule::default();
+        for n in 0..READS_MAX as u16 {
+            schedule.push_read(key(n), AskerId(1), waiter(n.into())).unwrap();
+        }
+        assert_eq!(schedule.push_read(key(u16::MAX), AskerId(2), waiter(1)), Err(Full));
+        assert_eq!(schedule.push_read(key(0), AskerId(2), waiter(2)), Ok(Queued::Joined));
+    }
+
+    #[test]
+    fn a_repeated_read_goes_first_and_takes_newcomers_along() {
+        let mut schedule = Schedule::default();
+        schedule.push_read(key(7), AskerId(1), waiter(1)).unwrap();
+        let job = schedule.take_read(|_| true).unwrap();
+        schedule.push_read(key(8), AskerId(1), waiter(2)).unwrap();
+        schedule.push_read(key(7), AskerId(2), waiter(3)).unwrap();
+        schedule.repeat_read(job);
+        let again = schedule.take_read(|_| true).unwrap();
+        assert_eq!((again.key, again.repeated), (key(7), true));
+        assert_eq!(again.waiters, [waiter(1), waiter(3)]);
+    }
+
+    #[test]
+    fn reads_nobody_waits_for_are_dropped() {
+        let mut schedule = Schedule::default();
+        schedule.push_read(key(1), AskerId(1), waiter(1)).unwrap();
+        schedule.push_read(key(1), AskerId(2), waiter(2)).unwrap();
+        schedule.push_read(key(2), AskerId(1), waiter(3)).unwrap();
+        schedule.drop_unwanted(|waiter| waiter.request == 2);
+        assert_eq!(served(&mut schedule), [1]);
+    }
+}

@@ -1,0 +1,394 @@
+//! One exchange after the other on a half-duplex wire: wait for silence, send, wait for the one right reply.
+
+use super::timing::Timing;
+use crate::domain::ids::Station;
+use crate::domain::time::MonoTime;
+use crate::domain::traffic::TrafficKind;
+use crate::wire::pdu::{Reply, Request, function};
+use crate::wire::rtu::{self, Assembler, EXCEPTION_ADU_BYTES, Expected, OVERHEAD_BYTES};
+use std::time::Duration;
+
+/// A request on its way to one station.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Exchange {
+    /// The station that is asked.
+    pub station: Station,
+    /// What it is asked.
+    pub request: Request,
+    /// Longest wait from the end of the request to the start of the reply.
+    pub timeout: Duration,
+    /// An exception, or a write's reply with another value, could be the late answer to an earlier request
+    /// of the same function: neither is taken for the answer to this one.
+    pub in_doubt: bool,
+}
+
+/// How an exchange ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// With the right reply.
+    Reply(Reply),
+    /// With an exception of the drive's own.
+    Exception(u8),
+    /// With a damaged reply of the right length.
+    Garbled,
+    /// Without any frame of the station in time.
+    Silent,
+}
+
+/// Something that was heard on the wire. Bytes are given for whoever watches the traffic.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Heard {
+    /// What it was.
+    pub kind: TrafficKind,
+    /// The bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// The exchange that is on the wire.
+#[derive(Debug)]
+struct Open {
+    exchange: Exchange,
+    expected: Expected,
+    reply_due: MonoTime,
+    /// At this moment the exchange ends whatever is still coming in.
+    give_up: MonoTime,
+}
+
+/// The wire of one line. At most one exchange is open on it.
+#[derive(Debug)]
+pub struct Wire {
+    timing: Timing,
+    assembler: Assembler,
+    /// The later of the last byte read and the computed end of our own transmission.
+    quiet_from: MonoTime,
+    last_byte_at: MonoTime,
+    open: Option<Open>,
+    heard: Vec<Heard>,
+}
+
+impl Wire {
+    /// A wire on which nothing has been heard up to `now`.
+    #[must_use]
+    pub fn new(timing: Timing, now: MonoTime) -> Self {
+        Self {
+            timing,
+            assembler: Assembler::default(),
+            quiet_from: now,
+            last_byte_at: now,
+            open: None,
+            heard: Vec::new(),
+        }
+    }
+
+    /// Whether an exchange waits for its end.
+    #[must_use]
+    pub const fn is_busy(&self) -> bool {
+        self.open.is_some()
+    }
+
+    /// The first moment at which the silence before a frame of ours is long enough.
+    #[must_use]
+    pub fn may_send_from(&self) -> MonoTime {
+        self.quiet_from + self.timing.silence
+    }
+
+    /// Opens an exchange whose frame is handed to the port at `now`, and appends the frame to `out`.
+    /// The caller has waited until [`Wire::may_send_from`] and no exchange is open.
+    pub fn send(&mut self, now: MonoTime, exchange: Exchange, out: &mut Vec<u8>) {
+        let start = out.len();
+        rtu::encode(out, exchange.station.0, |pdu| exchange.request.encode(pdu));
+        let sent_bytes = out.len() - start;
+        let reply_bytes = exchange.request.reply_pdu_bytes() + OVERHEAD_BYTES;
+        let expected = Expected {
+            station: exchange.station.0,
+            function: exchange.request.function(),
+            adu_bytes: reply_bytes,
+        };
+        self.quiet_from = now + self.timing.on_wire(sent_bytes);
+        let reply_due = self.quiet_from + exchange.timeout + self.timing.on_wire(reply_bytes);
+        let give_up = reply_due + self.timing.on_wire(rtu::MAX_ADU_BYTES) + self.timing.silence;
+        self.flush_idle_bytes();
+        self.open = Some(Open { exchange, expected, reply_due, give_up });
+    }
+
+    /// Takes bytes that were read at `now`. Returns how the open exchange ended, if it did.
+    pub fn receive(&mut self, now: MonoTime, bytes: &[u8]) -> Option<(Exchange, Ending)> {
+        if self.open.is_none() {
+            self.flush_if_silent(now);
+        }
+        self.last_byte_at = now;
+        self.quiet_from = self.quiet_from.max(now);
+        let pushed_out = self.assembler.push(bytes);
+        self.note(TrafficKind::Noise, pushed_out);
+        let mut ended = None;
+        while let Some(found) = self.assembler.take(self.open.as_ref().map(|open| &open.expected)) {
+            self.note(TrafficKind::Noise, found.noise);
+            let (kind, ending) = self.judge(&found.adu);
+            self.note(kind, found.adu);
+            if let Some(ending) = ending
+                && let Some(open) = self.open.take()
+            {
+                // The reply proves that our own transmission is over, however slow it was computed to be.
+                self.quiet_from = now;
+                ended = Some((open.exchange, ending));
+            }
+        }
+        ended
+    }
+
+    /// Lets time pass up to `now`. Returns how the open exchange ended, if it did.
+    pub fn pass(&mut self, now: MonoTime) -> Option<(Exchange, Ending)> {
+        let Some(open) = &self.open else {
+            self.flush_if_silent(now);
+            return None;
+        };
+        let silent_since_frame = now >= self.frame_end_at();
+        let ending = if silent_since_frame && self.holds_damaged_reply(&open.expected) {
+            Ending::Garbled
+        } else if now >= open.give_up || (now >= open.reply_due && (silent_since_frame || self.assembler.is_empty())) {
+            Ending::Silent
+        } else {
+            return None;
+        };
+        let open = self.open.take()?;
+        let rest = self.assembler.end();
+        self.note(TrafficKind::Noise, rest);
+        Some((open.exchange, ending))
+    }
+
+    /// Ends the open exchange without an answer, because the port is gone, and forgets what was received.
+    pub fn abandon(&mut self, now: MonoTime) -> Option<Exchange> {
+        self.assembler.end();
+        self.quiet_from = now;
+        self.open.take().map(|open| open.exchange)
+    }
+
+    /// When [`Wire::pass`] has something to do without new bytes, if ever.
+    #[must_use]
+    pub fn wake_at(&self) -> Option<MonoTime> {
+        let frame_end = (!self.assembler.is_empty()).then(|| self.frame_end_at());
+        match &self.open {
+            None => frame_end,
+            Some(open) => match frame_end {
+                // Past its due moment a reply may still be coming in: look again when the bytes pause.
+                Some(end) if end > open.reply_due => Some(end.min(open.give_up)),
+                Some(end) if self.holds_damaged_reply(&open.expected) => Some(end),
+                _ => Some(open.reply_due),
+            },
+        }
+    }
+
+    /// What was heard since the last call, in order.
+    pub fn take_heard(&mut self) -> Vec<Heard> {
+        std::mem::take(&mut self.heard)
+    }
+
+    fn frame_end_at(&self) -> MonoTime {
+        self.last_byte_at + self.timing.silence
+    }
+
+    /// Sorts a sound frame: our answer, or somebody else's, or one that came too late.
+    fn judge(&self, adu: &[u8]) -> (TrafficKind, Option<Ending>) {
+        let Some((station, pdu)) = rtu::decode(adu) else { return (TrafficKind::Noise, None) };
+        let stray = TrafficKind::Stray(Station(station));
+        let Some(open) = &self.open else { return (stray, None) };
+        if station != open.expected.station {
+            return (TrafficKind::Foreign(Station(station)), None);
+        }
+        match answer_in(&open.exchange, pdu) {
+            Some(ending) => (TrafficKind::Reply, Some(ending)),
+            None => (stray, None),
+        }
+    }
+
+    /// Whether the bytes that wait are as long as the reply or its exception and begin like it. If so the
+    /// reply has come and is damaged; anything else may be noise before a reply that is still to come.
+    fn holds_damaged_reply(&self, expected: &Expected) -> bool {
+        let bytes = self.assembler.bytes();
+        let begins_like_it = bytes.first() == Some(&expected.station)
+            || bytes.get(1).is_some_and(|code| code & !function::EXCEPTION_BIT == expected.function);
+        let is_exception_long = bytes.len() == EXCEPTION_ADU_BYTES
+            && bytes.first() == Some(&expected.station)
+            && bytes.get(1) == Some(&(expected.function | function::EXCEPTION_BIT));
+        (bytes.len() == expected.adu_bytes && begins_like_it) || is_exception_long
+    }
+
+    fn flush_if_silent(&mut self, now: MonoTime) {
+        if now >= self.frame_end_at() {
+            self.flush_idle_bytes();
+        }
+    }
+
+    fn flush_idle_bytes(&mut self) {
+        let rest = self.assembler.end();
+        match rtu::decode(&rest).map(|(station, _)| Station(station)) {
+            Some(station) => self.note(TrafficKind::Stray(station), rest),
+            None => self.note(TrafficKind::Noise, rest),
+        }
+    }
+
+    fn note(&mut self, kind: TrafficKind, bytes: Vec<u8>) {
+        if !bytes.is_empty() {
+            self.heard.push(Heard { kind, bytes });
+        }
+    }
+}
+
+/// How `pdu`, sent by the asked station, ends the exchange; nothing if it does not answer it.
+fn answer_in(exchange: &Exchange, pdu: &[u8]) -> Option<Ending> {
+    if let [code, exception] = pdu
+        && *code == exchange.request.function() | function::EXCEPTION_BIT
+    {
+        return (!exchange.in_doubt).then_some(Ending::Exception(*exception));
+    }
+    let reply = exchange.request.reply_in(pdu)?;
+    match (&exchange.request, &reply) {
+        (Request::WriteSingle { value, .. }, Reply::Holds { value: held }) if exchange.in_doubt && value != held => {
+            None
+        }
+        _ => Some(Ending::Reply(reply)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::link::LinkSettings;
+
+    fn wire() -> Wire {
+        Wire::new(Timing::for_models(LinkSettings::DEFAULT, [4.5], Duration::ZERO), MonoTime::ZERO)
+    }
+
+    fn frame(station: u8, pdu: &[u8]) -> Vec<u8> {
+        let mut out = Vec::new();
+        rtu::encode(&mut out, station, |adu| adu.extend_from_slice(pdu));
+        out
+    }
+
+    fn exchange(request: Request, in_doubt: bool) -> Exchange {
+        Exchange { station: Station(1), request, timeout: Duration::from_millis(300), in_doubt }
+    }
+
+    fn read() -> Exchange {
+        exchange(Request::ReadHolding { address: 0x0101, count: 1 }, false)
+    }
+
+    const SENT: MonoTime = MonoTime::from_millis(5);
+
+    fn sent(exchange: Exchange) -> Wire {
+        let mut wire = wire();
+        wire.send(SENT, exchange, &mut Vec::new());
+        wire
+    }
+
+    #[test]
+    fn silence_counts_from_the_later_of_last_byte_and_own_end() {
+        let mut wire = wire();
+        assert_eq!(wire.may_send_from(), MonoTime::from_nanos(4_687_500));
+        wire.send(SENT, read(), &mut Vec::new());
+        assert_eq!(wire.may_send_from(), SENT + Duration::from_nanos(8_333_334 + 4_687_500));
+        let at = MonoTime::from_millis(30);
+        let ended = wire.receive(at, &frame(1, &[3, 2, 0x17, 0x70]));
+        assert_eq!(ended, Some((read(), Ending::Reply(Reply::Words(vec![6000])))));
+        assert_eq!(wire.may_send_from(), at + Duration::from_nanos(4_687_500));
+    }
+
+    #[test]
+    fn a_silent_station_ends_at_the_time_out_and_not_before() {
+        let mut wire = sent(read());
+        let due = wire.wake_at().unwrap();
+        // 8 bytes out, 300 ms, 7 bytes back
+        assert_eq!(due, SENT + Duration::from_nanos(8_333_334 + 300_000_000 + 7_291_667));
+        assert_eq!(wire.pass(due.before(Duration::from_nanos(1))), None);
+        assert_eq!(wire.pass(due), Some((read(), Ending::Silent)));
+    }
+
+    #[test]
+    fn a_foreign_frame_leaves_the_timer_running() {
+        let mut wire = sent(read());
+        let due = wire.wake_at();
+        assert_eq!(wire.receive(MonoTime::from_millis(20), &frame(2, &[3, 2, 0, 1])), None);
+        assert_eq!(wire.take_heard()[0].kind, TrafficKind::Foreign(Station(2)));
+        assert_eq!(wire.wake_at(), due);
+    }
+
+    #[test]
+    fn a_frame_of_the_station_that_answers_something_else_is_a_stray() {
+        let mut wire = sent(read());
+        assert_eq!(wire.receive(MonoTime::from_millis(20), &frame(1, &[3, 4, 0, 1, 0, 2])), None);
+        assert_eq!(wire.take_heard()[0].kind, TrafficKind::Stray(Station(1)));
+        assert!(wire.is_busy());
+    }
+
+    #[test]
+    fn a_damaged_reply_ends_with_the_silence_behind_it() {
+        let mut wire = sent(read());
+        let mut reply = frame(1, &[3, 2, 0x17, 0x70]);
+        reply[4] ^= 1;
+        let at = MonoTime::from_millis(25);
+        assert_eq!(wire.receive(at, &reply), None);
+        let end = at + Duration::from_nanos(4_687_500);
+        assert_eq!(wire.wake_at(), Some(end));
+        assert_eq!(wire.pass(end), Some((read(), Ending::Garbled)));
+    }
+
+    #[test]
+    fn a_cut_reply_is_waited_for_and_then_counts_as_missing() {
+        let mut wire = sent(read());
+        assert_eq!(wire.receive(MonoTime::from_millis(25), &[1, 3, 2]), None);
+        assert_eq!(wire.pass(MonoTime::from_millis(60)), None, "a hole of an adapter is no end");
+        assert_eq!(wire.pass(wire.wake_at().unwrap()), Some((read(), Ending::Silent)));
+    }
+
+    #[test]
+    fn a_reply_that_comes_in_at_the_due_moment_is_let_in() {
+        let mut wire = sent(read());
+        let due = wire.wake_at().unwrap();
+        let reply = frame(1, &[3, 2, 0x17, 0x70]);
+        assert_eq!(wire.receive(due.before(Duration::from_millis(1)), &reply[..6]), None);
+        assert_eq!(wire.pass(due), None);
+        let ended = wire.receive(due + Duration::from_micros(200), &reply[6..]);
+        assert!(matches!(ended, Some((_, Ending::Reply(_)))));
+    }
+
+    #[test]
+    fn babble_cannot_hold_an_exchange_open() {
+        let mut wire = sent(read());
+        let mut at = SENT;
+        loop {
+            at = at + Duration::from_millis(1);
+            wire.receive(at, &[0x55]);
+            if let Some(ended) = wire.pass(at) {
+                assert_eq!(ended, (read(), Ending::Silent));
+                break;
+            }
+            assert!(at < MonoTime::from_millis(700));
+        }
+    }
+
+    #[test]
+    fn in_doubt_neither_exception_nor_kept_value_is_an_answer() {
+        let write = Request::WriteSingle { address: 2, value: 1 };
+        for (in_doubt, pdu, answered) in [
+            (false, vec![6, 0, 2, 0, 0], true),
+            (true, vec![6, 0, 2, 0, 0], false),
+            (true, vec![6, 0, 2, 0, 1], true),
+            (false, vec![0x86, 2], true),
+            (true, vec![0x86, 2], false),
+        ] {
+            let mut wire = sent(exchange(write.clone(), in_doubt));
+            let ended = wire.receive(MonoTime::from_millis(30), &frame(1, &pdu));
+            assert_eq!(ended.is_some(), answered, "{in_doubt} {pdu:02X?}");
+        }
+    }
+
+    #[test]
+    fn a_second_reply_answers_nothing() {
+        let mut wire = sent(read());
+        let reply = frame(1, &[3, 2, 0x17, 0x70]);
+        let twice = [reply.clone(), reply].concat();
+        assert!(wire.receive(MonoTime::from_millis(30), &twice).is_some());
+        let kinds: Vec<_> = wire.take_heard().into_iter().map(|heard| heard.kind).collect();
+        assert_eq!(kinds, [TrafficKind::Reply, TrafficKind::Stray(Station(1))]);
+    }
+}
