@@ -52,6 +52,9 @@ struct Open {
     reply_due: MonoTime,
     /// At this moment the exchange ends whatever is still coming in.
     give_up: MonoTime,
+    /// An exception that counts once silence follows it. One flipped bit can turn a read's reply into an
+    /// exception frame with bytes behind it, so the frame alone is no proof.
+    exception: Option<u8>,
 }
 
 /// The wire of one line. At most one exchange is open on it.
@@ -108,7 +111,7 @@ impl Wire {
         let reply_due = self.quiet_from + exchange.timeout + self.timing.on_wire(reply_bytes);
         let give_up = reply_due + self.timing.on_wire(rtu::MAX_ADU_BYTES) + self.timing.silence;
         self.flush_idle_bytes();
-        self.open = Some(Open { exchange, expected, reply_due, give_up });
+        self.open = Some(Open { exchange, expected, reply_due, give_up, exception: None });
     }
 
     /// Takes bytes that were read at `now`. Returns how the open exchange ended, if it did.
@@ -125,7 +128,9 @@ impl Wire {
             self.note(TrafficKind::Noise, found.noise);
             let (kind, ending) = self.judge(&found.adu);
             self.note(kind, found.adu);
-            if let Some(ending) = ending
+            if let Some(Ending::Exception(code)) = ending {
+                self.open.iter_mut().for_each(|open| open.exception = Some(code));
+            } else if let Some(ending) = ending
                 && let Some(open) = self.open.take()
             {
                 // The reply proves that our own transmission is over, however slow it was computed to be.
@@ -143,7 +148,13 @@ impl Wire {
             return None;
         };
         let silent_since_frame = now >= self.frame_end_at();
-        let ending = if silent_since_frame && self.holds_damaged_reply(&open.expected) {
+        let ending = if let Some(code) = open.exception {
+            match (silent_since_frame, self.assembler.is_empty()) {
+                (true, true) => Ending::Exception(code),
+                (true, false) => Ending::Garbled,
+                (false, _) => return None,
+            }
+        } else if silent_since_frame && self.holds_damaged_reply(&open.expected) {
             Ending::Garbled
         } else if now >= open.give_up || (now >= open.reply_due && (silent_since_frame || self.assembler.is_empty())) {
             Ending::Silent
@@ -169,6 +180,7 @@ impl Wire {
         let frame_end = (!self.assembler.is_empty()).then(|| self.frame_end_at());
         match &self.open {
             None => frame_end,
+            Some(open) if open.exception.is_some() => Some(self.frame_end_at()),
             Some(open) => match frame_end {
                 // Past its due moment a reply may still be coming in: look again when the bytes pause.
                 Some(end) if end > open.reply_due => Some(end.min(open.give_up)),
@@ -367,6 +379,19 @@ mod tests {
     }
 
     #[test]
+    fn an_exception_counts_once_silence_follows_it() {
+        let at = MonoTime::from_millis(25);
+        let silence = Duration::from_nanos(4_687_500);
+        for (behind, ending) in [(&[][..], Ending::Exception(2)), (&[0x17, 0x70], Ending::Garbled)] {
+            let mut wire = sent(read());
+            assert_eq!(wire.receive(at, &[&frame(1, &[0x83, 2])[..], behind].concat()), None);
+            assert_eq!(wire.pass(at + silence / 2), None);
+            assert_eq!(wire.wake_at(), Some(at + silence));
+            assert_eq!(wire.pass(at + silence), Some((read(), ending)));
+        }
+    }
+
+    #[test]
     fn in_doubt_neither_exception_nor_kept_value_is_an_answer() {
         let write = Request::WriteSingle { address: 2, value: 1 };
         for (in_doubt, pdu, answered) in [
@@ -377,7 +402,8 @@ mod tests {
             (true, vec![0x86, 2], false),
         ] {
             let mut wire = sent(exchange(write.clone(), in_doubt));
-            let ended = wire.receive(MonoTime::from_millis(30), &frame(1, &pdu));
+            let at = MonoTime::from_millis(30);
+            let ended = wire.receive(at, &frame(1, &pdu)).or_else(|| wire.pass(at + Duration::from_millis(5)));
             assert_eq!(ended.is_some(), answered, "{in_doubt} {pdu:02X?}");
         }
     }

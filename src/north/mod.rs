@@ -1,1 +1,3 @@
-//! Not built yet.
+//! What clients see: parsers and sans-IO machines. No socket, no clock, and nothing of the line machine.
+
+pub mod modbus;

@@ -117,19 +117,27 @@ impl Assembler {
         Some(Found { noise, adu })
     }
 
-    /// Whether bytes wait that make no whole frame yet.
+    /// Whether no bytes wait.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.bytes.is_empty()
     }
 
-    /// Ends the frame by silence: all that is left is given out, as a frame if its CRC is right.
+    /// The bytes that wait.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// Ends the frame by silence: gives out all that is left. It can be a frame whose length no function code
+    /// tells, which [`decode`] finds out, or noise.
     pub fn end(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.bytes)
     }
 
     fn find(&self, expected: Option<&Expected>) -> Option<(usize, usize)> {
         if let ReplyLength::Known(length) = reply_adu_bytes(&self.bytes)
+            && length <= MAX_ADU_BYTES
             && self.is_sound_at(0, length)
         {
             return Some((0, length));
@@ -173,6 +181,17 @@ mod tests {
         let found = assembler.take(Some(&EXPECTED)).unwrap();
         assert_eq!(found.noise, [0xFF, 0x01, 0x03, 0x00]);
         assert_eq!(found.adu, REPLY);
+    }
+
+    #[test]
+    fn nothing_longer_than_the_longest_frame_is_one() {
+        for (count, is_frame) in [(251_u8, true), (252, false), (255, false)] {
+            let mut adu = Vec::new();
+            encode(&mut adu, 1, |out| out.extend([3, count].into_iter().chain((0..count).map(|_| 0x11))));
+            let mut assembler = Assembler::default();
+            assembler.push(&adu);
+            assert_eq!(assembler.take(None).is_some(), is_frame, "{count}");
+        }
     }
 
     #[test]

@@ -1,0 +1,567 @@
+//! One Modbus TCP client as a machine without a socket or a clock: bytes, answers and time go in; calls
+//! for drives and bytes for the client come out.
+
+use super::answer::{self, Form};
+use super::request;
+use crate::domain::ids::Ticket;
+use crate::domain::native::{NativeAsk, NativeOutcome};
+use crate::domain::time::MonoTime;
+use crate::wire::exception;
+use crate::wire::mbap::{self, Malformed};
+use std::collections::VecDeque;
+use std::time::Duration;
+
+/// What one client may use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Most requests in flight. One more is answered with exception 06. Default 16: the most that the Modbus
+    /// messaging on TCP/IP implementation guide V1.0b expects a server to take from one client.
+    pub pending_max: usize,
+    /// Within this time of its first byte a message must be whole. Default 5 s: more than the repeats of a
+    /// bad network need, little enough that half a message does not hold a connection.
+    pub body_timeout: Duration,
+    /// A connection without a request and with nothing pending is closed after this time. Default 10 min:
+    /// longer than the slowest usual poll, short enough that the sockets of vanished clients come back.
+    pub idle_timeout: Duration,
+    /// The deadline of each call, from the moment its last byte arrived. Default 5 s: clients usually give
+    /// up after 1 to 5 s, and an answer that nobody awaits should not occupy a line.
+    pub answer_within: Duration,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            pending_max: 16,
+            body_timeout: Duration::from_secs(5),
+            idle_timeout: Duration::from_secs(600),
+            answer_within: Duration::from_secs(5),
+        }
+    }
+}
+
+/// A request for a drive. It ends with one [`Connection::answer`], or with exception 0B at its deadline.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Call {
+    /// This connection's number for it; never used twice.
+    pub ticket: Ticket,
+    /// The unit that the client addressed, not checked.
+    pub unit: u8,
+    /// What is asked.
+    pub ask: NativeAsk,
+    /// When the client gets exception 0B if there is no answer yet.
+    pub deadline: MonoTime,
+}
+
+/// Why the gateway closes a connection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum CloseReason {
+    /// The stream holds something that is no Modbus TCP.
+    #[error("not Modbus TCP: {0}")]
+    Malformed(Malformed),
+    /// A message was begun and not finished in time.
+    #[error("a message was begun and not finished in time")]
+    BodyTimeout,
+    /// No request for too long.
+    #[error("no request for too long")]
+    Idle,
+    /// The client goes on asking and does not read the answers.
+    #[error("the client does not read its answers")]
+    NotReading,
+}
+
+/// What happened on a connection so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Whole messages received.
+    pub requests: u64,
+    /// Answers that are no exceptions.
+    pub replies: u64,
+    /// Exceptions by code; those without a place of their own (0, above 0B) stand at 0.
+    pub exceptions: [u64; Self::EXCEPTION_CODES],
+}
+
+impl Counters {
+    /// Places in [`Counters::exceptions`]: codes 01 to 0B, and one for all others.
+    pub const EXCEPTION_CODES: usize = 12;
+
+    fn count_exception(&mut self, code: u8) {
+        let place = usize::from(code);
+        self.exceptions[if place < Self::EXCEPTION_CODES { place } else { 0 }] += 1;
+    }
+}
+
+/// One client connection. Its owner moves bytes between it and the socket:
+///
+/// * bytes from the socket go to [`receive`](Self::receive), as long as [`wants_input`](Self::wants_input);
+///   then [`next_call`](Self::next_call) is asked until it gives nothing;
+/// * what became of a call goes to [`answer`](Self::answer);
+/// * [`output`](Self::output) goes to the socket, and what it took to [`wrote`](Self::wrote);
+/// * [`tick`](Self::tick) is called when [`next_wake`](Self::next_wake) is due;
+/// * once there is a [`close_reason`](Self::close_reason), what is left of the output may still be written,
+///   and the socket is closed.
+///
+/// Answers go out in the order in which they come to be, each with the transaction and the unit of its request.
+/// Received bytes are parsed at once, so only the beginning of one message is ever kept. Bytes that arrive
+/// against `wants_input` are served too, until the output passes [`OUTPUT_MAX`](Self::OUTPUT_MAX).
+#[derive(Debug)]
+pub struct Connection {
+    limits: Limits,
+    /// The beginning of one message.
+    input: Vec<u8>,
+    /// When the first byte of `input` came.
+    begun: Option<MonoTime>,
+    calls: VecDeque<Call>,
+    /// Requests in flight, oldest first.
+    pending: Vec<Pending>,
+    output: Vec<u8>,
+    next_ticket: u64,
+    /// When the last request came or the last call ended.
+    active: MonoTime,
+    close: Option<CloseReason>,
+    counters: Counters,
+}
+
+/// What the answer to a call needs.
+#[derive(Debug)]
+struct Pending {
+    ticket: Ticket,
+    deadline: MonoTime,
+    transaction: u16,
+    unit: u8,
+    form: Form,
+}
+
+impl Connection {
+    /// No more input is wanted while more bytes than this wait to be written: the full answers to 16 requests.
+    pub const OUTPUT_HIGH: usize = 16 * mbap::MAX_ADU_BYTES;
+    /// Input that arrives while more bytes than this wait to be written ends the connection. It leaves room
+    /// for the exceptions to some reads of the socket that were under way.
+    pub const OUTPUT_MAX: usize = 64 * 1024;
+    /// What an empty buffer may go on holding, so that thousands of idle connections stay small.
+    const KEEP_BYTES: usize = 512;
+
+    /// A connection that was accepted at `now`. It holds no memory of its own before the first request.
+    #[must_use]
+    pub fn new(limits: Limits, now: MonoTime) -> Self {
+        Self {
+            limits,
+            input: Vec::new(),
+            begun: None,
+            calls: VecDeque::new(),
+            pending: Vec::new(),
+            output: Vec::new(),
+            next_ticket: 0,
+            active: now,
+            close: None,
+            counters: Counters::default(),
+        }
+    }
+
+    /// Takes bytes that the client sent. Exceptions that need no drive are answered at once.
+    pub fn receive(&mut self, now: MonoTime, bytes: &[u8]) {
+        if self.close.is_some() || bytes.is_empty() {
+            return;
+        }
+        if self.output.len() > Self::OUTPUT_MAX {
+            return self.end(CloseReason::NotReading);
+        }
+        let mut held = std::mem::take(&mut self.input);
+        let joined = !held.is_empty();
+        if joined {
+            held.extend_from_slice(bytes);
+        }
+        let used = self.read_messages(now, if joined { &held } else { bytes });
+        if joined {
+            held.drain(..used);
+        } else {
+            held.extend_from_slice(&bytes[used..]);
+        }
+        release(&mut held);
+        self.begun = if held.is_empty() { None } else { self.begun.filter(|_| used == 0).or(Some(now)) };
+        self.input = held;
+    }
+
+    /// The next request for a drive, in order of arrival.
+    pub fn next_call(&mut self) -> Option<Call> {
+        self.calls.pop_front()
+    }
+
+    /// Answers a call. A ticket that is not pending (answered, expired, never given) is ignored.
+    pub fn answer(&mut self, now: MonoTime, ticket: Ticket, outcome: &NativeOutcome) {
+        let Some(place) = self.pending.iter().position(|pending| pending.ticket == ticket) else { return };
+        let pending = self.pending.remove(place);
+        self.finish(now, &pending, outcome);
+    }
+
+    /// Whether the socket should be read: not while much output waits to be written, and not after the end.
+    #[must_use]
+    pub fn wants_input(&self) -> bool {
+        self.close.is_none() && self.output.len() <= Self::OUTPUT_HIGH
+    }
+
+    /// Bytes for the client, oldest first.
+    #[must_use]
+    pub fn output(&self) -> &[u8] {
+        &self.output
+    }
+
+    /// Says that the first `bytes` of the output were written.
+    pub fn wrote(&mut self, bytes: usize) {
+        self.output.drain(..bytes.min(self.output.len()));
+        release(&mut self.output);
+    }
+
+    /// Why the connection is to be closed, once it is. From then on nothing is received and nothing answered.
+    #[must_use]
+    pub const fn close_reason(&self) -> Option<CloseReason> {
+        self.close
+    }
+
+    /// Does what is due at `now`: answers calls whose deadline has come, ends what waited too long.
+    pub fn tick(&mut self, now: MonoTime) {
+        while let Some(oldest) = self.pending.first()
+            && oldest.deadline <= now
+        {
+            let expired = self.pending.remove(0);
+            self.calls.retain(|call| call.ticket != expired.ticket);
+            self.finish(now, &expired, &NativeOutcome::Expired);
+        }
+        if self.body_due().is_some_and(|due| due <= now) {
+            self.end(CloseReason::BodyTimeout);
+        } else if self.idle_due().is_some_and(|due| due <= now) {
+            self.end(CloseReason::Idle);
+        }
+    }
+
+    /// When [`tick`](Self::tick) has something to do, unless something else happens before.
+    #[must_use]
+    pub fn next_wake(&self) -> Option<MonoTime> {
+        let answer_due = self.pending.first().map(|oldest| oldest.deadline);
+        [answer_due, self.body_due(), self.idle_due()].into_iter().flatten().min()
+    }
+
+    /// What happened so far.
+    #[must_use]
+    pub const fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// Takes all whole messages at the start of `stream`; returns how many bytes are used up.
+    fn read_messages(&mut self, now: MonoTime, stream: &[u8]) -> usize {
+        let mut used = 0;
+        loop {
+            match mbap::decode(&stream[used..]) {
+                Ok(Some(message)) => {
+                    self.take_request(now, &message);
+                    used += message.adu_bytes;
+                }
+                Ok(None) => return used,
+                Err(malformed) => {
+                    self.end(CloseReason::Malformed(malformed));
+                    return stream.len();
+                }
+            }
+        }
+    }
+
+    fn take_request(&mut self, now: MonoTime, message: &mbap::Message<'_>) {
+        self.counters.requests += 1;
+        self.active = now;
+        match request::parse(message.pdu) {
+            Ok(ask) if self.pending.len() < self.limits.pending_max => self.call(now, message, ask),
+            Ok(_) => self.refuse(message, exception::SERVER_DEVICE_BUSY),
+            Err(code) => self.refuse(message, code),
+        }
+    }
+
+    fn call(&mut self, now: MonoTime, message: &mbap::Message<'_>, ask: NativeAsk) {
+        let (ticket, deadline, unit) = (Ticket(self.next_ticket), now + self.limits.answer_within, message.unit);
+        self.next_ticket += 1;
+        let form = Form::of(message.pdu[0], &ask);
+        self.pending.push(Pending { ticket, deadline, transaction: message.transaction, unit, form });
+        self.calls.push_back(Call { ticket, unit, ask, deadline });
+    }
+
+    fn refuse(&mut self, message: &mbap::Message<'_>, code: u8) {
+        self.counters.count_exception(code);
+        mbap::encode(&mut self.output, message.transaction, message.unit, |out| {
+            answer::encode_exception(out, message.pdu[0], code);
+        });
+    }
+
+    fn finish(&mut self, now: MonoTime, pending: &Pending, outcome: &NativeOutcome) {
+        self.active = now;
+        let result = pending.form.judge(outcome);
+        match result {
+            Ok(_) => self.counters.replies += 1,
+            Err(code) => self.counters.count_exception(code),
+        }
+        mbap::encode(&mut self.output, pending.transaction, pending.unit, |out| pending.form.encode(out, result));
+    }
+
+    /// Nothing more is received or answered; what waits in the output may still go.
+    fn end(&mut self, reason: CloseReason) {
+        self.close = Some(reason);
+        self.input = Vec::new();
+        self.begun = None;
+        self.calls = VecDeque::new();
+        self.pending = Vec::new();
+    }
+
+    fn body_due(&self) -> Option<MonoTime> {
+        self.begun.map(|begun| begun + self.limits.body_timeout)
+    }
+
+    fn idle_due(&self) -> Option<MonoTime> {
+        let idle = self.close.is_none() && self.begun.is_none() && self.pending.is_empty();
+        idle.then(|| self.active + self.limits.idle_timeout)
+    }
+}
+
+fn release(buffer: &mut Vec<u8>) {
+    if buffer.capacity() > Connection::KEEP_BYTES && buffer.len() <= Connection::KEEP_BYTES {
+        buffer.shrink_to(Connection::KEEP_BYTES);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::native::Refusal;
+    use proptest::prelude::*;
+
+    const T0: MonoTime = MonoTime::from_millis(1_000);
+
+    fn connection() -> Connection {
+        Connection::new(Limits::default(), T0)
+    }
+
+    fn message(transaction: u16, unit: u8, pdu: &[u8]) -> Vec<u8> {
+        let mut out = Vec::new();
+        mbap::encode(&mut out, transaction, unit, |out| out.extend_from_slice(pdu));
+        out
+    }
+
+    fn read(transaction: u16) -> Vec<u8> {
+        message(transaction, 7, &[3, 1, 1, 0, 1])
+    }
+
+    fn after(millis: u64) -> MonoTime {
+        T0 + Duration::from_millis(millis)
+    }
+
+    fn word(value: u16) -> NativeOutcome {
+        NativeOutcome::Words([value].into())
+    }
+
+    #[test]
+    fn a_read_becomes_a_call_and_its_words_the_answer() {
+        let mut connection = connection();
+        connection.receive(T0, &message(0x1234, 7, &[4, 1, 1, 0, 2]));
+        let call = connection.next_call().unwrap();
+        assert_eq!((call.unit, call.deadline), (7, after(5_000)));
+        assert_eq!(call.ask, NativeAsk::Read { address: 0x0101, count: 2 });
+        assert_eq!(connection.next_call(), None);
+        connection.answer(after(10), call.ticket, &NativeOutcome::Words([6000, 1].into()));
+        assert_eq!(connection.output(), message(0x1234, 7, &[4, 4, 0x17, 0x70, 0, 1]));
+        assert_eq!(connection.counters(), &Counters { requests: 1, replies: 1, exceptions: [0; 12] });
+    }
+
+    #[test]
+    fn answers_go_out_as_they_come_each_with_its_own_transaction_and_unit() {
+        let mut connection = connection();
+        connection.receive(T0, &[read(1), message(1, 8, &[6, 0, 2, 0, 1]), read(0xFFFF)].concat());
+        let calls: Vec<Call> = std::iter::from_fn(|| connection.next_call()).collect();
+        assert_eq!(calls[1].ask, NativeAsk::Write { address: 2, values: vec![1] });
+        connection.answer(T0, calls[2].ticket, &word(3));
+        connection.answer(T0, calls[1].ticket, &NativeOutcome::Written);
+        connection.answer(T0, calls[0].ticket, &NativeOutcome::Refused(Refusal::LineDown));
+        let answers =
+            [message(0xFFFF, 7, &[3, 2, 0, 3]), message(1, 8, &[6, 0, 2, 0, 1]), message(1, 7, &[0x83, 0x0A])];
+        assert_eq!(connection.output(), answers.concat());
+    }
+
+    #[test]
+    fn what_needs_no_drive_is_answered_at_once() {
+        for (pdu, answer) in [
+            (&[0][..], [0x80, 1]),
+            (&[0x83, 0, 0, 0, 1], [0x83, 1]),
+            (&[0xFF], [0xFF, 1]),
+            (&[5, 0, 0, 0xFF, 0], [0x85, 1]),
+            (&[3, 0, 0, 0, 126], [0x83, 3]),
+            (&[4, 0xFF, 0xFF, 0, 2], [0x84, 2]),
+            (&[0x10, 0, 0, 0, 1, 2, 0], [0x90, 3]),
+        ] {
+            let mut connection = connection();
+            connection.receive(T0, &message(9, 255, pdu));
+            assert_eq!(connection.next_call(), None);
+            assert_eq!(connection.output(), message(9, 255, &answer));
+            assert_eq!(connection.counters().exceptions[usize::from(answer[1])], 1);
+        }
+    }
+
+    #[test]
+    fn the_17th_request_in_flight_is_busy_and_makes_no_call() {
+        let mut connection = connection();
+        let stream: Vec<u8> = (0..17).flat_map(read).collect();
+        connection.receive(T0, &stream);
+        let calls: Vec<Call> = std::iter::from_fn(|| connection.next_call()).collect();
+        assert_eq!(calls.len(), 16);
+        assert_eq!(connection.output(), message(16, 7, &[0x83, 6]));
+        connection.answer(T0, calls[3].ticket, &word(1));
+        connection.receive(T0, &read(17));
+        assert!(connection.next_call().is_some());
+    }
+
+    #[test]
+    fn only_a_pending_ticket_is_answered() {
+        let mut connection = connection();
+        connection.receive(T0, &read(1));
+        let ticket = connection.next_call().unwrap().ticket;
+        connection.answer(T0, Ticket(77), &word(1));
+        assert!(connection.output().is_empty());
+        connection.answer(T0, ticket, &word(1));
+        let once = connection.output().to_vec();
+        connection.answer(T0, ticket, &word(2));
+        assert_eq!(connection.output(), once);
+    }
+
+    #[test]
+    fn a_call_without_an_answer_ends_at_its_deadline() {
+        let mut connection = connection();
+        connection.receive(T0, &read(1));
+        connection.receive(after(100), &read(2));
+        let call = connection.next_call().unwrap();
+        assert_eq!(connection.next_wake(), Some(after(5_000)));
+        connection.tick(after(4_999));
+        assert!(connection.output().is_empty());
+        connection.tick(after(5_000));
+        assert_eq!(connection.output(), message(1, 7, &[0x83, 0x0B]));
+        assert_eq!(connection.next_wake(), Some(after(5_100)));
+        connection.answer(after(5_001), call.ticket, &word(1));
+        assert_eq!(connection.output(), message(1, 7, &[0x83, 0x0B]));
+        connection.tick(after(5_100));
+        assert_eq!(connection.next_call(), None, "an expired call is not given out");
+    }
+
+    #[test]
+    fn deadlines_are_kept_in_order_when_an_older_call_is_answered() {
+        let mut connection = connection();
+        for n in 0..3 {
+            connection.receive(after(100 * u64::from(n)), &read(n));
+        }
+        connection.answer(after(300), Ticket(0), &word(1));
+        connection.wrote(usize::MAX);
+        assert_eq!(connection.next_wake(), Some(after(5_100)));
+        connection.tick(after(5_100));
+        assert_eq!(connection.output(), message(1, 7, &[0x83, 0x0B]));
+    }
+
+    #[test]
+    fn what_is_no_modbus_ends_the_connection_behind_the_answers_that_are_due() {
+        for (bad, reason) in [
+            (&[0, 9, 0, 1, 0, 2, 7, 3][..], Malformed::Protocol(1)),
+            (&[0, 9, 0, 0, 0, 1, 7], Malformed::Length(1)),
+            (&[0, 9, 0, 0, 0xEA, 0x60], Malformed::Length(60_000)),
+        ] {
+            let mut connection = connection();
+            connection.receive(T0, &[&message(1, 7, &[1]), &read(2), bad, &read(3)].concat());
+            assert_eq!(connection.close_reason(), Some(CloseReason::Malformed(reason)));
+            assert_eq!(connection.output(), message(1, 7, &[0x81, 1]));
+            assert!(!connection.wants_input() && connection.next_call().is_none());
+            connection.receive(T0, &read(4));
+            connection.answer(T0, Ticket(0), &word(1));
+            connection.wrote(9);
+            assert!(connection.output().is_empty());
+            assert_eq!((connection.next_wake(), connection.counters().requests), (None, 2));
+        }
+    }
+
+    #[test]
+    fn a_message_begun_must_be_whole_in_time() {
+        let mut connection = connection();
+        let stream = [read(1), read(2)].concat();
+        connection.receive(T0, &stream[..10]);
+        connection.receive(after(4_000), &stream[10..11]);
+        assert_eq!(connection.next_wake(), Some(after(5_000)));
+        connection.receive(after(4_500), &stream[11..13]);
+        connection.tick(after(5_000));
+        assert_eq!(connection.close_reason(), None, "the second message began later");
+        connection.receive(after(9_499), &stream[13..23]);
+        connection.tick(after(9_499));
+        assert_eq!(connection.close_reason(), None);
+        connection.tick(after(9_500));
+        assert_eq!(connection.close_reason(), Some(CloseReason::BodyTimeout));
+        assert_eq!(connection.output(), message(1, 7, &[0x83, 0x0B]), "what was due before still goes");
+    }
+
+    #[test]
+    fn a_connection_is_idle_from_its_last_request_or_answer() {
+        let mut connection = Connection::new(Limits { answer_within: Duration::MAX, ..Limits::default() }, T0);
+        assert_eq!(connection.next_wake(), Some(after(600_000)));
+        connection.receive(after(599_999), &read(1));
+        let ticket = connection.next_call().unwrap().ticket;
+        connection.tick(after(10_000_000));
+        assert_eq!(connection.close_reason(), None, "a request is pending");
+        connection.answer(after(20_000_000), ticket, &word(1));
+        connection.tick(after(20_599_999));
+        assert_eq!(connection.close_reason(), None);
+        connection.tick(after(20_600_000));
+        assert_eq!(connection.close_reason(), Some(CloseReason::Idle));
+    }
+
+    #[test]
+    fn a_client_that_does_not_read_is_not_read_from_and_then_closed() {
+        let mut connection = connection();
+        let chunk: Vec<u8> = (0..500).flat_map(|n| message(n, 7, &[1])).collect();
+        connection.receive(T0, &chunk);
+        assert!(!connection.wants_input());
+        connection.wrote(400);
+        assert!(connection.wants_input());
+        while connection.output().len() <= Connection::OUTPUT_MAX {
+            connection.receive(T0, &chunk);
+        }
+        assert_eq!(connection.close_reason(), None);
+        connection.receive(T0, &chunk);
+        assert_eq!(connection.close_reason(), Some(CloseReason::NotReading));
+    }
+
+    #[test]
+    fn buffers_are_given_back() {
+        let mut connection = connection();
+        assert_eq!(connection.input.capacity() + connection.output.capacity() + connection.calls.capacity(), 0);
+        let stream: Vec<u8> = (0..2_000).flat_map(|n| message(n, 7, &[1])).collect();
+        connection.receive(T0, &stream[..1]);
+        connection.receive(T0, &stream[1..]);
+        connection.wrote(usize::MAX);
+        assert!(connection.input.capacity() <= Connection::KEEP_BYTES);
+        assert!(connection.output.capacity() <= Connection::KEEP_BYTES);
+        assert!(std::mem::size_of::<Connection>() <= 512, "10,000 idle connections must be small");
+    }
+
+    #[test]
+    fn close_reasons_can_be_read() {
+        let reason = CloseReason::Malformed(Malformed::Length(1));
+        assert_eq!(reason.to_string(), "not Modbus TCP: length 1 is outside 2 to 254");
+    }
+
+    proptest! {
+        /// Half of the chunks begin like a header, or nearly all would end at the protocol identifier.
+        #[test]
+        fn no_bytes_grow_the_buffers_past_their_bounds(
+            chunks in prop::collection::vec((any::<bool>(), prop::collection::vec(any::<u8>(), 0..600)), 0..40),
+        ) {
+            let mut connection = connection();
+            for (header, bytes) in &chunks {
+                let mut chunk = if *header { vec![0, 1, 0, 0, 0, 2, 1] } else { vec![] };
+                chunk.extend(bytes);
+                connection.receive(T0, &chunk);
+                prop_assert!(connection.input.len() < mbap::MAX_ADU_BYTES);
+                prop_assert!(connection.input.capacity() <= Connection::KEEP_BYTES);
+                prop_assert!(connection.pending.len() <= 16 && connection.calls.len() <= 16);
+                prop_assert!(connection.output.len() <= Connection::OUTPUT_MAX + 2 * chunk.len());
+                prop_assert_eq!(connection.begun.is_some(), !connection.input.is_empty());
+            }
+        }
+    }
+}

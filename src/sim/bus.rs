@@ -1,0 +1,543 @@
+//! One half-duplex bus with simulated drives: the master's bytes in, the drives' bytes out at their moments.
+
+use super::drive::SimDrive;
+use super::fault::{Fate, FaultPlan, Faults};
+use super::outbox::Outbox;
+use super::report::BusReport;
+use crate::domain::ids::Station;
+use crate::domain::link::LinkSettings;
+use crate::domain::time::MonoTime;
+use crate::wire::{crc, pdu::function, rtu};
+use std::time::Duration;
+
+/// Whether characters take time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Pacing {
+    /// Every byte takes its character time, in both directions, and the drives need their turnaround.
+    #[default]
+    CharacterTimes,
+    /// Bytes take no time and a reply is due at once, unless a fault makes it late. For benches.
+    None,
+}
+
+/// How a bus behaves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BusOptions {
+    /// Whether characters take time.
+    pub pacing: Pacing,
+    /// From the end of a request's last character to the start of the reply's first one.
+    pub turnaround: Duration,
+    /// Silence that ends a request and that the master has to keep before one. Nothing: the longest gap of
+    /// the models on the bus, but at least 1.75 ms above 19,200 bit/s (Modbus over serial line V1.02, 2.5.1.1).
+    pub silence: Option<Duration>,
+    /// What goes wrong.
+    pub faults: FaultPlan,
+}
+
+impl Default for BusOptions {
+    /// Paced, 2 ms turnaround, silence as the models say, no faults.
+    fn default() -> Self {
+        Self {
+            pacing: Pacing::CharacterTimes,
+            turnaround: Duration::from_millis(2),
+            silence: None,
+            faults: FaultPlan::NONE,
+        }
+    }
+}
+
+/// The bus. Moments that it is given may be equal but never run backwards.
+///
+/// A request ends by its function's length with a right CRC, else by silence. One with a wrong CRC or for a
+/// station that is not there is ignored in silence. The drives do not hear each other, and a master that talks
+/// over a drive is counted but damages nothing; two drives that talk at the same time damage each other.
+///
+/// Each drive is a queue: it never answers a newer request before an older one.
+#[derive(Debug)]
+pub struct SimBus {
+    link: LinkSettings,
+    options: BusOptions,
+    silence: Duration,
+    faults: Faults,
+    nodes: Vec<Node>,
+    /// Bytes of the master that make no whole request yet.
+    request: Vec<u8>,
+    /// End of the master's last character.
+    master_end: MonoTime,
+    /// End of the last character that anybody has transmitted, as far as the drives' bytes were taken.
+    quiet_since: Option<MonoTime>,
+    /// What the drives still have to transmit.
+    outbox: Outbox,
+    report: BusReport,
+}
+
+/// A drive at its place on the bus.
+#[derive(Debug)]
+struct Node {
+    station: Station,
+    drive: SimDrive,
+    exchanges: u64,
+    /// End of its last transmission.
+    busy_until: MonoTime,
+    /// End of its last transmission that is not on time.
+    late_until: MonoTime,
+}
+
+impl SimBus {
+    /// An empty bus. The same `seed` gives the same faults.
+    #[must_use]
+    pub fn new(link: LinkSettings, options: BusOptions, seed: u64) -> Self {
+        Self {
+            link,
+            options,
+            silence: options.silence.unwrap_or_else(|| shortest_silence(link)),
+            faults: Faults::new(options.faults, seed),
+            nodes: Vec::new(),
+            request: Vec::with_capacity(rtu::MAX_ADU_BYTES + 1),
+            master_end: MonoTime::ZERO,
+            quiet_since: None,
+            outbox: Outbox::new((options.pacing == Pacing::CharacterTimes).then_some(link)),
+            report: BusReport::default(),
+        }
+    }
+
+    /// Connects `drive` as `station`, in the place of a drive that had this station before. Its exchanges are
+    /// numbered from 1.
+    pub fn connect(&mut self, station: Station, drive: SimDrive) {
+        if self.options.silence.is_none() {
+            self.silence = self.silence.max(self.link.chars(drive.model().timing.gap_chars.value));
+        }
+        self.nodes.retain(|node| node.station != station);
+        self.outbox.silence(MonoTime::ZERO, station);
+        self.nodes.push(Node { station, drive, exchanges: 0, busy_until: MonoTime::ZERO, late_until: MonoTime::ZERO });
+    }
+
+    /// The stations on the bus, in the order in which they were connected.
+    pub fn stations(&self) -> impl Iterator<Item = Station> {
+        self.nodes.iter().map(|node| node.station)
+    }
+
+    /// The drive at `station`.
+    #[must_use]
+    pub fn drive(&self, station: Station) -> Option<&SimDrive> {
+        self.nodes.iter().find(|node| node.station == station).map(|node| &node.drive)
+    }
+
+    /// The drive at `station`, to trip it or to operate its panel.
+    pub fn drive_mut(&mut self, station: Station) -> Option<&mut SimDrive> {
+        self.nodes.iter_mut().find(|node| node.station == station).map(|node| &mut node.drive)
+    }
+
+    /// Switches the drive at `station` on or off. One that is switched off breaks off after a
+    /// whole character.
+    pub fn set_powered(&mut self, at: MonoTime, station: Station, powered: bool) {
+        let Some(node) = self.nodes.iter_mut().find(|node| node.station == station) else { return };
+        node.drive.set_powered(at, powered);
+        if !powered {
+            (node.busy_until, node.late_until) = (at, at);
+            self.outbox.silence(at, station);
+        }
+    }
+
+    /// Changes what goes wrong from now on; random numbers go on where they were.
+    pub fn set_faults(&mut self, plan: FaultPlan) {
+        self.faults.plan = plan;
+    }
+
+    /// Number of the newest exchange with `station`: how many sound requests addressed to it have ended on
+    /// the wire, also those that it ignored or that came while it was switched off. 0 for an unknown station.
+    ///
+    /// Right after [`Self::receive`] has got the end of a request, this is that request's number. Every proof
+    /// word (see [`super::DriveOptions::proof_words`]) is the low half of the number of the exchange that asked
+    /// for it, so a word belongs to a request if and only if the two agree, as long as no reply is older than
+    /// 65,535 exchanges.
+    #[must_use]
+    pub fn exchange(&self, station: Station) -> u64 {
+        self.nodes.iter().find(|node| node.station == station).map_or(0, |node| node.exchanges)
+    }
+
+    /// What an observer on the wire has counted.
+    #[must_use]
+    pub const fn report(&self) -> &BusReport {
+        &self.report
+    }
+
+    /// The silence that the master has to keep before a request.
+    #[must_use]
+    pub const fn required_silence(&self) -> Duration {
+        self.silence
+    }
+
+    /// Takes `bytes` that the master put into its port at `at`. On a paced bus they go out from then on, or
+    /// from the end of its earlier bytes if those are still going out.
+    pub fn receive(&mut self, at: MonoTime, bytes: &[u8]) {
+        let start = if self.outbox.is_paced() { at.max(self.master_end) } else { at };
+        self.end_request_by_silence(start);
+        for (n, byte) in bytes.iter().enumerate() {
+            if self.request.is_empty() {
+                self.observe(start + self.outbox.time(n));
+            }
+            if self.request.len() <= rtu::MAX_ADU_BYTES {
+                self.request.push(*byte);
+            }
+            self.master_end = start + self.outbox.time(n + 1);
+            self.quiet_since = self.quiet_since.max(Some(self.master_end));
+            if is_whole(&self.request) {
+                self.end_request(self.master_end);
+            }
+        }
+    }
+
+    /// When to call [`Self::take_due`] next; nothing if nothing will happen until the master transmits.
+    #[must_use]
+    pub fn next_due(&self) -> Option<MonoTime> {
+        let silence = (!self.request.is_empty()).then(|| self.master_end + self.silence);
+        [silence, self.outbox.next_due()].into_iter().flatten().min()
+    }
+
+    /// Takes what the drives have put on the wire until `at`, in order. On a paced bus `sink` gets each byte
+    /// with the moment at which its character ends, else whole transmissions with the moment they are due.
+    pub fn take_due(&mut self, at: MonoTime, sink: impl FnMut(MonoTime, &[u8])) {
+        self.end_request_by_silence(at);
+        self.quiet_since = self.quiet_since.max(self.outbox.take(at, sink));
+    }
+
+    /// Looks at the silence before a request that begins at `start`.
+    fn observe(&mut self, start: MonoTime) {
+        if !self.outbox.is_paced() {
+            return;
+        }
+        let on_wire = self.outbox.is_on_wire(start);
+        self.report.talked_over += u64::from(on_wire || self.outbox.is_awaited(start));
+        if let Some(quiet_since) = self.quiet_since.max(self.outbox.last_end(start)) {
+            let gap = if on_wire { Duration::ZERO } else { start.since(quiet_since) };
+            self.report.count_gap(gap, self.silence);
+        }
+    }
+
+    fn end_request_by_silence(&mut self, at: MonoTime) {
+        let end = self.master_end + self.silence;
+        if !self.request.is_empty() && at >= end {
+            self.end_request(end);
+        }
+    }
+
+    fn end_request(&mut self, end: MonoTime) {
+        let request = std::mem::take(&mut self.request);
+        match rtu::decode(&request) {
+            Some((station, pdu)) if request.len() <= rtu::MAX_ADU_BYTES => {
+                self.report.requests_heard += 1;
+                self.deliver(end, Station(station), pdu);
+            }
+            _ => self.report.bad_crc += 1,
+        }
+        self.request = request;
+        self.request.clear();
+    }
+
+    fn deliver(&mut self, end: MonoTime, station: Station, pdu: &[u8]) {
+        if let Some(place) = self.nodes.iter().position(|node| node.station == station) {
+            return self.ask(place, end, pdu);
+        }
+        for node in &mut self.nodes {
+            let broadcast = node.drive.model().link.broadcast.as_ref();
+            if broadcast.is_some_and(|broadcast| broadcast.station.value == station.0) {
+                node.drive.obey(end, pdu);
+            }
+        }
+    }
+
+    /// Gives a request that ended at `end` to the drive at `place` and puts its reply on the way.
+    fn ask(&mut self, place: usize, end: MonoTime, pdu: &[u8]) {
+        let node = &mut self.nodes[place];
+        node.exchanges += 1;
+        if end < node.late_until && self.faults.ignores_new_request() {
+            self.report.requests_ignored += 1;
+            return;
+        }
+        let mut frame = self.outbox.buffer();
+        let mut answered = false;
+        rtu::encode(&mut frame, node.station.0, |out| answered = node.drive.answer(end, pdu, node.exchanges, out));
+        if !answered {
+            return self.outbox.recycle(frame);
+        }
+        let fate = self.faults.spoil(&mut frame);
+        if fate == Fate::Lost || self.outbox.is_full() {
+            self.report.replies_lost += 1;
+            return self.outbox.recycle(frame);
+        }
+        self.schedule(place, end, fate == Fate::Late, frame);
+    }
+
+    /// Decides when `frame`, the reply to a request that ended at `end`, goes out.
+    fn schedule(&mut self, place: usize, end: MonoTime, is_late: bool, frame: Vec<u8>) {
+        let length = self.outbox.time(frame.len());
+        let right_time = if self.outbox.is_paced() { end + self.options.turnaround } else { end };
+        let wanted = if is_late { end + self.faults.late_start(length) } else { right_time };
+        let node = &mut self.nodes[place];
+        let start = wanted.max(node.busy_until);
+        node.busy_until = start + length;
+        if start > right_time {
+            node.late_until = node.busy_until;
+        }
+        self.report.replies_sent += 1;
+        self.report.replies_late += u64::from(is_late);
+        self.report.collisions += self.outbox.add(node.station, start, start <= right_time, frame);
+    }
+}
+
+/// Whether `request` is a whole request by its function's length, with a right CRC.
+fn is_whole(request: &[u8]) -> bool {
+    let length = match (request.get(1), request.get(6)) {
+        (Some(0x01..=0x06 | &function::DIAGNOSTICS), _) => 8,
+        (Some(0x0F | &function::WRITE_MULTIPLE), Some(bytes)) => 9 + usize::from(*bytes),
+        _ => return false,
+    };
+    request.len() == length && crc::is_sound(request)
+}
+
+/// The silence that the standard asks for above 19,200 bit/s, where character times are too short to be told.
+fn shortest_silence(link: LinkSettings) -> Duration {
+    if link.baud > 19_200 { Duration::from_micros(1_750) } else { Duration::ZERO }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::*;
+    use super::*;
+
+    const D001: [u8; 8] = [0x01, 0x03, 0x01, 0x01, 0x00, 0x01, 0xD4, 0x36];
+    const STANDSTILL: [u8; 7] = [0x01, 0x03, 0x02, 0x00, 0x00, 0xB8, 0x44];
+
+    fn paced(plan: &str, seed: u64) -> SimBus {
+        bus(BusOptions { faults: plan.parse().unwrap(), ..BusOptions::default() }, seed, &[1, 2])
+    }
+
+    fn ms(millis: u64) -> MonoTime {
+        MonoTime::from_millis(millis)
+    }
+
+    /// Word of a reply to a read of one word, which is all that was on the wire until `at`.
+    fn word_taken(bus: &mut SimBus, at: MonoTime) -> u16 {
+        let reply = taken(bus, at);
+        let (_, pdu) = rtu::decode(&reply).unwrap();
+        assert_eq!(pdu[..2], [3, 2]);
+        u16::from_be_bytes([pdu[2], pdu[3]])
+    }
+
+    #[test]
+    fn character_times_are_exact_to_the_nanosecond() {
+        let mut bus = paced("", 0);
+        bus.receive(ms(1_000), &D001);
+        // 8 characters of 10 bits at 9600 bit/s, 2 ms turnaround, then one character after the other.
+        let start = 1_000_000_000 + 8_333_334 + 2_000_000;
+        let ends = [1_041_667, 2_083_334, 3_125_000, 4_166_667, 5_208_334, 6_250_000, 7_291_667];
+        assert_eq!(bus.next_due(), Some(MonoTime::from_nanos(start + ends[0])));
+        assert!(taken(&mut bus, MonoTime::from_nanos(start + ends[0] - 1)).is_empty());
+        let mut seen = Vec::new();
+        bus.take_due(ms(2_000), |at, bytes| seen.push((at.as_nanos() - start, bytes.to_vec())));
+        let expected: Vec<_> = ends.into_iter().zip(STANDSTILL).map(|(end, byte)| (end, vec![byte])).collect();
+        assert_eq!(seen, expected);
+        assert_eq!(bus.next_due(), None);
+        assert_eq!((bus.report().requests_heard, bus.report().replies_sent), (1, 1));
+    }
+
+    #[test]
+    fn without_pacing_the_reply_is_due_at_once_and_whole() {
+        let mut bus = bus(UNPACED, 0, &[1]);
+        bus.receive(ms(5), &D001);
+        assert_eq!(bus.next_due(), Some(ms(5)));
+        let mut seen = Vec::new();
+        bus.take_due(ms(5), |at, bytes| seen.push((at, bytes.to_vec())));
+        assert_eq!(seen, [(ms(5), STANDSTILL.to_vec())]);
+        assert!(bus.report().gaps().is_empty());
+    }
+
+    #[test]
+    fn the_observer_measures_the_gap_from_the_end_of_the_reply() {
+        let mut bus = paced("", 0);
+        // 4.5 characters of 10 bits at 9600 bit/s.
+        assert_eq!(bus.required_silence(), Duration::from_nanos(4_687_500));
+        bus.receive(ms(1_000), &D001);
+        let reply_end = MonoTime::from_nanos(1_000_000_000 + 8_333_334 + 2_000_000 + 7_291_667);
+        let second = reply_end + Duration::from_nanos(4_687_500);
+        bus.receive(second, &D001);
+        assert_eq!(bus.report().gaps_too_short, 0);
+        taken(&mut bus, ms(1_500));
+        let reply_end = second + Duration::from_nanos(8_333_334 + 2_000_000 + 7_291_667);
+        bus.receive(reply_end + Duration::from_nanos(4_687_499), &D001);
+        let report = bus.report();
+        assert_eq!(report.gaps(), [Duration::from_nanos(4_687_500), Duration::from_nanos(4_687_499)]);
+        assert_eq!((report.gaps_too_short, report.talked_over), (1, 0));
+        assert_eq!(report.shortest_gap, Some(Duration::from_nanos(4_687_499)));
+    }
+
+    #[test]
+    fn without_a_reply_the_gap_counts_from_the_end_of_the_request() {
+        let mut bus = paced("", 0);
+        bus.receive(ms(0), &frame(9, 3, OUTPUT, 1));
+        bus.receive(MonoTime::from_nanos(8_333_334 + 1_000), &D001);
+        assert_eq!(bus.report().gaps(), [Duration::from_nanos(1_000)]);
+        // Put into the port while the request before is still going out: no silence at all.
+        let mut bus = paced("", 0);
+        bus.receive(ms(0), &frame(9, 3, OUTPUT, 1));
+        bus.receive(ms(1), &D001);
+        assert_eq!((bus.report().gaps(), bus.report().gaps_too_short), (&[Duration::ZERO][..], 1));
+        assert_eq!(bus.next_due(), Some(MonoTime::from_nanos(2 * 8_333_334 + 2_000_000 + 1_041_667)));
+    }
+
+    #[test]
+    fn talking_over_a_drive_is_counted() {
+        // 9 ms: in the turnaround. 12 ms: while the drive transmits. 30 ms: it is quiet.
+        for (at, talked_over) in [(9, 1), (12, 1), (30, 0)] {
+            let mut bus = paced("", 0);
+            bus.receive(ms(0), &D001);
+            bus.receive(ms(at), &frame(2, 3, OUTPUT, 1));
+            assert_eq!(bus.report().talked_over, talked_over, "{at} ms");
+            assert_eq!(bus.report().shortest_gap.is_some_and(|gap| gap.is_zero()), at == 12);
+        }
+    }
+
+    #[test]
+    fn a_broadcast_is_obeyed_by_all_and_answered_by_none() {
+        let mut bus = paced("", 0);
+        bus.receive(ms(0), &frame(0xFF, 6, SETPOINT, 6000));
+        bus.receive(ms(100), &frame(0xFF, 6, RUN, 1));
+        // Only 06 is a broadcast function, and station 0 is no broadcast station.
+        bus.receive(ms(200), &frame(0xFF, 3, OUTPUT, 1));
+        bus.receive(ms(300), &frame(0, 6, RUN, 0));
+        assert_eq!(bus.next_due(), None);
+        let stations: Vec<_> = bus.stations().collect();
+        assert_eq!(stations, [Station(1), Station(2)]);
+        for station in stations {
+            assert_eq!(bus.drive(station).unwrap().output(ms(30_000)), 60_000_000);
+        }
+        assert_eq!((bus.report().requests_heard, bus.report().replies_sent), (4, 0));
+    }
+
+    #[test]
+    fn damaged_requests_are_ignored_until_silence() {
+        let mut bus = paced("", 0);
+        let mut damaged = D001;
+        damaged[4] ^= 1;
+        bus.receive(ms(0), &damaged);
+        assert_eq!(bus.next_due(), Some(MonoTime::from_nanos(8_333_334 + 4_687_500)));
+        bus.receive(ms(50), &D001);
+        assert_eq!(taken(&mut bus, ms(100)), STANDSTILL);
+        assert_eq!((bus.report().bad_crc, bus.report().requests_heard), (1, 1));
+        // Babble without end neither grows nor is heard.
+        bus.receive(ms(200), &[0x55; 10_000]);
+        assert!(taken(&mut bus, ms(20_000)).is_empty());
+        assert_eq!(bus.report().bad_crc, 2);
+    }
+
+    #[test]
+    fn a_request_may_come_byte_by_byte_or_end_by_silence() {
+        let mut bus = paced("", 0);
+        for (n, byte) in D001.into_iter().enumerate() {
+            bus.receive(ms(2 * n as u64), &[byte]);
+        }
+        assert_eq!(taken(&mut bus, ms(100)), STANDSTILL);
+        assert!(bus.report().gaps().is_empty());
+
+        let mut unknown_function = Vec::new();
+        rtu::encode(&mut unknown_function, 1, |pdu| pdu.extend([0x2B, 0x0E, 0x01, 0x00]));
+        bus.receive(ms(200), &unknown_function);
+        assert!(taken(&mut bus, ms(300)).is_empty());
+        assert_eq!((bus.report().bad_crc, bus.exchange(Station(1))), (0, 2));
+    }
+
+    #[test]
+    fn a_drive_that_is_switched_off_is_silent_and_comes_back() {
+        let mut bus = paced("", 0);
+        bus.receive(ms(0), &D001);
+        // The first three characters of the reply are out by then.
+        bus.set_powered(ms(14), Station(1), false);
+        assert_eq!(taken(&mut bus, ms(100)), STANDSTILL[..3]);
+        bus.receive(ms(200), &D001);
+        assert_eq!(bus.next_due(), None);
+        bus.set_powered(ms(300), Station(1), true);
+        bus.receive(ms(400), &D001);
+        assert_eq!(taken(&mut bus, ms(500)), STANDSTILL);
+    }
+
+    #[test]
+    fn a_late_reply_comes_after_the_time_out_and_never_after_a_newer_one() {
+        let read = frame(1, 3, 0x3123, 1);
+        let (mut ignored, mut queued) = (0, 0);
+        for seed in 0..200 {
+            let mut bus = paced("late=1000,timeout-ms=100,lateness-ms=500", seed);
+            bus.receive(ms(0), &read);
+            let late_due = bus.next_due().unwrap();
+            assert!(late_due > ms(108) && late_due < ms(609));
+            bus.set_faults(FaultPlan::NONE);
+            bus.receive(ms(109), &read);
+            assert_eq!(bus.exchange(Station(1)), 2);
+            let first_end = late_due + Duration::from_nanos(6_250_000);
+            assert_eq!(word_taken(&mut bus, first_end), 1, "never the newer one first");
+            match bus.report().requests_ignored {
+                0 => {
+                    assert_eq!(word_taken(&mut bus, ms(2_000)), 2);
+                    queued += 1;
+                }
+                _ => {
+                    assert!(taken(&mut bus, ms(2_000)).is_empty());
+                    ignored += 1;
+                }
+            }
+            assert_eq!((bus.report().replies_late, bus.report().talked_over), (1, 0));
+        }
+        assert!(ignored > 50 && queued > 50, "{ignored} {queued}");
+    }
+
+    #[test]
+    fn late_replies_of_one_drive_collide_with_those_of_another() {
+        let mut collisions = 0;
+        for seed in 0..200 {
+            let mut bus = paced("late=1000,timeout-ms=50,lateness-ms=20", seed);
+            bus.receive(ms(0), &frame(1, 3, 0x3000, 1));
+            bus.set_faults(FaultPlan::NONE);
+            bus.receive(ms(60), &frame(2, 3, 0x3000, 1));
+            collisions += bus.report().collisions;
+            let seen = taken(&mut bus, ms(1_000));
+            assert_eq!(seen.len() < 14, bus.report().collisions > 0);
+        }
+        assert!(collisions > 20, "{collisions}");
+    }
+
+    #[test]
+    fn faults_repeat_bit_for_bit() {
+        let run = |seed| {
+            let mut bus = paced("noise=100,lost=50,late=50,cut=50,flip=50,foreign=50,lateness-ms=900", seed);
+            let mut seen = Vec::new();
+            for n in 0..2_000 {
+                bus.receive(ms(n * 250), &frame(1 + (n % 2) as u8, 3, 0x3000, 1 + (n % 8) as u16));
+                bus.take_due(ms(n * 250 + 249), |at, bytes| seen.push((at, bytes.to_vec())));
+            }
+            seen
+        };
+        assert_eq!(run(7), run(7));
+        assert_ne!(run(7), run(8));
+    }
+
+    #[test]
+    fn a_proof_word_belongs_to_exactly_one_exchange() {
+        let mut bus = bus(UNPACED, 0, &[1, 2]);
+        for n in 1..=70_000_u64 {
+            bus.receive(MonoTime::from_micros(n), &frame(2, 3, 0x3FFF, 1));
+            assert_eq!(bus.exchange(Station(2)), n);
+            assert_eq!(word_taken(&mut bus, MonoTime::from_micros(n)), (n & 0xFFFF) as u16);
+        }
+        assert_eq!(bus.exchange(Station(1)), 0);
+    }
+
+    #[test]
+    fn replies_that_nobody_takes_do_not_pile_up() {
+        let mut bus = bus(UNPACED, 0, &[1]);
+        for n in 0..1_000 {
+            bus.receive(ms(n), &D001);
+        }
+        assert_eq!(taken(&mut bus, ms(1_000)).len(), Outbox::MAX_WAITING * STANDSTILL.len());
+        assert_eq!(bus.report().replies_lost, 1_000 - Outbox::MAX_WAITING as u64);
+    }
+}

@@ -1,0 +1,322 @@
+//! Seeded faults of replies: what a plan may ask for, and how it is drawn, bit for bit the same for the same seed.
+
+use crate::domain::problem::nearest;
+use crate::wire::crc;
+use fastrand::Rng;
+use std::str::FromStr;
+use std::time::Duration;
+
+/// How often replies go wrong. Every probability is in per mille of all replies, 0 to 1000, and drawn by
+/// itself, so that one reply can suffer several faults.
+///
+/// As text: `noise=5,lost=2,late=3,cut=1,flip=2,foreign=1,timeout-ms=200,lateness-ms=500`, in any order, every
+/// part optional.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FaultPlan {
+    /// One to eight random bytes right before the reply.
+    pub noise: u16,
+    /// The drive obeys, but no reply comes.
+    pub lost: u16,
+    /// The reply comes after [`Self::reply_timeout`] and ends at most [`Self::max_lateness`] later.
+    pub late: u16,
+    /// The end of the reply is missing; at least one byte comes and at least one does not.
+    pub cut: u16,
+    /// One to three bits are wrong, anywhere in the reply.
+    pub flip: u16,
+    /// A sound frame too many: one from another station before the reply, or the reply a second time behind it.
+    pub foreign: u16,
+    /// The master's time-out from the end of its request, beyond which a reply is late.
+    pub reply_timeout: Duration,
+    /// How long after the time-out a late reply may end.
+    pub max_lateness: Duration,
+}
+
+/// The names of a plan's parts, as they stand in its text.
+const NAMES: [&str; 8] = ["noise", "lost", "late", "cut", "flip", "foreign", "timeout-ms", "lateness-ms"];
+
+impl FaultPlan {
+    /// No faults; late replies, should they be switched on, come 200 to 700 ms after the request.
+    pub const NONE: Self = Self {
+        noise: 0,
+        lost: 0,
+        late: 0,
+        cut: 0,
+        flip: 0,
+        foreign: 0,
+        reply_timeout: Duration::from_millis(200),
+        max_lateness: Duration::from_millis(500),
+    };
+
+    /// Sets the part called `name`.
+    fn set(&mut self, name: &str, value: &str) -> Result<(), PlanError> {
+        let chance = match name {
+            "noise" => &mut self.noise,
+            "lost" => &mut self.lost,
+            "late" => &mut self.late,
+            "cut" => &mut self.cut,
+            "flip" => &mut self.flip,
+            "foreign" => &mut self.foreign,
+            "timeout-ms" => return set_ms(&mut self.reply_timeout, name, value),
+            "lateness-ms" => return set_ms(&mut self.max_lateness, name, value),
+            _ => return Err(PlanError::unknown(name)),
+        };
+        *chance = number(name, value, 1000)?;
+        Ok(())
+    }
+}
+
+impl Default for FaultPlan {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
+impl FromStr for FaultPlan {
+    type Err = PlanError;
+
+    /// Reads a plan; an empty text is a plan without faults.
+    ///
+    /// # Errors
+    ///
+    /// A name that is not known, a part without `=`, a number that is none or too large.
+    fn from_str(text: &str) -> Result<Self, PlanError> {
+        let mut plan = Self::NONE;
+        for part in text.split(',').map(str::trim).filter(|part| !part.is_empty()) {
+            let (name, value) = part.split_once('=').ok_or_else(|| PlanError::NoValue(part.to_owned()))?;
+            plan.set(name.trim(), value.trim())?;
+        }
+        Ok(plan)
+    }
+}
+
+/// What is wrong with the text of a fault plan.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PlanError {
+    /// There is no such fault.
+    #[error("there is no fault called \"{name}\"{}; there are {}", hint(.nearest), NAMES.join(", "))]
+    Unknown {
+        /// What was written.
+        name: String,
+        /// What was probably meant.
+        nearest: Option<&'static str>,
+    },
+    /// A name without a number.
+    #[error("\"{0}\" has no number: write it as noise=5, in per mille of all replies")]
+    NoValue(String),
+    /// Not a number of the allowed range.
+    #[error("{name}={value}: a whole number from 0 to {max} is needed")]
+    BadNumber {
+        /// Which part.
+        name: String,
+        /// What was written.
+        value: String,
+        /// The largest number allowed.
+        max: u16,
+    },
+}
+
+impl PlanError {
+    fn unknown(name: &str) -> Self {
+        Self::Unknown { name: name.to_owned(), nearest: nearest(name, NAMES) }
+    }
+}
+
+/// What becomes of a reply as a whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Fate {
+    /// It comes when it should.
+    OnTime,
+    /// It comes after the time-out.
+    Late,
+    /// It does not come.
+    Lost,
+}
+
+/// A plan with the random numbers that carry it out.
+#[derive(Debug)]
+pub(super) struct Faults {
+    pub plan: FaultPlan,
+    rng: Rng,
+}
+
+impl Faults {
+    pub fn new(plan: FaultPlan, seed: u64) -> Self {
+        Self { plan, rng: Rng::with_seed(seed) }
+    }
+
+    /// Draws the faults of one whole `reply` frame and puts them into it.
+    pub fn spoil(&mut self, reply: &mut Vec<u8>) -> Fate {
+        if self.hits(self.plan.lost) {
+            return Fate::Lost;
+        }
+        let late = self.hits(self.plan.late);
+        let foreign = self.hits(self.plan.foreign).then(|| reply.clone());
+        if self.hits(self.plan.flip) {
+            self.flip(reply);
+        }
+        if self.hits(self.plan.cut) {
+            reply.truncate(self.rng.usize(1..reply.len().max(2)));
+        }
+        if let Some(copy) = foreign {
+            self.add_frame(reply, copy);
+        }
+        if self.hits(self.plan.noise) {
+            let noise = self.rng.usize(1..=8);
+            reply.splice(0..0, std::iter::repeat_with(|| self.rng.u8(..)).take(noise));
+        }
+        if late { Fate::Late } else { Fate::OnTime }
+    }
+
+    /// Draws when a late reply begins, counted from the end of its request, so that a frame that takes
+    /// `frame` still ends within the plan's lateness.
+    pub fn late_start(&mut self, frame: Duration) -> Duration {
+        let room = self.plan.max_lateness.saturating_sub(frame);
+        let nanos = u64::try_from(room.as_nanos()).unwrap_or(u64::MAX);
+        self.plan.reply_timeout + Duration::from_nanos(self.rng.u64(0..=nanos))
+    }
+
+    /// Draws whether a drive that still has a late reply to send ignores a new request.
+    pub fn ignores_new_request(&mut self) -> bool {
+        self.rng.bool()
+    }
+
+    /// A plan without a fault draws nothing, so that it costs nothing.
+    fn hits(&mut self, per_mille: u16) -> bool {
+        per_mille > 0 && self.rng.u16(0..1000) < per_mille
+    }
+
+    /// Turns one to three different bits over.
+    fn flip(&mut self, reply: &mut [u8]) {
+        let mut turned = [usize::MAX; 3];
+        for n in 0..self.rng.usize(1..=3) {
+            let bit = self.rng.usize(0..reply.len() * 8);
+            if !turned.contains(&bit) {
+                turned[n] = bit;
+                reply[bit / 8] ^= 1 << (bit % 8);
+            }
+        }
+    }
+
+    fn add_frame(&mut self, reply: &mut Vec<u8>, mut copy: Vec<u8>) {
+        if self.rng.bool() {
+            reply.append(&mut copy);
+        } else if let [station, body @ .., _, _] = copy.as_mut_slice() {
+            *station = other_station(*station, self.rng.u8(1..=247));
+            let sum_end = body.len() + 1;
+            let sum = crc::modbus(&copy[..sum_end]).to_le_bytes();
+            copy[sum_end..].copy_from_slice(&sum);
+            reply.splice(0..0, copy);
+        }
+    }
+}
+
+/// `drawn`, or its neighbour if it is `station` itself. Both are 1 to 247.
+const fn other_station(station: u8, drawn: u8) -> u8 {
+    if drawn != station {
+        drawn
+    } else if station < 247 {
+        station + 1
+    } else {
+        1
+    }
+}
+
+fn number(name: &str, value: &str, max: u16) -> Result<u16, PlanError> {
+    match value.parse() {
+        Ok(number) if number <= max => Ok(number),
+        _ => Err(PlanError::BadNumber { name: name.to_owned(), value: value.to_owned(), max }),
+    }
+}
+
+fn set_ms(span: &mut Duration, name: &str, value: &str) -> Result<(), PlanError> {
+    *span = Duration::from_millis(number(name, value, u16::MAX)?.into());
+    Ok(())
+}
+
+fn hint(nearest: &Option<&'static str>) -> String {
+    nearest.map(|name| format!(" (did you mean \"{name}\"?)")).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Reply to a read of one word: station 1, 60.00 Hz.
+    const REPLY: [u8; 7] = [0x01, 0x03, 0x02, 0x17, 0x70, 0xB6, 0x50];
+
+    fn spoiled(plan: &str, seed: u64) -> (Fate, Vec<u8>) {
+        let mut reply = REPLY.to_vec();
+        let fate = Faults::new(plan.parse().unwrap(), seed).spoil(&mut reply);
+        (fate, reply)
+    }
+
+    #[test]
+    fn plans_are_read_from_text() {
+        let plan: FaultPlan = "noise=5,lost=2, late=3 ,cut=1,flip=2".parse().unwrap();
+        assert_eq!(plan, FaultPlan { noise: 5, lost: 2, late: 3, cut: 1, flip: 2, ..FaultPlan::NONE });
+        let plan: FaultPlan = "foreign=1000,timeout-ms=100,lateness-ms=1500".parse().unwrap();
+        assert_eq!(plan.foreign, 1000);
+        assert_eq!(plan.reply_timeout, Duration::from_millis(100));
+        assert_eq!(plan.max_lateness, Duration::from_millis(1500));
+        assert_eq!("".parse(), Ok(FaultPlan::NONE));
+    }
+
+    #[test]
+    fn mistakes_in_a_plan_are_explained() {
+        let message = |text: &str| text.parse::<FaultPlan>().unwrap_err().to_string();
+        assert_eq!(
+            message("nose=5"),
+            "there is no fault called \"nose\" (did you mean \"noise\"?); there are noise, lost, late, cut, flip, \
+             foreign, timeout-ms, lateness-ms"
+        );
+        assert!(message("earthquake=1").starts_with("there is no fault called \"earthquake\"; there are noise"));
+        assert!(message("noise").contains("noise=5"));
+        assert_eq!(message("lost=1001"), "lost=1001: a whole number from 0 to 1000 is needed");
+        assert_eq!(message("lost=-1"), "lost=-1: a whole number from 0 to 1000 is needed");
+    }
+
+    #[test]
+    fn each_fault_does_what_it_says() {
+        for seed in 0..500 {
+            assert_eq!(spoiled("lost=1000", seed).0, Fate::Lost);
+            assert_eq!(spoiled("late=1000", seed), (Fate::Late, REPLY.to_vec()));
+            assert_eq!(spoiled("", seed), (Fate::OnTime, REPLY.to_vec()));
+
+            let (_, noisy) = spoiled("noise=1000", seed);
+            assert!(noisy.ends_with(&REPLY) && (8..=15).contains(&noisy.len()));
+            let (_, cut) = spoiled("cut=1000", seed);
+            assert!(REPLY.starts_with(&cut) && (1..7).contains(&cut.len()));
+            let (_, flipped) = spoiled("flip=1000", seed);
+            let wrong: u32 = flipped.iter().zip(REPLY).map(|(is, was)| (is ^ was).count_ones()).sum();
+            assert!((1..=3).contains(&wrong) && !crc::is_sound(&flipped));
+        }
+    }
+
+    #[test]
+    fn a_frame_too_many_is_sound_and_foreign_or_a_copy() {
+        let mut copies = 0;
+        for seed in 0..500 {
+            let (_, both) = spoiled("foreign=1000", seed);
+            let (first, second) = both.split_at(7);
+            assert!(crc::is_sound(first) && second == REPLY);
+            copies += usize::from(first[0] == 1);
+        }
+        assert!((150..350).contains(&copies), "{copies}");
+    }
+
+    #[test]
+    fn a_late_reply_ends_within_its_lateness() {
+        let mut faults = Faults::new("timeout-ms=100,lateness-ms=50".parse().unwrap(), 7);
+        for _ in 0..1000 {
+            let start = faults.late_start(Duration::from_millis(20));
+            assert!((Duration::from_millis(100)..=Duration::from_millis(130)).contains(&start));
+        }
+    }
+
+    #[test]
+    fn chances_are_per_mille() {
+        let mut faults = Faults::new("lost=20".parse().unwrap(), 1);
+        let lost = (0..100_000).filter(|_| faults.spoil(&mut REPLY.to_vec()) == Fate::Lost).count();
+        assert!((1_800..2_200).contains(&lost), "{lost}");
+    }
+}

@@ -1,0 +1,198 @@
+//! What the drives of a bus still have to transmit, each byte at its moment.
+
+use crate::domain::ids::Station;
+use crate::domain::link::LinkSettings;
+use crate::domain::time::MonoTime;
+use std::time::Duration;
+
+/// Bytes that a drive puts on the wire without a pause.
+#[derive(Debug)]
+pub(super) struct Transmission {
+    pub station: Station,
+    pub start: MonoTime,
+    pub end: MonoTime,
+    /// Whether the master may expect it: it begins right after the turnaround.
+    pub on_time: bool,
+    pub bytes: Vec<u8>,
+    /// How many of the bytes were taken or swallowed by a collision.
+    sent: usize,
+}
+
+/// Transmissions in order of their start.
+#[derive(Debug)]
+pub(super) struct Outbox {
+    /// Nothing: characters take no time.
+    pace: Option<LinkSettings>,
+    waiting: Vec<Transmission>,
+    /// Emptied buffers, to be used again.
+    spare: Vec<Vec<u8>>,
+}
+
+impl Outbox {
+    /// Most transmissions that may wait. More mean that nobody takes them.
+    pub const MAX_WAITING: usize = 64;
+
+    pub const fn new(pace: Option<LinkSettings>) -> Self {
+        Self { pace, waiting: Vec::new(), spare: Vec::new() }
+    }
+
+    pub const fn is_paced(&self) -> bool {
+        self.pace.is_some()
+    }
+
+    /// Time that `bytes` bytes take on the wire.
+    pub fn time(&self, bytes: usize) -> Duration {
+        self.pace.map_or(Duration::ZERO, |link| link.bytes(bytes))
+    }
+
+    pub const fn is_full(&self) -> bool {
+        self.waiting.len() >= Self::MAX_WAITING
+    }
+
+    /// An empty buffer for a frame.
+    pub fn buffer(&mut self) -> Vec<u8> {
+        self.spare.pop().unwrap_or_default()
+    }
+
+    /// Takes a buffer back that is no longer needed.
+    pub fn recycle(&mut self, mut buffer: Vec<u8>) {
+        buffer.clear();
+        self.spare.push(buffer);
+    }
+
+    /// Adds `bytes` of `station` from `start` on; returns with how many others they collide.
+    pub fn add(&mut self, station: Station, start: MonoTime, on_time: bool, bytes: Vec<u8>) -> u64 {
+        let end = start + self.time(bytes.len());
+        let place = self.waiting.partition_point(|other| other.start <= start);
+        self.waiting.insert(place, Transmission { station, start, end, on_time, bytes, sent: 0 });
+        let Some(link) = self.pace else { return 0 };
+        let mut collisions = 0;
+        for other in (0..self.waiting.len()).filter(|other| *other != place) {
+            let (head, tail) = self.waiting.split_at_mut(place.max(other));
+            let (first, second) = (&mut head[place.min(other)], &mut tail[0]);
+            if second.start < first.end {
+                collide(link, first, second);
+                collisions += 1;
+            }
+        }
+        collisions
+    }
+
+    /// When the next byte has come.
+    pub fn next_due(&self) -> Option<MonoTime> {
+        self.waiting.first().map(|first| self.due(first))
+    }
+
+    /// Gives out what has come until `at`; returns the end of the last transmission that is now complete.
+    pub fn take(&mut self, at: MonoTime, mut sink: impl FnMut(MonoTime, &[u8])) -> Option<MonoTime> {
+        let mut last_end = None;
+        while let Some(first) = self.waiting.first() {
+            let due = self.due(first);
+            let is_left = first.sent < first.bytes.len();
+            if is_left && due > at {
+                break;
+            }
+            let upto = if is_left && self.is_paced() { first.sent + 1 } else { first.bytes.len() };
+            if is_left {
+                sink(due, &first.bytes[first.sent..upto]);
+            }
+            last_end = last_end.max(self.mark_sent(upto));
+        }
+        last_end
+    }
+
+    /// Whether a drive is transmitting at `at`.
+    pub fn is_on_wire(&self, at: MonoTime) -> bool {
+        self.waiting.iter().any(|drive| drive.start < at && at < drive.end)
+    }
+
+    /// Whether a reply that is on time has not come to its end at `at`.
+    pub fn is_awaited(&self, at: MonoTime) -> bool {
+        self.waiting.iter().any(|drive| drive.on_time && at < drive.end)
+    }
+
+    /// The last end of a transmission that is over at `at` but was not taken.
+    pub fn last_end(&self, at: MonoTime) -> Option<MonoTime> {
+        self.waiting.iter().map(|drive| drive.end).filter(|end| *end <= at).max()
+    }
+
+    /// Takes away what `station` has not put on the wire at `at`.
+    pub fn silence(&mut self, at: MonoTime, station: Station) {
+        let pace = self.pace;
+        let time = |bytes| pace.map_or(Duration::ZERO, |link| link.bytes(bytes));
+        for drive in self.waiting.iter_mut().filter(|drive| drive.station == station) {
+            let went_out = (1..=drive.bytes.len()).filter(|bytes| drive.start + time(*bytes) <= at).count();
+            drive.bytes.truncate(went_out.max(drive.sent));
+            drive.end = drive.end.min(at);
+        }
+        self.waiting.retain(|drive| drive.sent < drive.bytes.len());
+    }
+
+    /// When the next byte of `drive` has come.
+    fn due(&self, drive: &Transmission) -> MonoTime {
+        drive.start + self.time(drive.sent + 1)
+    }
+
+    /// Counts `sent` bytes of the first transmission as sent; returns its end with the last one.
+    fn mark_sent(&mut self, sent: usize) -> Option<MonoTime> {
+        let first = self.waiting.first_mut()?;
+        first.sent = sent;
+        if sent < first.bytes.len() {
+            return None;
+        }
+        let done = self.waiting.remove(0);
+        self.recycle(done.bytes);
+        Some(done.end)
+    }
+}
+
+/// What two drives at the same time make of each other's characters: wrong ones while both talk, and of the
+/// second drive only what comes after the first one is done.
+fn collide(link: LinkSettings, first: &mut Transmission, second: &mut Transmission) {
+    for n in first.sent..first.bytes.len() {
+        if first.start + link.bytes(n + 1) > second.start {
+            first.bytes[n] ^= 0x55;
+        }
+    }
+    while second.sent < second.bytes.len() && second.start + link.bytes(second.sent) < first.end {
+        second.sent += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A character takes 1 ms.
+    const LINK: LinkSettings = LinkSettings { baud: 10_000, ..LinkSettings::DEFAULT };
+
+    fn ms(millis: u64) -> MonoTime {
+        MonoTime::from_millis(millis)
+    }
+
+    fn taken(outbox: &mut Outbox, at: MonoTime) -> Vec<(u64, u8)> {
+        let mut bytes = Vec::new();
+        outbox.take(at, |due, byte| bytes.push((due.as_nanos() / 1_000_000, byte[0])));
+        bytes
+    }
+
+    #[test]
+    fn two_drives_at_the_same_time_damage_each_other() {
+        let mut outbox = Outbox::new(Some(LINK));
+        assert_eq!(outbox.add(Station(2), ms(102), false, vec![5, 6, 7, 8]), 0);
+        assert_eq!(outbox.add(Station(1), ms(100), true, vec![1, 2, 3, 4]), 1);
+        let expected = [(101, 1), (102, 2), (103, 3 ^ 0x55), (104, 4 ^ 0x55), (105, 7), (106, 8)];
+        assert_eq!(taken(&mut outbox, ms(200)), expected);
+        assert_eq!(outbox.next_due(), None);
+    }
+
+    #[test]
+    fn one_that_is_switched_off_stops_after_its_last_whole_character() {
+        let mut outbox = Outbox::new(Some(LINK));
+        outbox.add(Station(1), ms(100), true, vec![1, 2, 3, 4]);
+        outbox.add(Station(1), ms(300), false, vec![9]);
+        assert_eq!(taken(&mut outbox, ms(101)), [(101, 1)]);
+        outbox.silence(MonoTime::from_micros(102_500), Station(1));
+        assert_eq!(taken(&mut outbox, ms(400)), [(102, 2)]);
+    }
+}

@@ -1,0 +1,52 @@
+//! What an observer on the wire of a simulated bus counts.
+
+use std::time::Duration;
+
+/// Counters of one bus since it was made. Gaps and overlaps are seen on a paced bus only: without character
+/// times there is no silence that could be measured.
+#[derive(Clone, Debug, Default)]
+pub struct BusReport {
+    /// Requests with a right CRC, for any station.
+    pub requests_heard: u64,
+    /// Normal and exception replies that the drives put on the wire, on time or late, whole or damaged.
+    pub replies_sent: u64,
+    /// Transmissions of the master that make no sound frame.
+    pub bad_crc: u64,
+    /// Silences before a request that were shorter than required.
+    pub gaps_too_short: u64,
+    /// Times that the master began to transmit while a drive transmitted or before a reply that was on time
+    /// had come to its end. A late reply counts only from its first bit on: nobody could know of it before.
+    pub talked_over: u64,
+    /// Replies that two drives transmitted at the same time, so that both were damaged.
+    pub collisions: u64,
+    /// Replies that a fault, or too many waiting ones, kept from the wire.
+    pub replies_lost: u64,
+    /// Replies that a fault made late.
+    pub replies_late: u64,
+    /// Requests that a drive ignored because it still had a late reply to send.
+    pub requests_ignored: u64,
+    /// The shortest silence before a request.
+    pub shortest_gap: Option<Duration>,
+    gaps: Vec<Duration>,
+}
+
+impl BusReport {
+    /// Most gaps that are kept one by one (16 MB); later ones are only counted.
+    pub const MAX_GAPS: usize = 1_000_000;
+
+    /// The silences before the first requests, in order, at most [`Self::MAX_GAPS`]. There is none before
+    /// the very first transmission on the bus.
+    #[must_use]
+    pub fn gaps(&self) -> &[Duration] {
+        &self.gaps
+    }
+
+    /// Counts a silence before a request against the one that is required.
+    pub(super) fn count_gap(&mut self, gap: Duration, required: Duration) {
+        self.gaps_too_short += u64::from(gap < required);
+        self.shortest_gap = Some(self.shortest_gap.map_or(gap, |shortest| shortest.min(gap)));
+        if self.gaps.len() < Self::MAX_GAPS {
+            self.gaps.push(gap);
+        }
+    }
+}
