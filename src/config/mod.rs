@@ -1,1 +1,40 @@
-//! Not built yet.
+//! The configuration file, from its text to ready values or to all its problems at once. Opens nothing.
+//!
+//! `read` takes the values as they are written (`file`), each with its place, and refuses every key that is
+//! not in the table of [`keys`]. `resolve` fills in what is left out and checks what lies between keys: `link`
+//! the lines against their models, `listen` the listeners, `units` who answers where. Neither stops at the
+//! first mistake. What only shows when a port is opened (whether it is a pseudo-terminal) is left to the daemon.
+
+mod file;
+pub mod keys;
+mod link;
+mod listen;
+mod read;
+pub mod ready;
+mod resolve;
+#[cfg(test)]
+mod tests;
+mod units;
+
+pub use ready::{Config, DriveSettings, GatewaySettings, LineSettings, ListenerSettings, Silence};
+
+use crate::domain::problem::Problem;
+use crate::profile::catalog::Catalog;
+
+/// The configuration that `text` states, with the models of `catalog`.
+///
+/// # Errors
+/// Every problem of the text, at least one, in the order of the text. A text that is no TOML is reported as
+/// such, and its keys are not looked at.
+pub fn load(text: &str, catalog: &Catalog) -> Result<Config, Vec<Problem>> {
+    let mut problems = Vec::new();
+    let file = read::read(text, &mut problems);
+    let config = file.and_then(|file| resolve::resolve(&file, catalog, &mut problems));
+    match config {
+        Some(config) if problems.is_empty() => Ok(config),
+        _ => {
+            problems.sort_by_key(|problem| problem.span.start);
+            Err(problems)
+        }
+    }
+}

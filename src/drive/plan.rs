@@ -49,43 +49,92 @@ fn joins(model: &Model, group: &PollGroup, address: u16) -> bool {
     group.address.checked_add(group.count) == Some(address) && group.count < model.words_in_one_read(group.address)
 }
 
+/// One group with its times.
+#[derive(Debug)]
+struct Entry {
+    group: PollGroup,
+    /// A moment at which it falls due once it runs regularly.
+    regular: MonoTime,
+    due: MonoTime,
+}
+
 /// The poll groups of one drive with the moments at which they are due.
 #[derive(Debug)]
 pub struct PollPlan {
     poll: Duration,
-    entries: Vec<(PollGroup, MonoTime)>,
+    entries: Vec<Entry>,
 }
 
 impl PollPlan {
-    /// The plan of a drive of `model`, first due from `start` on. `phase` (0 to 1) moves all its polls by
-    /// that part of their period, so that the drives of a line do not fall due together.
+    /// The plan of a drive of `model`. Everything is due at `start`, so that the drive is known soon; then
+    /// `phase` (0 to 1) moves its polls by that part of their period, so that the drives of a line do not
+    /// fall due together.
     #[must_use]
     pub fn new(model: &Model, poll: Duration, start: MonoTime, phase: f64) -> Self {
-        let entries = groups(model)
-            .into_iter()
-            .map(|group| (group, start + group.period(poll).mul_f64(phase.clamp(0.0, 1.0))))
-            .collect();
-        Self { poll, entries }
+        let entry = |group: PollGroup| {
+            let regular = start + group.period(poll).mul_f64(phase.clamp(0.0, 1.0));
+            Entry { group, regular, due: start }
+        };
+        Self { poll, entries: groups(model).into_iter().map(entry).collect() }
     }
 
-    /// The group at `index` and when it is due, for as long as there are groups.
+    /// The number of each group, what it reads and when it is due.
     pub fn iter(&self) -> impl Iterator<Item = (usize, PollGroup, MonoTime)> + '_ {
-        self.entries.iter().enumerate().map(|(index, (group, due))| (index, *group, *due))
+        self.entries.iter().enumerate().map(|(index, entry)| (index, entry.group, entry.due))
     }
 
-    /// Whether the group at `index`, due since `due`, has grown older than half its period by `now`.
+    /// Whether a group that is due since `due` has grown older than half its period by `now`.
     #[must_use]
     pub fn is_aged(&self, group: PollGroup, due: MonoTime, now: MonoTime) -> bool {
         now.since(due) * 2 > group.period(self.poll)
     }
 
-    /// Notes that the group at `index` goes out at `now`. Periods that were missed are left out, so that
-    /// a line that fell behind does not try to catch up; the phase is kept.
+    /// Notes that the group at `index` goes out at `now`. Periods that were missed are left out, so that a line
+    /// that fell behind does not try to catch up; the phase is kept.
     pub fn sent(&mut self, index: usize, now: MonoTime) {
-        let Some((group, due)) = self.entries.get_mut(index) else { return };
-        let period = group.period(self.poll).max(Duration::from_millis(1));
-        let missed = now.since(*due).as_nanos() / period.as_nanos();
-        let periods = u32::try_from(missed + 1).unwrap_or(u32::MAX);
-        *due = *due + period * periods;
+        let Some(entry) = self.entries.get_mut(index) else { return };
+        let period = entry.group.period(self.poll).max(Duration::from_millis(1));
+        if now < entry.regular {
+            entry.due = entry.regular;
+            return;
+        }
+        let missed = now.since(entry.regular).as_nanos() / period.as_nanos();
+        entry.regular = entry.regular + period * u32::try_from(missed + 1).unwrap_or(u32::MAX);
+        entry.due = entry.regular;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::check;
+    use crate::vendors;
+
+    fn model() -> Model {
+        let (_, text) = vendors::texts().first().expect("a built-in model");
+        check::model(text).expect("a sound model")
+    }
+
+    #[test]
+    fn neighbours_share_a_frame_and_classes_do_not() {
+        let groups: Vec<_> = groups(&model()).iter().map(|group| (group.address, group.count)).collect();
+        // D001; trip count; F001; F010 and F011 together
+        assert_eq!(groups, [(0x0101, 1), (0x0112, 1), (0x0201, 1), (0x0211, 2)]);
+    }
+
+    #[test]
+    fn a_line_that_fell_behind_keeps_its_phase_and_does_not_catch_up() {
+        let at = MonoTime::from_millis;
+        let mut plan = PollPlan::new(&model(), Duration::from_millis(100), at(1000), 0.25);
+        let due = |plan: &PollPlan| plan.iter().next().map(|(_, _, due)| due).expect("a group");
+        assert_eq!(due(&plan), at(1000), "known soon");
+        plan.sent(0, at(1010));
+        assert_eq!(due(&plan), at(1025), "then in its phase");
+        plan.sent(0, at(1025));
+        assert_eq!(due(&plan), at(1125));
+        plan.sent(0, at(1777));
+        assert_eq!(due(&plan), at(1825));
+        let group = plan.entries[0].group;
+        assert!(!plan.is_aged(group, at(1825), at(1875)) && plan.is_aged(group, at(1825), at(1876)));
     }
 }

@@ -6,8 +6,7 @@ use std::ops::RangeInclusive;
 use std::time::Duration;
 
 /// How sure a fact is. A control action rests on a fact only as far as its confidence allows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Confidence {
     /// Stated in the manual of this very model.
     Manual,
@@ -101,11 +100,7 @@ impl Model {
     /// How many words may be read from `address` in one frame before the model's limit or group boundary.
     #[must_use]
     pub fn words_in_one_read(&self, address: u16) -> u16 {
-        let to_boundary = match self.read.boundary {
-            Some(Boundary::HighByte) => 0x100 - (address & 0xFF),
-            None => u16::MAX,
-        };
-        self.read.max_words.value.min(to_boundary)
+        self.read.words_from(address)
     }
 }
 
@@ -163,9 +158,19 @@ pub struct ReadLimits {
     pub boundary: Option<Boundary>,
 }
 
+impl ReadLimits {
+    /// How many words may be read from `address` in one frame.
+    pub(super) fn words_from(&self, address: u16) -> u16 {
+        let to_boundary = match self.boundary {
+            Some(Boundary::HighByte) => 0x100 - (address & 0xFF),
+            None => (u16::MAX - address).saturating_add(1),
+        };
+        self.max_words.value.min(to_boundary)
+    }
+}
+
 /// What a read must not cross.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Boundary {
     /// A change of the address's high byte (a group of parameters).
     HighByte,
@@ -179,8 +184,7 @@ pub struct WriteRules {
 }
 
 /// What a refused write looks like on the wire.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum RefusedWrite {
     /// An exception reply.
     Exception,
@@ -213,8 +217,7 @@ pub struct RunCommand {
 }
 
 /// What the gateway uses a register for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Role {
     /// Run commands are written here.
     RunCommand,
@@ -239,8 +242,7 @@ pub enum Role {
 }
 
 /// How often a register is polled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum PollClass {
     /// At the drive's poll period: status and output frequency.
     Fast,
@@ -249,8 +251,7 @@ pub enum PollClass {
 }
 
 /// Who may do what with a register.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Access {
     /// Only read.
     Read,

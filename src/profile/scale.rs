@@ -1,1 +1,142 @@
-//! Not built yet.
+//! Between the raw words of a register and values in its unit, exact in decimal.
+
+use super::model::Register;
+use std::fmt;
+
+/// A value as the drive holds it: `raw / scale`, kept as the two whole numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Scaled {
+    raw: i32,
+    scale: u32,
+}
+
+impl Scaled {
+    /// The value that `word` means in `register`.
+    #[must_use]
+    pub fn from_word(word: u16, register: &Register) -> Self {
+        let raw = if register.signed { i32::from(word.cast_signed()) } else { i32::from(word) };
+        Self { raw, scale: register.scale }
+    }
+
+    /// The value in the register's unit, as the nearest binary number.
+    #[must_use]
+    pub fn value(self) -> f64 {
+        f64::from(self.raw) / f64::from(self.scale)
+    }
+}
+
+impl fmt::Display for Scaled {
+    /// With as many decimals as the scale has zeros (raw 6000 of scale 100 is `60.00`); a scale that is no
+    /// power of ten shows as many as the value needs.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let decimals = self.scale.ilog10();
+        if 10_u32.pow(decimals) != self.scale {
+            return write!(f, "{}", self.value());
+        }
+        let (whole, part) = (self.raw.unsigned_abs() / self.scale, self.raw.unsigned_abs() % self.scale);
+        let sign = if self.raw < 0 { "-" } else { "" };
+        if decimals == 0 {
+            return write!(f, "{sign}{whole}");
+        }
+        write!(f, "{sign}{whole}.{part:0width$}", width = decimals as usize)
+    }
+}
+
+/// Why a value has no raw word.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum NoWord {
+    /// Not a number, or infinite.
+    #[error("not a number")]
+    NotANumber,
+    /// Below or above what the register's word can hold.
+    #[error("outside {least} to {most}")]
+    OutOfRange {
+        /// The least value that the word can hold.
+        least: Scaled,
+        /// The greatest value that the word can hold.
+        most: Scaled,
+    },
+    /// Between two steps of the register.
+    #[error("finer than the register's steps of 1/{scale}")]
+    BetweenSteps {
+        /// Steps per unit.
+        scale: u32,
+    },
+}
+
+/// The raw word for `value`, which is in the unit of `register`. Nothing is rounded or clamped: the value must be
+/// the binary number nearest to a step of the register, as it is when read from decimal text.
+///
+/// # Errors
+/// The word cannot hold the value.
+pub fn to_raw(value: f64, register: &Register) -> Result<u16, NoWord> {
+    if !value.is_finite() {
+        return Err(NoWord::NotANumber);
+    }
+    let (least, most) =
+        if register.signed { (i16::MIN.cast_unsigned(), i16::MAX.cast_unsigned()) } else { (0, u16::MAX) };
+    let (least, most) = (Scaled::from_word(least, register), Scaled::from_word(most, register));
+    if !(least.value()..=most.value()).contains(&value) {
+        return Err(NoWord::OutOfRange { least, most });
+    }
+    let raw = (value * f64::from(register.scale)).round() as i32;
+    let step = Scaled { raw, scale: register.scale };
+    if step.value() != value {
+        return Err(NoWord::BetweenSteps { scale: register.scale });
+    }
+    // In two's complement the low word of a negative number is its register word.
+    Ok((raw & 0xFFFF) as u16)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::check;
+    use crate::profile::testing::MODEL;
+
+    fn register(scale: u32, signed: bool) -> Register {
+        let mut register = check::model(MODEL).unwrap().registers.remove(0);
+        (register.scale, register.signed) = (scale, signed);
+        register
+    }
+
+    #[test]
+    fn values_show_the_decimals_of_their_scale() {
+        let table = [
+            (6000, 100, false, "60.00"),
+            (100, 10, false, "10.0"),
+            (5, 1000, false, "0.005"),
+            (0, 100, false, "0.00"),
+            (0xFFFF, 1, false, "65535"),
+            (0xFFFF, 100, true, "-0.01"),
+            (0x8000, 1, true, "-32768"),
+            (3, 4, false, "0.75"),
+        ];
+        for (word, scale, signed, text) in table {
+            assert_eq!(Scaled::from_word(word, &register(scale, signed)).to_string(), text);
+        }
+    }
+
+    #[test]
+    fn every_word_comes_back_from_its_own_text() {
+        for (scale, signed) in [(1, false), (10, true), (100, false), (1000, true), (7, false)] {
+            let register = register(scale, signed);
+            for word in 0..=u16::MAX {
+                let text = Scaled::from_word(word, &register).to_string();
+                assert_eq!(to_raw(text.parse().unwrap(), &register), Ok(word), "{text}");
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_is_clamped_or_rounded() {
+        let hertz = register(100, false);
+        assert_eq!(to_raw(f64::NAN, &hertz), Err(NoWord::NotANumber));
+        assert_eq!(to_raw(f64::INFINITY, &hertz), Err(NoWord::NotANumber));
+        assert_eq!(to_raw(50.005, &hertz), Err(NoWord::BetweenSteps { scale: 100 }));
+        assert_eq!(to_raw(655.36, &hertz).unwrap_err().to_string(), "outside 0.00 to 655.35");
+        assert_eq!(to_raw(-0.01, &hertz).unwrap_err().to_string(), "outside 0.00 to 655.35");
+        assert_eq!(to_raw(3276.8, &register(10, true)).unwrap_err().to_string(), "outside -3276.8 to 3276.7");
+        assert_eq!(to_raw(-0.0, &hertz), Ok(0));
+    }
+}

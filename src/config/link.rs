@@ -1,0 +1,182 @@
+//! What must agree between a line and the models on it: speed, character format, framing, interface.
+
+use super::file::{DriveFile, LineFile};
+use crate::domain::link::{Framing, Interface, LinkSettings, Parity};
+use crate::domain::problem::Problem;
+use crate::profile::model::{Link, Model};
+use crate::profile::reader::{Given, Place};
+use crate::profile::words::{FRAMINGS, INTERFACES, PARITIES, word_for};
+
+/// Data bits of a line that names none.
+const DEFAULT_DATA_BITS: u8 = 8;
+
+/// A model of a line, with the first drive that has it.
+pub(super) struct OnLine<'a> {
+    pub model: &'a Model,
+    pub drive: &'a DriveFile,
+}
+
+/// What is settled for a line once it agrees with its models.
+pub(super) struct Settled {
+    pub link: LinkSettings,
+    pub framing: Framing,
+    pub interface: Interface,
+}
+
+/// Settles `line` with its `models`, each of which stands there once. Nothing: see `problems`.
+pub(super) fn settle(line: &LineFile, models: &[OnLine], problems: &mut Vec<Problem>) -> Option<Settled> {
+    let framing = choose(line, models, &line.framing, Framing::Rtu, &FRAMING, problems);
+    let interface = choose(line, models, &line.interface, Interface::Rs485, &INTERFACE, problems);
+    let baud = setting(line, models, &line.baud, &BAUD, problems);
+    let data_bits = data_bits(line, models, framing, problems);
+    let parity = setting(line, models, &line.parity, &PARITY, problems);
+    let stop_bits = setting(line, models, &line.stop_bits, &STOP_BITS, problems);
+    let link = LinkSettings { baud: baud?, data_bits: data_bits?, parity: parity?, stop_bits: stop_bits? };
+    Some(Settled { link, framing: framing?, interface: interface? })
+}
+
+/// Data bits: RTU frames are bytes, so 7 bits are wrong there whatever the models have.
+fn data_bits(line: &LineFile, models: &[OnLine], framing: Option<Framing>, problems: &mut Vec<Problem>) -> Option<u8> {
+    match (&line.data_bits, framing) {
+        (Given::Usable(written), Some(Framing::Rtu)) if written.value != 8 => {
+            problems.push(written.place.problem("RTU frames need 8 data bits").right("8, or leave it out"));
+            None
+        }
+        (given, _) => choose(line, models, given, DEFAULT_DATA_BITS, &DATA_BITS, problems),
+    }
+}
+
+/// One part of the link settings, and where a model says what it may be.
+struct Part<T: 'static> {
+    name: &'static str,
+    /// The value as the file writes it.
+    written: fn(T) -> String,
+    allowed: fn(&Link) -> &[T],
+}
+
+/// A part for which models have a factory setting.
+struct FactoryPart<T: 'static> {
+    part: Part<T>,
+    factory: fn(&LinkSettings) -> T,
+}
+
+const FRAMING: Part<Framing> =
+    Part { name: "framing", written: |it| quoted(word_for(&FRAMINGS, &it)), allowed: |link| &link.framings.value };
+const INTERFACE: Part<Interface> = Part {
+    name: "interface",
+    written: |it| quoted(word_for(&INTERFACES, &it)),
+    allowed: |link| &link.interfaces.value,
+};
+const BAUD: FactoryPart<u32> = FactoryPart {
+    part: Part { name: "baud", written: |it| it.to_string(), allowed: |link| &link.bauds.value },
+    factory: |link| link.baud,
+};
+const DATA_BITS: Part<u8> =
+    Part { name: "data_bits", written: |it| it.to_string(), allowed: |link| &link.data_bits.value };
+const PARITY: FactoryPart<Parity> = FactoryPart {
+    part: Part { name: "parity", written: |it| quoted(word_for(&PARITIES, &it)), allowed: |link| &link.parities.value },
+    factory: |link| link.parity,
+};
+const STOP_BITS: FactoryPart<u8> = FactoryPart {
+    part: Part { name: "stop_bits", written: |it| it.to_string(), allowed: |link| &link.stop_bits.value },
+    factory: |link| link.stop_bits,
+};
+
+/// The value of a part that has a fixed default.
+fn choose<T: Copy + PartialEq>(
+    line: &LineFile,
+    models: &[OnLine],
+    given: &Given<T>,
+    default: T,
+    part: &Part<T>,
+    problems: &mut Vec<Problem>,
+) -> Option<T> {
+    match given {
+        Given::LeftOut => possible(&line.place.missing(part.name), models, default, part, problems),
+        Given::Unusable => None,
+        Given::Usable(written) => possible(&written.place, models, written.value, part, problems),
+    }
+}
+
+/// The value of a part that defaults to what the models share.
+fn setting<T: Copy + PartialEq>(
+    line: &LineFile,
+    models: &[OnLine],
+    given: &Given<T>,
+    it: &FactoryPart<T>,
+    problems: &mut Vec<Problem>,
+) -> Option<T> {
+    match given {
+        Given::LeftOut => shared_factory(line, models, it, problems),
+        Given::Unusable => None,
+        Given::Usable(written) => possible(&written.place, models, written.value, &it.part, problems),
+    }
+}
+
+/// `value`, if every model has it.
+fn possible<T: Copy + PartialEq>(
+    place: &Place,
+    models: &[OnLine],
+    value: T,
+    part: &Part<T>,
+    problems: &mut Vec<Problem>,
+) -> Option<T> {
+    let before = problems.len();
+    for on_line in models {
+        let allowed = (part.allowed)(&on_line.model.link);
+        if !allowed.contains(&value) {
+            let what = format!("{} {} is not possible with {}", part.name, (part.written)(value), who(on_line));
+            problems.push(place.problem(what).right(list(part, allowed)));
+        }
+    }
+    (problems.len() == before).then_some(value)
+}
+
+/// The factory setting that all models share. Without any model (all unknown) there is none.
+fn shared_factory<T: Copy + PartialEq>(
+    line: &LineFile,
+    models: &[OnLine],
+    it: &FactoryPart<T>,
+    problems: &mut Vec<Problem>,
+) -> Option<T> {
+    let (first, others) = models.split_first()?;
+    let factory = |on_line: &OnLine| (it.factory)(&on_line.model.link.default.value);
+    if others.iter().all(|other| factory(other) == factory(first)) {
+        return Some(factory(first));
+    }
+    let each = models.iter().map(|on_line| format!("{} {}", on_line.model.id, (it.part.written)(factory(on_line))));
+    let what = format!(
+        "`{}` is left out, and the models of the line come with different factory settings: {}",
+        it.part.name,
+        each.collect::<Vec<_>>().join(", ")
+    );
+    problems.push(line.place.missing(it.part.name).problem(what).right(advice(first, others, &it.part)));
+    None
+}
+
+/// What to write where the factory settings differ.
+fn advice<T: Copy + PartialEq>(first: &OnLine, others: &[OnLine], part: &Part<T>) -> String {
+    let on_all = |value: &&T| others.iter().all(|other| (part.allowed)(&other.model.link).contains(value));
+    let shared: Vec<T> = (part.allowed)(&first.model.link).iter().filter(on_all).copied().collect();
+    match shared.is_empty() {
+        true => "a line for each model: no value can be set on all of them".to_owned(),
+        false => format!("add `{}`, and set it on every drive: {}", part.name, list(part, &shared)),
+    }
+}
+
+fn who(on_line: &OnLine) -> String {
+    format!("{} ({})", on_line.model.id, on_line.drive.label())
+}
+
+fn list<T: Copy>(part: &Part<T>, values: &[T]) -> String {
+    let words: Vec<String> = values.iter().map(|value| (part.written)(*value)).collect();
+    match words.as_slice() {
+        [] => "nothing".to_owned(),
+        [only] => format!("only {only}"),
+        words => format!("one of {}", words.join(", ")),
+    }
+}
+
+fn quoted(word: &str) -> String {
+    format!("\"{word}\"")
+}

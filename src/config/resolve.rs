@@ -1,0 +1,175 @@
+//! From the configuration as written to ready values: defaults, models, and the rules between keys.
+
+use super::file::{DriveFile, File, LineFile, ListenerFile};
+use super::link::{self, OnLine, Settled};
+use super::ready::{Config, DriveSettings, GatewaySettings, LineSettings, ListenerSettings, Silence};
+use super::{listen, units};
+use crate::domain::ids::{Station, UnitId};
+use crate::domain::link::Interface;
+use crate::domain::problem::{Problem, nearest};
+use crate::profile::catalog::Catalog;
+use crate::profile::model::Model;
+use crate::profile::reader::{Place, Written};
+use crate::profile::register::with_extra;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// The poll period of a drive that names none.
+const DEFAULT_POLL: Duration = Duration::from_millis(500);
+
+/// The ready configuration; nothing if anything of `file` cannot be used, which `problems` then says.
+pub(super) fn resolve(file: &File, catalog: &Catalog, problems: &mut Vec<Problem>) -> Option<Config> {
+    unique(file, problems);
+    let parts: Vec<LineParts> = file.lines.iter().map(|line| parts_of(line, catalog, problems)).collect();
+    let served = listen::settle(file, problems);
+    let units = units::settle(file, &served, problems);
+
+    let lines = file.lines.iter().zip(parts).zip(&units);
+    let lines = lines.map(|((line, parts), units)| ready_line(line, parts, units));
+    let listeners = file.listeners.iter().zip(served).map(|(listener, served)| ready_listener(listener, served));
+    Some(Config {
+        gateway: GatewaySettings { name: file.name.clone().optional()? },
+        lines: lines.collect::<Option<Vec<_>>>()?,
+        listeners: listeners.collect::<Option<Vec<_>>>()?,
+    })
+}
+
+/// What the catalogue adds to a line as it is written.
+struct LineParts {
+    /// The model of each drive; nothing where it is unknown.
+    models: Vec<Option<Arc<Model>>>,
+    settled: Option<Settled>,
+}
+
+/// Names of lines, names of drives and ports stand once.
+fn unique(file: &File, problems: &mut Vec<Problem>) {
+    let line_names = file.lines.iter().filter_map(|line| line.name.as_ref());
+    let drive_names = file.lines.iter().flat_map(|line| &line.drives).filter_map(|drive| drive.name.as_ref());
+    let ports = file.lines.iter().filter_map(|line| line.port.as_ref());
+    once(line_names, |name| format!("the name `{name}`"), "a name that no other line has", problems);
+    once(drive_names, |name| format!("the name `{name}`"), "a name that no other drive of the gateway has", problems);
+    let right = "a port of its own; drives on one bus belong to one line";
+    once(ports, |port| format!("the port {}", port.display()), right, problems);
+}
+
+fn once<'a, T: Ord + 'a>(
+    values: impl Iterator<Item = &'a Written<T>>,
+    called: impl Fn(&T) -> String,
+    right: &str,
+    problems: &mut Vec<Problem>,
+) {
+    let mut seen: BTreeMap<&T, &Place> = BTreeMap::new();
+    for written in values {
+        let Some(first) = seen.get(&written.value) else {
+            seen.insert(&written.value, &written.place);
+            continue;
+        };
+        let what = format!("{} is taken by {}", called(&written.value), first.key);
+        problems.push(written.place.problem(what).right(right));
+    }
+}
+
+/// Looks up the models of a line and checks what one line must keep, whatever the others do.
+fn parts_of(line: &LineFile, catalog: &Catalog, problems: &mut Vec<Problem>) -> LineParts {
+    let models: Vec<_> = line.drives.iter().map(|drive| model_of(drive, catalog, problems)).collect();
+    stations(line, &models, problems);
+    alone_on_rs232(line, problems);
+    let mut on_line: Vec<OnLine> = Vec::new();
+    for (drive, model) in line.drives.iter().zip(&models) {
+        let Some(model) = model else { continue };
+        if on_line.iter().all(|other| other.model.id != model.id) {
+            on_line.push(OnLine { model, drive });
+        }
+    }
+    let settled = link::settle(line, &on_line, problems);
+    LineParts { models, settled }
+}
+
+fn alone_on_rs232(line: &LineFile, problems: &mut Vec<Problem>) {
+    let rs232 = line.interface.usable().filter(|interface| interface.value == Interface::Rs232);
+    if let Some(rs232) = rs232.filter(|_| line.drives.len() > 1) {
+        let what = format!("RS-232 carries one drive, and this line has {}", line.drives.len());
+        problems.push(rs232.place.problem(what).right("\"rs485\", or a line for each drive"));
+    }
+}
+
+/// The model of a drive, with the registers that the file adds to it.
+fn model_of(drive: &DriveFile, catalog: &Catalog, problems: &mut Vec<Problem>) -> Option<Arc<Model>> {
+    let written = drive.model.as_ref()?;
+    let Some(model) = catalog.find(&written.value).cloned() else {
+        problems.push(unknown_model(written, catalog));
+        return None;
+    };
+    if drive.registers.is_empty() {
+        return Some(model);
+    }
+    Some(Arc::new(with_extra(&model, &drive.registers, problems)))
+}
+
+fn unknown_model(written: &Written<String>, catalog: &Catalog) -> Problem {
+    let problem = written.place.problem(format!("there is no model `{}`", written.value));
+    match nearest(&written.value, catalog.ids()) {
+        Some(near) => problem.right(format!("\"{near}\"")),
+        None => problem.right(format!("one of {}", catalog.ids().collect::<Vec<_>>().join(", "))),
+    }
+}
+
+/// Each station is in its model's range and stands once on the line.
+fn stations(line: &LineFile, models: &[Option<Arc<Model>>], problems: &mut Vec<Problem>) {
+    let mut owners: BTreeMap<Station, &DriveFile> = BTreeMap::new();
+    for (drive, model) in line.drives.iter().zip(models) {
+        let Some(station) = &drive.station else { continue };
+        if let Some(model) = model.as_ref().filter(|it| !it.link.stations.value.contains(&station.value.0)) {
+            let range = &model.link.stations.value;
+            let what = format!("station {} cannot be set on {}", station.value, model.id);
+            problems.push(station.place.problem(what).right(format!("{} to {}", range.start(), range.end())));
+        }
+        let Some(owner) = owners.get(&station.value) else {
+            owners.insert(station.value, drive);
+            continue;
+        };
+        let what = format!("{} and {} would both answer at station {}", owner.label(), drive.label(), station.value);
+        problems.push(station.place.problem(what).right("a station that no other drive of the line has"));
+    }
+}
+
+fn ready_line(line: &LineFile, parts: LineParts, units: &[Option<UnitId>]) -> Option<LineSettings> {
+    let Settled { link, framing, interface } = parts.settled?;
+    let reply_timeout = line.reply_timeout.or(None)?;
+    let drives = line.drives.iter().zip(parts.models).zip(units);
+    let drives = drives.map(|((drive, model), unit)| ready_drive(drive, model?, (*unit)?, reply_timeout));
+    Some(LineSettings {
+        name: line.name.as_ref()?.value.clone(),
+        port: line.port.as_ref()?.value.clone(),
+        link,
+        interface,
+        framing,
+        silence: line.silence.or(Silence::Auto)?,
+        min_request_gap: line.min_request_gap.or(Duration::ZERO)?,
+        reply_timeout,
+        drives: drives.collect::<Option<Vec<_>>>()?,
+    })
+}
+
+fn ready_drive(
+    drive: &DriveFile,
+    model: Arc<Model>,
+    unit: UnitId,
+    line_timeout: Option<Duration>,
+) -> Option<DriveSettings> {
+    Some(DriveSettings {
+        name: drive.name.as_ref()?.value.clone(),
+        station: drive.station.as_ref()?.value,
+        unit,
+        poll: drive.poll.or(DEFAULT_POLL)?,
+        reply_timeout: drive.reply_timeout.or(line_timeout)?,
+        max_lateness: drive.max_lateness.or(model.timing.max_lateness.value)?,
+        model,
+    })
+}
+
+fn ready_listener(listener: &ListenerFile, served: BTreeSet<usize>) -> Option<ListenerSettings> {
+    let lines = listener.lines.clone().optional()?.map(|_| served.into_iter().collect());
+    Some(ListenerSettings { listen: listener.listen.as_ref()?.value, allow: listener.allow.clone().optional()?, lines })
+}

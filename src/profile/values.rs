@@ -1,0 +1,263 @@
+//! What a value of a TOML file may be: text, words, numbers with their range, times with their unit.
+
+use super::reader::kind_of;
+use crate::domain::problem::nearest;
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+use std::time::Duration;
+use toml::de::DeValue;
+
+/// What is wrong with a value.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Wrong {
+    /// What is wrong, in one sentence.
+    pub what: String,
+    /// What would be right, where that is more exact than the kind's own sentence.
+    pub right: Option<String>,
+}
+
+impl Wrong {
+    /// Wrong for the reason `what`.
+    #[must_use]
+    pub fn new(what: impl Into<String>) -> Self {
+        Self { what: what.into(), right: None }
+    }
+}
+
+/// A kind of value: how it is read, and what is right for it, in words.
+pub struct Kind<'k, T> {
+    right: String,
+    read: Box<Read<'k, T>>,
+}
+
+type Read<'k, T> = dyn Fn(&DeValue<'_>) -> Result<T, Wrong> + 'k;
+
+impl<'k, T: 'k> Kind<'k, T> {
+    /// What is right, as it stands behind "right would be": `a whole number from 1 to 9`.
+    #[must_use]
+    pub fn right(&self) -> &str {
+        &self.right
+    }
+
+    /// Reads `value`.
+    ///
+    /// # Errors
+    /// The value is of another kind or out of range.
+    pub fn read(&self, value: &DeValue<'_>) -> Result<T, Wrong> {
+        (self.read)(value)
+    }
+
+    /// Text from which `parse` makes a value; nothing: it cannot. `right` says in words what it takes.
+    pub fn parsed(right: impl Into<String>, parse: impl Fn(&str) -> Option<T> + 'k) -> Self {
+        Self::new(right.into(), move |value| {
+            let text = as_text(value)?;
+            parse(text).ok_or_else(|| Wrong::new(format!("`{text}` will not do")))
+        })
+    }
+
+    /// This kind, or the word `word`, which is read as nothing.
+    #[must_use]
+    pub fn or_word(self, word: &'static str) -> Kind<'k, Option<T>> {
+        Kind::new(format!("\"{word}\" or {}", self.right), move |value| match value {
+            DeValue::String(text) if text == word => Ok(None),
+            other => (self.read)(other).map(Some),
+        })
+    }
+
+    fn new(right: String, read: impl Fn(&DeValue<'_>) -> Result<T, Wrong> + 'k) -> Self {
+        Self { right, read: Box::new(read) }
+    }
+}
+
+impl<'k, T: Copy + 'k> Kind<'k, T> {
+    /// One of `words`, each of which stands for a value.
+    #[must_use]
+    pub fn one_of(words: &'k [(&'k str, T)]) -> Self {
+        let list: Vec<_> = words.iter().map(|(word, _)| format!("\"{word}\"")).collect();
+        let right = if let [one] = &list[..] { one.clone() } else { format!("one of {}", list.join(", ")) };
+        Self::new(right, move |value| {
+            let text = as_text(value)?;
+            if let Some((_, found)) = words.iter().find(|(word, _)| *word == text) {
+                return Ok(*found);
+            }
+            let near = nearest(text, words.iter().map(|(word, _)| *word));
+            Err(Wrong { what: format!("`{text}` is none of the words"), right: near.map(|near| format!("\"{near}\"")) })
+        })
+    }
+}
+
+impl<'k, T: Copy + TryFrom<i64> + Into<i64> + Display + 'k> Kind<'k, T> {
+    /// A whole number in `range`.
+    #[must_use]
+    pub fn number(range: RangeInclusive<T>) -> Self {
+        let right = format!("a whole number from {} to {}", range.start(), range.end());
+        Self::new(right, move |value| in_range(value, &range))
+    }
+}
+
+impl Kind<'_, u16> {
+    /// An address of a register, best written in hexadecimal.
+    #[must_use]
+    pub fn address() -> Self {
+        Self::new("an address from 0x0000 to 0xFFFF".to_owned(), |value| in_range(value, &(0..=u16::MAX)))
+    }
+}
+
+impl Kind<'_, String> {
+    /// Text that holds more than blanks.
+    #[must_use]
+    pub fn text() -> Self {
+        Self::new("text, not empty".to_owned(), |value| match as_text(value)?.trim() {
+            "" => Err(Wrong::new("is empty")),
+            text => Ok(text.to_owned()),
+        })
+    }
+}
+
+impl Kind<'_, bool> {
+    /// `true` or `false`.
+    #[must_use]
+    pub fn flag() -> Self {
+        Self::new("true or false".to_owned(), |value| match value {
+            DeValue::Boolean(flag) => Ok(*flag),
+            other => Err(Wrong::new(format!("must be true or false, not {}", kind_of(other)))),
+        })
+    }
+}
+
+impl Kind<'_, f64> {
+    /// A number in `range`, with or without a decimal point.
+    #[must_use]
+    pub fn decimal(range: RangeInclusive<f64>) -> Self {
+        Self::new(format!("a number from {} to {}", range.start(), range.end()), move |value| {
+            let text = match value {
+                DeValue::Float(float) => float.as_str(),
+                DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str(),
+                other => return Err(Wrong::new(format!("must be a number, not {}", kind_of(other)))),
+            };
+            let number = text.parse().ok().filter(|number| range.contains(number));
+            number.ok_or_else(|| Wrong::new(format!("{text} is out of range")))
+        })
+    }
+}
+
+impl Kind<'_, Duration> {
+    /// A time in `range`, as text with its unit: `500ms`, `5s`, `10min`, `1h`.
+    #[must_use]
+    pub fn duration(range: RangeInclusive<Duration>) -> Self {
+        let (least, most) = (duration_text(*range.start()), duration_text(*range.end()));
+        Self::new(format!("a time from \"{least}\" to \"{most}\""), move |value| {
+            let DeValue::String(text) = value else {
+                return Err(Wrong::new(format!("must be a time with its unit as text, not {}", kind_of(value))));
+            };
+            match parse_duration(text) {
+                None => Err(Wrong::new(format!("`{text}` is no time; the units are ms, s, min, h"))),
+                Some(time) if !range.contains(&time) => Err(Wrong::new(format!("{text} is out of range"))),
+                Some(time) => Ok(time),
+            }
+        })
+    }
+}
+
+/// `time` as it stands in a file, in the largest unit that divides it; below a millisecond it is cut off.
+#[must_use]
+pub fn duration_text(time: Duration) -> String {
+    let millis = time.as_millis();
+    let (unit, size) =
+        UNITS.into_iter().rev().find(|(_, size)| millis >= *size && millis.is_multiple_of(*size)).unwrap_or(UNITS[0]);
+    format!("{}{unit}", millis / size)
+}
+
+/// Units of time, with their milliseconds.
+const UNITS: [(&str, u128); 4] = [("ms", 1), ("s", 1_000), ("min", 60_000), ("h", 3_600_000)];
+
+fn parse_duration(text: &str) -> Option<Duration> {
+    let digits = text.find(|c: char| !c.is_ascii_digit())?;
+    let (number, unit) = text.split_at(digits);
+    let (_, size) = UNITS.into_iter().find(|(name, _)| *name == unit)?;
+    let millis = u128::from(number.parse::<u64>().ok()?) * size;
+    u64::try_from(millis).ok().map(Duration::from_millis)
+}
+
+fn as_text<'v>(value: &'v DeValue<'_>) -> Result<&'v str, Wrong> {
+    value.as_str().ok_or_else(|| Wrong::new(format!("must be text, not {}", kind_of(value))))
+}
+
+fn in_range<T: Copy + TryFrom<i64> + Into<i64>>(value: &DeValue<'_>, range: &RangeInclusive<T>) -> Result<T, Wrong> {
+    let DeValue::Integer(integer) = value else {
+        return Err(Wrong::new(format!("must be a whole number, not {}", kind_of(value))));
+    };
+    let (least, most): (i64, i64) = ((*range.start()).into(), (*range.end()).into());
+    let number = i64::from_str_radix(integer.as_str(), integer.radix()).ok();
+    let number = number.filter(|number| (least..=most).contains(number)).and_then(|number| T::try_from(number).ok());
+    number.ok_or_else(|| Wrong::new(format!("{integer} is out of range")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read<T>(kind: &Kind<'_, T>, text: &str) -> Result<T, String> {
+        let value = DeValue::parse(text).unwrap();
+        kind.read(value.get_ref()).map_err(|wrong| wrong.what)
+    }
+
+    #[test]
+    fn numbers_keep_to_their_range_in_any_radix() {
+        let kind = Kind::number(1..=247_u8);
+        assert_eq!(read(&kind, "0xF7"), Ok(247));
+        assert_eq!(read(&kind, "1"), Ok(1));
+        assert_eq!(read(&kind, "0xF8"), Err("0xF8 is out of range".to_owned()));
+        assert_eq!(read(&kind, "-1"), Err("-1 is out of range".to_owned()));
+        assert_eq!(read(&kind, "99999999999999999999"), Err("99999999999999999999 is out of range".to_owned()));
+        assert_eq!(read(&kind, "1.0"), Err("must be a whole number, not a decimal number".to_owned()));
+        assert_eq!(read(&Kind::address(), "0xFFFF"), Ok(0xFFFF));
+    }
+
+    #[test]
+    fn decimals_are_finite_and_in_range() {
+        let kind = Kind::decimal(3.5..=100.0);
+        assert_eq!(read(&kind, "4.5"), Ok(4.5));
+        assert_eq!(read(&kind, "4"), Ok(4.0));
+        for bad in ["3.4", "nan", "inf", "0x10", "'4'"] {
+            assert!(read(&kind, bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn times_carry_their_unit() {
+        let kind = Kind::duration(Duration::from_millis(1)..=Duration::from_secs(3600));
+        assert_eq!(kind.right(), "a time from \"1ms\" to \"1h\"");
+        for (text, millis) in [("'500ms'", 500), ("'5s'", 5_000), ("'10min'", 600_000), ("'1h'", 3_600_000)] {
+            assert_eq!(read(&kind, text), Ok(Duration::from_millis(millis)), "{text}");
+        }
+        for bad in ["'500'", "'ms'", "''", "'1.5s'", "'-1s'", "'1 s'", "'2h'", "'0ms'", "5", "'99999999999999999999s'"]
+        {
+            assert!(read(&kind, bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn times_are_shown_in_their_largest_unit() {
+        for (millis, text) in [(0, "0ms"), (500, "500ms"), (1_500, "1500ms"), (5_000, "5s"), (3_600_000, "1h")] {
+            assert_eq!(duration_text(Duration::from_millis(millis)), text);
+        }
+    }
+
+    #[test]
+    fn a_slip_of_the_pen_in_a_word_is_named() {
+        let kind = Kind::one_of(&[("none", 0), ("even", 1)]);
+        let wrong = kind.read(DeValue::parse("'evne'").unwrap().get_ref()).unwrap_err();
+        assert_eq!(wrong.right.as_deref(), Some("\"even\""));
+        assert_eq!(kind.right(), "one of \"none\", \"even\"");
+        assert_eq!(read(&kind.or_word("auto"), "'auto'"), Ok(None));
+    }
+
+    #[test]
+    fn text_is_trimmed_and_not_empty() {
+        assert_eq!(read(&Kind::text(), "' a '"), Ok("a".to_owned()));
+        assert_eq!(read(&Kind::text(), "' '"), Err("is empty".to_owned()));
+        assert_eq!(read(&Kind::parsed("a letter", |text| text.chars().next()), "''"), Err("`` will not do".to_owned()));
+        assert_eq!(read(&Kind::flag(), "true"), Ok(true));
+    }
+}

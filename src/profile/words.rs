@@ -1,0 +1,85 @@
+//! The words that files use for enumerations: one table each, for reading and for showing.
+
+use super::model::{Access, Boundary, Confidence, PollClass, RefusedWrite, Role};
+use crate::domain::link::{Framing, Interface, Parity};
+use crate::domain::units::UnitOfMeasure;
+
+/// Parities.
+pub const PARITIES: [(&str, Parity); 3] = [("none", Parity::None), ("even", Parity::Even), ("odd", Parity::Odd)];
+
+/// Framings.
+pub const FRAMINGS: [(&str, Framing); 2] = [("rtu", Framing::Rtu), ("ascii", Framing::Ascii)];
+
+/// Interfaces.
+pub const INTERFACES: [(&str, Interface); 2] = [("rs485", Interface::Rs485), ("rs232", Interface::Rs232)];
+
+/// Units of measure.
+pub const UNITS: [(&str, UnitOfMeasure); 10] = [
+    (UnitOfMeasure::Hertz.symbol(), UnitOfMeasure::Hertz),
+    (UnitOfMeasure::Ampere.symbol(), UnitOfMeasure::Ampere),
+    (UnitOfMeasure::Volt.symbol(), UnitOfMeasure::Volt),
+    (UnitOfMeasure::Kilowatt.symbol(), UnitOfMeasure::Kilowatt),
+    (UnitOfMeasure::Percent.symbol(), UnitOfMeasure::Percent),
+    (UnitOfMeasure::Celsius.symbol(), UnitOfMeasure::Celsius),
+    (UnitOfMeasure::Second.symbol(), UnitOfMeasure::Second),
+    (UnitOfMeasure::Hour.symbol(), UnitOfMeasure::Hour),
+    (UnitOfMeasure::Rpm.symbol(), UnitOfMeasure::Rpm),
+    (UnitOfMeasure::None.symbol(), UnitOfMeasure::None),
+];
+
+/// Who may do what with a register.
+pub const ACCESSES: [(&str, Access); 3] =
+    [("read", Access::Read), ("write", Access::Write), ("read-write", Access::ReadWrite)];
+
+/// How often a register is polled.
+pub const POLL_CLASSES: [(&str, PollClass); 2] = [("fast", PollClass::Fast), ("slow", PollClass::Slow)];
+
+/// What a read must not cross.
+pub(super) const BOUNDARIES: [(&str, Boundary); 1] = [("high-byte", Boundary::HighByte)];
+
+/// What a refused write looks like.
+pub(super) const REFUSED_WRITES: [(&str, RefusedWrite); 2] =
+    [("exception", RefusedWrite::Exception), ("keeps-old-value", RefusedWrite::KeepsOldValue)];
+
+/// How sure a fact is.
+pub(super) const CONFIDENCES: [(&str, Confidence); 6] = [
+    (Confidence::Manual.word(), Confidence::Manual),
+    (Confidence::SecondSource.word(), Confidence::SecondSource),
+    (Confidence::Sibling.word(), Confidence::Sibling),
+    (Confidence::Inferred.word(), Confidence::Inferred),
+    (Confidence::Default.word(), Confidence::Default),
+    (Confidence::Configured.word(), Confidence::Configured),
+];
+
+/// What the gateway uses a register for.
+pub(super) const ROLES: [(&str, Role); 10] = [
+    ("run-command", Role::RunCommand),
+    ("frequency-command", Role::FrequencyCommand),
+    ("frequency-setting", Role::FrequencySetting),
+    ("output-frequency", Role::OutputFrequency),
+    ("acceleration-time", Role::AccelerationTime),
+    ("deceleration-time", Role::DecelerationTime),
+    ("frequency-source", Role::FrequencySource),
+    ("run-source", Role::RunSource),
+    ("trip-count", Role::TripCount),
+    ("trip-record", Role::TripRecord),
+];
+
+/// The word for `value` in `words`; `?` where it has none.
+#[must_use]
+pub fn word_for<T: PartialEq>(words: &[(&'static str, T)], value: &T) -> &'static str {
+    words.iter().find(|(_, it)| it == value).map_or("?", |(word, _)| word)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_value_has_its_word() {
+        assert_eq!(word_for(&PARITIES, &Parity::Odd), "odd");
+        assert_eq!(word_for(&ROLES, &Role::TripRecord), "trip-record");
+        assert_eq!(word_for(&UNITS, &UnitOfMeasure::None), "-");
+        assert_eq!(word_for(&POLL_CLASSES[..1], &PollClass::Slow), "?");
+    }
+}
