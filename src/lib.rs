@@ -10,7 +10,7 @@
 //! | [`vendors`] | one folder per vendor: model files, data only |
 //! | [`drive`] | what is known about one drive: poll plan, snapshot |
 //! | [`guard`] | the only door for writes |
-//! | [`line`] | the wire of one line as a machine: schedule, transaction, timing, fault table, counters |
+//! | [`mod@line`] | the wire of one line as a machine: schedule, transaction, timing, fault table, counters |
 //! | [`gateway`] | `LineCore`: the pure whole of one line; events and time in, effects out |
 //! | [`north`] | Modbus TCP as a machine without sockets |
 //! | [`config`] | the configuration file, from text to ready values or to all its problems |

@@ -23,3 +23,14 @@ mod frames;
 mod assembler;
 #[path = "properties/connection.rs"]
 mod connection;
+
+mod support;
+
+#[path = "scenarios/every_request_ends.rs"]
+mod every_request_ends;
+#[path = "scenarios/late_reply.rs"]
+mod late_reply;
+#[path = "scenarios/noisy_line.rs"]
+mod noisy_line;
+#[path = "scenarios/sharing.rs"]
+mod sharing;

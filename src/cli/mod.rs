@@ -1,1 +1,94 @@
-//! Not built yet.
+//! The command line: one small file per command.
+
+mod check;
+mod demo;
+mod input;
+mod log;
+mod models;
+mod run;
+mod simulate;
+
+use clap::{Parser, Subcommand};
+use std::fmt::Display;
+use std::process::ExitCode;
+
+/// Exit code for a command that failed.
+const FAILED: u8 = 1;
+/// Exit code for wrong usage or a wrong configuration, as clap has it.
+const WRONG_USAGE: u8 = 2;
+
+/// Bridges variable-frequency drives on serial lines to Modbus TCP.
+///
+/// Not a safety function: emergency stop and safe torque off are hard-wired.
+#[derive(Debug, Parser)]
+#[command(name = "vfd-gateway", version, arg_required_else_help = true)]
+pub struct Cli {
+    /// How log lines on stderr are written
+    #[arg(long, global = true, value_enum, default_value_t = log::Format::Text)]
+    log_format: log::Format,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Show everything at once on this machine alone: a simulated drive behind a gateway on Modbus TCP
+    Demo(demo::Args),
+    /// Run the gateway
+    Run(run::Args),
+    /// Check a configuration: all problems at once, or what each line will cost. Opens nothing
+    Check(check::Args),
+    /// List and show drive models, or check a model file
+    Models(models::Args),
+    /// Play one or more drives on a pseudo-terminal, for people who have no hardware at hand
+    Simulate(simulate::Args),
+}
+
+/// Why a command ended without success. The message is already for people.
+#[derive(Debug)]
+pub struct Failure {
+    message: String,
+    code: u8,
+}
+
+impl Failure {
+    /// Something failed while the command ran.
+    fn failed(message: impl Display) -> Self {
+        Self { message: message.to_string(), code: FAILED }
+    }
+
+    /// The arguments or a file that was given are wrong.
+    fn wrong(message: impl Display) -> Self {
+        Self { message: message.to_string(), code: WRONG_USAGE }
+    }
+}
+
+/// Runs the command that the arguments name.
+#[must_use]
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    log::start(cli.log_format);
+    let done = match cli.command {
+        Command::Demo(args) => demo::demo(&args),
+        Command::Run(args) => run::run(&args),
+        Command::Check(args) => check::check(&args),
+        Command::Models(args) => models::models(&args),
+        Command::Simulate(args) => simulate::simulate(&args),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("{}", failure.message);
+            ExitCode::from(failure.code)
+        }
+    }
+}
+
+/// Prints to stdout. A reader who has gone away, such as `head`, ends the output without an error.
+fn print(text: &str) -> Result<(), Failure> {
+    use std::io::Write;
+    match std::io::stdout().lock().write_all(text.as_bytes()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::failed(error)),
+        _ => Ok(()),
+    }
+}

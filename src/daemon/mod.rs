@@ -1,1 +1,20 @@
-//! Not built yet.
+//! The only room with tokio, files, sockets, clocks and signals. It carries out what the pure rooms decide.
+//!
+//! The main thread serves the north side on a runtime of its own; each line has a thread of its own, so that
+//! nothing else delays its frames. Between them go requests (a bounded inbox per line) and answers
+//! ([`answers::AnswerBox`]).
+
+#![allow(clippy::disallowed_methods, reason = "this room reads the clocks for all others")]
+
+pub mod answers;
+pub mod build;
+pub mod clock;
+pub mod line_thread;
+pub mod modbus_server;
+pub mod port;
+pub mod pty;
+pub mod router;
+pub mod run;
+pub mod simulator;
+pub mod sys;
+pub mod timer;

@@ -99,8 +99,7 @@ mod tests {
 
     #[test]
     fn without_a_control_section_nothing_may_be_written() {
-        let attempt =
-            Attempt { drive: DriveIndex(0), address: 2, values: vec![0], deadline: MonoTime::from_millis(1) };
+        let attempt = Attempt { drive: DriveIndex(0), address: 2, values: vec![0], deadline: MonoTime::from_millis(1) };
         assert_eq!(review(&attempt, &Control::None), Err(Refusal::ReadOnly));
     }
 }

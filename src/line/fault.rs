@@ -53,9 +53,7 @@ pub const fn consequence(fault: Fault) -> Consequence {
         Fault::Stray => Consequence { drive_is_there: true, ..none },
         Fault::Foreign => none,
         Fault::Refused | Fault::KeptOldValue => Consequence { ends_exchange: true, drive_is_there: true, ..none },
-        Fault::PortGone => {
-            Consequence { ends_exchange: true, reply_may_come_late: true, reopens_port: true, ..none }
-        }
+        Fault::PortGone => Consequence { ends_exchange: true, reply_may_come_late: true, reopens_port: true, ..none },
     }
 }
 
@@ -78,14 +76,8 @@ mod tests {
     fn what_follows_from_each_fault() {
         for (fault, row) in TABLE {
             let c = consequence(fault);
-            let got = [
-                c.ends_exchange,
-                c.repeats_read,
-                c.reply_may_come_late,
-                c.backs_off,
-                c.drive_is_there,
-                c.reopens_port,
-            ];
+            let got =
+                [c.ends_exchange, c.repeats_read, c.reply_may_come_late, c.backs_off, c.drive_is_there, c.reopens_port];
             assert_eq!(got, row, "{fault:?}");
         }
     }

@@ -105,10 +105,9 @@ fn is_mistakable(missing: &Request, request: &Request) -> bool {
         // Whatever the values are: a refused write may be answered with any value.
         (Request::WriteSingle { address: a, .. }, Request::WriteSingle { address: b, .. }) => a == b,
         (Request::Loopback { data: a }, Request::Loopback { data: b }) => a == b,
-        (
-            Request::WriteMultiple { address: a, values: of_a },
-            Request::WriteMultiple { address: b, values: of_b },
-        ) => a == b && of_a.len() == of_b.len(),
+        (Request::WriteMultiple { address: a, values: of_a }, Request::WriteMultiple { address: b, values: of_b }) => {
+            a == b && of_a.len() == of_b.len()
+        }
         _ => false,
     }
 }

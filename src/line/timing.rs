@@ -23,11 +23,7 @@ pub struct Timing {
 impl Timing {
     /// Times of a line whose models ask for `gap_chars` characters each and at least `min_request_gap`.
     #[must_use]
-    pub fn for_models(
-        link: LinkSettings,
-        gap_chars: impl IntoIterator<Item = f64>,
-        min_request_gap: Duration,
-    ) -> Self {
+    pub fn for_models(link: LinkSettings, gap_chars: impl IntoIterator<Item = f64>, min_request_gap: Duration) -> Self {
         let chars = gap_chars.into_iter().fold(3.5, f64::max);
         let fixed = if link.baud > FIXED_SILENCE_ABOVE_BAUD { FIXED_SILENCE } else { Duration::ZERO };
         Self { link, silence: link.chars(chars).max(fixed).max(min_request_gap), paced: true }

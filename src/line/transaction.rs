@@ -102,11 +102,8 @@ impl Wire {
         rtu::encode(out, exchange.station.0, |pdu| exchange.request.encode(pdu));
         let sent_bytes = out.len() - start;
         let reply_bytes = exchange.request.reply_pdu_bytes() + OVERHEAD_BYTES;
-        let expected = Expected {
-            station: exchange.station.0,
-            function: exchange.request.function(),
-            adu_bytes: reply_bytes,
-        };
+        let expected =
+            Expected { station: exchange.station.0, function: exchange.request.function(), adu_bytes: reply_bytes };
         self.quiet_from = now + self.timing.on_wire(sent_bytes);
         let reply_due = self.quiet_from + exchange.timeout + self.timing.on_wire(reply_bytes);
         let give_up = reply_due + self.timing.on_wire(rtu::MAX_ADU_BYTES) + self.timing.silence;

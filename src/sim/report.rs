@@ -1,5 +1,6 @@
 //! What an observer on the wire of a simulated bus counts.
 
+use std::fmt;
 use std::time::Duration;
 
 /// Counters of one bus since it was made. Gaps and overlaps are seen on a paced bus only: without character
@@ -27,7 +28,17 @@ pub struct BusReport {
     pub requests_ignored: u64,
     /// The shortest silence before a request.
     pub shortest_gap: Option<Duration>,
-    gaps: Vec<Duration>,
+    gaps: Gaps,
+}
+
+/// Silences one by one. Too many to be shown.
+#[derive(Clone, Default)]
+struct Gaps(Vec<Duration>);
+
+impl fmt::Debug for Gaps {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} gaps", self.0.len())
+    }
 }
 
 impl BusReport {
@@ -38,15 +49,15 @@ impl BusReport {
     /// the very first transmission on the bus.
     #[must_use]
     pub fn gaps(&self) -> &[Duration] {
-        &self.gaps
+        &self.gaps.0
     }
 
     /// Counts a silence before a request against the one that is required.
     pub(super) fn count_gap(&mut self, gap: Duration, required: Duration) {
         self.gaps_too_short += u64::from(gap < required);
         self.shortest_gap = Some(self.shortest_gap.map_or(gap, |shortest| shortest.min(gap)));
-        if self.gaps.len() < Self::MAX_GAPS {
-            self.gaps.push(gap);
+        if self.gaps.0.len() < Self::MAX_GAPS {
+            self.gaps.0.push(gap);
         }
     }
 }

@@ -1,0 +1,200 @@
+//! The rows of the table.
+
+use crate::clients::{self, Load};
+use crate::rig::{Options, Rig};
+use crate::support::{self, PROOF, RigOptions};
+use std::net::TcpStream;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+use vfd_gateway::domain::link::LinkSettings;
+use vfd_gateway::domain::native::NativeOutcome;
+use vfd_gateway::sim::{BusOptions, FaultPlan};
+
+const SECOND: Duration = Duration::from_secs(1);
+
+/// One line of the table.
+pub struct Row {
+    what: &'static str,
+    wanted: String,
+    measured: String,
+    reached: bool,
+}
+
+impl Row {
+    fn at_least(what: &'static str, wanted: f64, measured: f64) -> Self {
+        Self { what, wanted: format!(">= {wanted}"), measured: format!("{measured:.3}"), reached: measured >= wanted }
+    }
+
+    fn at_most(what: &'static str, wanted: f64, measured: f64) -> Self {
+        Self { what, wanted: format!("<= {wanted}"), measured: format!("{measured:.3}"), reached: measured <= wanted }
+    }
+
+    fn rate(what: &'static str, wanted: f64, measured: f64) -> Self {
+        Self { measured: format!("{measured:.0}"), ..Self::at_least(what, wanted, measured) }
+    }
+
+    fn none(what: &'static str, measured: u64) -> Self {
+        Self { what, wanted: "0".into(), measured: measured.to_string(), reached: measured == 0 }
+    }
+
+    fn told(what: &'static str, measured: String) -> Self {
+        Self { what, wanted: String::new(), measured, reached: true }
+    }
+
+    pub fn print(&self) {
+        let reached = if self.wanted.is_empty() {
+            ""
+        } else if self.reached {
+            "yes"
+        } else {
+            "NO"
+        };
+        println!("{:<58} {:>14} {:>14}  {reached}", self.what, self.wanted, self.measured);
+    }
+}
+
+/// A line paced like 9600 8N1 with 2 ms turnaround, reads of 8 words back to back.
+pub fn paced() -> Vec<Row> {
+    let rig = Rig::start(&Options::paced(1));
+    let load = clients::run(rig.address, 1, SECOND, 20 * SECOND, |_, _| (1, PROOF, 8));
+    let outcome = rig.stop();
+    let link = LinkSettings::DEFAULT;
+    let silence = link.chars(4.5);
+    let ideal = link.bytes(8) + Duration::from_millis(2) + link.bytes(21) + silence;
+    let busy = load.rate() * ideal.as_secs_f64() * 100.0;
+    // The first gap is the start, not the line.
+    let mut gaps: Vec<f64> = outcome.bus.gaps().iter().skip(1).map(|gap| gap.as_secs_f64() * 1e3).collect();
+    gaps.sort_by(f64::total_cmp);
+    let at = |part: f64| gaps[((gaps.len() - 1) as f64 * part) as usize];
+    vec![
+        Row::at_least("paced 9600: line busy, % of what its gap allows", 98.0, busy),
+        Row::at_most("paced 9600: gap p50 beyond 4.6875 ms, in ms", 0.3, at(0.5) - silence.as_secs_f64() * 1e3),
+        Row::told(
+            "paced 9600: gap min / p50 / p99 / max, ms",
+            format!("{:.3} / {:.3} / {:.3} / {:.3}", at(0.0), at(0.5), at(0.99), at(1.0)),
+        ),
+        Row::none("paced 9600: gaps shorter than the silence", outcome.bus.gaps_too_short),
+        Row::told("paced 9600: gaps measured", gaps.len().to_string()),
+    ]
+}
+
+/// No character times, no silence: what the program itself costs.
+pub fn unpaced() -> Vec<Row> {
+    let one = rate_of(1, |_, n| (1, PROOF + (n % 64) as u16, 1));
+    let rig = Rig::start(&Options::unpaced(1));
+    let before = Instant::now();
+    clients::run(rig.address, 8, SECOND, 5 * SECOND, |client, n| (1, PROOF + client as u16 * 8 + (n % 8) as u16, 1));
+    let took = before.elapsed();
+    let line = rig.stop().line;
+    vec![
+        Row::rate("unpaced: exchanges/s, one client that waits", 7_000.0, one.rate()),
+        Row::rate("unpaced: line exchanges/s, 8 clients", 15_000.0, line.replies as f64 / took.as_secs_f64()),
+    ]
+}
+
+/// Many clients that ask for the same.
+pub fn shared() -> Vec<Row> {
+    let load = rate_of(64, |_, _| (1, PROOF, 8));
+    vec![Row::rate("unpaced: shared answers/s, 64 clients", 100_000.0, load.rate())]
+}
+
+/// Twenty clients that read the same eight drives at 9600.
+pub fn fair() -> Vec<Row> {
+    let walk = |clients: usize| {
+        let rig = Rig::start(&Options::paced(8));
+        let next = |client: usize, n: u64| (1 + ((client as u64 * 3 + n) % 8) as u8, 0x0101, 1);
+        let load = clients::run(rig.address, clients, 2 * SECOND, 20 * SECOND, next);
+        rig.stop();
+        load.right.into_iter().map(|right| right as f64 / load.took.as_secs_f64()).collect::<Vec<_>>()
+    };
+    let alone = walk(1)[0];
+    let worst = walk(20).into_iter().fold(f64::MAX, f64::min);
+    vec![
+        Row::told("8 drives at 9600: reads/s of one client alone", format!("{alone:.2}")),
+        Row::at_least("8 drives at 9600: slowest of 20 clients, part of that", 0.9, worst / alone),
+    ]
+}
+
+/// One dead drive of eight; eight clients, one a drive.
+pub fn dead() -> Vec<Row> {
+    let seven = |dead: Option<u8>| {
+        let rig = Rig::start(&Options { dead, ..Options::paced(8) });
+        // From the very start, so that finding out that the drive is dead counts too.
+        let load = clients::run(rig.address, 7, Duration::ZERO, 60 * SECOND, |client, n| {
+            // A client walks over its own drive and, every eighth time, over the eighth.
+            (if n % 8 == 7 { 8 } else { 1 + client as u8 }, 0x0101, 1)
+        });
+        rig.stop();
+        load.rate()
+    };
+    let all = seven(None) * 7.0 / 8.0;
+    let rest = seven(Some(8));
+    vec![Row::at_least("one dead drive of 8: rate of the other 7, part of full", 0.95, rest / all)]
+}
+
+/// Late replies, in simulation and on a pseudo-terminal.
+pub fn late() -> Vec<Row> {
+    let (late, wrong, took) = late_in_simulation(1_000_000);
+    let (pty_late, pty_right, pty_wrong) = late_on_pty(200);
+    vec![
+        Row::told("late replies in simulation", format!("{late} in {:.0} s", took.as_secs_f64())),
+        Row::none("late replies in simulation: taken for another request", wrong),
+        Row::told("late replies on a pseudo-terminal / right answers", format!("{pty_late} / {pty_right}")),
+        Row::none("late replies on a pseudo-terminal: taken for another", pty_wrong),
+    ]
+}
+
+fn rate_of(clients: usize, next: impl Fn(usize, u64) -> clients::Ask) -> Load {
+    let rig = Rig::start(&Options::unpaced(1));
+    let load = clients::run(rig.address, clients, SECOND, 5 * SECOND, next);
+    rig.stop();
+    assert_eq!(load.exceptions, 0);
+    load
+}
+
+fn late_in_simulation(wanted: u64) -> (u64, u64, Duration) {
+    let begun = Instant::now();
+    let faults = FaultPlan { late: 300, ..FaultPlan::NONE };
+    let bus = BusOptions { faults, ..BusOptions::default() };
+    let mut rig = support::Rig::new(&RigOptions { drives: 4, bus, ..RigOptions::default() });
+    rig.keeps_sent = false;
+    for asker in 0..6 {
+        rig.read(asker, asker as u16 % 4, PROOF, 1 + asker as u16);
+    }
+    let mut wrong = 0;
+    while rig.bus.report().replies_late < wanted {
+        let until = rig.now + 600 * SECOND;
+        rig.run_until(until, |rig, answer| {
+            if let NativeOutcome::Words(words) = &answer.outcome {
+                let expected = rig.sent.last().expect("an answer follows a request").proof;
+                wrong += u64::from(words.iter().any(|word| *word != expected));
+            }
+            let n = answer.ticket.0;
+            rig.read(answer.asker.0, (n % 4) as u16, PROOF, 1 + (n % 8) as u16);
+        });
+    }
+    (rig.bus.report().replies_late, wrong, begun.elapsed())
+}
+
+fn late_on_pty(wanted: u64) -> (u64, u64, u64) {
+    let faults: FaultPlan = "late=400,timeout-ms=50,lateness-ms=100".parse().expect("a plan");
+    let options = Options {
+        bus: BusOptions { faults, ..BusOptions::default() },
+        line_keys: "reply_timeout = \"50ms\"\n",
+        drive_keys: "max_lateness = \"150ms\"\n",
+        ..Options::paced(1)
+    };
+    let rig = Rig::start(&options);
+    let mut stream = TcpStream::connect(rig.address).expect("the gateway accepts");
+    let (mut right, mut wrong, mut n) = (0, 0, 0_u16);
+    while rig.late.load(Ordering::Acquire) < wanted {
+        let heard = rig.exchanges.load(Ordering::Acquire);
+        n += 1;
+        if let Ok(words) = clients::once(&mut stream, (1, PROOF, 1 + n % 3)) {
+            // Every exchange that this request caused is younger than all that the drive had heard before it.
+            let fresh = words.iter().all(|word| (word.wrapping_sub(heard as u16) as i16) > 0);
+            *(if fresh { &mut right } else { &mut wrong }) += 1;
+        }
+    }
+    (rig.stop().bus.replies_late, right, wrong)
+}

@@ -1,0 +1,61 @@
+//! Files that people write: read, and their problems drawn with the place in the text.
+
+use super::Failure;
+use crate::config::{self, Config};
+use crate::domain::problem::Problem;
+use crate::profile::catalog::Catalog;
+use crate::vendors;
+use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
+use std::io::IsTerminal;
+use std::path::Path;
+
+/// The built-in models.
+///
+/// # Errors
+/// A mistake in a model file that is built in.
+pub fn catalog() -> Result<Catalog, Failure> {
+    Catalog::from_texts(vendors::texts().iter().copied()).map_err(|problems| {
+        let lines: Vec<_> =
+            problems.iter().map(|(file, problem)| format!("{file}: {}: {}", problem.key, problem.what)).collect();
+        Failure::failed(lines.join("\n"))
+    })
+}
+
+/// Reads a text file.
+///
+/// # Errors
+/// The system's reason, with the file's name.
+pub fn read(path: &Path) -> Result<String, Failure> {
+    std::fs::read_to_string(path).map_err(|error| Failure::wrong(format!("{}: {error}", path.display())))
+}
+
+/// Reads a configuration.
+///
+/// # Errors
+/// All its problems, drawn.
+pub fn configuration(path: &Path) -> Result<Config, Failure> {
+    let text = read(path)?;
+    config::load(&text, &catalog()?).map_err(|problems| Failure::wrong(draw(path, &text, &problems)))
+}
+
+/// Draws the problems of `text`, each with its place, and their number.
+#[must_use]
+pub fn draw(path: &Path, text: &str, problems: &[Problem]) -> String {
+    let file = path.display().to_string();
+    let renderer = if std::io::stderr().is_terminal() { Renderer::styled() } else { Renderer::plain() };
+    let mut drawn: Vec<String> =
+        problems.iter().map(|problem| renderer.render(&[group(&file, text, problem)])).collect();
+    let count = problems.len();
+    drawn.push(format!("{file}: {count} problem{}", if count == 1 { "" } else { "s" }));
+    drawn.join("\n\n")
+}
+
+fn group<'a>(file: &'a str, text: &'a str, problem: &'a Problem) -> Group<'a> {
+    let annotation = AnnotationKind::Primary.span(problem.span.clone()).label(problem.key.as_str());
+    let place = Snippet::source(text).path(file).annotation(annotation);
+    let group = Level::ERROR.primary_title(problem.what.as_str()).element(place);
+    match &problem.right {
+        Some(right) => group.element(Level::HELP.message(right.as_str())),
+        None => group,
+    }
+}

@@ -1,0 +1,51 @@
+//! From the configuration to what the line threads need.
+
+use super::line_thread::LinePort;
+use crate::config::{DriveSettings, LineSettings, Silence};
+use crate::gateway::{DriveSetup, LineSetup};
+use crate::guard::Control;
+use crate::line::timing::Timing;
+use std::sync::Arc;
+
+/// Times of a line, and whether they are allowed only on a pseudo-terminal.
+#[must_use]
+pub fn timing(line: &LineSettings) -> (Timing, bool) {
+    let gaps = line.drives.iter().map(|drive| drive.model.timing.gap_chars.value);
+    let needed = Timing::for_models(line.link, gaps, line.min_request_gap);
+    match line.silence {
+        Silence::Fixed(silence) if silence < needed.silence => (Timing::unpaced(line.link, silence), true),
+        Silence::Fixed(silence) => (Timing { silence, ..needed }, false),
+        Silence::Auto => (needed, false),
+    }
+}
+
+/// The pure side of a line.
+#[must_use]
+pub fn line_setup(line: &LineSettings) -> LineSetup {
+    let drives = line.drives.iter().map(drive_setup).collect();
+    let tells_traffic = tracing::enabled!(tracing::Level::TRACE);
+    LineSetup { timing: timing(line).0, drives, tells_traffic }
+}
+
+/// The port side of a line.
+#[must_use]
+pub fn line_port(line: &LineSettings) -> LinePort {
+    LinePort {
+        line: line.name.to_string(),
+        drives: line.drives.iter().map(|drive| drive.name.to_string()).collect(),
+        path: line.port.clone(),
+        link: line.link,
+        needs_pty: timing(line).1,
+    }
+}
+
+fn drive_setup(drive: &DriveSettings) -> DriveSetup {
+    DriveSetup {
+        station: drive.station,
+        model: Arc::clone(&drive.model),
+        poll: drive.poll,
+        reply_timeout: drive.reply_timeout.unwrap_or(drive.model.timing.reply_timeout_cap.value),
+        max_lateness: drive.max_lateness,
+        control: Control::None,
+    }
+}

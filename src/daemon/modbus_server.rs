@@ -1,0 +1,196 @@
+//! Modbus TCP listeners: sockets on one side, [`Connection`] machines on the other.
+
+use super::answers::AnswerBox;
+use super::clock;
+use super::line_thread::Message;
+use super::router::Router;
+use crate::domain::ids::AskerId;
+use crate::domain::native::{NativeAnswer, NativeOutcome, NativeRequest, Refusal};
+use crate::domain::time::MonoTime;
+use crate::north::modbus::{Call, Connection, Limits};
+use ipnet::IpNet;
+use std::cell::{Cell, RefCell};
+use std::collections::HashMap;
+use std::io;
+use std::net::{IpAddr, SocketAddr};
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::Notify;
+use tokio::time::Instant;
+
+/// Wait after a connection could not be accepted, for want of descriptors for instance.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
+/// Most connections at once over all listeners.
+pub const CONNECTIONS_MAX: usize = 4096;
+
+/// The connections of all listeners. It lives on the main thread.
+#[derive(Debug, Default)]
+pub struct Server {
+    clients: RefCell<HashMap<AskerId, Rc<Client>>>,
+    last: Cell<u64>,
+}
+
+#[derive(Debug)]
+struct Client {
+    asker: AskerId,
+    stream: TcpStream,
+    machine: RefCell<Connection>,
+    router: Rc<Router>,
+    /// Rung when the machine was changed by somebody other than its own task.
+    bell: Notify,
+}
+
+impl Server {
+    /// Accepts connections of those whom `allow` names (nothing: of all) until the task is dropped.
+    pub async fn listen(self: Rc<Self>, listener: TcpListener, allow: Option<Vec<IpNet>>, router: Rc<Router>) {
+        loop {
+            match listener.accept().await {
+                Ok((stream, peer)) if !is_allowed(allow.as_deref(), peer.ip()) => {
+                    tracing::warn!(%peer, "refused: not in `allow`");
+                    drop(stream);
+                }
+                Ok((stream, peer)) if self.clients.borrow().len() >= CONNECTIONS_MAX => {
+                    tracing::warn!(%peer, "refused: too many connections");
+                    drop(stream);
+                }
+                Ok((stream, peer)) => self.welcome(stream, peer, Rc::clone(&router)),
+                Err(error) => {
+                    tracing::warn!(%error, "cannot accept a connection");
+                    tokio::time::sleep(ACCEPT_PAUSE).await;
+                }
+            }
+        }
+    }
+
+    /// Hands the answers of the lines to their connections until the task is dropped.
+    pub async fn distribute(self: Rc<Self>, answers: Arc<AnswerBox>) {
+        let mut batch: Vec<NativeAnswer> = Vec::new();
+        let mut touched: Vec<Rc<Client>> = Vec::new();
+        loop {
+            answers.fetch(&mut batch).await;
+            let now = clock::now();
+            let clients = self.clients.borrow();
+            for answer in batch.drain(..) {
+                if let Some(client) = clients.get(&answer.asker) {
+                    client.machine.borrow_mut().answer(now, answer.ticket, &answer.outcome);
+                    touched.push(Rc::clone(client));
+                }
+            }
+            drop(clients);
+            for client in touched.drain(..) {
+                if client.flush().is_err() || !client.machine.borrow().output().is_empty() {
+                    client.bell.notify_one();
+                }
+            }
+        }
+    }
+
+    fn welcome(self: &Rc<Self>, stream: TcpStream, peer: SocketAddr, router: Rc<Router>) {
+        if let Err(error) = stream.set_nodelay(true) {
+            tracing::debug!(%peer, %error, "cannot set TCP_NODELAY");
+        }
+        self.last.set(self.last.get() + 1);
+        let asker = AskerId(self.last.get());
+        let machine = RefCell::new(Connection::new(Limits::default(), clock::now()));
+        let client = Rc::new(Client { asker, stream, machine, router, bell: Notify::new() });
+        self.clients.borrow_mut().insert(asker, Rc::clone(&client));
+        let server = Rc::clone(self);
+        tokio::task::spawn_local(async move {
+            let end = client.serve().await;
+            tracing::debug!(%peer, end = %end, "connection closed");
+            server.clients.borrow_mut().remove(&asker);
+            for inbox in client.router.inboxes() {
+                // A full inbox loses nothing but early removal: the requests end at their deadlines.
+                let _ = inbox.try_send(Message::AskerGone(asker));
+            }
+        });
+    }
+}
+
+impl Client {
+    /// Serves the connection until it ends; returns why it ended.
+    async fn serve(&self) -> String {
+        let wake = tokio::time::sleep(Duration::from_secs(3600));
+        tokio::pin!(wake);
+        loop {
+            let (next_wake, wants_input, has_output) = {
+                let machine = self.machine.borrow();
+                (machine.next_wake(), machine.wants_input(), !machine.output().is_empty())
+            };
+            let now = clock::now();
+            if let Some(at) = next_wake {
+                let at = instant_of(now, at);
+                if at < wake.deadline() {
+                    wake.as_mut().reset(at);
+                }
+            }
+            let moved = tokio::select! {
+                ready = self.stream.readable(), if wants_input => ready.and_then(|()| self.read()),
+                ready = self.stream.writable(), if has_output => ready.and_then(|()| self.flush()),
+                () = self.bell.notified() => Ok(()),
+                () = &mut wake => {
+                    self.machine.borrow_mut().tick(clock::now());
+                    wake.as_mut().reset(Instant::now() + Duration::from_secs(3600));
+                    self.flush()
+                }
+            };
+            if let Err(error) = moved {
+                return error.to_string();
+            }
+            if let Some(reason) = self.machine.borrow().close_reason() {
+                return reason.to_string();
+            }
+        }
+    }
+
+    /// Reads what is there, passes calls on to the lines, writes what can be answered at once.
+    fn read(&self) -> io::Result<()> {
+        let mut buffer = [0; 4096];
+        let bytes = match self.stream.try_read(&mut buffer) {
+            Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+            Ok(bytes) => bytes,
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(()),
+            Err(error) => return Err(error),
+        };
+        let mut machine = self.machine.borrow_mut();
+        machine.receive(clock::now(), &buffer[..bytes]);
+        while let Some(call) = machine.next_call() {
+            let ticket = call.ticket;
+            if let Err(refusal) = self.pass_on(call) {
+                machine.answer(clock::now(), ticket, &NativeOutcome::Refused(refusal));
+            }
+        }
+        drop(machine);
+        self.flush()
+    }
+
+    fn pass_on(&self, call: Call) -> Result<(), Refusal> {
+        let (inbox, drive) = self.router.find(call.unit).ok_or(Refusal::NoSuchUnit)?;
+        let Call { ticket, ask, deadline, .. } = call;
+        let request = NativeRequest { asker: self.asker, ticket, drive, ask, deadline };
+        inbox.try_send(Message::Native(request)).map_err(|_| Refusal::QueueFull)
+    }
+
+    /// Writes as much as the socket takes.
+    fn flush(&self) -> io::Result<()> {
+        let mut machine = self.machine.borrow_mut();
+        while !machine.output().is_empty() {
+            match self.stream.try_write(machine.output()) {
+                Ok(bytes) => machine.wrote(bytes),
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
+    }
+}
+
+fn is_allowed(allow: Option<&[IpNet]>, peer: IpAddr) -> bool {
+    allow.is_none_or(|nets| nets.iter().any(|net| net.contains(&peer.to_canonical())))
+}
+
+fn instant_of(now: MonoTime, at: MonoTime) -> Instant {
+    Instant::now() + at.since(now)
+}

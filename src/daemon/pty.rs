@@ -1,0 +1,80 @@
+//! Pseudo-terminals: what a simulated line is reached through.
+
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+use std::fs::{File, OpenOptions};
+use std::io;
+use std::os::fd::OwnedFd;
+use std::os::unix::ffi::OsStringExt;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::{Path, PathBuf};
+
+/// A pseudo-terminal in raw mode. Whoever opens [`Pty::path`] sees a serial port.
+#[derive(Debug)]
+pub struct Pty {
+    master: OwnedFd,
+    path: PathBuf,
+    /// Kept open, so that the master end does not fail while nobody else has the port open.
+    _slave: File,
+    link: Option<PathBuf>,
+}
+
+impl Pty {
+    /// A new pseudo-terminal.
+    ///
+    /// # Errors
+    /// The system's refusal.
+    pub fn new() -> io::Result<Self> {
+        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
+        grantpt(&master)?;
+        unlockpt(&master)?;
+        let name = ptsname(&master, Vec::new())?;
+        let path = PathBuf::from(std::ffi::OsString::from_vec(name.into_bytes()));
+        let noctty = i32::try_from(rustix::fs::OFlags::NOCTTY.bits()).unwrap_or(0);
+        let slave = OpenOptions::new().read(true).write(true).custom_flags(noctty).open(&path)?;
+        let mut settings = tcgetattr(&slave)?;
+        settings.make_raw();
+        tcsetattr(&slave, OptionalActions::Now, &settings)?;
+        rustix::io::ioctl_fionbio(&master, true)?;
+        Ok(Self { master, path, _slave: slave, link: None })
+    }
+
+    /// Makes the port reachable as `link` too, replacing a link that an earlier run left behind.
+    ///
+    /// # Errors
+    /// The system's refusal, or something else than a link that stands there already.
+    pub fn link_as(&mut self, link: &Path) -> io::Result<()> {
+        match std::fs::symlink_metadata(link) {
+            Ok(found) if found.is_symlink() => std::fs::remove_file(link)?,
+            Ok(_) => return Err(io::ErrorKind::AlreadyExists.into()),
+            Err(_) => {}
+        }
+        std::os::unix::fs::symlink(&self.path, link)?;
+        self.link = Some(link.to_owned());
+        Ok(())
+    }
+
+    /// The device to open as a serial port.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The end that plays the drives; it never blocks.
+    #[must_use]
+    pub const fn master(&self) -> &OwnedFd {
+        &self.master
+    }
+}
+
+impl Drop for Pty {
+    fn drop(&mut self) {
+        if let Some(link) = &self.link
+            // A newer simulator may have taken the name over.
+            && std::fs::read_link(link).is_ok_and(|target| target == self.path)
+        {
+            // Gone already is as good.
+            let _ = std::fs::remove_file(link);
+        }
+    }
+}

@@ -1,0 +1,510 @@
+//! Rules that hold for every file in `src/`, read as text. Each reports all offenders at once, with file and line,
+//! and each is shown to fail on a snippet that breaks it.
+//!
+//! Code that only tests see (`#[cfg(test)]`) is exempt except from the rules about the opening sentence, `unsafe`
+//! and machine paths.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking, its helpers too"
+)]
+
+use std::collections::BTreeSet;
+use std::fmt::Write;
+use std::path::Path;
+
+/// The rooms; each uses only those before it.
+const ROOMS: [&str; 13] = [
+    "domain", "wire", "profile", "vendors", "drive", "guard", "line", "gateway", "north", "config", "sim", "daemon",
+    "cli",
+];
+/// What needs a clock, a file, a socket or a thread belongs here.
+const ROOMS_WITH_IO: [&str; 3] = ["daemon", "cli", "main"];
+/// The one file with `unsafe`.
+const UNSAFE_FILE: &str = "src/daemon/sys.rs";
+/// A file that grows beyond this has two things in it.
+const MAX_LINES: usize = 400;
+const VENDOR_NAMES: [&str; 8] = ["hyundai", "n700", "n100", "toshiba", "teco", "frecon", "e510", "fr500"];
+/// Beginnings of paths of one machine, in two parts so that this file does not break its own rule.
+const MACHINE_PATHS: [(&str, &str); 4] = [("/ho", "me/"), ("/ro", "ot/"), ("/wo", "rk/"), ("/Us", "ers/")];
+
+/// Beginnings of paths that only rooms with IO may name.
+const IO_PATHS: [&[&str]; 14] = [
+    &["tokio"],
+    &["tokio_serial"],
+    &["tracing"],
+    &["rustix"],
+    &["libc"],
+    &["std", "env"],
+    &["std", "fs"],
+    &["std", "net", "TcpListener"],
+    &["std", "net", "TcpStream"],
+    &["std", "net", "UdpSocket"],
+    &["std", "os"],
+    &["std", "process"],
+    &["std", "thread"],
+    &["std", "time", "SystemTime"],
+];
+/// Names that read a clock, however they came into scope.
+const CLOCKS: [&str; 3] = ["Instant", "SystemTime", "UNIX_EPOCH"];
+
+/// A file and the views of it that the rules need. Every view has the lines of the file.
+struct Source {
+    path: String,
+    text: String,
+    /// Without comments and without what stands in strings.
+    bare: String,
+    /// `text` without code that only tests see.
+    shipped: String,
+    /// `bare` without code that only tests see.
+    code: String,
+}
+
+impl Source {
+    fn new(path: &str, text: &str) -> Self {
+        let bare = without_words(text);
+        let spans = test_spans(&bare);
+        let (mut shipped, mut code) = (text.to_owned(), bare.clone());
+        for span in spans {
+            shipped = blanked(&shipped, span.clone());
+            code = blanked(&code, span);
+        }
+        Self { path: path.to_owned(), text: text.to_owned(), bare, shipped, code }
+    }
+
+    /// Makes the whole file a test's.
+    fn only_for_tests(&mut self) {
+        self.shipped = blanked(&self.shipped, 0..self.shipped.len());
+        self.code = blanked(&self.code, 0..self.code.len());
+    }
+
+    /// The modules from the crate's root to this file: `["line", "timing"]`.
+    fn modules(&self) -> Vec<&str> {
+        let path = self.path.trim_start_matches("src/").trim_end_matches(".rs");
+        let modules: Vec<_> = path.split('/').filter(|part| *part != "mod").collect();
+        if modules == ["lib"] { Vec::new() } else { modules }
+    }
+
+    fn room(&self) -> &str {
+        self.modules().first().copied().unwrap_or("lib")
+    }
+
+    fn at(&self, line: usize, what: &str) -> String {
+        format!("{}:{line}: {what}", self.path)
+    }
+}
+
+type Rule = fn(&Source) -> Vec<String>;
+
+fn rooms_use_only_rooms_before_them(source: &Source) -> Vec<String> {
+    let (modules, room) = (source.modules(), source.room());
+    let mut wrong = Vec::new();
+    for (line, path) in paths(&source.code) {
+        let supers = path.iter().take_while(|part| *part == "super").count();
+        let used = match path[0].as_str() {
+            "crate" | "vfd_gateway" => path.get(1),
+            "super" if supers == modules.len() => path.get(supers),
+            _ => None,
+        };
+        if let Some(used) = used.filter(|used| ROOMS.contains(&used.as_str()) && !may_use(room, used)) {
+            wrong.push(source.at(line, &format!("{room} must not use {used}")));
+        }
+    }
+    wrong
+}
+
+fn may_use(room: &str, used: &str) -> bool {
+    let place = |room| ROOMS.iter().position(|it| *it == room).unwrap_or(ROOMS.len());
+    if room == used || room == "lib" {
+        return true;
+    }
+    match (room, used) {
+        ("north", "line") | ("sim", "drive" | "guard" | "line" | "gateway") => false,
+        (_, "vendors") => ["config", "sim", "cli"].contains(&room),
+        _ => place(used) < place(room),
+    }
+}
+
+fn a_file_begins_with_a_sentence(source: &Source) -> Vec<String> {
+    let paragraph: Vec<_> = source.text.lines().map_while(|line| line.strip_prefix("//! ")).collect();
+    let is_sentence = paragraph.concat().trim_end().ends_with(['.', ':']);
+    if is_sentence { Vec::new() } else { vec![source.at(1, "does not begin with a `//!` sentence")] }
+}
+
+fn vendors_are_named_only_in_their_room(source: &Source) -> Vec<String> {
+    if source.room() == "vendors" {
+        return Vec::new();
+    }
+    let mut wrong = Vec::new();
+    for (line, text) in numbered(&source.shipped) {
+        let text = text.to_lowercase();
+        for name in VENDOR_NAMES {
+            let begins_a_word = |(at, _): (usize, &str)| !text[..at].ends_with(|c: char| c.is_alphanumeric());
+            if text.match_indices(name).any(begins_a_word) {
+                wrong.push(source.at(line, &format!("names {name}")));
+            }
+        }
+    }
+    wrong
+}
+
+fn unsafe_stands_in_one_file(source: &Source) -> Vec<String> {
+    if source.path == UNSAFE_FILE {
+        return Vec::new();
+    }
+    let is_unsafe = |word: &str| word == "unsafe" || word == "unsafe_code";
+    let lines = numbered(&source.bare).filter(|(_, text)| words(text).any(is_unsafe));
+    lines.map(|(line, _)| source.at(line, "unsafe")).collect()
+}
+
+fn io_and_clocks_stay_in_their_rooms(source: &Source) -> Vec<String> {
+    if ROOMS_WITH_IO.contains(&source.room()) {
+        return Vec::new();
+    }
+    let is_io = |path: &[String]| {
+        let begins_with =
+            |io: &&[&str]| path.len() >= io.len() && path.iter().zip(*io).all(|(one, other)| one == other);
+        IO_PATHS.iter().any(begins_with) || path.iter().any(|part| CLOCKS.contains(&part.as_str()))
+    };
+    let found = paths(&source.code).into_iter().filter(|(_, path)| is_io(path));
+    found.map(|(line, path)| source.at(line, &format!("names {}", path.join("::")))).collect()
+}
+
+fn files_are_short(source: &Source) -> Vec<String> {
+    let lines = source.text.lines().zip(source.shipped.lines());
+    let count = lines.filter(|(text, shipped)| text.is_empty() || !shipped.trim().is_empty()).count();
+    if count <= MAX_LINES {
+        return Vec::new();
+    }
+    vec![source.at(1, &format!("{count} lines without tests, more than {MAX_LINES}"))]
+}
+
+fn no_path_of_one_machine(source: &Source) -> Vec<String> {
+    let names_one = |text: &str| MACHINE_PATHS.iter().any(|(one, other)| text.contains(&format!("{one}{other}")));
+    let lines = numbered(&source.text).filter(|(_, text)| names_one(text));
+    lines.map(|(line, _)| source.at(line, "names a path of one machine")).collect()
+}
+
+#[track_caller]
+fn assert_holds(rule: Rule) {
+    let mut wrong = String::new();
+    for offence in sources().iter().flat_map(rule) {
+        let _ = writeln!(wrong, "{offence}");
+    }
+    assert!(wrong.is_empty(), "\n{wrong}");
+}
+
+/// `bad` in the file `path` is found at `line`, and `good` is not.
+#[track_caller]
+fn assert_bites(rule: Rule, path: &str, bad: &str, line: usize, good: &str) {
+    let found = rule(&Source::new(path, bad));
+    assert!(found.iter().any(|offence| offence.starts_with(&format!("{path}:{line}: "))), "{found:?} in\n{bad}");
+    assert_eq!(rule(&Source::new(path, good)), [""; 0], "in\n{good}");
+}
+
+#[test]
+fn rooms_use_only_rooms_before_them_everywhere() {
+    let rule = rooms_use_only_rooms_before_them;
+    assert_bites(rule, "src/line/timing.rs", "\nuse crate::gateway::LineCore;", 2, "use crate::domain::time;");
+    assert_bites(rule, "src/line/timing.rs", "use super::super::north;", 1, "use super::station;");
+    assert_bites(rule, "src/line/mod.rs", "use super::north::modbus;", 1, "pub mod north;");
+    assert_bites(rule, "src/wire/pdu.rs", "use crate::{\n domain::time,\n line::{fault, timing},\n};", 3, "");
+    assert_bites(rule, "src/north/modbus/answer.rs", "let x = crate::line::fault();", 1, "// crate::line::fault");
+    assert_bites(rule, "src/sim/bus.rs", "use crate::drive::plan;", 1, "#[cfg(test)]\nuse crate::drive::plan;");
+    assert_bites(rule, "src/daemon/run.rs", "use crate::vendors;", 1, "use crate::sim;");
+    assert_bites(rule, "src/domain/ids.rs", "use vfd_gateway::cli;", 1, "");
+    assert_holds(rule);
+}
+
+#[test]
+fn every_file_begins_with_a_sentence() {
+    let rule = a_file_begins_with_a_sentence;
+    assert_bites(rule, "src/line/timing.rs", "use std::time;\n", 1, "//! What silences\n//! cost.\n//!\n//! | a |\n");
+    assert_bites(rule, "src/line/timing.rs", "//! TODO\n", 1, "//! What silences cost.\n");
+    assert_holds(rule);
+}
+
+#[test]
+fn no_vendor_is_named_outside_its_room() {
+    let rule = vendors_are_named_only_in_their_room;
+    assert_bites(rule, "src/line/timing.rs", "\n// as the N700 wants it", 2, "// a plan700, protecol");
+    assert_bites(rule, "src/cli/demo.rs", "let id = \"hyundai-n700\";", 1, "#[cfg(test)]\nmod tests { /* N700 */ }");
+    assert_bites(rule, "src/cli/demo.rs", "#[cfg(test)]\nmod tests {}\nconst TECO: u8 = 1;", 3, "");
+    assert_eq!(rule(&Source::new("src/vendors/mod.rs", "// Toshiba")), [""; 0]);
+    assert_holds(rule);
+}
+
+#[test]
+fn unsafe_is_in_one_file() {
+    let rule = unsafe_stands_in_one_file;
+    assert_bites(rule, "src/daemon/port.rs", "\nunsafe { x() }", 2, "// unsafe\nlet unsafely = \"unsafe\";");
+    assert_bites(rule, "src/daemon/port.rs", "#[cfg(test)]\nmod tests {\n #![allow(unsafe_code)]\n}", 3, "");
+    assert_eq!(rule(&Source::new(UNSAFE_FILE, "unsafe { x() }")), [""; 0]);
+    assert_holds(rule);
+}
+
+#[test]
+fn only_some_rooms_know_clocks_files_sockets_and_threads() {
+    let rule = io_and_clocks_stay_in_their_rooms;
+    let good = "use std::net::{IpAddr, SocketAddr};\nuse std::path::PathBuf;\n// tokio\nlet x = \"std::fs\";";
+    assert_bites(rule, "src/line/timing.rs", "use std::{fmt, fs};", 1, good);
+    assert_bites(rule, "src/line/timing.rs", "\nuse std::net::{IpAddr, TcpStream};", 2, good);
+    assert_bites(rule, "src/line/timing.rs", "let now = Instant::now();", 1, "let now = MonoTime::ZERO;");
+    assert_bites(rule, "src/config/read.rs", "tokio::spawn(x)", 1, "let tokio_like = 1;");
+    assert_bites(rule, "src/config/read.rs", "std::thread::sleep(x)", 1, "#[cfg(test)]\nfn f() { std::thread::x() }");
+    assert_eq!(rule(&Source::new("src/daemon/run.rs", "use std::fs;")), [""; 0]);
+    assert_holds(rule);
+}
+
+#[test]
+fn no_file_is_long() {
+    let rule = files_are_short;
+    let lines = |count: usize| "let x = 1;\n".repeat(count);
+    let tests = format!("{}#[cfg(test)]\nmod tests {{\n{}}}\n", lines(400), lines(400));
+    assert_bites(rule, "src/line/timing.rs", &lines(401), 1, &tests);
+    assert_holds(rule);
+}
+
+#[test]
+fn no_file_names_a_path_of_one_machine() {
+    let rule = no_path_of_one_machine;
+    for (one, other) in MACHINE_PATHS {
+        assert_bites(rule, "src/cli/run.rs", &format!("// see {one}{other}x"), 1, "// see /etc/x");
+    }
+    assert_holds(rule);
+}
+
+#[test]
+fn the_reader_of_sources_is_not_fooled() {
+    let text = "let a = '\"'; let b = \"}\"; /* { /* } */ */ let c = r#\"\"{\"#; fn f<'a>(x: &'a str) {} // {\n";
+    let bare = without_words(text);
+    assert_eq!(bare.len(), text.len());
+    assert_eq!(bare.matches('{').count(), 1, "{bare}");
+    let arm = "match x {\n #[cfg(test)]\n (A, [v]) => Ok(B { c: 1 }),\n _ => D,\n}";
+    assert_eq!(Source::new("src/a.rs", arm).code.split_whitespace().collect::<String>(), "matchx{_=>D,}");
+    assert_eq!(test_files(&without_words("#[cfg(test)]\nmod tests;\nmod other;")), ["tests"]);
+    let names: Vec<_> =
+        paths("use a::{b, c::{self, d}};\ne::f()").into_iter().map(|(_, path)| path.join("::")).collect();
+    assert_eq!(names, ["use", "a::b", "a::c::self", "a::c::d", "e::f"]);
+    assert!(sources().len() > 50, "the sources are found");
+}
+
+/// All files in `src/`.
+fn sources() -> Vec<Source> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut files = Vec::new();
+    collect(&root.join("src"), &mut files);
+    files.sort();
+    let name = |file: &Path| file.strip_prefix(root).unwrap().to_string_lossy().into_owned();
+    let mut sources: Vec<_> =
+        files.iter().map(|file| Source::new(&name(file), &std::fs::read_to_string(file).unwrap())).collect();
+    let mut for_tests = BTreeSet::new();
+    for source in &sources {
+        let folder = source.modules().join("/");
+        for name in test_files(&source.bare) {
+            for_tests.insert(format!("src/{folder}/{name}.rs"));
+            for_tests.insert(format!("src/{folder}/{name}/mod.rs"));
+        }
+    }
+    sources.iter_mut().filter(|source| for_tests.contains(&source.path)).for_each(Source::only_for_tests);
+    sources
+}
+
+fn collect(folder: &Path, files: &mut Vec<std::path::PathBuf>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            collect(&path, files);
+        } else if path.extension().is_some_and(|it| it == "rs") {
+            files.push(path);
+        }
+    }
+}
+
+/// `text` with everything in comments and strings turned into spaces.
+fn without_words(text: &str) -> String {
+    let bytes = text.as_bytes();
+    let mut spans = Vec::new();
+    let mut at = 0;
+    while at < bytes.len() {
+        let rest = &text[at..];
+        let length = if rest.starts_with("//") {
+            rest.find('\n').unwrap_or(rest.len())
+        } else if rest.starts_with("/*") {
+            block_comment(rest)
+        } else if let Some(hashes) = raw_string(rest).filter(|_| !ends_in_word(&text[..at])) {
+            let end = format!("\"{}", "#".repeat(hashes));
+            let begin = hashes + 2;
+            rest[begin..].find(&end).map_or(rest.len(), |found| begin + found + end.len())
+        } else if rest.starts_with('"') {
+            quoted(rest, b'"')
+        } else if is_char(rest) {
+            quoted(rest, b'\'')
+        } else {
+            at += rest.chars().next().map_or(1, char::len_utf8);
+            continue;
+        };
+        spans.push(at..at + length);
+        at += length;
+    }
+    spans.into_iter().fold(text.to_owned(), |text, span| blanked(&text, span))
+}
+
+fn block_comment(rest: &str) -> usize {
+    let (mut depth, mut at) = (0, 0);
+    while at < rest.len() {
+        match &rest.as_bytes()[at..] {
+            [b'/', b'*', ..] => (depth, at) = (depth + 1, at + 2),
+            [b'*', b'/', ..] => (depth, at) = (depth - 1, at + 2),
+            _ => at += 1,
+        }
+        if depth == 0 {
+            break;
+        }
+    }
+    at
+}
+
+/// The number of `#` of the raw string that `rest` begins with.
+fn raw_string(rest: &str) -> Option<usize> {
+    let rest = rest.strip_prefix('r')?;
+    let hashes = rest.len() - rest.trim_start_matches('#').len();
+    rest[hashes..].starts_with('"').then_some(hashes)
+}
+
+fn ends_in_word(text: &str) -> bool {
+    text.ends_with(|c: char| c.is_alphanumeric() || c == '_') && !text.ends_with('b')
+}
+
+/// Whether `rest` begins with a character and not with a lifetime.
+fn is_char(rest: &str) -> bool {
+    let mut chars = rest.chars();
+    let (quote, first, second) = (chars.next(), chars.next(), chars.next());
+    quote == Some('\'') && (first == Some('\\') || second == Some('\''))
+}
+
+fn quoted(rest: &str, quote: u8) -> usize {
+    let bytes = rest.as_bytes();
+    let mut at = 1;
+    while at < bytes.len() && bytes[at] != quote {
+        at += if bytes[at] == b'\\' { 2 } else { 1 };
+    }
+    (at + 1).min(bytes.len())
+}
+
+/// `text` with spaces in `span`, and its line breaks kept.
+fn blanked(text: &str, span: std::ops::Range<usize>) -> String {
+    let blank = text[span.clone()].bytes().map(|byte| if byte == b'\n' { '\n' } else { ' ' });
+    format!("{}{}{}", &text[..span.start], blank.collect::<String>(), &text[span.end..])
+}
+
+const TEST_ONLY: &str = "#[cfg(test)]";
+
+/// Where code stands that only tests see.
+fn test_spans(bare: &str) -> Vec<std::ops::Range<usize>> {
+    if bare.contains("#![cfg(test)]") {
+        return std::iter::once(0..bare.len()).collect();
+    }
+    bare.match_indices(TEST_ONLY)
+        .map(|(at, _)| at..at + TEST_ONLY.len() + item(&bare[at + TEST_ONLY.len()..]))
+        .collect()
+}
+
+/// Length of the item, variant or match arm that `rest` begins with, its attributes included.
+fn item(rest: &str) -> usize {
+    let (mut depth, mut in_body) = (0_i32, false);
+    for (at, byte) in rest.bytes().enumerate() {
+        match byte {
+            b'{' if depth == 0 => (depth, in_body) = (1, true),
+            b'{' | b'(' | b'[' => depth += 1,
+            b'}' | b')' | b']' => depth -= 1,
+            b';' | b',' if depth == 0 => return at + 1,
+            _ => {}
+        }
+        if depth < 0 {
+            return at;
+        }
+        if in_body && depth == 0 {
+            return at + 1;
+        }
+    }
+    rest.len()
+}
+
+/// Names of the files that `mod` lines declare for tests only.
+fn test_files(bare: &str) -> Vec<&str> {
+    let after = bare.match_indices(TEST_ONLY).map(|(at, _)| bare[at + TEST_ONLY.len()..].trim_start());
+    after
+        .filter_map(|rest| rest.strip_prefix("mod ")?.split_once(';'))
+        .map(|(name, _)| name.trim())
+        .filter(is_word)
+        .collect()
+}
+
+fn is_word(name: &&str) -> bool {
+    name.chars().all(|c| c.is_alphanumeric() || c == '_')
+}
+
+/// Every path in `code` with its line, groups taken apart: `a::{b, c}` is `a::b` and `a::c`.
+fn paths(code: &str) -> Vec<(usize, Vec<String>)> {
+    let mut found = Vec::new();
+    let mut at = 0;
+    while at < code.len() {
+        if code[at..].starts_with(is_word_begin) && !code[..at].ends_with(is_word_part) {
+            at += path(code, at, &[], &mut found);
+        } else {
+            at += code[at..].chars().next().map_or(1, char::len_utf8);
+        }
+    }
+    found
+}
+
+/// Reads the path at `at`, which continues `before`; returns its length.
+fn path(code: &str, at: usize, before: &[String], found: &mut Vec<(usize, Vec<String>)>) -> usize {
+    let rest = &code[at..];
+    let length = rest.find(|c| !is_word_part(c)).unwrap_or(rest.len());
+    let mut parts = before.to_vec();
+    parts.push(rest[..length].to_owned());
+    if let Some(group) = rest[length..].strip_prefix("::{") {
+        let begin = at + length + 3;
+        return length + 3 + members(code, begin, group, &parts, found);
+    }
+    match rest[length..].strip_prefix("::") {
+        Some(next) if next.starts_with(is_word_begin) => length + 2 + path(code, at + length + 2, &parts, found),
+        _ => {
+            found.push((code[..at].matches('\n').count() + 1, parts));
+            length
+        }
+    }
+}
+
+/// Reads the members of a group whose text after the brace is `group`; returns their length.
+fn members(code: &str, begin: usize, group: &str, before: &[String], found: &mut Vec<(usize, Vec<String>)>) -> usize {
+    let mut at = 0;
+    while at < group.len() && !group[at..].starts_with('}') {
+        if group[at..].starts_with(is_word_begin) {
+            at += path(code, begin + at, before, found);
+        } else {
+            at += group[at..].chars().next().map_or(1, char::len_utf8);
+        }
+    }
+    at + 1
+}
+
+fn is_word_begin(c: char) -> bool {
+    c.is_alphabetic() || c == '_'
+}
+
+fn is_word_part(c: char) -> bool {
+    c.is_alphanumeric() || c == '_'
+}
+
+fn words(text: &str) -> impl Iterator<Item = &str> {
+    text.split(|c| !is_word_part(c))
+}
+
+fn numbered(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    (1..).zip(text.lines())
+}

@@ -1,0 +1,39 @@
+//! The real program, started as an operator starts it, against programs that nobody here wrote.
+//!
+//! | file | what is promised there |
+//! | --- | --- |
+//! | `reading` | ordinary clients read a drive through the gateway, and ordinary drives are read |
+//! | `refusing` | what may not be done is refused by the right exception and never reaches the line |
+//! | `coming_and_going` | unplugged adapters, signals, taken ports |
+//! | `checking` | what `check` and the other commands say, and their exit codes |
+//! | `documents` | the README lists every command, option and key |
+//!
+//! The other files are helpers. These tests are few and slow; what needs no process is tested elsewhere.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::disallowed_methods,
+    reason = "a test fails by panicking, its helpers too; and time here is the real one"
+)]
+
+#[path = "process/checking.rs"]
+mod checking;
+#[path = "process/coming_and_going.rs"]
+mod coming_and_going;
+#[path = "process/documents.rs"]
+mod documents;
+#[path = "process/reading.rs"]
+mod reading;
+#[path = "process/refusing.rs"]
+mod refusing;
+
+#[path = "process/outsiders.rs"]
+mod outsiders;
+#[path = "process/raw.rs"]
+mod raw;
+#[path = "process/rig.rs"]
+mod rig;
+#[path = "process/started.rs"]
+mod started;

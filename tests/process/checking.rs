@@ -1,0 +1,100 @@
+//! What `check` and `models` say, and the exit codes of the program: 0 done, 1 failed, 2 wrong usage or configuration.
+
+use super::rig::{Place, vfd_gateway};
+use std::path::Path;
+use std::process::Output;
+
+#[test]
+fn check_reports_every_mistake_at_once_with_its_line() {
+    let place = Place::new();
+    let text = "[[line]]\n\
+                name = \"hall-1\"\n\
+                port = \"/dev/ttyUSB0\"\n\
+                buad = 9600\n\
+                parity = \"mark\"\n\
+                \n\
+                [[line.drive]]\n\
+                name = \"pump-1\"\n\
+                model = \"hyundai-n7000\"\n\
+                station = 1\n\
+                \n\
+                [[line.drive]]\n\
+                name = \"pump-2\"\n\
+                model = \"hyundai-n700\"\n\
+                station = 33\n\
+                \n\
+                [[modbus_tcp]]\n\
+                listen = \"0.0.0.0:1502\"\n";
+    let file = place.write("mistakes.toml", text);
+    let output = vfd_gateway(&["check", "-c", file.to_str().unwrap()]);
+    let said = said(&output);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    for (wrong, helps) in [
+        ("buad", "baud"),
+        ("\"mark\"", "even"),
+        ("hyundai-n7000", "hyundai-n700\""),
+        ("33", "1 to 32"),
+        ("[[modbus_tcp]]", "allow"),
+    ] {
+        let line = text.lines().position(|line| line.contains(wrong)).unwrap() + 1;
+        assert!(said.contains(&format!("{}:{line}:", file.display())), "no mistake in line {line} ({wrong}):\n{said}");
+        assert!(said.contains(helps), "{wrong} without {helps}:\n{said}");
+    }
+    assert!(said.contains("5 problems"), "{said}");
+}
+
+#[test]
+fn check_accepts_the_example_and_says_what_it_costs() {
+    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/vfd-gateway.toml");
+    let output = vfd_gateway(&["check", "-c", example.to_str().unwrap()]);
+    let said = said(&output);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    for word in ["hall-1", "pump-1", "read-only", "silence before each frame", "127.0.0.1:1502"] {
+        assert!(said.contains(word), "no {word}:\n{said}");
+    }
+}
+
+#[test]
+fn a_key_that_this_version_does_not_serve_is_refused() {
+    let place = Place::new();
+    let example =
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/vfd-gateway.toml")).unwrap();
+    let file = place.write("mqtt.toml", &format!("{example}\n[mqtt]\nbroker = \"mqtt://127.0.0.1\"\n"));
+    for command in ["check", "run"] {
+        let output = vfd_gateway(&[command, "-c", file.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+        assert!(said(&output).contains("mqtt"), "{}", said(&output));
+    }
+}
+
+#[test]
+fn wrong_usage_is_2_and_help_is_0() {
+    for (args, code) in [
+        (&["--help"][..], 0),
+        (&["--version"], 0),
+        (&["models"], 0),
+        (&["models", "show", "hyundai-n700"], 0),
+        (&["models", "show", "hyundai-n70"], 2),
+        (&["models", "check", "/nonexistent.toml"], 2),
+        (&["check", "-c", "/nonexistent.toml"], 2),
+        (&["run"], 2),
+        (&["fly"], 2),
+        (&["simulate", "--model", "hyundai-n700", "--station", "33"], 2),
+    ] {
+        let output = vfd_gateway(args);
+        assert_eq!(output.status.code(), Some(code), "{args:?}: {}", said(&output));
+    }
+}
+
+#[test]
+fn a_model_is_shown_with_its_sources() {
+    let output = vfd_gateway(&["models", "show", "hyundai-n700"]);
+    let said = said(&output);
+    for word in ["F001", "0x0101", "Hz", "manual", "inferred"] {
+        assert!(said.contains(word), "no {word}:\n{said}");
+    }
+}
+
+fn said(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}

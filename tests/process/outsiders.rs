@@ -1,0 +1,77 @@
+//! Programs that nobody here wrote. A test without them fails: one that is skipped proves nothing.
+
+use super::started::{PATIENCE, Started, until};
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// One call of mbpoll.
+pub struct Mbpoll {
+    /// The values that it printed, in order.
+    pub values: Vec<u16>,
+    /// All that it printed.
+    pub text: String,
+}
+
+/// Runs mbpoll once against unit 1 at `address`, counting registers from 0 as on the wire.
+pub fn mbpoll(address: SocketAddr, args: &[&str]) -> Mbpoll {
+    let mut command = Command::new("mbpoll");
+    command.args(["-0", "-1", "-a", "1", "-o", "6", "-p", &address.port().to_string()]);
+    mbpoll_output(command.args(args).arg(address.ip().to_string()))
+}
+
+/// What an mbpoll command that is complete prints.
+pub fn mbpoll_output(command: &mut Command) -> Mbpoll {
+    let Output { stdout, stderr, .. } = run(command);
+    let text = format!("{}{}", String::from_utf8_lossy(&stdout), String::from_utf8_lossy(&stderr));
+    Mbpoll { values: text.lines().filter_map(value).collect(), text }
+}
+
+/// The value in a line like `[257]: 6000`; large ones stand there twice: `[3]: 65535 (-1)`.
+fn value(line: &str) -> Option<u16> {
+    let (_, value) = line.strip_prefix('[')?.split_once("]:")?;
+    value.split_whitespace().next()?.parse().ok()
+}
+
+/// What a pymodbus client gets as answers to `requests`; see `client.py`.
+pub fn pymodbus_client(address: SocketAddr, requests: &[&str]) -> Vec<serde_json::Value> {
+    let output = run(Command::new(python()).arg(script("client.py")).arg(address.port().to_string()).args(requests));
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// A drive played by pymodbus at `station` on `port`; see `drive.py`.
+pub fn pymodbus_drive(port: &Path, station: u8) -> Started {
+    let mut command = Command::new(python());
+    command.arg(script("drive.py")).arg(port).arg(station.to_string());
+    Started::new(command)
+}
+
+/// Two pseudo-terminals, `one` and `other`, joined by socat like the two ends of a cable.
+pub fn cable(one: &Path, other: &Path) -> Started {
+    let end = |path: &Path| format!("pty,raw,echo=0,link={}", path.display());
+    let mut command = Command::new("socat");
+    command.args([end(one), end(other)]);
+    let cable = Started::new(command);
+    until("socat makes both ends", PATIENCE, || (one.exists() && other.exists()).then_some(()));
+    cable
+}
+
+fn run(command: &mut Command) -> Output {
+    let name = command.get_program().to_string_lossy().into_owned();
+    command.output().unwrap_or_else(|error| panic!("cannot start {name}: {error}; run tests/run, which installs it"))
+}
+
+fn python() -> PathBuf {
+    let python = tests().join(".venv/bin/python");
+    assert!(python.exists(), "{} is missing; run tests/run, which makes it", python.display());
+    python
+}
+
+fn script(name: &str) -> PathBuf {
+    tests().join("process").join(name)
+}
+
+fn tests() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests")
+}

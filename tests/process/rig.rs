@@ -1,0 +1,119 @@
+//! The real program in its roles, each test in a directory of its own.
+
+use super::started::Started;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// A directory that is gone after the test.
+pub struct Place {
+    path: PathBuf,
+}
+
+impl Place {
+    pub fn new() -> Self {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let number = COUNT.fetch_add(1, Ordering::Relaxed);
+        let path = std::env::temp_dir().join(format!("vfd-gateway-test-{}-{number}", std::process::id()));
+        std::fs::create_dir(&path).unwrap();
+        Self { path }
+    }
+
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.path.join(name)
+    }
+
+    pub fn write(&self, name: &str, text: &str) -> PathBuf {
+        let file = self.file(name);
+        std::fs::write(&file, text).unwrap();
+        file
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        // What is left in the temporary directory harms nobody.
+        let _ = std::fs::remove_dir_all(&self.path);
+    }
+}
+
+/// The program with a log that can be read line by line.
+fn program() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_vfd-gateway"));
+    command.env("RUST_LOG", "info").args(["--log-format", "json"]);
+    command
+}
+
+/// `vfd-gateway` with `args`, run to its end.
+pub fn vfd_gateway(args: &[&str]) -> Output {
+    program().args(args).output().unwrap()
+}
+
+/// `vfd-gateway` with `args`, running.
+pub fn start(args: &[&str]) -> Started {
+    let mut command = program();
+    command.args(args);
+    Started::new(command)
+}
+
+/// A simulated drive at station 1 whose port is reached as `link`.
+pub fn simulate(link: &Path) -> Started {
+    let drive = start(&["simulate", "--model", "hyundai-n700", "--station", "1", "--link", link.to_str().unwrap()]);
+    drive.wait_for("that it plays", |line| line.contains("station 1").then_some(()));
+    drive
+}
+
+/// How many requests a simulated drive says at its end that it has heard.
+pub fn requests_heard(mut drive: Started) -> u64 {
+    drive.terminate();
+    assert!(drive.end_within(super::started::PATIENCE).success());
+    drive.wait_for("how many requests it heard", |line| {
+        let fields = fields(line)?;
+        (fields["message"] == "simulation ended").then(|| fields["requests"].as_u64())?
+    })
+}
+
+/// A gateway and where its clients reach it.
+pub struct Gateway {
+    pub program: Started,
+    pub address: SocketAddr,
+}
+
+/// A gateway with one drive at station 1 behind `port`, on a TCP port that the system chooses. It polls once,
+/// at its start, so that a test can count what else goes over the line.
+pub fn gateway(place: &Place, port: &Path) -> Gateway {
+    gateway_with(place, port, "")
+}
+
+/// Like [`gateway`], with `more` keys of the listener.
+pub fn gateway_with(place: &Place, port: &Path, more: &str) -> Gateway {
+    let text = format!(
+        "[[line]]\nname = \"test\"\nport = \"{}\"\n\n[[line.drive]]\nname = \"pump-1\"\nmodel = \"hyundai-n700\"\n\
+         station = 1\npoll = \"1h\"\n\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n{more}\n",
+        port.display()
+    );
+    let file = place.write("gateway.toml", &text);
+    let program = start(&["run", "-c", file.to_str().unwrap()]);
+    let address = program.wait_for("where it listens", |line| {
+        let fields = fields(line)?;
+        (fields["message"] == "Modbus TCP").then(|| fields["address"].as_str()?.parse().ok())?
+    });
+    Gateway { program, address }
+}
+
+impl Gateway {
+    /// Waits until the drive has answered for the first time.
+    pub fn wait_for_drive(&self) {
+        self.program.wait_for("that the drive is there", |line| {
+            let fields = fields(line)?;
+            (fields["message"] == "drive" && fields["presence"] == "Online").then_some(())
+        });
+    }
+}
+
+/// What a line of the log says.
+fn fields(line: &str) -> Option<serde_json::Value> {
+    let mut entry: serde_json::Value = serde_json::from_str(line).ok()?;
+    Some(entry["fields"].take())
+}

@@ -1,0 +1,114 @@
+//! A program that a test has started: its output line by line, and its end.
+
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Condvar, Mutex};
+use std::time::{Duration, Instant};
+
+/// Longer than anything should take on a busy machine; a test that waits for it fails.
+pub const PATIENCE: Duration = Duration::from_secs(20);
+
+/// A running program. It is killed when this is dropped.
+pub struct Started {
+    name: String,
+    child: Child,
+    output: Arc<Output>,
+}
+
+/// The lines of stdout and stderr so far, in order of arrival.
+#[derive(Default)]
+struct Output {
+    lines: Mutex<Vec<String>>,
+    more: Condvar,
+}
+
+impl Started {
+    /// Starts `command` with its output caught and nothing on its stdin.
+    pub fn new(mut command: Command) -> Self {
+        let name = command.get_program().to_string_lossy().into_owned();
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().unwrap_or_else(|error| panic!("cannot start {name}: {error}; run tests/run"));
+        let output = Arc::new(Output::default());
+        collect(child.stdout.take().unwrap(), Arc::clone(&output));
+        collect(child.stderr.take().unwrap(), Arc::clone(&output));
+        Self { name, child, output }
+    }
+
+    /// Waits for a line of which `found` makes something, and returns that.
+    pub fn wait_for<T>(&self, what: &str, mut found: impl FnMut(&str) -> Option<T>) -> T {
+        let until = Instant::now() + PATIENCE;
+        let mut lines = self.output.lines.lock().unwrap();
+        let mut seen = 0;
+        loop {
+            if let Some(it) = lines[seen..].iter().find_map(|line| found(line)) {
+                return it;
+            }
+            seen = lines.len();
+            let left = until.saturating_duration_since(Instant::now());
+            assert!(!left.is_zero(), "{} never said {what}; it said:\n{}", self.name, lines.join("\n"));
+            lines = self.output.more.wait_timeout(lines, left).unwrap().0;
+        }
+    }
+
+    /// Everything that was printed so far.
+    pub fn text(&self) -> String {
+        self.output.lines.lock().unwrap().join("\n")
+    }
+
+    /// Asks the program to end.
+    pub fn terminate(&self) {
+        self.signal("TERM");
+    }
+
+    /// Presses Ctrl-C.
+    pub fn interrupt(&self) {
+        self.signal("INT");
+    }
+
+    /// The shell's own `kill` needs neither a package nor unsafe code.
+    fn signal(&self, signal: &str) {
+        let kill = format!("kill -{signal} {}", self.child.id());
+        assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success(), "{kill}");
+    }
+
+    /// Waits for the end of the program.
+    pub fn end_within(&mut self, within: Duration) -> ExitStatus {
+        let until = Instant::now() + within;
+        loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                return status;
+            }
+            assert!(Instant::now() < until, "{} still runs after {within:?}; it said:\n{}", self.name, self.text());
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
+impl Drop for Started {
+    fn drop(&mut self) {
+        // One that has ended already is as good.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn collect(from: impl Read + Send + 'static, output: Arc<Output>) {
+    std::thread::spawn(move || {
+        for line in BufReader::new(from).lines().map_while(Result::ok) {
+            output.lines.lock().unwrap().push(line);
+            output.more.notify_all();
+        }
+    });
+}
+
+/// Tries `done` until it gives something, at most for `within`.
+pub fn until<T>(what: &str, within: Duration, mut done: impl FnMut() -> Option<T>) -> T {
+    let end = Instant::now() + within;
+    loop {
+        if let Some(it) = done() {
+            return it;
+        }
+        assert!(Instant::now() < end, "not within {within:?}: {what}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}

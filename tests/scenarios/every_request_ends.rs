@@ -1,0 +1,108 @@
+//! Every request ends in exactly one outcome, whatever happens to the port, the queue or the asker.
+
+use crate::support::{PROOF, Rig, RigOptions};
+use std::time::Duration;
+use vfd_gateway::domain::ids::{AskerId, Station};
+use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
+use vfd_gateway::domain::report::PortFault;
+use vfd_gateway::gateway::{Input, REQUESTS_MAX};
+use vfd_gateway::line::schedule::READS_MAX;
+
+fn outcomes(rig: &mut Rig) -> Vec<NativeOutcome> {
+    std::mem::take(&mut rig.answers).into_iter().map(|(_, answer)| answer.outcome).collect()
+}
+
+#[test]
+fn a_lost_port_answers_all_who_wait() {
+    let mut rig = Rig::new(&RigOptions::default());
+    rig.run_until(rig.now + Duration::from_millis(10), |_, _| {});
+    rig.read(1, 0, PROOF, 1);
+    rig.read(2, 0, PROOF, 2);
+    assert_eq!(rig.sent.len(), 1, "one is on the wire");
+    rig.core.handle(rig.now, Input::PortDown(PortFault::Gone));
+    rig.settle();
+    assert_eq!(outcomes(&mut rig), [NativeOutcome::NoReply, NativeOutcome::Refused(Refusal::LineDown)]);
+    rig.read(1, 0, PROOF, 1);
+    assert_eq!(outcomes(&mut rig), [NativeOutcome::Refused(Refusal::LineDown)]);
+    rig.core.handle(rig.now, Input::PortUp);
+    // What was on the wire may still be answered: another word count goes first.
+    let again = rig.read(1, 0, PROOF, 1);
+    assert!(matches!(rig.answer_to(again), NativeOutcome::Words(_)));
+}
+
+#[test]
+fn a_deadline_that_passes_in_the_queue_ends_the_wait() {
+    let mut rig = Rig::new(&RigOptions { drives: 2, ..RigOptions::default() });
+    rig.keeps_sent = false;
+    for asker in 0..60 {
+        rig.read(asker, 0, PROOF, 125);
+    }
+    let begun = rig.now;
+    let mut ended = 0;
+    rig.run_until(begun + Duration::from_secs(30), |rig, answer| {
+        ended += 1;
+        assert!(rig.now.since(begun) <= Duration::from_secs(5), "{answer:?}");
+    });
+    assert_eq!(ended, 60);
+    // All asked for the same, so one walk over sixteen frames served them all.
+    assert_eq!(rig.core.counters().expired, 0);
+    for asker in 0..60 {
+        rig.read(asker, 0, PROOF + asker as u16, 125);
+    }
+    let mut expired = 0;
+    rig.run_until(rig.now + Duration::from_secs(30), |_, answer| {
+        expired += u64::from(answer.outcome == NativeOutcome::Expired);
+    });
+    assert!(expired > 0);
+    assert_eq!(rig.core.counters().expired, expired);
+}
+
+#[test]
+fn full_queues_refuse_and_grow_no_further() {
+    let mut rig = Rig::new(&RigOptions::default());
+    let asked = READS_MAX as u64 + 100;
+    for n in 0..asked {
+        rig.ask(n, 0, NativeAsk::Read { address: n as u16, count: 1 });
+    }
+    let refused = outcomes(&mut rig);
+    assert!(refused.iter().all(|outcome| *outcome == NativeOutcome::Refused(Refusal::QueueFull)));
+    // The first went on the wire at once.
+    assert_eq!(refused.len() as u64, asked - READS_MAX as u64 - 1);
+    let mut rig = Rig::new(&RigOptions::default());
+    for n in 0..REQUESTS_MAX as u64 + 5 {
+        rig.ask(n, 0, NativeAsk::Read { address: PROOF, count: 1 });
+    }
+    assert_eq!(outcomes(&mut rig).len(), 5);
+}
+
+#[test]
+fn an_asker_that_is_gone_takes_its_reads_along() {
+    let mut rig = Rig::new(&RigOptions::default());
+    rig.run_until(rig.now + Duration::from_millis(10), |_, _| {});
+    rig.read(1, 0, PROOF, 1);
+    for n in 0..16 {
+        rig.read(2, 0, PROOF + n, 2);
+    }
+    rig.core.handle(rig.now, Input::AskerGone(AskerId(2)));
+    rig.run_until(rig.now + Duration::from_secs(2), |_, answer| assert_eq!(answer.asker, AskerId(1)));
+    assert_eq!(rig.sent.len(), 1, "nothing was sent for the one that is gone");
+}
+
+#[test]
+fn a_silent_drive_is_answered_for_at_once_until_it_is_asked_again() {
+    let mut rig = Rig::new(&RigOptions::default());
+    rig.bus.set_powered(rig.now, Station(1), false);
+    for _ in 0..2 {
+        let ticket = rig.read(1, 0, PROOF, 1);
+        assert_eq!(rig.answer_to(ticket), NativeOutcome::NoReply);
+    }
+    let sent = rig.sent.len();
+    let ticket = rig.read(1, 0, PROOF, 1);
+    assert_eq!(rig.answers.len(), 1, "answered without a frame");
+    assert_eq!(rig.answer_to(ticket), NativeOutcome::NoReply);
+    assert_eq!(rig.sent.len(), sent);
+    rig.bus.set_powered(rig.now, Station(1), true);
+    rig.run_until(rig.now + Duration::from_secs(40), |_, _| {});
+    let ticket = rig.read(1, 0, PROOF, 1);
+    assert!(matches!(rig.answer_to(ticket), NativeOutcome::Words(_)), "it is asked again after the wait");
+}

@@ -1,0 +1,96 @@
+//! A late reply is never taken for the answer to another request.
+
+use crate::support::{PROOF, Rig, RigOptions};
+use std::time::Duration;
+use vfd_gateway::domain::native::NativeOutcome;
+use vfd_gateway::sim::{BusOptions, FaultPlan};
+
+fn late(per_mille: u16, drives: u8, seed: u64) -> Rig {
+    let faults = FaultPlan { late: per_mille, ..FaultPlan::NONE };
+    let bus = BusOptions { faults, ..BusOptions::default() };
+    Rig::new(&RigOptions { drives, bus, seed, ..RigOptions::default() })
+}
+
+/// Clients that never pause read proof words, whose value says which exchange asked for them.
+fn walk(rig: &mut Rig, drives: u16, late_replies: u64) -> u64 {
+    rig.keeps_sent = false;
+    for asker in 0..4 {
+        rig.read(asker, asker as u16 % drives, PROOF, 1 + asker as u16);
+    }
+    let mut right = 0;
+    while rig.bus.report().replies_late < late_replies {
+        let until = rig.now + Duration::from_secs(60);
+        rig.run_until(until, |rig, answer| {
+            if let NativeOutcome::Words(words) = &answer.outcome {
+                let expected = rig.sent.last().expect("an answer follows a request").proof;
+                assert!(words.iter().all(|word| *word == expected), "{words:04X?} for exchange {expected:04X}");
+                right += 1;
+            }
+            let n = answer.ticket.0;
+            rig.read(answer.asker.0, (n % u64::from(drives)) as u16, PROOF, 1 + (n % 8) as u16);
+        });
+    }
+    right
+}
+
+#[test]
+fn late_replies_answer_nothing_else() {
+    for seed in 0..4 {
+        let mut rig = late(300, 3, seed);
+        let right = walk(&mut rig, 3, 5_000);
+        assert!(right > 1_000, "work went on: {right}");
+        assert!(rig.core.counters().strays > 1_000, "late replies were seen: {:?}", rig.core.counters());
+    }
+}
+
+#[test]
+fn a_station_with_a_missing_reply_is_asked_only_what_cannot_be_mistaken() {
+    let mut rig = late(0, 1, 1);
+    rig.bus.set_faults(FaultPlan { lost: 1000, ..FaultPlan::NONE });
+    let first = rig.read(1, 0, PROOF, 1);
+    // The reply to what is on the wire is lost already; nothing else will be.
+    rig.bus.set_faults(FaultPlan::NONE);
+    let same_count = rig.read(1, 0, 0x0201, 1);
+    assert_eq!(rig.answer_to(first), NativeOutcome::NoReply);
+    assert!(matches!(rig.answer_to(same_count), NativeOutcome::Words(_)));
+    // A barrier with another word count went in between; only its answer let the equal count through.
+    let counts: Vec<u8> = rig.sent.iter().map(|sent| sent.frame[5]).collect();
+    assert!(matches!(counts[..], [1, barrier, 1] if barrier != 1), "{counts:?}");
+    assert_eq!(rig.core.counters().barriers, 1);
+}
+
+#[test]
+fn without_an_answer_to_the_barrier_the_longest_lateness_is_waited_out() {
+    let mut rig = late(0, 1, 1);
+    rig.bus.set_faults(FaultPlan { lost: 1000, ..FaultPlan::NONE });
+    let first = rig.read(1, 0, PROOF, 1);
+    assert_eq!(rig.answer_to(first), NativeOutcome::NoReply);
+    let timed_out = rig.now;
+    rig.run_until(timed_out + Duration::from_secs(3), |_, _| {});
+    rig.bus.set_faults(FaultPlan::NONE);
+    let same_count = rig.read(1, 0, PROOF, 1);
+    assert!(matches!(rig.answer_to(same_count), NativeOutcome::Words(_)));
+    let sent = &rig.sent;
+    assert!(sent[sent.len() - 1].at.since(timed_out) >= Duration::from_millis(500));
+}
+
+#[test]
+fn other_stations_are_not_held_up() {
+    let mut rig = late(0, 2, 1);
+    rig.bus.set_powered(rig.now, vfd_gateway::domain::ids::Station(1), false);
+    let dead = rig.read(1, 0, PROOF, 1);
+    assert_eq!(rig.answer_to(dead), NativeOutcome::NoReply);
+    let begun = rig.now;
+    let alive = rig.read(2, 1, PROOF, 1);
+    assert!(matches!(rig.answer_to(alive), NativeOutcome::Words(_)));
+    assert!(rig.now.since(begun) < Duration::from_millis(40), "{:?}", rig.now.since(begun));
+}
+
+#[test]
+fn one_exchange_takes_what_the_wire_takes_and_nothing_more() {
+    let mut rig = late(0, 1, 1);
+    let begun = rig.now;
+    let ticket = rig.read(1, 0, PROOF, 1);
+    rig.answer_to(ticket);
+    assert_eq!(rig.now.since(begun), Duration::from_nanos(8_333_334 + 2_000_000 + 7_291_667));
+}
