@@ -5,42 +5,29 @@
 
 use super::answers::AnswerBox;
 use super::clock;
+use super::inbox::{Inbox, Message};
 use super::port::{OpenError, Port};
 use super::sys;
 use super::timer::Timer;
-use crate::domain::ids::AskerId;
 use crate::domain::link::LinkSettings;
-use crate::domain::native::{NativeAnswer, NativeRequest};
+use crate::domain::native::NativeAnswer;
 use crate::domain::report::{LineCounters, PortFault};
 use crate::gateway::{Effect, Input, LineCore, LineSetup};
 use std::future::poll_fn;
 use std::io;
 use std::path::PathBuf;
+use std::pin::pin;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::task::Poll;
 use std::thread::JoinHandle;
 use std::time::Duration;
-use tokio::sync::mpsc;
 
-/// Messages that may wait for a line thread. The north side answers exception 06 when it is full.
-pub const INBOX_MAX: usize = 4096;
-/// Messages taken in one round, so that bytes and deadlines are looked at in between.
-const MESSAGES_PER_ROUND: usize = 256;
 /// Reads of the port in one round. At 512 bytes each this is more than any port buffers.
 const READS_PER_ROUND: usize = 64;
 /// First wait before a port that could not be opened is tried again; doubled up to the longest.
 const REOPEN_FIRST: Duration = Duration::from_millis(100);
 /// Longest such wait: a replugged adapter is back within a second.
 const REOPEN_MAX: Duration = Duration::from_millis(800);
-
-/// Something for a line from the north side.
-#[derive(Debug)]
-pub enum Message {
-    /// A client asks.
-    Native(NativeRequest),
-    /// A client is gone.
-    AskerGone(AskerId),
-}
 
 /// What a line thread needs to know beside what its core knows.
 #[derive(Clone, Debug)]
@@ -57,10 +44,10 @@ pub struct LinePort {
     pub needs_pty: bool,
 }
 
-/// A running line thread. It ends when this is dropped, and [`LineHandle::join`] waits for that.
+/// A running line thread.
 #[derive(Debug)]
 pub struct LineHandle {
-    inbox: mpsc::Sender<Message>,
+    inbox: Arc<Inbox>,
     counters: Arc<Mutex<LineCounters>>,
     thread: JoinHandle<()>,
 }
@@ -71,7 +58,8 @@ impl LineHandle {
     /// # Errors
     /// The system's refusal to start a thread.
     pub fn start(port: LinePort, setup: LineSetup, answers: Arc<AnswerBox>) -> io::Result<Self> {
-        let (inbox, messages) = mpsc::channel(INBOX_MAX);
+        let inbox = Arc::new(Inbox::default());
+        let messages = Arc::clone(&inbox);
         let counters = Arc::new(Mutex::new(LineCounters::default()));
         let shared = Arc::clone(&counters);
         let thread = std::thread::Builder::new().name(format!("line {}", port.line)).spawn(move || {
@@ -82,9 +70,9 @@ impl LineHandle {
         Ok(Self { inbox, counters, thread })
     }
 
-    /// The way in. It is refused when too many messages wait.
+    /// The way in.
     #[must_use]
-    pub const fn inbox(&self) -> &mpsc::Sender<Message> {
+    pub const fn inbox(&self) -> &Arc<Inbox> {
         &self.inbox
     }
 
@@ -96,7 +84,7 @@ impl LineHandle {
 
     /// Ends the thread and waits for its end.
     pub fn join(self) {
-        drop(self.inbox);
+        self.inbox.close();
         if self.thread.join().is_err() {
             tracing::error!("a line thread had panicked");
         }
@@ -106,31 +94,34 @@ impl LineHandle {
 fn run(
     port: &LinePort,
     setup: LineSetup,
-    messages: mpsc::Receiver<Message>,
+    inbox: Arc<Inbox>,
     answers: Arc<AnswerBox>,
     counters: Arc<Mutex<LineCounters>>,
 ) -> io::Result<()> {
-    if let Err(error) = sys::ask_for_real_time() {
+    // Without character times there is no moment to hit, and preempting everybody only costs throughput.
+    if setup.timing.paced
+        && let Err(error) = sys::ask_for_real_time()
+    {
         tracing::info!(line = port.line, %error, "no real-time priority: gaps may be longer under load, never shorter");
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {
         let core = LineCore::new(setup, clock::now());
         let timer = Timer::new()?;
-        let round = Vec::with_capacity(MESSAGES_PER_ROUND);
-        let line = LineTask { port, core, timer, messages, round, answers, batch: Vec::new(), counters };
+        let (round, batch) = (Vec::new(), Vec::new());
+        let line = LineTask { port, core, timer, inbox, round, answers, batch, counters };
         line.serve().await
     })
 }
 
-/// The end of all: nobody can send messages any more.
+/// The thread was told to end.
 struct Closed;
 
 struct LineTask<'a> {
     port: &'a LinePort,
     core: LineCore,
     timer: Timer,
-    messages: mpsc::Receiver<Message>,
+    inbox: Arc<Inbox>,
     /// The messages of this round.
     round: Vec<Message>,
     answers: Arc<AnswerBox>,
@@ -143,7 +134,7 @@ impl LineTask<'_> {
     async fn serve(mut self) -> io::Result<()> {
         let mut told = None;
         loop {
-            let Ok(mut device) = self.open(&mut told).await else { return Ok(()) };
+            let Some(mut device) = self.open(&mut told).await? else { return Ok(()) };
             tracing::info!(line = self.port.line, port = %self.port.path.display(), link = %self.port.link, "line up");
             self.core.handle(clock::now(), Input::PortUp);
             let (fault, error) = match self.serve_port(&mut device).await {
@@ -157,30 +148,25 @@ impl LineTask<'_> {
     }
 
     /// Opens the port, again and again with growing waits; meanwhile requests are answered.
-    async fn open(&mut self, told: &mut Option<String>) -> Result<Port, Closed> {
+    async fn open(&mut self, told: &mut Option<String>) -> io::Result<Option<Port>> {
         let mut wait = REOPEN_FIRST;
         loop {
             match Port::open(&self.port.path, self.port.link, self.port.needs_pty) {
                 Ok(device) => {
                     *told = None;
-                    return Ok(device);
+                    return Ok(Some(device));
                 }
                 Err(error) => self.tell_once(told, &error),
             }
-            let again = tokio::time::sleep(wait);
-            tokio::pin!(again);
-            loop {
-                tokio::select! {
-                    () = &mut again => break,
-                    received = self.messages.recv_many(&mut self.round, MESSAGES_PER_ROUND) => {
-                        if received == 0 {
-                            return Err(Closed);
-                        }
-                        self.take_messages();
-                        // Without a port the core transmits nothing, so acting cannot fail.
-                        let _ = self.act(None);
-                    }
+            let again = clock::now() + wait;
+            while clock::now() < again {
+                self.timer.arm(again)?;
+                self.wait(None).await?;
+                if self.inbox.is_closed() {
+                    return Ok(None);
                 }
+                self.take_messages();
+                self.act(None)?;
             }
             wait = (wait * 2).min(REOPEN_MAX);
         }
@@ -197,51 +183,58 @@ impl LineTask<'_> {
 
     async fn serve_port(&mut self, device: &mut Port) -> io::Result<Closed> {
         let mut buffer = [0; 512];
+        let mut has_more = false;
         loop {
             self.act(Some(device))?;
             if let Some(wake) = self.core.next_wake() {
                 self.timer.arm(wake.at)?;
             }
-            let bytes = poll_fn(|cx| {
-                let mut woken = self.timer.poll_fired(cx).is_ready();
-                if let Poll::Ready(received) = self.messages.poll_recv_many(cx, &mut self.round, MESSAGES_PER_ROUND) {
-                    if received == 0 {
-                        return Poll::Ready(Ok(None));
-                    }
-                    woken = true;
-                }
-                match device.poll_read(cx, &mut buffer) {
-                    Poll::Ready(Ok(0)) => Poll::Ready(Err(io::ErrorKind::UnexpectedEof.into())),
-                    Poll::Ready(Ok(bytes)) => Poll::Ready(Ok(Some(bytes))),
-                    Poll::Ready(Err(error)) => Poll::Ready(Err(error)),
-                    Poll::Pending if woken => Poll::Ready(Ok(Some(0))),
-                    Poll::Pending => Poll::Pending,
-                }
-            });
-            let Some(bytes) = bytes.await? else { return Ok(Closed) };
-            if bytes > 0 {
-                self.core.handle(clock::now(), Input::Bytes(&buffer[..bytes]));
+            if !has_more {
+                self.wait(Some(&mut *device)).await?;
+            }
+            if self.inbox.is_closed() {
+                return Ok(Closed);
             }
             self.take_messages();
-            self.drain(device, &mut buffer)?;
+            has_more = self.drain(device, &mut buffer)?;
             self.core.handle(clock::now(), Input::Time);
         }
     }
 
+    /// Waits until the timer fires, a message calls, or there is something to read.
+    async fn wait(&mut self, mut device: Option<&mut Port>) -> io::Result<()> {
+        if !self.inbox.may_sleep(!self.core.is_occupied()) {
+            return Ok(());
+        }
+        let inbox = Arc::clone(&self.inbox);
+        let mut called = pin!(inbox.called());
+        poll_fn(|cx| {
+            let fired = self.timer.poll_fired(cx).is_ready();
+            let called = called.as_mut().poll(cx).is_ready();
+            match device.as_mut().map_or(Poll::Pending, |device| device.poll_readable(cx)) {
+                Poll::Pending if fired || called => Poll::Ready(Ok(())),
+                read => read,
+            }
+        })
+        .await
+    }
+
     /// Reads until the port has nothing more, asking the port itself and not what the runtime remembers. A
-    /// node that never stops is left after a while, so that messages and deadlines have their turn.
-    fn drain(&mut self, device: &mut Port, buffer: &mut [u8]) -> io::Result<()> {
+    /// node that never stops is left after a while, so that messages and deadlines have their turn; returns
+    /// whether that happened.
+    fn drain(&mut self, device: &mut Port, buffer: &mut [u8]) -> io::Result<bool> {
         for _ in 0..READS_PER_ROUND {
-            let Some(bytes) = device.read_now(buffer)? else { return Ok(()) };
+            let Some(bytes) = device.read_now(buffer)? else { return Ok(false) };
             if bytes == 0 {
                 return Err(io::ErrorKind::UnexpectedEof.into());
             }
             self.core.handle(clock::now(), Input::Bytes(&buffer[..bytes]));
         }
-        Ok(())
+        Ok(true)
     }
 
     fn take_messages(&mut self) {
+        self.inbox.take(&mut self.round);
         let now = clock::now();
         for message in self.round.drain(..) {
             let input = match message {

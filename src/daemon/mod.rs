@@ -1,7 +1,7 @@
 //! The only room with tokio, files, sockets, clocks and signals. It carries out what the pure rooms decide.
 //!
 //! The main thread serves the north side on a runtime of its own; each line has a thread of its own, so that
-//! nothing else delays its frames. Between them go requests (a bounded inbox per line) and answers
+//! nothing else delays its frames. Between them go requests ([`inbox::Inbox`]) and answers
 //! ([`answers::AnswerBox`]).
 
 #![allow(clippy::disallowed_methods, reason = "this room reads the clocks for all others")]
@@ -9,6 +9,7 @@
 pub mod answers;
 pub mod build;
 pub mod clock;
+pub mod inbox;
 pub mod line_thread;
 pub mod modbus_server;
 pub mod port;

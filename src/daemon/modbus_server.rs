@@ -2,7 +2,7 @@
 
 use super::answers::AnswerBox;
 use super::clock;
-use super::line_thread::Message;
+use super::inbox::{Full, Message};
 use super::router::Router;
 use crate::domain::ids::AskerId;
 use crate::domain::native::{NativeAnswer, NativeOutcome, NativeRequest, Refusal};
@@ -11,17 +11,25 @@ use crate::north::modbus::{Call, Connection, Limits};
 use ipnet::IpNet;
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
+use std::future::poll_fn;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
+use std::pin::Pin;
 use std::rc::Rc;
 use std::sync::Arc;
+use std::task::{Poll, ready};
 use std::time::Duration;
+use tokio::io::{AsyncRead, ReadBuf};
+use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Notify;
 use tokio::time::Instant;
 
 /// Wait after a connection could not be accepted, for want of descriptors for instance.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
+/// Bytes read from a socket at once: the longest message and some, or a burst of short ones. Small, because each
+/// connection has a buffer.
+const READ_BYTES: usize = 512;
 /// Most connections at once over all listeners.
 pub const CONNECTIONS_MAX: usize = 4096;
 
@@ -35,7 +43,7 @@ pub struct Server {
 #[derive(Debug)]
 struct Client {
     asker: AskerId,
-    stream: TcpStream,
+    stream: OwnedWriteHalf,
     machine: RefCell<Connection>,
     router: Rc<Router>,
     /// Rung when the machine was changed by somebody other than its own task.
@@ -94,16 +102,17 @@ impl Server {
         self.last.set(self.last.get() + 1);
         let asker = AskerId(self.last.get());
         let machine = RefCell::new(Connection::new(Limits::default(), clock::now()));
+        let (mut source, stream) = stream.into_split();
         let client = Rc::new(Client { asker, stream, machine, router, bell: Notify::new() });
         self.clients.borrow_mut().insert(asker, Rc::clone(&client));
         let server = Rc::clone(self);
         tokio::task::spawn_local(async move {
-            let end = client.serve().await;
+            let end = client.serve(&mut source).await;
             tracing::debug!(%peer, end = %end, "connection closed");
             server.clients.borrow_mut().remove(&asker);
             for inbox in client.router.inboxes() {
                 // A full inbox loses nothing but early removal: the requests end at their deadlines.
-                let _ = inbox.try_send(Message::AskerGone(asker));
+                let _ = inbox.put(Message::AskerGone(asker));
             }
         });
     }
@@ -111,9 +120,10 @@ impl Server {
 
 impl Client {
     /// Serves the connection until it ends; returns why it ended.
-    async fn serve(&self) -> String {
+    async fn serve(&self, source: &mut OwnedReadHalf) -> String {
         let wake = tokio::time::sleep(Duration::from_secs(3600));
         tokio::pin!(wake);
+        let mut buffer = [0; READ_BYTES];
         loop {
             let (next_wake, wants_input, has_output) = {
                 let machine = self.machine.borrow();
@@ -127,7 +137,7 @@ impl Client {
                 }
             }
             let moved = tokio::select! {
-                ready = self.stream.readable(), if wants_input => ready.and_then(|()| self.read()),
+                read = receive(source, &mut buffer), if wants_input => read.and_then(|read| self.take(&buffer[..read])),
                 ready = self.stream.writable(), if has_output => ready.and_then(|()| self.flush()),
                 () = self.bell.notified() => Ok(()),
                 () = &mut wake => {
@@ -139,23 +149,22 @@ impl Client {
             if let Err(error) = moved {
                 return error.to_string();
             }
-            if let Some(reason) = self.machine.borrow().close_reason() {
+            let close_reason = self.machine.borrow().close_reason();
+            if let Some(reason) = close_reason {
+                // What was due before is still sent, as far as the socket takes it at once.
+                let _ = self.flush();
                 return reason.to_string();
             }
         }
     }
 
-    /// Reads what is there, passes calls on to the lines, writes what can be answered at once.
-    fn read(&self) -> io::Result<()> {
-        let mut buffer = [0; 4096];
-        let bytes = match self.stream.try_read(&mut buffer) {
-            Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
-            Ok(bytes) => bytes,
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(()),
-            Err(error) => return Err(error),
-        };
+    /// Takes received bytes, passes calls on to the lines, writes what can be answered at once.
+    fn take(&self, bytes: &[u8]) -> io::Result<()> {
+        if bytes.is_empty() {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
         let mut machine = self.machine.borrow_mut();
-        machine.receive(clock::now(), &buffer[..bytes]);
+        machine.receive(clock::now(), bytes);
         while let Some(call) = machine.next_call() {
             let ticket = call.ticket;
             if let Err(refusal) = self.pass_on(call) {
@@ -170,7 +179,7 @@ impl Client {
         let (inbox, drive) = self.router.find(call.unit).ok_or(Refusal::NoSuchUnit)?;
         let Call { ticket, ask, deadline, .. } = call;
         let request = NativeRequest { asker: self.asker, ticket, drive, ask, deadline };
-        inbox.try_send(Message::Native(request)).map_err(|_| Refusal::QueueFull)
+        inbox.put(Message::Native(request)).map_err(|Full| Refusal::QueueFull)
     }
 
     /// Writes as much as the socket takes.
@@ -185,6 +194,17 @@ impl Client {
         }
         Ok(())
     }
+}
+
+/// Reads once bytes are there. tokio then knows by itself that a short read has emptied the socket, which saves
+/// asking the system a second time.
+async fn receive(source: &mut OwnedReadHalf, buffer: &mut [u8]) -> io::Result<usize> {
+    poll_fn(|cx| {
+        let mut read = ReadBuf::new(buffer);
+        ready!(Pin::new(&mut *source).poll_read(cx, &mut read))?;
+        Poll::Ready(Ok(read.filled().len()))
+    })
+    .await
 }
 
 fn is_allowed(allow: Option<&[IpNet]>, peer: IpAddr) -> bool {

@@ -1,21 +1,26 @@
 //! The serial port of a line: opened, its settings read back, read and written without ever blocking.
 
+use super::sys;
 use crate::domain::link::{LinkSettings, Parity};
-use std::io;
+use mio_serial::SerialStream;
+use std::io::{self, Read, Write};
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::Path;
-use std::pin::Pin;
 use std::task::{Context, Poll, ready};
-use tokio::io::{AsyncRead, ReadBuf};
-use tokio_serial::{DataBits, SerialPort, SerialStream, StopBits};
+use tokio::io::unix::AsyncFd;
+use tokio_serial::{DataBits, SerialPort, StopBits};
 
 /// Major device numbers of the slave sides of Unix 98 pseudo-terminals (Linux, Documentation/admin-guide/devices.txt).
 const PTY_MAJORS: std::ops::RangeInclusive<u32> = 136..=143;
 
 /// An open port.
+///
+/// It is `tokio-serial`'s own foundation, `mio-serial`, registered with tokio for reading only. `tokio-serial`
+/// itself asks to be told of writing too, and each frame that goes out would wake the line thread twice for
+/// nothing.
 #[derive(Debug)]
 pub struct Port {
-    stream: SerialStream,
+    stream: AsyncFd<SerialStream>,
 }
 
 /// Why a port could not be opened.
@@ -60,23 +65,23 @@ impl Port {
         let stream = SerialStream::open(&builder).map_err(OpenError::Refused)?;
         check_settings(&stream, link)?;
         stream.clear(tokio_serial::ClearBuffer::All).map_err(OpenError::Refused)?;
-        Ok(Self { stream })
+        Ok(Self { stream: sys::readable(stream)? })
     }
 
-    /// Reads once bytes are there. Zero bytes mean that the device is gone.
-    pub fn poll_read(&mut self, cx: &mut Context<'_>, buffer: &mut [u8]) -> Poll<io::Result<usize>> {
-        let mut read = ReadBuf::new(buffer);
-        ready!(Pin::new(&mut self.stream).poll_read(cx, &mut read))?;
-        Poll::Ready(Ok(read.filled().len()))
+    /// Ready once something has come since the last time. Whoever is told reads with [`Port::read_now`] until
+    /// there is nothing more; what comes after that is told anew.
+    pub fn poll_readable(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        ready!(self.stream.poll_read_ready_mut(cx))?.clear_ready();
+        Poll::Ready(Ok(()))
     }
 
-    /// Reads what is there this very moment, whatever the runtime has noticed so far; nothing if the line
-    /// is quiet.
+    /// Reads what is there this very moment, whatever the runtime has noticed so far; nothing if the line is
+    /// quiet. Zero bytes mean that the device is gone.
     ///
     /// # Errors
     /// As the device reports.
     pub fn read_now(&mut self, buffer: &mut [u8]) -> io::Result<Option<usize>> {
-        match self.stream.try_read(buffer) {
+        match self.stream.get_mut().read(buffer) {
             Ok(bytes) => Ok(Some(bytes)),
             Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(None),
             Err(error) if error.kind() == io::ErrorKind::Interrupted => Ok(None),
@@ -90,7 +95,7 @@ impl Port {
     /// # Errors
     /// As the device reports; `WriteZero` if it took only a part.
     pub fn write_frame(&mut self, frame: &[u8]) -> io::Result<()> {
-        match self.stream.try_write(frame)? {
+        match self.stream.get_mut().write(frame)? {
             bytes if bytes == frame.len() => Ok(()),
             _ => Err(io::ErrorKind::WriteZero.into()),
         }

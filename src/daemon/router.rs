@@ -1,22 +1,22 @@
 //! From a unit on Modbus TCP to a drive on a line.
 
-use super::line_thread::Message;
+use super::inbox::Inbox;
 use crate::config::{Config, ListenerSettings};
 use crate::domain::ids::DriveIndex;
 use std::collections::HashMap;
-use tokio::sync::mpsc;
+use std::sync::Arc;
 
 /// Which drive each unit of one listener leads to.
 #[derive(Debug)]
 pub struct Router {
-    inboxes: Vec<mpsc::Sender<Message>>,
+    inboxes: Vec<Arc<Inbox>>,
     units: HashMap<u8, (usize, DriveIndex)>,
 }
 
 impl Router {
-    /// The routes of `listener`, where the line at index n takes messages at `inboxes[n]`.
+    /// The routes of `listener`, where the line at index n has the inbox `inboxes[n]`.
     #[must_use]
-    pub fn new(config: &Config, listener: &ListenerSettings, inboxes: Vec<mpsc::Sender<Message>>) -> Self {
+    pub fn new(config: &Config, listener: &ListenerSettings, inboxes: Vec<Arc<Inbox>>) -> Self {
         let mut units = HashMap::new();
         for (index, line) in config.lines.iter().enumerate().filter(|(index, _)| listener.serves(*index)) {
             for (drive, settings) in (0..).zip(&line.drives) {
@@ -28,13 +28,13 @@ impl Router {
 
     /// The drive at `unit` and the inbox of its line.
     #[must_use]
-    pub fn find(&self, unit: u8) -> Option<(&mpsc::Sender<Message>, DriveIndex)> {
+    pub fn find(&self, unit: u8) -> Option<(&Inbox, DriveIndex)> {
         let (line, drive) = self.units.get(&unit)?;
         Some((self.inboxes.get(*line)?, *drive))
     }
 
     /// The inboxes of all lines.
-    pub fn inboxes(&self) -> impl Iterator<Item = &mpsc::Sender<Message>> {
-        self.inboxes.iter()
+    pub fn inboxes(&self) -> impl Iterator<Item = &Inbox> {
+        self.inboxes.iter().map(Arc::as_ref)
     }
 }

@@ -2,7 +2,8 @@
 
 use super::answers::AnswerBox;
 use super::build;
-use super::line_thread::{LineHandle, Message};
+use super::inbox::Inbox;
+use super::line_thread::LineHandle;
 use super::modbus_server::Server;
 use super::router::Router;
 use crate::config::{Config, ListenerSettings};
@@ -12,7 +13,6 @@ use std::net::SocketAddr;
 use std::rc::Rc;
 use std::sync::Arc;
 use tokio::net::TcpListener;
-use tokio::sync::mpsc;
 use tokio::task::LocalSet;
 
 /// Why the daemon could not start.
@@ -63,13 +63,12 @@ where
         lines.push(LineHandle::start(build::line_port(line), build::line_setup(line), Arc::clone(&answers))?);
     }
     let listening = listeners.iter().map(TcpListener::local_addr).collect::<io::Result<_>>()?;
-    let inboxes = lines.iter().map(|line| line.inbox().clone()).collect();
+    let inboxes = lines.iter().map(|line| Arc::clone(line.inbox())).collect();
     let local = LocalSet::new();
     runtime.block_on(local.run_until(async {
         serve(config, listeners, inboxes, answers);
         until(&Running { listening, lines: &lines }).await;
     }));
-    // The tasks hold ways into the lines; the threads end when the last of them is gone.
     drop(local);
     drop(runtime);
     for line in lines {
@@ -105,7 +104,7 @@ async fn bind(settings: &[ListenerSettings]) -> Result<Vec<TcpListener>, StartEr
     Ok(listeners)
 }
 
-fn serve(config: &Config, listeners: Vec<TcpListener>, inboxes: Vec<mpsc::Sender<Message>>, answers: Arc<AnswerBox>) {
+fn serve(config: &Config, listeners: Vec<TcpListener>, inboxes: Vec<Arc<Inbox>>, answers: Arc<AnswerBox>) {
     let server = Rc::new(Server::default());
     for (listener, settings) in listeners.into_iter().zip(&config.listeners) {
         let router = Rc::new(Router::new(config, settings, inboxes.clone()));

@@ -4,6 +4,8 @@
 
 use super::timer::RawTimer;
 use std::io;
+use std::os::fd::AsRawFd;
+use tokio::io::Interest;
 use tokio::io::unix::AsyncFd;
 
 /// Priority of the line threads among real-time threads: above ordinary work, below the kernel's own
@@ -23,12 +25,18 @@ pub fn ask_for_real_time() -> io::Result<()> {
     }
 }
 
-/// Registers a timer with the runtime of the calling thread.
+/// Registers a descriptor with the runtime of the calling thread, to be told when it can be read.
 ///
 /// # Errors
 /// The kernel's refusal, for want of descriptors.
-pub fn register_timer(timer: RawTimer) -> io::Result<AsyncFd<RawTimer>> {
-    // SAFETY: a `RawTimer` owns its descriptor, never exchanges it and closes it only when it is dropped, so
-    // `as_raw_fd` returns the same open descriptor for the lifetime of the `AsyncFd`.
-    Ok(unsafe { AsyncFd::register(timer) }?)
+pub fn readable<T: OwnsDescriptor>(owner: T) -> io::Result<AsyncFd<T>> {
+    // SAFETY: who is `OwnsDescriptor` owns one descriptor, never exchanges it and closes it only when it is
+    // dropped, so `as_raw_fd` returns the same open descriptor for the lifetime of the `AsyncFd`.
+    Ok(unsafe { AsyncFd::register_with_interest(owner, Interest::READABLE) }?)
 }
+
+/// Types of which it is known that they own one descriptor from their making to their end.
+pub trait OwnsDescriptor: AsRawFd {}
+
+impl OwnsDescriptor for RawTimer {}
+impl OwnsDescriptor for mio_serial::SerialStream {}

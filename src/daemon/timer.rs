@@ -81,7 +81,7 @@ impl Timer {
     /// # Errors
     /// The kernel's refusal, for want of descriptors.
     pub fn new() -> io::Result<Self> {
-        Ok(Self { inner: sys::register_timer(RawTimer::new()?)? })
+        Ok(Self { inner: sys::readable(RawTimer::new()?)? })
     }
 
     /// See [`RawTimer::arm`].

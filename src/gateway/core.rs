@@ -110,6 +110,13 @@ impl LineCore {
         [deadline, wire, work].into_iter().flatten().min_by_key(|wake| wake.at)
     }
 
+    /// Whether an exchange is on the wire, or waits only for the silence before it: new requests cannot change
+    /// what happens until then.
+    #[must_use]
+    pub fn is_occupied(&self) -> bool {
+        self.wire.is_busy() || self.work_wake().is_some_and(|wake| wake.reason == WakeReason::SilentInterval)
+    }
+
     /// Counts since start.
     #[must_use]
     pub const fn counters(&self) -> &LineCounters {

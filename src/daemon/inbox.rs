@@ -1,0 +1,126 @@
+//! The way from the north side into a line thread.
+
+use crate::domain::ids::AskerId;
+use crate::domain::native::NativeRequest;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use tokio::sync::Notify;
+
+/// Messages that may wait for a line thread. The north side answers exception 06 when it is full.
+pub const INBOX_MAX: usize = 4096;
+
+/// Something for a line from the north side.
+#[derive(Debug)]
+pub enum Message {
+    /// A client asks.
+    Native(NativeRequest),
+    /// A client is gone.
+    AskerGone(AskerId),
+}
+
+/// The inbox is full; the message was not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Full;
+
+/// A bounded inbox that wakes its line thread only if that has nothing else to wait for. While an exchange is
+/// on the wire or the silence before the next one runs, the thread cannot act on a message anyway and looks
+/// into the inbox when that is over; to wake it for each message would cost more than the message.
+#[derive(Debug, Default)]
+pub struct Inbox {
+    messages: Mutex<Vec<Message>>,
+    /// The line thread sleeps until it is called.
+    is_idle: AtomicBool,
+    is_closed: AtomicBool,
+    bell: Notify,
+}
+
+impl Inbox {
+    /// Puts a message in.
+    ///
+    /// # Errors
+    /// [`Full`] if too many wait.
+    pub fn put(&self, message: Message) -> Result<(), Full> {
+        let mut messages = self.lock();
+        if messages.len() >= INBOX_MAX {
+            return Err(Full);
+        }
+        messages.push(message);
+        drop(messages);
+        if self.is_idle.load(Ordering::SeqCst) {
+            self.bell.notify_one();
+        }
+        Ok(())
+    }
+
+    /// Tells the line thread to end.
+    pub fn close(&self) {
+        self.is_closed.store(true, Ordering::SeqCst);
+        self.bell.notify_one();
+    }
+
+    /// Whether the line thread shall end.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        self.is_closed.load(Ordering::SeqCst)
+    }
+
+    /// Exchanges the messages for the empty `batch`.
+    pub fn take(&self, batch: &mut Vec<Message>) {
+        std::mem::swap(&mut *self.lock(), batch);
+    }
+
+    /// Says whether the line thread is about to sleep until it is called. Returns whether it may sleep: a
+    /// message that came before this was said has rung no bell.
+    #[must_use]
+    pub fn may_sleep(&self, until_called: bool) -> bool {
+        self.is_idle.store(until_called, Ordering::SeqCst);
+        !until_called || self.lock().is_empty()
+    }
+
+    /// Waits until the bell rings.
+    pub async fn called(&self) {
+        self.bell.notified().await;
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Vec<Message>> {
+        self.messages.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GONE: Message = Message::AskerGone(AskerId(1));
+
+    #[test]
+    fn who_sleeps_until_called_is_called() {
+        let inbox = Inbox::default();
+        assert!(inbox.may_sleep(true));
+        inbox.put(GONE).unwrap();
+        let mut called = std::pin::pin!(inbox.called());
+        let mut cx = std::task::Context::from_waker(std::task::Waker::noop());
+        assert!(called.as_mut().poll(&mut cx).is_ready());
+    }
+
+    #[test]
+    fn what_came_before_the_sleep_keeps_awake() {
+        let inbox = Inbox::default();
+        inbox.put(GONE).unwrap();
+        assert!(inbox.may_sleep(false), "it looks by itself soon");
+        assert!(!inbox.may_sleep(true));
+        let mut batch = Vec::new();
+        inbox.take(&mut batch);
+        assert_eq!(batch.len(), 1);
+        assert!(inbox.may_sleep(true));
+    }
+
+    #[test]
+    fn it_is_bounded() {
+        let inbox = Inbox::default();
+        for _ in 0..INBOX_MAX {
+            inbox.put(GONE).unwrap();
+        }
+        assert_eq!(inbox.put(GONE), Err(Full));
+    }
+}
