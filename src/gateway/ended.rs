@@ -84,8 +84,10 @@ impl LineCore {
         let what = consequence(fault);
         let station = &mut self.stations[flight.drive.get()];
         if what.reply_may_come_late {
-            let lateness = self.setup.drives[flight.drive.get()].max_lateness;
-            station.reply_missing(exchange.request, now, lateness);
+            let drive = &self.setup.drives[flight.drive.get()];
+            // The lateness is declared against the full time-out, and a probe waits for less.
+            let early = drive.reply_timeout.saturating_sub(exchange.timeout);
+            station.reply_missing(exchange.request, now, early + drive.max_lateness);
         }
         if what.backs_off {
             station.silent(now);

@@ -23,7 +23,9 @@ impl LineCore {
         self.counters.port_downs += 1;
         if let (Some(exchange), Some(flight)) = (self.wire.abandon(now), self.flight.take()) {
             if consequence(Fault::PortGone).reply_may_come_late {
-                let lateness = self.setup.drives[flight.drive.get()].max_lateness;
+                let drive = &self.setup.drives[flight.drive.get()];
+                // Its time-out had not passed yet, perhaps not even begun.
+                let lateness = drive.reply_timeout + drive.max_lateness;
                 self.stations[flight.drive.get()].reply_missing(exchange.request, now, lateness);
             }
             self.end_all(waiters_of(flight.purpose), &NativeOutcome::NoReply);

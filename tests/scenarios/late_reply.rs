@@ -44,6 +44,15 @@ fn late_replies_answer_nothing_else() {
 }
 
 #[test]
+fn a_late_reply_to_a_short_probe_is_waited_for_as_long_as_any_other() {
+    for seed in 0..8 {
+        // So much comes late that the stations are mostly probed.
+        let mut rig = late(800, 2, seed);
+        walk(&mut rig, 2, 5_000);
+    }
+}
+
+#[test]
 fn a_station_with_a_missing_reply_is_asked_only_what_cannot_be_mistaken() {
     let mut rig = late(0, 1, 1);
     rig.bus.set_faults(FaultPlan { lost: 1000, ..FaultPlan::NONE });
