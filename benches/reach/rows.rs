@@ -3,9 +3,12 @@
 use crate::clients::{self, Load};
 use crate::rig::{Options, Rig};
 use crate::support::{self, PROOF, RigOptions};
+use rustix::event::{PollFd, PollFlags, poll};
 use std::net::TcpStream;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
+use vfd_gateway::daemon::timer::RawTimer;
+use vfd_gateway::daemon::{clock, sys};
 use vfd_gateway::domain::link::LinkSettings;
 use vfd_gateway::domain::native::NativeOutcome;
 use vfd_gateway::sim::{BusOptions, FaultPlan};
@@ -56,8 +59,10 @@ impl Row {
 /// A line paced like 9600 8N1 with 2 ms turnaround, reads of 8 words back to back.
 pub fn paced() -> Vec<Row> {
     let rig = Rig::start(&Options::paced(1));
+    let bare = std::thread::spawn(|| bare_timer(500));
     let load = clients::run(rig.address, 1, SECOND, 20 * SECOND, |_, _| (1, PROOF, 8));
     let outcome = rig.stop();
+    let bare = bare.join().expect("the bare timer");
     let link = LinkSettings::DEFAULT;
     let silence = link.chars(4.5);
     let ideal = link.bytes(8) + Duration::from_millis(2) + link.bytes(21) + silence;
@@ -65,7 +70,7 @@ pub fn paced() -> Vec<Row> {
     // The first gap is the start, not the line.
     let mut gaps: Vec<f64> = outcome.bus.gaps().iter().skip(1).map(|gap| gap.as_secs_f64() * 1e3).collect();
     gaps.sort_by(f64::total_cmp);
-    let at = |part: f64| gaps[((gaps.len() - 1) as f64 * part) as usize];
+    let at = |part| part_of(&gaps, part);
     vec![
         Row::at_least("paced 9600: line busy, % of what its gap allows", 98.0, busy),
         Row::at_most("paced 9600: gap p50 beyond 4.6875 ms, in ms", 0.3, at(0.5) - silence.as_secs_f64() * 1e3),
@@ -73,9 +78,36 @@ pub fn paced() -> Vec<Row> {
             "paced 9600: gap min / p50 / p99 / max, ms",
             format!("{:.3} / {:.3} / {:.3} / {:.3}", at(0.0), at(0.5), at(0.99), at(1.0)),
         ),
+        Row::told(
+            "bare real-time timer thread in the same run: late p50 / p99, ms",
+            format!("{:.3} / {:.3}", part_of(&bare, 0.5), part_of(&bare, 0.99)),
+        ),
         Row::none("paced 9600: gaps shorter than the silence", outcome.bus.gaps_too_short),
         Row::told("paced 9600: gaps measured", gaps.len().to_string()),
     ]
+}
+
+/// How late a thread that does nothing but wait is woken, in ms, sorted: what the machine gives today.
+fn bare_timer(count: usize) -> Vec<f64> {
+    let _ = sys::ask_for_real_time();
+    let mut timer = RawTimer::new().expect("a timer");
+    let mut late: Vec<f64> = (0..count)
+        .map(|_| {
+            let at = clock::now() + LinkSettings::DEFAULT.chars(30.0);
+            timer.arm(at).expect("armed");
+            let mut fds = [PollFd::new(&timer, PollFlags::IN)];
+            poll(&mut fds, None).expect("polled");
+            let late = clock::now().since(at).as_secs_f64() * 1e3;
+            timer.acknowledge();
+            late
+        })
+        .collect();
+    late.sort_by(f64::total_cmp);
+    late
+}
+
+fn part_of(sorted: &[f64], part: f64) -> f64 {
+    sorted[((sorted.len() - 1) as f64 * part) as usize]
 }
 
 /// No character times, no silence: what the program itself costs.

@@ -12,7 +12,7 @@ use super::timer::Timer;
 use crate::domain::link::LinkSettings;
 use crate::domain::native::NativeAnswer;
 use crate::domain::report::{LineCounters, PortFault};
-use crate::gateway::{Effect, Input, LineCore, LineSetup};
+use crate::gateway::{Effect, Input, LineCore, LineSetup, Wake, WakeReason};
 use std::future::poll_fn;
 use std::io;
 use std::path::PathBuf;
@@ -24,6 +24,9 @@ use std::time::Duration;
 
 /// Reads of the port in one round. At 512 bytes each this is more than any port buffers.
 const READS_PER_ROUND: usize = 64;
+/// How long before the end of the silence the thread wakes up and then watches the clock: what waking up takes
+/// on an ordinary machine. It keeps gaps exact at the cost of this much processor time a frame.
+const WAKE_EARLY: Duration = Duration::from_micros(100);
 /// First wait before a port that could not be opened is tried again; doubled up to the longest.
 const REOPEN_FIRST: Duration = Duration::from_millis(100);
 /// Longest such wait: a replugged adapter is back within a second.
@@ -187,7 +190,8 @@ impl LineTask<'_> {
         loop {
             self.act(Some(device))?;
             if let Some(wake) = self.core.next_wake() {
-                self.timer.arm(wake.at)?;
+                let ends_silence = wake.reason == WakeReason::SilentInterval;
+                self.timer.arm(if ends_silence { wake.at.before(WAKE_EARLY) } else { wake.at })?;
             }
             if !has_more {
                 self.wait(Some(&mut *device)).await?;
@@ -195,9 +199,20 @@ impl LineTask<'_> {
             if self.inbox.is_closed() {
                 return Ok(Closed);
             }
+            self.watch_the_silence_end();
             self.take_messages();
             has_more = self.drain(device, &mut buffer)?;
             self.core.handle(clock::now(), Input::Time);
+        }
+    }
+
+    /// Watches the clock while the silence before the next frame is about to end.
+    fn watch_the_silence_end(&self) {
+        let Some(Wake { at, reason: WakeReason::SilentInterval }) = self.core.next_wake() else { return };
+        if at.since(clock::now()) <= WAKE_EARLY {
+            while clock::now() < at {
+                std::hint::spin_loop();
+            }
         }
     }
 

@@ -1,8 +1,8 @@
 //! Simulated drives on a pseudo-terminal, in real time: moves bytes between a [`Pty`] and a [`SimBus`].
 
-use super::clock;
 use super::pty::Pty;
 use super::timer::RawTimer;
+use super::{clock, sys};
 use crate::domain::time::MonoTime;
 use crate::sim::SimBus;
 use rustix::event::{PollFd, PollFlags, poll};
@@ -34,6 +34,11 @@ pub fn play_with(
     end: &AtomicBool,
     mut look: impl FnMut(&mut SimBus, MonoTime),
 ) -> io::Result<()> {
+    if bus.is_paced()
+        && let Err(error) = sys::ask_for_real_time()
+    {
+        tracing::debug!(%error, "no real-time priority: simulated characters may come late under load");
+    }
     let mut timer = RawTimer::new()?;
     let mut buffer = [0; 512];
     let mut out = Vec::new();

@@ -156,6 +156,12 @@ impl SimBus {
         self.nodes.iter().find(|node| node.station == station).map_or(0, |node| node.exchanges)
     }
 
+    /// Whether characters take time on this bus.
+    #[must_use]
+    pub const fn is_paced(&self) -> bool {
+        self.outbox.is_paced()
+    }
+
     /// What an observer on the wire has counted.
     #[must_use]
     pub const fn report(&self) -> &BusReport {
