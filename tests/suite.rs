@@ -26,6 +26,8 @@ mod connection;
 
 mod support;
 
+#[path = "scenarios/conversation.rs"]
+mod conversation;
 #[path = "scenarios/every_request_ends.rs"]
 mod every_request_ends;
 #[path = "scenarios/late_reply.rs"]

@@ -77,7 +77,7 @@ impl Rig {
                 heard.store(bus.exchange(Station(1)), Ordering::Release);
                 seen_late.store(bus.report().replies_late, Ordering::Release);
             };
-            simulator::play_with(&pty, &mut bus, &ended, look).expect("the simulated line");
+            simulator::play(&pty, &mut bus, &ended, look).expect("the simulated line");
             bus.report().clone()
         });
         let (told, listening) = mpsc::channel();

@@ -35,7 +35,7 @@ pub fn demo(args: &Args) -> Result<(), Failure> {
     bus.connect(station, SimDrive::new(Arc::clone(&model), DriveOptions::default()));
     let end = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        let player = scope.spawn(|| simulator::play_with(&pty, &mut bus, &end, |bus, at| operate(bus, station, at)));
+        let player = scope.spawn(|| simulator::play(&pty, &mut bus, &end, |bus, at| operate(bus, station, at)));
         let done = gateway(args.port, &pty, &model);
         end.store(true, Ordering::Relaxed);
         let played = player.join().unwrap_or_else(|_| Err(std::io::Error::other("the simulator panicked")));

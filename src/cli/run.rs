@@ -2,6 +2,7 @@
 
 use super::{Failure, input};
 use crate::daemon::run::{self as daemon, told_to_end};
+use rustix::system::uname;
 use std::path::PathBuf;
 
 /// Arguments of `run`.
@@ -24,6 +25,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
                 return;
             }
         };
+        let host = || uname().nodename().to_string_lossy().into_owned();
+        let name = config.gateway.name.as_ref().map_or_else(host, ToString::to_string);
+        tracing::info!(gateway = name, version = env!("CARGO_PKG_VERSION"), "running");
         for address in &running.listening {
             tracing::info!(%address, "Modbus TCP");
         }

@@ -6,12 +6,16 @@ use crate::daemon::{run::told_to_end, simulator};
 use crate::domain::ids::Station;
 use crate::domain::link::{LinkSettings, Parity};
 use crate::domain::problem::nearest;
+use crate::domain::time::MonoTime;
 use crate::profile::model::Model;
 use crate::sim::{BadRequest, BusOptions, DriveOptions, FaultPlan, Pacing, SimBus, SimDrive};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
+
+/// Cause number of the trips. Any will do: what the numbers mean is not known for every model.
+const TRIP_CAUSE: u16 = 1;
 
 /// Arguments of `simulate`.
 #[derive(Debug, clap::Args)]
@@ -43,6 +47,9 @@ pub struct Args {
     /// Seed of the faults: the same seed gives the same faults
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Trip every drive each so many seconds; the trip count and the newest record show it
+    #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..))]
+    trip_every: Option<u64>,
     /// Answer at once, without character times
     #[arg(long)]
     unpaced: bool,
@@ -89,7 +96,7 @@ pub fn simulate(args: &Args) -> Result<(), Failure> {
         if args.stations.len() == 1 { "" } else { "s" },
         args.stations.iter().map(u8::to_string).collect::<Vec<_>>().join(", ")
     );
-    play_until_told(&pty, &mut bus, &announcement)
+    play_until_told(&pty, &mut bus, &announcement, args.trip_every.map(Duration::from_secs))
 }
 
 fn link_of(args: &Args, model: &Model) -> LinkSettings {
@@ -122,7 +129,13 @@ fn bus_of(args: &Args, model: &Arc<Model>, link: LinkSettings) -> SimBus {
     bus
 }
 
-fn play_until_told(pty: &Pty, bus: &mut SimBus, announcement: &str) -> Result<(), Failure> {
+fn play_until_told(
+    pty: &Pty,
+    bus: &mut SimBus,
+    announcement: &str,
+    trip_every: Option<Duration>,
+) -> Result<(), Failure> {
+    let mut next_trip = None;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
     let told = {
         let _on_runtime = runtime.enter();
@@ -131,7 +144,8 @@ fn play_until_told(pty: &Pty, bus: &mut SimBus, announcement: &str) -> Result<()
     print(announcement)?;
     let end = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        let player = scope.spawn(|| simulator::play(pty, bus, &end));
+        let player = scope
+            .spawn(|| simulator::play(pty, bus, &end, |bus, now| trip_when_due(bus, now, trip_every, &mut next_trip)));
         runtime.block_on(told);
         end.store(true, Ordering::Relaxed);
         let played = player.join().unwrap_or_else(|_| Err(std::io::Error::other("the simulator panicked")));
@@ -140,4 +154,19 @@ fn play_until_told(pty: &Pty, bus: &mut SimBus, announcement: &str) -> Result<()
     let report = bus.report();
     tracing::info!(requests = report.requests_heard, replies = report.replies_sent, "simulation ended");
     Ok(())
+}
+
+/// Trips every drive once `every` has passed since the last time, or since the start.
+fn trip_when_due(bus: &mut SimBus, now: MonoTime, every: Option<Duration>, next: &mut Option<MonoTime>) {
+    let Some(every) = every else { return };
+    let due = *next.get_or_insert(now + every);
+    if now < due {
+        return;
+    }
+    *next = Some(due + every);
+    for station in bus.stations().collect::<Vec<_>>() {
+        if let Some(drive) = bus.drive_mut(station) {
+            drive.trip(now, TRIP_CAUSE);
+        }
+    }
 }

@@ -15,20 +15,12 @@ use std::time::Duration;
 /// How often the loop looks whether it shall end.
 const LOOK_UP: Duration = Duration::from_millis(200);
 
-/// Plays `bus` on `pty` until `end` is set. Meant for a thread of its own: it blocks.
+/// Plays `bus` on `pty` until `end` is set. Meant for a thread of its own: it blocks. `look` is somebody who
+/// stands beside the drives; it is called in every round, at least a few times a second.
 ///
 /// # Errors
 /// What the pseudo-terminal or the timer reports.
-pub fn play(pty: &Pty, bus: &mut SimBus, end: &AtomicBool) -> io::Result<()> {
-    play_with(pty, bus, end, |_, _| {})
-}
-
-/// Like [`play`], with somebody who stands beside it: `look` is called in every round, at least a few times a
-/// second.
-///
-/// # Errors
-/// What the pseudo-terminal or the timer reports.
-pub fn play_with(
+pub fn play(
     pty: &Pty,
     bus: &mut SimBus,
     end: &AtomicBool,

@@ -7,6 +7,7 @@ use vfd_gateway::domain::ids::{AskerId, DriveIndex, Station, Ticket};
 use vfd_gateway::domain::link::LinkSettings;
 use vfd_gateway::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, NativeRequest};
 use vfd_gateway::domain::time::MonoTime;
+use vfd_gateway::domain::traffic::TrafficRecord;
 use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup};
 use vfd_gateway::guard::Control;
 use vfd_gateway::line::timing::Timing;
@@ -38,6 +39,8 @@ pub struct RigOptions {
     pub reply_timeout: Duration,
     /// Seed of the faults.
     pub seed: u64,
+    /// Keep what goes over the wire in `traffic`.
+    pub tells_traffic: bool,
 }
 
 impl Default for RigOptions {
@@ -50,6 +53,7 @@ impl Default for RigOptions {
             poll: Duration::from_secs(3600),
             reply_timeout: Duration::from_millis(200),
             seed: 1,
+            tells_traffic: false,
         }
     }
 }
@@ -69,6 +73,7 @@ pub struct Rig {
     pub bus: SimBus,
     pub now: MonoTime,
     pub answers: Vec<(MonoTime, NativeAnswer)>,
+    pub traffic: Vec<TrafficRecord>,
     pub sent: Vec<Sent>,
     /// Keep every frame in `sent`, not just the last one.
     pub keeps_sent: bool,
@@ -96,13 +101,14 @@ impl Rig {
         }
         let timing = Timing::for_models(options.link, [model.timing.gap_chars.value], Duration::ZERO);
         let now = MonoTime::from_millis(1);
-        let mut core = LineCore::new(LineSetup { timing, drives, tells_traffic: false }, now);
+        let mut core = LineCore::new(LineSetup { timing, drives, tells_traffic: options.tells_traffic }, now);
         core.handle(now, Input::PortUp);
         let mut rig = Self {
             core,
             bus,
             now,
             answers: Vec::new(),
+            traffic: Vec::new(),
             sent: Vec::new(),
             keeps_sent: true,
             last_ticket: 0,
@@ -111,6 +117,7 @@ impl Rig {
         // The polls at the start are over before a scenario begins, and before anything goes wrong.
         rig.run_until(now + Duration::from_secs(10), |_, _| {});
         rig.sent.clear();
+        rig.traffic.clear();
         rig.bus.set_faults(options.bus.faults);
         rig
     }
@@ -182,7 +189,8 @@ impl Rig {
                     assert_eq!(asker, Some(answer.asker), "each request is answered once, to its asker");
                     self.answers.push((self.now, answer));
                 }
-                Effect::Presence(..) | Effect::Traffic(_) => {}
+                Effect::Traffic(record) => self.traffic.push(record),
+                Effect::Presence(..) => {}
             }
         }
     }
