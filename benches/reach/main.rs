@@ -12,6 +12,7 @@
 )]
 #![allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
 
+mod bare;
 mod clients;
 mod rig;
 mod rows;

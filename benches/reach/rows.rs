@@ -1,6 +1,7 @@
 //! The rows of the table.
 
-use crate::clients::{self, Load};
+use crate::bare::{self, Bare};
+use crate::clients;
 use crate::rig::{Options, Rig};
 use crate::support::{self, PROOF, RigOptions};
 use rustix::event::{PollFd, PollFlags, poll};
@@ -106,28 +107,69 @@ fn bare_timer(count: usize) -> Vec<f64> {
     late
 }
 
+fn medians(pairs: &[(f64, f64)]) -> (f64, f64) {
+    let median = |of: fn(&(f64, f64)) -> f64| {
+        let mut rates: Vec<f64> = pairs.iter().map(of).collect();
+        rates.sort_by(f64::total_cmp);
+        part_of(&rates, 0.5)
+    };
+    (median(|pair| pair.0), median(|pair| pair.1))
+}
+
 fn part_of(sorted: &[f64], part: f64) -> f64 {
     sorted[((sorted.len() - 1) as f64 * part) as usize]
 }
 
 /// No character times, no silence: what the program itself costs.
 pub fn unpaced() -> Vec<Row> {
-    let one = rate_of(1, |_, n| (1, PROOF + (n % 64) as u16, 1));
+    let (one, bare) = one_client();
     let rig = Rig::start(&Options::unpaced(1));
     let before = Instant::now();
     clients::run(rig.address, 8, SECOND, 5 * SECOND, |client, n| (1, PROOF + client as u16 * 8 + (n % 8) as u16, 1));
     let took = before.elapsed();
     let line = rig.stop().line;
     vec![
-        Row::rate("unpaced: exchanges/s, one client that waits", 7_000.0, one.rate()),
+        Row::rate("unpaced: exchanges/s, one client that waits", 7_000.0, one),
+        Row::told("bare threads over the same hops in the same run, exchanges/s", format!("{bare:.0}")),
+        Row::told("unpaced: one client, part of what the bare threads reach", format!("{:.2}", one / bare)),
         Row::rate("unpaced: line exchanges/s, 8 clients", 15_000.0, line.replies as f64 / took.as_secs_f64()),
     ]
 }
 
-/// Many clients that ask for the same.
+/// One client that waits for each answer, and the same hops with nothing in them, in turn: medians of five.
+fn one_client() -> (f64, f64) {
+    let ask = |_: usize, n: u64| (1, PROOF + (n % 64) as u16, 1);
+    let rig = Rig::start(&Options::unpaced(1));
+    let mut pairs = [(0.0, 0.0); 5];
+    for pair in &mut pairs {
+        pair.0 = clients::run(rig.address, 1, SECOND / 4, 2 * SECOND, ask).rate();
+        let bare = Bare::start();
+        pair.1 = clients::run(bare.address, 1, SECOND / 4, 2 * SECOND, ask).rate();
+        bare.stop();
+    }
+    rig.stop();
+    medians(&pairs)
+}
+
+/// Many clients that ask for the same, and a thread that answers as many from nothing, in turn: medians of three.
 pub fn shared() -> Vec<Row> {
-    let load = rate_of(64, |_, _| (1, PROOF, 8));
-    vec![Row::rate("unpaced: shared answers/s, 64 clients", 100_000.0, load.rate())]
+    const CLIENTS: usize = 64;
+    let rig = Rig::start(&Options::unpaced(1));
+    let mut pairs = [(0.0, 0.0); 3];
+    for pair in &mut pairs {
+        let load = clients::run(rig.address, CLIENTS, SECOND / 2, 3 * SECOND, |_, _| (1, PROOF, 8));
+        assert_eq!(load.exceptions, 0);
+        let (address, answerer) = bare::answerer(CLIENTS);
+        let from_nothing = clients::run(address, CLIENTS, SECOND / 2, 3 * SECOND, |_, _| (1, PROOF, 8));
+        answerer.join().expect("the answerer ends");
+        *pair = (load.rate(), from_nothing.rate());
+    }
+    rig.stop();
+    let (answers, from_nothing) = medians(&pairs);
+    vec![
+        Row::rate("unpaced: shared answers/s, 64 clients", 100_000.0, answers),
+        Row::told("a bare thread that answers from nothing, in the same run", format!("{from_nothing:.0}")),
+    ]
 }
 
 /// Twenty clients that read the same eight drives at 9600.
@@ -174,14 +216,6 @@ pub fn late() -> Vec<Row> {
         Row::told("late replies on a pseudo-terminal / right answers", format!("{pty_late} / {pty_right}")),
         Row::none("late replies on a pseudo-terminal: taken for another", pty_wrong),
     ]
-}
-
-fn rate_of(clients: usize, next: impl Fn(usize, u64) -> clients::Ask) -> Load {
-    let rig = Rig::start(&Options::unpaced(1));
-    let load = clients::run(rig.address, clients, SECOND, 5 * SECOND, next);
-    rig.stop();
-    assert_eq!(load.exceptions, 0);
-    load
 }
 
 fn late_in_simulation(wanted: u64) -> (u64, u64, Duration) {
