@@ -14,7 +14,6 @@ use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
 /// Arguments of `demo`.
 #[derive(Debug, clap::Args)]
@@ -34,8 +33,9 @@ pub fn demo(args: &Args) -> Result<(), Failure> {
     let mut bus = SimBus::new(model.link.default.value, BusOptions::default(), 1);
     bus.connect(station, SimDrive::new(Arc::clone(&model), DriveOptions::default()));
     let end = AtomicBool::new(false);
+    let mut operator = Operator { station, begun: None, running: None };
     std::thread::scope(|scope| {
-        let player = scope.spawn(|| simulator::play(&pty, &mut bus, &end, |bus, at| operate(bus, station, at)));
+        let player = scope.spawn(|| simulator::play(&pty, &mut bus, &end, |bus, at| operator.look(bus, at)));
         let done = gateway(args.port, &pty, &model);
         end.store(true, Ordering::Relaxed);
         let played = player.join().unwrap_or_else(|_| Err(std::io::Error::other("the simulator panicked")));
@@ -101,18 +101,30 @@ fn welcome(address: SocketAddr, device: &Path, model: &Model) -> String {
     )
 }
 
-/// Somebody who commands the simulated drive past the gateway, which is read-only: up for 30 s, down for 30 s.
-fn operate(bus: &mut SimBus, station: Station, at: MonoTime) {
-    let Some(drive) = bus.drive_mut(station) else { return };
-    let seconds = at.as_nanos() / Duration::from_secs(1).as_nanos() as u64;
-    let forward = drive.model().run.as_ref().map_or(0, |run| run.forward.value);
-    let stop = drive.model().run.as_ref().map_or(0, |run| run.stop.value);
-    let command = if seconds % 60 < 30 { forward } else { stop };
-    for (role, value) in [(Role::FrequencyCommand, 5000), (Role::RunCommand, command)] {
-        if let Some(address) = drive.model().register_for(role).map(|register| register.address) {
-            let mut pdu = Vec::new();
-            Request::WriteSingle { address, value }.encode(&mut pdu);
-            drive.obey(at, &pdu);
+/// Somebody who commands the simulated drive past the gateway, which is read-only: at once up for 30 s, then down
+/// for 30 s, and so on.
+struct Operator {
+    station: Station,
+    begun: Option<MonoTime>,
+    running: Option<bool>,
+}
+
+impl Operator {
+    fn look(&mut self, bus: &mut SimBus, at: MonoTime) {
+        let begun = *self.begun.get_or_insert(at);
+        let running = (at.since(begun).as_secs() / 30).is_multiple_of(2);
+        if self.running.replace(running) == Some(running) {
+            return;
+        }
+        let Some(drive) = bus.drive_mut(self.station) else { return };
+        let Some(run) = drive.model().run.clone() else { return };
+        let command = if running { run.forward.value } else { run.stop.value };
+        for (role, value) in [(Role::FrequencyCommand, 5000), (Role::RunCommand, command)] {
+            if let Some(address) = drive.model().register_for(role).map(|register| register.address) {
+                let mut pdu = Vec::new();
+                Request::WriteSingle { address, value }.encode(&mut pdu);
+                drive.obey(at, &pdu);
+            }
         }
     }
 }
