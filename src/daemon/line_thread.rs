@@ -15,6 +15,7 @@ use crate::domain::report::{LineCounters, PortFault};
 use crate::gateway::{Effect, Input, LineCore, LineSetup, Wake, WakeReason};
 use std::future::poll_fn;
 use std::io;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::pin::pin;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -31,6 +32,9 @@ const WAKE_EARLY: Duration = Duration::from_micros(100);
 const REOPEN_FIRST: Duration = Duration::from_millis(100);
 /// Longest such wait: a replugged adapter is back within a second.
 const REOPEN_MAX: Duration = Duration::from_millis(800);
+
+/// A port that was open for less than this was not really back: the next attempt waits longer.
+const STABLE_AFTER: Duration = Duration::from_secs(1);
 
 /// What a line thread needs to know beside what its core knows.
 #[derive(Clone, Debug)]
@@ -112,7 +116,8 @@ fn run(
         let core = LineCore::new(setup, clock::now());
         let timer = Timer::new()?;
         let (round, batch) = (Vec::new(), Vec::new());
-        let line = LineTask { port, core, timer, inbox, round, answers, batch, counters };
+        let reopen_wait = REOPEN_FIRST;
+        let line = LineTask { port, core, timer, reopen_wait, inbox, round, answers, batch, counters };
         line.serve().await
     })
 }
@@ -124,6 +129,8 @@ struct LineTask<'a> {
     port: &'a LinePort,
     core: LineCore,
     timer: Timer,
+    /// Wait before the port is tried again.
+    reopen_wait: Duration,
     inbox: Arc<Inbox>,
     /// The messages of this round.
     round: Vec<Message>,
@@ -139,7 +146,8 @@ impl LineTask<'_> {
         loop {
             let Some(mut device) = self.open(&mut told).await? else { return Ok(()) };
             tracing::info!(line = self.port.line, port = %self.port.path.display(), link = %self.port.link, "line up");
-            self.core.handle(clock::now(), Input::PortUp);
+            let opened_at = clock::now();
+            self.core.handle(opened_at, Input::PortUp);
             let (fault, error) = match self.serve_port(&mut device).await {
                 Ok(Closed) => return Ok(()),
                 Err(error) => (fault_of(&error), error),
@@ -147,12 +155,16 @@ impl LineTask<'_> {
             tracing::warn!(line = self.port.line, %fault, %error, "line down");
             self.core.handle(clock::now(), Input::PortDown(fault));
             self.act(None)?;
+            if clock::now().since(opened_at) >= STABLE_AFTER {
+                self.reopen_wait = REOPEN_FIRST;
+            } else if self.pause().await?.is_break() {
+                return Ok(());
+            }
         }
     }
 
-    /// Opens the port, again and again with growing waits; meanwhile requests are answered.
+    /// Opens the port, again and again with growing waits; nothing if the thread was told to end.
     async fn open(&mut self, told: &mut Option<String>) -> io::Result<Option<Port>> {
-        let mut wait = REOPEN_FIRST;
         loop {
             match Port::open(&self.port.path, self.port.link, self.port.needs_pty) {
                 Ok(device) => {
@@ -161,18 +173,27 @@ impl LineTask<'_> {
                 }
                 Err(error) => self.tell_once(told, &error),
             }
-            let again = clock::now() + wait;
-            while clock::now() < again {
-                self.timer.arm(again)?;
-                self.wait(None).await?;
-                if self.inbox.is_closed() {
-                    return Ok(None);
-                }
-                self.take_messages();
-                self.act(None)?;
+            if self.pause().await?.is_break() {
+                return Ok(None);
             }
-            wait = (wait * 2).min(REOPEN_MAX);
         }
+    }
+
+    /// Waits before the port is tried again, the next time longer; meanwhile requests are answered. A break means
+    /// that the thread was told to end.
+    async fn pause(&mut self) -> io::Result<ControlFlow<()>> {
+        let again = clock::now() + self.reopen_wait;
+        self.reopen_wait = (self.reopen_wait * 2).min(REOPEN_MAX);
+        while clock::now() < again {
+            self.timer.arm(again)?;
+            self.wait(None).await?;
+            if self.inbox.is_closed() {
+                return Ok(ControlFlow::Break(()));
+            }
+            self.take_messages();
+            self.act(None)?;
+        }
+        Ok(ControlFlow::Continue(()))
     }
 
     /// One message per reason, however often the port is tried.

@@ -34,7 +34,8 @@ impl LineCore {
         let timeout =
             if station.is_known_silent() { setup.reply_timeout.min(PROBE_TIMEOUT) } else { setup.reply_timeout };
         let in_doubt = station.misses_function(request.function(), now);
-        let exchange = Exchange { station: setup.station, request, timeout, in_doubt };
+        let line_is_clean = !self.stations.iter().any(|station| station.is_dirty(now));
+        let exchange = Exchange { station: setup.station, request, timeout, in_doubt, line_is_clean };
         let mut frame = Vec::with_capacity(16);
         self.wire.send(now, exchange, &mut frame);
         self.flight = Some(Flight { drive, purpose });

@@ -9,6 +9,7 @@ use crate::domain::time::MonoTime;
 use crate::domain::traffic::{TrafficKind, TrafficRecord};
 use crate::drive::snapshot::Presence;
 use crate::line::fault::{Fault, consequence};
+use crate::line::schedule::ReadJob;
 use crate::line::transaction::{Ending, Exchange};
 use crate::wire::pdu::{Reply, Request};
 use std::sync::Arc;
@@ -93,7 +94,7 @@ impl LineCore {
             station.silent(now);
         }
         match flight.purpose {
-            Purpose::Read(job) if what.repeats_read && !job.repeated => {
+            Purpose::Read(job) if what.repeats_read && !job.repeated && self.is_waited_for(&job) => {
                 self.counters.retries += 1;
                 self.schedule.repeat_read(job);
             }
@@ -104,6 +105,10 @@ impl LineCore {
             let waiting = self.schedule.take_reads_of(flight.drive);
             self.end_all(waiting.into_iter().flat_map(|job| job.waiters).collect(), &NativeOutcome::NoReply);
         }
+    }
+
+    fn is_waited_for(&self, job: &ReadJob) -> bool {
+        job.waiters.iter().any(|waiter| self.natives.is_waited_for(*waiter))
     }
 
     fn answered(&mut self, drive: DriveIndex) {

@@ -15,6 +15,8 @@ mod event;
 mod natives;
 mod port;
 mod setup;
+#[cfg(test)]
+mod write_tests;
 
 pub use self::core::LineCore;
 pub use event::{Effect, Input, Wake, WakeReason};

@@ -34,11 +34,16 @@ impl LineCore {
         self.end_all(waiting, &NativeOutcome::Refused(Refusal::LineDown));
     }
 
+    /// Ends requests before their words have come; what else was queued for them is not needed any more.
     pub(super) fn end_all(&mut self, waiters: Vec<WaiterId>, outcome: &NativeOutcome) {
+        let had_waiters = !waiters.is_empty();
         for waiter in waiters {
             if let Some(answer) = self.natives.end(waiter, outcome.clone()) {
                 self.answer(answer);
             }
+        }
+        if had_waiters {
+            self.drop_unwanted();
         }
     }
 }

@@ -20,6 +20,9 @@ pub struct Exchange {
     /// An exception, or a write's reply with another value, could be the late answer to an earlier request
     /// of the same function: neither is taken for the answer to this one.
     pub in_doubt: bool,
+    /// No station of the line misses a reply. Otherwise damaged bytes prove nothing: they may be what two late
+    /// replies have made of each other, and the reply to this exchange may still come.
+    pub line_is_clean: bool,
 }
 
 /// How an exchange ended.
@@ -151,7 +154,7 @@ impl Wire {
                 (true, false) => Ending::Garbled,
                 (false, _) => return None,
             }
-        } else if silent_since_frame && self.holds_damaged_reply(&open.expected) {
+        } else if silent_since_frame && self.holds_damaged_reply(open) {
             Ending::Garbled
         } else if now >= open.give_up || (now >= open.reply_due && (silent_since_frame || self.assembler.is_empty())) {
             Ending::Silent
@@ -181,7 +184,7 @@ impl Wire {
             Some(open) => match frame_end {
                 // Past its due moment a reply may still be coming in: look again when the bytes pause.
                 Some(end) if end > open.reply_due => Some(end.min(open.give_up)),
-                Some(end) if self.holds_damaged_reply(&open.expected) => Some(end),
+                Some(end) if self.holds_damaged_reply(open) => Some(end),
                 _ => Some(open.reply_due),
             },
         }
@@ -210,16 +213,21 @@ impl Wire {
         }
     }
 
-    /// Whether the bytes that wait are as long as the reply or its exception and begin like it. If so the
-    /// reply has come and is damaged; anything else may be noise before a reply that is still to come.
-    fn holds_damaged_reply(&self, expected: &Expected) -> bool {
+    /// Whether the bytes that wait begin like the reply or its exception and are as long. If so the reply has come
+    /// and is damaged. Anything else, also what another drive's late reply left of both, may be noise before a
+    /// reply that is still to come.
+    fn holds_damaged_reply(&self, Open { exchange, expected, .. }: &Open) -> bool {
+        if !exchange.line_is_clean {
+            return false;
+        }
         let bytes = self.assembler.bytes();
-        let begins_like_it = bytes.first() == Some(&expected.station)
-            || bytes.get(1).is_some_and(|code| code & !function::EXCEPTION_BIT == expected.function);
-        let is_exception_long = bytes.len() == EXCEPTION_ADU_BYTES
-            && bytes.first() == Some(&expected.station)
-            && bytes.get(1) == Some(&(expected.function | function::EXCEPTION_BIT));
-        (bytes.len() == expected.adu_bytes && begins_like_it) || is_exception_long
+        match bytes {
+            [station, code, ..] if *station == expected.station => {
+                (*code == expected.function && bytes.len() == expected.adu_bytes)
+                    || (*code == expected.function | function::EXCEPTION_BIT && bytes.len() == EXCEPTION_ADU_BYTES)
+            }
+            _ => false,
+        }
     }
 
     fn flush_if_silent(&mut self, now: MonoTime) {
@@ -275,7 +283,7 @@ mod tests {
     }
 
     fn exchange(request: Request, in_doubt: bool) -> Exchange {
-        Exchange { station: Station(1), request, timeout: Duration::from_millis(300), in_doubt }
+        Exchange { station: Station(1), request, timeout: Duration::from_millis(300), in_doubt, line_is_clean: true }
     }
 
     fn read() -> Exchange {
@@ -339,6 +347,18 @@ mod tests {
         let end = at + Duration::from_nanos(4_687_500);
         assert_eq!(wire.wake_at(), Some(end));
         assert_eq!(wire.pass(end), Some((read(), Ending::Garbled)));
+    }
+
+    #[test]
+    fn while_replies_are_missing_damage_proves_nothing() {
+        let mut wire = sent(Exchange { line_is_clean: false, ..read() });
+        let due = wire.wake_at();
+        let mut reply = frame(1, &[3, 2, 0x17, 0x70]);
+        reply[4] ^= 1;
+        assert_eq!(wire.receive(MonoTime::from_millis(25), &reply), None);
+        assert_eq!(wire.wake_at(), due);
+        let whole = frame(1, &[3, 2, 0x17, 0x70]);
+        assert!(wire.receive(MonoTime::from_millis(60), &whole).is_some(), "the reply still came");
     }
 
     #[test]

@@ -78,6 +78,16 @@ fn the_longest_read_is_sixteen_frames_and_no_more() {
 }
 
 #[test]
+fn a_long_read_that_failed_is_not_gone_on_with() {
+    let mut rig = Rig::new(&RigOptions::default());
+    rig.bus.set_powered(rig.now, Station(1), false);
+    let ticket = rig.read(1, 0, PROOF, 20);
+    assert_eq!(rig.answer_to(ticket), NativeOutcome::NoReply);
+    rig.run_until(rig.now + Duration::from_secs(3), |_, _| {});
+    assert_eq!(rig.sent.len(), 1, "nobody waits for the other frames: {:02X?}", rig.frames());
+}
+
+#[test]
 fn writes_are_refused_and_put_nothing_on_the_line() {
     let mut rig = Rig::new(&RigOptions::default());
     for (address, values) in [(0x0002, vec![1]), (0x0002, vec![0]), (0x020C, vec![100]), (0x0004, vec![1, 2])] {
