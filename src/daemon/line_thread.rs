@@ -28,6 +28,9 @@ const READS_PER_ROUND: usize = 64;
 /// How long before the end of the silence the thread wakes up and then watches the clock: what waking up takes
 /// on an ordinary machine. It keeps gaps exact at the cost of this much processor time a frame.
 const WAKE_EARLY: Duration = Duration::from_micros(100);
+/// How long a line without character times looks for the reply before it sleeps. Such a reply comes sooner than a
+/// sleeping thread is woken; a paced one never does.
+const LOOK_BEFORE_SLEEP: Duration = Duration::from_micros(60);
 /// First wait before a port that could not be opened is tried again; doubled up to the longest.
 const REOPEN_FIRST: Duration = Duration::from_millis(100);
 /// Longest such wait: a replugged adapter is back within a second.
@@ -111,13 +114,14 @@ fn run(
     {
         tracing::info!(line = port.line, %error, "no real-time priority: gaps may be longer under load, never shorter");
     }
+    let is_paced = setup.timing.paced;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {
         let core = LineCore::new(setup, clock::now());
         let timer = Timer::new()?;
         let (round, batch) = (Vec::new(), Vec::new());
         let reopen_wait = REOPEN_FIRST;
-        let line = LineTask { port, core, timer, reopen_wait, inbox, round, answers, batch, counters };
+        let line = LineTask { port, core, timer, is_paced, reopen_wait, inbox, round, answers, batch, counters };
         line.serve().await
     })
 }
@@ -129,6 +133,7 @@ struct LineTask<'a> {
     port: &'a LinePort,
     core: LineCore,
     timer: Timer,
+    is_paced: bool,
     /// Wait before the port is tried again.
     reopen_wait: Duration,
     inbox: Arc<Inbox>,
@@ -214,7 +219,7 @@ impl LineTask<'_> {
                 let ends_silence = wake.reason == WakeReason::SilentInterval;
                 self.timer.arm(if ends_silence { wake.at.before(WAKE_EARLY) } else { wake.at })?;
             }
-            if !has_more {
+            if !has_more && !self.reply_comes_at_once(device, &mut buffer)? {
                 self.wait(Some(&mut *device)).await?;
             }
             if self.inbox.is_closed() {
@@ -225,6 +230,26 @@ impl LineTask<'_> {
             has_more = self.drain(device, &mut buffer)?;
             self.core.handle(clock::now(), Input::Time);
         }
+    }
+
+    /// On a line without character times: looks for the reply for a moment, letting others run meanwhile. Returns
+    /// whether something came.
+    fn reply_comes_at_once(&mut self, device: &mut Port, buffer: &mut [u8]) -> io::Result<bool> {
+        if self.is_paced || !self.core.is_occupied() {
+            return Ok(false);
+        }
+        let until = clock::now() + LOOK_BEFORE_SLEEP;
+        while clock::now() < until {
+            match device.read_now(buffer)? {
+                Some(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+                Some(bytes) => {
+                    self.core.handle(clock::now(), Input::Bytes(&buffer[..bytes]));
+                    return Ok(true);
+                }
+                None => std::thread::yield_now(),
+            }
+        }
+        Ok(false)
     }
 
     /// Watches the clock while the silence before the next frame is about to end.

@@ -4,8 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 /// Parity bit of a character.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Parity {
     /// No parity bit.
     None,
@@ -16,8 +15,7 @@ pub enum Parity {
 }
 
 /// What the line is physically.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Interface {
     /// A bus with up to 32 stations, half duplex.
     Rs485,
@@ -26,8 +24,7 @@ pub enum Interface {
 }
 
 /// How frames are told apart on the line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Framing {
     /// Binary, ends by length and silence.
     Rtu,

@@ -1,6 +1,5 @@
 //! The words of the trade: time, ids, link settings, requests, reports. No room stands before this one.
 
-pub mod describe;
 pub mod ids;
 pub mod link;
 pub mod native;

@@ -3,37 +3,27 @@
 use std::fmt;
 
 /// The unit in which a register's value is shown.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum UnitOfMeasure {
     /// Hertz.
-    #[serde(rename = "Hz")]
     Hertz,
     /// Ampere.
-    #[serde(rename = "A")]
     Ampere,
     /// Volt.
-    #[serde(rename = "V")]
     Volt,
     /// Kilowatt.
-    #[serde(rename = "kW")]
     Kilowatt,
     /// Per cent.
-    #[serde(rename = "%")]
     Percent,
     /// Degrees Celsius.
-    #[serde(rename = "degC")]
     Celsius,
     /// Seconds.
-    #[serde(rename = "s")]
     Second,
     /// Hours.
-    #[serde(rename = "h")]
     Hour,
     /// Revolutions per minute.
-    #[serde(rename = "rpm")]
     Rpm,
     /// A plain number: a count, a code, an enumeration.
-    #[serde(rename = "-")]
     None,
 }
 
