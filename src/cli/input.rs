@@ -2,12 +2,14 @@
 
 use super::Failure;
 use crate::config::{self, Config};
-use crate::domain::problem::Problem;
+use crate::domain::problem::{Problem, nearest};
 use crate::profile::catalog::Catalog;
+use crate::profile::model::Model;
 use crate::vendors;
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use std::io::IsTerminal;
 use std::path::Path;
+use std::sync::Arc;
 
 /// The built-in models.
 ///
@@ -18,6 +20,18 @@ pub fn catalog() -> Result<Catalog, Failure> {
         let lines: Vec<_> =
             problems.iter().map(|(file, problem)| format!("{file}: {}: {}", problem.key, problem.what)).collect();
         Failure::failed(lines.join("\n"))
+    })
+}
+
+/// The built-in model called `id`.
+///
+/// # Errors
+/// There is none; the nearest identifier is offered.
+pub fn model(id: &str) -> Result<Arc<Model>, Failure> {
+    let catalog = catalog()?;
+    catalog.find(id).cloned().ok_or_else(|| {
+        let hint = nearest(id, catalog.ids()).map(|near| format!("; did you mean {near}?")).unwrap_or_default();
+        Failure::wrong(format!("no model is called {id}{hint}"))
     })
 }
 

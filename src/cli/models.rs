@@ -1,7 +1,6 @@
 //! `models`: what drives are known, with sources and confidence.
 
 use super::{Failure, input, print};
-use crate::domain::problem::nearest;
 use crate::profile::{check, summary};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -50,14 +49,8 @@ fn list() -> Result<(), Failure> {
 }
 
 fn show(id: &str) -> Result<(), Failure> {
-    let catalog = input::catalog()?;
-    match catalog.find(id) {
-        Some(model) => print(&summary::summary(model)),
-        None => {
-            let hint = nearest(id, catalog.ids()).map(|near| format!("; did you mean {near}?")).unwrap_or_default();
-            Err(Failure::wrong(format!("no model is called {id}{hint}")))
-        }
-    }
+    let model = input::model(id)?;
+    print(&summary::summary(&model))
 }
 
 fn check_file(file: &std::path::Path) -> Result<(), Failure> {

@@ -5,7 +5,6 @@ use crate::daemon::pty::Pty;
 use crate::daemon::{run::told_to_end, simulator};
 use crate::domain::ids::Station;
 use crate::domain::link::{LinkSettings, Parity};
-use crate::domain::problem::nearest;
 use crate::domain::time::MonoTime;
 use crate::profile::model::Model;
 use crate::sim::{BadRequest, BusOptions, DriveOptions, FaultPlan, Pacing, SimBus, SimDrive};
@@ -67,11 +66,7 @@ enum ParityArg {
 
 /// Plays the drives until SIGINT or SIGTERM.
 pub fn simulate(args: &Args) -> Result<(), Failure> {
-    let catalog = input::catalog()?;
-    let model = catalog.find(&args.model).cloned().ok_or_else(|| {
-        let hint = nearest(&args.model, catalog.ids()).map(|near| format!("; did you mean {near}?"));
-        Failure::wrong(format!("no model is called {}{}", args.model, hint.unwrap_or_default()))
-    })?;
+    let model = input::model(&args.model)?;
     let stations = model.link.stations.value.clone();
     if let Some(wrong) = args.stations.iter().find(|station| !stations.contains(station)) {
         let (first, last) = (stations.start(), stations.end());
