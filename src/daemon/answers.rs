@@ -1,20 +1,56 @@
 //! The way back from the line threads to the north side.
 
+use crate::domain::command::CommandAnswer;
+use crate::domain::ids::AskerId;
 use crate::domain::native::NativeAnswer;
+use crate::drive::description::DriveRef;
+use crate::drive::view::TripEvent;
 use std::sync::{Mutex, PoisonError};
 use tokio::sync::Notify;
 
+/// Something that a line tells the north side.
+#[derive(Clone, Debug, PartialEq)]
+pub enum News {
+    /// The answer to a native request.
+    Native(NativeAnswer),
+    /// What became of a command, so far or for good.
+    Command(CommandAnswer),
+    /// A drive has tripped, or its trip holds no more. Only the MQTT side is told.
+    Trip(DriveRef, TripEvent),
+}
+
+impl News {
+    /// For whom it is.
+    #[must_use]
+    pub const fn asker(&self) -> AskerId {
+        match self {
+            Self::Native(answer) => answer.asker,
+            Self::Command(answer) => answer.asker,
+            Self::Trip(..) => AskerId::MQTT,
+        }
+    }
+}
+
+/// The two north sides that lines answer to.
+#[derive(Clone, Debug, Default)]
+pub struct NorthSides {
+    /// Modbus TCP connections.
+    pub modbus: std::sync::Arc<AnswerBox>,
+    /// MQTT.
+    pub mqtt: std::sync::Arc<AnswerBox>,
+}
+
 /// Answers of all lines that the north side has not fetched yet. Its bound is that of the requests: each
-/// connection has at most 16 without an answer.
+/// connection has at most 16 without an answer, MQTT has bounds of its own, and trips come no faster than polls.
 #[derive(Debug, Default)]
 pub struct AnswerBox {
-    answers: Mutex<Vec<NativeAnswer>>,
+    answers: Mutex<Vec<News>>,
     bell: Notify,
 }
 
 impl AnswerBox {
     /// Puts answers in, leaves `batch` empty, and wakes the north side once for all of them.
-    pub fn put(&self, batch: &mut Vec<NativeAnswer>) {
+    pub fn put(&self, batch: &mut Vec<News>) {
         if batch.is_empty() {
             return;
         }
@@ -28,7 +64,7 @@ impl AnswerBox {
     }
 
     /// Waits for answers and exchanges them for the empty `batch`.
-    pub async fn fetch(&self, batch: &mut Vec<NativeAnswer>) {
+    pub async fn fetch(&self, batch: &mut Vec<News>) {
         self.bell.notified().await;
         let mut answers = self.answers.lock().unwrap_or_else(PoisonError::into_inner);
         std::mem::swap(&mut *answers, batch);

@@ -1,7 +1,10 @@
 //! From the configuration to what the line threads need.
 
 use super::line_thread::LinePort;
-use crate::config::{DriveSettings, LineSettings, Silence};
+use super::shared::Shared;
+use crate::config::{Config, DriveSettings, LineSettings, Silence};
+use crate::domain::ids::DriveIndex;
+use crate::drive::description::{DriveDescription, DriveRef};
 use crate::gateway::{DriveSetup, LineSetup};
 use crate::guard::Control;
 use crate::line::timing::Timing;
@@ -25,6 +28,32 @@ pub fn line_setup(line: &LineSettings) -> LineSetup {
     let drives = line.drives.iter().map(drive_setup).collect();
     let tells_traffic = tracing::enabled!(tracing::Level::TRACE);
     LineSetup { timing: timing(line).0, drives, tells_traffic }
+}
+
+/// What lines and north sides share.
+#[must_use]
+pub fn shared(config: &Config) -> Shared {
+    let drives = (0..).zip(&config.lines).flat_map(|(number, line)| {
+        (0..).zip(&line.drives).map(move |(index, drive)| {
+            let place = DriveRef { line: number, drive: DriveIndex(index) };
+            description(place, line, drive)
+        })
+    });
+    Shared::new(config.lines.iter().map(|line| line.name.clone()).collect(), drives.collect())
+}
+
+fn description(place: DriveRef, line: &LineSettings, drive: &DriveSettings) -> DriveDescription {
+    DriveDescription {
+        place,
+        name: drive.name.clone(),
+        line: line.name.clone(),
+        model: Arc::clone(&drive.model),
+        unit: drive.unit,
+        uniform_unit: drive.unit,
+        poll: drive.poll,
+        control: None,
+        dead_bands: Vec::new(),
+    }
 }
 
 /// The port side of a line.

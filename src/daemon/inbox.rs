@@ -1,5 +1,6 @@
 //! The way from the north side into a line thread.
 
+use crate::domain::command::{CommandRequest, Owner};
 use crate::domain::ids::AskerId;
 use crate::domain::native::NativeRequest;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,8 +15,16 @@ pub const INBOX_MAX: usize = 4096;
 pub enum Message {
     /// A client asks.
     Native(NativeRequest),
+    /// Somebody commands.
+    Command(CommandRequest),
     /// A client is gone.
     AskerGone(AskerId),
+    /// The way from this commander is open: its leases live on.
+    PathAlive(Owner),
+    /// The way from this commander was opened anew: what was issued before is stale.
+    PathOpened(Owner),
+    /// The gateway ends: each drive gets its declared action.
+    Shutdown,
 }
 
 /// The inbox is full; the message was not taken.

@@ -3,22 +3,24 @@
 //! A round: wait for anything; take all messages, all bytes; look at the port once more, so that a frame of
 //! ours never starts on top of bytes that have just come; let the core decide; act.
 
-use super::answers::AnswerBox;
+use super::answers::{News, NorthSides};
+use super::board::Board;
 use super::clock;
-use super::inbox::{Inbox, Message};
+use super::inbox::Message;
 use super::port::{OpenError, Port};
+use super::shared::Shared;
 use super::sys;
 use super::timer::Timer;
+use crate::domain::ids::DriveIndex;
 use crate::domain::link::LinkSettings;
-use crate::domain::native::NativeAnswer;
-use crate::domain::report::{LineCounters, PortFault};
+use crate::domain::report::PortFault;
 use crate::gateway::{Effect, Input, LineCore, LineSetup, Wake, WakeReason};
 use std::future::poll_fn;
 use std::io;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::pin::pin;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::task::Poll;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -57,71 +59,57 @@ pub struct LinePort {
 /// A running line thread.
 #[derive(Debug)]
 pub struct LineHandle {
-    inbox: Arc<Inbox>,
-    counters: Arc<Mutex<LineCounters>>,
+    shared: Arc<Shared>,
+    place: usize,
     thread: JoinHandle<()>,
 }
 
 impl LineHandle {
-    /// Starts the thread of a line.
+    /// Starts the thread of the line at `place` of `shared`.
     ///
     /// # Errors
     /// The system's refusal to start a thread.
-    pub fn start(port: LinePort, setup: LineSetup, answers: Arc<AnswerBox>) -> io::Result<Self> {
-        let inbox = Arc::new(Inbox::default());
-        let messages = Arc::clone(&inbox);
-        let counters = Arc::new(Mutex::new(LineCounters::default()));
-        let shared = Arc::clone(&counters);
+    pub fn start(
+        port: LinePort,
+        setup: LineSetup,
+        shared: Arc<Shared>,
+        place: usize,
+        north: NorthSides,
+    ) -> io::Result<Self> {
+        let ours = Arc::clone(&shared);
         let thread = std::thread::Builder::new().name(format!("line {}", port.line)).spawn(move || {
-            if let Err(error) = run(&port, setup, messages, answers, shared) {
+            if let Err(error) = run(&port, setup, &ours, place, north) {
                 tracing::error!(line = port.line, %error, "the line thread could not be set up");
             }
         })?;
-        Ok(Self { inbox, counters, thread })
-    }
-
-    /// The way in.
-    #[must_use]
-    pub const fn inbox(&self) -> &Arc<Inbox> {
-        &self.inbox
-    }
-
-    /// The line's counters as of its last round.
-    #[must_use]
-    pub fn counters(&self) -> LineCounters {
-        *self.counters.lock().unwrap_or_else(PoisonError::into_inner)
+        Ok(Self { shared, place, thread })
     }
 
     /// Ends the thread and waits for its end.
     pub fn join(self) {
-        self.inbox.close();
+        if let Some(line) = self.shared.lines.get(self.place) {
+            line.inbox.close();
+        }
         if self.thread.join().is_err() {
             tracing::error!("a line thread had panicked");
         }
     }
 }
 
-fn run(
-    port: &LinePort,
-    setup: LineSetup,
-    inbox: Arc<Inbox>,
-    answers: Arc<AnswerBox>,
-    counters: Arc<Mutex<LineCounters>>,
-) -> io::Result<()> {
+fn run(port: &LinePort, setup: LineSetup, shared: &Shared, place: usize, north: NorthSides) -> io::Result<()> {
     // Without character times there is no moment to hit, and preempting everybody only costs throughput.
     if setup.timing.paced
         && let Err(error) = sys::ask_for_real_time()
     {
         tracing::info!(line = port.line, %error, "no real-time priority: gaps may be longer under load, never shorter");
     }
+    let board = Board::new(shared, place, north).ok_or_else(|| io::Error::other("no such line"))?;
     let is_paced = setup.timing.paced;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {
         let core = LineCore::new(setup, clock::now());
         let timer = Timer::new()?;
-        let (round, batch) = (Vec::new(), Vec::new());
-        let reopen_wait = REOPEN_FIRST;
-        let line = LineTask { port, core, timer, is_paced, reopen_wait, inbox, round, answers, batch, counters };
+        let line = LineTask { port, core, timer, is_paced, reopen_wait: REOPEN_FIRST, round: Vec::new(), board };
         line.serve().await
     })
 }
@@ -136,13 +124,9 @@ struct LineTask<'a> {
     is_paced: bool,
     /// Wait before the port is tried again.
     reopen_wait: Duration,
-    inbox: Arc<Inbox>,
     /// The messages of this round.
     round: Vec<Message>,
-    answers: Arc<AnswerBox>,
-    /// The answers of this round.
-    batch: Vec<NativeAnswer>,
-    counters: Arc<Mutex<LineCounters>>,
+    board: Board<'a>,
 }
 
 impl LineTask<'_> {
@@ -192,7 +176,7 @@ impl LineTask<'_> {
         while clock::now() < again {
             self.timer.arm(again)?;
             self.wait(None).await?;
-            if self.inbox.is_closed() {
+            if self.board.inbox().is_closed() {
                 return Ok(ControlFlow::Break(()));
             }
             self.take_messages();
@@ -222,7 +206,7 @@ impl LineTask<'_> {
             if !has_more && !self.reply_comes_at_once(device, &mut buffer)? {
                 self.wait(Some(&mut *device)).await?;
             }
-            if self.inbox.is_closed() {
+            if self.board.inbox().is_closed() {
                 return Ok(Closed);
             }
             self.watch_the_silence_end();
@@ -264,10 +248,10 @@ impl LineTask<'_> {
 
     /// Waits until the timer fires, a message calls, or there is something to read.
     async fn wait(&mut self, mut device: Option<&mut Port>) -> io::Result<()> {
-        if !self.inbox.may_sleep(!self.core.is_occupied()) {
+        if !self.board.inbox().may_sleep(!self.core.is_occupied()) {
             return Ok(());
         }
-        let inbox = Arc::clone(&self.inbox);
+        let inbox = self.board.inbox();
         let mut called = pin!(inbox.called());
         poll_fn(|cx| {
             let fired = self.timer.poll_fired(cx).is_ready();
@@ -295,12 +279,16 @@ impl LineTask<'_> {
     }
 
     fn take_messages(&mut self) {
-        self.inbox.take(&mut self.round);
+        self.board.inbox().take(&mut self.round);
         let now = clock::now();
         for message in self.round.drain(..) {
             let input = match message {
                 Message::Native(request) => Input::Native(request),
+                Message::Command(command) => Input::Command(command),
                 Message::AskerGone(asker) => Input::AskerGone(asker),
+                Message::PathAlive(owner) => Input::PathAlive(owner),
+                Message::PathOpened(owner) => Input::PathOpened(owner),
+                Message::Shutdown => Input::Shutdown,
             };
             self.core.handle(now, input);
         }
@@ -315,19 +303,29 @@ impl LineTask<'_> {
                         device.write_frame(&frame)?;
                     }
                 }
-                Effect::Answer(answer) => self.batch.push(answer),
+                Effect::Answer(answer) => self.board.tell(News::Native(answer)),
+                Effect::Command(answer) => self.board.tell(News::Command(answer)),
+                Effect::Trip(drive, event) => {
+                    tracing::warn!(line = self.port.line, drive = self.name_of(drive), ?event, "trip");
+                    self.board.tell_trip(drive, event);
+                }
+                Effect::Note(drive, note) => {
+                    tracing::warn!(line = self.port.line, drive = self.name_of(drive), "{note}");
+                }
                 Effect::Presence(drive, presence) => {
-                    let name = self.port.drives.get(drive.get()).map_or("?", String::as_str);
-                    tracing::info!(line = self.port.line, drive = name, ?presence, "drive");
+                    tracing::info!(line = self.port.line, drive = self.name_of(drive), ?presence, "drive");
                 }
                 Effect::Traffic(record) => {
                     tracing::trace!(line = self.port.line, kind = ?record.kind, bytes = ?record.bytes, "traffic");
                 }
             }
         }
-        self.answers.put(&mut self.batch);
-        *self.counters.lock().unwrap_or_else(PoisonError::into_inner) = *self.core.counters();
+        self.board.show(&mut self.core);
         Ok(())
+    }
+
+    fn name_of(&self, drive: DriveIndex) -> &str {
+        self.port.drives.get(drive.get()).map_or("?", String::as_str)
     }
 }
 

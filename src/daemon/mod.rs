@@ -7,6 +7,7 @@
 #![allow(clippy::disallowed_methods, reason = "this room reads the clocks for all others")]
 
 pub mod answers;
+pub mod board;
 pub mod build;
 pub mod clock;
 pub mod inbox;
@@ -16,6 +17,7 @@ pub mod port;
 pub mod pty;
 pub mod router;
 pub mod run;
+pub mod shared;
 pub mod simulator;
 pub mod sys;
 pub mod timer;

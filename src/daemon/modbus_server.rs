@@ -1,11 +1,12 @@
 //! Modbus TCP listeners: sockets on one side, [`Connection`] machines on the other.
 
-use super::answers::AnswerBox;
+use super::answers::{AnswerBox, News};
 use super::clock;
 use super::inbox::{Full, Message};
 use super::router::Router;
+use crate::domain::command::{Manner, Origin, Owner, Rights};
 use crate::domain::ids::AskerId;
-use crate::domain::native::{NativeAnswer, NativeOutcome, NativeRequest, Refusal};
+use crate::domain::native::{NativeOutcome, NativeRequest, Refusal};
 use crate::domain::time::MonoTime;
 use crate::north::modbus::{Call, Connection, Limits};
 use ipnet::IpNet;
@@ -43,6 +44,7 @@ pub struct Server {
 #[derive(Debug)]
 struct Client {
     asker: AskerId,
+    origin: Origin,
     stream: OwnedWriteHalf,
     machine: RefCell<Connection>,
     router: Rc<Router>,
@@ -74,13 +76,14 @@ impl Server {
 
     /// Hands the answers of the lines to their connections until the task is dropped.
     pub async fn distribute(self: Rc<Self>, answers: Arc<AnswerBox>) {
-        let mut batch: Vec<NativeAnswer> = Vec::new();
+        let mut batch: Vec<News> = Vec::new();
         let mut touched: Vec<Rc<Client>> = Vec::new();
         loop {
             answers.fetch(&mut batch).await;
             let now = clock::now();
             let clients = self.clients.borrow();
-            for answer in batch.drain(..) {
+            for news in batch.drain(..) {
+                let News::Native(answer) = news else { continue };
                 if let Some(client) = clients.get(&answer.asker) {
                     client.machine.borrow_mut().answer(now, answer.ticket, &answer.outcome);
                     touched.push(Rc::clone(client));
@@ -103,7 +106,9 @@ impl Server {
         let asker = AskerId(self.last.get());
         let machine = RefCell::new(Connection::new(Limits::default(), clock::now()));
         let (mut source, stream) = stream.into_split();
-        let client = Rc::new(Client { asker, stream, machine, router, bell: Notify::new() });
+        let rights = Rights { write: false, stop: false };
+        let origin = Origin { owner: Owner::ModbusTcp(peer.ip().to_canonical()), rights, manner: Manner::Cyclic };
+        let client = Rc::new(Client { asker, origin, stream, machine, router, bell: Notify::new() });
         self.clients.borrow_mut().insert(asker, Rc::clone(&client));
         let server = Rc::clone(self);
         tokio::task::spawn_local(async move {
@@ -178,7 +183,7 @@ impl Client {
     fn pass_on(&self, call: Call) -> Result<(), Refusal> {
         let (inbox, drive) = self.router.find(call.unit).ok_or(Refusal::NoSuchUnit)?;
         let Call { ticket, ask, deadline, .. } = call;
-        let request = NativeRequest { asker: self.asker, ticket, drive, ask, deadline };
+        let request = NativeRequest { asker: self.asker, ticket, drive, origin: self.origin, ask, deadline };
         inbox.put(Message::Native(request)).map_err(|Full| Refusal::QueueFull)
     }
 

@@ -1,11 +1,11 @@
 //! The daemon: one thread per line, the north side on this one, until it is told to end.
 
-use super::answers::AnswerBox;
+use super::answers::NorthSides;
 use super::build;
-use super::inbox::Inbox;
 use super::line_thread::LineHandle;
 use super::modbus_server::Server;
 use super::router::Router;
+use super::shared::Shared;
 use crate::config::{Config, ListenerSettings};
 use crate::domain::report::LineCounters;
 use std::io;
@@ -36,14 +36,15 @@ pub enum StartError {
 pub struct Running<'a> {
     /// The addresses that are really listened on, in the order of the configuration.
     pub listening: Vec<SocketAddr>,
-    lines: &'a [LineHandle],
+    /// What lines and north sides share.
+    pub shared: &'a Shared,
 }
 
 impl Running<'_> {
     /// The counters of each line.
     #[must_use]
     pub fn counters(&self) -> Vec<LineCounters> {
-        self.lines.iter().map(LineHandle::counters).collect()
+        self.shared.lines.iter().map(|line| line.report().counters).collect()
     }
 }
 
@@ -56,18 +57,19 @@ where
     F: AsyncFnOnce(&Running<'_>),
 {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let answers = Arc::new(AnswerBox::default());
+    let north = NorthSides::default();
+    let shared = Arc::new(build::shared(config));
     let listeners = runtime.block_on(bind(&config.listeners))?;
     let mut lines = Vec::with_capacity(config.lines.len());
-    for line in &config.lines {
-        lines.push(LineHandle::start(build::line_port(line), build::line_setup(line), Arc::clone(&answers))?);
+    for (place, line) in config.lines.iter().enumerate() {
+        let (port, setup) = (build::line_port(line), build::line_setup(line));
+        lines.push(LineHandle::start(port, setup, Arc::clone(&shared), place, north.clone())?);
     }
     let listening = listeners.iter().map(TcpListener::local_addr).collect::<io::Result<_>>()?;
-    let inboxes = lines.iter().map(|line| Arc::clone(line.inbox())).collect();
     let local = LocalSet::new();
     runtime.block_on(local.run_until(async {
-        serve(config, listeners, inboxes, answers);
-        until(&Running { listening, lines: &lines }).await;
+        serve(config, listeners, &shared, north);
+        until(&Running { listening, shared: &shared }).await;
     }));
     drop(local);
     drop(runtime);
@@ -104,11 +106,12 @@ async fn bind(settings: &[ListenerSettings]) -> Result<Vec<TcpListener>, StartEr
     Ok(listeners)
 }
 
-fn serve(config: &Config, listeners: Vec<TcpListener>, inboxes: Vec<Arc<Inbox>>, answers: Arc<AnswerBox>) {
+fn serve(config: &Config, listeners: Vec<TcpListener>, shared: &Arc<Shared>, north: NorthSides) {
+    let inboxes: Vec<_> = shared.lines.iter().map(|line| Arc::clone(&line.inbox)).collect();
     let server = Rc::new(Server::default());
     for (listener, settings) in listeners.into_iter().zip(&config.listeners) {
         let router = Rc::new(Router::new(config, settings, inboxes.clone()));
         tokio::task::spawn_local(Rc::clone(&server).listen(listener, settings.allow.clone(), router));
     }
-    tokio::task::spawn_local(server.distribute(answers));
+    tokio::task::spawn_local(server.distribute(north.modbus));
 }

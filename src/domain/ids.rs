@@ -87,6 +87,11 @@ impl DriveIndex {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct AskerId(pub u64);
 
+impl AskerId {
+    /// The MQTT side as a whole; all other numbers are Modbus TCP connections.
+    pub const MQTT: Self = Self(0);
+}
+
 /// The number of one request of one asker, chosen by the asker and carried back in the answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Ticket(pub u64);

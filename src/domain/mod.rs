@@ -1,5 +1,8 @@
 //! The words of the trade: time, ids, link settings, requests, reports. No room stands before this one.
 
+pub mod command;
+pub mod control;
+pub mod frequency;
 pub mod ids;
 pub mod link;
 pub mod native;

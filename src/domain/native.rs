@@ -1,5 +1,6 @@
 //! Native requests: a client asks for a vendor's registers by their addresses.
 
+use super::command::{Origin, Reason};
 use super::ids::{AskerId, DriveIndex, Ticket};
 use super::time::MonoTime;
 use std::sync::Arc;
@@ -32,6 +33,8 @@ pub struct NativeRequest {
     pub ticket: Ticket,
     /// Which drive of the line.
     pub drive: DriveIndex,
+    /// Who asks, as far as it matters to the guard: for writes.
+    pub origin: Origin,
     /// What is asked.
     pub ask: NativeAsk,
     /// When the asker no longer waits. The request ends by then, with [`NativeOutcome::Expired`] if need be.
@@ -66,6 +69,8 @@ pub enum NativeOutcome {
     NoReply,
     /// The asker's deadline passed before the drive was asked.
     Expired,
+    /// A newer command took the write's place before it was sent, or a stop cut it.
+    Superseded,
 }
 
 /// Why a request put nothing on the line.
@@ -74,9 +79,9 @@ pub enum Refusal {
     /// No drive is reached at this unit.
     #[error("no drive has this unit")]
     NoSuchUnit,
-    /// The drive has no control section, so nothing may be written to it from anywhere.
-    #[error("the drive is read-only: it has no control section")]
-    ReadOnly,
+    /// The guard refused the write.
+    #[error("{}", .0.text())]
+    Guard(Reason),
     /// The request would need more than 16 frames (semantics: one request, at most 16 frames).
     #[error("the request would need more than 16 frames on the line")]
     TooManyFrames,

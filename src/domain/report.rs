@@ -23,6 +23,23 @@ pub enum PortFault {
     Stuck,
 }
 
+/// One line as the north sides show it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LineReport {
+    /// Whether its port is open.
+    pub state: LineState,
+    /// Why it was closed last; nothing if it never was.
+    pub fault: Option<PortFault>,
+    /// What was counted.
+    pub counters: LineCounters,
+}
+
+impl Default for LineReport {
+    fn default() -> Self {
+        Self { state: LineState::Down, fault: None, counters: LineCounters::default() }
+    }
+}
+
 /// Counts of one line since start. They only rise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LineCounters {

@@ -7,6 +7,16 @@ use std::time::Duration;
 /// How many fast periods a slow poll waits.
 pub const SLOW_FACTOR: u32 = 4;
 
+/// Time between two polls of `class` on a drive whose poll period is `poll`.
+#[must_use]
+pub fn period(class: PollClass, poll: Duration) -> Duration {
+    match class {
+        PollClass::Fast => poll,
+        PollClass::Second => poll.max(Duration::from_secs(1)),
+        PollClass::Slow => poll * SLOW_FACTOR,
+    }
+}
+
 /// One read that is repeated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PollGroup {
@@ -22,10 +32,7 @@ impl PollGroup {
     /// Time between two reads of this group on a drive whose poll period is `poll`.
     #[must_use]
     pub fn period(&self, poll: Duration) -> Duration {
-        match self.class {
-            PollClass::Fast => poll,
-            PollClass::Slow => poll * SLOW_FACTOR,
-        }
+        period(self.class, poll)
     }
 }
 
@@ -34,7 +41,7 @@ impl PollGroup {
 #[must_use]
 pub fn groups(model: &Model) -> Vec<PollGroup> {
     let mut groups: Vec<PollGroup> = Vec::new();
-    for class in [PollClass::Fast, PollClass::Slow] {
+    for class in [PollClass::Fast, PollClass::Second, PollClass::Slow] {
         for register in model.registers.iter().filter(|register| register.poll == Some(class)) {
             match groups.last_mut() {
                 Some(last) if last.class == class && joins(model, last, register.address) => last.count += 1,

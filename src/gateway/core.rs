@@ -5,14 +5,16 @@ use super::natives::Natives;
 use super::setup::LineSetup;
 use crate::domain::ids::DriveIndex;
 use crate::domain::native::NativeAnswer;
-use crate::domain::report::{LineCounters, LineState};
+use crate::domain::report::{LineCounters, LineReport, LineState};
 use crate::domain::time::MonoTime;
 use crate::drive::plan::PollPlan;
 use crate::drive::snapshot::DriveSnapshot;
+use crate::drive::view::DriveView;
 use crate::line::schedule::{ReadJob, Schedule, WriteJob};
 use crate::line::station::StationState;
 use crate::line::transaction::Wire;
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 /// One line with its drives. See the [module](super) for how it is driven.
 #[derive(Debug)]
@@ -89,6 +91,7 @@ impl LineCore {
                 self.schedule.forget(asker);
                 self.drop_unwanted();
             }
+            Input::Command(_) | Input::PathAlive(_) | Input::PathOpened(_) | Input::Shutdown => {}
             Input::Time => self.on_time(now),
         }
     }
@@ -121,6 +124,17 @@ impl LineCore {
     #[must_use]
     pub const fn counters(&self) -> &LineCounters {
         &self.counters
+    }
+
+    /// The line's state and counters.
+    #[must_use]
+    pub const fn report(&self) -> LineReport {
+        LineReport { state: self.state, fault: None, counters: self.counters }
+    }
+
+    /// The pictures that have changed since this was asked last.
+    pub fn changed_views(&mut self) -> impl Iterator<Item = (DriveIndex, Arc<DriveView>)> + use<> {
+        std::iter::empty()
     }
 
     /// What is known of the drive at `index`.

@@ -1,11 +1,14 @@
 //! What a line is told and what it says.
 
+use super::note::Note;
+use crate::domain::command::{CommandAnswer, CommandRequest, Owner};
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::native::{NativeAnswer, NativeRequest};
 use crate::domain::report::PortFault;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::TrafficRecord;
 use crate::drive::snapshot::Presence;
+use crate::drive::view::TripEvent;
 
 /// Something that happened.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -18,6 +21,14 @@ pub enum Input<'a> {
     PortDown(PortFault),
     /// A client asks for registers by their addresses.
     Native(NativeRequest),
+    /// Somebody commands.
+    Command(CommandRequest),
+    /// The way from this commander is open: its session leases live on.
+    PathAlive(Owner),
+    /// The way from this commander was opened anew: what it had issued before is stale.
+    PathOpened(Owner),
+    /// The gateway ends: each drive gets the action that is declared for that.
+    Shutdown,
     /// A client is gone; nobody waits for its answers any more.
     AskerGone(AskerId),
     /// All that had happened has been told. Only now is decided what to do.
@@ -25,12 +36,18 @@ pub enum Input<'a> {
 }
 
 /// Something that should be done.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Effect {
     /// Hand these bytes to the port, now and all at once.
     Transmit(Vec<u8>),
     /// Give this answer to its asker.
     Answer(NativeAnswer),
+    /// Give this report to the one who commanded.
+    Command(CommandAnswer),
+    /// A drive has tripped, or its trip holds no more.
+    Trip(DriveIndex, TripEvent),
+    /// Something that people should read.
+    Note(DriveIndex, Note),
     /// A drive has come or gone.
     Presence(DriveIndex, Presence),
     /// For whoever watches the line; only if the line was set up to tell.

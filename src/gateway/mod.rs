@@ -13,6 +13,7 @@ mod decide;
 mod ended;
 mod event;
 mod natives;
+mod note;
 mod port;
 mod setup;
 #[cfg(test)]
@@ -21,4 +22,5 @@ mod write_tests;
 pub use self::core::LineCore;
 pub use event::{Effect, Input, Wake, WakeReason};
 pub use natives::REQUESTS_MAX;
+pub use note::Note;
 pub use setup::{DriveSetup, LineSetup};

@@ -1,6 +1,7 @@
 //! What happens to a write behind the guard's door, with a control section that only tests have.
 
 use super::*;
+use crate::domain::command::{Manner, Origin, Owner, Rights};
 use crate::domain::ids::{AskerId, DriveIndex, Station, Ticket};
 use crate::domain::link::LinkSettings;
 use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, NativeRequest};
@@ -14,6 +15,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 const RUN: u16 = 0x0002;
+const ORIGIN: Origin = Origin { owner: Owner::Mqtt, rights: Rights { write: true, stop: true }, manner: Manner::Once };
 
 /// A line with one drive that may be written to, and the time.
 struct Line {
@@ -52,6 +54,7 @@ impl Line {
             asker: AskerId(1),
             ticket: Ticket(ticket),
             drive: DriveIndex(0),
+            origin: ORIGIN,
             ask: NativeAsk::Write { address, values: vec![value] },
             deadline: self.now + Duration::from_secs(1),
         };
@@ -76,7 +79,7 @@ impl Line {
                 match effect {
                     Effect::Transmit(frame) => self.sent.push(frame),
                     Effect::Answer(answer) => self.answers.push(answer),
-                    Effect::Presence(..) | Effect::Traffic(_) => {}
+                    _ => {}
                 }
             }
             if self.now >= until || self.sent.len() > before {

@@ -3,6 +3,7 @@
 //! In this version no drive can be given a control section, so every attempt is refused. The line accepts
 //! nothing but [`Approved`], which only this room can make, so the refusal holds by construction.
 
+use crate::domain::command::Reason;
 use crate::domain::ids::DriveIndex;
 use crate::domain::native::Refusal;
 use crate::domain::time::MonoTime;
@@ -89,7 +90,7 @@ pub fn review(attempt: &Attempt, control: &Control) -> Result<Approved, Refusal>
             request: Request::WriteSingle { address: attempt.address, value: *value },
             deadline: attempt.deadline,
         }),
-        _ => Err(Refusal::ReadOnly),
+        _ => Err(Refusal::Guard(Reason::ReadOnly)),
     }
 }
 
@@ -100,6 +101,6 @@ mod tests {
     #[test]
     fn without_a_control_section_nothing_may_be_written() {
         let attempt = Attempt { drive: DriveIndex(0), address: 2, values: vec![0], deadline: MonoTime::from_millis(1) };
-        assert_eq!(review(&attempt, &Control::None), Err(Refusal::ReadOnly));
+        assert_eq!(review(&attempt, &Control::None), Err(Refusal::Guard(Reason::ReadOnly)));
     }
 }

@@ -1,3 +1,4 @@
 //! What clients see: parsers and sans-IO machines. No socket, no clock, and nothing of the line machine.
 
 pub mod modbus;
+pub mod mqtt;

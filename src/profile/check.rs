@@ -11,6 +11,9 @@ use crate::domain::problem::Problem;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
 
+/// Most words of a reset sequence.
+const RESET_WORDS_MAX: usize = 8;
+
 /// The model that `text` describes.
 ///
 /// # Errors
@@ -39,6 +42,7 @@ fn compare(file: &ModelFile, problems: &mut Vec<Problem>) {
     }
     if let Given::Usable(run) = &file.run {
         run_values_differ(&run.value, problems);
+        reset_is_framed(&run.value, &run.place, problems);
         commands_are_taken(&run.place, &file.registers, problems);
     }
     for role in [Role::RunCommand, Role::FrequencyCommand] {
@@ -116,6 +120,35 @@ fn run_values_differ(run: &RunFile, problems: &mut Vec<Problem>) {
         };
         let problem = place.problem(format!("the value {value} is taken by {}", first.key));
         problems.push(problem.right("a value that no other run command has"));
+    }
+}
+
+/// A reset is written between stops and never carries an order to run.
+fn reset_is_framed(run: &RunFile, run_place: &Place, problems: &mut Vec<Problem>) {
+    let value = |fact: &FactFile<u16>| fact.value.as_ref().map(|written| written.value);
+    let Some(reset) = run.reset.as_ref() else {
+        if let Given::Usable(sequence) = &run.reset_sequence {
+            problems.push(sequence.place.problem("there is no `reset` to write").right("a value for `reset`"));
+        }
+        return;
+    };
+    let (Some(reset), Some(stop)) = (value(reset), value(&run.stop)) else { return };
+    let right = format!("[{stop}, {reset}, {stop}], or longer with nothing else in it");
+    match &run.reset_sequence {
+        Given::LeftOut => {
+            let what = "`reset_sequence` is left out, and `reset` is given";
+            problems.push(run_place.missing("reset_sequence").problem(what).right(right));
+        }
+        Given::Unusable => {}
+        Given::Usable(sequence) => {
+            let words: Vec<u16> = sequence.value.iter().map(|word| word.value).collect();
+            let framed = words.len() >= 3 && words.first() == Some(&stop) && words.last() == Some(&stop);
+            let only = words.iter().all(|word| *word == stop || *word == reset) && words.contains(&reset);
+            if !(framed && only && words.len() <= RESET_WORDS_MAX) {
+                let what = "a reset is written between stops and with nothing else";
+                problems.push(sequence.place.problem(what).right(right));
+            }
+        }
     }
 }
 
@@ -222,6 +255,11 @@ fn run_command(file: &RunFile) -> Option<RunCommand> {
         reverse: optional(file.reverse.as_ref())?,
         coast: optional(file.coast.as_ref())?,
         reset: optional(file.reset.as_ref())?,
+        reset_sequence: match &file.reset_sequence {
+            Given::LeftOut => Vec::new(),
+            Given::Unusable => return None,
+            Given::Usable(sequence) => sequence.value.iter().map(|word| word.value).collect(),
+        },
     })
 }
 
@@ -250,6 +288,21 @@ mod tests {
             std::fs::write(&path, found).unwrap();
         }
         assert_eq!(found, std::fs::read_to_string(&path).unwrap(), "{path}");
+    }
+
+    #[test]
+    fn a_reset_is_framed_by_stops() {
+        let with = |sequence: &str| {
+            let fact = |value| format!("{{ value = {value}, confidence = \"manual\", source = \"IM 1\" }}");
+            let run = format!("[run]\nstop = {}\nforward = {}\nreset = {}\n{sequence}\n\n", fact(0), fact(1), fact(4));
+            let register = "[[register]]\nname = \"run\"\ntitle = \"Run\"\naddress = 2\nscale = 1\nunit = \"-\"\n\
+                            access = \"write\"\nrole = \"run-command\"\nconfidence = \"manual\"\nsource = \"IM 1\"\n\n";
+            told_with("[[register]]", &format!("{run}{register}[[register]]"))
+        };
+        assert_eq!(with("reset_sequence = [0, 4, 0]"), "");
+        for wrong in ["", "reset_sequence = [4]", "reset_sequence = [0, 4, 1]", "reset_sequence = [0, 0, 0]"] {
+            assert!(with(wrong).contains("right: [0, 4, 0]"), "{wrong}: {}", with(wrong));
+        }
     }
 
     #[test]

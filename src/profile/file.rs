@@ -115,6 +115,7 @@ pub(super) struct RunFile {
     pub reverse: Option<FactFile<u16>>,
     pub coast: Option<FactFile<u16>>,
     pub reset: Option<FactFile<u16>>,
+    pub reset_sequence: Given<Vec<Written<u16>>>,
 }
 
 /// Reads the outermost table of a model file.
@@ -206,6 +207,7 @@ impl Facts<'_> {
             reverse: self.optional_value(&mut reader, "reverse", &word),
             coast: self.optional_value(&mut reader, "coast", &word),
             reset: self.optional_value(&mut reader, "reset", &word),
+            reset_sequence: reader.list("reset_sequence", &word),
         };
         reader.finish();
         run

@@ -214,6 +214,9 @@ pub struct RunCommand {
     pub coast: Option<Fact<u16>>,
     /// Reset a trip.
     pub reset: Option<Fact<u16>>,
+    /// The words that are written one after the other to reset a trip: `reset` among them, stops around it, and no
+    /// order to run. Empty where the model has no reset.
+    pub reset_sequence: Vec<u16>,
 }
 
 /// What the gateway uses a register for.
@@ -237,8 +240,28 @@ pub enum Role {
     RunSource,
     /// Number of trips so far.
     TripCount,
-    /// First word of the newest trip record.
-    TripRecord,
+    /// Cause of the newest trip, as the vendor numbers it.
+    TripCause,
+    /// Output frequency at the newest trip.
+    TripFrequency,
+    /// Output current at the newest trip.
+    TripCurrent,
+    /// Voltage of the DC link at the newest trip.
+    TripDcLinkVoltage,
+    /// Output current.
+    OutputCurrent,
+    /// Output voltage.
+    OutputVoltage,
+    /// Voltage of the DC link.
+    DcLinkVoltage,
+    /// Output power.
+    OutputPower,
+    /// Torque.
+    Torque,
+    /// Temperature of the drive.
+    Temperature,
+    /// Run hours.
+    RunHours,
 }
 
 /// How often a register is polled.
@@ -246,6 +269,8 @@ pub enum Role {
 pub enum PollClass {
     /// At the drive's poll period: status and output frequency.
     Fast,
+    /// Once a second, or at the drive's poll period where that is longer: the trip count.
+    Second,
     /// At four times the poll period.
     Slow,
 }

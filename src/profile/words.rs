@@ -32,7 +32,8 @@ pub const ACCESSES: [(&str, Access); 3] =
     [("read", Access::Read), ("write", Access::Write), ("read-write", Access::ReadWrite)];
 
 /// How often a register is polled.
-pub const POLL_CLASSES: [(&str, PollClass); 2] = [("fast", PollClass::Fast), ("slow", PollClass::Slow)];
+pub const POLL_CLASSES: [(&str, PollClass); 3] =
+    [("fast", PollClass::Fast), ("second", PollClass::Second), ("slow", PollClass::Slow)];
 
 /// What a read must not cross.
 pub(super) const BOUNDARIES: [(&str, Boundary); 1] = [("high-byte", Boundary::HighByte)];
@@ -52,7 +53,7 @@ pub(super) const CONFIDENCES: [(&str, Confidence); 6] = [
 ];
 
 /// What the gateway uses a register for.
-pub(super) const ROLES: [(&str, Role); 10] = [
+pub(super) const ROLES: [(&str, Role); 20] = [
     ("run-command", Role::RunCommand),
     ("frequency-command", Role::FrequencyCommand),
     ("frequency-setting", Role::FrequencySetting),
@@ -62,7 +63,17 @@ pub(super) const ROLES: [(&str, Role); 10] = [
     ("frequency-source", Role::FrequencySource),
     ("run-source", Role::RunSource),
     ("trip-count", Role::TripCount),
-    ("trip-record", Role::TripRecord),
+    ("trip-cause", Role::TripCause),
+    ("trip-frequency", Role::TripFrequency),
+    ("trip-current", Role::TripCurrent),
+    ("trip-dc-link-voltage", Role::TripDcLinkVoltage),
+    ("output-current", Role::OutputCurrent),
+    ("output-voltage", Role::OutputVoltage),
+    ("dc-link-voltage", Role::DcLinkVoltage),
+    ("output-power", Role::OutputPower),
+    ("torque", Role::Torque),
+    ("temperature", Role::Temperature),
+    ("run-hours", Role::RunHours),
 ];
 
 /// The word for `value` in `words`; `?` where it has none.
@@ -78,7 +89,7 @@ mod tests {
     #[test]
     fn every_value_has_its_word() {
         assert_eq!(word_for(&PARITIES, &Parity::Odd), "odd");
-        assert_eq!(word_for(&ROLES, &Role::TripRecord), "trip-record");
+        assert_eq!(word_for(&ROLES, &Role::TripCause), "trip-cause");
         assert_eq!(word_for(&UNITS, &UnitOfMeasure::None), "-");
         assert_eq!(word_for(&POLL_CLASSES[..1], &PollClass::Slow), "?");
     }

@@ -186,7 +186,7 @@ impl SimDrive {
             && match role {
                 Some(Role::RunCommand) => self.take_run_command(at, value),
                 Some(Role::FrequencyCommand | Role::FrequencySetting) => self.take_setpoint(at, value, scale),
-                Some(Role::OutputFrequency | Role::TripCount | Role::TripRecord) => false,
+                Some(Role::OutputFrequency | Role::TripCount | Role::TripCause) => false,
                 _ => true,
             };
         if taken {
@@ -276,7 +276,7 @@ impl SimDrive {
 
     /// The word of the trip records at `address`, whether or not the model lists each word of them.
     fn trip_word(&self, address: u16) -> Option<u16> {
-        let first = self.model.register_for(Role::TripRecord)?.address;
+        let first = self.model.register_for(Role::TripCause)?.address;
         self.trips.word(address.checked_sub(first)?)
     }
 

@@ -73,7 +73,7 @@ mod testing {
             (SETPOINT, 100, Access::Write, Some(Role::FrequencyCommand)),
             (OUTPUT, 100, Access::Read, Some(Role::OutputFrequency)),
             (TRIP_COUNT, 1, Access::Read, Some(Role::TripCount)),
-            (TRIP_RECORD, 1, Access::Read, Some(Role::TripRecord)),
+            (TRIP_RECORD, 1, Access::Read, Some(Role::TripCause)),
             (F001, 100, Access::Read, Some(Role::FrequencySetting)),
             (F007, 10, Access::ReadWrite, Some(Role::AccelerationTime)),
             (F008, 10, Access::ReadWrite, Some(Role::DecelerationTime)),
@@ -101,6 +101,7 @@ mod testing {
                 reverse: Some(fact(2)),
                 coast: Some(fact(3)),
                 reset: Some(fact(4)),
+                reset_sequence: vec![0, 4, 0],
             }),
             registers: rows.into_iter().map(register).collect(),
         })

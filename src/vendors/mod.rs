@@ -84,7 +84,7 @@ mod tests {
             (Role::FrequencyCommand, 0x0004),
             (Role::OutputFrequency, 0x0101),
             (Role::TripCount, 0x0112),
-            (Role::TripRecord, 0x0113),
+            (Role::TripCause, 0x0113),
             (Role::FrequencySetting, 0x0201),
             (Role::AccelerationTime, 0x020C),
             (Role::DecelerationTime, 0x020E),

@@ -1,6 +1,7 @@
 //! Whatever happens to a line in whatever order: nothing panics, each request ends once and in time, one frame is
 //! out at a time and never too early, and the line always says when it wants to be woken.
 
+use crate::support::ORIGIN;
 use crate::support::n700;
 use proptest::prelude::*;
 use std::collections::HashSet;
@@ -123,6 +124,7 @@ impl Watch {
             asker: AskerId(asker.into()),
             ticket: Ticket(self.asked),
             drive: DriveIndex(drive.into()),
+            origin: ORIGIN,
             ask,
             deadline: self.now + PATIENCE,
         };
@@ -172,7 +174,11 @@ impl Watch {
                     let was_open = self.open.remove(&(answer.ticket.0, answer.asker.0));
                     assert!(was_open, "answered twice or to nobody: {answer:?}");
                 }
-                Effect::Presence(..) | Effect::Traffic(_) => {}
+                Effect::Command(_)
+                | Effect::Trip(..)
+                | Effect::Note(..)
+                | Effect::Presence(..)
+                | Effect::Traffic(_) => {}
             }
         }
     }

@@ -3,6 +3,7 @@
 use crate::support::{PROOF, Rig, RigOptions};
 use std::collections::HashMap;
 use std::time::Duration;
+use vfd_gateway::domain::command::Reason;
 use vfd_gateway::domain::ids::{AskerId, Station};
 use vfd_gateway::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, Refusal};
 use vfd_gateway::wire::pdu::MAX_READ_WORDS;
@@ -92,7 +93,7 @@ fn writes_are_refused_and_put_nothing_on_the_line() {
     let mut rig = Rig::new(&RigOptions::default());
     for (address, values) in [(0x0002, vec![1]), (0x0002, vec![0]), (0x020C, vec![100]), (0x0004, vec![1, 2])] {
         let ticket = rig.ask(1, 0, NativeAsk::Write { address, values });
-        assert_eq!(rig.answer_to(ticket), NativeOutcome::Refused(Refusal::ReadOnly));
+        assert_eq!(rig.answer_to(ticket), NativeOutcome::Refused(Refusal::Guard(Reason::ReadOnly)));
     }
     assert!(rig.frames().is_empty());
 }

@@ -1,8 +1,10 @@
 //! What scenarios share: a rig of one line with simulated drives under a virtual clock, and configurations.
 
 use std::collections::HashMap;
+use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 use std::time::Duration;
+use vfd_gateway::domain::command::{Manner, Origin, Owner, Rights};
 use vfd_gateway::domain::ids::{AskerId, DriveIndex, Station, Ticket};
 use vfd_gateway::domain::link::LinkSettings;
 use vfd_gateway::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, NativeRequest};
@@ -18,6 +20,13 @@ use vfd_gateway::vendors;
 
 /// Addresses whose words carry the number of the exchange that asked for them.
 pub const PROOF: u16 = 0x3000;
+
+/// A client on this machine that may do everything.
+pub const ORIGIN: Origin = Origin {
+    owner: Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::LOCALHOST)),
+    rights: Rights { write: true, stop: true },
+    manner: Manner::Cyclic,
+};
 
 /// The built-in N700.
 pub fn n700() -> Arc<Model> {
@@ -132,7 +141,8 @@ impl Rig {
         let ticket = Ticket(self.last_ticket);
         self.open.insert(ticket.0, AskerId(asker));
         let deadline = self.now + Duration::from_secs(5);
-        let request = NativeRequest { asker: AskerId(asker), ticket, drive: DriveIndex(index), ask, deadline };
+        let request =
+            NativeRequest { asker: AskerId(asker), ticket, drive: DriveIndex(index), origin: ORIGIN, ask, deadline };
         self.core.handle(self.now, Input::Native(request));
         self.settle();
         ticket
@@ -190,7 +200,7 @@ impl Rig {
                     self.answers.push((self.now, answer));
                 }
                 Effect::Traffic(record) => self.traffic.push(record),
-                Effect::Presence(..) => {}
+                Effect::Presence(..) | Effect::Command(_) | Effect::Trip(..) | Effect::Note(..) => {}
             }
         }
     }

@@ -55,6 +55,7 @@ impl Form {
             }
             (NativeOutcome::DriveException(code), _) => Err(*code),
             (NativeOutcome::Refused(refusal), _) => Err(refusal_code(*refusal)),
+            (NativeOutcome::Superseded, _) => Err(exception::SERVER_DEVICE_BUSY),
             (NativeOutcome::NoReply | NativeOutcome::Expired, _) => Err(exception::GATEWAY_TARGET_FAILED),
         }
     }
@@ -90,7 +91,7 @@ fn second_word(function: u8, values: &[u16]) -> u16 {
 const fn refusal_code(refusal: Refusal) -> u8 {
     match refusal {
         Refusal::NoSuchUnit | Refusal::LineDown => exception::GATEWAY_PATH_UNAVAILABLE,
-        Refusal::ReadOnly => exception::ILLEGAL_FUNCTION,
+        Refusal::Guard(_) => exception::ILLEGAL_FUNCTION,
         Refusal::TooManyFrames => exception::ILLEGAL_DATA_VALUE,
         Refusal::QueueFull => exception::SERVER_DEVICE_BUSY,
     }
@@ -147,7 +148,7 @@ mod tests {
             (NativeOutcome::DriveException(0x21), 0x21),
             (NativeOutcome::Refused(Refusal::NoSuchUnit), 0x0A),
             (NativeOutcome::Refused(Refusal::LineDown), 0x0A),
-            (NativeOutcome::Refused(Refusal::ReadOnly), 0x01),
+            (NativeOutcome::Refused(Refusal::Guard(crate::domain::command::Reason::ReadOnly)), 0x01),
             (NativeOutcome::Refused(Refusal::TooManyFrames), 0x03),
             (NativeOutcome::Refused(Refusal::QueueFull), 0x06),
             (NativeOutcome::NoReply, 0x0B),

@@ -1,0 +1,70 @@
+//! What one line thread shows to the north sides: answers, pictures of its drives, its own state.
+
+use super::answers::{News, NorthSides};
+use super::inbox::Inbox;
+use super::shared::{Shared, SharedDrive};
+use crate::domain::ids::{AskerId, DriveIndex};
+use crate::drive::description::DriveRef;
+use crate::drive::view::TripEvent;
+use crate::gateway::LineCore;
+
+/// The side of [`Shared`] that one line writes.
+#[derive(Debug)]
+pub struct Board<'a> {
+    shared: &'a Shared,
+    line: &'a super::shared::SharedLine,
+    number: u16,
+    /// The line's drives in order.
+    drives: Vec<&'a SharedDrive>,
+    north: NorthSides,
+    /// News of this round.
+    modbus: Vec<News>,
+    mqtt: Vec<News>,
+}
+
+impl<'a> Board<'a> {
+    /// The board of the line at `place`; nothing if there is no such line.
+    #[must_use]
+    pub fn new(shared: &'a Shared, place: usize, north: NorthSides) -> Option<Self> {
+        let line = shared.lines.get(place)?;
+        let number = u16::try_from(place).ok()?;
+        let drives = shared.drives.iter().filter(|drive| drive.description.place.line == number).collect();
+        Some(Self { shared, line, number, drives, north, modbus: Vec::new(), mqtt: Vec::new() })
+    }
+
+    /// The way into the line.
+    #[must_use]
+    pub fn inbox(&self) -> &'a Inbox {
+        &self.line.inbox
+    }
+
+    /// Keeps `news` for the end of the round.
+    pub fn tell(&mut self, news: News) {
+        if news.asker() == AskerId::MQTT { self.mqtt.push(news) } else { self.modbus.push(news) }
+    }
+
+    /// Keeps what happened to the trips of `drive` for the end of the round.
+    pub fn tell_trip(&mut self, drive: DriveIndex, event: TripEvent) {
+        self.tell(News::Trip(DriveRef { line: self.number, drive }, event));
+    }
+
+    /// Shows what has changed in this round. Pictures come before answers: whoever is told that a command was
+    /// confirmed finds the drive so.
+    pub fn show(&mut self, core: &mut LineCore) {
+        let mut has_changed = false;
+        for (drive, view) in core.changed_views() {
+            if let Some(shared) = self.drives.get(drive.get()) {
+                shared.view.store(view);
+                has_changed = true;
+            }
+        }
+        let report = core.report();
+        has_changed |= report.state != self.line.report().state;
+        self.line.set_report(report);
+        self.north.modbus.put(&mut self.modbus);
+        self.north.mqtt.put(&mut self.mqtt);
+        if has_changed {
+            self.shared.changed.notify_one();
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! What a drive's control section allows: ready values, checked against the model by whoever reads them.
+
+use super::command::Direction;
+use super::frequency::Hertz;
+use std::time::Duration;
+
+/// What happens to a drive whose commander is gone, or whose gateway is stopped on purpose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum FailSafe {
+    /// It is stopped by its deceleration ramp.
+    Stop,
+    /// Its output is cut off.
+    Coast,
+    /// It is left as it is.
+    Hold,
+}
+
+impl FailSafe {
+    /// The word as it stands in the configuration.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Stop => "stop",
+            Self::Coast => "coast",
+            Self::Hold => "hold",
+        }
+    }
+}
+
+/// A control action that may rest on an unproven fact of the model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum ControlAction {
+    /// Running in reverse.
+    Reverse,
+    /// Cutting the output off.
+    Coast,
+    /// Resetting a trip.
+    Reset,
+}
+
+impl ControlAction {
+    /// The word as it stands in the configuration.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Reverse => "reverse",
+            Self::Coast => "coast",
+            Self::Reset => "reset",
+        }
+    }
+}
+
+/// A drive's control section.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ControlSettings {
+    /// Commands are taken from MQTT.
+    pub from_mqtt: bool,
+    /// Commands are taken from Modbus TCP.
+    pub from_modbus_tcp: bool,
+    /// Lowest setpoint.
+    pub least: Hertz,
+    /// Highest setpoint.
+    pub most: Hertz,
+    /// Directions in which it may run; at least one.
+    pub directions: Vec<Direction>,
+    /// A running motor may be ordered the other way only at or below this output frequency.
+    pub reverse_below: Hertz,
+    /// What is done when the commander is lost.
+    pub on_commander_lost: FailSafe,
+    /// After this time without a sign of the commander it is lost.
+    pub lost_after: Duration,
+    /// What is done when the gateway is stopped on purpose.
+    pub on_shutdown: FailSafe,
+    /// Unproven actions that are accepted.
+    pub accept_unverified: Vec<ControlAction>,
+    /// RUN over MQTT only with an epoch or a moment of issue.
+    pub strict: bool,
+    /// Plain RUN over MQTT is refused for this long after a stop.
+    pub restart_delay: Duration,
+    /// A stop without effect is an alarm after this time.
+    pub stop_effect_timeout: Duration,
+    /// A stop for a drive that does not answer is repeated for this long.
+    pub stop_pending_for: Duration,
+    /// Native registers without a role that may be written.
+    pub native_write: Vec<u16>,
+}

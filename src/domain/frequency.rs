@@ -1,0 +1,140 @@
+//! Frequencies in exact decimal steps, so that a limit or a setpoint never depends on binary rounding.
+
+use std::fmt;
+
+/// A frequency in thousandths of a hertz, 0 to 4,294,967.295 Hz. Drives step in hundredths at the finest.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Hertz {
+    milli: u32,
+}
+
+/// Why something is no frequency.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NoFrequency {
+    /// Not a number, or infinite.
+    #[error("not a number")]
+    NotANumber,
+    /// Below zero or beyond what can be held.
+    #[error("out of range")]
+    OutOfRange,
+    /// Finer than a thousandth of a hertz.
+    #[error("finer than 0.001 Hz")]
+    TooFine,
+}
+
+impl Hertz {
+    /// Standstill.
+    pub const ZERO: Self = Self { milli: 0 };
+
+    /// The frequency of `milli` thousandths of a hertz.
+    #[must_use]
+    pub const fn from_millihertz(milli: u32) -> Self {
+        Self { milli }
+    }
+
+    /// The frequency of `centi` hundredths of a hertz, as the uniform registers carry it.
+    #[must_use]
+    pub const fn from_centihertz(centi: u16) -> Self {
+        Self { milli: centi as u32 * 10 }
+    }
+
+    /// Thousandths of a hertz.
+    #[must_use]
+    pub const fn millihertz(self) -> u32 {
+        self.milli
+    }
+
+    /// Hundredths of a hertz, if it is a whole number of them that fits into a register.
+    #[must_use]
+    pub fn centihertz(self) -> Option<u16> {
+        if self.milli.is_multiple_of(10) { u16::try_from(self.milli / 10).ok() } else { None }
+    }
+
+    /// The frequency whose decimal text is nearest to `hertz`.
+    ///
+    /// # Errors
+    /// [`NoFrequency`]; nothing is rounded or clamped.
+    pub fn from_f64(hertz: f64) -> Result<Self, NoFrequency> {
+        if !hertz.is_finite() {
+            return Err(NoFrequency::NotANumber);
+        }
+        let milli = (hertz * 1000.0).round();
+        if !(0.0..=f64::from(u32::MAX)).contains(&milli) || hertz.is_sign_negative() && hertz != 0.0 {
+            return Err(NoFrequency::OutOfRange);
+        }
+        let frequency = Self { milli: milli as u32 };
+        if frequency.as_f64() == hertz { Ok(frequency) } else { Err(NoFrequency::TooFine) }
+    }
+
+    /// The frequency that `text` writes in decimal, such as `42.5`.
+    ///
+    /// # Errors
+    /// [`NoFrequency`]; a comma, a unit or an exponent is no number.
+    pub fn parse(text: &str) -> Result<Self, NoFrequency> {
+        let is_plain = text.bytes().all(|byte| byte.is_ascii_digit() || matches!(byte, b'.' | b'-' | b'+'));
+        let value: f64 = text.parse().ok().filter(|_| is_plain).ok_or(NoFrequency::NotANumber)?;
+        Self::from_f64(value)
+    }
+
+    /// In hertz, as the nearest binary number.
+    #[must_use]
+    pub fn as_f64(self) -> f64 {
+        f64::from(self.milli) / 1000.0
+    }
+
+    /// The raw word of a register of `scale` steps per hertz; nothing if it lies between two steps or beyond
+    /// the word.
+    #[must_use]
+    pub fn to_word(self, scale: u32) -> Option<u16> {
+        let steps = u64::from(self.milli) * u64::from(scale);
+        if steps.is_multiple_of(1000) { u16::try_from(steps / 1000).ok() } else { None }
+    }
+
+    /// The frequency that `word` means in a register of `scale` steps per hertz, to the nearest thousandth.
+    #[must_use]
+    pub fn from_word(word: u16, scale: u32) -> Self {
+        let milli = (u64::from(word) * 1000 + u64::from(scale) / 2) / u64::from(scale.max(1));
+        Self { milli: u32::try_from(milli).unwrap_or(u32::MAX) }
+    }
+}
+
+impl fmt::Display for Hertz {
+    /// In hertz with two decimals, three where they are needed.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (whole, milli) = (self.milli / 1000, self.milli % 1000);
+        if milli.is_multiple_of(10) { write!(f, "{whole}.{:02}", milli / 10) } else { write!(f, "{whole}.{milli:03}") }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_is_exact_or_refused() {
+        assert_eq!(Hertz::parse("42.5"), Ok(Hertz::from_millihertz(42_500)));
+        assert_eq!(Hertz::parse("0"), Ok(Hertz::ZERO));
+        assert_eq!(Hertz::parse("50.0005"), Err(NoFrequency::TooFine));
+        assert_eq!(Hertz::parse("-1"), Err(NoFrequency::OutOfRange));
+        for no_number in ["", "4,5", "NaN", "inf", "1e3", "50 Hz", "0x10", "--1"] {
+            assert_eq!(Hertz::parse(no_number), Err(NoFrequency::NotANumber), "{no_number}");
+        }
+    }
+
+    #[test]
+    fn words_are_exact_or_refused() {
+        assert_eq!(Hertz::from_millihertz(42_500).to_word(100), Some(4250));
+        assert_eq!(Hertz::from_millihertz(42_505).to_word(100), None, "between two steps");
+        assert_eq!(Hertz::from_millihertz(655_360).to_word(100), None, "beyond the word");
+        for word in [0, 1, 4250, u16::MAX] {
+            assert_eq!(Hertz::from_word(word, 100).to_word(100), Some(word));
+            assert_eq!(Hertz::from_centihertz(word).centihertz(), Some(word));
+        }
+    }
+
+    #[test]
+    fn is_shown_with_two_decimals_or_three() {
+        assert_eq!(Hertz::from_millihertz(42_500).to_string(), "42.50");
+        assert_eq!(Hertz::from_millihertz(5).to_string(), "0.005");
+    }
+}

@@ -1,0 +1,51 @@
+//! What does not change about a drive while the gateway runs: names, units, model, limits.
+
+use super::plan::period;
+use crate::domain::control::ControlSettings;
+use crate::domain::ids::{DriveIndex, Name, UnitId};
+use crate::profile::model::{Model, Register};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// How many planned periods a value may age before it is stale.
+pub const STALE_PERIODS: u32 = 3;
+
+/// A drive's place in the gateway.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct DriveRef {
+    /// Its line, in the order of the configuration, from 0.
+    pub line: u16,
+    /// Its place on the line.
+    pub drive: DriveIndex,
+}
+
+/// One drive as the configuration names it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DriveDescription {
+    /// Where it hangs.
+    pub place: DriveRef,
+    /// Its name, unique over the gateway.
+    pub name: Name,
+    /// The name of its line.
+    pub line: Name,
+    /// What it is.
+    pub model: Arc<Model>,
+    /// Its native unit on Modbus TCP.
+    pub unit: UnitId,
+    /// Its uniform unit on Modbus TCP.
+    pub uniform_unit: UnitId,
+    /// Period of its fast polls.
+    pub poll: Duration,
+    /// What may be commanded; nothing: the drive is read-only.
+    pub control: Option<Arc<ControlSettings>>,
+    /// Smallest change that is published, by register name, in the register's unit.
+    pub dead_bands: Vec<(String, f64)>,
+}
+
+impl DriveDescription {
+    /// The age from which a reading of `register` is stale; nothing if the register is not polled.
+    #[must_use]
+    pub fn stale_after(&self, register: &Register) -> Option<Duration> {
+        Some(period(register.poll?, self.poll) * STALE_PERIODS)
+    }
+}

@@ -1,0 +1,158 @@
+//! What the north sides see of one drive: a picture that is replaced as a whole whenever something changes.
+
+use super::snapshot::{DriveSnapshot, Presence};
+use crate::domain::command::{Owner, Report, RunIntent};
+use crate::domain::frequency::Hertz;
+use crate::domain::time::MonoTime;
+
+/// Everything about one drive that can be shown. It is made by the line and never changed by anybody else.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DriveView {
+    /// Whether the line's port is open.
+    pub line_is_up: bool,
+    /// Presence and the last reading of each polled register.
+    pub snapshot: DriveSnapshot,
+    /// What the drive does, as far as it is known.
+    pub run_state: RunState,
+    /// Trips, counted and read.
+    pub trip: TripView,
+    /// Control; nothing if the drive has no control section.
+    pub control: Option<ControlView>,
+}
+
+impl DriveView {
+    /// Whether the drive can be asked: its line is up and it answers.
+    #[must_use]
+    pub fn is_online(&self) -> bool {
+        self.line_is_up && self.snapshot.presence == Presence::Online
+    }
+}
+
+/// What a drive does. The number stands in uniform word 2.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[repr(u16)]
+pub enum RunState {
+    /// Not known.
+    #[default]
+    Unknown = 0,
+    /// At standstill.
+    Stopped = 1,
+    /// Running forward.
+    Forward = 2,
+    /// Running in reverse.
+    Reverse = 3,
+    /// Tripped.
+    Tripped = 4,
+    /// It does not answer, or its line is down.
+    Offline = 5,
+    /// Running, direction not known.
+    Running = 6,
+    /// Stopping: ordered to stop, output not yet at zero.
+    Stopping = 7,
+}
+
+impl RunState {
+    /// The word as it stands in topics.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Unknown => "unknown",
+            Self::Stopped => "stopped",
+            Self::Forward => "forward",
+            Self::Reverse => "reverse",
+            Self::Tripped => "tripped",
+            Self::Offline => "offline",
+            Self::Running => "running",
+            Self::Stopping => "stopping",
+        }
+    }
+
+    /// The number as it stands in uniform word 2.
+    #[must_use]
+    pub const fn number(self) -> u16 {
+        self as u16
+    }
+
+    /// Whether the output is known to be active.
+    #[must_use]
+    pub const fn is_running(self) -> bool {
+        matches!(self, Self::Forward | Self::Reverse | Self::Running | Self::Stopping)
+    }
+}
+
+/// What is known of a drive's trips.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TripView {
+    /// Whether a trip holds now; nothing while that is not known.
+    pub active: Option<bool>,
+    /// Trips as the drive counts them; nothing before the first reading.
+    pub count: Option<u16>,
+    /// Trips that this process has seen.
+    pub seen: u32,
+    /// The newest trip that this process has seen.
+    pub last: Option<TripRecord>,
+}
+
+/// What was read after a trip.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TripRecord {
+    /// When it was seen.
+    pub at: MonoTime,
+    /// The vendor's number of the cause; nothing if the record could not be read.
+    pub code: Option<u16>,
+    /// The words of the record by the names of their registers, each with its scale and unit in the model.
+    pub words: Vec<(u16, u16)>,
+}
+
+/// A trip or its clearing, in the order in which they happen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TripEvent {
+    /// What happened.
+    pub kind: TripEventKind,
+    /// The drive's own count afterwards, if known.
+    pub count: Option<u16>,
+    /// When it was seen.
+    pub at: MonoTime,
+}
+
+/// What happened.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TripEventKind {
+    /// So many trips since the last reading (more than one if they came faster than the polls), the newest with
+    /// its record.
+    Tripped {
+        /// How many, at least 1.
+        trips: u16,
+        /// The newest record.
+        record: TripRecord,
+    },
+    /// The trip holds no more.
+    Cleared,
+}
+
+/// Who controls a drive and what is ordered.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ControlView {
+    /// Who holds control, and until when without a sign of life.
+    pub lease: Option<(Owner, MonoTime)>,
+    /// What is ordered: uniform word 256.
+    pub intent: RunIntent,
+    /// The last accepted setpoint: uniform word 257.
+    pub setpoint: Option<Hertz>,
+    /// RUN is refused until stop and run were commanded anew.
+    pub start_inhibited: bool,
+    /// A command is on its way or a stop is not effective yet.
+    pub command_pending: bool,
+    /// A stop that is not effective yet.
+    pub stop_pending: bool,
+    /// A stop had no effect in time.
+    pub not_effective: bool,
+    /// The fail-safe action ran since the last RUN.
+    pub failsafe: bool,
+    /// New at every connect to the broker and at every stop.
+    pub epoch: u64,
+    /// The last command's report.
+    pub last: Option<Report>,
+    /// Commands so far, wrapping.
+    pub commands: u16,
+}

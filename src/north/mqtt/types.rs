@@ -1,0 +1,161 @@
+//! What goes in and out of the MQTT session.
+
+use crate::domain::command::CommandRequest;
+use crate::domain::ids::Name;
+use crate::domain::native::NativeRequest;
+use crate::domain::report::LineReport;
+use crate::domain::time::{MonoTime, WallTime};
+use crate::drive::description::DriveRef;
+use std::time::Duration;
+
+/// How the MQTT side is set up.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// First level or levels of all topics, without a slash at either end.
+    pub prefix: String,
+    /// The gateway's name: the level behind the prefix.
+    pub gateway: Name,
+    /// Protocol version of the connection.
+    pub version: Version,
+    /// A value that does not change is published again after this time.
+    pub heartbeat: Duration,
+    /// What keeps a lease of the MQTT side alive.
+    pub lease: LeaseMode,
+    /// A topic whose payload `offline` says that the commanders behind the broker are gone; nothing: none.
+    pub alive_topic: Option<String>,
+    /// How often the way through the broker is probed.
+    pub probe_interval: Duration,
+    /// After this time without a probe's return the connection is given up.
+    pub probe_timeout: Duration,
+    /// Deadline of a command that names none.
+    pub command_ttl: Duration,
+    /// Topics under which a requester may ask for the response (MQTT 5); nothing: response topics are ignored.
+    pub response_prefix: Option<String>,
+}
+
+/// Protocol version.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Version {
+    /// MQTT 3.1.1.
+    V4,
+    /// MQTT 5.
+    V5,
+}
+
+/// What keeps a lease of the MQTT side alive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum LeaseMode {
+    /// The probe through the broker comes back, and the alive topic does not say `offline`; commands and the lease
+    /// topic as well.
+    Session,
+    /// Only commands and the lease topic.
+    Explicit,
+}
+
+/// The present, on both clocks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Moment {
+    /// Decides.
+    pub mono: MonoTime,
+    /// Labels, and is compared with moments that commanders name.
+    pub wall: WallTime,
+}
+
+/// What a broker said when the connection was accepted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Broker {
+    /// Longest packet that it takes, in bytes; nothing: it names no limit.
+    pub maximum_packet_bytes: Option<usize>,
+    /// Whether it keeps retained messages.
+    pub retains: bool,
+}
+
+/// Something that happened on the connection.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Event<'a> {
+    /// The broker accepted the connection.
+    Connected(Broker),
+    /// The broker answered the subscription: whether it granted each filter, in order.
+    Subscribed(Vec<bool>),
+    /// A message came.
+    Message(Message<'a>),
+    /// The broker acknowledged the publication with this token.
+    Acknowledged(u64),
+    /// The connection is gone.
+    Lost,
+}
+
+/// A message from the broker.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Message<'a> {
+    /// Its topic.
+    pub topic: &'a str,
+    /// Its payload.
+    pub payload: &'a [u8],
+    /// The retain flag as it arrived: set if it was delivered at subscribe or, with MQTT 5, published so.
+    pub retain: bool,
+    /// The sender's or the broker's mark of a repeat.
+    pub duplicate: bool,
+    /// Rest of its life (MQTT 5).
+    pub expiry: Option<Duration>,
+    /// Where its sender wants the response (MQTT 5).
+    pub response_topic: Option<&'a str>,
+    /// What the response shall carry (MQTT 5).
+    pub correlation: Option<&'a [u8]>,
+}
+
+/// Something to be done.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Act {
+    /// Subscribe to these filters at quality of service 1, all in one packet.
+    Subscribe(Vec<String>),
+    /// Publish.
+    Publish(Publication),
+    /// Give a command to a drive.
+    Command(DriveRef, CommandRequest),
+    /// Ask a drive for registers.
+    Read(DriveRef, NativeRequest),
+    /// Tell every line that the way from the commanders is open.
+    PathAlive,
+    /// Tell every line that the way was opened anew.
+    PathOpened,
+    /// Drop the connection and make a new one.
+    Reconnect(&'static str),
+}
+
+/// A message to the broker.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Publication {
+    /// Its topic.
+    pub topic: String,
+    /// Its payload; empty and retained clears the topic.
+    pub payload: Vec<u8>,
+    /// Whether the broker keeps it.
+    pub retain: bool,
+    /// Quality of service.
+    pub qos: Qos,
+    /// How long the broker may keep it (MQTT 5); nothing: for good.
+    pub expiry: Option<Duration>,
+    /// What a response carries back (MQTT 5).
+    pub correlation: Option<Vec<u8>>,
+    /// The session wants to be told when the broker acknowledged it. Only with quality of service 1.
+    pub token: Option<u64>,
+}
+
+/// Quality of service.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Qos {
+    /// At most once.
+    AtMostOnce,
+    /// At least once.
+    AtLeastOnce,
+}
+
+/// A line as the session shows it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LineState {
+    /// Its name.
+    pub name: Name,
+    /// Its state and counters.
+    pub report: LineReport,
+}
