@@ -6,7 +6,6 @@ use crate::config::{Config, DriveSettings, LineSettings, Silence};
 use crate::domain::ids::DriveIndex;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::gateway::{DriveSetup, LineSetup};
-use crate::guard::Control;
 use crate::line::timing::Timing;
 use std::sync::Arc;
 
@@ -27,7 +26,7 @@ pub fn timing(line: &LineSettings) -> (Timing, bool) {
 pub fn line_setup(line: &LineSettings) -> LineSetup {
     let drives = line.drives.iter().map(drive_setup).collect();
     let tells_traffic = tracing::enabled!(tracing::Level::TRACE);
-    LineSetup { timing: timing(line).0, drives, tells_traffic }
+    LineSetup { timing: timing(line).0, drives, tells_traffic, first_epoch: 1 }
 }
 
 /// What lines and north sides share.
@@ -75,6 +74,6 @@ fn drive_setup(drive: &DriveSettings) -> DriveSetup {
         poll: drive.poll,
         reply_timeout: drive.reply_timeout.unwrap_or(drive.model.timing.reply_timeout_cap.value),
         max_lateness: drive.max_lateness,
-        control: Control::None,
+        control: None,
     }
 }

@@ -1,7 +1,13 @@
-//! What is known about one drive: which registers are polled and when, what was last read, and the picture that
-//! the north sides are shown.
+//! What is known about one drive, and what an order means to it: which registers are polled and when, what was last
+//! read, orders as steps, trips, run state, and the picture that the north sides are shown.
 
+pub mod decode;
 pub mod description;
 pub mod plan;
+pub mod run_state;
 pub mod snapshot;
+pub mod steps;
+#[cfg(test)]
+pub mod testing;
+pub mod trips;
 pub mod view;

@@ -1,12 +1,15 @@
 //! A client asks: the request is cut into frames that the model allows, or reviewed as a write.
 
 use super::core::LineCore;
+use super::waiter::Waiter;
+use crate::domain::command::{CommandRequest, Reason, Report};
 use crate::domain::ids::DriveIndex;
 use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, NativeRequest, Refusal};
 use crate::domain::report::LineState;
 use crate::domain::time::MonoTime;
-use crate::guard::{self, Attempt};
-use crate::line::schedule::{Full, Queued, ReadKey, WaiterId, WriteJob};
+use crate::drive::decode;
+use crate::guard::COMMAND_DEADLINE;
+use crate::line::schedule::{Full, Queued, ReadKey, WaiterId};
 use crate::profile::model::Model;
 
 /// Most frames that one request may need.
@@ -16,7 +19,7 @@ impl LineCore {
     pub(super) fn on_native(&mut self, now: MonoTime, request: NativeRequest) {
         let taken = match &request.ask {
             NativeAsk::Read { address, count } => self.take_read(now, &request, *address, *count),
-            NativeAsk::Write { address, values } => self.take_write(&request, *address, values.clone()),
+            NativeAsk::Write { address, values } => self.take_write(now, &request, *address, values),
         };
         if let Err(outcome) = taken {
             if outcome == NativeOutcome::Refused(Refusal::QueueFull) {
@@ -24,6 +27,21 @@ impl LineCore {
             }
             self.answer(NativeAnswer { asker: request.asker, ticket: request.ticket, outcome });
         }
+    }
+
+    /// Somebody commands in the gateway's own words.
+    pub(super) fn on_command(&mut self, now: MonoTime, command: &CommandRequest) {
+        let CommandRequest { asker, ticket, drive, .. } = *command;
+        self.command(now, command, Waiter { asker, ticket, drive, is_native: false });
+    }
+
+    fn command(&mut self, now: MonoTime, command: &CommandRequest, waiter: Waiter) {
+        let Some(work) = self.works.get(command.drive.get()) else {
+            self.effects.extend(waiter.answer(Report::refused(Reason::UnknownDrive), true));
+            return;
+        };
+        let facts = work.facts(self.state == LineState::Up, self.is_offline(command.drive));
+        self.works[command.drive.get()].command(now, command, waiter, facts, &mut self.effects);
     }
 
     fn take_read(
@@ -52,17 +70,26 @@ impl LineCore {
         Ok(())
     }
 
-    fn take_write(&mut self, request: &NativeRequest, address: u16, values: Vec<u16>) -> Result<(), NativeOutcome> {
-        let Some(drive) = self.setup.drives.get(request.drive.get()) else {
+    /// A write to the drive's own registers is an order like any other.
+    fn take_write(
+        &mut self,
+        now: MonoTime,
+        request: &NativeRequest,
+        address: u16,
+        values: &[u16],
+    ) -> Result<(), NativeOutcome> {
+        let NativeRequest { asker, ticket, drive, origin, deadline, .. } = *request;
+        let (Some(setup), Some(work)) = (self.setup.drives.get(drive.get()), self.works.get(drive.get())) else {
             return Err(NativeOutcome::Refused(Refusal::NoSuchUnit));
         };
-        let attempt = Attempt { drive: request.drive, address, values, deadline: request.deadline };
-        let approved = guard::review(&attempt, &drive.control).map_err(refused)?;
-        if self.state == LineState::Down {
-            return Err(refused(Refusal::LineDown));
+        if work.guard().control().is_none() {
+            return Err(refused(Refusal::Guard(Reason::ReadOnly)));
         }
-        let waiter = WaiterId { request: self.natives.open(request, &[]), part: 0 };
-        self.schedule.push_write(WriteJob { approved, waiter }).or_else(|Full| self.give_back(waiter))
+        let order = decode::order(&setup.model, address, values).map_err(|reason| refused(Refusal::Guard(reason)))?;
+        let start_before = deadline.min(now + COMMAND_DEADLINE);
+        let command = CommandRequest { asker, ticket, drive, origin, order, start_before, issued: None, epoch: None };
+        self.command(now, &command, Waiter { asker, ticket, drive, is_native: true });
+        Ok(())
     }
 
     /// Whether a read of `drive` may wait now: the line is up, there is room, and the drive is not silent.

@@ -3,14 +3,15 @@
 use super::event::{Effect, Input, Wake, WakeReason};
 use super::natives::Natives;
 use super::setup::LineSetup;
+use super::work::{DriveWork, Rank};
 use crate::domain::ids::DriveIndex;
 use crate::domain::native::NativeAnswer;
-use crate::domain::report::{LineCounters, LineReport, LineState};
+use crate::domain::report::{LineCounters, LineReport, LineState, PortFault};
 use crate::domain::time::MonoTime;
 use crate::drive::plan::PollPlan;
-use crate::drive::snapshot::DriveSnapshot;
+use crate::drive::snapshot::{DriveSnapshot, Presence};
 use crate::drive::view::DriveView;
-use crate::line::schedule::{ReadJob, Schedule, WriteJob};
+use crate::line::schedule::{ReadJob, Schedule};
 use crate::line::station::StationState;
 use crate::line::transaction::Wire;
 use std::collections::VecDeque;
@@ -25,11 +26,16 @@ pub struct LineCore {
     pub(super) stations: Vec<StationState>,
     pub(super) plans: Vec<PollPlan>,
     pub(super) snapshots: Vec<DriveSnapshot>,
+    pub(super) works: Vec<DriveWork>,
     pub(super) schedule: Schedule,
     pub(super) natives: Natives,
     pub(super) flight: Option<Flight>,
     /// Native reads and polls take turns: whether it is the polls' turn.
     pub(super) polls_turn: bool,
+    /// A command was begun in the last exchange: the next one is for others, if there are any.
+    pub(super) others_turn: bool,
+    /// Why the port was closed last.
+    pub(super) fault: Option<PortFault>,
     pub(super) counters: LineCounters,
     pub(super) effects: VecDeque<Effect>,
 }
@@ -39,6 +45,8 @@ pub struct LineCore {
 pub(super) struct Flight {
     pub(super) drive: DriveIndex,
     pub(super) purpose: Purpose,
+    /// A late reply could be taken for the answer to it.
+    pub(super) doubt: bool,
 }
 
 /// Why an exchange was sent.
@@ -46,8 +54,8 @@ pub(super) struct Flight {
 pub(super) enum Purpose {
     /// Clients asked.
     Read(ReadJob),
-    /// An approved write.
-    Write(WriteJob),
+    /// The drive's own work: stops, commands, what has to be looked at.
+    Work(Rank),
     /// A poll that began at this register.
     Poll { address: u16 },
     /// Only to prove that no late reply can follow.
@@ -63,7 +71,13 @@ impl LineCore {
             let phase = index as f64 / count as f64;
             PollPlan::new(&drive.model, drive.poll, now, phase)
         });
+        let works = (0..).zip(&setup.drives).map(|(index, drive)| {
+            DriveWork::new(DriveIndex(index), &drive.model, drive.control.clone(), setup.first_epoch)
+        });
         Self {
+            works: works.collect(),
+            others_turn: false,
+            fault: None,
             state: LineState::Down,
             wire: Wire::new(setup.timing, now),
             stations: (0..count).map(|_| StationState::default()).collect(),
@@ -91,7 +105,14 @@ impl LineCore {
                 self.schedule.forget(asker);
                 self.drop_unwanted();
             }
-            Input::Command(_) | Input::PathAlive(_) | Input::PathOpened(_) | Input::Shutdown => {}
+            Input::Command(command) => self.on_command(now, &command),
+            Input::PathAlive(owner) => self.works.iter_mut().for_each(|work| work.renew(owner, now)),
+            Input::PathOpened(_) => self.works.iter_mut().for_each(DriveWork::new_epoch),
+            Input::Shutdown => {
+                for work in &mut self.works {
+                    work.shut_down(now, &mut self.effects);
+                }
+            }
             Input::Time => self.on_time(now),
         }
     }
@@ -105,12 +126,14 @@ impl LineCore {
     #[must_use]
     pub fn next_wake(&self) -> Option<Wake> {
         let deadline = self.natives.next_deadline().map(|at| Wake { at, reason: WakeReason::RequestDeadline });
+        let lease = self.works.iter().filter_map(DriveWork::next_wake).min();
+        let lease = lease.map(|at| Wake { at, reason: WakeReason::ControlDue });
         let wire = self.wire.wake_at().map(|at| {
             let reason = if self.wire.is_busy() { WakeReason::ReplyDue } else { WakeReason::FrameEnd };
             Wake { at, reason }
         });
         let work = if self.wire.is_busy() { None } else { self.work_wake() };
-        [deadline, wire, work].into_iter().flatten().min_by_key(|wake| wake.at)
+        [deadline, lease, wire, work].into_iter().flatten().min_by_key(|wake| wake.at)
     }
 
     /// Whether an exchange is on the wire, or waits only for the silence before it: new requests cannot change
@@ -129,12 +152,40 @@ impl LineCore {
     /// The line's state and counters.
     #[must_use]
     pub const fn report(&self) -> LineReport {
-        LineReport { state: self.state, fault: None, counters: self.counters }
+        LineReport { state: self.state, fault: self.fault, counters: self.counters }
     }
 
     /// The pictures that have changed since this was asked last.
-    pub fn changed_views(&mut self) -> impl Iterator<Item = (DriveIndex, Arc<DriveView>)> + use<> {
-        std::iter::empty()
+    pub fn changed_views(&mut self) -> impl Iterator<Item = (DriveIndex, Arc<DriveView>)> + '_ {
+        (0..self.works.len()).filter_map(|index| {
+            let drive = u16::try_from(index).ok().map(DriveIndex)?;
+            let has_changed = self.works.get_mut(index)?.take_changed();
+            has_changed.then(|| self.view(drive))?.map(|view| (drive, Arc::new(view)))
+        })
+    }
+
+    /// The present picture of the drive at `index`.
+    #[must_use]
+    pub fn view(&self, index: DriveIndex) -> Option<DriveView> {
+        let (work, snapshot) = (self.works.get(index.get())?, self.snapshots.get(index.get())?);
+        Some(DriveView {
+            line_is_up: self.state == LineState::Up,
+            snapshot: snapshot.clone(),
+            run_state: work.run_state(self.is_offline(index)),
+            trip: work.trips().view().clone(),
+            control: work.control_view(),
+        })
+    }
+
+    /// Whether no stop is on its way: the line may be left.
+    #[must_use]
+    pub fn is_at_rest(&self) -> bool {
+        !self.works.iter().any(DriveWork::has_stop)
+    }
+
+    pub(super) fn is_offline(&self, drive: DriveIndex) -> bool {
+        let presence = self.snapshots.get(drive.get()).map(|snapshot| snapshot.presence);
+        self.state == LineState::Down || presence == Some(Presence::Offline)
     }
 
     /// What is known of the drive at `index`.
@@ -156,6 +207,10 @@ impl LineCore {
         if expired > 0 {
             self.counters.expired += expired;
             self.drop_unwanted();
+        }
+        for index in 0..self.works.len() {
+            let is_offline = u16::try_from(index).is_ok_and(|index| self.is_offline(DriveIndex(index)));
+            self.works[index].pass(now, is_offline, &mut self.effects);
         }
         self.decide(now);
     }

@@ -2,17 +2,20 @@
 
 use super::core::{Flight, LineCore, Purpose};
 use super::event::{Effect, Wake, WakeReason};
+use super::work::{Rank, Want};
 use crate::domain::ids::DriveIndex;
 use crate::domain::report::LineState;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::{TrafficKind, TrafficRecord};
 use crate::drive::plan::PollGroup;
-use crate::guard::{Approved, Class};
 use crate::line::schedule::ReadKey;
 use crate::line::station::PROBE_TIMEOUT;
 use crate::line::transaction::Exchange;
 use crate::profile::model::PollClass;
 use crate::wire::pdu::Request;
+
+/// What goes on the wire next.
+type Picked = (DriveIndex, Request, Purpose);
 
 /// A poll that is due.
 #[derive(Clone, Copy)]
@@ -33,12 +36,13 @@ impl LineCore {
         let station = &self.stations[drive.get()];
         let timeout =
             if station.is_known_silent() { setup.reply_timeout.min(PROBE_TIMEOUT) } else { setup.reply_timeout };
+        let doubt = now < station.unmistakable_at(&request);
         let in_doubt = station.misses_function(request.function(), now);
         let line_is_clean = !self.stations.iter().any(|station| station.is_dirty(now));
         let exchange = Exchange { station: setup.station, request, timeout, in_doubt, line_is_clean };
         let mut frame = Vec::with_capacity(16);
         self.wire.send(now, exchange, &mut frame);
-        self.flight = Some(Flight { drive, purpose });
+        self.flight = Some(Flight { drive, purpose, doubt });
         self.counters.requests += 1;
         if self.setup.tells_traffic {
             let record = TrafficRecord { at: now, kind: TrafficKind::Request, bytes: frame.clone() };
@@ -47,15 +51,22 @@ impl LineCore {
         self.effects.push_back(Effect::Transmit(frame));
     }
 
-    /// Writes, barriers, polls that have aged, then native reads and polls in turn.
-    fn pick(&mut self, now: MonoTime) -> Option<(DriveIndex, Request, Purpose)> {
-        if let Some(picked) = self.pick_write(now) {
+    /// What drives want for themselves, barriers, polls that have aged, then native reads and polls in turn. The first
+    /// step of a command goes at most in every second exchange if others wait.
+    fn pick(&mut self, now: MonoTime) -> Option<Picked> {
+        let spared = std::mem::replace(&mut self.others_turn, false);
+        let last_rank = if spared { Rank::Trip } else { Rank::Start };
+        if let Some(picked) = self.pick_work(now, last_rank) {
             return Some(picked);
         }
         if let Some((drive, request)) = self.pick_barrier(now) {
             self.counters.barriers += 1;
             return Some((drive, request, Purpose::Barrier));
         }
+        self.pick_other(now).or_else(|| self.pick_work(now, Rank::Start))
+    }
+
+    fn pick_other(&mut self, now: MonoTime) -> Option<Picked> {
         if let Some(poll) = self.due_poll(now, true) {
             return Some(self.take_poll(now, poll));
         }
@@ -71,18 +82,47 @@ impl LineCore {
         Some(self.take_poll(now, poll))
     }
 
-    fn pick_write(&mut self, now: MonoTime) -> Option<(DriveIndex, Request, Purpose)> {
-        let stations = &self.stations;
-        let may_go = |write: &Approved| {
-            let station = &stations[write.drive().get()];
-            let may_wait = write.class() != Class::Stop;
-            write.may_be_sent(now) && !(may_wait && now < station.unmistakable_at(write.request()))
-        };
-        let job = self.schedule.take_write(may_go)?;
-        Some((job.approved.drive(), job.approved.request().clone(), Purpose::Write(job)))
+    /// The most urgent wish of any drive up to `last_rank`; drives that answer before silent ones. A stop waits for
+    /// nothing, everything else for late replies and back-offs.
+    fn pick_work(&mut self, now: MonoTime, last_rank: Rank) -> Option<Picked> {
+        loop {
+            let (drive, want) = self.most_urgent(now, last_rank)?;
+            if self.works[drive.get()].send(want.rank, now, &mut self.effects) {
+                self.others_turn = want.rank == Rank::Start;
+                return Some((drive, want.request, Purpose::Work(want.rank)));
+            }
+        }
     }
 
-    fn pick_read(&mut self, now: MonoTime) -> Option<(DriveIndex, Request, Purpose)> {
+    fn most_urgent(&self, now: MonoTime, last_rank: Rank) -> Option<(DriveIndex, Want)> {
+        let mut best: Option<((Rank, bool, MonoTime), DriveIndex, Want)> = None;
+        for drive in self.drives() {
+            let is_silent = self.stations[drive.get()].is_known_silent();
+            for want in self.works[drive.get()].wants() {
+                if want.rank > last_rank || now < self.wanted_from(drive, &want) {
+                    continue;
+                }
+                let key = (want.rank, is_silent, want.at);
+                if best.as_ref().is_none_or(|(best, ..)| key < *best) {
+                    best = Some((key, drive, want));
+                }
+            }
+        }
+        best.map(|(_, drive, want)| (drive, want))
+    }
+
+    /// From when a wish may be granted, as far as the drive is concerned.
+    fn wanted_from(&self, drive: DriveIndex, want: &Want) -> MonoTime {
+        match want.rank {
+            Rank::FirstStop | Rank::RepeatedStop => want.at,
+            Rank::Step | Rank::Look | Rank::Trip | Rank::Start => {
+                let station = &self.stations[drive.get()];
+                want.at.max(station.ask_again_at()).max(station.unmistakable_at(&want.request))
+            }
+        }
+    }
+
+    fn pick_read(&mut self, now: MonoTime) -> Option<Picked> {
         let stations = &self.stations;
         let may_go = |key: &ReadKey| {
             let station = &stations[key.drive.get()];
@@ -117,7 +157,7 @@ impl LineCore {
         now >= station.ask_again_at() && now >= station.unmistakable_at(&poll_request(group))
     }
 
-    fn take_poll(&mut self, now: MonoTime, poll: DuePoll) -> (DriveIndex, Request, Purpose) {
+    fn take_poll(&mut self, now: MonoTime, poll: DuePoll) -> Picked {
         self.plans[poll.drive.get()].sent(poll.index, now);
         (poll.drive, poll_request(poll.group), Purpose::Poll { address: poll.group.address })
     }
@@ -150,9 +190,9 @@ impl LineCore {
 
     fn waiting_requests(&self, now: MonoTime, drive: DriveIndex) -> impl Iterator<Item = Request> + '_ {
         let reads = self.schedule.reads().filter(move |key| key.drive == drive).map(read_request);
-        let writes = self.schedule.writes().filter(move |write| write.drive() == drive);
+        let wants = self.works[drive.get()].wants().filter(move |want| want.at <= now && !is_stop(want.rank));
         let polls = self.plans[drive.get()].iter().filter(move |(_, _, due)| *due <= now);
-        writes.map(|write| write.request().clone()).chain(reads).chain(polls.map(|(_, group, _)| poll_request(group)))
+        wants.map(|want| want.request).chain(reads).chain(polls.map(|(_, group, _)| poll_request(group)))
     }
 
     fn barriers(&self, drive: DriveIndex) -> impl Iterator<Item = Request> + '_ {
@@ -177,15 +217,17 @@ impl LineCore {
     /// When the next frame may go: what waits, as soon as its station is asked again and its answer cannot be
     /// mistaken or a barrier can settle that.
     fn work_at(&self) -> Option<MonoTime> {
-        let writes = self.schedule.writes().map(|write| match write.class() {
-            Class::Stop => MonoTime::ZERO,
-            Class::Command => self.free_at(write.drive(), write.request()),
+        let wants = self.drives().flat_map(|drive| {
+            self.works[drive.get()].wants().map(move |want| match want.rank {
+                Rank::FirstStop | Rank::RepeatedStop => want.at,
+                _ => want.at.max(self.free_at(drive, &want.request)),
+            })
         });
         let reads = self.schedule.reads().map(|key| self.free_at(key.drive, &read_request(key)));
         let polls = self.drives().zip(&self.plans).flat_map(|(drive, plan)| {
             plan.iter().map(move |(_, group, due)| due.max(self.free_at(drive, &poll_request(group))))
         });
-        writes.chain(reads).chain(polls).min()
+        wants.chain(reads).chain(polls).min()
     }
 
     fn free_at(&self, drive: DriveIndex, request: &Request) -> MonoTime {
@@ -201,6 +243,10 @@ impl LineCore {
     fn drives(&self) -> impl Iterator<Item = DriveIndex> + use<> {
         (0..self.setup.drives.len() as u16).map(DriveIndex)
     }
+}
+
+const fn is_stop(rank: Rank) -> bool {
+    matches!(rank, Rank::FirstStop | Rank::RepeatedStop)
 }
 
 fn read_request(key: &ReadKey) -> Request {

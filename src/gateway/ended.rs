@@ -3,6 +3,7 @@
 use super::core::{Flight, LineCore, Purpose};
 use super::event::Effect;
 use super::port::waiters_of;
+use super::work::Rank;
 use crate::domain::ids::{DriveIndex, Station};
 use crate::domain::native::NativeOutcome;
 use crate::domain::time::MonoTime;
@@ -16,27 +17,27 @@ use std::sync::Arc;
 
 impl LineCore {
     pub(super) fn ended(&mut self, now: MonoTime, exchange: Exchange, ending: Ending) {
-        let Some(flight) = self.flight.take() else { return };
-        match ending {
-            Ending::Reply(reply) => {
-                self.counters.replies += 1;
-                self.answered(flight.drive);
-                self.deliver(now, flight, &exchange, reply);
-            }
-            Ending::Exception(code) => {
-                self.counters.exceptions += 1;
-                self.answered(flight.drive);
-                self.end_all(waiters_of(flight.purpose), &NativeOutcome::DriveException(code));
-            }
-            Ending::Garbled => {
-                self.counters.garbled += 1;
-                self.failed(now, flight, exchange, Fault::Garbled);
-            }
-            Ending::Silent => {
-                self.counters.silent += 1;
-                self.failed(now, flight, exchange, Fault::Silent);
-            }
+        let Some(Flight { drive, purpose, doubt }) = self.flight.take() else { return };
+        match &ending {
+            Ending::Reply(_) => self.counters.replies += 1,
+            Ending::Exception(_) => self.counters.exceptions += 1,
+            Ending::Garbled => self.counters.garbled += 1,
+            Ending::Silent => self.counters.silent += 1,
         }
+        match fault_of(&ending) {
+            None => self.answered(now, drive, &exchange, doubt),
+            Some(fault) => self.was_not_answered(now, drive, &exchange, fault),
+        }
+        match (purpose, ending) {
+            (Purpose::Work(rank), ending) => self.work_ended(now, drive, rank, &exchange, &ending, doubt),
+            (purpose, Ending::Reply(Reply::Words(words))) => self.deliver(now, drive, purpose, words),
+            (purpose, Ending::Reply(_)) => self.end_all(waiters_of(purpose), &NativeOutcome::NoReply),
+            (purpose, Ending::Exception(code)) => {
+                self.end_all(waiters_of(purpose), &NativeOutcome::DriveException(code));
+            }
+            (purpose, ending @ (Ending::Garbled | Ending::Silent)) => self.read_failed(purpose, &ending),
+        }
+        self.forget_the_silent(drive);
     }
 
     /// Counts what was heard, tells it to whoever watches, and notes which stations are there.
@@ -61,9 +62,9 @@ impl LineCore {
         }
     }
 
-    fn deliver(&mut self, now: MonoTime, flight: Flight, exchange: &Exchange, reply: Reply) {
-        match (flight.purpose, reply) {
-            (Purpose::Read(job), Reply::Words(words)) => {
+    fn deliver(&mut self, now: MonoTime, drive: DriveIndex, purpose: Purpose, words: Vec<u16>) {
+        match purpose {
+            Purpose::Read(job) => {
                 let words: Arc<[u16]> = Arc::from(words);
                 for waiter in job.waiters {
                     if let Some(answer) = self.natives.words(waiter, &words) {
@@ -71,38 +72,66 @@ impl LineCore {
                     }
                 }
             }
-            (Purpose::Poll { address }, Reply::Words(words)) => {
-                self.snapshots[flight.drive.get()].take(address, &words, now);
-            }
-            (purpose, reply) => {
-                let outcome = write_outcome(&exchange.request, &reply);
-                self.end_all(waiters_of(purpose), &outcome);
-            }
+            Purpose::Poll { address } => self.take_words(now, drive, address, &words),
+            Purpose::Work(_) | Purpose::Barrier => {}
         }
     }
 
-    fn failed(&mut self, now: MonoTime, flight: Flight, exchange: Exchange, fault: Fault) {
+    /// Words that the drive showed to us: the picture takes what is polled, the drive's own work the rest.
+    fn take_words(&mut self, now: MonoTime, drive: DriveIndex, address: u16, words: &[u16]) {
+        let model = &self.setup.drives[drive.get()].model;
+        self.snapshots[drive.get()].take(model, address, words, now);
+        self.works[drive.get()].take_words(address, words, now, &mut self.effects);
+    }
+
+    fn work_ended(
+        &mut self,
+        now: MonoTime,
+        drive: DriveIndex,
+        rank: Rank,
+        exchange: &Exchange,
+        ending: &Ending,
+        doubt: bool,
+    ) {
+        if let (Request::ReadHolding { address, .. }, Ending::Reply(Reply::Words(words))) = (&exchange.request, ending)
+        {
+            self.take_words(now, drive, *address, words);
+        }
+        self.works[drive.get()].ended(rank, ending, doubt, now, &mut self.effects);
+    }
+
+    /// The exchange had no good answer: a late one may follow, and a silent drive is asked less and less often.
+    fn was_not_answered(&mut self, now: MonoTime, drive: DriveIndex, exchange: &Exchange, fault: Fault) {
         let what = consequence(fault);
-        let station = &mut self.stations[flight.drive.get()];
+        let setup = &self.setup.drives[drive.get()];
+        let station = &mut self.stations[drive.get()];
         if what.reply_may_come_late {
-            let drive = &self.setup.drives[flight.drive.get()];
             // The lateness is declared against the full time-out, and a probe waits for less.
-            let early = drive.reply_timeout.saturating_sub(exchange.timeout);
-            station.reply_missing(exchange.request, now, early + drive.max_lateness);
+            let early = setup.reply_timeout.saturating_sub(exchange.timeout);
+            station.reply_missing(exchange.request.clone(), now, early + setup.max_lateness);
         }
         if what.backs_off {
             station.silent(now);
         }
-        match flight.purpose {
-            Purpose::Read(job) if what.repeats_read && !job.repeated && self.is_waited_for(&job) => {
+    }
+
+    /// A poll, a barrier or a native read had no good answer. A damaged one is asked for once more.
+    fn read_failed(&mut self, purpose: Purpose, ending: &Ending) {
+        let repeats = fault_of(ending).is_some_and(|fault| consequence(fault).repeats_read);
+        match purpose {
+            Purpose::Read(job) if repeats && !job.repeated && self.is_waited_for(&job) => {
                 self.counters.retries += 1;
                 self.schedule.repeat_read(job);
             }
             purpose => self.end_all(waiters_of(purpose), &NativeOutcome::NoReply),
         }
-        if self.stations[flight.drive.get()].is_known_silent() {
-            self.set_presence(flight.drive, Presence::Offline);
-            let waiting = self.schedule.take_reads_of(flight.drive);
+    }
+
+    /// Nobody waits for a drive that is known to be silent.
+    fn forget_the_silent(&mut self, drive: DriveIndex) {
+        if self.stations[drive.get()].is_known_silent() {
+            self.set_presence(drive, Presence::Offline);
+            let waiting = self.schedule.take_reads_of(drive);
             self.end_all(waiting.into_iter().flat_map(|job| job.waiters).collect(), &NativeOutcome::NoReply);
         }
     }
@@ -111,8 +140,16 @@ impl LineCore {
         job.waiters.iter().any(|waiter| self.natives.is_waited_for(*waiter))
     }
 
-    fn answered(&mut self, drive: DriveIndex) {
-        self.stations[drive.get()].answered();
+    /// The drive answered. That settles what was missing, unless a missing reply could have been taken for this one:
+    /// then the right one may still follow.
+    fn answered(&mut self, now: MonoTime, drive: DriveIndex, exchange: &Exchange, doubt: bool) {
+        let station = &mut self.stations[drive.get()];
+        if doubt {
+            station.is_there();
+            station.reply_missing(exchange.request.clone(), now, self.setup.drives[drive.get()].max_lateness);
+        } else {
+            station.answered();
+        }
         self.set_presence(drive, Presence::Online);
     }
 
@@ -130,16 +167,16 @@ impl LineCore {
         if *known != presence {
             *known = presence;
             self.effects.push_back(Effect::Presence(drive, presence));
+            let work = &mut self.works[drive.get()];
+            if presence == Presence::Offline { work.out_of_sight() } else { work.mark_changed() }
         }
     }
 }
 
-/// What a write's reply says: drives that refuse by keeping the old value answer with that value.
-fn write_outcome(request: &Request, reply: &Reply) -> NativeOutcome {
-    match (request, reply) {
-        (Request::WriteSingle { value, .. }, Reply::Holds { value: held }) if value != held => {
-            NativeOutcome::KeptOldValue(*held)
-        }
-        _ => NativeOutcome::Written,
+const fn fault_of(ending: &Ending) -> Option<Fault> {
+    match ending {
+        Ending::Reply(_) | Ending::Exception(_) => None,
+        Ending::Garbled => Some(Fault::Garbled),
+        Ending::Silent => Some(Fault::Silent),
     }
 }

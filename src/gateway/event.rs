@@ -76,4 +76,6 @@ pub enum WakeReason {
     RequestDeadline,
     /// The silence that ends what is being received.
     FrameEnd,
+    /// The end of a lease, the deadline of a command, or the time by which a stop should show its effect.
+    ControlDue,
 }

@@ -4,20 +4,23 @@
 //! ([`Effect`]) and when it wants to be woken ([`Wake`]). It decides only on [`Input::Time`], so that all that
 //! is known by then is taken into account; whoever drives it feeds all events first and then lets time pass.
 //!
-//! One small file per kind of event: [`ask`](self) native requests, `decide` what goes on the wire, `ended` what
-//! follows from the end of an exchange, `port` the port's coming and going.
+//! One small file per kind of event: `ask` requests and commands, `decide` what goes on the wire, `ended` what follows
+//! from the end of an exchange, `port` the port's coming and going. What a drive wants for itself is kept in `work`:
+//! its `stop`, the `list` of steps of a command, its trips.
 
 mod ask;
 mod core;
 mod decide;
 mod ended;
 mod event;
+mod list;
 mod natives;
 mod note;
 mod port;
 mod setup;
-#[cfg(test)]
-mod write_tests;
+mod stop;
+mod waiter;
+mod work;
 
 pub use self::core::LineCore;
 pub use event::{Effect, Input, Wake, WakeReason};

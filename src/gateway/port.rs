@@ -1,6 +1,7 @@
 //! The port comes and goes.
 
 use super::core::{LineCore, Purpose};
+use super::work::DriveWork;
 use crate::domain::native::{NativeOutcome, Refusal};
 use crate::domain::report::{LineState, PortFault};
 use crate::domain::time::MonoTime;
@@ -12,14 +13,16 @@ impl LineCore {
         self.state = LineState::Up;
         self.counters.port_ups += 1;
         self.wire.abandon(now);
+        self.works.iter_mut().for_each(DriveWork::mark_changed);
     }
 
     /// Everything that waits is answered: what was on the wire as not answered, the rest as not sent.
-    pub(super) fn on_port_down(&mut self, now: MonoTime, _fault: PortFault) {
+    pub(super) fn on_port_down(&mut self, now: MonoTime, fault: PortFault) {
         if self.state == LineState::Down {
             return;
         }
         self.state = LineState::Down;
+        self.fault = Some(fault);
         self.counters.port_downs += 1;
         if let (Some(exchange), Some(flight)) = (self.wire.abandon(now), self.flight.take()) {
             if consequence(Fault::PortGone).reply_may_come_late {
@@ -29,6 +32,9 @@ impl LineCore {
                 self.stations[flight.drive.get()].reply_missing(exchange.request, now, lateness);
             }
             self.end_all(waiters_of(flight.purpose), &NativeOutcome::NoReply);
+        }
+        for work in &mut self.works {
+            work.line_down(now, &mut self.effects);
         }
         let waiting = self.schedule.clear();
         self.end_all(waiting, &NativeOutcome::Refused(Refusal::LineDown));
@@ -51,7 +57,6 @@ impl LineCore {
 pub(super) fn waiters_of(purpose: Purpose) -> Vec<WaiterId> {
     match purpose {
         Purpose::Read(job) => job.waiters,
-        Purpose::Write(job) => vec![job.waiter],
-        Purpose::Poll { .. } | Purpose::Barrier => Vec::new(),
+        Purpose::Work(_) | Purpose::Poll { .. } | Purpose::Barrier => Vec::new(),
     }
 }

@@ -1,7 +1,7 @@
 //! What a line is made of, ready to use.
 
+use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
-use crate::guard::Control;
 use crate::line::timing::Timing;
 use crate::profile::model::Model;
 use std::sync::Arc;
@@ -16,6 +16,8 @@ pub struct LineSetup {
     pub drives: Vec<DriveSetup>,
     /// Whether the traffic is told.
     pub tells_traffic: bool,
+    /// Where the epochs of its drives begin: another number at each start of the gateway.
+    pub first_epoch: u64,
 }
 
 /// One drive of a line.
@@ -31,6 +33,6 @@ pub struct DriveSetup {
     pub reply_timeout: Duration,
     /// How long after a time-out a reply may still come.
     pub max_lateness: Duration,
-    /// Who may write to it.
-    pub control: Control,
+    /// What may be commanded; nothing: it is read-only from everywhere.
+    pub control: Option<Arc<ControlSettings>>,
 }

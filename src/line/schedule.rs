@@ -1,15 +1,12 @@
-//! What goes on the wire next: writes and verifies first, then native reads and polls in turn, native reads
-//! shared by all who ask for the same and served fairly among askers.
+//! Native reads that wait: shared by all who ask for the same and served fairly among askers. (What drives want for
+//! themselves, stops above all, goes before them and is kept with each drive.)
 
 use crate::domain::ids::{AskerId, DriveIndex};
-use crate::guard::{Approved, Class};
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::{BTreeMap, HashMap};
 
 /// Most different native reads that may wait on one line. At 9600 bit/s this is more than half a minute of
 /// work, far beyond any client's patience.
 pub const READS_MAX: usize = 1024;
-/// Most writes that may wait on one line.
-pub const WRITES_MAX: usize = 256;
 /// How often a read may be overtaken by younger ones that lie on the way. Those who walk over the same
 /// registers meet in one exchange this way, and nobody waits more than this many exchanges longer.
 pub const OVERTAKEN_MAX: u32 = 16;
@@ -39,15 +36,6 @@ pub struct ReadJob {
     overtaken: u32,
 }
 
-/// An approved write and the request that waits for it.
-#[derive(Debug)]
-pub struct WriteJob {
-    /// What may be written.
-    pub approved: Approved,
-    /// The request that waits for it.
-    pub waiter: WaiterId,
-}
-
 /// The number of a request that waits on the line, and which of its frames a job is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WaiterId {
@@ -73,8 +61,6 @@ pub enum Queued {
 /// The waiting work of one line.
 #[derive(Debug, Default)]
 pub struct Schedule {
-    stops: VecDeque<WriteJob>,
-    commands: VecDeque<WriteJob>,
     reads: BTreeMap<ReadKey, ReadJob>,
     /// The turn that is being served.
     turn: u64,
@@ -84,20 +70,6 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    /// Takes an approved write.
-    ///
-    /// # Errors
-    /// [`Full`] if too many wait. A stop always fits.
-    pub fn push_write(&mut self, job: WriteJob) -> Result<(), Full> {
-        let is_stop = job.approved.class() == Class::Stop;
-        let queue = if is_stop { &mut self.stops } else { &mut self.commands };
-        if !is_stop && queue.len() >= WRITES_MAX {
-            return Err(Full);
-        }
-        queue.push_back(job);
-        Ok(())
-    }
-
     /// Takes a native read for `waiter` of `asker`, or joins it to a waiting one.
     ///
     /// # Errors
@@ -132,14 +104,6 @@ impl Schedule {
         self.reads.insert(job.key, job);
     }
 
-    /// Takes out the next write that may go: stops first.
-    pub fn take_write(&mut self, may_go: impl Fn(&Approved) -> bool) -> Option<WriteJob> {
-        [&mut self.stops, &mut self.commands].into_iter().find_map(|queue| {
-            let at = queue.iter().position(|job| may_go(&job.approved))?;
-            queue.remove(at)
-        })
-    }
-
     /// Takes out the next native read that may go. The one whose turn it is goes first, but up to
     /// [`OVERTAKEN_MAX`] times the next one on the way over the registers is taken before it.
     pub fn take_read(&mut self, may_go: impl Fn(&ReadKey) -> bool) -> Option<ReadJob> {
@@ -159,11 +123,6 @@ impl Schedule {
         Some(job)
     }
 
-    /// The writes that wait, stops first.
-    pub fn writes(&self) -> impl Iterator<Item = &Approved> {
-        self.stops.iter().chain(&self.commands).map(|job| &job.approved)
-    }
-
     /// The native reads that wait.
     pub fn reads(&self) -> impl Iterator<Item = &ReadKey> {
         self.reads.keys()
@@ -176,14 +135,11 @@ impl Schedule {
 
     /// Takes out everything that waits; returns who waited for it.
     pub fn clear(&mut self) -> Vec<WaiterId> {
-        let writes = self.stops.drain(..).chain(self.commands.drain(..)).map(|job| job.waiter);
-        let reads = std::mem::take(&mut self.reads).into_values().flat_map(|job| job.waiters);
-        writes.chain(reads).collect()
+        std::mem::take(&mut self.reads).into_values().flat_map(|job| job.waiters).collect()
     }
 
-    /// Removes reads and writes, stops aside, for which nobody waits any more, as `is_waited_for` tells.
+    /// Removes reads for which nobody waits any more, as `is_waited_for` tells.
     pub fn drop_unwanted(&mut self, is_waited_for: impl Fn(WaiterId) -> bool) {
-        self.commands.retain(|job| is_waited_for(job.waiter));
         self.reads.retain(|_, job| {
             job.waiters.retain(|waiter| is_waited_for(*waiter));
             !job.waiters.is_empty()

@@ -85,7 +85,11 @@ fn run_commands(run: &RunCommand) -> Vec<Vec<String>> {
         ("coast", run.coast.as_ref()),
         ("reset", run.reset.as_ref()),
     ];
-    all.into_iter().filter_map(|(name, fact)| fact.map(|fact| row(name, fact.value, fact))).collect()
+    let mut rows: Vec<_> = all.into_iter().filter_map(|(name, fact)| Some(row(name, fact?.value, fact?))).collect();
+    if !run.reset_sequence.is_empty() {
+        rows.push(vec!["a reset is".to_owned(), list(&run.reset_sequence)]);
+    }
+    rows
 }
 
 fn registers(registers: &[Register]) -> Vec<Vec<String>> {

@@ -96,7 +96,10 @@ mod tests {
         }
         let polled: Vec<_> = model.registers.iter().filter_map(|it| Some((it.address, it.poll?))).collect();
         let (fast, slow) = (PollClass::Fast, PollClass::Slow);
-        assert_eq!(polled, [(0x0101, fast), (0x0112, slow), (0x0201, slow), (0x0211, slow), (0x0212, slow)]);
+        assert_eq!(
+            polled,
+            [(0x0101, fast), (0x0112, PollClass::Second), (0x0201, slow), (0x0211, slow), (0x0212, slow)]
+        );
         let trip = ["trip_count", "trip_cause", "trip_frequency", "trip_current", "trip_dc_voltage"];
         for (name, address) in trip.into_iter().zip(0x0112..) {
             assert_eq!(model.register_named(name).unwrap().address, address);

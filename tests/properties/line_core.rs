@@ -13,7 +13,6 @@ use vfd_gateway::domain::native::{NativeAsk, NativeRequest};
 use vfd_gateway::domain::report::PortFault;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup, WakeReason};
-use vfd_gateway::guard::Control;
 use vfd_gateway::line::timing::Timing;
 use vfd_gateway::wire::pdu::{self, Request};
 use vfd_gateway::wire::rtu;
@@ -79,10 +78,10 @@ impl Watch {
             poll: Duration::from_millis(300),
             reply_timeout: Duration::from_millis(200),
             max_lateness: Duration::from_millis(500),
-            control: Control::None,
+            control: None,
         });
         let timing = Timing::for_models(LinkSettings::DEFAULT, [4.5], Duration::ZERO);
-        let setup = LineSetup { timing, drives: drives.collect(), tells_traffic: true };
+        let setup = LineSetup { timing, drives: drives.collect(), tells_traffic: true, first_epoch: 1 };
         let now = MonoTime::from_millis(1);
         let core = LineCore::new(setup, now);
         let silence = timing.silence;

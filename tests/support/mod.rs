@@ -11,7 +11,6 @@ use vfd_gateway::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, Native
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::domain::traffic::TrafficRecord;
 use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup};
-use vfd_gateway::guard::Control;
 use vfd_gateway::line::timing::Timing;
 use vfd_gateway::profile::catalog::Catalog;
 use vfd_gateway::profile::model::Model;
@@ -105,12 +104,13 @@ impl Rig {
                 poll: options.poll,
                 reply_timeout: options.reply_timeout,
                 max_lateness: model.timing.max_lateness.value,
-                control: Control::None,
+                control: None,
             });
         }
         let timing = Timing::for_models(options.link, [model.timing.gap_chars.value], Duration::ZERO);
         let now = MonoTime::from_millis(1);
-        let mut core = LineCore::new(LineSetup { timing, drives, tells_traffic: options.tells_traffic }, now);
+        let mut core =
+            LineCore::new(LineSetup { timing, drives, tells_traffic: options.tells_traffic, first_epoch: 1 }, now);
         core.handle(now, Input::PortUp);
         let mut rig = Self {
             core,

@@ -1,0 +1,124 @@
+//! A write to a drive's own registers becomes an order: every way to run a motor is reviewed as such.
+
+use crate::domain::command::{Direction, Go, Order, Reason, RegisterWrite};
+use crate::domain::frequency::Hertz;
+use crate::profile::model::{Model, Role, RunCommand};
+
+/// What one word of a write means.
+enum Part {
+    Run(RunPart),
+    Frequency(Hertz),
+    Register(RegisterWrite),
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum RunPart {
+    Stop,
+    Go(Direction),
+    Coast,
+    Reset,
+}
+
+/// The order that `values`, written from `address` on, mean on `model`.
+///
+/// A stop or a cut-off in a block comes before everything else in it.
+///
+/// # Errors
+/// [`Reason::NotListed`] for an address that the model does not know as writable, [`Reason::NotAllowed`] for a register
+/// that only the drive's owner sets (its sources), [`Reason::NotUnderstood`] for a run value that is not exactly one
+/// known command, [`Reason::Conflict`] for parts that exclude each other.
+pub fn order(model: &Model, address: u16, values: &[u16]) -> Result<Order, Reason> {
+    let (mut run, mut frequency, mut registers) = (None, None, Vec::new());
+    for (offset, value) in (0..).zip(values) {
+        match part(model, address.wrapping_add(offset), *value)? {
+            Part::Run(part) => run = Some(part),
+            Part::Frequency(hertz) => frequency = Some(hertz),
+            Part::Register(write) => registers.push(write),
+        }
+    }
+    let alone = registers.is_empty();
+    match run {
+        Some(RunPart::Stop) if alone => Ok(Order::Stop { setpoint: frequency }),
+        Some(RunPart::Coast) if alone => Ok(Order::Coast),
+        Some(RunPart::Reset) if alone && frequency.is_none() => Ok(Order::Reset),
+        Some(RunPart::Stop | RunPart::Coast | RunPart::Reset) => Err(Reason::Conflict),
+        Some(RunPart::Go(direction)) => go(registers, frequency, Some(direction)),
+        None => go(registers, frequency, None),
+    }
+}
+
+fn go(registers: Vec<RegisterWrite>, frequency: Option<Hertz>, run: Option<Direction>) -> Result<Order, Reason> {
+    Go::new(registers, frequency, run).map(Order::Go).ok_or(Reason::TooManyFrames)
+}
+
+fn part(model: &Model, address: u16, value: u16) -> Result<Part, Reason> {
+    let register = model.register_at(address).filter(|register| register.access.can_write());
+    let register = register.ok_or(Reason::NotListed)?;
+    match register.role {
+        Some(Role::RunCommand) => {
+            let run = model.run.as_ref().and_then(|run| run_part(run, value));
+            run.map(Part::Run).ok_or(Reason::NotUnderstood)
+        }
+        Some(Role::FrequencyCommand) => Ok(Part::Frequency(Hertz::from_word(value, register.scale))),
+        Some(Role::FrequencySetting | Role::FrequencySource | Role::RunSource) => Err(Reason::NotAllowed),
+        _ => Ok(Part::Register(RegisterWrite { address, value })),
+    }
+}
+
+fn run_part(run: &RunCommand, value: u16) -> Option<RunPart> {
+    let is = |fact: &Option<crate::profile::model::Fact<u16>>| fact.as_ref().is_some_and(|fact| fact.value == value);
+    if value == run.stop.value {
+        Some(RunPart::Stop)
+    } else if value == run.forward.value {
+        Some(RunPart::Go(Direction::Forward))
+    } else if is(&run.reverse) {
+        Some(RunPart::Go(Direction::Reverse))
+    } else if is(&run.coast) {
+        Some(RunPart::Coast)
+    } else if is(&run.reset) {
+        Some(RunPart::Reset)
+    } else {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drive::testing::n700;
+
+    fn run(direction: Direction) -> Order {
+        Order::Go(Go::new(Vec::new(), None, Some(direction)).unwrap())
+    }
+
+    #[test]
+    fn each_run_value_is_exactly_one_order() {
+        let model = n700();
+        let orders = [
+            (0, Ok(Order::Stop { setpoint: None })),
+            (1, Ok(run(Direction::Forward))),
+            (2, Ok(run(Direction::Reverse))),
+            (3, Ok(Order::Coast)),
+            (4, Ok(Order::Reset)),
+            (5, Err(Reason::NotUnderstood)),
+            (0x0101, Err(Reason::NotUnderstood)),
+        ];
+        for (value, expected) in orders {
+            assert_eq!(order(&model, 0x0002, &[value]), expected, "{value}");
+        }
+    }
+
+    #[test]
+    fn registers_and_back_doors_are_told_apart() {
+        let model = n700();
+        let setpoint = Go::new(Vec::new(), Some(Hertz::from_centihertz(6000)), None).unwrap();
+        assert_eq!(order(&model, 0x0004, &[6000]), Ok(Order::Go(setpoint)));
+        let ramp = Go::new(vec![RegisterWrite { address: 0x020C, value: 100 }], None, None).unwrap();
+        assert_eq!(order(&model, 0x020C, &[100]), Ok(Order::Go(ramp)));
+        assert_eq!(order(&model, 0x0211, &[3]), Err(Reason::NotAllowed), "F010 frequency source");
+        assert_eq!(order(&model, 0x0212, &[1]), Err(Reason::NotAllowed), "F011 run source");
+        assert_eq!(order(&model, 0x0201, &[6000]), Err(Reason::NotListed), "F001 is not writable");
+        assert_eq!(order(&model, 0x0002, &[1, 0]), Err(Reason::NotListed), "0x0003 is not known");
+        assert_eq!(order(&model, 0x1234, &[1]), Err(Reason::NotListed));
+    }
+}

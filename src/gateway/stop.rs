@@ -1,0 +1,240 @@
+//! A stop that is on its way: a latch per drive, not a queue entry. It is sent, repeated at a bounded rate, and holds
+//! until the drive shows its effect.
+//!
+//! A stop is effective when its echo came in an exchange that no late reply could be mistaken for, and later readings
+//! show the output frequency at zero, or twice at or below the one before and falling.
+
+use super::waiter::Waiter;
+use crate::domain::command::{Outcome, Reason, Report};
+use crate::domain::control::ControlSettings;
+use crate::domain::time::MonoTime;
+use crate::guard::StopOrder;
+use crate::wire::pdu::Request;
+use std::time::Duration;
+
+/// Most commanders that wait for one stop. The next is told at once that the stop is on its way.
+pub const WAITERS_MAX: usize = 64;
+/// First wait before a stop without effect is repeated; doubled up to the longest.
+const REPEAT_FIRST: Duration = Duration::from_millis(500);
+/// Longest such wait.
+const REPEAT_MAX: Duration = Duration::from_secs(4);
+/// Time between two looks at the output frequency: enough for a ramp to show.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+/// Readings in a row that must not rise.
+const FALLS: u8 = 2;
+
+/// One stop that is not effective yet.
+#[derive(Debug)]
+pub struct StopLatch {
+    order: StopOrder,
+    waiters: Vec<Waiter>,
+    accepted_at: MonoTime,
+    /// How often it was sent.
+    sent: u32,
+    send_at: MonoTime,
+    /// The drive has answered it in an exchange without doubt.
+    is_acknowledged: bool,
+    look_at: MonoTime,
+    watch: FallWatch,
+    was_told_late: bool,
+}
+
+/// What became of the stop on an event.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Turn {
+    /// Nothing to tell.
+    None,
+    /// No effect in time.
+    NotEffective,
+    /// The drive stayed away for too long; nothing is repeated any more.
+    Dropped,
+}
+
+impl StopLatch {
+    /// A stop that was accepted at `now` and goes as soon as the wire is free.
+    #[must_use]
+    pub fn new(order: StopOrder, waiter: Option<Waiter>, now: MonoTime) -> Self {
+        Self {
+            order,
+            waiters: waiter.into_iter().collect(),
+            accepted_at: now,
+            sent: 0,
+            send_at: now,
+            is_acknowledged: false,
+            look_at: MonoTime::NEVER,
+            watch: FallWatch::default(),
+            was_told_late: false,
+        }
+    }
+
+    /// A new stop for the same drive takes the place of this one; who waits goes on waiting.
+    pub fn renew(&mut self, order: StopOrder, waiter: Option<Waiter>, now: MonoTime) {
+        let waiters = std::mem::take(&mut self.waiters);
+        let was_told_late = self.was_told_late;
+        *self = Self { waiters, was_told_late, ..Self::new(order, None, now) };
+        self.waiters.extend(waiter);
+    }
+
+    /// One more waits for it; nothing if there is no room.
+    #[must_use]
+    pub fn join(&mut self, waiter: Waiter) -> Option<Report> {
+        if self.waiters.len() >= WAITERS_MAX {
+            return Some(Report::new(Outcome::Unknown, Reason::StopPending));
+        }
+        if self.is_acknowledged && waiter.is_native {
+            return Some(Report::new(Outcome::Acknowledged, Reason::None));
+        }
+        self.waiters.push(waiter);
+        None
+    }
+
+    /// What goes on the wire and from when.
+    #[must_use]
+    pub const fn frame(&self) -> (MonoTime, Request) {
+        (self.send_at, self.order.request())
+    }
+
+    /// Whether it has never been sent: such frames go before repeats.
+    #[must_use]
+    pub const fn is_first(&self) -> bool {
+        self.sent == 0
+    }
+
+    /// From when the output frequency should be looked at.
+    #[must_use]
+    pub const fn look_at(&self) -> MonoTime {
+        self.look_at
+    }
+
+    /// Whether the alarm was given.
+    #[must_use]
+    pub const fn is_late(&self) -> bool {
+        self.was_told_late
+    }
+
+    /// Its frame goes out at `now`.
+    pub fn was_sent(&mut self, now: MonoTime) {
+        let doublings = self.sent.min(8);
+        self.sent = self.sent.saturating_add(1);
+        self.send_at = now + (REPEAT_FIRST * (1 << doublings)).min(REPEAT_MAX);
+        self.look_at = MonoTime::NEVER;
+    }
+
+    /// The drive answered as it should. Only without `doubt` is it an acknowledgement: the late echo of an earlier stop
+    /// looks the same. Returns what those who wait are to be told.
+    pub fn echoed(&mut self, now: MonoTime, doubt: bool) -> Option<Report> {
+        self.look_at = now;
+        if doubt {
+            // The look that follows settles what was missing, and the next echo is without doubt.
+            self.send_at = now + LOOK_EVERY;
+            return None;
+        }
+        if self.is_acknowledged {
+            return None;
+        }
+        self.is_acknowledged = true;
+        self.watch = FallWatch::default();
+        Some(Report::new(Outcome::Acknowledged, Reason::None))
+    }
+
+    /// The frame had no good answer: it goes again. Meanwhile the drive is looked at.
+    pub fn failed(&mut self, now: MonoTime) {
+        self.look_at = now;
+    }
+
+    /// Takes a reading of the output frequency that was asked for after the last frame. Whether the stop is effective.
+    pub fn takes_effect(&mut self, raw: u16, now: MonoTime) -> bool {
+        self.look_at = now + LOOK_EVERY;
+        self.watch.take(raw);
+        self.is_acknowledged && self.watch.is_falling()
+    }
+
+    /// The look was not answered.
+    pub fn look_failed(&mut self, now: MonoTime) {
+        self.look_at = now + LOOK_EVERY;
+    }
+
+    /// What time alone brings about.
+    pub fn pass(&mut self, now: MonoTime, is_offline: bool, control: &ControlSettings) -> Turn {
+        let age = now.since(self.accepted_at);
+        if age >= control.stop_pending_for && is_offline {
+            return Turn::Dropped;
+        }
+        if age >= control.stop_effect_timeout && !self.was_told_late {
+            self.was_told_late = true;
+            return Turn::NotEffective;
+        }
+        Turn::None
+    }
+
+    /// When [`Self::pass`] has something to say.
+    #[must_use]
+    pub fn next_wake(&self, control: &ControlSettings) -> MonoTime {
+        let late = if self.was_told_late { control.stop_pending_for } else { control.stop_effect_timeout };
+        self.accepted_at + late
+    }
+
+    /// What those who wait are told when it is late: whether the drive ever answered makes the difference.
+    #[must_use]
+    pub const fn late_report(&self) -> Report {
+        let reason = if self.is_acknowledged { Reason::NotEffective } else { Reason::NoReply };
+        Report::new(Outcome::Unknown, reason)
+    }
+
+    /// Those who wait.
+    pub fn waiters(&mut self) -> &mut Vec<Waiter> {
+        &mut self.waiters
+    }
+}
+
+/// Readings of an output frequency that should fall.
+#[derive(Debug, Default)]
+struct FallWatch {
+    first: Option<u16>,
+    last: Option<u16>,
+    not_risen: u8,
+}
+
+impl FallWatch {
+    fn take(&mut self, raw: u16) {
+        match self.last {
+            Some(last) if raw <= last => self.not_risen = self.not_risen.saturating_add(1),
+            Some(_) => {
+                // It rises: whatever was seen before is no fall.
+                (self.first, self.not_risen) = (Some(raw), 0);
+            }
+            None => self.first = Some(raw),
+        }
+        self.last = Some(raw);
+    }
+
+    fn is_falling(&self) -> bool {
+        let has_fallen = self.last < self.first;
+        self.last == Some(0) || (has_fallen && self.not_risen >= FALLS)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_constant_output_is_no_effect() {
+        for (readings, effective) in [
+            (&[5000, 5000, 5000, 5000][..], false),
+            (&[5000, 4990, 4980], true),
+            (&[5000, 4990], false),
+            (&[5000, 5000, 4999], true),
+            (&[4000, 4500, 4400], false),
+            (&[4000, 4500, 4400, 4300], true),
+            (&[0], true),
+            (&[], false),
+        ] {
+            let mut watch = FallWatch::default();
+            for raw in readings {
+                watch.take(*raw);
+            }
+            assert_eq!(watch.is_falling(), effective, "{readings:?}");
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! What may go to the line. Private fields, no copies: one approval is one list of frames, once.
+
+use crate::domain::command::{Order, Owner};
+use crate::domain::time::MonoTime;
+use crate::drive::steps::{Step, Write};
+use crate::wire::pdu::Request;
+
+/// A command that may go to the line, as a bounded list of steps.
+#[derive(Debug)]
+pub struct Approved {
+    pub(super) order: Order,
+    pub(super) owner: Owner,
+    /// The drive's count of stops when this was approved. Any later stop makes it void.
+    pub(super) stops: u64,
+    pub(super) start_before: MonoTime,
+    pub(super) steps: Vec<Step>,
+}
+
+/// Why an approved step may not be sent any more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Void {
+    /// A stop came after the approval.
+    Stopped,
+    /// Its first write could not be sent in time.
+    TooLate,
+}
+
+impl Approved {
+    /// What was ordered.
+    #[must_use]
+    pub const fn order(&self) -> &Order {
+        &self.order
+    }
+
+    /// Who ordered it.
+    #[must_use]
+    pub const fn owner(&self) -> Owner {
+        self.owner
+    }
+
+    /// Before this moment its first write leaves or never.
+    #[must_use]
+    pub const fn start_before(&self) -> MonoTime {
+        self.start_before
+    }
+
+    /// The steps, in order.
+    #[must_use]
+    pub fn steps(&self) -> &[Step] {
+        &self.steps
+    }
+
+    /// Whether its next frame may still reach the wire at `now`: no stop has come since (`stops` is the guard's present
+    /// count), and as long as nothing has been written the deadline has not passed.
+    ///
+    /// # Errors
+    /// [`Void`]
+    pub fn may_go(&self, has_begun: bool, now: MonoTime, stops: u64) -> Result<(), Void> {
+        if stops != self.stops {
+            return Err(Void::Stopped);
+        }
+        if !has_begun && now >= self.start_before {
+            return Err(Void::TooLate);
+        }
+        Ok(())
+    }
+
+    /// The request of the step at `index`.
+    #[must_use]
+    pub fn request(&self, index: usize) -> Option<Request> {
+        Some(match *self.steps.get(index)? {
+            Step::Write(Write { address, value, .. }) => Request::WriteSingle { address, value },
+            Step::Check { address, .. } => Request::ReadHolding { address, count: 1 },
+        })
+    }
+}
+
+/// A stop or a cut-off that may go to the line, again and again until it is effective.
+#[derive(Debug, PartialEq, Eq)]
+pub struct StopOrder {
+    pub(super) address: u16,
+    pub(super) value: u16,
+    pub(super) coast: bool,
+}
+
+impl StopOrder {
+    /// What goes on the wire.
+    #[must_use]
+    pub const fn request(&self) -> Request {
+        Request::WriteSingle { address: self.address, value: self.value }
+    }
+
+    /// Whether the output is cut off instead of ramped down.
+    #[must_use]
+    pub const fn is_coast(&self) -> bool {
+        self.coast
+    }
+}

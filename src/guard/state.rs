@@ -1,0 +1,288 @@
+//! Who holds control of one drive, what is ordered, and who may start it.
+
+use super::approved::StopOrder;
+use crate::domain::command::{Direction, Owner, RunIntent};
+use crate::domain::control::{ControlSettings, FailSafe};
+use crate::domain::frequency::Hertz;
+use crate::domain::time::MonoTime;
+use crate::drive::steps;
+use crate::profile::model::Model;
+use std::sync::Arc;
+
+/// Most commanders that are remembered as having commanded stop since the last inhibit. One that is forgotten has to
+/// command stop again.
+pub(super) const ARMED_MAX: usize = 64;
+
+/// Control of one drive.
+#[derive(Debug)]
+pub struct DriveGuard {
+    pub(super) model: Arc<Model>,
+    pub(super) control: Option<Arc<ControlSettings>>,
+    lease: Option<Lease>,
+    intent: RunIntent,
+    /// Whether the drive has acknowledged the intent. Until then an equal order is a new one.
+    pub(super) run_acknowledged: bool,
+    /// The direction that was ordered last, whether or not it is in force: the motor may still turn.
+    pub(super) turned: Option<Direction>,
+    setpoint: Option<Setpoint>,
+    /// Who has commanded stop since the last inhibit and may therefore start.
+    armed: Vec<Owner>,
+    stops: u64,
+    epoch: u64,
+    /// When the last stop was accepted.
+    pub(super) stopped_at: Option<MonoTime>,
+    failsafe: bool,
+    pub(super) is_ending: bool,
+}
+
+/// Control is leased: it ends unless its owner gives signs of life.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Lease {
+    pub owner: Owner,
+    pub until: MonoTime,
+}
+
+/// The last accepted setpoint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Setpoint {
+    pub value: Hertz,
+    pub by: Owner,
+    pub acknowledged: bool,
+}
+
+/// A commander is gone, or the gateway ends: what is done about it.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Lost {
+    /// Who held control.
+    pub owner: Option<Owner>,
+    /// What is declared.
+    pub action: FailSafe,
+    /// The frame for it; nothing with hold.
+    pub order: Option<StopOrder>,
+}
+
+impl DriveGuard {
+    /// The guard of a drive that was just found: nobody holds control, and the start is inhibited. Epochs count from
+    /// `first_epoch`, which should differ from those of an earlier run of the gateway.
+    #[must_use]
+    pub fn new(model: Arc<Model>, control: Option<Arc<ControlSettings>>, first_epoch: u64) -> Self {
+        Self {
+            model,
+            control,
+            lease: None,
+            intent: RunIntent::Stop,
+            run_acknowledged: false,
+            turned: None,
+            setpoint: None,
+            armed: Vec::new(),
+            stops: 0,
+            epoch: first_epoch,
+            stopped_at: None,
+            failsafe: false,
+            is_ending: false,
+        }
+    }
+
+    /// What the drive's control section allows.
+    #[must_use]
+    pub fn control(&self) -> Option<&ControlSettings> {
+        self.control.as_deref()
+    }
+
+    /// Who holds control, and until when without a sign of life.
+    #[must_use]
+    pub fn lease(&self) -> Option<(Owner, MonoTime)> {
+        self.lease.map(|lease| (lease.owner, lease.until))
+    }
+
+    /// What is ordered and in force.
+    #[must_use]
+    pub const fn intent(&self) -> RunIntent {
+        self.intent
+    }
+
+    /// The last accepted setpoint.
+    #[must_use]
+    pub fn setpoint(&self) -> Option<Hertz> {
+        self.setpoint.map(|setpoint| setpoint.value)
+    }
+
+    /// Whether nobody may start the drive before commanding stop.
+    #[must_use]
+    pub fn is_start_inhibited(&self) -> bool {
+        self.armed.is_empty()
+    }
+
+    /// Whether the fail-safe action ran since the last accepted RUN.
+    #[must_use]
+    pub const fn has_failed_safe(&self) -> bool {
+        self.failsafe
+    }
+
+    /// How many stops there were: what was approved before the last one is void.
+    #[must_use]
+    pub const fn stops(&self) -> u64 {
+        self.stops
+    }
+
+    /// The drive's epoch, as commanders may name it.
+    #[must_use]
+    pub const fn epoch(&self) -> u64 {
+        self.epoch
+    }
+
+    /// The way from commanders was opened anew: what was issued before is stale.
+    pub fn new_epoch(&mut self) {
+        self.epoch += 1;
+    }
+
+    /// When something is due without any event: the end of the lease.
+    #[must_use]
+    pub fn next_wake(&self) -> Option<MonoTime> {
+        self.lease.map(|lease| lease.until)
+    }
+
+    /// The owner gave a sign of life.
+    pub fn renew(&mut self, owner: Owner, now: MonoTime) {
+        if let (Some(lease), Some(control)) = (&mut self.lease, &self.control)
+            && lease.owner == owner
+        {
+            lease.until = now + control.lost_after;
+        }
+    }
+
+    /// Ends the lease if it has run out at `now`, and says what is declared for that; nothing if nothing has to be
+    /// done because the drive is ordered to stop and `at_rest` says that it has.
+    pub fn expire(&mut self, now: MonoTime, at_rest: bool) -> Option<Lost> {
+        let lease = self.lease.filter(|lease| lease.until <= now)?;
+        self.lease = None;
+        let action = self.control.as_ref()?.on_commander_lost;
+        let was_ordered = self.intent != RunIntent::Stop;
+        self.inhibit();
+        if at_rest && !was_ordered {
+            return None;
+        }
+        self.failsafe = true;
+        Some(self.lost(Some(lease.owner), action, now))
+    }
+
+    /// The gateway ends: nothing is accepted any more. Says what is declared for a drive that is under control.
+    pub fn shut_down(&mut self, now: MonoTime) -> Option<Lost> {
+        self.is_ending = true;
+        let action = self.control.as_ref()?.on_shutdown;
+        let owner = self.lease.take().map(|lease| lease.owner);
+        if owner.is_none() && self.intent == RunIntent::Stop {
+            return None;
+        }
+        Some(self.lost(owner, action, now))
+    }
+
+    /// Something happened after which nobody may simply go on: a trip, a lost lease, the drive away.
+    pub fn inhibit(&mut self) {
+        self.armed.clear();
+        self.intent = RunIntent::Stop;
+        self.run_acknowledged = false;
+    }
+
+    /// The drive stands still after a stop by the one who holds control: there is nothing left to hold.
+    pub fn at_standstill(&mut self) {
+        if self.intent != RunIntent::Stop {
+            return;
+        }
+        if self.lease.is_some_and(|lease| self.armed.contains(&lease.owner)) {
+            self.lease = None;
+        }
+    }
+
+    /// The drive acknowledged the order to run in `direction`.
+    pub fn run_was_acknowledged(&mut self, direction: Direction) {
+        self.run_acknowledged = self.intent == RunIntent::Run(direction);
+    }
+
+    /// The order to run in `direction` was never sent, or the drive refused it.
+    pub fn run_failed(&mut self, direction: Direction) {
+        if self.intent == RunIntent::Run(direction) && !self.run_acknowledged {
+            self.intent = RunIntent::Stop;
+        }
+    }
+
+    /// The drive acknowledged the setpoint `value`.
+    pub fn setpoint_was_acknowledged(&mut self, value: Hertz) {
+        if let Some(setpoint) = self.setpoint.as_mut().filter(|setpoint| setpoint.value == value) {
+            setpoint.acknowledged = true;
+        }
+    }
+
+    pub(super) fn lease_of(&self, owner: Owner) -> Option<Lease> {
+        self.lease.filter(|lease| lease.owner == owner)
+    }
+
+    pub(super) fn accepted_setpoint(&self) -> Option<Setpoint> {
+        self.setpoint
+    }
+
+    pub(super) fn is_armed(&self, owner: Owner) -> bool {
+        self.armed.contains(&owner)
+    }
+
+    /// Accepts an order of `owner` to run, or a setpoint for a drive that may turn: control is leased.
+    pub(super) fn take_lease(&mut self, owner: Owner, now: MonoTime) {
+        if let Some(control) = &self.control {
+            self.lease = Some(Lease { owner, until: now + control.lost_after });
+        }
+    }
+
+    pub(super) fn accept_run(&mut self, owner: Owner, direction: Direction) {
+        self.intent = RunIntent::Run(direction);
+        self.turned = Some(direction);
+        self.run_acknowledged = false;
+        self.failsafe = false;
+        self.arm(owner);
+    }
+
+    pub(super) fn accept_setpoint(&mut self, owner: Owner, value: Hertz) {
+        self.setpoint = Some(Setpoint { value, by: owner, acknowledged: false });
+    }
+
+    /// Accepts a stop: everything approved before is void, everybody else is inhibited. A stop by somebody who does
+    /// not hold control ends the lease.
+    pub(super) fn accept_stop(&mut self, owner: Option<Owner>, coast: bool, now: MonoTime) {
+        self.stops += 1;
+        self.epoch += 1;
+        self.stopped_at = Some(now);
+        self.inhibit();
+        self.intent = if coast { RunIntent::Coast } else { RunIntent::Stop };
+        if self.lease.is_some_and(|lease| Some(lease.owner) != owner) {
+            self.lease = None;
+        }
+        if let Some(owner) = owner {
+            self.arm(owner);
+        }
+    }
+
+    pub(super) fn stop_order(&self, coast: bool) -> Option<StopOrder> {
+        let (address, value) = steps::of_stop(&self.model, coast).ok()?;
+        Some(StopOrder { address, value, coast })
+    }
+
+    fn arm(&mut self, owner: Owner) {
+        if self.armed.contains(&owner) {
+            return;
+        }
+        if self.armed.len() >= ARMED_MAX {
+            self.armed.remove(0);
+        }
+        self.armed.push(owner);
+    }
+
+    fn lost(&mut self, owner: Option<Owner>, action: FailSafe, now: MonoTime) -> Lost {
+        let order = match action {
+            FailSafe::Hold => None,
+            FailSafe::Stop | FailSafe::Coast => self.stop_order(action == FailSafe::Coast),
+        };
+        if let Some(order) = &order {
+            self.accept_stop(None, order.is_coast(), now);
+        }
+        Lost { owner, action, order }
+    }
+}
