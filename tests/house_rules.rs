@@ -285,6 +285,7 @@ fn the_reader_of_sources_is_not_fooled() {
     let arm = "match x {\n #[cfg(test)]\n (A, [v]) => Ok(B { c: 1 }),\n _ => D,\n}";
     assert_eq!(Source::new("src/a.rs", arm).code.split_whitespace().collect::<String>(), "matchx{_=>D,}");
     assert_eq!(test_files(&without_words("#[cfg(test)]\nmod tests;\nmod other;")), ["tests"]);
+    assert_eq!(test_files(&without_words("#[cfg(test)]\npub mod testing;\npub mod other;")), ["testing"]);
     let names: Vec<_> =
         paths("use a::{b, c::{self, d}};\ne::f()").into_iter().map(|(_, path)| path.join("::")).collect();
     assert_eq!(names, ["use", "a::b", "a::c::self", "a::c::d", "e::f"]);
@@ -437,7 +438,7 @@ fn item(rest: &str) -> usize {
 fn test_files(bare: &str) -> Vec<&str> {
     let after = bare.match_indices(TEST_ONLY).map(|(at, _)| bare[at + TEST_ONLY.len()..].trim_start());
     after
-        .filter_map(|rest| rest.strip_prefix("mod ")?.split_once(';'))
+        .filter_map(|rest| rest.strip_prefix("pub ").unwrap_or(rest).strip_prefix("mod ")?.split_once(';'))
         .map(|(name, _)| name.trim())
         .filter(is_word)
         .collect()

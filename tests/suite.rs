@@ -28,6 +28,10 @@ mod line_core;
 
 mod support;
 
+#[path = "scenarios/commander_lost.rs"]
+mod commander_lost;
+#[path = "scenarios/commands.rs"]
+mod commands;
 #[path = "scenarios/conversation.rs"]
 mod conversation;
 #[path = "scenarios/every_request_ends.rs"]
@@ -38,3 +42,7 @@ mod late_reply;
 mod noisy_line;
 #[path = "scenarios/sharing.rs"]
 mod sharing;
+#[path = "scenarios/stop_wins.rs"]
+mod stop_wins;
+#[path = "scenarios/trips.rs"]
+mod trips;

@@ -85,7 +85,7 @@ fn run_part(run: &RunCommand, value: u16) -> Option<RunPart> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drive::testing::n700;
+    use crate::drive::testing::model;
 
     fn run(direction: Direction) -> Order {
         Order::Go(Go::new(Vec::new(), None, Some(direction)).unwrap())
@@ -93,7 +93,7 @@ mod tests {
 
     #[test]
     fn each_run_value_is_exactly_one_order() {
-        let model = n700();
+        let model = model();
         let orders = [
             (0, Ok(Order::Stop { setpoint: None })),
             (1, Ok(run(Direction::Forward))),
@@ -110,7 +110,7 @@ mod tests {
 
     #[test]
     fn registers_and_back_doors_are_told_apart() {
-        let model = n700();
+        let model = model();
         let setpoint = Go::new(Vec::new(), Some(Hertz::from_centihertz(6000)), None).unwrap();
         assert_eq!(order(&model, 0x0004, &[6000]), Ok(Order::Go(setpoint)));
         let ramp = Go::new(vec![RegisterWrite { address: 0x020C, value: 100 }], None, None).unwrap();

@@ -141,7 +141,7 @@ fn check_setting(model: &Model, control: &ControlSettings) -> Result<Step, NoSte
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drive::testing::{control, n700};
+    use crate::drive::testing::{control, model};
 
     fn hertz(centi: u16) -> Hertz {
         Hertz::from_centihertz(centi)
@@ -156,7 +156,7 @@ mod tests {
         let go = Go::new(Vec::new(), Some(hertz(4250)), Some(Direction::Forward)).unwrap();
         let setpoint = write(0x0004, 4250, Part::Setpoint(hertz(4250)), Some((0x0201, 4250)));
         let run = write(0x0002, 1, Part::Run(Direction::Forward), None);
-        assert_eq!(of_go(&n700(), &go, &control()).unwrap(), [setpoint, run]);
+        assert_eq!(of_go(&model(), &go, &control()).unwrap(), [setpoint, run]);
     }
 
     #[test]
@@ -164,13 +164,13 @@ mod tests {
         let go = Go::new(Vec::new(), None, Some(Direction::Reverse)).unwrap();
         let check = Step::Check { address: 0x0201, least: 500, most: 5000 };
         let run = write(0x0002, 2, Part::Run(Direction::Reverse), None);
-        assert_eq!(of_go(&n700(), &go, &control()).unwrap(), [check, run]);
+        assert_eq!(of_go(&model(), &go, &control()).unwrap(), [check, run]);
     }
 
     #[test]
     fn a_register_is_read_back() {
         let ramp = RegisterWrite { address: 0x020C, value: 100 };
-        let steps = of_go(&n700(), &Go::new(vec![ramp], None, None).unwrap(), &control()).unwrap();
+        let steps = of_go(&model(), &Go::new(vec![ramp], None, None).unwrap(), &control()).unwrap();
         assert_eq!(steps, [write(0x020C, 100, Part::Register, Some((0x020C, 100)))]);
     }
 
@@ -178,12 +178,12 @@ mod tests {
     fn a_reset_never_carries_a_run_order() {
         let reset = |value, ends, shown| write(0x0002, value, Part::Reset { ends }, shown);
         let expected = [reset(0, false, None), reset(4, false, None), reset(0, true, Some((0x0101, 0)))];
-        assert_eq!(of_reset(&n700()).unwrap(), expected);
+        assert_eq!(of_reset(&model()).unwrap(), expected);
     }
 
     #[test]
     fn what_the_register_cannot_hold_is_refused() {
         let fine = Go::new(Vec::new(), Some(Hertz::from_millihertz(42_505)), None).unwrap();
-        assert_eq!(of_go(&n700(), &fine, &control()), Err(NoSteps::BetweenSteps));
+        assert_eq!(of_go(&model(), &fine, &control()), Err(NoSteps::BetweenSteps));
     }
 }

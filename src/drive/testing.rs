@@ -9,7 +9,7 @@ use crate::vendors;
 use std::time::Duration;
 
 /// The first built-in model.
-pub fn n700() -> Model {
+pub fn model() -> Model {
     let (_, text) = vendors::texts().first().expect("a built-in model");
     check::model(text).expect("a sound model")
 }

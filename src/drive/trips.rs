@@ -174,7 +174,7 @@ fn record_of(model: &Model) -> Option<(u16, u16)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drive::testing::n700;
+    use crate::drive::testing::model;
 
     const COUNT: u16 = 0x0112;
     const RECORD: [u16; 4] = [7, 2500, 31, 540];
@@ -184,7 +184,7 @@ mod tests {
     }
 
     fn watch(count: u16) -> TripWatch {
-        let mut watch = TripWatch::new(&n700());
+        let mut watch = TripWatch::new(&model());
         assert_eq!(watch.take(COUNT, &[count], at(0)), None, "the first reading is the baseline");
         watch
     }

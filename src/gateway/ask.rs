@@ -32,10 +32,10 @@ impl LineCore {
     /// Somebody commands in the gateway's own words.
     pub(super) fn on_command(&mut self, now: MonoTime, command: &CommandRequest) {
         let CommandRequest { asker, ticket, drive, .. } = *command;
-        self.command(now, command, Waiter { asker, ticket, drive, is_native: false });
+        self.command(now, command, Waiter::of_command(asker, ticket, drive));
     }
 
-    fn command(&mut self, now: MonoTime, command: &CommandRequest, waiter: Waiter) {
+    fn command(&mut self, now: MonoTime, command: &CommandRequest, mut waiter: Waiter) {
         let Some(work) = self.works.get(command.drive.get()) else {
             self.effects.extend(waiter.answer(Report::refused(Reason::UnknownDrive), true));
             return;
@@ -88,7 +88,7 @@ impl LineCore {
         let order = decode::order(&setup.model, address, values).map_err(|reason| refused(Refusal::Guard(reason)))?;
         let start_before = deadline.min(now + COMMAND_DEADLINE);
         let command = CommandRequest { asker, ticket, drive, origin, order, start_before, issued: None, epoch: None };
-        self.command(now, &command, Waiter { asker, ticket, drive, is_native: true });
+        self.command(now, &command, Waiter::of_write(asker, ticket, drive));
         Ok(())
     }
 

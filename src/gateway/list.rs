@@ -53,9 +53,8 @@ impl List {
     }
 
     /// Who waits for it.
-    #[must_use]
-    pub const fn waiter(&self) -> &Waiter {
-        &self.waiter
+    pub const fn waiter(&mut self) -> &mut Waiter {
+        &mut self.waiter
     }
 
     /// What was ordered.

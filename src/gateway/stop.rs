@@ -4,6 +4,7 @@
 //! A stop is effective when its echo came in an exchange that no late reply could be mistaken for, and later readings
 //! show the output frequency at zero, or twice at or below the one before and falling.
 
+use super::event::Effect;
 use super::waiter::Waiter;
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::control::ControlSettings;
@@ -28,12 +29,17 @@ const FALLS: u8 = 2;
 pub struct StopLatch {
     order: StopOrder,
     waiters: Vec<Waiter>,
+    /// When the first of the stops that led to this one was accepted: since then an effect is awaited.
+    awaited_since: MonoTime,
+    /// When the last of them was accepted.
     accepted_at: MonoTime,
     /// How often it was sent.
     sent: u32,
     send_at: MonoTime,
     /// The drive has answered it in an exchange without doubt.
     is_acknowledged: bool,
+    /// The last frame had no answer at all: it goes again as soon as the drive shows itself.
+    is_unanswered: bool,
     look_at: MonoTime,
     watch: FallWatch,
     was_told_late: bool,
@@ -57,10 +63,12 @@ impl StopLatch {
         Self {
             order,
             waiters: waiter.into_iter().collect(),
+            awaited_since: now,
             accepted_at: now,
             sent: 0,
             send_at: now,
             is_acknowledged: false,
+            is_unanswered: false,
             look_at: MonoTime::NEVER,
             watch: FallWatch::default(),
             was_told_late: false,
@@ -70,22 +78,22 @@ impl StopLatch {
     /// A new stop for the same drive takes the place of this one; who waits goes on waiting.
     pub fn renew(&mut self, order: StopOrder, waiter: Option<Waiter>, now: MonoTime) {
         let waiters = std::mem::take(&mut self.waiters);
-        let was_told_late = self.was_told_late;
-        *self = Self { waiters, was_told_late, ..Self::new(order, None, now) };
+        let Self { awaited_since, was_told_late, .. } = *self;
+        *self = Self { waiters, awaited_since, was_told_late, ..Self::new(order, None, now) };
         self.waiters.extend(waiter);
     }
 
-    /// One more waits for it; nothing if there is no room.
-    #[must_use]
-    pub fn join(&mut self, waiter: Waiter) -> Option<Report> {
+    /// One more waits for it, if there is room. Returns what it is to be told at once, and whether that is all.
+    pub fn join(&mut self, waiter: &mut Waiter) -> Option<Effect> {
+        let acknowledged = Report::new(Outcome::Acknowledged, Reason::None);
         if self.waiters.len() >= WAITERS_MAX {
-            return Some(Report::new(Outcome::Unknown, Reason::StopPending));
+            return waiter.answer(Report::new(Outcome::Unknown, Reason::StopPending), true);
         }
-        if self.is_acknowledged && waiter.is_native {
-            return Some(Report::new(Outcome::Acknowledged, Reason::None));
+        let told = if self.is_acknowledged { waiter.answer(acknowledged, false) } else { None };
+        if !waiter.is_done() {
+            self.waiters.push(*waiter);
         }
-        self.waiters.push(waiter);
-        None
+        told
     }
 
     /// What goes on the wire and from when.
@@ -117,6 +125,7 @@ impl StopLatch {
         let doublings = self.sent.min(8);
         self.sent = self.sent.saturating_add(1);
         self.send_at = now + (REPEAT_FIRST * (1 << doublings)).min(REPEAT_MAX);
+        self.is_unanswered = false;
         self.look_at = MonoTime::NEVER;
     }
 
@@ -137,14 +146,22 @@ impl StopLatch {
         Some(Report::new(Outcome::Acknowledged, Reason::None))
     }
 
-    /// The frame had no good answer: it goes again. Meanwhile the drive is looked at.
-    pub fn failed(&mut self, now: MonoTime) {
+    /// The drive refused it: it goes again in its time. Meanwhile the drive is looked at.
+    pub fn refused(&mut self, now: MonoTime) {
         self.look_at = now;
+    }
+
+    /// The frame had no good answer: it goes again, at once when the drive shows itself.
+    pub fn unanswered(&mut self, now: MonoTime) {
+        (self.look_at, self.is_unanswered) = (now, true);
     }
 
     /// Takes a reading of the output frequency that was asked for after the last frame. Whether the stop is effective.
     pub fn takes_effect(&mut self, raw: u16, now: MonoTime) -> bool {
         self.look_at = now + LOOK_EVERY;
+        if std::mem::take(&mut self.is_unanswered) {
+            self.send_at = now;
+        }
         self.watch.take(raw);
         self.is_acknowledged && self.watch.is_falling()
     }
@@ -156,11 +173,10 @@ impl StopLatch {
 
     /// What time alone brings about.
     pub fn pass(&mut self, now: MonoTime, is_offline: bool, control: &ControlSettings) -> Turn {
-        let age = now.since(self.accepted_at);
-        if age >= control.stop_pending_for && is_offline {
+        if now.since(self.accepted_at) >= control.stop_pending_for && is_offline {
             return Turn::Dropped;
         }
-        if age >= control.stop_effect_timeout && !self.was_told_late {
+        if now.since(self.awaited_since) >= control.stop_effect_timeout && !self.was_told_late {
             self.was_told_late = true;
             return Turn::NotEffective;
         }
@@ -170,8 +186,11 @@ impl StopLatch {
     /// When [`Self::pass`] has something to say.
     #[must_use]
     pub fn next_wake(&self, control: &ControlSettings) -> MonoTime {
-        let late = if self.was_told_late { control.stop_pending_for } else { control.stop_effect_timeout };
-        self.accepted_at + late
+        if self.was_told_late {
+            self.accepted_at + control.stop_pending_for
+        } else {
+            self.awaited_since + control.stop_effect_timeout
+        }
     }
 
     /// What those who wait are told when it is late: whether the drive ever answered makes the difference.

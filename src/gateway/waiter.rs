@@ -8,32 +8,46 @@ use crate::domain::native::{NativeAnswer, NativeOutcome, Refusal};
 /// One commander that waits for a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Waiter {
-    /// Who commanded.
-    pub asker: AskerId,
-    /// The asker's number for it.
-    pub ticket: Ticket,
-    /// Which drive.
-    pub drive: DriveIndex,
-    /// Whether it was a write to the drive's own registers: that is answered once, in native words.
-    pub is_native: bool,
+    asker: AskerId,
+    ticket: Ticket,
+    drive: DriveIndex,
+    is_native: bool,
+    /// A native writer was answered.
+    is_answered: bool,
 }
 
 impl Waiter {
-    /// The answer with `report`; nothing if this waiter is told only how things end. A native writer is answered at
-    /// the drive's acknowledgement, or at the end.
-    pub fn answer(&self, report: Report, is_final: bool) -> Option<Effect> {
-        if !self.is_native {
-            let Self { asker, ticket, drive, .. } = *self;
-            return Some(Effect::Command(CommandAnswer { asker, ticket, drive, report, is_final }));
-        }
-        let outcome = native_outcome(report);
-        let ends = is_final || report.outcome == Outcome::Acknowledged;
-        ends.then_some(Effect::Answer(NativeAnswer { asker: self.asker, ticket: self.ticket, outcome }))
+    /// Somebody who gave a command.
+    #[must_use]
+    pub const fn of_command(asker: AskerId, ticket: Ticket, drive: DriveIndex) -> Self {
+        Self { asker, ticket, drive, is_native: false, is_answered: false }
     }
 
-    /// Whether nothing more is to be told after `report`.
-    pub fn is_done(&self, report: Report) -> bool {
-        self.is_native && report.outcome == Outcome::Acknowledged
+    /// Somebody who wrote to the drive's own registers.
+    #[must_use]
+    pub const fn of_write(asker: AskerId, ticket: Ticket, drive: DriveIndex) -> Self {
+        Self { is_native: true, ..Self::of_command(asker, ticket, drive) }
+    }
+
+    /// The answer with `report`, if this waiter is still to be told it. A native writer is answered once: at the
+    /// drive's acknowledgement, or at the end.
+    pub fn answer(&mut self, report: Report, is_final: bool) -> Option<Effect> {
+        let Self { asker, ticket, drive, .. } = *self;
+        if !self.is_native {
+            return Some(Effect::Command(CommandAnswer { asker, ticket, drive, report, is_final }));
+        }
+        let is_due = is_final || report.outcome == Outcome::Acknowledged;
+        if self.is_answered || !is_due {
+            return None;
+        }
+        self.is_answered = true;
+        Some(Effect::Answer(NativeAnswer { asker, ticket, outcome: native_outcome(report) }))
+    }
+
+    /// Whether nothing will be told any more.
+    #[must_use]
+    pub const fn is_done(&self) -> bool {
+        self.is_answered
     }
 }
 

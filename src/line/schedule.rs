@@ -1,5 +1,6 @@
-//! Native reads that wait: shared by all who ask for the same and served fairly among askers. (What drives want for
-//! themselves, stops above all, goes before them and is kept with each drive.)
+//! Native reads that wait, shared by all who ask for the same and served fairly among askers.
+//!
+//! What drives want for themselves, stops above all, goes before them and is kept with each drive.
 
 use crate::domain::ids::{AskerId, DriveIndex};
 use std::collections::{BTreeMap, HashMap};

@@ -4,13 +4,18 @@ use std::collections::HashMap;
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 use std::time::Duration;
-use vfd_gateway::domain::command::{Manner, Origin, Owner, Rights};
+use vfd_gateway::domain::command::{
+    CommandAnswer, CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason, Rights,
+};
+use vfd_gateway::domain::control::{ControlSettings, FailSafe};
+use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::{AskerId, DriveIndex, Station, Ticket};
 use vfd_gateway::domain::link::LinkSettings;
 use vfd_gateway::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, NativeRequest};
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::domain::traffic::TrafficRecord;
-use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup};
+use vfd_gateway::drive::view::{DriveView, TripEvent};
+use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup, Note};
 use vfd_gateway::line::timing::Timing;
 use vfd_gateway::profile::catalog::Catalog;
 use vfd_gateway::profile::model::Model;
@@ -26,6 +31,31 @@ pub const ORIGIN: Origin = Origin {
     rights: Rights { write: true, stop: true },
     manner: Manner::Cyclic,
 };
+
+/// Whoever publishes to the command topics.
+pub const MQTT: Origin =
+    Origin { owner: Owner::Mqtt, rights: Rights { write: true, stop: true }, manner: Manner::Once };
+
+/// Another client that writes registers, at 10.0.0.`last`.
+pub fn plc(last: u8) -> Origin {
+    Origin { owner: Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::new(10, 0, 0, last))), ..ORIGIN }
+}
+
+/// Run, with a setpoint in hundredths of a hertz if there is one.
+pub fn run(direction: Direction, setpoint: Option<u16>) -> Order {
+    go(setpoint, Some(direction))
+}
+
+/// A setpoint in hundredths of a hertz.
+pub fn setpoint(centihertz: u16) -> Order {
+    go(Some(centihertz), None)
+}
+
+fn go(setpoint: Option<u16>, direction: Option<Direction>) -> Order {
+    Order::Go(Go::new(Vec::new(), setpoint.map(Hertz::from_centihertz), direction).expect("not empty"))
+}
+
+pub const STOP: Order = Order::Stop { setpoint: None };
 
 /// The built-in N700.
 pub fn n700() -> Arc<Model> {
@@ -49,6 +79,36 @@ pub struct RigOptions {
     pub seed: u64,
     /// Keep what goes over the wire in `traffic`.
     pub tells_traffic: bool,
+    /// What may be commanded of every drive.
+    pub control: Option<ControlSettings>,
+}
+
+/// Everything allowed from everywhere, 5 to 50 Hz, 3 s of lease, stops at the end.
+pub fn control() -> ControlSettings {
+    ControlSettings {
+        from_mqtt: true,
+        from_modbus_tcp: true,
+        least: Hertz::from_centihertz(500),
+        most: Hertz::from_centihertz(5000),
+        directions: vec![Direction::Forward, Direction::Reverse],
+        reverse_below: Hertz::ZERO,
+        on_commander_lost: FailSafe::Stop,
+        lost_after: Duration::from_secs(3),
+        on_shutdown: FailSafe::Stop,
+        accept_unverified: Vec::new(),
+        strict: false,
+        restart_delay: Duration::from_secs(2),
+        stop_effect_timeout: Duration::from_secs(3),
+        stop_pending_for: Duration::from_secs(600),
+        native_write: vec![0x020C, 0x020E],
+    }
+}
+
+impl RigOptions {
+    /// One drive under control, polled every 100 ms.
+    pub fn controlled() -> Self {
+        Self { control: Some(control()), poll: Duration::from_millis(100), ..Self::default() }
+    }
 }
 
 impl Default for RigOptions {
@@ -62,6 +122,7 @@ impl Default for RigOptions {
             reply_timeout: Duration::from_millis(200),
             seed: 1,
             tells_traffic: false,
+            control: None,
         }
     }
 }
@@ -82,9 +143,17 @@ pub struct Rig {
     pub now: MonoTime,
     pub answers: Vec<(MonoTime, NativeAnswer)>,
     pub traffic: Vec<TrafficRecord>,
+    /// What commanders were told.
+    pub reports: Vec<(MonoTime, CommandAnswer)>,
+    /// Trips and their clearings.
+    pub trips: Vec<(MonoTime, TripEvent)>,
+    /// What people were told.
+    pub notes: Vec<(MonoTime, Note)>,
     pub sent: Vec<Sent>,
     /// Keep every frame in `sent`, not just the last one.
     pub keeps_sent: bool,
+    /// The next reply to a request of this function is lost.
+    pub loses_reply_to: Option<u8>,
     last_ticket: u64,
     open: HashMap<u64, AskerId>,
 }
@@ -104,7 +173,7 @@ impl Rig {
                 poll: options.poll,
                 reply_timeout: options.reply_timeout,
                 max_lateness: model.timing.max_lateness.value,
-                control: None,
+                control: options.control.clone().map(Arc::new),
             });
         }
         let timing = Timing::for_models(options.link, [model.timing.gap_chars.value], Duration::ZERO);
@@ -118,8 +187,12 @@ impl Rig {
             now,
             answers: Vec::new(),
             traffic: Vec::new(),
+            reports: Vec::new(),
+            trips: Vec::new(),
+            notes: Vec::new(),
             sent: Vec::new(),
             keeps_sent: true,
+            loses_reply_to: None,
             last_ticket: 0,
             open: HashMap::new(),
         };
@@ -146,6 +219,91 @@ impl Rig {
         self.core.handle(self.now, Input::Native(request));
         self.settle();
         ticket
+    }
+
+    /// Commands the drive at `index`, with a second until its first frame.
+    pub fn command(&mut self, origin: Origin, index: u16, order: Order) -> Ticket {
+        self.command_with(origin, index, order, |_| {})
+    }
+
+    /// The same, changed by `change` before it is given.
+    pub fn command_with(
+        &mut self,
+        origin: Origin,
+        index: u16,
+        order: Order,
+        change: impl FnOnce(&mut CommandRequest),
+    ) -> Ticket {
+        self.last_ticket += 1;
+        let ticket = Ticket(self.last_ticket);
+        let mut command = CommandRequest {
+            asker: AskerId::MQTT,
+            ticket,
+            drive: DriveIndex(index),
+            origin,
+            order,
+            start_before: self.now + Duration::from_secs(1),
+            issued: None,
+            epoch: None,
+        };
+        change(&mut command);
+        self.core.handle(self.now, Input::Command(command));
+        self.settle();
+        ticket
+    }
+
+    /// What was told about a command so far: outcome, reason, and whether it was the last word.
+    pub fn told(&self, ticket: Ticket) -> Vec<(Outcome, Reason, bool)> {
+        let of_ticket = self.reports.iter().filter(|(_, answer)| answer.ticket == ticket);
+        of_ticket.map(|(_, answer)| (answer.report.outcome, answer.report.reason, answer.is_final)).collect()
+    }
+
+    /// Lets time pass until a command has its last word, at most 20 s, and returns that.
+    pub fn outcome_of(&mut self, ticket: Ticket) -> (Outcome, Reason) {
+        let limit = self.now + Duration::from_secs(20);
+        loop {
+            if let Some((outcome, reason, true)) = self.told(ticket).last() {
+                return (*outcome, *reason);
+            }
+            assert!(self.step(limit), "no outcome of {ticket:?} within 20 s: {:?}", self.told(ticket));
+        }
+    }
+
+    /// Commands and waits for the last word.
+    pub fn commanded(&mut self, origin: Origin, order: Order) -> (Outcome, Reason) {
+        let ticket = self.command(origin, 0, order);
+        self.outcome_of(ticket)
+    }
+
+    /// Lets `time` pass while the MQTT side gives a sign of life every second.
+    pub fn live(&mut self, time: Duration) {
+        let end = self.now + time;
+        while self.now < end {
+            self.core.handle(self.now, Input::PathAlive(Owner::Mqtt));
+            self.run_until(end.min(self.now + Duration::from_secs(1)), |_, _| {});
+        }
+    }
+
+    /// Lets `time` pass.
+    pub fn pass(&mut self, time: Duration) {
+        self.run_until(self.now + time, |_, _| {});
+    }
+
+    /// The drive's true output frequency in hundredths of a hertz, negative in reverse.
+    pub fn output(&mut self, station: u8) -> i64 {
+        self.bus.drive_mut(Station(station)).map_or(0, |drive| drive.output(self.now) / 10_000)
+    }
+
+    /// The present picture of the drive at `index`.
+    pub fn view(&self, index: u16) -> DriveView {
+        self.core.view(DriveIndex(index)).expect("there is such a drive")
+    }
+
+    /// The values that were written to `address`, oldest first.
+    pub fn written(&self, address: u16) -> Vec<u16> {
+        let place = address.to_be_bytes();
+        let writes = self.sent.iter().filter(|sent| sent.frame[1] == 6 && sent.frame[2..4] == place);
+        writes.map(|sent| u16::from_be_bytes([sent.frame[4], sent.frame[5]])).collect()
     }
 
     /// Lets time pass until `until`; `on_answer` is told each answer and may ask anew.
@@ -200,7 +358,10 @@ impl Rig {
                     self.answers.push((self.now, answer));
                 }
                 Effect::Traffic(record) => self.traffic.push(record),
-                Effect::Presence(..) | Effect::Command(_) | Effect::Trip(..) | Effect::Note(..) => {}
+                Effect::Command(answer) => self.reports.push((self.now, answer)),
+                Effect::Trip(_, event) => self.trips.push((self.now, event)),
+                Effect::Note(_, note) => self.notes.push((self.now, note)),
+                Effect::Presence(..) => {}
             }
         }
     }
@@ -215,7 +376,14 @@ impl Rig {
             self.sent.clear();
         }
         let proof = (self.bus.exchange(Station(frame[0])) + 1) as u16;
-        self.bus.receive(self.now, &frame);
+        if self.loses_reply_to == Some(frame[1]) {
+            self.loses_reply_to = None;
+            self.bus.set_faults("lost=1000".parse().expect("a plan"));
+            self.bus.receive(self.now, &frame);
+            self.bus.set_faults(FaultPlan::NONE);
+        } else {
+            self.bus.receive(self.now, &frame);
+        }
         self.sent.push(Sent { at: self.now, frame, proof });
     }
 }

@@ -1,0 +1,106 @@
+//! A drive is commanded: the review, and what becomes of what waits.
+
+use super::Rank;
+use super::{COMMANDS_MAX, DriveWork, Out};
+use crate::domain::command::{CommandRequest, Order, Outcome, Reason, Report};
+use crate::domain::time::MonoTime;
+use crate::drive::steps::Part;
+use crate::gateway::event::Effect;
+use crate::gateway::list::List;
+use crate::gateway::note::Note;
+use crate::gateway::stop::StopLatch;
+use crate::gateway::waiter::Waiter;
+use crate::guard::{Facts, Lost, Verdict};
+
+impl DriveWork {
+    /// Somebody commands.
+    pub fn command(&mut self, now: MonoTime, command: &CommandRequest, mut waiter: Waiter, facts: Facts, out: Out<'_>) {
+        self.has_changed = true;
+        let is_attempt = command.order != Order::Renew;
+        let is_full = self.waiting.len() >= COMMANDS_MAX && matches!(command.order, Order::Go(_) | Order::Reset);
+        let verdict =
+            if is_full { Err(Report::refused(Reason::QueueFull)) } else { self.guard.review(command, &facts, now) };
+        match verdict {
+            Err(report) => {
+                self.count(is_attempt);
+                self.tell(&mut waiter, report, true, out);
+            }
+            Ok(Verdict::Unchanged) => {
+                let report = Report::new(Outcome::Acknowledged, Reason::Unchanged);
+                out.extend(waiter.answer(report, true));
+            }
+            Ok(Verdict::JoinsStop) => self.join_stop(waiter, out),
+            Ok(Verdict::Stop(order)) => {
+                self.count(true);
+                self.cut(out);
+                self.is_stopping = true;
+                match &mut self.latch {
+                    Some(latch) => latch.renew(order, Some(waiter), now),
+                    None => self.latch = Some(StopLatch::new(order, Some(waiter), now)),
+                }
+            }
+            Ok(Verdict::Go(approved)) => {
+                self.count(true);
+                self.push(List::new(approved, waiter), out);
+            }
+        }
+    }
+
+    /// The gateway ends: the declared action.
+    pub fn shut_down(&mut self, now: MonoTime, out: Out<'_>) {
+        if let Some(lost) = self.guard.shut_down(now) {
+            out.push_back(Effect::Note(self.drive, Note::ShuttingDown(lost.action)));
+            self.fail_safe(lost, now, out);
+        }
+    }
+
+    pub(super) fn push(&mut self, list: List, out: Out<'_>) {
+        while let Some(at) = self.waiting.iter().position(|old| old.is_replaced_by(&list)) {
+            if let Some(mut old) = self.waiting.remove(at) {
+                self.tell(old.waiter(), Report::new(Outcome::Superseded, Reason::Newer), true, out);
+            }
+        }
+        self.waiting.push_back(list);
+    }
+
+    pub(super) fn join_stop(&mut self, mut waiter: Waiter, out: Out<'_>) {
+        if let Some(latch) = &mut self.latch {
+            out.extend(latch.join(&mut waiter));
+        }
+    }
+
+    /// A stop cancels everything else that was ordered.
+    pub(super) fn cut(&mut self, out: Out<'_>) {
+        if matches!(self.flight, Some(Rank::Step | Rank::Start)) {
+            self.flight = None;
+        }
+        for mut list in self.current.take().into_iter().chain(std::mem::take(&mut self.waiting)) {
+            self.tell(list.waiter(), Report::new(Outcome::Superseded, Reason::Stopped), true, out);
+        }
+    }
+
+    pub(super) fn fail_safe(&mut self, lost: Lost, now: MonoTime, out: Out<'_>) {
+        self.has_changed = true;
+        let Some(order) = lost.order else { return };
+        self.cut(out);
+        self.is_stopping = true;
+        match &mut self.latch {
+            Some(latch) => latch.renew(order, None, now),
+            None => self.latch = Some(StopLatch::new(order, None, now)),
+        }
+    }
+
+    /// The list is over: what it ordered and did not reach is no intent any more.
+    pub(super) fn finish(&mut self, list: &mut List, report: Report, out: Out<'_>) {
+        if matches!(report.outcome, Outcome::Refused | Outcome::Expired | Outcome::Failed | Outcome::Superseded) {
+            let runs = |part| matches!(part, Part::Run(_));
+            let is_ordered_anew = self.waiting.iter().any(|newer| newer.parts_left().any(runs));
+            for part in list.parts_left() {
+                if let (Part::Run(direction), false) = (part, is_ordered_anew) {
+                    self.guard.run_failed(direction);
+                }
+            }
+        }
+        self.tell(list.waiter(), report, true, out);
+    }
+}

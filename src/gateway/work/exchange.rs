@@ -1,0 +1,169 @@
+//! What a drive wants from the wire, and what follows from the end of an exchange of its own.
+
+use super::{DriveWork, Out, Rank, Want};
+use crate::domain::command::{Outcome, Reason, Report};
+use crate::domain::time::MonoTime;
+use crate::drive::steps::Part;
+use crate::gateway::event::Effect;
+use crate::gateway::list::Next;
+use crate::gateway::note::Note;
+use crate::line::transaction::Ending;
+use crate::wire::pdu::{Reply, Request};
+
+impl DriveWork {
+    /// What it wants from the wire.
+    pub fn wants(&self) -> impl Iterator<Item = Want> + '_ {
+        let stop = self.latch.as_ref().map(|latch| {
+            let (at, request) = latch.frame();
+            let rank = if latch.is_first() { Rank::FirstStop } else { Rank::RepeatedStop };
+            Want { rank, at, request }
+        });
+        let list = self.current.as_ref().or(self.waiting.front()).and_then(|list| {
+            let rank = if list.is_new() { Rank::Start } else { Rank::Step };
+            Some(Want { rank, at: MonoTime::ZERO, request: list.request()? })
+        });
+        let look = self.latch.as_ref().zip(self.output_register).and_then(|(latch, (address, _))| {
+            let request = Request::ReadHolding { address, count: 1 };
+            (latch.look_at() < MonoTime::NEVER).then(|| Want { rank: Rank::Look, at: latch.look_at(), request })
+        });
+        let trip = self.trips.wants().map(|(address, count)| Want {
+            rank: Rank::Trip,
+            at: MonoTime::ZERO,
+            request: Request::ReadHolding { address, count },
+        });
+        [stop, list, look, trip].into_iter().flatten()
+    }
+
+    /// The wish of `rank` goes out at `now`, unless its time is over: then it is answered and nothing goes out.
+    pub fn send(&mut self, rank: Rank, now: MonoTime, out: Out<'_>) -> bool {
+        match rank {
+            Rank::FirstStop | Rank::RepeatedStop => {
+                if let Some(latch) = &mut self.latch {
+                    latch.was_sent(now);
+                }
+            }
+            Rank::Step | Rank::Start => {
+                if self.current.is_none() {
+                    self.current = self.waiting.pop_front();
+                }
+                let Some(list) = &mut self.current else { return false };
+                if let Err(void) = list.may_go(now, self.guard.stops()) {
+                    self.void(void, out);
+                    return false;
+                }
+                list.was_sent();
+            }
+            Rank::Look | Rank::Trip => {}
+        }
+        self.flight = Some(rank);
+        self.has_changed = true;
+        true
+    }
+
+    /// The exchange that was sent for the wish of `rank` is over. `doubt`: a late reply could have been taken for its
+    /// answer.
+    pub fn ended(&mut self, rank: Rank, ending: &Ending, doubt: bool, now: MonoTime, out: Out<'_>) {
+        let is_wanted = self.flight.take().is_some();
+        self.has_changed = true;
+        match rank {
+            Rank::FirstStop | Rank::RepeatedStop => self.stop_ended(ending, doubt, now, out),
+            Rank::Step | Rank::Start if is_wanted => self.step_ended(ending, out),
+            Rank::Step | Rank::Start => {}
+            Rank::Look => {
+                if let (Some(latch), false) = (&mut self.latch, matches!(ending, Ending::Reply(_))) {
+                    latch.look_failed(now);
+                }
+            }
+            Rank::Trip => {
+                if !matches!(ending, Ending::Reply(_)) {
+                    self.trips.read_failed();
+                }
+            }
+        }
+    }
+
+    /// The line is down: what waits is not sent, what is on the wire is in doubt. A stop goes on waiting.
+    pub fn line_down(&mut self, now: MonoTime, out: Out<'_>) {
+        self.out_of_sight();
+        self.flight = None;
+        if let Some(latch) = &mut self.latch {
+            latch.unanswered(now);
+        }
+        for mut list in self.current.take().into_iter().chain(std::mem::take(&mut self.waiting)) {
+            let report = if list.has_begun() {
+                Report::new(Outcome::Unknown, Reason::NoReply)
+            } else {
+                Report::refused(Reason::LineDown)
+            };
+            self.finish(&mut list, report, out);
+        }
+    }
+
+    pub(super) fn stop_ended(&mut self, ending: &Ending, doubt: bool, now: MonoTime, out: Out<'_>) {
+        let Some(latch) = &mut self.latch else { return };
+        let Request::WriteSingle { value, .. } = latch.frame().1 else { return };
+        let failed = Report::new(Outcome::Failed, Reason::KeptOldValue);
+        let (report, is_final) = match ending {
+            Ending::Reply(Reply::Holds { value: held }) if *held != value => {
+                latch.refused(now);
+                (Some(Report { held: Some(*held), ..failed }), true)
+            }
+            Ending::Reply(_) => (latch.echoed(now, doubt), false),
+            Ending::Exception(code) => {
+                latch.refused(now);
+                (Some(Report { exception: Some(*code), reason: Reason::DriveException, ..failed }), true)
+            }
+            Ending::Garbled | Ending::Silent => {
+                latch.unanswered(now);
+                (None, false)
+            }
+        };
+        let Some(report) = report else { return };
+        let waiters = std::mem::take(latch.waiters());
+        for mut waiter in waiters {
+            self.tell(&mut waiter, report, is_final, out);
+            let goes_on = !is_final && !waiter.is_done();
+            if let (true, Some(latch)) = (goes_on, &mut self.latch) {
+                latch.waiters().push(waiter);
+            }
+        }
+        self.last = Some(report);
+    }
+
+    pub(super) fn step_ended(&mut self, ending: &Ending, out: Out<'_>) {
+        let Some(mut list) = self.current.take() else { return };
+        let written = list.present_write().copied();
+        let next = match ending {
+            Ending::Reply(reply) => list.answered(reply),
+            Ending::Exception(code) => list.excepted(*code),
+            Ending::Garbled | Ending::Silent => list.unanswered(),
+        };
+        let refused = matches!(next, Next::Ends(Report { outcome: Outcome::Failed, .. }));
+        if let (Some(write), Ending::Reply(_), false) = (written, ending, refused) {
+            self.part_taken(write.part);
+        }
+        match next {
+            Next::Goes(report) => {
+                if let Some(report) = report {
+                    self.tell(list.waiter(), report, false, out);
+                }
+                self.current = Some(list);
+            }
+            Next::Ends(report) => {
+                if report.reason == Reason::SetpointUnknown {
+                    out.push_back(Effect::Note(self.drive, Note::SetpointOutside));
+                }
+                self.finish(&mut list, report, out);
+            }
+        }
+    }
+
+    pub(super) fn part_taken(&mut self, part: Part) {
+        match part {
+            Part::Setpoint(value) => self.guard.setpoint_was_acknowledged(value),
+            Part::Run(direction) => self.guard.run_was_acknowledged(direction),
+            Part::Reset { ends: true } => self.trips.reset_acknowledged(),
+            Part::Register | Part::Reset { ends: false } => {}
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! One drive's own work beside polls and native reads: its stop, its commands, its trips; and the picture of it.
+
+mod command;
+mod exchange;
+mod pass;
+mod seen;
+
+use super::event::Effect;
+use super::list::List;
+use super::stop::StopLatch;
+use super::waiter::Waiter;
+use crate::domain::command::{Owner, Report};
+use crate::domain::control::ControlSettings;
+use crate::domain::frequency::Hertz;
+use crate::domain::ids::DriveIndex;
+use crate::domain::time::MonoTime;
+use crate::drive::run_state::OutputWatch;
+use crate::drive::trips::TripWatch;
+use crate::drive::view::{ControlView, RunState};
+use crate::guard::{DriveGuard, Facts};
+use crate::profile::model::{Model, Role};
+use crate::wire::pdu::Request;
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// Most commands of one drive that wait behind the one that is being carried out.
+pub const COMMANDS_MAX: usize = 8;
+
+/// What a drive wants from the wire, in the order in which wishes are granted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Rank {
+    /// A stop that was never sent.
+    FirstStop,
+    /// A stop without effect so far.
+    RepeatedStop,
+    /// The next step of a command that has begun, read back included.
+    Step,
+    /// A look at whether a stop takes effect.
+    Look,
+    /// A trip record.
+    Trip,
+    /// The first step of a command.
+    Start,
+}
+
+/// One wish.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Want {
+    /// How urgent it is.
+    pub rank: Rank,
+    /// Not before this moment.
+    pub at: MonoTime,
+    /// What should go out.
+    pub request: Request,
+}
+
+/// A drive's own work.
+#[derive(Debug)]
+pub struct DriveWork {
+    drive: DriveIndex,
+    guard: DriveGuard,
+    latch: Option<StopLatch>,
+    current: Option<List>,
+    waiting: VecDeque<List>,
+    /// What is on the wire for it, and whether its end still matters.
+    flight: Option<Rank>,
+    trips: TripWatch,
+    output: OutputWatch,
+    output_register: Option<(u16, u32)>,
+    /// The last order given here was a stop, and the motor has not been seen at standstill since.
+    is_stopping: bool,
+    last: Option<Report>,
+    commands: u16,
+    has_changed: bool,
+}
+
+type Out<'a> = &'a mut VecDeque<Effect>;
+
+impl DriveWork {
+    /// The work of a drive that was just found.
+    #[must_use]
+    pub fn new(drive: DriveIndex, model: &Arc<Model>, control: Option<Arc<ControlSettings>>, epoch: u64) -> Self {
+        let output = model.register_for(Role::OutputFrequency);
+        Self {
+            drive,
+            guard: DriveGuard::new(Arc::clone(model), control, epoch),
+            latch: None,
+            current: None,
+            waiting: VecDeque::new(),
+            flight: None,
+            trips: TripWatch::new(model),
+            output: OutputWatch::default(),
+            output_register: output.map(|register| (register.address, register.scale)),
+            is_stopping: false,
+            last: None,
+            commands: 0,
+            has_changed: true,
+        }
+    }
+
+    /// Who holds control, and what is ordered.
+    #[must_use]
+    pub const fn guard(&self) -> &DriveGuard {
+        &self.guard
+    }
+
+    /// What is known of its trips.
+    #[must_use]
+    pub const fn trips(&self) -> &TripWatch {
+        &self.trips
+    }
+
+    /// Whether the picture has changed since this was asked last.
+    pub const fn take_changed(&mut self) -> bool {
+        std::mem::replace(&mut self.has_changed, false)
+    }
+
+    /// The picture has changed.
+    pub const fn mark_changed(&mut self) {
+        self.has_changed = true;
+    }
+
+    /// Whether a stop is not effective yet.
+    #[must_use]
+    pub const fn has_stop(&self) -> bool {
+        self.latch.is_some()
+    }
+
+    /// A sign of life of a commander.
+    pub fn renew(&mut self, owner: Owner, now: MonoTime) {
+        self.guard.renew(owner, now);
+        self.has_changed = true;
+    }
+
+    /// The way from commanders was opened anew.
+    pub fn new_epoch(&mut self) {
+        self.guard.new_epoch();
+        self.has_changed = true;
+    }
+
+    /// The drive has stopped answering, or its line is down.
+    pub fn out_of_sight(&mut self) {
+        self.has_changed = true;
+        self.output.forget();
+        self.trips.lost_sight();
+        self.guard.inhibit();
+    }
+
+    /// Facts for the review.
+    #[must_use]
+    pub fn facts(&self, line_is_up: bool, is_offline: bool) -> Facts {
+        let scale = self.output_register.map_or(1, |(_, scale)| scale);
+        Facts {
+            line_is_up,
+            is_offline,
+            stop_pending: self.latch.is_some(),
+            tripped: self.trips.view().active,
+            at_standstill: self.output.is_at_standstill(),
+            output: self.output.raw().map(|raw| Hertz::from_word(raw, scale)),
+        }
+    }
+
+    /// What the drive does.
+    #[must_use]
+    pub fn run_state(&self, is_offline: bool) -> RunState {
+        if is_offline {
+            RunState::Offline
+        } else if self.trips.view().active == Some(true) {
+            RunState::Tripped
+        } else {
+            self.output.run_state(self.guard.intent(), self.is_stopping)
+        }
+    }
+
+    /// Control, as the north sides are shown it; nothing without a control section.
+    #[must_use]
+    pub fn control_view(&self) -> Option<ControlView> {
+        let guard = &self.guard;
+        guard.control()?;
+        Some(ControlView {
+            lease: guard.lease(),
+            intent: guard.intent(),
+            setpoint: guard.setpoint(),
+            start_inhibited: guard.is_start_inhibited(),
+            command_pending: self.latch.is_some() || self.current.is_some() || !self.waiting.is_empty(),
+            stop_pending: self.latch.is_some(),
+            not_effective: self.latch.as_ref().is_some_and(StopLatch::is_late),
+            failsafe: guard.has_failed_safe(),
+            epoch: guard.epoch(),
+            last: self.last,
+            commands: self.commands,
+        })
+    }
+
+    pub(super) fn tell(&mut self, waiter: &mut Waiter, report: Report, is_final: bool, out: Out<'_>) {
+        self.last = Some(report);
+        self.has_changed = true;
+        out.extend(waiter.answer(report, is_final));
+    }
+
+    pub(super) fn count(&mut self, is_attempt: bool) {
+        self.commands = self.commands.wrapping_add(u16::from(is_attempt));
+    }
+}

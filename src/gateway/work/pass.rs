@@ -1,0 +1,79 @@
+//! What time alone brings about: leases end, stops are late, commands expire.
+
+use super::{DriveWork, Out};
+use crate::domain::command::{Outcome, Reason, Report};
+use crate::domain::time::MonoTime;
+use crate::gateway::event::Effect;
+use crate::gateway::list::List;
+use crate::gateway::note::Note;
+use crate::gateway::stop::Turn;
+use crate::guard::Void;
+
+impl DriveWork {
+    /// What time alone brings about.
+    pub fn pass(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
+        let at_rest = self.output.is_at_standstill() && self.latch.is_none();
+        let had_lease = self.guard.lease().is_some();
+        if let Some(lost) = self.guard.expire(now, at_rest) {
+            if let Some(owner) = lost.owner {
+                out.push_back(Effect::Note(self.drive, Note::CommanderLost { owner, action: lost.action }));
+            }
+            self.fail_safe(lost, now, out);
+        }
+        self.has_changed |= had_lease && self.guard.lease().is_none();
+        self.pass_stop(now, is_offline, out);
+        self.expire_lists(now, out);
+    }
+
+    /// When [`Self::pass`] has something to do.
+    #[must_use]
+    pub fn next_wake(&self) -> Option<MonoTime> {
+        let control = self.guard.control();
+        let stop = self.latch.as_ref().zip(control).map(|(latch, control)| latch.next_wake(control));
+        let current = self.current.as_ref().filter(|list| !list.has_begun() && self.flight.is_none());
+        let lists = current.into_iter().chain(&self.waiting).map(List::start_before).min();
+        [self.guard.next_wake(), stop, lists].into_iter().flatten().min()
+    }
+
+    pub(super) fn pass_stop(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
+        let (Some(latch), Some(control)) = (&mut self.latch, self.guard.control()) else { return };
+        let turn = latch.pass(now, is_offline, control);
+        let note = match turn {
+            Turn::None => return,
+            Turn::NotEffective => Note::NotEffective,
+            Turn::Dropped => Note::StopDropped,
+        };
+        self.has_changed = true;
+        out.push_back(Effect::Note(self.drive, note));
+        let report = latch.late_report();
+        let waiters = std::mem::take(latch.waiters());
+        if turn == Turn::Dropped {
+            self.latch = None;
+        }
+        for mut waiter in waiters {
+            self.tell(&mut waiter, report, true, out);
+        }
+    }
+
+    pub(super) fn expire_lists(&mut self, now: MonoTime, out: Out<'_>) {
+        if self.flight.is_none()
+            && self.current.as_ref().is_some_and(|list| !list.has_begun() && now >= list.start_before())
+        {
+            self.void(Void::TooLate, out);
+        }
+        while let Some(at) = self.waiting.iter().position(|list| now >= list.start_before()) {
+            if let Some(mut list) = self.waiting.remove(at) {
+                self.finish(&mut list, Report::new(Outcome::Expired, Reason::TooLate), out);
+            }
+        }
+    }
+
+    pub(super) fn void(&mut self, void: Void, out: Out<'_>) {
+        let Some(mut list) = self.current.take() else { return };
+        let report = match void {
+            Void::Stopped => Report::new(Outcome::Superseded, Reason::Stopped),
+            Void::TooLate => Report::new(Outcome::Expired, Reason::TooLate),
+        };
+        self.finish(&mut list, report, out);
+    }
+}

@@ -1,0 +1,62 @@
+//! What the drive shows: output frequency and trips.
+
+use super::{DriveWork, Out};
+use crate::domain::command::{Outcome, Reason, Report, RunIntent};
+use crate::domain::time::MonoTime;
+use crate::drive::view::TripEvent;
+use crate::gateway::event::Effect;
+use crate::gateway::note::Note;
+
+impl DriveWork {
+    /// Words came from `address` on, for whatever reason they were read.
+    pub fn take_words(&mut self, address: u16, words: &[u16], now: MonoTime, out: Out<'_>) {
+        self.has_changed = true;
+        let output = self.output_register.and_then(|(register, _)| {
+            let offset = register.checked_sub(address)?;
+            words.get(usize::from(offset)).copied()
+        });
+        if let Some(raw) = output {
+            self.take_output(raw, now, out);
+        }
+        let event = self.trips.take(address, words, now);
+        self.trip(event, out);
+    }
+
+    pub(super) fn take_output(&mut self, raw: u16, now: MonoTime, out: Out<'_>) {
+        self.output.take(raw, now);
+        if self.latch.as_mut().is_some_and(|latch| latch.takes_effect(raw, now)) {
+            self.effective(out);
+        }
+        if self.output.is_active() {
+            let event = self.trips.output_is_active(now);
+            self.trip(event, out);
+        }
+        if self.output.is_at_standstill() && self.latch.is_none() {
+            self.is_stopping = false;
+            self.guard.at_standstill();
+        }
+    }
+
+    pub(super) fn effective(&mut self, out: Out<'_>) {
+        let Some(mut latch) = self.latch.take() else { return };
+        if latch.is_late() {
+            out.push_back(Effect::Note(self.drive, Note::EffectiveAtLast));
+        }
+        for mut waiter in std::mem::take(latch.waiters()) {
+            self.tell(&mut waiter, Report::new(Outcome::Confirmed, Reason::None), true, out);
+        }
+    }
+
+    pub(super) fn trip(&mut self, event: Option<TripEvent>, out: Out<'_>) {
+        if self.trips.view().active == Some(true) && self.guard.intent() != RunIntent::Stop {
+            // A trip ends what was ordered: after a reset a fresh order is needed.
+            self.guard.inhibit();
+        }
+        if let Some(event) = event {
+            if self.trips.view().active == Some(true) {
+                self.guard.inhibit();
+            }
+            out.push_back(Effect::Trip(self.drive, event));
+        }
+    }
+}

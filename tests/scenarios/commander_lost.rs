@@ -1,0 +1,137 @@
+//! A commander that falls silent loses control, and the declared action runs.
+
+use crate::support::{MQTT, Rig, RigOptions, STOP, control, plc, run, setpoint};
+use std::time::Duration;
+use vfd_gateway::domain::command::{Direction, Order, Outcome, Owner, Reason, RunIntent};
+use vfd_gateway::domain::control::FailSafe;
+use vfd_gateway::domain::ids::Station;
+use vfd_gateway::gateway::{Input, Note};
+
+const RUN: u16 = 0x0002;
+/// What an exchange and the silence before the next take at most here, time-outs aside.
+const BOUND: Duration = Duration::from_millis(30);
+
+fn running(action: FailSafe, on_shutdown: FailSafe) -> Rig {
+    let settings =
+        vfd_gateway::domain::control::ControlSettings { on_commander_lost: action, on_shutdown, ..control() };
+    let mut rig = Rig::new(&RigOptions { control: Some(settings), ..RigOptions::controlled() });
+    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0, Outcome::Acknowledged);
+    rig
+}
+
+#[test]
+fn the_declared_action_starts_when_the_lease_ends() {
+    for (action, value) in [(FailSafe::Stop, Some(0)), (FailSafe::Coast, Some(3)), (FailSafe::Hold, None)] {
+        let mut rig = running(action, FailSafe::Hold);
+        let (_, until) = rig.view(0).control.unwrap().lease.unwrap();
+        rig.run_until(until + BOUND, |_, _| {});
+        let frames: Vec<_> = rig.sent.iter().filter(|sent| sent.frame[1] == 6 && sent.frame[3] == 2).collect();
+        assert_eq!(rig.written(RUN), [Some(1), value].into_iter().flatten().collect::<Vec<_>>());
+        if value.is_some() {
+            let at = frames.last().unwrap().at;
+            assert!(at >= until && at.since(until) <= BOUND, "{action:?}: {:?}", at.since(until));
+        }
+        let lost = Note::CommanderLost { owner: Owner::Mqtt, action };
+        assert!(rig.notes.iter().any(|(_, note)| *note == lost), "{:?}", rig.notes);
+        let control = rig.view(0).control.unwrap();
+        assert_eq!((control.lease, control.start_inhibited, control.failsafe), (None, true, true));
+        rig.pass(Duration::from_secs(60));
+        assert_eq!(rig.output(1), if action == FailSafe::Hold { 3000 } else { 0 });
+    }
+}
+
+#[test]
+fn signs_of_life_keep_the_lease_and_only_those_of_the_owner() {
+    let mut rig = running(FailSafe::Stop, FailSafe::Stop);
+    for _ in 0..10 {
+        rig.pass(Duration::from_secs(1));
+        rig.core.handle(rig.now, Input::PathAlive(Owner::Mqtt));
+    }
+    assert_eq!(rig.written(RUN), [1]);
+    for _ in 0..5 {
+        rig.pass(Duration::from_secs(1));
+        rig.core.handle(rig.now, Input::PathAlive(plc(1).owner));
+        rig.command(plc(1), 0, Order::Renew);
+        rig.read(3, 0, 0x0101, 1);
+    }
+    assert_eq!(rig.written(RUN), [1, 0]);
+}
+
+#[test]
+fn a_drive_that_was_lost_starts_only_on_a_fresh_order() {
+    let mut rig = Rig::new(&RigOptions::controlled());
+    rig.commanded(plc(1), STOP);
+    rig.commanded(plc(1), run(Direction::Forward, Some(3000)));
+    rig.pass(Duration::from_secs(60));
+    // The controller comes back and goes on writing what it wrote before.
+    for _ in 0..3 {
+        assert_eq!(
+            rig.commanded(plc(1), run(Direction::Forward, Some(3000))),
+            (Outcome::Refused, Reason::StartInhibited)
+        );
+    }
+    assert_eq!(rig.commanded(plc(1), STOP).0, Outcome::Confirmed);
+    assert_eq!(rig.commanded(plc(1), run(Direction::Forward, Some(3000))).0, Outcome::Acknowledged);
+}
+
+#[test]
+fn who_has_stopped_the_drive_has_nothing_to_lose() {
+    let mut rig = running(FailSafe::Coast, FailSafe::Stop);
+    rig.pass(Duration::from_secs(1));
+    rig.commanded(MQTT, STOP);
+    rig.core.handle(rig.now, Input::PathAlive(Owner::Mqtt));
+    rig.pass(Duration::from_secs(60));
+    // The ramp may take longer than the lease: then the declared action runs, and nothing after it.
+    assert!(!rig.notes.iter().any(|(_, note)| matches!(note, Note::NotEffective)), "{:?}", rig.notes);
+    assert_eq!((rig.output(1), rig.view(0).control.unwrap().lease), (0, None));
+    assert_eq!(rig.commanded(plc(1), setpoint(1000)).0, Outcome::Confirmed, "control is free");
+}
+
+#[test]
+fn a_drive_out_of_sight_is_stopped_as_soon_as_it_is_back() {
+    let mut rig = running(FailSafe::Stop, FailSafe::Stop);
+    rig.bus.set_faults("lost=1000".parse().unwrap());
+    rig.pass(Duration::from_secs(10));
+    assert!(rig.view(0).control.unwrap().stop_pending);
+    rig.bus.set_faults(vfd_gateway::sim::FaultPlan::NONE);
+    rig.pass(Duration::from_secs(40));
+    assert_eq!((rig.output(1), rig.view(0).control.unwrap().stop_pending), (0, false));
+}
+
+#[test]
+fn the_end_of_the_gateway_is_an_action_of_its_own() {
+    for (action, written) in [(FailSafe::Stop, vec![1, 0]), (FailSafe::Coast, vec![1, 3]), (FailSafe::Hold, vec![1])] {
+        let mut rig = running(FailSafe::Stop, action);
+        rig.pass(Duration::from_secs(1));
+        rig.core.handle(rig.now, Input::Shutdown);
+        rig.settle();
+        assert_eq!(rig.core.is_at_rest(), action == FailSafe::Hold);
+        assert_eq!(rig.commanded(MQTT, setpoint(1000)), (Outcome::Refused, Reason::ShuttingDown));
+        let limit = rig.now + Duration::from_secs(2);
+        while !rig.core.is_at_rest() && rig.now < limit {
+            rig.step(limit);
+        }
+        assert!(rig.core.is_at_rest());
+        assert_eq!(rig.written(RUN), written);
+    }
+}
+
+#[test]
+fn the_gateway_never_invents_motion() {
+    // A drive that somebody else runs is found so and left alone, at start, after silence and after a lost port.
+    let mut rig = Rig::new(&RigOptions::controlled());
+    let now = rig.now;
+    let drive = rig.bus.drive_mut(Station(1)).unwrap();
+    for pdu in [[6, 0, 4, 0x0B, 0xB8], [6, 0, 2, 0, 1]] {
+        drive.obey(now, &pdu);
+    }
+    rig.pass(Duration::from_secs(20));
+    rig.core.handle(rig.now, Input::PortDown(vfd_gateway::domain::report::PortFault::Gone));
+    rig.pass(Duration::from_secs(5));
+    rig.core.handle(rig.now, Input::PortUp);
+    rig.pass(Duration::from_secs(20));
+    assert!(rig.sent.iter().all(|sent| sent.frame[1] != 6), "nothing was written");
+    assert_eq!(rig.output(1), 3000);
+    assert_eq!(rig.view(0).run_state, vfd_gateway::drive::view::RunState::Running);
+    assert_eq!(rig.view(0).control.unwrap().intent, RunIntent::Stop);
+}

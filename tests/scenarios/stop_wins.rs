@@ -1,0 +1,147 @@
+//! STOP overtakes everything, waits for at most the exchange on the wire, and holds until it is effective.
+
+use crate::support::{MQTT, PROOF, Rig, RigOptions, STOP, plc, run, setpoint};
+use std::time::Duration;
+use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason};
+use vfd_gateway::domain::ids::Station;
+use vfd_gateway::domain::native::NativeAsk;
+use vfd_gateway::gateway::Note;
+use vfd_gateway::sim::FaultPlan;
+
+const RUN: u16 = 0x0002;
+const STOP_FRAME: [u8; 6] = [1, 6, 0, 2, 0, 0];
+
+fn running() -> Rig {
+    let mut rig = Rig::new(&RigOptions::controlled());
+    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0, Outcome::Acknowledged);
+    rig.pass(Duration::from_secs(2));
+    rig.sent.clear();
+    rig
+}
+
+#[test]
+fn a_stop_waits_for_the_exchange_on_the_wire_and_for_nothing_else() {
+    for lead_ms in 0..40 {
+        let mut rig = running();
+        for n in 0..1000 {
+            rig.ask(n % 60, 0, NativeAsk::Read { address: PROOF + (n % 200) as u16, count: 1 });
+        }
+        rig.run_until(rig.now + Duration::from_millis(lead_ms), |_, _| {});
+        let before = rig.sent.len();
+        let stopped_at = rig.now;
+        let ticket = rig.command(plc(1), 0, STOP);
+        while rig.written(RUN).is_empty() {
+            rig.step(rig.now + Duration::from_secs(1));
+        }
+        let overtook = rig.sent[before..].iter().position(|sent| sent.frame[..6] == STOP_FRAME);
+        assert_eq!(overtook, Some(0), "the next frame after the exchange in flight is the stop, {lead_ms} ms");
+        // At most a request, the turnaround, a reply and the silence: 8 + 7 characters, 2 ms, 4.5 characters.
+        let waited = rig.sent[before].at.since(stopped_at);
+        assert!(waited <= Duration::from_micros(15 * 1042 + 2000 + 4688 + 1), "{waited:?}");
+        assert_eq!(rig.outcome_of(ticket), (Outcome::Confirmed, Reason::None));
+    }
+}
+
+#[test]
+fn a_stop_cancels_what_was_ordered_and_nothing_moves_until_it_is_effective() {
+    let mut rig = running();
+    let queued = rig.command(MQTT, 0, setpoint(4000));
+    let stop = rig.command(plc(1), 0, STOP);
+    let refused = rig.command(MQTT, 0, run(Direction::Forward, Some(4500)));
+    assert_eq!(rig.outcome_of(queued), (Outcome::Superseded, Reason::Stopped));
+    assert_eq!(rig.outcome_of(refused), (Outcome::Refused, Reason::StopPending));
+    assert_eq!(rig.outcome_of(stop), (Outcome::Confirmed, Reason::None));
+    rig.pass(Duration::from_secs(40));
+    assert_eq!(rig.output(1), 0);
+    let writes: Vec<_> =
+        rig.sent.iter().filter(|sent| sent.frame[1] == 6).map(|sent| sent.frame[..6].to_vec()).collect();
+    let stop_at = writes.iter().position(|frame| *frame == STOP_FRAME).unwrap();
+    assert_eq!(writes.len(), stop_at + 1, "{writes:02X?}");
+}
+
+#[test]
+fn a_stop_is_told_at_the_echo_and_again_when_it_is_effective() {
+    let mut rig = running();
+    let ticket = rig.command(MQTT, 0, STOP);
+    rig.outcome_of(ticket);
+    let told = rig.told(ticket);
+    assert_eq!(told, [(Outcome::Acknowledged, Reason::None, false), (Outcome::Confirmed, Reason::None, true)]);
+}
+
+#[test]
+fn a_stop_without_a_reply_is_repeated_until_it_is_effective() {
+    let mut rig = running();
+    rig.bus.set_faults("lost=1000".parse().unwrap());
+    let ticket = rig.command(MQTT, 0, STOP);
+    rig.pass(Duration::from_secs(1));
+    assert!(rig.written(RUN).len() >= 2 && rig.written(RUN).iter().all(|value| *value == 0));
+    assert_eq!(rig.told(ticket), []);
+    rig.bus.set_faults(FaultPlan::NONE);
+    rig.pass(Duration::from_secs(10));
+    assert_eq!(rig.told(ticket).last().unwrap().0, Outcome::Confirmed);
+    assert!(!rig.view(0).control.unwrap().stop_pending);
+}
+
+#[test]
+fn a_stop_that_the_drive_refuses_is_told_repeated_and_an_alarm() {
+    let mut rig = running();
+    let now = rig.now;
+    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0212, 2);
+    let ticket = rig.command(MQTT, 0, STOP);
+    assert_eq!(rig.outcome_of(ticket), (Outcome::Failed, Reason::KeptOldValue));
+    rig.pass(Duration::from_secs(4));
+    assert!(rig.notes.iter().any(|(_, note)| *note == Note::NotEffective));
+    assert!(rig.view(0).control.unwrap().not_effective);
+    assert!(rig.written(RUN).len() >= 3, "it goes on being repeated");
+    let now = rig.now;
+    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0212, 3);
+    rig.pass(Duration::from_secs(6));
+    assert!(rig.notes.iter().any(|(_, note)| *note == Note::EffectiveAtLast));
+    rig.pass(Duration::from_secs(40));
+    assert_eq!(rig.output(1), 0);
+}
+
+#[test]
+fn a_late_echo_is_no_proof_of_a_stop() {
+    let mut rig = running();
+    // The echo of the first stop comes after its time-out: the second one's could be it.
+    rig.bus.set_faults("late=1000".parse().unwrap());
+    let ticket = rig.command(MQTT, 0, STOP);
+    rig.pass(Duration::from_millis(300));
+    rig.bus.set_faults(FaultPlan::NONE);
+    assert_eq!(rig.outcome_of(ticket), (Outcome::Confirmed, Reason::None));
+    rig.pass(Duration::from_secs(40));
+    assert_eq!(rig.output(1), 0);
+}
+
+#[test]
+fn a_stop_waits_for_a_drive_that_is_away() {
+    let mut rig = running();
+    let now = rig.now;
+    rig.bus.set_powered(now, Station(1), false);
+    rig.pass(Duration::from_secs(3));
+    let ticket = rig.command(MQTT, 0, STOP);
+    assert_eq!(rig.outcome_of(ticket), (Outcome::Unknown, Reason::NoReply));
+    let now = rig.now;
+    rig.bus.set_powered(now, Station(1), true);
+    rig.pass(Duration::from_secs(40));
+    assert!(!rig.view(0).control.unwrap().stop_pending);
+    assert_eq!(rig.output(1), 0);
+}
+
+#[test]
+fn many_who_stop_are_all_told() {
+    let mut rig = running();
+    let tickets: Vec<_> = (1..=40).map(|n| rig.command(plc(n), 0, STOP)).collect();
+    for ticket in tickets {
+        assert_eq!(rig.outcome_of(ticket).0, Outcome::Confirmed);
+    }
+}
+
+#[test]
+fn coast_cuts_the_output_off() {
+    let mut rig = running();
+    let ticket = rig.command(MQTT, 0, Order::Coast);
+    assert_eq!(rig.outcome_of(ticket).0, Outcome::Confirmed);
+    assert_eq!((rig.output(1), rig.written(RUN)), (0, vec![3]));
+}

@@ -1,0 +1,102 @@
+//! Trips are seen, read with their record, told once, and end every order to run.
+
+use crate::support::{MQTT, Rig, RigOptions, plc, run};
+use std::time::Duration;
+use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason, RunIntent};
+use vfd_gateway::domain::ids::Station;
+use vfd_gateway::drive::view::{RunState, TripEventKind};
+
+const RUN: u16 = 0x0002;
+
+fn tripped(rig: &mut Rig, cause: u16) {
+    let now = rig.now;
+    rig.bus.drive_mut(Station(1)).unwrap().trip(now, cause);
+    rig.pass(Duration::from_millis(1300));
+}
+
+fn running() -> Rig {
+    let mut rig = Rig::new(&RigOptions::controlled());
+    rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
+    rig.pass(Duration::from_secs(2));
+    rig
+}
+
+#[test]
+fn a_trip_is_told_once_with_what_was_measured() {
+    let mut rig = running();
+    let at_trip = rig.output(1);
+    tripped(&mut rig, 7);
+    rig.pass(Duration::from_secs(5));
+    let [(_, event)] = rig.trips.as_slice() else { panic!("{:?}", rig.trips) };
+    let TripEventKind::Tripped { trips: 1, record } = &event.kind else { panic!("{event:?}") };
+    assert_eq!((record.code, event.count), (Some(7), Some(1)));
+    assert_eq!(record.words[1], (0x0114, at_trip as u16), "the frequency at the trip");
+    let view = rig.view(0);
+    assert_eq!((view.run_state, view.trip.active, view.trip.seen), (RunState::Tripped, Some(true), 1));
+}
+
+#[test]
+fn after_a_trip_a_reset_and_a_fresh_order_are_needed() {
+    let mut rig = running();
+    tripped(&mut rig, 7);
+    let control = rig.view(0).control.unwrap();
+    assert_eq!((control.intent, control.start_inhibited), (RunIntent::Stop, true));
+    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, None)), (Outcome::Refused, Reason::Tripped));
+    rig.sent.clear();
+    assert_eq!(rig.commanded(MQTT, Order::Reset), (Outcome::Confirmed, Reason::None));
+    assert_eq!(rig.written(RUN), [0, 4, 0], "a reset is framed by stops and carries no run order");
+    rig.pass(Duration::from_secs(3));
+    assert_eq!(rig.trips.last().unwrap().1.kind, TripEventKind::Cleared);
+    assert_eq!((rig.output(1), rig.view(0).trip.active), (0, Some(false)));
+    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, None)).0, Outcome::Acknowledged);
+    rig.pass(Duration::from_secs(1));
+    assert!(rig.output(1) > 0);
+}
+
+#[test]
+fn a_controller_that_goes_on_writing_run_does_not_restart_a_reset_drive() {
+    let mut rig = Rig::new(&RigOptions::controlled());
+    rig.commanded(plc(1), Order::Stop { setpoint: None });
+    rig.commanded(plc(1), run(Direction::Forward, Some(3000)));
+    rig.pass(Duration::from_secs(1));
+    tripped(&mut rig, 3);
+    assert_eq!(rig.commanded(plc(1), Order::Reset).0, Outcome::Confirmed);
+    rig.pass(Duration::from_millis(1500));
+    assert_eq!(rig.commanded(plc(1), run(Direction::Forward, None)), (Outcome::Refused, Reason::StartInhibited));
+    rig.pass(Duration::from_secs(2));
+    assert_eq!(rig.output(1), 0);
+}
+
+#[test]
+fn trips_between_two_polls_are_counted() {
+    let mut rig = running();
+    let now = rig.now;
+    for cause in [1, 2, 3] {
+        rig.bus.drive_mut(Station(1)).unwrap().trip(now, cause);
+    }
+    rig.pass(Duration::from_secs(3));
+    let TripEventKind::Tripped { trips, record } = &rig.trips[0].1.kind else { panic!() };
+    assert_eq!((*trips, record.code), (3, Some(3)));
+    assert_eq!(rig.view(0).trip.seen, 3);
+}
+
+#[test]
+fn no_trip_is_lost_on_a_bad_line() {
+    let mut rig = running();
+    rig.bus.set_faults("noise=50,lost=50,late=20,cut=20,flip=50".parse().unwrap());
+    for cause in 1..=50 {
+        tripped(&mut rig, cause);
+        rig.pass(Duration::from_secs(4));
+    }
+    rig.bus.set_faults(vfd_gateway::sim::FaultPlan::NONE);
+    rig.pass(Duration::from_secs(60));
+    let told: u32 = rig
+        .trips
+        .iter()
+        .map(|(_, event)| match event.kind {
+            TripEventKind::Tripped { trips, .. } => u32::from(trips),
+            TripEventKind::Cleared => 0,
+        })
+        .sum();
+    assert_eq!(told, 50);
+}
