@@ -23,6 +23,8 @@ mod frames;
 mod assembler;
 #[path = "properties/connection.rs"]
 mod connection;
+#[path = "properties/control.rs"]
+mod control;
 #[path = "properties/line_core.rs"]
 mod line_core;
 
