@@ -61,6 +61,15 @@ impl Inbox {
         Ok(())
     }
 
+    /// Drops everything that waits and puts `message` in its place.
+    pub fn clear_for(&self, message: Message) {
+        let mut messages = self.lock();
+        messages.clear();
+        messages.push(message);
+        drop(messages);
+        self.bell.notify_one();
+    }
+
     /// Tells the line thread to end.
     pub fn close(&self) {
         self.is_closed.store(true, Ordering::SeqCst);

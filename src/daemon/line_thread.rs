@@ -14,6 +14,7 @@ use super::timer::Timer;
 use crate::domain::ids::DriveIndex;
 use crate::domain::link::LinkSettings;
 use crate::domain::report::PortFault;
+use crate::domain::time::MonoTime;
 use crate::gateway::{Effect, Input, LineCore, LineSetup, Wake, WakeReason};
 use std::future::poll_fn;
 use std::io;
@@ -24,6 +25,7 @@ use std::sync::Arc;
 use std::task::Poll;
 use std::thread::JoinHandle;
 use std::time::Duration;
+use tokio::sync::oneshot;
 
 /// Reads of the port in one round. At 512 bytes each this is more than any port buffers.
 const READS_PER_ROUND: usize = 64;
@@ -40,6 +42,10 @@ const REOPEN_MAX: Duration = Duration::from_millis(800);
 
 /// A port that was open for less than this was not really back: the next attempt waits longer.
 const STABLE_AFTER: Duration = Duration::from_secs(1);
+
+/// Most time that the declared actions at the end of the gateway may take. Drives whose stop shows no effect until then
+/// are named in the log and left.
+const ENDING_MAX: Duration = Duration::from_secs(5);
 
 /// What a line thread needs to know beside what its core knows.
 #[derive(Clone, Debug)]
@@ -61,6 +67,8 @@ pub struct LinePort {
 pub struct LineHandle {
     shared: Arc<Shared>,
     place: usize,
+    /// Closed when the thread ends.
+    ended: oneshot::Receiver<()>,
     thread: JoinHandle<()>,
 }
 
@@ -77,15 +85,29 @@ impl LineHandle {
         north: NorthSides,
     ) -> io::Result<Self> {
         let ours = Arc::clone(&shared);
+        let (ends, ended) = oneshot::channel();
         let thread = std::thread::Builder::new().name(format!("line {}", port.line)).spawn(move || {
             if let Err(error) = run(&port, setup, &ours, place, north) {
                 tracing::error!(line = port.line, %error, "the line thread could not be set up");
             }
+            drop(ends);
         })?;
-        Ok(Self { shared, place, thread })
+        Ok(Self { shared, place, ended, thread })
     }
 
-    /// Ends the thread and waits for its end.
+    /// Has the declared action carried out for every drive that is under control, and waits until that is over.
+    pub async fn shut_down(&mut self) {
+        if let Some(line) = self.shared.lines.get(self.place)
+            && line.inbox.put(Message::Shutdown).is_err()
+        {
+            // Whoever floods the line must not keep its drives running.
+            line.inbox.clear_for(Message::Shutdown);
+        }
+        // An error is what the end of the thread looks like.
+        let _ = (&mut self.ended).await;
+    }
+
+    /// Ends the thread, if it has not ended yet, and waits for that.
     pub fn join(self) {
         if let Some(line) = self.shared.lines.get(self.place) {
             line.inbox.close();
@@ -109,7 +131,8 @@ fn run(port: &LinePort, setup: LineSetup, shared: &Shared, place: usize, north: 
     runtime.block_on(async {
         let core = LineCore::new(setup, clock::now());
         let timer = Timer::new()?;
-        let line = LineTask { port, core, timer, is_paced, reopen_wait: REOPEN_FIRST, round: Vec::new(), board };
+        let line =
+            LineTask { port, core, timer, is_paced, reopen_wait: REOPEN_FIRST, round: Vec::new(), board, ending: None };
         line.serve().await
     })
 }
@@ -126,6 +149,8 @@ struct LineTask<'a> {
     reopen_wait: Duration,
     /// The messages of this round.
     round: Vec<Message>,
+    /// The gateway ends: until then the thread waits for its stops to show their effect.
+    ending: Option<MonoTime>,
     board: Board<'a>,
 }
 
@@ -176,13 +201,23 @@ impl LineTask<'_> {
         while clock::now() < again {
             self.timer.arm(again)?;
             self.wait(None).await?;
-            if self.board.inbox().is_closed() {
-                return Ok(ControlFlow::Break(()));
-            }
             self.take_messages();
             self.act(None)?;
+            if self.is_over() {
+                return Ok(ControlFlow::Break(()));
+            }
         }
         Ok(ControlFlow::Continue(()))
+    }
+
+    /// Whether nothing is left to do on this line.
+    fn is_over(&self) -> bool {
+        let Some(until) = self.ending else { return self.board.inbox().is_closed() };
+        let is_late = clock::now() >= until;
+        if is_late && !self.core.is_at_rest() {
+            tracing::error!(line = self.port.line, "a stop shows no effect; the gateway ends all the same");
+        }
+        is_late || self.core.is_at_rest()
     }
 
     /// One message per reason, however often the port is tried.
@@ -199,15 +234,15 @@ impl LineTask<'_> {
         let mut has_more = false;
         loop {
             self.act(Some(device))?;
+            if self.is_over() {
+                return Ok(Closed);
+            }
             if let Some(wake) = self.core.next_wake() {
                 let ends_silence = wake.reason == WakeReason::SilentInterval;
                 self.timer.arm(if ends_silence { wake.at.before(WAKE_EARLY) } else { wake.at })?;
             }
             if !has_more && !self.reply_comes_at_once(device, &mut buffer)? {
                 self.wait(Some(&mut *device)).await?;
-            }
-            if self.board.inbox().is_closed() {
-                return Ok(Closed);
             }
             self.watch_the_silence_end();
             self.take_messages();
@@ -288,7 +323,10 @@ impl LineTask<'_> {
                 Message::AskerGone(asker) => Input::AskerGone(asker),
                 Message::PathAlive(owner) => Input::PathAlive(owner),
                 Message::PathOpened(owner) => Input::PathOpened(owner),
-                Message::Shutdown => Input::Shutdown,
+                Message::Shutdown => {
+                    self.ending = Some(now + ENDING_MAX);
+                    Input::Shutdown
+                }
             };
             self.core.handle(now, input);
         }

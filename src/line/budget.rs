@@ -7,6 +7,9 @@ use std::time::Duration;
 /// who plan a line, not a limit of anything.
 pub const ASSUMED_TURNAROUND: Duration = Duration::from_millis(10);
 
+/// Bytes of a write and of its reply.
+const WRITE_BYTES: usize = 8;
+
 /// One repeated read of a plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlannedRead {
@@ -35,6 +38,21 @@ pub fn read_time(timing: &Timing, count: u16, turnaround: Duration) -> Duration 
     const REQUEST_BYTES: usize = 8;
     let reply_bytes = 5 + 2 * usize::from(count);
     timing.silence + timing.on_wire(REQUEST_BYTES) + turnaround + timing.on_wire(reply_bytes)
+}
+
+/// Longest time from the acceptance of a stop to its first bit on a line whose drives, each with its longest wait for a
+/// reply and its most words in one read, all answer in time or not at all: one exchange that has just begun, and the
+/// silence after it. Several stops at once go one after the other: each further one adds a [`write_time`].
+#[must_use]
+pub fn worst_stop(timing: &Timing, drives: impl IntoIterator<Item = (Duration, u16)>) -> Duration {
+    let exchange = drives.into_iter().map(|(timeout, words)| read_time(timing, words, timeout)).max();
+    exchange.unwrap_or_default() + timing.silence
+}
+
+/// Time that one write takes if the drive answers after `turnaround`: silence, request, turnaround, reply.
+#[must_use]
+pub fn write_time(timing: &Timing, turnaround: Duration) -> Duration {
+    timing.silence + timing.on_wire(WRITE_BYTES) + turnaround + timing.on_wire(WRITE_BYTES)
 }
 
 /// Adds up a plan.
