@@ -1,8 +1,14 @@
 //! The configuration as it is written: each value with its place, nothing filled in, nothing compared.
 
+use super::broker::Address;
 use super::ready::Silence;
+use super::words::Way;
+use crate::domain::command::Direction;
+use crate::domain::control::{ControlAction, FailSafe};
+use crate::domain::frequency::Hertz;
 use crate::domain::ids::{Name, Station, UnitId};
 use crate::domain::link::{Framing, Interface, Parity};
+use crate::north::mqtt::{LeaseMode, Version};
 use crate::profile::reader::{Given, Needed, Place, Written};
 use crate::profile::register::RegisterFile;
 use ipnet::IpNet;
@@ -14,8 +20,11 @@ use std::time::Duration;
 #[derive(Debug)]
 pub(super) struct File {
     pub name: Given<Name>,
+    pub data_dir: Given<PathBuf>,
     pub lines: Vec<LineFile>,
+    pub mqtt: Given<MqttFile>,
     pub listeners: Vec<ListenerFile>,
+    pub http: Given<HttpFile>,
 }
 
 /// One `[[line]]`.
@@ -36,6 +45,16 @@ pub(super) struct LineFile {
     pub drives: Vec<DriveFile>,
 }
 
+impl LineFile {
+    /// The line as a message calls it: by its name, or by its place while it has none.
+    pub fn label(&self) -> String {
+        match &self.name {
+            Some(name) => format!("line `{}`", name.value),
+            None => format!("the line at {}", self.place.key),
+        }
+    }
+}
+
 /// One `[[line.drive]]`.
 #[derive(Debug)]
 pub(super) struct DriveFile {
@@ -44,10 +63,14 @@ pub(super) struct DriveFile {
     pub model: Needed<String>,
     pub station: Needed<Station>,
     pub unit: Given<UnitId>,
+    pub uniform_unit: Given<UnitId>,
     pub poll: Given<Duration>,
     pub reply_timeout: Given<Option<Duration>>,
     pub max_lateness: Given<Duration>,
     pub registers: Vec<RegisterFile>,
+    pub dead_bands: Given<Vec<(String, Written<f64>)>>,
+    pub control: Given<ControlFile>,
+    pub native: Given<NativeFile>,
 }
 
 impl DriveFile {
@@ -60,6 +83,73 @@ impl DriveFile {
     }
 }
 
+/// `[line.drive.control]`
+#[derive(Debug)]
+pub(super) struct ControlFile {
+    pub from: Needed<Vec<Written<Way>>>,
+    pub limits: Option<LimitsFile>,
+    pub directions: Given<Vec<Written<Direction>>>,
+    pub reverse_below: Given<Hertz>,
+    pub on_commander_lost: Needed<FailSafe>,
+    pub lost_after: Needed<Duration>,
+    pub on_shutdown: Needed<FailSafe>,
+    pub accept_unverified: Given<Vec<Written<ControlAction>>>,
+    pub strict: Given<bool>,
+    pub restart_delay: Given<Duration>,
+    pub stop_effect_timeout: Given<Duration>,
+    pub stop_pending_for: Given<Duration>,
+}
+
+impl ControlFile {
+    /// Whether `from` names `way`; its place if so.
+    pub fn names(&self, way: Way) -> Option<&Place> {
+        let from = self.from.as_ref()?;
+        from.value.iter().find(|named| named.value == way).map(|named| &named.place)
+    }
+}
+
+/// `frequency_hz` of a control section.
+#[derive(Debug)]
+pub(super) struct LimitsFile {
+    pub min: Needed<Hertz>,
+    pub max: Needed<Hertz>,
+}
+
+/// `[line.drive.native]`
+#[derive(Debug)]
+pub(super) struct NativeFile {
+    pub write: Needed<Vec<Written<String>>>,
+}
+
+/// `[mqtt]`
+#[derive(Debug)]
+pub(super) struct MqttFile {
+    pub broker: Needed<Address>,
+    pub user: Given<String>,
+    pub password_file: Given<PathBuf>,
+    pub password_env: Given<String>,
+    pub allow_plain_password: Given<bool>,
+    pub client_id: Given<String>,
+    pub version: Given<Version>,
+    pub prefix: Given<String>,
+    pub heartbeat: Given<Duration>,
+    pub keep_alive: Given<Duration>,
+    pub lease: Given<LeaseMode>,
+    pub alive_topic: Given<Option<String>>,
+    pub probe_interval: Given<Duration>,
+    pub command_ttl: Given<Duration>,
+    pub response_prefix: Given<String>,
+    pub ca_file: Given<PathBuf>,
+    pub client_cert_file: Given<PathBuf>,
+    pub client_key_file: Given<PathBuf>,
+}
+
+/// `[http]`
+#[derive(Debug)]
+pub(super) struct HttpFile {
+    pub listen: Needed<SocketAddr>,
+}
+
 /// One `[[modbus_tcp]]`.
 #[derive(Debug)]
 pub(super) struct ListenerFile {
@@ -67,6 +157,9 @@ pub(super) struct ListenerFile {
     pub listen: Needed<SocketAddr>,
     pub allow: Given<Vec<IpNet>>,
     pub lines: Given<Vec<Written<String>>>,
+    pub write: Given<Vec<Written<IpNet>>>,
+    pub stop: Given<Vec<Written<IpNet>>>,
+    pub reads_renew: Given<bool>,
 }
 
 impl ListenerFile {

@@ -13,13 +13,32 @@ pub enum Section {
     Drive,
     /// `[[line.drive.register]]`
     Register,
+    /// `[line.drive.control]`
+    Control,
+    /// `[line.drive.native]`
+    Native,
+    /// `[mqtt]`
+    Mqtt,
     /// `[[modbus_tcp]]`
     ModbusTcp,
+    /// `[http]`
+    Http,
 }
 
 impl Section {
     /// All sections, outer before inner.
-    pub const ALL: [Self; 6] = [Self::Root, Self::Gateway, Self::Line, Self::Drive, Self::Register, Self::ModbusTcp];
+    pub const ALL: [Self; 10] = [
+        Self::Root,
+        Self::Gateway,
+        Self::Line,
+        Self::Drive,
+        Self::Register,
+        Self::Control,
+        Self::Native,
+        Self::Mqtt,
+        Self::ModbusTcp,
+        Self::Http,
+    ];
 
     /// The section's path as it stands in a header; empty for the file itself.
     #[must_use]
@@ -30,7 +49,22 @@ impl Section {
             Self::Line => "line",
             Self::Drive => "line.drive",
             Self::Register => "line.drive.register",
+            Self::Control => "line.drive.control",
+            Self::Native => "line.drive.native",
+            Self::Mqtt => "mqtt",
             Self::ModbusTcp => "modbus_tcp",
+            Self::Http => "http",
+        }
+    }
+
+    /// The header as it stands in a file: in double brackets where the table may stand more than once.
+    #[must_use]
+    pub fn header(self) -> String {
+        match self {
+            Self::Root | Self::Gateway | Self::Control | Self::Native | Self::Mqtt | Self::Http => {
+                format!("[{}]", self.path())
+            }
+            Self::Line | Self::Drive | Self::Register | Self::ModbusTcp => format!("[[{}]]", self.path()),
         }
     }
 }
@@ -66,10 +100,7 @@ impl NotServed {
     /// The sentence that refuses the key.
     #[must_use]
     pub fn refusal(&self) -> String {
-        format!(
-            "`{}` is not served by this version, which is read-only; a key that would do nothing is refused",
-            self.name
-        )
+        format!("`{}` is not served by this version; a key that would do nothing is refused", self.name)
     }
 }
 
@@ -93,19 +124,17 @@ const fn refused(section: Section, name: &'static str, instead: &'static str) ->
 }
 
 const FACTORY: Option<&str> = Some("the factory setting that the models of the line share");
-const NOTHING_WRITTEN: &str = "leave it out; nothing is ever written to a drive";
-const NOTHING_STORED: &str = "leave it out; nothing is stored on disk";
-const NATIVE_UNITS_ONLY: &str = "leave it out; a drive is served at its `unit`, with its vendor's own registers";
-const MODBUS_TCP_ONLY: &str = "leave it out; drives are reached through `[[modbus_tcp]]` only";
-
 /// Every key that is served, in the order in which a file would have them.
 #[rustfmt::skip]
 pub const KEYS: &[Key] = &[
     key(Section::Root, "gateway", "table", Some("empty"), "The gateway as a whole."),
     key(Section::Root, "line", "tables, at least one", None, "One serial bus each."),
+    key(Section::Root, "mqtt", "table", Some("no broker"), "The connection to an MQTT broker."),
     key(Section::Root, "modbus_tcp", "tables", Some("none"), "One Modbus TCP listener each."),
+    key(Section::Root, "http", "table", Some("no listener"), "The HTTP listener."),
 
-    key(Section::Gateway, "name", "name", Some("the host's name"), "What the gateway is called in its messages."),
+    key(Section::Gateway, "name", "name", Some("the host's name"), "What the gateway is called in its messages and topics."),
+    key(Section::Gateway, "data_dir", "absolute path", Some("none"), "The directory in which the gateway's tools reach it."),
 
     key(Section::Line, "name", "name", None, "What the line is called; unique among the lines."),
     key(Section::Line, "port", "absolute path", None, "The serial device, best by its id, or a pseudo-terminal."),
@@ -123,11 +152,15 @@ pub const KEYS: &[Key] = &[
     key(Section::Drive, "name", "name", None, "What the drive is called; unique over the gateway."),
     key(Section::Drive, "model", "identifier of a model", None, "The description that the drive is read by."),
     key(Section::Drive, "station", "number in the model's range", None, "The number that is set on the drive; unique on the line."),
-    key(Section::Drive, "unit", "1 to 247", Some("the station, where a listener serves one line only"), "The unit at which Modbus TCP clients reach the drive."),
+    key(Section::Drive, "unit", "1 to 247", Some("the station, where a listener serves one line only"), "The unit at which Modbus TCP clients reach the drive's own registers."),
+    key(Section::Drive, "uniform_unit", "1 to 247", Some("`unit` + 100"), "The unit at which they reach the registers that are the same for all models."),
     key(Section::Drive, "poll", "\"10ms\" to \"1h\"", Some("\"500ms\""), "Period of the fast polls; slow ones take four times that."),
     key(Section::Drive, "reply_timeout", "\"auto\", or \"1ms\" to \"60s\"", Some("the line's"), "Longest wait for a reply of this drive."),
     key(Section::Drive, "max_lateness", "\"10ms\" to \"60s\"", Some("the model's"), "How long after a time-out a late reply may still come."),
     key(Section::Drive, "register", "tables", Some("none"), "Registers that the model does not list, stated by the operator."),
+    key(Section::Drive, "dead_bands", "table: polled register = number", Some("none"), "Changes up to this, in the register's unit, are not published over MQTT before the heartbeat."),
+    key(Section::Drive, "control", "table", Some("read-only from everywhere"), "Who may command the drive, what, and what happens when nobody does any more."),
+    key(Section::Drive, "native", "table", Some("none"), "Registers of the vendor that may be written; needs `control`."),
 
     key(Section::Register, "name", "snake_case, new in the model", None, "What the value is called."),
     key(Section::Register, "title", "text", None, "What it is, in words."),
@@ -136,45 +169,81 @@ pub const KEYS: &[Key] = &[
     key(Section::Register, "unit", "unit of measure", None, "Unit of the value; \"-\" for a plain number."),
     key(Section::Register, "scale", "whole number from 1", Some("1"), "Raw steps per unit: 100 means that raw 5000 is 50.00."),
     key(Section::Register, "signed", "true or false", Some("false"), "Whether the raw word is two's complement."),
-    key(Section::Register, "access", "\"read\", \"write\" or \"read-write\"", None, "What the drive allows; the gateway only reads."),
+    key(Section::Register, "access", "\"read\", \"write\" or \"read-write\"", None, "What the drive allows; written only if `native` lists it."),
     key(Section::Register, "poll", "\"fast\" or \"slow\"", Some("read only when asked for"), "How often it is polled."),
+
+    key(Section::Control, "from", "list of \"mqtt\", \"modbus-tcp\"", None, "The ways by which commands are taken; each must be open."),
+    key(Section::Control, "frequency_hz", "{ min = Hz, max = Hz }", None, "Lowest and highest setpoint; what lies outside is refused, never clamped."),
+    key(Section::Control, "directions", "list of \"forward\", \"reverse\"", Some("[\"forward\"]"), "The directions in which it may run."),
+    key(Section::Control, "reverse_below_hz", "Hz", Some("0.0"), "Only at or below this output frequency may a running motor be ordered the other way; with both directions only."),
+    key(Section::Control, "on_commander_lost", "\"stop\", \"coast\" or \"hold\"", None, "What is done when the commander falls silent."),
+    key(Section::Control, "lost_after", "\"1s\" to \"1h\", more than \"1s\"", None, "How long it may be silent; more than a command may wait, and with a session lease at least three probes."),
+    key(Section::Control, "on_shutdown", "\"stop\", \"coast\" or \"hold\"", None, "What is done when the gateway is ended on purpose."),
+    key(Section::Control, "accept_unverified", "list of \"reverse\", \"reset\", \"coast\"", Some("[]"), "Actions that the model marks as unproven and that are used all the same."),
+    key(Section::Control, "commands", "\"plain\" or \"strict\"", Some("\"plain\""), "Strict: RUN over MQTT only with `epoch` or `issued_at`."),
+    key(Section::Control, "restart_delay", "\"0s\" to \"1min\"", Some("\"2s\""), "Plain RUN over MQTT is refused for this long after a stop."),
+    key(Section::Control, "stop_effect_timeout", "\"500ms\" to \"1min\"", Some("\"3s\""), "A stop that shows no effect for this long is an alarm."),
+    key(Section::Control, "stop_pending_for", "\"1s\" to \"1h\"", Some("\"10min\""), "How long a stop waits for a drive that does not answer."),
+
+    key(Section::Native, "write", "list of codes, names or addresses", None, "The registers that may be written; none that `control` is about."),
+
+    key(Section::Mqtt, "broker", "\"mqtt://host:port\", \"mqtts://host:port\" or \"embedded\"", None, "Where the broker is; ports 1883 and 8883 may be left out; embedded is for trying out."),
+    key(Section::Mqtt, "user", "text", Some("anonymous"), "The gateway's user at the broker."),
+    key(Section::Mqtt, "password_file", "absolute path", Some("no password"), "The file that holds the password."),
+    key(Section::Mqtt, "password_env", "name", Some("no password"), "The environment variable that holds the password, instead of a file."),
+    key(Section::Mqtt, "allow_plain_password", "true or false", Some("false"), "Whether user and password may cross the network in plain view, with `mqtt://`."),
+    key(Section::Mqtt, "client_id", "text", Some("\"vfd-gateway-\" and the gateway's name"), "What the broker tells its clients apart by."),
+    key(Section::Mqtt, "version", "5 or 4", Some("5"), "MQTT 5, or 4 for MQTT 3.1.1."),
+    key(Section::Mqtt, "prefix", "levels of a topic", Some("\"vfd\""), "What all topics begin with, before the gateway's name."),
+    key(Section::Mqtt, "heartbeat", "\"1s\" to \"1h\"", Some("\"60s\""), "A value that does not change is published again after this time."),
+    key(Section::Mqtt, "keep_alive", "\"2s\" to \"10min\", whole seconds", Some("\"15s\""), "The protocol's own sign of life."),
+    key(Section::Mqtt, "lease", "\"session\" or \"explicit\"", Some("\"session\""), "What keeps control: the way through the broker, or only commands and the lease topic."),
+    key(Section::Mqtt, "alive_topic", "topic, or \"\" for none", Some("\"homeassistant/status\""), "Where `offline` says that the commanders are gone; with a session lease only."),
+    key(Section::Mqtt, "probe_interval", "\"200ms\" to \"1min\"", Some("\"1s\""), "How often the way through the broker is probed; three that stay out end the connection."),
+    key(Section::Mqtt, "command_ttl", "\"100ms\" to \"1min\"", Some("\"1s\""), "How long a command that says nothing else may wait."),
+    key(Section::Mqtt, "response_prefix", "levels of a topic", Some("no responses"), "Topics under which a requester may ask for the response; MQTT 5 only."),
+    key(Section::Mqtt, "ca_file", "absolute path", Some("what the system trusts"), "The authority that signed the broker's certificate; with `mqtts://` only."),
+    key(Section::Mqtt, "client_cert_file", "absolute path", Some("none"), "The gateway's own certificate; with `mqtts://` only."),
+    key(Section::Mqtt, "client_key_file", "absolute path", Some("none"), "The key of that certificate."),
 
     key(Section::ModbusTcp, "listen", "address:port", None, "Where clients connect."),
     key(Section::ModbusTcp, "allow", "list of networks", Some("anyone, which is this host: only a loopback address may go without"), "Who may connect."),
     key(Section::ModbusTcp, "lines", "list of line names", Some("all lines"), "The lines whose drives are served here."),
+    key(Section::ModbusTcp, "write", "list of networks inside `allow`", Some("[]: nobody"), "Who may command and write, where the drive allows it."),
+    key(Section::ModbusTcp, "stop", "list of networks inside `allow`", Some("`write`"), "Who may stop; it must hold whoever may write."),
+    key(Section::ModbusTcp, "reads_renew", "true or false", Some("false"), "Whether reads of the one who controls a drive count as a sign of life."),
+
+    key(Section::Http, "listen", "address:port on loopback", None, "Where browsers connect; there is no sign-in, so from this host only."),
 ];
 
 /// Every key that is known but refused.
 #[rustfmt::skip]
 pub const NOT_SERVED: &[NotServed] = &[
-    refused(Section::Root, "mqtt", MODBUS_TCP_ONLY),
-    refused(Section::Root, "http", MODBUS_TCP_ONLY),
-
-    refused(Section::Gateway, "data_dir", NOTHING_STORED),
     refused(Section::Gateway, "model_dirs", "leave it out; registers that a model lacks go into `[[line.drive.register]]`"),
 
     refused(Section::Line, "rs485", "leave it out; the adapter or its driver must turn the direction by itself"),
 
-    refused(Section::Drive, "control", NOTHING_WRITTEN),
-    refused(Section::Drive, "native", NOTHING_WRITTEN),
-    refused(Section::Drive, "interlocks", NOTHING_WRITTEN),
-    refused(Section::Drive, "lease", NOTHING_WRITTEN),
-    refused(Section::Drive, "uniform_unit", NATIVE_UNITS_ONLY),
-    refused(Section::Drive, "rated_current_a", NATIVE_UNITS_ONLY),
-    refused(Section::Drive, "dead_bands", MODBUS_TCP_ONLY),
+    refused(Section::Drive, "interlocks", "leave it out; what must not run together is wired or decided by the commander"),
+    refused(Section::Drive, "lease", "leave it out; `lost_after` in `[line.drive.control]` says how long a lease lasts"),
+    refused(Section::Drive, "rated_current_a", "leave it out; no model reports in per cent of the rated current"),
     refused(Section::Drive, "max_status_age", "leave it out; the planned age of the values follows from `poll`"),
 
-    refused(Section::ModbusTcp, "write", NOTHING_WRITTEN),
-    refused(Section::ModbusTcp, "stop", NOTHING_WRITTEN),
-    refused(Section::ModbusTcp, "lease", NOTHING_WRITTEN),
-    refused(Section::ModbusTcp, "reads_renew", NOTHING_WRITTEN),
+    refused(Section::Control, "allow_release", "leave it out; control is not handed back to panel or terminals"),
+
+    refused(Section::Mqtt, "home_assistant", "leave it out; entities are set up by hand in Home Assistant"),
+    refused(Section::Mqtt, "sparkplug", "leave it out; the topics are the gateway's own"),
+
+    refused(Section::ModbusTcp, "lease", "leave it out; commands and `renew` keep a lease, and reads with `reads_renew`"),
     refused(Section::ModbusTcp, "tls", "leave it out; connections are not encrypted, so `allow` only networks that you trust"),
 ];
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{MINIMAL, drive_with, example, problems, with};
+    use super::super::tests::{CONTROLLED, example, problems, with};
     use super::*;
+
+    /// Keys that exclude another one, so that the example file shows them in a comment only.
+    const EXCLUDED: [&str; 1] = ["password_env"];
 
     /// The tables of `section` in a parsed file.
     fn tables(file: &toml::Table, section: Section) -> Vec<toml::Table> {
@@ -193,24 +262,23 @@ mod tests {
 
     #[test]
     fn the_example_file_has_every_key() {
-        let file: toml::Table = example().parse().unwrap();
+        let text = example();
+        let file: toml::Table = text.parse().unwrap();
         for key in KEYS {
             let there = tables(&file, key.section).iter().any(|table| table.contains_key(key.name));
-            assert!(there, "{} in [{}]", key.name, key.section.path());
+            let in_comment = EXCLUDED.contains(&key.name) && text.contains(&format!("# {} = ", key.name));
+            assert!(there || in_comment, "{} in [{}]", key.name, key.section.path());
         }
     }
 
-    /// `MINIMAL` with `line` in the first table of `section`.
+    /// `CONTROLLED` with `line` in the first table of `section`.
     fn with_line_in(section: Section, line: &str) -> String {
-        let header = |header: &str| with(MINIMAL, header, &format!("{header}\n{line}"));
-        match section {
-            Section::Root => format!("{line}\n{MINIMAL}"),
-            Section::Gateway => format!("[gateway]\n{line}\n{MINIMAL}"),
-            Section::Line => header("[[line]]"),
-            Section::Drive => header("[[line.drive]]"),
-            Section::Register => drive_with(&format!("[[line.drive.register]]\n{line}")),
-            Section::ModbusTcp => header("[[modbus_tcp]]"),
-        }
+        let (before, after) = match section {
+            Section::Root => return format!("{line}\n{CONTROLLED}"),
+            Section::Register => ("[line.drive.native]", "[[line.drive.register]]\n"),
+            _ => return with(CONTROLLED, &section.header(), &format!("{}\n{line}", section.header())),
+        };
+        with(CONTROLLED, before, &format!("{after}{line}\n{before}"))
     }
 
     #[test]
@@ -235,11 +303,8 @@ mod tests {
             let what = format!("{}; {}", key.refusal(), key.instead);
             assert!(found.len() == 1 && found[0].ends_with(&what), "{found:?}");
         }
-        let control = not_served(Section::Drive).find(|key| key.name == "control").unwrap();
-        assert_eq!(
-            control.refusal(),
-            "`control` is not served by this version, which is read-only; a key that would do nothing is refused"
-        );
+        let tls = not_served(Section::ModbusTcp).find(|key| key.name == "tls").unwrap();
+        assert_eq!(tls.refusal(), "`tls` is not served by this version; a key that would do nothing is refused");
     }
 
     #[test]

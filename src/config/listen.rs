@@ -1,16 +1,22 @@
-//! Modbus TCP listeners: which lines each serves, that no two want the same port, that none is open to all.
+//! Listeners: which lines each serves, that no two want the same port, that none is open to all, and who of those
+//! who may connect may write.
 
-use super::file::{File, ListenerFile};
+use super::file::{File, HttpFile, ListenerFile};
 use crate::domain::problem::{Problem, nearest};
 use crate::profile::reader::{Given, Written};
+use ipnet::IpNet;
 use std::collections::BTreeSet;
 use std::net::{IpAddr, SocketAddr};
 
 /// The indices of the lines that each listener serves; empty where its list cannot be used.
 pub(super) fn settle(file: &File, problems: &mut Vec<Problem>) -> Vec<BTreeSet<usize>> {
-    apart(&file.listeners, problems);
+    apart(file, problems);
     for listener in &file.listeners {
         guarded(listener, problems);
+        rights(listener, problems);
+    }
+    if let Given::Usable(http) = &file.http {
+        stays_here(&http.value, problems);
     }
     file.listeners.iter().map(|listener| served(file, listener, problems)).collect()
 }
@@ -50,8 +56,10 @@ fn line_called(file: &File, name: &Written<String>) -> Result<usize, Problem> {
 }
 
 /// No two listeners on the same address, where an address that means all covers every other.
-fn apart(listeners: &[ListenerFile], problems: &mut Vec<Problem>) {
-    let addresses: Vec<&Written<SocketAddr>> = listeners.iter().filter_map(|it| it.listen.as_ref()).collect();
+fn apart(file: &File, problems: &mut Vec<Problem>) {
+    let http = file.http.usable().and_then(|http| http.value.listen.as_ref());
+    let modbus = file.listeners.iter().filter_map(|it| it.listen.as_ref());
+    let addresses: Vec<&Written<SocketAddr>> = modbus.chain(http).collect();
     for (index, later) in addresses.iter().enumerate() {
         if let Some(earlier) = addresses.iter().take(index).find(|earlier| collide(earlier.value, later.value)) {
             let what = format!("{} is taken by the listener {}", later.value, earlier.value);
@@ -73,9 +81,65 @@ fn covers(wide: IpAddr, narrow: IpAddr) -> bool {
 /// A listener that others can reach must say who may connect.
 fn guarded(listener: &ListenerFile, problems: &mut Vec<Problem>) {
     let Some(listen) = &listener.listen else { return };
-    if matches!(listener.allow, Given::LeftOut) && !listen.value.ip().to_canonical().is_loopback() {
+    if matches!(listener.allow, Given::LeftOut) && !is_loopback(listen.value.ip()) {
         let what = format!("{} can be reached from other hosts, and `allow` does not say by whom", listen.value);
         let problem = listener.place.missing("allow").problem(what);
         problems.push(problem.right("allow = [\"10.0.0.0/24\"] with your own networks, or a loopback address"));
     }
+}
+
+/// Whoever may write can connect and may stop, and reads renew only what somebody may hold.
+fn rights(listener: &ListenerFile, problems: &mut Vec<Problem>) {
+    for list in [&listener.write, &listener.stop].into_iter().filter_map(Given::usable) {
+        for network in &list.value {
+            can_connect(listener, network, problems);
+        }
+    }
+    if let (Given::Usable(write), Given::Usable(stop)) = (&listener.write, &listener.stop) {
+        for network in write.value.iter().filter(|it| !stop.value.iter().any(|stop| stop.value.contains(&it.value))) {
+            let what = format!("{} may write and is not in `stop`: whoever may start may stop", network.value);
+            problems.push(network.place.problem(what).right(format!("\"{}\" in `stop` as well", network.value)));
+        }
+    }
+    let nobody_writes = match &listener.write {
+        Given::LeftOut => true,
+        Given::Unusable => false,
+        Given::Usable(write) => write.value.is_empty(),
+    };
+    if let Some(renew) = listener.reads_renew.usable().filter(|renew| renew.value && nobody_writes) {
+        let problem = renew.place.problem("nobody may write here, so there is no lease to renew");
+        problems.push(problem.right("`write` with those who may, or leave it out"));
+    }
+}
+
+/// Clients of `network` reach the listener. Networks are wholly inside each other or apart.
+fn can_connect(listener: &ListenerFile, network: &Written<IpNet>, problems: &mut Vec<Problem>) {
+    let (what, right) = match (&listener.allow, &listener.listen) {
+        (Given::Usable(allow), _) if !allow.value.iter().any(|allow| allow.contains(&network.value)) => {
+            let allowed: Vec<_> = allow.value.iter().map(|allow| format!("\"{allow}\"")).collect();
+            (
+                format!("{} is in no network of `allow`", network.value),
+                format!("a network inside {}", allowed.join(", ")),
+            )
+        }
+        (Given::LeftOut, Some(listen)) if is_loopback(listen.value.ip()) && !is_loopback(network.value.addr()) => {
+            let here = IpNet::from(listen.value.ip());
+            (format!("{} cannot reach {}, which is this host only", network.value, listen.value), format!("\"{here}\""))
+        }
+        _ => return,
+    };
+    problems.push(network.place.problem(what).right(right));
+}
+
+/// There is no sign-in, so whoever reaches the address is let in.
+fn stays_here(http: &HttpFile, problems: &mut Vec<Problem>) {
+    if let Some(listen) = http.listen.as_ref().filter(|listen| !is_loopback(listen.value.ip())) {
+        let what = format!("{} can be reached from other hosts, and there is no sign-in", listen.value);
+        let right = format!("a loopback address, as \"127.0.0.1:{}\"", listen.value.port());
+        problems.push(listen.place.problem(what).right(right));
+    }
+}
+
+fn is_loopback(ip: IpAddr) -> bool {
+    ip.to_canonical().is_loopback()
 }

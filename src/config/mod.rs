@@ -2,21 +2,32 @@
 //!
 //! `read` takes the values as they are written (`file`), each with its place, and refuses every key that is
 //! not in the table of [`keys`]. `resolve` fills in what is left out and checks what lies between keys: `link`
-//! the lines against their models, `listen` the listeners, `units` who answers where. Neither stops at the
-//! first mistake. What only shows when a port is opened (whether it is a pseudo-terminal) is left to the daemon.
+//! the lines against their models, `control` and `native` what may be commanded and written, `mqtt` the broker,
+//! `listen` the listeners, `units` who answers where, `commanders` whether commands can come at all. Neither stops
+//! at the first mistake. What only shows when a port is opened (whether it is a pseudo-terminal) is left to the daemon.
 
+mod broker;
+mod commanders;
+mod control;
 mod file;
 pub mod keys;
 mod link;
 mod listen;
+mod lists;
+mod mqtt;
+mod native;
 mod read;
 pub mod ready;
 mod resolve;
 #[cfg(test)]
 mod tests;
 mod units;
+pub mod words;
 
-pub use ready::{Config, DriveSettings, GatewaySettings, LineSettings, ListenerSettings, Silence};
+pub use ready::{
+    BrokerSettings, COMMAND_DEADLINE, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings,
+    HttpSettings, LineSettings, ListenerSettings, MqttSettings, PasswordSource, Silence, TlsSettings, command_deadline,
+};
 
 use crate::domain::problem::Problem;
 use crate::profile::catalog::Catalog;

@@ -1,13 +1,20 @@
 //! The configuration ready to use: every default filled in, every rule kept. Only [`super::load`] makes one.
 
+use crate::domain::control::ControlSettings;
 use crate::domain::ids::{Name, Station, UnitId};
 use crate::domain::link::{Framing, Interface, LinkSettings};
+use crate::north::mqtt::{LeaseMode, Settings, Version};
 use crate::profile::model::Model;
 use ipnet::IpNet;
+use std::fmt;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
+
+/// Deadline of a command that names none and comes by a way that sets none: its first frame leaves within this
+/// time or never. Every lease is longer.
+pub const COMMAND_DEADLINE: Duration = Duration::from_secs(1);
 
 /// A whole configuration.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,6 +25,10 @@ pub struct Config {
     pub lines: Vec<LineSettings>,
     /// The Modbus TCP listeners, in the order of the file; may be none.
     pub listeners: Vec<ListenerSettings>,
+    /// The broker connection, where there is one.
+    pub mqtt: Option<MqttSettings>,
+    /// The HTTP listener, where there is one.
+    pub http: Option<HttpSettings>,
 }
 
 /// What concerns the gateway as a whole.
@@ -25,6 +36,8 @@ pub struct Config {
 pub struct GatewaySettings {
     /// The gateway's name; nothing: the host's name, which only the daemon knows.
     pub name: Option<Name>,
+    /// Where the gateway keeps what outlives it, and where its tools reach it; an absolute path.
+    pub data_dir: Option<PathBuf>,
 }
 
 /// One serial line.
@@ -69,14 +82,20 @@ pub struct DriveSettings {
     pub model: Arc<Model>,
     /// Number on the line; in the model's range, unique on the line.
     pub station: Station,
-    /// Unit on Modbus TCP; unique among the drives that share a listener.
+    /// Unit of its own registers on Modbus TCP; unique, as the uniform one, among all units of a listener.
     pub unit: UnitId,
+    /// Unit of the uniform registers on Modbus TCP.
+    pub uniform_unit: UnitId,
     /// Period of the fast polls, 10 ms to 1 h.
     pub poll: Duration,
     /// Reply time-out, 1 ms to 60 s: the drive's own or else the line's; nothing: from the model.
     pub reply_timeout: Option<Duration>,
     /// How long after a time-out a late reply may still come, 10 ms to 60 s: the drive's own or else the model's.
     pub max_lateness: Duration,
+    /// What may be commanded, the native registers that may be written included; nothing: read-only.
+    pub control: Option<Arc<ControlSettings>>,
+    /// Least change that is published, by the name of a polled register, in its unit.
+    pub dead_bands: Vec<(String, f64)>,
 }
 
 /// One Modbus TCP listener.
@@ -88,6 +107,12 @@ pub struct ListenerSettings {
     pub allow: Option<Vec<IpNet>>,
     /// The lines it serves, as indices into [`Config::lines`]; nothing: all.
     pub lines: Option<Vec<usize>>,
+    /// Who may write; nobody unless configured. Each lies in `allow` where there is one.
+    pub write: Vec<IpNet>,
+    /// Who may stop; nothing: whoever may write. It holds whoever may write.
+    pub stop: Option<Vec<IpNet>>,
+    /// Whether reads of a drive's owner renew its lease.
+    pub reads_renew: bool,
 }
 
 impl ListenerSettings {
@@ -96,4 +121,146 @@ impl ListenerSettings {
     pub fn serves(&self, line: usize) -> bool {
         self.lines.as_ref().is_none_or(|lines| lines.contains(&line))
     }
+}
+
+/// The longest that a command to a drive of `control` may wait before its first frame leaves, where it sets no
+/// time of its own: every lease of the drive is longer.
+#[must_use]
+pub fn command_deadline(control: &ControlSettings, mqtt: Option<&MqttSettings>) -> Duration {
+    let over_mqtt = mqtt.filter(|_| control.from_mqtt).map(|mqtt| mqtt.command_ttl);
+    let over_modbus = control.from_modbus_tcp.then_some(COMMAND_DEADLINE);
+    over_mqtt.max(over_modbus).unwrap_or(COMMAND_DEADLINE)
+}
+
+/// The connection to a broker.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MqttSettings {
+    /// Where it is.
+    pub broker: BrokerSettings,
+    /// Who the gateway is there; nothing: anonymous.
+    pub credentials: Option<Credentials>,
+    /// The client identifier; nothing: see [`Self::client_id`].
+    pub client_id: Option<String>,
+    /// Protocol version.
+    pub version: Version,
+    /// First levels of all topics, without a slash at either end.
+    pub prefix: String,
+    /// A value that does not change is published again after this time, 1 s to 1 h.
+    pub heartbeat: Duration,
+    /// The protocol's own sign of life, 2 s to 10 min, in whole seconds.
+    pub keep_alive: Duration,
+    /// What keeps a lease of the MQTT side alive.
+    pub lease: LeaseMode,
+    /// A topic whose payload `offline` says that the commanders are gone; nothing: none, as with explicit leases.
+    pub alive_topic: Option<String>,
+    /// How often the way through the broker is probed, 200 ms to 1 min.
+    pub probe_interval: Duration,
+    /// Deadline of a command that names none, 100 ms to 1 min; shorter than every lease.
+    pub command_ttl: Duration,
+    /// Topics under which a requester may ask for the response; nothing: response topics are ignored.
+    pub response_prefix: Option<String>,
+}
+
+impl MqttSettings {
+    /// Probes that may stay out before the connection is given up. A session lease outlives as many.
+    pub const PROBES: u32 = 3;
+
+    /// The client identifier of the gateway called `gateway`.
+    #[must_use]
+    pub fn client_id(&self, gateway: &Name) -> String {
+        self.client_id.clone().unwrap_or_else(|| format!("vfd-gateway-{gateway}"))
+    }
+
+    /// What the MQTT session of the gateway called `gateway` needs.
+    #[must_use]
+    pub fn session(&self, gateway: Name) -> Settings {
+        Settings {
+            prefix: self.prefix.clone(),
+            gateway,
+            version: self.version,
+            heartbeat: self.heartbeat,
+            lease: self.lease,
+            alive_topic: self.alive_topic.clone(),
+            probe_interval: self.probe_interval,
+            probe_timeout: self.probe_interval * Self::PROBES,
+            command_ttl: self.command_ttl,
+            response_prefix: self.response_prefix.clone(),
+        }
+    }
+}
+
+/// Where the broker is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum BrokerSettings {
+    /// In this process, for trying out.
+    Embedded,
+    /// On the network.
+    Tcp {
+        /// Name or address; an IPv6 address without brackets.
+        host: String,
+        /// Port, from 1.
+        port: u16,
+        /// How the connection is encrypted; nothing: it is not.
+        tls: Option<TlsSettings>,
+    },
+}
+
+impl fmt::Display for BrokerSettings {
+    /// As the file writes it, with its port.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Embedded => f.write_str("embedded"),
+            Self::Tcp { host, port, tls } => {
+                let scheme = if tls.is_some() { "mqtts" } else { "mqtt" };
+                if host.contains(':') {
+                    write!(f, "{scheme}://[{host}]:{port}")
+                } else {
+                    write!(f, "{scheme}://{host}:{port}")
+                }
+            }
+        }
+    }
+}
+
+/// How a connection is encrypted. The broker's certificate is always verified.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct TlsSettings {
+    /// The authority that signed the broker's certificate; nothing: those that the system trusts.
+    pub ca_file: Option<PathBuf>,
+    /// By which certificate the broker knows the gateway; nothing: by none.
+    pub client: Option<ClientCertificate>,
+}
+
+/// A certificate of the gateway's own. Absolute paths.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ClientCertificate {
+    /// The certificate with its chain.
+    pub cert_file: PathBuf,
+    /// Its key.
+    pub key_file: PathBuf,
+}
+
+/// Who the gateway is at the broker.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Credentials {
+    /// The user's name.
+    pub user: String,
+    /// Where the password is; nothing: there is none.
+    pub password: Option<PasswordSource>,
+}
+
+/// Where a password is read from when it is needed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum PasswordSource {
+    /// The text of the file at this absolute path.
+    File(PathBuf),
+    /// The environment variable of this name.
+    Env(String),
+}
+
+/// The HTTP listener.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct HttpSettings {
+    /// Address and port: a loopback address, because there is no sign-in.
+    pub listen: SocketAddr,
 }

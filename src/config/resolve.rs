@@ -2,14 +2,16 @@
 
 use super::file::{DriveFile, File, LineFile, ListenerFile};
 use super::link::{self, OnLine, Settled};
-use super::ready::{Config, DriveSettings, GatewaySettings, LineSettings, ListenerSettings, Silence};
-use super::{listen, units};
-use crate::domain::ids::{Station, UnitId};
+use super::ready::{Config, DriveSettings, GatewaySettings, HttpSettings, LineSettings, ListenerSettings, Silence};
+use super::units::{self, Units};
+use super::{commanders, control, listen, lists, mqtt, native};
+use crate::domain::control::ControlSettings;
+use crate::domain::ids::Station;
 use crate::domain::link::Interface;
 use crate::domain::problem::{Problem, nearest};
 use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;
-use crate::profile::reader::{Place, Written};
+use crate::profile::reader::{Given, Place, Written};
 use crate::profile::register::with_extra;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -21,25 +23,45 @@ const DEFAULT_POLL: Duration = Duration::from_millis(500);
 /// The ready configuration; nothing if anything of `file` cannot be used, which `problems` then says.
 pub(super) fn resolve(file: &File, catalog: &Catalog, problems: &mut Vec<Problem>) -> Option<Config> {
     unique(file, problems);
-    let parts: Vec<LineParts> = file.lines.iter().map(|line| parts_of(line, catalog, problems)).collect();
+    let is_published = !matches!(file.mqtt, Given::LeftOut);
+    let parts: Vec<LineParts> = file.lines.iter().map(|line| parts_of(line, catalog, is_published, problems)).collect();
     let served = listen::settle(file, problems);
     let units = units::settle(file, &served, problems);
+    let mqtt = whole(&file.mqtt, |file| mqtt::settle(file, problems));
+    commanders::check(file, &served, problems);
 
     let lines = file.lines.iter().zip(parts).zip(&units);
     let lines = lines.map(|((line, parts), units)| ready_line(line, parts, units));
     let listeners = file.listeners.iter().zip(served).map(|(listener, served)| ready_listener(listener, served));
     Some(Config {
-        gateway: GatewaySettings { name: file.name.clone().optional()? },
+        gateway: GatewaySettings { name: file.name.clone().optional()?, data_dir: file.data_dir.clone().optional()? },
         lines: lines.collect::<Option<Vec<_>>>()?,
         listeners: listeners.collect::<Option<Vec<_>>>()?,
+        mqtt: mqtt?,
+        http: whole(&file.http, |http| Some(HttpSettings { listen: http.listen.as_ref()?.value }))?,
     })
+}
+
+/// What `settle` makes of a table, nothing inside where it is left out; nothing at all: see the problems.
+fn whole<T, U>(given: &Given<T>, settle: impl FnOnce(&T) -> Option<U>) -> Option<Option<U>> {
+    match given {
+        Given::LeftOut => Some(None),
+        Given::Unusable => None,
+        Given::Usable(written) => settle(&written.value).map(Some),
+    }
 }
 
 /// What the catalogue adds to a line as it is written.
 struct LineParts {
-    /// The model of each drive; nothing where it is unknown.
-    models: Vec<Option<Arc<Model>>>,
+    drives: Vec<DriveParts>,
     settled: Option<Settled>,
+}
+
+/// What hangs on the model of a drive; what is nothing stands in the problems.
+struct DriveParts {
+    model: Option<Arc<Model>>,
+    control: Option<Option<Arc<ControlSettings>>>,
+    dead_bands: Option<Vec<(String, f64)>>,
 }
 
 /// Names of lines, names of drives and ports stand once.
@@ -71,19 +93,26 @@ fn once<'a, T: Ord + 'a>(
 }
 
 /// Looks up the models of a line and checks what one line must keep, whatever the others do.
-fn parts_of(line: &LineFile, catalog: &Catalog, problems: &mut Vec<Problem>) -> LineParts {
-    let models: Vec<_> = line.drives.iter().map(|drive| model_of(drive, catalog, problems)).collect();
-    stations(line, &models, problems);
+fn parts_of(line: &LineFile, catalog: &Catalog, is_published: bool, problems: &mut Vec<Problem>) -> LineParts {
+    let drives: Vec<_> = line.drives.iter().map(|drive| drive_parts(drive, catalog, is_published, problems)).collect();
+    stations(line, &drives, problems);
     alone_on_rs232(line, problems);
     let mut on_line: Vec<OnLine> = Vec::new();
-    for (drive, model) in line.drives.iter().zip(&models) {
-        let Some(model) = model else { continue };
+    for (drive, parts) in line.drives.iter().zip(&drives) {
+        let Some(model) = &parts.model else { continue };
         if on_line.iter().all(|other| other.model.id != model.id) {
             on_line.push(OnLine { model, drive });
         }
     }
     let settled = link::settle(line, &on_line, problems);
-    LineParts { models, settled }
+    LineParts { drives, settled }
+}
+
+fn drive_parts(drive: &DriveFile, catalog: &Catalog, is_published: bool, problems: &mut Vec<Problem>) -> DriveParts {
+    let model = model_of(drive, catalog, problems);
+    let control = control::settle(drive, model.as_deref(), problems);
+    let dead_bands = native::dead_bands(drive, model.as_deref(), is_published, problems);
+    DriveParts { model, control, dead_bands }
 }
 
 fn alone_on_rs232(line: &LineFile, problems: &mut Vec<Problem>) {
@@ -116,11 +145,11 @@ fn unknown_model(written: &Written<String>, catalog: &Catalog) -> Problem {
 }
 
 /// Each station is in its model's range and stands once on the line.
-fn stations(line: &LineFile, models: &[Option<Arc<Model>>], problems: &mut Vec<Problem>) {
+fn stations(line: &LineFile, parts: &[DriveParts], problems: &mut Vec<Problem>) {
     let mut owners: BTreeMap<Station, &DriveFile> = BTreeMap::new();
-    for (drive, model) in line.drives.iter().zip(models) {
+    for (drive, parts) in line.drives.iter().zip(parts) {
         let Some(station) = &drive.station else { continue };
-        if let Some(model) = model.as_ref().filter(|it| !it.link.stations.value.contains(&station.value.0)) {
+        if let Some(model) = parts.model.as_ref().filter(|it| !it.link.stations.value.contains(&station.value.0)) {
             let range = &model.link.stations.value;
             let what = format!("station {} cannot be set on {}", station.value, model.id);
             problems.push(station.place.problem(what).right(format!("{} to {}", range.start(), range.end())));
@@ -134,11 +163,11 @@ fn stations(line: &LineFile, models: &[Option<Arc<Model>>], problems: &mut Vec<P
     }
 }
 
-fn ready_line(line: &LineFile, parts: LineParts, units: &[Option<UnitId>]) -> Option<LineSettings> {
+fn ready_line(line: &LineFile, parts: LineParts, units: &[Units]) -> Option<LineSettings> {
     let Settled { link, framing, interface } = parts.settled?;
     let reply_timeout = line.reply_timeout.or(None)?;
-    let drives = line.drives.iter().zip(parts.models).zip(units);
-    let drives = drives.map(|((drive, model), unit)| ready_drive(drive, model?, (*unit)?, reply_timeout));
+    let drives = line.drives.iter().zip(parts.drives).zip(units);
+    let drives = drives.map(|((drive, parts), units)| ready_drive(drive, parts, *units, reply_timeout));
     Some(LineSettings {
         name: line.name.as_ref()?.value.clone(),
         port: line.port.as_ref()?.value.clone(),
@@ -154,22 +183,37 @@ fn ready_line(line: &LineFile, parts: LineParts, units: &[Option<UnitId>]) -> Op
 
 fn ready_drive(
     drive: &DriveFile,
-    model: Arc<Model>,
-    unit: UnitId,
+    parts: DriveParts,
+    units: Units,
     line_timeout: Option<Duration>,
 ) -> Option<DriveSettings> {
+    let model = parts.model?;
     Some(DriveSettings {
         name: drive.name.as_ref()?.value.clone(),
         station: drive.station.as_ref()?.value,
-        unit,
+        unit: units.native?,
+        uniform_unit: units.uniform?,
         poll: drive.poll.or(DEFAULT_POLL)?,
         reply_timeout: drive.reply_timeout.or(line_timeout)?,
         max_lateness: drive.max_lateness.or(model.timing.max_lateness.value)?,
+        control: parts.control?,
+        dead_bands: parts.dead_bands?,
         model,
     })
 }
 
 fn ready_listener(listener: &ListenerFile, served: BTreeSet<usize>) -> Option<ListenerSettings> {
     let lines = listener.lines.clone().optional()?.map(|_| served.into_iter().collect());
-    Some(ListenerSettings { listen: listener.listen.as_ref()?.value, allow: listener.allow.clone().optional()?, lines })
+    let stop = match &listener.stop {
+        Given::LeftOut => None,
+        given => Some(lists::values(given)?),
+    };
+    Some(ListenerSettings {
+        listen: listener.listen.as_ref()?.value,
+        allow: listener.allow.clone().optional()?,
+        lines,
+        write: lists::values(&listener.write)?,
+        stop,
+        reads_renew: listener.reads_renew.or(false)?,
+    })
 }

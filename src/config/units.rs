@@ -1,23 +1,35 @@
-//! Under which unit each drive is reached, and that no listener serves two drives at the same one.
+//! Under which units each drive is reached, and that no listener serves two drives at the same one.
 
 use super::file::{DriveFile, File, ListenerFile};
 use crate::domain::ids::UnitId;
 use crate::domain::problem::Problem;
-use crate::profile::reader::Given;
+use crate::profile::reader::{Given, Place};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The unit of each drive of each line, in the order of the file; nothing: see `problems`.
+/// How far the uniform unit of a drive that names none lies above its native one.
+const UNIFORM_ABOVE: u8 = 100;
+
+/// The units of one drive; what is nothing stands in the problems.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Units {
+    /// Where its own registers are.
+    pub native: Option<UnitId>,
+    /// Where the uniform registers are.
+    pub uniform: Option<UnitId>,
+}
+
+/// The units of each drive of each line, in the order of the file.
 /// `served` holds, per listener of `file`, the indices of the lines it serves.
-pub(super) fn settle(file: &File, served: &[BTreeSet<usize>], problems: &mut Vec<Problem>) -> Vec<Vec<Option<UnitId>>> {
+pub(super) fn settle(file: &File, served: &[BTreeSet<usize>], problems: &mut Vec<Problem>) -> Vec<Vec<Units>> {
     let shared = shared_lines(served, &file.listeners);
     let mut free = Free::new(file, &shared);
-    let units: Vec<Vec<Option<UnitId>>> = file
+    let units: Vec<Vec<Units>> = file
         .lines
         .iter()
         .enumerate()
         .map(|(index, line)| {
             let with = shared.get(&index).copied();
-            line.drives.iter().map(|drive| unit_of(drive, with, &mut free, problems)).collect()
+            line.drives.iter().map(|drive| units_of(drive, with, &mut free, problems)).collect()
         })
         .collect();
     let mut told = BTreeSet::new();
@@ -38,8 +50,13 @@ fn shared_lines<'a>(served: &[BTreeSet<usize>], listeners: &'a [ListenerFile]) -
     shared
 }
 
-/// The unit of one drive: as written, or its station where the line shares its listeners with no other line.
-fn unit_of(
+fn units_of(drive: &DriveFile, shared: Option<&ListenerFile>, free: &mut Free, problems: &mut Vec<Problem>) -> Units {
+    let native = native_of(drive, shared, free, problems);
+    Units { native, uniform: uniform_of(drive, native, free, problems) }
+}
+
+/// The native unit: as written, or the station where the line shares its listeners with no other line.
+fn native_of(
     drive: &DriveFile,
     shared: Option<&ListenerFile>,
     free: &mut Free,
@@ -54,55 +71,133 @@ fn unit_of(
     let station = drive.station.as_ref().and_then(|station| UnitId::new(station.value.0));
     let Some(listener) = shared else { return station };
     let what = format!("`unit` is left out, and {} serves more than one line", listener.label());
-    problems.push(with_free(drive.place.missing("unit").problem(what), free.like(station)));
+    problems.push(free.native_instead(drive.place.missing("unit").problem(what), drive, station));
     None
 }
 
-/// Reports each drive whose unit belongs to an earlier drive of the same listener. `told` keeps the places
-/// that are already reported.
+/// The uniform unit: as written, or far above the native one.
+fn uniform_of(
+    drive: &DriveFile,
+    native: Option<UnitId>,
+    free: &mut Free,
+    problems: &mut Vec<Problem>,
+) -> Option<UnitId> {
+    match &drive.uniform_unit {
+        Given::Usable(written) => return Some(written.value),
+        Given::Unusable => return None,
+        Given::LeftOut => {}
+    }
+    let native = native?;
+    let uniform = default_uniform(native);
+    if uniform.is_none() {
+        let what = format!(
+            "`uniform_unit` is left out, and its default of {native} + {UNIFORM_ABOVE} is beyond {}",
+            UnitId::MAX
+        );
+        problems.push(free.uniform_instead(drive.place.missing("uniform_unit").problem(what)));
+    }
+    uniform
+}
+
+fn default_uniform(native: UnitId) -> Option<UnitId> {
+    native.get().checked_add(UNIFORM_ABOVE).and_then(UnitId::new)
+}
+
+/// One of the two units of a drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Side {
+    Native,
+    Uniform,
+}
+
+impl Side {
+    const fn key(self) -> &'static str {
+        match self {
+            Self::Native => "unit",
+            Self::Uniform => "uniform_unit",
+        }
+    }
+
+    const fn given(self, drive: &DriveFile) -> &Given<UnitId> {
+        match self {
+            Self::Native => &drive.unit,
+            Self::Uniform => &drive.uniform_unit,
+        }
+    }
+}
+
+/// A drive that answers at a unit.
+#[derive(Clone, Copy)]
+struct Claim<'a> {
+    drive: &'a DriveFile,
+    side: Side,
+}
+
+impl Claim<'_> {
+    fn is_default(&self) -> bool {
+        matches!(self.side.given(self.drive), Given::LeftOut)
+    }
+
+    fn place(&self) -> Place {
+        match self.side.given(self.drive) {
+            Given::Usable(written) => written.place.clone(),
+            Given::LeftOut | Given::Unusable => self.drive.place.missing(self.side.key()),
+        }
+    }
+
+    fn label(&self) -> String {
+        match self.side {
+            Side::Native => self.drive.label(),
+            Side::Uniform => format!("{} (uniform)", self.drive.label()),
+        }
+    }
+}
+
+/// Reports each unit that belongs to an earlier drive, or to the same drive, of the same listener. `told` keeps
+/// the places that are already reported.
 fn told_apart(
     file: &File,
     lines: &BTreeSet<usize>,
-    units: &[Vec<Option<UnitId>>],
+    units: &[Vec<Units>],
     free: &mut Free,
-    told: &mut BTreeSet<(usize, usize)>,
+    told: &mut BTreeSet<(usize, usize, Side)>,
     problems: &mut Vec<Problem>,
 ) {
-    let mut owners: BTreeMap<UnitId, &DriveFile> = BTreeMap::new();
+    let mut owners: BTreeMap<UnitId, Claim<'_>> = BTreeMap::new();
     for line in lines {
         let drives = file.lines.get(*line).map_or(&[][..], |line| &line.drives);
         let units = units.get(*line).map_or(&[][..], |units| units);
-        for (index, (drive, unit)) in drives.iter().zip(units).enumerate() {
-            let Some(unit) = *unit else { continue };
-            let Some(owner) = owners.get(&unit) else {
-                owners.insert(unit, drive);
-                continue;
-            };
-            if !follows_from_station(owner, drive) && told.insert((*line, index)) {
-                problems.push(clash(owner, drive, unit, free));
+        for (index, (drive, units)) in drives.iter().zip(units).enumerate() {
+            for (side, unit) in [(Side::Native, units.native), (Side::Uniform, units.uniform)] {
+                let (Some(unit), claim) = (unit, Claim { drive, side }) else { continue };
+                let Some(owner) = owners.get(&unit) else {
+                    owners.insert(unit, claim);
+                    continue;
+                };
+                if !follows_from_another(*owner, claim) && told.insert((*line, index, side)) {
+                    problems.push(clash(*owner, claim, unit, free));
+                }
             }
         }
     }
 }
 
-/// Whether two drives have the same unit only because they have the same station, which is reported as such.
-fn follows_from_station(one: &DriveFile, other: &DriveFile) -> bool {
-    matches!((&one.unit, &other.unit), (Given::LeftOut, Given::LeftOut))
+/// Whether two drives have the same unit only because they have the same station, or the same uniform unit only
+/// because they have the same native one: that is reported by itself.
+fn follows_from_another(owner: Claim<'_>, claim: Claim<'_>) -> bool {
+    owner.side == claim.side && owner.is_default() && claim.is_default()
 }
 
-fn clash(owner: &DriveFile, drive: &DriveFile, unit: UnitId, free: &mut Free) -> Problem {
-    let place = match &drive.unit {
-        Given::Usable(written) => written.place.clone(),
-        Given::LeftOut | Given::Unusable => drive.place.missing("unit"),
+fn clash(owner: Claim<'_>, claim: Claim<'_>, unit: UnitId, free: &mut Free) -> Problem {
+    let what = if std::ptr::eq(owner.drive, claim.drive) {
+        format!("{} would answer at unit {unit} both as its vendor describes it and uniformly", claim.drive.label())
+    } else {
+        format!("{} and {} would both answer at unit {unit}", owner.label(), claim.label())
     };
-    let what = format!("{} and {} would both answer at unit {unit}", owner.label(), drive.label());
-    with_free(place.problem(what), free.like(None))
-}
-
-fn with_free(problem: Problem, free: Option<UnitId>) -> Problem {
-    match free {
-        Some(unit) => problem.right(format!("unit = {unit}, which is free")),
-        None => problem.right("a listener of its own for each line (`lines`): no unit is free"),
+    let problem = claim.place().problem(what);
+    match claim.side {
+        Side::Native => free.native_instead(problem, claim.drive, None),
+        Side::Uniform => free.uniform_instead(problem),
     }
 }
 
@@ -113,21 +208,64 @@ struct Free {
 
 impl Free {
     fn new(file: &File, shared: &BTreeMap<usize, &ListenerFile>) -> Self {
-        let lines = file.lines.iter().enumerate();
-        let drives = lines.flat_map(|(index, line)| line.drives.iter().map(move |drive| (index, drive)));
-        let unit = |(line, drive): (usize, &DriveFile)| match (&drive.unit, &drive.station) {
-            (Given::Usable(unit), _) => Some(unit.value),
-            (Given::LeftOut, Some(station)) if !shared.contains_key(&line) => UnitId::new(station.value.0),
-            _ => None,
-        };
-        Self { used: drives.filter_map(unit).collect() }
+        let mut used = BTreeSet::new();
+        for (line, drive) in
+            (0..).zip(&file.lines).flat_map(|(index, line)| line.drives.iter().map(move |it| (index, it)))
+        {
+            let native = match (&drive.unit, &drive.station) {
+                (Given::Usable(unit), _) => Some(unit.value),
+                (Given::LeftOut, Some(station)) if !shared.contains_key(&line) => UnitId::new(station.value.0),
+                _ => None,
+            };
+            let uniform = match &drive.uniform_unit {
+                Given::Usable(unit) => Some(unit.value),
+                Given::LeftOut => native.and_then(default_uniform),
+                Given::Unusable => None,
+            };
+            used.extend(native.into_iter().chain(uniform));
+        }
+        Self { used }
     }
 
-    /// `wanted` if it is free, else the lowest that is.
-    fn like(&mut self, wanted: Option<UnitId>) -> Option<UnitId> {
-        let all = (UnitId::MIN..=UnitId::MAX).filter_map(UnitId::new);
-        let unit = wanted.into_iter().chain(all).find(|unit| !self.used.contains(unit))?;
+    /// Adds to `problem` a unit for the native registers of `drive`, `wanted` if that is free. Where the uniform
+    /// unit follows the native one, that is free too.
+    fn native_instead(&mut self, problem: Problem, drive: &DriveFile, wanted: Option<UnitId>) -> Problem {
+        let follows = matches!(drive.uniform_unit, Given::LeftOut);
+        let fits = |unit: &UnitId| !follows || default_uniform(*unit).is_some_and(|it| !self.used.contains(&it));
+        let unit = self.units(wanted).find(fits);
+        if let Some(unit) = unit {
+            self.used.insert(unit);
+            self.used.extend(default_uniform(unit).filter(|_| follows));
+            return problem.right(format!("unit = {unit}, which is free"));
+        }
+        match (self.take(wanted), self.take(None)) {
+            (Some(native), Some(uniform)) if follows => {
+                problem.right(format!("unit = {native} and uniform_unit = {uniform}, which are free"))
+            }
+            _ => problem.right(NONE_FREE),
+        }
+    }
+
+    /// Adds to `problem` a unit for the uniform registers.
+    fn uniform_instead(&mut self, problem: Problem) -> Problem {
+        match self.take(None) {
+            Some(unit) => problem.right(format!("uniform_unit = {unit}, which is free")),
+            None => problem.right(NONE_FREE),
+        }
+    }
+
+    fn take(&mut self, wanted: Option<UnitId>) -> Option<UnitId> {
+        let unit = self.units(wanted).next()?;
         self.used.insert(unit);
         Some(unit)
     }
+
+    /// The free units, `wanted` before the others, which stand in order.
+    fn units(&self, wanted: Option<UnitId>) -> impl Iterator<Item = UnitId> {
+        let all = (UnitId::MIN..=UnitId::MAX).filter_map(UnitId::new);
+        wanted.into_iter().chain(all).filter(|unit| !self.used.contains(unit))
+    }
 }
+
+/// What to do where all units are taken.
+const NONE_FREE: &str = "a listener of its own for each line (`lines`): no unit is free";

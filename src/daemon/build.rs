@@ -48,10 +48,10 @@ fn description(place: DriveRef, line: &LineSettings, drive: &DriveSettings) -> D
         line: line.name.clone(),
         model: Arc::clone(&drive.model),
         unit: drive.unit,
-        uniform_unit: drive.unit,
+        uniform_unit: drive.uniform_unit,
         poll: drive.poll,
-        control: None,
-        dead_bands: Vec::new(),
+        control: drive.control.clone(),
+        dead_bands: drive.dead_bands.clone(),
     }
 }
 

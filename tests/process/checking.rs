@@ -49,7 +49,19 @@ fn check_accepts_the_example_and_says_what_it_costs() {
     let output = vfd_gateway(&["check", "-c", example.to_str().unwrap()]);
     let said = said(&output);
     assert_eq!(output.status.code(), Some(0), "{said}");
-    for word in ["hall-1", "pump-1", "read-only", "silence before each frame", "127.0.0.1:1502"] {
+    for word in [
+        "hall-1",
+        "pump-1",
+        "read-only",
+        "silence before each frame",
+        "127.0.0.1:1502",
+        "commands from mqtt, modbus-tcp: 5.00 to 50.00 Hz, forward, reverse",
+        "commander lost after 30s: stop; gateway ended: hold",
+        "acceleration_time (0x020C), deceleration_time (0x020E)",
+        "command deadline 1s < lease 30s",
+        "mqtts://broker.example:8883",
+        "127.0.0.1/32 may write, 127.0.0.0/8 may stop",
+    ] {
         assert!(said.contains(word), "no {word}:\n{said}");
     }
 }
@@ -59,11 +71,11 @@ fn a_key_that_this_version_does_not_serve_is_refused() {
     let place = Place::new();
     let example =
         std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/vfd-gateway.toml")).unwrap();
-    let file = place.write("mqtt.toml", &format!("{example}\n[mqtt]\nbroker = \"mqtt://127.0.0.1\"\n"));
+    let file = place.write("later.toml", &example.replacen("[mqtt]\n", "[mqtt]\nsparkplug = { group = \"a\" }\n", 1));
     for command in ["check", "run"] {
         let output = vfd_gateway(&[command, "-c", file.to_str().unwrap()]);
         assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-        assert!(said(&output).contains("mqtt"), "{}", said(&output));
+        assert!(said(&output).contains("`sparkplug` is not served"), "{}", said(&output));
     }
 }
 

@@ -9,10 +9,7 @@ fn the_readme_has_every_key_as_the_program_has_it() {
     let readme = readme();
     let tables = part(&readme, "## Configuration", "\n## ");
     for section in Section::ALL.into_iter().filter(|section| *section != Section::Root) {
-        let header = match section {
-            Section::Root | Section::Gateway => format!("[{}]", section.path()),
-            _ => format!("[[{}]]", section.path()),
-        };
+        let header = section.header();
         let table = part(tables, &format!("### `{header}`"), "\n### ");
         let written: Vec<_> = table.lines().filter(|line| line.starts_with("| `")).collect();
         let keys = KEYS.iter().filter(|key| key.section == section);

@@ -1,5 +1,16 @@
 //! The configuration as a whole: good files, every rule broken once, many rules broken at once, garbage.
 
+#[cfg(test)]
+mod control;
+#[cfg(test)]
+mod mqtt;
+#[cfg(test)]
+mod native;
+#[cfg(test)]
+mod network;
+#[cfg(test)]
+mod units;
+
 use super::*;
 use crate::domain::link::{Framing, Interface, LinkSettings, Parity};
 use crate::vendors;
@@ -18,6 +29,38 @@ model = "hyundai-n700"
 station = 1
 [[modbus_tcp]]
 listen = "127.0.0.1:1502"
+"#;
+
+/// A file with every table: a drive that both sides may command, and one that nobody may.
+pub(super) const CONTROLLED: &str = r#"
+[gateway]
+name = "plant-a"
+[[line]]
+name = "hall-1"
+port = "/dev/ttyUSB0"
+[[line.drive]]
+name = "pump-1"
+model = "hyundai-n700"
+station = 1
+[line.drive.control]
+from = ["mqtt", "modbus-tcp"]
+frequency_hz = { min = 5.0, max = 50.0 }
+on_commander_lost = "stop"
+lost_after = "30s"
+on_shutdown = "hold"
+[line.drive.native]
+write = ["F007"]
+[[line.drive]]
+name = "pump-2"
+model = "hyundai-n700"
+station = 2
+[mqtt]
+broker = "mqtt://127.0.0.1"
+[[modbus_tcp]]
+listen = "127.0.0.1:1502"
+write = ["127.0.0.1/32"]
+[http]
+listen = "127.0.0.1:8080"
 "#;
 
 /// Two lines of one drive each behind one listener, with units.
@@ -63,10 +106,13 @@ fn listener_with(lines: &str) -> String {
     format!("{MINIMAL}{lines}\n")
 }
 
-/// The built-in models, and one that differs in its link settings.
+/// The built-in models, one that differs in its link settings, and one that differs in what it can do.
 fn catalog() -> Catalog {
-    let acme = ("acme-one.toml", include_str!("../../tests/golden/config/acme-one.toml"));
-    Catalog::from_texts(vendors::texts().iter().copied().chain([acme])).unwrap()
+    let acme = [
+        ("acme-one.toml", include_str!("../../../tests/golden/config/acme-one.toml")),
+        ("acme-two.toml", include_str!("../../../tests/golden/config/acme-two.toml")),
+    ];
+    Catalog::from_texts(vendors::texts().iter().copied().chain(acme)).unwrap()
 }
 
 fn good(text: &str) -> Config {
@@ -126,6 +172,41 @@ fn the_example_file_resolves() {
     assert_eq!(pump_2.model.register_named("my_value"), None);
     assert_eq!((pump_2.unit.get(), pump_2.reply_timeout), (2, None));
     assert_eq!(config.listeners[0].lines, Some(vec![0]));
+    assert_eq!((pump_1.uniform_unit.get(), pump_2.uniform_unit.get()), (101, 102));
+    assert_eq!(pump_1.dead_bands, [("output_frequency".to_owned(), 0.05)]);
+    assert_eq!(pump_1.control.as_ref().unwrap().native_write, [0x020C, 0x020E]);
+    assert_eq!(pump_2.control, None);
+    assert_eq!(config.mqtt.unwrap().broker.to_string(), "mqtts://broker.example:8883");
+    assert_eq!(config.http.unwrap().listen.port(), 8080);
+}
+
+#[test]
+fn what_the_example_writes_is_the_default_where_it_says_so() {
+    let text = example();
+    let mut defaults = String::new();
+    for line in text.lines() {
+        let key = line.trim_start().split(" = ").next().unwrap_or_default();
+        let is_default = ["restart_delay", "stop_effect_timeout", "stop_pending_for", "commands", "reverse_below_hz"]
+            .into_iter()
+            .chain(["accept_unverified", "allow_plain_password", "version", "prefix", "heartbeat", "keep_alive"])
+            .chain([
+                "lease",
+                "alive_topic",
+                "probe_interval",
+                "command_ttl",
+                "uniform_unit",
+                "client_id",
+                "reads_renew",
+            ]);
+        if !is_default.into_iter().any(|it| it == key) {
+            defaults += line;
+            defaults += "\n";
+        }
+    }
+    let (mut written, left_out) = (good(&text), good(&defaults));
+    let mqtt = written.mqtt.as_mut().unwrap();
+    assert_eq!(mqtt.client_id.take().as_deref(), Some("vfd-gateway-plant-a"));
+    assert_eq!(written, left_out);
 }
 
 #[test]
@@ -140,7 +221,7 @@ fn a_drive_takes_the_reply_timeout_of_its_line_unless_it_says_otherwise() {
 
 #[test]
 fn many_mistakes_are_reported_at_once() {
-    let text = include_str!("../../tests/golden/config/ten_mistakes.toml");
+    let text = include_str!("../../../tests/golden/config/ten_mistakes.toml");
     let found = shown(text, &load(text, &catalog()).unwrap_err());
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/config/ten_mistakes.txt");
     if std::env::var_os("UPDATE_GOLDEN").is_some() {
@@ -314,10 +395,11 @@ fn units_are_required_where_lines_share_a_listener() {
 
 #[test]
 fn a_listener_without_a_free_unit_is_told_so() {
-    let mut text = TWO_LINES.replace("unit = 2\n", "");
-    for station in 2..=247 {
+    let mut text = TWO_LINES.replace("unit = 2\n", "").replace("unit = 1\n", "unit = 1\nuniform_unit = 2\n");
+    for station in 2..=123 {
         let model = if station <= 32 { "hyundai-n700" } else { "acme-one" };
-        let drive = format!("name = 'd{station}'\nmodel = '{model}'\nstation = {station}\nunit = {station}");
+        let units = format!("unit = {}\nuniform_unit = {}", 2 * station - 1, 2 * station);
+        let drive = format!("name = 'd{station}'\nmodel = '{model}'\nstation = {station}\n{units}");
         text = with(
             &text,
             "[[line]]\nname = \"hall-2\"",

@@ -1,6 +1,10 @@
 //! Walks the TOML from the outer tables to the inner ones and takes each value with its place.
 
-use super::file::{DriveFile, File, LineFile, ListenerFile};
+mod control;
+mod mqtt;
+mod network;
+
+use super::file::{DriveFile, File, LineFile};
 use super::keys;
 use super::ready::Silence;
 use crate::domain::ids::{Name, Station, UnitId};
@@ -9,8 +13,6 @@ use crate::profile::reader::{Given, Needed, Reader, Written, document};
 use crate::profile::register::{RegisterFile, extra_register};
 use crate::profile::values::Kind;
 use crate::profile::words::{FRAMINGS, INTERFACES, PARITIES};
-use ipnet::IpNet;
-use std::net::IpAddr;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -20,6 +22,8 @@ const SILENCE: RangeInclusive<Duration> = Duration::ZERO..=Duration::from_secs(1
 const REQUEST_GAP: RangeInclusive<Duration> = Duration::ZERO..=Duration::from_secs(10);
 const REPLY_TIMEOUT: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(60);
 const MAX_LATENESS: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(60);
+/// A dead band; no register has finer steps than the least, nor values beyond the greatest.
+const DEAD_BAND: RangeInclusive<f64> = 0.000_001..=100_000.0;
 const POLL: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(3600);
 
 /// The configuration as it is written; nothing: `text` is no TOML, and `problems` says where.
@@ -27,11 +31,17 @@ pub(super) fn read(text: &str, problems: &mut Vec<Problem>) -> Option<File> {
     let document = document(text, problems)?;
     let mut reader = Reader::new(document.section(), problems);
     refuse_not_served(&mut reader, keys::Section::Root);
-    let gateway = reader.table("gateway");
+    let (name, data_dir) = match inner(&mut reader, "gateway", read_gateway) {
+        Given::Usable(gateway) => gateway.value,
+        Given::LeftOut | Given::Unusable => (Given::LeftOut, Given::LeftOut),
+    };
     let file = File {
-        name: gateway.usable().map_or(Given::LeftOut, |section| read_gateway(reader.open(section.value.clone()))),
+        name,
+        data_dir,
         lines: each(&mut reader, "line", read_line),
-        listeners: each(&mut reader, "modbus_tcp", read_listener),
+        mqtt: inner(&mut reader, "mqtt", mqtt::read_mqtt),
+        listeners: each(&mut reader, "modbus_tcp", network::read_listener),
+        http: inner(&mut reader, "http", network::read_http),
     };
     if file.lines.is_empty() {
         let problem = reader.place().missing("line").problem("there is no line");
@@ -41,11 +51,12 @@ pub(super) fn read(text: &str, problems: &mut Vec<Problem>) -> Option<File> {
     Some(file)
 }
 
-fn read_gateway(mut reader: Reader<'_, '_>) -> Given<Name> {
+fn read_gateway(mut reader: Reader<'_, '_>) -> (Given<Name>, Given<PathBuf>) {
     refuse_not_served(&mut reader, keys::Section::Gateway);
     let name = reader.optional("name", &name_kind());
+    let data_dir = reader.optional("data_dir", &absolute_path());
     reader.finish();
-    name
+    (name, data_dir)
 }
 
 fn read_line(mut reader: Reader<'_, '_>) -> LineFile {
@@ -80,33 +91,33 @@ fn read_drive(mut reader: Reader<'_, '_>) -> DriveFile {
         name: reader.required("name", &name_kind()),
         model: reader.required("model", &Kind::text()),
         station: read_station(&mut reader),
-        unit: read_unit(&mut reader),
+        unit: read_unit(&mut reader, "unit"),
+        uniform_unit: read_unit(&mut reader, "uniform_unit"),
         poll: reader.optional("poll", &Kind::duration(POLL)),
         reply_timeout: reader.optional("reply_timeout", &Kind::duration(REPLY_TIMEOUT).or_word("auto")),
         max_lateness: reader.optional("max_lateness", &Kind::duration(MAX_LATENESS)),
         registers: read_registers(&mut reader),
+        dead_bands: inner(&mut reader, "dead_bands", |reader| reader.all(&Kind::decimal(DEAD_BAND))),
+        control: inner(&mut reader, "control", control::read_control),
+        native: inner(&mut reader, "native", control::read_native),
     };
     reader.finish();
     drive
-}
-
-fn read_listener(mut reader: Reader<'_, '_>) -> ListenerFile {
-    refuse_not_served(&mut reader, keys::Section::ModbusTcp);
-    let listen = Kind::parsed("an address with a port: \"127.0.0.1:1502\", \"[::1]:1502\"", |text| text.parse().ok());
-    let listener = ListenerFile {
-        place: reader.place().clone(),
-        listen: reader.required("listen", &listen),
-        allow: read_allow(&mut reader),
-        lines: reader.list("lines", &Kind::text()),
-    };
-    reader.finish();
-    listener
 }
 
 /// What `read` makes of each table `[[key]]`.
 fn each<'a, T>(reader: &mut Reader<'a, '_>, key: &'static str, read: impl Fn(Reader<'a, '_>) -> T) -> Vec<T> {
     let sections = reader.tables(key);
     sections.into_iter().map(|section| read(reader.open(section))).collect()
+}
+
+/// What `read` makes of the table `key`.
+fn inner<'a, T>(reader: &mut Reader<'a, '_>, key: &'static str, read: impl FnOnce(Reader<'a, '_>) -> T) -> Given<T> {
+    match reader.table(key) {
+        Given::LeftOut => Given::LeftOut,
+        Given::Unusable => Given::Unusable,
+        Given::Usable(Written { value, place }) => Given::Usable(Written { value: read(reader.open(value)), place }),
+    }
 }
 
 /// Refuses each key of `section` that is known but not served.
@@ -126,6 +137,10 @@ fn name_kind() -> Kind<'static, Name> {
     Kind::parsed(right, Name::new)
 }
 
+fn absolute_path() -> Kind<'static, PathBuf> {
+    Kind::parsed("an absolute path", |text| Some(PathBuf::from(text)).filter(|path| path.is_absolute()))
+}
+
 fn read_silence(reader: &mut Reader<'_, '_>) -> Given<Silence> {
     let silence = reader.optional("silence", &Kind::duration(SILENCE).or_word("auto"));
     turned(silence, |fixed| Some(fixed.map_or(Silence::Auto, Silence::Fixed)))
@@ -136,8 +151,8 @@ fn read_station(reader: &mut Reader<'_, '_>) -> Needed<Station> {
     Some(Written { value: Station(value), place })
 }
 
-fn read_unit(reader: &mut Reader<'_, '_>) -> Given<UnitId> {
-    turned(reader.optional("unit", &Kind::number(UnitId::MIN..=UnitId::MAX)), UnitId::new)
+fn read_unit(reader: &mut Reader<'_, '_>, key: &'static str) -> Given<UnitId> {
+    turned(reader.optional(key, &Kind::number(UnitId::MIN..=UnitId::MAX)), UnitId::new)
 }
 
 /// What `turn` makes of the value; it takes every value that the kind lets through.
@@ -161,40 +176,5 @@ fn read_port(reader: &mut Reader<'_, '_>) -> Needed<PathBuf> {
         None => format!("`{}` is no absolute path", port.value),
     };
     reader.problems().push(port.place.problem(what).right(RIGHT));
-    None
-}
-
-fn read_allow(reader: &mut Reader<'_, '_>) -> Given<Vec<IpNet>> {
-    let list = match reader.list("allow", &Kind::text()) {
-        Given::LeftOut => return Given::LeftOut,
-        Given::Unusable => return Given::Unusable,
-        Given::Usable(list) => list,
-    };
-    if list.value.is_empty() {
-        let problem = list.place.problem("an empty list lets nobody connect");
-        reader.problems().push(problem.right("networks as \"10.0.0.0/24\", or no listener at all"));
-        return Given::Unusable;
-    }
-    let networks: Vec<Option<IpNet>> = list.value.iter().map(|it| network(it, reader.problems())).collect();
-    match networks.into_iter().collect() {
-        Some(value) => Given::Usable(Written { value, place: list.place }),
-        None => Given::Unusable,
-    }
-}
-
-/// A network in the notation address/bits. One with bits behind its length set is refused, because it may
-/// mean the network or the one host.
-fn network(written: &Written<String>, problems: &mut Vec<Problem>) -> Option<IpNet> {
-    let text = &written.value;
-    let (what, right) = match (text.parse::<IpNet>(), text.parse::<IpAddr>()) {
-        (Ok(network), _) if network.trunc() == network => return Some(network),
-        (Ok(network), _) => {
-            let host = IpNet::from(network.addr());
-            ("is a host inside a network", format!("\"{}\" for the network, \"{host}\" for the host", network.trunc()))
-        }
-        (_, Ok(host)) => ("has no length", format!("\"{}\" for this one host", IpNet::from(host))),
-        _ => ("is no network", "an address and its length: \"10.0.0.0/24\", \"fd00::/64\"".to_owned()),
-    };
-    problems.push(written.place.problem(format!("`{text}` {what}")).right(right));
     None
 }

@@ -1,0 +1,171 @@
+//! The broker's address as one text: which scheme, which host, which port, and nothing else in it.
+
+use crate::domain::problem::nearest;
+use std::net::{IpAddr, Ipv6Addr};
+
+/// What an address may look like.
+const RIGHT: &str = "\"mqtts://broker.example:8883\", \"mqtt://127.0.0.1:1883\", or \"embedded\" for trying out";
+
+/// A broker's address.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Address {
+    /// The broker inside this process.
+    Embedded,
+    /// A broker on the network.
+    Tcp {
+        /// Name or address, an IPv6 address without its brackets.
+        host: String,
+        port: u16,
+        tls: bool,
+    },
+}
+
+impl Address {
+    /// Whether what is sent there stays on this host.
+    pub fn is_local(&self) -> bool {
+        match self {
+            Self::Embedded => true,
+            Self::Tcp { host, .. } => {
+                host.eq_ignore_ascii_case("localhost")
+                    || host.parse().is_ok_and(|ip: IpAddr| ip.to_canonical().is_loopback())
+            }
+        }
+    }
+
+    /// Whether the connection is encrypted.
+    pub const fn is_tls(&self) -> bool {
+        matches!(self, Self::Tcp { tls: true, .. })
+    }
+}
+
+/// Why a text is no address: what is wrong with it, and what would be right.
+pub(super) type Wrong = (String, String);
+
+/// The address that `text` writes.
+pub(super) fn parse(text: &str) -> Result<Address, Wrong> {
+    if text == "embedded" {
+        return Ok(Address::Embedded);
+    }
+    let Some((scheme, rest)) = text.split_once("://") else {
+        let near = nearest(text, ["embedded"]).map_or_else(|| RIGHT.to_owned(), |near| format!("\"{near}\""));
+        return Err((format!("`{text}` is no address of a broker"), near));
+    };
+    let (tls, default_port) = match scheme {
+        "mqtt" => (false, 1883),
+        "mqtts" => (true, 8883),
+        _ => return Err((format!("a broker over `{scheme}://` is not served"), RIGHT.to_owned())),
+    };
+    if rest.contains('@') {
+        // The text itself may hold a password, so it is not repeated.
+        let what = "a user or a password does not stand in the address".to_owned();
+        return Err((what, "`user`, and `password_file` or `password_env`, beside it".to_owned()));
+    }
+    let wrong = |what: &str| (format!("`{text}` {what}"), RIGHT.to_owned());
+    if rest.contains(['/', '?', '#']) {
+        return Err(wrong("has more than a host and a port"));
+    }
+    let (host, port) = host_and_port(rest).ok_or_else(|| wrong("has no usable host"))?;
+    let port = match port {
+        None => default_port,
+        Some(digits) => port_number(digits).ok_or_else(|| wrong("has no usable port"))?,
+    };
+    Ok(Address::Tcp { host: host.to_owned(), port, tls })
+}
+
+/// Host and port of `rest`; nothing: there is no usable host.
+fn host_and_port(rest: &str) -> Option<(&str, Option<&str>)> {
+    if let Some(bracketed) = rest.strip_prefix('[') {
+        let (host, after) = bracketed.split_once(']')?;
+        host.parse::<Ipv6Addr>().ok()?;
+        return match after {
+            "" => Some((host, None)),
+            after => Some((host, Some(after.strip_prefix(':')?))),
+        };
+    }
+    let (host, port) = match rest.split_once(':') {
+        Some((host, port)) => (host, Some(port)),
+        None => (rest, None),
+    };
+    let is_name = |host: &str| {
+        (1..=253).contains(&host.len())
+            && host.bytes().all(|byte| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'.' | b'_'))
+    };
+    is_name(host).then_some((host, port))
+}
+
+fn port_number(digits: &str) -> Option<u16> {
+    let is_plain = digits.bytes().all(|byte| byte.is_ascii_digit());
+    digits.parse().ok().filter(|port| is_plain && *port != 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tcp(host: &str, port: u16, tls: bool) -> Address {
+        Address::Tcp { host: host.to_owned(), port, tls }
+    }
+
+    #[test]
+    fn hosts_ports_and_schemes_are_told_apart() {
+        for (text, address) in [
+            ("embedded", Address::Embedded),
+            ("mqtt://broker", tcp("broker", 1883, false)),
+            ("mqtts://broker.example", tcp("broker.example", 8883, true)),
+            ("mqtt://10.0.0.7:2883", tcp("10.0.0.7", 2883, false)),
+            ("mqtt://[::1]", tcp("::1", 1883, false)),
+            ("mqtts://[fd00::7]:65535", tcp("fd00::7", 65_535, true)),
+        ] {
+            assert_eq!(parse(text), Ok(address), "{text}");
+        }
+    }
+
+    #[test]
+    fn whatever_else_is_refused() {
+        for text in [
+            "",
+            "broker",
+            "broker:1883",
+            "tcp://broker",
+            "ws://broker",
+            "MQTT://broker",
+            "mqtt:/broker",
+            "mqtt://",
+            "mqtt://:1883",
+            "mqtt://broker:",
+            "mqtt://broker:0",
+            "mqtt://broker:65536",
+            "mqtt://broker:+1",
+            "mqtt://broker:1883:1",
+            "mqtt://fd00::7",
+            "mqtt://[fd00::7",
+            "mqtt://[broker]",
+            "mqtt://[::1]1883",
+            "mqtt://broker/",
+            "mqtt://broker/x",
+            "mqtt://broker?x",
+            "mqtt://bro ker",
+            "mqtt://user@broker",
+        ] {
+            assert!(parse(text).is_err(), "{text}");
+        }
+        assert_eq!(parse("embeded").unwrap_err().1, "\"embedded\"");
+    }
+
+    #[test]
+    fn a_password_in_the_address_is_not_repeated() {
+        let (what, right) = parse("mqtt://user:secret@broker").unwrap_err();
+        assert!(!what.contains("secret") && !right.contains("secret"), "{what}; {right}");
+    }
+
+    #[test]
+    fn what_stays_on_this_host_is_known() {
+        for local in ["embedded", "mqtt://localhost", "mqtt://127.1.2.3", "mqtt://[::1]", "mqtt://[::ffff:127.0.0.1]"] {
+            assert!(parse(local).unwrap().is_local(), "{local}");
+        }
+        assert!(
+            !parse("mqtt://10.0.0.7").unwrap().is_local() && !parse("mqtt://localhost.example").unwrap().is_local()
+        );
+        assert!(parse("mqtts://broker").unwrap().is_tls() && !parse("mqtt://broker").unwrap().is_tls());
+    }
+}

@@ -1,0 +1,123 @@
+//! Whether those who are to command a drive can reach it, and whether a lease lasts longer than a command.
+
+use super::file::{ControlFile, DriveFile, File, LineFile, ListenerFile, MqttFile};
+use super::mqtt::{DEFAULT_COMMAND_TTL, DEFAULT_LEASE, DEFAULT_PROBE_INTERVAL};
+use super::ready::{COMMAND_DEADLINE, MqttSettings};
+use super::words::Way;
+use crate::domain::problem::Problem;
+use crate::north::mqtt::LeaseMode;
+use crate::profile::reader::{Given, Written};
+use crate::profile::values::duration_text;
+use ipnet::IpNet;
+use std::collections::BTreeSet;
+
+/// Compares every control section with `[mqtt]` and the listeners. `served` holds, per listener of `file`, the
+/// indices of the lines it serves.
+pub(super) fn check(file: &File, served: &[BTreeSet<usize>], problems: &mut Vec<Problem>) {
+    for (index, line) in file.lines.iter().enumerate() {
+        for drive in &line.drives {
+            let Some(control) = drive.control.usable() else { continue };
+            mqtt_reaches(&control.value, &file.mqtt, problems);
+            modbus_reaches(&control.value, line, index, &file.listeners, served, problems);
+            outlasts(&control.value, file.mqtt.usable().map(|mqtt| &mqtt.value), problems);
+        }
+    }
+    for (listener, lines) in file.listeners.iter().zip(served) {
+        let drives: Vec<&DriveFile> =
+            lines.iter().filter_map(|line| file.lines.get(*line)).flat_map(|line| &line.drives).collect();
+        rights_matter(listener, &drives, problems);
+    }
+}
+
+fn mqtt_reaches(control: &ControlFile, mqtt: &Given<MqttFile>, problems: &mut Vec<Problem>) {
+    if let (Some(place), Given::LeftOut) = (control.names(Way::Mqtt), mqtt) {
+        let problem = place.problem("commands from \"mqtt\" cannot come: there is no `[mqtt]`");
+        problems.push(problem.right("`[mqtt]` with `broker`, or leave it out"));
+    }
+}
+
+fn modbus_reaches(
+    control: &ControlFile,
+    line: &LineFile,
+    index: usize,
+    listeners: &[ListenerFile],
+    served: &[BTreeSet<usize>],
+    problems: &mut Vec<Problem>,
+) {
+    let Some(place) = control.names(Way::ModbusTcp) else { return };
+    // A listener that serves nothing has a wrong list, which is reported by itself.
+    let may_reach = |(listener, lines): (&ListenerFile, &BTreeSet<usize>)| {
+        (lines.is_empty() || lines.contains(&index)) && may_hold_any(&listener.write)
+    };
+    if !listeners.iter().zip(served).any(may_reach) {
+        let what =
+            format!("commands from \"modbus-tcp\" cannot come: no listener of {} lets anybody write", line.label());
+        problems.push(place.problem(what).right("`write = [\"10.0.0.10/32\"]` in a `[[modbus_tcp]]`, or leave it out"));
+    }
+}
+
+/// Whether the list, once it is right, holds a network.
+fn may_hold_any(networks: &Given<Vec<Written<IpNet>>>) -> bool {
+    match networks {
+        Given::LeftOut => false,
+        Given::Unusable => true,
+        Given::Usable(networks) => !networks.value.is_empty(),
+    }
+}
+
+/// A lease lasts longer than a command may wait, and one that lives by probes longer than probes may stay out.
+fn outlasts(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<Problem>) {
+    let Some(Written { value: lost_after, place }) = &control.lost_after else { return };
+    if *lost_after <= COMMAND_DEADLINE {
+        let what = format!(
+            "a lease of {} is not longer than the deadline of a command, {}",
+            duration_text(*lost_after),
+            duration_text(COMMAND_DEADLINE)
+        );
+        problems.push(place.problem(what).right("a longer time, as \"5s\""));
+    }
+    let Some(mqtt) = mqtt.filter(|_| control.names(Way::Mqtt).is_some()) else { return };
+    let ttl = mqtt.command_ttl.or(DEFAULT_COMMAND_TTL).filter(|ttl| *ttl > COMMAND_DEADLINE && *lost_after <= *ttl);
+    if let Some(ttl) = ttl {
+        let (lease, ttl) = (duration_text(*lost_after), duration_text(ttl));
+        let problem = place.problem(format!("a lease of {lease} is not longer than `command_ttl`, {ttl}"));
+        problems.push(problem.right(format!("more than \"{ttl}\", or a shorter `command_ttl`")));
+    }
+    if mqtt.lease.or(DEFAULT_LEASE) != Some(LeaseMode::Session) {
+        return;
+    }
+    let Some(least) = mqtt.probe_interval.or(DEFAULT_PROBE_INTERVAL).map(|probe| probe * MqttSettings::PROBES) else {
+        return;
+    };
+    if *lost_after < least {
+        let (lease, least) = (duration_text(*lost_after), duration_text(least));
+        let what = format!(
+            "a session lease of {lease} is shorter than {} probes of the way through the broker, {least}",
+            MqttSettings::PROBES
+        );
+        problems.push(place.problem(what).right(format!("at least \"{least}\", or a shorter `probe_interval`")));
+    }
+}
+
+/// A right to write is about drives that take commands from here, a right to stop about drives that are commanded
+/// at all.
+fn rights_matter(listener: &ListenerFile, drives: &[&DriveFile], problems: &mut Vec<Problem>) {
+    let takes_from_here = |control: &ControlFile| control.from.is_none() || control.names(Way::ModbusTcp).is_some();
+    let any = |matters: &dyn Fn(&ControlFile) -> bool| {
+        drives.is_empty()
+            || drives.iter().any(|drive| match &drive.control {
+                Given::LeftOut => false,
+                Given::Unusable => true,
+                Given::Usable(control) => matters(&control.value),
+            })
+    };
+    let right = "`from = [\"modbus-tcp\"]` in the `[line.drive.control]` of a drive, or leave it out";
+    for (list, matters, what) in [
+        (&listener.write, any(&takes_from_here), "no drive that is served here takes commands from \"modbus-tcp\""),
+        (&listener.stop, any(&|_| true), "no drive that is served here has a control section"),
+    ] {
+        if let Some(list) = list.usable().filter(|list| !matters && !list.value.is_empty()) {
+            problems.push(list.place.problem(what).right(right));
+        }
+    }
+}

@@ -1,0 +1,242 @@
+//! What a drive's control section allows, compared with what its model can do and how sure that is.
+
+use super::file::{ControlFile, DriveFile, LimitsFile};
+use super::lists;
+use super::native;
+use super::words::Way;
+use crate::domain::command::Direction;
+use crate::domain::control::{ControlAction, ControlSettings, FailSafe};
+use crate::domain::frequency::Hertz;
+use crate::domain::problem::Problem;
+use crate::domain::units::UnitOfMeasure;
+use crate::profile::model::{Confidence, Model, Register, Role};
+use crate::profile::reader::{Given, Needed, Place, Written};
+use crate::profile::scale::to_raw;
+use std::sync::Arc;
+use std::time::Duration;
+
+const DEFAULT_RESTART_DELAY: Duration = Duration::from_secs(2);
+const DEFAULT_STOP_EFFECT: Duration = Duration::from_secs(3);
+const DEFAULT_STOP_PENDING: Duration = Duration::from_secs(600);
+
+/// The ready control section of `drive`, nothing inside where it has none; nothing at all: see `problems`.
+/// Without a `model`, which is then reported as unknown, only what does not hang on it is checked.
+pub(super) fn settle(
+    drive: &DriveFile,
+    model: Option<&Model>,
+    problems: &mut Vec<Problem>,
+) -> Option<Option<Arc<ControlSettings>>> {
+    let native_write = native::settle(drive, model, problems);
+    let Written { value: file, place } = match &drive.control {
+        Given::LeftOut => return Some(None),
+        Given::Unusable => return None,
+        Given::Usable(control) => control,
+    };
+    ways(file, problems);
+    let directions = directions(file, problems);
+    // What cannot be commanded at all is said once, not for each key.
+    let able = model.filter(|model| can_be_controlled(model, place, problems));
+    let limits = limits(file.limits.as_ref(), able, problems);
+    if let Some(model) = able {
+        actions(file, directions.as_deref(), model, problems);
+    }
+    let (least, most) = limits?;
+    Some(Some(Arc::new(ControlSettings {
+        from_mqtt: file.names(Way::Mqtt).is_some(),
+        from_modbus_tcp: file.names(Way::ModbusTcp).is_some(),
+        least,
+        most,
+        directions: directions?,
+        reverse_below: file.reverse_below.or(Hertz::ZERO)?,
+        on_commander_lost: file.on_commander_lost.as_ref()?.value,
+        lost_after: file.lost_after.as_ref()?.value,
+        on_shutdown: file.on_shutdown.as_ref()?.value,
+        accept_unverified: lists::values(&file.accept_unverified).unwrap_or_default(),
+        strict: file.strict.or(false)?,
+        restart_delay: file.restart_delay.or(DEFAULT_RESTART_DELAY)?,
+        stop_effect_timeout: file.stop_effect_timeout.or(DEFAULT_STOP_EFFECT)?,
+        stop_pending_for: file.stop_pending_for.or(DEFAULT_STOP_PENDING)?,
+        native_write: native_write?,
+    })))
+}
+
+/// Somebody commands, nobody is named twice, and what concerns MQTT alone is not there without it.
+fn ways(file: &ControlFile, problems: &mut Vec<Problem>) {
+    let Some(from) = &file.from else { return };
+    if from.value.is_empty() {
+        let problem = from.place.problem("an empty list lets nobody command");
+        problems.push(problem.right("\"mqtt\", \"modbus-tcp\" or both, or no control section"));
+    }
+    lists::once(&from.value, problems);
+    let strict = file.strict.usable().map(|strict| &strict.place);
+    let delay = file.restart_delay.usable().map(|delay| &delay.place);
+    if !from.value.is_empty() && file.names(Way::Mqtt).is_none() {
+        for place in [strict, delay].into_iter().flatten() {
+            let problem = place.problem("concerns commands over MQTT only, and `from` does not name \"mqtt\"");
+            problems.push(problem.right("leave it out"));
+        }
+    }
+}
+
+/// The directions in which the drive may run; nothing: see `problems`.
+fn directions(file: &ControlFile, problems: &mut Vec<Problem>) -> Option<Vec<Direction>> {
+    let directions = match &file.directions {
+        Given::LeftOut => vec![Direction::Forward],
+        Given::Unusable => return None,
+        Given::Usable(list) => {
+            if list.value.is_empty() {
+                let problem = list.place.problem("an empty list lets the drive run in no direction");
+                problems.push(problem.right("\"forward\", \"reverse\" or both"));
+                return None;
+            }
+            lists::once(&list.value, problems);
+            list.value.iter().map(|direction| direction.value).collect()
+        }
+    };
+    if let Some(below) = file.reverse_below.usable().filter(|_| !goes_both_ways(&directions)) {
+        let problem = below.place.problem("there is nothing to reverse: `directions` allows one direction only");
+        problems.push(problem.right("leave it out, or directions = [\"forward\", \"reverse\"]"));
+    }
+    Some(directions)
+}
+
+fn goes_both_ways(directions: &[Direction]) -> bool {
+    [Direction::Forward, Direction::Reverse].iter().all(|direction| directions.contains(direction))
+}
+
+/// Whether commands can be given to a drive of this model at all, on facts that are proven.
+fn can_be_controlled(model: &Model, place: &Place, problems: &mut Vec<Problem>) -> bool {
+    let Some(why) = why_not(model) else { return true };
+    let problem = place.problem(format!("{} cannot be controlled: {why}", model.id));
+    problems.push(problem.right("leave `control` out; the drive is read-only then"));
+    false
+}
+
+fn why_not(model: &Model) -> Option<String> {
+    let Some(run) = &model.run else { return Some("its description has no run commands".to_owned()) };
+    let role = |role| model.register_for(role);
+    let (Some(run_register), Some(frequency)) = (role(Role::RunCommand), role(Role::FrequencyCommand)) else {
+        return Some("its description has no registers for run and frequency commands".to_owned());
+    };
+    if frequency.unit != UnitOfMeasure::Hertz {
+        return Some("its frequency command is not in Hz".to_owned());
+    }
+    let facts = [
+        ("stop", run.stop.confidence),
+        ("forward", run.forward.confidence),
+        ("the run command's register", run_register.confidence),
+        ("the frequency command's register", frequency.confidence),
+    ];
+    let unproven = facts.into_iter().find(|(_, confidence)| !is_proven(*confidence));
+    unproven.map(|(what, confidence)| format!("{what} is unproven ({})", confidence.word()))
+}
+
+const fn is_proven(confidence: Confidence) -> bool {
+    matches!(confidence, Confidence::Manual | Confidence::SecondSource)
+}
+
+/// Lowest and highest setpoint; nothing: see `problems`.
+fn limits(file: Option<&LimitsFile>, model: Option<&Model>, problems: &mut Vec<Problem>) -> Option<(Hertz, Hertz)> {
+    let LimitsFile { min, max } = file?;
+    if let Some(register) = model.and_then(|model| model.register_for(Role::FrequencyCommand)) {
+        can_be_set(min, register, problems);
+        can_be_set(max, register, problems);
+    }
+    if let Some(max) = max.as_ref().filter(|max| max.value == Hertz::ZERO) {
+        problems.push(max.place.problem("a drive that may be given 0 Hz at most never turns").right("more than 0"));
+    }
+    let (min, max) = (min.as_ref()?, max.as_ref()?);
+    if min.value > max.value {
+        let what = format!("the lowest frequency, {} Hz, is above the highest, {} Hz", min.value, max.value);
+        problems.push(min.place.problem(what).right(format!("at most {}", max.value)));
+    }
+    Some((min.value, max.value))
+}
+
+/// A limit is a setpoint that the drive can be given: one between two steps could never be reached.
+fn can_be_set(limit: &Needed<Hertz>, register: &Register, problems: &mut Vec<Problem>) {
+    let Some(Written { value, place }) = limit else { return };
+    if let Err(wrong) = to_raw(value.as_f64(), register) {
+        let right = format!("a frequency that `{}` can be set to", register.name);
+        problems.push(place.problem(format!("{value} Hz is {wrong}")).right(right));
+    }
+}
+
+/// How a model has an action.
+enum Has {
+    No,
+    Unproven(Confidence),
+    Proven(Confidence),
+}
+
+fn has(model: &Model, action: ControlAction) -> Has {
+    let fact = model.run.as_ref().and_then(|run| match action {
+        ControlAction::Reverse => run.reverse.as_ref(),
+        ControlAction::Coast => run.coast.as_ref(),
+        ControlAction::Reset => run.reset.as_ref(),
+    });
+    match fact.map(|fact| fact.confidence) {
+        None => Has::No,
+        Some(confidence) if is_proven(confidence) => Has::Proven(confidence),
+        Some(confidence) => Has::Unproven(confidence),
+    }
+}
+
+/// Each action that the section relies on is there and proven or accepted, and each acceptance accepts something.
+fn actions(file: &ControlFile, directions: Option<&[Direction]>, model: &Model, problems: &mut Vec<Problem>) {
+    let reverse = file.directions.usable().and_then(|list| list.value.iter().find(|it| it.value == Direction::Reverse));
+    if let Some(Written { place, .. }) = reverse {
+        can_do(file, ControlAction::Reverse, model, place, "leave it out", problems);
+    }
+    for fail_safe in [&file.on_commander_lost, &file.on_shutdown].into_iter().flatten() {
+        if fail_safe.value == FailSafe::Coast {
+            can_do(file, ControlAction::Coast, model, &fail_safe.place, "\"stop\" or \"hold\"", problems);
+        }
+    }
+    let Given::Usable(accepted) = &file.accept_unverified else { return };
+    lists::once(&accepted.value, problems);
+    for Written { value: action, place } in &accepted.value {
+        let word = action.word();
+        let what = match has(model, *action) {
+            Has::No => format!("{} has no {word}, so nothing is to be accepted", model.id),
+            Has::Proven(it) => {
+                format!("{word} is proven for {} ({}), so nothing is to be accepted", model.id, it.word())
+            }
+            Has::Unproven(_) if *action == ControlAction::Reverse && !may_reverse(directions) => {
+                "`directions` does not allow \"reverse\", so nothing is to be accepted".to_owned()
+            }
+            Has::Unproven(_) => continue,
+        };
+        problems.push(place.problem(what).right("leave it out"));
+    }
+}
+
+fn may_reverse(directions: Option<&[Direction]>) -> bool {
+    directions.is_none_or(|directions| directions.contains(&Direction::Reverse))
+}
+
+/// Reports at `place` that `action` is missing, or unproven and not accepted. `instead` needs no such action.
+fn can_do(
+    file: &ControlFile,
+    action: ControlAction,
+    model: &Model,
+    place: &Place,
+    instead: &str,
+    problems: &mut Vec<Problem>,
+) {
+    let word = action.word();
+    let is_accepted = match &file.accept_unverified {
+        Given::LeftOut => false,
+        Given::Unusable => true,
+        Given::Usable(list) => list.value.iter().any(|accepted| accepted.value == action),
+    };
+    match has(model, action) {
+        Has::No => problems.push(place.problem(format!("{} has no {word}", model.id)).right(instead)),
+        Has::Unproven(confidence) if !is_accepted => {
+            let what = format!("{word} is unproven for {} ({})", model.id, confidence.word());
+            let right = format!("{instead}, or accept_unverified = [\"{word}\"] once you have seen it work");
+            problems.push(place.problem(what).right(right));
+        }
+        Has::Unproven(_) | Has::Proven(_) => {}
+    }
+}

@@ -1,0 +1,49 @@
+//! Lists of words, whatever the words mean.
+
+use super::words::{ACTIONS, DIRECTIONS, WAYS, Way};
+use crate::domain::command::Direction;
+use crate::domain::control::ControlAction;
+use crate::domain::problem::Problem;
+use crate::profile::reader::{Given, Written};
+use crate::profile::words::word_for;
+
+/// A value that stands in a file as a word.
+pub(super) trait Word {
+    fn word(&self) -> &'static str;
+}
+
+impl Word for Way {
+    fn word(&self) -> &'static str {
+        word_for(&WAYS, self)
+    }
+}
+
+impl Word for Direction {
+    fn word(&self) -> &'static str {
+        word_for(&DIRECTIONS, self)
+    }
+}
+
+impl Word for ControlAction {
+    fn word(&self) -> &'static str {
+        word_for(&ACTIONS, self)
+    }
+}
+
+/// Reports each word that stands in `list` before.
+pub(super) fn once<T: Word + PartialEq>(list: &[Written<T>], problems: &mut Vec<Problem>) {
+    for (index, written) in list.iter().enumerate() {
+        if list.iter().take(index).any(|earlier| earlier.value == written.value) {
+            problems.push(written.place.problem(format!("\"{}\" is listed twice", written.value.word())));
+        }
+    }
+}
+
+/// The values of a list, none where it is left out; nothing where it is unusable.
+pub(super) fn values<T: Clone>(list: &Given<Vec<Written<T>>>) -> Option<Vec<T>> {
+    match list {
+        Given::LeftOut => Some(Vec::new()),
+        Given::Unusable => None,
+        Given::Usable(list) => Some(list.value.iter().map(|written| written.value.clone()).collect()),
+    }
+}

@@ -1,0 +1,149 @@
+//! The broker connection: defaults, and which of its keys go together.
+
+use super::broker::Address;
+use super::file::MqttFile;
+use super::ready::{BrokerSettings, ClientCertificate, Credentials, MqttSettings, PasswordSource, TlsSettings};
+use crate::domain::problem::Problem;
+use crate::north::mqtt::{LeaseMode, Version};
+use crate::profile::reader::{Given, Place, Written};
+use std::path::PathBuf;
+use std::time::Duration;
+
+const DEFAULT_PREFIX: &str = "vfd";
+/// Where Home Assistant says that it is there.
+const DEFAULT_ALIVE_TOPIC: &str = "homeassistant/status";
+const DEFAULT_HEARTBEAT: Duration = Duration::from_secs(60);
+const DEFAULT_KEEP_ALIVE: Duration = Duration::from_secs(15);
+pub(super) const DEFAULT_PROBE_INTERVAL: Duration = Duration::from_secs(1);
+pub(super) const DEFAULT_COMMAND_TTL: Duration = Duration::from_secs(1);
+pub(super) const DEFAULT_LEASE: LeaseMode = LeaseMode::Session;
+
+/// The ready settings; nothing: see `problems`.
+pub(super) fn settle(file: &MqttFile, problems: &mut Vec<Problem>) -> Option<MqttSettings> {
+    password(file, problems);
+    plain_password(file, problems);
+    tls_files(file, problems);
+    embedded(file, problems);
+    idle(file, problems);
+    let lease = file.lease.or(DEFAULT_LEASE)?;
+    let alive_topic = file.alive_topic.or(Some(DEFAULT_ALIVE_TOPIC.to_owned()))?;
+    Some(MqttSettings {
+        broker: broker(file)?,
+        credentials: credentials(file)?,
+        client_id: file.client_id.clone().optional()?,
+        version: file.version.or(Version::V5)?,
+        prefix: file.prefix.or(DEFAULT_PREFIX.to_owned())?,
+        heartbeat: file.heartbeat.or(DEFAULT_HEARTBEAT)?,
+        keep_alive: file.keep_alive.or(DEFAULT_KEEP_ALIVE)?,
+        lease,
+        alive_topic: alive_topic.filter(|_| lease == LeaseMode::Session),
+        probe_interval: file.probe_interval.or(DEFAULT_PROBE_INTERVAL)?,
+        command_ttl: file.command_ttl.or(DEFAULT_COMMAND_TTL)?,
+        response_prefix: file.response_prefix.clone().optional()?,
+    })
+}
+
+fn broker(file: &MqttFile) -> Option<BrokerSettings> {
+    Some(match &file.broker.as_ref()?.value {
+        Address::Embedded => BrokerSettings::Embedded,
+        Address::Tcp { host, port, tls } => {
+            let (host, port) = (host.clone(), *port);
+            BrokerSettings::Tcp { host, port, tls: if *tls { Some(tls_settings(file)?) } else { None } }
+        }
+    })
+}
+
+fn tls_settings(file: &MqttFile) -> Option<TlsSettings> {
+    let cert_file = file.client_cert_file.clone().optional()?;
+    let key_file = file.client_key_file.clone().optional()?;
+    let client = cert_file.zip(key_file).map(|(cert_file, key_file)| ClientCertificate { cert_file, key_file });
+    Some(TlsSettings { ca_file: file.ca_file.clone().optional()?, client })
+}
+
+fn credentials(file: &MqttFile) -> Option<Option<Credentials>> {
+    let from_file = file.password_file.clone().optional()?.map(PasswordSource::File);
+    let from_env = file.password_env.clone().optional()?.map(PasswordSource::Env);
+    let user = file.user.clone().optional()?;
+    Some(user.map(|user| Credentials { user, password: from_file.or(from_env) }))
+}
+
+/// The place of a key that is there, whether it can be used or not.
+fn place<T>(given: &Given<T>) -> Option<&Place> {
+    given.usable().map(|written| &written.place)
+}
+
+/// At most one source of a password, and a user whose it is.
+fn password(file: &MqttFile, problems: &mut Vec<Problem>) {
+    let (from_file, from_env) = (place(&file.password_file), place(&file.password_env));
+    if let (Some(_), Some(from_env)) = (from_file, from_env) {
+        let problem = from_env.problem("the password is named twice: `password_file` is there as well");
+        problems.push(problem.right("one of the two"));
+    }
+    if let (Some(password), Given::LeftOut) = (from_file.or(from_env), &file.user) {
+        problems.push(password.problem("a password belongs to a user, and `user` is left out").right("add `user`"));
+    }
+}
+
+/// A password goes in plain view over the network only when the file says that this is meant.
+fn plain_password(file: &MqttFile, problems: &mut Vec<Problem>) {
+    let Some(broker) = &file.broker else { return };
+    let secret = place(&file.user).or(place(&file.password_file)).or(place(&file.password_env));
+    let is_exposed = secret.is_some() && !broker.value.is_tls() && !broker.value.is_local();
+    match &file.allow_plain_password {
+        Given::Usable(allowed) if allowed.value && !is_exposed => {
+            let what = "nothing is to be allowed: no user or password goes over the network in plain view";
+            problems.push(allowed.place.problem(what).right("leave it out"));
+        }
+        Given::Usable(Written { value: true, .. }) | Given::Unusable => {}
+        Given::LeftOut | Given::Usable(_) if is_exposed => {
+            let problem = broker.place.problem("user and password would go over the network in plain view");
+            problems.push(problem.right("`mqtts://`, or `allow_plain_password = true` on a network that you trust"));
+        }
+        Given::LeftOut | Given::Usable(_) => {}
+    }
+}
+
+/// Files for TLS come with TLS, and a certificate with its key.
+fn tls_files(file: &MqttFile, problems: &mut Vec<Problem>) {
+    let (cert, key) = (&file.client_cert_file, &file.client_key_file);
+    for (there, other, name) in [(cert, key, "client_key_file"), (key, cert, "client_cert_file")] {
+        if let (Some(place), Given::LeftOut) = (place(there), other) {
+            let problem =
+                place.problem(format!("a client's certificate and its key go together: `{name}` is left out"));
+            problems.push(problem.right("both or neither"));
+        }
+    }
+    let Some(broker) = file.broker.as_ref().filter(|broker| !broker.value.is_tls()) else { return };
+    let is_embedded = broker.value == Address::Embedded;
+    let files: [&Given<PathBuf>; 3] = [&file.ca_file, cert, key];
+    for place in files.into_iter().filter_map(place) {
+        let problem = place.problem("the connection is not encrypted, so the file would not be used");
+        problems.push(problem.right(if is_embedded {
+            "leave it out"
+        } else {
+            "leave it out, or a broker at `mqtts://`"
+        }));
+    }
+}
+
+/// The embedded broker knows nobody.
+fn embedded(file: &MqttFile, problems: &mut Vec<Problem>) {
+    if file.broker.as_ref().is_none_or(|broker| broker.value != Address::Embedded) {
+        return;
+    }
+    for place in [place(&file.user), place(&file.password_file), place(&file.password_env)].into_iter().flatten() {
+        problems.push(place.problem("the embedded broker knows no users").right("leave it out"));
+    }
+}
+
+/// Keys that would do nothing beside others.
+fn idle(file: &MqttFile, problems: &mut Vec<Problem>) {
+    let alive_topic = file.alive_topic.usable().filter(|topic| topic.value.is_some());
+    if let (Some(topic), Some(LeaseMode::Explicit)) = (alive_topic, file.lease.or(DEFAULT_LEASE)) {
+        let problem = topic.place.problem("an explicit lease does not hang on any topic of others");
+        problems.push(problem.right("leave it out, or lease = \"session\""));
+    }
+    if let (Some(prefix), Some(Version::V4)) = (place(&file.response_prefix), file.version.or(Version::V5)) {
+        problems.push(prefix.problem("MQTT 3.1.1 has no response topics").right("leave it out, or version = 5"));
+    }
+}

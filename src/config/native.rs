@@ -1,0 +1,98 @@
+//! Keys of a drive that name its registers: the native ones that may be written, and the dead bands.
+
+use super::file::DriveFile;
+use crate::domain::problem::{Problem, nearest};
+use crate::profile::model::{Model, Register, Role};
+use crate::profile::reader::{Given, Written};
+
+/// The addresses that `drive` lets be written, in the order of the list; nothing: see `problems`.
+pub(super) fn settle(drive: &DriveFile, model: Option<&Model>, problems: &mut Vec<Problem>) -> Option<Vec<u16>> {
+    let Written { value: file, place } = match &drive.native {
+        Given::LeftOut => return Some(Vec::new()),
+        Given::Unusable => return None,
+        Given::Usable(native) => native,
+    };
+    if matches!(drive.control, Given::LeftOut) {
+        let what = "registers are written by those who may command, and the drive has no control section";
+        problems.push(place.problem(what).right("a `[line.drive.control]`, or leave `native` out"));
+    }
+    let (list, model) = (file.write.as_ref()?, model?);
+    let mut addresses = Vec::new();
+    for written in &list.value {
+        match writable(written, model) {
+            Ok(register) if addresses.contains(&register.address) => {
+                let what = format!("register `{}`, 0x{:04X}, is listed twice", register.name, register.address);
+                problems.push(written.place.problem(what));
+            }
+            Ok(register) => addresses.push(register.address),
+            Err(problem) => problems.push(problem),
+        }
+    }
+    Some(addresses)
+}
+
+/// The register that `written` names, if it may be opened for writing.
+fn writable<'m>(written: &Written<String>, model: &'m Model) -> Result<&'m Register, Problem> {
+    let register = named(written, model)?;
+    let problem = |why: &str| written.place.problem(format!("`{}` {why}", register.name));
+    match register.role {
+        Some(Role::RunCommand | Role::FrequencyCommand) => Err(problem("is what commands are written to").right(
+            "leave it out; `control` says what may be commanded, and each write there is reviewed as a command",
+        )),
+        Some(Role::FrequencySetting | Role::FrequencySource | Role::RunSource) => {
+            Err(problem("decides what the motor obeys, and would be a way around `control`").right("leave it out"))
+        }
+        _ if !register.access.can_write() => {
+            Err(problem("cannot be written").right("registers with the access \"write\" or \"read-write\""))
+        }
+        _ => Ok(register),
+    }
+}
+
+/// The register that `written` calls by its name, its code or, in hexadecimal, its address.
+fn named<'m>(written: &Written<String>, model: &'m Model) -> Result<&'m Register, Problem> {
+    let text = written.value.as_str();
+    if let Some(digits) = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
+        let address = u16::from_str_radix(digits, 16).ok().filter(|_| !digits.starts_with('+'));
+        return address.and_then(|address| model.register_at(address)).ok_or_else(|| {
+            let problem = written.place.problem(format!("{} has no register at `{text}`", model.id));
+            problem.right("the address of a register of the model, or of one added by `[[line.drive.register]]`")
+        });
+    }
+    model.register_named(text).ok_or_else(|| {
+        let labels = model.registers.iter().flat_map(|it| it.code.as_deref().into_iter().chain([it.name.as_str()]));
+        let problem = written.place.problem(format!("{} has no register `{text}`", model.id));
+        match nearest(text, labels) {
+            Some(near) => problem.right(format!("\"{near}\"")),
+            None => problem.right("a name or a code of the model, or an address as \"0x020C\""),
+        }
+    })
+}
+
+/// The dead bands of `drive`, by the names of registers that are polled. `is_published`: whether anything would be
+/// sent less often for them.
+pub(super) fn dead_bands(
+    drive: &DriveFile,
+    model: Option<&Model>,
+    is_published: bool,
+    problems: &mut Vec<Problem>,
+) -> Option<Vec<(String, f64)>> {
+    let Written { value: bands, place } = match &drive.dead_bands {
+        Given::LeftOut => return Some(Vec::new()),
+        Given::Unusable => return None,
+        Given::Usable(bands) => bands,
+    };
+    if !is_published {
+        let problem = place.problem("a dead band is about what goes to a broker, and there is no `[mqtt]`");
+        problems.push(problem.right("leave it out"));
+    }
+    let polled: Vec<&str> = model?.registers.iter().filter(|it| it.poll.is_some()).map(|it| it.name.as_str()).collect();
+    for (name, written) in bands.iter().filter(|(name, _)| !polled.contains(&name.as_str())) {
+        let problem = written.place.problem(format!("no register `{name}` is polled"));
+        problems.push(match nearest(name, polled.iter().copied()) {
+            Some(near) => problem.right(format!("`{near}`")),
+            None => problem.right(format!("one of {}", polled.join(", "))),
+        });
+    }
+    Some(bands.iter().map(|(name, written)| (name.clone(), written.value)).collect())
+}

@@ -1,0 +1,78 @@
+//! The tables of a drive that say what may be commanded: `control` and `native`.
+
+use super::super::file::{ControlFile, LimitsFile, NativeFile};
+use super::super::keys::Section;
+use super::super::words::{ACTIONS, COMMANDS, DIRECTIONS, FAIL_SAFES, WAYS};
+use super::refuse_not_served;
+use crate::domain::frequency::Hertz;
+use crate::domain::problem::Problem;
+use crate::profile::reader::{Given, Needed, Reader, Written};
+use crate::profile::values::Kind;
+use std::ops::RangeInclusive;
+use std::time::Duration;
+
+/// What a frequency may be before the model is asked.
+const HERTZ: RangeInclusive<f64> = 0.0..=10_000.0;
+const LOST_AFTER: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(3600);
+const RESTART_DELAY: RangeInclusive<Duration> = Duration::ZERO..=Duration::from_secs(60);
+const STOP_EFFECT: RangeInclusive<Duration> = Duration::from_millis(500)..=Duration::from_secs(60);
+const STOP_PENDING: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(3600);
+
+/// `[line.drive.control]`
+pub(super) fn read_control(mut reader: Reader<'_, '_>) -> ControlFile {
+    refuse_not_served(&mut reader, Section::Control);
+    let control = ControlFile {
+        from: reader.required_list("from", &Kind::one_of(&WAYS)),
+        limits: read_limits(&mut reader),
+        directions: reader.list("directions", &Kind::one_of(&DIRECTIONS)),
+        reverse_below: read_hertz(&mut reader, "reverse_below_hz"),
+        on_commander_lost: reader.required("on_commander_lost", &Kind::one_of(&FAIL_SAFES)),
+        lost_after: reader.required("lost_after", &Kind::duration(LOST_AFTER)),
+        on_shutdown: reader.required("on_shutdown", &Kind::one_of(&FAIL_SAFES)),
+        accept_unverified: reader.list("accept_unverified", &Kind::one_of(&ACTIONS)),
+        strict: reader.optional("commands", &Kind::one_of(&COMMANDS)),
+        restart_delay: reader.optional("restart_delay", &Kind::duration(RESTART_DELAY)),
+        stop_effect_timeout: reader.optional("stop_effect_timeout", &Kind::duration(STOP_EFFECT)),
+        stop_pending_for: reader.optional("stop_pending_for", &Kind::duration(STOP_PENDING)),
+    };
+    reader.finish();
+    control
+}
+
+/// `[line.drive.native]`
+pub(super) fn read_native(mut reader: Reader<'_, '_>) -> NativeFile {
+    refuse_not_served(&mut reader, Section::Native);
+    let native = NativeFile { write: reader.required_list("write", &Kind::text()) };
+    reader.finish();
+    native
+}
+
+fn read_limits(reader: &mut Reader<'_, '_>) -> Option<LimitsFile> {
+    let section = reader.required_table("frequency_hz")?;
+    let mut reader = reader.open(section);
+    let kind = Kind::decimal(HERTZ);
+    let (min, max) = (reader.required("min", &kind), reader.required("max", &kind));
+    let limits = LimitsFile { min: exact(min, reader.problems()), max: exact(max, reader.problems()) };
+    reader.finish();
+    Some(limits)
+}
+
+fn read_hertz(reader: &mut Reader<'_, '_>, key: &'static str) -> Given<Hertz> {
+    match reader.optional(key, &Kind::decimal(HERTZ)) {
+        Given::LeftOut => Given::LeftOut,
+        Given::Unusable => Given::Unusable,
+        Given::Usable(written) => exact(Some(written), reader.problems()).map_or(Given::Unusable, Given::Usable),
+    }
+}
+
+/// The frequency in exact steps: it is compared with setpoints, and nothing may hang on rounding there.
+fn exact(written: Needed<f64>, problems: &mut Vec<Problem>) -> Needed<Hertz> {
+    let Written { value, place } = written?;
+    match Hertz::from_f64(value) {
+        Ok(value) => Some(Written { value, place }),
+        Err(wrong) => {
+            problems.push(place.problem(format!("{value} is {wrong}")).right("at most three decimals"));
+            None
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! The table `[mqtt]`.
+
+use super::super::broker::{self, Address};
+use super::super::file::MqttFile;
+use super::super::keys::Section;
+use super::super::words::LEASES;
+use super::{absolute_path, refuse_not_served, turned};
+use crate::north::mqtt::Version;
+use crate::profile::reader::{Given, Needed, Reader, Written};
+use crate::profile::values::Kind;
+use std::ops::RangeInclusive;
+use std::time::Duration;
+
+const HEARTBEAT: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(3600);
+const KEEP_ALIVE: RangeInclusive<Duration> = Duration::from_secs(2)..=Duration::from_secs(600);
+const PROBE_INTERVAL: RangeInclusive<Duration> = Duration::from_millis(200)..=Duration::from_secs(60);
+const COMMAND_TTL: RangeInclusive<Duration> = Duration::from_millis(100)..=Duration::from_secs(60);
+
+/// Most bytes of a topic, a prefix or a client identifier of the file: far below what a broker takes.
+const MAX_BYTES: usize = 128;
+
+/// `[mqtt]`
+pub(super) fn read_mqtt(mut reader: Reader<'_, '_>) -> MqttFile {
+    refuse_not_served(&mut reader, Section::Mqtt);
+    reader.refuse(
+        "password",
+        "a password does not stand in this file, which others read and copy",
+        "`password_file` with an absolute path, or `password_env` with the name of an environment variable",
+    );
+    let mqtt = MqttFile {
+        broker: read_broker(&mut reader),
+        user: reader.optional("user", &Kind::text()),
+        password_file: reader.optional("password_file", &absolute_path()),
+        password_env: reader.optional("password_env", &Kind::parsed("the name of an environment variable", variable)),
+        allow_plain_password: reader.optional("allow_plain_password", &Kind::flag()),
+        client_id: reader.optional("client_id", &client_id()),
+        version: turned(reader.optional("version", &Kind::number(4..=5_u8)), |version| {
+            Some(if version == 4 { Version::V4 } else { Version::V5 })
+        }),
+        prefix: reader.optional("prefix", &topics()),
+        heartbeat: reader.optional("heartbeat", &Kind::duration(HEARTBEAT)),
+        keep_alive: read_keep_alive(&mut reader),
+        lease: reader.optional("lease", &Kind::one_of(&LEASES)),
+        alive_topic: reader.optional("alive_topic", &topic_or_none()),
+        probe_interval: reader.optional("probe_interval", &Kind::duration(PROBE_INTERVAL)),
+        command_ttl: reader.optional("command_ttl", &Kind::duration(COMMAND_TTL)),
+        response_prefix: reader.optional("response_prefix", &topics()),
+        ca_file: reader.optional("ca_file", &absolute_path()),
+        client_cert_file: reader.optional("client_cert_file", &absolute_path()),
+        client_key_file: reader.optional("client_key_file", &absolute_path()),
+    };
+    reader.finish();
+    mqtt
+}
+
+fn read_broker(reader: &mut Reader<'_, '_>) -> Needed<Address> {
+    let Written { value, place } = reader.required("broker", &Kind::text())?;
+    match broker::parse(&value) {
+        Ok(value) => Some(Written { value, place }),
+        Err((what, right)) => {
+            reader.problems().push(place.problem(what).right(right));
+            None
+        }
+    }
+}
+
+/// The protocol counts this time in whole seconds.
+fn read_keep_alive(reader: &mut Reader<'_, '_>) -> Given<Duration> {
+    let keep_alive = reader.optional("keep_alive", &Kind::duration(KEEP_ALIVE));
+    if let Some(written) = keep_alive.usable().filter(|written| written.value.subsec_millis() != 0) {
+        let problem = written.place.problem("the protocol counts this time in whole seconds");
+        reader.problems().push(problem.right(format!("\"{}s\"", written.value.as_secs())));
+        return Given::Unusable;
+    }
+    keep_alive
+}
+
+fn variable(text: &str) -> Option<String> {
+    let fits = text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
+        && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_');
+    fits.then(|| text.to_owned())
+}
+
+fn client_id() -> Kind<'static, String> {
+    let fits = |text: &str| (1..=MAX_BYTES).contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_graphic());
+    Kind::parsed(format!("1 to {MAX_BYTES} visible characters without blanks"), move |text| {
+        fits(text).then(|| text.to_owned())
+    })
+}
+
+/// Levels that other topics begin with.
+fn topics() -> Kind<'static, String> {
+    let right = "levels of a topic without `+`, `#`, a first `$`, or a slash at either end: \"vfd\", \"plant/vfd\"";
+    Kind::parsed(right, |text| {
+        let fits = is_topic(text) && text.split('/').all(|level| !level.is_empty());
+        fits.then(|| text.to_owned())
+    })
+}
+
+fn topic_or_none() -> Kind<'static, Option<String>> {
+    Kind::parsed("a topic without `+`, `#` or a first `$`, or \"\" for none", |text| match text {
+        "" => Some(None),
+        topic => is_topic(topic).then(|| Some(topic.to_owned())),
+    })
+}
+
+/// One topic, not a filter, and none that belongs to the broker itself.
+fn is_topic(text: &str) -> bool {
+    let is_wild = |c: char| matches!(c, '+' | '#') || c.is_control();
+    (1..=MAX_BYTES).contains(&text.len()) && !text.contains(is_wild) && !text.starts_with('$')
+}

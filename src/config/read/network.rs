@@ -1,0 +1,86 @@
+//! The tables of what clients connect to: `[[modbus_tcp]]` and `[http]`.
+
+use super::super::file::{HttpFile, ListenerFile};
+use super::super::keys::Section;
+use super::refuse_not_served;
+use crate::domain::problem::Problem;
+use crate::profile::reader::{Given, Reader, Written};
+use crate::profile::values::Kind;
+use ipnet::IpNet;
+use std::net::{IpAddr, SocketAddr};
+
+/// One `[[modbus_tcp]]`.
+pub(super) fn read_listener(mut reader: Reader<'_, '_>) -> ListenerFile {
+    refuse_not_served(&mut reader, Section::ModbusTcp);
+    let listener = ListenerFile {
+        place: reader.place().clone(),
+        listen: reader.required("listen", &address("1502")),
+        allow: read_allow(&mut reader),
+        lines: reader.list("lines", &Kind::text()),
+        write: read_networks(&mut reader, "write"),
+        stop: read_networks(&mut reader, "stop"),
+        reads_renew: reader.optional("reads_renew", &Kind::flag()),
+    };
+    reader.finish();
+    listener
+}
+
+/// `[http]`
+pub(super) fn read_http(mut reader: Reader<'_, '_>) -> HttpFile {
+    refuse_not_served(&mut reader, Section::Http);
+    let http = HttpFile { listen: reader.required("listen", &address("8080")) };
+    reader.finish();
+    http
+}
+
+/// An address with a port; `port` stands in the examples.
+fn address(port: &str) -> Kind<'static, SocketAddr> {
+    let right = format!("an address with a port: \"127.0.0.1:{port}\", \"[::1]:{port}\"");
+    Kind::parsed(right, |text| text.parse().ok())
+}
+
+fn read_allow(reader: &mut Reader<'_, '_>) -> Given<Vec<IpNet>> {
+    let list = match read_networks(reader, "allow") {
+        Given::LeftOut => return Given::LeftOut,
+        Given::Unusable => return Given::Unusable,
+        Given::Usable(list) => list,
+    };
+    if list.value.is_empty() {
+        let problem = list.place.problem("an empty list lets nobody connect");
+        reader.problems().push(problem.right("networks as \"10.0.0.0/24\", or no listener at all"));
+        return Given::Unusable;
+    }
+    let value = list.value.into_iter().map(|network| network.value).collect();
+    Given::Usable(Written { value, place: list.place })
+}
+
+/// The list of networks `key`; it is unusable as soon as one of them is wrong.
+fn read_networks(reader: &mut Reader<'_, '_>, key: &'static str) -> Given<Vec<Written<IpNet>>> {
+    let list = match reader.list(key, &Kind::text()) {
+        Given::LeftOut => return Given::LeftOut,
+        Given::Unusable => return Given::Unusable,
+        Given::Usable(list) => list,
+    };
+    let networks: Vec<_> = list.value.into_iter().map(|it| network(it, reader.problems())).collect();
+    match networks.into_iter().collect() {
+        Some(value) => Given::Usable(Written { value, place: list.place }),
+        None => Given::Unusable,
+    }
+}
+
+/// A network in the notation address/bits. One with bits behind its length set is refused, because it may
+/// mean the network or the one host.
+fn network(written: Written<String>, problems: &mut Vec<Problem>) -> Option<Written<IpNet>> {
+    let Written { value: text, place } = written;
+    let (what, right) = match (text.parse::<IpNet>(), text.parse::<IpAddr>()) {
+        (Ok(network), _) if network.trunc() == network => return Some(Written { value: network, place }),
+        (Ok(network), _) => {
+            let host = IpNet::from(network.addr());
+            ("is a host inside a network", format!("\"{}\" for the network, \"{host}\" for the host", network.trunc()))
+        }
+        (_, Ok(host)) => ("has no length", format!("\"{}\" for this one host", IpNet::from(host))),
+        _ => ("is no network", "an address and its length: \"10.0.0.0/24\", \"fd00::/64\"".to_owned()),
+    };
+    problems.push(place.problem(format!("`{text}` {what}")).right(right));
+    None
+}

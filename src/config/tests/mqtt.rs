@@ -1,0 +1,216 @@
+//! The broker connection: what it becomes, and each rule between its keys.
+
+use super::*;
+use crate::domain::ids::Name;
+use crate::north::mqtt::{LeaseMode, Version};
+use std::path::PathBuf;
+
+fn mqtt(text: &str) -> MqttSettings {
+    good(text).mqtt.unwrap()
+}
+
+/// `MINIMAL` with a broker on the network and `lines`.
+fn over(broker: &str, lines: &str) -> String {
+    format!("{MINIMAL}[mqtt]\nbroker = '{broker}'\n{lines}\n")
+}
+
+#[test]
+fn a_broker_is_all_that_must_be_named() {
+    let found = mqtt(&over("mqtt://broker", ""));
+    assert_eq!(found.broker, BrokerSettings::Tcp { host: "broker".to_owned(), port: 1883, tls: None });
+    assert_eq!((found.credentials.clone(), found.client_id.clone(), found.version), (None, None, Version::V5));
+    assert_eq!((found.prefix.as_str(), found.lease), ("vfd", LeaseMode::Session));
+    assert_eq!((found.heartbeat, found.keep_alive), (Duration::from_secs(60), Duration::from_secs(15)));
+    assert_eq!((found.probe_interval, found.command_ttl), (Duration::from_secs(1), Duration::from_secs(1)));
+    assert_eq!((found.alive_topic.as_deref(), &found.response_prefix), (Some("homeassistant/status"), &None));
+    let name = Name::new("plant-a").unwrap();
+    assert_eq!(found.client_id(&name), "vfd-gateway-plant-a");
+    let session = found.session(name.clone());
+    assert_eq!((session.gateway, session.probe_timeout), (name, Duration::from_secs(3)));
+    assert_eq!(good(MINIMAL).mqtt, None);
+    only(&format!("{MINIMAL}[mqtt]"), "mqtt.broker: `broker` is missing; text, not empty");
+}
+
+#[test]
+fn everything_that_is_written_is_taken() {
+    let found = mqtt(&over(
+        "mqtts://[fd00::7]",
+        "user = 'vfd'\npassword_file = '/run/secrets/mqtt'\nclient_id = 'gw'\nversion = 5\nprefix = 'plant/vfd'\n\
+         heartbeat = '10s'\nkeep_alive = '30s'\nalive_topic = ''\nprobe_interval = '500ms'\ncommand_ttl = '2s'\n\
+         response_prefix = 'scada/answers'\nca_file = '/etc/ca.pem'\nclient_cert_file = '/etc/gw.pem'\n\
+         client_key_file = '/etc/gw.key'",
+    ));
+    let (cert_file, key_file) = (PathBuf::from("/etc/gw.pem"), PathBuf::from("/etc/gw.key"));
+    let client = Some(ClientCertificate { cert_file, key_file });
+    let tls = Some(TlsSettings { ca_file: Some(PathBuf::from("/etc/ca.pem")), client });
+    assert_eq!(found.broker, BrokerSettings::Tcp { host: "fd00::7".to_owned(), port: 8883, tls });
+    assert_eq!(found.broker.to_string(), "mqtts://[fd00::7]:8883");
+    let password = Some(PasswordSource::File(PathBuf::from("/run/secrets/mqtt")));
+    assert_eq!(found.credentials, Some(Credentials { user: "vfd".to_owned(), password }));
+    assert_eq!((found.client_id(&Name::new("x").unwrap()).as_str(), found.alive_topic), ("gw", None));
+    let explicit = mqtt(&over("embedded", "version = 4\nlease = 'explicit'"));
+    assert_eq!((explicit.broker, explicit.version), (BrokerSettings::Embedded, Version::V4));
+    assert_eq!((explicit.lease, explicit.alive_topic), (LeaseMode::Explicit, None));
+    let from_env = mqtt(&over("mqtt://localhost", "user = 'vfd'\npassword_env = 'MQTT_PASSWORD'"));
+    assert_eq!(from_env.credentials.unwrap().password, Some(PasswordSource::Env("MQTT_PASSWORD".to_owned())));
+}
+
+#[test]
+fn a_broker_has_a_scheme_a_host_and_a_port() {
+    let right = "\"mqtts://broker.example:8883\", \"mqtt://127.0.0.1:1883\", or \"embedded\" for trying out";
+    for (broker, problem) in [
+        ("broker:1883", format!("`broker:1883` is no address of a broker; {right}")),
+        ("embeded", "`embeded` is no address of a broker; \"embedded\"".to_owned()),
+        ("tcp://broker", format!("a broker over `tcp://` is not served; {right}")),
+        ("mqtt://broker:0", format!("`mqtt://broker:0` has no usable port; {right}")),
+        ("mqtt://", format!("`mqtt://` has no usable host; {right}")),
+        ("mqtt://broker/vfd", format!("`mqtt://broker/vfd` has more than a host and a port; {right}")),
+        (
+            "mqtt://vfd:secret@broker",
+            "a user or a password does not stand in the address; \
+             `user`, and `password_file` or `password_env`, beside it"
+                .to_owned(),
+        ),
+    ] {
+        only(&over(broker, ""), &format!("mqtt.broker: {problem}"));
+    }
+}
+
+#[test]
+fn a_password_never_stands_in_the_file() {
+    let found = problems(&over("mqtts://broker", "user = 'vfd'\npassword = 'secret'"));
+    assert_eq!(
+        found,
+        ["mqtt.password: a password does not stand in this file, which others read and copy; \
+          `password_file` with an absolute path, or `password_env` with the name of an environment variable"]
+    );
+    only(
+        &over("mqtts://broker", "user = 'vfd'\npassword_file = '/run/secrets/mqtt'\npassword_env = 'MQTT'"),
+        "mqtt.password_env: the password is named twice: `password_file` is there as well; one of the two",
+    );
+    only(
+        &over("mqtts://broker", "password_env = 'MQTT'"),
+        "mqtt.password_env: a password belongs to a user, and `user` is left out; add `user`",
+    );
+    only(
+        &over("mqtts://broker", "user = 'vfd'\npassword_env = '$MQTT'"),
+        "mqtt.password_env: `$MQTT` will not do; the name of an environment variable",
+    );
+    only(
+        &over("mqtts://broker", "user = 'vfd'\npassword_file = 'mqtt'"),
+        "mqtt.password_file: `mqtt` will not do; an absolute path",
+    );
+}
+
+#[test]
+fn a_password_in_plain_view_must_be_meant() {
+    let exposed = "mqtt.broker: user and password would go over the network in plain view; \
+                   `mqtts://`, or `allow_plain_password = true` on a network that you trust";
+    only(&over("mqtt://broker", "user = 'vfd'\npassword_env = 'MQTT'"), exposed);
+    only(&over("mqtt://10.0.0.7", "user = 'vfd'\nallow_plain_password = false"), exposed);
+    good(&over("mqtt://broker", "user = 'vfd'\npassword_env = 'MQTT'\nallow_plain_password = true"));
+    good(&over("mqtt://127.0.0.1", "user = 'vfd'\npassword_env = 'MQTT'"));
+    good(&over("mqtts://broker", "user = 'vfd'\nallow_plain_password = false"));
+    for (broker, lines) in [("mqtts://broker", "user = 'vfd'"), ("mqtt://[::1]", "user = 'vfd'"), ("mqtt://broker", "")]
+    {
+        only(
+            &over(broker, &format!("{lines}\nallow_plain_password = true")),
+            "mqtt.allow_plain_password: nothing is to be allowed: no user or password goes over the network in plain \
+             view; leave it out",
+        );
+    }
+}
+
+#[test]
+fn files_for_tls_come_with_tls_and_in_pairs() {
+    only(
+        &over("mqtt://broker", "ca_file = '/etc/ca.pem'"),
+        "mqtt.ca_file: the connection is not encrypted, so the file would not be used; \
+         leave it out, or a broker at `mqtts://`",
+    );
+    only(
+        &over("mqtts://broker", "client_cert_file = '/etc/gw.pem'"),
+        "mqtt.client_cert_file: a client's certificate and its key go together: `client_key_file` is left out; \
+         both or neither",
+    );
+    only(
+        &over("mqtts://broker", "client_key_file = '/etc/gw.key'"),
+        "mqtt.client_key_file: a client's certificate and its key go together: `client_cert_file` is left out; \
+         both or neither",
+    );
+}
+
+#[test]
+fn the_embedded_broker_knows_nobody() {
+    let at = |key: &str| format!("mqtt.{key}: the embedded broker knows no users; leave it out");
+    assert_eq!(
+        problems(&over("embedded", "user = 'vfd'\npassword_env = 'MQTT'\nca_file = '/etc/ca.pem'")),
+        [
+            at("user"),
+            at("password_env"),
+            "mqtt.ca_file: the connection is not encrypted, so the file would not be used; leave it out".to_owned(),
+        ]
+    );
+}
+
+#[test]
+fn a_key_that_another_makes_idle_is_refused() {
+    only(
+        &over("mqtt://broker", "lease = 'explicit'\nalive_topic = 'homeassistant/status'"),
+        "mqtt.alive_topic: an explicit lease does not hang on any topic of others; \
+         leave it out, or lease = \"session\"",
+    );
+    only(
+        &over("mqtt://broker", "version = 4\nresponse_prefix = 'scada'"),
+        "mqtt.response_prefix: MQTT 3.1.1 has no response topics; leave it out, or version = 5",
+    );
+}
+
+#[test]
+fn topics_are_topics() {
+    let right = "levels of a topic without `+`, `#`, a first `$`, or a slash at either end: \"vfd\", \"plant/vfd\"";
+    for wrong in ["", "/vfd", "vfd/", "a//b", "vfd/#", "+/vfd", "$SYS", "a\\tb"] {
+        for key in ["prefix", "response_prefix"] {
+            let found = problems(&over("mqtt://broker", &format!("{key} = \"{wrong}\"")));
+            assert!(found.len() == 1 && found[0].ends_with(right), "{found:?}");
+        }
+    }
+    only(
+        &over("mqtt://broker", "alive_topic = 'homeassistant/+'"),
+        "mqtt.alive_topic: `homeassistant/+` will not do; a topic without `+`, `#` or a first `$`, or \"\" for none",
+    );
+    only(
+        &over("mqtt://broker", "client_id = 'a b'"),
+        "mqtt.client_id: `a b` will not do; 1 to 128 visible characters without blanks",
+    );
+}
+
+#[test]
+fn times_and_versions_stay_in_their_range() {
+    for (line, problem) in [
+        ("version = 3", "version: 3 is out of range; a whole number from 4 to 5"),
+        ("heartbeat = '500ms'", "heartbeat: 500ms is out of range; a time from \"1s\" to \"1h\""),
+        ("keep_alive = '1s'", "keep_alive: 1s is out of range; a time from \"2s\" to \"10min\""),
+        ("keep_alive = '2500ms'", "keep_alive: the protocol counts this time in whole seconds; \"2s\""),
+        ("probe_interval = '100ms'", "probe_interval: 100ms is out of range; a time from \"200ms\" to \"1min\""),
+        ("command_ttl = '2min'", "command_ttl: 2min is out of range; a time from \"100ms\" to \"1min\""),
+        ("lease = 'sesion'", "lease: `sesion` is none of the words; \"session\""),
+        ("brocker = 1", "brocker: there is no key `brocker` here; `broker`"),
+    ] {
+        only(&over("mqtt://broker", line), &format!("mqtt.{problem}"));
+    }
+}
+
+proptest! {
+    #[test]
+    fn any_broker_is_shown_as_it_is_read(broker in "(mqtts?|tcp)://[a-z0-9.:@/\\[\\]-]{0,20}") {
+        match load(&over(&broker, ""), &catalog()) {
+            Ok(config) => {
+                let shown = config.mqtt.unwrap().broker.to_string();
+                prop_assert!(shown.starts_with(&broker), "{} {}", shown, broker);
+                prop_assert_eq!(mqtt(&over(&shown, "")).broker.to_string(), shown);
+            }
+            Err(problems) => prop_assert!(problems.len() == 1 && problems[0].key == "mqtt.broker"),
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! The words of the configuration that no model file has: one table each, for reading and for showing.
+
+use crate::domain::command::Direction;
+use crate::domain::control::{ControlAction, FailSafe};
+use crate::north::mqtt::LeaseMode;
+
+/// A way by which commands come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// The broker of `[mqtt]`.
+    Mqtt,
+    /// The listeners of `[[modbus_tcp]]`.
+    ModbusTcp,
+}
+
+/// Ways by which commands come.
+pub const WAYS: [(&str, Way); 2] = [("mqtt", Way::Mqtt), ("modbus-tcp", Way::ModbusTcp)];
+
+/// Directions.
+pub const DIRECTIONS: [(&str, Direction); 2] = [("forward", Direction::Forward), ("reverse", Direction::Reverse)];
+
+/// What is done when nobody commands any more.
+pub const FAIL_SAFES: [(&str, FailSafe); 3] = [
+    (FailSafe::Stop.word(), FailSafe::Stop),
+    (FailSafe::Coast.word(), FailSafe::Coast),
+    (FailSafe::Hold.word(), FailSafe::Hold),
+];
+
+/// Actions that may rest on an unproven fact.
+pub const ACTIONS: [(&str, ControlAction); 3] = [
+    (ControlAction::Reverse.word(), ControlAction::Reverse),
+    (ControlAction::Reset.word(), ControlAction::Reset),
+    (ControlAction::Coast.word(), ControlAction::Coast),
+];
+
+/// Whether RUN over MQTT must say which stop it follows.
+pub(super) const COMMANDS: [(&str, bool); 2] = [("plain", false), ("strict", true)];
+
+/// What keeps a lease of the MQTT side alive.
+pub const LEASES: [(&str, LeaseMode); 2] = [("session", LeaseMode::Session), ("explicit", LeaseMode::Explicit)];
