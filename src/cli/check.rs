@@ -91,8 +91,7 @@ fn describe_line(text: &mut String, line: &LineSettings, mqtt: Option<&MqttSetti
     if budget.stretch > 1.0 {
         writeln!(text, "  warning: the plan is over-full; every period is stretched {:.2} times", budget.stretch)?;
     }
-    let longest_wait = longest_exchange(&timing, line);
-    writeln!(text, "  longest wait for an exchange in flight {}", ms(longest_wait))?;
+    writeln!(text, "  a stop starts at most {} after it is accepted", ms(build::worst_stop(line)))?;
     for drive in &line.drives {
         describe_drive(text, drive, &budget)?;
         if let Some(control) = &drive.control {
@@ -171,15 +170,6 @@ fn planned(drive: &DriveSettings) -> impl Iterator<Item = (PollGroup, PlannedRea
     plan::groups(&drive.model)
         .into_iter()
         .map(move |group| (group, PlannedRead { count: group.count, period: group.period(drive.poll), turnaround }))
-}
-
-/// The longest a frame may have to wait for the one before it: a full read whose reply stays out.
-fn longest_exchange(timing: &Timing, line: &LineSettings) -> Duration {
-    let of_drive = |drive: &DriveSettings| {
-        let timeout = drive.reply_timeout.unwrap_or(drive.model.timing.reply_timeout_cap.value);
-        budget::read_time(timing, drive.model.read.max_words.value, timeout)
-    };
-    line.drives.iter().map(of_drive).max().unwrap_or_default()
 }
 
 fn ms(time: Duration) -> String {

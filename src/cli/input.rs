@@ -56,12 +56,32 @@ pub fn configuration(path: &Path) -> Result<Config, Failure> {
 #[must_use]
 pub fn draw(path: &Path, text: &str, problems: &[Problem]) -> String {
     let file = path.display().to_string();
+    let text = &without_secrets(text);
     let renderer = if std::io::stderr().is_terminal() { Renderer::styled() } else { Renderer::plain() };
     let mut drawn: Vec<String> =
         problems.iter().map(|problem| renderer.render(&[group(&file, text, problem)])).collect();
     let count = problems.len();
     drawn.push(format!("{file}: {count} problem{}", if count == 1 { "" } else { "s" }));
     drawn.join("\n\n")
+}
+
+/// `text` with stars, byte for byte, in the place of what a slip of the pen may have put there: a password as a value,
+/// or before the host of a URL. What is drawn may end in a log.
+fn without_secrets(text: &str) -> String {
+    let lines = text.split_inclusive('\n').map(|line| {
+        let is_password =
+            line.trim_start().strip_prefix("password").is_some_and(|rest| rest.trim_start().starts_with('='));
+        let secret = if is_password {
+            line.find('=').map(|at| at + 1..line.trim_end().len())
+        } else {
+            line.find("://").and_then(|at| Some(at + 3..line.rfind('@').filter(|end| *end > at + 3)?))
+        };
+        secret.map_or_else(
+            || line.to_owned(),
+            |span| format!("{}{}{}", &line[..span.start], "*".repeat(span.len()), &line[span.end..]),
+        )
+    });
+    lines.collect()
 }
 
 fn group<'a>(file: &'a str, text: &'a str, problem: &'a Problem) -> Group<'a> {
@@ -71,5 +91,19 @@ fn group<'a>(file: &'a str, text: &'a str, problem: &'a Problem) -> Group<'a> {
     match &problem.right {
         Some(right) => group.element(Level::HELP.message(right.as_str())),
         None => group,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passwords_are_not_drawn() {
+        let text = "password = \"hunter2\"\nbroker = \"mqtt://user:hünter@host\" # x\npassword_file = \"/run/pw\"\n";
+        let drawn = without_secrets(text);
+        assert_eq!(drawn.len(), text.len());
+        assert!(!drawn.contains("hunter") && !drawn.contains("user") && !drawn.contains("ünter"), "{drawn}");
+        assert!(drawn.contains("@host") && drawn.contains("/run/pw"));
     }
 }

@@ -6,8 +6,10 @@ use crate::config::{Config, DriveSettings, LineSettings, Silence};
 use crate::domain::ids::DriveIndex;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::gateway::{DriveSetup, LineSetup};
+use crate::line::budget;
 use crate::line::timing::Timing;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Times of a line, and whether they are allowed only on a pseudo-terminal.
 #[must_use]
@@ -21,12 +23,23 @@ pub fn timing(line: &LineSettings) -> (Timing, bool) {
     }
 }
 
-/// The pure side of a line.
+/// The pure side of a line, at a start of the gateway that no other start shares `first_epoch` with.
 #[must_use]
-pub fn line_setup(line: &LineSettings) -> LineSetup {
+pub fn line_setup(line: &LineSettings, first_epoch: u64) -> LineSetup {
     let drives = line.drives.iter().map(drive_setup).collect();
     let tells_traffic = tracing::enabled!(tracing::Level::TRACE);
-    LineSetup { timing: timing(line).0, drives, tells_traffic, first_epoch: 1 }
+    LineSetup { timing: timing(line).0, drives, tells_traffic, first_epoch }
+}
+
+/// Longest time from the acceptance of a stop for one drive of `line` to its first bit.
+#[must_use]
+pub fn worst_stop(line: &LineSettings) -> Duration {
+    let drives = line.drives.iter().map(|drive| (reply_timeout(drive), drive.model.read.max_words.value));
+    budget::worst_stop(&timing(line).0, drives)
+}
+
+fn reply_timeout(drive: &DriveSettings) -> Duration {
+    drive.reply_timeout.unwrap_or(drive.model.timing.reply_timeout_cap.value)
 }
 
 /// What lines and north sides share.
@@ -72,8 +85,8 @@ fn drive_setup(drive: &DriveSettings) -> DriveSetup {
         station: drive.station,
         model: Arc::clone(&drive.model),
         poll: drive.poll,
-        reply_timeout: drive.reply_timeout.unwrap_or(drive.model.timing.reply_timeout_cap.value),
+        reply_timeout: reply_timeout(drive),
         max_lateness: drive.max_lateness,
-        control: None,
+        control: drive.control.clone(),
     }
 }

@@ -1,7 +1,7 @@
 //! The daemon: one thread per line, the north side on this one, until it is told to end.
 
 use super::answers::NorthSides;
-use super::build;
+use super::{build, clock};
 use super::line_thread::LineHandle;
 use super::modbus_server::Server;
 use super::router::Router;
@@ -60,9 +60,11 @@ where
     let north = NorthSides::default();
     let shared = Arc::new(build::shared(config));
     let listeners = runtime.block_on(bind(&config.listeners))?;
+    // Milliseconds, shifted so that no count of epochs reaches the next start.
+    let first_epoch = clock::wall_ms() << 16;
     let mut lines = Vec::with_capacity(config.lines.len());
     for (place, line) in config.lines.iter().enumerate() {
-        let (port, setup) = (build::line_port(line), build::line_setup(line));
+        let (port, setup) = (build::line_port(line), build::line_setup(line, first_epoch));
         lines.push(LineHandle::start(port, setup, Arc::clone(&shared), place, north.clone())?);
     }
     let listening = listeners.iter().map(TcpListener::local_addr).collect::<io::Result<_>>()?;

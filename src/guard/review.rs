@@ -53,7 +53,7 @@ impl DriveGuard {
     pub fn review(&mut self, command: &CommandRequest, facts: &Facts, now: MonoTime) -> Result<Verdict, Report> {
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
         let origin = command.origin;
-        may_come_from(&control, origin.owner)?;
+        may_come_from(&control, origin.owner, &command.order)?;
         match &command.order {
             Order::Stop { setpoint } => self.review_stop(command, *setpoint, &control, facts, now),
             Order::Coast => self.review_coast(origin, &control, facts, now),
@@ -310,9 +310,11 @@ fn no_steps(no: NoSteps) -> Report {
     })
 }
 
-fn may_come_from(control: &ControlSettings, owner: Owner) -> Result<(), Report> {
+/// A stop from Modbus TCP is a matter of the listener's `stop` alone, whatever sides the drive is commanded from.
+fn may_come_from(control: &ControlSettings, owner: Owner, order: &Order) -> Result<(), Report> {
+    let stops = matches!(order, Order::Stop { .. } | Order::Coast);
     let allowed = match owner {
-        Owner::ModbusTcp(_) => control.from_modbus_tcp,
+        Owner::ModbusTcp(_) => control.from_modbus_tcp || stops,
         Owner::Mqtt => control.from_mqtt,
     };
     if allowed { Ok(()) } else { Err(refused(Reason::NotFromHere)) }
