@@ -1,6 +1,41 @@
 //! The MQTT side without a socket or a clock: what the broker says, what the lines answer and time go in; what is
 //! to be published, subscribed and commanded comes out.
+//!
+//! [`Session`] is the whole. Inside it, `path` follows the connection and its probe, `topics` knows every topic,
+//! `payload`, `command_json` and `params` read what commanders send, `inputs` and `answers` turn it into commands and
+//! results, `pending` and `seen` remember what is under way and what was, `results` and `outbox` hold what is to be
+//! told, and `telemetry` walks the pictures of the drives.
 
+mod answers;
+mod clock;
+mod command_json;
+mod counters;
+mod drive_topics;
+mod inputs;
+mod line_topics;
+mod outbox;
+mod params;
+mod path;
+mod payload;
+mod pending;
+mod results;
+mod seen;
+mod session;
+mod slot;
+mod state;
+mod telemetry;
+mod topics;
 mod types;
 
+#[cfg(test)]
+mod command_tests;
+#[cfg(test)]
+mod harness;
+#[cfg(test)]
+mod session_tests;
+#[cfg(test)]
+mod telemetry_tests;
+
+pub use counters::Counters;
+pub use session::Session;
 pub use types::{Act, Broker, Event, LeaseMode, LineState, Message, Moment, Publication, Qos, Settings, Version};

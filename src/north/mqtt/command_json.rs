@@ -1,0 +1,275 @@
+//! The JSON form of a command: everything that is not exactly known is refused by name.
+
+use super::params;
+use super::payload::{Refused, RunWord, Wish, go, no_frequency, run_word, short};
+use crate::domain::command::{Go, Order, Reason, RegisterWrite};
+use crate::domain::frequency::Hertz;
+use crate::domain::problem::nearest;
+use crate::profile::model::Model;
+use serde_json::{Map, Value};
+use std::time::Duration;
+
+const KEYS: [&str; 8] = ["id", "run", "frequency_hz", "reset", "param", "ttl_ms", "issued_at", "epoch"];
+const EXAMPLE: &str = r#"{"id": "a1", "run": "forward", "frequency_hz": 42.5}"#;
+const ID_MAX_CHARS: usize = 64;
+const TTL_MAX_MS: u64 = 60_000;
+
+/// The wish that `payload` writes, with its id as far as one could be read.
+pub(super) fn read(payload: &[u8], model: &Model) -> (Option<Value>, Result<Wish, Refused>) {
+    let object = match object(payload) {
+        Ok(object) => object,
+        Err(refused) => return (None, Err(refused)),
+    };
+    match id(&object) {
+        Ok(id) => (id.clone(), wish(id, &object, payload, model)),
+        Err(refused) => (None, Err(refused)),
+    }
+}
+
+fn wish(id: Option<Value>, object: &Map<String, Value>, payload: &[u8], model: &Model) -> Result<Wish, Refused> {
+    known_keys(object)?;
+    if pairs_written(payload) != pairs_in(object) {
+        return Err(Refused::new(Reason::NotUnderstood, "a key stands there twice"));
+    }
+    Ok(Wish {
+        id,
+        order: order(object, model)?,
+        ttl: ttl(object)?,
+        issued_at: whole(object, "issued_at", "milliseconds since 1970 in UTC, such as 1767225600000", Value::as_i64)?,
+        epoch: whole(object, "epoch", "the number from the drive's `state`, such as 7", Value::as_u64)?,
+    })
+}
+
+fn object(payload: &[u8]) -> Result<Map<String, Value>, Refused> {
+    match serde_json::from_slice(payload) {
+        Ok(Value::Object(object)) => Ok(object),
+        Ok(_) => Err(not_understood(format!("a JSON object was expected, such as {EXAMPLE}"))),
+        Err(error) => Err(not_understood(format!("no JSON ({error}); right is, for example, {EXAMPLE}"))),
+    }
+}
+
+fn known_keys(object: &Map<String, Value>) -> Result<(), Refused> {
+    let Some(key) = object.keys().find(|key| !KEYS.contains(&key.as_str())) else { return Ok(()) };
+    let near = (key.len() <= 64).then(|| nearest(key, KEYS)).flatten();
+    let right = near.map_or_else(|| format!("known are {}", KEYS.join(", ")), |near| format!("is it `{near}`?"));
+    Err(not_understood(format!("`{}` is not known; {right}", short(key))))
+}
+
+/// Pairs of key and value that the valid JSON text `payload` writes.
+fn pairs_written(payload: &[u8]) -> usize {
+    let (mut pairs, mut in_text, mut is_escaped) = (0, false, false);
+    for byte in payload {
+        match byte {
+            _ if is_escaped => is_escaped = false,
+            b'\\' => is_escaped = true,
+            b'"' => in_text = !in_text,
+            b':' if !in_text => pairs += 1,
+            _ => {}
+        }
+    }
+    pairs
+}
+
+/// Pairs that are left of it: of two with the same key only one is.
+fn pairs_in(object: &Map<String, Value>) -> usize {
+    object.len() + object.values().map(pairs_below).sum::<usize>()
+}
+
+fn pairs_below(value: &Value) -> usize {
+    match value {
+        Value::Object(object) => pairs_in(object),
+        Value::Array(array) => array.iter().map(pairs_below).sum(),
+        _ => 0,
+    }
+}
+
+fn id(object: &Map<String, Value>) -> Result<Option<Value>, Refused> {
+    let fits = |id: &Value| match id {
+        Value::String(text) => (1..=ID_MAX_CHARS).contains(&text.chars().count()),
+        other => other.is_i64() || other.is_u64(),
+    };
+    match object.get("id") {
+        None => Ok(None),
+        Some(id) if fits(id) => Ok(Some(id.clone())),
+        Some(_) => Err(not_understood("`id` takes a text of 1 to 64 characters or an integer, such as \"a1\"")),
+    }
+}
+
+fn ttl(object: &Map<String, Value>) -> Result<Option<Duration>, Refused> {
+    let in_range = |value: &Value| value.as_u64().filter(|ttl| (1..=TTL_MAX_MS).contains(ttl));
+    let ttl = whole(object, "ttl_ms", "milliseconds from 1 to 60000, such as 500", in_range)?;
+    Ok(ttl.map(Duration::from_millis))
+}
+
+fn whole<T>(
+    object: &Map<String, Value>,
+    key: &str,
+    right: &str,
+    take: impl Fn(&Value) -> Option<T>,
+) -> Result<Option<T>, Refused> {
+    let Some(value) = object.get(key) else { return Ok(None) };
+    let taken = take(value).ok_or_else(|| not_understood(format!("`{key}` takes {right}")))?;
+    Ok(Some(taken))
+}
+
+fn order(object: &Map<String, Value>, model: &Model) -> Result<Order, Refused> {
+    let (run, frequency) = (run(object)?, frequency(object)?);
+    let (is_reset, registers) = (reset(object)?, registers(object, model)?);
+    let has_values = frequency.is_some() || !registers.is_empty();
+    match run {
+        _ if is_reset && (run.is_some() || has_values) => Err(conflict("`reset` stands alone: send the rest after it")),
+        _ if is_reset => Ok(Order::Reset),
+        Some(RunWord::Stop | RunWord::Coast) if has_values => {
+            Err(conflict("`stop` and `coast` stand alone: leave `frequency_hz` and `param` out"))
+        }
+        Some(RunWord::Stop) => Ok(Order::Stop { setpoint: None }),
+        Some(RunWord::Coast) => Ok(Order::Coast),
+        None if !has_values => {
+            Err(not_understood(format!("the command orders nothing; right is, for example, {EXAMPLE}")))
+        }
+        None => go(registers, frequency, None),
+        Some(RunWord::Run(direction)) => go(registers, frequency, Some(direction)),
+    }
+}
+
+fn run(object: &Map<String, Value>) -> Result<Option<RunWord>, Refused> {
+    match object.get("run") {
+        None => Ok(None),
+        Some(Value::String(text)) => run_word(text).map(Some),
+        Some(_) => Err(not_understood("`run` takes \"forward\", \"reverse\", \"stop\" or \"coast\"")),
+    }
+}
+
+fn frequency(object: &Map<String, Value>) -> Result<Option<Hertz>, Refused> {
+    let Some(value) = object.get("frequency_hz") else { return Ok(None) };
+    let number = value.as_f64().ok_or_else(|| not_a_number("frequency_hz", "42.5"))?;
+    let frequency = Hertz::from_f64(number).map_err(|why| no_frequency(why, "frequency_hz", &value.to_string()))?;
+    Ok(Some(frequency))
+}
+
+fn reset(object: &Map<String, Value>) -> Result<bool, Refused> {
+    match object.get("reset") {
+        None => Ok(false),
+        Some(Value::Bool(true)) => Ok(true),
+        Some(_) => Err(not_understood("`reset` takes true and nothing else")),
+    }
+}
+
+fn registers(object: &Map<String, Value>, model: &Model) -> Result<Vec<RegisterWrite>, Refused> {
+    let params = match object.get("param") {
+        None => return Ok(Vec::new()),
+        Some(Value::Object(params)) => params,
+        Some(_) => return Err(not_understood("`param` takes an object, such as {\"NAME\": 10.5}")),
+    };
+    if params.len() > Go::REGISTERS_MAX {
+        let message = format!("`param` takes at most {} parameters", Go::REGISTERS_MAX);
+        return Err(Refused::new(Reason::TooManyFrames, message));
+    }
+    let mut writes: Vec<RegisterWrite> = Vec::with_capacity(params.len());
+    for (code, value) in params {
+        let number = value.as_f64().ok_or_else(|| not_a_number(&short(code), "10.5"))?;
+        let write = params::write(model, code, number)?;
+        if writes.iter().any(|it| it.address == write.address) {
+            return Err(conflict(&format!("`{}` stands there twice, by code and by name", short(code))));
+        }
+        writes.push(write);
+    }
+    Ok(writes)
+}
+
+fn not_understood(message: impl Into<String>) -> Refused {
+    Refused::new(Reason::NotUnderstood, message)
+}
+
+fn not_a_number(key: &str, example: &str) -> Refused {
+    Refused::new(Reason::NotANumber, format!("`{key}` takes a number, such as {example}"))
+}
+
+fn conflict(message: &str) -> Refused {
+    Refused::new(Reason::Conflict, message)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::command::Direction;
+    use crate::north::mqtt::harness::model;
+    use serde_json::json;
+
+    fn reason(text: &str) -> Reason {
+        read(text.as_bytes(), &model()).1.expect_err(text).reason
+    }
+
+    #[test]
+    fn a_full_command_is_read_to_its_last_key() {
+        let text = r#"{"id": 7, "run": "Reverse", "frequency_hz": 42.5, "param": {"f007": 10, "deceleration_time": 0.5},
+            "ttl_ms": 500, "issued_at": 1767225600000, "epoch": 3}"#;
+        let (id, wish) = read(text.as_bytes(), &model());
+        let wish = wish.unwrap();
+        assert_eq!(id, Some(json!(7)));
+        let Order::Go(go) = wish.order else { panic!() };
+        assert_eq!((go.run(), go.frequency()), (Some(Direction::Reverse), Some(Hertz::from_millihertz(42_500))));
+        let writes: Vec<_> = go.registers().iter().map(|it| (it.address, it.value)).collect();
+        assert_eq!(writes, [(0x020E, 5), (0x020C, 100)]);
+        let (ttl, issued_at) = (Some(Duration::from_millis(500)), Some(1_767_225_600_000));
+        assert_eq!((wish.ttl, wish.issued_at, wish.epoch), (ttl, issued_at, Some(3)));
+    }
+
+    #[test]
+    fn what_is_not_exactly_known_is_refused_by_name() {
+        use Reason::{Conflict, NotANumber, NotListed, NotUnderstood, OutsideLimits, TooManyFrames};
+        let table = [
+            ("", NotUnderstood),
+            ("[]", NotUnderstood),
+            ("\"stop\"", NotUnderstood),
+            ("{}", NotUnderstood),
+            ("{\"run\":\"stop\"", NotUnderstood),
+            (r#"{"run":"stop"} x"#, NotUnderstood),
+            (r#"{"frequency_hz":NaN}"#, NotUnderstood),
+            (r#"{"frequency_hz":4,5}"#, NotUnderstood),
+            (r#"{"frequency_hz":1e999}"#, NotUnderstood),
+            (r#"{"frequency_hz":"42.5"}"#, NotANumber),
+            (r#"{"frequency_hz":null}"#, NotANumber),
+            (r#"{"frequency_hz":-1}"#, OutsideLimits),
+            (r#"{"frequency_hz":5.00001}"#, Reason::BetweenSteps),
+            (r#"{"run":1}"#, NotUnderstood),
+            (r#"{"run":"go"}"#, NotUnderstood),
+            (r#"{"run":"forward","speed":5}"#, NotUnderstood),
+            (r#"{"run":"forward","run":"reverse"}"#, NotUnderstood),
+            (r#"{"param":{"F007":1,"F007":2}}"#, NotUnderstood),
+            (r#"{"param":{"F007":1,"f007":2}}"#, Conflict),
+            (r#"{"param":{}}"#, NotUnderstood),
+            (r#"{"param":[1]}"#, NotUnderstood),
+            (r#"{"param":{"F007":"1"}}"#, NotANumber),
+            (r#"{"param":{"F999":1}}"#, NotListed),
+            (r#"{"param":{"run_command":1}}"#, NotListed),
+            (r#"{"reset":false}"#, NotUnderstood),
+            (r#"{"reset":true,"run":"forward"}"#, Conflict),
+            (r#"{"reset":true,"frequency_hz":5}"#, Conflict),
+            (r#"{"run":"stop","frequency_hz":5}"#, Conflict),
+            (r#"{"run":"coast","param":{"F007":1}}"#, Conflict),
+            (r#"{"run":"stop","id":1.5}"#, NotUnderstood),
+            (r#"{"run":"stop","id":""}"#, NotUnderstood),
+            (r#"{"run":"stop","id":{}}"#, NotUnderstood),
+            (r#"{"run":"stop","ttl_ms":0}"#, NotUnderstood),
+            (r#"{"run":"stop","ttl_ms":60001}"#, NotUnderstood),
+            (r#"{"run":"stop","ttl_ms":1.5}"#, NotUnderstood),
+            (r#"{"run":"stop","issued_at":"now"}"#, NotUnderstood),
+            (r#"{"run":"stop","epoch":-1}"#, NotUnderstood),
+        ];
+        for (text, expected) in table {
+            assert_eq!(reason(text), expected, "{text}");
+        }
+        let many: Map<_, _> = (0..17).map(|number| (format!("p{number}"), json!(1))).collect();
+        assert_eq!(reason(&json!({ "param": many }).to_string()), TooManyFrames);
+        assert_eq!(reason(&json!({ "run": "stop", "id": "x".repeat(65) }).to_string()), NotUnderstood);
+        assert_eq!(reason(&"[".repeat(8000)), NotUnderstood);
+    }
+
+    #[test]
+    fn a_refusal_gives_the_id_back_and_names_the_key() {
+        let (id, wish) = read(br#"{"id":"a:\"1","frequncy_hz":5}"#, &model());
+        assert_eq!(id, Some(json!("a:\"1")));
+        assert_eq!(wish.unwrap_err().message, "`frequncy_hz` is not known; is it `frequency_hz`?");
+    }
+}

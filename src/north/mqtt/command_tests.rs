@@ -1,0 +1,443 @@
+//! What comes of messages: commands, refusals, results.
+
+use super::harness::{
+    EPOCH_MS, Rig, commands, message, on, orders, publications, reads, result, results, settings, told,
+};
+use super::types::{Act, Event, Message, Settings, Version};
+use crate::domain::command::{Direction, Go, Order, Outcome, Owner, Reason, RegisterWrite, Report};
+use crate::domain::frequency::Hertz;
+use crate::domain::ids::AskerId;
+use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, Refusal};
+use crate::domain::time::MonoTime;
+use proptest::prelude::*;
+use serde_json::{Value, json};
+use std::time::Duration;
+
+const STOP: Order = Order::Stop { setpoint: None };
+
+const INPUTS: [(&str, &[u8]); 9] = [
+    ("drive/pump/run/set", b"forward"),
+    ("drive/pump/frequency/set", b"42.5"),
+    ("drive/pump/trip/reset", b"reset"),
+    ("drive/pump/command", br#"{"run":"forward"}"#),
+    ("drive/pump/lease", b"x"),
+    ("drive/pump/param/F007/set", b"10.5"),
+    ("drive/pump/param/F007/get", b"x"),
+    ("drive/nosuch/run/set", b"stop"),
+    ("all/run/set", b"start"),
+];
+
+fn go(registers: Vec<RegisterWrite>, frequency: Option<u32>, run: Option<Direction>) -> Order {
+    Order::Go(Go::new(registers, frequency.map(Hertz::from_millihertz), run).expect("an order"))
+}
+
+fn refused(reason: &str) -> (String, String) {
+    ("refused".to_owned(), reason.to_owned())
+}
+
+#[test]
+fn each_input_becomes_its_order() {
+    let acceleration = RegisterWrite { address: 0x020C, value: 105 };
+    let table: [(&str, &[u8], Order); 8] = [
+        ("run/set", b"forward", go(vec![], None, Some(Direction::Forward))),
+        ("run/set", b" STOP ", STOP),
+        ("run/set", b"coast", Order::Coast),
+        ("frequency/set", b"42.5", go(vec![], Some(42_500), None)),
+        ("trip/reset", b"reset", Order::Reset),
+        ("lease", b"", Order::Renew),
+        ("param/acceleration_time/set", b"10.5", go(vec![acceleration], None, None)),
+        ("command", br#"{"frequency_hz":5,"param":{"F007":10.5}}"#, go(vec![acceleration], Some(5_000), None)),
+    ];
+    for (input, payload, order) in table {
+        let mut rig = Rig::born(Version::V5);
+        let acts = rig.send(&format!("drive/pump/{input}"), payload);
+        assert_eq!(orders(&acts), [&order], "{input}");
+        assert_eq!(results(&acts), [Value::Null; 0]);
+        let request = commands(&acts)[0];
+        assert_eq!((request.asker, request.origin.owner), (AskerId::MQTT, Owner::Mqtt));
+        assert_eq!(request.start_before, rig.now() + Duration::from_secs(1));
+    }
+}
+
+#[test]
+fn a_retained_command_is_refused_on_every_input() {
+    for version in [Version::V4, Version::V5] {
+        for (input, payload) in INPUTS {
+            let mut rig = Rig::born(version);
+            let topic = format!("vfd/plant/{input}");
+            let acts = rig.deliver(&Message { retain: true, ..message(&topic, payload) });
+            assert_eq!((commands(&acts).len(), reads(&acts).len()), (0, 0), "{input}");
+            assert_eq!(result(&acts), refused("retained"), "{input}");
+            assert_eq!(rig.session.counters().refused_retained, 1);
+            let acts = rig.deliver(&Message { retain: true, ..message(&topic, b"") });
+            assert_eq!(acts, [], "a topic is cleared: {input}");
+        }
+    }
+}
+
+#[test]
+fn a_retained_stop_is_live_with_version_5_and_a_replay_before() {
+    for (topic, payload) in [
+        ("vfd/plant/drive/pump/run/set", &b"stop"[..]),
+        ("vfd/plant/drive/pump/run/set", b"coast"),
+        ("vfd/plant/drive/pump/command", br#"{"run":"stop"}"#),
+        ("vfd/plant/all/run/set", b"stop"),
+    ] {
+        let retained = Message { retain: true, ..message(topic, payload) };
+        let mut rig = Rig::born(Version::V5);
+        let acts = rig.deliver(&retained);
+        assert_eq!(commands(&acts).len(), 1, "{topic}");
+        assert_eq!(rig.session.counters().retained_stops, 1);
+        let ticket = commands(&acts)[0].ticket;
+        let told = results(&rig.answer(ticket, Outcome::Confirmed, Reason::None, true));
+        assert!(told[0]["message"].as_str().expect("a warning").contains("retain"));
+
+        let mut rig = Rig::born(Version::V4);
+        let acts = rig.deliver(&retained);
+        assert_eq!((commands(&acts).len(), result(&acts)), (0, refused("retained")), "{topic}");
+    }
+}
+
+#[test]
+fn bad_payloads_give_one_result_and_no_command() {
+    let large = vec![b'1'; 5_000_000];
+    let table: [(&str, &[u8], &str); 18] = [
+        ("drive/pump/run/set", b"start", "not_understood"),
+        ("drive/pump/run/set", b"\xFF\xFE", "not_understood"),
+        ("drive/pump/frequency/set", b"NaN", "not_a_number"),
+        ("drive/pump/frequency/set", b"inf", "not_a_number"),
+        ("drive/pump/frequency/set", b"4,5", "not_a_number"),
+        ("drive/pump/frequency/set", b"1e3", "not_a_number"),
+        ("drive/pump/frequency/set", b"-5", "outside_limits"),
+        ("drive/pump/frequency/set", &large, "too_large"),
+        ("drive/pump/command", &large, "too_large"),
+        ("drive/pump/lease", &large, "too_large"),
+        ("drive/pump/param/F007/get", &large, "too_large"),
+        ("drive/pump/command", b"[1]", "not_understood"),
+        ("drive/pump/command", br#"{"run":"stop","frequency_hz":5}"#, "conflict"),
+        ("drive/pump/param/F999/get", b"", "not_listed"),
+        ("drive/pump/param/run_command/set", b"1", "not_listed"),
+        ("drive/pumb/run/set", b"stop", "unknown_drive"),
+        ("all/run/set", b"forward", "not_understood"),
+        ("all/run/set", &large, "too_large"),
+    ];
+    for (input, payload, reason) in table {
+        let mut rig = Rig::born(Version::V5);
+        let acts = rig.send(input, payload);
+        assert_eq!((commands(&acts).len(), reads(&acts).len()), (0, 0), "{input}");
+        assert_eq!(result(&acts), refused(reason), "{input}");
+        let all = results(&acts);
+        let text = |key: &str| all[0][key].as_str().map_or(0, str::len);
+        assert!(text("id") > 0 && text("message") > 0 && text("message") < 300, "{all:?}");
+    }
+    let mut rig = Rig::born(Version::V5);
+    let acts = rig.send("drive/pumb/run/set", b"stop");
+    assert_eq!(results(&acts)[0]["message"], "there is no drive `pumb`; is it `pump`?");
+    for ignored in ["drive/a b/run/set", "drive//run/set", "drive/pump/run/state", "elsewhere"] {
+        assert_eq!(rig.send(ignored, b"stop"), [], "{ignored}");
+    }
+    assert_eq!(rig.session.counters().ignored, 4);
+}
+
+#[test]
+fn stop_all_goes_to_each_drive_with_control() {
+    let mut rig = Rig::born(Version::V5);
+    let acts = rig.send("all/run/set", b" Stop");
+    assert_eq!(orders(&acts), [&STOP], "the fan has none");
+    let ticket = commands(&acts)[0].ticket;
+    let acts = rig.answer(ticket, Outcome::Confirmed, Reason::None, true);
+    assert!(on(&acts, "drive/pump/result").is_some());
+}
+
+#[test]
+fn results_come_in_stages_with_the_values_read_back() {
+    let mut rig = Rig::born(Version::V5);
+    let acts = rig.send("drive/pump/command", br#"{"id":"a1","frequency_hz":42.5,"param":{"F007":10.5}}"#);
+    let ticket = commands(&acts)[0].ticket;
+    let all = results(&rig.answer(ticket, Outcome::Acknowledged, Reason::None, false));
+    let parts = |it: &Value| ["id", "drive", "outcome", "final", "values"].map(|key| it[key].clone());
+    assert_eq!(parts(&all[0]), [json!("a1"), json!("pump"), json!("acknowledged"), json!(false), Value::Null]);
+    let all = results(&rig.answer(ticket, Outcome::Confirmed, Reason::None, true));
+    let values = json!({ "frequency_hz": 42.5, "F007": 10.5 });
+    assert_eq!(parts(&all[0]), [json!("a1"), json!("pump"), json!("confirmed"), json!(true), values]);
+    assert_eq!(rig.answer(ticket, Outcome::Confirmed, Reason::None, true), [], "only one last word");
+}
+
+#[test]
+fn a_refusal_by_the_drive_shows_what_it_holds() {
+    let mut rig = Rig::born(Version::V5);
+    let kept = Report { held: Some(2_000), ..Report::new(Outcome::Failed, Reason::KeptOldValue) };
+    for (input, payload, values) in [
+        ("frequency/set", &b"42.5"[..], json!({ "frequency_hz": 20.0 })),
+        ("param/F007/set", b"10.5", json!({ "F007": 200.0 })),
+        ("command", br#"{"run":"forward","frequency_hz":42.5}"#, Value::Null),
+    ] {
+        let acts = rig.send(&format!("drive/pump/{input}"), payload);
+        let all = results(&rig.report(commands(&acts)[0].ticket, kept, true));
+        assert_eq!((&all[0]["held"], &all[0]["values"]), (&json!(2_000), &values), "{input}");
+    }
+}
+
+#[test]
+fn a_repeat_gets_the_first_outcome_and_moves_nothing() {
+    let mut rig = Rig::born(Version::V5);
+    let command = br#"{"id":7,"frequency_hz":42.5}"#;
+    let ticket = commands(&rig.send("drive/pump/command", command))[0].ticket;
+    assert_eq!(rig.send("drive/pump/command", command), [], "its outcome will come");
+    rig.answer(ticket, Outcome::Confirmed, Reason::None, true);
+    let acts = rig.send("drive/pump/command", command);
+    assert_eq!(commands(&acts).len(), 0);
+    let all = results(&acts);
+    assert_eq!((&all[0]["outcome"], &all[0]["repeat"], &all[0]["id"]), (&json!("confirmed"), &json!(true), &json!(7)));
+    assert_eq!(result(&rig.send("drive/pump/command", br#"{"id":7,"frequency_hz":43}"#)), refused("duplicate"));
+    assert_eq!(rig.session.counters().duplicates, 3);
+    rig.pass(600_000);
+    assert_eq!(commands(&rig.send("drive/pump/command", command)).len(), 1, "ten minutes later it is a new one");
+}
+
+#[test]
+fn a_stop_is_executed_however_often_it_comes() {
+    let mut rig = Rig::born(Version::V5);
+    let stop = br#"{"id":"s","run":"stop"}"#;
+    for _ in 0..3 {
+        assert_eq!(orders(&rig.send("drive/pump/command", stop)), [&STOP]);
+    }
+    assert_eq!(result(&rig.send("drive/pump/command", br#"{"id":"s","run":"forward"}"#)), refused("duplicate"));
+    for payload in [&b"stop"[..], b"coast"] {
+        let repeat = Message { duplicate: true, ..message("vfd/plant/drive/pump/run/set", payload) };
+        assert_eq!(commands(&rig.deliver(&repeat)).len(), 1);
+    }
+}
+
+#[test]
+fn a_redelivery_without_an_id_is_refused() {
+    for (input, payload) in INPUTS.into_iter().filter(|(input, _)| input.starts_with("drive/pump")) {
+        let mut rig = Rig::born(Version::V5);
+        let topic = format!("vfd/plant/{input}");
+        let acts = rig.deliver(&Message { duplicate: true, ..message(&topic, payload) });
+        if input.ends_with("get") {
+            assert_eq!(reads(&acts).len(), 1, "reading moves nothing");
+        } else {
+            assert_eq!((commands(&acts).len(), result(&acts)), (0, refused("duplicate")), "{input}");
+        }
+    }
+}
+
+#[test]
+fn the_shortest_deadline_wins() {
+    let mut rig = Rig::born(Version::V5);
+    let topic = "vfd/plant/drive/pump/command";
+    for (payload, expiry, expected) in [
+        (&br#"{"run":"forward","ttl_ms":5000}"#[..], None, 5_000),
+        (br#"{"run":"forward","ttl_ms":5000}"#, Some(3), 3_000),
+        (br#"{"run":"forward","ttl_ms":500}"#, Some(3), 500),
+        (br#"{"run":"forward"}"#, Some(3), 1_000),
+        (br#"{"run":"forward"}"#, Some(0), 0),
+    ] {
+        let acts = rig.deliver(&Message { expiry: expiry.map(Duration::from_secs), ..message(topic, payload) });
+        assert_eq!(commands(&acts)[0].start_before, rig.now() + Duration::from_millis(expected));
+    }
+}
+
+#[test]
+fn a_command_that_was_issued_too_long_ago_is_stale_but_a_stop_never_is() {
+    let mut rig = Rig::born(Version::V5);
+    rig.pass(10_000);
+    let send = |rig: &mut Rig, run: &str, age_ms: i64| {
+        let issued_at = EPOCH_MS + 10_000 - age_ms;
+        let payload = json!({ "run": run, "issued_at": issued_at, "epoch": 7 }).to_string();
+        rig.send("drive/pump/command", payload.as_bytes())
+    };
+    let acts = send(&mut rig, "forward", 400);
+    let request = commands(&acts)[0];
+    assert_eq!((request.issued, request.epoch), (Some(MonoTime::from_millis(10_600)), Some(7)));
+    assert_eq!(result(&send(&mut rig, "forward", 1_001)), refused("stale"));
+    assert_eq!(result(&send(&mut rig, "forward", -60_001)), refused("stale"));
+    assert_eq!(commands(&send(&mut rig, "forward", -500))[0].issued, Some(rig.now()), "nothing is issued later");
+    assert_eq!(orders(&send(&mut rig, "stop", 1_000_000)), [&STOP]);
+    let far = format!(r#"{{"run":"forward","issued_at":{}}}"#, i64::MIN);
+    assert_eq!(result(&rig.send("drive/pump/command", far.as_bytes())), refused("stale"));
+}
+
+#[test]
+fn responses_go_where_they_are_allowed_and_nowhere_else() {
+    let ask = |topic, correlation| Message {
+        response_topic: Some(topic),
+        correlation,
+        ..message("vfd/plant/drive/pump/run/set", b"bad")
+    };
+    let mut rig = Rig::born(Version::V5);
+    let acts = rig.deliver(&ask("vfd/answers/me", Some(b"c1")));
+    let response = publications(&acts).into_iter().find(|it| it.topic == "vfd/answers/me").expect("a response");
+    assert_eq!(response.correlation.as_deref(), Some(&b"c1"[..]));
+    assert_eq!(Some(String::from_utf8_lossy(&response.payload).into_owned()), on(&acts, "drive/pump/result"));
+
+    for topic in ["vfd/plant/drive/fan/run/set", "vfd/other/drive/fan/run/set", "elsewhere", "vfd/answers/#"] {
+        assert_eq!(told(&rig.deliver(&ask(topic, None))).len(), 1, "{topic}");
+    }
+    assert_eq!(told(&rig.deliver(&ask("vfd/answers/me", Some(&[0; 1_025])))).len(), 1);
+    assert_eq!(rig.session.counters().responses_ignored, 5);
+    let mut rig = Rig::born(Version::V4);
+    assert_eq!(told(&rig.deliver(&ask("vfd/answers/me", None))).len(), 1);
+    let mut rig = Rig::with(Settings { response_prefix: None, ..settings(Version::V5) });
+    rig.connect();
+    assert_eq!(told(&rig.deliver(&ask("vfd/answers/me", None))).len(), 1);
+}
+
+#[test]
+fn the_65th_command_is_refused_and_a_stop_is_not() {
+    let mut rig = Rig::born(Version::V5);
+    let first_setpoint = commands(&rig.send("drive/pump/frequency/set", b"10"))[0].ticket;
+    for _ in 1..64 {
+        assert_eq!(commands(&rig.send("drive/pump/frequency/set", b"10")).len(), 1);
+    }
+    assert_eq!(result(&rig.send("drive/pump/frequency/set", b"10")), refused("queue_full"));
+    assert_eq!(reads(&rig.send("drive/pump/param/F007/get", b"")).len(), 1, "reads have bounds of their own");
+    let stop = |rig: &mut Rig| rig.send("drive/pump/run/set", b"stop");
+    let first = commands(&stop(&mut rig))[0].ticket;
+    (0..3).for_each(|_| assert_eq!(results(&stop(&mut rig)), [Value::Null; 0]));
+    let acts = stop(&mut rig);
+    assert_eq!(commands(&acts).len(), 1);
+    assert_eq!(result(&acts), ("superseded".to_owned(), "newer".to_owned()), "the oldest gives way");
+    assert_eq!(rig.answer(first, Outcome::Confirmed, Reason::None, true), []);
+    assert_eq!(commands(&rig.send("drive/fan/run/set", b"stop")).len(), 1, "room for each drive");
+    rig.answer(first_setpoint, Outcome::Confirmed, Reason::None, true);
+    assert_eq!(commands(&rig.send("drive/pump/frequency/set", b"10")).len(), 1, "room again");
+}
+
+#[test]
+fn a_stop_overtakes_and_cuts_what_still_waits_here() {
+    let mut rig = Rig::born(Version::V5);
+    let run = message("vfd/plant/drive/pump/run/set", b"forward");
+    for message in [
+        run.clone(),
+        message("vfd/plant/drive/fan/run/set", b"forward"),
+        message("vfd/plant/drive/pump/lease", b""),
+        message("vfd/plant/drive/pump/run/set", b"coast"),
+        message("vfd/plant/drive/pump/run/set", b"stop"),
+    ] {
+        rig.handle(Event::Message(message));
+    }
+    let run_fan = go(vec![], None, Some(Direction::Forward));
+    let mut inward = Vec::new();
+    while let Some(act) = rig.session.next_inward() {
+        inward.push(act);
+    }
+    assert_eq!(orders(&inward), [&Order::Coast, &STOP, &run_fan, &Order::Renew]);
+    assert_eq!(result(&rig.acts()), ("superseded".to_owned(), "stopped".to_owned()));
+    rig.deliver(&run);
+}
+
+#[test]
+fn what_a_line_could_not_take_may_be_sent_again() {
+    let mut rig = Rig::born(Version::V5);
+    let command = br#"{"id":"a","run":"forward"}"#;
+    let ticket = commands(&rig.send("drive/pump/command", command))[0].ticket;
+    rig.session.refused_by_line(rig.at(), ticket);
+    assert_eq!(result(&rig.acts()), refused("queue_full"));
+    assert_eq!(commands(&rig.send("drive/pump/command", command)).len(), 1);
+}
+
+#[test]
+fn renewals_are_quiet_unless_refused() {
+    let mut rig = Rig::born(Version::V5);
+    let ticket = commands(&rig.send("drive/pump/lease", b""))[0].ticket;
+    assert_eq!(rig.answer(ticket, Outcome::Confirmed, Reason::None, true), []);
+    let ticket = commands(&rig.send("drive/pump/lease", b""))[0].ticket;
+    assert_eq!(result(&rig.answer(ticket, Outcome::Refused, Reason::OtherOwner, true)), refused("other_owner"));
+}
+
+#[test]
+fn a_read_asks_for_one_word_and_tells_why_it_failed() {
+    let mut rig = Rig::born(Version::V5);
+    for (outcome, expected) in [
+        (NativeOutcome::NoReply, ("failed", "no_reply")),
+        (NativeOutcome::Expired, ("expired", "too_late")),
+        (NativeOutcome::DriveException(2), ("failed", "drive_exception")),
+        (NativeOutcome::Refused(Refusal::LineDown), ("refused", "line_down")),
+        (NativeOutcome::Words(Vec::new().into()), ("failed", "no_reply")),
+    ] {
+        let acts = rig.send("drive/pump/param/F007/get", b"");
+        let request = reads(&acts)[0];
+        assert_eq!(request.ask, NativeAsk::Read { address: 0x020C, count: 1 });
+        let answer = NativeAnswer { asker: AskerId::MQTT, ticket: request.ticket, outcome };
+        rig.session.native_answer(rig.at(), &NativeAnswer { asker: AskerId(5), ..answer.clone() });
+        rig.session.native_answer(rig.at(), &answer);
+        let (outcome, reason) = result(&rig.acts());
+        assert_eq!((outcome.as_str(), reason.as_str()), expected);
+    }
+}
+
+#[test]
+fn what_is_never_answered_is_given_up_and_said_to_be_unknown() {
+    let mut rig = Rig::born(Version::V5);
+    rig.send("drive/pump/run/set", b"forward");
+    rig.handle(Event::Lost);
+    let acts = rig.connect();
+    assert_eq!(results(&acts), [Value::Null; 0], "it is still waited for");
+    assert_eq!(result(&rig.pass(61_000)), ("unknown".to_owned(), "no_reply".to_owned()));
+    assert_eq!(rig.session.counters().unanswered, 1);
+    rig.send("drive/pump/run/set", b"stop");
+    assert_eq!(results(&rig.pass(600_000)), [Value::Null; 0], "a stop may stay pending for long");
+}
+
+#[test]
+fn what_nobody_fetches_stays_bounded() {
+    let mut rig = Rig::born(Version::V5);
+    for _ in 0..10 {
+        for (input, payload) in INPUTS {
+            let topic = format!("vfd/plant/{input}");
+            (0..50).for_each(|_| rig.handle(Event::Message(message(&topic, payload))));
+        }
+        (0..50).for_each(|_| rig.handle(Event::Message(message("vfd/plant/all/run/set", b"stop"))));
+        rig.millis += 1_000_000;
+        rig.session.tick(rig.at());
+    }
+    assert_eq!(rig.session.next_inward(), None, "all are given up");
+    assert!(publications(&rig.connect()).iter().filter(|it| it.topic.ends_with("/result")).count() <= 64);
+    assert!(rig.session.counters().results_dropped > 0);
+}
+
+fn any_topic() -> impl Strategy<Value = String> {
+    let words =
+        ["vfd", "plant", "drive", "pump", "fan", "run", "set", "param", "F007", "get", "command", "all", "probe", ""];
+    let levels = prop::collection::vec(prop::sample::select(words.to_vec()), 0..7);
+    let ours = prop::sample::select(INPUTS.to_vec()).prop_map(|(input, _)| format!("vfd/plant/{input}"));
+    prop_oneof![levels.prop_map(|levels| levels.join("/")), ours, ".{0,20}"]
+}
+
+fn any_payload() -> impl Strategy<Value = Vec<u8>> {
+    let known = INPUTS.map(|(_, payload)| payload.to_vec()).to_vec();
+    let json = (
+        prop::sample::select(vec!["run", "frequency_hz", "reset", "param", "id", "ttl_ms", "issued_at", "epoch"]),
+        any::<i64>(),
+    )
+        .prop_map(|(key, number)| format!("{{\"{key}\":{number}}}").into_bytes());
+    prop_oneof![
+        prop::sample::select(known),
+        json,
+        prop::collection::vec(any::<u8>(), 0..40),
+        "[{}\":,a-z0-9.]{0,40}".prop_map(String::into_bytes)
+    ]
+}
+
+proptest! {
+    #[test]
+    fn no_message_panics_or_gives_more_than_one_command(
+        topic in any_topic(),
+        payload in any_payload(),
+        retain in any::<bool>(),
+        duplicate in any::<bool>(),
+        response in prop::option::of(any_topic()),
+        is_v5 in any::<bool>(),
+    ) {
+        let mut rig = Rig::born(if is_v5 { Version::V5 } else { Version::V4 });
+        let message = Message { retain, duplicate, response_topic: response.as_deref(), ..message(&topic, &payload) };
+        let acts = rig.deliver(&message);
+        prop_assert!(commands(&acts).len() + reads(&acts).len() <= 1);
+        prop_assert!(results(&acts).len() <= 1);
+        let is_stop = orders(&acts).iter().all(|order| matches!(order, Order::Stop { .. } | Order::Coast));
+        prop_assert!(!retain || is_stop);
+        prop_assert!(!acts.iter().any(|act| matches!(act, Act::Reconnect(_))));
+    }
+}

@@ -1,0 +1,38 @@
+//! What the MQTT session counts.
+
+/// Counts of the MQTT session since start. All but [`Counters::events_waiting`] only rise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Messages received.
+    pub messages_in: u64,
+    /// Messages handed out to be published.
+    pub messages_out: u64,
+    /// Received messages on topics that are none of ours, or whose drive has no valid name.
+    pub ignored: u64,
+    /// Commands given to drives.
+    pub commands: u64,
+    /// Inputs refused by the session, for whatever reason.
+    pub refused: u64,
+    /// Of these: replays.
+    pub refused_retained: u64,
+    /// Stops that were executed although they were published with the retain flag.
+    pub retained_stops: u64,
+    /// Repeats: answered with the first outcome, left to it, or refused.
+    pub duplicates: u64,
+    /// Times the probe did not come back.
+    pub probes_lost: u64,
+    /// Times a new connection was asked for.
+    pub reconnects: u64,
+    /// Trip events that are not acknowledged by the broker.
+    pub events_waiting: u64,
+    /// Trip events dropped because the outbox was full.
+    pub events_dropped: u64,
+    /// Results dropped because too many waited.
+    pub results_dropped: u64,
+    /// Response topics that were not allowed.
+    pub responses_ignored: u64,
+    /// Publications that were larger than the broker takes.
+    pub too_large: u64,
+    /// Commands and reads that were never answered.
+    pub unanswered: u64,
+}

@@ -1,0 +1,248 @@
+//! The way through the broker: subscription, probe, and when a connection is given up.
+
+use crate::domain::time::MonoTime;
+use std::time::Duration;
+
+/// Where the connection stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// No connection.
+    Down,
+    /// Accepted by the broker; the subscription is to be asked for.
+    Connected,
+    /// The subscription was asked for, then.
+    Subscribing(MonoTime),
+    /// Every filter is granted; no probe came back yet.
+    Granted,
+    /// A probe came back.
+    Open,
+    /// A new connection is to be asked for, for this reason.
+    GivingUp(&'static str),
+    /// A new connection was asked for.
+    GivenUp,
+}
+
+/// What a returned probe means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Returned {
+    /// The way is open.
+    Ours,
+    /// It is a probe of another connection or another gateway.
+    Foreign,
+}
+
+/// The connection and its probe.
+#[derive(Debug)]
+pub(super) struct Path {
+    interval: Duration,
+    timeout: Duration,
+    /// What distinguishes the probes of this process.
+    run: String,
+    phase: Phase,
+    /// Number of the last probe sent.
+    sent: u64,
+    /// Probes up to this number have returned, or belong to an earlier connection.
+    settled: u64,
+    next_probe: MonoTime,
+    /// Since when a probe is missing.
+    missing_since: Option<MonoTime>,
+    last_return: Option<MonoTime>,
+}
+
+impl Path {
+    pub(super) const fn new(run: String, interval: Duration, timeout: Duration) -> Self {
+        Self {
+            interval,
+            timeout,
+            run,
+            phase: Phase::Down,
+            sent: 0,
+            settled: 0,
+            next_probe: MonoTime::ZERO,
+            missing_since: None,
+            last_return: None,
+        }
+    }
+
+    pub(super) fn connected(&mut self) {
+        self.reset(Phase::Connected);
+    }
+
+    pub(super) fn lost(&mut self) {
+        self.reset(Phase::Down);
+    }
+
+    fn reset(&mut self, phase: Phase) {
+        self.phase = phase;
+        self.settled = self.sent;
+        self.missing_since = None;
+        self.last_return = None;
+    }
+
+    /// Whether the subscription is to be asked for now; once per connection.
+    pub(super) fn take_subscription(&mut self, at: MonoTime) -> bool {
+        let is_due = self.phase == Phase::Connected;
+        if is_due {
+            self.phase = Phase::Subscribing(at);
+        }
+        is_due
+    }
+
+    /// The broker's answer to the subscription. True if the way to the probe is free now.
+    pub(super) fn subscribed(&mut self, at: MonoTime, is_granted: bool) -> bool {
+        if !matches!(self.phase, Phase::Subscribing(_)) {
+            return false;
+        }
+        self.phase =
+            if is_granted { Phase::Granted } else { Phase::GivingUp("the broker did not grant every subscription") };
+        self.next_probe = at;
+        is_granted
+    }
+
+    /// The payload of the probe that is due.
+    pub(super) fn take_probe(&mut self, at: MonoTime) -> Option<Vec<u8>> {
+        if !self.is_granted() || at < self.next_probe {
+            return None;
+        }
+        // What was missed while nobody asked is left out.
+        self.missing_since.get_or_insert(self.next_probe);
+        self.next_probe = at + self.interval;
+        self.sent += 1;
+        Some(format!("{}-{}", self.run, self.sent).into_bytes())
+    }
+
+    /// A probe came in.
+    pub(super) fn returned(&mut self, at: MonoTime, payload: &[u8]) -> Returned {
+        let number = self.number_of(payload).filter(|number| (self.settled + 1..=self.sent).contains(number));
+        let Some(number) = number.filter(|_| self.is_granted()) else { return Returned::Foreign };
+        self.settled = number;
+        self.missing_since = (number < self.sent).then_some(at);
+        self.last_return = Some(at);
+        self.phase = Phase::Open;
+        Returned::Ours
+    }
+
+    fn number_of(&self, payload: &[u8]) -> Option<u64> {
+        let text = std::str::from_utf8(payload).ok()?;
+        text.strip_prefix(self.run.as_str())?.strip_prefix('-')?.parse().ok()
+    }
+
+    /// Gives the connection up if the broker has been silent for too long. True if it was a probe that got lost.
+    pub(super) fn check(&mut self, at: MonoTime) -> bool {
+        if self.overdue().is_none_or(|overdue| at < overdue) {
+            return false;
+        }
+        let is_probe = self.is_granted();
+        self.phase = Phase::GivingUp(if is_probe {
+            "the probe did not come back"
+        } else {
+            "the broker did not answer the subscription"
+        });
+        is_probe
+    }
+
+    /// The reason for which a new connection is to be asked for; once.
+    pub(super) fn take_reconnect(&mut self) -> Option<&'static str> {
+        let Phase::GivingUp(reason) = self.phase else { return None };
+        self.phase = Phase::GivenUp;
+        Some(reason)
+    }
+
+    /// Whether every filter is granted.
+    pub(super) const fn is_granted(&self) -> bool {
+        matches!(self.phase, Phase::Granted | Phase::Open)
+    }
+
+    /// Whether a probe came back on this connection, and the connection is not given up.
+    pub(super) fn is_open(&self) -> bool {
+        self.phase == Phase::Open
+    }
+
+    /// Whether a probe came back not longer ago than it may be missing.
+    pub(super) fn is_alive(&self, at: MonoTime) -> bool {
+        let is_fresh = |returned| at.since(returned) <= self.interval + self.timeout;
+        self.is_open() && self.last_return.is_some_and(is_fresh)
+    }
+
+    /// When something is to be done without a cause from outside.
+    pub(super) fn wake(&self) -> Option<MonoTime> {
+        let probe = self.is_granted().then_some(self.next_probe);
+        probe.into_iter().chain(self.overdue()).min()
+    }
+
+    /// When the connection is given up if nothing comes.
+    fn overdue(&self) -> Option<MonoTime> {
+        let since = match self.phase {
+            Phase::Subscribing(since) => Some(since),
+            Phase::Granted | Phase::Open => self.missing_since,
+            _ => None,
+        };
+        since.map(|since| since + self.timeout)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    fn at(seconds: u64) -> MonoTime {
+        MonoTime::ZERO + SECOND * u32::try_from(seconds).unwrap()
+    }
+
+    fn granted() -> Path {
+        let mut path = Path::new("7".into(), SECOND * 5, SECOND * 15);
+        path.connected();
+        assert!(path.take_subscription(at(0)) && !path.take_subscription(at(0)));
+        assert!(path.subscribed(at(1), true));
+        path
+    }
+
+    #[test]
+    fn only_a_probe_of_this_connection_opens_the_way() {
+        let mut path = granted();
+        let first = path.take_probe(at(1)).unwrap();
+        assert_eq!(path.take_probe(at(1)), None);
+        for foreign in [&b"7-2"[..], b"7-0", b"8-1", b"7-", b"", b"\xFF", b"7-99999999999999999999999"] {
+            assert_eq!(path.returned(at(2), foreign), Returned::Foreign);
+        }
+        assert!(!path.is_open());
+        assert_eq!(path.returned(at(2), &first), Returned::Ours);
+        assert!(path.is_open() && path.is_alive(at(2)));
+        assert_eq!(path.returned(at(2), &first), Returned::Foreign, "each counts once");
+        path.lost();
+        path.connected();
+        path.take_subscription(at(3));
+        path.subscribed(at(3), true);
+        assert_eq!(path.returned(at(3), &first), Returned::Foreign, "a probe of the connection before");
+    }
+
+    #[test]
+    fn a_missing_probe_or_subscription_gives_the_connection_up_once() {
+        let mut path = granted();
+        path.take_probe(at(1)).unwrap();
+        assert!(path.take_probe(at(6)).is_some(), "a lost one does not stop the next");
+        assert!(!path.check(at(15)));
+        assert_eq!(path.wake(), Some(at(11)));
+        assert!(path.check(at(16)));
+        assert!(path.take_reconnect().is_some() && path.take_reconnect().is_none());
+        assert_eq!((path.wake(), path.take_probe(at(30))), (None, None));
+
+        path.connected();
+        path.take_subscription(at(40));
+        assert_eq!(path.wake(), Some(at(55)));
+        assert!(!path.check(at(55)), "no probe was lost");
+        assert_eq!(path.take_reconnect(), Some("the broker did not answer the subscription"));
+    }
+
+    #[test]
+    fn a_filter_that_is_not_granted_gives_the_connection_up() {
+        let mut path = Path::new("7".into(), SECOND, SECOND);
+        assert!(!path.subscribed(at(0), true), "not asked for");
+        path.connected();
+        path.take_subscription(at(0));
+        assert!(!path.subscribed(at(0), false));
+        assert!(path.take_reconnect().is_some());
+    }
+}

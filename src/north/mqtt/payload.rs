@@ -1,0 +1,255 @@
+//! What a payload orders, or why it orders nothing.
+
+use super::command_json;
+use super::params;
+use super::topics::Input;
+use crate::domain::command::{Direction, Go, Order, Reason, RegisterWrite};
+use crate::domain::frequency::{Hertz, NoFrequency};
+use crate::profile::model::Model;
+use serde_json::Value;
+use std::time::Duration;
+
+/// The largest payload that is read: many times the largest command.
+pub(super) const PAYLOAD_MAX_BYTES: usize = 8 * 1024;
+
+/// Why an input is refused.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Refused {
+    pub(super) reason: Reason,
+    /// What is wrong and what would be right, for people.
+    pub(super) message: String,
+}
+
+impl Refused {
+    pub(super) fn new(reason: Reason, message: impl Into<String>) -> Self {
+        Self { reason, message: message.into() }
+    }
+
+    /// With the words that the reason has for itself.
+    pub(super) fn plain(reason: Reason) -> Self {
+        Self::new(reason, reason.text())
+    }
+}
+
+/// What an input asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Asked {
+    Order(Wish),
+    /// The value of the register with this place in the model.
+    Read(usize),
+}
+
+/// An order with what its commander said about it.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Wish {
+    /// A string or an integer.
+    pub(super) id: Option<Value>,
+    pub(super) order: Order,
+    pub(super) ttl: Option<Duration>,
+    /// Milliseconds since 1970.
+    pub(super) issued_at: Option<i64>,
+    pub(super) epoch: Option<u64>,
+}
+
+impl Wish {
+    pub(super) const fn plain(order: Order) -> Self {
+        Self { id: None, order, ttl: None, issued_at: None, epoch: None }
+    }
+}
+
+/// Whether `order` takes energy off the motor. Such an order is exempt from what holds others back.
+pub(super) const fn is_stop(order: &Order) -> bool {
+    matches!(order, Order::Stop { .. } | Order::Coast)
+}
+
+/// Reads the payload of `input` for a drive of `model`, with the id if one could be read.
+pub(super) fn read(input: Input<'_>, payload: &[u8], model: &Model) -> (Option<Value>, Result<Asked, Refused>) {
+    if payload.len() > PAYLOAD_MAX_BYTES {
+        return (None, Err(too_large(payload.len())));
+    }
+    if input == Input::Command {
+        let (id, wish) = command_json::read(payload, model);
+        return (id, wish.map(Asked::Order));
+    }
+    (None, plain(input, payload, model))
+}
+
+fn too_large(bytes: usize) -> Refused {
+    let message = format!("{bytes} bytes are more than any command has; at most {PAYLOAD_MAX_BYTES} are read");
+    Refused::new(Reason::TooLarge, message)
+}
+
+fn plain(input: Input<'_>, payload: &[u8], model: &Model) -> Result<Asked, Refused> {
+    let order = match input {
+        Input::ParamGet(code) => return params::readable(model, code).map(Asked::Read),
+        Input::Run => run_order(text(payload, RUN_EXAMPLE)?)?,
+        Input::Frequency => frequency_order(text(payload, "such as 42.5")?)?,
+        Input::Reset => reset_order(text(payload, "`reset`")?)?,
+        Input::ParamSet(code) => param_order(model, code, payload)?,
+        Input::Lease => Order::Renew,
+        Input::Command => return Err(Refused::plain(Reason::NotUnderstood)),
+    };
+    Ok(Asked::Order(Wish::plain(order)))
+}
+
+/// What `all/run/set` takes.
+pub(super) fn read_all(payload: &[u8]) -> Result<(), Refused> {
+    if payload.len() > PAYLOAD_MAX_BYTES {
+        return Err(too_large(payload.len()));
+    }
+    let word = text(payload, "`stop`")?;
+    if word.eq_ignore_ascii_case("stop") { Ok(()) } else { Err(unknown_word(word, "`stop` and nothing else")) }
+}
+
+const RUN_EXAMPLE: &str = "`forward`, `reverse`, `stop` or `coast`";
+
+/// A word of `run/set` and of `run`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum RunWord {
+    Run(Direction),
+    Stop,
+    Coast,
+}
+
+/// The word that `text` is, trimmed, in any case.
+///
+/// # Errors
+/// It is none of them.
+pub(super) fn run_word(text: &str) -> Result<RunWord, Refused> {
+    let table = [
+        ("forward", RunWord::Run(Direction::Forward)),
+        ("reverse", RunWord::Run(Direction::Reverse)),
+        ("stop", RunWord::Stop),
+        ("coast", RunWord::Coast),
+    ];
+    let found = table.iter().find(|(word, _)| text.trim().eq_ignore_ascii_case(word));
+    found.map(|(_, word)| *word).ok_or_else(|| unknown_word(text, RUN_EXAMPLE))
+}
+
+fn run_order(text: &str) -> Result<Order, Refused> {
+    Ok(match run_word(text)? {
+        RunWord::Stop => Order::Stop { setpoint: None },
+        RunWord::Coast => Order::Coast,
+        RunWord::Run(direction) => go(Vec::new(), None, Some(direction))?,
+    })
+}
+
+fn frequency_order(text: &str) -> Result<Order, Refused> {
+    let frequency = Hertz::parse(text).map_err(|why| no_frequency(why, "frequency/set", text))?;
+    go(Vec::new(), Some(frequency), None)
+}
+
+fn reset_order(word: &str) -> Result<Order, Refused> {
+    if word.eq_ignore_ascii_case("reset") { Ok(Order::Reset) } else { Err(unknown_word(word, "`reset`")) }
+}
+
+fn param_order(model: &Model, code: &str, payload: &[u8]) -> Result<Order, Refused> {
+    let text = text(payload, "such as 10.5")?;
+    let is_decimal = text.bytes().all(|byte| byte.is_ascii_digit() || matches!(byte, b'.' | b'-' | b'+'));
+    let value: Option<f64> = text.parse().ok().filter(|_| is_decimal);
+    let value = value.ok_or_else(|| {
+        Refused::new(Reason::NotANumber, format!("`{}` is no number with a decimal point, such as 10.5", short(text)))
+    })?;
+    go(vec![params::write(model, code, value)?], None, None)
+}
+
+/// The order of these parts, of which at least one is there.
+pub(super) fn go(
+    registers: Vec<RegisterWrite>,
+    frequency: Option<Hertz>,
+    run: Option<Direction>,
+) -> Result<Order, Refused> {
+    Go::new(registers, frequency, run).map(Order::Go).ok_or_else(|| Refused::plain(Reason::TooManyFrames))
+}
+
+/// Why the value of `key`, written as `text`, is no frequency.
+pub(super) fn no_frequency(why: NoFrequency, key: &str, text: &str) -> Refused {
+    let reason = match why {
+        NoFrequency::NotANumber => Reason::NotANumber,
+        NoFrequency::OutOfRange => Reason::OutsideLimits,
+        NoFrequency::TooFine => Reason::BetweenSteps,
+    };
+    let message = format!("`{key}` takes hertz with a decimal point, such as 42.5; `{}` is {why}", short(text));
+    Refused::new(reason, message)
+}
+
+fn unknown_word(text: &str, right: &str) -> Refused {
+    Refused::new(Reason::NotUnderstood, format!("`{}` is not known here; right is {right}", short(text)))
+}
+
+/// The payload as trimmed text.
+fn text<'p>(payload: &'p [u8], right: &str) -> Result<&'p str, Refused> {
+    let text = std::str::from_utf8(payload).map(str::trim);
+    text.map_err(|_| Refused::new(Reason::NotUnderstood, format!("the payload is no text; right is {right}")))
+}
+
+/// So much of `text` as a message shows.
+pub(super) fn short(text: &str) -> String {
+    const CHARS_MAX: usize = 40;
+    let mut short: String = text.chars().take(CHARS_MAX).collect();
+    if short.len() < text.len() {
+        short.push('…');
+    }
+    short
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::north::mqtt::harness::model;
+
+    fn order(input: Input<'_>, payload: &str) -> Result<Order, Reason> {
+        match read(input, payload.as_bytes(), &model()).1 {
+            Ok(Asked::Order(wish)) => Ok(wish.order),
+            Ok(Asked::Read(_)) => panic!("a read"),
+            Err(refused) => Err(refused.reason),
+        }
+    }
+
+    #[test]
+    fn words_are_taken_trimmed_and_in_any_case() {
+        assert_eq!(order(Input::Run, " STOP\n"), Ok(Order::Stop { setpoint: None }));
+        assert_eq!(order(Input::Run, "Coast"), Ok(Order::Coast));
+        let reverse = Go::new(Vec::new(), None, Some(Direction::Reverse)).unwrap();
+        assert_eq!(order(Input::Run, "reverse"), Ok(Order::Go(reverse)));
+        assert_eq!(order(Input::Reset, "Reset "), Ok(Order::Reset));
+        assert_eq!(order(Input::Lease, "anything"), Ok(Order::Renew));
+        let frequency = Go::new(Vec::new(), Some(Hertz::from_millihertz(42_500)), None).unwrap();
+        assert_eq!(order(Input::Frequency, " 42.5 "), Ok(Order::Go(frequency)));
+    }
+
+    #[test]
+    fn other_payloads_are_refused_with_their_reason() {
+        let table = [
+            (Input::Run, "start", Reason::NotUnderstood),
+            (Input::Run, "1", Reason::NotUnderstood),
+            (Input::Run, "forward stop", Reason::NotUnderstood),
+            (Input::Frequency, "4,5", Reason::NotANumber),
+            (Input::Frequency, "NaN", Reason::NotANumber),
+            (Input::Frequency, "inf", Reason::NotANumber),
+            (Input::Frequency, "1e3", Reason::NotANumber),
+            (Input::Frequency, "-5", Reason::OutsideLimits),
+            (Input::Frequency, "5.00001", Reason::BetweenSteps),
+            (Input::Reset, "true", Reason::NotUnderstood),
+            (Input::ParamSet("F007"), "1e1", Reason::NotANumber),
+            (Input::ParamSet("F007"), "4,5", Reason::NotANumber),
+            (Input::ParamSet("F007"), "1.25", Reason::BetweenSteps),
+            (Input::ParamSet("F999"), "1", Reason::NotListed),
+        ];
+        for (input, payload, reason) in table {
+            assert_eq!(order(input, payload), Err(reason), "{payload}");
+        }
+        let (_, not_text) = read(Input::Run, b"stop\xFF", &model());
+        assert_eq!(not_text.unwrap_err().reason, Reason::NotUnderstood);
+        let (_, large) = read(Input::Run, &vec![b' '; PAYLOAD_MAX_BYTES + 1], &model());
+        assert_eq!(large.unwrap_err().reason, Reason::TooLarge);
+    }
+
+    #[test]
+    fn messages_show_an_example_and_never_the_whole_of_a_long_payload() {
+        let (_, refused) = read(Input::Frequency, "4,5".as_bytes(), &model());
+        assert!(refused.unwrap_err().message.contains("such as 42.5"));
+        let (_, refused) = read(Input::Run, "ü".repeat(4000).as_bytes(), &model());
+        assert!(refused.unwrap_err().message.len() < 200);
+    }
+}

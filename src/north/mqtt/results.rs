@@ -1,0 +1,145 @@
+//! Results: what became of a command, as its commander reads it.
+
+use super::params::label;
+use super::types::{Publication, Qos};
+use crate::domain::command::{Order, Outcome, Reason, Report};
+use crate::profile::model::{Model, Register, Role};
+use crate::profile::scale::Scaled;
+use serde_json::{Map, Value, json};
+use std::collections::VecDeque;
+
+/// Most publications that wait. More are only possible while nothing is published.
+const WAITING_MAX: usize = 64;
+
+/// Where a requester wants its response besides, with what it shall carry.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Reply {
+    pub(super) topic: String,
+    pub(super) correlation: Option<Vec<u8>>,
+}
+
+/// What a result says.
+#[derive(Clone, Debug)]
+pub(super) struct Told<'a> {
+    pub(super) id: &'a Value,
+    pub(super) drive: &'a str,
+    pub(super) report: Report,
+    pub(super) is_final: bool,
+    /// It was said before: the command came again.
+    pub(super) is_repeat: bool,
+    /// Instead of the reason's own words.
+    pub(super) message: Option<&'a str>,
+    /// Values read back, by code or name.
+    pub(super) values: Map<String, Value>,
+    /// Now, as RFC 3339.
+    pub(super) at: String,
+}
+
+impl Told<'_> {
+    fn payload(self) -> Vec<u8> {
+        let mut result = json!({
+            "id": self.id,
+            "drive": self.drive,
+            "outcome": self.report.outcome.word(),
+            "reason": self.report.reason.word(),
+            "final": self.is_final,
+            "at": self.at,
+        });
+        let own_words = Some(self.report.reason).filter(|reason| *reason != Reason::None).map(Reason::text);
+        let mut add = |key: &str, value: Option<Value>| {
+            if let (Some(object), Some(value)) = (result.as_object_mut(), value) {
+                object.insert(key.to_owned(), value);
+            }
+        };
+        add("message", self.message.or(own_words).map(Value::from));
+        add("held", self.report.held.map(Value::from));
+        add("exception", self.report.exception.map(Value::from));
+        add("repeat", self.is_repeat.then_some(Value::Bool(true)));
+        add("values", (!self.values.is_empty()).then_some(Value::Object(self.values)));
+        result.to_string().into_bytes()
+    }
+}
+
+/// The results that wait to be published. The oldest give way.
+#[derive(Debug, Default)]
+pub(super) struct Results {
+    waiting: VecDeque<Publication>,
+}
+
+impl Results {
+    /// Adds a result for `topic`, and for the requester's own topic. Gives back how many older ones gave way.
+    pub(super) fn tell(&mut self, topic: String, reply: Option<&Reply>, told: Told<'_>) -> u64 {
+        let payload = told.payload();
+        let response = reply.map(|reply| publication(reply.topic.clone(), payload.clone(), reply.correlation.clone()));
+        self.waiting.push_back(publication(topic, payload, None));
+        self.waiting.extend(response);
+        let surplus = self.waiting.len().saturating_sub(WAITING_MAX);
+        self.waiting.drain(..surplus);
+        surplus as u64
+    }
+
+    pub(super) fn next(&mut self) -> Option<Publication> {
+        self.waiting.pop_front()
+    }
+}
+
+const fn publication(topic: String, payload: Vec<u8>, correlation: Option<Vec<u8>>) -> Publication {
+    Publication { topic, payload, retain: false, qos: Qos::AtMostOnce, expiry: None, correlation, token: None }
+}
+
+/// The values that `report` on `order` proves the drive to hold: the commanded ones if they were read back, or what
+/// the drive kept where it is clear which register is meant.
+pub(super) fn values(model: &Model, order: &Order, report: &Report) -> Map<String, Value> {
+    let Order::Go(go) = order else { return Map::new() };
+    let is_confirmed = report.outcome == Outcome::Confirmed;
+    let registers: Vec<_> = go.registers().iter().map(|it| (model.register_at(it.address), it.value)).collect();
+    if is_confirmed {
+        let frequency = go.frequency().map(|hertz| ("frequency_hz".to_owned(), json!(hertz.as_f64())));
+        let registers = registers.iter().filter_map(|(register, word)| Some(named((*register)?, *word)));
+        return frequency.into_iter().chain(registers).collect();
+    }
+    let kept = match (report.held, go.frequency(), go.run(), &registers[..]) {
+        (Some(held), None, None, [(Some(register), _)]) => Some(named(register, held)),
+        (Some(held), Some(_), None, []) => kept_frequency(model, held),
+        _ => None,
+    };
+    kept.into_iter().collect()
+}
+
+fn kept_frequency(model: &Model, held: u16) -> Option<(String, Value)> {
+    let register = model.register_for(Role::FrequencyCommand)?;
+    Some(("frequency_hz".to_owned(), json!(Scaled::from_word(held, register).value())))
+}
+
+/// A register's value by its label.
+pub(super) fn named(register: &Register, word: u16) -> (String, Value) {
+    (label(register).to_owned(), json!(Scaled::from_word(word, register).value()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(id: &Value) -> Told<'_> {
+        let report = Report { held: Some(7), ..Report::new(Outcome::Failed, Reason::KeptOldValue) };
+        let (message, values, at) = (None, Map::new(), "now".into());
+        Told { id, drive: "pump", report, is_final: true, is_repeat: false, message, values, at }
+    }
+
+    #[test]
+    fn a_result_says_everything_a_script_needs() {
+        let text = String::from_utf8(told(&json!("a1")).payload()).unwrap();
+        let expected = r#"{"at":"now","drive":"pump","final":true,"held":7,"id":"a1","message":"the drive kept its old value","outcome":"failed","reason":"kept_old_value"}"#;
+        assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn the_oldest_results_give_way() {
+        let mut results = Results::default();
+        let ids: Vec<_> = (0..70).map(|number| json!(number)).collect();
+        let dropped: u64 = ids.iter().map(|id| results.tell("t".into(), None, told(id))).sum();
+        assert_eq!(dropped, 6);
+        assert!(String::from_utf8(results.next().unwrap().payload).unwrap().contains("\"id\":6,"));
+        assert_eq!(std::iter::from_fn(|| results.next()).count(), 63);
+    }
+}

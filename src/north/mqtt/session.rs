@@ -1,0 +1,275 @@
+//! The MQTT session: its life from connection to farewell, and what it wants done next.
+
+use super::clock::Clock;
+use super::counters::Counters;
+use super::outbox::Outbox;
+use super::path::Path;
+use super::pending::Unanswered;
+use super::results::Results;
+use super::seen::Seen;
+use super::state::{object, record};
+use super::telemetry::Telemetry;
+use super::topics::Topics;
+use super::types::{Act, Broker, Event, LineState, Moment, Publication, Qos, Settings};
+use crate::domain::ids::Name;
+use crate::domain::time::MonoTime;
+use crate::drive::description::{DriveDescription, DriveRef};
+use crate::drive::view::{DriveView, TripEvent, TripEventKind};
+use serde_json::{Value, json};
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// The MQTT side of the gateway as a machine without a socket or a clock. Its owner moves things between it, the
+/// broker and the lines:
+///
+/// * what happens on the connection goes to [`handle`](Self::handle), answers of the lines to
+///   [`command_answer`](Self::command_answer) and [`native_answer`](Self::native_answer), trips to
+///   [`trip`](Self::trip);
+/// * [`tick`](Self::tick) is called when [`next_wake`](Self::next_wake) is due;
+/// * after each of these, and whenever a picture changed, [`next_act`](Self::next_act) is asked until it gives
+///   nothing. While there is no room for publications, [`next_inward`](Self::next_inward) is asked instead.
+///
+/// Nothing is published before the broker granted every subscription and a probe came back, except the probe and
+/// results of commands.
+#[derive(Debug)]
+pub struct Session {
+    pub(super) settings: Settings,
+    pub(super) topics: Topics,
+    pub(super) drives: Vec<DriveDescription>,
+    /// Distinguishes this process from others of the same gateway: when it was started, in milliseconds since 1970.
+    pub(super) run: String,
+    pub(super) clock: Clock,
+    pub(super) path: Path,
+    broker: Broker,
+    /// What goes to the lines, in order. Bounded by what may be unanswered.
+    pub(super) inward: VecDeque<Act>,
+    pub(super) unanswered: Unanswered,
+    /// Used ids per drive.
+    pub(super) seen: Vec<Seen>,
+    pub(super) results: Results,
+    outbox: Outbox,
+    pub(super) telemetry: Telemetry,
+    pub(super) counters: Counters,
+    /// The alive topic says that the commanders are gone.
+    pub(super) are_commanders_gone: bool,
+    pub(super) last_ticket: u64,
+}
+
+impl Session {
+    /// The session of a gateway with these drives and lines, started now.
+    #[must_use]
+    pub fn new(settings: Settings, drives: Vec<DriveDescription>, lines: Vec<Name>, started: Moment) -> Self {
+        let topics = Topics::new(&settings);
+        let clock = Clock::new(started);
+        let run = started.wall.unix_ms.to_string();
+        Self {
+            telemetry: Telemetry::new(&settings, &topics, &drives, &lines, &clock.text(started.mono)),
+            path: Path::new(run.clone(), settings.probe_interval, settings.probe_timeout),
+            seen: drives.iter().map(|_| Seen::default()).collect(),
+            broker: Broker::default(),
+            inward: VecDeque::new(),
+            unanswered: Unanswered::default(),
+            results: Results::default(),
+            outbox: Outbox::default(),
+            counters: Counters::default(),
+            are_commanders_gone: false,
+            last_ticket: 0,
+            settings,
+            topics,
+            drives,
+            run,
+            clock,
+        }
+    }
+
+    /// What the broker publishes when the connection breaks.
+    #[must_use]
+    pub fn will(&self) -> Publication {
+        goodbye(self.topics.gateway("status"))
+    }
+
+    /// Takes what happened on the connection.
+    pub fn handle(&mut self, at: Moment, event: Event<'_>) {
+        self.clock.see(at);
+        match event {
+            Event::Connected(broker) => self.connected(broker),
+            Event::Subscribed(granted) => self.subscribed(at, &granted),
+            Event::Message(message) => self.message(at, &message),
+            Event::Acknowledged(token) => self.acknowledged(token),
+            Event::Lost => self.lost(),
+        }
+    }
+
+    fn connected(&mut self, broker: Broker) {
+        self.lost();
+        self.broker = broker;
+        self.path.connected();
+    }
+
+    fn subscribed(&mut self, at: Moment, granted: &[bool]) {
+        let is_granted = granted.len() == self.topics.filters().len() && granted.iter().all(|granted| *granted);
+        if self.path.subscribed(at.mono, is_granted) {
+            // Before any command that came on this connection and is still here.
+            self.inward.push_front(Act::PathOpened);
+        }
+    }
+
+    fn acknowledged(&mut self, token: u64) {
+        self.outbox.acknowledged(token);
+        self.counters.events_waiting = self.outbox.len() as u64;
+    }
+
+    fn lost(&mut self) {
+        self.path.lost();
+        self.outbox.lost();
+        self.telemetry.forget();
+        self.inward.retain(|act| !matches!(act, Act::PathAlive | Act::PathOpened));
+    }
+
+    /// Takes a trip or its clearing, to be published until the broker has it. Drives that are not ours are ignored.
+    pub fn trip(&mut self, at: Moment, place: DriveRef, event: &TripEvent) {
+        self.clock.see(at);
+        let Some(drive) = self.drives.iter().find(|drive| drive.place == place) else { return };
+        let mut body = object(json!({
+            "session": self.run,
+            "drive": drive.name.as_str(),
+            "at": self.clock.text(event.at),
+            "count": event.count,
+        }));
+        match &event.kind {
+            TripEventKind::Cleared => body.extend([("kind".to_owned(), Value::from("cleared"))]),
+            TripEventKind::Tripped { trips, record: newest } => {
+                // The moment of the event is the one by which it is told apart.
+                let words = record(drive, self.clock, newest).into_iter().filter(|(key, _)| key != "at");
+                body.extend(words);
+                body.extend([("kind".to_owned(), "tripped".into()), ("trips".to_owned(), (*trips).into())]);
+            }
+        }
+        let topic = self.topics.drive(drive.name.as_str(), "trip/event");
+        self.counters.events_dropped += u64::from(self.outbox.add(topic, body));
+        self.counters.events_waiting = self.outbox.len() as u64;
+    }
+
+    /// Takes notice of time.
+    pub fn tick(&mut self, at: Moment) {
+        self.clock.see(at);
+        self.check_path(at.mono);
+        self.drop_overdue(at);
+    }
+
+    fn check_path(&mut self, at: MonoTime) {
+        self.counters.probes_lost += u64::from(self.path.check(at));
+    }
+
+    /// When [`tick`](Self::tick) and [`next_act`](Self::next_act) are to be called if nothing happens before.
+    #[must_use]
+    pub fn next_wake(&self) -> Option<MonoTime> {
+        let telemetry = if self.path.is_open() { self.telemetry.wake() } else { None };
+        [self.path.wake(), self.unanswered.wake(), telemetry].into_iter().flatten().min()
+    }
+
+    /// The next thing for the lines: commands, reads, and signs of the way from the commanders. It needs no room on
+    /// the connection, so that a stop never waits for one.
+    pub fn next_inward(&mut self) -> Option<Act> {
+        self.inward.pop_front()
+    }
+
+    /// The next thing to do. `views` stand in the order of the drives, `lines` in the order of the lines given to
+    /// [`new`](Self::new). What is returned counts as done, except events with a token, which go again after a
+    /// reconnect until they are acknowledged.
+    pub fn next_act(&mut self, at: Moment, views: &[Arc<DriveView>], lines: &[LineState]) -> Option<Act> {
+        if let Some(act) = self.next_inward() {
+            return Some(act);
+        }
+        self.clock.see(at);
+        self.check_path(at.mono);
+        if let Some(reason) = self.path.take_reconnect() {
+            self.counters.reconnects += 1;
+            return Some(Act::Reconnect(reason));
+        }
+        if self.path.take_subscription(at.mono) {
+            return Some(Act::Subscribe(self.topics.filters()));
+        }
+        loop {
+            let publication = self.next_publication(at.mono, views, lines)?;
+            if let Some(publication) = self.admitted(publication) {
+                self.counters.messages_out += 1;
+                return Some(Act::Publish(publication));
+            }
+        }
+    }
+
+    fn next_publication(&mut self, at: MonoTime, views: &[Arc<DriveView>], lines: &[LineState]) -> Option<Publication> {
+        if let Some(payload) = self.path.take_probe(at) {
+            return Some(passing(self.topics.gateway("probe"), payload, Qos::AtMostOnce, None));
+        }
+        if !self.path.is_granted() {
+            return None;
+        }
+        if let Some(result) = self.results.next() {
+            return Some(result);
+        }
+        if !self.path.is_open() {
+            return None;
+        }
+        if let Some((topic, payload, token)) = self.outbox.next() {
+            return Some(passing(topic, payload, Qos::AtLeastOnce, Some(token)));
+        }
+        self.telemetry.next(at, self.clock, &self.drives, views, lines)
+    }
+
+    /// `publication` as this broker takes it; nothing if it does not. What is too large would end the connection
+    /// again and again.
+    fn admitted(&mut self, mut publication: Publication) -> Option<Publication> {
+        if self.broker.maximum_packet_bytes.is_some_and(|most| packet_bytes(&publication) > most) {
+            self.counters.too_large += 1;
+            publication.token.into_iter().for_each(|token| self.acknowledged(token));
+            return None;
+        }
+        let is_clearing = publication.retain && publication.payload.is_empty();
+        if is_clearing && !self.broker.retains {
+            return None;
+        }
+        publication.retain &= self.broker.retains;
+        Some(publication)
+    }
+
+    /// What is still to be published on an orderly end.
+    pub fn farewell(&mut self, at: Moment) -> Vec<Publication> {
+        self.clock.see(at);
+        let drives = self.drives.iter().map(|drive| self.topics.drive(drive.name.as_str(), "availability"));
+        let all = drives.chain([self.topics.gateway("status")]).map(goodbye);
+        all.collect::<Vec<_>>().into_iter().filter_map(|it| self.admitted(it)).collect()
+    }
+
+    /// Whether the way through the broker was proven lately: a probe came back on this connection, not longer ago
+    /// than two of them and their time-out allow.
+    #[must_use]
+    pub fn is_path_alive(&self, at: Moment) -> bool {
+        self.path.is_alive(at.mono)
+    }
+
+    /// What was counted so far.
+    #[must_use]
+    pub const fn counters(&self) -> &Counters {
+        &self.counters
+    }
+}
+
+/// A publication that the broker does not keep.
+const fn passing(topic: String, payload: Vec<u8>, qos: Qos, token: Option<u64>) -> Publication {
+    Publication { topic, payload, retain: false, qos, expiry: None, correlation: None, token }
+}
+
+fn goodbye(topic: String) -> Publication {
+    let (payload, qos) = (b"offline".to_vec(), Qos::AtLeastOnce);
+    Publication { topic, payload, retain: true, qos, expiry: None, correlation: None, token: None }
+}
+
+/// No packet with this publication is larger.
+fn packet_bytes(publication: &Publication) -> usize {
+    // Fixed header 5, topic length 2, packet identifier 2, properties 4 and in them expiry 5, correlation 3 and more.
+    const OTHER_BYTES: usize = 32;
+    let correlation = publication.correlation.as_ref().map_or(0, Vec::len);
+    publication.topic.len() + publication.payload.len() + correlation + OTHER_BYTES
+}

@@ -1,0 +1,287 @@
+//! The life of a session: birth, probe, reconnects, events.
+
+use super::harness::{Rig, message, on, publications, results, settings, told};
+use super::types::{Act, Broker, Event, LeaseMode, Publication, Qos, Version};
+use crate::domain::ids::DriveIndex;
+use crate::drive::description::DriveRef;
+use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
+use serde_json::{Value, json};
+use std::time::Duration;
+
+fn topics(acts: &[Act]) -> Vec<String> {
+    told(acts).into_iter().map(|(topic, _)| topic).collect()
+}
+
+fn has_probe(acts: &[Act]) -> bool {
+    acts.iter().any(|act| matches!(act, Act::Publish(it) if it.topic == "vfd/plant/probe" && !it.retain))
+}
+
+fn subscribe(rig: &mut Rig) -> usize {
+    rig.handle(Event::Connected(rig.broker));
+    match &rig.acts_without_echo()[..] {
+        [Act::Subscribe(filters)] => filters.len(),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn nothing_is_said_before_the_subscription_and_the_probe() {
+    let mut rig = Rig::new(Version::V5);
+    rig.poll(0, 3_000);
+    assert_eq!(rig.acts_without_echo(), [], "no connection");
+    let filters = subscribe(&mut rig);
+    assert_eq!(rig.acts_without_echo(), []);
+    rig.handle(Event::Subscribed(vec![true; filters]));
+    let acts = rig.acts_without_echo();
+    assert_eq!(acts[0], Act::PathOpened);
+    assert!(acts.len() == 2 && has_probe(&acts));
+    assert!(!rig.session.is_path_alive(rig.at()));
+    let Act::Publish(Publication { payload, .. }) = &acts[1] else { panic!() };
+    rig.handle(Event::Message(message("vfd/plant/probe", payload)));
+    let acts = rig.acts_without_echo();
+    assert_eq!(acts[0], Act::PathAlive);
+    assert!(rig.session.is_path_alive(rig.at()));
+    let topics = topics(&acts);
+    assert_eq!((topics[0].as_str(), topics[topics.len() - 1].as_str()), ("info", "status"));
+}
+
+#[test]
+fn a_birth_says_everything_once_and_online_last() {
+    let mut rig = Rig::new(Version::V5);
+    rig.poll(0, 3_000);
+    let acts = rig.connect();
+    let expected = [
+        ("line/hall/status", "up"),
+        ("drive/pump/availability", "online"),
+        ("drive/pump/run/state", "stopped"),
+        ("drive/pump/frequency/output", "30.00"),
+        ("drive/pump/frequency/setpoint", "40.00"),
+        ("drive/pump/measure/frequency_source", "3"),
+        ("drive/pump/measure/run_source", "3"),
+        ("drive/pump/trip/active", "false"),
+        ("drive/pump/trip/code", "0"),
+        ("drive/pump/trip/text", ""),
+        ("drive/pump/trip/count", "2"),
+        ("drive/fan/availability", "offline"),
+        ("drive/fan/run/state", "unknown"),
+        ("drive/fan/frequency/output", ""),
+        ("drive/fan/trip/active", ""),
+        ("status", "online"),
+    ];
+    for (topic, payload) in expected {
+        assert_eq!(on(&acts, topic).as_deref(), Some(payload), "{topic}");
+    }
+    let mut topics = topics(&acts);
+    let count = topics.len();
+    topics.sort();
+    topics.dedup();
+    assert_eq!(topics.len(), count, "each topic once");
+    assert!(publications(&acts).iter().all(|it| it.retain));
+    assert_eq!(rig.acts(), [], "and then nothing");
+}
+
+#[test]
+fn only_version_5_lets_telemetry_expire() {
+    for (version, expected) in [(Version::V5, Some(Duration::from_secs(180))), (Version::V4, None)] {
+        let mut rig = Rig::new(version);
+        rig.poll(0, 3_000);
+        let acts = rig.connect();
+        for it in publications(&acts) {
+            let is_lasting = it.payload.is_empty() || it.topic.ends_with("/info");
+            assert_eq!(it.expiry, if is_lasting { None } else { expected }, "{}", it.topic);
+        }
+    }
+}
+
+#[test]
+fn filters_are_narrow_and_catch_nothing_of_ours() {
+    let mut rig = Rig::new(Version::V5);
+    rig.poll(0, 3_000);
+    let acts = rig.connect();
+    let Act::Subscribe(filters) = &acts[0] else { panic!() };
+    assert!(filters.iter().all(|filter| !filter.contains('#')));
+    assert!(filters.contains(&"home/status".to_owned()));
+    let matches = |filter: &str, topic: &str| {
+        let (filter, topic): (Vec<_>, Vec<_>) = (filter.split('/').collect(), topic.split('/').collect());
+        filter.len() == topic.len()
+            && filter.iter().zip(&topic).all(|(filter, level)| *filter == "+" || filter == level)
+    };
+    for it in publications(&acts) {
+        assert!(!filters.iter().any(|filter| matches(filter, &it.topic)), "{}", it.topic);
+    }
+}
+
+#[test]
+fn a_filter_that_is_not_granted_asks_for_a_new_connection() {
+    for missing in [true, false] {
+        let mut rig = Rig::new(Version::V5);
+        let filters = subscribe(&mut rig);
+        let mut granted = vec![true; filters - usize::from(missing)];
+        granted[3] = missing;
+        rig.handle(Event::Subscribed(granted));
+        assert!(matches!(rig.acts()[..], [Act::Reconnect(_)]));
+        assert_eq!(rig.pass(100_000), [], "once, and nothing after it");
+        assert_eq!(rig.session.counters().reconnects, 1);
+    }
+}
+
+#[test]
+fn a_lost_probe_ends_the_connection_and_the_signs_of_life() {
+    let mut rig = Rig::born(Version::V5);
+    let alive = |acts: &[Act]| acts.iter().filter(|act| **act == Act::PathAlive).count();
+    let acts = rig.pass(20_000);
+    assert_eq!(alive(&acts), 4, "one for each probe");
+    // The next probe is due 5 s later and does not come back.
+    rig.millis += 5_000;
+    rig.session.tick(rig.at());
+    let mut acts = rig.acts_without_echo();
+    assert!(has_probe(&acts));
+    for _ in 0..20 {
+        rig.millis += 1_000;
+        rig.session.tick(rig.at());
+        acts.extend(rig.acts_without_echo());
+    }
+    assert_eq!(alive(&acts), 0);
+    assert_eq!(acts.iter().filter(|act| matches!(act, Act::Reconnect(_))).count(), 1);
+    assert!(!rig.session.is_path_alive(rig.at()));
+    assert_eq!(rig.session.counters().probes_lost, 1);
+    let acts = rig.connect();
+    assert_eq!(on(&acts, "status").as_deref(), Some("online"), "a new birth");
+    assert_eq!((alive(&acts), on(&acts, "drive/pump/run/state").is_some()), (1, true));
+}
+
+#[test]
+fn commanders_that_are_gone_give_no_sign_of_life() {
+    let mut rig = Rig::born(Version::V5);
+    for (payload, expected) in [(&b" Offline"[..], false), (b"online", true), (b"offline", false), (b"", true)] {
+        rig.deliver(&message("home/status", payload));
+        assert_eq!(rig.pass(5_000).contains(&Act::PathAlive), expected);
+    }
+    rig.deliver(&message("home/status", b"offline"));
+    rig.handle(Event::Lost);
+    assert!(!rig.connect().contains(&Act::PathAlive), "until somebody says otherwise");
+}
+
+#[test]
+fn explicit_leases_live_on_commands_only() {
+    let mut rig = Rig::with(super::types::Settings { lease: LeaseMode::Explicit, ..settings(Version::V5) });
+    let acts = rig.connect();
+    assert!(acts.contains(&Act::PathOpened) && !acts.contains(&Act::PathAlive));
+    assert!(!rig.pass(30_000).contains(&Act::PathAlive));
+}
+
+#[test]
+fn retained_or_foreign_probes_prove_nothing() {
+    let mut rig = Rig::new(Version::V5);
+    let filters = subscribe(&mut rig);
+    rig.handle(Event::Subscribed(vec![true; filters]));
+    let acts = rig.acts_without_echo();
+    let Some(Act::Publish(probe)) = acts.last() else { panic!() };
+    rig.handle(Event::Message(super::types::Message { retain: true, ..message("vfd/plant/probe", &probe.payload) }));
+    rig.handle(Event::Message(message("vfd/plant/probe", b"1-1")));
+    assert_eq!(rig.acts_without_echo(), []);
+}
+
+#[test]
+fn will_and_farewell_say_offline() {
+    let mut rig = Rig::born(Version::V5);
+    let will = rig.session.will();
+    assert_eq!((will.topic.as_str(), &will.payload[..]), ("vfd/plant/status", &b"offline"[..]));
+    assert!(will.retain && will.qos == Qos::AtLeastOnce);
+    let farewell: Vec<_> = rig.session.farewell(rig.at()).into_iter().map(Act::Publish).collect();
+    let expected = ["drive/pump/availability", "drive/fan/availability", "status"];
+    assert_eq!(told(&farewell), expected.map(|topic| (topic.to_owned(), "offline".to_owned())));
+}
+
+fn trip(rig: &mut Rig, trips: u16) {
+    let record = TripRecord { at: rig.now(), code: Some(9), words: vec![(0x0113, 9), (0x0115, 123), (0x0999, 1)] };
+    let event = TripEvent { kind: TripEventKind::Tripped { trips, record }, count: Some(3), at: rig.now() };
+    let place = DriveRef { line: 0, drive: DriveIndex(0) };
+    rig.session.trip(rig.at(), place, &event);
+}
+
+fn events(acts: &[Act]) -> Vec<(u64, Value)> {
+    let events = publications(acts).into_iter().filter(|it| it.topic.ends_with("trip/event"));
+    let parts = |it: &Publication| {
+        assert!(!it.retain && it.qos == Qos::AtLeastOnce);
+        (it.token.expect("a token"), serde_json::from_slice(&it.payload).expect("JSON"))
+    };
+    events.map(parts).collect()
+}
+
+#[test]
+fn an_event_says_what_was_measured() {
+    let mut rig = Rig::born(Version::V5);
+    trip(&mut rig, 2);
+    let cleared = TripEvent { kind: TripEventKind::Cleared, count: None, at: rig.now() };
+    rig.session.trip(rig.at(), DriveRef { line: 0, drive: DriveIndex(0) }, &cleared);
+    rig.session.trip(rig.at(), DriveRef { line: 7, drive: DriveIndex(0) }, &cleared);
+    let events = events(&rig.acts());
+    let tripped = json!({
+        "seq": 1, "session": "1767225600000", "drive": "pump", "kind": "tripped", "trips": 2, "count": 3, "code": 9,
+        "at": "2026-01-01T00:00:00.000Z",
+        "values": {
+            "trip_cause": { "value": 9.0, "unit": null },
+            "trip_current": { "value": 12.3, "unit": "A" },
+            "0x0999": { "value": 1, "unit": null },
+        },
+    });
+    assert_eq!(events[0].1, tripped);
+    assert_eq!((events.len(), &events[1].1["kind"], &events[1].1["seq"]), (2, &json!("cleared"), &json!(2)));
+}
+
+#[test]
+fn events_come_in_order_and_again_after_a_reconnect_until_acknowledged() {
+    let mut rig = Rig::new(Version::V5);
+    (0..20).for_each(|_| trip(&mut rig, 1));
+    let tokens = |acts: &[Act]| events(acts).into_iter().map(|(token, _)| token).collect::<Vec<_>>();
+    assert_eq!(tokens(&rig.connect()), (1..=16).collect::<Vec<_>>(), "no more than 16 in flight");
+    rig.handle(Event::Acknowledged(1));
+    assert_eq!(tokens(&rig.acts()), [17]);
+    assert_eq!(rig.session.counters().events_waiting, 19);
+    rig.handle(Event::Lost);
+    assert_eq!(rig.acts(), []);
+    assert_eq!(tokens(&rig.connect()), (2..=17).collect::<Vec<_>>());
+    for token in 2..=20 {
+        rig.handle(Event::Acknowledged(token));
+        rig.acts();
+    }
+    assert_eq!(rig.session.counters().events_waiting, 0);
+    rig.handle(Event::Lost);
+    assert_eq!(tokens(&rig.connect()), [0; 0]);
+}
+
+#[test]
+fn a_full_outbox_counts_and_tells_what_it_lost() {
+    let mut rig = Rig::new(Version::V5);
+    (0..1_030).for_each(|_| trip(&mut rig, 1));
+    assert_eq!(rig.session.counters().events_dropped, 6);
+    let first = &events(&rig.connect())[0].1;
+    assert_eq!((&first["seq"], &first["lost"]), (&json!(7), &json!(6)));
+}
+
+#[test]
+fn what_the_broker_does_not_take_is_not_sent() {
+    let mut rig = Rig::new(Version::V5);
+    rig.broker = Broker { maximum_packet_bytes: Some(200), retains: true };
+    trip(&mut rig, 1);
+    let acts = rig.connect();
+    assert!(publications(&acts).iter().all(|it| it.topic.len() + it.payload.len() <= 200));
+    assert!(on(&acts, "info").is_none() && on(&acts, "status").is_some());
+    assert!(rig.session.counters().too_large > 0);
+    assert_eq!(rig.session.counters().events_waiting, 0, "it would never go");
+
+    let mut rig = Rig::new(Version::V5);
+    rig.broker.retains = false;
+    let acts = rig.connect();
+    assert!(publications(&acts).iter().all(|it| !it.retain && !it.payload.is_empty()));
+}
+
+#[test]
+fn results_wait_for_the_connection() {
+    let mut rig = Rig::born(Version::V5);
+    rig.handle(Event::Lost);
+    assert_eq!(rig.send("drive/pump/run/set", b"bad"), []);
+    let acts = rig.connect();
+    assert_eq!(results(&acts).len(), 1);
+}

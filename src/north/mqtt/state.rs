@@ -1,0 +1,266 @@
+//! The `state` of a drive: everything that is known of it, in one retained JSON document.
+
+use super::clock::Clock;
+use super::slot::{Present, retained};
+use super::types::{Publication, Qos};
+use crate::domain::command::{Direction, Owner, RunIntent};
+use crate::domain::frequency::Hertz;
+use crate::domain::time::MonoTime;
+use crate::drive::description::DriveDescription;
+use crate::drive::snapshot::Reading;
+use crate::drive::view::{ControlView, DriveView, RunState, TripRecord};
+use crate::profile::model::{Confidence, Fact, Register};
+use crate::profile::scale::Scaled;
+use serde_json::{Map, Value, json};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Shortest time between two publications of one drive's state: it is large, and what changes faster has topics of
+/// its own.
+const HOLD_OFF: Duration = Duration::from_millis(500);
+
+/// How far a value can be relied on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Quality {
+    Good,
+    Stale,
+    Never,
+}
+
+impl Quality {
+    const fn word(self) -> &'static str {
+        match self {
+            Self::Good => "good",
+            Self::Stale => "stale",
+            Self::Never => "never",
+        }
+    }
+}
+
+/// The run state that is shown: a drive that does not answer may do anything.
+pub(super) fn shown_run_state(view: &DriveView) -> RunState {
+    if view.is_online() && view.run_state != RunState::Offline { view.run_state } else { RunState::Unknown }
+}
+
+/// When the last reading of `register` grows stale; nothing if there is none.
+pub(super) fn stale_at(drive: &DriveDescription, register: &Register, view: &DriveView) -> Option<MonoTime> {
+    Some(view.snapshot.reading(register.address)?.at + drive.stale_after(register)?)
+}
+
+/// The last reading of `register`, unless it is stale.
+pub(super) fn fresh(drive: &DriveDescription, register: &Register, view: &DriveView, at: MonoTime) -> Option<Reading> {
+    let is_fresh = stale_at(drive, register, view).is_some_and(|stale_at| at < stale_at);
+    view.snapshot.reading(register.address).filter(|_| is_fresh)
+}
+
+fn quality(drive: &DriveDescription, register: &Register, view: &DriveView, at: MonoTime) -> Quality {
+    match stale_at(drive, register, view) {
+        None => Quality::Never,
+        Some(stale_at) if at < stale_at => Quality::Good,
+        Some(_) => Quality::Stale,
+    }
+}
+
+/// What a trip record says, by the names of its registers.
+pub(super) fn record(drive: &DriveDescription, clock: Clock, record: &TripRecord) -> Map<String, Value> {
+    let value = |(address, word): &(u16, u16)| match drive.model.register_at(*address) {
+        Some(register) => (register.name.clone(), with_unit(register, *word)),
+        None => (format!("0x{address:04X}"), json!({ "value": word, "unit": null })),
+    };
+    let values: Map<_, _> = record.words.iter().map(value).collect();
+    object(json!({ "at": clock.text(record.at), "code": record.code, "values": values }))
+}
+
+fn with_unit(register: &Register, word: u16) -> Value {
+    json!({ "value": Scaled::from_word(word, register).value(), "unit": unit(register) })
+}
+
+fn unit(register: &Register) -> Option<&'static str> {
+    Some(register.unit.symbol()).filter(|symbol| *symbol != "-")
+}
+
+/// The members of a JSON object.
+pub(super) fn object(value: Value) -> Map<String, Value> {
+    if let Value::Object(object) = value { object } else { Map::new() }
+}
+
+/// What a drive's control section and model allow to be commanded, as words.
+pub(super) fn capabilities(drive: &DriveDescription) -> Vec<&'static str> {
+    let (Some(control), Some(run)) = (&drive.control, &drive.model.run) else { return Vec::new() };
+    let accepts = |fact: &Option<Fact<u16>>, word: &str| {
+        let is_proven = |fact: &Fact<u16>| matches!(fact.confidence, Confidence::Manual | Confidence::SecondSource);
+        let is_accepted = control.accept_unverified.iter().any(|action| action.word() == word);
+        fact.as_ref().is_some_and(|fact| is_proven(fact) || is_accepted)
+    };
+    let table = [
+        ("stop", true),
+        ("frequency", true),
+        ("forward", control.directions.contains(&Direction::Forward)),
+        ("reverse", control.directions.contains(&Direction::Reverse) && accepts(&run.reverse, "reverse")),
+        ("coast", accepts(&run.coast, "coast")),
+        ("reset", accepts(&run.reset, "reset")),
+    ];
+    table.into_iter().filter(|(_, is_there)| *is_there).map(|(word, _)| word).collect()
+}
+
+/// The topic `state` of one drive.
+#[derive(Debug)]
+pub(super) struct StateSlot {
+    topic: String,
+    published: Option<Published>,
+    /// Something changed too soon after the last publication.
+    is_held: bool,
+}
+
+/// What was published last.
+#[derive(Debug)]
+struct Published {
+    at: MonoTime,
+    view: Arc<DriveView>,
+}
+
+impl StateSlot {
+    pub(super) const fn new(topic: String) -> Self {
+        Self { topic, published: None, is_held: false }
+    }
+
+    pub(super) fn forget(&mut self) {
+        self.published = None;
+    }
+
+    /// The publication of `view`, if one is due. `differ` tells whether two words of a register differ by as much
+    /// as is published.
+    pub(super) fn offer(
+        &mut self,
+        now: &Present,
+        drive: &DriveDescription,
+        view: &Arc<DriveView>,
+        differ: impl Fn(&Register, u16, u16) -> bool,
+    ) -> Option<Publication> {
+        self.is_held = false;
+        if let Some(last) = &self.published {
+            let age = now.at.since(last.at);
+            let has_changed = || has_changed(now, drive, last, view, differ);
+            if age < now.heartbeat && !has_changed() {
+                return None;
+            }
+            self.is_held = age < HOLD_OFF;
+            if self.is_held {
+                return None;
+            }
+        }
+        self.published = Some(Published { at: now.at, view: view.clone() });
+        let payload = document(now, drive, view).to_string().into_bytes();
+        Some(retained(now, self.topic.clone(), payload, Qos::AtMostOnce))
+    }
+
+    /// When it may be due though nothing changes.
+    pub(super) fn due(&self, heartbeat: Duration) -> MonoTime {
+        let Some(last) = &self.published else { return MonoTime::NEVER };
+        if self.is_held {
+            return last.at + HOLD_OFF;
+        }
+        let lease = lease_until(&last.view).filter(|until| *until > last.at);
+        lease.into_iter().fold(last.at + heartbeat, MonoTime::min)
+    }
+}
+
+fn has_changed(
+    now: &Present,
+    drive: &DriveDescription,
+    last: &Published,
+    view: &DriveView,
+    differ: impl Fn(&Register, u16, u16) -> bool,
+) -> bool {
+    let old = last.view.as_ref();
+    let has_value_changed = |register: &Register| {
+        let was = quality(drive, register, old, last.at);
+        let words = (old.snapshot.reading(register.address), view.snapshot.reading(register.address));
+        let has_moved = matches!(words, (Some(old), Some(new)) if differ(register, old.raw, new.raw));
+        was != quality(drive, register, view, now.at) || has_moved
+    };
+    let trip = |view: &DriveView| (view.trip.active, view.trip.count, view.trip.seen);
+    drive.model.registers.iter().filter(|it| it.poll.is_some()).any(has_value_changed)
+        || old.is_online() != view.is_online()
+        || shown_run_state(old) != shown_run_state(view)
+        || trip(old) != trip(view)
+        || old.trip.last != view.trip.last
+        || lasting(old) != lasting(view)
+        || has_published_lease_ended(now, last, view)
+}
+
+/// Control without the end of the lease, which every sign of life moves.
+fn lasting(view: &DriveView) -> Option<(ControlView, Option<Owner>)> {
+    let control = view.control.as_ref()?;
+    Some((ControlView { lease: None, ..control.clone() }, control.lease.map(|(owner, _)| owner)))
+}
+
+fn lease_until(view: &DriveView) -> Option<MonoTime> {
+    view.control.as_ref()?.lease.map(|(_, until)| until)
+}
+
+/// Whether the end of the lease that was published is past and another one holds.
+fn has_published_lease_ended(now: &Present, last: &Published, view: &DriveView) -> bool {
+    let (old, new) = (lease_until(&last.view), lease_until(view));
+    old != new && old.is_some_and(|until| until <= now.at)
+}
+
+fn document(now: &Present, drive: &DriveDescription, view: &DriveView) -> Value {
+    let polled = drive.model.registers.iter().filter(|it| it.poll.is_some());
+    let values: Map<_, _> = polled.map(|it| (it.name.clone(), value(now, drive, it, view))).collect();
+    json!({
+        "at": now.clock.text(now.at),
+        "online": view.is_online(),
+        "run_state": shown_run_state(view).word(),
+        "values": values,
+        "trip": trip(now, drive, view),
+        "control": view.control.as_ref().map(|it| control(now, it)),
+        "capabilities": capabilities(drive),
+    })
+}
+
+fn value(now: &Present, drive: &DriveDescription, register: &Register, view: &DriveView) -> Value {
+    let reading = view.snapshot.reading(register.address);
+    json!({
+        "value": reading.map(|it| Scaled::from_word(it.raw, register).value()),
+        "unit": unit(register),
+        "at": reading.map(|it| now.clock.text(it.at)),
+        "quality": quality(drive, register, view, now.at).word(),
+    })
+}
+
+fn trip(now: &Present, drive: &DriveDescription, view: &DriveView) -> Value {
+    json!({
+        "active": view.trip.active,
+        "count": view.trip.count,
+        "seen": view.trip.seen,
+        "last": view.trip.last.as_ref().map(|it| record(drive, now.clock, it)),
+    })
+}
+
+fn control(now: &Present, control: &ControlView) -> Value {
+    let lease_until = control.lease.map(|(_, until)| until).filter(|until| *until != MonoTime::NEVER);
+    json!({
+        "owner": control.lease.map(|(owner, _)| owner.to_string()),
+        "lease_until": lease_until.map(|until| now.clock.text(until)),
+        "intent": intent(control.intent),
+        "setpoint_hz": control.setpoint.map(Hertz::as_f64),
+        "start_inhibited": control.start_inhibited,
+        "command_pending": control.command_pending,
+        "stop_pending": control.stop_pending,
+        "not_effective": control.not_effective,
+        "failsafe": control.failsafe,
+        "epoch": control.epoch,
+        "outcome": control.last.map(|report| report.outcome.word()),
+        "reason": control.last.map(|report| report.reason.word()),
+    })
+}
+
+const fn intent(intent: RunIntent) -> &'static str {
+    match intent {
+        RunIntent::Stop => "stop",
+        RunIntent::Run(Direction::Forward) => "forward",
+        RunIntent::Run(Direction::Reverse) => "reverse",
+        RunIntent::Coast => "coast",
+    }
+}

@@ -1,0 +1,123 @@
+//! All that is published retained. There is no queue: what was last published is remembered per topic, and the
+//! pictures are walked when somebody asks for the next publication.
+
+use super::clock::Clock;
+use super::drive_topics::DriveTopics;
+use super::line_topics::{LineTopics, info};
+use super::slot::{Content, EXPIRY_HEARTBEATS, Present, Slot};
+use super::topics::Topics;
+use super::types::{LineState, Publication, Qos, Settings, Version};
+use crate::domain::ids::Name;
+use crate::domain::time::MonoTime;
+use crate::drive::description::DriveDescription;
+use crate::drive::snapshot::Reading;
+use crate::drive::view::DriveView;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// All retained topics of the gateway.
+#[derive(Debug)]
+pub(super) struct Telemetry {
+    heartbeat: Duration,
+    expiry: Option<Duration>,
+    info_topic: String,
+    info: Vec<u8>,
+    is_info_published: bool,
+    status: Slot,
+    lines: Vec<LineTopics>,
+    drives: Vec<DriveTopics>,
+    /// What is walked: 0 the information, then the lines, then the drives.
+    place: usize,
+}
+
+impl Telemetry {
+    pub(super) fn new(
+        settings: &Settings,
+        topics: &Topics,
+        drives: &[DriveDescription],
+        lines: &[Name],
+        started: &str,
+    ) -> Self {
+        Self {
+            heartbeat: settings.heartbeat,
+            expiry: (settings.version == Version::V5).then(|| settings.heartbeat * EXPIRY_HEARTBEATS),
+            info_topic: topics.gateway("info"),
+            info: info(settings, drives, lines, started),
+            is_info_published: false,
+            status: Slot::new(topics.gateway("status")),
+            lines: lines.iter().map(|name| LineTopics::new(topics, name)).collect(),
+            drives: drives.iter().map(|drive| DriveTopics::new(topics, drive)).collect(),
+            place: 0,
+        }
+    }
+
+    /// Everything is to be published again: a birth.
+    pub(super) fn forget(&mut self) {
+        (self.is_info_published, self.place) = (false, 0);
+        self.status.forget();
+        self.lines.iter_mut().for_each(LineTopics::forget);
+        self.drives.iter_mut().for_each(DriveTopics::forget);
+    }
+
+    /// Takes a register of a drive that was read on demand.
+    pub(super) fn take_param(&mut self, drive: usize, register: usize, reading: Reading, topic: String) {
+        if let Some(topics) = self.drives.get_mut(drive) {
+            topics.take_param(register, reading, topic);
+        }
+    }
+
+    /// The next publication; nothing if all topics show the pictures. `status` comes behind everything else, so
+    /// that whoever waits for it finds the rest complete.
+    pub(super) fn next(
+        &mut self,
+        at: MonoTime,
+        clock: Clock,
+        drives: &[DriveDescription],
+        views: &[Arc<DriveView>],
+        lines: &[LineState],
+    ) -> Option<Publication> {
+        let now = Present { at, clock, heartbeat: self.heartbeat, expiry: self.expiry };
+        let places = 1 + self.lines.len() + self.drives.len();
+        for _ in 0..places {
+            let found = self.at_place(&now, drives, views, lines);
+            if found.is_some() {
+                return found;
+            }
+            self.place = (self.place + 1) % places;
+        }
+        let is_due = self.status.offer(&now, Content::Text("online".into()), |_, _| true);
+        is_due.then(|| self.status.publication(&now, b"online".to_vec(), Qos::AtLeastOnce))
+    }
+
+    fn at_place(
+        &mut self,
+        now: &Present,
+        drives: &[DriveDescription],
+        views: &[Arc<DriveView>],
+        lines: &[LineState],
+    ) -> Option<Publication> {
+        let Some(place) = self.place.checked_sub(1) else { return self.take_info() };
+        if let Some(topics) = self.lines.get_mut(place) {
+            return topics.next(now, lines.get(place)?);
+        }
+        let place = place - self.lines.len();
+        self.drives.get_mut(place)?.next(now, drives.get(place)?, views.get(place)?)
+    }
+
+    fn take_info(&mut self) -> Option<Publication> {
+        if std::mem::replace(&mut self.is_info_published, true) {
+            return None;
+        }
+        let (topic, payload) = (self.info_topic.clone(), self.info.clone());
+        let qos = Qos::AtLeastOnce;
+        Some(Publication { topic, payload, retain: true, qos, expiry: None, correlation: None, token: None })
+    }
+
+    /// When something may be due though no picture changes.
+    pub(super) fn wake(&self) -> Option<MonoTime> {
+        let lines = self.lines.iter().filter_map(|it| it.wake(self.heartbeat));
+        let drives = self.drives.iter().filter_map(DriveTopics::wake);
+        let all = lines.chain(drives).chain([self.status.due(self.heartbeat)]);
+        all.min().filter(|wake| *wake != MonoTime::NEVER)
+    }
+}
