@@ -7,7 +7,6 @@ use crate::daemon::build;
 use crate::domain::control::ControlSettings;
 use crate::drive::plan::{self, PollGroup};
 use crate::line::budget::{self, ASSUMED_TURNAROUND, Budget, PlannedRead};
-use crate::line::timing::Timing;
 use crate::profile::model::Model;
 use crate::profile::values::duration_text;
 use crate::profile::words::word_for;

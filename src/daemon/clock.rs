@@ -1,7 +1,8 @@
 //! The clocks. Nobody else reads one.
 
-use crate::domain::time::MonoTime;
+use crate::domain::time::{MonoTime, WallTime};
 use rustix::time::{ClockId, clock_gettime};
+use std::time::SystemTime;
 
 /// Now, on the monotonic clock that also counts while the machine is suspended, so that a suspend expires
 /// deadlines instead of stretching them.
@@ -11,4 +12,11 @@ pub fn now() -> MonoTime {
     let seconds = u64::try_from(time.tv_sec).unwrap_or(0);
     let nanos = u64::try_from(time.tv_nsec).unwrap_or(0);
     MonoTime::from_nanos(seconds.saturating_mul(1_000_000_000).saturating_add(nanos))
+}
+
+/// Now, on the wall clock. It labels and decides nothing.
+#[must_use]
+pub fn wall() -> WallTime {
+    let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    WallTime { unix_ms: i64::try_from(since_1970.as_millis()).unwrap_or(i64::MAX) }
 }

@@ -1,11 +1,11 @@
 //! The daemon: one thread per line, the north side on this one, until it is told to end.
 
 use super::answers::NorthSides;
-use super::{build, clock};
 use super::line_thread::LineHandle;
 use super::modbus_server::Server;
 use super::router::Router;
 use super::shared::Shared;
+use super::{build, clock};
 use crate::config::{Config, ListenerSettings};
 use crate::domain::report::LineCounters;
 use std::io;
@@ -60,8 +60,8 @@ where
     let north = NorthSides::default();
     let shared = Arc::new(build::shared(config));
     let listeners = runtime.block_on(bind(&config.listeners))?;
-    // Milliseconds, shifted so that no count of epochs reaches the next start.
-    let first_epoch = clock::wall_ms() << 16;
+    // Epochs rise far slower than this, so those of another start are others, and JSON still holds them exactly.
+    let first_epoch = u64::try_from(clock::wall().unix_ms).unwrap_or(0) << 8;
     let mut lines = Vec::with_capacity(config.lines.len());
     for (place, line) in config.lines.iter().enumerate() {
         let (port, setup) = (build::line_port(line), build::line_setup(line, first_epoch));

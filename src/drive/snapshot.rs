@@ -1,7 +1,6 @@
 //! What was last read from one drive.
 
 use crate::domain::time::MonoTime;
-use crate::profile::model::Model;
 use std::collections::BTreeMap;
 
 /// Whether a drive answers.
@@ -40,13 +39,10 @@ impl DriveSnapshot {
         self.readings.get(&address).copied()
     }
 
-    /// Takes the words that were read from `address` on and came at `at`, as far as `model` polls them.
-    pub fn take(&mut self, model: &Model, address: u16, words: &[u16], at: MonoTime) {
+    /// Takes the words that were read from `address` on and came at `at`.
+    pub fn take(&mut self, address: u16, words: &[u16], at: MonoTime) {
         for (offset, raw) in (0..).zip(words) {
-            let address = address.wrapping_add(offset);
-            if model.register_at(address).is_some_and(|register| register.poll.is_some()) {
-                self.readings.insert(address, Reading { raw: *raw, at });
-            }
+            self.readings.insert(address.wrapping_add(offset), Reading { raw: *raw, at });
         }
     }
 }

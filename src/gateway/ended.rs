@@ -80,7 +80,11 @@ impl LineCore {
     /// Words that the drive showed to us: the picture takes what is polled, the drive's own work the rest.
     fn take_words(&mut self, now: MonoTime, drive: DriveIndex, address: u16, words: &[u16]) {
         let model = &self.setup.drives[drive.get()].model;
-        self.snapshots[drive.get()].take(model, address, words, now);
+        for (address, word) in (address..=u16::MAX).zip(words) {
+            if model.register_at(address).is_some_and(|register| register.poll.is_some()) {
+                self.snapshots[drive.get()].take(address, &[*word], now);
+            }
+        }
         self.works[drive.get()].take_words(address, words, now, &mut self.effects);
     }
 
