@@ -78,7 +78,7 @@ pub fn main() -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("{}", failure.message);
+            log::complain(format!("{}\n", failure.message).as_bytes());
             ExitCode::from(failure.code)
         }
     }
