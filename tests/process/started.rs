@@ -77,7 +77,7 @@ impl Started {
     }
 
     /// The shell's own `kill` needs neither a package nor unsafe code.
-    fn signal(&self, signal: &str) {
+    pub fn signal(&self, signal: &str) {
         let kill = format!("kill -{signal} {}", self.child.id());
         assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success(), "{kill}");
     }
