@@ -159,8 +159,6 @@ pub(super) const MQTT: &[Metric<MqttTotals>] = &[
     counter("mqtt_refused_retained", "Commands refused because they were retained.", |mqtt| Some(mqtt.counts()[3])),
 ];
 
-// A gauge is always a sample or none, so that all of the table reads alike.
-#[allow(clippy::unnecessary_wraps)]
 fn truth(is_true: bool) -> Option<f64> {
     Some(f64::from(u8::from(is_true)))
 }
