@@ -5,6 +5,7 @@
 //! | `reading` | ordinary clients read a drive through the gateway, and ordinary drives are read |
 //! | `refusing` | what may not be done is refused by the right exception and never reaches the line |
 //! | `coming_and_going` | unplugged adapters, signals, taken ports |
+//! | `asking` | `health`, `read`, `write` and `watch` ask a running gateway |
 //! | `checking` | what `check` and the other commands say, and their exit codes |
 //! | `documents` | the README lists every command, option and key |
 //!
@@ -18,6 +19,8 @@
     reason = "a test fails by panicking, its helpers too; and time here is the real one"
 )]
 
+#[path = "process/asking.rs"]
+mod asking;
 #[path = "process/checking.rs"]
 mod checking;
 #[path = "process/coming_and_going.rs"]
@@ -35,5 +38,7 @@ mod outsiders;
 mod raw;
 #[path = "process/rig.rs"]
 mod rig;
+#[path = "process/standin.rs"]
+mod standin;
 #[path = "process/started.rs"]
 mod started;

@@ -1,6 +1,6 @@
 //! Log lines on stderr.
 
-use std::io::IsTerminal;
+use std::io::{self, IsTerminal, Write};
 use tracing_subscriber::EnvFilter;
 
 /// How a log line is written.
@@ -15,9 +15,29 @@ pub enum Format {
 /// Starts logging. `RUST_LOG` chooses what is logged; without it everything from `info` on.
 pub fn start(format: Format) {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
+    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(|| Stderr);
     match format {
-        Format::Text => log.with_ansi(std::io::stderr().is_terminal()).with_target(false).init(),
+        Format::Text => log.with_ansi(io::stderr().is_terminal()).with_target(false).init(),
         Format::Json => log.json().init(),
     }
+}
+
+/// Standard error, where a line that cannot be written is lost and nothing else happens. Its reader may be gone, and
+/// an error would make the library complain on the same standard error, which panics the thread that logs.
+struct Stderr;
+
+impl Write for Stderr {
+    fn write(&mut self, line: &[u8]) -> io::Result<usize> {
+        complain(line);
+        Ok(line.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Writes to standard error. If nobody takes it, it is lost.
+pub fn complain(text: &[u8]) {
+    let _ = io::stderr().lock().write_all(text);
 }

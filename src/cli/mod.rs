@@ -1,12 +1,17 @@
 //! The command line: one small file per command.
 
 mod check;
+mod client;
 mod demo;
+mod health;
 mod input;
 mod log;
 mod models;
+mod read;
 mod run;
 mod simulate;
+mod watch;
+mod write;
 
 use clap::{Parser, Subcommand};
 use std::fmt::Display;
@@ -42,6 +47,16 @@ enum Command {
     Models(models::Args),
     /// Play one or more drives on a pseudo-terminal, for people who have no hardware at hand
     Simulate(simulate::Args),
+    /// Ask the running gateway whether it is ready, for container health checks too
+    Health(health::Args),
+    /// Read registers or named values of a drive through a running gateway
+    Read(read::Args),
+    /// Write a register, a run command or a frequency of a drive through a running gateway
+    ///
+    /// After a run command it stays, renews the lease until Ctrl-C, and then stops the drive.
+    Write(write::Args),
+    /// Read again and again, and print what changes
+    Watch(watch::Args),
 }
 
 /// Why a command ended without success. The message is already for people.
@@ -74,11 +89,15 @@ pub fn main() -> ExitCode {
         Command::Check(args) => check::check(&args),
         Command::Models(args) => models::models(&args),
         Command::Simulate(args) => simulate::simulate(&args),
+        Command::Health(args) => health::health(&args),
+        Command::Read(args) => read::read(&args),
+        Command::Write(args) => write::write(&args),
+        Command::Watch(args) => watch::watch(&args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("{}", failure.message);
+            log::complain(format!("{}\n", failure.message).as_bytes());
             ExitCode::from(failure.code)
         }
     }

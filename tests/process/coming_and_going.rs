@@ -2,7 +2,7 @@
 
 use super::outsiders::mbpoll;
 use super::raw::Raw;
-use super::rig::{Place, gateway, simulate, start};
+use super::rig::{Place, gateway, simulate, start, start_before_a_reader_that_leaves};
 use super::started::{PATIENCE, until};
 use std::net::{SocketAddr, TcpListener};
 use std::time::Duration;
@@ -111,5 +111,18 @@ fn the_demo_says_that_its_port_is_taken_and_takes_another() {
     });
     assert_eq!(values, [3]);
     demo.interrupt();
+    assert_eq!(demo.end_within(Duration::from_secs(2)).code(), Some(0));
+}
+
+#[test]
+fn a_demo_whose_reader_has_gone_goes_on_and_ends_when_it_is_told_to() {
+    let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let (mut demo, _) = start_before_a_reader_that_leaves(&["demo", "--port", &free.port().to_string()]);
+    // Every exchange on the line is a log line that nobody takes.
+    let values = until("the drive answers", PATIENCE, || {
+        Some(mbpoll(free, &["-t", "4", "-r", "529", "-c", "1"]).values).filter(|values| !values.is_empty())
+    });
+    assert_eq!(values, [3]);
+    demo.terminate();
     assert_eq!(demo.end_within(Duration::from_secs(2)).code(), Some(0));
 }

@@ -57,6 +57,13 @@ pub fn start(args: &[&str]) -> Started {
     Started::new(command)
 }
 
+/// `vfd-gateway` with `args`, logging all there is, before a reader that leaves after one line. Returns that line.
+pub fn start_before_a_reader_that_leaves(args: &[&str]) -> (Started, String) {
+    let mut command = program();
+    command.env("RUST_LOG", "trace").args(args);
+    Started::before_a_reader_that_leaves(command)
+}
+
 /// A simulated drive at station 1 whose port is reached as `link`.
 pub fn simulate(link: &Path) -> Started {
     let drive = start(&["simulate", "--model", "hyundai-n700", "--station", "1", "--link", link.to_str().unwrap()]);

@@ -34,6 +34,17 @@ impl Started {
         Self { name, child, output }
     }
 
+    /// Starts `command` before a reader that takes one line of its output and leaves, as `head` does.
+    pub fn before_a_reader_that_leaves(mut command: Command) -> (Self, String) {
+        let name = command.get_program().to_string_lossy().into_owned();
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().unwrap_or_else(|error| panic!("cannot start {name}: {error}"));
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        drop(child.stderr.take());
+        (Self { name, child, output: Arc::default() }, line)
+    }
+
     /// Waits for a line of which `found` makes something, and returns that.
     pub fn wait_for<T>(&self, what: &str, mut found: impl FnMut(&str) -> Option<T>) -> T {
         let until = Instant::now() + PATIENCE;
@@ -66,7 +77,7 @@ impl Started {
     }
 
     /// The shell's own `kill` needs neither a package nor unsafe code.
-    fn signal(&self, signal: &str) {
+    pub fn signal(&self, signal: &str) {
         let kill = format!("kill -{signal} {}", self.child.id());
         assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success(), "{kill}");
     }

@@ -1,0 +1,383 @@
+//! The gateway's Modbus TCP client for `read`, `write` and `watch`: one drive by its unit, by address or by the names of
+//! the uniform map.
+
+use super::Failure;
+use crate::domain::units::UnitOfMeasure;
+use crate::drive::view::RunState;
+use std::fmt;
+use std::io;
+use std::time::Duration;
+use tokio::net::TcpStream;
+use tokio::time::timeout;
+use tokio_modbus::client::{Context, Reader, Writer, tcp};
+use tokio_modbus::{ExceptionCode, Slave};
+
+/// Longest wait for a connection, and for an answer: as long as the gateway lets a request wait.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// Where the gateway is, and which drive is meant.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Target {
+    /// Where the gateway listens
+    #[arg(long, default_value = "127.0.0.1")]
+    host: String,
+    /// Its Modbus TCP port
+    #[arg(long, default_value_t = 1502)]
+    port: u16,
+    /// Unit of the drive: the native one, or with `--uniform` the uniform one
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=255))]
+    pub unit: u8,
+}
+
+/// Why there is no answer.
+#[derive(Debug)]
+pub enum NoAnswer {
+    /// The gateway or the drive answered with this exception.
+    Exception(u8),
+    /// There is no connection, so nothing was sent.
+    Unreachable(String),
+    /// The connection broke, or no answer came in time: what was sent may have been carried out.
+    Lost(String),
+}
+
+impl fmt::Display for NoAnswer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Exception(code) => write!(f, "{} (exception {code:02X})", sentence(*code)),
+            Self::Unreachable(reason) | Self::Lost(reason) => f.write_str(reason),
+        }
+    }
+}
+
+impl From<NoAnswer> for Failure {
+    fn from(error: NoAnswer) -> Self {
+        Self::failed(error)
+    }
+}
+
+/// What an exception means, whoever sent it.
+const fn sentence(code: u8) -> &'static str {
+    match code {
+        1 => "never allowed: the drive or this register is read-only, or this client may not do it",
+        2 => "there is no such register here, or it is not listed as writable",
+        3 => "the value or the count is not allowed",
+        4 => "the drive refused",
+        6 => "not now: somebody else holds control, a start is inhibited, a stop is pending, or too much is waiting",
+        0x0A => "there is no such unit, or its line is down",
+        0x0B => "the drive did not answer in time",
+        _ => "the drive answered with a code of its own",
+    }
+}
+
+/// A client of one unit. It connects when it is first asked, and anew after each failure.
+pub struct Client {
+    target: Target,
+    connection: Option<Context>,
+}
+
+impl Client {
+    /// A client that has not connected yet.
+    pub fn new(target: &Target) -> Self {
+        Self { target: target.clone(), connection: None }
+    }
+
+    /// Reads `count` words from `address` on.
+    ///
+    /// # Errors
+    /// [`NoAnswer`].
+    pub async fn read(&mut self, address: u16, count: u16) -> Result<Vec<u16>, NoAnswer> {
+        let mut connection = self.connection().await?;
+        let answer = timeout(PATIENCE, connection.read_holding_registers(address, count)).await;
+        let words = self.outcome(connection, answer)?;
+        // A shorter answer would be another client's.
+        if words.len() == usize::from(count) { Ok(words) } else { Err(self.lost("a wrong number of words came")) }
+    }
+
+    /// Writes one word.
+    ///
+    /// # Errors
+    /// [`NoAnswer`].
+    pub async fn write(&mut self, address: u16, word: u16) -> Result<(), NoAnswer> {
+        let mut connection = self.connection().await?;
+        let answer = timeout(PATIENCE, connection.write_single_register(address, word)).await;
+        self.outcome(connection, answer)
+    }
+
+    /// The connection of the last answer, or a new one. It is put back when the next answer has come.
+    async fn connection(&mut self) -> Result<Context, NoAnswer> {
+        if let Some(connection) = self.connection.take() {
+            return Ok(connection);
+        }
+        let address = (self.target.host.as_str(), self.target.port);
+        let connected = timeout(PATIENCE, TcpStream::connect(address)).await;
+        match connected.unwrap_or_else(|_| Err(io::ErrorKind::TimedOut.into())) {
+            Ok(stream) => Ok(tcp::attach_slave(stream, Slave(self.target.unit))),
+            Err(error) => Err(NoAnswer::Unreachable(self.place(format!("cannot connect: {error}")))),
+        }
+    }
+
+    fn outcome<T>(
+        &mut self,
+        connection: Context,
+        answer: Result<tokio_modbus::Result<T>, tokio::time::error::Elapsed>,
+    ) -> Result<T, NoAnswer> {
+        match answer {
+            Ok(Ok(answer)) => {
+                self.connection = Some(connection);
+                answer.map_err(|code| NoAnswer::Exception(number(code)))
+            }
+            Ok(Err(error)) => Err(self.lost(error)),
+            Err(_) => Err(self.lost(format!("no answer within {} s", PATIENCE.as_secs()))),
+        }
+    }
+
+    fn lost(&self, reason: impl fmt::Display) -> NoAnswer {
+        NoAnswer::Lost(self.place(reason))
+    }
+
+    fn place(&self, reason: impl fmt::Display) -> String {
+        format!("gateway at {}:{}: {reason}", self.target.host, self.target.port)
+    }
+}
+
+fn number(code: ExceptionCode) -> u8 {
+    code.into()
+}
+
+/// A register by its number on the wire, decimal or with `0x`.
+///
+/// # Errors
+/// It is none, in words.
+pub fn address(text: &str) -> Result<u16, String> {
+    let number = match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
+        Some(digits) => u16::from_str_radix(digits, 16),
+        None => text.parse(),
+    };
+    number.map_err(|_| format!("{text} is no register: a number from 0 to 65535, such as 0x0101 or 257"))
+}
+
+/// A word of the uniform map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct UniformWord {
+    /// Its name here.
+    pub name: &'static str,
+    /// Its address.
+    pub address: u16,
+    /// What it holds.
+    pub form: Form,
+}
+
+/// What a word of the uniform map holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// A number, `word / scale` in a unit; 65535 if there is none.
+    Number(u32, UnitOfMeasure),
+    /// Like [`Form::Number`] in two's complement; 32768 if there is none.
+    Signed(u32, UnitOfMeasure),
+    /// A number of which every value is one.
+    Count,
+    /// The upper half of a number that is continued in the next word; both 65535 if there is none.
+    Wide(UnitOfMeasure),
+    /// A run state.
+    RunState,
+    /// The status bits.
+    Status,
+}
+
+impl UniformWord {
+    /// How many words belong to it.
+    pub const fn words(self) -> u16 {
+        if matches!(self.form, Form::Wide(_)) { 2 } else { 1 }
+    }
+}
+
+const fn word(name: &'static str, address: u16, form: Form) -> UniformWord {
+    UniformWord { name, address, form }
+}
+
+/// The uniform map: what is read, then what is written and read back.
+pub const UNIFORM: &[UniformWord] = &[
+    word("map_version", 0, Form::Count),
+    word("status", 1, Form::Status),
+    word("run_state", 2, Form::RunState),
+    word("trip_code", 3, Form::Number(1, UnitOfMeasure::None)),
+    word("output_frequency", 4, Form::Number(100, UnitOfMeasure::Hertz)),
+    word("setpoint", 5, Form::Number(100, UnitOfMeasure::Hertz)),
+    word("current", 6, Form::Number(10, UnitOfMeasure::Ampere)),
+    word("voltage", 7, Form::Number(10, UnitOfMeasure::Volt)),
+    word("dc_voltage", 8, Form::Number(10, UnitOfMeasure::Volt)),
+    word("power", 9, Form::Number(10, UnitOfMeasure::Kilowatt)),
+    word("torque", 10, Form::Signed(10, UnitOfMeasure::Percent)),
+    word("temperature", 11, Form::Signed(10, UnitOfMeasure::Celsius)),
+    word("age", 12, Form::Number(100, UnitOfMeasure::Second)),
+    word("trips", 13, Form::Number(1, UnitOfMeasure::None)),
+    word("last_trip_code", 14, Form::Number(1, UnitOfMeasure::None)),
+    word("status_mask", 15, Form::Status),
+    word("life", 16, Form::Count),
+    word("alarms", 17, Form::Count),
+    word("lease_left", LEASE_LEFT, Form::Number(1, UnitOfMeasure::Second)),
+    word("owner", 19, Form::Count),
+    word("min_frequency", 20, Form::Number(100, UnitOfMeasure::Hertz)),
+    word("max_frequency", 21, Form::Number(100, UnitOfMeasure::Hertz)),
+    word("run_hours", 22, Form::Wide(UnitOfMeasure::Hour)),
+    word("current_fine", 24, Form::Number(100, UnitOfMeasure::Ampere)),
+    word("power_fine", 25, Form::Number(100, UnitOfMeasure::Kilowatt)),
+    word("capabilities", 26, Form::Count),
+    word("run_command", RUN, Form::Count),
+    word("frequency_command", FREQUENCY, Form::Number(100, UnitOfMeasure::Hertz)),
+    word("outcome", 259, Form::Count),
+    word("commands", 260, Form::Count),
+    word("reason", REASON, Form::Count),
+];
+
+/// Seconds until the lease ends.
+pub const LEASE_LEFT: u16 = 18;
+/// The run command.
+pub const RUN: u16 = 256;
+/// The setpoint.
+pub const FREQUENCY: u16 = 257;
+/// Renews the lease.
+pub const LEASE: u16 = 258;
+/// Number of the reason of the last command.
+pub const REASON: u16 = 261;
+
+/// The status bits by name, from bit 0 on.
+const STATUS_BITS: [&str; 10] = [
+    "online",
+    "running",
+    "reverse",
+    "tripped",
+    "at_setpoint",
+    "accepts_commands",
+    "command_pending",
+    "lease_held",
+    "stale",
+    "start_inhibited",
+];
+
+/// All run states.
+const RUN_STATES: [RunState; 8] = [
+    RunState::Unknown,
+    RunState::Stopped,
+    RunState::Forward,
+    RunState::Reverse,
+    RunState::Tripped,
+    RunState::Offline,
+    RunState::Running,
+    RunState::Stopping,
+];
+
+/// A value of the uniform map, understood.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// The drive or its model has none.
+    Missing,
+    /// A number with its decimals, and its unit.
+    Number(i64, u32, UnitOfMeasure),
+    /// A word.
+    Word(&'static str),
+    /// Words.
+    Words(Vec<&'static str>),
+}
+
+impl Value {
+    /// What `words`, one or two, mean in a word of this `form`.
+    #[must_use]
+    pub fn understand(form: Form, words: &[u16]) -> Self {
+        let (first, second) = (words.first().copied().unwrap_or(0), words.get(1).copied().unwrap_or(0));
+        match form {
+            Form::Number(_, _) if first == u16::MAX => Self::Missing,
+            Form::Number(scale, unit) => Self::Number(first.into(), scale, unit),
+            Form::Signed(_, _) if first == 0x8000 => Self::Missing,
+            Form::Signed(scale, unit) => Self::Number(first.cast_signed().into(), scale, unit),
+            Form::Count => Self::Number(first.into(), 1, UnitOfMeasure::None),
+            Form::Wide(_) if (first, second) == (u16::MAX, u16::MAX) => Self::Missing,
+            Form::Wide(unit) => Self::Number(i64::from(first) << 16 | i64::from(second), 1, unit),
+            Form::RunState => {
+                let state = RUN_STATES.iter().find(|state| state.number() == first);
+                state.map_or(Self::Number(first.into(), 1, UnitOfMeasure::None), |state| Self::Word(state.word()))
+            }
+            Form::Status => {
+                let bits = STATUS_BITS.iter().enumerate();
+                Self::Words(bits.filter(|(bit, _)| first & (1 << bit) != 0).map(|(_, name)| *name).collect())
+            }
+        }
+    }
+
+    /// For programs.
+    #[must_use]
+    pub fn json(&self) -> serde_json::Value {
+        match self {
+            Self::Missing => serde_json::Value::Null,
+            Self::Number(raw, 1, _) => (*raw).into(),
+            Self::Number(raw, scale, _) => (*raw as f64 / f64::from(*scale)).into(),
+            Self::Word(word) => (*word).into(),
+            Self::Words(words) => words.clone().into(),
+        }
+    }
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Missing => f.write_str("not available"),
+            Self::Number(raw, scale, unit) => {
+                let decimals = scale.ilog10() as usize;
+                write!(f, "{:.decimals$}", *raw as f64 / f64::from(*scale))?;
+                if *unit == UnitOfMeasure::None { Ok(()) } else { write!(f, " {unit}") }
+            }
+            Self::Word(word) => f.write_str(word),
+            Self::Words(words) if words.is_empty() => f.write_str("none"),
+            Self::Words(words) => f.write_str(&words.join(" ")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn registers_are_numbers_in_either_notation() {
+        assert_eq!(address("257"), Ok(257));
+        assert_eq!(address("0x0101"), Ok(257));
+        for wrong in ["", "0x", "65536", "0x10000", "-1", "F001", "1.5"] {
+            assert!(address(wrong).unwrap_err().contains(wrong), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn uniform_words_are_shown_in_their_units() {
+        let shown = |name: &str, words: &[u16]| {
+            let word = UNIFORM.iter().find(|word| word.name == name).unwrap();
+            Value::understand(word.form, words).to_string()
+        };
+        assert_eq!(shown("output_frequency", &[4250]), "42.50 Hz");
+        assert_eq!(shown("output_frequency", &[65535]), "not available");
+        assert_eq!(shown("torque", &[0xFFFB]), "-0.5 %");
+        assert_eq!(shown("torque", &[0x8000]), "not available");
+        assert_eq!(shown("run_hours", &[1, 2]), "65538 h");
+        assert_eq!(shown("run_state", &[2]), "forward");
+        assert_eq!(shown("run_state", &[99]), "99");
+        assert_eq!(shown("status", &[0b11]), "online running");
+        assert_eq!(shown("status", &[0]), "none");
+        assert_eq!(shown("alarms", &[65535]), "65535");
+    }
+
+    #[test]
+    fn names_and_addresses_stand_in_the_map_once_and_in_order() {
+        for pair in UNIFORM.windows(2) {
+            assert!(pair[0].address + pair[0].words() <= pair[1].address, "{pair:?}");
+        }
+        let names: std::collections::BTreeSet<_> = UNIFORM.iter().map(|word| word.name).collect();
+        assert_eq!(names.len(), UNIFORM.len());
+    }
+
+    #[test]
+    fn every_exception_is_a_sentence_with_its_code() {
+        for code in 0..=u8::MAX {
+            let text = NoAnswer::Exception(code).to_string();
+            assert!(text.contains(&format!("(exception {code:02X})")) && text.len() > 20, "{text}");
+        }
+    }
+}

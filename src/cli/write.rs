@@ -1,0 +1,274 @@
+//! `write`: one register or command of one drive through a running gateway. Who makes a drive run stays and answers for it.
+
+use super::client::{Client, FREQUENCY, LEASE, LEASE_LEFT, NoAnswer, REASON, RUN, Target, address};
+use super::log::complain;
+use super::{Failure, print};
+use crate::daemon::run::told_to_end;
+use crate::domain::command::Reason;
+use crate::domain::frequency::{Hertz, NoFrequency};
+use std::io;
+use std::pin::pin;
+use std::time::Duration;
+use tokio::signal::unix::{SignalKind, signal};
+use tokio::time::sleep;
+
+/// Longest time between two renewals of a lease.
+const RENEW_MAX: Duration = Duration::from_secs(1);
+/// Shortest time between two renewals, for leases of a second or less.
+const RENEW_MIN: Duration = Duration::from_millis(100);
+/// What word 18 says if it has nothing to say.
+const NOT_KNOWN: u16 = u16::MAX;
+/// How often the stop at the end is tried.
+const STOP_TRIES: u32 = 3;
+/// Wait between these.
+const STOP_AGAIN: Duration = Duration::from_millis(200);
+
+/// Arguments of `write`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    target: Target,
+    /// Register by its number on the wire (0x0201 or 513); or `run` or `frequency`, with a uniform unit
+    register: String,
+    /// The word; for `run` one of forward, reverse, stop, coast, reset; for `frequency` hertz, such as 42.5
+    value: String,
+    /// The unit is a uniform one; `run` and `frequency` imply it
+    #[arg(long)]
+    uniform: bool,
+    /// Leave after a run command, although the drive then runs its fail-safe action when the lease ends
+    #[arg(long)]
+    once: bool,
+}
+
+/// Writes. After a run command it renews the lease until SIGINT, SIGTERM or SIGHUP, and then stops the drive.
+pub fn write(args: &Args) -> Result<(), Failure> {
+    let order = Order::new(args)?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    runtime.block_on(async {
+        let mut client = Client::new(&args.target);
+        if !order.makes_run() || args.once {
+            order.send(&mut client).await?;
+            if order.makes_run() {
+                complain(b"warning: nobody renews the lease; the drive will run its fail-safe action when it ends\n");
+            }
+            return print(&format!("{}: written and acknowledged\n", order.text));
+        }
+        // From before the first frame on, so that no signal leaves a running drive behind.
+        let mut told = pin!(told_to_stop().map_err(Failure::failed)?);
+        order.run(&mut client).await?;
+        print(&format!("{}: acknowledged; the lease is renewed until Ctrl-C, which stops the drive\n", order.text))?;
+        let lost = tokio::select! {
+            () = &mut told => None,
+            lost = keep(&mut client, order.word) => Some(lost),
+        };
+        match lost {
+            None => print(&format!("{}\n", stop(&mut client).await?)),
+            Some(failure) => Err(failure),
+        }
+    })
+}
+
+/// Also when the terminal is closed: nobody could press Ctrl-C any more.
+fn told_to_stop() -> io::Result<impl Future<Output = ()>> {
+    let told = told_to_end()?;
+    let mut hangup = signal(SignalKind::hangup())?;
+    Ok(async move {
+        tokio::select! {
+            () = told => {}
+            _ = hangup.recv() => {}
+        }
+    })
+}
+
+/// What is to be written.
+#[derive(Debug, PartialEq, Eq)]
+struct Order {
+    address: u16,
+    word: u16,
+    is_uniform: bool,
+    /// For people.
+    text: String,
+}
+
+/// The run commands by name.
+const RUN_COMMANDS: [(&str, u16); 5] = [("stop", STOP), ("forward", 1), ("reverse", 2), ("coast", 3), ("reset", 4)];
+/// The run command that stops.
+const STOP: u16 = 0;
+
+impl Order {
+    fn new(args: &Args) -> Result<Self, Failure> {
+        let (register, value) = (args.register.as_str(), args.value.as_str());
+        let text = format!("{register} {value}");
+        let (address, word) = match register {
+            "run" => (RUN, run_command(value)?),
+            "frequency" => (FREQUENCY, frequency(value)?),
+            _ => (address(register).map_err(Failure::wrong)?, word(value)?),
+        };
+        let is_uniform = args.uniform || matches!(register, "run" | "frequency");
+        Ok(Self { address, word, is_uniform, text })
+    }
+
+    fn makes_run(&self) -> bool {
+        self.is_uniform && self.address == RUN && matches!(self.word, 1 | 2)
+    }
+
+    /// Writes it.
+    async fn send(&self, client: &mut Client) -> Result<(), Failure> {
+        match client.write(self.address, self.word).await {
+            Ok(()) => Ok(()),
+            Err(error) => Err(self.explained(client, &error).await),
+        }
+    }
+
+    /// Writes a run command. If nobody knows what became of it, a stop follows: otherwise a motor might run that nobody
+    /// answers for.
+    async fn run(&self, client: &mut Client) -> Result<(), Failure> {
+        let error = match client.write(self.address, self.word).await {
+            Ok(()) => return Ok(()),
+            Err(error) => error,
+        };
+        if !matches!(error, NoAnswer::Exception(0x0B) | NoAnswer::Lost(_)) {
+            return Err(self.explained(client, &error).await);
+        }
+        let then = match stop(client).await {
+            Ok(text) => text,
+            Err(failure) => failure.message,
+        };
+        Err(Failure::failed(format!("{}: {error}; it may have been carried out, so it is stopped: {then}", self.text)))
+    }
+
+    /// The error, for a uniform unit with the reason that the gateway notes there.
+    async fn explained(&self, client: &mut Client, error: &NoAnswer) -> Failure {
+        let mut text = format!("{}: {error}", self.text);
+        if self.is_uniform && matches!(error, NoAnswer::Exception(_)) {
+            text.push_str(&reason(client).await);
+        }
+        Failure::failed(text)
+    }
+}
+
+fn run_command(value: &str) -> Result<u16, Failure> {
+    let names = || RUN_COMMANDS.iter().map(|(name, _)| *name);
+    let found = RUN_COMMANDS.iter().find(|(name, _)| *name == value).map(|(_, word)| *word);
+    found.ok_or_else(|| {
+        Failure::wrong(format!("{value} is no run command; there are {}", names().collect::<Vec<_>>().join(", ")))
+    })
+}
+
+fn frequency(value: &str) -> Result<u16, Failure> {
+    let wrong = |what: &dyn std::fmt::Display| Failure::wrong(format!("{value} is no frequency such as 42.5: {what}"));
+    let hertz = Hertz::parse(value).map_err(|error| wrong(&error))?;
+    if !hertz.millihertz().is_multiple_of(10) {
+        return Err(wrong(&"finer than 0.01 Hz"));
+    }
+    hertz.centihertz().ok_or_else(|| wrong(&NoFrequency::OutOfRange))
+}
+
+fn word(value: &str) -> Result<u16, Failure> {
+    address(value).map_err(|_| Failure::wrong(format!("{value} is no word: a number from 0 to 65535, such as 5000")))
+}
+
+/// What the uniform unit says about the last command, to be put behind a message; nothing if it says nothing.
+async fn reason(client: &mut Client) -> String {
+    let number = client.read(REASON, 1).await.ok().and_then(|words| words.first().copied());
+    let reason = Reason::ALL.iter().find(|reason| Some(reason.number()) == number && **reason != Reason::None);
+    reason.map(|reason| format!("; the gateway notes: {} ({})", reason.text(), reason.word())).unwrap_or_default()
+}
+
+/// Renews the lease, again and again. It returns when the drive no longer runs by our command.
+async fn keep(client: &mut Client, ours: u16) -> Failure {
+    let mut complaint = None;
+    loop {
+        let wait = match renew(client, ours).await {
+            Ok(Some(left)) => {
+                complaint = None;
+                renew_after(left)
+            }
+            Ok(None) => {
+                return Failure::failed(format!("the drive no longer runs by this command{}", reason(client).await));
+            }
+            Err(NoAnswer::Exception(code @ (1..=3 | 6))) => {
+                let text = NoAnswer::Exception(code);
+                return Failure::failed(format!("the lease is lost: {text}{}", reason(client).await));
+            }
+            Err(error) => {
+                let text = error.to_string();
+                if complaint.as_ref() != Some(&text) {
+                    complain(
+                        format!("{text}; trying again, but the fail-safe action follows if the lease ends\n")
+                            .as_bytes(),
+                    );
+                    complaint = Some(text);
+                }
+                RENEW_MIN
+            }
+        };
+        sleep(wait).await;
+    }
+}
+
+/// Renews the lease if our command is still in force; nothing if it is not. Returns the seconds that are left then.
+async fn renew(client: &mut Client, ours: u16) -> Result<Option<u16>, NoAnswer> {
+    if client.read(RUN, 1).await? != [ours] {
+        return Ok(None);
+    }
+    client.write(LEASE, 1).await?;
+    Ok(client.read(LEASE_LEFT, 1).await?.first().copied())
+}
+
+/// A third of what is left, at most a second.
+fn renew_after(left: u16) -> Duration {
+    if left == NOT_KNOWN {
+        return RENEW_MAX;
+    }
+    (Duration::from_secs(left.into()) / 3).clamp(RENEW_MIN, RENEW_MAX)
+}
+
+/// Stops the drive, and says so.
+async fn stop(client: &mut Client) -> Result<String, Failure> {
+    let mut last = None;
+    for _ in 0..STOP_TRIES {
+        match client.write(RUN, STOP).await {
+            Ok(()) => return Ok("the stop is acknowledged".to_owned()),
+            Err(error) => last = Some(error),
+        }
+        sleep(STOP_AGAIN).await;
+    }
+    let why = last.map(|error| error.to_string()).unwrap_or_default();
+    let then = "the drive will run its fail-safe action when the lease ends";
+    Err(Failure::failed(format!("THE STOP IS NOT ACKNOWLEDGED: {why}; {then}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frequencies_are_exact_or_refused() {
+        assert_eq!(frequency("42.5").unwrap(), 4250);
+        assert_eq!(frequency("0.01").unwrap(), 1);
+        for (wrong, why) in
+            [("42.505", "finer"), ("655.36", "range"), ("-1", "range"), ("4,5", "number"), ("fast", "number")]
+        {
+            let failure = frequency(wrong).unwrap_err();
+            assert!(failure.message.contains(why), "{wrong}: {}", failure.message);
+            assert_eq!(failure.code, super::super::WRONG_USAGE);
+        }
+    }
+
+    #[test]
+    fn a_lease_is_renewed_three_times_before_it_ends_and_every_second() {
+        for (left, millis) in [(0, 100), (1, 333), (2, 666), (3, 1000), (30, 1000), (NOT_KNOWN, 1000)] {
+            assert_eq!(renew_after(left).as_millis(), millis, "{left} s left");
+        }
+    }
+
+    #[test]
+    fn what_is_no_run_command_is_answered_with_those_there_are() {
+        let failure = run_command("backwards").unwrap_err();
+        for (name, word) in RUN_COMMANDS {
+            assert_eq!(run_command(name).unwrap(), word);
+            assert!(failure.message.contains(name), "{}", failure.message);
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! Connections to the HTTP side: how many, how long, how fast.
+
+use axum::Router;
+use axum::serve::Listener;
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
+use std::pin::pin;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::sync::Semaphore;
+
+/// Most connections at once on one listener; further ones wait to be accepted. One scraper, a few browsers and
+/// health checks need ten.
+pub const CONNECTIONS_MAX: usize = 64;
+/// Longest time for the last answer, which a client that does not read would never take.
+const LAST_ANSWER_WITHIN: Duration = Duration::from_secs(10);
+/// Longest request head in bytes. No client of these routes has much to say.
+const HEAD_BYTES_MAX: usize = 16 * 1024;
+
+/// How long a connection may take.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Patience {
+    /// For a whole request head, from the moment when one can come: it also ends idle connections.
+    pub head: Duration,
+    /// For the connection: then it answers the request that it has and ends, so that nobody holds a place for ever.
+    pub connection: Duration,
+}
+
+impl Default for Patience {
+    fn default() -> Self {
+        Self { head: Duration::from_secs(10), connection: Duration::from_secs(300) }
+    }
+}
+
+/// Serves `router` on `listener` until the task is dropped.
+pub(super) async fn serve<L: Listener>(mut listener: L, router: Router, patience: Patience) {
+    let places = Arc::new(Semaphore::new(CONNECTIONS_MAX));
+    // The semaphore is never closed, so there is always a place in the end.
+    while let Ok(place) = Arc::clone(&places).acquire_owned().await {
+        let (stream, _) = listener.accept().await;
+        let router = router.clone();
+        tokio::task::spawn_local(async move {
+            converse(stream, router, patience).await;
+            drop(place);
+        });
+    }
+}
+
+async fn converse(stream: impl AsyncRead + AsyncWrite + Unpin + 'static, router: Router, patience: Patience) {
+    let mut http = http1::Builder::new();
+    http.timer(TokioTimer::new()).header_read_timeout(patience.head).max_buf_size(HEAD_BYTES_MAX);
+    let mut connection = pin!(http.serve_connection(TokioIo::new(stream), TowerToHyperService::new(router)));
+    let end = match tokio::time::timeout(patience.connection, connection.as_mut()).await {
+        Ok(end) => end,
+        Err(_) => {
+            connection.as_mut().graceful_shutdown();
+            tokio::time::timeout(LAST_ANSWER_WITHIN, connection).await.unwrap_or(Ok(()))
+        }
+    };
+    if let Err(error) = end {
+        tracing::debug!(%error, "HTTP connection");
+    }
+}

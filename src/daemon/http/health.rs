@@ -1,0 +1,72 @@
+//! The state of the gateway as JSON: for `/readyz` and for `vfd-gateway health`.
+
+use super::state::State;
+use crate::daemon::shared::{SharedDrive, SharedLine};
+use crate::domain::report::{LineReport, LineState};
+use crate::domain::time::MonoTime;
+use crate::drive::snapshot::Presence;
+use crate::drive::view::{DriveView, RunState};
+use serde_json::{Value, json};
+
+/// Why the gateway is ready or not: each line and the broker.
+pub(super) fn readiness(state: &State) -> Value {
+    json!({
+        "ready": state.is_ready(),
+        "lines": state.shared.lines.iter().map(line).collect::<Vec<_>>(),
+        "mqtt": mqtt(state),
+    })
+}
+
+/// Everything that `vfd-gateway health` shows.
+pub(super) fn health(state: &State, now: MonoTime) -> Value {
+    json!({
+        "gateway": state.gateway,
+        "version": env!("CARGO_PKG_VERSION"),
+        "uptime_seconds": now.since(state.started).as_secs(),
+        "ready": state.is_ready(),
+        "lines": state.shared.lines.iter().map(line).collect::<Vec<_>>(),
+        "drives": state.shared.drives.iter().map(drive).collect::<Vec<_>>(),
+        "mqtt": mqtt(state),
+    })
+}
+
+fn line(line: &SharedLine) -> Value {
+    let LineReport { state, fault, .. } = line.report();
+    let reason = fault.filter(|_| state == LineState::Down).map(|fault| fault.to_string());
+    let state = match state {
+        LineState::Up => "up",
+        LineState::Down => "down",
+    };
+    json!({ "name": line.name.as_str(), "state": state, "reason": reason })
+}
+
+fn drive(drive: &SharedDrive) -> Value {
+    let (description, view) = (&drive.description, drive.view.load());
+    json!({
+        "name": description.name.as_str(),
+        "line": description.line.as_str(),
+        "model": description.model.id,
+        "unit": description.unit.get(),
+        "uniform_unit": description.uniform_unit.get(),
+        "presence": presence(&view),
+        "run_state": run_state(&view).word(),
+    })
+}
+
+fn presence(view: &DriveView) -> &'static str {
+    match view.snapshot.presence {
+        Presence::Unknown => "unknown",
+        Presence::Online if view.line_is_up => "online",
+        Presence::Online | Presence::Offline => "offline",
+    }
+}
+
+/// What the drive does; offline as long as it cannot be asked, whatever was known before.
+pub(super) fn run_state(view: &DriveView) -> RunState {
+    let was_seen = view.snapshot.presence != Presence::Unknown;
+    if was_seen && !view.is_online() { RunState::Offline } else { view.run_state }
+}
+
+fn mqtt(state: &State) -> Value {
+    state.mqtt.as_ref().map_or(Value::Null, |mqtt| json!({ "connected": mqtt.is_connected() }))
+}

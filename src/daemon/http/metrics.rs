@@ -1,0 +1,168 @@
+//! Metrics as OpenMetrics text, made anew for each scrape from what the lines show.
+
+use super::state::State;
+use super::table::{self, Metric, Name, Sample};
+use crate::daemon::shared::SharedDrive;
+use crate::domain::time::MonoTime;
+use crate::drive::view::DriveView;
+use crate::profile::model::{Register, Role};
+use crate::profile::scale::Scaled;
+use prometheus_client::collector::Collector;
+use prometheus_client::encoding::{DescriptorEncoder, MetricEncoder, NoLabelSet, text};
+use prometheus_client::registry::{Registry, Unit};
+use std::fmt;
+use std::sync::Arc;
+
+/// Names and values of the labels of one sample.
+type Labels<'a> = Vec<(&'static str, &'a str)>;
+
+/// All metrics as of `now`.
+///
+/// # Errors
+/// The encoder's, which has none for text.
+pub(super) fn text(state: Arc<State>, now: MonoTime) -> Result<String, fmt::Error> {
+    let mut registry = Registry::with_prefix(table::PREFIX);
+    registry.register_collector(Box::new(Scrape { state, now }));
+    let mut written = String::new();
+    text::encode(&mut written, &registry)?;
+    Ok(written)
+}
+
+#[derive(Debug)]
+struct Scrape {
+    state: Arc<State>,
+    now: MonoTime,
+}
+
+impl Collector for Scrape {
+    fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> fmt::Result {
+        let (state, shared) = (&self.state, &self.state.shared);
+        let version = vec![("version", env!("CARGO_PKG_VERSION")), ("gateway", &state.gateway)];
+        gauges(&mut encoder, &table::BUILD, [(version, 1.0)])?;
+        each(&mut encoder, table::GATEWAY, || [(Vec::new(), state.as_ref())])?;
+        let reports: Vec<_> = shared.lines.iter().map(|line| (line.name.as_str(), line.report())).collect();
+        each(&mut encoder, table::LINE, || reports.iter().map(|(name, report)| (vec![("line", *name)], report)))?;
+        let drives: Vec<_> = shared.drives.iter().map(|drive| (drive, drive.view.load_full())).collect();
+        each(&mut encoder, table::DRIVE, || drives.iter().map(|(drive, view)| (labels(drive), view.as_ref())))?;
+        self.registers(&mut encoder, &drives)?;
+        each(&mut encoder, table::MODBUS, || [(Vec::new(), state.modbus.as_ref())])?;
+        self.exceptions(&mut encoder)?;
+        match &state.mqtt {
+            Some(mqtt) => each(&mut encoder, table::MQTT, || [(Vec::new(), mqtt.as_ref())]),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Scrape {
+    /// The polled registers of all drives, as far as they are fresh.
+    fn registers(&self, encoder: &mut DescriptorEncoder<'_>, drives: &[(&SharedDrive, Arc<DriveView>)]) -> fmt::Result {
+        let fresh = || drives.iter().flat_map(|(drive, view)| fresh(drive, view, self.now));
+        let is_output = |register: &Register| register.role == Some(Role::OutputFrequency);
+        let output = fresh().filter(|(_, register, _)| is_output(register));
+        gauges(encoder, &table::OUTPUT_FREQUENCY, output.map(|(drive, _, value)| (labels(drive), value)))?;
+        let others = fresh().filter(|(_, register, _)| !is_output(register));
+        gauges(
+            encoder,
+            &table::VALUE,
+            others.map(|(drive, register, value)| {
+                let more = [("name", register.name.as_str()), ("unit", register.unit.symbol())];
+                ([labels(drive), more.to_vec()].concat(), value)
+            }),
+        )
+    }
+
+    fn exceptions(&self, encoder: &mut DescriptorEncoder<'_>) -> fmt::Result {
+        let mut family = begin(encoder, &table::MODBUS_EXCEPTIONS, None)?;
+        for (code, count) in self.state.modbus.counters().exceptions.iter().enumerate() {
+            let code = if code == 0 { "other".to_owned() } else { format!("{code:02X}") };
+            sample(&mut family, &vec![("code", code.as_str())], Value::Count(*count))?;
+        }
+        Ok(())
+    }
+}
+
+/// The registers of `drive` whose last reading is not stale, with their values.
+fn fresh<'a>(
+    drive: &'a SharedDrive,
+    view: &DriveView,
+    now: MonoTime,
+) -> impl Iterator<Item = (&'a SharedDrive, &'a Register, f64)> {
+    let description = &drive.description;
+    description.model.registers.iter().filter_map(move |register| {
+        let reading = view.snapshot.reading(register.address)?;
+        let is_fresh = now.since(reading.at) < description.stale_after(register)?;
+        is_fresh.then(|| (drive, register, Scaled::from_word(reading.raw, register).value()))
+    })
+}
+
+fn labels(drive: &SharedDrive) -> Labels<'_> {
+    vec![("line", drive.description.line.as_str()), ("drive", drive.description.name.as_str())]
+}
+
+/// Each metric of `metrics` with a sample of each of `sources`.
+fn each<'a, T: 'a, I>(
+    encoder: &mut DescriptorEncoder<'_>,
+    metrics: &[Metric<T>],
+    sources: impl Fn() -> I,
+) -> fmt::Result
+where
+    I: IntoIterator<Item = (Labels<'a>, &'a T)>,
+{
+    for metric in metrics {
+        let unit = unit(&metric.name);
+        let mut family = begin(encoder, &metric.name, unit.as_ref())?;
+        for (labels, source) in sources() {
+            let value = match metric.sample {
+                Sample::Counter(take) => take(source).map(Value::Count),
+                Sample::Gauge(take) => take(source).map(Value::Level),
+            };
+            value.map_or(Ok(()), |value| sample(&mut family, &labels, value))?;
+        }
+    }
+    Ok(())
+}
+
+/// One metric with the samples `values`.
+fn gauges<'a>(
+    encoder: &mut DescriptorEncoder<'_>,
+    name: &Name,
+    values: impl IntoIterator<Item = (Labels<'a>, f64)>,
+) -> fmt::Result {
+    let unit = unit(name);
+    let mut family = begin(encoder, name, unit.as_ref())?;
+    for (labels, value) in values {
+        sample(&mut family, &labels, Value::Level(value))?;
+    }
+    Ok(())
+}
+
+fn begin<'e>(
+    encoder: &'e mut DescriptorEncoder<'_>,
+    name: &'e Name,
+    unit: Option<&'e Unit>,
+) -> Result<MetricEncoder<'e>, fmt::Error> {
+    encoder.encode_descriptor(name.name, name.help, unit, name.kind)
+}
+
+fn unit(name: &Name) -> Option<Unit> {
+    name.unit.map(|unit| Unit::Other(unit.to_owned()))
+}
+
+#[derive(Clone, Copy)]
+enum Value {
+    Count(u64),
+    Level(f64),
+}
+
+fn sample(family: &mut MetricEncoder<'_>, labels: &Labels<'_>, value: Value) -> fmt::Result {
+    // Without labels no braces are written either: some readers stumble over empty ones.
+    if labels.is_empty() { write(family, value) } else { write(&mut family.encode_family(labels)?, value) }
+}
+
+fn write(encoder: &mut MetricEncoder<'_>, value: Value) -> fmt::Result {
+    match value {
+        Value::Count(count) => encoder.encode_counter::<NoLabelSet, u64, u64>(&count, None),
+        Value::Level(level) => encoder.encode_gauge(&level),
+    }
+}

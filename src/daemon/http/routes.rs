@@ -1,0 +1,47 @@
+//! What is found where.
+
+use super::state::State as Gateway;
+use super::{health, metrics};
+use crate::daemon::clock;
+use axum::Router;
+use axum::extract::State;
+use axum::http::{StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use serde_json::Value;
+use std::sync::Arc;
+
+/// The media type of metrics, as Prometheus asks for it.
+const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+
+/// All routes. What is not here is 404, and what does not only look is 405.
+pub(super) fn router(state: Arc<Gateway>) -> Router {
+    Router::new()
+        // Whoever gets this answer knows that the main thread turns: it is given there.
+        .route("/healthz", get(async || "ok\n"))
+        .route("/readyz", get(ready))
+        .route("/metrics", get(measured))
+        .route("/api/v1/health", get(healthy))
+        .with_state(state)
+}
+
+async fn ready(State(gateway): State<Arc<Gateway>>) -> Response {
+    let readiness = health::readiness(&gateway);
+    let status = if readiness["ready"] == true { StatusCode::OK } else { StatusCode::SERVICE_UNAVAILABLE };
+    (status, json(&readiness)).into_response()
+}
+
+async fn healthy(State(gateway): State<Arc<Gateway>>) -> Response {
+    json(&health::health(&gateway, clock::now())).into_response()
+}
+
+async fn measured(State(gateway): State<Arc<Gateway>>) -> Response {
+    match metrics::text(gateway, clock::now()) {
+        Ok(text) => ([(header::CONTENT_TYPE, OPEN_METRICS)], text).into_response(),
+        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, format!("{error}\n")).into_response(),
+    }
+}
+
+fn json(value: &Value) -> impl IntoResponse + use<> {
+    ([(header::CONTENT_TYPE, "application/json")], format!("{value}\n"))
+}

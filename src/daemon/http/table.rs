@@ -1,0 +1,168 @@
+//! All metrics: name, unit, type, help, and where the number comes from.
+//!
+//! Each name begins with [`PREFIX`] and ends with its unit; a counter's ends with `_total` besides.
+
+use super::health;
+use super::state::{ModbusTotals, MqttTotals, State};
+use crate::domain::report::{LineReport, LineState};
+use crate::drive::view::{ControlView, DriveView};
+use prometheus_client::metrics::MetricType;
+
+/// First part of all names.
+pub(super) const PREFIX: &str = "vfd_gateway";
+
+/// One family of samples of a `T`.
+pub(super) struct Metric<T> {
+    pub name: Name,
+    pub sample: Sample<T>,
+}
+
+/// What stands in front of the samples of one family.
+pub(super) struct Name {
+    pub name: &'static str,
+    pub unit: Option<&'static str>,
+    pub help: &'static str,
+    pub kind: MetricType,
+}
+
+/// How a sample is taken; nothing where there is none.
+pub(super) enum Sample<T> {
+    Counter(fn(&T) -> Option<u64>),
+    Gauge(fn(&T) -> Option<f64>),
+}
+
+const fn counter<T>(name: &'static str, help: &'static str, take: fn(&T) -> Option<u64>) -> Metric<T> {
+    let name = Name { name, unit: None, help, kind: MetricType::Counter };
+    Metric { name, sample: Sample::Counter(take) }
+}
+
+const fn gauge<T>(name: &'static str, help: &'static str, take: fn(&T) -> Option<f64>) -> Metric<T> {
+    Metric { name: plain(name, None, help), sample: Sample::Gauge(take) }
+}
+
+impl<T> Metric<T> {
+    const fn in_unit(mut self, unit: &'static str) -> Self {
+        self.name.unit = Some(unit);
+        self
+    }
+}
+
+const fn plain(name: &'static str, unit: Option<&'static str>, help: &'static str) -> Name {
+    Name { name, unit, help, kind: MetricType::Gauge }
+}
+
+/// The version, as a label of the number 1.
+pub(super) const BUILD: Name = plain("build_info", None, "Always 1; the version is a label.");
+
+/// The gateway as a whole.
+pub(super) const GATEWAY: &[Metric<State>] = &[
+    gauge("process_start_time", "When the gateway started, since 1970-01-01 UTC.", |state: &State| {
+        Some(state.started_at.unix_ms as f64 / 1000.0)
+    })
+    .in_unit("seconds"),
+    gauge("ready", "1 while all lines are open and the broker is reached, if one is configured.", |state| {
+        truth(state.is_ready())
+    }),
+];
+
+/// Each line; label `line`.
+pub(super) const LINE: &[Metric<LineReport>] = &[
+    gauge("line_up", "1 while the port of the line is open.", |line| truth(line.state == LineState::Up)),
+    counter("line_requests", "Frames sent.", |line| Some(line.counters.requests)),
+    counter("line_replies", "Right replies.", |line| Some(line.counters.replies)),
+    counter("line_exceptions", "Exceptions that drives answered with.", |line| Some(line.counters.exceptions)),
+    counter("line_silent", "Time-outs without any frame from the station.", |line| Some(line.counters.silent)),
+    counter("line_garbled", "Exchanges that ended with a damaged reply.", |line| Some(line.counters.garbled)),
+    counter("line_strays", "Frames of the asked station that were not the answer, late ones above all.", |line| {
+        Some(line.counters.strays)
+    }),
+    counter("line_foreign", "Sound frames of stations that were not asked.", |line| Some(line.counters.foreign)),
+    counter("line_noise", "Bytes that made no frame.", |line: &LineReport| Some(line.counters.noise_bytes))
+        .in_unit("bytes"),
+    counter("line_retries", "Exchanges repeated at once after damage.", |line| Some(line.counters.retries)),
+    counter("line_barriers", "Exchanges sent only to prove that no late reply can follow.", |line| {
+        Some(line.counters.barriers)
+    }),
+    counter("line_joined", "Native reads that joined an exchange somebody else had asked for.", |line| {
+        Some(line.counters.joined)
+    }),
+    counter("line_queue_full", "Native requests refused because a queue was full.", |line| {
+        Some(line.counters.queue_full)
+    }),
+    counter("line_expired", "Native requests whose deadline passed in the queue.", |line| Some(line.counters.expired)),
+    counter("line_port_ups", "Times the port was opened.", |line| Some(line.counters.port_ups)),
+    counter("line_port_downs", "Times the port was lost.", |line| Some(line.counters.port_downs)),
+];
+
+/// Each drive; labels `line` and `drive`. What control says is there only for drives with a control section.
+pub(super) const DRIVE: &[Metric<DriveView>] = &[
+    gauge("drive_online", "1 while the drive answers.", |view| truth(view.is_online())),
+    gauge(
+        "drive_run_state",
+        "0 unknown, 1 stopped, 2 forward, 3 reverse, 4 tripped, 5 offline, 6 running, 7 stopping.",
+        |view| Some(f64::from(health::run_state(view).number())),
+    ),
+    counter("drive_trips_seen", "Trips that this process has seen.", |view| Some(u64::from(view.trip.seen))),
+    gauge("drive_trip_active", "1 while a trip holds; absent while that is not known.", |view| {
+        truth(view.trip.active?)
+    }),
+    gauge("drive_start_inhibited", "1 while RUN needs a stop and a new run command first.", |view| {
+        of_control(view, |control| control.start_inhibited)
+    }),
+    gauge("drive_stop_pending", "1 while a stop is not effective yet.", |view| {
+        of_control(view, |control| control.stop_pending)
+    }),
+    gauge("drive_not_effective", "1 while a stop had no effect in time.", |view| {
+        of_control(view, |control| control.not_effective)
+    }),
+    gauge("drive_failsafe", "1 while the fail-safe action was the last to act.", |view| {
+        of_control(view, |control| control.failsafe)
+    }),
+    gauge("drive_lease_held", "1 while somebody holds control.", |view| {
+        of_control(view, |control| control.lease.is_some())
+    }),
+    counter("drive_commands", "Commands so far; it wraps at 65536, as the register does.", |view| {
+        Some(u64::from(view.control.as_ref()?.commands))
+    }),
+];
+
+/// The output frequency as the drive reports it, while it is fresh; labels `line` and `drive`.
+pub(super) const OUTPUT_FREQUENCY: Name =
+    plain("drive_output_frequency", Some("hertz"), "Output frequency; absent while it is stale.");
+
+/// Every other polled register, while it is fresh; labels `line`, `drive`, `name` and `unit`.
+pub(super) const VALUE: Name = plain("drive_value", None, "Polled registers in their units; absent while stale.");
+
+/// The Modbus TCP side.
+pub(super) const MODBUS: &[Metric<ModbusTotals>] = &[
+    gauge("modbus_connections", "Modbus TCP connections that are open.", |modbus| Some(modbus.connections() as f64)),
+    counter("modbus_accepted", "Modbus TCP connections accepted.", |modbus| Some(modbus.accepted())),
+    counter("modbus_refused", "Modbus TCP connections turned away.", |modbus| Some(modbus.turned_away())),
+    counter("modbus_requests", "Modbus TCP requests.", |modbus| Some(modbus.counters().requests)),
+    counter("modbus_replies", "Modbus TCP answers that are no exceptions.", |modbus| Some(modbus.counters().replies)),
+];
+
+/// Exceptions on Modbus TCP; label `code`.
+pub(super) const MODBUS_EXCEPTIONS: Name = Name {
+    name: "modbus_exceptions",
+    unit: None,
+    help: "Modbus TCP exceptions by their code.",
+    kind: MetricType::Counter,
+};
+
+/// The MQTT side, if a broker is configured.
+pub(super) const MQTT: &[Metric<MqttTotals>] = &[
+    gauge("mqtt_connected", "1 while the broker is reached.", |mqtt| truth(mqtt.is_connected())),
+    counter("mqtt_connects", "Times the broker was reached.", |mqtt| Some(mqtt.counts()[0])),
+    counter("mqtt_received", "Messages from the broker.", |mqtt| Some(mqtt.counts()[1])),
+    counter("mqtt_published", "Messages to the broker.", |mqtt| Some(mqtt.counts()[2])),
+    counter("mqtt_refused_retained", "Commands refused because they were retained.", |mqtt| Some(mqtt.counts()[3])),
+];
+
+fn truth(is_true: bool) -> Option<f64> {
+    Some(f64::from(u8::from(is_true)))
+}
+
+fn of_control(view: &DriveView, what: fn(&ControlView) -> bool) -> Option<f64> {
+    view.control.as_ref().and_then(|control| truth(what(control)))
+}

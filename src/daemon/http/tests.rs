@@ -1,0 +1,358 @@
+//! Answers over real sockets, from a gateway whose lines are played by the test.
+
+use super::connections::{self, CONNECTIONS_MAX, Patience};
+use super::routes;
+use super::socket::{OwnSocket, SOCKET_NAME, SocketError};
+use super::state::{ModbusTotals, MqttTotals, State};
+use super::table;
+use crate::daemon::clock;
+use crate::daemon::shared::Shared;
+use crate::domain::ids::{DriveIndex, Name, UnitId};
+use crate::domain::report::{LineCounters, LineReport, LineState, PortFault};
+use crate::domain::time::{MonoTime, WallTime};
+use crate::drive::description::{DriveDescription, DriveRef};
+use crate::drive::snapshot::{DriveSnapshot, Presence};
+use crate::drive::view::{ControlView, DriveView, RunState};
+use crate::north::modbus::Counters;
+use crate::profile::catalog::Catalog;
+use crate::vendors;
+use std::net::SocketAddr;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream, UnixStream};
+use tokio::task::LocalSet;
+
+/// One line with one drive, with a broker if `broker`.
+fn state(broker: bool) -> Arc<State> {
+    let name = |text| Name::new(text).unwrap();
+    let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+    let description = DriveDescription {
+        place: DriveRef { line: 0, drive: DriveIndex(0) },
+        name: name("pump-1"),
+        line: name("hall-1"),
+        model: Arc::clone(catalog.find("hyundai-n700").unwrap()),
+        unit: UnitId::new(1).unwrap(),
+        uniform_unit: UnitId::new(101).unwrap(),
+        poll: Duration::from_secs(1),
+        control: None,
+        dead_bands: Vec::new(),
+    };
+    Arc::new(State {
+        gateway: "plant-a".to_owned(),
+        shared: Arc::new(Shared::new(vec![name("hall-1")], vec![description])),
+        modbus: Arc::new(ModbusTotals::default()),
+        mqtt: broker.then(Arc::default),
+        started: clock::now(),
+        started_at: WallTime { unix_ms: 1_700_000_000_500 },
+    })
+}
+
+fn show(state: &State, report: LineReport, view: DriveView) {
+    state.shared.lines[0].set_report(report);
+    state.shared.drives[0].view.store(Arc::new(view));
+}
+
+const UP: LineReport = LineReport {
+    state: LineState::Up,
+    fault: None,
+    counters: LineCounters {
+        requests: 7,
+        replies: 5,
+        exceptions: 1,
+        silent: 0,
+        garbled: 0,
+        strays: 0,
+        foreign: 0,
+        noise_bytes: 12,
+        retries: 0,
+        barriers: 0,
+        joined: 0,
+        queue_full: 0,
+        expired: 0,
+        port_ups: 1,
+        port_downs: 0,
+    },
+};
+
+/// A drive that answered at `at` with 50.00 Hz and 3 trips.
+fn online(at: MonoTime) -> DriveView {
+    let mut snapshot = DriveSnapshot::default();
+    snapshot.presence = Presence::Online;
+    snapshot.take(0x0101, &[5000], at);
+    snapshot.take(0x0112, &[3], at);
+    DriveView { line_is_up: true, snapshot, run_state: RunState::Forward, ..DriveView::default() }
+}
+
+fn on_a_runtime<F: Future>(test: F) -> F::Output {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    LocalSet::new().block_on(&runtime, test)
+}
+
+async fn serve(state: &Arc<State>, patience: Patience) -> SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    tokio::task::spawn_local(connections::serve(listener, routes::router(Arc::clone(state)), patience));
+    address
+}
+
+/// The status line's number and the body of the answer.
+async fn ask(address: SocketAddr, method: &str, path: &str) -> (u16, String) {
+    answer(TcpStream::connect(address).await.unwrap(), method, path).await
+}
+
+async fn answer(mut stream: impl AsyncReadExt + AsyncWriteExt + Unpin, method: &str, path: &str) -> (u16, String) {
+    let request = format!("{method} {path} HTTP/1.1\r\nHost: here\r\nConnection: close\r\n\r\n");
+    stream.write_all(request.as_bytes()).await.unwrap();
+    let mut text = String::new();
+    stream.read_to_string(&mut text).await.unwrap();
+    let (head, body) = text.split_once("\r\n\r\n").unwrap();
+    (head.split(' ').nth(1).unwrap().parse().unwrap(), body.to_owned())
+}
+
+#[test]
+fn alive_and_ready_differ() {
+    on_a_runtime(async {
+        let state = state(true);
+        let address = serve(&state, Patience::default()).await;
+        assert_eq!(ask(address, "GET", "/healthz").await, (200, "ok\n".to_owned()));
+        let gone = LineReport { fault: Some(PortFault::Gone), ..LineReport::default() };
+        show(&state, gone, DriveView::default());
+        let (status, body) = ask(address, "GET", "/readyz").await;
+        assert_eq!(status, 503);
+        assert!(body.contains("the device is gone"), "{body}");
+        show(&state, UP, DriveView::default());
+        assert_eq!(ask(address, "GET", "/readyz").await.0, 503, "the broker is not reached");
+        state.mqtt.as_ref().unwrap().set_connected(true);
+        let (status, body) = ask(address, "GET", "/readyz").await;
+        let body: serde_json::Value = serde_json::from_str(&body).unwrap();
+        assert_eq!((status, &body["ready"], &body["lines"][0]["state"]), (200, &true.into(), &"up".into()));
+    });
+}
+
+#[test]
+fn what_is_not_there_is_404_and_what_does_not_only_look_is_405() {
+    on_a_runtime(async {
+        let address = serve(&state(false), Patience::default()).await;
+        for (method, path, status) in [
+            ("GET", "/", 404),
+            ("GET", "/metrics/", 404),
+            ("POST", "/nothing", 404),
+            ("POST", "/metrics", 405),
+            ("PUT", "/healthz", 405),
+            ("DELETE", "/api/v1/health", 405),
+            ("HEAD", "/metrics", 200),
+        ] {
+            assert_eq!(ask(address, method, path).await.0, status, "{method} {path}");
+        }
+    });
+}
+
+#[test]
+fn health_names_lines_and_drives() {
+    on_a_runtime(async {
+        let state = state(false);
+        show(&state, UP, online(clock::now()));
+        let address = serve(&state, Patience::default()).await;
+        let (_, body) = ask(address, "GET", "/api/v1/health").await;
+        let health: serde_json::Value = serde_json::from_str(&body).unwrap();
+        assert_eq!(health["gateway"], "plant-a");
+        assert_eq!(health["version"], env!("CARGO_PKG_VERSION"));
+        assert_eq!(health["ready"], true, "no broker is configured");
+        assert_eq!(health["lines"], serde_json::json!([{ "name": "hall-1", "state": "up", "reason": null }]));
+        let drive = &health["drives"][0];
+        assert_eq!((&drive["presence"], &drive["run_state"]), (&"online".into(), &"forward".into()));
+        show(&state, LineReport::default(), DriveView { line_is_up: false, ..online(clock::now()) });
+        let (_, body) = ask(address, "GET", "/api/v1/health").await;
+        let health: serde_json::Value = serde_json::from_str(&body).unwrap();
+        let drive = &health["drives"][0];
+        assert_eq!((&drive["presence"], &drive["run_state"]), (&"offline".into(), &"offline".into()));
+    });
+}
+
+#[test]
+fn metrics_show_lines_drives_and_only_fresh_values() {
+    let state = state(true);
+    let now = clock::now() + Duration::from_secs(3600);
+    let seen = |age| show(&state, UP, online(now.before(age)));
+    let text = || super::metrics::text(Arc::clone(&state), now).unwrap();
+    seen(Duration::from_millis(2900));
+    state.modbus.opened();
+    state.modbus.add(&Counters::default(), &Counters { requests: 3, replies: 2, exceptions: one_of_02() });
+    let fresh = text();
+    for line in [
+        "# TYPE vfd_gateway_line_requests counter",
+        "vfd_gateway_line_requests_total{line=\"hall-1\"} 7",
+        "vfd_gateway_line_noise_bytes_total{line=\"hall-1\"} 12",
+        "vfd_gateway_line_up{line=\"hall-1\"} 1.0",
+        "vfd_gateway_drive_online{line=\"hall-1\",drive=\"pump-1\"} 1.0",
+        "vfd_gateway_drive_run_state{line=\"hall-1\",drive=\"pump-1\"} 2.0",
+        "# UNIT vfd_gateway_drive_output_frequency_hertz hertz",
+        "vfd_gateway_drive_output_frequency_hertz{line=\"hall-1\",drive=\"pump-1\"} 50.0",
+        "vfd_gateway_drive_value{line=\"hall-1\",drive=\"pump-1\",name=\"trip_count\",unit=\"-\"} 3.0",
+        "vfd_gateway_modbus_connections 1.0",
+        "vfd_gateway_modbus_requests_total 3",
+        "vfd_gateway_modbus_exceptions_total{code=\"02\"} 1",
+        "vfd_gateway_mqtt_connected 0.0",
+        "vfd_gateway_process_start_time_seconds 1700000000.5",
+        "# EOF",
+    ] {
+        assert!(fresh.lines().any(|it| it == line), "no {line} in\n{fresh}");
+    }
+    assert!(!fresh.contains("lease_held{"), "a drive without control has no lease");
+    seen(Duration::from_millis(3000));
+    let stale = text();
+    assert!(!stale.contains("hertz{"), "{stale}");
+}
+
+#[test]
+fn metrics_show_control() {
+    let state = state(false);
+    let control = ControlView {
+        lease: None,
+        intent: Default::default(),
+        setpoint: None,
+        start_inhibited: true,
+        command_pending: false,
+        stop_pending: false,
+        not_effective: false,
+        failsafe: false,
+        epoch: 1,
+        last: None,
+        commands: 9,
+    };
+    show(&state, UP, DriveView { control: Some(control), ..online(clock::now()) });
+    let text = super::metrics::text(state, clock::now()).unwrap();
+    let drive = "{line=\"hall-1\",drive=\"pump-1\"}";
+    for (name, value) in [("start_inhibited", "1.0"), ("lease_held", "0.0"), ("commands_total", "9")] {
+        let line = format!("vfd_gateway_drive_{name}{drive} {value}");
+        assert!(text.contains(&line), "no {line} in\n{text}");
+    }
+    assert!(!text.contains("mqtt"), "no broker is configured");
+}
+
+fn one_of_02() -> [u64; Counters::EXCEPTION_CODES] {
+    std::array::from_fn(|code| u64::from(code == 2))
+}
+
+#[test]
+fn no_metric_stands_in_the_table_twice() {
+    let mut names = vec![table::BUILD.name, table::OUTPUT_FREQUENCY.name, table::VALUE.name];
+    names.push(table::MODBUS_EXCEPTIONS.name);
+    names.extend(table::GATEWAY.iter().map(|it| it.name.name));
+    names.extend(table::LINE.iter().map(|it| it.name.name));
+    names.extend(table::DRIVE.iter().map(|it| it.name.name));
+    names.extend(table::MODBUS.iter().map(|it| it.name.name));
+    names.extend(table::MQTT.iter().map(|it| it.name.name));
+    let count = names.len();
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names.len(), count);
+}
+
+#[test]
+fn who_says_nothing_or_stays_too_long_is_shown_the_door() {
+    on_a_runtime(async {
+        let short = Duration::from_millis(200);
+        let address = serve(&state(false), Patience { head: short, ..Patience::default() }).await;
+        let mut silent = TcpStream::connect(address).await.unwrap();
+        silent.write_all(b"GET /healthz HTT").await.unwrap();
+        let mut rest = Vec::new();
+        // Whatever it is told, the end of the stream comes.
+        let _ = tokio::time::timeout(Duration::from_secs(5), silent.read_to_end(&mut rest)).await.unwrap();
+        let address = serve(&state(false), Patience { connection: short, ..Patience::default() }).await;
+        let mut idle = TcpStream::connect(address).await.unwrap();
+        idle.write_all(b"GET /healthz HTTP/1.1\r\nHost: here\r\n\r\n").await.unwrap();
+        let _ = tokio::time::timeout(Duration::from_secs(5), idle.read_to_end(&mut rest)).await.unwrap();
+        assert!(String::from_utf8_lossy(&rest).contains("ok\n"));
+    });
+}
+
+#[test]
+fn one_connection_too_many_waits_for_its_place() {
+    on_a_runtime(async {
+        let address = serve(&state(false), Patience::default()).await;
+        let mut held = Vec::new();
+        for _ in 0..CONNECTIONS_MAX {
+            held.push(TcpStream::connect(address).await.unwrap());
+        }
+        let mut late = Box::pin(ask(address, "GET", "/healthz"));
+        assert!(tokio::time::timeout(Duration::from_millis(200), &mut late).await.is_err());
+        held.pop();
+        assert_eq!(late.await.0, 200);
+    });
+}
+
+/// A directory that is gone after the test.
+struct Place(PathBuf);
+
+impl Place {
+    fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("vfd-gateway-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+#[test]
+fn the_socket_is_its_owners_alone_and_goes_with_the_gateway() {
+    let place = Place::new("own");
+    let path = place.0.join(SOCKET_NAME);
+    on_a_runtime(async {
+        let socket = OwnSocket::open(&place.0).unwrap();
+        assert_eq!(socket.path(), path);
+        assert_eq!(path.metadata().unwrap().permissions().mode() & 0o777, 0o600);
+        tokio::task::spawn_local(socket.serve(state(false)));
+        let stream = UnixStream::connect(&path).await.unwrap();
+        assert_eq!(answer(stream, "GET", "/healthz").await.0, 200);
+    });
+    assert!(!path.exists(), "it is gone with the task");
+}
+
+#[test]
+fn the_socket_of_the_dead_is_replaced_and_that_of_the_living_is_not() {
+    let place = Place::new("dead");
+    let path = place.0.join(SOCKET_NAME);
+    drop(std::os::unix::net::UnixListener::bind(&path).unwrap());
+    assert!(path.symlink_metadata().is_ok(), "nobody has removed it");
+    on_a_runtime(async {
+        let living = OwnSocket::open(&place.0).unwrap();
+        let refusal = OwnSocket::open(&place.0).unwrap_err().to_string();
+        assert!(refusal.contains(&format!("process {}", std::process::id())), "{refusal}");
+        assert!(UnixStream::connect(&path).await.is_ok(), "the living one is left alone");
+        drop(living);
+        OwnSocket::open(&place.0).unwrap();
+    });
+}
+
+#[test]
+fn what_is_no_socket_is_left_alone() {
+    let place = Place::new("file");
+    std::fs::write(place.0.join(SOCKET_NAME), "notes").unwrap();
+    on_a_runtime(async {
+        assert!(matches!(OwnSocket::open(&place.0), Err(SocketError::NoSocket(_))));
+        let nowhere = OwnSocket::open(Path::new("/nonexistent")).unwrap_err().to_string();
+        assert!(nowhere.contains("/nonexistent"), "{nowhere}");
+    });
+    assert_eq!(std::fs::read_to_string(place.0.join(SOCKET_NAME)).unwrap(), "notes");
+}
+
+#[test]
+fn the_broker_is_counted_once_a_connection() {
+    let mqtt = MqttTotals::default();
+    for connected in [true, true, false, true] {
+        mqtt.set_connected(connected);
+    }
+    mqtt.received();
+    mqtt.published();
+    mqtt.refused_retained();
+    assert_eq!(mqtt.counts(), [2, 1, 1, 1]);
+}
