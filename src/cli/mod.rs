@@ -1,5 +1,6 @@
 //! The command line: one small file per command.
 
+mod broker;
 mod check;
 mod demo;
 mod input;
@@ -42,6 +43,9 @@ enum Command {
     Models(models::Args),
     /// Play one or more drives on a pseudo-terminal, for people who have no hardware at hand
     Simulate(simulate::Args),
+    /// Run a small MQTT broker on loopback; ends with its standard input
+    #[command(hide = true)]
+    Broker(broker::Args),
 }
 
 /// Why a command ended without success. The message is already for people.
@@ -74,6 +78,7 @@ pub fn main() -> ExitCode {
         Command::Check(args) => check::check(&args),
         Command::Models(args) => models::models(&args),
         Command::Simulate(args) => simulate::simulate(&args),
+        Command::Broker(args) => broker::broker(&args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -13,6 +13,7 @@ pub mod clock;
 pub mod inbox;
 pub mod line_thread;
 pub mod modbus_server;
+pub mod mqtt;
 pub mod port;
 pub mod pty;
 pub mod router;
