@@ -15,6 +15,11 @@ mod v4;
 mod v5;
 mod window;
 
+#[cfg(test)]
+mod stub;
+#[cfg(test)]
+mod tests;
+
 pub use client::{Counters, converse};
 pub use settings::{ConnectionSettings, Secret, TlsSettings};
 pub use tls::{TlsError, check as check_tls};
