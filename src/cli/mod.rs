@@ -1,5 +1,6 @@
 //! The command line: one small file per command.
 
+mod broker;
 mod check;
 mod client;
 mod demo;
@@ -57,6 +58,9 @@ enum Command {
     Write(write::Args),
     /// Read again and again, and print what changes
     Watch(watch::Args),
+    /// Run a small MQTT broker on loopback; ends with its standard input
+    #[command(hide = true)]
+    Broker(broker::Args),
 }
 
 /// Why a command ended without success. The message is already for people.
@@ -93,6 +97,7 @@ pub fn main() -> ExitCode {
         Command::Read(args) => read::read(&args),
         Command::Write(args) => write::write(&args),
         Command::Watch(args) => watch::watch(&args),
+        Command::Broker(args) => broker::broker(&args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

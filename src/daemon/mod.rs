@@ -14,6 +14,7 @@ pub mod http;
 pub mod inbox;
 pub mod line_thread;
 pub mod modbus_server;
+pub mod mqtt;
 pub mod port;
 pub mod pty;
 pub mod router;

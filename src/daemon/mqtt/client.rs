@@ -1,0 +1,358 @@
+//! Keeps a connection to the broker and carries messages between it and a [`Talk`].
+//!
+//! A connection is never mended: after an error everything about it is dropped and a new one is built, with a fresh
+//! will, after a wait that grows. Only this task touches the connection, and it never waits for room in its queue:
+//! as long as that is full, the talk is not asked for more.
+
+use super::backoff::BackOff;
+use super::link::{self, Events, Incident, NotQueued, Received, Sender, Terms, Unfit};
+use super::settings::{ConnectionSettings, TlsSettings};
+use super::window::Window;
+use super::{Packet, Talk, moment, tls};
+use crate::daemon::clock;
+use crate::north::mqtt::{Event, Publication};
+use rustls::ClientConfig;
+use std::cell::{Cell, RefCell};
+use std::collections::VecDeque;
+use std::pin::{Pin, pin};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::Notify;
+use tokio::time::{Instant, sleep_until, timeout};
+
+/// Time for the last words.
+const FAREWELL_MAX: Duration = Duration::from_secs(1);
+/// Margin over the library's own limit for a connection to come about.
+const CONNECT_MARGIN: Duration = Duration::from_secs(2);
+/// A sleep that something else ends.
+const LONG: Duration = Duration::from_secs(3600);
+
+/// What the connection has gone through since the start.
+#[derive(Debug, Default)]
+pub struct Counters {
+    /// Connections that the broker accepted.
+    pub connected: Cell<u64>,
+    /// Attempts that failed, and connections that broke.
+    pub broken: Cell<u64>,
+    /// Messages that came.
+    pub received: Cell<u64>,
+    /// Publications that went out.
+    pub published: Cell<u64>,
+    /// Publications that the broker refused (MQTT 5).
+    pub refused: Cell<u64>,
+    /// Publications that were too large for the broker or had an impossible topic.
+    pub dropped: Cell<u64>,
+}
+
+/// Talks with the broker until `stop`; then says farewell and ends. Whoever changes what the talk looks at rings
+/// `bell`. Dropped instead of stopped, it leaves the broker to publish the will.
+pub async fn converse<T: Talk>(
+    settings: ConnectionSettings,
+    talk: &RefCell<T>,
+    bell: &Notify,
+    counters: &Counters,
+    stop: impl Future<Output = ()>,
+) {
+    let mut stop = pin!(stop);
+    let mut client = Client { settings, talk, bell, counters, link: None };
+    let mut back_off = BackOff::new(clock::now().as_nanos() ^ u64::from(std::process::id()));
+    let mut last_reason = String::new();
+    loop {
+        let begun = Instant::now();
+        let had = counters.connected.get();
+        let End::Broken(reason) = client.connection(stop.as_mut()).await else { return };
+        count(&counters.broken);
+        let wait = back_off.wait_after(begun.elapsed());
+        if counters.connected.get() > had || reason != last_reason {
+            tracing::warn!(reason, "no connection to the broker; trying again");
+        } else {
+            tracing::debug!(reason, ?wait, "no connection to the broker; trying again");
+        }
+        last_reason = reason;
+        if let Outcome::Stopped = client.attend(pin!(tokio::time::sleep(wait)), far(), stop.as_mut()).await {
+            return;
+        }
+    }
+}
+
+struct Client<'a, T> {
+    settings: ConnectionSettings,
+    talk: &'a RefCell<T>,
+    bell: &'a Notify,
+    counters: &'a Counters,
+    /// The accepted connection.
+    link: Option<Link>,
+}
+
+/// What is known about an accepted connection.
+struct Link {
+    sender: Sender,
+    window: Window,
+    terms: Terms,
+}
+
+/// How a connection ended.
+enum End {
+    Stopped,
+    Broken(String),
+}
+
+/// What ended a wait.
+enum Outcome<O> {
+    Done(O),
+    Stopped,
+    /// The talk gives the connection up.
+    GivenUp(&'static str),
+    Overdue,
+}
+
+impl<T: Talk> Client<'_, T> {
+    /// One connection, from the first byte to the last.
+    async fn connection<S: Future<Output = ()>>(&mut self, mut stop: Pin<&mut S>) -> End {
+        let tls = match self.attend(pin!(read_tls(self.settings.tls.clone())), far(), stop.as_mut()).await {
+            Outcome::Done(Ok(tls)) => tls,
+            Outcome::Done(Err(reason)) => return End::Broken(reason),
+            Outcome::Stopped => return End::Stopped,
+            Outcome::GivenUp(reason) => return End::Broken(reason.to_owned()),
+            Outcome::Overdue => return End::Broken("the TLS files cannot be read in time".to_owned()),
+        };
+        let will = self.talk.borrow().will();
+        let (sender, mut events) = link::open(&self.settings, will, tls);
+        let mut sender = Some(sender);
+        let mut patience = link::CONNECT_TIMEOUT + CONNECT_MARGIN;
+        let mut heard = Instant::now();
+        loop {
+            let outcome = {
+                let next = pin!(events.next());
+                self.attend(next, heard + patience, stop.as_mut()).await
+            };
+            let incident = match outcome {
+                Outcome::Done(Ok(incident)) => incident,
+                Outcome::Done(Err(broken)) => return self.abandon(&mut events, broken.reason, broken.is_fresh),
+                Outcome::GivenUp(reason) => return self.abandon(&mut events, reason.to_owned(), false),
+                Outcome::Overdue => return self.abandon(&mut events, "the broker is silent".to_owned(), false),
+                Outcome::Stopped => return self.farewell(&mut events).await,
+            };
+            if incident.is_heard() {
+                heard = Instant::now();
+            }
+            if let Incident::Connected(terms) = incident {
+                patience = self.patience(&terms);
+                self.link = sender.take().map(|sender| Link { sender, window: Window::default(), terms });
+            }
+            self.take(incident);
+            if let Some(reason) = self.send() {
+                return self.abandon(&mut events, reason.to_owned(), false);
+            }
+        }
+    }
+
+    /// Longest silence of the broker: one and a half times the keep-alive, since each ping is answered.
+    fn patience(&self, terms: &Terms) -> Duration {
+        let keep_alive = terms.keep_alive.filter(|span| !span.is_zero()).unwrap_or(self.settings.keep_alive());
+        keep_alive * 3 / 2
+    }
+
+    /// Waits for `future`; meanwhile the talk has its ticks.
+    async fn attend<F: Future, S: Future<Output = ()>>(
+        &mut self,
+        mut future: Pin<&mut F>,
+        overdue: Instant,
+        mut stop: Pin<&mut S>,
+    ) -> Outcome<F::Output> {
+        loop {
+            let wake = self.next_wake().min(overdue);
+            // Without an order, so that a flood of one kind starves none of the others.
+            tokio::select! {
+                output = future.as_mut() => return Outcome::Done(output),
+                () = stop.as_mut() => return Outcome::Stopped,
+                () = self.bell.notified() => {}
+                () = sleep_until(wake) => if Instant::now() >= overdue { return Outcome::Overdue },
+            }
+            self.talk.borrow_mut().tick(moment());
+            if let Some(reason) = self.send() {
+                return Outcome::GivenUp(reason);
+            }
+        }
+    }
+
+    fn next_wake(&self) -> Instant {
+        let wake = self.talk.borrow().next_wake();
+        wake.map_or_else(far, |at| Instant::now() + at.since(clock::now()).min(LONG))
+    }
+
+    /// Queues what the talk has for the broker, as far as there is room. Returns why it gives the connection up.
+    fn send(&mut self) -> Option<&'static str> {
+        while self.link.as_ref().is_none_or(|link| link.window.has_room()) {
+            let packet = self.talk.borrow_mut().next_packet(moment())?;
+            let Some(link) = &mut self.link else {
+                tracing::debug!(?packet, "dropped: there is no connection");
+                continue;
+            };
+            match packet {
+                Packet::Reconnect(reason) => return Some(reason),
+                Packet::Publish(publication) => {
+                    if link.publish(publication, self.counters).is_err() {
+                        return Some("the queue of the client library is full against all counting");
+                    }
+                }
+                Packet::Subscribe(filters) => link.subscribe(filters),
+            }
+        }
+        None
+    }
+
+    /// Takes what happened.
+    fn take(&mut self, incident: Incident) {
+        let window = self.link.as_mut().map(|link| &mut link.window);
+        match incident {
+            Incident::Connected(terms) => {
+                count(&self.counters.connected);
+                tracing::info!(host = self.settings.host, port = self.settings.port, "connected to the broker");
+                self.tell(Event::Connected(terms.broker));
+            }
+            Incident::Subscribed(granted) => self.tell(Event::Subscribed(granted)),
+            Incident::Message(message) => self.receive(&message),
+            Incident::Acknowledged(identifier) => {
+                if let Some(token) = window.and_then(|window| window.settle(identifier)) {
+                    self.tell(Event::Acknowledged(token));
+                }
+            }
+            Incident::Refused(identifier, reason) => {
+                count(&self.counters.refused);
+                let token = window.and_then(|window| window.settle(identifier));
+                tracing::warn!(reason, ?token, "the broker refuses a publication");
+            }
+            Incident::PublicationLeft(identifier) => {
+                count(&self.counters.published);
+                if let Some(window) = window {
+                    window.publication_left(identifier);
+                }
+            }
+            Incident::OtherLeft => {
+                if let Some(window) = window {
+                    window.other_left();
+                }
+            }
+            Incident::Heard | Incident::Nothing => {}
+        }
+    }
+
+    fn receive(&self, message: &Received) {
+        count(&self.counters.received);
+        self.tell(Event::Message(message.as_message()));
+    }
+
+    fn tell(&self, event: Event<'_>) {
+        self.talk.borrow_mut().handle(moment(), event);
+    }
+
+    /// Gives the connection up. Acknowledgements that were received are true at any age; messages count only if
+    /// they are fresh, since a command gets its deadline when it is handed over.
+    fn abandon(&mut self, events: &mut Events, reason: String, is_fresh: bool) -> End {
+        let was_accepted = self.link.is_some();
+        for incident in events.rest() {
+            match incident {
+                Incident::Message(_) if !is_fresh => tracing::warn!("a message of unknown age is dropped"),
+                Incident::Connected(_) => {}
+                incident => self.take(incident),
+            }
+        }
+        self.link = None;
+        if was_accepted {
+            self.tell(Event::Lost);
+        }
+        End::Broken(reason)
+    }
+
+    /// The last words, DISCONNECT, and the broker's closing of the connection; all in bounded time.
+    async fn farewell(&mut self, events: &mut Events) -> End {
+        if self.link.is_none() {
+            return End::Stopped;
+        }
+        let mut words: VecDeque<Publication> = self.talk.borrow_mut().farewell(moment()).into();
+        if timeout(FAREWELL_MAX, self.say(&mut words, events)).await.is_err() {
+            tracing::warn!("the broker did not take the last words in time");
+        }
+        self.link = None;
+        End::Stopped
+    }
+
+    async fn say(&mut self, words: &mut VecDeque<Publication>, events: &mut Events) {
+        let mut has_ended = false;
+        loop {
+            while let Some(link) = self.link.as_mut().filter(|link| link.window.has_room() && !has_ended) {
+                has_ended = match words.pop_front() {
+                    Some(publication) => link.publish(publication, self.counters).is_err(),
+                    None => {
+                        link.disconnect();
+                        true
+                    }
+                };
+            }
+            match events.next().await {
+                Ok(Incident::Message(_)) => {}
+                Ok(incident) => self.take(incident),
+                // The broker closes the connection when it has read DISCONNECT.
+                Err(_) => return,
+            }
+        }
+    }
+}
+
+impl Link {
+    /// Queues a publication, or drops one that cannot be sent.
+    fn publish(&mut self, mut publication: Publication, counters: &Counters) -> Result<(), NotQueued> {
+        if let Err(unfit) = self.sender.check(&publication, &self.terms) {
+            count(&counters.dropped);
+            let (topic, bytes) = (&publication.topic, publication.payload.len());
+            match unfit {
+                Unfit::TooLarge => {
+                    tracing::warn!(topic, bytes, limit = self.terms.packet_max, "too large for the broker; dropped");
+                }
+                Unfit::Topic => tracing::warn!(topic, "not a topic; dropped"),
+            }
+            return Ok(());
+        }
+        // A broker that keeps no messages ends the connection of those who ask it to.
+        publication.retain &= self.terms.broker.retains;
+        let (qos, token) = (publication.qos, publication.token);
+        self.sender.publish(publication)?;
+        self.window.queue_publication(qos, token);
+        Ok(())
+    }
+
+    fn subscribe(&mut self, filters: Vec<String>) {
+        if self.sender.subscribe(filters).is_ok() {
+            self.window.queue_other();
+        } else {
+            tracing::error!("a subscription has an impossible filter; dropped");
+        }
+    }
+
+    fn disconnect(&mut self) {
+        self.window.queue_other();
+        if self.sender.disconnect().is_err() {
+            tracing::debug!("no room for DISCONNECT");
+        }
+    }
+}
+
+/// Reads the TLS files away from the main thread: they may be many and slow.
+async fn read_tls(settings: Option<TlsSettings>) -> Result<Option<Arc<ClientConfig>>, String> {
+    let Some(settings) = settings else { return Ok(None) };
+    let read = tokio::task::spawn_blocking(move || tls::config(&settings)).await;
+    match read {
+        Ok(Ok(config)) => Ok(Some(config)),
+        Ok(Err(error)) => Err(error.to_string()),
+        Err(error) => Err(error.to_string()),
+    }
+}
+
+fn far() -> Instant {
+    Instant::now() + LONG
+}
+
+fn count(counter: &Cell<u64>) {
+    counter.set(counter.get() + 1);
+}

@@ -1,0 +1,70 @@
+//! The MQTT side of the daemon: a connection to the broker that is built anew after every error, and a broker for
+//! trying out.
+//!
+//! [`client`] carries out what a [`Talk`] wants: it keeps a connection, hands over what comes, sends what is due.
+//! What is said and what it means is decided elsewhere.
+
+mod backoff;
+pub mod broker;
+pub mod broker_child;
+pub mod client;
+mod link;
+mod settings;
+mod tls;
+mod v4;
+mod v5;
+mod window;
+
+#[cfg(test)]
+mod stub;
+#[cfg(test)]
+mod tests;
+
+pub use client::{Counters, converse};
+pub use settings::{ConnectionSettings, Secret, TlsSettings};
+pub use tls::{TlsError, check as check_tls};
+
+use super::clock;
+use crate::domain::time::{MonoTime, WallTime};
+use crate::north::mqtt::{Event, Moment, Publication};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// The one who talks with the broker, without a socket: the MQTT session and what it looks at.
+///
+/// Commands that a message carries are carried out within [`handle`](Self::handle) and [`tick`](Self::tick), never
+/// within [`next_packet`](Self::next_packet): that is not called while the way to the broker is full, and a STOP
+/// waits for no publication.
+pub trait Talk {
+    /// What the broker shall publish when the connection breaks. Asked before every connection.
+    fn will(&self) -> Publication;
+    /// Takes what happened on the connection. [`Event::Lost`] comes only after [`Event::Connected`].
+    fn handle(&mut self, at: Moment, event: Event<'_>);
+    /// Lets time pass, and looks at what has changed since: pictures, answers of the lines.
+    fn tick(&mut self, at: Moment);
+    /// When it wants its next tick; nothing: not before something happens.
+    fn next_wake(&self) -> Option<MonoTime>;
+    /// The next thing for the broker. It is asked only while there is room for it; what it gives while there is no
+    /// connection is dropped.
+    fn next_packet(&mut self, at: Moment) -> Option<Packet>;
+    /// The last words before an orderly end.
+    fn farewell(&mut self, at: Moment) -> Vec<Publication>;
+}
+
+/// Something for the broker.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Packet {
+    /// Subscribe to these filters at quality of service 1, all in one packet. With MQTT 5 no retained messages are
+    /// sent at that, and the retain flag arrives as it was published.
+    Subscribe(Vec<String>),
+    /// Publish. One that is too large for the broker or has an impossible topic is dropped, logged and counted.
+    Publish(Publication),
+    /// Drop the connection and make a new one, for this reason.
+    Reconnect(&'static str),
+}
+
+/// Now, on both clocks.
+#[must_use]
+pub fn moment() -> Moment {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    Moment { mono: clock::now(), wall: WallTime { unix_ms: i64::try_from(since.as_millis()).unwrap_or(i64::MAX) } }
+}

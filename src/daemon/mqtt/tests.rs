@@ -1,0 +1,515 @@
+//! The client against a broker that misbehaves in the ways that were seen.
+
+use super::stub::{CONNECT, DISCONNECT, PUBLISH, Peer, SUBSCRIBE, Stub};
+use super::*;
+use crate::north::mqtt::{Broker, Qos, Version};
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::time::Duration;
+use tokio::sync::Notify;
+use tokio::time::{Instant, sleep, timeout};
+
+const VERSIONS: [Version; 2] = [Version::V4, Version::V5];
+
+/// What a talk was told.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Told {
+    Connected(Broker),
+    Subscribed(Vec<bool>),
+    Message(Text),
+    Acknowledged(u64),
+    Lost,
+}
+
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+struct Text {
+    topic: String,
+    payload: Vec<u8>,
+    retain: bool,
+    expiry: Option<Duration>,
+    response_topic: Option<String>,
+    correlation: Option<Vec<u8>>,
+}
+
+/// A talk that says what the test puts into it.
+#[derive(Default)]
+struct Script {
+    told: Vec<Told>,
+    packets: VecDeque<Packet>,
+    /// Said at each connection.
+    greeting: Vec<Packet>,
+    farewell: Vec<Publication>,
+    /// Publishes this much without an end.
+    flood: Option<usize>,
+    wills: RefCell<u32>,
+    ticks: u32,
+}
+
+impl Talk for Script {
+    fn will(&self) -> Publication {
+        *self.wills.borrow_mut() += 1;
+        text("will", &format!("will {}", self.wills.borrow()))
+    }
+
+    fn handle(&mut self, _at: Moment, event: Event<'_>) {
+        self.told.push(match event {
+            Event::Connected(broker) => {
+                self.packets = self.greeting.clone().into();
+                Told::Connected(broker)
+            }
+            Event::Subscribed(granted) => Told::Subscribed(granted),
+            Event::Message(message) => Told::Message(Text {
+                topic: message.topic.to_owned(),
+                payload: message.payload.to_vec(),
+                retain: message.retain,
+                expiry: message.expiry,
+                response_topic: message.response_topic.map(ToOwned::to_owned),
+                correlation: message.correlation.map(ToOwned::to_owned),
+            }),
+            Event::Acknowledged(token) => Told::Acknowledged(token),
+            Event::Lost => Told::Lost,
+        });
+    }
+
+    fn tick(&mut self, _at: Moment) {
+        self.ticks += 1;
+    }
+
+    fn next_wake(&self) -> Option<MonoTime> {
+        None
+    }
+
+    fn next_packet(&mut self, _at: Moment) -> Option<Packet> {
+        let connected = self.told.iter().rev().find(|told| matches!(told, Told::Connected(_) | Told::Lost));
+        let flood = self.flood.filter(|_| matches!(connected, Some(Told::Connected(_))));
+        self.packets.pop_front().or_else(|| flood.map(|bytes| Packet::Publish(text("flood", &"x".repeat(bytes)))))
+    }
+
+    fn farewell(&mut self, _at: Moment) -> Vec<Publication> {
+        std::mem::take(&mut self.farewell)
+    }
+}
+
+/// The client with what the test holds in hand.
+#[derive(Default)]
+struct Rig {
+    talk: RefCell<Script>,
+    bell: Notify,
+    stop: Notify,
+    counters: Counters,
+}
+
+impl Rig {
+    fn greeting(packets: Vec<Packet>) -> Self {
+        Self { talk: RefCell::new(Script { greeting: packets, ..Script::default() }), ..Self::default() }
+    }
+
+    /// Runs the client against `broker` until that is done.
+    async fn run<O>(&self, stub: &Stub, version: Version, broker: impl Future<Output = O>) -> O {
+        tokio::select! {
+            () = converse(settings(stub, version), &self.talk, &self.bell, &self.counters, self.stop.notified()) => panic!("ended"),
+            output = broker => output,
+        }
+    }
+
+    fn told(&self) -> Vec<Told> {
+        self.talk.borrow().told.clone()
+    }
+
+    /// Waits until the talk was told so many things.
+    async fn told_at_least(&self, count: usize) -> Vec<Told> {
+        let enough = async {
+            while self.talk.borrow().told.len() < count {
+                sleep(Duration::from_millis(1)).await;
+            }
+        };
+        timeout(Duration::from_secs(5), enough).await.unwrap_or_else(|_| panic!("only {:?}", self.told()));
+        self.told()
+    }
+
+    fn say(&self, packet: Packet) {
+        self.talk.borrow_mut().packets.push_back(packet);
+        self.bell.notify_one();
+    }
+}
+
+fn settings(stub: &Stub, version: Version) -> ConnectionSettings {
+    ConnectionSettings {
+        host: stub.address().ip().to_string(),
+        port: stub.address().port(),
+        tls: None,
+        client_id: "test".to_owned(),
+        user: None,
+        password: None,
+        keep_alive: Duration::from_secs(5),
+        version,
+    }
+}
+
+fn text(topic: &str, payload: &str) -> Publication {
+    Publication {
+        topic: topic.to_owned(),
+        payload: payload.as_bytes().to_vec(),
+        retain: false,
+        qos: Qos::AtMostOnce,
+        expiry: None,
+        correlation: None,
+        token: None,
+    }
+}
+
+fn with_token(token: u64) -> Packet {
+    Packet::Publish(Publication { qos: Qos::AtLeastOnce, token: Some(token), ..text("record", &token.to_string()) })
+}
+
+fn acknowledged(told: &[Told]) -> Vec<u64> {
+    told.iter().filter_map(|told| if let Told::Acknowledged(token) = told { Some(*token) } else { None }).collect()
+}
+
+const ANY: Broker = Broker { maximum_packet_bytes: None, retains: true };
+
+#[tokio::test(start_paused = true)]
+async fn a_broker_that_never_answers_connect_is_given_up_in_time() {
+    for version in VERSIONS {
+        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let waited = rig.run(&stub, version, async {
+            let mut first = stub.accept().await;
+            first.expect(CONNECT).await;
+            let begun = Instant::now();
+            let _second = stub.accept().await;
+            begun.elapsed()
+        });
+        let waited = waited.await;
+        assert!(waited > Duration::from_secs(9) && waited < Duration::from_secs(13), "{version:?}: {waited:?}");
+        assert!(rig.told().is_empty(), "{version:?}: who was never connected has lost nothing");
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_broker_that_stops_reading_is_given_up_in_time() {
+    for version in VERSIONS {
+        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        rig.talk.borrow_mut().flood = Some(100_000);
+        let waited = rig.run(&stub, version, async {
+            let _first = stub.welcome().await;
+            let begun = Instant::now();
+            let _second = stub.accept().await;
+            begun.elapsed()
+        });
+        let waited = waited.await;
+        assert!(waited > Duration::from_secs(7) && waited < Duration::from_secs(9), "{version:?}: {waited:?}");
+        assert_eq!(rig.told(), [Told::Connected(ANY), Told::Lost], "{version:?}");
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_broker_that_answers_no_ping_is_given_up_in_time() {
+    for version in VERSIONS {
+        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let waited = rig.run(&stub, version, async {
+            let mut first = stub.welcome().await;
+            let begun = Instant::now();
+            while first.read().await.is_some() {}
+            begun.elapsed()
+        });
+        let waited = waited.await;
+        assert!(waited > Duration::from_secs(7) && waited < Duration::from_secs(8), "{version:?}: {waited:?}");
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_message_above_the_limit_does_not_make_the_client_spin() {
+    for version in VERSIONS {
+        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let mut connections = 0;
+        let too_large = vec![0; link::PACKET_MAX + 1];
+        let attack = async {
+            loop {
+                let mut peer = stub.welcome().await;
+                connections += 1;
+                peer.publish("large", &too_large, &[]).await;
+                while peer.read().await.is_some() {}
+            }
+        };
+        let attacked = rig.run(&stub, version, timeout(Duration::from_secs(60), attack)).await;
+        assert!(attacked.is_err());
+        // 0.2, 0.4, ... 6.4 s make 12.6 s; then every 10 s.
+        assert!((8..=14).contains(&connections), "{version:?}: {connections} in a minute");
+        assert_eq!(rig.counters.received.get(), 0);
+    }
+}
+
+#[tokio::test]
+async fn a_large_message_below_the_limit_arrives() {
+    for version in VERSIONS {
+        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let told = rig.run(&stub, version, async {
+            let mut peer = stub.welcome().await;
+            peer.publish("large", &vec![7; 200_000], &[]).await;
+            rig.told_at_least(2).await
+        });
+        let Some(Told::Message(message)) = told.await.pop() else { panic!("no message") };
+        assert_eq!(message.payload.len(), 200_000);
+    }
+}
+
+#[tokio::test]
+async fn acknowledgements_out_of_order_find_their_tokens() {
+    for version in VERSIONS {
+        let (stub, rig) = (Stub::new(version).await, Rig::greeting((11..=14).map(with_token).collect()));
+        let told = rig.run(&stub, version, async {
+            let mut peer = stub.welcome().await;
+            let mut identifiers = Vec::new();
+            for _ in 0..4 {
+                identifiers.push(peer.published().await.identifier);
+            }
+            for at in [3, 0, 2] {
+                peer.acknowledge(identifiers[at]).await;
+            }
+            rig.told_at_least(4).await
+        });
+        assert_eq!(acknowledged(&told.await), [14, 11, 13], "{version:?}");
+    }
+}
+
+#[tokio::test]
+async fn identifiers_that_come_round_while_one_is_still_open_keep_their_tokens() {
+    for version in VERSIONS {
+        let (stub, rig) = (Stub::new(version).await, Rig::greeting((0..200).map(with_token).collect()));
+        let told = rig.run(&stub, version, async {
+            let mut peer = stub.welcome().await;
+            let first = peer.published().await;
+            // The first stays open until its identifier is wanted again; then nothing goes on without it.
+            for _ in 1..usize::from(link::INFLIGHT_MAX) {
+                let next = peer.published().await;
+                peer.acknowledge(next.identifier).await;
+            }
+            peer.acknowledge(first.identifier).await;
+            for _ in usize::from(link::INFLIGHT_MAX)..200 {
+                let next = peer.published().await;
+                peer.acknowledge(next.identifier).await;
+            }
+            rig.told_at_least(201).await
+        });
+        let tokens = acknowledged(&told.await);
+        let expected: Vec<u64> = (1..64).chain([0]).chain(64..200).collect();
+        assert_eq!(tokens, expected, "{version:?}");
+    }
+}
+
+#[tokio::test]
+async fn a_refused_filter_is_told_in_its_place() {
+    for version in VERSIONS {
+        let filters = vec!["a/+/set".to_owned(), "b/#".to_owned()];
+        let (stub, rig) = (Stub::new(version).await, Rig::greeting(vec![Packet::Subscribe(filters)]));
+        let (options, told) = rig
+            .run(&stub, version, async {
+                let mut peer = stub.welcome().await;
+                let subscribe = peer.expect(SUBSCRIBE).await;
+                peer.answer_subscribe(&subscribe, &[1, 0x80]).await;
+                (*subscribe.body.last().unwrap(), rig.told_at_least(2).await)
+            })
+            .await;
+        assert_eq!(told[1], Told::Subscribed(vec![true, false]), "{version:?}");
+        // QoS 1; with MQTT 5 the retain flag as published, and no retained messages.
+        let expected = if version == Version::V4 { 0x01 } else { 0x01 | 0x08 | 0x20 };
+        assert_eq!(options, expected, "{version:?}");
+    }
+}
+
+#[tokio::test]
+async fn what_was_not_acknowledged_before_the_cut_is_not_reported_and_not_confused_with_what_comes_after() {
+    for version in VERSIONS {
+        let (stub, rig) = (Stub::new(version).await, Rig::greeting(vec![with_token(7)]));
+        let told = rig.run(&stub, version, async {
+            let mut peer = stub.welcome().await;
+            let cut = peer.published().await;
+            drop(peer);
+            rig.told_at_least(2).await;
+            rig.talk.borrow_mut().greeting = vec![with_token(8)];
+            let mut peer = stub.welcome().await;
+            let next = peer.published().await;
+            assert_eq!(next.payload, b"8", "nothing of the old connection is sent on the new one");
+            assert_eq!(next.identifier, cut.identifier, "the same identifier, for this test to mean something");
+            peer.acknowledge(next.identifier).await;
+            rig.told_at_least(4).await
+        });
+        let expected = [Told::Connected(ANY), Told::Lost, Told::Connected(ANY), Told::Acknowledged(8)];
+        assert_eq!(told.await, expected, "{version:?}");
+    }
+}
+
+#[tokio::test]
+async fn each_connection_has_a_fresh_will() {
+    for version in VERSIONS {
+        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        rig.run(&stub, version, async {
+            for count in 1..=3 {
+                let mut peer = stub.accept().await;
+                let connect = peer.expect(CONNECT).await;
+                let will = format!("will {count}");
+                assert!(connect.body.windows(will.len()).any(|part| part == will.as_bytes()), "{version:?}: {will}");
+            }
+        })
+        .await;
+    }
+}
+
+#[tokio::test]
+async fn a_stop_sent_just_before_the_broker_dies_is_handed_over() {
+    for version in VERSIONS {
+        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let told = rig.run(&stub, version, async {
+            let mut peer = stub.welcome().await;
+            peer.publish("stop", b"", &[]).await;
+            drop(peer);
+            rig.told_at_least(3).await
+        });
+        let message = Told::Message(Text { topic: "stop".to_owned(), ..Text::default() });
+        assert_eq!(told.await, [Told::Connected(ANY), message, Told::Lost], "{version:?}");
+    }
+}
+
+#[tokio::test]
+async fn the_bell_and_the_wish_to_reconnect_are_heard() {
+    for version in VERSIONS {
+        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        rig.run(&stub, version, async {
+            let mut peer = stub.welcome().await;
+            rig.told_at_least(1).await;
+            rig.say(Packet::Publish(text("news", "1")));
+            assert_eq!(peer.published().await.payload, b"1");
+            rig.say(Packet::Reconnect("a test"));
+            while peer.read().await.is_some() {}
+            stub.welcome().await;
+            assert_eq!(rig.told_at_least(3).await[1], Told::Lost);
+        })
+        .await;
+        assert!(rig.talk.borrow().ticks >= 2);
+    }
+}
+
+#[tokio::test]
+async fn the_last_words_come_before_disconnect_and_are_waited_for() {
+    for version in VERSIONS {
+        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let last = Publication { retain: true, qos: Qos::AtLeastOnce, ..text("state", "offline") };
+        rig.talk.borrow_mut().farewell = vec![text("bye", "1"), last];
+        let broker = async {
+            let mut peer = stub.welcome().await;
+            rig.told_at_least(1).await;
+            rig.stop.notify_one();
+            let mut said = Vec::new();
+            for _ in 0..2 {
+                said.push(peer.published().await);
+            }
+            assert_eq!(peer.read().await.map(|frame| frame.kind), Some(DISCONNECT));
+            said.into_iter().map(|it| (it.topic, it.retain)).collect::<Vec<_>>()
+        };
+        let client = converse(settings(&stub, version), &rig.talk, &rig.bell, &rig.counters, rig.stop.notified());
+        let ((), said) = timeout(Duration::from_secs(5), async { tokio::join!(client, broker) }).await.unwrap();
+        assert_eq!(said, [("bye".to_owned(), false), ("state".to_owned(), true)], "{version:?}");
+    }
+}
+
+#[tokio::test]
+async fn what_the_broker_would_not_take_is_dropped_and_the_rest_goes_out() {
+    let version = Version::V5;
+    let stub = Stub::new(version).await;
+    // With topic, length and properties the first has exactly 100 bytes, the second one more.
+    let fits = Publication { payload: vec![1; 94], ..text("t", "") };
+    let too_large = Publication { payload: vec![2; 95], ..fits.clone() };
+    let wildcard = text("a/#", "");
+    let retained = Publication { retain: true, ..text("last", "") };
+    let packets = [too_large, wildcard, fits, retained].map(Packet::Publish).to_vec();
+    let rig = Rig::greeting(packets);
+    rig.run(&stub, version, async {
+        // Maximum packet size 100, no retained messages.
+        let mut peer = stub.welcome_on(&[0x27, 0, 0, 0, 100, 0x25, 0]).await;
+        let first = peer.expect(PUBLISH).await;
+        assert_eq!(first.body.len() + 2, 100);
+        let last = peer.published().await;
+        assert_eq!((last.topic.as_str(), last.retain), ("last", false));
+    })
+    .await;
+    assert_eq!(rig.counters.dropped.get(), 2);
+    assert_eq!(rig.told(), [Told::Connected(Broker { maximum_packet_bytes: Some(100), retains: false })]);
+}
+
+#[tokio::test]
+async fn the_properties_of_mqtt_5_go_both_ways() {
+    let version = Version::V5;
+    let stub = Stub::new(version).await;
+    let response = Publication {
+        expiry: Some(Duration::from_millis(1500)),
+        correlation: Some(vec![0xAB, 0xCD]),
+        ..text("answer", "")
+    };
+    let rig = Rig::greeting(vec![Packet::Publish(response)]);
+    let (body, told) = rig
+        .run(&stub, version, async {
+            let mut peer = stub.welcome().await;
+            // Expiry 9 s, response topic "r", correlation 1 2.
+            peer.publish("ask", b"!", &[0x02, 0, 0, 0, 9, 0x08, 0, 1, b'r', 0x09, 0, 2, 1, 2]).await;
+            (peer.expect(PUBLISH).await.body, rig.told_at_least(2).await)
+        })
+        .await;
+    assert_eq!(&body[8..], [10, 0x02, 0, 0, 0, 2, 0x09, 0, 2, 0xAB, 0xCD]);
+    let message = Text {
+        topic: "ask".to_owned(),
+        payload: b"!".to_vec(),
+        retain: false,
+        expiry: Some(Duration::from_secs(9)),
+        response_topic: Some("r".to_owned()),
+        correlation: Some(vec![1, 2]),
+    };
+    assert_eq!(told[1], Told::Message(message));
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_broker_that_wants_no_keep_alive_is_not_flooded_with_pings() {
+    let version = Version::V5;
+    let (stub, rig) = (Stub::new(version).await, Rig::default());
+    let pings = rig.run(&stub, version, async {
+        let mut peer = stub.welcome_on(&[0x13, 0, 0]).await;
+        let mut pings = 0;
+        let answer = async {
+            while peer.read().await.is_some() {
+                pings += 1;
+                peer.send(0xD0, &[]).await;
+            }
+        };
+        let ended = timeout(Duration::from_secs(21), answer).await;
+        assert!(ended.is_err(), "the connection lives");
+        pings
+    });
+    let pings = pings.await;
+    assert!((4..=6).contains(&pings), "{pings} in 21 s");
+}
+
+#[tokio::test]
+async fn a_full_queue_loses_nothing_and_blocks_nothing() {
+    for version in VERSIONS {
+        let (stub, rig) = (Stub::new(version).await, Rig::greeting((0..500).map(with_token).collect()));
+        rig.run(&stub, version, async {
+            let mut peer = stub.welcome().await;
+            rig.told_at_least(1).await;
+            // Nothing is acknowledged: 64 go out, 64 wait, and the rest stays with the talk.
+            peer.publish("stop", b"", &[]).await;
+            rig.told_at_least(2).await;
+            let left = rig.talk.borrow().packets.len();
+            assert!(left >= 500 - 2 * usize::from(link::INFLIGHT_MAX), "{version:?}: {left} left");
+            acknowledge_all(&mut peer, 500).await;
+            assert_eq!(acknowledged(&rig.told_at_least(502).await), (0..500).collect::<Vec<_>>(), "{version:?}");
+        })
+        .await;
+    }
+}
+
+async fn acknowledge_all(peer: &mut Peer, count: u64) {
+    for token in 0..count {
+        let published = peer.published().await;
+        assert_eq!(published.payload, token.to_string().into_bytes());
+        peer.acknowledge(published.identifier).await;
+    }
+}

@@ -1,0 +1,101 @@
+//! TLS towards the broker: whom to trust, and how to prove ourselves.
+
+use super::settings::TlsSettings;
+use rustls::crypto::ring;
+use rustls::pki_types::pem::{self, PemObject};
+use rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use rustls::{ClientConfig, RootCertStore};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Why there is no TLS.
+#[derive(Debug, thiserror::Error)]
+pub enum TlsError {
+    /// A PEM file cannot be read or holds something else.
+    #[error("{}: {error}", file.display())]
+    File {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong with it.
+        error: pem::Error,
+    },
+    /// Nobody is trusted.
+    #[error("{0}: no authority to trust is found")]
+    NoAuthority(String),
+    /// The certificates do not suit each other or this library.
+    #[error("TLS: {0}")]
+    Refused(#[from] rustls::Error),
+}
+
+/// Reads all files that `settings` names, to find mistakes at start and not in the night.
+///
+/// # Errors
+/// What is wrong with them.
+pub fn check(settings: &TlsSettings) -> Result<(), TlsError> {
+    config(settings).map(|_| ())
+}
+
+/// Reads the files. It is done for every connection, so that renewed certificates are used without a restart.
+pub fn config(settings: &TlsSettings) -> Result<Arc<ClientConfig>, TlsError> {
+    let roots = roots(settings.ca_file.as_deref())?;
+    // The provider is named, so that it does not matter what other parts of the process install or not.
+    let config = ClientConfig::builder_with_provider(Arc::new(ring::default_provider()))
+        .with_safe_default_protocol_versions()?
+        .with_root_certificates(roots);
+    let config = match &settings.client_cert {
+        None => config.with_no_client_auth(),
+        Some((chain, key)) => {
+            let key = PrivateKeyDer::from_pem_file(key).map_err(|error| bad_file(key, error))?;
+            config.with_client_auth_cert(certificates(chain)?, key)?
+        }
+    };
+    Ok(Arc::new(config))
+}
+
+fn roots(ca_file: Option<&Path>) -> Result<RootCertStore, TlsError> {
+    let mut roots = RootCertStore::empty();
+    match ca_file {
+        Some(file) => {
+            for certificate in certificates(file)? {
+                roots.add(certificate)?;
+            }
+        }
+        None => {
+            // The system's store may hold a few that this library cannot use.
+            roots.add_parsable_certificates(rustls_native_certs::load_native_certs().certs);
+        }
+    }
+    if roots.is_empty() {
+        let place = ca_file.map_or_else(|| "the system's store".to_owned(), |file| file.display().to_string());
+        return Err(TlsError::NoAuthority(place));
+    }
+    Ok(roots)
+}
+
+fn certificates(file: &Path) -> Result<Vec<CertificateDer<'static>>, TlsError> {
+    CertificateDer::pem_file_iter(file)
+        .and_then(Iterator::collect::<Result<Vec<_>, _>>)
+        .map_err(|error| bad_file(file, error))
+}
+
+fn bad_file(file: &Path, error: pem::Error) -> TlsError {
+    TlsError::File { file: file.to_path_buf(), error }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_file_is_named() {
+        let settings = TlsSettings { ca_file: Some("/nowhere/ca.pem".into()), client_cert: None };
+        let error = check(&settings).unwrap_err().to_string();
+        assert!(error.contains("/nowhere/ca.pem"), "{error}");
+    }
+
+    #[test]
+    fn a_file_without_certificates_trusts_nobody() {
+        let settings = TlsSettings { ca_file: Some("/dev/null".into()), client_cert: None };
+        assert!(check(&settings).is_err());
+    }
+}

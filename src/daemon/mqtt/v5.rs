@@ -1,0 +1,165 @@
+//! MQTT 5: between the client library's words and ours.
+
+use super::link::{self, Broken, Incident, NotQueued, Received, Terms};
+use super::settings::{ConnectionSettings, Secret};
+use super::window::QUEUE_MAX;
+use crate::north::mqtt::{Broker, Publication, Qos};
+use rumqttc::v5::mqttbytes::v5::{
+    ConnAck, Filter, LastWill, LastWillProperties, Packet, PubAckReason, Publish, PublishProperties, RetainForwardRule,
+    SubscribeReasonCode,
+};
+use rumqttc::v5::mqttbytes::{Error as BytesError, QoS};
+use rumqttc::v5::{AsyncClient, ConnectionError, Event, EventLoop, MqttOptions, StateError};
+use rumqttc::{NetworkOptions, Outgoing, Transport};
+use std::time::Duration;
+
+/// Prepares a connection. No topic aliases are offered: the library tells messages that come by one without a topic.
+pub fn open(
+    settings: &ConnectionSettings,
+    will: Publication,
+    transport: Transport,
+    network: NetworkOptions,
+) -> (AsyncClient, EventLoop) {
+    let mut options = MqttOptions::new(&settings.client_id, &settings.host, settings.port);
+    options
+        .set_transport(transport)
+        .set_network_options(network)
+        .set_connection_timeout(link::CONNECT_TIMEOUT.as_secs())
+        .set_keep_alive(settings.keep_alive())
+        .set_clean_start(true)
+        .set_max_packet_size(u32::try_from(link::PACKET_MAX).ok())
+        .set_outgoing_inflight_upper_limit(link::INFLIGHT_MAX)
+        .set_last_will(last_will(will));
+    if settings.user.is_some() || settings.password.is_some() {
+        let password = settings.password.as_ref().map_or("", Secret::expose);
+        options.set_credentials(settings.user.as_deref().unwrap_or_default(), password);
+    }
+    AsyncClient::new(options, QUEUE_MAX)
+}
+
+/// Queues a publication.
+pub fn publish(client: &AsyncClient, it: Publication) -> Result<(), NotQueued> {
+    let properties = PublishProperties {
+        message_expiry_interval: it.expiry.map(seconds),
+        correlation_data: it.correlation.map(Into::into),
+        ..PublishProperties::default()
+    };
+    client.try_publish_with_properties(it.topic, qos(it.qos), it.retain, it.payload, properties).map_err(|_| NotQueued)
+}
+
+/// Queues a subscription, without retained messages and with the retain flag as published.
+pub fn subscribe(client: &AsyncClient, filters: Vec<String>) -> Result<(), NotQueued> {
+    let filters = filters.into_iter().map(|path| Filter {
+        path,
+        qos: QoS::AtLeastOnce,
+        nolocal: false,
+        preserve_retain: true,
+        retain_forward_rule: RetainForwardRule::Never,
+    });
+    client.try_subscribe_many(filters).map_err(|_| NotQueued)
+}
+
+/// Bytes of a publication on the wire.
+pub fn packet_bytes(it: &Publication) -> usize {
+    let identifier = if matches!(it.qos, Qos::AtLeastOnce) { 2 } else { 0 };
+    let expiry = if it.expiry.is_some() { 5 } else { 0 };
+    let correlation = it.correlation.as_ref().map_or(0, |data| 3 + data.len());
+    let properties = expiry + correlation;
+    let fields = 2 + it.topic.len() + identifier + link::length_bytes(properties) + properties;
+    link::with_header(fields + it.payload.len())
+}
+
+/// What an event means.
+pub fn incident(event: Event) -> Incident {
+    match event {
+        Event::Incoming(packet) => heard(packet),
+        Event::Outgoing(Outgoing::Publish(identifier)) => Incident::PublicationLeft(identifier),
+        Event::Outgoing(Outgoing::Subscribe(_) | Outgoing::Disconnect) => Incident::OtherLeft,
+        Event::Outgoing(_) => Incident::Nothing,
+    }
+}
+
+/// Why the connection is over.
+pub fn broken(error: &ConnectionError) -> Broken {
+    let is_fresh = !matches!(
+        error,
+        ConnectionError::Io(_)
+            | ConnectionError::Timeout(_)
+            | ConnectionError::MqttState(StateError::Io(_) | StateError::Deserialization(BytesError::Io(_)))
+    );
+    Broken { reason: error.to_string(), is_fresh }
+}
+
+fn heard(packet: Packet) -> Incident {
+    match packet {
+        Packet::ConnAck(answer) => Incident::Connected(terms(&answer)),
+        Packet::SubAck(answer) => Incident::Subscribed(answer.return_codes.iter().map(is_granted).collect()),
+        Packet::Publish(publish) => received(publish).map_or(Incident::Heard, Incident::Message),
+        Packet::PubAck(answer) => match answer.reason {
+            PubAckReason::Success | PubAckReason::NoMatchingSubscribers => Incident::Acknowledged(answer.pkid),
+            reason => Incident::Refused(answer.pkid, format!("{reason:?}")),
+        },
+        _ => Incident::Heard,
+    }
+}
+
+fn terms(answer: &ConnAck) -> Terms {
+    let Some(properties) = &answer.properties else { return Terms::default() };
+    let limit = properties.max_packet_size.and_then(|bytes| usize::try_from(bytes).ok());
+    let retains = properties.retain_available != Some(0);
+    Terms {
+        broker: Broker { maximum_packet_bytes: limit, retains },
+        packet_max: limit.unwrap_or(usize::MAX).min(link::PACKET_MAX),
+        keep_alive: properties.server_keep_alive.map(|seconds| Duration::from_secs(seconds.into())),
+    }
+}
+
+const fn is_granted(code: &SubscribeReasonCode) -> bool {
+    matches!(code, SubscribeReasonCode::Success(_))
+}
+
+fn received(publish: Publish) -> Option<Received> {
+    let topic = match String::from_utf8(publish.topic.into()) {
+        Ok(topic) if !topic.is_empty() => topic,
+        _ => {
+            tracing::warn!("a message without a readable topic is dropped");
+            return None;
+        }
+    };
+    let properties = publish.properties.unwrap_or_default();
+    Some(Received {
+        topic,
+        payload: publish.payload,
+        retain: publish.retain,
+        duplicate: publish.dup,
+        expiry: properties.message_expiry_interval.map(|seconds| Duration::from_secs(seconds.into())),
+        response_topic: properties.response_topic,
+        correlation: properties.correlation_data,
+    })
+}
+
+fn last_will(will: Publication) -> LastWill {
+    let properties = LastWillProperties {
+        delay_interval: None,
+        payload_format_indicator: None,
+        message_expiry_interval: will.expiry.map(seconds),
+        content_type: None,
+        response_topic: None,
+        correlation_data: will.correlation.map(Into::into),
+        user_properties: Vec::new(),
+    };
+    LastWill::new(will.topic, will.payload, qos(will.qos), will.retain, Some(properties))
+}
+
+/// Whole seconds, rounded up: 0 would mean that nobody gets it.
+fn seconds(span: Duration) -> u32 {
+    let up = u64::from(span.subsec_nanos() > 0);
+    u32::try_from((span.as_secs() + up).max(1)).unwrap_or(u32::MAX)
+}
+
+const fn qos(qos: Qos) -> QoS {
+    match qos {
+        Qos::AtMostOnce => QoS::AtMostOnce,
+        Qos::AtLeastOnce => QoS::AtLeastOnce,
+    }
+}
