@@ -1,14 +1,16 @@
 //! Modbus TCP listeners: sockets on one side, [`Connection`] machines on the other.
 
+mod calls;
+
 use super::answers::{AnswerBox, News};
 use super::clock;
-use super::inbox::{Full, Message};
+use super::inbox::Message;
 use super::router::Router;
+use crate::config::ListenerSettings;
 use crate::domain::command::{Manner, Origin, Owner, Rights};
 use crate::domain::ids::AskerId;
-use crate::domain::native::{NativeOutcome, NativeRequest, Refusal};
 use crate::domain::time::MonoTime;
-use crate::north::modbus::{Call, Connection, Limits};
+use crate::north::modbus::{Commands, Connection, Limits, Words};
 use ipnet::IpNet;
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
@@ -41,23 +43,35 @@ pub struct Server {
     last: Cell<u64>,
 }
 
+/// What a listener grants to a client.
+#[derive(Clone, Copy, Debug)]
+struct Granted {
+    rights: Rights,
+    /// Its reads of a uniform unit renew its lease.
+    reads_renew: bool,
+}
+
 #[derive(Debug)]
 struct Client {
     asker: AskerId,
     origin: Origin,
+    reads_renew: bool,
     stream: OwnedWriteHalf,
     machine: RefCell<Connection>,
+    commands: RefCell<Commands>,
+    /// When a read renewed a lease last, by the place of the drive.
+    renewed: RefCell<HashMap<usize, MonoTime>>,
     router: Rc<Router>,
     /// Rung when the machine was changed by somebody other than its own task.
     bell: Notify,
 }
 
 impl Server {
-    /// Accepts connections of those whom `allow` names (nothing: of all) until the task is dropped.
-    pub async fn listen(self: Rc<Self>, listener: TcpListener, allow: Option<Vec<IpNet>>, router: Rc<Router>) {
+    /// Accepts connections of those whom `settings` allow until the task is dropped.
+    pub async fn listen(self: Rc<Self>, listener: TcpListener, settings: ListenerSettings, router: Rc<Router>) {
         loop {
             match listener.accept().await {
-                Ok((stream, peer)) if !is_allowed(allow.as_deref(), peer.ip()) => {
+                Ok((stream, peer)) if !is_allowed(settings.allow.as_deref(), peer.ip()) => {
                     tracing::warn!(%peer, "refused: not in `allow`");
                     drop(stream);
                 }
@@ -65,7 +79,9 @@ impl Server {
                     tracing::warn!(%peer, "refused: too many connections");
                     drop(stream);
                 }
-                Ok((stream, peer)) => self.welcome(stream, peer, Rc::clone(&router)),
+                Ok((stream, peer)) => {
+                    self.welcome(stream, peer, rights_of(&settings, peer.ip()), Rc::clone(&router));
+                }
                 Err(error) => {
                     tracing::warn!(%error, "cannot accept a connection");
                     tokio::time::sleep(ACCEPT_PAUSE).await;
@@ -83,9 +99,8 @@ impl Server {
             let now = clock::now();
             let clients = self.clients.borrow();
             for news in batch.drain(..) {
-                let News::Native(answer) = news else { continue };
-                if let Some(client) = clients.get(&answer.asker) {
-                    client.machine.borrow_mut().answer(now, answer.ticket, &answer.outcome);
+                if let Some(client) = clients.get(&news.asker()) {
+                    client.hear(now, &news);
                     touched.push(Rc::clone(client));
                 }
             }
@@ -98,7 +113,7 @@ impl Server {
         }
     }
 
-    fn welcome(self: &Rc<Self>, stream: TcpStream, peer: SocketAddr, router: Rc<Router>) {
+    fn welcome(self: &Rc<Self>, stream: TcpStream, peer: SocketAddr, granted: Granted, router: Rc<Router>) {
         if let Err(error) = stream.set_nodelay(true) {
             tracing::debug!(%peer, %error, "cannot set TCP_NODELAY");
         }
@@ -106,9 +121,18 @@ impl Server {
         let asker = AskerId(self.last.get());
         let machine = RefCell::new(Connection::new(Limits::default(), clock::now()));
         let (mut source, stream) = stream.into_split();
-        let rights = Rights { write: false, stop: false };
-        let origin = Origin { owner: Owner::ModbusTcp(peer.ip().to_canonical()), rights, manner: Manner::Cyclic };
-        let client = Rc::new(Client { asker, origin, stream, machine, router, bell: Notify::new() });
+        let owner = Owner::ModbusTcp(peer.ip().to_canonical());
+        let client = Rc::new(Client {
+            asker,
+            origin: Origin { owner, rights: granted.rights, manner: Manner::Cyclic },
+            reads_renew: granted.reads_renew,
+            stream,
+            machine,
+            commands: RefCell::default(),
+            renewed: RefCell::default(),
+            router,
+            bell: Notify::new(),
+        });
         self.clients.borrow_mut().insert(asker, Rc::clone(&client));
         let server = Rc::clone(self);
         tokio::task::spawn_local(async move {
@@ -163,28 +187,20 @@ impl Client {
         }
     }
 
-    /// Takes received bytes, passes calls on to the lines, writes what can be answered at once.
+    /// Takes received bytes, answers what can be answered at once, orders the rest.
     fn take(&self, bytes: &[u8]) -> io::Result<()> {
         if bytes.is_empty() {
             return Err(io::ErrorKind::UnexpectedEof.into());
         }
+        let now = clock::now();
+        let mut words = Words::default();
         let mut machine = self.machine.borrow_mut();
-        machine.receive(clock::now(), bytes);
+        machine.receive(now, bytes, &|unit, ask| self.router.is_stop(unit, ask));
         while let Some(call) = machine.next_call() {
-            let ticket = call.ticket;
-            if let Err(refusal) = self.pass_on(call) {
-                machine.answer(clock::now(), ticket, &NativeOutcome::Refused(refusal));
-            }
+            self.serve_call(now, &mut machine, call, &mut words);
         }
         drop(machine);
         self.flush()
-    }
-
-    fn pass_on(&self, call: Call) -> Result<(), Refusal> {
-        let (inbox, drive) = self.router.find(call.unit).ok_or(Refusal::NoSuchUnit)?;
-        let Call { ticket, ask, deadline, .. } = call;
-        let request = NativeRequest { asker: self.asker, ticket, drive, origin: self.origin, ask, deadline };
-        inbox.put(Message::Native(request)).map_err(|Full| Refusal::QueueFull)
     }
 
     /// Writes as much as the socket takes.
@@ -212,6 +228,11 @@ async fn receive(source: &mut OwnedReadHalf, buffer: &mut [u8]) -> io::Result<us
     .await
 }
 
+/// What `listener` grants to `peer`. Nothing else decides about it.
+fn rights_of(_listener: &ListenerSettings, _peer: IpAddr) -> Granted {
+    Granted { rights: Rights { write: false, stop: false }, reads_renew: false }
+}
+
 fn is_allowed(allow: Option<&[IpNet]>, peer: IpAddr) -> bool {
     allow.is_none_or(|nets| nets.iter().any(|net| net.contains(&peer.to_canonical())))
 }
@@ -219,3 +240,6 @@ fn is_allowed(allow: Option<&[IpNet]>, peer: IpAddr) -> bool {
 fn instant_of(now: MonoTime, at: MonoTime) -> Instant {
     Instant::now() + at.since(now)
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,40 +1,178 @@
-//! From a unit on Modbus TCP to a drive on a line.
+//! From a unit on Modbus TCP to what answers for it: a drive on its line, a picture, or the gateway itself.
 
+use super::clock;
 use super::inbox::Inbox;
-use crate::config::{Config, ListenerSettings};
+use super::shared::{Shared, SharedDrive};
+use crate::config::ListenerSettings;
 use crate::domain::ids::DriveIndex;
-use std::collections::HashMap;
+use crate::domain::report::LineReport;
+use crate::domain::time::MonoTime;
+use crate::drive::view::DriveView;
+use crate::north::modbus::{Ask, Uniform, native, own};
+use std::rc::Rc;
 use std::sync::Arc;
 
-/// Which drive each unit of one listener leads to.
+/// Units that a request can name.
+const UNITS: usize = 256;
+
+/// The uniform units of all drives, made ready once for all listeners.
+#[derive(Clone, Debug)]
+pub struct Units {
+    shared: Arc<Shared>,
+    uniform: Rc<[Uniform]>,
+    started: MonoTime,
+}
+
+impl Units {
+    /// The units of the drives in `shared`. The gateway counts its time from here.
+    #[must_use]
+    pub fn new(shared: &Arc<Shared>) -> Self {
+        let uniform = shared.drives.iter().map(|drive| Uniform::new(&drive.description)).collect();
+        Self { shared: Arc::clone(shared), uniform, started: clock::now() }
+    }
+}
+
+/// Where the units of one listener lead to.
 #[derive(Debug)]
 pub struct Router {
-    inboxes: Vec<Arc<Inbox>>,
-    units: HashMap<u8, (usize, DriveIndex)>,
+    units: Units,
+    /// By unit.
+    routes: [Option<Route>; UNITS],
+    /// By line: whether this listener serves it.
+    serves: Vec<bool>,
+}
+
+/// Where a unit leads to. The place is that of the drive in [`Shared::drives`].
+#[derive(Clone, Copy, Debug)]
+enum Route {
+    Native(usize),
+    Uniform(usize),
+    Own,
+}
+
+/// What answers for a unit.
+#[derive(Clone, Copy, Debug)]
+pub enum Target<'a> {
+    /// A drive by its own registers, and the way to it.
+    Native(&'a Inbox, DriveIndex),
+    /// A drive by the uniform map: its place among all drives.
+    Uniform(Drive<'a>),
+    /// The gateway itself.
+    Own,
+}
+
+/// One drive as a uniform unit shows it.
+#[derive(Clone, Copy, Debug)]
+pub struct Drive<'a> {
+    /// Its place among all drives.
+    pub place: usize,
+    /// Its unit.
+    pub unit: &'a Uniform,
+    /// Its picture.
+    pub shared: &'a SharedDrive,
+    /// The way to it.
+    pub inbox: &'a Inbox,
 }
 
 impl Router {
-    /// The routes of `listener`, where the line at index n has the inbox `inboxes[n]`.
+    /// The routes of `listener`. Where a native and a uniform unit are the same number, it is the native one.
     #[must_use]
-    pub fn new(config: &Config, listener: &ListenerSettings, inboxes: Vec<Arc<Inbox>>) -> Self {
-        let mut units = HashMap::new();
-        for (index, line) in config.lines.iter().enumerate().filter(|(index, _)| listener.serves(*index)) {
-            for (drive, settings) in (0..).zip(&line.drives) {
-                units.insert(settings.unit.get(), (index, DriveIndex(drive)));
+    pub fn new(listener: &ListenerSettings, units: Units) -> Self {
+        let serves: Vec<bool> = (0..units.shared.lines.len()).map(|line| listener.serves(line)).collect();
+        let mut routes = [None; UNITS];
+        let drives = || {
+            let all = units.shared.drives.iter().enumerate();
+            all.filter(|(_, drive)| serves.get(usize::from(drive.description.place.line)) == Some(&true))
+        };
+        let mut lead = |unit: u8, route: Route| {
+            if let Some(entry) = routes.get_mut(usize::from(unit)) {
+                *entry = Some(route);
             }
-        }
-        Self { inboxes, units }
+        };
+        drives().for_each(|(place, drive)| lead(drive.description.uniform_unit.get(), Route::Uniform(place)));
+        drives().for_each(|(place, drive)| lead(drive.description.unit.get(), Route::Native(place)));
+        lead(own::UNIT, Route::Own);
+        lead(own::BROADCAST, Route::Own);
+        Self { units, routes, serves }
     }
 
-    /// The drive at `unit` and the inbox of its line.
+    /// What answers for `unit`; nothing if nobody does.
     #[must_use]
-    pub fn find(&self, unit: u8) -> Option<(&Inbox, DriveIndex)> {
-        let (line, drive) = self.units.get(&unit)?;
-        Some((self.inboxes.get(*line)?, *drive))
+    pub fn find(&self, unit: u8) -> Option<Target<'_>> {
+        Some(match (*self.routes.get(usize::from(unit))?)? {
+            Route::Native(place) => {
+                let Drive { inbox, shared, .. } = self.drive_at(place)?;
+                Target::Native(inbox, shared.description.place.drive)
+            }
+            Route::Uniform(place) => Target::Uniform(self.drive_at(place)?),
+            Route::Own => Target::Own,
+        })
+    }
+
+    /// Whether `ask` orders something to stop.
+    #[must_use]
+    pub fn is_stop(&self, unit: u8, ask: &Ask) -> bool {
+        match self.routes.get(usize::from(unit)).copied().flatten() {
+            Some(Route::Native(place)) => {
+                self.drive_at(place).is_some_and(|drive| native::is_stop(&drive.shared.description.model, ask))
+            }
+            Some(Route::Uniform(place)) => {
+                self.drive_at(place).is_some_and(|drive| drive.unit.is_stop(ask, &drive.shared.view.load()))
+            }
+            Some(Route::Own) => own::is_stop(unit, ask),
+            None => false,
+        }
+    }
+
+    /// The drives that this listener serves and that have control.
+    pub fn controlled(&self) -> impl Iterator<Item = Drive<'_>> {
+        let places = 0..self.units.shared.drives.len();
+        places
+            .filter(|place| self.serves_drive(*place))
+            .filter_map(|place| self.drive_at(place))
+            .filter(|drive| drive.unit.has_control())
+    }
+
+    /// Whole seconds since the start, wrapping.
+    #[must_use]
+    pub fn uptime_s(&self, now: MonoTime) -> u32 {
+        (now.since(self.units.started).as_secs() & u64::from(u32::MAX)) as u32
     }
 
     /// The inboxes of all lines.
     pub fn inboxes(&self) -> impl Iterator<Item = &Inbox> {
-        self.inboxes.iter().map(Arc::as_ref)
+        self.units.shared.lines.iter().map(|line| line.inbox.as_ref())
+    }
+
+    fn drive_at(&self, place: usize) -> Option<Drive<'_>> {
+        let shared = self.units.shared.drives.get(place)?;
+        let unit = self.units.uniform.get(place)?;
+        let inbox = self.units.shared.inbox(shared.description.place)?;
+        Some(Drive { place, unit, shared, inbox })
+    }
+
+    fn serves_drive(&self, place: usize) -> bool {
+        let line = self.units.shared.drives.get(place).map(|drive| usize::from(drive.description.place.line));
+        line.is_some_and(|line| self.serves.get(line) == Some(&true))
+    }
+}
+
+impl own::Gateway for Router {
+    fn lines(&self) -> usize {
+        self.units.shared.lines.len()
+    }
+
+    fn line(&self, place: usize) -> Option<LineReport> {
+        let is_served = self.serves.get(place) == Some(&true);
+        self.units.shared.lines.get(place).filter(|_| is_served).map(super::shared::SharedLine::report)
+    }
+
+    fn drives(&self) -> usize {
+        self.units.shared.drives.len()
+    }
+
+    fn drive(&self, place: usize) -> Option<(&Uniform, Arc<DriveView>)> {
+        let drive = self.drive_at(place).filter(|_| self.serves_drive(place))?;
+        Some((drive.unit, drive.shared.view.load_full()))
     }
 }

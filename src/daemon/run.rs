@@ -3,7 +3,7 @@
 use super::answers::NorthSides;
 use super::line_thread::LineHandle;
 use super::modbus_server::Server;
-use super::router::Router;
+use super::router::{Router, Units};
 use super::shared::Shared;
 use super::{build, clock};
 use crate::config::{Config, ListenerSettings};
@@ -109,11 +109,11 @@ async fn bind(settings: &[ListenerSettings]) -> Result<Vec<TcpListener>, StartEr
 }
 
 fn serve(config: &Config, listeners: Vec<TcpListener>, shared: &Arc<Shared>, north: NorthSides) {
-    let inboxes: Vec<_> = shared.lines.iter().map(|line| Arc::clone(&line.inbox)).collect();
+    let units = Units::new(shared);
     let server = Rc::new(Server::default());
     for (listener, settings) in listeners.into_iter().zip(&config.listeners) {
-        let router = Rc::new(Router::new(config, settings, inboxes.clone()));
-        tokio::task::spawn_local(Rc::clone(&server).listen(listener, settings.allow.clone(), router));
+        let router = Rc::new(Router::new(settings, units.clone()));
+        tokio::task::spawn_local(Rc::clone(&server).listen(listener, settings.clone(), router));
     }
     tokio::task::spawn_local(server.distribute(north.modbus));
 }

@@ -4,9 +4,8 @@ use proptest::prelude::*;
 use proptest::test_runner::FileFailurePersistence;
 use std::collections::HashMap;
 use std::time::Duration;
-use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::north::modbus::{Call, Connection, Limits, parse};
+use vfd_gateway::north::modbus::{Answer, Ask, Call, Connection, Limits, parse};
 use vfd_gateway::wire::mbap;
 
 fn config() -> ProptestConfig {
@@ -33,8 +32,36 @@ fn pdu() -> impl Strategy<Value = Vec<u8>> {
             pdu.extend(std::iter::repeat_n(0x5A, usize::from(2 * n) + usize::from(!right && n < 120)));
             pdu
         }),
+        2 => (1..3_u8, any::<u16>(), 0..2010_u16).prop_map(move |(f, a, n)| head(f, a, n)),
+        1 => (any::<u16>(), prop_oneof![Just(0), Just(0xFF00), any::<u16>()]).prop_map(move |(a, v)| head(5, a, v)),
+        1 => (any::<u16>(), 0..64_u16, 0..9_u8).prop_map(move |(a, n, bytes)| {
+            let mut pdu = head(0x0F, a, n);
+            pdu.push(bytes);
+            pdu.extend(std::iter::repeat_n(0x5A, usize::from(bytes)));
+            pdu
+        }),
+        1 => (any::<u16>(), any::<u16>(), any::<[u8; 2]>()).prop_map(move |(a, and, or)| {
+            [head(0x16, a, and), or.to_vec()].concat()
+        }),
+        1 => (any::<u16>(), 0..127_u16, any::<u16>(), 0..100_u16).prop_map(move |(read, n, write, m)| {
+            let mut pdu = head(0x17, read, n);
+            pdu.extend(&head(0, write, m)[1..]);
+            pdu.push((2 * m) as u8);
+            pdu.extend(std::iter::repeat_n(0x5A, usize::from(2 * m)));
+            pdu
+        }),
+        1 => any::<[u8; 2]>().prop_map(|[access, object]| vec![0x2B, 0x0E, access, object]),
         1 => prop::collection::vec(any::<u8>(), 1..=253),
     ]
+}
+
+/// Any write of a word whose lowest bit is not set stops; so does any coil that is switched off.
+fn is_stop(_: u8, ask: &Ask) -> bool {
+    match ask {
+        Ask::WriteWord { value, .. } => value & 1 == 0,
+        Ask::WriteCoil { on, .. } => !on,
+        _ => false,
+    }
 }
 
 fn stream(messages: &[(u16, u8, Vec<u8>)]) -> Vec<u8> {
@@ -49,30 +76,47 @@ fn drain(connection: &mut Connection) -> Vec<Call> {
     std::iter::from_fn(|| connection.next_call()).collect()
 }
 
-fn any_outcome() -> impl Strategy<Value = Kind> {
+fn any_answer() -> impl Strategy<Value = Kind> {
     prop_oneof![
         4 => Just(Kind::Fitting),
-        1 => Just(Kind::Other(NativeOutcome::NoReply)),
-        1 => Just(Kind::Other(NativeOutcome::Refused(Refusal::LineDown))),
-        1 => (1..=255_u8).prop_map(|code| Kind::Other(NativeOutcome::DriveException(code))),
-        1 => prop::collection::vec(any::<u16>(), 0..300).prop_map(|words| Kind::Other(NativeOutcome::Words(words.into()))),
+        2 => any::<u8>().prop_map(Kind::Exception),
+        1 => prop::collection::vec(any::<u16>(), 0..300).prop_map(Kind::Words),
+        1 => prop::collection::vec(any::<u8>(), 0..300).prop_map(Kind::Bits),
+        1 => prop::collection::vec(any::<u8>(), 0..300).prop_map(Kind::Identity),
+        1 => Just(Kind::Written),
     ]
 }
 
 #[derive(Clone, Debug)]
 enum Kind {
     Fitting,
-    Other(NativeOutcome),
+    Exception(u8),
+    Words(Vec<u16>),
+    Bits(Vec<u8>),
+    Identity(Vec<u8>),
+    Written,
 }
 
 impl Kind {
-    fn outcome(&self, ask: &NativeAsk) -> NativeOutcome {
+    fn answer(&self) -> Answer<'_> {
+        match self {
+            Self::Exception(code) => Answer::Exception(*code),
+            Self::Words(words) => Answer::Words(words),
+            Self::Bits(bytes) => Answer::Bits(bytes),
+            Self::Identity(bytes) => Answer::Identity(bytes),
+            Self::Written | Self::Fitting => Answer::Written,
+        }
+    }
+
+    /// What fits `ask`, if this shall fit.
+    fn fitted(&self, ask: &Ask) -> Self {
         match (self, ask) {
-            (Self::Other(outcome), _) => outcome.clone(),
-            (Self::Fitting, NativeAsk::Read { count, .. }) => {
-                NativeOutcome::Words(vec![*count; usize::from(*count)].into())
+            (Self::Fitting, Ask::ReadWords { count, .. } | Ask::ReadWriteWords { read_count: count, .. }) => {
+                Self::Words(vec![*count; usize::from(*count)])
             }
-            (Self::Fitting, NativeAsk::Write { .. }) => NativeOutcome::Written,
+            (Self::Fitting, Ask::ReadBits { count, .. }) => Self::Bits(vec![0xA5; usize::from(count.div_ceil(8))]),
+            (Self::Fitting, Ask::Identify { .. }) => Self::Identity(vec![0x0E, 1]),
+            (other, _) => other.clone(),
         }
     }
 }
@@ -88,7 +132,7 @@ enum Event {
 fn event() -> impl Strategy<Value = Event> {
     prop_oneof![
         5 => pdu().prop_map(Event::Receive),
-        4 => (any::<prop::sample::Index>(), any_outcome()).prop_map(|(at, kind)| Event::Answer(at.index(64), kind)),
+        4 => (any::<prop::sample::Index>(), any_answer()).prop_map(|(at, kind)| Event::Answer(at.index(64), kind)),
         2 => (0..2_000_usize).prop_map(Event::Wrote),
         1 => (0..3_000_u64).prop_map(Event::Pass),
     ]
@@ -114,7 +158,7 @@ impl Client {
             Event::Receive(pdu) => self.send(pdu),
             Event::Answer(at, kind) if !self.calls.is_empty() => {
                 let call = &self.calls[at % self.calls.len()];
-                self.connection.answer(self.now, call.ticket, &kind.outcome(&call.ask));
+                self.connection.answer(self.now, call.ticket, kind.fitted(&call.ask).answer());
             }
             Event::Answer(..) => {}
             Event::Wrote(bytes) => self.write(*bytes),
@@ -129,7 +173,7 @@ impl Client {
     fn send(&mut self, pdu: &[u8]) {
         let transaction = self.sent.len() as u16;
         let unit = (transaction * 7) as u8;
-        self.connection.receive(self.now, &stream(&[(transaction, unit, pdu.to_vec())]));
+        self.connection.receive(self.now, &stream(&[(transaction, unit, pdu.to_vec())]), &is_stop);
         self.sent.push((unit, pdu.to_vec()));
         self.calls.extend(drain(&mut self.connection));
     }
@@ -162,14 +206,14 @@ proptest! {
         cuts in prop::collection::vec(1..60_usize, 1..40),
     ) {
         let stream = stream(&messages);
-        let limits = Limits { pending_max: 20, ..Limits::default() };
+        let limits = Limits { pending_max: 30, ..Limits::default() };
         let mut whole = Connection::new(limits, MonoTime::ZERO);
-        whole.receive(MonoTime::ZERO, &stream);
+        whole.receive(MonoTime::ZERO, &stream, &is_stop);
         let mut split = Connection::new(limits, MonoTime::ZERO);
         let mut rest = stream.as_slice();
         for cut in cuts.iter().cycle() {
             let (chunk, behind) = rest.split_at((*cut).min(rest.len()));
-            split.receive(MonoTime::ZERO, chunk);
+            split.receive(MonoTime::ZERO, chunk, &is_stop);
             rest = behind;
             if rest.is_empty() {
                 break;
@@ -179,7 +223,7 @@ proptest! {
         prop_assert_eq!(split.counters(), whole.counters());
         let calls = drain(&mut whole);
         prop_assert_eq!(&drain(&mut split), &calls);
-        let asks: Vec<NativeAsk> = messages.iter().filter_map(|(_, _, pdu)| parse(pdu).ok()).take(20).collect();
+        let asks: Vec<Ask> = messages.iter().filter_map(|(_, _, pdu)| parse(pdu).ok()).collect();
         prop_assert_eq!(calls.into_iter().map(|call| call.ask).collect::<Vec<_>>(), asks);
     }
 
@@ -201,6 +245,26 @@ proptest! {
         prop_assert!(answers.is_empty());
     }
 
+    /// Nothing is answered, so that only what overtakes finds a place.
+    #[test]
+    fn a_stop_is_never_refused_for_want_of_a_place(pdus in prop::collection::vec(pdu(), 1..200)) {
+        let mut client = Client::new();
+        pdus.iter().for_each(|pdu| client.send(pdu));
+        let mut of_unit: HashMap<u8, usize> = HashMap::new();
+        for (place, pdu) in pdus.iter().enumerate() {
+            let unit = (place * 7) as u8;
+            if parse(pdu).is_ok_and(|ask| is_stop(unit, &ask)) {
+                *of_unit.entry(unit).or_default() += 1;
+            }
+        }
+        for (unit, stops) in of_unit {
+            let taken = client.calls.iter().filter(|call| call.unit == unit && is_stop(unit, &call.ask)).count();
+            prop_assert!(taken >= 1, "{} stops of unit {}, none taken", stops, unit);
+        }
+        let others = client.calls.iter().filter(|call| !is_stop(call.unit, &call.ask)).count();
+        prop_assert!(others <= Limits::default().pending_max);
+    }
+
     #[test]
     fn random_bytes_never_panic(
         chunks in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..300), 0..20),
@@ -209,7 +273,7 @@ proptest! {
         let mut connection = Connection::new(Limits::default(), MonoTime::ZERO);
         let mut now = MonoTime::ZERO;
         for (chunk, millis) in chunks.iter().zip(millis) {
-            connection.receive(now, chunk);
+            connection.receive(now, chunk, &is_stop);
             drain(&mut connection);
             now = now + Duration::from_millis(millis);
             connection.tick(now);

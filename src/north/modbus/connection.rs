@@ -1,10 +1,10 @@
 //! One Modbus TCP client as a machine without a socket or a clock: bytes, answers and time go in; calls
-//! for drives and bytes for the client come out.
+//! for units and bytes for the client come out.
 
-use super::answer::{self, Form};
+use super::answer::{self, Answer, Form};
+use super::ask::Ask;
 use super::request;
 use crate::domain::ids::Ticket;
-use crate::domain::native::{NativeAsk, NativeOutcome};
 use crate::domain::time::MonoTime;
 use crate::wire::exception;
 use crate::wire::mbap::{self, Malformed};
@@ -14,7 +14,8 @@ use std::time::Duration;
 /// What one client may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Most requests in flight. One more is answered with exception 06. Default 16: the most that the Modbus
+    /// Most requests in flight. One more is answered with exception 06, unless it is a stop: that finds one more
+    /// place for each unit, because a stop never waits for anything else. Default 16: the most that the Modbus
     /// messaging on TCP/IP implementation guide V1.0b expects a server to take from one client.
     pub pending_max: usize,
     /// Within this time of its first byte a message must be whole. Default 5 s: more than the repeats of a
@@ -39,7 +40,7 @@ impl Default for Limits {
     }
 }
 
-/// A request for a drive. It ends with one [`Connection::answer`], or with exception 0B at its deadline.
+/// A request for a unit. It ends with one [`Connection::answer`], or with exception 0B at its deadline.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Call {
     /// This connection's number for it; never used twice.
@@ -47,10 +48,13 @@ pub struct Call {
     /// The unit that the client addressed, not checked.
     pub unit: u8,
     /// What is asked.
-    pub ask: NativeAsk,
+    pub ask: Ask,
     /// When the client gets exception 0B if there is no answer yet.
     pub deadline: MonoTime,
 }
+
+/// Whether a request to a unit orders something to stop. Only who knows the units can tell.
+pub type IsStop<'a> = &'a dyn Fn(u8, &Ask) -> bool;
 
 /// Why the gateway closes a connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -129,6 +133,8 @@ struct Pending {
     transaction: u16,
     unit: u8,
     form: Form,
+    /// It is a stop that found all places taken.
+    is_extra: bool,
 }
 
 impl Connection {
@@ -157,8 +163,9 @@ impl Connection {
         }
     }
 
-    /// Takes bytes that the client sent. Exceptions that need no drive are answered at once.
-    pub fn receive(&mut self, now: MonoTime, bytes: &[u8]) {
+    /// Takes bytes that the client sent. Exceptions that need no unit are answered at once. Calls come in the order
+    /// in which they were sent, also stops: one that overtook a run order of the same client would be undone by it.
+    pub fn receive(&mut self, now: MonoTime, bytes: &[u8], is_stop: IsStop<'_>) {
         if self.close.is_some() || bytes.is_empty() {
             return;
         }
@@ -170,7 +177,7 @@ impl Connection {
         if joined {
             held.extend_from_slice(bytes);
         }
-        let used = self.read_messages(now, if joined { &held } else { bytes });
+        let used = self.read_messages(now, if joined { &held } else { bytes }, is_stop);
         if joined {
             held.drain(..used);
         } else {
@@ -181,16 +188,22 @@ impl Connection {
         self.input = held;
     }
 
-    /// The next request for a drive, in order of arrival.
+    /// A number that no call has, for what is ordered besides.
+    pub fn fresh_ticket(&mut self) -> Ticket {
+        self.next_ticket += 1;
+        Ticket(self.next_ticket - 1)
+    }
+
+    /// The next request for a unit, in order of arrival.
     pub fn next_call(&mut self) -> Option<Call> {
         self.calls.pop_front()
     }
 
     /// Answers a call. A ticket that is not pending (answered, expired, never given) is ignored.
-    pub fn answer(&mut self, now: MonoTime, ticket: Ticket, outcome: &NativeOutcome) {
+    pub fn answer(&mut self, now: MonoTime, ticket: Ticket, answer: Answer<'_>) {
         let Some(place) = self.pending.iter().position(|pending| pending.ticket == ticket) else { return };
         let pending = self.pending.remove(place);
-        self.finish(now, &pending, outcome);
+        self.finish(now, &pending, answer);
     }
 
     /// Whether the socket should be read: not while much output waits to be written, and not after the end.
@@ -224,7 +237,7 @@ impl Connection {
         {
             let expired = self.pending.remove(0);
             self.calls.retain(|call| call.ticket != expired.ticket);
-            self.finish(now, &expired, &NativeOutcome::Expired);
+            self.finish(now, &expired, Answer::Exception(exception::GATEWAY_TARGET_FAILED));
         }
         if self.body_due().is_some_and(|due| due <= now) {
             self.end(CloseReason::BodyTimeout);
@@ -247,12 +260,12 @@ impl Connection {
     }
 
     /// Takes all whole messages at the start of `stream`; returns how many bytes are used up.
-    fn read_messages(&mut self, now: MonoTime, stream: &[u8]) -> usize {
+    fn read_messages(&mut self, now: MonoTime, stream: &[u8], is_stop: IsStop<'_>) -> usize {
         let mut used = 0;
         loop {
             match mbap::decode(&stream[used..]) {
                 Ok(Some(message)) => {
-                    self.take_request(now, &message);
+                    self.take_request(now, &message, is_stop);
                     used += message.adu_bytes;
                 }
                 Ok(None) => return used,
@@ -264,21 +277,26 @@ impl Connection {
         }
     }
 
-    fn take_request(&mut self, now: MonoTime, message: &mbap::Message<'_>) {
+    fn take_request(&mut self, now: MonoTime, message: &mbap::Message<'_>, is_stop: IsStop<'_>) {
         self.counters.requests += 1;
         self.active = now;
         match request::parse(message.pdu) {
-            Ok(ask) if self.pending.len() < self.limits.pending_max => self.call(now, message, ask),
+            Ok(ask) if self.pending.len() < self.limits.pending_max => self.call(now, message, ask, false),
+            Ok(ask) if self.may_stop(message.unit) && is_stop(message.unit, &ask) => self.call(now, message, ask, true),
             Ok(_) => self.refuse(message, exception::SERVER_DEVICE_BUSY),
             Err(code) => self.refuse(message, code),
         }
     }
 
-    fn call(&mut self, now: MonoTime, message: &mbap::Message<'_>, ask: NativeAsk) {
-        let (ticket, deadline, unit) = (Ticket(self.next_ticket), now + self.limits.answer_within, message.unit);
-        self.next_ticket += 1;
-        let form = Form::of(message.pdu[0], &ask);
-        self.pending.push(Pending { ticket, deadline, transaction: message.transaction, unit, form });
+    /// Whether the place that is kept for a stop of `unit` is free. If not, such a stop is under way already.
+    fn may_stop(&self, unit: u8) -> bool {
+        !self.pending.iter().any(|pending| pending.is_extra && pending.unit == unit)
+    }
+
+    fn call(&mut self, now: MonoTime, message: &mbap::Message<'_>, ask: Ask, is_extra: bool) {
+        let (ticket, deadline, unit) = (self.fresh_ticket(), now + self.limits.answer_within, message.unit);
+        let form = Form::of(&ask);
+        self.pending.push(Pending { ticket, deadline, transaction: message.transaction, unit, form, is_extra });
         self.calls.push_back(Call { ticket, unit, ask, deadline });
     }
 
@@ -289,9 +307,9 @@ impl Connection {
         });
     }
 
-    fn finish(&mut self, now: MonoTime, pending: &Pending, outcome: &NativeOutcome) {
+    fn finish(&mut self, now: MonoTime, pending: &Pending, answer: Answer<'_>) {
         self.active = now;
-        let result = pending.form.judge(outcome);
+        let result = pending.form.judge(answer);
         match result {
             Ok(_) => self.counters.replies += 1,
             Err(code) => self.counters.count_exception(code),
@@ -327,7 +345,7 @@ fn release(buffer: &mut Vec<u8>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::native::Refusal;
+    use crate::north::modbus::ask::WordTable;
     use proptest::prelude::*;
 
     const T0: MonoTime = MonoTime::from_millis(1_000);
@@ -350,19 +368,26 @@ mod tests {
         T0 + Duration::from_millis(millis)
     }
 
-    fn word(value: u16) -> NativeOutcome {
-        NativeOutcome::Words([value].into())
+    const ONE: Answer<'_> = Answer::Words(&[1]);
+
+    fn never(_: u8, _: &Ask) -> bool {
+        false
+    }
+
+    /// Any write of 0 stops.
+    fn zero(_: u8, ask: &Ask) -> bool {
+        matches!(ask, Ask::WriteWord { value: 0, .. })
     }
 
     #[test]
     fn a_read_becomes_a_call_and_its_words_the_answer() {
         let mut connection = connection();
-        connection.receive(T0, &message(0x1234, 7, &[4, 1, 1, 0, 2]));
+        connection.receive(T0, &message(0x1234, 7, &[4, 1, 1, 0, 2]), &never);
         let call = connection.next_call().unwrap();
         assert_eq!((call.unit, call.deadline), (7, after(5_000)));
-        assert_eq!(call.ask, NativeAsk::Read { address: 0x0101, count: 2 });
+        assert_eq!(call.ask, Ask::ReadWords { table: WordTable::Input, address: 0x0101, count: 2 });
         assert_eq!(connection.next_call(), None);
-        connection.answer(after(10), call.ticket, &NativeOutcome::Words([6000, 1].into()));
+        connection.answer(after(10), call.ticket, Answer::Words(&[6000, 1]));
         assert_eq!(connection.output(), message(0x1234, 7, &[4, 4, 0x17, 0x70, 0, 1]));
         assert_eq!(connection.counters(), &Counters { requests: 1, replies: 1, exceptions: [0; 12] });
     }
@@ -370,12 +395,12 @@ mod tests {
     #[test]
     fn answers_go_out_as_they_come_each_with_its_own_transaction_and_unit() {
         let mut connection = connection();
-        connection.receive(T0, &[read(1), message(1, 8, &[6, 0, 2, 0, 1]), read(0xFFFF)].concat());
+        connection.receive(T0, &[read(1), message(1, 8, &[6, 0, 2, 0, 1]), read(0xFFFF)].concat(), &never);
         let calls: Vec<Call> = std::iter::from_fn(|| connection.next_call()).collect();
-        assert_eq!(calls[1].ask, NativeAsk::Write { address: 2, values: vec![1] });
-        connection.answer(T0, calls[2].ticket, &word(3));
-        connection.answer(T0, calls[1].ticket, &NativeOutcome::Written);
-        connection.answer(T0, calls[0].ticket, &NativeOutcome::Refused(Refusal::LineDown));
+        assert_eq!(calls[1].ask, Ask::WriteWord { address: 2, value: 1 });
+        connection.answer(T0, calls[2].ticket, Answer::Words(&[3]));
+        connection.answer(T0, calls[1].ticket, Answer::Written);
+        connection.answer(T0, calls[0].ticket, Answer::Exception(0x0A));
         let answers =
             [message(0xFFFF, 7, &[3, 2, 0, 3]), message(1, 8, &[6, 0, 2, 0, 1]), message(1, 7, &[0x83, 0x0A])];
         assert_eq!(connection.output(), answers.concat());
@@ -387,13 +412,14 @@ mod tests {
             (&[0][..], [0x80, 1]),
             (&[0x83, 0, 0, 0, 1], [0x83, 1]),
             (&[0xFF], [0xFF, 1]),
-            (&[5, 0, 0, 0xFF, 0], [0x85, 1]),
+            (&[7], [0x87, 1]),
+            (&[5, 0, 0, 0xFF, 1], [0x85, 3]),
             (&[3, 0, 0, 0, 126], [0x83, 3]),
             (&[4, 0xFF, 0xFF, 0, 2], [0x84, 2]),
             (&[0x10, 0, 0, 0, 1, 2, 0], [0x90, 3]),
         ] {
             let mut connection = connection();
-            connection.receive(T0, &message(9, 255, pdu));
+            connection.receive(T0, &message(9, 255, pdu), &never);
             assert_eq!(connection.next_call(), None);
             assert_eq!(connection.output(), message(9, 255, &answer));
             assert_eq!(connection.counters().exceptions[usize::from(answer[1])], 1);
@@ -404,33 +430,74 @@ mod tests {
     fn the_17th_request_in_flight_is_busy_and_makes_no_call() {
         let mut connection = connection();
         let stream: Vec<u8> = (0..17).flat_map(read).collect();
-        connection.receive(T0, &stream);
+        connection.receive(T0, &stream, &never);
         let calls: Vec<Call> = std::iter::from_fn(|| connection.next_call()).collect();
         assert_eq!(calls.len(), 16);
         assert_eq!(connection.output(), message(16, 7, &[0x83, 6]));
-        connection.answer(T0, calls[3].ticket, &word(1));
-        connection.receive(T0, &read(17));
+        connection.answer(T0, calls[3].ticket, ONE);
+        connection.receive(T0, &read(17), &never);
         assert!(connection.next_call().is_some());
+    }
+
+    #[test]
+    fn a_stop_finds_a_place_although_all_are_taken() {
+        let (stop, other) = (message(40, 7, &[6, 0, 2, 0, 0]), message(41, 7, &[6, 0, 2, 0, 1]));
+        let mut connection = connection();
+        let stream: Vec<u8> = (0..16).flat_map(read).collect();
+        connection.receive(T0, &[stream, other, stop.clone()].concat(), &zero);
+        let calls: Vec<Call> = std::iter::from_fn(|| connection.next_call()).collect();
+        assert_eq!((calls.len(), calls[16].unit), (17, 7));
+        assert_eq!(connection.output(), message(41, 7, &[0x86, 6]), "what is no stop is busy");
+        connection.wrote(usize::MAX);
+        connection.receive(T0, &stop, &zero);
+        assert_eq!(connection.output(), message(40, 7, &[0x86, 6]), "that very stop is under way");
+        connection.wrote(usize::MAX);
+        connection.receive(T0, &message(42, 8, &[6, 0, 2, 0, 0]), &zero);
+        assert_eq!(connection.next_call().map(|call| call.unit), Some(8), "each unit has a place");
+        connection.answer(T0, calls[16].ticket, Answer::Written);
+        assert_eq!(connection.output(), stop);
+        connection.receive(T0, &stop, &zero);
+        assert!(connection.next_call().is_some(), "the place is free again");
+    }
+
+    #[test]
+    fn a_stop_never_overtakes_what_the_same_client_sent_before_it() {
+        let mut connection = connection();
+        let (run, stop) = (message(1, 7, &[6, 0, 2, 0, 1]), message(2, 7, &[6, 0, 2, 0, 0]));
+        connection.receive(T0, &[run, stop].concat(), &zero);
+        let asks: Vec<Ask> = std::iter::from_fn(|| connection.next_call()).map(|call| call.ask).collect();
+        assert_eq!(asks, [1, 0].map(|value| Ask::WriteWord { address: 2, value }));
+    }
+
+    #[test]
+    fn a_fresh_ticket_belongs_to_no_call() {
+        let mut connection = connection();
+        let fresh = connection.fresh_ticket();
+        connection.receive(T0, &read(1), &never);
+        assert_ne!(connection.next_call().unwrap().ticket, fresh);
+        assert_ne!(connection.fresh_ticket(), fresh);
+        connection.answer(T0, fresh, ONE);
+        assert!(connection.output().is_empty());
     }
 
     #[test]
     fn only_a_pending_ticket_is_answered() {
         let mut connection = connection();
-        connection.receive(T0, &read(1));
+        connection.receive(T0, &read(1), &never);
         let ticket = connection.next_call().unwrap().ticket;
-        connection.answer(T0, Ticket(77), &word(1));
+        connection.answer(T0, Ticket(77), ONE);
         assert!(connection.output().is_empty());
-        connection.answer(T0, ticket, &word(1));
+        connection.answer(T0, ticket, ONE);
         let once = connection.output().to_vec();
-        connection.answer(T0, ticket, &word(2));
+        connection.answer(T0, ticket, Answer::Words(&[2]));
         assert_eq!(connection.output(), once);
     }
 
     #[test]
     fn a_call_without_an_answer_ends_at_its_deadline() {
         let mut connection = connection();
-        connection.receive(T0, &read(1));
-        connection.receive(after(100), &read(2));
+        connection.receive(T0, &read(1), &never);
+        connection.receive(after(100), &read(2), &never);
         let call = connection.next_call().unwrap();
         assert_eq!(connection.next_wake(), Some(after(5_000)));
         connection.tick(after(4_999));
@@ -438,7 +505,7 @@ mod tests {
         connection.tick(after(5_000));
         assert_eq!(connection.output(), message(1, 7, &[0x83, 0x0B]));
         assert_eq!(connection.next_wake(), Some(after(5_100)));
-        connection.answer(after(5_001), call.ticket, &word(1));
+        connection.answer(after(5_001), call.ticket, ONE);
         assert_eq!(connection.output(), message(1, 7, &[0x83, 0x0B]));
         connection.tick(after(5_100));
         assert_eq!(connection.next_call(), None, "an expired call is not given out");
@@ -448,9 +515,9 @@ mod tests {
     fn deadlines_are_kept_in_order_when_an_older_call_is_answered() {
         let mut connection = connection();
         for n in 0..3 {
-            connection.receive(after(100 * u64::from(n)), &read(n));
+            connection.receive(after(100 * u64::from(n)), &read(n), &never);
         }
-        connection.answer(after(300), Ticket(0), &word(1));
+        connection.answer(after(300), Ticket(0), ONE);
         connection.wrote(usize::MAX);
         assert_eq!(connection.next_wake(), Some(after(5_100)));
         connection.tick(after(5_100));
@@ -465,12 +532,12 @@ mod tests {
             (&[0, 9, 0, 0, 0xEA, 0x60], Malformed::Length(60_000)),
         ] {
             let mut connection = connection();
-            connection.receive(T0, &[&message(1, 7, &[1]), &read(2), bad, &read(3)].concat());
+            connection.receive(T0, &[&message(1, 7, &[7]), &read(2), bad, &read(3)].concat(), &never);
             assert_eq!(connection.close_reason(), Some(CloseReason::Malformed(reason)));
-            assert_eq!(connection.output(), message(1, 7, &[0x81, 1]));
+            assert_eq!(connection.output(), message(1, 7, &[0x87, 1]));
             assert!(!connection.wants_input() && connection.next_call().is_none());
-            connection.receive(T0, &read(4));
-            connection.answer(T0, Ticket(0), &word(1));
+            connection.receive(T0, &read(4), &never);
+            connection.answer(T0, Ticket(0), ONE);
             connection.wrote(9);
             assert!(connection.output().is_empty());
             assert_eq!((connection.next_wake(), connection.counters().requests), (None, 2));
@@ -481,13 +548,13 @@ mod tests {
     fn a_message_begun_must_be_whole_in_time() {
         let mut connection = connection();
         let stream = [read(1), read(2)].concat();
-        connection.receive(T0, &stream[..10]);
-        connection.receive(after(4_000), &stream[10..11]);
+        connection.receive(T0, &stream[..10], &never);
+        connection.receive(after(4_000), &stream[10..11], &never);
         assert_eq!(connection.next_wake(), Some(after(5_000)));
-        connection.receive(after(4_500), &stream[11..13]);
+        connection.receive(after(4_500), &stream[11..13], &never);
         connection.tick(after(5_000));
         assert_eq!(connection.close_reason(), None, "the second message began later");
-        connection.receive(after(9_499), &stream[13..23]);
+        connection.receive(after(9_499), &stream[13..23], &never);
         connection.tick(after(9_499));
         assert_eq!(connection.close_reason(), None);
         connection.tick(after(9_500));
@@ -499,11 +566,11 @@ mod tests {
     fn a_connection_is_idle_from_its_last_request_or_answer() {
         let mut connection = Connection::new(Limits { answer_within: Duration::MAX, ..Limits::default() }, T0);
         assert_eq!(connection.next_wake(), Some(after(600_000)));
-        connection.receive(after(599_999), &read(1));
+        connection.receive(after(599_999), &read(1), &never);
         let ticket = connection.next_call().unwrap().ticket;
         connection.tick(after(10_000_000));
         assert_eq!(connection.close_reason(), None, "a request is pending");
-        connection.answer(after(20_000_000), ticket, &word(1));
+        connection.answer(after(20_000_000), ticket, ONE);
         connection.tick(after(20_599_999));
         assert_eq!(connection.close_reason(), None);
         connection.tick(after(20_600_000));
@@ -514,15 +581,15 @@ mod tests {
     fn a_client_that_does_not_read_is_not_read_from_and_then_closed() {
         let mut connection = connection();
         let chunk: Vec<u8> = (0..500).flat_map(|n| message(n, 7, &[1])).collect();
-        connection.receive(T0, &chunk);
+        connection.receive(T0, &chunk, &never);
         assert!(!connection.wants_input());
         connection.wrote(400);
         assert!(connection.wants_input());
         while connection.output().len() <= Connection::OUTPUT_MAX {
-            connection.receive(T0, &chunk);
+            connection.receive(T0, &chunk, &never);
         }
         assert_eq!(connection.close_reason(), None);
-        connection.receive(T0, &chunk);
+        connection.receive(T0, &chunk, &never);
         assert_eq!(connection.close_reason(), Some(CloseReason::NotReading));
     }
 
@@ -531,8 +598,8 @@ mod tests {
         let mut connection = connection();
         assert_eq!(connection.input.capacity() + connection.output.capacity() + connection.calls.capacity(), 0);
         let stream: Vec<u8> = (0..2_000).flat_map(|n| message(n, 7, &[1])).collect();
-        connection.receive(T0, &stream[..1]);
-        connection.receive(T0, &stream[1..]);
+        connection.receive(T0, &stream[..1], &never);
+        connection.receive(T0, &stream[1..], &never);
         connection.wrote(usize::MAX);
         assert!(connection.input.capacity() <= Connection::KEEP_BYTES);
         assert!(connection.output.capacity() <= Connection::KEEP_BYTES);
@@ -555,7 +622,7 @@ mod tests {
             for (header, bytes) in &chunks {
                 let mut chunk = if *header { vec![0, 1, 0, 0, 0, 2, 1] } else { vec![] };
                 chunk.extend(bytes);
-                connection.receive(T0, &chunk);
+                connection.receive(T0, &chunk, &never);
                 prop_assert!(connection.input.len() < mbap::MAX_ADU_BYTES);
                 prop_assert!(connection.input.capacity() <= Connection::KEEP_BYTES);
                 prop_assert!(connection.pending.len() <= 16 && connection.calls.len() <= 16);

@@ -1,8 +1,34 @@
-//! Modbus TCP from the side of one client: parsing requests, forming answers, and the connection between them.
+//! Modbus TCP from the side of one client: parsing requests, what each kind of unit makes of them, forming answers,
+//! and the connection around it.
+//!
+//! A request becomes an [`Ask`] whatever its unit is. A *native* unit turns it into a request to the drive
+//! ([`native`]); a *uniform* unit answers reads from the picture of its drive and turns writes into orders
+//! ([`uniform`]); unit 255 is the gateway itself ([`own`]). What became of it is an [`Answer`].
 
 mod answer;
+mod ask;
+mod commands;
 mod connection;
+mod function;
+mod identity;
+mod map;
+pub mod native;
+pub mod own;
+mod refusal;
 mod request;
+mod taken;
+#[cfg(test)]
+mod testing;
+pub mod uniform;
+mod words;
 
-pub use connection::{Call, CloseReason, Connection, Counters, Limits};
+pub use answer::Answer;
+pub use ask::{Ask, BitTable, Bits, WordTable};
+pub use commands::{Commands, Ended, ReadBehind};
+pub use connection::{Call, CloseReason, Connection, Counters, IsStop, Limits};
+pub use map::{Each, MapAccess, MapRow, MapTable, MapUnit, map};
+pub use refusal::{exception_for, exception_of, worst};
 pub use request::parse;
+pub use taken::{Ordered, Present, Taken};
+pub use uniform::Uniform;
+pub use words::Words;

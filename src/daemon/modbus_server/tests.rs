@@ -1,0 +1,336 @@
+//! The server over real sockets, with the test in the place of the lines.
+
+use super::super::inbox::INBOX_MAX;
+use super::super::router::Units;
+use super::super::shared::Shared;
+use super::*;
+use crate::domain::command::{CommandAnswer, Outcome, Reason, Report, RunIntent};
+use crate::domain::command::{CommandRequest, Order};
+use crate::domain::control::{ControlSettings, FailSafe};
+use crate::domain::frequency::Hertz;
+use crate::domain::ids::DriveIndex;
+use crate::domain::ids::{Name, UnitId};
+use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome};
+use crate::drive::description::{DriveDescription, DriveRef};
+use crate::drive::snapshot::Presence;
+use crate::drive::view::{ControlView, DriveView};
+use crate::profile::catalog::Catalog;
+use crate::vendors;
+use crate::wire::mbap;
+use std::net::Ipv4Addr;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::task::LocalSet;
+
+const EVERY_LINE: ListenerSettings =
+    ListenerSettings { listen: SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 0), allow: None, lines: None };
+
+/// A server with two lines of two drives each, on units 1 to 4 and 101 to 104, of which the first of each line
+/// has control. Nobody serves the lines: the test looks into their inboxes.
+struct Plant {
+    shared: Arc<Shared>,
+    answers: Arc<AnswerBox>,
+    address: SocketAddr,
+}
+
+fn name(text: &str) -> Name {
+    Name::new(text).unwrap()
+}
+
+fn settings() -> ControlSettings {
+    ControlSettings {
+        from_mqtt: true,
+        from_modbus_tcp: true,
+        least: Hertz::from_millihertz(5_000),
+        most: Hertz::from_millihertz(50_000),
+        directions: vec![crate::domain::command::Direction::Forward],
+        reverse_below: Hertz::ZERO,
+        on_commander_lost: FailSafe::Stop,
+        lost_after: Duration::from_secs(30),
+        on_shutdown: FailSafe::Stop,
+        accept_unverified: Vec::new(),
+        strict: false,
+        restart_delay: Duration::from_secs(2),
+        stop_effect_timeout: Duration::from_secs(3),
+        stop_pending_for: Duration::from_secs(600),
+        native_write: Vec::new(),
+    }
+}
+
+fn control() -> ControlView {
+    ControlView {
+        lease: None,
+        intent: RunIntent::Stop,
+        setpoint: Some(Hertz::from_millihertz(42_500)),
+        start_inhibited: false,
+        command_pending: false,
+        stop_pending: false,
+        not_effective: false,
+        failsafe: false,
+        epoch: 0,
+        last: None,
+        commands: 0,
+    }
+}
+
+fn shared() -> Arc<Shared> {
+    let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+    let model = catalog.find("hyundai-n700").unwrap();
+    let drives = (0..4_u8).map(|number| DriveDescription {
+        place: DriveRef { line: u16::from(number / 2), drive: DriveIndex(u16::from(number % 2)) },
+        name: name(&format!("pump-{number}")),
+        line: name("hall"),
+        model: Arc::clone(model),
+        unit: UnitId::new(1 + number).unwrap(),
+        uniform_unit: UnitId::new(101 + number).unwrap(),
+        poll: Duration::from_secs(1),
+        control: number.is_multiple_of(2).then(|| Arc::new(settings())),
+        dead_bands: Vec::new(),
+    });
+    let shared = Shared::new(vec![name("hall-1"), name("hall-2")], drives.collect());
+    for drive in &shared.drives {
+        show(drive, None);
+    }
+    Arc::new(shared)
+}
+
+fn show(drive: &super::super::shared::SharedDrive, lease: Option<(Owner, MonoTime)>) {
+    let mut view = DriveView { line_is_up: true, ..DriveView::default() };
+    view.snapshot.presence = Presence::Online;
+    view.control = drive.description.control.as_ref().map(|_| ControlView { lease, ..control() });
+    drive.view.store(Arc::new(view));
+}
+
+fn play<F: Future<Output = ()>>(settings: ListenerSettings, test: impl FnOnce(Plant, TcpStream) -> F) {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    runtime.block_on(LocalSet::new().run_until(async {
+        let listener = TcpListener::bind(settings.listen).await.unwrap();
+        let address = listener.local_addr().unwrap();
+        let (shared, answers) = (shared(), Arc::new(AnswerBox::default()));
+        let router = Rc::new(Router::new(&settings, Units::new(&shared)));
+        let server = Rc::new(Server::default());
+        tokio::task::spawn_local(Rc::clone(&server).listen(listener, settings, router));
+        tokio::task::spawn_local(server.distribute(Arc::clone(&answers)));
+        let stream = TcpStream::connect(address).await.unwrap();
+        test(Plant { shared, answers, address }, stream).await;
+    }));
+}
+
+async fn send(stream: &mut TcpStream, requests: &[(u16, u8, &[u8])]) {
+    let mut out = Vec::new();
+    for (transaction, unit, pdu) in requests {
+        mbap::encode(&mut out, *transaction, *unit, |out| out.extend_from_slice(pdu));
+    }
+    stream.write_all(&out).await.unwrap();
+}
+
+async fn answer(stream: &mut TcpStream) -> (u16, u8, Vec<u8>) {
+    let mut head = [0; mbap::HEADER_BYTES];
+    stream.read_exact(&mut head).await.unwrap();
+    let mut pdu = vec![0; usize::from(u16::from_be_bytes([head[4], head[5]])) - 1];
+    stream.read_exact(&mut pdu).await.unwrap();
+    (u16::from_be_bytes([head[0], head[1]]), head[6], pdu)
+}
+
+/// What is answered to one request.
+async fn ask(stream: &mut TcpStream, unit: u8, pdu: &[u8]) -> Vec<u8> {
+    send(stream, &[(7, unit, pdu)]).await;
+    let (transaction, answering, pdu) = answer(stream).await;
+    assert_eq!((transaction, answering), (7, unit));
+    pdu
+}
+
+impl Plant {
+    /// Nothing waits for any line.
+    fn assert_untouched(&self) {
+        for line in &self.shared.lines {
+            let mut batch = Vec::new();
+            line.inbox.take(&mut batch);
+            assert!(batch.is_empty(), "{batch:?}");
+        }
+    }
+
+    /// The commands that `line` has got, once there are `count`.
+    async fn commands(&self, line: usize, count: usize) -> Vec<CommandRequest> {
+        let mut got = Vec::new();
+        while got.len() < count {
+            tokio::task::yield_now().await;
+            let mut batch = Vec::new();
+            self.shared.lines[line].inbox.take(&mut batch);
+            got.extend(batch.into_iter().filter_map(|message| match message {
+                Message::Command(command) => Some(command),
+                _ => None,
+            }));
+        }
+        got
+    }
+
+    fn tell(&self, command: &CommandRequest, report: Report, is_final: bool) {
+        let CommandRequest { asker, ticket, drive, .. } = *command;
+        let answer = CommandAnswer { asker, ticket, drive, report, is_final };
+        self.answers.put(&mut vec![News::Command(answer)]);
+    }
+}
+
+const DONE: Report = Report::new(Outcome::Acknowledged, Reason::None);
+const RUN: [u8; 5] = [6, 1, 0, 0, 1];
+const STOP: [u8; 5] = [6, 1, 0, 0, 0];
+
+#[test]
+fn each_unit_is_answered_by_its_own_kind() {
+    play(EVERY_LINE, |plant, mut stream| async move {
+        assert_eq!(ask(&mut stream, 101, &[3, 1, 1, 0, 1]).await, [3, 2, 0x10, 0x9A], "42.5 Hz");
+        assert_eq!(ask(&mut stream, 104, &[2, 0, 0, 0, 1]).await, [2, 1, 1], "online");
+        for unit in [255, 0] {
+            assert_eq!(ask(&mut stream, unit, &[4, 0, 2, 0, 2]).await, [4, 4, 0, 2, 0, 4], "lines and drives");
+            assert_eq!(ask(&mut stream, unit, &[0x2B, 0x0E, 4, 0]).await[..3], [0x2B, 0x0E, 4]);
+        }
+        assert_eq!(ask(&mut stream, 0, &[5, 0, 0, 0xFF, 0]).await, [0x85, 1], "never a broadcast");
+        assert_eq!(ask(&mut stream, 5, &[3, 0, 0, 0, 1]).await, [0x83, 0x0A]);
+        assert_eq!(ask(&mut stream, 1, &[1, 0, 0, 0, 1]).await, [0x81, 1]);
+        assert_eq!(ask(&mut stream, 102, &RUN).await, [0x86, 1], "no control");
+        plant.assert_untouched();
+    });
+}
+
+#[test]
+fn a_native_request_goes_to_its_line_and_comes_back() {
+    play(EVERY_LINE, |plant, mut stream| async move {
+        send(&mut stream, &[(9, 4, &[4, 1, 1, 0, 1])]).await;
+        let mut batch = Vec::new();
+        while batch.is_empty() {
+            tokio::task::yield_now().await;
+            plant.shared.lines[1].inbox.take(&mut batch);
+        }
+        let Some(Message::Native(request)) = batch.pop() else { panic!("{batch:?}") };
+        assert_eq!((request.drive, &request.ask), (DriveIndex(1), &NativeAsk::Read { address: 0x0101, count: 1 }));
+        let outcome = NativeOutcome::Words([6000].into());
+        let news = NativeAnswer { asker: request.asker, ticket: request.ticket, outcome };
+        plant.answers.put(&mut vec![News::Native(news)]);
+        assert_eq!(answer(&mut stream).await, (9, 4, vec![4, 2, 0x17, 0x70]));
+    });
+}
+
+#[test]
+fn a_uniform_write_is_a_command_and_answered_by_its_report() {
+    play(EVERY_LINE, |plant, mut stream| async move {
+        for (report, right) in [
+            (DONE, RUN.to_vec()),
+            (Report::refused(Reason::NotAllowed), vec![0x86, 1]),
+            (Report::refused(Reason::StartInhibited), vec![0x86, 6]),
+            (Report { exception: Some(2), ..Report::new(Outcome::Failed, Reason::DriveException) }, vec![0x86, 2]),
+        ] {
+            send(&mut stream, &[(7, 103, &RUN)]).await;
+            let command = plant.commands(1, 1).await.remove(0);
+            assert_eq!(command.origin.owner, Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::LOCALHOST)));
+            assert_eq!((command.drive, command.origin.manner), (DriveIndex(0), Manner::Cyclic));
+            plant.tell(&command, report, true);
+            assert_eq!(answer(&mut stream).await, (7, 103, right));
+            plant.tell(&command, Report::new(Outcome::Confirmed, Reason::None), true);
+        }
+        assert_eq!(ask(&mut stream, 103, &[5, 0, 2, 0, 0]).await, [5, 0, 2, 0, 0], "it orders nothing");
+    });
+}
+
+#[test]
+fn a_write_that_also_reads_reads_what_came_of_it() {
+    play(EVERY_LINE, |plant, mut stream| async move {
+        send(&mut stream, &[(7, 101, &[0x17, 1, 0, 0, 2, 1, 1, 0, 1, 2, 0x0F, 0xA0])]).await;
+        let command = plant.commands(0, 1).await.remove(0);
+        let mut view = DriveView::clone(&plant.shared.drives[0].view.load());
+        view.control.as_mut().unwrap().setpoint = Some(Hertz::from_millihertz(40_000));
+        plant.shared.drives[0].view.store(Arc::new(view));
+        plant.tell(&command, DONE, false);
+        assert_eq!(answer(&mut stream).await.2, [0x17, 4, 0, 0, 0x0F, 0xA0]);
+    });
+}
+
+#[test]
+fn stop_all_goes_to_every_drive_with_control_and_is_answered_by_the_worst() {
+    play(EVERY_LINE, |plant, mut stream| async move {
+        send(&mut stream, &[(7, 255, &[5, 0, 0, 0xFF, 0])]).await;
+        let (one, other) = (plant.commands(0, 1).await.remove(0), plant.commands(1, 1).await.remove(0));
+        for command in [&one, &other] {
+            assert_eq!((command.drive, &command.order), (DriveIndex(0), &Order::Stop { setpoint: None }));
+        }
+        assert_ne!(one.ticket, other.ticket);
+        plant.tell(&one, Report::new(Outcome::Unknown, Reason::NoReply), true);
+        plant.tell(&other, DONE, true);
+        assert_eq!(answer(&mut stream).await.2, [0x85, 0x0B]);
+    });
+}
+
+#[test]
+fn a_listener_serves_its_lines_and_no_others() {
+    play(ListenerSettings { lines: Some(vec![1]), ..EVERY_LINE }, |plant, mut stream| async move {
+        assert_eq!(ask(&mut stream, 101, &[3, 0, 0, 0, 1]).await, [0x83, 0x0A]);
+        assert_eq!(ask(&mut stream, 1, &[3, 0, 0, 0, 1]).await, [0x83, 0x0A]);
+        assert_eq!(ask(&mut stream, 103, &[3, 0, 0, 0, 1]).await, [3, 2, 0, 1]);
+        assert_eq!(ask(&mut stream, 255, &[3, 3, 0xE8, 0, 1]).await, [3, 2, 0xFF, 0xFF]);
+        assert_eq!(ask(&mut stream, 255, &[3, 3, 0xF8, 0, 1]).await[..2], [3, 2]);
+        assert_eq!(ask(&mut stream, 255, &[3, 0, 100, 0, 1]).await, [3, 2, 0xFF, 0xFF]);
+        send(&mut stream, &[(7, 255, &[0x0F, 0, 0, 0, 1, 1, 1])]).await;
+        let command = plant.commands(1, 1).await.remove(0);
+        plant.tell(&command, DONE, true);
+        assert_eq!(answer(&mut stream).await.2, [0x0F, 0, 0, 0, 1]);
+        plant.assert_untouched();
+    });
+}
+
+#[test]
+fn a_stop_reaches_its_line_although_the_client_has_all_its_requests_in_flight() {
+    play(EVERY_LINE, |plant, mut stream| async move {
+        let mut requests: Vec<(u16, u8, &[u8])> = (0..16).map(|number| (number, 1, &[3, 1, 1, 0, 1][..])).collect();
+        requests.extend([(16, 1, &[6, 0, 2, 0, 1][..]), (17, 1, &[6, 0, 2, 0, 0]), (18, 101, &STOP)]);
+        requests.push((19, 255, &[5, 0, 0, 0xFF, 0]));
+        send(&mut stream, &requests).await;
+        assert_eq!(plant.commands(0, 2).await.len(), 2, "of unit 101 and of unit 255");
+        assert_eq!(answer(&mut stream).await, (16, 1, vec![0x86, 6]), "what is no stop waits its turn");
+    });
+}
+
+#[test]
+fn a_full_inbox_is_busy() {
+    play(EVERY_LINE, |plant, mut stream| async move {
+        for _ in 0..INBOX_MAX {
+            plant.shared.lines[0].inbox.put(Message::AskerGone(AskerId(99))).unwrap();
+        }
+        assert_eq!(ask(&mut stream, 101, &RUN).await, [0x86, 6]);
+        assert_eq!(ask(&mut stream, 1, &[3, 1, 1, 0, 1]).await, [0x83, 6]);
+        send(&mut stream, &[(7, 255, &[5, 0, 0, 0xFF, 0])]).await;
+        let command = plant.commands(1, 1).await.remove(0);
+        plant.tell(&command, DONE, true);
+        assert_eq!(answer(&mut stream).await.2, [0x85, 6], "one drive was not reached");
+    });
+}
+
+/// A client that is granted this, behind the listener.
+async fn granted(plant: &Plant, granted: Granted) -> TcpStream {
+    let listener = TcpListener::bind(EVERY_LINE.listen).await.unwrap();
+    let stream = TcpStream::connect(listener.local_addr().unwrap()).await.unwrap();
+    let (accepted, peer) = listener.accept().await.unwrap();
+    let router = Rc::new(Router::new(&EVERY_LINE, Units::new(&plant.shared)));
+    Rc::new(Server::default()).welcome(accepted, peer, granted, router);
+    stream
+}
+
+#[test]
+fn reads_renew_only_where_that_is_granted_and_only_the_lease_of_the_client() {
+    const READ: [u8; 5] = [3, 0, 19, 0, 1];
+    play(EVERY_LINE, |plant, mut plain| async move {
+        let rights = Rights { write: true, stop: true };
+        let mut renewing = granted(&plant, Granted { rights, reads_renew: true }).await;
+        show(&plant.shared.drives[0], Some((Owner::Mqtt, MonoTime::NEVER)));
+        assert_eq!(ask(&mut renewing, 101, &READ).await, [3, 2, 0, 1], "of MQTT");
+        show(&plant.shared.drives[0], Some((Owner::ModbusTcp(plant.address.ip()), MonoTime::NEVER)));
+        assert_eq!(ask(&mut plain, 101, &READ).await, [3, 2, 0, 3], "its own");
+        assert_eq!(ask(&mut renewing, 103, &READ).await, [3, 2, 0, 0]);
+        assert_eq!(ask(&mut renewing, 101, &[3, 0, 99, 0, 1]).await, [0x83, 2]);
+        plant.assert_untouched();
+        send(&mut renewing, &[(1, 101, &READ), (2, 101, &READ)]).await;
+        assert_eq!(answer(&mut renewing).await, (1, 101, vec![3, 2, 0, 3]));
+        assert_eq!(answer(&mut renewing).await.0, 2, "nobody waits for the renewal");
+        let commands = plant.commands(0, 1).await;
+        assert_eq!((commands.len(), &commands[0].order), (1, &Order::Renew), "once for both");
+        assert_eq!(commands[0].origin.rights, rights);
+    });
+}

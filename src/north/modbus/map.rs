@@ -1,0 +1,310 @@
+//! The maps of the gateway's own units as a table, for whoever prints them. The code that answers is held to it.
+
+use super::own;
+use super::uniform::address;
+
+/// Which unit a row belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum MapUnit {
+    /// The uniform unit of each drive.
+    Uniform,
+    /// The gateway itself: unit 255, and unit 0 as far as it is read.
+    Own,
+}
+
+/// Which table a row stands in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum MapTable {
+    /// Coils: 01, 05, 0F hex.
+    Coil,
+    /// Discrete inputs: 02.
+    Discrete,
+    /// The same words as input registers (04) and as holding registers (03).
+    Word,
+    /// Holding registers only: 03 and, where they are written, 06, 10, 16 and 17 hex.
+    Holding,
+}
+
+/// What can be done with a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum MapAccess {
+    /// Only read.
+    Read,
+    /// Read and write.
+    ReadWrite,
+}
+
+/// What a row is repeated for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Each {
+    /// It stands once.
+    Once,
+    /// For each line, so many addresses further on.
+    Line(u16),
+    /// For each drive, so many addresses further on.
+    Drive(u16),
+}
+
+/// One value of a map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MapRow {
+    /// Where it belongs.
+    pub unit: MapUnit,
+    /// Which table.
+    pub table: MapTable,
+    /// First address, from 0. The first of its kind if the row is repeated.
+    pub address: u16,
+    /// How many addresses; with more than one for a number the high word comes first.
+    pub count: u16,
+    /// What it is.
+    pub name: &'static str,
+    /// Unit and step, or the values.
+    pub scale: &'static str,
+    /// What can be done with it.
+    pub access: MapAccess,
+    /// What it is repeated for.
+    pub each: Each,
+}
+
+const fn row(unit: MapUnit, table: MapTable, address: u16, name: &'static str, scale: &'static str) -> MapRow {
+    MapRow { unit, table, address, count: 1, name, scale, access: MapAccess::Read, each: Each::Once }
+}
+
+impl MapRow {
+    const fn words(self, count: u16) -> Self {
+        Self { count, ..self }
+    }
+
+    const fn written(self) -> Self {
+        Self { access: MapAccess::ReadWrite, ..self }
+    }
+}
+
+const fn status(address: u16, name: &'static str) -> MapRow {
+    row(MapUnit::Uniform, MapTable::Discrete, address, name, "1 yes")
+}
+
+const fn coil(unit: MapUnit, address: u16, name: &'static str, scale: &'static str) -> MapRow {
+    row(unit, MapTable::Coil, address, name, scale).written()
+}
+
+const fn word(address: u16, name: &'static str, scale: &'static str) -> MapRow {
+    row(MapUnit::Uniform, MapTable::Word, address, name, scale)
+}
+
+const fn control(address: u16, name: &'static str, scale: &'static str) -> MapRow {
+    row(MapUnit::Uniform, MapTable::Holding, address, name, scale)
+}
+
+const fn head(address: u16, name: &'static str, scale: &'static str) -> MapRow {
+    row(MapUnit::Own, MapTable::Word, address, name, scale)
+}
+
+const fn line(offset: u16, count: u16, name: &'static str, scale: &'static str) -> MapRow {
+    MapRow { count, each: Each::Line(own::LINE_WORDS), ..head(own::LINES + offset, name, scale) }
+}
+
+const fn drive(offset: u16, name: &'static str, scale: &'static str) -> MapRow {
+    MapRow { each: Each::Drive(own::DRIVE_WORDS), ..head(own::DRIVES + offset, name, scale) }
+}
+
+const COUNT: &str = "count, wraps";
+
+/// All rows: by unit, then by table, in order of address. What is absent or not known reads 65535, in the signed words
+/// 32768.
+#[must_use]
+pub const fn map() -> &'static [MapRow] {
+    &MAP
+}
+
+const MAP: [MapRow; 73] = [
+    coil(MapUnit::Uniform, address::FORWARD, "run forward", "1 run, 0 stop"),
+    coil(MapUnit::Uniform, address::REVERSE, "run in reverse", "1 run, 0 stop"),
+    coil(MapUnit::Uniform, address::RESET, "reset a trip", "1 acts; reads 0"),
+    coil(MapUnit::Uniform, address::STOP, "stop", "1 acts; reads 0"),
+    status(0, "online"),
+    status(1, "running"),
+    status(2, "reverse"),
+    status(3, "tripped"),
+    status(4, "at setpoint, within 0.1 Hz"),
+    status(5, "accepts bus commands"),
+    status(6, "command pending"),
+    status(7, "lease held"),
+    status(8, "stale"),
+    status(9, "start inhibited"),
+    status(10, "reserved").words(6),
+    word(0, "map version", "1"),
+    word(1, "status bits", "bit n is discrete input n"),
+    word(
+        2,
+        "run state",
+        "0 unknown, 1 stopped, 2 forward, 3 reverse, 4 tripped, 5 offline, 6 running, direction unknown, 7 stopping",
+    ),
+    word(3, "trip code", "the vendor's number, 0 none"),
+    word(4, "output frequency", "0.01 Hz"),
+    word(5, "frequency setting of the drive", "0.01 Hz"),
+    word(6, "output current", "0.1 A"),
+    word(7, "output voltage", "0.1 V"),
+    word(8, "DC link voltage", "0.1 V"),
+    word(9, "output power", "0.1 kW"),
+    word(10, "torque", "0.1 %, signed"),
+    word(11, "temperature", "0.1 degC, signed"),
+    word(12, "age of the oldest polled value", "10 ms, 65535 more"),
+    word(13, "trips seen", "count, stays at 65534"),
+    word(14, "code of the last trip", "the vendor's number, 0 none"),
+    word(15, "status bits that this drive can report", "mask of word 1"),
+    word(16, "life counter", "s, wraps"),
+    word(17, "alarms", "bit 0 a stop had no effect, 1 fail-safe ran, 2 stale data, 3 line down"),
+    word(18, "lease left", "s"),
+    word(19, "owner of the lease", "0 none, 1 MQTT, 2 another Modbus TCP client, 3 this client"),
+    word(20, "lowest setpoint", "0.01 Hz"),
+    word(21, "highest setpoint", "0.01 Hz"),
+    word(22, "run hours", "h").words(2),
+    word(24, "output current, finer", "0.01 A"),
+    word(25, "output power, finer", "0.01 kW"),
+    word(26, "capabilities", "bit 0 forward, 1 reverse, 2 coast, 3 reset, 4 setpoint"),
+    word(27, "reserved", "0").words(5),
+    control(address::RUN, "run command", "0 stop, 1 forward, 2 reverse, 3 coast, 4 reset").written(),
+    control(address::SETPOINT, "frequency setpoint", "0.01 Hz").written(),
+    control(address::RENEW, "write any value: renew the lease; reads lease left", "s").written(),
+    control(
+        259,
+        "outcome of the drive's last command",
+        "0 none, 1 refused, 2 expired, 3 superseded, 4 failed, 5 unknown, 6 acknowledged, 7 confirmed",
+    ),
+    control(260, "commands", COUNT),
+    control(261, "reason of the drive's last command", "number as in results"),
+    coil(MapUnit::Own, own::STOP_ALL, "stop all drives", "1 acts; reads 0"),
+    head(0, "map version", "1"),
+    head(1, "life counter", "s, wraps"),
+    head(2, "lines", "count"),
+    head(3, "drives", "count"),
+    head(4, "time since start", "s").words(2),
+    head(6, "reserved", "0").words(10),
+    line(0, 1, "line state", "0 down, 1 up"),
+    line(1, 2, "requests sent", COUNT),
+    line(3, 2, "right replies", COUNT),
+    line(5, 2, "time-outs", COUNT),
+    line(7, 2, "damaged replies", COUNT),
+    line(9, 2, "exceptions of drives", COUNT),
+    line(11, 2, "frames that were no answer", COUNT),
+    line(13, 1, "times the port was lost", COUNT),
+    line(14, 1, "requests refused, queue full", COUNT),
+    line(15, 1, "reserved", "0"),
+    drive(0, "status bits", "as uniform word 1"),
+    drive(1, "run state", "as uniform word 2"),
+    drive(2, "output frequency", "0.01 Hz"),
+    drive(3, "frequency setting of the drive", "0.01 Hz"),
+    drive(4, "trip code", "the vendor's number, 0 none"),
+    drive(5, "output current", "0.1 A"),
+    drive(6, "age of the oldest polled value", "10 ms, 65535 more"),
+    drive(7, "trips seen", "count, stays at 65534"),
+];
+
+#[cfg(test)]
+mod tests {
+    use super::super::ask::{Ask, BitTable, WordTable};
+    use super::super::taken::{Present, Taken};
+    use super::super::testing::{self, NOW};
+    use super::super::uniform::Uniform;
+    use super::super::words::Words;
+    use super::*;
+    use crate::domain::command::Owner;
+    use crate::domain::report::LineReport;
+    use crate::drive::view::DriveView;
+    use std::sync::Arc;
+
+    /// Two lines and two drives.
+    struct Plant(Uniform);
+
+    impl own::Gateway for Plant {
+        fn lines(&self) -> usize {
+            2
+        }
+
+        fn line(&self, _: usize) -> Option<LineReport> {
+            Some(LineReport::default())
+        }
+
+        fn drives(&self) -> usize {
+            2
+        }
+
+        fn drive(&self, _: usize) -> Option<(&Uniform, Arc<DriveView>)> {
+            Some((&self.0, Arc::new(testing::view())))
+        }
+    }
+
+    fn plant() -> (Plant, DriveView) {
+        (Plant(Uniform::new(&testing::description())), testing::view())
+    }
+
+    fn asked((plant, view): &(Plant, DriveView), unit: MapUnit, ask: &Ask) -> bool {
+        let present = Present { now: NOW, uptime_s: 0, owner: Owner::Mqtt };
+        let mut words = Words::default();
+        let taken = match unit {
+            MapUnit::Uniform => plant.0.take(ask, view, &present, &mut words),
+            MapUnit::Own => own::take(own::UNIT, ask, plant, &present, &mut words),
+        };
+        !matches!(taken, Taken::Exception(_))
+    }
+
+    fn is_listed(unit: MapUnit, tables: &[MapTable], address: u16, is_written: bool) -> bool {
+        map().iter().filter(|row| row.unit == unit && tables.contains(&row.table)).any(|row| {
+            let (step, times) = match row.each {
+                Each::Once => (0, 1),
+                Each::Line(step) | Each::Drive(step) => (step, 2),
+            };
+            let mut firsts = (0..times).map(|time| row.address + time * step);
+            let may = !is_written || row.access == MapAccess::ReadWrite;
+            may && firsts.any(|first| (first..first + row.count).contains(&address))
+        })
+    }
+
+    #[test]
+    fn just_what_is_listed_is_read() {
+        let plant = plant();
+        for unit in [MapUnit::Uniform, MapUnit::Own] {
+            for address in 0..=u16::MAX {
+                for (table, tables) in [
+                    (WordTable::Holding, &[MapTable::Word, MapTable::Holding][..]),
+                    (WordTable::Input, &[MapTable::Word]),
+                ] {
+                    let listed = is_listed(unit, tables, address, false);
+                    let ask = Ask::ReadWords { table, address, count: 1 };
+                    assert_eq!(asked(&plant, unit, &ask), listed, "{unit:?} {table:?} {address}");
+                }
+                for (table, listed) in [(BitTable::Coils, MapTable::Coil), (BitTable::Discrete, MapTable::Discrete)] {
+                    let listed = is_listed(unit, &[listed], address, false);
+                    let ask = Ask::ReadBits { table, address, count: 1 };
+                    assert_eq!(asked(&plant, unit, &ask), listed, "{unit:?} {table:?} {address}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn just_what_is_listed_is_written() {
+        let plant = plant();
+        for unit in [MapUnit::Uniform, MapUnit::Own] {
+            for address in 0..=u16::MAX {
+                let listed = is_listed(unit, &[MapTable::Word, MapTable::Holding], address, true);
+                let ask = Ask::WriteWord { address, value: 1 };
+                assert_eq!(asked(&plant, unit, &ask), listed, "{unit:?} {address}");
+                let listed = is_listed(unit, &[MapTable::Coil], address, true);
+                let ask = Ask::WriteCoil { address, on: true };
+                assert_eq!(asked(&plant, unit, &ask), listed, "{unit:?} coil {address}");
+            }
+        }
+    }
+
+    #[test]
+    fn rows_are_in_order_and_never_overlap() {
+        for pair in map().windows(2) {
+            let place = |row: &MapRow| (row.unit, row.table, row.address);
+            assert!(place(&pair[0]) < place(&pair[1]), "{pair:?}");
+            let is_same = place(&pair[0]).0 == place(&pair[1]).0 && place(&pair[0]).1 == place(&pair[1]).1;
+            assert!(!is_same || pair[0].address + pair[0].count <= pair[1].address, "{pair:?}");
+        }
+    }
+}

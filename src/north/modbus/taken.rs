@@ -1,0 +1,92 @@
+//! What a unit of the gateway's own makes of a request.
+
+use super::answer::Answer;
+use super::words::Words;
+use crate::domain::command::{Order, Owner};
+use crate::domain::time::MonoTime;
+
+/// When a unit is asked, and by whom.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Present {
+    /// Now.
+    pub now: MonoTime,
+    /// Seconds since the gateway's start.
+    pub uptime_s: u32,
+    /// The client.
+    pub owner: Owner,
+}
+
+/// What is to be done with a request.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Taken {
+    /// Answer with the words that were filled in.
+    Words,
+    /// Answer with these bits, at most 16, the first in the lowest.
+    Bits {
+        /// The bits.
+        bits: u16,
+        /// How many.
+        count: u16,
+    },
+    /// Answer with this identity.
+    Identity(Vec<u8>),
+    /// It writes and orders nothing: answer that it is done.
+    Nothing,
+    /// Give this order to the drive, and answer when it is answered.
+    Order(Order),
+    /// Order every drive to stop that is served and has control, and answer when all are answered.
+    StopAll,
+    /// Answer with this exception.
+    Exception(u8),
+}
+
+impl Taken {
+    /// Calls `answer` with the answer that can be given at once; nothing is called for an order. `words` are those
+    /// that were filled in.
+    ///
+    /// # Errors
+    /// What has to be ordered first.
+    pub fn at_once<T>(self, words: &Words, answer: impl FnOnce(Answer<'_>) -> T) -> Result<T, Ordered> {
+        Ok(match self {
+            Self::Words => answer(Answer::Words(words.as_slice())),
+            Self::Bits { bits, count } => {
+                let bytes = bits.to_le_bytes();
+                answer(Answer::Bits(bytes.get(..usize::from(count.div_ceil(8))).unwrap_or_default()))
+            }
+            Self::Identity(bytes) => answer(Answer::Identity(&bytes)),
+            Self::Nothing => answer(Answer::Written),
+            Self::Exception(code) => answer(Answer::Exception(code)),
+            Self::Order(order) => return Err(Ordered::One(order)),
+            Self::StopAll => return Err(Ordered::StopAll),
+        })
+    }
+}
+
+/// What has to be ordered before there is an answer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Ordered {
+    /// This, of the drive that was asked.
+    One(Order),
+    /// A stop of every drive that is served and has control.
+    StopAll,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_needs_no_drive_is_an_answer_at_once() {
+        let mut words = Words::default();
+        words.fill(1, 2, Some);
+        let text = |taken: Taken| taken.at_once(&words, |answer| format!("{answer:?}"));
+        assert_eq!(text(Taken::Words).unwrap(), "Words([1, 2])");
+        assert_eq!(text(Taken::Bits { bits: 0x0305, count: 8 }).unwrap(), "Bits([5])");
+        assert_eq!(text(Taken::Bits { bits: 0x0305, count: 10 }).unwrap(), "Bits([5, 3])");
+        assert_eq!(text(Taken::Identity(vec![7])).unwrap(), "Identity([7])");
+        assert_eq!(text(Taken::Nothing).unwrap(), "Written");
+        assert_eq!(text(Taken::Exception(2)).unwrap(), "Exception(2)");
+        assert_eq!(text(Taken::Order(Order::Renew)), Err(Ordered::One(Order::Renew)));
+        assert_eq!(text(Taken::StopAll), Err(Ordered::StopAll));
+    }
+}

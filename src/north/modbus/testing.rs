@@ -1,0 +1,161 @@
+//! What the tests of this room share: a model with everything that a unit can show, and a drive of it.
+
+use crate::domain::command::{Direction, RunIntent};
+use crate::domain::control::{ControlSettings, FailSafe};
+use crate::domain::frequency::Hertz;
+use crate::domain::ids::{DriveIndex, Name, UnitId};
+use crate::domain::time::MonoTime;
+use crate::drive::description::{DriveDescription, DriveRef};
+use crate::drive::snapshot::Presence;
+use crate::drive::view::{ControlView, DriveView, RunState};
+use crate::profile::catalog::Catalog;
+use crate::profile::model::{Model, PollClass};
+use std::fmt::Write;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// The present of most tests.
+pub(super) const NOW: MonoTime = MonoTime::from_millis(1_000_000);
+
+const HEAD: &str = r#"id = "acme-9"
+vendor = "Acme"
+title = "Nine"
+
+[documents]
+IM = "Interface manual"
+
+[link]
+default = { baud = 9600, data_bits = 8, parity = "none", stop_bits = 1, confidence = "manual", source = "IM 1" }
+bauds = { value = [9600], confidence = "manual", source = "IM 1" }
+parities = { value = ["none"], confidence = "manual", source = "IM 1" }
+stop_bits = { value = [1], confidence = "manual", source = "IM 1" }
+data_bits = { value = [8], confidence = "manual", source = "IM 1" }
+framings = { value = ["rtu"], confidence = "manual", source = "IM 1" }
+interfaces = { value = ["rs485"], confidence = "manual", source = "IM 1" }
+stations = { from = 1, to = 247, confidence = "manual", source = "IM 1" }
+
+[timing]
+gap_chars = { value = 3.5, confidence = "manual", source = "IM 2" }
+reply_timeout_cap = { value = "500ms", confidence = "default", source = "cautious" }
+max_lateness = { value = "1s", confidence = "default", source = "cautious" }
+
+[read]
+max_words = { value = 8, confidence = "manual", source = "IM 3" }
+
+[write]
+refused = { value = "exception", confidence = "manual", source = "IM 3" }
+
+[run]
+stop = { value = 0, confidence = "manual", source = "IM 5" }
+forward = { value = 1, confidence = "manual", source = "IM 5" }
+reverse = { value = 2, confidence = "second-source", source = "IM 5" }
+coast = { value = 3, confidence = "sibling", source = "IM 5" }
+reset = { value = 4, confidence = "inferred", source = "IM 5" }
+reset_sequence = [0, 4, 0]
+"#;
+
+/// Role, address, scale and unit of each polled register.
+pub(super) const POLLED: [(&str, u16, u32, &str); 10] = [
+    ("output-frequency", 0x0101, 100, "Hz"),
+    ("output-current", 0x0102, 100, "A"),
+    ("output-voltage", 0x0103, 1, "V"),
+    ("dc-link-voltage", 0x0104, 10, "V"),
+    ("output-power", 0x0105, 1000, "kW"),
+    ("torque", 0x0106, 10, "%"),
+    ("temperature", 0x0107, 1, "degC"),
+    ("run-hours", 0x0108, 1, "h"),
+    ("trip-count", 0x0109, 1, "-"),
+    ("frequency-setting", 0x010A, 10, "Hz"),
+];
+
+/// A model with every role of [`POLLED`], torque and temperature signed.
+pub(super) fn model() -> Model {
+    let mut text = HEAD.to_owned();
+    for (role, address, scale, unit) in POLLED {
+        let name = role.replace('-', "_");
+        let _ = write!(
+            text,
+            "[[register]]\nname = \"{name}\"\ntitle = \"T\"\naddress = {address}\nscale = {scale}\nunit = \"{unit}\"\n\
+             access = \"read\"\nrole = \"{role}\"\npoll = \"fast\"\nconfidence = \"manual\"\nsource = \"IM 4\"\n"
+        );
+    }
+    for (role, address, scale, unit) in [("run-command", 2, 1, "-"), ("frequency-command", 4, 100, "Hz")] {
+        let name = role.replace('-', "_");
+        let _ = write!(
+            text,
+            "[[register]]\nname = \"{name}\"\ntitle = \"T\"\naddress = {address}\nscale = {scale}\nunit = \"{unit}\"\n\
+             access = \"write\"\nrole = \"{role}\"\nconfidence = \"manual\"\nsource = \"IM 4\"\n"
+        );
+    }
+    let catalog = Catalog::from_texts([("acme.toml", text.as_str())]).unwrap();
+    let mut model = Model::clone(catalog.find("acme-9").unwrap());
+    for register in &mut model.registers {
+        register.signed = matches!(register.name.as_str(), "torque" | "temperature");
+        register.poll = register.poll.map(|_| PollClass::Fast);
+    }
+    model
+}
+
+/// A drive of [`model`] with control, polled every second.
+pub(super) fn description() -> DriveDescription {
+    DriveDescription {
+        place: DriveRef { line: 0, drive: DriveIndex(0) },
+        name: Name::new("pump").unwrap(),
+        line: Name::new("hall").unwrap(),
+        model: Arc::new(model()),
+        unit: UnitId::new(1).unwrap(),
+        uniform_unit: UnitId::new(101).unwrap(),
+        poll: Duration::from_secs(1),
+        control: Some(Arc::new(settings())),
+        dead_bands: Vec::new(),
+    }
+}
+
+/// 5 to 50 Hz, both directions, nothing unproven.
+pub(super) fn settings() -> ControlSettings {
+    ControlSettings {
+        from_mqtt: true,
+        from_modbus_tcp: true,
+        least: Hertz::from_millihertz(5_000),
+        most: Hertz::from_millihertz(50_000),
+        directions: vec![Direction::Forward, Direction::Reverse],
+        reverse_below: Hertz::ZERO,
+        on_commander_lost: FailSafe::Stop,
+        lost_after: Duration::from_secs(30),
+        on_shutdown: FailSafe::Stop,
+        accept_unverified: Vec::new(),
+        strict: false,
+        restart_delay: Duration::from_secs(2),
+        stop_effect_timeout: Duration::from_secs(3),
+        stop_pending_for: Duration::from_secs(600),
+        native_write: Vec::new(),
+    }
+}
+
+/// Control that nobody holds, with nothing ordered.
+pub(super) fn control() -> ControlView {
+    ControlView {
+        lease: None,
+        intent: RunIntent::Stop,
+        setpoint: None,
+        start_inhibited: false,
+        command_pending: false,
+        stop_pending: false,
+        not_effective: false,
+        failsafe: false,
+        epoch: 0,
+        last: None,
+        commands: 0,
+    }
+}
+
+/// A drive that runs forward at its setpoint of 42.5 Hz, every word read at [`NOW`].
+pub(super) fn view() -> DriveView {
+    let mut view = DriveView { line_is_up: true, run_state: RunState::Forward, ..DriveView::default() };
+    view.snapshot.presence = Presence::Online;
+    let words = [4250, 1234, 380, 5401, 7550, 985, (-7_i16).cast_unsigned(), 40_000, 3, 425];
+    view.snapshot.take(0x0101, &words, NOW);
+    view.trip.active = Some(false);
+    view.control = Some(control());
+    view
+}

@@ -1,0 +1,277 @@
+//! What a write to a uniform unit orders.
+
+use super::super::ask::{Ask, Bits};
+use super::super::refusal::exception_of;
+use super::address;
+use crate::domain::command::{Direction, Go, Order, Reason, RunIntent};
+use crate::domain::frequency::Hertz;
+use crate::drive::view::ControlView;
+use crate::wire::exception;
+
+/// Values of the run command register.
+pub mod run {
+    /// Decelerate and stop.
+    pub const STOP: u16 = 0;
+    /// Run forward.
+    pub const FORWARD: u16 = 1;
+    /// Run in reverse.
+    pub const REVERSE: u16 = 2;
+    /// Cut the output off.
+    pub const COAST: u16 = 3;
+    /// Reset a trip.
+    pub const RESET: u16 = 4;
+}
+
+/// The order in `ask`; nothing if it orders nothing. `control` is what words 256 and 257 read.
+///
+/// One request is one order. A stop wins over everything that stands beside it:
+///
+/// * A setpoint beside STOP goes with it; beside COAST it is not taken, because none follows what is not effective.
+/// * Among coils, off on 0 or 1 is STOP unless the other of them is on in the same request; coil 3 is STOP
+///   whatever stands beside it; and a request that stops does not reset.
+///
+/// # Errors
+/// 01 if `ask` does not write; 02 outside of what can be written; 03 for a run value that is not known, both
+/// directions at once, or a reset beside RUN or a setpoint; 06 for a mask on a setpoint that is not known.
+pub(super) fn order_in(ask: &Ask, control: Option<&ControlView>) -> Result<Option<Order>, u8> {
+    match ask {
+        Ask::WriteCoil { address, on } => coils(*address, 1, |_| Some(*on)),
+        Ask::WriteCoils { address, values } => coils_of(*address, values),
+        Ask::WriteWord { address, value } => words(*address, std::slice::from_ref(value)),
+        Ask::WriteWords { address, values } | Ask::ReadWriteWords { address, values, .. } => words(*address, values),
+        Ask::MaskWord { address, and, or } => masked(*address, *and, *or, control),
+        Ask::ReadBits { .. } | Ask::ReadWords { .. } | Ask::Identify { .. } => Err(exception::ILLEGAL_FUNCTION),
+    }
+}
+
+fn words(first: u16, values: &[u16]) -> Result<Option<Order>, u8> {
+    let (mut command, mut setpoint) = (None, None);
+    for (offset, value) in (0..).zip(values) {
+        match first.checked_add(offset) {
+            Some(address::RUN) => command = Some(*value),
+            Some(address::SETPOINT) => setpoint = Some(Hertz::from_centihertz(*value)),
+            Some(address::RENEW) => {}
+            _ => return Err(exception::ILLEGAL_DATA_ADDRESS),
+        }
+    }
+    let order = match command {
+        None => setpoint.map_or(Some(Order::Renew), |setpoint| go(Some(setpoint), None)),
+        Some(run::STOP) => Some(Order::Stop { setpoint }),
+        Some(run::FORWARD) => go(setpoint, Some(Direction::Forward)),
+        Some(run::REVERSE) => go(setpoint, Some(Direction::Reverse)),
+        Some(run::COAST) => Some(Order::Coast),
+        Some(run::RESET) if setpoint.is_none() => Some(Order::Reset),
+        Some(run::RESET) => return Err(exception_of(Reason::Conflict)),
+        Some(_) => return Err(exception_of(Reason::NotUnderstood)),
+    };
+    Ok(order)
+}
+
+fn go(setpoint: Option<Hertz>, direction: Option<Direction>) -> Option<Order> {
+    Go::new(Vec::new(), setpoint, direction).map(Order::Go)
+}
+
+/// A mask counts as a write of what it makes of the word that is read back.
+fn masked(register: u16, and: u16, or: u16, control: Option<&ControlView>) -> Result<Option<Order>, u8> {
+    let old = match register {
+        address::RUN => control.map_or(run::STOP, |control| run_word(control.intent)),
+        // Nothing of the old word stays.
+        address::SETPOINT if and == 0 => 0,
+        address::SETPOINT => {
+            let setpoint = control.and_then(|control| control.setpoint?.centihertz());
+            setpoint.ok_or(exception_of(Reason::SetpointUnknown))?
+        }
+        _ => 0,
+    };
+    words(register, &[(old & and) | (or & !and)])
+}
+
+/// The intent as word 256 reads it.
+pub(super) const fn run_word(intent: RunIntent) -> u16 {
+    match intent {
+        RunIntent::Stop => run::STOP,
+        RunIntent::Run(Direction::Forward) => run::FORWARD,
+        RunIntent::Run(Direction::Reverse) => run::REVERSE,
+        RunIntent::Coast => run::COAST,
+    }
+}
+
+fn coils_of(first: u16, values: &Bits) -> Result<Option<Order>, u8> {
+    coils(first, values.count(), |place| values.get(place))
+}
+
+fn coils(first: u16, count: u16, value: impl Fn(u16) -> Option<bool>) -> Result<Option<Order>, u8> {
+    let end = first.checked_add(count).ok_or(exception::ILLEGAL_DATA_ADDRESS)?;
+    if end > address::COILS {
+        return Err(exception::ILLEGAL_DATA_ADDRESS);
+    }
+    // Nothing: the request does not cover the coil.
+    let coil = |coil: u16| coil.checked_sub(first).filter(|place| *place < count).and_then(&value);
+    let (forward, reverse, reset) = (coil(address::FORWARD), coil(address::REVERSE), coil(address::RESET));
+    if coil(address::STOP) == Some(true) {
+        return Ok(Some(Order::Stop { setpoint: None }));
+    }
+    match (forward, reverse, reset) {
+        (Some(true), Some(true), _) | (Some(true), _, Some(true)) | (_, Some(true), Some(true)) => {
+            Err(exception_of(Reason::Conflict))
+        }
+        (Some(true), ..) => Ok(go(None, Some(Direction::Forward))),
+        (_, Some(true), _) => Ok(go(None, Some(Direction::Reverse))),
+        (Some(false), ..) | (_, Some(false), _) => Ok(Some(Order::Stop { setpoint: None })),
+        (None, None, Some(true)) => Ok(Some(Order::Reset)),
+        (None, None, _) => Ok(None),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::request::parse;
+    use super::super::super::testing;
+    use super::*;
+
+    fn order(pdu: &[u8], control: Option<&ControlView>) -> Result<Option<Order>, u8> {
+        order_in(&parse(pdu).unwrap(), control)
+    }
+
+    fn block(function: u8, address: u16, values: &[u16]) -> Vec<u8> {
+        let mut pdu = vec![function];
+        if function == 0x17 {
+            pdu.extend([0, 0, 0, 1]);
+        }
+        crate::wire::pdu::put_words(&mut pdu, &[address, values.len() as u16]);
+        pdu.push((values.len() * 2) as u8);
+        crate::wire::pdu::put_words(&mut pdu, values);
+        pdu
+    }
+
+    const STOP: Order = Order::Stop { setpoint: None };
+    const HZ: Hertz = Hertz::from_millihertz(42_500);
+
+    fn runs(direction: Direction) -> Order {
+        go(None, Some(direction)).unwrap()
+    }
+
+    #[test]
+    fn one_word_is_one_order() {
+        for (address, value, right) in [
+            (256, 0, Ok(Some(STOP))),
+            (256, 1, Ok(Some(runs(Direction::Forward)))),
+            (256, 2, Ok(Some(runs(Direction::Reverse)))),
+            (256, 3, Ok(Some(Order::Coast))),
+            (256, 4, Ok(Some(Order::Reset))),
+            (256, 5, Err(3)),
+            (256, 0xFFFF, Err(3)),
+            (257, 4250, Ok(go(Some(HZ), None))),
+            (257, 0, Ok(go(Some(Hertz::ZERO), None))),
+            (258, 0, Ok(Some(Order::Renew))),
+            (258, 0xFFFF, Ok(Some(Order::Renew))),
+            (259, 0, Err(2)),
+            (255, 0, Err(2)),
+            (1, 0, Err(2)),
+        ] {
+            let mut single = vec![6];
+            crate::wire::pdu::put_words(&mut single, &[address, value]);
+            assert_eq!(order(&single, None), right, "06 {address} {value}");
+            assert_eq!(order(&block(0x10, address, &[value]), None), right, "10 {address} {value}");
+            assert_eq!(order(&block(0x17, address, &[value]), None), right, "17 {address} {value}");
+        }
+    }
+
+    #[test]
+    fn one_block_is_one_order() {
+        for (address, values, right) in [
+            (256, &[1, 4250][..], Ok(go(Some(HZ), Some(Direction::Forward)))),
+            (256, &[2, 4250, 9], Ok(go(Some(HZ), Some(Direction::Reverse)))),
+            (256, &[0, 4250, 9], Ok(Some(Order::Stop { setpoint: Some(HZ) }))),
+            (256, &[3, 4250], Ok(Some(Order::Coast))),
+            (256, &[4, 4250], Err(3)),
+            (256, &[4, 4250, 9], Err(3)),
+            (256, &[5, 4250], Err(3)),
+            (257, &[4250, 9], Ok(go(Some(HZ), None))),
+            (256, &[0, 0, 0, 0], Err(2)),
+            (255, &[0, 0], Err(2)),
+            (0xFFFF, &[0], Err(2)),
+        ] {
+            assert_eq!(order(&block(0x10, address, values), None), right, "{address} {values:?}");
+        }
+    }
+
+    #[test]
+    fn a_mask_is_a_write_of_what_it_makes_of_the_word_read_back() {
+        let mut control = testing::control();
+        control.intent = RunIntent::Run(Direction::Forward);
+        let mask = |register: u16, and: u16, or: u16, control: &ControlView| {
+            let mut pdu = vec![0x16];
+            crate::wire::pdu::put_words(&mut pdu, &[register, and, or]);
+            order(&pdu, Some(control))
+        };
+        assert_eq!(mask(256, 0xFFFF, 0, &control), Ok(Some(runs(Direction::Forward))));
+        assert_eq!(mask(256, 0xFFFE, 0, &control), Ok(Some(STOP)));
+        assert_eq!(mask(256, 0xFFFC, 2, &control), Ok(Some(runs(Direction::Reverse))));
+        assert_eq!(mask(256, 0xFF00, 0xFF, &control), Err(3));
+        assert_eq!(mask(257, 0xFFFF, 0, &control), Err(6), "no setpoint to mask");
+        assert_eq!(mask(257, 0, 4250, &control), Ok(go(Some(HZ), None)));
+        control.setpoint = Some(Hertz::from_millihertz(40_000));
+        assert_eq!(mask(257, 0xFF00, 0x9A, &control), Ok(go(Some(Hertz::from_centihertz(0x0F9A)), None)));
+        assert_eq!(mask(258, 0, 0, &control), Ok(Some(Order::Renew)));
+        assert_eq!(mask(259, 0, 0, &control), Err(2));
+    }
+
+    #[test]
+    fn every_intent_reads_back_as_it_is_ordered() {
+        for (intent, word) in [
+            (RunIntent::Stop, 0),
+            (RunIntent::Run(Direction::Forward), 1),
+            (RunIntent::Run(Direction::Reverse), 2),
+            (RunIntent::Coast, 3),
+        ] {
+            assert_eq!(run_word(intent), word);
+        }
+    }
+
+    #[test]
+    fn one_coil_acts_when_it_is_on_and_off_stops_where_it_would_run() {
+        for (coil, on, right) in [
+            (0, true, Ok(Some(runs(Direction::Forward)))),
+            (1, true, Ok(Some(runs(Direction::Reverse)))),
+            (2, true, Ok(Some(Order::Reset))),
+            (3, true, Ok(Some(STOP))),
+            (0, false, Ok(Some(STOP))),
+            (1, false, Ok(Some(STOP))),
+            (2, false, Ok(None)),
+            (3, false, Ok(None)),
+            (4, true, Err(2)),
+            (0xFFFF, false, Err(2)),
+        ] {
+            let ask = Ask::WriteCoil { address: coil, on };
+            assert_eq!(order_in(&ask, None), right, "{coil} {on}");
+        }
+    }
+
+    #[test]
+    fn a_stop_wins_among_coils() {
+        // First coil, number of coils, coils with the first in the lowest bit.
+        for (first, count, bits, right) in [
+            (0, 2, 0b01, Ok(Some(runs(Direction::Forward)))),
+            (0, 2, 0b10, Ok(Some(runs(Direction::Reverse)))),
+            (0, 2, 0b00, Ok(Some(STOP))),
+            (0, 2, 0b11, Err(3)),
+            (0, 4, 0b0001, Ok(Some(runs(Direction::Forward)))),
+            (0, 4, 0b0000, Ok(Some(STOP))),
+            (0, 4, 0b1000, Ok(Some(STOP))),
+            (0, 4, 0b1011, Ok(Some(STOP))),
+            (0, 4, 0b1101, Ok(Some(STOP))),
+            (0, 4, 0b0101, Err(3)),
+            (1, 2, 0b11, Err(3)),
+            (0, 4, 0b0100, Ok(Some(STOP))),
+            (2, 2, 0b01, Ok(Some(Order::Reset))),
+            (2, 2, 0b11, Ok(Some(STOP))),
+            (2, 2, 0b00, Ok(None)),
+            (0, 5, 0, Err(2)),
+            (4, 1, 1, Err(2)),
+        ] {
+            let pdu = [0x0F, 0, first, 0, count, 1, bits];
+            assert_eq!(order(&pdu, None), right, "{first} {count} {bits:04b}");
+        }
+    }
+}

@@ -1,0 +1,74 @@
+//! Where the uniform words of one drive come from, looked up once.
+
+use super::column::Column;
+use crate::domain::time::MonoTime;
+use crate::domain::units::UnitOfMeasure;
+use crate::drive::description::DriveDescription;
+use crate::drive::view::DriveView;
+use crate::profile::model::Role;
+use std::time::Duration;
+
+/// The measurements that the model has, polls, and has in the unit of the map.
+#[derive(Clone, Debug)]
+pub(super) struct Sources {
+    pub(super) output_frequency: Option<Column>,
+    pub(super) setting: Option<Column>,
+    pub(super) current: Option<Column>,
+    pub(super) voltage: Option<Column>,
+    pub(super) dc_voltage: Option<Column>,
+    pub(super) power: Option<Column>,
+    pub(super) torque: Option<Column>,
+    pub(super) temperature: Option<Column>,
+    pub(super) run_hours: Option<Column>,
+    /// Every polled register with the age from which it is stale.
+    pub(super) polled: Vec<(u16, Duration)>,
+    /// Trips are counted.
+    pub(super) has_trips: bool,
+    /// The drive has a control section.
+    pub(super) has_control: bool,
+}
+
+impl Sources {
+    pub(super) fn new(drive: &DriveDescription) -> Self {
+        let column = |role, unit| Column::new(drive, role, unit);
+        let registers = drive.model.registers.iter();
+        let has_trips = drive.model.register_for(Role::TripCount).is_some_and(|register| register.poll.is_some());
+        Self {
+            output_frequency: column(Role::OutputFrequency, UnitOfMeasure::Hertz),
+            setting: column(Role::FrequencySetting, UnitOfMeasure::Hertz),
+            current: column(Role::OutputCurrent, UnitOfMeasure::Ampere),
+            voltage: column(Role::OutputVoltage, UnitOfMeasure::Volt),
+            dc_voltage: column(Role::DcLinkVoltage, UnitOfMeasure::Volt),
+            power: column(Role::OutputPower, UnitOfMeasure::Kilowatt),
+            torque: column(Role::Torque, UnitOfMeasure::Percent),
+            temperature: column(Role::Temperature, UnitOfMeasure::Celsius),
+            run_hours: column(Role::RunHours, UnitOfMeasure::Hour),
+            polled: registers.filter_map(|it| Some((it.address, drive.stale_after(it)?))).collect(),
+            has_trips,
+            has_control: drive.control.is_some(),
+        }
+    }
+
+    /// Whether output frequency and setting are within 0.1 Hz, both fresh.
+    pub(super) fn is_at_setpoint(&self, view: &DriveView, now: MonoTime) -> bool {
+        let fresh = |column: &Option<Column>| Some(column.as_ref()?.fresh(view, now)?.magnitude());
+        let (output, setting) = (fresh(&self.output_frequency), fresh(&self.setting));
+        output.zip(setting).is_some_and(|(output, setting)| output.is_near(setting))
+    }
+
+    /// Whether a polled value is stale or was never read.
+    pub(super) fn is_stale(&self, view: &DriveView, now: MonoTime) -> bool {
+        self.polled.iter().any(|(address, stale_after)| {
+            view.snapshot.reading(*address).is_none_or(|reading| now.since(reading.at) >= *stale_after)
+        })
+    }
+
+    /// The age of the oldest polled value; nothing if one was never read, or none is polled.
+    pub(super) fn oldest_age(&self, view: &DriveView, now: MonoTime) -> Option<Duration> {
+        let mut oldest = None;
+        for (address, _) in &self.polled {
+            oldest = oldest.max(Some(now.since(view.snapshot.reading(*address)?.at)));
+        }
+        oldest
+    }
+}

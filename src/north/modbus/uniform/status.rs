@@ -1,0 +1,158 @@
+//! The uniform words that are made of bits, and which of their bits a model can report.
+
+use super::Sources;
+use crate::domain::command::Direction;
+use crate::domain::control::{ControlAction, ControlSettings};
+use crate::domain::time::MonoTime;
+use crate::drive::description::DriveDescription;
+use crate::drive::snapshot::Presence;
+use crate::drive::view::{DriveView, RunState};
+use crate::profile::model::{Confidence, Fact, Model, Role};
+
+/// Status bits: uniform word 1 and the discrete inputs of the same numbers.
+pub mod bit {
+    /// The line is up and the drive answers.
+    pub const ONLINE: u16 = 1;
+    /// The output is known to be active.
+    pub const RUNNING: u16 = 1 << 1;
+    /// It runs in reverse.
+    pub const REVERSE: u16 = 1 << 2;
+    /// A trip holds.
+    pub const TRIPPED: u16 = 1 << 3;
+    /// It runs, and the output frequency is within 0.1 Hz of the setting; both are fresh.
+    pub const AT_SETPOINT: u16 = 1 << 4;
+    /// It is online and has a control section.
+    pub const ACCEPTS: u16 = 1 << 5;
+    /// A command is under way, or a stop is not effective yet.
+    pub const PENDING: u16 = 1 << 6;
+    /// Somebody holds control.
+    pub const LEASED: u16 = 1 << 7;
+    /// A polled value is stale, or none was read yet.
+    pub const STALE: u16 = 1 << 8;
+    /// RUN is refused until stop and run were commanded anew.
+    pub const INHIBITED: u16 = 1 << 9;
+}
+
+/// Alarm bits: uniform word 17.
+pub mod alarm {
+    /// A stop had no effect in time.
+    pub const NOT_EFFECTIVE: u16 = 1;
+    /// The fail-safe action ran since the last RUN.
+    pub const FAIL_SAFE: u16 = 1 << 1;
+    /// A polled value is stale, or none was read yet.
+    pub const STALE: u16 = 1 << 2;
+    /// The line's port is closed.
+    pub const LINE_DOWN: u16 = 1 << 3;
+}
+
+/// Capability bits: uniform word 26.
+pub mod capability {
+    /// RUN forward.
+    pub const FORWARD: u16 = 1;
+    /// RUN reverse.
+    pub const REVERSE: u16 = 1 << 1;
+    /// COAST.
+    pub const COAST: u16 = 1 << 2;
+    /// RESET.
+    pub const RESET: u16 = 1 << 3;
+    /// A setpoint.
+    pub const SETPOINT: u16 = 1 << 4;
+}
+
+/// What the drive does. One that is out of reach does nothing that is known.
+pub(super) fn run_state(view: &DriveView) -> RunState {
+    if !view.line_is_up || view.snapshot.presence == Presence::Offline { RunState::Offline } else { view.run_state }
+}
+
+/// Whether a trip holds; nothing while that is not known.
+pub(super) fn is_tripped(view: &DriveView) -> Option<bool> {
+    if run_state(view) == RunState::Tripped { Some(true) } else { view.trip.active }
+}
+
+/// Uniform word 1.
+pub(super) fn status(sources: &Sources, view: &DriveView, now: MonoTime) -> u16 {
+    let state = run_state(view);
+    let control = view.control.as_ref().filter(|_| sources.has_control);
+    let is_leased = control.and_then(|control| control.lease).is_some_and(|(_, until)| now < until);
+    [
+        (view.is_online(), bit::ONLINE),
+        (state.is_running(), bit::RUNNING),
+        (state == RunState::Reverse, bit::REVERSE),
+        (is_tripped(view) == Some(true), bit::TRIPPED),
+        (state.is_running() && sources.is_at_setpoint(view, now), bit::AT_SETPOINT),
+        (view.is_online() && sources.has_control, bit::ACCEPTS),
+        (control.is_some_and(|control| control.command_pending || control.stop_pending), bit::PENDING),
+        (is_leased, bit::LEASED),
+        (sources.is_stale(view, now), bit::STALE),
+        (control.is_some_and(|control| control.start_inhibited), bit::INHIBITED),
+    ]
+    .into_iter()
+    .filter_map(|(is_set, bit)| is_set.then_some(bit))
+    .sum()
+}
+
+/// Uniform word 17.
+pub(super) fn alarms(sources: &Sources, view: &DriveView, now: MonoTime) -> u16 {
+    let control = view.control.as_ref();
+    [
+        (control.is_some_and(|control| control.not_effective), alarm::NOT_EFFECTIVE),
+        (control.is_some_and(|control| control.failsafe), alarm::FAIL_SAFE),
+        (sources.is_stale(view, now), alarm::STALE),
+        (!view.line_is_up, alarm::LINE_DOWN),
+    ]
+    .into_iter()
+    .filter_map(|(is_set, bit)| is_set.then_some(bit))
+    .sum()
+}
+
+/// Uniform word 15: the status bits that can ever be set for this drive.
+///
+/// Online always; stale where anything is polled; running where the output frequency is; at setpoint where the
+/// setting is as well; tripped where the trips are counted; reverse where the drive has control and its model can
+/// run in reverse, because the direction is known only from what was ordered; and with control accepts, pending,
+/// leased and inhibited.
+pub(super) fn reported(drive: &DriveDescription, sources: &Sources) -> u16 {
+    let has_reverse = drive.model.run.as_ref().is_some_and(|run| run.reverse.is_some());
+    let turns = sources.output_frequency.is_some();
+    let with_control = bit::ACCEPTS | bit::PENDING | bit::LEASED | bit::INHIBITED;
+    [
+        (true, bit::ONLINE),
+        (turns, bit::RUNNING),
+        (sources.has_control && has_reverse, bit::REVERSE),
+        (sources.has_trips, bit::TRIPPED),
+        (turns && sources.setting.is_some(), bit::AT_SETPOINT),
+        (sources.has_control, with_control),
+        (!sources.polled.is_empty(), bit::STALE),
+    ]
+    .into_iter()
+    .filter_map(|(is_set, bits)| is_set.then_some(bits))
+    .sum()
+}
+
+/// Uniform word 26: what the model can do and the control section allows.
+pub(super) fn capabilities(model: &Model, control: Option<&ControlSettings>) -> u16 {
+    let (Some(control), Some(run)) = (control, &model.run) else { return 0 };
+    let may = |fact: &Option<Fact<u16>>, action| {
+        let accepted = control.accept_unverified.contains(&action);
+        fact.as_ref().is_some_and(|fact| accepted || is_proven(fact.confidence))
+    };
+    let turns = |direction| control.directions.contains(&direction);
+    [
+        (turns(Direction::Forward), capability::FORWARD),
+        (turns(Direction::Reverse) && may(&run.reverse, ControlAction::Reverse), capability::REVERSE),
+        (may(&run.coast, ControlAction::Coast), capability::COAST),
+        (may(&run.reset, ControlAction::Reset), capability::RESET),
+        (model.register_for(Role::FrequencyCommand).is_some(), capability::SETPOINT),
+    ]
+    .into_iter()
+    .filter_map(|(is_set, bit)| is_set.then_some(bit))
+    .sum()
+}
+
+/// Whether a fact needs no acceptance by the operator before the drive is controlled by it.
+const fn is_proven(confidence: Confidence) -> bool {
+    match confidence {
+        Confidence::Manual | Confidence::SecondSource | Confidence::Configured => true,
+        Confidence::Sibling | Confidence::Inferred | Confidence::Default => false,
+    }
+}

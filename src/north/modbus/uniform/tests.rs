@@ -1,0 +1,323 @@
+//! The uniform unit as clients see it.
+
+use super::super::request::parse;
+use super::super::testing::{self, NOW};
+use super::*;
+use crate::domain::command::{Direction, Outcome, Owner, Reason, Report, RunIntent};
+use crate::domain::control::ControlAction;
+use crate::domain::time::MonoTime;
+use crate::drive::snapshot::Presence;
+use crate::drive::view::{RunState, TripRecord};
+use std::net::{IpAddr, Ipv4Addr};
+use std::sync::Arc;
+
+const CLIENT: Owner = Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::new(10, 0, 0, 1)));
+const OTHER: Owner = Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::new(10, 0, 0, 2)));
+
+fn present(now: MonoTime) -> Present {
+    Present { now, uptime_s: 0x0001_0007, owner: CLIENT }
+}
+
+fn unit() -> Uniform {
+    Uniform::new(&testing::description())
+}
+
+fn take(unit: &Uniform, pdu: &[u8], view: &DriveView, now: MonoTime) -> (Taken, Vec<u16>) {
+    let mut words = Words::default();
+    let taken = unit.take(&parse(pdu).unwrap(), view, &present(now), &mut words);
+    (taken, words.as_slice().to_vec())
+}
+
+#[track_caller]
+fn picture(unit: &Uniform, view: &DriveView, now: MonoTime) -> [u16; 32] {
+    let (taken, words) = take(unit, &[4, 0, 0, 0, 32], view, now);
+    assert_eq!(taken, Taken::Words);
+    assert_eq!(take(unit, &[3, 0, 0, 0, 32], view, now).1, words, "03 reads what 04 reads");
+    words.try_into().unwrap()
+}
+
+fn word(address: u16, view: &DriveView) -> u16 {
+    unit().word(address, view, &present(NOW)).unwrap()
+}
+
+const fn later(millis: u64) -> MonoTime {
+    MonoTime::from_nanos(NOW.as_nanos() + millis * 1_000_000)
+}
+
+#[test]
+fn a_fresh_picture_has_every_word() {
+    #[rustfmt::skip]
+    let right = [
+        1, 0b0011_0011, 2, 0, 4250, 4250,
+        123, 3800, 5401, 76, 985, (-70_i16).cast_unsigned(),
+        0, 0, 0, 0b11_1111_1111,
+        7, 0, 0, 0, 500, 5000,
+        0, 40_000, 1234, 755, 0b1_0011,
+        0, 0, 0, 0, 0,
+    ];
+    assert_eq!(picture(&unit(), &testing::view(), NOW), right);
+}
+
+#[test]
+fn a_stale_picture_has_no_measurement() {
+    let stale = picture(&unit(), &testing::view(), later(3_000));
+    let absent: Vec<usize> = (0..32).filter(|place| [ABSENT, ABSENT_SIGNED].contains(&stale[*place])).collect();
+    assert_eq!(absent, [4, 5, 6, 7, 8, 9, 10, 11, 22, 23, 24, 25]);
+    assert_eq!((stale[10], stale[11]), (ABSENT_SIGNED, ABSENT_SIGNED));
+    assert_eq!((stale[1], stale[12], stale[17]), (0b1_0010_0011, 300, alarm::STALE));
+    let fresh = picture(&unit(), &testing::view(), later(2_999));
+    assert_eq!((fresh[4], fresh[12], fresh[17]), (4250, 299, 0));
+}
+
+#[test]
+fn a_drive_that_nobody_has_looked_at_reads_in_full() {
+    let words = picture(&unit(), &DriveView::default(), NOW);
+    assert_eq!((words[1], words[2], words[3]), (bit::STALE, 5, ABSENT));
+    assert_eq!((words[12], words[17]), (ABSENT, alarm::STALE | alarm::LINE_DOWN));
+    assert!(words[4..10].iter().all(|word| *word == ABSENT));
+}
+
+#[test]
+fn a_drive_that_is_out_of_reach_is_offline() {
+    let mut view = testing::view();
+    view.snapshot.presence = Presence::Offline;
+    let words = picture(&unit(), &view, NOW);
+    assert_eq!((words[1], words[2]), (0, 5), "nothing is known to run");
+    let mut view = testing::view();
+    view.line_is_up = false;
+    let words = picture(&unit(), &view, NOW);
+    assert_eq!((words[1], words[2], words[17]), (0, 5, alarm::LINE_DOWN));
+}
+
+#[test]
+fn what_a_model_does_not_have_is_absent_and_not_reported() {
+    let mut description = testing::description();
+    let mut model = testing::model();
+    model.registers.retain(|register| !register.access.can_read());
+    description.model = Arc::new(model);
+    description.control = None;
+    let words = picture(&Uniform::new(&description), &testing::view(), NOW);
+    #[rustfmt::skip]
+    let right = [
+        1, 0b11, 2, 0, ABSENT, ABSENT,
+        ABSENT, ABSENT, ABSENT, ABSENT, ABSENT_SIGNED, ABSENT_SIGNED,
+        ABSENT, ABSENT, ABSENT, 1,
+        7, 0, 0, 0, ABSENT, ABSENT,
+        ABSENT, ABSENT, ABSENT, ABSENT, 0,
+        0, 0, 0, 0, 0,
+    ];
+    assert_eq!(words, right);
+}
+
+#[test]
+fn a_measurement_in_another_unit_is_absent() {
+    let mut description = testing::description();
+    let mut model = testing::model();
+    for register in &mut model.registers {
+        if register.name == "output_current" {
+            register.unit = crate::domain::units::UnitOfMeasure::Percent;
+        }
+    }
+    description.model = Arc::new(model);
+    let words = picture(&Uniform::new(&description), &testing::view(), NOW);
+    assert_eq!((words[6], words[24]), (ABSENT, ABSENT));
+}
+
+#[test]
+fn the_mask_holds_every_bit_that_can_be_set_without_control() {
+    let description = crate::drive::description::DriveDescription { control: None, ..testing::description() };
+    let words = picture(&Uniform::new(&description), &testing::view(), NOW);
+    assert_eq!(words[15], bit::ONLINE | bit::RUNNING | bit::TRIPPED | bit::AT_SETPOINT | bit::STALE);
+    assert_eq!(words[1] & !words[15], 0);
+}
+
+#[test]
+fn each_run_state_has_its_number_and_bits() {
+    for (state, number, bits) in [
+        (RunState::Unknown, 0, 0),
+        (RunState::Stopped, 1, 0),
+        (RunState::Forward, 2, bit::RUNNING | bit::AT_SETPOINT),
+        (RunState::Reverse, 3, bit::RUNNING | bit::REVERSE | bit::AT_SETPOINT),
+        (RunState::Tripped, 4, bit::TRIPPED),
+        (RunState::Offline, 5, 0),
+        (RunState::Running, 6, bit::RUNNING | bit::AT_SETPOINT),
+        (RunState::Stopping, 7, bit::RUNNING | bit::AT_SETPOINT),
+    ] {
+        let mut view = testing::view();
+        view.run_state = state;
+        assert_eq!((word(2, &view), word(1, &view)), (number, bits | bit::ONLINE | bit::ACCEPTS), "{state:?}");
+    }
+}
+
+#[test]
+fn at_setpoint_is_within_a_tenth_of_a_hertz() {
+    for (output, setting, near) in [(4250, 424, true), (4250, 426, true), (4261, 425, false), (4239, 425, false)] {
+        let mut view = testing::view();
+        view.snapshot.take(0x0101, &[output], NOW);
+        view.snapshot.take(0x010A, &[setting], NOW);
+        assert_eq!(word(1, &view) & bit::AT_SETPOINT != 0, near, "{output} {setting}");
+    }
+}
+
+#[test]
+fn a_trip_is_shown_as_far_as_it_is_known() {
+    let record = |code| Some(TripRecord { at: NOW, code, words: Vec::new() });
+    for (active, last, now_word, last_word) in [
+        (Some(false), None, 0, 0),
+        (Some(false), record(Some(7)), 0, 7),
+        (Some(true), record(Some(7)), 7, 7),
+        (Some(true), record(None), ABSENT, ABSENT),
+        (Some(true), record(Some(0)), ABSENT, 0),
+        (Some(true), None, ABSENT, 0),
+        (None, record(Some(7)), ABSENT, 7),
+    ] {
+        let mut view = testing::view();
+        (view.trip.active, view.trip.last) = (active, last);
+        assert_eq!((word(3, &view), word(14, &view)), (now_word, last_word), "{:?}", view.trip);
+        assert_eq!(word(1, &view) & bit::TRIPPED != 0, active == Some(true));
+    }
+    for (seen, shown) in [(0, 0), (3, 3), (65_534, 65_534), (65_535, 65_534), (u32::MAX, 65_534)] {
+        let mut view = testing::view();
+        view.trip.seen = seen;
+        assert_eq!(word(13, &view), shown);
+    }
+}
+
+#[test]
+fn control_is_shown_as_it_is() {
+    let mut view = testing::view();
+    let mut control = testing::control();
+    (control.start_inhibited, control.not_effective, control.failsafe) = (true, true, true);
+    (control.stop_pending, control.commands) = (true, 77);
+    control.intent = RunIntent::Run(Direction::Reverse);
+    control.setpoint = Some(Hertz::from_millihertz(42_500));
+    control.last = Some(Report::refused(Reason::OtherOwner));
+    view.control = Some(control);
+    assert_eq!(word(1, &view), 0b0011_0011 | bit::INHIBITED | bit::PENDING);
+    assert_eq!(word(17, &view), alarm::NOT_EFFECTIVE | alarm::FAIL_SAFE);
+    let (taken, words) = take(&unit(), &[3, 1, 0, 0, 6], &view, NOW);
+    let refused = [Outcome::Refused.number(), 77, Reason::OtherOwner.number()];
+    assert_eq!((taken, words), (Taken::Words, [&[2, 4250, 0][..], &refused].concat()));
+    let (_, words) = take(&unit(), &[3, 1, 0, 0, 6], &testing::view(), NOW);
+    assert_eq!(words, [0, ABSENT, 0, 0, 0, 0]);
+    let none = DriveView { control: None, ..testing::view() };
+    assert_eq!(take(&unit(), &[3, 1, 0, 0, 6], &none, NOW).1, words);
+}
+
+#[test]
+fn a_lease_is_shown_with_what_is_left_of_it_and_whose_it_is() {
+    for (lease, left, class) in [
+        (None, 0, 0),
+        (Some((Owner::Mqtt, later(30_000))), 30, 1),
+        (Some((OTHER, later(29_999))), 29, 2),
+        (Some((CLIENT, later(1))), 0, 3),
+        (Some((CLIENT, NOW)), 0, 0),
+        (Some((CLIENT, MonoTime::NEVER)), 65_534, 3),
+    ] {
+        let mut view = testing::view();
+        view.control = Some(crate::drive::view::ControlView { lease, ..testing::control() });
+        assert_eq!((word(18, &view), word(258, &view), word(19, &view)), (left, left, class), "{lease:?}");
+        assert_eq!(word(1, &view) & bit::LEASED != 0, class != 0);
+    }
+}
+
+#[test]
+fn capabilities_are_what_model_and_control_allow() {
+    let with = |change: &dyn Fn(&mut crate::domain::control::ControlSettings)| {
+        let mut description = testing::description();
+        let mut settings = testing::settings();
+        change(&mut settings);
+        description.control = Some(Arc::new(settings));
+        picture(&Uniform::new(&description), &testing::view(), NOW)[26]
+    };
+    let (forward, reverse, setpoint) = (capability::FORWARD, capability::REVERSE, capability::SETPOINT);
+    assert_eq!(with(&|_| {}), forward | reverse | setpoint, "coast and reset are not proven");
+    assert_eq!(with(&|it| it.directions = vec![Direction::Forward]), forward | setpoint);
+    let accepted = vec![ControlAction::Coast, ControlAction::Reset];
+    assert_eq!(with(&|it| it.accept_unverified.clone_from(&accepted)), 0b1_1111);
+}
+
+#[test]
+fn limits_are_rounded_into_themselves() {
+    let mut description = testing::description();
+    let mut settings = testing::settings();
+    (settings.least, settings.most) = (Hertz::from_millihertz(5_001), Hertz::from_millihertz(50_009));
+    description.control = Some(Arc::new(settings));
+    let words = picture(&Uniform::new(&description), &testing::view(), NOW);
+    assert_eq!((words[20], words[21]), (501, 5000));
+}
+
+#[test]
+fn there_is_nothing_outside_of_the_map_and_no_partial_answer() {
+    let (unit, view) = (unit(), testing::view());
+    for (pdu, right) in [
+        (&[3, 0, 31, 0, 1][..], Taken::Words),
+        (&[3, 1, 5, 0, 1], Taken::Words),
+        (&[3, 0, 31, 0, 2], Taken::Exception(2)),
+        (&[4, 0, 32, 0, 1], Taken::Exception(2)),
+        (&[4, 1, 0, 0, 1], Taken::Exception(2)),
+        (&[3, 0, 32, 0, 1], Taken::Exception(2)),
+        (&[3, 0, 255, 0, 2], Taken::Exception(2)),
+        (&[3, 1, 5, 0, 2], Taken::Exception(2)),
+        (&[3, 0xFF, 0xFF, 0, 1], Taken::Exception(2)),
+        (&[2, 0, 0, 0, 16], Taken::Bits { bits: 0b0011_0011, count: 16 }),
+        (&[2, 0, 4, 0, 2], Taken::Bits { bits: 0b0011, count: 2 }),
+        (&[2, 0, 15, 0, 2], Taken::Exception(2)),
+        (&[2, 0xFF, 0xFF, 0, 1], Taken::Exception(2)),
+        (&[1, 0, 0, 0, 4], Taken::Bits { bits: 0, count: 4 }),
+        (&[1, 0, 0, 0, 5], Taken::Exception(2)),
+        (&[0x2B, 0x0E, 1, 0], Taken::Exception(1)),
+    ] {
+        assert_eq!(take(&unit, pdu, &view, NOW).0, right, "{pdu:?}");
+    }
+}
+
+#[test]
+fn coils_read_back_the_direction_that_is_ordered() {
+    for (intent, bits) in [
+        (RunIntent::Stop, 0),
+        (RunIntent::Run(Direction::Forward), 1),
+        (RunIntent::Run(Direction::Reverse), 2),
+        (RunIntent::Coast, 0),
+    ] {
+        let mut view = testing::view();
+        view.control = Some(crate::drive::view::ControlView { intent, ..testing::control() });
+        assert_eq!(take(&unit(), &[1, 0, 0, 0, 4], &view, NOW).0, Taken::Bits { bits, count: 4 });
+    }
+}
+
+const WRITES: [&[u8]; 6] = [
+    &[5, 0, 0, 0, 0],
+    &[6, 1, 0, 0, 0],
+    &[0x0F, 0, 0, 0, 2, 1, 0],
+    &[0x10, 1, 0, 0, 1, 2, 0, 0],
+    &[0x16, 1, 0, 0, 0, 0, 0],
+    &[0x17, 1, 0, 0, 6, 1, 0, 0, 1, 2, 0, 0],
+];
+
+#[test]
+fn a_write_is_an_order_where_there_is_control_and_never_allowed_elsewhere() {
+    let without = crate::drive::description::DriveDescription { control: None, ..testing::description() };
+    let (with, without) = (unit(), Uniform::new(&without));
+    for pdu in WRITES {
+        let stop = Taken::Order(Order::Stop { setpoint: None });
+        assert_eq!(take(&with, pdu, &testing::view(), NOW).0, stop, "{pdu:?}");
+        assert_eq!(take(&without, pdu, &testing::view(), NOW).0, Taken::Exception(1), "{pdu:?}");
+        let ask = parse(pdu).unwrap();
+        assert!(with.is_stop(&ask, &testing::view()) && !without.is_stop(&ask, &testing::view()));
+    }
+    assert!(!with.is_stop(&parse(&[6, 1, 0, 0, 1]).unwrap(), &testing::view()));
+    assert!(with.is_stop(&parse(&[6, 1, 0, 0, 3]).unwrap(), &testing::view()), "so does coasting");
+    assert!(!with.is_stop(&parse(&[3, 1, 0, 0, 1]).unwrap(), &testing::view()));
+}
+
+#[test]
+fn a_write_that_cannot_also_read_orders_nothing() {
+    let pdu = [0x17, 0, 32, 0, 1, 1, 0, 0, 1, 2, 0, 1];
+    assert_eq!(take(&unit(), &pdu, &testing::view(), NOW).0, Taken::Exception(2));
+}
+
+#[test]
+fn a_write_that_orders_nothing_is_done_at_once() {
+    assert_eq!(take(&unit(), &[5, 0, 2, 0, 0], &testing::view(), NOW).0, Taken::Nothing);
+}

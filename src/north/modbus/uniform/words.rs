@@ -1,0 +1,146 @@
+//! The uniform map, word by word.
+
+use super::super::taken::Present;
+use super::column::{ABSENT, ABSENT_SIGNED, Column, Fresh, unsigned};
+use super::order::run_word;
+use super::{MAP_VERSION, Uniform, address, run, status};
+use crate::domain::command::Owner;
+use crate::domain::time::MonoTime;
+use crate::drive::view::DriveView;
+use std::time::Duration;
+
+/// Steps per hertz, and for what is shown a second time with finer steps.
+const HUNDREDTHS: i64 = 100;
+/// Steps of the other measurements.
+const TENTHS: i64 = 10;
+/// One step of word 12.
+const AGE_STEP_MS: u128 = 10;
+
+impl Uniform {
+    /// The holding register at `address`; nothing outside of the map.
+    pub(in super::super) fn word(&self, address: u16, view: &DriveView, present: &Present) -> Option<u16> {
+        let (sources, now) = (&self.sources, present.now);
+        let steps = |column: &Option<Column>, steps| measured(column, view, now, |value| value.unsigned(steps));
+        Some(match address {
+            0 => MAP_VERSION,
+            1 => status::status(sources, view, now),
+            2 => status::run_state(view).number(),
+            3 => self.trip_code(view),
+            4 => measured(&sources.output_frequency, view, now, |value| value.magnitude().unsigned(HUNDREDTHS)),
+            5 => measured(&sources.setting, view, now, |value| value.magnitude().unsigned(HUNDREDTHS)),
+            6 => steps(&sources.current, TENTHS),
+            7 => steps(&sources.voltage, TENTHS),
+            8 => steps(&sources.dc_voltage, TENTHS),
+            9 => steps(&sources.power, TENTHS),
+            10 => signed(&sources.torque, view, now),
+            11 => signed(&sources.temperature, view, now),
+            12 => age_word(sources.oldest_age(view, now)),
+            13 => self.trips_seen(view),
+            14 => self.last_trip(view),
+            15 => self.reported,
+            16 => life(present),
+            17 => status::alarms(sources, view, now),
+            18 | address::RENEW => self.lease(view, now).map_or(0, |(_, left)| seconds_word(left)),
+            19 => self.lease(view, now).map_or(0, |(owner, _)| owner_class(owner, present.owner)),
+            20 => self.limits[0],
+            21 => self.limits[1],
+            22 => (self.run_hours(view, now) >> 16) as u16,
+            23 => (self.run_hours(view, now) & 0xFFFF) as u16,
+            24 => steps(&sources.current, HUNDREDTHS),
+            25 => steps(&sources.power, HUNDREDTHS),
+            26 => self.capabilities,
+            27..=31 => 0,
+            address::RUN => self.intent(view),
+            address::SETPOINT => {
+                let setpoint =
+                    view.control.as_ref().filter(|_| self.has_control()).and_then(|control| control.setpoint);
+                setpoint.and_then(|setpoint| setpoint.centihertz()).unwrap_or(ABSENT)
+            }
+            259..=261 => self.last_command(address, view),
+            _ => return None,
+        })
+    }
+
+    /// Word 256.
+    pub(super) fn intent(&self, view: &DriveView) -> u16 {
+        let control = view.control.as_ref().filter(|_| self.has_control());
+        control.map_or(run::STOP, |control| run_word(control.intent))
+    }
+
+    /// The vendor's number while a trip holds, 0 without one; absent if the number or the trip is not known.
+    fn trip_code(&self, view: &DriveView) -> u16 {
+        match status::is_tripped(view) {
+            Some(false) => 0,
+            Some(true) => {
+                let code = view.trip.last.as_ref().and_then(|last| last.code);
+                // 0 means that there is none.
+                code.filter(|code| *code != 0).unwrap_or(ABSENT)
+            }
+            None => ABSENT,
+        }
+    }
+
+    /// It stays at 65534 rather than to read as absent or as few.
+    fn trips_seen(&self, view: &DriveView) -> u16 {
+        if self.sources.has_trips { view.trip.seen.min(u32::from(ABSENT - 1)) as u16 } else { ABSENT }
+    }
+
+    fn last_trip(&self, view: &DriveView) -> u16 {
+        match &view.trip.last {
+            None if self.sources.has_trips => 0,
+            last => last.as_ref().and_then(|last| last.code).unwrap_or(ABSENT),
+        }
+    }
+
+    /// Who holds control, and for how long without a sign of life.
+    fn lease(&self, view: &DriveView, now: MonoTime) -> Option<(Owner, Duration)> {
+        let (owner, until) = view.control.as_ref().filter(|_| self.has_control())?.lease?;
+        (now < until).then(|| (owner, until.since(now)))
+    }
+
+    /// Both words are 65535 if it is not known.
+    fn run_hours(&self, view: &DriveView, now: MonoTime) -> u32 {
+        let fresh = self.sources.run_hours.as_ref().and_then(|column| column.fresh(view, now));
+        fresh.and_then(|hours| u32::try_from(hours.in_steps(1)).ok()).unwrap_or(u32::MAX)
+    }
+
+    fn last_command(&self, address: u16, view: &DriveView) -> u16 {
+        let Some(control) = view.control.as_ref().filter(|_| self.has_control()) else { return 0 };
+        match address {
+            259 => control.last.map_or(0, |report| report.outcome.number()),
+            260 => control.commands,
+            _ => control.last.map_or(0, |report| report.reason.number()),
+        }
+    }
+}
+
+/// Word 16: seconds since start, wrapping, so that a client sees that the gateway lives.
+const fn life(present: &Present) -> u16 {
+    (present.uptime_s & 0xFFFF) as u16
+}
+
+fn measured(column: &Option<Column>, view: &DriveView, now: MonoTime, word: impl Fn(Fresh) -> u16) -> u16 {
+    column.as_ref().and_then(|column| column.fresh(view, now)).map_or(ABSENT, word)
+}
+
+fn signed(column: &Option<Column>, view: &DriveView, now: MonoTime) -> u16 {
+    let fresh = column.as_ref().and_then(|column| column.fresh(view, now));
+    fresh.map_or(ABSENT_SIGNED, |value| value.signed(TENTHS))
+}
+
+fn age_word(age: Option<Duration>) -> u16 {
+    age.and_then(|age| u16::try_from(age.as_millis() / AGE_STEP_MS).ok()).unwrap_or(ABSENT)
+}
+
+/// Whole seconds; a lease that never ends reads 65534.
+fn seconds_word(left: Duration) -> u16 {
+    unsigned(i64::try_from(left.as_secs()).unwrap_or(i64::MAX).min(i64::from(ABSENT - 1)))
+}
+
+fn owner_class(owner: Owner, client: Owner) -> u16 {
+    match owner {
+        _ if owner == client => 3,
+        Owner::Mqtt => 1,
+        Owner::ModbusTcp(_) => 2,
+    }
+}
