@@ -1,6 +1,7 @@
 //! Log lines on stderr.
 
 use std::io::{self, IsTerminal, Write};
+use tracing_appender::non_blocking::{NonBlockingBuilder, WorkerGuard};
 use tracing_subscriber::EnvFilter;
 
 /// How a log line is written.
@@ -12,14 +13,20 @@ pub enum Format {
     Json,
 }
 
-/// Starts logging. `RUST_LOG` chooses what is logged; without it everything from `info` on.
-pub fn start(format: Format) {
+/// Starts logging. `RUST_LOG` chooses what is logged; without it everything from `info` on. What is returned writes the
+/// last lines when it is dropped.
+///
+/// A thread of its own writes, so that nobody who logs waits for whoever reads: lines beyond what the thread holds are
+/// lost.
+pub fn start(format: Format) -> WorkerGuard {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(|| Stderr);
+    let (writer, guard) = NonBlockingBuilder::default().lossy(true).finish(Stderr);
+    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(writer);
     match format {
         Format::Text => log.with_ansi(io::stderr().is_terminal()).with_target(false).init(),
         Format::Json => log.json().init(),
     }
+    guard
 }
 
 /// Standard error, where a line that cannot be written is lost and nothing else happens. Its reader may be gone, and

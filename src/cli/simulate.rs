@@ -10,7 +10,6 @@ use crate::profile::model::Model;
 use crate::sim::{BadRequest, BusOptions, DriveOptions, FaultPlan, Pacing, SimBus, SimDrive};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// Cause number of the trips. Any will do: what the numbers mean is not known for every model.
@@ -137,15 +136,8 @@ fn play_until_told(
         told_to_end().map_err(Failure::failed)?
     };
     print(announcement)?;
-    let end = AtomicBool::new(false);
-    std::thread::scope(|scope| {
-        let player = scope
-            .spawn(|| simulator::play(pty, bus, &end, |bus, now| trip_when_due(bus, now, trip_every, &mut next_trip)));
-        runtime.block_on(told);
-        end.store(true, Ordering::Relaxed);
-        let played = player.join().unwrap_or_else(|_| Err(std::io::Error::other("the simulator panicked")));
-        played.map_err(Failure::failed)
-    })?;
+    let trip = |bus: &mut SimBus, now| trip_when_due(bus, now, trip_every, &mut next_trip);
+    simulator::play_beside(pty, bus, trip, || runtime.block_on(told)).map_err(Failure::failed)?;
     let report = bus.report();
     tracing::info!(requests = report.requests_heard, replies = report.replies_sent, "simulation ended");
     Ok(())

@@ -63,6 +63,11 @@ impl AnswerBox {
         }
     }
 
+    /// Exchanges what has come for the empty `batch`.
+    pub fn take(&self, batch: &mut Vec<News>) {
+        std::mem::swap(&mut *self.answers.lock().unwrap_or_else(PoisonError::into_inner), batch);
+    }
+
     /// Waits for answers and exchanges them for the empty `batch`.
     pub async fn fetch(&self, batch: &mut Vec<News>) {
         self.bell.notified().await;

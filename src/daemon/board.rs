@@ -51,7 +51,8 @@ impl<'a> Board<'a> {
     /// Shows what has changed in this round. Pictures come before answers: whoever is told that a command was
     /// confirmed finds the drive so.
     pub fn show(&mut self, core: &mut LineCore) {
-        let mut has_changed = false;
+        // The MQTT side hears of its answers by the same bell as of pictures.
+        let mut has_changed = !self.mqtt.is_empty();
         for (drive, view) in core.changed_views() {
             if let Some(shared) = self.drives.get(drive.get()) {
                 shared.view.store(view);

@@ -1,13 +1,16 @@
 //! From the configuration to what the line threads need.
 
 use super::line_thread::LinePort;
+use super::mqtt::{ConnectionSettings, Secret, TlsSettings, check_tls};
+use super::north::Mqtt;
 use super::shared::Shared;
-use crate::config::{Config, DriveSettings, LineSettings, Silence};
-use crate::domain::ids::DriveIndex;
+use crate::config::{self, BrokerSettings, Config, DriveSettings, LineSettings, MqttSettings, PasswordSource, Silence};
+use crate::domain::ids::{DriveIndex, Name};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::gateway::{DriveSetup, LineSetup};
 use crate::line::budget;
 use crate::line::timing::Timing;
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -65,6 +68,51 @@ fn description(place: DriveRef, line: &LineSettings, drive: &DriveSettings) -> D
         poll: drive.poll,
         control: drive.control.clone(),
         dead_bands: drive.dead_bands.clone(),
+    }
+}
+
+/// How the broker of `mqtt` is reached by the gateway called `name`, and what is said there. `embedded` is where the
+/// embedded broker listens, if it is that one.
+///
+/// # Errors
+/// The password cannot be read, or the TLS files cannot be used.
+pub fn broker(mqtt: &MqttSettings, name: &Name, embedded: Option<SocketAddr>) -> Result<Mqtt, String> {
+    let (host, port, tls) = match (&mqtt.broker, embedded) {
+        (BrokerSettings::Tcp { host, port, tls }, _) => (host.clone(), *port, tls.as_ref().map(tls_settings)),
+        (BrokerSettings::Embedded, Some(address)) => (address.ip().to_string(), address.port(), None),
+        (BrokerSettings::Embedded, None) => return Err("the embedded broker does not listen".to_owned()),
+    };
+    if let Some(tls) = &tls {
+        check_tls(tls).map_err(|error| error.to_string())?;
+    }
+    let password = mqtt.credentials.as_ref().and_then(|credentials| credentials.password.as_ref());
+    let connection = ConnectionSettings {
+        host,
+        port,
+        tls,
+        client_id: mqtt.client_id(name),
+        user: mqtt.credentials.as_ref().map(|credentials| credentials.user.clone()),
+        password: password.map(read_password).transpose()?,
+        keep_alive: mqtt.keep_alive,
+        version: mqtt.version,
+    };
+    Ok((connection, mqtt.session(name.clone())))
+}
+
+fn tls_settings(tls: &config::TlsSettings) -> TlsSettings {
+    let client_cert = tls.client.as_ref().map(|client| (client.cert_file.clone(), client.key_file.clone()));
+    TlsSettings { ca_file: tls.ca_file.clone(), client_cert }
+}
+
+/// A file's text without the line break that editors put at its end.
+fn read_password(source: &PasswordSource) -> Result<Secret, String> {
+    match source {
+        PasswordSource::File(path) => std::fs::read_to_string(path)
+            .map(|text| Secret::new(text.trim_end_matches(['\n', '\r']).to_owned()))
+            .map_err(|error| format!("password_file {}: {error}", path.display())),
+        PasswordSource::Env(name) => {
+            std::env::var(name).map(Secret::new).map_err(|error| format!("password_env {name}: {error}"))
+        }
     }
 }
 

@@ -1,14 +1,18 @@
 //! The way from the north side into a line thread.
 
-use crate::domain::command::{CommandRequest, Owner};
+use crate::domain::command::{CommandRequest, Order, Owner};
 use crate::domain::ids::AskerId;
-use crate::domain::native::NativeRequest;
+use crate::domain::native::{NativeAsk, NativeRequest};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use tokio::sync::Notify;
 
 /// Messages that may wait for a line thread. The north side answers exception 06 when it is full.
 pub const INBOX_MAX: usize = 4096;
+/// Further room for writes and commands: no flood of reads keeps them out.
+pub const COMMANDS_MAX: usize = 512;
+/// Further room for stops and what else must not be lost: no flood of commands keeps them out.
+pub const STOPS_MAX: usize = 1024;
 
 /// Something for a line from the north side.
 #[derive(Debug)]
@@ -50,7 +54,7 @@ impl Inbox {
     /// [`Full`] if too many wait.
     pub fn put(&self, message: Message) -> Result<(), Full> {
         let mut messages = self.lock();
-        if messages.len() >= INBOX_MAX {
+        if messages.len() >= room_for(&message) {
             return Err(Full);
         }
         messages.push(message);
@@ -105,6 +109,18 @@ impl Inbox {
     }
 }
 
+const fn room_for(message: &Message) -> usize {
+    match message {
+        Message::Native(NativeRequest { ask: NativeAsk::Read { .. }, .. }) => INBOX_MAX,
+        Message::Command(CommandRequest { order: Order::Stop { .. } | Order::Coast, .. })
+        | Message::AskerGone(_)
+        | Message::Shutdown => INBOX_MAX + COMMANDS_MAX + STOPS_MAX,
+        Message::Native(_) | Message::Command(_) | Message::PathAlive(_) | Message::PathOpened(_) => {
+            INBOX_MAX + COMMANDS_MAX
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -136,7 +152,11 @@ mod tests {
     #[test]
     fn it_is_bounded() {
         let inbox = Inbox::default();
-        for _ in 0..INBOX_MAX {
+        for _ in 0..INBOX_MAX + COMMANDS_MAX {
+            inbox.put(Message::PathAlive(Owner::Mqtt)).unwrap();
+        }
+        assert_eq!(inbox.put(Message::PathAlive(Owner::Mqtt)), Err(Full));
+        for _ in 0..STOPS_MAX {
             inbox.put(GONE).unwrap();
         }
         assert_eq!(inbox.put(GONE), Err(Full));

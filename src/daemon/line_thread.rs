@@ -95,14 +95,18 @@ impl LineHandle {
         Ok(Self { shared, place, ended, thread })
     }
 
-    /// Has the declared action carried out for every drive that is under control, and waits until that is over.
-    pub async fn shut_down(&mut self) {
+    /// Has the declared action carried out for every drive that is under control; then the thread ends.
+    pub fn begin_shutdown(&self) {
         if let Some(line) = self.shared.lines.get(self.place)
             && line.inbox.put(Message::Shutdown).is_err()
         {
             // Whoever floods the line must not keep its drives running.
             line.inbox.clear_for(Message::Shutdown);
         }
+    }
+
+    /// Waits for the end of the thread.
+    pub async fn ended(&mut self) {
         // An error is what the end of the thread looks like.
         let _ = (&mut self.ended).await;
     }

@@ -6,11 +6,13 @@ use super::answers::{AnswerBox, News};
 use super::clock;
 use super::inbox::Message;
 use super::router::Router;
+use super::totals::ModbusTotals;
 use crate::config::ListenerSettings;
 use crate::domain::command::{Manner, Origin, Owner, Rights};
 use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
-use crate::north::modbus::{Commands, Connection, Limits, Words};
+use crate::guard::access;
+use crate::north::modbus::{Commands, Connection, Counters, Limits, Words};
 use ipnet::IpNet;
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
@@ -39,6 +41,7 @@ pub const CONNECTIONS_MAX: usize = 4096;
 /// The connections of all listeners. It lives on the main thread.
 #[derive(Debug, Default)]
 pub struct Server {
+    totals: Arc<ModbusTotals>,
     clients: RefCell<HashMap<AskerId, Rc<Client>>>,
     last: Cell<u64>,
 }
@@ -64,19 +67,30 @@ struct Client {
     router: Rc<Router>,
     /// Rung when the machine was changed by somebody other than its own task.
     bell: Notify,
+    totals: Arc<ModbusTotals>,
+    /// What of the machine's counts is in the totals already.
+    counted: Cell<Counters>,
 }
 
 impl Server {
+    /// A server without listeners that counts into `totals`.
+    #[must_use]
+    pub fn new(totals: Arc<ModbusTotals>) -> Self {
+        Self { totals, ..Self::default() }
+    }
+
     /// Accepts connections of those whom `settings` allow until the task is dropped.
     pub async fn listen(self: Rc<Self>, listener: TcpListener, settings: ListenerSettings, router: Rc<Router>) {
         loop {
             match listener.accept().await {
                 Ok((stream, peer)) if !is_allowed(settings.allow.as_deref(), peer.ip()) => {
                     tracing::warn!(%peer, "refused: not in `allow`");
+                    self.totals.refused();
                     drop(stream);
                 }
                 Ok((stream, peer)) if self.clients.borrow().len() >= CONNECTIONS_MAX => {
                     tracing::warn!(%peer, "refused: too many connections");
+                    self.totals.refused();
                     drop(stream);
                 }
                 Ok((stream, peer)) => {
@@ -132,13 +146,18 @@ impl Server {
             renewed: RefCell::default(),
             router,
             bell: Notify::new(),
+            totals: Arc::clone(&self.totals),
+            counted: Cell::default(),
         });
+        self.totals.opened();
         self.clients.borrow_mut().insert(asker, Rc::clone(&client));
         let server = Rc::clone(self);
         tokio::task::spawn_local(async move {
             let end = client.serve(&mut source).await;
             tracing::debug!(%peer, end = %end, "connection closed");
             server.clients.borrow_mut().remove(&asker);
+            client.count();
+            server.totals.closed();
             for inbox in client.router.inboxes() {
                 // A full inbox loses nothing but early removal: the requests end at their deadlines.
                 let _ = inbox.put(Message::AskerGone(asker));
@@ -203,6 +222,12 @@ impl Client {
         self.flush()
     }
 
+    /// Adds what is new to the totals.
+    fn count(&self) {
+        let now = *self.machine.borrow().counters();
+        self.totals.add(&self.counted.replace(now), &now);
+    }
+
     /// Writes as much as the socket takes.
     fn flush(&self) -> io::Result<()> {
         let mut machine = self.machine.borrow_mut();
@@ -213,6 +238,8 @@ impl Client {
                 Err(error) => return Err(error),
             }
         }
+        drop(machine);
+        self.count();
         Ok(())
     }
 }
@@ -228,9 +255,9 @@ async fn receive(source: &mut OwnedReadHalf, buffer: &mut [u8]) -> io::Result<us
     .await
 }
 
-/// What `listener` grants to `peer`. Nothing else decides about it.
-fn rights_of(_listener: &ListenerSettings, _peer: IpAddr) -> Granted {
-    Granted { rights: Rights { write: false, stop: false }, reads_renew: false }
+fn rights_of(listener: &ListenerSettings, peer: IpAddr) -> Granted {
+    let rights = access::rights_of(peer, &listener.write, listener.stop.as_deref());
+    Granted { rights, reads_renew: listener.reads_renew }
 }
 
 fn is_allowed(allow: Option<&[IpNet]>, peer: IpAddr) -> bool {

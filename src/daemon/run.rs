@@ -1,18 +1,19 @@
 //! The daemon: one thread per line, the north side on this one, until it is told to end.
 
 use super::answers::NorthSides;
+use super::http::socket::{OwnSocket, SocketError};
 use super::line_thread::LineHandle;
-use super::modbus_server::Server;
-use super::router::{Router, Units};
+use super::mqtt::broker_child::BrokerChild;
+use super::north::{self, North};
 use super::shared::Shared;
 use super::{build, clock};
-use crate::config::{Config, ListenerSettings};
+use crate::config::{BrokerSettings, Config};
+use crate::domain::ids::Name;
 use crate::domain::report::LineCounters;
+use rustix::system::uname;
 use std::io;
-use std::net::SocketAddr;
-use std::rc::Rc;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
-use tokio::net::TcpListener;
 use tokio::task::LocalSet;
 
 /// Why the daemon could not start.
@@ -26,6 +27,15 @@ pub enum StartError {
         /// The system's reason.
         error: io::Error,
     },
+    /// The socket for the program's own commands could not be made.
+    #[error(transparent)]
+    Socket(#[from] SocketError),
+    /// The broker for trying out does not start.
+    #[error("the embedded broker does not start: {0}")]
+    Broker(io::Error),
+    /// A password or a certificate cannot be used.
+    #[error("mqtt: {0}")]
+    Mqtt(String),
     /// A thread, a runtime or a signal handler was refused.
     #[error("the system refuses what the daemon needs: {0}")]
     System(#[from] io::Error),
@@ -34,8 +44,14 @@ pub enum StartError {
 /// What a running gateway shows to the one who started it.
 #[derive(Debug)]
 pub struct Running<'a> {
-    /// The addresses that are really listened on, in the order of the configuration.
+    /// The gateway's name.
+    pub name: &'a Name,
+    /// The addresses on which Modbus TCP is really listened to, in the order of the configuration.
     pub listening: Vec<SocketAddr>,
+    /// The address of the HTTP side, if there is one.
+    pub http: Option<SocketAddr>,
+    /// The address of the embedded broker, if there is one.
+    pub broker: Option<SocketAddr>,
     /// What lines and north sides share.
     pub shared: &'a Shared,
 }
@@ -50,6 +66,8 @@ impl Running<'_> {
 
 /// Runs the gateway of `config` until `until` is over. It is given what is running once everything listens.
 ///
+/// At the end each drive under control gets its declared action first, then the north sides end.
+///
 /// # Errors
 /// [`StartError`]; nothing keeps running then.
 pub fn run<F>(config: &Config, until: F) -> Result<(), StartError>
@@ -57,27 +75,34 @@ where
     F: AsyncFnOnce(&Running<'_>),
 {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let north = NorthSides::default();
+    let name = name_of(config);
     let shared = Arc::new(build::shared(config));
-    let listeners = runtime.block_on(bind(&config.listeners))?;
-    // Epochs rise far slower than this, so those of another start are others, and JSON still holds them exactly.
-    let first_epoch = u64::try_from(clock::wall().unix_ms).unwrap_or(0) << 8;
-    let mut lines = Vec::with_capacity(config.lines.len());
-    for (place, line) in config.lines.iter().enumerate() {
-        let (port, setup) = (build::line_port(line), build::line_setup(line, first_epoch));
-        lines.push(LineHandle::start(port, setup, Arc::clone(&shared), place, north.clone())?);
-    }
-    let listening = listeners.iter().map(TcpListener::local_addr).collect::<io::Result<_>>()?;
+    let sides = NorthSides::default();
+    let (bound, socket) = runtime.block_on(async {
+        let socket = config.gateway.data_dir.as_deref().map(OwnSocket::open).transpose()?;
+        Ok::<_, StartError>((north::bind(config).await?, socket))
+    })?;
+    let broker = embedded_broker(config)?;
+    let broker_at = broker.as_ref().map(BrokerChild::address);
+    let mqtt = config.mqtt.as_ref().map(|mqtt| build::broker(mqtt, &name, broker_at)).transpose();
+    let mqtt = mqtt.map_err(StartError::Mqtt)?;
+    let (listening, http) = bound.addresses()?;
+    let mut lines = start_lines(config, &shared, &sides)?;
     let local = LocalSet::new();
     runtime.block_on(local.run_until(async {
-        serve(config, listeners, &shared, north);
-        until(&Running { listening, shared: &shared }).await;
+        let north = North::start(config, &name, &shared, sides, bound, socket, mqtt);
+        until(&Running { name: &name, listening, http, broker: broker_at, shared: &shared }).await;
+        for line in &lines {
+            line.begin_shutdown();
+        }
+        for line in &mut lines {
+            line.ended().await;
+        }
+        north.farewell().await;
     }));
     drop(local);
     drop(runtime);
-    for line in lines {
-        line.join();
-    }
+    lines.into_iter().for_each(LineHandle::join);
     Ok(())
 }
 
@@ -98,22 +123,36 @@ pub fn told_to_end() -> io::Result<impl Future<Output = ()>> {
     })
 }
 
-async fn bind(settings: &[ListenerSettings]) -> Result<Vec<TcpListener>, StartError> {
-    let mut listeners = Vec::with_capacity(settings.len());
-    for listener in settings {
-        let address = listener.listen;
-        let bound = TcpListener::bind(address).await.map_err(|error| StartError::Listen { address, error })?;
-        listeners.push(bound);
-    }
-    Ok(listeners)
+/// The gateway's name: as configured, or the host's, as far as it fits into a topic.
+fn name_of(config: &Config) -> Name {
+    let host = || {
+        let host = uname().nodename().to_string_lossy().into_owned();
+        let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+        let text: String = host.chars().filter(|c| fits(*c)).take(Name::MAX_CHARS).collect();
+        Name::new(&text)
+    };
+    config.gateway.name.clone().or_else(host).unwrap_or_else(Name::fallback)
 }
 
-fn serve(config: &Config, listeners: Vec<TcpListener>, shared: &Arc<Shared>, north: NorthSides) {
-    let units = Units::new(shared);
-    let server = Rc::new(Server::default());
-    for (listener, settings) in listeners.into_iter().zip(&config.listeners) {
-        let router = Rc::new(Router::new(settings, units.clone()));
-        tokio::task::spawn_local(Rc::clone(&server).listen(listener, settings.clone(), router));
+fn embedded_broker(config: &Config) -> Result<Option<BrokerChild>, StartError> {
+    let is_embedded = config.mqtt.as_ref().is_some_and(|mqtt| mqtt.broker == BrokerSettings::Embedded);
+    if !is_embedded {
+        return Ok(None);
     }
-    tokio::task::spawn_local(server.distribute(north.modbus));
+    let any = |port| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
+    // The usual port if it is free, so that tools find it; else any.
+    let broker = BrokerChild::start(any(1883)).or_else(|_| BrokerChild::start(any(0)));
+    broker.map(Some).map_err(StartError::Broker)
+}
+
+fn start_lines(config: &Config, shared: &Arc<Shared>, sides: &NorthSides) -> Result<Vec<LineHandle>, StartError> {
+    // Epochs rise far slower than this, so those of another start are others, and JSON still holds them exactly.
+    let first_epoch = u64::try_from(clock::wall().unix_ms).unwrap_or(0) << 8;
+    let start = |(place, line)| {
+        let (port, setup) = (build::line_port(line), build::line_setup(line, first_epoch));
+        tracing::info!(line = %line.name, worst_stop = ?build::worst_stop(line), "a stop starts within this time");
+        LineHandle::start(port, setup, Arc::clone(shared), place, sides.clone())
+    };
+    let lines: io::Result<Vec<_>> = config.lines.iter().enumerate().map(start).collect();
+    Ok(lines?)
 }

@@ -15,6 +15,37 @@ use std::time::Duration;
 /// How often the loop looks whether it shall end.
 const LOOK_UP: Duration = Duration::from_millis(200);
 
+/// Plays `bus` on `pty` on a thread of its own as long as `work` lasts, and returns what that returns. `look` is somebody
+/// who stands beside the drives; it is called in every round, at least a few times a second.
+///
+/// # Errors
+/// What the pseudo-terminal or the timer reports.
+pub fn play_beside<T>(
+    pty: &Pty,
+    bus: &mut SimBus,
+    look: impl FnMut(&mut SimBus, MonoTime) + Send,
+    work: impl FnOnce() -> T,
+) -> io::Result<T> {
+    let end = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let player = scope.spawn(|| play(pty, bus, &end, look));
+        // Also when the work panics: the scope waits for the player.
+        let over = SetAtEnd(&end);
+        let done = work();
+        drop(over);
+        player.join().unwrap_or_else(|_| Err(io::Error::other("the simulator panicked")))?;
+        Ok(done)
+    })
+}
+
+struct SetAtEnd<'a>(&'a AtomicBool);
+
+impl Drop for SetAtEnd<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
 /// Plays `bus` on `pty` until `end` is set. Meant for a thread of its own: it blocks. `look` is somebody who
 /// stands beside the drives; it is called in every round, at least a few times a second.
 ///

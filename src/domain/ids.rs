@@ -58,6 +58,12 @@ impl Name {
         fits.then(|| Self(text.to_owned()))
     }
 
+    /// The name of something that has none.
+    #[must_use]
+    pub fn fallback() -> Self {
+        Self("gateway".to_owned())
+    }
+
     /// The name as text.
     #[must_use]
     pub fn as_str(&self) -> &str {

@@ -3,6 +3,7 @@
 //! The line takes nothing else, and nobody else can make one. One [`DriveGuard`] per drive keeps who holds control,
 //! what is ordered, and who may start it. It is called guard, not safety: nothing here is a safety function.
 
+pub mod access;
 mod approved;
 mod review;
 mod state;

@@ -3,7 +3,8 @@
 //! Each name begins with [`PREFIX`] and ends with its unit; a counter's ends with `_total` besides.
 
 use super::health;
-use super::state::{ModbusTotals, MqttTotals, State};
+use super::state::State;
+use crate::daemon::totals::{ModbusTotals, MqttTotals};
 use crate::domain::report::{LineReport, LineState};
 use crate::drive::view::{ControlView, DriveView};
 use prometheus_client::metrics::MetricType;

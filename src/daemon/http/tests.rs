@@ -3,10 +3,11 @@
 use super::connections::{self, CONNECTIONS_MAX, Patience};
 use super::routes;
 use super::socket::{OwnSocket, SOCKET_NAME, SocketError};
-use super::state::{ModbusTotals, MqttTotals, State};
+use super::state::State;
 use super::table;
 use crate::daemon::clock;
 use crate::daemon::shared::Shared;
+use crate::daemon::totals::{ModbusTotals, MqttTotals};
 use crate::domain::ids::{DriveIndex, Name, UnitId};
 use crate::domain::report::{LineCounters, LineReport, LineState, PortFault};
 use crate::domain::time::{MonoTime, WallTime};
@@ -14,6 +15,7 @@ use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::snapshot::{DriveSnapshot, Presence};
 use crate::drive::view::{ControlView, DriveView, RunState};
 use crate::north::modbus::Counters;
+use crate::north::mqtt;
 use crate::profile::catalog::Catalog;
 use crate::vendors;
 use std::net::SocketAddr;
@@ -125,7 +127,7 @@ fn alive_and_ready_differ() {
         assert!(body.contains("the device is gone"), "{body}");
         show(&state, UP, DriveView::default());
         assert_eq!(ask(address, "GET", "/readyz").await.0, 503, "the broker is not reached");
-        state.mqtt.as_ref().unwrap().set_connected(true);
+        state.mqtt.as_ref().unwrap().set(true, &Default::default());
         let (status, body) = ask(address, "GET", "/readyz").await;
         let body: serde_json::Value = serde_json::from_str(&body).unwrap();
         assert_eq!((status, &body["ready"], &body["lines"][0]["state"]), (200, &true.into(), &"up".into()));
@@ -349,10 +351,8 @@ fn what_is_no_socket_is_left_alone() {
 fn the_broker_is_counted_once_a_connection() {
     let mqtt = MqttTotals::default();
     for connected in [true, true, false, true] {
-        mqtt.set_connected(connected);
+        let counters = mqtt::Counters { messages_in: 5, messages_out: 6, refused_retained: 7, ..Default::default() };
+        mqtt.set(connected, &counters);
     }
-    mqtt.received();
-    mqtt.published();
-    mqtt.refused_retained();
-    assert_eq!(mqtt.counts(), [2, 1, 1, 1]);
+    assert_eq!(mqtt.counts(), [2, 5, 6, 7]);
 }

@@ -10,6 +10,7 @@ pub mod broker_child;
 pub mod client;
 mod link;
 mod settings;
+pub mod speaker;
 mod tls;
 mod v4;
 mod v5;

@@ -1,0 +1,141 @@
+//! The MQTT session with everything it looks at: pictures, lines, answers.
+
+use super::{Packet, Talk};
+use crate::daemon::answers::{AnswerBox, News};
+use crate::daemon::inbox::Message as LineMessage;
+use crate::daemon::shared::{Shared, SharedLine};
+use crate::daemon::totals::MqttTotals;
+use crate::domain::command::Owner;
+use crate::domain::ids::Ticket;
+use crate::domain::time::MonoTime;
+use crate::drive::description::DriveRef;
+use crate::drive::view::DriveView;
+use crate::north::mqtt::{Act, Event, LineState, Moment, Publication, Session, Settings};
+use std::sync::Arc;
+
+/// Talks for the gateway.
+#[derive(Debug)]
+pub struct Speaker {
+    session: Session,
+    shared: Arc<Shared>,
+    news: Arc<AnswerBox>,
+    totals: Arc<MqttTotals>,
+    /// The pictures as of the last look, in the order of [`Shared::drives`].
+    views: Vec<Arc<DriveView>>,
+    lines: Vec<LineState>,
+    batch: Vec<News>,
+}
+
+impl Speaker {
+    /// Speaks for the drives and lines of `shared`, which answer through `news`.
+    #[must_use]
+    pub fn new(
+        settings: Settings,
+        shared: Arc<Shared>,
+        news: Arc<AnswerBox>,
+        totals: Arc<MqttTotals>,
+        at: Moment,
+    ) -> Self {
+        let drives = shared.drives.iter().map(|drive| drive.description.clone()).collect();
+        let lines = shared.lines.iter().map(|line| line.name.clone()).collect();
+        let session = Session::new(settings, drives, lines, at);
+        Self { session, shared, news, totals, views: Vec::new(), lines: Vec::new(), batch: Vec::new() }
+    }
+
+    /// Takes what the lines have answered and what they show.
+    fn look(&mut self, at: Moment) {
+        self.news.take(&mut self.batch);
+        for news in self.batch.drain(..) {
+            match news {
+                News::Command(answer) => self.session.command_answer(at, &answer),
+                News::Native(answer) => self.session.native_answer(at, &answer),
+                News::Trip(place, event) => self.session.trip(at, place, &event),
+            }
+        }
+        self.views.clear();
+        self.views.extend(self.shared.drives.iter().map(|drive| drive.view.load_full()));
+        self.lines.clear();
+        let line = |line: &SharedLine| LineState { name: line.name.clone(), report: line.report() };
+        self.lines.extend(self.shared.lines.iter().map(line));
+    }
+
+    /// Hands everything for the lines to them. It never waits for the broker.
+    fn pass_inward(&mut self, at: Moment) {
+        while let Some(act) = self.session.next_inward() {
+            self.carry_out(at, act);
+        }
+    }
+
+    fn carry_out(&mut self, at: Moment, act: Act) {
+        match act {
+            Act::Command(place, command) => {
+                let ticket = command.ticket;
+                self.put(at, place, ticket, LineMessage::Command(command));
+            }
+            Act::Read(place, request) => {
+                let ticket = request.ticket;
+                self.put(at, place, ticket, LineMessage::Native(request));
+            }
+            Act::PathAlive => self.tell_all(&|| LineMessage::PathAlive(Owner::Mqtt)),
+            Act::PathOpened => self.tell_all(&|| LineMessage::PathOpened(Owner::Mqtt)),
+            Act::Subscribe(_) | Act::Publish(_) | Act::Reconnect(_) => {}
+        }
+    }
+
+    fn put(&mut self, at: Moment, place: DriveRef, ticket: Ticket, message: LineMessage) {
+        let taken = self.shared.inbox(place).is_some_and(|inbox| inbox.put(message).is_ok());
+        if !taken {
+            self.session.refused_by_line(at, ticket);
+        }
+    }
+
+    fn tell_all(&self, message: &dyn Fn() -> LineMessage) {
+        for line in &self.shared.lines {
+            // A full inbox holds commands that renew the lease themselves, or the lease ends: the safe side.
+            let _ = line.inbox.put(message());
+        }
+    }
+
+    fn count(&self, at: Moment) {
+        self.totals.set(self.session.is_path_alive(at), self.session.counters());
+    }
+}
+
+impl Talk for Speaker {
+    fn will(&self) -> Publication {
+        self.session.will()
+    }
+
+    fn handle(&mut self, at: Moment, event: Event<'_>) {
+        self.session.handle(at, event);
+        self.pass_inward(at);
+        self.count(at);
+    }
+
+    fn tick(&mut self, at: Moment) {
+        self.look(at);
+        self.session.tick(at);
+        self.pass_inward(at);
+        self.count(at);
+    }
+
+    fn next_wake(&self) -> Option<MonoTime> {
+        self.session.next_wake()
+    }
+
+    fn next_packet(&mut self, at: Moment) -> Option<Packet> {
+        loop {
+            match self.session.next_act(at, &self.views, &self.lines)? {
+                Act::Subscribe(filters) => return Some(Packet::Subscribe(filters)),
+                Act::Publish(publication) => return Some(Packet::Publish(publication)),
+                Act::Reconnect(reason) => return Some(Packet::Reconnect(reason)),
+                inward => self.carry_out(at, inward),
+            }
+        }
+    }
+
+    fn farewell(&mut self, at: Moment) -> Vec<Publication> {
+        self.look(at);
+        self.session.farewell(at)
+    }
+}

@@ -1,0 +1,107 @@
+//! What the two north sides have counted since start, for whoever shows it.
+
+use crate::north::modbus::Counters;
+use crate::north::mqtt::Counters as Counts;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+/// Counts of the Modbus TCP side over all connections since start.
+#[derive(Debug, Default)]
+pub struct ModbusTotals {
+    connections: AtomicU64,
+    accepted: AtomicU64,
+    refused: AtomicU64,
+    requests: AtomicU64,
+    replies: AtomicU64,
+    exceptions: [AtomicU64; Counters::EXCEPTION_CODES],
+}
+
+impl ModbusTotals {
+    /// A connection was accepted.
+    pub fn opened(&self) {
+        self.connections.fetch_add(1, Ordering::Relaxed);
+        self.accepted.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// A connection was turned away: not allowed, or one too many.
+    pub fn refused(&self) {
+        self.refused.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// A connection that had been [`Self::opened`] ended. What it counted must have been added before.
+    pub fn closed(&self) {
+        self.connections.fetch_sub(1, Ordering::Relaxed);
+    }
+
+    /// Adds what one connection counted between `before` and `now`.
+    pub fn add(&self, before: &Counters, now: &Counters) {
+        self.requests.fetch_add(now.requests.wrapping_sub(before.requests), Ordering::Relaxed);
+        self.replies.fetch_add(now.replies.wrapping_sub(before.replies), Ordering::Relaxed);
+        for (total, (before, now)) in self.exceptions.iter().zip(before.exceptions.iter().zip(&now.exceptions)) {
+            total.fetch_add(now.wrapping_sub(*before), Ordering::Relaxed);
+        }
+    }
+
+    /// Connections that are open now.
+    #[must_use]
+    pub fn connections(&self) -> u64 {
+        self.connections.load(Ordering::Relaxed)
+    }
+
+    /// Connections accepted so far.
+    #[must_use]
+    pub fn accepted(&self) -> u64 {
+        self.accepted.load(Ordering::Relaxed)
+    }
+
+    /// Connections turned away so far.
+    #[must_use]
+    pub fn turned_away(&self) -> u64 {
+        self.refused.load(Ordering::Relaxed)
+    }
+
+    /// Requests, answers that are no exceptions, and exceptions by code, as in [`Counters`].
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        Counters {
+            requests: self.requests.load(Ordering::Relaxed),
+            replies: self.replies.load(Ordering::Relaxed),
+            exceptions: std::array::from_fn(|code| self.exceptions[code].load(Ordering::Relaxed)),
+        }
+    }
+}
+
+/// State and counts of the MQTT side since start.
+#[derive(Debug, Default)]
+pub struct MqttTotals {
+    path_alive: AtomicBool,
+    connects: AtomicU64,
+    received: AtomicU64,
+    published: AtomicU64,
+    refused_retained: AtomicU64,
+}
+
+impl MqttTotals {
+    /// The way through the broker is open or not, and this is what the session has counted.
+    pub fn set(&self, path_alive: bool, counters: &Counts) {
+        if path_alive && !self.path_alive.swap(true, Ordering::Relaxed) {
+            self.connects.fetch_add(1, Ordering::Relaxed);
+        } else {
+            self.path_alive.store(path_alive, Ordering::Relaxed);
+        }
+        self.received.store(counters.messages_in, Ordering::Relaxed);
+        self.published.store(counters.messages_out, Ordering::Relaxed);
+        self.refused_retained.store(counters.refused_retained, Ordering::Relaxed);
+    }
+
+    /// Whether the way through the broker is open.
+    #[must_use]
+    pub fn is_connected(&self) -> bool {
+        self.path_alive.load(Ordering::Relaxed)
+    }
+
+    /// Times the way was opened, messages in, messages out, retained commands refused.
+    #[must_use]
+    pub fn counts(&self) -> [u64; 4] {
+        [&self.connects, &self.received, &self.published, &self.refused_retained].map(|it| it.load(Ordering::Relaxed))
+    }
+}
