@@ -71,6 +71,10 @@ pub async fn listen(address: SocketAddr) -> Result<Listening, BrokerError> {
         .max_packet_size(PACKET_MAX)
         .max_mqueue_len(WAITING_MAX)
         .max_inflight(INFLIGHT_MAX)
+        // Otherwise every message, also a retained one, would expire after five minutes.
+        .message_expiry_interval(Duration::ZERO)
+        // No repeats while a connection lives, as MQTT 5 wants it.
+        .message_retry_interval(Duration::ZERO)
         .bind()
         .map_err(refused)?;
     let address = listener.local_addr().map_err(refused)?;
@@ -120,7 +124,7 @@ impl RetainStorage for Retained {
             tracing::warn!("too many retained messages; one is not kept");
             return Ok(());
         }
-        self.0.set_with_timeout(topic, retain, expiry).await
+        self.0.set_with_timeout(topic, retain, expiry.filter(|span| !span.is_zero())).await
     }
 
     async fn get(&self, filter: &TopicFilter) -> rmqtt::Result<Vec<(TopicName, Retain)>> {

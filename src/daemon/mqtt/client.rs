@@ -22,6 +22,9 @@ use tokio::time::{Instant, sleep_until, timeout};
 
 /// Time for the last words.
 const FAREWELL_MAX: Duration = Duration::from_secs(1);
+/// Time for the broker to close the connection after DISCONNECT. Closing first, with something unread, could cost
+/// words that it has not read.
+const CLOSING_MAX: Duration = Duration::from_millis(200);
 /// Margin over the library's own limit for a connection to come about.
 const CONNECT_MARGIN: Duration = Duration::from_secs(2);
 /// A sleep that something else ends.
@@ -164,7 +167,10 @@ impl<T: Talk> Client<'_, T> {
             let wake = self.next_wake().min(overdue);
             // Without an order, so that a flood of one kind starves none of the others.
             tokio::select! {
-                output = future.as_mut() => return Outcome::Done(output),
+                // After a stall of this process, what was received is of unknown age.
+                output = future.as_mut() => {
+                    return if Instant::now() < overdue { Outcome::Done(output) } else { Outcome::Overdue };
+                }
                 () = stop.as_mut() => return Outcome::Stopped,
                 () = self.bell.notified() => {}
                 () = sleep_until(wake) => if Instant::now() >= overdue { return Outcome::Overdue },
@@ -271,17 +277,23 @@ impl<T: Talk> Client<'_, T> {
             return End::Stopped;
         }
         let mut words: VecDeque<Publication> = self.talk.borrow_mut().farewell(moment()).into();
-        if timeout(FAREWELL_MAX, self.say(&mut words, events)).await.is_err() {
-            tracing::warn!("the broker did not take the last words in time");
+        match timeout(FAREWELL_MAX, self.say(&mut words, events)).await {
+            Err(_) => tracing::warn!("the broker did not take the last words in time"),
+            Ok(()) => {
+                let closed = async { while events.next().await.is_ok() {} };
+                // Either way there is nothing left to say.
+                let _ = timeout(CLOSING_MAX, closed).await;
+            }
         }
         self.link = None;
         End::Stopped
     }
 
+    /// Is over when DISCONNECT is out, or the connection is gone.
     async fn say(&mut self, words: &mut VecDeque<Publication>, events: &mut Events) {
         let mut has_ended = false;
-        loop {
-            while let Some(link) = self.link.as_mut().filter(|link| link.window.has_room() && !has_ended) {
+        while let Some(link) = &mut self.link {
+            while link.window.has_room() && !has_ended {
                 has_ended = match words.pop_front() {
                     Some(publication) => link.publish(publication, self.counters).is_err(),
                     None => {
@@ -290,10 +302,12 @@ impl<T: Talk> Client<'_, T> {
                     }
                 };
             }
+            if has_ended && link.window.is_empty() {
+                return;
+            }
             match events.next().await {
                 Ok(Incident::Message(_)) => {}
                 Ok(incident) => self.take(incident),
-                // The broker closes the connection when it has read DISCONNECT.
                 Err(_) => return,
             }
         }

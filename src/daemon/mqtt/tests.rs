@@ -5,6 +5,7 @@ use super::*;
 use crate::north::mqtt::{Broker, Qos, Version};
 use std::cell::RefCell;
 use std::collections::VecDeque;
+use std::net::SocketAddr;
 use std::time::Duration;
 use tokio::sync::Notify;
 use tokio::time::{Instant, sleep, timeout};
@@ -106,8 +107,12 @@ impl Rig {
 
     /// Runs the client against `broker` until that is done.
     async fn run<O>(&self, stub: &Stub, version: Version, broker: impl Future<Output = O>) -> O {
+        self.run_at(stub.address(), version, broker).await
+    }
+
+    async fn run_at<O>(&self, address: SocketAddr, version: Version, broker: impl Future<Output = O>) -> O {
         tokio::select! {
-            () = converse(settings(stub, version), &self.talk, &self.bell, &self.counters, self.stop.notified()) => panic!("ended"),
+            () = converse(settings(address, version), &self.talk, &self.bell, &self.counters, self.stop.notified()) => panic!("ended"),
             output = broker => output,
         }
     }
@@ -133,12 +138,12 @@ impl Rig {
     }
 }
 
-fn settings(stub: &Stub, version: Version) -> ConnectionSettings {
+fn settings(address: SocketAddr, version: Version) -> ConnectionSettings {
     ConnectionSettings {
-        host: stub.address().ip().to_string(),
-        port: stub.address().port(),
+        host: address.ip().to_string(),
+        port: address.port(),
         tls: None,
-        client_id: "test".to_owned(),
+        client_id: format!("test of {version:?}"),
         user: None,
         password: None,
         keep_alive: Duration::from_secs(5),
@@ -406,7 +411,8 @@ async fn the_last_words_come_before_disconnect_and_are_waited_for() {
             assert_eq!(peer.read().await.map(|frame| frame.kind), Some(DISCONNECT));
             said.into_iter().map(|it| (it.topic, it.retain)).collect::<Vec<_>>()
         };
-        let client = converse(settings(&stub, version), &rig.talk, &rig.bell, &rig.counters, rig.stop.notified());
+        let client =
+            converse(settings(stub.address(), version), &rig.talk, &rig.bell, &rig.counters, rig.stop.notified());
         let ((), said) = timeout(Duration::from_secs(5), async { tokio::join!(client, broker) }).await.unwrap();
         assert_eq!(said, [("bye".to_owned(), false), ("state".to_owned(), true)], "{version:?}");
     }
@@ -512,4 +518,43 @@ async fn acknowledge_all(peer: &mut Peer, count: u64) {
         assert_eq!(published.payload, token.to_string().into_bytes());
         peer.acknowledge(published.identifier).await;
     }
+}
+
+#[tokio::test]
+async fn it_talks_with_the_broker_for_trying_out() {
+    let listening = broker::listen("127.0.0.1:0".parse().unwrap()).await.unwrap();
+    let address = listening.address();
+    tokio::spawn(listening.serve());
+    for version in VERSIONS {
+        let rig = Rig::greeting(vec![Packet::Subscribe(vec!["record".to_owned()]), with_token(5)]);
+        let told = rig.run_at(address, version, rig.told_at_least(4)).await;
+        assert!(told.contains(&Told::Subscribed(vec![true])), "{version:?}: {told:?}");
+        assert!(told.contains(&Told::Acknowledged(5)), "{version:?}: {told:?}");
+        let message = Text { topic: "record".to_owned(), payload: b"5".to_vec(), ..Text::default() };
+        assert!(told.contains(&Told::Message(message)), "{version:?}: {told:?}");
+    }
+}
+
+#[tokio::test]
+async fn what_is_retained_in_the_broker_for_trying_out_stays_and_the_will_comes() {
+    let listening = broker::listen("127.0.0.1:0".parse().unwrap()).await.unwrap();
+    let address = listening.address();
+    tokio::spawn(listening.serve());
+    let kept = Publication { retain: true, qos: Qos::AtLeastOnce, token: Some(1), ..text("kept", "value") };
+    let watcher = Rig::greeting(vec![Packet::Subscribe(vec!["kept".to_owned(), "will".to_owned()])]);
+    let writer = Rig::greeting(vec![Packet::Publish(kept)]);
+    // Dropped without a farewell, so that its will is published.
+    writer.run_at(address, Version::V5, writer.told_at_least(2)).await;
+    let again = Rig::default();
+    let mut told = watcher
+        .run_at(address, Version::V4, async {
+            watcher.told_at_least(3).await;
+            again.run_at(address, Version::V5, again.told_at_least(1)).await;
+            watcher.told_at_least(4).await
+        })
+        .await;
+    told.retain(|told| matches!(told, Told::Message(_)));
+    let kept = Text { topic: "kept".to_owned(), payload: b"value".to_vec(), retain: true, ..Text::default() };
+    assert_eq!(told[0], Told::Message(kept));
+    assert!(matches!(&told[1], Told::Message(message) if message.topic == "will"));
 }

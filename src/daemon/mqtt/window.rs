@@ -26,6 +26,11 @@ impl Window {
         self.queued < QUEUE_MAX
     }
 
+    /// Whether everything queued has gone out.
+    pub const fn is_empty(&self) -> bool {
+        self.queued == 0
+    }
+
     /// A publication was put into the queue.
     pub fn queue_publication(&mut self, qos: Qos, token: Option<u64>) {
         self.queued += 1;
