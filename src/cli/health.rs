@@ -1,6 +1,7 @@
 //! `health`: asks the running gateway whether it does what it is configured for.
 
-use super::{Failure, print};
+use super::{Failure, input, print};
+use crate::daemon::http::socket::SOCKET_NAME;
 use axum::body::{Body, to_bytes};
 use axum::http::{Request, StatusCode, Uri, header};
 use hyper::client::conn::http1;
@@ -22,11 +23,14 @@ const PATH: &str = "/api/v1/health";
 /// Arguments of `health`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
+    /// The gateway's configuration file: its socket is in the data directory that it names
+    #[arg(short, long, value_name = "FILE", conflicts_with = "socket")]
+    config: Option<PathBuf>,
     /// Socket of the gateway, in its data directory
     #[arg(long, value_name = "PATH", default_value = "/var/lib/vfd-gateway/vfd-gateway.sock")]
     socket: PathBuf,
     /// Ask over HTTP instead, at an address such as http://127.0.0.1:8080
-    #[arg(long, value_name = "URL", conflicts_with = "socket")]
+    #[arg(long, value_name = "URL", conflicts_with_all = ["socket", "config"])]
     url: Option<Uri>,
     /// Print the gateway's own JSON
     #[arg(long)]
@@ -36,13 +40,23 @@ pub struct Args {
 /// Prints a line for each line and drive. It fails unless the gateway is ready.
 pub fn health(args: &Args) -> Result<(), Failure> {
     let url = args.url.as_ref().map(Url::new).transpose()?;
+    let socket = args.config.as_deref().map_or_else(|| Ok(args.socket.clone()), socket_of)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
-    let answer = runtime.block_on(async { tokio::time::timeout(PATIENCE, ask(&args.socket, url.as_ref())).await });
+    let answer = runtime.block_on(async { tokio::time::timeout(PATIENCE, ask(&socket, url.as_ref())).await });
     let health = answer.unwrap_or_else(|_| Err(format!("no answer within {} s", PATIENCE.as_secs())));
-    let place = url.map_or_else(|| args.socket.display().to_string(), |url| format!("{}:{}", url.host, url.port));
+    let place = url.map_or_else(|| socket.display().to_string(), |url| format!("{}:{}", url.host, url.port));
     let health = health.map_err(|reason| Failure::failed(format!("gateway at {place}: {reason}")))?;
     print(&if args.json { format!("{health}\n") } else { report(&health) })?;
     if health["ready"] == true { Ok(()) } else { Err(Failure::failed(format!("gateway at {place}: not ready"))) }
+}
+
+/// The socket of the gateway that runs with the configuration at `path`.
+fn socket_of(path: &Path) -> Result<PathBuf, Failure> {
+    let config = input::configuration(path)?;
+    let directory = config.gateway.data_dir.ok_or_else(|| {
+        Failure::wrong(format!("{}: without `data_dir` in [gateway] there is no socket; ask --url", path.display()))
+    })?;
+    Ok(directory.join(SOCKET_NAME))
 }
 
 /// What is needed of a URL.

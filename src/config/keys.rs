@@ -196,7 +196,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Mqtt, "version", "5 or 4", Some("5"), "MQTT 5, or 4 for MQTT 3.1.1."),
     key(Section::Mqtt, "prefix", "levels of a topic", Some("\"vfd\""), "What all topics begin with, before the gateway's name."),
     key(Section::Mqtt, "heartbeat", "\"1s\" to \"1h\"", Some("\"60s\""), "A value that does not change is published again after this time."),
-    key(Section::Mqtt, "keep_alive", "\"2s\" to \"10min\", whole seconds", Some("\"15s\""), "The protocol's own sign of life."),
+    key(Section::Mqtt, "keep_alive", "\"5s\" to \"10min\", whole seconds", Some("\"15s\""), "The protocol's own sign of life."),
     key(Section::Mqtt, "lease", "\"session\" or \"explicit\"", Some("\"session\""), "What keeps control: the way through the broker, or only commands and the lease topic."),
     key(Section::Mqtt, "alive_topic", "topic, or \"\" for none", Some("\"homeassistant/status\""), "Where `offline` says that the commanders are gone; with a session lease only."),
     key(Section::Mqtt, "probe_interval", "\"200ms\" to \"1min\"", Some("\"1s\""), "How often the way through the broker is probed; three that stay out end the connection."),

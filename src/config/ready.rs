@@ -147,7 +147,7 @@ pub struct MqttSettings {
     pub prefix: String,
     /// A value that does not change is published again after this time, 1 s to 1 h.
     pub heartbeat: Duration,
-    /// The protocol's own sign of life, 2 s to 10 min, in whole seconds.
+    /// The protocol's own sign of life, 5 s to 10 min, in whole seconds.
     pub keep_alive: Duration,
     /// What keeps a lease of the MQTT side alive.
     pub lease: LeaseMode,

@@ -96,9 +96,39 @@ impl PollPlan {
         now.since(due) * 2 > group.period(self.poll)
     }
 
+    /// Takes the group at `index` for the wire at `now`, with its neighbours that are due as well, whatever their class,
+    /// as far as one read of `model` reaches and `may_go` allows the longer read. Returns what is to be read.
+    pub fn take(
+        &mut self,
+        index: usize,
+        now: MonoTime,
+        model: &Model,
+        may_go: impl Fn(u16, u16) -> bool,
+    ) -> Option<(u16, u16)> {
+        let PollGroup { mut address, mut count, .. } = self.entries.get(index)?.group;
+        self.sent(index, now);
+        while let Some((neighbour, group)) = self.due_neighbour(address, count, now) {
+            let (from, words) = (address.min(group.address), count + group.count);
+            if words > model.words_in_one_read(from) || !may_go(from, words) {
+                break;
+            }
+            (address, count) = (from, words);
+            self.sent(neighbour, now);
+        }
+        Some((address, count))
+    }
+
+    fn due_neighbour(&self, address: u16, count: u16, now: MonoTime) -> Option<(usize, PollGroup)> {
+        let end = address.checked_add(count);
+        let touches =
+            |group: &PollGroup| Some(group.address) == end || group.address.checked_add(group.count) == Some(address);
+        let mut due = self.entries.iter().enumerate().filter(|(_, entry)| entry.due <= now);
+        due.find(|(_, entry)| touches(&entry.group)).map(|(index, entry)| (index, entry.group))
+    }
+
     /// Notes that the group at `index` goes out at `now`. Periods that were missed are left out, so that a line
     /// that fell behind does not try to catch up; the phase is kept.
-    pub fn sent(&mut self, index: usize, now: MonoTime) {
+    fn sent(&mut self, index: usize, now: MonoTime) {
         let Some(entry) = self.entries.get_mut(index) else { return };
         let period = entry.group.period(self.poll).max(Duration::from_millis(1));
         if now < entry.regular {
@@ -115,6 +145,7 @@ impl PollPlan {
 mod tests {
     use super::*;
     use crate::profile::check;
+    use crate::profile::model::Register;
     use crate::vendors;
 
     fn model() -> Model {
@@ -127,6 +158,24 @@ mod tests {
         let groups: Vec<_> = groups(&model()).iter().map(|group| (group.address, group.count)).collect();
         // D001; trip count; F001; F010 and F011 together
         assert_eq!(groups, [(0x0101, 1), (0x0112, 1), (0x0201, 1), (0x0211, 2)]);
+    }
+
+    #[test]
+    fn neighbours_that_are_due_together_go_together_whatever_their_class() {
+        let mut model = model();
+        let slow = |address: u16| Register { address, poll: Some(PollClass::Slow), ..model.registers[2].clone() };
+        let (before, after) = (slow(0x0100), slow(0x0102));
+        model.registers.extend([before, after]);
+        model.registers.sort_by_key(|register| register.address);
+        let at = MonoTime::from_millis;
+        let mut plan = PollPlan::new(&model, Duration::from_millis(100), at(0), 0.0);
+        let fast = |plan: &PollPlan| plan.iter().find(|(_, group, _)| group.address == 0x0101).map(|(index, ..)| index);
+        let index = fast(&plan).unwrap();
+        assert_eq!(plan.take(index, at(0), &model, |_, _| true), Some((0x0100, 3)), "all are due at the start");
+        assert_eq!(plan.take(index, at(100), &model, |_, _| true), Some((0x0101, 1)), "the slow ones are not due");
+        let due = plan.iter().filter(|(_, _, due)| *due <= at(100)).count();
+        assert_eq!(due, 3, "those elsewhere still wait");
+        assert_eq!(plan.take(index, at(400), &model, |_, words| words < 3), Some((0x0100, 2)), "as far as it may");
     }
 
     #[test]

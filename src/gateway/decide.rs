@@ -158,8 +158,12 @@ impl LineCore {
     }
 
     fn take_poll(&mut self, now: MonoTime, poll: DuePoll) -> Picked {
-        self.plans[poll.drive.get()].sent(poll.index, now);
-        (poll.drive, poll_request(poll.group), Purpose::Poll { address: poll.group.address })
+        let DuePoll { drive, index, group } = poll;
+        let station = &self.stations[drive.get()];
+        let may_go = |address, count| now >= station.unmistakable_at(&Request::ReadHolding { address, count });
+        let taken = self.plans[drive.get()].take(index, now, &self.setup.drives[drive.get()].model, may_go);
+        let (address, count) = taken.unwrap_or((group.address, group.count));
+        (drive, Request::ReadHolding { address, count }, Purpose::Poll { address })
     }
 
     /// A read that settles whether a late reply can still come, for a drive whose waiting work cannot go

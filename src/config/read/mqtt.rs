@@ -12,7 +12,7 @@ use std::ops::RangeInclusive;
 use std::time::Duration;
 
 const HEARTBEAT: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(3600);
-const KEEP_ALIVE: RangeInclusive<Duration> = Duration::from_secs(2)..=Duration::from_secs(600);
+const KEEP_ALIVE: RangeInclusive<Duration> = Duration::from_secs(5)..=Duration::from_secs(600);
 const PROBE_INTERVAL: RangeInclusive<Duration> = Duration::from_millis(200)..=Duration::from_secs(60);
 const COMMAND_TTL: RangeInclusive<Duration> = Duration::from_millis(100)..=Duration::from_secs(60);
 

@@ -190,8 +190,8 @@ fn times_and_versions_stay_in_their_range() {
     for (line, problem) in [
         ("version = 3", "version: 3 is out of range; a whole number from 4 to 5"),
         ("heartbeat = '500ms'", "heartbeat: 500ms is out of range; a time from \"1s\" to \"1h\""),
-        ("keep_alive = '1s'", "keep_alive: 1s is out of range; a time from \"2s\" to \"10min\""),
-        ("keep_alive = '2500ms'", "keep_alive: the protocol counts this time in whole seconds; \"2s\""),
+        ("keep_alive = '1s'", "keep_alive: 1s is out of range; a time from \"5s\" to \"10min\""),
+        ("keep_alive = '5500ms'", "keep_alive: the protocol counts this time in whole seconds; \"5s\""),
         ("probe_interval = '100ms'", "probe_interval: 100ms is out of range; a time from \"200ms\" to \"1min\""),
         ("command_ttl = '2min'", "command_ttl: 2min is out of range; a time from \"100ms\" to \"1min\""),
         ("lease = 'sesion'", "lease: `sesion` is none of the words; \"session\""),

@@ -10,7 +10,7 @@ use super::settings::{ConnectionSettings, TlsSettings};
 use super::window::Window;
 use super::{Packet, Talk, moment, tls};
 use crate::daemon::clock;
-use crate::north::mqtt::{Event, Publication};
+use crate::north::mqtt::{Event, Filter, Publication};
 use rustls::ClientConfig;
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
@@ -336,7 +336,7 @@ impl Link {
         Ok(())
     }
 
-    fn subscribe(&mut self, filters: Vec<String>) {
+    fn subscribe(&mut self, filters: Vec<Filter>) {
         if self.sender.subscribe(filters).is_ok() {
             self.window.queue_other();
         } else {

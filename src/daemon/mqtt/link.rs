@@ -5,7 +5,7 @@
 
 use super::settings::ConnectionSettings;
 use super::{v4, v5};
-use crate::north::mqtt::{Broker, Message, Publication, Version};
+use crate::north::mqtt::{Broker, Filter, Message, Publication, Version};
 use bytes::Bytes;
 use rumqttc::{NetworkOptions, TlsConfiguration, Transport};
 use rustls::ClientConfig;
@@ -178,7 +178,7 @@ impl Sender {
     }
 
     /// Queues a subscription.
-    pub fn subscribe(&self, filters: Vec<String>) -> Result<(), NotQueued> {
+    pub fn subscribe(&self, filters: Vec<Filter>) -> Result<(), NotQueued> {
         match self {
             Self::V4(sender) => v4::subscribe(sender, filters),
             Self::V5(sender) => v5::subscribe(sender, filters),

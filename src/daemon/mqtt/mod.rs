@@ -27,7 +27,7 @@ pub use tls::{TlsError, check as check_tls};
 
 use super::clock;
 use crate::domain::time::{MonoTime, WallTime};
-use crate::north::mqtt::{Event, Moment, Publication};
+use crate::north::mqtt::{Event, Filter, Moment, Publication};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The one who talks with the broker, without a socket: the MQTT session and what it looks at.
@@ -55,8 +55,8 @@ pub trait Talk {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Packet {
     /// Subscribe to these filters at quality of service 1, all in one packet. With MQTT 5 no retained messages are
-    /// sent at that, and the retain flag arrives as it was published.
-    Subscribe(Vec<String>),
+    /// sent at that but for filters that want them, and the retain flag arrives as it was published.
+    Subscribe(Vec<Filter>),
     /// Publish. One that is too large for the broker or has an impossible topic is dropped, logged and counted.
     Publish(Publication),
     /// Drop the connection and make a new one, for this reason.

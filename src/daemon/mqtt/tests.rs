@@ -2,7 +2,7 @@
 
 use super::stub::{CONNECT, DISCONNECT, PUBLISH, Peer, SUBSCRIBE, Stub};
 use super::*;
-use crate::north::mqtt::{Broker, Qos, Version};
+use crate::north::mqtt::{Broker, Filter, Qos, Version};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -244,6 +244,10 @@ async fn a_message_above_the_limit_does_not_make_the_client_spin() {
     }
 }
 
+fn filters(paths: &[&str]) -> Vec<Filter> {
+    paths.iter().map(|path| Filter { path: (*path).to_owned(), wants_retained: false }).collect()
+}
+
 #[tokio::test]
 async fn a_large_message_below_the_limit_arrives() {
     for version in VERSIONS {
@@ -305,7 +309,7 @@ async fn identifiers_that_come_round_while_one_is_still_open_keep_their_tokens()
 #[tokio::test]
 async fn a_refused_filter_is_told_in_its_place() {
     for version in VERSIONS {
-        let filters = vec!["a/+/set".to_owned(), "b/#".to_owned()];
+        let filters = filters(&["a/+/set", "b/#"]);
         let (stub, rig) = (Stub::new(version).await, Rig::greeting(vec![Packet::Subscribe(filters)]));
         let (options, told) = rig
             .run(&stub, version, async {
@@ -526,7 +530,7 @@ async fn it_talks_with_the_broker_for_trying_out() {
     let address = listening.address();
     tokio::spawn(listening.serve());
     for version in VERSIONS {
-        let rig = Rig::greeting(vec![Packet::Subscribe(vec!["record".to_owned()]), with_token(5)]);
+        let rig = Rig::greeting(vec![Packet::Subscribe(filters(&["record"])), with_token(5)]);
         let told = rig.run_at(address, version, rig.told_at_least(4)).await;
         assert!(told.contains(&Told::Subscribed(vec![true])), "{version:?}: {told:?}");
         assert!(told.contains(&Told::Acknowledged(5)), "{version:?}: {told:?}");
@@ -541,7 +545,7 @@ async fn what_is_retained_in_the_broker_for_trying_out_stays_and_the_will_comes(
     let address = listening.address();
     tokio::spawn(listening.serve());
     let kept = Publication { retain: true, qos: Qos::AtLeastOnce, token: Some(1), ..text("kept", "value") };
-    let watcher = Rig::greeting(vec![Packet::Subscribe(vec!["kept".to_owned(), "will".to_owned()])]);
+    let watcher = Rig::greeting(vec![Packet::Subscribe(filters(&["kept", "will"]))]);
     let writer = Rig::greeting(vec![Packet::Publish(kept)]);
     // Dropped without a farewell, so that its will is published.
     writer.run_at(address, Version::V5, writer.told_at_least(2)).await;

@@ -3,7 +3,7 @@
 use super::link::{self, Broken, Incident, NotQueued, Received, Terms};
 use super::settings::{ConnectionSettings, Secret};
 use super::window::QUEUE_MAX;
-use crate::north::mqtt::{Publication, Qos};
+use crate::north::mqtt::{Filter, Publication, Qos};
 use rumqttc::mqttbytes::Error as BytesError;
 use rumqttc::{
     AsyncClient, ConnectionError, Event, EventLoop, LastWill, MqttOptions, NetworkOptions, Outgoing, Packet, Publish,
@@ -40,8 +40,8 @@ pub fn publish(client: &AsyncClient, it: Publication) -> Result<(), NotQueued> {
 }
 
 /// Queues a subscription.
-pub fn subscribe(client: &AsyncClient, filters: Vec<String>) -> Result<(), NotQueued> {
-    let filters = filters.into_iter().map(|path| SubscribeFilter::new(path, QoS::AtLeastOnce));
+pub fn subscribe(client: &AsyncClient, filters: Vec<Filter>) -> Result<(), NotQueued> {
+    let filters = filters.into_iter().map(|filter| SubscribeFilter::new(filter.path, QoS::AtLeastOnce));
     client.try_subscribe_many(filters).map_err(|_| NotQueued)
 }
 

@@ -3,7 +3,7 @@
 use super::link::{self, Broken, Incident, NotQueued, Received, Terms};
 use super::settings::{ConnectionSettings, Secret};
 use super::window::QUEUE_MAX;
-use crate::north::mqtt::{Broker, Publication, Qos};
+use crate::north::mqtt::{Broker, Filter as Wanted, Publication, Qos};
 use rumqttc::v5::mqttbytes::v5::{
     ConnAck, Filter, LastWill, LastWillProperties, Packet, PubAckReason, Publish, PublishProperties, RetainForwardRule,
     SubscribeReasonCode,
@@ -48,13 +48,17 @@ pub fn publish(client: &AsyncClient, it: Publication) -> Result<(), NotQueued> {
 }
 
 /// Queues a subscription, without retained messages and with the retain flag as published.
-pub fn subscribe(client: &AsyncClient, filters: Vec<String>) -> Result<(), NotQueued> {
-    let filters = filters.into_iter().map(|path| Filter {
+pub fn subscribe(client: &AsyncClient, filters: Vec<Wanted>) -> Result<(), NotQueued> {
+    let filters = filters.into_iter().map(|Wanted { path, wants_retained }| Filter {
         path,
         qos: QoS::AtLeastOnce,
         nolocal: false,
         preserve_retain: true,
-        retain_forward_rule: RetainForwardRule::Never,
+        retain_forward_rule: if wants_retained {
+            RetainForwardRule::OnEverySubscribe
+        } else {
+            RetainForwardRule::Never
+        },
     });
     client.try_subscribe_many(filters).map_err(|_| NotQueued)
 }

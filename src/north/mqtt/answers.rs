@@ -76,7 +76,8 @@ impl Session {
             What::Order(order) => values(&self.drives[pending.drive].model, order, &report),
             What::Read(_) => Map::new(),
         };
-        let (id, message) = (&pending.id, pending.remark);
+        let (id, remark) = (&pending.id, pending.remark.map(str::to_owned));
+        let message = remark.or_else(|| self.limits_of(pending, report));
         self.tell(
             at,
             pending.drive,
@@ -84,6 +85,14 @@ impl Session {
             pending.reply.as_ref(),
             Stage { report, is_final, is_repeat: false, message, values },
         );
+    }
+
+    /// A frequency outside the limits is refused with the limits.
+    fn limits_of(&self, pending: &Pending, report: Report) -> Option<String> {
+        let control = self.drives[pending.drive].control.as_ref()?;
+        let What::Order(Order::Go(go)) = &pending.what else { return None };
+        let frequency = go.frequency().filter(|_| report.reason == Reason::OutsideLimits)?;
+        Some(format!("{frequency} Hz is outside the limits of {} to {} Hz", control.least, control.most))
     }
 
     fn end_read(&mut self, at: Moment, pending: &Pending, register: usize, word: u16) {
@@ -116,6 +125,7 @@ impl Session {
         let Stage { report, is_final, is_repeat, message, values } = stage;
         let (drive, at) = (self.drives[drive].name.as_str(), self.clock.text(at.mono));
         let topic = self.topics.drive(drive, "result");
+        let message = message.as_deref();
         let told = Told { id, drive, report, is_final, is_repeat, message, values, at };
         self.counters.results_dropped += self.results.tell(topic, reply, told);
     }
@@ -141,7 +151,8 @@ struct Stage {
     report: Report,
     is_final: bool,
     is_repeat: bool,
-    message: Option<&'static str>,
+    /// Instead of the reason's own words.
+    message: Option<String>,
     values: Map<String, Value>,
 }
 

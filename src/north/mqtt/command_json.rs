@@ -113,22 +113,24 @@ fn whole<T>(
 }
 
 fn order(object: &Map<String, Value>, model: &Model) -> Result<Order, Refused> {
-    let (run, frequency) = (run(object)?, frequency(object)?);
+    let run = run(object)?;
+    // A stop is carried out whatever stands beside it, and nothing else of that message is.
+    match run {
+        Some(RunWord::Stop) => return Ok(Order::Stop { setpoint: None }),
+        Some(RunWord::Coast) => return Ok(Order::Coast),
+        Some(RunWord::Run(_)) | None => {}
+    }
+    let frequency = frequency(object)?;
     let (is_reset, registers) = (reset(object)?, registers(object, model)?);
     let has_values = frequency.is_some() || !registers.is_empty();
     match run {
         _ if is_reset && (run.is_some() || has_values) => Err(conflict("`reset` stands alone: send the rest after it")),
         _ if is_reset => Ok(Order::Reset),
-        Some(RunWord::Stop | RunWord::Coast) if has_values => {
-            Err(conflict("`stop` and `coast` stand alone: leave `frequency_hz` and `param` out"))
-        }
-        Some(RunWord::Stop) => Ok(Order::Stop { setpoint: None }),
-        Some(RunWord::Coast) => Ok(Order::Coast),
         None if !has_values => {
             Err(not_understood(format!("the command orders nothing; right is, for example, {EXAMPLE}")))
         }
-        None => go(registers, frequency, None),
         Some(RunWord::Run(direction)) => go(registers, frequency, Some(direction)),
+        _ => go(registers, frequency, None),
     }
 }
 
@@ -216,6 +218,15 @@ mod tests {
     }
 
     #[test]
+    fn a_stop_is_carried_out_whatever_stands_beside_it() {
+        let order = |text: &str| read(text.as_bytes(), &model()).1.expect(text).order;
+        let stop = Order::Stop { setpoint: None };
+        assert_eq!(order(r#"{"run":"stop","frequency_hz":5}"#), stop);
+        assert_eq!(order(r#"{"run":"stop","reset":true,"frequency_hz":"fast"}"#), stop);
+        assert_eq!(order(r#"{"run":"coast","param":{"F007":1}}"#), Order::Coast);
+    }
+
+    #[test]
     fn what_is_not_exactly_known_is_refused_by_name() {
         use Reason::{Conflict, NotANumber, NotListed, NotUnderstood, OutsideLimits, TooManyFrames};
         let table = [
@@ -246,8 +257,6 @@ mod tests {
             (r#"{"reset":false}"#, NotUnderstood),
             (r#"{"reset":true,"run":"forward"}"#, Conflict),
             (r#"{"reset":true,"frequency_hz":5}"#, Conflict),
-            (r#"{"run":"stop","frequency_hz":5}"#, Conflict),
-            (r#"{"run":"coast","param":{"F007":1}}"#, Conflict),
             (r#"{"run":"stop","id":1.5}"#, NotUnderstood),
             (r#"{"run":"stop","id":""}"#, NotUnderstood),
             (r#"{"run":"stop","id":{}}"#, NotUnderstood),

@@ -114,7 +114,7 @@ fn bad_payloads_give_one_result_and_no_command() {
         ("drive/pump/lease", &large, "too_large"),
         ("drive/pump/param/F007/get", &large, "too_large"),
         ("drive/pump/command", b"[1]", "not_understood"),
-        ("drive/pump/command", br#"{"run":"stop","frequency_hz":5}"#, "conflict"),
+        ("drive/pump/command", br#"{"reset":true,"frequency_hz":5}"#, "conflict"),
         ("drive/pump/param/F999/get", b"", "not_listed"),
         ("drive/pump/param/run_command/set", b"1", "not_listed"),
         ("drive/pumb/run/set", b"stop", "unknown_drive"),

@@ -38,4 +38,6 @@ mod telemetry_tests;
 
 pub use counters::Counters;
 pub use session::Session;
-pub use types::{Act, Broker, Event, LeaseMode, LineState, Message, Moment, Publication, Qos, Settings, Version};
+pub use types::{
+    Act, Broker, Event, Filter, LeaseMode, LineState, Message, Moment, Publication, Qos, Settings, Version,
+};

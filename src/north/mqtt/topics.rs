@@ -1,5 +1,6 @@
 //! The topics of one gateway: building them, and telling what a message's topic asks for.
 
+use super::types::Filter;
 use super::types::Settings;
 
 /// All topics of one gateway.
@@ -55,7 +56,7 @@ impl Topics {
     }
 
     /// What is subscribed: inputs only, so that no publication of ours comes back.
-    pub(super) fn filters(&self) -> Vec<String> {
+    pub(super) fn filters(&self) -> Vec<Filter> {
         const INPUTS: [&str; 9] = [
             "all/run/set",
             "drive/+/run/set",
@@ -67,7 +68,10 @@ impl Topics {
             "drive/+/param/+/set",
             "probe",
         ];
-        INPUTS.iter().map(|rest| self.gateway(rest)).chain(self.alive.clone()).collect()
+        let inputs = INPUTS.iter().map(|rest| Filter { path: self.gateway(rest), wants_retained: false });
+        // What the alive topic said while we were away holds.
+        let alive = self.alive.clone().map(|path| Filter { path, wants_retained: true });
+        inputs.chain(alive).collect()
     }
 
     /// A topic of the gateway as a whole.

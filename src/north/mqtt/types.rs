@@ -108,7 +108,7 @@ pub struct Message<'a> {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Act {
     /// Subscribe to these filters at quality of service 1, all in one packet.
-    Subscribe(Vec<String>),
+    Subscribe(Vec<Filter>),
     /// Publish.
     Publish(Publication),
     /// Give a command to a drive.
@@ -121,6 +121,16 @@ pub enum Act {
     PathOpened,
     /// Drop the connection and make a new one.
     Reconnect(&'static str),
+}
+
+/// One filter of a subscription. The retain flag arrives as it was published (MQTT 5).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Filter {
+    /// The topic, with or without wildcards.
+    pub path: String,
+    /// Whether the broker shall send what it has retained (MQTT 5; with 3.1.1 it always does). A retained command is a
+    /// replay, but a retained state is what holds.
+    pub wants_retained: bool,
 }
 
 /// A message to the broker.
