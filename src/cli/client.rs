@@ -4,6 +4,7 @@
 use super::Failure;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::view::RunState;
+use crate::north::modbus::address as map;
 use std::fmt;
 use std::io;
 use std::time::Duration;
@@ -223,8 +224,8 @@ pub const UNIFORM: &[UniformWord] = &[
     word("current_fine", 24, Form::Number(100, UnitOfMeasure::Ampere)),
     word("power_fine", 25, Form::Number(100, UnitOfMeasure::Kilowatt)),
     word("capabilities", 26, Form::Count),
-    word("run_command", RUN, Form::Count),
-    word("frequency_command", FREQUENCY, Form::Number(100, UnitOfMeasure::Hertz)),
+    word("run_command", map::RUN, Form::Count),
+    word("frequency_command", map::SETPOINT, Form::Number(100, UnitOfMeasure::Hertz)),
     word("outcome", 259, Form::Count),
     word("commands", 260, Form::Count),
     word("reason", REASON, Form::Count),
@@ -232,12 +233,6 @@ pub const UNIFORM: &[UniformWord] = &[
 
 /// Seconds until the lease ends.
 pub const LEASE_LEFT: u16 = 18;
-/// The run command.
-pub const RUN: u16 = 256;
-/// The setpoint.
-pub const FREQUENCY: u16 = 257;
-/// Renews the lease.
-pub const LEASE: u16 = 258;
 /// Number of the reason of the last command.
 pub const REASON: u16 = 261;
 
@@ -362,6 +357,18 @@ mod tests {
         assert_eq!(shown("status", &[0b11]), "online running");
         assert_eq!(shown("status", &[0]), "none");
         assert_eq!(shown("alarms", &[65535]), "65535");
+    }
+
+    #[test]
+    fn every_word_that_the_gateway_serves_has_a_name_here() {
+        use crate::north::modbus::{MapTable, MapUnit};
+        let words = crate::north::modbus::map().iter().filter(|row| {
+            let is_word = matches!(row.table, MapTable::Word | MapTable::Holding);
+            row.unit == MapUnit::Uniform && is_word && row.name != "reserved" && row.address != map::RENEW
+        });
+        let served: Vec<_> = words.map(|row| (row.address, row.count)).collect();
+        let named: Vec<_> = UNIFORM.iter().map(|word| (word.address, word.words())).collect();
+        assert_eq!(named, served);
     }
 
     #[test]

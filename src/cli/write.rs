@@ -1,11 +1,12 @@
 //! `write`: one register or command of one drive through a running gateway. Who makes a drive run stays and answers for it.
 
-use super::client::{Client, FREQUENCY, LEASE, LEASE_LEFT, NoAnswer, REASON, RUN, Target, address};
+use super::client::{Client, LEASE_LEFT, NoAnswer, REASON, Target, address};
 use super::log::complain;
 use super::{Failure, print};
 use crate::daemon::run::told_to_end;
 use crate::domain::command::Reason;
 use crate::domain::frequency::{Hertz, NoFrequency};
+use crate::north::modbus::address as map;
 use std::io;
 use std::pin::pin;
 use std::time::Duration;
@@ -100,8 +101,8 @@ impl Order {
         let (register, value) = (args.register.as_str(), args.value.as_str());
         let text = format!("{register} {value}");
         let (address, word) = match register {
-            "run" => (RUN, run_command(value)?),
-            "frequency" => (FREQUENCY, frequency(value)?),
+            "run" => (map::RUN, run_command(value)?),
+            "frequency" => (map::SETPOINT, frequency(value)?),
             _ => (address(register).map_err(Failure::wrong)?, word(value)?),
         };
         let is_uniform = args.uniform || matches!(register, "run" | "frequency");
@@ -109,7 +110,7 @@ impl Order {
     }
 
     fn makes_run(&self) -> bool {
-        self.is_uniform && self.address == RUN && matches!(self.word, 1 | 2)
+        self.is_uniform && self.address == map::RUN && matches!(self.word, 1 | 2)
     }
 
     /// Writes it.
@@ -209,10 +210,10 @@ async fn keep(client: &mut Client, ours: u16) -> Failure {
 
 /// Renews the lease if our command is still in force; nothing if it is not. Returns the seconds that are left then.
 async fn renew(client: &mut Client, ours: u16) -> Result<Option<u16>, NoAnswer> {
-    if client.read(RUN, 1).await? != [ours] {
+    if client.read(map::RUN, 1).await? != [ours] {
         return Ok(None);
     }
-    client.write(LEASE, 1).await?;
+    client.write(map::RENEW, 1).await?;
     Ok(client.read(LEASE_LEFT, 1).await?.first().copied())
 }
 
@@ -228,7 +229,7 @@ fn renew_after(left: u16) -> Duration {
 async fn stop(client: &mut Client) -> Result<String, Failure> {
     let mut last = None;
     for _ in 0..STOP_TRIES {
-        match client.write(RUN, STOP).await {
+        match client.write(map::RUN, STOP).await {
             Ok(()) => return Ok("the stop is acknowledged".to_owned()),
             Err(error) => last = Some(error),
         }

@@ -7,6 +7,8 @@ pub mod access;
 mod approved;
 mod review;
 mod state;
+#[cfg(test)]
+mod tests;
 
 pub use approved::{Approved, StopOrder, Void};
 pub use review::{COMMAND_DEADLINE, Facts, Verdict};

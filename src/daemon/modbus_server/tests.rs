@@ -6,7 +6,7 @@ use super::super::shared::Shared;
 use super::*;
 use crate::domain::command::{CommandAnswer, Outcome, Reason, Report, RunIntent};
 use crate::domain::command::{CommandRequest, Order};
-use crate::domain::control::{ControlSettings, FailSafe};
+use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::DriveIndex;
 use crate::domain::ids::{Name, UnitId};
@@ -44,21 +44,10 @@ fn name(text: &str) -> Name {
 
 fn settings() -> ControlSettings {
     ControlSettings {
-        from_mqtt: true,
-        from_modbus_tcp: true,
-        least: Hertz::from_millihertz(5_000),
-        most: Hertz::from_millihertz(50_000),
         directions: vec![crate::domain::command::Direction::Forward],
-        reverse_below: Hertz::ZERO,
-        on_commander_lost: FailSafe::Stop,
         lost_after: Duration::from_secs(30),
-        on_shutdown: FailSafe::Stop,
-        accept_unverified: Vec::new(),
-        strict: false,
-        restart_delay: Duration::from_secs(2),
-        stop_effect_timeout: Duration::from_secs(3),
-        stop_pending_for: Duration::from_secs(600),
         native_write: Vec::new(),
+        ..crate::drive::testing::control()
     }
 }
 

@@ -30,5 +30,5 @@ pub use map::{Each, MapAccess, MapRow, MapTable, MapUnit, map};
 pub use refusal::{exception_for, exception_of, worst};
 pub use request::parse;
 pub use taken::{Ordered, Present, Taken};
-pub use uniform::Uniform;
+pub use uniform::{Uniform, address};
 pub use words::Words;

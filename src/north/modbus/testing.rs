@@ -1,8 +1,7 @@
 //! What the tests of this room share: a model with everything that a unit can show, and a drive of it.
 
-use crate::domain::command::{Direction, RunIntent};
-use crate::domain::control::{ControlSettings, FailSafe};
-use crate::domain::frequency::Hertz;
+use crate::domain::command::RunIntent;
+use crate::domain::control::ControlSettings;
 use crate::domain::ids::{DriveIndex, Name, UnitId};
 use crate::domain::time::MonoTime;
 use crate::drive::description::{DriveDescription, DriveRef};
@@ -114,21 +113,9 @@ pub(super) fn description() -> DriveDescription {
 /// 5 to 50 Hz, both directions, nothing unproven.
 pub(super) fn settings() -> ControlSettings {
     ControlSettings {
-        from_mqtt: true,
-        from_modbus_tcp: true,
-        least: Hertz::from_millihertz(5_000),
-        most: Hertz::from_millihertz(50_000),
-        directions: vec![Direction::Forward, Direction::Reverse],
-        reverse_below: Hertz::ZERO,
-        on_commander_lost: FailSafe::Stop,
         lost_after: Duration::from_secs(30),
-        on_shutdown: FailSafe::Stop,
-        accept_unverified: Vec::new(),
-        strict: false,
-        restart_delay: Duration::from_secs(2),
-        stop_effect_timeout: Duration::from_secs(3),
-        stop_pending_for: Duration::from_secs(600),
         native_write: Vec::new(),
+        ..crate::drive::testing::control()
     }
 }
 

@@ -4,7 +4,6 @@ use super::session::Session;
 use super::types::{Act, Broker, Event, LeaseMode, LineState, Message, Moment, Publication, Settings, Version};
 use crate::domain::command::{CommandAnswer, CommandRequest, Direction, Order, Outcome, Reason, Report};
 use crate::domain::control::{ControlSettings, FailSafe};
-use crate::domain::frequency::Hertz;
 use crate::domain::ids::{AskerId, DriveIndex, Name, Ticket, UnitId};
 use crate::domain::native::NativeRequest;
 use crate::domain::report::{self, LineReport};
@@ -47,21 +46,11 @@ pub(super) fn settings(version: Version) -> Settings {
 
 pub(super) fn control() -> ControlSettings {
     ControlSettings {
-        from_mqtt: true,
-        from_modbus_tcp: true,
-        least: Hertz::from_millihertz(5_000),
-        most: Hertz::from_millihertz(50_000),
         directions: vec![Direction::Forward],
-        reverse_below: Hertz::ZERO,
-        on_commander_lost: FailSafe::Stop,
         lost_after: Duration::from_secs(30),
         on_shutdown: FailSafe::Hold,
-        accept_unverified: Vec::new(),
-        strict: false,
-        restart_delay: Duration::from_secs(2),
-        stop_effect_timeout: Duration::from_secs(3),
-        stop_pending_for: Duration::from_secs(600),
         native_write: Vec::new(),
+        ..crate::drive::testing::control()
     }
 }
 

@@ -1,0 +1,171 @@
+//! Reviews that need a model or a moment that no simulated drive brings about.
+
+use super::*;
+use crate::domain::command::{
+    CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights, RunIntent,
+};
+use crate::domain::control::{ControlAction, ControlSettings, FailSafe};
+use crate::domain::frequency::Hertz;
+use crate::domain::ids::{AskerId, DriveIndex, Ticket};
+use crate::domain::time::MonoTime;
+use crate::drive::testing::{control, model};
+use crate::profile::model::{Confidence, Model};
+use std::net::{IpAddr, Ipv4Addr};
+use std::sync::Arc;
+use std::time::Duration;
+
+const NOW: MonoTime = MonoTime::from_millis(100_000);
+const STOP: Order = Order::Stop { setpoint: None };
+const RESTING: Facts = Facts {
+    line_is_up: true,
+    is_offline: false,
+    stop_pending: false,
+    tripped: Some(false),
+    at_standstill: true,
+    output: Some(Hertz::ZERO),
+};
+
+fn plc(last: u8) -> Origin {
+    let owner = Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::new(10, 0, 0, last)));
+    Origin { owner, rights: Rights { write: true, stop: true }, manner: Manner::Cyclic }
+}
+
+fn mqtt() -> Origin {
+    Origin { owner: Owner::Mqtt, manner: Manner::Once, ..plc(0) }
+}
+
+fn command(origin: Origin, order: Order) -> CommandRequest {
+    CommandRequest {
+        asker: AskerId(1),
+        ticket: Ticket(1),
+        drive: DriveIndex(0),
+        origin,
+        order,
+        start_before: NOW + Duration::from_secs(1),
+        issued: None,
+        epoch: None,
+    }
+}
+
+fn run(direction: Direction) -> Order {
+    Order::Go(Go::new(Vec::new(), Some(Hertz::from_centihertz(2000)), Some(direction)).unwrap())
+}
+
+fn guard_of(model: Model, control: ControlSettings) -> DriveGuard {
+    DriveGuard::new(Arc::new(model), Some(Arc::new(control)), 7)
+}
+
+fn reviewed(guard: &mut DriveGuard, command: &CommandRequest) -> Result<(), (Outcome, Reason)> {
+    let verdict = guard.review(command, &RESTING, NOW);
+    verdict.map(drop).map_err(|Report { outcome, reason, .. }| (outcome, reason))
+}
+
+#[test]
+fn an_unproven_fact_carries_an_action_only_where_that_is_accepted() {
+    let mut unproven = model();
+    let run_facts = unproven.run.as_mut().unwrap();
+    for fact in [&mut run_facts.reverse, &mut run_facts.coast, &mut run_facts.reset] {
+        fact.as_mut().unwrap().confidence = Confidence::Inferred;
+    }
+    let facts = Facts { tripped: Some(true), ..RESTING };
+    for (order, action) in [
+        (run(Direction::Reverse), ControlAction::Reverse),
+        (Order::Coast, ControlAction::Coast),
+        (Order::Reset, ControlAction::Reset),
+    ] {
+        let facts = if order == Order::Reset { facts } else { RESTING };
+        let mut strict = guard_of(unproven.clone(), control());
+        let refusal = strict.review(&command(mqtt(), order.clone()), &facts, NOW).unwrap_err();
+        assert_eq!(refusal, Report::refused(Reason::Unverified), "{order:?}");
+        let settings = ControlSettings { accept_unverified: vec![action], ..control() };
+        let mut accepting = guard_of(unproven.clone(), settings);
+        assert!(accepting.review(&command(mqtt(), order), &facts, NOW).is_ok());
+    }
+}
+
+#[test]
+fn what_a_model_cannot_do_is_refused_by_name_and_stop_never_stands_in_for_coast() {
+    let mut plain = model();
+    let run_facts = plain.run.as_mut().unwrap();
+    (run_facts.reverse, run_facts.coast, run_facts.reset) = (None, None, None);
+    let mut guard = guard_of(plain, control());
+    for order in [run(Direction::Reverse), Order::Coast] {
+        assert_eq!(reviewed(&mut guard, &command(mqtt(), order)), Err((Outcome::Refused, Reason::NotCapable)));
+    }
+    assert_eq!(guard.stops(), 0);
+}
+
+#[test]
+fn strict_messages_must_say_what_they_have_seen() {
+    let mut guard = guard_of(model(), ControlSettings { strict: true, ..control() });
+    let plain = command(mqtt(), run(Direction::Forward));
+    assert_eq!(reviewed(&mut guard, &plain), Err((Outcome::Refused, Reason::EpochNeeded)));
+    let stale = CommandRequest { epoch: Some(6), ..plain.clone() };
+    assert_eq!(reviewed(&mut guard, &stale), Err((Outcome::Refused, Reason::StaleEpoch)));
+    assert_eq!(reviewed(&mut guard, &CommandRequest { epoch: Some(7), ..plain }), Ok(()));
+}
+
+#[test]
+fn a_moment_of_issue_counts_only_after_the_last_stop() {
+    let mut guard = guard_of(model(), control());
+    assert_eq!(reviewed(&mut guard, &command(mqtt(), STOP)), Ok(()));
+    let issued = |at| CommandRequest { issued: Some(at), ..command(mqtt(), run(Direction::Forward)) };
+    let before = reviewed(&mut guard, &issued(NOW.before(Duration::from_millis(1))));
+    assert_eq!(before, Err((Outcome::Refused, Reason::RestartDelay)));
+    assert_eq!(reviewed(&mut guard, &issued(NOW + Duration::from_millis(1))), Ok(()));
+}
+
+#[test]
+fn who_has_not_stopped_the_drive_may_not_start_it_and_the_memory_of_that_is_bounded() {
+    let mut guard = guard_of(model(), control());
+    let refused = Err((Outcome::Refused, Reason::StartInhibited));
+    assert_eq!(reviewed(&mut guard, &command(plc(1), run(Direction::Forward))), refused);
+    for client in 1..=255 {
+        assert_eq!(reviewed(&mut guard, &command(plc(client), STOP)), Ok(()));
+    }
+    assert_eq!(reviewed(&mut guard, &command(plc(1), run(Direction::Forward))), refused, "others stopped it since");
+    assert_eq!(reviewed(&mut guard, &command(plc(255), run(Direction::Forward))), Ok(()));
+}
+
+#[test]
+fn a_stop_raises_the_epoch_and_voids_what_was_approved() {
+    let mut guard = guard_of(model(), control());
+    let Ok(Verdict::Go(approved)) = guard.review(&command(mqtt(), run(Direction::Forward)), &RESTING, NOW) else {
+        panic!("approved")
+    };
+    assert_eq!(approved.may_go(false, NOW, guard.stops()), Ok(()));
+    assert_eq!(approved.may_go(false, NOW + Duration::from_secs(1), guard.stops()), Err(Void::TooLate));
+    assert_eq!(approved.may_go(true, NOW + Duration::from_secs(1), guard.stops()), Ok(()), "what has begun goes on");
+    let epoch = guard.epoch();
+    assert_eq!(reviewed(&mut guard, &command(plc(1), STOP)), Ok(()));
+    assert_eq!(approved.may_go(true, NOW, guard.stops()), Err(Void::Stopped));
+    assert!(guard.epoch() > epoch);
+}
+
+#[test]
+fn a_lease_that_runs_out_over_a_resting_drive_does_nothing_to_it() {
+    let mut guard = guard_of(model(), control());
+    let setpoint = Order::Go(Go::new(Vec::new(), Some(Hertz::from_centihertz(2000)), None).unwrap());
+    reviewed(&mut guard, &command(mqtt(), run(Direction::Forward))).unwrap();
+    reviewed(&mut guard, &command(mqtt(), STOP)).unwrap();
+    let (_, until) = guard.lease().unwrap();
+    assert_eq!(guard.expire(until, true), None, "it was stopped and stands still");
+    assert_eq!((guard.lease(), guard.is_start_inhibited()), (None, true));
+    reviewed(&mut guard, &command(mqtt(), setpoint)).unwrap();
+    assert_eq!(guard.lease(), None, "a setpoint for a resting drive takes no control");
+}
+
+#[test]
+fn a_lease_that_runs_out_over_a_moving_drive_brings_the_declared_action() {
+    for action in [FailSafe::Stop, FailSafe::Coast, FailSafe::Hold] {
+        let mut guard = guard_of(model(), ControlSettings { on_commander_lost: action, ..control() });
+        reviewed(&mut guard, &command(mqtt(), run(Direction::Forward))).unwrap();
+        let (_, until) = guard.lease().unwrap();
+        assert_eq!(guard.expire(until.before(Duration::from_nanos(1)), false), None);
+        let lost = guard.expire(until, false).unwrap();
+        assert_eq!((lost.owner, lost.action), (Some(Owner::Mqtt), action));
+        assert_eq!(lost.order.is_some(), action != FailSafe::Hold);
+        assert_eq!(guard.intent() == RunIntent::Coast, action == FailSafe::Coast);
+        assert!(guard.has_failed_safe());
+    }
+}
