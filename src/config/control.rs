@@ -12,11 +12,14 @@ use crate::domain::units::UnitOfMeasure;
 use crate::profile::model::{Confidence, Model, Register, Role};
 use crate::profile::reader::{Given, Needed, Place, Written};
 use crate::profile::scale::to_raw;
+use crate::profile::values::duration_text;
 use std::sync::Arc;
 use std::time::Duration;
 
 const DEFAULT_RESTART_DELAY: Duration = Duration::from_secs(2);
 const DEFAULT_STOP_EFFECT: Duration = Duration::from_secs(3);
+/// Slowest fast poll of a drive that may be commanded (semantics: a status older than 5 s is refused).
+const SLOWEST_POLL: Duration = Duration::from_secs(5);
 const DEFAULT_STOP_PENDING: Duration = Duration::from_secs(600);
 
 /// The ready control section of `drive`, nothing inside where it has none; nothing at all: see `problems`.
@@ -32,6 +35,7 @@ pub(super) fn settle(
         Given::Unusable => return None,
         Given::Usable(control) => control,
     };
+    is_looked_at(drive, problems);
     ways(file, problems);
     let directions = directions(file, problems);
     // What cannot be commanded at all is said once, not for each key.
@@ -58,6 +62,14 @@ pub(super) fn settle(
         stop_pending_for: file.stop_pending_for.or(DEFAULT_STOP_PENDING)?,
         native_write: native_write?,
     })))
+}
+
+/// What may be moved is looked at: on old readings nobody can tell whether it stands still.
+fn is_looked_at(drive: &DriveFile, problems: &mut Vec<Problem>) {
+    if let Some(poll) = drive.poll.usable().filter(|poll| poll.value > SLOWEST_POLL) {
+        let problem = poll.place.problem("too slow for a drive with a control section");
+        problems.push(problem.right(format!("at most \"{}\"", duration_text(SLOWEST_POLL))));
+    }
 }
 
 /// Somebody commands, nobody is named twice, and what concerns MQTT alone is not there without it.

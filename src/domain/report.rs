@@ -1,5 +1,7 @@
 //! States and counters that log, page, metrics and topics share. Plain numbers, no clock.
 
+use std::time::Duration;
+
 /// Whether a line's port is open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LineState {
@@ -32,11 +34,13 @@ pub struct LineReport {
     pub fault: Option<PortFault>,
     /// What was counted.
     pub counters: LineCounters,
+    /// Longest time from the acceptance of a stop for one drive to its first bit.
+    pub worst_stop: Duration,
 }
 
 impl Default for LineReport {
     fn default() -> Self {
-        Self { state: LineState::Down, fault: None, counters: LineCounters::default() }
+        Self { state: LineState::Down, fault: None, counters: LineCounters::default(), worst_stop: Duration::ZERO }
     }
 }
 
@@ -73,4 +77,6 @@ pub struct LineCounters {
     pub port_ups: u64,
     /// Times the port was lost.
     pub port_downs: u64,
+    /// Microseconds in which an exchange was open: its rise over a span is the use of the line in that span.
+    pub busy_us: u64,
 }

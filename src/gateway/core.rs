@@ -11,11 +11,13 @@ use crate::domain::time::MonoTime;
 use crate::drive::plan::PollPlan;
 use crate::drive::snapshot::{DriveSnapshot, Presence};
 use crate::drive::view::DriveView;
+use crate::line::budget;
 use crate::line::schedule::{ReadJob, Schedule};
 use crate::line::station::StationState;
 use crate::line::transaction::Wire;
 use std::collections::VecDeque;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// One line with its drives. See the [module](super) for how it is driven.
 #[derive(Debug)]
@@ -34,6 +36,7 @@ pub struct LineCore {
     pub(super) polls_turn: bool,
     /// A command was begun in the last exchange: the next one is for others, if there are any.
     pub(super) others_turn: bool,
+    worst_stop: Duration,
     /// Why the port was closed last.
     pub(super) fault: Option<PortFault>,
     pub(super) counters: LineCounters,
@@ -47,6 +50,7 @@ pub(super) struct Flight {
     pub(super) purpose: Purpose,
     /// A late reply could be taken for the answer to it.
     pub(super) doubt: bool,
+    pub(super) sent_at: MonoTime,
 }
 
 /// Why an exchange was sent.
@@ -74,7 +78,9 @@ impl LineCore {
         let works = (0..).zip(&setup.drives).map(|(index, drive)| {
             DriveWork::new(DriveIndex(index), &drive.model, drive.control.clone(), setup.first_epoch)
         });
+        let drives = setup.drives.iter().map(|drive| (drive.reply_timeout, drive.model.read.max_words.value));
         Self {
+            worst_stop: budget::worst_stop(&setup.timing, drives),
             works: works.collect(),
             others_turn: false,
             fault: None,
@@ -152,7 +158,7 @@ impl LineCore {
     /// The line's state and counters.
     #[must_use]
     pub const fn report(&self) -> LineReport {
-        LineReport { state: self.state, fault: self.fault, counters: self.counters }
+        LineReport { state: self.state, fault: self.fault, counters: self.counters, worst_stop: self.worst_stop }
     }
 
     /// The pictures that have changed since this was asked last.

@@ -42,7 +42,7 @@ impl LineCore {
         let exchange = Exchange { station: setup.station, request, timeout, in_doubt, line_is_clean };
         let mut frame = Vec::with_capacity(16);
         self.wire.send(now, exchange, &mut frame);
-        self.flight = Some(Flight { drive, purpose, doubt });
+        self.flight = Some(Flight { drive, purpose, doubt, sent_at: now });
         self.counters.requests += 1;
         if self.setup.tells_traffic {
             let record = TrafficRecord { at: now, kind: TrafficKind::Request, bytes: frame.clone() };

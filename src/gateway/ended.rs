@@ -17,7 +17,8 @@ use std::sync::Arc;
 
 impl LineCore {
     pub(super) fn ended(&mut self, now: MonoTime, exchange: Exchange, ending: Ending) {
-        let Some(Flight { drive, purpose, doubt }) = self.flight.take() else { return };
+        let Some(Flight { drive, purpose, doubt, sent_at }) = self.flight.take() else { return };
+        self.counters.busy_us += u64::try_from(now.since(sent_at).as_micros()).unwrap_or(0);
         match &ending {
             Ending::Reply(_) => self.counters.replies += 1,
             Ending::Exception(_) => self.counters.exceptions += 1,

@@ -53,6 +53,14 @@ fn a_control_section_gets_its_defaults() {
 }
 
 #[test]
+fn a_drive_that_may_be_commanded_is_looked_at() {
+    let poll = |poll: &str| with(CONTROLLED, "station = 1\n", &format!("station = 1\npoll = '{poll}'\n"));
+    assert_eq!(good(&poll("5s")).lines[0].drives[0].poll, seconds(5));
+    let told = problems(&poll("6s"));
+    assert_eq!(told, ["line[0].drive[0].poll: too slow for a drive with a control section; at most \"5s\""]);
+}
+
+#[test]
 fn a_control_section_takes_what_is_written() {
     let found = control(&with(
         &control_with(

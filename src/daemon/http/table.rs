@@ -92,6 +92,7 @@ pub(super) const LINE: &[Metric<LineReport>] = &[
     }),
     counter("line_expired", "Native requests whose deadline passed in the queue.", |line| Some(line.counters.expired)),
     counter("line_port_ups", "Times the port was opened.", |line| Some(line.counters.port_ups)),
+    counter("line_busy_microseconds", "Time in which an exchange was open.", |line| Some(line.counters.busy_us)),
     counter("line_port_downs", "Times the port was lost.", |line| Some(line.counters.port_downs)),
 ];
 

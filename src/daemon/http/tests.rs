@@ -76,7 +76,9 @@ const UP: LineReport = LineReport {
         expired: 0,
         port_ups: 1,
         port_downs: 0,
+        busy_us: 0,
     },
+    worst_stop: Duration::ZERO,
 };
 
 /// A drive that answered at `at` with 50.00 Hz and 3 trips.

@@ -203,7 +203,7 @@ mod tests {
                 queue_full: 12,
                 ..LineCounters::default()
             };
-            (place != 1).then_some(LineReport { state: LineState::Up, fault: None, counters })
+            (place != 1).then_some(LineReport { state: LineState::Up, counters, ..LineReport::default() })
         }
 
         fn drives(&self) -> usize {

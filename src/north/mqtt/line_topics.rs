@@ -57,6 +57,8 @@ impl LineTopics {
         self.stats = Some((now.at, *report));
         let mut stats = stats(&report.counters);
         if let Some(object) = stats.as_object_mut() {
+            let worst_stop_ms = u64::try_from(report.worst_stop.as_millis()).unwrap_or(u64::MAX);
+            object.insert("worst_stop_ms".to_owned(), worst_stop_ms.into());
             object.insert("at".to_owned(), now.clock.text(now.at).into());
         }
         Some(retained(now, self.stats_topic.clone(), stats.to_string().into_bytes(), Qos::AtMostOnce))
@@ -94,12 +96,13 @@ fn stats(counters: &LineCounters) -> Value {
         expired,
         port_ups,
         port_downs,
+        busy_us,
     } = counters;
     json!({
         "requests": requests, "replies": replies, "exceptions": exceptions, "silent": silent, "garbled": garbled,
         "strays": strays, "foreign": foreign, "noise_bytes": noise_bytes, "retries": retries, "barriers": barriers,
         "joined": joined, "queue_full": queue_full, "expired": expired, "port_ups": port_ups,
-        "port_downs": port_downs,
+        "port_downs": port_downs, "busy_us": busy_us,
     })
 }
 
