@@ -4,15 +4,15 @@
 //!
 //! | room | what lives there |
 //! | --- | --- |
-//! | [`domain`] | words of the trade: time, ids, link settings, requests, reports |
+//! | [`domain`] | words of the trade: time, ids, frequencies, commands, requests, reports |
 //! | [`wire`] | bytes to PDUs and back; knows no drive |
 //! | [`profile`] | what a drive description may say, and the proof that it is sound |
 //! | [`vendors`] | one folder per vendor: model files, data only |
-//! | [`drive`] | what is known about one drive: poll plan, snapshot |
-//! | [`guard`] | the only door for writes |
+//! | [`drive`] | what is known about one drive: poll plan, picture, trips; commands as steps |
+//! | [`guard`] | the only door for commands: limits, owners, leases, start inhibit |
 //! | [`mod@line`] | the wire of one line as a machine: schedule, transaction, timing, fault table, counters |
 //! | [`gateway`] | `LineCore`: the pure whole of one line; events and time in, effects out |
-//! | [`north`] | Modbus TCP as a machine without sockets |
+//! | [`north`] | Modbus TCP and MQTT as machines without sockets |
 //! | [`config`] | the configuration file, from text to ready values or to all its problems |
 //! | [`sim`] | simulated drives on a simulated bus |
 //! | [`daemon`] | the only room with tokio, files, sockets, clocks and signals |
