@@ -36,8 +36,8 @@ impl News {
 pub struct NorthSides {
     /// Modbus TCP connections.
     pub modbus: std::sync::Arc<AnswerBox>,
-    /// MQTT.
-    pub mqtt: std::sync::Arc<AnswerBox>,
+    /// MQTT; nothing if there is none, and then nobody keeps news for it.
+    pub mqtt: Option<std::sync::Arc<AnswerBox>>,
 }
 
 /// Answers of all lines that the north side has not fetched yet. Its bound is that of the requests: each

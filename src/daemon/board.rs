@@ -40,7 +40,11 @@ impl<'a> Board<'a> {
 
     /// Keeps `news` for the end of the round.
     pub fn tell(&mut self, news: News) {
-        if news.asker() == AskerId::MQTT { self.mqtt.push(news) } else { self.modbus.push(news) }
+        if news.asker() != AskerId::MQTT {
+            self.modbus.push(news);
+        } else if self.north.mqtt.is_some() {
+            self.mqtt.push(news);
+        }
     }
 
     /// Keeps what happened to the trips of `drive` for the end of the round.
@@ -63,7 +67,9 @@ impl<'a> Board<'a> {
         has_changed |= report.state != self.line.report().state;
         self.line.set_report(report);
         self.north.modbus.put(&mut self.modbus);
-        self.north.mqtt.put(&mut self.mqtt);
+        if let Some(mqtt) = &self.north.mqtt {
+            mqtt.put(&mut self.mqtt);
+        }
         if has_changed {
             self.shared.changed.notify_one();
         }

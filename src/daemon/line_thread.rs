@@ -203,9 +203,12 @@ impl LineTask<'_> {
         let again = clock::now() + self.reopen_wait;
         self.reopen_wait = (self.reopen_wait * 2).min(REOPEN_MAX);
         while clock::now() < again {
-            self.timer.arm(again)?;
+            // Leases end and stops are late whether or not there is a port.
+            let due = self.core.next_wake().map_or(again, |wake| wake.at.min(again));
+            self.timer.arm(due)?;
             self.wait(None).await?;
             self.take_messages();
+            self.core.handle(clock::now(), Input::Time);
             self.act(None)?;
             if self.is_over() {
                 return Ok(ControlFlow::Break(()));

@@ -1,6 +1,6 @@
 //! The north sides of a running gateway: what listens, and who serves it.
 
-use super::answers::NorthSides;
+use super::answers::{AnswerBox, NorthSides};
 use super::clock;
 use super::http::{self, State, socket::OwnSocket};
 use super::modbus_server::Server;
@@ -100,10 +100,10 @@ impl North {
         if let Some(socket) = socket {
             tokio::task::spawn_local(socket.serve(state));
         }
-        serve_modbus(config, bound.modbus, shared, sides.clone(), modbus_totals);
-        let mqtt = mqtt.zip(mqtt_totals).map(|((connection, settings), totals)| {
+        serve_modbus(config, bound.modbus, shared, sides.modbus, modbus_totals);
+        let mqtt = mqtt.zip(mqtt_totals).zip(sides.mqtt).map(|(((connection, settings), totals), news)| {
             let at = mqtt::moment();
-            let speaker = Speaker::new(settings, Arc::clone(shared), sides.mqtt, totals, at);
+            let speaker = Speaker::new(settings, Arc::clone(shared), news, totals, at);
             let (stop, stopped) = oneshot::channel();
             (stop, tokio::task::spawn_local(speak(connection, speaker, Arc::clone(shared), stopped)))
         });
@@ -125,7 +125,7 @@ fn serve_modbus(
     config: &Config,
     listeners: Vec<TcpListener>,
     shared: &Arc<Shared>,
-    sides: NorthSides,
+    news: Arc<AnswerBox>,
     totals: Arc<ModbusTotals>,
 ) {
     let units = Units::new(shared);
@@ -134,7 +134,7 @@ fn serve_modbus(
         let router = Rc::new(Router::new(settings, units.clone()));
         tokio::task::spawn_local(Rc::clone(&server).listen(listener, settings.clone(), router));
     }
-    tokio::task::spawn_local(server.distribute(sides.modbus));
+    tokio::task::spawn_local(server.distribute(news));
 }
 
 async fn speak(connection: ConnectionSettings, speaker: Speaker, shared: Arc<Shared>, stopped: oneshot::Receiver<()>) {

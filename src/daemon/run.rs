@@ -77,7 +77,8 @@ where
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let name = name_of(config);
     let shared = Arc::new(build::shared(config));
-    let sides = NorthSides::default();
+    let mqtt_side = config.mqtt.as_ref().map(|_| Arc::default());
+    let sides = NorthSides { mqtt: mqtt_side, ..NorthSides::default() };
     let (bound, socket) = runtime.block_on(async {
         let socket = config.gateway.data_dir.as_deref().map(OwnSocket::open).transpose()?;
         Ok::<_, StartError>((north::bind(config).await?, socket))

@@ -359,9 +359,11 @@ reasons! {
     /// The message is larger than any command.
     TooLarge = 39, "too_large", "the message is larger than any command";
     /// A cyclic order that was in force already.
-    Unchanged = 40, "unchanged", "nothing was to be changed; the lease was renewed";
+    Unchanged = 40, "unchanged", "nothing was to be changed";
     /// The gateway ends.
     ShuttingDown = 41, "shutting_down", "the gateway is ending";
+    /// Whoever gave it was lost before it was sent.
+    CommanderLost = 42, "commander_lost", "its commander was lost before it was sent";
 }
 
 impl Reason {

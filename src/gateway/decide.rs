@@ -82,7 +82,8 @@ impl LineCore {
         Some(self.take_poll(now, poll))
     }
 
-    /// The most urgent wish of any drive up to `last_rank`; drives that answer before silent ones. A stop waits for
+    /// The most urgent wish of any drive up to `last_rank`; drives that answer before silent ones, moving ones before
+    /// those at rest. A stop waits for
     /// nothing, everything else for late replies and back-offs.
     fn pick_work(&mut self, now: MonoTime, last_rank: Rank) -> Option<Picked> {
         loop {
@@ -95,14 +96,15 @@ impl LineCore {
     }
 
     fn most_urgent(&self, now: MonoTime, last_rank: Rank) -> Option<(DriveIndex, Want)> {
-        let mut best: Option<((Rank, bool, MonoTime), DriveIndex, Want)> = None;
+        let mut best: Option<((Rank, bool, bool, MonoTime), DriveIndex, Want)> = None;
         for drive in self.drives() {
             let is_silent = self.stations[drive.get()].is_known_silent();
+            let rests = !self.works[drive.get()].is_moving();
             for want in self.works[drive.get()].wants() {
                 if want.rank > last_rank || now < self.wanted_from(drive, &want) {
                     continue;
                 }
-                let key = (want.rank, is_silent, want.at);
+                let key = (want.rank, is_silent, rests, want.at);
                 if best.as_ref().is_none_or(|(best, ..)| key < *best) {
                     best = Some((key, drive, want));
                 }
@@ -115,7 +117,9 @@ impl LineCore {
     fn wanted_from(&self, drive: DriveIndex, want: &Want) -> MonoTime {
         match want.rank {
             Rank::FirstStop | Rank::RepeatedStop => want.at,
-            Rank::Step | Rank::Look | Rank::Trip | Rank::Start => {
+            // A look has a rhythm of its own: a stop waits behind it.
+            Rank::Look => want.at.max(self.stations[drive.get()].unmistakable_at(&want.request)),
+            Rank::Step | Rank::Trip | Rank::Start => {
                 let station = &self.stations[drive.get()];
                 want.at.max(station.ask_again_at()).max(station.unmistakable_at(&want.request))
             }
@@ -224,6 +228,10 @@ impl LineCore {
         let wants = self.drives().flat_map(|drive| {
             self.works[drive.get()].wants().map(move |want| match want.rank {
                 Rank::FirstStop | Rank::RepeatedStop => want.at,
+                Rank::Look => {
+                    let unmistakable = self.stations[drive.get()].unmistakable_at(&want.request);
+                    want.at.max(unmistakable.min(self.free_at(drive, &want.request)))
+                }
                 _ => want.at.max(self.free_at(drive, &want.request)),
             })
         });

@@ -173,7 +173,7 @@ impl LineCore {
             *known = presence;
             self.effects.push_back(Effect::Presence(drive, presence));
             let work = &mut self.works[drive.get()];
-            if presence == Presence::Offline { work.out_of_sight() } else { work.mark_changed() }
+            if presence == Presence::Offline { work.out_of_sight(&mut self.effects) } else { work.mark_changed() }
         }
     }
 }

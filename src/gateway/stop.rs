@@ -9,6 +9,7 @@ use super::waiter::Waiter;
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::control::ControlSettings;
 use crate::domain::time::MonoTime;
+use crate::drive::run_state::ZEROS_FOR_STANDSTILL;
 use crate::guard::StopOrder;
 use crate::wire::pdu::Request;
 use std::time::Duration;
@@ -21,6 +22,10 @@ const REPEAT_FIRST: Duration = Duration::from_millis(500);
 const REPEAT_MAX: Duration = Duration::from_secs(4);
 /// Time between two looks at the output frequency: enough for a ramp to show.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
+/// Looks in a row that may stay without an answer before the drive counts as away.
+const LOOKS_BEFORE_AWAY: u8 = 3;
+/// Time between two looks for a drive that is away: it is met soon when it is back, and costs the others little.
+const LOOK_WHEN_AWAY: Duration = Duration::from_secs(2);
 /// Readings in a row that must not rise.
 const FALLS: u8 = 2;
 
@@ -42,6 +47,8 @@ pub struct StopLatch {
     is_unanswered: bool,
     look_at: MonoTime,
     watch: FallWatch,
+    /// Looks in a row without an answer.
+    missed_looks: u8,
     was_told_late: bool,
 }
 
@@ -71,6 +78,7 @@ impl StopLatch {
             is_unanswered: false,
             look_at: MonoTime::NEVER,
             watch: FallWatch::default(),
+            missed_looks: 0,
             was_told_late: false,
         }
     }
@@ -99,7 +107,8 @@ impl StopLatch {
     /// What goes on the wire and from when.
     #[must_use]
     pub const fn frame(&self) -> (MonoTime, Request) {
-        (self.send_at, self.order.request())
+        let at = if self.is_away() && !self.is_first() { MonoTime::NEVER } else { self.send_at };
+        (at, self.order.request())
     }
 
     /// Whether it has never been sent: such frames go before repeats.
@@ -157,18 +166,38 @@ impl StopLatch {
     }
 
     /// Takes a reading of the output frequency that was asked for after the last frame. Whether the stop is effective.
+    ///
+    /// A drive that was away is read before it is stopped: at standstill the stop is settled, otherwise it goes out.
     pub fn takes_effect(&mut self, raw: u16, now: MonoTime) -> bool {
         self.look_at = now + LOOK_EVERY;
+        self.watch.take(raw);
+        if self.is_away() {
+            let stands_still = self.watch.is_at_zero();
+            if stands_still || raw > 0 {
+                self.missed_looks = 0;
+                self.send_at = now;
+            }
+            return stands_still;
+        }
+        self.missed_looks = 0;
         if std::mem::take(&mut self.is_unanswered) {
             self.send_at = now;
         }
-        self.watch.take(raw);
         self.is_acknowledged && self.watch.is_falling()
     }
 
     /// The look was not answered.
     pub fn look_failed(&mut self, now: MonoTime) {
-        self.look_at = now + LOOK_EVERY;
+        self.missed_looks = self.missed_looks.saturating_add(1);
+        self.look_at = now + if self.is_away() { LOOK_WHEN_AWAY } else { LOOK_EVERY };
+        if self.is_away() {
+            self.watch = FallWatch::default();
+        }
+    }
+
+    /// The drive does not answer looks: it is not sent to before it is seen.
+    const fn is_away(&self) -> bool {
+        self.missed_looks >= LOOKS_BEFORE_AWAY
     }
 
     /// What time alone brings about.
@@ -212,6 +241,7 @@ struct FallWatch {
     first: Option<u16>,
     last: Option<u16>,
     not_risen: u8,
+    zeros: u8,
 }
 
 impl FallWatch {
@@ -225,6 +255,11 @@ impl FallWatch {
             None => self.first = Some(raw),
         }
         self.last = Some(raw);
+        self.zeros = if raw == 0 { self.zeros.saturating_add(1) } else { 0 };
+    }
+
+    const fn is_at_zero(&self) -> bool {
+        self.zeros >= ZEROS_FOR_STANDSTILL
     }
 
     fn is_falling(&self) -> bool {

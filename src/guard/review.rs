@@ -172,8 +172,8 @@ impl DriveGuard {
             self.may_move(command, &go, control, facts, now)?;
         }
         let steps = steps::of_go(&self.model, &go, control).map_err(no_steps)?;
-        let may_turn = go.run().is_some() || !facts.at_standstill;
-        if may_turn || self.lease_of(owner).is_some() {
+        let moves = go.run().is_some() || (go.frequency().is_some() && !facts.at_standstill);
+        if moves || self.lease_of(owner).is_some() {
             self.take_lease(owner, now);
         }
         if let Some(frequency) = go.frequency() {

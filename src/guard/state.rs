@@ -157,7 +157,7 @@ impl DriveGuard {
         let lease = self.lease.filter(|lease| lease.until <= now)?;
         self.lease = None;
         let action = self.control.as_ref()?.on_commander_lost;
-        let was_ordered = self.intent != RunIntent::Stop;
+        let was_ordered = matches!(self.intent, RunIntent::Run(_));
         self.inhibit();
         if at_rest && !was_ordered {
             return None;
@@ -171,7 +171,7 @@ impl DriveGuard {
         self.is_ending = true;
         let action = self.control.as_ref()?.on_shutdown;
         let owner = self.lease.take().map(|lease| lease.owner);
-        if owner.is_none() && self.intent == RunIntent::Stop {
+        if owner.is_none() && !matches!(self.intent, RunIntent::Run(_)) {
             return None;
         }
         Some(self.lost(owner, action, now))
@@ -186,7 +186,7 @@ impl DriveGuard {
 
     /// The drive stands still after a stop by the one who holds control: there is nothing left to hold.
     pub fn at_standstill(&mut self) {
-        if self.intent != RunIntent::Stop {
+        if matches!(self.intent, RunIntent::Run(_)) {
             return;
         }
         if self.lease.is_some_and(|lease| self.armed.contains(&lease.owner)) {

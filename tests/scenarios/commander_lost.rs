@@ -88,6 +88,61 @@ fn who_has_stopped_the_drive_has_nothing_to_lose() {
 }
 
 #[test]
+fn a_drive_that_coasted_to_standstill_is_free() {
+    let mut rig = running(FailSafe::Stop, FailSafe::Stop);
+    rig.pass(Duration::from_secs(1));
+    assert_eq!(rig.commanded(MQTT, Order::Coast).0, Outcome::Confirmed);
+    rig.pass(Duration::from_secs(30));
+    assert_eq!(rig.notes, [], "nobody was lost");
+    assert_eq!((rig.written(RUN), rig.view(0).control.unwrap().lease), (vec![1, 3], None));
+}
+
+#[test]
+fn a_lease_ends_while_the_port_is_closed() {
+    let mut rig = running(FailSafe::Stop, FailSafe::Stop);
+    rig.core.handle(rig.now, Input::PortDown(vfd_gateway::domain::report::PortFault::Gone));
+    rig.pass(Duration::from_secs(10));
+    assert!(rig.notes.iter().any(|(_, note)| matches!(note, Note::CommanderLost { .. })), "{:?}", rig.notes);
+    assert!(rig.view(0).control.unwrap().stop_pending);
+    rig.core.handle(rig.now, Input::PortUp);
+    rig.pass(Duration::from_secs(40));
+    assert_eq!((rig.output(1), rig.view(0).control.unwrap().stop_pending), (0, false));
+}
+
+#[test]
+fn what_waits_is_not_sent_for_a_commander_that_is_lost() {
+    let mut rig = running(FailSafe::Hold, FailSafe::Hold);
+    // The drive is silent, so that the setpoint has to wait until after the end of the lease.
+    rig.bus.set_faults("lost=1000".parse().unwrap());
+    rig.pass(Duration::from_millis(300));
+    let ticket = rig.command_with(MQTT, 0, setpoint(4000), |command| {
+        command.start_before = command.start_before + Duration::from_secs(60);
+    });
+    rig.pass(Duration::from_secs(10));
+    rig.bus.set_faults(vfd_gateway::sim::FaultPlan::NONE);
+    rig.pass(Duration::from_secs(60));
+    assert!(matches!(rig.outcome_of(ticket).0, Outcome::Refused | Outcome::Unknown), "{:?}", rig.told(ticket));
+    assert!(rig.written(0x0004).iter().filter(|value| **value == 4000).count() <= 1);
+}
+
+#[test]
+fn a_parameter_takes_no_control() {
+    let mut rig = Rig::new(&RigOptions::controlled());
+    let now = rig.now;
+    let drive = rig.bus.drive_mut(Station(1)).unwrap();
+    for pdu in [[6, 0, 4, 0x0B, 0xB8], [6, 0, 2, 0, 1]] {
+        drive.obey(now, &pdu);
+    }
+    rig.pass(Duration::from_secs(2));
+    let ramp = vfd_gateway::domain::command::RegisterWrite { address: 0x020C, value: 50 };
+    let go = vfd_gateway::domain::command::Go::new(vec![ramp], None, None).unwrap();
+    assert_eq!(rig.commanded(MQTT, Order::Go(go)).0, Outcome::Confirmed);
+    assert_eq!(rig.view(0).control.unwrap().lease, None);
+    rig.pass(Duration::from_secs(10));
+    assert!(rig.written(RUN).is_empty(), "a drive that somebody else runs is left alone");
+}
+
+#[test]
 fn a_drive_out_of_sight_is_stopped_as_soon_as_it_is_back() {
     let mut rig = running(FailSafe::Stop, FailSafe::Stop);
     rig.bus.set_faults("lost=1000".parse().unwrap());

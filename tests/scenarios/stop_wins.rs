@@ -130,6 +130,48 @@ fn a_stop_waits_for_a_drive_that_is_away() {
 }
 
 #[test]
+fn a_drive_that_comes_back_is_read_before_it_is_stopped() {
+    for turns in [true, false] {
+        let mut rig = running();
+        let now = rig.now;
+        rig.bus.set_powered(now, Station(1), false);
+        rig.live(Duration::from_secs(5));
+        rig.command(MQTT, 0, STOP);
+        rig.live(Duration::from_secs(60));
+        let while_away = rig.written(RUN).len();
+        assert!(while_away <= 3, "{while_away} stops to a drive that is away");
+        let back_at = rig.now;
+        rig.bus.set_powered(back_at, Station(1), true);
+        if turns {
+            // As a drive does that was out of reach and never stopped.
+            let drive = rig.bus.drive_mut(Station(1)).unwrap();
+            drive.obey(back_at, &[6, 0, 2, 0, 1]);
+        }
+        rig.live(Duration::from_secs(5));
+        assert_eq!(rig.written(RUN).len() > while_away, turns, "a drive that stands still needs no stop");
+        assert!(!rig.view(0).control.unwrap().stop_pending);
+        rig.pass(Duration::from_secs(40));
+        assert_eq!(rig.output(1), 0);
+    }
+}
+
+#[test]
+fn moving_drives_are_stopped_first() {
+    let mut rig = Rig::new(&RigOptions { drives: 4, ..RigOptions::controlled() });
+    let ticket = rig.command(MQTT, 2, run(Direction::Forward, Some(3000)));
+    rig.outcome_of(ticket);
+    rig.pass(Duration::from_secs(2));
+    rig.sent.clear();
+    for drive in 0..4 {
+        rig.command(plc(1), drive, STOP);
+    }
+    rig.pass(Duration::from_millis(500));
+    let stops: Vec<u8> = rig.sent.iter().filter(|sent| sent.frame[1] == 6).map(|sent| sent.frame[0]).collect();
+    // The first one may have left before the others were commanded.
+    assert!(stops.iter().position(|station| *station == 3) <= Some(1), "{stops:?}");
+}
+
+#[test]
 fn many_who_stop_are_all_told() {
     let mut rig = running();
     let tickets: Vec<_> = (1..=40).map(|n| rig.command(plc(n), 0, STOP)).collect();

@@ -296,10 +296,12 @@ impl<T: Talk> Client<'_, T> {
             while link.window.has_room() && !has_ended {
                 has_ended = match words.pop_front() {
                     Some(publication) => link.publish(publication, self.counters).is_err(),
-                    None => {
+                    // Not before the words are acknowledged: a broker may answer nothing once it has read DISCONNECT.
+                    None if link.window.is_empty() => {
                         link.disconnect();
                         true
                     }
+                    None => break,
                 };
             }
             if has_ended && link.window.is_empty() {

@@ -11,6 +11,7 @@ use crate::gateway::note::Note;
 use crate::gateway::stop::StopLatch;
 use crate::gateway::waiter::Waiter;
 use crate::guard::{Facts, Lost, Verdict};
+use std::collections::VecDeque;
 
 impl DriveWork {
     /// Somebody commands.
@@ -69,6 +70,23 @@ impl DriveWork {
         }
     }
 
+    /// Cancels every order to move: nobody stands behind it any more, or the drive cannot follow it.
+    pub(super) fn cut_motion(&mut self, reason: Reason, out: Out<'_>) {
+        let moves =
+            |list: &List| matches!(list.order(), Order::Go(go) if go.run().is_some() || go.frequency().is_some());
+        let is_current = self.current.as_ref().is_some_and(moves);
+        if is_current && matches!(self.flight, Some(Rank::Step | Rank::Start)) {
+            self.flight = None;
+        }
+        let current = if is_current { self.current.take() } else { None };
+        let (cut, kept) = std::mem::take(&mut self.waiting).into_iter().partition::<VecDeque<_>, _>(moves);
+        self.waiting = kept;
+        for mut list in current.into_iter().chain(cut) {
+            let outcome = if list.has_begun() { Outcome::Unknown } else { Outcome::Refused };
+            self.tell(list.waiter(), Report::new(outcome, reason), true, out);
+        }
+    }
+
     /// A stop cancels everything else that was ordered.
     pub(super) fn cut(&mut self, out: Out<'_>) {
         if matches!(self.flight, Some(Rank::Step | Rank::Start)) {
@@ -81,7 +99,7 @@ impl DriveWork {
 
     pub(super) fn fail_safe(&mut self, lost: Lost, now: MonoTime, out: Out<'_>) {
         self.has_changed = true;
-        let Some(order) = lost.order else { return };
+        let Some(order) = lost.order else { return self.cut_motion(Reason::CommanderLost, out) };
         self.cut(out);
         self.is_stopping = true;
         match &mut self.latch {

@@ -84,7 +84,6 @@ impl DriveWork {
 
     /// The line is down: what waits is not sent, what is on the wire is in doubt. A stop goes on waiting.
     pub fn line_down(&mut self, now: MonoTime, out: Out<'_>) {
-        self.out_of_sight();
         self.flight = None;
         if let Some(latch) = &mut self.latch {
             latch.unanswered(now);
@@ -97,6 +96,7 @@ impl DriveWork {
             };
             self.finish(&mut list, report, out);
         }
+        self.out_of_sight(out);
     }
 
     pub(super) fn stop_ended(&mut self, ending: &Ending, doubt: bool, now: MonoTime, out: Out<'_>) {

@@ -9,7 +9,7 @@ use super::event::Effect;
 use super::list::List;
 use super::stop::StopLatch;
 use super::waiter::Waiter;
-use crate::domain::command::{Owner, Report};
+use crate::domain::command::{Owner, Reason, Report};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::DriveIndex;
@@ -120,6 +120,12 @@ impl DriveWork {
         self.has_changed = true;
     }
 
+    /// Whether the motor is known to turn.
+    #[must_use]
+    pub fn is_moving(&self) -> bool {
+        self.output.is_active()
+    }
+
     /// Whether a stop is not effective yet.
     #[must_use]
     pub const fn has_stop(&self) -> bool {
@@ -139,11 +145,12 @@ impl DriveWork {
     }
 
     /// The drive has stopped answering, or its line is down.
-    pub fn out_of_sight(&mut self) {
+    pub fn out_of_sight(&mut self, out: Out<'_>) {
         self.has_changed = true;
         self.output.forget();
         self.trips.lost_sight();
         self.guard.inhibit();
+        self.cut_motion(Reason::Offline, out);
     }
 
     /// Facts for the review.

@@ -48,15 +48,12 @@ impl DriveWork {
     }
 
     pub(super) fn trip(&mut self, event: Option<TripEvent>, out: Out<'_>) {
-        if self.trips.view().active == Some(true) && self.guard.intent() != RunIntent::Stop {
+        let is_tripped = self.trips.view().active == Some(true);
+        if is_tripped && (event.is_some() || self.guard.intent() != RunIntent::Stop) {
             // A trip ends what was ordered: after a reset a fresh order is needed.
             self.guard.inhibit();
+            self.cut_motion(Reason::Tripped, out);
         }
-        if let Some(event) = event {
-            if self.trips.view().active == Some(true) {
-                self.guard.inhibit();
-            }
-            out.push_back(Effect::Trip(self.drive, event));
-        }
+        out.extend(event.map(|event| Effect::Trip(self.drive, event)));
     }
 }

@@ -53,7 +53,8 @@ pub const fn exception_of(reason: Reason) -> u8 {
         | Reason::Duplicate
         | Reason::Stopped
         | Reason::Newer
-        | Reason::ShuttingDown => exception::SERVER_DEVICE_BUSY,
+        | Reason::ShuttingDown
+        | Reason::CommanderLost => exception::SERVER_DEVICE_BUSY,
         Reason::LineDown | Reason::Offline | Reason::UnknownDrive => exception::GATEWAY_PATH_UNAVAILABLE,
         Reason::Stale | Reason::TooLate | Reason::NoReply => exception::GATEWAY_TARGET_FAILED,
     }
@@ -94,12 +95,12 @@ mod tests {
 
     /// By number: 0 to 41.
     #[rustfmt::skip]
-    const CODES: [u8; 42] = [
+    const CODES: [u8; 43] = [
         4, 1, 1, 1, 3, 3, 3, 3, 3, 1, // none, read_only, not_from_here, ... direction_not_allowed, not_capable
         1, 2, 6, 6, 6, 6, 6, 6, 6, 6, // unverified, not_listed, start_inhibited, ... tripped
         6, 6, 6, 10, 10, 1, 11, 6, 11, 6, // not_tripped, reversal, queue_full, line_down, ... stopped
         6, 4, 4, 11, 4, 4, 10, 3, 3, 3, // newer, kept_old_value, ... too_large
-        4, 6, // unchanged, shutting_down
+        4, 6, 6, // unchanged, shutting_down, commander_lost
     ];
 
     #[test]
