@@ -5,8 +5,7 @@ use crate::config::words::{DIRECTIONS, LEASES};
 use crate::config::{Config, DriveSettings, LineSettings, ListenerSettings, MqttSettings, command_deadline};
 use crate::daemon::build;
 use crate::domain::control::ControlSettings;
-use crate::drive::plan::{self, PollGroup};
-use crate::line::budget::{self, ASSUMED_TURNAROUND, Budget, PlannedRead};
+use crate::line::budget::{ASSUMED_TURNAROUND, Budget};
 use crate::profile::model::Model;
 use crate::profile::values::duration_text;
 use crate::profile::words::word_for;
@@ -76,8 +75,7 @@ fn list<T: Display>(values: &[T]) -> String {
 
 fn describe_line(text: &mut String, line: &LineSettings, mqtt: Option<&MqttSettings>) -> std::fmt::Result {
     let (timing, needs_pty) = build::timing(line);
-    let plan: Vec<_> = line.drives.iter().flat_map(|drive| planned(drive).map(|(_, read)| read)).collect();
-    let budget = budget::of_plan(&timing, &plan);
+    let budget = build::budget(line);
     writeln!(text, "line {} on {}: {}", line.name, line.port.display(), line.link)?;
     write!(text, "  silence before each frame {}", ms(timing.silence))?;
     writeln!(text, "{}", if needs_pty { " (shorter than the drives need: pseudo-terminal only)" } else { "" })?;
@@ -105,7 +103,7 @@ fn describe_drive(text: &mut String, drive: &DriveSettings, budget: &Budget) -> 
     let access = if drive.control.is_some() { "controlled" } else { "read-only" };
     let units = format!("unit {}, uniform unit {}", drive.unit, drive.uniform_unit);
     writeln!(text, "  drive {name}: {model}, station {}, {units}, {access}", drive.station)?;
-    for (group, read) in planned(drive) {
+    for (group, read) in build::planned(drive) {
         let period = read.period.mul_f64(budget.stretch);
         let age = period + budget.longest_exchange * 2;
         let names: Vec<_> = (0..group.count)
@@ -161,14 +159,6 @@ fn describe_control(
     }
     let deadline = duration_text(command_deadline(control, mqtt));
     writeln!(text, "    command deadline {deadline} < lease {lost_after}")
-}
-
-fn planned(drive: &DriveSettings) -> impl Iterator<Item = (PollGroup, PlannedRead)> + '_ {
-    let turnaround =
-        drive.model.timing.processing_max.as_ref().map_or(ASSUMED_TURNAROUND, |processing| processing.value);
-    plan::groups(&drive.model)
-        .into_iter()
-        .map(move |group| (group, PlannedRead { count: group.count, period: group.period(drive.poll), turnaround }))
 }
 
 fn ms(time: Duration) -> String {

@@ -23,7 +23,7 @@ const FAILED: u8 = 1;
 /// Exit code for wrong usage or a wrong configuration, as clap has it.
 const WRONG_USAGE: u8 = 2;
 
-/// Bridges variable-frequency drives on serial lines to Modbus TCP.
+/// Bridges variable-frequency drives on serial lines to Modbus TCP and MQTT.
 ///
 /// Not a safety function: emergency stop and safe torque off are hard-wired.
 #[derive(Debug, Parser)]
@@ -38,7 +38,7 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Show everything at once on this machine alone: a simulated drive behind a gateway on Modbus TCP
+    /// Show everything at once on this machine alone: a simulated drive behind a gateway with Modbus TCP, MQTT and a broker
     Demo(demo::Args),
     /// Run the gateway
     Run(run::Args),

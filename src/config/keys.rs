@@ -158,7 +158,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Drive, "reply_timeout", "\"auto\", or \"1ms\" to \"60s\"", Some("the line's"), "Longest wait for a reply of this drive."),
     key(Section::Drive, "max_lateness", "\"10ms\" to \"60s\"", Some("the model's"), "How long after a time-out a late reply may still come."),
     key(Section::Drive, "register", "tables", Some("none"), "Registers that the model does not list, stated by the operator."),
-    key(Section::Drive, "dead_bands", "table: polled register = number", Some("none"), "Changes up to this, in the register's unit, are not published over MQTT before the heartbeat."),
+    key(Section::Drive, "dead_bands", "table: polled register = number", Some("none"), "Smaller changes, in the register's unit, are not published over MQTT before the heartbeat."),
     key(Section::Drive, "control", "table", Some("read-only from everywhere"), "Who may command the drive, what, and what happens when nobody does any more."),
     key(Section::Drive, "native", "table", Some("none"), "Registers of the vendor that may be written; needs `control`."),
 
@@ -213,7 +213,7 @@ pub const KEYS: &[Key] = &[
     key(Section::ModbusTcp, "stop", "list of networks inside `allow`", Some("`write`"), "Who may stop; it must hold whoever may write."),
     key(Section::ModbusTcp, "reads_renew", "true or false", Some("false"), "Whether reads of the one who controls a drive count as a sign of life."),
 
-    key(Section::Http, "listen", "address:port on loopback", None, "Where browsers connect; there is no sign-in, so from this host only."),
+    key(Section::Http, "listen", "address:port on loopback", None, "Where /metrics, /healthz and /readyz are served; there is no sign-in, so to this host only."),
 ];
 
 /// Every key that is known but refused.

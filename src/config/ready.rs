@@ -192,7 +192,7 @@ impl MqttSettings {
 /// Where the broker is.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BrokerSettings {
-    /// In this process, for trying out.
+    /// A child of this process, for trying out.
     Embedded,
     /// On the network.
     Tcp {

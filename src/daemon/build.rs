@@ -7,8 +7,9 @@ use super::shared::Shared;
 use crate::config::{self, BrokerSettings, Config, DriveSettings, LineSettings, MqttSettings, PasswordSource, Silence};
 use crate::domain::ids::{DriveIndex, Name};
 use crate::drive::description::{DriveDescription, DriveRef};
+use crate::drive::plan::{self, PollGroup};
 use crate::gateway::{DriveSetup, LineSetup};
-use crate::line::budget;
+use crate::line::budget::{self, ASSUMED_TURNAROUND, Budget, PlannedRead};
 use crate::line::timing::Timing;
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -49,15 +50,17 @@ fn reply_timeout(drive: &DriveSettings) -> Duration {
 #[must_use]
 pub fn shared(config: &Config) -> Shared {
     let drives = (0..).zip(&config.lines).flat_map(|(number, line)| {
+        let stretch = budget(line).stretch;
         (0..).zip(&line.drives).map(move |(index, drive)| {
             let place = DriveRef { line: number, drive: DriveIndex(index) };
-            description(place, line, drive)
+            description(place, line, drive, stretch)
         })
     });
     Shared::new(config.lines.iter().map(|line| line.name.clone()).collect(), drives.collect())
 }
 
-fn description(place: DriveRef, line: &LineSettings, drive: &DriveSettings) -> DriveDescription {
+/// Values age by the period that an over-full line really keeps.
+fn description(place: DriveRef, line: &LineSettings, drive: &DriveSettings, stretch: f64) -> DriveDescription {
     DriveDescription {
         place,
         name: drive.name.clone(),
@@ -65,10 +68,26 @@ fn description(place: DriveRef, line: &LineSettings, drive: &DriveSettings) -> D
         model: Arc::clone(&drive.model),
         unit: drive.unit,
         uniform_unit: drive.uniform_unit,
-        poll: drive.poll,
+        poll: drive.poll.mul_f64(stretch),
         control: drive.control.clone(),
         dead_bands: drive.dead_bands.clone(),
     }
+}
+
+/// The polls of `drive` as they are planned.
+pub fn planned(drive: &DriveSettings) -> impl Iterator<Item = (PollGroup, PlannedRead)> + '_ {
+    let turnaround =
+        drive.model.timing.processing_max.as_ref().map_or(ASSUMED_TURNAROUND, |processing| processing.value);
+    plan::groups(&drive.model)
+        .into_iter()
+        .map(move |group| (group, PlannedRead { count: group.count, period: group.period(drive.poll), turnaround }))
+}
+
+/// What the polls of `line` cost.
+#[must_use]
+pub fn budget(line: &LineSettings) -> Budget {
+    let plan: Vec<_> = line.drives.iter().flat_map(|drive| planned(drive).map(|(_, read)| read)).collect();
+    budget::of_plan(&timing(line).0, &plan)
 }
 
 /// How the broker of `mqtt` is reached by the gateway called `name`, and what is said there. `embedded` is where the

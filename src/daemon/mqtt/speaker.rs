@@ -107,7 +107,13 @@ impl Talk for Speaker {
     }
 
     fn handle(&mut self, at: Moment, event: Event<'_>) {
+        let is_answer = matches!(event, Event::Subscribed(_));
         self.session.handle(at, event);
+        if is_answer && self.session.counters().alive_refused > 0 {
+            tracing::warn!(
+                "the broker does not let us read the alive topic; only the probe tells whether commanders are there"
+            );
+        }
         self.pass_inward(at);
         self.count(at);
     }

@@ -33,6 +33,8 @@ pub struct Counters {
     pub responses_ignored: u64,
     /// Publications that were larger than the broker takes.
     pub too_large: u64,
+    /// 1 while the broker does not let us read the alive topic.
+    pub alive_refused: u64,
     /// Commands and reads that were never answered.
     pub unanswered: u64,
 }

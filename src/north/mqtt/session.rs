@@ -10,7 +10,7 @@ use super::seen::Seen;
 use super::state::{object, record};
 use super::telemetry::Telemetry;
 use super::topics::Topics;
-use super::types::{Act, Broker, Event, LineState, Moment, Publication, Qos, Settings};
+use super::types::{Act, Broker, Event, Filter, LineState, Moment, Publication, Qos, Settings};
 use crate::domain::ids::Name;
 use crate::domain::time::MonoTime;
 use crate::drive::description::{DriveDescription, DriveRef};
@@ -107,7 +107,12 @@ impl Session {
     }
 
     fn subscribed(&mut self, at: Moment, granted: &[bool]) {
-        let is_granted = granted.len() == self.topics.filters().len() && granted.iter().all(|granted| *granted);
+        let filters = self.topics.filters();
+        let is_whole = granted.len() == filters.len();
+        // The alive topic belongs to somebody else. Without it the probe alone tells whether the way is open.
+        let is_needed = |filter: &Filter| !filter.wants_retained;
+        let is_granted = is_whole && filters.iter().zip(granted).all(|(it, granted)| *granted || !is_needed(it));
+        self.counters.alive_refused = u64::from(is_whole && granted.contains(&false) && is_granted);
         if self.path.subscribed(at.mono, is_granted) {
             // Before any command that came on this connection and is still here.
             self.inward.push_front(Act::PathOpened);

@@ -113,6 +113,17 @@ fn filters_are_narrow_and_catch_nothing_of_ours() {
 }
 
 #[test]
+fn an_alive_topic_that_is_not_granted_is_done_without() {
+    let mut rig = Rig::new(Version::V5);
+    let filters = subscribe(&mut rig);
+    let mut granted = vec![true; filters];
+    granted[filters - 1] = false;
+    rig.handle(Event::Subscribed(granted));
+    assert!(has_probe(&rig.acts_without_echo()));
+    assert_eq!((rig.session.counters().alive_refused, rig.session.counters().reconnects), (1, 0));
+}
+
+#[test]
 fn a_filter_that_is_not_granted_asks_for_a_new_connection() {
     for missing in [true, false] {
         let mut rig = Rig::new(Version::V5);

@@ -212,6 +212,8 @@ fn document(now: &Present, drive: &DriveDescription, view: &DriveView) -> Value 
         "at": now.clock.text(now.at),
         "online": view.is_online(),
         "run_state": shown_run_state(view).word(),
+        // No status word shows it: it follows from the output frequency and from what was ordered here.
+        "run_state_confidence": "inferred",
         "values": values,
         "trip": trip(now, drive, view),
         "control": view.control.as_ref().map(|it| control(now, it)),
