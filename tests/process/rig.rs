@@ -39,7 +39,7 @@ impl Drop for Place {
 }
 
 /// The program with a log that can be read line by line.
-fn program() -> Command {
+pub fn program() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_vfd-gateway"));
     command.env("RUST_LOG", "info").args(["--log-format", "json"]);
     command
@@ -120,7 +120,7 @@ impl Gateway {
 }
 
 /// What a line of the log says.
-fn fields(line: &str) -> Option<serde_json::Value> {
+pub fn fields(line: &str) -> Option<serde_json::Value> {
     let mut entry: serde_json::Value = serde_json::from_str(line).ok()?;
     Some(entry["fields"].take())
 }
