@@ -2,7 +2,7 @@
 
 use super::outsiders::mbpoll;
 use super::raw::Raw;
-use super::rig::{Place, gateway, simulate, start, start_before_a_reader_that_leaves};
+use super::rig::{Place, gateway, only_demo, simulate, start, start_before_a_reader_that_leaves};
 use super::started::{PATIENCE, until};
 use std::net::{SocketAddr, TcpListener};
 use std::time::Duration;
@@ -98,6 +98,7 @@ fn run_says_that_its_port_is_taken_and_fails() {
 
 #[test]
 fn the_demo_says_that_its_port_is_taken_and_takes_another() {
+    let _alone = only_demo();
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap();
     let mut demo = start(&["demo", "--port", &address.port().to_string(), "--http-port", "0"]);
@@ -116,6 +117,7 @@ fn the_demo_says_that_its_port_is_taken_and_takes_another() {
 
 #[test]
 fn a_demo_whose_reader_has_gone_goes_on_and_ends_when_it_is_told_to() {
+    let _alone = only_demo();
     let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     let (mut demo, _) =
         start_before_a_reader_that_leaves(&["demo", "--port", &free.port().to_string(), "--http-port", "0"]);

@@ -68,9 +68,7 @@ fn a_command_that_waited_in_a_stalled_broker_moves_nothing() {
 fn a_modbus_client_that_vanishes_stops_its_drive() {
     let plant = Plant::new();
     let mut client = Raw::connect(plant.modbus);
-    for (register, word) in [(256, 0), (257, 3000), (256, 1)] {
-        assert_eq!(client.write(UNIFORM, register, word), Ok(()));
-    }
+    plant.run_over_modbus(&mut client);
     drop(client);
     let seen = plant.written().len();
     plant.wait_for_write(seen, (RUN, 0), LOST_AFTER + MARGIN);
@@ -84,9 +82,7 @@ fn a_modbus_client_that_vanishes_stops_its_drive() {
 fn reads_keep_no_drive_running() {
     let plant = Plant::new();
     let mut client = Raw::connect(plant.modbus);
-    for (register, word) in [(256, 0), (257, 3000), (256, 1)] {
-        assert_eq!(client.write(UNIFORM, register, word), Ok(()));
-    }
+    plant.run_over_modbus(&mut client);
     let seen = plant.written().len();
     until("the drive is stopped while its commander only reads", LOST_AFTER + MARGIN, || {
         assert!(client.read_unit(UNIFORM, 0, 16).is_ok() && client.read_unit(NATIVE, 0x0101, 1).is_ok());
@@ -107,7 +103,12 @@ fn write_holds_a_drive_longer_than_its_lease_and_stops_it_on_ctrl_c() {
     };
     let write = |more: &[&'static str]| vfd_gateway(&args(more).iter().map(String::as_str).collect::<Vec<_>>());
     assert!(write(&["run", "stop"]).status.success());
-    assert!(write(&["frequency", "30"]).status.success());
+    until("the stop is effective and the setpoint taken", PATIENCE, || {
+        let output = write(&["frequency", "30"]);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success() || said.contains("stop_pending"), "{said}");
+        output.status.success().then_some(())
+    });
     let mut writer = start(&args(&["run", "forward"]).iter().map(String::as_str).collect::<Vec<_>>());
     writer.wait_for("that it stays", |line| line.contains("the lease is renewed").then_some(()));
     let seen = plant.written().len();
@@ -122,7 +123,8 @@ fn write_holds_a_drive_longer_than_its_lease_and_stops_it_on_ctrl_c() {
     writer.interrupt();
     assert_eq!(writer.end_within(PATIENCE).code(), Some(0), "{}", writer.text());
     plant.wait_until_it_stands();
-    assert_eq!(plant.written()[seen..], [(RUN, 0)]);
+    // Again if the motor takes longer to stop than its commander, who is gone, may be silent.
+    assert_only_stops(&plant, seen);
 }
 
 #[test]

@@ -112,11 +112,6 @@ impl Subscriber {
         Self { program }
     }
 
-    /// Everything that came so far.
-    pub fn messages(&self) -> Vec<Message> {
-        self.program.find_all(|line| message(line))
-    }
-
     /// Everything that came so far on the topics that end with `topic`.
     pub fn on(&self, topic: &str) -> Vec<Message> {
         self.program.find_all(|line| message(line).filter(|it| it.topic.ends_with(topic)))

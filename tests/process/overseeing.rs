@@ -16,7 +16,8 @@ fn metrics_and_health_say_what_runs_and_what_is_missing() {
         line.rsplit(' ').next().unwrap().parse().unwrap()
     };
     assert_eq!(metric(&plant, "vfd_gateway_ready "), 1.0);
-    assert!(metric(&plant, "vfd_gateway_drive_output_frequency_hertz{line=\"hall-1\",drive=\"pump-1\"}") > 2.0);
+    let output = "vfd_gateway_drive_output_frequency_hertz{line=\"hall-1\",drive=\"pump-1\"}";
+    until("the output frequency is polled", PATIENCE, || (metric(&plant, output) > 2.0).then_some(()));
     assert_eq!(metric(&plant, "vfd_gateway_drive_run_state{"), 2.0, "forward");
     assert_eq!(metric(&plant, "vfd_gateway_drive_lease_held{"), 1.0);
     assert_eq!(metric(&plant, "vfd_gateway_mqtt_connected "), 1.0);

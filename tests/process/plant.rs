@@ -8,6 +8,7 @@ use serde_json::Value;
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpStream};
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 /// How long the commander of the plant's drive may be silent.
@@ -22,6 +23,9 @@ pub const OUTPUT: u16 = 0x0101;
 /// The native and the uniform unit of the drive.
 pub const NATIVE: u8 = 1;
 pub const UNIFORM: u8 = 101;
+/// The reason of the last refusal, and the one that a stop is not effective yet.
+const REASON: u16 = 261;
+const STOP_PENDING: u16 = 13;
 
 /// How a plant differs from the usual one.
 #[derive(Clone, Copy, Default)]
@@ -145,6 +149,38 @@ impl Plant {
         let subscriber = Subscriber::new(&self.broker, "mqttv5", &Self::topic("state"));
         let epoch = |text: &str| serde_json::from_str::<Value>(text).ok()?["control"]["epoch"].as_u64();
         subscriber.wait_for("state", |it| epoch(&it.payload))
+    }
+
+    /// Starts the drive over MQTT behind a stop. A plain start would have to wait, so this one names the epoch; it comes
+    /// too soon as long as the stop is not effective or its epoch not published.
+    pub fn run_over_mqtt_behind_a_stop(&self) {
+        static NUMBER: AtomicU32 = AtomicU32::new(0);
+        let subscriber = self.subscriber();
+        until("the start is taken", PATIENCE, || {
+            let (id, epoch) = (format!("start-{}", NUMBER.fetch_add(1, Ordering::Relaxed)), self.epoch());
+            self.order("command", &format!(r#"{{"id": "{id}", "run": "forward", "epoch": {epoch}}}"#));
+            let told = subscriber.results(&id);
+            let last = told.last().unwrap();
+            let is_too_soon = last["reason"] == "stop_pending" || last["reason"] == "stale_epoch";
+            assert!(is_too_soon || last["outcome"] == "acknowledged", "{told:?}");
+            (!is_too_soon).then_some(())
+        });
+        self.wait_until_it_turns();
+    }
+
+    /// A Modbus client writes `word` to the uniform unit. After a stop it tries again until that is effective.
+    pub fn write_uniform(&self, client: &mut Raw, register: u16, word: u16) {
+        until("it is taken", PATIENCE, || match client.write(UNIFORM, register, word) {
+            Err(6) if client.read_unit(UNIFORM, REASON, 1) == Ok(vec![STOP_PENDING]) => None,
+            answer => Some(assert_eq!(answer, Ok(()), "{word} to {register}")),
+        });
+    }
+
+    /// A Modbus client starts the drive at 30 Hz, as a controller does: stop, setpoint, run.
+    pub fn run_over_modbus(&self, client: &mut Raw) {
+        for (register, word) in [(256, 0), (257, 3000), (256, 1)] {
+            self.write_uniform(client, register, word);
+        }
     }
 
     pub fn wait_until_it_turns(&self) {

@@ -1,9 +1,12 @@
 //! STOP by every way that there is, and nobody goes on behind it.
 
 use super::outsiders::mbpoll_write;
-use super::plant::{NATIVE, Plant, RUN, UNIFORM, Wish};
+use super::plant::{FREQUENCY, NATIVE, Plant, RUN, UNIFORM, Wish};
 use super::raw::Raw;
-use super::started::PATIENCE;
+use super::started::{PATIENCE, until};
+
+/// Who holds control, in the uniform map; 0 is nobody.
+const OWNER: u16 = 19;
 
 /// Long enough that no lease ends while the test looks.
 const PATIENT: Wish<'_> = Wish { lost_after: "30s", simulate: &[], mqtt: "" };
@@ -11,7 +14,9 @@ const PATIENT: Wish<'_> = Wish { lost_after: "30s", simulate: &[], mqtt: "" };
 #[test]
 fn whoever_may_stop_stops_a_drive_that_was_started_over_mqtt() {
     let plant = Plant::with(PATIENT);
-    let mut seen = 0;
+    plant.order("frequency/set", "30");
+    plant.wait_for_write(0, (FREQUENCY, 3000), PATIENCE);
+    let mut seen = 1;
     let ways: [(&str, &dyn Fn()); 7] = [
         ("run/set", &|| plant.order("run/set", "stop")),
         ("run/set coast", &|| plant.order("run/set", "coast")),
@@ -22,11 +27,9 @@ fn whoever_may_stop_stops_a_drive_that_was_started_over_mqtt() {
         ("coil 0 of unit 255", &|| assert!(mbpoll_write(plant.modbus, &["-a", "255", "-t", "0", "-r", "0"], 1))),
     ];
     for (way, stop) in ways {
-        // A plain start is too soon after a stop, so this one names the present epoch.
-        plant.order("command", &format!(r#"{{"run": "forward", "frequency_hz": 30, "epoch": {}}}"#, plant.epoch()));
-        plant.wait_until_it_turns();
-        seen += 2;
-        assert_eq!(plant.written().len(), seen, "setpoint and start before {way}: {:?}", plant.written());
+        plant.run_over_mqtt_behind_a_stop();
+        assert_eq!(plant.written()[seen..], [(RUN, 1)], "the start before {way}");
+        seen += 1;
         stop();
         let word = if way.contains("coast") { 3 } else { 0 };
         plant.wait_for_write(seen, (RUN, word), PATIENCE);
@@ -43,9 +46,7 @@ fn who_was_stopped_by_somebody_else_does_not_go_on() {
     // A controller holds the drive; the operator stops it over MQTT.
     let mut controller = Raw::connect(plant.modbus);
     assert_eq!(controller.write(UNIFORM, 256, 1), Err(6), "nobody has commanded stop since the start");
-    for (register, word) in [(256, 0), (257, 3000), (256, 1)] {
-        assert_eq!(controller.write(UNIFORM, register, word), Ok(()));
-    }
+    plant.run_over_modbus(&mut controller);
     plant.wait_until_it_turns();
     plant.order("command", r#"{"id": "not-mine", "frequency_hz": 40}"#);
     assert_eq!(subscriber.results("not-mine").last().unwrap()["reason"], "other_owner");
@@ -60,14 +61,16 @@ fn who_was_stopped_by_somebody_else_does_not_go_on() {
     assert_eq!(controller.read_unit(UNIFORM, 256, 1), Ok(vec![0]));
     assert_eq!(plant.written(), written);
     // Its own stop, then a start.
-    assert_eq!((controller.write(UNIFORM, 256, 0), controller.write(UNIFORM, 256, 1)), (Ok(()), Ok(())));
+    plant.write_uniform(&mut controller, 256, 0);
+    plant.write_uniform(&mut controller, 256, 1);
     plant.wait_until_it_turns();
 
     // The other way round: the controller stops what was started over MQTT, and a plain start has to wait.
     assert_eq!(controller.write(UNIFORM, 256, 0), Ok(()));
-    plant.wait_until_it_stands();
-    plant.order("command", &format!(r#"{{"run": "forward", "epoch": {}}}"#, plant.epoch()));
-    plant.wait_until_it_turns();
+    until("control is given back at standstill", PATIENCE, || {
+        (controller.read_unit(UNIFORM, OWNER, 1) == Ok(vec![0])).then_some(())
+    });
+    plant.run_over_mqtt_behind_a_stop();
     let before = plant.epoch();
     assert!(mbpoll_write(plant.modbus, &["-a", "101", "-t", "0", "-r", "3"], 1));
     plant.order("command", r#"{"id": "too-soon", "run": "forward"}"#);

@@ -3,11 +3,12 @@
 use super::outsiders::mbpoll_output;
 use super::plant::{LOST_AFTER, MARGIN};
 use super::raw::Raw;
-use super::rig::program;
+use super::rig::{only_demo, program};
 use super::started::{PATIENCE, Started, until};
 use std::net::{SocketAddr, TcpStream};
 use std::path::Path;
 use std::process::Command;
+use std::sync::MutexGuard;
 use std::time::Duration;
 
 /// How long the demo says that a drive runs on at most without its broker, and a margin for a busy machine.
@@ -19,10 +20,12 @@ struct Demo {
     modbus: SocketAddr,
     broker: SocketAddr,
     lines: Vec<String>,
+    alone: MutexGuard<'static, ()>,
 }
 
 impl Demo {
     fn new() -> Self {
+        let alone = only_demo();
         let mut command = program();
         command.args(["demo", "--port", "0", "--http-port", "0"]);
         let program = Started::at_a_keyboard(command);
@@ -36,7 +39,7 @@ impl Demo {
         let lines = program.find_all(|line| line.starts_with("  ").then(|| line.trim().to_owned()));
         assert_eq!(lines.len(), 3, "{lines:?}");
         let (modbus, broker) = (address("Modbus TCP "), address("MQTT broker "));
-        Self { program, modbus, broker, lines }
+        Self { program, modbus, broker, lines, alone }
     }
 
     /// Runs a printed line, as it is, in a shell; line by line, as in a terminal.
@@ -65,6 +68,7 @@ impl Demo {
             assert!(!Path::new(&format!("/proc/{child}")).exists(), "{child} is left");
         }
         assert!(TcpStream::connect(self.modbus).is_err() && TcpStream::connect(self.broker).is_err());
+        drop(self.alone);
     }
 }
 

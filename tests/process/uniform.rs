@@ -2,6 +2,7 @@
 
 use super::outsiders::{mbpoll_output, pymodbus_client};
 use super::plant::{FREQUENCY, Plant, RUN, Wish};
+use super::started::{PATIENCE, until};
 use serde_json::{Value, json};
 use std::process::Command;
 
@@ -76,10 +77,16 @@ fn a_client_that_writes_cyclically_runs_the_drive_with_one_frame_for_each_change
     let done = |requests: &[&str]| -> Vec<Value> { pymodbus_client(plant.modbus, requests) };
     // One block is one command, the setpoint first; what repeats it goes nowhere.
     let block = "write:101:256:1,3000,1";
-    let answers = done(&["write:101:256:0", block, block, block, "read:101:256:2", "read:101:19:1"]);
+    assert_eq!(done(&["write:101:256:0"])[0].get("exception"), None);
+    until("the stop is effective and the block taken", PATIENCE, || {
+        let answer = &done(&[block])[0];
+        assert!(answer["exception"] == 6 || answer.get("exception").is_none(), "{answer}");
+        answer.get("exception").is_none().then_some(())
+    });
+    let answers = done(&[block, block, "read:101:256:2", "read:101:19:1"]);
     assert!(answers.iter().all(|answer| answer.get("exception").is_none()), "{answers:?}");
-    assert_eq!(answers[4]["words"], json!([1, 3000]));
-    assert_eq!(answers[5]["words"], json!([3]), "it is this client that holds control");
+    assert_eq!(answers[2]["words"], json!([1, 3000]));
+    assert_eq!(answers[3]["words"], json!([3]), "it is this client that holds control");
     assert_eq!(plant.written(), [(RUN, 0), (FREQUENCY, 3000), (RUN, 1)]);
     plant.wait_until_it_turns();
     // Somebody else may not go on from here.
