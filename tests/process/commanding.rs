@@ -2,6 +2,7 @@
 
 use super::outsiders::requester;
 use super::plant::{FREQUENCY, Plant, RUN, Wish};
+use super::started::{PATIENCE, until};
 use serde_json::{Value, json};
 
 #[test]
@@ -109,7 +110,7 @@ fn what_is_no_command_is_refused_with_its_reason_and_never_reaches_the_line() {
     let subscriber = plant.subscriber();
     for (place, (input, payload, reason)) in NO_COMMANDS.iter().enumerate() {
         plant.order(input, payload);
-        let result = super::started::until("the result comes", super::started::PATIENCE, || {
+        let result = until("the result comes", PATIENCE, || {
             let last = subscriber.on("pump-1/result").into_iter().filter(|it| it.payload.contains("\"final\":true"));
             last.into_iter().nth(place)
         });

@@ -41,7 +41,7 @@ fn metrics_and_health_say_what_runs_and_what_is_missing() {
     }
     // Without its broker it lives and is not ready.
     plant.broker.kill();
-    until("it is not ready", PATIENCE, || plant.get("/readyz").filter(|(status, _)| *status == 503));
+    plant.wait_until_not_ready();
     assert_eq!(plant.get("/healthz").unwrap(), (200, "ok\n".to_owned()));
     assert_eq!(metric(&plant, "vfd_gateway_ready "), 0.0);
     for way in &ways {

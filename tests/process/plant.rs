@@ -94,6 +94,11 @@ impl Plant {
         });
     }
 
+    /// Waits until the gateway has noticed that its broker is gone.
+    pub fn wait_until_not_ready(&self) {
+        until("the gateway is not ready", PATIENCE, || self.get("/readyz").filter(|(status, _)| *status == 503));
+    }
+
     /// Status and body of `path`; nothing as long as nobody answers.
     pub fn get(&self, path: &str) -> Option<(u16, String)> {
         let mut stream = TcpStream::connect(self.http).ok()?;
@@ -170,10 +175,11 @@ impl Plant {
 
     /// A Modbus client writes `word` to the uniform unit. After a stop it tries again until that is effective.
     pub fn write_uniform(&self, client: &mut Raw, register: u16, word: u16) {
-        until("it is taken", PATIENCE, || match client.write(UNIFORM, register, word) {
+        let answer = until("the stop before is effective", PATIENCE, || match client.write(UNIFORM, register, word) {
             Err(6) if client.read_unit(UNIFORM, REASON, 1) == Ok(vec![STOP_PENDING]) => None,
-            answer => Some(assert_eq!(answer, Ok(()), "{word} to {register}")),
+            answer => Some(answer),
         });
+        assert_eq!(answer, Ok(()), "{word} to {register}");
     }
 
     /// A Modbus client starts the drive at 30 Hz, as a controller does: stop, setpoint, run.

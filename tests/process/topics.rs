@@ -61,7 +61,7 @@ fn kept(plant: &Plant, version: &str, topic: &str) -> String {
 
 #[test]
 fn a_trip_is_an_event_once_and_is_over_when_it_was_reset() {
-    let plant = Plant::with(Wish { simulate: &["--trip-every", "8"], ..Wish::default() });
+    let plant = Plant::with(Wish { simulate: &["--trip-every", "12"], ..Wish::default() });
     let subscriber = plant.subscriber();
     plant.run_over_mqtt();
     subscriber.wait_for_payload("pump-1/trip/active", "true");
