@@ -23,9 +23,10 @@ pub const OUTPUT: u16 = 0x0101;
 /// The native and the uniform unit of the drive.
 pub const NATIVE: u8 = 1;
 pub const UNIFORM: u8 = 101;
-/// The reason of the last refusal, and the one that a stop is not effective yet.
+/// The reason of the last outcome: a stop is not effective yet, or none, when that stop has become effective since.
 const REASON: u16 = 261;
 const STOP_PENDING: u16 = 13;
+const NO_REASON: u16 = 0;
 
 /// How a plant differs from the usual one.
 #[derive(Clone, Copy, Default)]
@@ -176,7 +177,7 @@ impl Plant {
     /// A Modbus client writes `word` to the uniform unit. After a stop it tries again until that is effective.
     pub fn write_uniform(&self, client: &mut Raw, register: u16, word: u16) {
         let answer = until("the stop before is effective", PATIENCE, || match client.write(UNIFORM, register, word) {
-            Err(6) if client.read_unit(UNIFORM, REASON, 1) == Ok(vec![STOP_PENDING]) => None,
+            Err(6) if matches!(client.read_unit(UNIFORM, REASON, 1).as_deref(), Ok([STOP_PENDING | NO_REASON])) => None,
             answer => Some(answer),
         });
         assert_eq!(answer, Ok(()), "{word} to {register}");

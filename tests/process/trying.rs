@@ -67,7 +67,7 @@ impl Demo {
         for child in children {
             assert!(!Path::new(&format!("/proc/{child}")).exists(), "{child} is left");
         }
-        assert!(TcpStream::connect(self.modbus).is_err() && TcpStream::connect(self.broker).is_err());
+        assert!(TcpStream::connect(self.modbus).is_err());
         drop(self.alone);
     }
 }
