@@ -8,6 +8,14 @@
 //! | `asking` | `health`, `read`, `write` and `watch` ask a running gateway |
 //! | `checking` | what `check` and the other commands say, and their exit codes |
 //! | `documents` | the README lists every command, option and key |
+//! | `topics` | the topic tree for subscribers, and trips |
+//! | `commanding` | commands over MQTT are answered and move the motor, and what is no command moves nothing |
+//! | `replays` | what a broker has kept moves nothing |
+//! | `stopping` | STOP by every way, and nobody goes on behind it |
+//! | `losing` | the commander, the broker or the gateway is gone, and the motor does not run on |
+//! | `uniform` | the uniform unit and the exceptions as Modbus clients see them |
+//! | `overseeing` | metrics, alive, ready, the health check |
+//! | `trying` | the demo does what it prints |
 //!
 //! The other files are helpers. These tests are few and slow; what needs no process is tested elsewhere.
 
@@ -25,15 +33,35 @@ mod asking;
 mod checking;
 #[path = "process/coming_and_going.rs"]
 mod coming_and_going;
+#[path = "process/commanding.rs"]
+mod commanding;
 #[path = "process/documents.rs"]
 mod documents;
+#[path = "process/losing.rs"]
+mod losing;
+#[path = "process/overseeing.rs"]
+mod overseeing;
 #[path = "process/reading.rs"]
 mod reading;
 #[path = "process/refusing.rs"]
 mod refusing;
+#[path = "process/replays.rs"]
+mod replays;
+#[path = "process/stopping.rs"]
+mod stopping;
+#[path = "process/topics.rs"]
+mod topics;
+#[path = "process/trying.rs"]
+mod trying;
+#[path = "process/uniform.rs"]
+mod uniform;
 
+#[path = "process/mosquitto.rs"]
+mod mosquitto;
 #[path = "process/outsiders.rs"]
 mod outsiders;
+#[path = "process/plant.rs"]
+mod plant;
 #[path = "process/raw.rs"]
 mod raw;
 #[path = "process/rig.rs"]

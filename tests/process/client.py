@@ -2,7 +2,8 @@
 
     client.py PORT REQUEST...
 
-A request is `read:UNIT:ADDRESS:COUNT`, `read_input:UNIT:ADDRESS:COUNT` or `write:UNIT:ADDRESS:VALUE[,VALUE]`.
+A request is `read:UNIT:ADDRESS:COUNT`, with `read_input`, `coils` or `discrete` for the other tables,
+`write:UNIT:ADDRESS:VALUE[,VALUE]` or `coil:UNIT:ADDRESS:0|1`.
 """
 
 import json
@@ -18,6 +19,12 @@ def ask(client, request):
         return client.read_holding_registers(address, count=int(rest), device_id=unit)
     if verb == "read_input":
         return client.read_input_registers(address, count=int(rest), device_id=unit)
+    if verb == "coils":
+        return client.read_coils(address, count=int(rest), device_id=unit)
+    if verb == "discrete":
+        return client.read_discrete_inputs(address, count=int(rest), device_id=unit)
+    if verb == "coil":
+        return client.write_coil(address, rest == "1", device_id=unit)
     if verb == "write":
         values = [int(value) for value in rest.split(",")]
         if len(values) == 1:
@@ -35,6 +42,10 @@ def main():
         answer = ask(client, request)
         if answer.isError():
             print(json.dumps({"exception": answer.exception_code}))
+        elif request.startswith(("coil", "discrete")):
+            # The library fills the last byte up.
+            count = int(request.split(":")[3]) if not request.startswith("coil:") else 1
+            print(json.dumps({"bits": list(answer.bits)[:count]}))
         else:
             print(json.dumps({"words": list(answer.registers)}))
     client.close()

@@ -2,7 +2,7 @@
 
 use super::outsiders::mbpoll;
 use super::raw::Raw;
-use super::rig::{Place, gateway, simulate, start, start_before_a_reader_that_leaves};
+use super::rig::{Place, gateway, only_demo, simulate, start, start_before_a_reader_that_leaves};
 use super::started::{PATIENCE, until};
 use std::net::{SocketAddr, TcpListener};
 use std::time::Duration;
@@ -98,12 +98,13 @@ fn run_says_that_its_port_is_taken_and_fails() {
 
 #[test]
 fn the_demo_says_that_its_port_is_taken_and_takes_another() {
+    let _alone = only_demo();
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap();
-    let mut demo = start(&["demo", "--port", &address.port().to_string()]);
+    let mut demo = start(&["demo", "--port", &address.port().to_string(), "--http-port", "0"]);
     demo.wait_for("that the port is taken", |line| line.contains(&format!("{address} is taken")).then_some(()));
     let other: SocketAddr = demo.wait_for("where it listens instead", |line| {
-        line.strip_prefix("Modbus TCP on ")?.split(',').next()?.parse().ok()
+        line.strip_prefix("Modbus TCP ")?.split(": ").next()?.parse().ok()
     });
     assert_ne!(other, address);
     let values = until("the drive answers", PATIENCE, || {
@@ -116,8 +117,10 @@ fn the_demo_says_that_its_port_is_taken_and_takes_another() {
 
 #[test]
 fn a_demo_whose_reader_has_gone_goes_on_and_ends_when_it_is_told_to() {
+    let _alone = only_demo();
     let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
-    let (mut demo, _) = start_before_a_reader_that_leaves(&["demo", "--port", &free.port().to_string()]);
+    let (mut demo, _) =
+        start_before_a_reader_that_leaves(&["demo", "--port", &free.port().to_string(), "--http-port", "0"]);
     // Every exchange on the line is a log line that nobody takes.
     let values = until("the drive answers", PATIENCE, || {
         Some(mbpoll(free, &["-t", "4", "-r", "529", "-c", "1"]).values).filter(|values| !values.is_empty())

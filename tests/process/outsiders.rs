@@ -20,6 +20,13 @@ pub fn mbpoll(address: SocketAddr, args: &[&str]) -> Mbpoll {
     mbpoll_output(command.args(args).arg(address.ip().to_string()))
 }
 
+/// Has mbpoll write `value` with `args`, and returns whether it says that it was written.
+pub fn mbpoll_write(address: SocketAddr, args: &[&str], value: u16) -> bool {
+    let mut command = Command::new("mbpoll");
+    command.args(["-0", "-o", "6", "-p", &address.port().to_string()]).args(args);
+    mbpoll_output(command.args([address.ip().to_string(), value.to_string()])).text.contains("Written 1 references.")
+}
+
 /// What an mbpoll command that is complete prints.
 pub fn mbpoll_output(command: &mut Command) -> Mbpoll {
     let Output { stdout, stderr, .. } = run(command);
@@ -36,6 +43,15 @@ fn value(line: &str) -> Option<u16> {
 /// What a pymodbus client gets as answers to `requests`; see `client.py`.
 pub fn pymodbus_client(address: SocketAddr, requests: &[&str]) -> Vec<serde_json::Value> {
     let output = run(Command::new(python()).arg(script("client.py")).arg(address.port().to_string()).args(requests));
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// The responses that a requester with MQTT 5 gets from paho-mqtt; see `requester.py`.
+pub fn requester(port: u16, topic: &str, payload: &str, response: &str, correlation: &str) -> Vec<serde_json::Value> {
+    let mut command = Command::new(python());
+    command.arg(script("requester.py")).args([&port.to_string(), topic, payload, response, correlation]);
+    let output = run(&mut command);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }

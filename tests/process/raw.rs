@@ -43,13 +43,28 @@ impl Raw {
 
     /// Reads `count` words at `address` of unit 1: the words, or the code of the exception.
     pub fn read(&mut self, address: u16, count: u16) -> Result<Vec<u16>, u8> {
+        self.read_unit(1, address, count)
+    }
+
+    /// Reads `count` words at `address` of `unit`: the words, or the code of the exception.
+    pub fn read_unit(&mut self, unit: u8, address: u16, count: u16) -> Result<Vec<u16>, u8> {
         let ([a, b], [c, d]) = (address.to_be_bytes(), count.to_be_bytes());
-        match self.ask(1, &[3, a, b, c, d]).as_slice() {
+        match self.ask(unit, &[3, a, b, c, d]).as_slice() {
             [0x83, code] => Err(*code),
             [3, bytes, words @ ..] if usize::from(*bytes) == words.len() && words.len() == 2 * usize::from(count) => {
                 Ok(words.chunks(2).map(|word| u16::from_be_bytes([word[0], word[1]])).collect())
             }
             other => panic!("no answer to a read: {other:02X?}"),
+        }
+    }
+
+    /// Writes one word at `address` of `unit`, or gives the code of the exception.
+    pub fn write(&mut self, unit: u8, address: u16, word: u16) -> Result<(), u8> {
+        let ([a, b], [c, d]) = (address.to_be_bytes(), word.to_be_bytes());
+        match self.ask(unit, &[6, a, b, c, d]).as_slice() {
+            [0x86, code] => Err(*code),
+            answer if answer == [6, a, b, c, d] => Ok(()),
+            other => panic!("no answer to a write: {other:02X?}"),
         }
     }
 

@@ -1,11 +1,9 @@
 //! Ordinary clients read a drive through the gateway, and ordinary drives are read.
 
-use super::outsiders::{cable, mbpoll, mbpoll_output, pymodbus_client, pymodbus_drive};
-use super::rig::{Place, gateway, simulate, start};
+use super::outsiders::{cable, mbpoll, pymodbus_client, pymodbus_drive};
+use super::rig::{Place, gateway, simulate};
 use super::started::{PATIENCE, until};
 use serde_json::json;
-use std::net::SocketAddr;
-use std::process::Command;
 
 /// F010, frequency source: 3 (communication) in a simulated drive. Typed from the manual.
 const F010: &str = "0x0211";
@@ -54,18 +52,4 @@ fn a_drive_that_pymodbus_plays_is_read_word_for_word() {
     let words: Vec<u16> = (0x0201..0x0201 + 20).collect();
     let block = mbpoll(gateway.address, &["-t", "4", "-r", "513", "-c", "20"]);
     assert_eq!(block.values, words, "{}", block.text);
-}
-
-#[test]
-fn the_demo_prints_commands_that_work_as_they_are() {
-    let demo = start(&["demo", "--port", "0"]);
-    let address: SocketAddr =
-        demo.wait_for("where it listens", |line| line.strip_prefix("Modbus TCP on ")?.split(',').next()?.parse().ok());
-    let line = demo
-        .wait_for("what to try", |line| (line.contains("mbpoll") && line.contains(" -1 ")).then(|| line.to_owned()));
-    assert!(line.contains(&address.port().to_string()), "{line}");
-    // The set frequency of the drive that runs up and down: 50.00 Hz.
-    demo.wait_for("that the drive is there", |line| line.contains("Online").then_some(()));
-    let setting = mbpoll_output(Command::new("sh").args(["-c", &line]));
-    assert_eq!(setting.values, [5000], "{}", setting.text);
 }

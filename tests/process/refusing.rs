@@ -20,8 +20,8 @@ fn pymodbus_gets_the_exception_that_fits() {
         ("write:1:0x0004:5000", 0x01),      // frequency command
         ("write:1:0x020C:100,0,100", 0x01), // a block
         ("read:2:0x0101:1", 0x0A),          // no such unit
-        ("read:255:0x0101:1", 0x0A),
-        ("read:0:0x0101:1", 0x0A),
+        ("read:255:0x0101:1", 0x02),        // the gateway itself has no such word
+        ("read:0:0x0101:1", 0x02),
         ("read:1:0xFFFF:2", 0x02), // past the last register
     ];
     let answers = pymodbus_client(gateway.address, &requests.map(|(request, _)| request));
@@ -114,8 +114,8 @@ const REFUSED: &[(u8, &[u8], u8)] = &[
     (1, &[5, 0, 0, 0xFF, 0], 1),                      // a coil
     (1, &[0x17, 1, 1, 0, 1, 0, 2, 0, 1, 2, 0, 1], 1), // read and write at once
     (9, &[3, 1, 1, 0, 1], 0x0A),                      // no such unit
-    (255, &[6, 0, 2, 0, 1], 0x0A),                    // the number that is the drives' own broadcast
-    (0, &[6, 0, 2, 0, 1], 0x0A),                      // and that of Modbus
+    (255, &[6, 0, 2, 0, 1], 1),                       // the number that is the drives' own broadcast
+    (0, &[6, 0, 2, 0, 1], 1),                         // and that of Modbus
     (1, &[3, 1, 1, 0, 0], 3),                         // no words
     (1, &[3, 1, 1, 0, 126], 3),                       // too many
 ];

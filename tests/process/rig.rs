@@ -5,6 +5,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// A directory that is gone after the test.
 pub struct Place {
@@ -39,7 +40,7 @@ impl Drop for Place {
 }
 
 /// The program with a log that can be read line by line.
-fn program() -> Command {
+pub fn program() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_vfd-gateway"));
     command.env("RUST_LOG", "info").args(["--log-format", "json"]);
     command
@@ -62,6 +63,14 @@ pub fn start_before_a_reader_that_leaves(args: &[&str]) -> (Started, String) {
     let mut command = program();
     command.env("RUST_LOG", "trace").args(args);
     Started::before_a_reader_that_leaves(command)
+}
+
+/// Held by who runs a demo. All demos want the usual port for their broker, and one that has lost its own broker
+/// would find that of another there.
+pub fn only_demo() -> MutexGuard<'static, ()> {
+    static DEMO: Mutex<()> = Mutex::new(());
+    // A test that failed with it has ended its demo all the same.
+    DEMO.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A simulated drive at station 1 whose port is reached as `link`.
@@ -120,7 +129,7 @@ impl Gateway {
 }
 
 /// What a line of the log says.
-fn fields(line: &str) -> Option<serde_json::Value> {
+pub fn fields(line: &str) -> Option<serde_json::Value> {
     let mut entry: serde_json::Value = serde_json::from_str(line).ok()?;
     Some(entry["fields"].take())
 }

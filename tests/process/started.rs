@@ -1,7 +1,7 @@
 //! A program that a test has started: its output line by line, and its end.
 
-use std::io::{BufRead, BufReader, Read};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant};
 
@@ -12,6 +12,8 @@ pub const PATIENCE: Duration = Duration::from_secs(20);
 pub struct Started {
     name: String,
     child: Child,
+    /// Open as long as this is, for programs that end with their input.
+    input: Option<ChildStdin>,
     output: Arc<Output>,
 }
 
@@ -24,14 +26,24 @@ struct Output {
 
 impl Started {
     /// Starts `command` with its output caught and nothing on its stdin.
-    pub fn new(mut command: Command) -> Self {
+    pub fn new(command: Command) -> Self {
+        Self::with_input(command, Stdio::null())
+    }
+
+    /// Starts `command` at a keyboard that [`type_line`](Self::type_line) types on.
+    pub fn at_a_keyboard(command: Command) -> Self {
+        Self::with_input(command, Stdio::piped())
+    }
+
+    fn with_input(mut command: Command, input: Stdio) -> Self {
         let name = command.get_program().to_string_lossy().into_owned();
-        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.stdin(input).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().unwrap_or_else(|error| panic!("cannot start {name}: {error}; run tests/run"));
         let output = Arc::new(Output::default());
         collect(child.stdout.take().unwrap(), Arc::clone(&output));
         collect(child.stderr.take().unwrap(), Arc::clone(&output));
-        Self { name, child, output }
+        let input = child.stdin.take();
+        Self { name, child, input, output }
     }
 
     /// Starts `command` before a reader that takes one line of its output and leaves, as `head` does.
@@ -42,7 +54,7 @@ impl Started {
         let mut line = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
         drop(child.stderr.take());
-        (Self { name, child, output: Arc::default() }, line)
+        (Self { name, child, input: None, output: Arc::default() }, line)
     }
 
     /// Waits for a line of which `found` makes something, and returns that.
@@ -61,6 +73,22 @@ impl Started {
         }
     }
 
+    /// What `found` makes of the lines so far.
+    pub fn find_all<T>(&self, found: impl FnMut(&String) -> Option<T>) -> Vec<T> {
+        self.output.lines.lock().unwrap().iter().filter_map(found).collect()
+    }
+
+    /// Presses the keys of `text` and Enter.
+    pub fn type_line(&mut self, text: &str) {
+        let input = self.input.as_mut().expect("it was started at a keyboard");
+        writeln!(input, "{text}").unwrap();
+    }
+
+    /// The number of the process.
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
     /// Everything that was printed so far.
     pub fn text(&self) -> String {
         self.output.lines.lock().unwrap().join("\n")
@@ -74,6 +102,12 @@ impl Started {
     /// Presses Ctrl-C.
     pub fn interrupt(&self) {
         self.signal("INT");
+    }
+
+    /// Ends the program without a chance to do anything, and waits until it is gone.
+    pub fn kill(&mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
     }
 
     /// The shell's own `kill` needs neither a package nor unsafe code.

@@ -1,0 +1,54 @@
+//! Whoever watches the gateway: metrics, alive and ready, and the health check of a container.
+
+use super::plant::Plant;
+use super::rig::vfd_gateway;
+use super::started::{PATIENCE, until};
+
+#[test]
+fn metrics_and_health_say_what_runs_and_what_is_missing() {
+    let mut plant = Plant::new();
+    plant.run_over_mqtt();
+    let metric = |plant: &Plant, name: &str| -> f64 {
+        let (status, text) = plant.get("/metrics").unwrap();
+        assert_eq!(status, 200);
+        assert!(text.ends_with("# EOF\n"), "complete: {text}");
+        let line = text.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("no {name} in {text}"));
+        line.rsplit(' ').next().unwrap().parse().unwrap()
+    };
+    assert_eq!(metric(&plant, "vfd_gateway_ready "), 1.0);
+    let output = "vfd_gateway_drive_output_frequency_hertz{line=\"hall-1\",drive=\"pump-1\"}";
+    until("the output frequency is polled", PATIENCE, || (metric(&plant, output) > 2.0).then_some(()));
+    assert_eq!(metric(&plant, "vfd_gateway_drive_run_state{"), 2.0, "forward");
+    assert_eq!(metric(&plant, "vfd_gateway_drive_lease_held{"), 1.0);
+    assert_eq!(metric(&plant, "vfd_gateway_mqtt_connected "), 1.0);
+    assert!(metric(&plant, "vfd_gateway_line_replies_total{") > 10.0);
+    let (before, after) = (metric(&plant, "vfd_gateway_modbus_replies_total "), || {
+        plant.output();
+        metric(&plant, "vfd_gateway_modbus_replies_total ")
+    });
+    assert_eq!(after(), before + 1.0);
+
+    let socket = plant.place.file("data/vfd-gateway.sock");
+    let by_url = format!("http://{}", plant.http);
+    let ways = [["health", "--socket", socket.to_str().unwrap()], ["health", "--url", &by_url]];
+    for way in &ways {
+        let output = vfd_gateway(way);
+        let text = String::from_utf8_lossy(&output.stdout);
+        assert_eq!(output.status.code(), Some(0), "{way:?}: {text}");
+        for line in ["line hall-1: up", "drive pump-1 (hyundai-n700 on hall-1): online, forward", "mqtt: connected"] {
+            assert!(text.contains(line), "no {line} in {text}");
+        }
+    }
+    // Without its broker it lives and is not ready.
+    plant.broker.kill();
+    plant.wait_until_not_ready();
+    assert_eq!(plant.get("/healthz").unwrap(), (200, "ok\n".to_owned()));
+    assert_eq!(metric(&plant, "vfd_gateway_ready "), 0.0);
+    for way in &ways {
+        assert_eq!(vfd_gateway(way).status.code(), Some(1), "{way:?}");
+    }
+    plant.gateway.kill();
+    for way in &ways {
+        assert_eq!(vfd_gateway(way).status.code(), Some(1), "nobody there: {way:?}");
+    }
+}
