@@ -1,8 +1,10 @@
-//! An MQTT command to an idle line, and the way that a message takes through the same broker, in turn.
+//! An MQTT command to an idle line; in turn with it the way of a message through the same broker, and the whole way
+//! with nothing in it.
 
 use crate::bare_mqtt::Talker;
 use crate::brokers::Broker;
 use crate::plant::{Gateway, RUN, SETPOINT, Setup};
+use crate::relay;
 use crate::table::{Row, Times};
 use crate::tapped::{Heard, TappedLine};
 use std::time::Duration;
@@ -11,8 +13,6 @@ use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::sim::{BusOptions, Pacing};
 
 const PATIENCE: Duration = Duration::from_secs(2);
-/// The line counts as idle when it was silent for this long.
-const IDLE: Duration = Duration::from_millis(3);
 const ECHO: &str = "bench/echo";
 
 /// A client of the library that the gateway uses too, its connection served by a thread.
@@ -61,49 +61,73 @@ impl Drop for Publisher {
     }
 }
 
+/// What is measured.
+#[derive(Clone, Copy)]
+struct Case {
+    name: &'static str,
+    version: u8,
+    /// The line has character times, so that its thread is a real-time one.
+    is_paced: bool,
+    count: u16,
+    /// The line counts as idle when it was silent for this long.
+    idle: Duration,
+}
+
+const CASES: [Case; 3] = [
+    Case { name: "MQTT 5", version: 5, is_paced: false, count: 1000, idle: Duration::from_millis(3) },
+    Case { name: "MQTT 3.1.1", version: 4, is_paced: false, count: 1000, idle: Duration::from_millis(3) },
+    Case { name: "MQTT 5, paced line", version: 5, is_paced: true, count: 400, idle: Duration::from_millis(60) },
+];
+
 /// What belongs to one measurement.
 struct Scene {
+    case: Case,
     line: TappedLine,
     publisher: Publisher,
     echo: Talker,
+    relayed: TappedLine,
     random: fastrand::Rng,
     lost: u64,
 }
 
 pub fn command() -> Vec<Row> {
-    [5, 4].into_iter().flat_map(of_version).collect()
+    CASES.into_iter().flat_map(measure).collect()
 }
 
-fn of_version(version: u8) -> Vec<Row> {
+fn measure(case: Case) -> Vec<Row> {
     let broker = Broker::start(false);
-    let bus = BusOptions { pacing: Pacing::None, silence: Some(Duration::ZERO), ..BusOptions::default() };
+    let unpaced = BusOptions { pacing: Pacing::None, silence: Some(Duration::ZERO), ..BusOptions::default() };
+    let bus = if case.is_paced { BusOptions::default() } else { unpaced };
     let line = TappedLine::start(1, bus);
-    let setup = Setup {
-        device: line.path(),
-        drives: 1,
-        unpaced: true,
-        poll: "1h",
-        mqtt: Some((broker.port, version)),
-        listen: 0,
-    };
+    let mqtt = Some((broker.port, case.version));
+    let setup = Setup { device: line.path(), drives: 1, unpaced: !case.is_paced, poll: "1h", mqtt, listen: 0 };
     let gateway = Gateway::start(&setup);
-    let publisher = Publisher::connect(broker.port, version);
+    let publisher = Publisher::connect(broker.port, case.version);
     let echo = Talker::connect(broker.port, "bench-echo", &[ECHO]).expect("the broker accepts");
-    let mut scene = Scene { line, publisher, echo, random: fastrand::Rng::with_seed(1), lost: 0 };
+    let relayed = relay::start(broker.port, bus, case.is_paced);
+    let random = fastrand::Rng::with_seed(1);
+    let mut scene = Scene { case, line, publisher, echo, relayed, random, lost: 0 };
     scene.begin();
-    let count = if crate::is_quick() { 100 } else { 1000 };
-    let pairs: Vec<_> = (0..count).map(|n| (scene.command(n), scene.echo(n))).collect();
+    let count = if crate::is_quick() { 100 } else { case.count };
+    let all: Vec<_> = (0..count).map(|n| [scene.command(n), scene.echo(n), scene.relay(n)]).collect();
     gateway.stop();
     scene.line.stop();
-    let commands = Times::new(pairs.iter().filter_map(|pair| pair.0));
-    let echoes = Times::new(pairs.iter().filter_map(|pair| pair.1));
-    let name = if version == 5 { "command, MQTT 5" } else { "command, MQTT 3.1.1" };
-    let told = format!("p50 / p99 / max of {}, ms", commands.len());
+    scene.relayed.stop();
+    let [commands, echoes, relayed] = [0, 1, 2].map(|which| Times::new(all.iter().filter_map(|it| it[which])));
+    let name = format!("command, {}", case.name);
     vec![
-        Row::told(format!("{name}, {}: {told}", broker.name()), commands.shown()),
+        Row::told(format!("{name}, {}: p50 / p99 / max of {count}, ms", broker.name()), commands.shown()),
         Row::told(format!("{name}: the broker's own time in the same run, ms"), echoes.shown()),
-        Row::told(format!("{name}: p50 beyond the broker's, ms"), format!("{:.3}", commands.at(0.5) - echoes.at(0.5))),
-        Row::at_most(format!("{name}: p99 beyond the broker's, ms"), 2.0, commands.at(0.99) - echoes.at(0.99)),
+        Row::told(format!("{name}: the same hops with nothing in them, ms"), relayed.shown()),
+        Row::told(
+            format!("{name}: beyond the broker's, p50: gateway / nothing, ms"),
+            format!("{:.3} / {:.3}", commands.at(0.5) - echoes.at(0.5), relayed.at(0.5) - echoes.at(0.5)),
+        ),
+        Row::at_most(format!("{name}: beyond the broker's, p99, ms"), 2.0, commands.at(0.99) - echoes.at(0.99)),
+        Row::told(
+            format!("{name}: beyond the broker's, p99 with nothing in the hops, ms"),
+            format!("{:.3}", relayed.at(0.99) - echoes.at(0.99)),
+        ),
         Row::none(format!("{name}: lost on the way"), scene.lost),
     ]
 }
@@ -122,7 +146,7 @@ impl Scene {
 
     /// A random moment on an idle line.
     fn moment(&mut self) -> MonoTime {
-        self.line.quiet(IDLE);
+        self.line.quiet(self.case.idle);
         std::thread::sleep(Duration::from_micros(self.random.u64(1_000..10_000)));
         self.line.forget();
         clock::now()
@@ -153,5 +177,14 @@ impl Scene {
         let message = self.echo.next(PATIENCE).expect("the broker is there");
         self.lost += u64::from(message.is_none());
         message.map(|_| clock::now().since(begun))
+    }
+
+    /// The same way with nothing in it.
+    fn relay(&mut self, n: u16) -> Option<Duration> {
+        let begun = self.moment();
+        self.publisher.publish(relay::TOPIC, n.to_string());
+        let heard = self.relayed.wait_for(PATIENCE, |heard| heard.at >= begun, drop);
+        self.lost += u64::from(heard.is_none());
+        heard.map(|heard| heard.at.since(begun))
     }
 }

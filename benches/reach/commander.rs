@@ -43,13 +43,16 @@ impl Commander {
 
     /// Sends 06 and waits for the answer; again and again while the gateway refuses it.
     pub fn insist(&mut self, unit: u8, address: u16, value: u16) {
-        for _ in 0..400 {
+        let mut codes = Vec::new();
+        while codes.len() < 400 {
             self.send(unit, address, value);
-            if self.answer().is_ok() {
-                return;
+            match self.answer() {
+                Ok(()) => return,
+                Err(code) => codes.push(code),
             }
             std::thread::sleep(Duration::from_millis(25));
         }
-        panic!("word {address} = {value} is refused for ever");
+        codes.dedup();
+        panic!("word {address} = {value} is refused for ever: exceptions {codes:?}");
     }
 }

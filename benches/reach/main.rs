@@ -23,6 +23,7 @@ mod lost;
 mod memory;
 mod pipeline;
 mod plant;
+mod relay;
 mod retained;
 mod rig;
 mod rows;

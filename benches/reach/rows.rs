@@ -17,7 +17,7 @@ const SECOND: Duration = Duration::from_secs(1);
 /// A line paced like 9600 8N1 with 2 ms turnaround, reads of 8 words back to back.
 pub fn paced() -> Vec<Row> {
     let rig = Rig::start(&Options::paced(1));
-    let bare = std::thread::spawn(|| bare::timer(500));
+    let bare = std::thread::spawn(|| bare::timer(500, true));
     let load = clients::run(rig.address, 1, SECOND, 20 * SECOND, |_, _| (1, PROOF, 8));
     let outcome = rig.stop();
     let bare = bare.join().expect("the bare timer");

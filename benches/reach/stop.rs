@@ -38,20 +38,23 @@ pub fn stop() -> Vec<Row> {
     let config = setup.config();
     let gateway = Gateway::start(&setup);
     let flood = Flood::start(Pipeline::connect(gateway.address, CLIENTS, IN_FLIGHT, read_of));
-    let timer = std::thread::spawn(|| bare::timer(1000));
+    let timers = [true, false].map(|real_time| std::thread::spawn(move || bare::timer(1000, real_time)));
     let mut commander = Commander::connect(gateway.address);
-    commander.insist(UNIFORM, SETPOINT_WORD, 3000);
+    // Who has commanded stop may start.
+    commander.insist(UNIFORM, RUN_WORD, 0);
     let count = if crate::is_quick() { 10 } else { 150 };
     let stops: Vec<Stop> = (0..count).map(|n| one_stop(&line, &mut commander, n)).collect();
-    let timer = timer.join().expect("the bare timer");
+    let timers = timers.map(|timer| timer.join().expect("the bare timer"));
     let answers = flood.stop();
     gateway.stop();
     let report = line.stop();
     let mut rows = rows(&stops, &config.lines[0], options.turnaround);
-    rows.push(Row::told(
-        "stop: bare real-time timer thread in the same run, late p50 / p99 / max, ms",
-        format!("{:.3} / {:.3} / {:.3}", part_of(&timer, 0.5), part_of(&timer, 0.99), part_of(&timer, 1.0)),
-    ));
+    for (kind, late) in ["real-time", "ordinary"].into_iter().zip(&timers) {
+        rows.push(Row::told(
+            format!("stop: bare {kind} timer thread in the same run, late p50 / p99 / max, ms"),
+            format!("{:.3} / {:.3} / {:.3}", part_of(late, 0.5), part_of(late, 0.99), part_of(late, 1.0)),
+        ));
+    }
     rows.push(Row::told(
         "stop: reads answered / timed out meanwhile",
         format!("{} / {}", answers.right, answers.exceptions),
@@ -67,6 +70,7 @@ fn read_of(client: usize, slot: u16) -> Request {
 }
 
 fn one_stop(line: &TappedLine, commander: &mut Commander, n: u32) -> Stop {
+    commander.insist(UNIFORM, SETPOINT_WORD, 3000);
     commander.insist(UNIFORM, RUN_WORD, 1);
     // Any moment of an exchange, which takes 42 ms, should be hit alike.
     std::thread::sleep(Duration::from_micros(200_000 + u64::from(n) * 7_919 % 42_000));
@@ -107,7 +111,8 @@ fn rows(stops: &[Stop], line: &LineSettings, turnaround: Duration) -> Vec<Row> {
     let more = stops.iter().map(|stop| stop.overtaken_by.len().saturating_sub(1) as u64).sum();
     vec![
         Row::told(format!("stop: {} stops behind {queued} reads, p50 / p99 / max, ms", times.len()), times.shown()),
-        Row::at_most("stop: longest, against one exchange of 8 words and two silences, ms", bound + 2.0, times.at(1.0)),
+        Row::at_most("stop: p99, against one exchange of 8 words and two silences, ms", bound, times.at(0.99)),
+        Row::at_most("stop: longest, against the same, ms", bound, times.at(1.0)),
         Row::told("stop: what the gateway promises, with the reply time-out, ms", format!("{configured:.1}")),
         Row::told("stop: beyond exchange in flight and silence, p50 / p99 / max, ms", beyond.shown()),
         Row::told(
