@@ -30,9 +30,8 @@ pub struct Setup<'a> {
     pub listen: u16,
 }
 
-/// The registers of the N700 that a command writes.
+/// The register of the N700 that runs and stops it.
 pub const RUN: u16 = 0x0002;
-pub const SETPOINT: u16 = 0x0004;
 /// Unit of the uniform registers of the drive at station 1.
 pub const UNIFORM: u8 = 101;
 
