@@ -11,6 +11,9 @@ use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
 use std::time::Duration;
 use vfd_gateway::daemon::pty::Pty;
+use vfd_gateway::daemon::timer::RawTimer;
+use vfd_gateway::daemon::{clock, sys};
+use vfd_gateway::domain::link::LinkSettings;
 
 /// A request as the bench's clients send it, and the answer to it: one word.
 const ASKED_BYTES: usize = 12;
@@ -46,6 +49,27 @@ impl Bare {
         self.end.store(true, Ordering::Relaxed);
         self.drive.join().expect("the drive ends");
     }
+}
+
+/// How late a thread that does nothing but wait is woken, in ms, sorted: what the machine gives today.
+pub fn timer(count: usize, real_time: bool) -> Vec<f64> {
+    if real_time {
+        let _ = sys::ask_for_real_time();
+    }
+    let mut timer = RawTimer::new().expect("a timer");
+    let mut late: Vec<f64> = (0..count)
+        .map(|_| {
+            let at = clock::now() + LinkSettings::DEFAULT.chars(30.0);
+            timer.arm(at).expect("armed");
+            let mut fds = [PollFd::new(&timer, PollFlags::IN)];
+            poll(&mut fds, None).expect("polled");
+            let late = clock::now().since(at).as_secs_f64() * 1e3;
+            timer.acknowledge();
+            late
+        })
+        .collect();
+    late.sort_by(f64::total_cmp);
+    late
 }
 
 /// A thread that answers every request of `clients` connections at once, from nothing, until they close.

@@ -1,7 +1,8 @@
-//! What the gateway reaches, measured and printed as a table: `cargo bench --bench reach`, about four minutes.
+//! What the gateway reaches, measured and printed as a table: `cargo bench --bench reach`, about ten minutes.
 //!
 //! A part of the table by name: `cargo bench --bench reach -- paced`. Parts: paced, unpaced, shared, fair, dead,
-//! late. Everything stays on this machine: pseudo-terminals and loopback.
+//! late, stop, command, lost, retained, uniform, memory; the last six are shorter with `--quick`. Everything stays on
+//! this machine: pseudo-terminals and loopback. The brokers are processes started here: mosquitto if it is installed.
 
 #![allow(
     clippy::unwrap_used,
@@ -13,32 +14,58 @@
 #![allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
 
 mod bare;
+mod bare_mqtt;
+mod brokers;
 mod clients;
+mod command;
+mod commander;
+mod lost;
+mod memory;
+mod pipeline;
+mod plant;
+mod relay;
+mod retained;
 mod rig;
 mod rows;
+mod stop;
 #[path = "../../tests/support/mod.rs"]
 #[allow(dead_code, reason = "shared with the tests, which use more of it")]
 mod support;
+mod table;
+mod tapped;
+mod uniform;
 
-use rows::Row;
+use table::Row;
 
 /// Measures one part of the table.
 type Part = fn() -> Vec<Row>;
 
+const PARTS: [(&str, Part); 12] = [
+    ("paced", rows::paced),
+    ("unpaced", rows::unpaced),
+    ("shared", rows::shared),
+    ("fair", rows::fair),
+    ("dead", rows::dead),
+    ("late", rows::late),
+    ("stop", stop::stop),
+    ("command", command::command),
+    ("lost", lost::lost),
+    ("retained", retained::retained),
+    ("uniform", uniform::uniform),
+    ("memory", memory::memory),
+];
+
 fn main() {
     let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with('-')).collect();
-    let parts: [(&str, Part); 6] = [
-        ("paced", rows::paced),
-        ("unpaced", rows::unpaced),
-        ("shared", rows::shared),
-        ("fair", rows::fair),
-        ("dead", rows::dead),
-        ("late", rows::late),
-    ];
-    println!("{:<58} {:>14} {:>14}  reached", "what", "wanted", "measured");
-    for (name, part) in parts {
+    table::print_heading();
+    for (name, part) in PARTS {
         if wanted.is_empty() || wanted.iter().any(|part| part == name) {
             part().iter().for_each(Row::print);
         }
     }
+}
+
+/// Whether only a short look is wanted: fewer rounds of the newer parts.
+fn is_quick() -> bool {
+    std::env::args().any(|arg| arg == "--quick")
 }

@@ -95,7 +95,7 @@ impl Rig {
     }
 }
 
-fn serve(text: &str, told: &mpsc::Sender<SocketAddr>, stopped: tokio::sync::oneshot::Receiver<()>) -> LineCounters {
+pub fn serve(text: &str, told: &mpsc::Sender<SocketAddr>, stopped: tokio::sync::oneshot::Receiver<()>) -> LineCounters {
     let catalog = Catalog::from_texts(vendors::texts().iter().copied()).expect("built-in models are sound");
     let config = config::load(text, &catalog).expect("the configuration is sound");
     let mut counters = LineCounters::default();

@@ -4,63 +4,20 @@ use crate::bare::{self, Bare};
 use crate::clients;
 use crate::rig::{Options, Rig};
 use crate::support::{self, PROOF, RigOptions};
-use rustix::event::{PollFd, PollFlags, poll};
+use crate::table::{Row, medians, part_of};
 use std::net::TcpStream;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
-use vfd_gateway::daemon::timer::RawTimer;
-use vfd_gateway::daemon::{clock, sys};
 use vfd_gateway::domain::link::LinkSettings;
 use vfd_gateway::domain::native::NativeOutcome;
 use vfd_gateway::sim::{BusOptions, FaultPlan};
 
 const SECOND: Duration = Duration::from_secs(1);
 
-/// One line of the table.
-pub struct Row {
-    what: &'static str,
-    wanted: String,
-    measured: String,
-    reached: bool,
-}
-
-impl Row {
-    fn at_least(what: &'static str, wanted: f64, measured: f64) -> Self {
-        Self { what, wanted: format!(">= {wanted}"), measured: format!("{measured:.3}"), reached: measured >= wanted }
-    }
-
-    fn at_most(what: &'static str, wanted: f64, measured: f64) -> Self {
-        Self { what, wanted: format!("<= {wanted}"), measured: format!("{measured:.3}"), reached: measured <= wanted }
-    }
-
-    fn rate(what: &'static str, wanted: f64, measured: f64) -> Self {
-        Self { measured: format!("{measured:.0}"), ..Self::at_least(what, wanted, measured) }
-    }
-
-    fn none(what: &'static str, measured: u64) -> Self {
-        Self { what, wanted: "0".into(), measured: measured.to_string(), reached: measured == 0 }
-    }
-
-    fn told(what: &'static str, measured: String) -> Self {
-        Self { what, wanted: String::new(), measured, reached: true }
-    }
-
-    pub fn print(&self) {
-        let reached = if self.wanted.is_empty() {
-            ""
-        } else if self.reached {
-            "yes"
-        } else {
-            "NO"
-        };
-        println!("{:<58} {:>14} {:>14}  {reached}", self.what, self.wanted, self.measured);
-    }
-}
-
 /// A line paced like 9600 8N1 with 2 ms turnaround, reads of 8 words back to back.
 pub fn paced() -> Vec<Row> {
     let rig = Rig::start(&Options::paced(1));
-    let bare = std::thread::spawn(|| bare_timer(500));
+    let bare = std::thread::spawn(|| bare::timer(500, true));
     let load = clients::run(rig.address, 1, SECOND, 20 * SECOND, |_, _| (1, PROOF, 8));
     let outcome = rig.stop();
     let bare = bare.join().expect("the bare timer");
@@ -86,38 +43,6 @@ pub fn paced() -> Vec<Row> {
         Row::none("paced 9600: gaps shorter than the silence", outcome.bus.gaps_too_short),
         Row::told("paced 9600: gaps measured", gaps.len().to_string()),
     ]
-}
-
-/// How late a thread that does nothing but wait is woken, in ms, sorted: what the machine gives today.
-fn bare_timer(count: usize) -> Vec<f64> {
-    let _ = sys::ask_for_real_time();
-    let mut timer = RawTimer::new().expect("a timer");
-    let mut late: Vec<f64> = (0..count)
-        .map(|_| {
-            let at = clock::now() + LinkSettings::DEFAULT.chars(30.0);
-            timer.arm(at).expect("armed");
-            let mut fds = [PollFd::new(&timer, PollFlags::IN)];
-            poll(&mut fds, None).expect("polled");
-            let late = clock::now().since(at).as_secs_f64() * 1e3;
-            timer.acknowledge();
-            late
-        })
-        .collect();
-    late.sort_by(f64::total_cmp);
-    late
-}
-
-fn medians(pairs: &[(f64, f64)]) -> (f64, f64) {
-    let median = |of: fn(&(f64, f64)) -> f64| {
-        let mut rates: Vec<f64> = pairs.iter().map(of).collect();
-        rates.sort_by(f64::total_cmp);
-        part_of(&rates, 0.5)
-    };
-    (median(|pair| pair.0), median(|pair| pair.1))
-}
-
-fn part_of(sorted: &[f64], part: f64) -> f64 {
-    sorted[((sorted.len() - 1) as f64 * part) as usize]
 }
 
 /// No character times, no silence: what the program itself costs.

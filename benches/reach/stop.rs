@@ -1,0 +1,124 @@
+//! A STOP behind a thousand queued reads: how long until its frame, and what still goes before it.
+
+use crate::bare;
+use crate::commander::Commander;
+use crate::pipeline::{Flood, Pipeline, Request, request};
+use crate::plant::{Gateway, RUN, Setup, UNIFORM};
+use crate::table::{Row, Times, part_of};
+use crate::tapped::{Heard, TappedLine};
+use std::time::Duration;
+use vfd_gateway::config::LineSettings;
+use vfd_gateway::daemon::{build, clock};
+use vfd_gateway::domain::link::LinkSettings;
+use vfd_gateway::domain::time::MonoTime;
+use vfd_gateway::line::budget;
+use vfd_gateway::sim::BusOptions;
+
+/// Clients that read, and how much each asks at once: a thousand in all.
+const CLIENTS: usize = 63;
+const IN_FLIGHT: u16 = 16;
+const SETPOINT_WORD: u16 = 257;
+const RUN_WORD: u16 = 256;
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// One STOP.
+struct Stop {
+    /// From the write to the socket until the first byte of the frame.
+    took: Duration,
+    /// The same from the end of the exchange in flight and its silence on, or from the write if that was later.
+    beyond: Duration,
+    /// How long after the write each frame began that went before it.
+    overtaken_by: Vec<Duration>,
+}
+
+pub fn stop() -> Vec<Row> {
+    let options = BusOptions::default();
+    let line = TappedLine::start(1, options);
+    let setup = Setup { device: line.path(), drives: 1, unpaced: false, poll: "500ms", mqtt: None, listen: 0 };
+    let config = setup.config();
+    let gateway = Gateway::start(&setup);
+    let flood = Flood::start(Pipeline::connect(gateway.address, CLIENTS, IN_FLIGHT, read_of));
+    let timers = [true, false].map(|real_time| std::thread::spawn(move || bare::timer(1000, real_time)));
+    let mut commander = Commander::connect(gateway.address);
+    // Who has commanded stop may start.
+    commander.insist(UNIFORM, RUN_WORD, 0);
+    let count = if crate::is_quick() { 10 } else { 150 };
+    let stops: Vec<Stop> = (0..count).map(|n| one_stop(&line, &mut commander, n)).collect();
+    let timers = timers.map(|timer| timer.join().expect("the bare timer"));
+    let answers = flood.stop();
+    gateway.stop();
+    let report = line.stop();
+    let mut rows = rows(&stops, &config.lines[0], options.turnaround);
+    for (kind, late) in ["real-time", "ordinary"].into_iter().zip(&timers) {
+        rows.push(Row::told(
+            format!("stop: bare {kind} timer thread in the same run, late p50 / p99 / max, ms"),
+            format!("{:.3} / {:.3} / {:.3}", part_of(late, 0.5), part_of(late, 0.99), part_of(late, 1.0)),
+        ));
+    }
+    rows.push(Row::told(
+        "stop: reads answered / timed out meanwhile",
+        format!("{} / {}", answers.right, answers.exceptions),
+    ));
+    rows.push(Row::none("stop: gaps shorter than the silence", report.gaps_too_short));
+    rows
+}
+
+/// Every slot of every client reads other registers, up to 8 words within one high byte.
+fn read_of(client: usize, slot: u16) -> Request {
+    let address = 0x3000 + (client as u16 * IN_FLIGHT + slot) * 4;
+    request(slot, 1, 3, [address, if address & 0xFF <= 0xF8 { 8 } else { 4 }])
+}
+
+fn one_stop(line: &TappedLine, commander: &mut Commander, n: u32) -> Stop {
+    commander.insist(UNIFORM, SETPOINT_WORD, 3000);
+    commander.insist(UNIFORM, RUN_WORD, 1);
+    // Any moment of an exchange, which takes 42 ms, should be hit alike.
+    std::thread::sleep(Duration::from_micros(200_000 + u64::from(n) * 7_919 % 42_000));
+    let asked = clock::now();
+    commander.send(UNIFORM, RUN_WORD, 0);
+    let mut before = Vec::new();
+    let stop = line.wait_for(PATIENCE, |heard| is_stop(heard, asked), |heard| before.push(heard));
+    let stop = stop.expect("the STOP goes out");
+    commander.answer().expect("the STOP is taken");
+    let in_flight = before.last().map_or(asked, |heard| free_after(heard));
+    Stop {
+        took: stop.at.since(asked),
+        beyond: stop.at.since(in_flight.max(asked)),
+        overtaken_by: before.iter().filter(|heard| heard.at > asked).map(|heard| heard.at.since(asked)).collect(),
+    }
+}
+
+fn is_stop(heard: &Heard, asked: MonoTime) -> bool {
+    heard.is_write(RUN, 0) && heard.at >= asked
+}
+
+/// When the line may carry the next request at the earliest.
+fn free_after(heard: &Heard) -> MonoTime {
+    let link = LinkSettings::DEFAULT;
+    let words = u16::from_be_bytes([heard.frame[4], heard.frame[5]]);
+    let reply = if heard.writes() { 8 } else { 5 + 2 * usize::from(words) };
+    heard.at + link.bytes(8) + BusOptions::default().turnaround + link.bytes(reply) + link.chars(4.5)
+}
+
+fn rows(stops: &[Stop], line: &LineSettings, turnaround: Duration) -> Vec<Row> {
+    let times = Times::new(stops.iter().map(|stop| stop.took));
+    let beyond = Times::new(stops.iter().map(|stop| stop.beyond));
+    let read = budget::read_time(&build::timing(line).0, 8, turnaround);
+    let bound = (read + build::timing(line).0.silence).as_secs_f64() * 1e3;
+    let configured = build::worst_stop(line).as_secs_f64() * 1e3;
+    let queued = CLIENTS * usize::from(IN_FLIGHT);
+    let late = stops.iter().flat_map(|stop| &stop.overtaken_by);
+    let more = stops.iter().map(|stop| stop.overtaken_by.len().saturating_sub(1) as u64).sum();
+    vec![
+        Row::told(format!("stop: {} stops behind {queued} reads, p50 / p99 / max, ms", times.len()), times.shown()),
+        Row::at_most("stop: p99, against one exchange of 8 words and two silences, ms", bound, times.at(0.99)),
+        Row::at_most("stop: longest, against the same, ms", bound, times.at(1.0)),
+        Row::told("stop: what the gateway promises, with the reply time-out, ms", format!("{configured:.1}")),
+        Row::told("stop: beyond exchange in flight and silence, p50 / p99 / max, ms", beyond.shown()),
+        Row::told(
+            "stop: frames that began while the request was on its way (latest, ms)",
+            format!("{} ({:.3})", late.clone().count(), Times::new(late.copied()).at(1.0)),
+        ),
+        Row::none("stop: other frames before it", more),
+    ]
+}
