@@ -14,13 +14,15 @@ pub struct Waiter {
     is_native: bool,
     /// A native writer was answered.
     is_answered: bool,
+    /// The number of its command among those of the drive; nothing while it is none.
+    number: Option<u16>,
 }
 
 impl Waiter {
     /// Somebody who gave a command.
     #[must_use]
     pub const fn of_command(asker: AskerId, ticket: Ticket, drive: DriveIndex) -> Self {
-        Self { asker, ticket, drive, is_native: false, is_answered: false }
+        Self { asker, ticket, drive, is_native: false, is_answered: false, number: None }
     }
 
     /// Somebody who wrote to the drive's own registers.
@@ -42,6 +44,17 @@ impl Waiter {
         }
         self.is_answered = true;
         Some(Effect::Answer(NativeAnswer { asker, ticket, outcome: native_outcome(report) }))
+    }
+
+    /// The number of its command among those of the drive.
+    #[must_use]
+    pub const fn number(&self) -> Option<u16> {
+        self.number
+    }
+
+    /// Numbers its command.
+    pub const fn set_number(&mut self, number: u16) {
+        self.number = Some(number);
     }
 
     /// Whether nothing will be told any more.

@@ -88,6 +88,17 @@ fn who_has_stopped_the_drive_has_nothing_to_lose() {
 }
 
 #[test]
+fn a_ramp_that_outlasts_the_lease_is_left_to_its_end() {
+    let mut rig = running(FailSafe::Coast, FailSafe::Stop);
+    rig.live(Duration::from_secs(8));
+    assert_eq!(rig.commanded(MQTT, STOP).0, Outcome::Confirmed);
+    rig.pass(Duration::from_millis(3500));
+    assert!(rig.output(1) > 0, "it still ramps down");
+    rig.pass(Duration::from_secs(30));
+    assert_eq!((rig.notes.len(), rig.written(RUN)), (0, vec![1, 0]), "{:?}", rig.notes);
+}
+
+#[test]
 fn a_drive_that_coasted_to_standstill_is_free() {
     let mut rig = running(FailSafe::Stop, FailSafe::Stop);
     rig.pass(Duration::from_secs(1));

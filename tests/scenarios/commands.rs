@@ -257,6 +257,18 @@ fn an_epoch_or_a_moment_of_issue_lets_a_message_start_at_once() {
 }
 
 #[test]
+fn the_last_outcome_is_that_of_the_newest_command() {
+    let mut rig = rig();
+    rig.commanded(MQTT, run(Forward, Some(3000)));
+    rig.live(Duration::from_secs(2));
+    let stop = rig.command(plc(1), 0, STOP);
+    let refused = rig.command(plc(1), 0, setpoint(2000));
+    assert_eq!(rig.outcome_of(stop).0, Outcome::Confirmed);
+    assert_eq!(rig.outcome_of(refused), (Outcome::Refused, Reason::StopPending));
+    assert_eq!(rig.view(0).control.unwrap().last.map(|report| report.reason), Some(Reason::StopPending));
+}
+
+#[test]
 fn messages_act_once_each_and_not_by_change() {
     let mut rig = rig();
     for _ in 0..3 {

@@ -17,13 +17,14 @@ impl DriveWork {
     /// Somebody commands.
     pub fn command(&mut self, now: MonoTime, command: &CommandRequest, mut waiter: Waiter, facts: Facts, out: Out<'_>) {
         self.has_changed = true;
-        let is_attempt = command.order != Order::Renew;
         let is_full = self.waiting.len() >= COMMANDS_MAX && matches!(command.order, Order::Go(_) | Order::Reset);
         let verdict =
             if is_full { Err(Report::refused(Reason::QueueFull)) } else { self.guard.review(command, &facts, now) };
         match verdict {
             Err(report) => {
-                self.count(is_attempt);
+                if command.order != Order::Renew {
+                    self.count(&mut waiter);
+                }
                 self.tell(&mut waiter, report, true, out);
             }
             Ok(Verdict::Unchanged) => {
@@ -32,7 +33,7 @@ impl DriveWork {
             }
             Ok(Verdict::JoinsStop) => self.join_stop(waiter, out),
             Ok(Verdict::Stop(order)) => {
-                self.count(true);
+                self.count(&mut waiter);
                 self.cut(out);
                 self.is_stopping = true;
                 match &mut self.latch {
@@ -41,7 +42,9 @@ impl DriveWork {
                 }
             }
             Ok(Verdict::Go(approved)) => {
-                self.count(true);
+                let runs = matches!(approved.order(), Order::Go(go) if go.run().is_some());
+                self.is_stopping &= !runs;
+                self.count(&mut waiter);
                 self.push(List::new(approved, waiter), out);
             }
         }

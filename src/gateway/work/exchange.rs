@@ -127,7 +127,6 @@ impl DriveWork {
                 latch.waiters().push(waiter);
             }
         }
-        self.last = Some(report);
     }
 
     pub(super) fn step_ended(&mut self, ending: &Ending, out: Out<'_>) {

@@ -69,7 +69,9 @@ pub struct DriveWork {
     output_register: Option<(u16, u32)>,
     /// The last order given here was a stop, and the motor has not been seen at standstill since.
     is_stopping: bool,
+    /// What became of the newest command so far.
     last: Option<Report>,
+    /// Commands so far; the newest one has this number.
     commands: u16,
     has_changed: bool,
 }
@@ -200,12 +202,15 @@ impl DriveWork {
     }
 
     pub(super) fn tell(&mut self, waiter: &mut Waiter, report: Report, is_final: bool, out: Out<'_>) {
-        self.last = Some(report);
+        if waiter.number() == Some(self.commands) {
+            self.last = Some(report);
+        }
         self.has_changed = true;
         out.extend(waiter.answer(report, is_final));
     }
 
-    pub(super) fn count(&mut self, is_attempt: bool) {
-        self.commands = self.commands.wrapping_add(u16::from(is_attempt));
+    pub(super) fn count(&mut self, waiter: &mut Waiter) {
+        self.commands = self.commands.wrapping_add(1);
+        waiter.set_number(self.commands);
     }
 }

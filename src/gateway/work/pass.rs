@@ -12,7 +12,8 @@ use crate::guard::Void;
 impl DriveWork {
     /// What time alone brings about.
     pub fn pass(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
-        let at_rest = self.output.is_at_standstill() && self.latch.is_none();
+        // A stop that has had its effect is all that could be done about it, also while the ramp lasts.
+        let at_rest = self.latch.is_none() && (self.output.is_at_standstill() || self.is_stopping);
         let had_lease = self.guard.lease().is_some();
         if let Some(lost) = self.guard.expire(now, at_rest) {
             if let Some(owner) = lost.owner {
