@@ -93,7 +93,7 @@ const NO_COMMANDS: &[(&str, &str, &str)] = &[
     ("command", r#"{"frequency_hz": 10, "frequency_hz": 20}"#, "not_understood"),
     ("command", r#"{"frequency_hz": "20"}"#, "not_a_number"),
     ("command", r#"{"frequency_hz": 60}"#, "outside_limits"),
-    ("command", r#"{"run": "stop", "frequency_hz": 20}"#, "conflict"),
+    ("command", r#"{"reset": true, "frequency_hz": 20}"#, "conflict"),
     ("command", r#"{"run": "forward", "reset": true}"#, "conflict"),
     ("command", r#"{"frequency_hz": 20, "epoch": 1}"#, "stale_epoch"),
     ("command", r#"{"frequency_hz": 20, "issued_at": 1000}"#, "stale"),
