@@ -83,12 +83,17 @@ impl StopLatch {
         }
     }
 
-    /// A new stop for the same drive takes the place of this one; who waits goes on waiting.
-    pub fn renew(&mut self, order: StopOrder, waiter: Option<Waiter>, now: MonoTime) {
-        let waiters = std::mem::take(&mut self.waiters);
-        let Self { awaited_since, was_told_late, .. } = *self;
-        *self = Self { waiters, awaited_since, was_told_late, ..Self::new(order, None, now) };
-        self.waiters.extend(waiter);
+    /// Another stop for the same drive. One of the same kind is this one: it goes on being sent at its own rate, however
+    /// many ask for it. One of another kind takes its place and goes out at once. Returns what the one who asked is to
+    /// be told at once.
+    pub fn also(&mut self, order: StopOrder, waiter: Option<Waiter>, now: MonoTime) -> Option<Effect> {
+        self.accepted_at = now;
+        if order != self.order {
+            let waiters = std::mem::take(&mut self.waiters);
+            let Self { awaited_since, was_told_late, .. } = *self;
+            *self = Self { waiters, awaited_since, was_told_late, ..Self::new(order, None, now) };
+        }
+        waiter.and_then(|mut waiter| self.join(&mut waiter))
     }
 
     /// One more waits for it, if there is room. Returns what it is to be told at once, and whether that is all.

@@ -181,6 +181,23 @@ fn many_who_stop_are_all_told() {
 }
 
 #[test]
+fn a_flood_of_stops_is_one_stop_and_leaves_the_line_to_others() {
+    let mut rig = running();
+    let tickets: Vec<_> = (0..2000)
+        .map(|n| {
+            if n % 20 == 0 {
+                rig.pass(Duration::from_millis(1));
+            }
+            rig.command(MQTT, 0, STOP)
+        })
+        .collect();
+    for ticket in tickets {
+        assert!(matches!(rig.outcome_of(ticket).0, Outcome::Confirmed | Outcome::Unknown));
+    }
+    assert!(rig.written(RUN).len() <= 3, "{} frames", rig.written(RUN).len());
+}
+
+#[test]
 fn coast_cuts_the_output_off() {
     let mut rig = running();
     let ticket = rig.command(MQTT, 0, Order::Coast);

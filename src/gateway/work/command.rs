@@ -10,7 +10,7 @@ use crate::gateway::list::List;
 use crate::gateway::note::Note;
 use crate::gateway::stop::StopLatch;
 use crate::gateway::waiter::Waiter;
-use crate::guard::{Facts, Lost, Verdict};
+use crate::guard::{Facts, Lost, StopOrder, Verdict};
 use std::collections::VecDeque;
 
 impl DriveWork {
@@ -36,10 +36,7 @@ impl DriveWork {
                 self.count(&mut waiter);
                 self.cut(out);
                 self.is_stopping = true;
-                match &mut self.latch {
-                    Some(latch) => latch.renew(order, Some(waiter), now),
-                    None => self.latch = Some(StopLatch::new(order, Some(waiter), now)),
-                }
+                self.stop(order, Some(waiter), now, out);
             }
             Ok(Verdict::Go(approved)) => {
                 let runs = matches!(approved.order(), Order::Go(go) if go.run().is_some());
@@ -105,9 +102,13 @@ impl DriveWork {
         let Some(order) = lost.order else { return self.cut_motion(Reason::CommanderLost, out) };
         self.cut(out);
         self.is_stopping = true;
+        self.stop(order, None, now, out);
+    }
+
+    fn stop(&mut self, order: StopOrder, waiter: Option<Waiter>, now: MonoTime, out: Out<'_>) {
         match &mut self.latch {
-            Some(latch) => latch.renew(order, None, now),
-            None => self.latch = Some(StopLatch::new(order, None, now)),
+            Some(latch) => out.extend(latch.also(order, waiter, now)),
+            None => self.latch = Some(StopLatch::new(order, waiter, now)),
         }
     }
 
