@@ -17,6 +17,9 @@ use crate::wire::pdu::Request;
 /// What goes on the wire next.
 type Picked = (DriveIndex, Request, Purpose);
 
+/// What is least goes first: by rank, then drives that answer, then those that move, then in order of time.
+type Urgency = (Rank, bool, bool, MonoTime);
+
 /// A poll that is due.
 #[derive(Clone, Copy)]
 struct DuePoll {
@@ -96,7 +99,7 @@ impl LineCore {
     }
 
     fn most_urgent(&self, now: MonoTime, last_rank: Rank) -> Option<(DriveIndex, Want)> {
-        let mut best: Option<((Rank, bool, bool, MonoTime), DriveIndex, Want)> = None;
+        let mut best: Option<(Urgency, DriveIndex, Want)> = None;
         for drive in self.drives() {
             let is_silent = self.stations[drive.get()].is_known_silent();
             let rests = !self.works[drive.get()].is_moving();
