@@ -80,7 +80,7 @@ fn one_stop(line: &TappedLine, commander: &mut Commander, n: u32) -> Stop {
     let stop = line.wait_for(PATIENCE, |heard| is_stop(heard, asked), |heard| before.push(heard));
     let stop = stop.expect("the STOP goes out");
     commander.answer().expect("the STOP is taken");
-    let in_flight = before.last().map_or(asked, |heard| free_after(heard));
+    let in_flight = before.last().map_or(asked, free_after);
     Stop {
         took: stop.at.since(asked),
         beyond: stop.at.since(in_flight.max(asked)),
@@ -107,7 +107,8 @@ fn rows(stops: &[Stop], line: &LineSettings, turnaround: Duration) -> Vec<Row> {
     let bound = (read + build::timing(line).0.silence).as_secs_f64() * 1e3;
     let configured = build::worst_stop(line).as_secs_f64() * 1e3;
     let queued = CLIENTS * usize::from(IN_FLIGHT);
-    let late = stops.iter().flat_map(|stop| &stop.overtaken_by);
+    let late = Times::new(stops.iter().flat_map(|stop| &stop.overtaken_by).copied());
+    let latest = if late.len() == 0 { String::new() } else { format!(" ({:.3})", late.at(1.0)) };
     let more = stops.iter().map(|stop| stop.overtaken_by.len().saturating_sub(1) as u64).sum();
     vec![
         Row::told(format!("stop: {} stops behind {queued} reads, p50 / p99 / max, ms", times.len()), times.shown()),
@@ -117,7 +118,7 @@ fn rows(stops: &[Stop], line: &LineSettings, turnaround: Duration) -> Vec<Row> {
         Row::told("stop: beyond exchange in flight and silence, p50 / p99 / max, ms", beyond.shown()),
         Row::told(
             "stop: frames that began while the request was on its way (latest, ms)",
-            format!("{} ({:.3})", late.clone().count(), Times::new(late.copied()).at(1.0)),
+            format!("{}{latest}", late.len()),
         ),
         Row::none("stop: other frames before it", more),
     ]

@@ -18,7 +18,12 @@ impl Row {
 
     pub fn at_most(what: impl Into<String>, wanted: f64, measured: f64) -> Self {
         let (what, reached) = (what.into(), measured <= wanted);
-        Self { what, wanted: format!("<= {wanted}"), measured: format!("{measured:.3}"), reached }
+        Self {
+            what,
+            wanted: format!("<= {wanted:.4}").trim_end_matches('0').trim_end_matches('.').to_owned(),
+            measured: format!("{measured:.3}"),
+            reached,
+        }
     }
 
     pub fn rate(what: impl Into<String>, wanted: f64, measured: f64) -> Self {
@@ -46,13 +51,13 @@ impl Row {
         } else {
             "NO"
         };
-        println!("{:<66} {:>10} {:>30}  {reached}", self.what, self.wanted, self.measured);
+        println!("{:<76} {:>10} {:>26}  {reached}", self.what, self.wanted, self.measured);
     }
 }
 
 /// The heading of the table.
 pub fn print_heading() {
-    println!("{:<66} {:>10} {:>30}  reached", "what", "wanted", "measured");
+    println!("{:<76} {:>10} {:>26}  reached", "what", "wanted", "measured");
 }
 
 /// Times in ms, sorted.
