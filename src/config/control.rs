@@ -139,12 +139,8 @@ fn why_not(model: &Model) -> Option<String> {
         ("the run command's register", run_register.confidence),
         ("the frequency command's register", frequency.confidence),
     ];
-    let unproven = facts.into_iter().find(|(_, confidence)| !is_proven(*confidence));
+    let unproven = facts.into_iter().find(|(_, confidence)| !confidence.is_proven());
     unproven.map(|(what, confidence)| format!("{what} is unproven ({})", confidence.word()))
-}
-
-const fn is_proven(confidence: Confidence) -> bool {
-    matches!(confidence, Confidence::Manual | Confidence::SecondSource)
 }
 
 /// Lowest and highest setpoint; nothing: see `problems`.
@@ -189,7 +185,7 @@ fn has(model: &Model, action: ControlAction) -> Has {
     });
     match fact.map(|fact| fact.confidence) {
         None => Has::No,
-        Some(confidence) if is_proven(confidence) => Has::Proven(confidence),
+        Some(confidence) if confidence.is_proven() => Has::Proven(confidence),
         Some(confidence) => Has::Unproven(confidence),
     }
 }

@@ -9,7 +9,7 @@ use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use crate::drive::steps::{self, NoSteps};
-use crate::profile::model::{Confidence, Fact};
+use crate::profile::model::Fact;
 use std::time::Duration;
 
 /// A command that names no deadline is sent within this time or never (laws: every command has a deadline).
@@ -337,6 +337,9 @@ fn is_within(frequency: Hertz, control: &ControlSettings) -> Result<(), Report> 
 /// A control action needs a fact of the model that is proven, or that the control section accepts as it is.
 fn is_proven<T>(fact: Option<&Fact<T>>, action: ControlAction, control: &ControlSettings) -> Result<(), Report> {
     let fact = fact.ok_or(refused(Reason::NotCapable))?;
-    let is_proven = matches!(fact.confidence, Confidence::Manual | Confidence::SecondSource);
-    if is_proven || control.accept_unverified.contains(&action) { Ok(()) } else { Err(refused(Reason::Unverified)) }
+    if fact.confidence.is_proven() || control.accept_unverified.contains(&action) {
+        Ok(())
+    } else {
+        Err(refused(Reason::Unverified))
+    }
 }

@@ -23,6 +23,15 @@ pub enum Confidence {
 }
 
 impl Confidence {
+    /// Whether a control action may rest on the fact without the operator's acceptance.
+    #[must_use]
+    pub const fn is_proven(self) -> bool {
+        match self {
+            Self::Manual | Self::SecondSource | Self::Configured => true,
+            Self::Sibling | Self::Inferred | Self::Default => false,
+        }
+    }
+
     /// The word as it stands in model files.
     #[must_use]
     pub const fn word(self) -> &'static str {

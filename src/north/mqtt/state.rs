@@ -9,7 +9,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::Reading;
 use crate::drive::view::{ControlView, DriveView, RunState, TripRecord};
-use crate::profile::model::{Confidence, Fact, Register};
+use crate::profile::model::{Fact, Register};
 use crate::profile::scale::Scaled;
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
@@ -88,9 +88,8 @@ pub(super) fn object(value: Value) -> Map<String, Value> {
 pub(super) fn capabilities(drive: &DriveDescription) -> Vec<&'static str> {
     let (Some(control), Some(run)) = (&drive.control, &drive.model.run) else { return Vec::new() };
     let accepts = |fact: &Option<Fact<u16>>, word: &str| {
-        let is_proven = |fact: &Fact<u16>| matches!(fact.confidence, Confidence::Manual | Confidence::SecondSource);
         let is_accepted = control.accept_unverified.iter().any(|action| action.word() == word);
-        fact.as_ref().is_some_and(|fact| is_proven(fact) || is_accepted)
+        fact.as_ref().is_some_and(|fact| fact.confidence.is_proven() || is_accepted)
     };
     let table = [
         ("stop", true),

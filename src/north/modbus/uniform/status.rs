@@ -7,7 +7,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{DriveView, RunState};
-use crate::profile::model::{Confidence, Fact, Model, Role};
+use crate::profile::model::{Fact, Model, Role};
 
 /// Status bits: uniform word 1 and the discrete inputs of the same numbers.
 pub mod bit {
@@ -134,7 +134,7 @@ pub(super) fn capabilities(model: &Model, control: Option<&ControlSettings>) -> 
     let (Some(control), Some(run)) = (control, &model.run) else { return 0 };
     let may = |fact: &Option<Fact<u16>>, action| {
         let accepted = control.accept_unverified.contains(&action);
-        fact.as_ref().is_some_and(|fact| accepted || is_proven(fact.confidence))
+        fact.as_ref().is_some_and(|fact| accepted || fact.confidence.is_proven())
     };
     let turns = |direction| control.directions.contains(&direction);
     [
@@ -147,12 +147,4 @@ pub(super) fn capabilities(model: &Model, control: Option<&ControlSettings>) -> 
     .into_iter()
     .filter_map(|(is_set, bit)| is_set.then_some(bit))
     .sum()
-}
-
-/// Whether a fact needs no acceptance by the operator before the drive is controlled by it.
-const fn is_proven(confidence: Confidence) -> bool {
-    match confidence {
-        Confidence::Manual | Confidence::SecondSource | Confidence::Configured => true,
-        Confidence::Sibling | Confidence::Inferred | Confidence::Default => false,
-    }
 }
