@@ -248,7 +248,7 @@ impl List {
 
     fn give_up_reading(&mut self) -> Next {
         Next::Ends(match self.stage {
-            Stage::Step(_) => Report::refused(Reason::SetpointUnknown),
+            Stage::Step(_) => Report::refused(Reason::NoReply),
             Stage::ReadBack(_) | Stage::Done => Report::new(Outcome::Acknowledged, Reason::NoReply),
             Stage::Resolve(_) => Report::new(Outcome::Unknown, Reason::NoReply),
         })

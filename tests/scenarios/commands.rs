@@ -6,6 +6,7 @@ use vfd_gateway::domain::command::{Direction, Go, Order, Outcome, Owner, Reason,
 use vfd_gateway::domain::command::{Manner, Origin};
 use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
 use vfd_gateway::drive::view::RunState;
+use vfd_gateway::gateway::Note;
 
 use Direction::{Forward, Reverse};
 
@@ -142,6 +143,23 @@ fn a_refused_write_is_told_with_the_value_that_the_drive_kept() {
     assert_eq!(rig.outcome_of(ticket), (Outcome::Failed, Reason::KeptOldValue));
     assert_eq!(rig.view(0).control.unwrap().intent, RunIntent::Stop, "what the drive refused is no intent");
     assert_eq!(rig.reports.last().unwrap().1.report.held, Some(0));
+}
+
+#[test]
+fn run_without_a_setpoint_tells_a_silent_drive_from_a_setting_outside_the_limits() {
+    let mut rig = rig();
+    let ticket = rig.command(MQTT, 0, run(Forward, None));
+    assert_eq!(rig.outcome_of(ticket), (Outcome::Refused, Reason::SetpointUnknown));
+    assert_eq!(rig.notes.iter().map(|(_, note)| *note).collect::<Vec<_>>(), [Note::SetpointOutside]);
+    for faults in ["flip=1000", "lost=1000"] {
+        rig.notes.clear();
+        rig.bus.set_faults(faults.parse().unwrap());
+        let ticket = rig.command(MQTT, 0, run(Forward, None));
+        let (outcome, reason) = rig.outcome_of(ticket);
+        assert!(matches!(reason, Reason::NoReply | Reason::Offline | Reason::TooLate), "{faults}: {reason:?}");
+        assert!(matches!(outcome, Outcome::Refused | Outcome::Expired));
+        assert!(rig.notes.is_empty() && rig.written(RUN).is_empty());
+    }
 }
 
 #[test]
