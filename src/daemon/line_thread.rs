@@ -15,6 +15,7 @@ use crate::domain::ids::DriveIndex;
 use crate::domain::link::LinkSettings;
 use crate::domain::report::PortFault;
 use crate::domain::time::MonoTime;
+use crate::drive::view::TripEventKind;
 use crate::gateway::{Effect, Input, LineCore, LineSetup, Wake, WakeReason};
 use std::future::poll_fn;
 use std::io;
@@ -351,7 +352,7 @@ impl LineTask<'_> {
                 Effect::Answer(answer) => self.board.tell(News::Native(answer)),
                 Effect::Command(answer) => self.board.tell(News::Command(answer)),
                 Effect::Trip(drive, event) => {
-                    tracing::warn!(line = self.port.line, drive = self.name_of(drive), ?event, "trip");
+                    self.log_trip(drive, &event.kind);
                     self.board.tell_trip(drive, event);
                 }
                 Effect::Note(drive, note) => {
@@ -367,6 +368,16 @@ impl LineTask<'_> {
         }
         self.board.show(&mut self.core);
         Ok(())
+    }
+
+    fn log_trip(&self, drive: DriveIndex, kind: &TripEventKind) {
+        let (line, drive) = (&self.port.line, self.name_of(drive));
+        match kind {
+            TripEventKind::Tripped { trips, record } => {
+                tracing::warn!(line, drive, trips, code = record.code, "tripped")
+            }
+            TripEventKind::Cleared => tracing::info!(line, drive, "the trip is cleared"),
+        }
     }
 
     fn name_of(&self, drive: DriveIndex) -> &str {
