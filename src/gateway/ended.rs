@@ -102,7 +102,7 @@ impl LineCore {
         {
             self.take_words(now, drive, *address, words);
         }
-        self.works[drive.get()].ended(rank, ending, doubt, now, &mut self.effects);
+        self.works[drive.get()].ended(rank, &exchange.request, ending, doubt, now, &mut self.effects);
     }
 
     /// The exchange had no good answer: a late one may follow, and a silent drive is asked less and less often.

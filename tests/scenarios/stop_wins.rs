@@ -198,6 +198,19 @@ fn a_flood_of_stops_is_one_stop_and_leaves_the_line_to_others() {
 }
 
 #[test]
+fn a_coast_while_the_stop_is_on_the_wire_is_judged_by_its_own_echo() {
+    let mut rig = running();
+    let stop = rig.command(MQTT, 0, STOP);
+    while rig.written(RUN).is_empty() {
+        rig.step(rig.now + Duration::from_secs(1));
+    }
+    let coast = rig.command(MQTT, 0, Order::Coast);
+    assert_eq!(rig.outcome_of(coast), (Outcome::Confirmed, Reason::None));
+    assert_eq!(rig.outcome_of(stop).0, Outcome::Confirmed);
+    assert_eq!(rig.written(RUN), [0, 3]);
+}
+
+#[test]
 fn coast_cuts_the_output_off() {
     let mut rig = running();
     let ticket = rig.command(MQTT, 0, Order::Coast);

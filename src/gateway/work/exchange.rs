@@ -60,12 +60,14 @@ impl DriveWork {
         true
     }
 
-    /// The exchange that was sent for the wish of `rank` is over. `doubt`: a late reply could have been taken for its
-    /// answer.
-    pub fn ended(&mut self, rank: Rank, ending: &Ending, doubt: bool, now: MonoTime, out: Out<'_>) {
+    /// The exchange of `request` that was sent for the wish of `rank` is over. `doubt`: a late reply could have been taken
+    /// for its answer.
+    pub fn ended(&mut self, rank: Rank, request: &Request, ending: &Ending, doubt: bool, now: MonoTime, out: Out<'_>) {
         let is_wanted = self.flight.take().is_some();
         self.has_changed = true;
         match rank {
+            // A coast may have taken the place of the stop that was on the wire: its own frame follows.
+            Rank::FirstStop | Rank::RepeatedStop if !self.is_latched(request) => {}
             Rank::FirstStop | Rank::RepeatedStop => self.stop_ended(ending, doubt, now, out),
             Rank::Step | Rank::Start if is_wanted => self.step_ended(ending, out),
             Rank::Step | Rank::Start => {}
@@ -80,6 +82,10 @@ impl DriveWork {
                 }
             }
         }
+    }
+
+    fn is_latched(&self, request: &Request) -> bool {
+        self.latch.as_ref().is_some_and(|latch| latch.frame().1 == *request)
     }
 
     /// The line is down: what waits is not sent, what is on the wire is in doubt. A stop goes on waiting.
