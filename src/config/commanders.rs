@@ -2,9 +2,10 @@
 
 use super::file::{ControlFile, DriveFile, File, LineFile, ListenerFile, MqttFile};
 use super::mqtt::{DEFAULT_COMMAND_TTL, DEFAULT_LEASE, DEFAULT_PROBE_INTERVAL};
-use super::ready::{COMMAND_DEADLINE, MqttSettings};
+use super::ready::MqttSettings;
 use super::words::Way;
 use crate::domain::problem::Problem;
+use crate::guard::COMMAND_DEADLINE;
 use crate::north::mqtt::LeaseMode;
 use crate::profile::reader::{Given, Written};
 use crate::profile::values::duration_text;

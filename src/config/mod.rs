@@ -25,8 +25,8 @@ mod units;
 pub mod words;
 
 pub use ready::{
-    BrokerSettings, COMMAND_DEADLINE, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings,
-    HttpSettings, LineSettings, ListenerSettings, MqttSettings, PasswordSource, Silence, TlsSettings, command_deadline,
+    BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings, HttpSettings, LineSettings,
+    ListenerSettings, MqttSettings, PasswordSource, Silence, TlsSettings, command_deadline,
 };
 
 use crate::domain::problem::Problem;

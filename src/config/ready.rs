@@ -3,6 +3,7 @@
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::{Name, Station, UnitId};
 use crate::domain::link::{Framing, Interface, LinkSettings};
+use crate::guard::COMMAND_DEADLINE;
 use crate::north::mqtt::{LeaseMode, Settings, Version};
 use crate::profile::model::Model;
 use ipnet::IpNet;
@@ -11,10 +12,6 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
-
-/// Deadline of a command that names none and comes by a way that sets none: its first frame leaves within this
-/// time or never. Every lease is longer.
-pub const COMMAND_DEADLINE: Duration = Duration::from_secs(1);
 
 /// A whole configuration.
 #[derive(Clone, Debug, PartialEq)]

@@ -38,12 +38,7 @@ pub fn line_setup(line: &LineSettings, first_epoch: u64) -> LineSetup {
 /// Longest time from the acceptance of a stop for one drive of `line` to its first bit.
 #[must_use]
 pub fn worst_stop(line: &LineSettings) -> Duration {
-    let drives = line.drives.iter().map(|drive| (reply_timeout(drive), drive.model.read.max_words.value));
-    budget::worst_stop(&timing(line).0, drives)
-}
-
-fn reply_timeout(drive: &DriveSettings) -> Duration {
-    drive.reply_timeout.unwrap_or(drive.model.timing.reply_timeout_cap.value)
+    line_setup(line, 0).worst_stop()
 }
 
 /// What lines and north sides share.
@@ -152,7 +147,7 @@ fn drive_setup(drive: &DriveSettings) -> DriveSetup {
         station: drive.station,
         model: Arc::clone(&drive.model),
         poll: drive.poll,
-        reply_timeout: reply_timeout(drive),
+        reply_timeout: drive.reply_timeout.unwrap_or(drive.model.timing.reply_timeout_cap.value),
         max_lateness: drive.max_lateness,
         control: drive.control.clone(),
     }

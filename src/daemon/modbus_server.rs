@@ -261,7 +261,7 @@ fn rights_of(listener: &ListenerSettings, peer: IpAddr) -> Granted {
 }
 
 fn is_allowed(allow: Option<&[IpNet]>, peer: IpAddr) -> bool {
-    allow.is_none_or(|nets| nets.iter().any(|net| net.contains(&peer.to_canonical())))
+    allow.is_none_or(|nets| access::is_in(peer, nets))
 }
 
 fn instant_of(now: MonoTime, at: MonoTime) -> Instant {

@@ -151,7 +151,7 @@ fn start_lines(config: &Config, shared: &Arc<Shared>, sides: &NorthSides) -> Res
     let first_epoch = u64::try_from(clock::wall().unix_ms).unwrap_or(0) << 8;
     let start = |(place, line)| {
         let (port, setup) = (build::line_port(line), build::line_setup(line, first_epoch));
-        tracing::info!(line = %line.name, worst_stop = ?build::worst_stop(line), "a stop starts within this time");
+        tracing::info!(line = %line.name, worst_stop = ?setup.worst_stop(), "a stop starts within this time");
         LineHandle::start(port, setup, Arc::clone(shared), place, sides.clone())
     };
     let lines: io::Result<Vec<_>> = config.lines.iter().enumerate().map(start).collect();

@@ -52,12 +52,6 @@ impl Shared {
         }
     }
 
-    /// The drive at `place`.
-    #[must_use]
-    pub fn drive(&self, place: DriveRef) -> Option<&SharedDrive> {
-        self.drives.iter().find(|drive| drive.description.place == place)
-    }
-
     /// The inbox of the line that the drive at `place` hangs on.
     #[must_use]
     pub fn inbox(&self, place: DriveRef) -> Option<&Inbox> {

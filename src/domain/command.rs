@@ -2,6 +2,7 @@
 
 use super::frequency::Hertz;
 use super::ids::{AskerId, DriveIndex, Ticket};
+use super::native::FRAMES_MAX;
 use super::time::MonoTime;
 use std::fmt;
 use std::net::IpAddr;
@@ -55,8 +56,8 @@ pub struct Go {
 }
 
 impl Go {
-    /// Most registers in one order: as many frames as one request may need.
-    pub const REGISTERS_MAX: usize = 16;
+    /// Most registers in one order.
+    pub const REGISTERS_MAX: usize = FRAMES_MAX;
 
     /// The order of these parts; nothing if there is none, or more registers than [`Self::REGISTERS_MAX`].
     #[must_use]

@@ -5,6 +5,9 @@ use super::ids::{AskerId, DriveIndex, Ticket};
 use super::time::MonoTime;
 use std::sync::Arc;
 
+/// Most frames that one request may need on the line.
+pub const FRAMES_MAX: usize = 16;
+
 /// What is asked of a drive's own registers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NativeAsk {

@@ -4,16 +4,13 @@ use super::core::LineCore;
 use super::waiter::Waiter;
 use crate::domain::command::{CommandRequest, Reason, Report};
 use crate::domain::ids::DriveIndex;
-use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, NativeRequest, Refusal};
+use crate::domain::native::{FRAMES_MAX, NativeAnswer, NativeAsk, NativeOutcome, NativeRequest, Refusal};
 use crate::domain::report::LineState;
 use crate::domain::time::MonoTime;
 use crate::drive::decode;
 use crate::guard::COMMAND_DEADLINE;
 use crate::line::schedule::{Full, Queued, ReadKey, WaiterId};
 use crate::profile::model::Model;
-
-/// Most frames that one request may need.
-pub const FRAMES_MAX: usize = 16;
 
 impl LineCore {
     pub(super) fn on_native(&mut self, now: MonoTime, request: NativeRequest) {

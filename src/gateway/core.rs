@@ -11,7 +11,6 @@ use crate::domain::time::MonoTime;
 use crate::drive::plan::PollPlan;
 use crate::drive::snapshot::{DriveSnapshot, Presence};
 use crate::drive::view::DriveView;
-use crate::line::budget;
 use crate::line::schedule::{ReadJob, Schedule};
 use crate::line::station::StationState;
 use crate::line::transaction::Wire;
@@ -78,9 +77,8 @@ impl LineCore {
         let works = (0..).zip(&setup.drives).map(|(index, drive)| {
             DriveWork::new(DriveIndex(index), &drive.model, drive.control.clone(), setup.first_epoch)
         });
-        let drives = setup.drives.iter().map(|drive| (drive.reply_timeout, drive.model.read.max_words.value));
         Self {
-            worst_stop: budget::worst_stop(&setup.timing, drives),
+            worst_stop: setup.worst_stop(),
             works: works.collect(),
             others_turn: false,
             fault: None,

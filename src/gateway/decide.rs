@@ -86,8 +86,7 @@ impl LineCore {
     }
 
     /// The most urgent wish of any drive up to `last_rank`; drives that answer before silent ones, moving ones before
-    /// those at rest. A stop waits for
-    /// nothing, everything else for late replies and back-offs.
+    /// those at rest. A stop waits for nothing, everything else for late replies and back-offs.
     fn pick_work(&mut self, now: MonoTime, last_rank: Rank) -> Option<Picked> {
         loop {
             let (drive, want) = self.most_urgent(now, last_rank)?;

@@ -159,7 +159,7 @@ impl List {
 
     /// The drive answered with an exception.
     pub fn excepted(&mut self, code: u8) -> Next {
-        if self.stage == Stage::Done || matches!(self.stage, Stage::ReadBack(_) | Stage::Resolve(_)) {
+        if !matches!(self.stage, Stage::Step(_)) {
             return self.give_up_reading();
         }
         let failed = Report::new(Outcome::Failed, Reason::DriveException);

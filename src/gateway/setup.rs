@@ -2,6 +2,7 @@
 
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
+use crate::line::budget;
 use crate::line::timing::Timing;
 use crate::profile::model::Model;
 use std::sync::Arc;
@@ -18,6 +19,15 @@ pub struct LineSetup {
     pub tells_traffic: bool,
     /// Where the epochs of its drives begin: another number at each start of the gateway.
     pub first_epoch: u64,
+}
+
+impl LineSetup {
+    /// Longest time from the acceptance of a stop for one drive to its first bit.
+    #[must_use]
+    pub fn worst_stop(&self) -> Duration {
+        let drives = self.drives.iter().map(|drive| (drive.reply_timeout, drive.model.read.max_words.value));
+        budget::worst_stop(&self.timing, drives)
+    }
 }
 
 /// One drive of a line.

@@ -8,9 +8,13 @@ use std::net::IpAddr;
 /// whoever may write may stop.
 #[must_use]
 pub fn rights_of(peer: IpAddr, write: &[IpNet], stop: Option<&[IpNet]>) -> Rights {
-    let peer = peer.to_canonical();
-    let is_in = |nets: &[IpNet]| nets.iter().any(|net| net.contains(&peer));
-    Rights { write: is_in(write), stop: is_in(stop.unwrap_or(write)) }
+    Rights { write: is_in(peer, write), stop: is_in(peer, stop.unwrap_or(write)) }
+}
+
+/// Whether `peer` is in one of `nets`. An IPv4 address that is mapped into IPv6 is the address itself.
+#[must_use]
+pub fn is_in(peer: IpAddr, nets: &[IpNet]) -> bool {
+    nets.iter().any(|net| net.contains(&peer.to_canonical()))
 }
 
 #[cfg(test)]

@@ -12,7 +12,8 @@ use crate::drive::steps::{self, NoSteps};
 use crate::profile::model::Fact;
 use std::time::Duration;
 
-/// A command that names no deadline is sent within this time or never (laws: every command has a deadline).
+/// A command that names no deadline is sent within this time or never (laws: every command has a deadline). Every lease
+/// is longer.
 pub const COMMAND_DEADLINE: Duration = Duration::from_secs(1);
 
 /// What is known of the drive when a command is reviewed.

@@ -4,6 +4,7 @@ use super::*;
 use crate::domain::command::Direction;
 use crate::domain::control::{ControlAction, ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
+use crate::guard::COMMAND_DEADLINE;
 
 const AT: &str = "line[0].drive[0].control";
 

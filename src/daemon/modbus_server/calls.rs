@@ -8,14 +8,13 @@ use crate::domain::command::{CommandAnswer, CommandRequest, Order};
 use crate::domain::ids::{DriveIndex, Ticket};
 use crate::domain::native::NativeRequest;
 use crate::domain::time::MonoTime;
+use crate::guard::COMMAND_DEADLINE;
 use crate::north::modbus::{
     Answer, Ask, Call, Connection, Ended, Ordered, Present, ReadBehind, Taken, Words, native, own,
 };
 use crate::wire::exception;
 use std::time::Duration;
 
-/// The first frame of a command leaves within this time or never.
-const COMMAND_DEADLINE: Duration = Duration::from_secs(1);
 /// Reads that renew a lease do so at most this often for each drive of a connection.
 const RENEW_EVERY: Duration = Duration::from_millis(100);
 

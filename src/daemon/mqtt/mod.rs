@@ -26,9 +26,8 @@ pub use settings::{ConnectionSettings, Secret, TlsSettings};
 pub use tls::{TlsError, check as check_tls};
 
 use super::clock;
-use crate::domain::time::{MonoTime, WallTime};
+use crate::domain::time::MonoTime;
 use crate::north::mqtt::{Event, Filter, Moment, Publication};
-use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The one who talks with the broker, without a socket: the MQTT session and what it looks at.
 ///
@@ -66,6 +65,5 @@ pub enum Packet {
 /// Now, on both clocks.
 #[must_use]
 pub fn moment() -> Moment {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    Moment { mono: clock::now(), wall: WallTime { unix_ms: i64::try_from(since.as_millis()).unwrap_or(i64::MAX) } }
+    Moment { mono: clock::now(), wall: clock::wall() }
 }
