@@ -1,8 +1,9 @@
-//! The README lists every command and option, and exactly the keys that there are: one list, and it is true.
+//! The README lists every command, option and reason, and exactly the keys that there are: one list, and it is true.
 
 use super::rig::vfd_gateway;
 use std::path::Path;
 use vfd_gateway::config::keys::{KEYS, Key, Section};
+use vfd_gateway::domain::command::Reason;
 
 #[test]
 fn the_readme_has_every_key_as_the_program_has_it() {
@@ -15,6 +16,16 @@ fn the_readme_has_every_key_as_the_program_has_it() {
         let keys = KEYS.iter().filter(|key| key.section == section);
         let expected: Vec<_> = keys.map(row).collect();
         assert_eq!(written, expected, "keys of {header}");
+    }
+}
+
+/// Uniform word 261 and `result` give a reason by its number and its word: the README must say what each means.
+#[test]
+fn the_readme_has_every_reason() {
+    let readme = readme();
+    for reason in Reason::ALL {
+        let row = format!("| {} | `{}` | {} |", reason.number(), reason.word(), reason.text());
+        assert!(readme.contains(&row), "README.md has no row {row}");
     }
 }
 
