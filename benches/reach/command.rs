@@ -100,7 +100,7 @@ fn measure(case: Case) -> Vec<Row> {
     let bus = if case.is_paced { BusOptions::default() } else { unpaced };
     let line = TappedLine::start(1, bus);
     let mqtt = Some((broker.port, case.version));
-    let setup = Setup { device: line.path(), drives: 1, unpaced: !case.is_paced, poll: "1h", mqtt, listen: 0 };
+    let setup = Setup { device: line.path(), drives: 1, unpaced: !case.is_paced, poll: "5s", mqtt, listen: 0 };
     let gateway = Gateway::start(&setup);
     let publisher = Publisher::connect(broker.port, case.version);
     let echo = Talker::connect(broker.port, "bench-echo", &[ECHO]).expect("the broker accepts");
