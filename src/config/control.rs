@@ -56,6 +56,7 @@ pub(super) fn settle(
         lost_after: file.lost_after.as_ref()?.value,
         on_shutdown: file.on_shutdown.as_ref()?.value,
         accept_unverified: lists::values(&file.accept_unverified).unwrap_or_default(),
+        allow_release: false,
         strict: file.strict.or(false)?,
         restart_delay: file.restart_delay.or(DEFAULT_RESTART_DELAY)?,
         stop_effect_timeout: file.stop_effect_timeout.or(DEFAULT_STOP_EFFECT)?,
@@ -182,6 +183,7 @@ fn has(model: &Model, action: ControlAction) -> Has {
         ControlAction::Reverse => run.reverse.as_ref(),
         ControlAction::Coast => run.coast.as_ref(),
         ControlAction::Reset => run.reset.as_ref(),
+        ControlAction::Release => run.release.as_ref(),
     });
     match fact.map(|fact| fact.confidence) {
         None => Has::No,

@@ -43,6 +43,11 @@ pub enum Order {
     Reset,
     /// Registers, then the setpoint, then run.
     Go(Go),
+    /// Hand control back to panel or terminals. A closed terminal may then start the motor.
+    Release,
+    /// Set what the drive needs before it obeys the bus: the registers at these addresses, each to the word that its
+    /// model demands.
+    Setup(Vec<u16>),
     /// Only renew the lease. It is no attempt to write.
     Renew,
 }
@@ -101,6 +106,8 @@ pub enum Owner {
     ModbusTcp(IpAddr),
     /// Whoever may publish to the command topics.
     Mqtt,
+    /// Whoever may open the gateway's own socket on its host.
+    Local,
 }
 
 impl fmt::Display for Owner {
@@ -108,6 +115,7 @@ impl fmt::Display for Owner {
         match self {
             Self::ModbusTcp(address) => write!(f, "modbus-tcp {address}"),
             Self::Mqtt => f.write_str("mqtt"),
+            Self::Local => f.write_str("local"),
         }
     }
 }
@@ -365,6 +373,12 @@ reasons! {
     ShuttingDown = 41, "shutting_down", "the gateway is ending";
     /// Whoever gave it was lost before it was sent.
     CommanderLost = 42, "commander_lost", "its commander was lost before it was sent";
+    /// The control section does not allow a release.
+    NoRelease = 43, "no_release", "the drive's control section does not allow a release";
+    /// The motor may turn.
+    Moving = 44, "moving", "the motor is not known to stand still";
+    /// The word is outside what the register takes.
+    OutsideRange = 45, "outside_range", "the value is outside what the register takes";
 }
 
 impl Reason {

@@ -36,6 +36,8 @@ pub enum ControlAction {
     Coast,
     /// Resetting a trip.
     Reset,
+    /// Handing control back to panel and terminals.
+    Release,
 }
 
 impl ControlAction {
@@ -46,6 +48,7 @@ impl ControlAction {
             Self::Reverse => "reverse",
             Self::Coast => "coast",
             Self::Reset => "reset",
+            Self::Release => "release",
         }
     }
 }
@@ -73,6 +76,8 @@ pub struct ControlSettings {
     pub on_shutdown: FailSafe,
     /// Unproven actions that are accepted.
     pub accept_unverified: Vec<ControlAction>,
+    /// Control may be handed back to panel and terminals.
+    pub allow_release: bool,
     /// RUN over MQTT only with an epoch or a moment of issue.
     pub strict: bool,
     /// Plain RUN over MQTT is refused for this long after a stop.

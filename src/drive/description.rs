@@ -19,6 +19,15 @@ pub struct DriveRef {
     pub drive: DriveIndex,
 }
 
+/// Rated values of one drive, from its nameplate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Ratings {
+    /// Rated current in mA; nothing: not stated.
+    pub current_ma: Option<u32>,
+    /// Rated voltage in mV; nothing: not stated.
+    pub voltage_mv: Option<u32>,
+}
+
 /// One drive as the configuration names it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DriveDescription {
@@ -36,6 +45,8 @@ pub struct DriveDescription {
     pub uniform_unit: UnitId,
     /// Period of its fast polls.
     pub poll: Duration,
+    /// Its rated values, where the model reports in per cent of them.
+    pub ratings: Ratings,
     /// What may be commanded; nothing: the drive is read-only.
     pub control: Option<Arc<ControlSettings>>,
     /// Smallest change that is published, by register name, in the register's unit.

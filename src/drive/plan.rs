@@ -14,6 +14,7 @@ pub fn period(class: PollClass, poll: Duration) -> Duration {
         PollClass::Fast => poll,
         PollClass::Second => poll.max(Duration::from_secs(1)),
         PollClass::Slow => poll * SLOW_FACTOR,
+        PollClass::Hourly => (poll * SLOW_FACTOR).max(Duration::from_secs(3600)),
     }
 }
 
@@ -41,7 +42,7 @@ impl PollGroup {
 #[must_use]
 pub fn groups(model: &Model) -> Vec<PollGroup> {
     let mut groups: Vec<PollGroup> = Vec::new();
-    for class in [PollClass::Fast, PollClass::Second, PollClass::Slow] {
+    for class in [PollClass::Fast, PollClass::Second, PollClass::Slow, PollClass::Hourly] {
         for register in model.registers.iter().filter(|register| register.poll == Some(class)) {
             match groups.last_mut() {
                 Some(last) if last.class == class && joins(model, last, register.address) => last.count += 1,

@@ -27,6 +27,7 @@ pub fn control() -> ControlSettings {
         lost_after: Duration::from_secs(3),
         on_shutdown: FailSafe::Stop,
         accept_unverified: Vec::new(),
+        allow_release: false,
         strict: false,
         restart_delay: Duration::from_secs(2),
         stop_effect_timeout: Duration::from_secs(3),

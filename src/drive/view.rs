@@ -14,6 +14,8 @@ pub struct DriveView {
     pub snapshot: DriveSnapshot,
     /// What the drive does, as far as it is known.
     pub run_state: RunState,
+    /// What its status registers tell.
+    pub status: StatusView,
     /// Trips, counted and read.
     pub trip: TripView,
     /// Control; nothing if the drive has no control section.
@@ -25,6 +27,31 @@ impl DriveView {
     #[must_use]
     pub fn is_online(&self) -> bool {
         self.line_is_up && self.snapshot.presence == Presence::Online
+    }
+}
+
+/// What the status registers tell; nothing in each where the model has no such flag or it was not read yet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StatusView {
+    /// Run commands are taken from the bus.
+    pub bus_run: Option<bool>,
+    /// The frequency is taken from the bus.
+    pub bus_frequency: Option<bool>,
+    /// Something is not as it should be, and the drive goes on.
+    pub alarm: Option<bool>,
+    /// The drive would run if it were ordered to.
+    pub ready: Option<bool>,
+}
+
+impl StatusView {
+    /// Whether the drive obeys somebody else: panel or terminals give its run commands or its frequency.
+    #[must_use]
+    pub const fn is_local(&self) -> Option<bool> {
+        match (self.bus_run, self.bus_frequency) {
+            (None, None) => None,
+            (Some(false), _) | (_, Some(false)) => Some(true),
+            _ => Some(false),
+        }
     }
 }
 

@@ -11,7 +11,7 @@ use crate::drive::plan::PollGroup;
 use crate::line::schedule::ReadKey;
 use crate::line::station::PROBE_TIMEOUT;
 use crate::line::transaction::Exchange;
-use crate::profile::model::PollClass;
+use crate::profile::model::{Barrier, PollClass};
 use crate::wire::pdu::Request;
 
 /// What goes on the wire next.
@@ -206,8 +206,11 @@ impl LineCore {
     }
 
     fn barriers(&self, drive: DriveIndex) -> impl Iterator<Item = Request> + '_ {
-        let reads = &self.setup.drives[drive.get()].model.barrier_reads;
-        reads.iter().map(|read| Request::ReadHolding { address: read.address, count: read.count })
+        let barriers = &self.setup.drives[drive.get()].model.barriers;
+        barriers.iter().filter_map(|barrier| match barrier {
+            Barrier::Read(read) => Some(Request::ReadHolding { address: read.address, count: read.count }),
+            Barrier::Loop(_) | Barrier::Refused(_) => None,
+        })
     }
 
     /// When the next frame could go, if anything waits or will be due.

@@ -63,6 +63,8 @@ impl DriveGuard {
                 match order {
                     Order::Go(go) => self.review_go(command, go, &control, facts, now),
                     Order::Reset => self.review_reset(command, &control, facts, now),
+                    Order::Release => Err(refused(Reason::NotCapable)),
+                    Order::Setup(_) => Err(refused(Reason::NotCapable)),
                     Order::Renew | Order::Stop { .. } | Order::Coast => {
                         self.renew(origin.owner, now);
                         Ok(Verdict::Unchanged)
@@ -317,6 +319,7 @@ fn may_come_from(control: &ControlSettings, owner: Owner, order: &Order) -> Resu
     let allowed = match owner {
         Owner::ModbusTcp(_) => control.from_modbus_tcp || stops,
         Owner::Mqtt => control.from_mqtt,
+        Owner::Local => true,
     };
     if allowed { Ok(()) } else { Err(refused(Reason::NotFromHere)) }
 }

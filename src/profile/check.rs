@@ -3,7 +3,10 @@
 use super::file::{
     self, BarrierFile, DefaultFile, FactFile, LinkFile, ModelFile, ReadFile, RunFile, StationsFile, TimingFile,
 };
-use super::model::{BarrierRead, Broadcast, Fact, Link, Model, ReadLimits, Role, RunCommand, Timing, WriteRules};
+use super::model::{
+    Barrier, BarrierRead, Broadcast, Confidence, Fact, Link, Model, Quirks, ReadLimits, Role, RunCommand, RunForm,
+    Timing, WriteRules,
+};
 use super::reader::{self, Given, Needed, Place, Written};
 use super::register::{RegisterFile, distinct};
 use crate::domain::link::LinkSettings;
@@ -187,13 +190,21 @@ fn ready(file: &ModelFile) -> Option<Model> {
         link: link(file.link.as_ref()?)?,
         timing: timing(file.timing.as_ref()?)?,
         read: read_limits(file.read.as_ref()?)?,
-        write: WriteRules { refused: file.refused_write.as_ref()?.ready()? },
-        barrier_reads: file.barrier_reads.iter().map(barrier_read).collect::<Option<Vec<_>>>()?,
+        functions: Fact { value: vec![3, 6], confidence: Confidence::Inferred, source: String::new() },
+        write: WriteRules { refused: file.refused_write.as_ref()?.ready()?, block: None },
+        exceptions: Vec::new(),
+        quirks: Quirks::default(),
+        barriers: file.barrier_reads.iter().map(barrier_read).collect::<Option<Vec<_>>>()?,
         run: match &file.run {
             Given::LeftOut => None,
             Given::Unusable => return None,
             Given::Usable(run) => Some(run_command(&run.value)?),
         },
+        status: Vec::new(),
+        trip_codes: Vec::new(),
+        setup: Vec::new(),
+        watchdog: None,
+        codes: None,
         registers,
     })
 }
@@ -236,20 +247,30 @@ fn timing(file: &TimingFile) -> Option<Timing> {
         gap_chars: file.gap_chars.ready()?,
         reply_timeout_cap: file.reply_timeout_cap.ready()?,
         processing_max: optional(file.processing_max.as_ref())?,
+        stored_write_max: None,
+        reply_delay_max: None,
+        reply_char_bits: None,
         max_lateness: file.max_lateness.ready()?,
     })
 }
 
 fn read_limits(file: &ReadFile) -> Option<ReadLimits> {
-    Some(ReadLimits { max_words: file.max_words.ready()?, boundary: file.boundary.clone().optional()? })
+    Some(ReadLimits {
+        max_words: file.max_words.ready()?,
+        max_words_ascii: None,
+        boundary: file.boundary.clone().optional()?,
+    })
 }
 
-fn barrier_read(file: &BarrierFile) -> Option<BarrierRead> {
-    Some(BarrierRead { address: file.address.as_ref()?.value, count: file.count.as_ref()?.value })
+fn barrier_read(file: &BarrierFile) -> Option<Barrier> {
+    Some(Barrier::Read(BarrierRead { address: file.address.as_ref()?.value, count: file.count.as_ref()?.value }))
 }
 
 fn run_command(file: &RunFile) -> Option<RunCommand> {
     Some(RunCommand {
+        form: RunForm::Values,
+        release: None,
+        never: Vec::new(),
         stop: file.stop.ready()?,
         forward: file.forward.ready()?,
         reverse: optional(file.reverse.as_ref())?,

@@ -45,6 +45,10 @@ impl RegisterFile {
             access: self.access.as_ref()?.value,
             role: self.role.clone().optional()?,
             poll: self.poll.clone().optional()?,
+            memory: None,
+            range: None,
+            meanings: Vec::new(),
+            back_door: None,
             confidence,
             source,
         })

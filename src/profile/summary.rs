@@ -1,6 +1,6 @@
 //! A model as a table for people: what is known of it, how sure that is, and where it comes from.
 
-use super::model::{Boundary, Fact, Link, Model, ReadLimits, Register, RunCommand, Timing};
+use super::model::{Barrier, Boundary, Fact, Link, Model, ReadLimits, Register, RunCommand, Timing};
 use super::values::duration_text;
 use super::words::{FRAMINGS, INTERFACES, PARITIES, POLL_CLASSES, REFUSED_WRITES, word_for};
 use std::fmt::Display;
@@ -62,8 +62,12 @@ fn reads_and_writes(model: &Model) -> Vec<Vec<String>> {
         row("words in one read", words_in_one_read(&model.read), &model.read.max_words),
         row("a refused write", word_for(&REFUSED_WRITES, &refused.value), refused),
     ];
-    if !model.barrier_reads.is_empty() {
-        let barriers = model.barrier_reads.iter().map(|it| format!("0x{:04X} x{}", it.address, it.count));
+    if !model.barriers.is_empty() {
+        let barriers = model.barriers.iter().map(|it| match it {
+            Barrier::Read(it) => format!("0x{:04X} x{}", it.address, it.count),
+            Barrier::Loop(_) => "loop test".to_owned(),
+            Barrier::Refused(function) => format!("function {:02X} hex refused", function.value),
+        });
         rows.push(vec!["barrier reads".to_owned(), list(barriers)]);
     }
     rows

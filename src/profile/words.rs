@@ -1,6 +1,6 @@
 //! The words that files use for enumerations: one table each, for reading and for showing.
 
-use super::model::{Access, Boundary, Confidence, PollClass, RefusedWrite, Role};
+use super::model::{Access, BitMeaning, Boundary, Confidence, Flag, Memory, PollClass, RefusedWrite, Role};
 use crate::domain::link::{Framing, Interface, Parity};
 use crate::domain::units::UnitOfMeasure;
 
@@ -32,8 +32,42 @@ pub const ACCESSES: [(&str, Access); 3] =
     [("read", Access::Read), ("write", Access::Write), ("read-write", Access::ReadWrite)];
 
 /// How often a register is polled.
-pub const POLL_CLASSES: [(&str, PollClass); 3] =
-    [("fast", PollClass::Fast), ("second", PollClass::Second), ("slow", PollClass::Slow)];
+pub const POLL_CLASSES: [(&str, PollClass); 4] = [
+    ("fast", PollClass::Fast),
+    ("second", PollClass::Second),
+    ("slow", PollClass::Slow),
+    ("hourly", PollClass::Hourly),
+];
+
+/// Where a register keeps what is written to it.
+pub const MEMORIES: [(&str, Memory); 2] = [(Memory::Ram.word(), Memory::Ram), (Memory::Stored.word(), Memory::Stored)];
+
+/// What a status register can tell.
+pub const FLAGS: [(&str, Flag); 8] = [
+    ("running", Flag::Running),
+    ("reverse", Flag::Reverse),
+    ("stopping", Flag::Stopping),
+    ("tripped", Flag::Tripped),
+    ("alarm", Flag::Alarm),
+    ("ready", Flag::Ready),
+    ("bus-run", Flag::BusRun),
+    ("bus-frequency", Flag::BusFrequency),
+];
+
+/// What a bit of a run command means.
+pub const BIT_MEANINGS: [(&str, BitMeaning); 11] = [
+    ("run", BitMeaning::Run),
+    ("reverse", BitMeaning::Reverse),
+    ("run-forward", BitMeaning::RunForward),
+    ("run-reverse", BitMeaning::RunReverse),
+    ("reset", BitMeaning::Reset),
+    ("coast", BitMeaning::Coast),
+    ("trip", BitMeaning::Trip),
+    ("jog", BitMeaning::Jog),
+    ("bus-run", BitMeaning::BusRun),
+    ("bus-frequency", BitMeaning::BusFrequency),
+    ("other", BitMeaning::Other),
+];
 
 /// What a read must not cross.
 pub(super) const BOUNDARIES: [(&str, Boundary); 1] = [("high-byte", Boundary::HighByte)];
@@ -43,9 +77,10 @@ pub(super) const REFUSED_WRITES: [(&str, RefusedWrite); 2] =
     [("exception", RefusedWrite::Exception), ("keeps-old-value", RefusedWrite::KeepsOldValue)];
 
 /// How sure a fact is.
-pub(super) const CONFIDENCES: [(&str, Confidence); 6] = [
+pub(super) const CONFIDENCES: [(&str, Confidence); 7] = [
     (Confidence::Manual.word(), Confidence::Manual),
     (Confidence::SecondSource.word(), Confidence::SecondSource),
+    (Confidence::ThirdParty.word(), Confidence::ThirdParty),
     (Confidence::Sibling.word(), Confidence::Sibling),
     (Confidence::Inferred.word(), Confidence::Inferred),
     (Confidence::Default.word(), Confidence::Default),
@@ -53,7 +88,7 @@ pub(super) const CONFIDENCES: [(&str, Confidence); 6] = [
 ];
 
 /// What the gateway uses a register for.
-pub(super) const ROLES: [(&str, Role); 20] = [
+pub(super) const ROLES: [(&str, Role); 22] = [
     ("run-command", Role::RunCommand),
     ("frequency-command", Role::FrequencyCommand),
     ("frequency-setting", Role::FrequencySetting),
@@ -62,6 +97,7 @@ pub(super) const ROLES: [(&str, Role); 20] = [
     ("deceleration-time", Role::DecelerationTime),
     ("frequency-source", Role::FrequencySource),
     ("run-source", Role::RunSource),
+    ("trip-code", Role::TripCode),
     ("trip-count", Role::TripCount),
     ("trip-cause", Role::TripCause),
     ("trip-frequency", Role::TripFrequency),
@@ -74,6 +110,7 @@ pub(super) const ROLES: [(&str, Role); 20] = [
     ("torque", Role::Torque),
     ("temperature", Role::Temperature),
     ("run-hours", Role::RunHours),
+    ("trip-history", Role::TripHistory),
 ];
 
 /// The word for `value` in `words`; `?` where it has none.

@@ -42,13 +42,11 @@ mod testing {
 
     use super::*;
     use crate::domain::ids::Station;
-    use crate::domain::link::{Framing, Interface, LinkSettings, Parity};
+    use crate::domain::link::LinkSettings;
     use crate::domain::time::MonoTime;
-    use crate::domain::units::UnitOfMeasure;
-    use crate::profile::model::{
-        Access, Boundary, Broadcast, Confidence, Fact, Link, Model, ReadLimits, RefusedWrite, Register, Role,
-        RunCommand, Timing, WriteRules,
-    };
+    use crate::profile::catalog::Catalog;
+    use crate::profile::model::Model;
+    use crate::vendors;
     use std::sync::Arc;
     use std::time::Duration;
 
@@ -67,79 +65,14 @@ mod testing {
         MonoTime::from_millis(seconds * 1_000)
     }
 
+    /// The built-in model called `id`.
+    pub fn model(id: &str) -> Arc<Model> {
+        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).expect("sound models");
+        Arc::clone(catalog.find(id).expect("a built-in model"))
+    }
+
     pub fn n700() -> Arc<Model> {
-        let rows = [
-            (RUN, 1, Access::Write, Some(Role::RunCommand)),
-            (SETPOINT, 100, Access::Write, Some(Role::FrequencyCommand)),
-            (OUTPUT, 100, Access::Read, Some(Role::OutputFrequency)),
-            (TRIP_COUNT, 1, Access::Read, Some(Role::TripCount)),
-            (TRIP_RECORD, 1, Access::Read, Some(Role::TripCause)),
-            (F001, 100, Access::Read, Some(Role::FrequencySetting)),
-            (F007, 10, Access::ReadWrite, Some(Role::AccelerationTime)),
-            (F008, 10, Access::ReadWrite, Some(Role::DecelerationTime)),
-            (F010, 1, Access::ReadWrite, Some(Role::FrequencySource)),
-            (F011, 1, Access::ReadWrite, Some(Role::RunSource)),
-        ];
-        Arc::new(Model {
-            id: "hyundai-n700".into(),
-            vendor: "Hyundai".into(),
-            title: "N700".into(),
-            documents: vec![],
-            link: link(),
-            timing: Timing {
-                gap_chars: fact(4.5),
-                reply_timeout_cap: fact(Duration::from_millis(200)),
-                processing_max: None,
-                max_lateness: fact(Duration::from_millis(500)),
-            },
-            read: ReadLimits { max_words: fact(8), boundary: Some(Boundary::HighByte) },
-            write: WriteRules { refused: fact(RefusedWrite::KeepsOldValue) },
-            barrier_reads: vec![],
-            run: Some(RunCommand {
-                stop: fact(0),
-                forward: fact(1),
-                reverse: Some(fact(2)),
-                coast: Some(fact(3)),
-                reset: Some(fact(4)),
-                reset_sequence: vec![0, 4, 0],
-            }),
-            registers: rows.into_iter().map(register).collect(),
-        })
-    }
-
-    fn fact<T>(value: T) -> Fact<T> {
-        Fact { value, confidence: Confidence::Manual, source: String::new() }
-    }
-
-    fn link() -> Link {
-        Link {
-            default: fact(LinkSettings::DEFAULT),
-            bauds: fact(vec![9600]),
-            parities: fact(vec![Parity::None]),
-            stop_bits: fact(vec![1]),
-            data_bits: fact(vec![8]),
-            framings: fact(vec![Framing::Rtu]),
-            interfaces: fact(vec![Interface::Rs485]),
-            stations: fact(1..=32),
-            broadcast: Some(Broadcast { station: fact(0xFF), functions: vec![6] }),
-        }
-    }
-
-    fn register((address, scale, access, role): (u16, u32, Access, Option<Role>)) -> Register {
-        Register {
-            name: format!("r{address:04x}"),
-            title: String::new(),
-            code: None,
-            address,
-            scale,
-            signed: false,
-            unit: UnitOfMeasure::None,
-            access,
-            role,
-            poll: None,
-            confidence: Confidence::Manual,
-            source: String::new(),
-        }
+        model("hyundai-n700")
     }
 
     /// A bus with drives of the default options at `stations`.

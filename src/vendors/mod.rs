@@ -14,7 +14,7 @@ mod tests {
     use crate::profile::catalog::Catalog;
     use crate::profile::model::Access::{self, Read, ReadWrite, Write};
     use crate::profile::model::Confidence::{self, Default, Inferred, Manual, SecondSource};
-    use crate::profile::model::{BarrierRead, Boundary, Fact, Model, PollClass, RefusedWrite, Role};
+    use crate::profile::model::{Barrier, BarrierRead, Boundary, Fact, Model, PollClass, RefusedWrite, Role};
     use crate::profile::summary::summary;
     use std::sync::Arc;
     use std::time::Duration;
@@ -132,8 +132,9 @@ mod tests {
         assert_eq!((parts(&model.read.max_words), model.read.boundary), ((8, Manual), Some(Boundary::HighByte)));
         assert_eq!((model.words_in_one_read(0x0101), model.words_in_one_read(0x01FE)), (8, 2));
         assert_eq!(parts(&model.write.refused), (RefusedWrite::KeepsOldValue, Inferred));
-        let barriers = [(0x0101, 1), (0x0211, 2), (0x0113, 4)].map(|(address, count)| BarrierRead { address, count });
-        assert_eq!(model.barrier_reads, barriers);
+        let barriers = [(0x0101, 1), (0x0211, 2), (0x0113, 4)]
+            .map(|(address, count)| Barrier::Read(BarrierRead { address, count }));
+        assert_eq!(model.barriers, barriers);
     }
 
     #[test]

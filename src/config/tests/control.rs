@@ -43,6 +43,7 @@ fn a_control_section_gets_its_defaults() {
             lost_after: seconds(30),
             on_shutdown: FailSafe::Hold,
             accept_unverified: Vec::new(),
+            allow_release: false,
             strict: false,
             restart_delay: seconds(2),
             stop_effect_timeout: seconds(3),

@@ -39,6 +39,7 @@ fn state(broker: bool) -> Arc<State> {
         unit: UnitId::new(1).unwrap(),
         uniform_unit: UnitId::new(101).unwrap(),
         poll: Duration::from_secs(1),
+        ratings: crate::drive::description::Ratings::default(),
         control: None,
         dead_bands: Vec::new(),
     };

@@ -22,11 +22,13 @@ pub const fn exception_of(reason: Reason) -> u8 {
         | Reason::NotAllowed
         | Reason::NotCapable
         | Reason::Unverified
+        | Reason::NoRelease
         | Reason::Retained => exception::ILLEGAL_FUNCTION,
         Reason::NotListed => exception::ILLEGAL_DATA_ADDRESS,
         Reason::NotUnderstood
         | Reason::NotANumber
         | Reason::OutsideLimits
+        | Reason::OutsideRange
         | Reason::BetweenSteps
         | Reason::DirectionNotAllowed
         | Reason::TooManyFrames
@@ -49,6 +51,7 @@ pub const fn exception_of(reason: Reason) -> u8 {
         | Reason::Tripped
         | Reason::NotTripped
         | Reason::Reversal
+        | Reason::Moving
         | Reason::QueueFull
         | Reason::Duplicate
         | Reason::Stopped
@@ -93,14 +96,14 @@ const fn weight(code: Option<u8>) -> u16 {
 mod tests {
     use super::*;
 
-    /// By number: 0 to 41.
+    /// By number.
     #[rustfmt::skip]
-    const CODES: [u8; 43] = [
+    const CODES: [u8; 46] = [
         4, 1, 1, 1, 3, 3, 3, 3, 3, 1, // none, read_only, not_from_here, ... direction_not_allowed, not_capable
         1, 2, 6, 6, 6, 6, 6, 6, 6, 6, // unverified, not_listed, start_inhibited, ... tripped
         6, 6, 6, 10, 10, 1, 11, 6, 11, 6, // not_tripped, reversal, queue_full, line_down, ... stopped
         6, 4, 4, 11, 4, 4, 10, 3, 3, 3, // newer, kept_old_value, ... too_large
-        4, 6, 6, // unchanged, shutting_down, commander_lost
+        4, 6, 6, 1, 6, 3, // unchanged, shutting_down, commander_lost, no_release, moving, outside_range
     ];
 
     #[test]

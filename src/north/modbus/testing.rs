@@ -105,6 +105,7 @@ pub(super) fn description() -> DriveDescription {
         unit: UnitId::new(1).unwrap(),
         uniform_unit: UnitId::new(101).unwrap(),
         poll: Duration::from_secs(1),
+        ratings: crate::drive::description::Ratings::default(),
         control: Some(Arc::new(settings())),
         dead_bands: Vec::new(),
     }

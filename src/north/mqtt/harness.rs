@@ -65,6 +65,7 @@ pub(super) fn drives() -> Vec<DriveDescription> {
         unit: UnitId::new(1).expect("a unit"),
         uniform_unit: UnitId::new(101).expect("a unit"),
         poll: Duration::from_millis(500),
+        ratings: crate::drive::description::Ratings::default(),
         control: control.map(Arc::new),
         dead_bands: vec![("output_frequency".into(), 0.5)],
     };

@@ -142,5 +142,6 @@ fn owner_class(owner: Owner, client: Owner) -> u16 {
         _ if owner == client => 3,
         Owner::Mqtt => 1,
         Owner::ModbusTcp(_) => 2,
+        Owner::Local => 4,
     }
 }

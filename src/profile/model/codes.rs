@@ -1,0 +1,72 @@
+//! How a vendor's own codes and the addresses on the wire go together.
+
+use super::Fact;
+
+/// The rule by which a code is an address.
+#[derive(Clone, Debug, PartialEq)]
+pub enum CodeRule {
+    /// A group, a separator and a number in decimal: high byte and low byte of the address.
+    Groups {
+        /// The groups with their high bytes. Letters count as they are written: `F` is not `f`.
+        groups: Vec<(String, u8)>,
+        /// What stands between group and number.
+        separator: String,
+        /// How sure the rule is.
+        origin: Fact<()>,
+    },
+    /// The code is the address in hexadecimal.
+    Hexadecimal(Fact<()>),
+}
+
+impl CodeRule {
+    /// The address of `code`, if it is one that the rule covers.
+    #[must_use]
+    pub fn address(&self, code: &str) -> Option<u16> {
+        match self {
+            Self::Hexadecimal(_) => {
+                let is_hex = code.len() == 4 && code.bytes().all(|digit| digit.is_ascii_hexdigit());
+                is_hex.then(|| u16::from_str_radix(code, 16).ok())?
+            }
+            Self::Groups { groups, separator, .. } => {
+                // The longest group first: `U0` must not hide `U00`.
+                let of = |(group, byte): &(String, u8)| Some((group.len(), *byte, code.strip_prefix(group.as_str())?));
+                let (_, byte, rest) = groups.iter().filter_map(of).max_by_key(|(length, ..)| *length)?;
+                let number = rest.strip_prefix(separator.as_str())?;
+                let is_number = (1..=3).contains(&number.len()) && number.bytes().all(|it| it.is_ascii_digit());
+                let low: u8 = is_number.then(|| number.parse().ok())??;
+                Some(u16::from_be_bytes([byte, low]))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::model::Confidence;
+
+    fn origin() -> Fact<()> {
+        Fact { value: (), confidence: Confidence::Manual, source: "IM 1".to_owned() }
+    }
+
+    #[test]
+    fn a_code_is_its_group_and_number() {
+        let groups = vec![("F01".to_owned(), 0x01), ("U00".to_owned(), 0x30)];
+        let rule = CodeRule::Groups { groups, separator: ".".to_owned(), origin: origin() };
+        assert_eq!(rule.address("F01.08"), Some(0x0108));
+        assert_eq!(rule.address("U00.41"), Some(0x3029));
+        for wrong in ["F01", "F01.", "F02.00", "F01.+1", "F01.0100", "F01.256", "f01.08"] {
+            assert_eq!(rule.address(wrong), None, "{wrong}");
+        }
+        let letters = vec![("A".to_owned(), 3), ("b".to_owned(), 4)];
+        let rule = CodeRule::Groups { groups: letters, separator: String::new(), origin: origin() };
+        assert_eq!((rule.address("A60"), rule.address("b17"), rule.address("B17")), (Some(0x033C), Some(0x0411), None));
+    }
+
+    #[test]
+    fn a_code_in_hexadecimal_is_the_address() {
+        let rule = CodeRule::Hexadecimal(origin());
+        assert_eq!((rule.address("FE10"), rule.address("0010")), (Some(0xFE10), Some(0x0010)));
+        assert_eq!((rule.address("F01.08"), rule.address("+FE1")), (None, None));
+    }
+}

@@ -1,0 +1,223 @@
+//! A drive model, checked and ready to use. Only [`super::check`] makes one.
+
+mod codes;
+mod command;
+mod link;
+mod register;
+mod status;
+
+pub use codes::CodeRule;
+pub use command::{BitMeaning, BlockWrite, RefusedWrite, RunBit, RunCommand, RunForm, SetupItem, Watchdog, WriteRules};
+pub use link::{Broadcast, Link, Timing};
+pub use register::{Access, Memory, PollClass, Register, Role};
+pub use status::{Barrier, BarrierRead, CodeText, Flag, Quirks, StatusFlag};
+
+use crate::domain::link::Framing;
+
+/// How sure a fact is. A control action rests on a fact only as far as its confidence allows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Confidence {
+    /// Stated in the manual of this very model.
+    Manual,
+    /// Stated in a second document for this model.
+    SecondSource,
+    /// Stated by somebody else for this model: an open program, a map, a note from the field.
+    ThirdParty,
+    /// Stated for a sibling model only.
+    Sibling,
+    /// Follows from other facts by reasoning; not seen on a real drive.
+    Inferred,
+    /// No source: a cautious choice of ours. Allowed for timings only, never for registers or bits.
+    Default,
+    /// Stated by the operator in the gateway's configuration, not by a model file.
+    Configured,
+}
+
+impl Confidence {
+    /// Whether a control action may rest on the fact without the operator's acceptance.
+    #[must_use]
+    pub const fn is_proven(self) -> bool {
+        match self {
+            Self::Manual | Self::SecondSource | Self::Configured => true,
+            Self::ThirdParty | Self::Sibling | Self::Inferred | Self::Default => false,
+        }
+    }
+
+    /// The word as it stands in model files.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Manual => "manual",
+            Self::SecondSource => "second-source",
+            Self::ThirdParty => "third-party",
+            Self::Sibling => "sibling",
+            Self::Inferred => "inferred",
+            Self::Default => "default",
+            Self::Configured => "configured",
+        }
+    }
+}
+
+/// A value with where it comes from and how sure it is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fact<T> {
+    /// The value.
+    pub value: T,
+    /// How sure it is.
+    pub confidence: Confidence,
+    /// Document and place.
+    pub source: String,
+}
+
+/// A drive model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// Identifier used in configurations, `vendor-model`.
+    pub id: String,
+    /// The vendor's name.
+    pub vendor: String,
+    /// The product's name.
+    pub title: String,
+    /// Documents that the facts cite, as (short name, full title).
+    pub documents: Vec<(String, String)>,
+    /// What the model says of the line.
+    pub link: Link,
+    /// Times on the line.
+    pub timing: Timing,
+    /// Function codes that the drive serves.
+    pub functions: Fact<Vec<u8>>,
+    /// Limits of reads.
+    pub read: ReadLimits,
+    /// How writes behave.
+    pub write: WriteRules,
+    /// Exception codes with the vendor's words for them, none twice.
+    pub exceptions: Vec<CodeText>,
+    /// What this drive does differently.
+    pub quirks: Quirks,
+    /// Exchanges that prove that no late reply follows, best first.
+    pub barriers: Vec<Barrier>,
+    /// How run commands are given; nothing if the model cannot be commanded.
+    pub run: Option<RunCommand>,
+    /// What the status registers tell, no flag twice.
+    pub status: Vec<StatusFlag>,
+    /// Trip numbers with the vendor's words for them, none twice.
+    pub trip_codes: Vec<CodeText>,
+    /// What has to be set on the drive before it obeys the bus, in order.
+    pub setup: Vec<SetupItem>,
+    /// The drive's own watchdog, where it is known how to read it.
+    pub watchdog: Option<Watchdog>,
+    /// How codes and addresses go together, where there is a rule.
+    pub codes: Option<CodeRule>,
+    /// The registers, in order of address, none twice.
+    pub registers: Vec<Register>,
+}
+
+impl Model {
+    /// The register at `address`.
+    #[must_use]
+    pub fn register_at(&self, address: u16) -> Option<&Register> {
+        self.registers.iter().find(|register| register.address == address)
+    }
+
+    /// The register with `role`; the first one where several may have it.
+    #[must_use]
+    pub fn register_for(&self, role: Role) -> Option<&Register> {
+        self.registers.iter().find(|register| register.role == Some(role))
+    }
+
+    /// The register called `name` or, by the vendor's code, `name` in any case.
+    #[must_use]
+    pub fn register_named(&self, name: &str) -> Option<&Register> {
+        self.registers.iter().find(|register| {
+            register.name == name || register.code.as_deref().is_some_and(|code| code.eq_ignore_ascii_case(name))
+        })
+    }
+
+    /// The register that shows the setpoint as the drive holds it: one of its own, else the frequency command where
+    /// that can be read back.
+    #[must_use]
+    pub fn setting_register(&self) -> Option<&Register> {
+        let readable = |role| self.register_for(role).filter(|register| register.access.can_read());
+        readable(Role::FrequencySetting).or_else(|| readable(Role::FrequencyCommand))
+    }
+
+    /// Where `flag` stands.
+    #[must_use]
+    pub fn status_flag(&self, flag: Flag) -> Option<&StatusFlag> {
+        self.status.iter().find(|it| it.flag == flag)
+    }
+
+    /// Whether the drive serves `function`.
+    #[must_use]
+    pub fn serves(&self, function: u8) -> bool {
+        self.functions.value.contains(&function)
+    }
+
+    /// The vendor's words for trip `code`.
+    #[must_use]
+    pub fn trip_text(&self, code: u16) -> Option<&CodeText> {
+        self.trip_codes.iter().find(|it| it.code == code)
+    }
+
+    /// The vendor's words for exception `code`.
+    #[must_use]
+    pub fn exception_text(&self, code: u8) -> Option<&CodeText> {
+        self.exceptions.iter().find(|it| it.code == u16::from(code))
+    }
+
+    /// How many words may be read from `address` in one frame before the model's limit or group boundary.
+    #[must_use]
+    pub fn words_in_one_read(&self, address: u16) -> u16 {
+        self.read.words_from(address)
+    }
+
+    /// The number that follows `address`, as the drive counts.
+    #[must_use]
+    pub fn next_address(&self, address: u16) -> u16 {
+        let is_decimal = self.quirks.decimal_numbers.is_some();
+        match (is_decimal, address & 0xF, address & 0xF0) {
+            (true, 9.., 0x90..) => (address & 0xFF00).wrapping_add(0x100),
+            (true, 9.., _) => (address & 0xFFF0).wrapping_add(0x10),
+            _ => address.wrapping_add(1),
+        }
+    }
+
+    /// The model as it is on a line with `framing`: frames of text carry fewer words.
+    #[must_use]
+    pub fn on(&self, framing: Framing) -> Self {
+        let mut model = self.clone();
+        if let (Framing::Ascii, Some(words)) = (framing, &self.read.max_words_ascii) {
+            model.read.max_words = words.clone();
+        }
+        model
+    }
+}
+
+/// Limits of reads.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReadLimits {
+    /// Most words in one read. With 1, no read ever covers two registers.
+    pub max_words: Fact<u16>,
+    /// The same in ASCII frames, where the model has them.
+    pub max_words_ascii: Option<Fact<u16>>,
+    /// What a read must not cross.
+    pub boundary: Option<Boundary>,
+}
+
+impl ReadLimits {
+    /// How many words may be read from `address` in one frame.
+    pub(super) fn words_from(&self, address: u16) -> u16 {
+        let to_boundary = match self.boundary {
+            Some(Boundary::HighByte) => 0x100 - (address & 0xFF),
+            None => (u16::MAX - address).saturating_add(1),
+        };
+        self.max_words.value.min(to_boundary)
+    }
+}
+
+/// What a read must not cross.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Boundary {
+    /// A change of the address's high byte (a group of parameters).
+    HighByte,
+}
