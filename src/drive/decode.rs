@@ -17,6 +17,7 @@ enum RunPart {
     Go(Direction),
     Coast,
     Reset,
+    Release,
 }
 
 /// The order that `values`, written from `address` on, mean on `model`.
@@ -25,8 +26,9 @@ enum RunPart {
 ///
 /// # Errors
 /// [`Reason::NotListed`] for an address that the model does not know as writable, [`Reason::NotAllowed`] for a register
-/// that only the drive's owner sets (its sources), [`Reason::NotUnderstood`] for a run value that is not exactly one
-/// known command, [`Reason::Conflict`] for parts that exclude each other.
+/// that decides whom the motor obeys or moves it by another way, [`Reason::NotUnderstood`] for a run value that is not
+/// exactly one known command, [`Reason::OutsideRange`] for a word that the register does not take,
+/// [`Reason::Conflict`] for parts that exclude each other.
 pub fn order(model: &Model, address: u16, values: &[u16]) -> Result<Order, Reason> {
     let (mut run, mut frequency, mut registers) = (None, None, Vec::new());
     for (offset, value) in (0..).zip(values) {
@@ -41,7 +43,8 @@ pub fn order(model: &Model, address: u16, values: &[u16]) -> Result<Order, Reaso
         Some(RunPart::Stop) if alone => Ok(Order::Stop { setpoint: frequency }),
         Some(RunPart::Coast) if alone => Ok(Order::Coast),
         Some(RunPart::Reset) if alone && frequency.is_none() => Ok(Order::Reset),
-        Some(RunPart::Stop | RunPart::Coast | RunPart::Reset) => Err(Reason::Conflict),
+        Some(RunPart::Release) if alone && frequency.is_none() => Ok(Order::Release),
+        Some(RunPart::Stop | RunPart::Coast | RunPart::Reset | RunPart::Release) => Err(Reason::Conflict),
         Some(RunPart::Go(direction)) => go(registers, frequency, Some(direction)),
         None => go(registers, frequency, None),
     }
@@ -52,15 +55,19 @@ fn go(registers: Vec<RegisterWrite>, frequency: Option<Hertz>, run: Option<Direc
 }
 
 fn part(model: &Model, address: u16, value: u16) -> Result<Part, Reason> {
-    let register = model.register_at(address).filter(|register| register.access.can_write());
-    let register = register.ok_or(Reason::NotListed)?;
+    let register = model.register_at(address).or_else(|| model.stored_twin(address));
+    let register = register.filter(|register| register.access.can_write()).ok_or(Reason::NotListed)?;
+    let is_twin = register.address != address;
     match register.role {
+        _ if register.back_door.is_some() => Err(Reason::NotAllowed),
+        Some(role) if is_twin && role.is_guarded() => Err(Reason::NotAllowed),
         Some(Role::RunCommand) => {
             let run = model.run.as_ref().and_then(|run| run_part(run, value));
             run.map(Part::Run).ok_or(Reason::NotUnderstood)
         }
         Some(Role::FrequencyCommand) => Ok(Part::Frequency(Hertz::from_word(value, register.scale))),
-        Some(Role::FrequencySetting | Role::FrequencySource | Role::RunSource) => Err(Reason::NotAllowed),
+        Some(role) if role.is_guarded() => Err(Reason::NotAllowed),
+        _ if !register.takes(value) => Err(Reason::OutsideRange),
         _ => Ok(Part::Register(RegisterWrite { address, value })),
     }
 }
@@ -77,6 +84,8 @@ fn run_part(run: &RunCommand, value: u16) -> Option<RunPart> {
         Some(RunPart::Coast)
     } else if is(&run.reset) {
         Some(RunPart::Reset)
+    } else if is(&run.release) {
+        Some(RunPart::Release)
     } else {
         None
     }
@@ -120,5 +129,32 @@ mod tests {
         assert_eq!(order(&model, 0x0201, &[6000]), Err(Reason::NotListed), "F001 is not writable");
         assert_eq!(order(&model, 0x0002, &[1, 0]), Err(Reason::NotListed), "0x0003 is not known");
         assert_eq!(order(&model, 0x1234, &[1]), Err(Reason::NotListed));
+    }
+    #[test]
+    fn a_stored_twin_counts_as_its_register() {
+        let mut model = model();
+        let exists = crate::drive::testing::fact(15);
+        assert_eq!(order(&model, 0x820C, &[100]), Err(Reason::NotListed), "the model has no twins");
+        model.quirks.stored_alias_bit = Some(exists);
+        let ramp = Go::new(vec![RegisterWrite { address: 0x820C, value: 100 }], None, None).unwrap();
+        assert_eq!(order(&model, 0x820C, &[100]), Ok(Order::Go(ramp)));
+        for guarded in [0x8002, 0x8004, 0x8211, 0x8212] {
+            assert_eq!(order(&model, guarded, &[1]), Err(Reason::NotAllowed), "{guarded:04X}");
+        }
+    }
+
+    #[test]
+    fn a_back_door_stays_shut_and_a_range_is_kept() {
+        let mut model = model();
+        for register in model.registers.iter_mut().filter(|register| register.access.can_write()) {
+            match register.address {
+                0x020C => register.back_door = Some("another way in".to_owned()),
+                0x020E => register.range = Some(1..=30_000),
+                _ => {}
+            }
+        }
+        assert_eq!(order(&model, 0x020C, &[100]), Err(Reason::NotAllowed));
+        assert_eq!(order(&model, 0x020E, &[0]), Err(Reason::OutsideRange));
+        assert!(order(&model, 0x020E, &[1]).is_ok());
     }
 }

@@ -6,6 +6,7 @@ pub mod description;
 pub mod plan;
 pub mod run_state;
 pub mod snapshot;
+pub mod status;
 pub mod steps;
 #[cfg(test)]
 pub mod testing;

@@ -1,5 +1,8 @@
 //! What a drive does, told from what can be read of it.
 //!
+//! Where the model has a status word, that tells whether the drive is ordered to run, and in which direction; the output
+//! frequency tells whether it stands still.
+//!
 //! A model without a status word shows only its output frequency. The rule for such models, and its confidence:
 //!
 //! * output above zero: it runs. The direction is the one that was ordered here, else not known (inferred: no register
@@ -8,9 +11,11 @@
 //!   ordered to run by somebody else at 0 Hz).
 //! * output zero with a run order in force: not known.
 
+use super::status::StatusWatch;
 use super::view::RunState;
 use crate::domain::command::{Direction, RunIntent};
 use crate::domain::time::MonoTime;
+use crate::profile::model::Flag;
 
 /// How many readings of zero in a row count as standstill.
 pub const ZEROS_FOR_STANDSTILL: u8 = 2;
@@ -55,7 +60,33 @@ impl OutputWatch {
     /// What the drive does, if it is online and not tripped. `stopping`: a stop that was ordered here is the last
     /// order.
     #[must_use]
-    pub fn run_state(&self, intent: RunIntent, stopping: bool) -> RunState {
+    pub fn run_state(&self, status: &StatusWatch, intent: RunIntent, stopping: bool) -> RunState {
+        match status.is_running() {
+            Some(running) => self.with_status(status, running, intent, stopping),
+            None => self.by_output(intent, stopping),
+        }
+    }
+
+    /// A drive that has reached standstill is stopped, also while its status still names the stop that led there.
+    fn with_status(&self, status: &StatusWatch, running: bool, intent: RunIntent, stopping: bool) -> RunState {
+        let ramps_down = status.get(Flag::Stopping) == Some(true) || (stopping && (running || self.is_active()));
+        if !running && self.is_at_standstill() {
+            return RunState::Stopped;
+        }
+        match (ramps_down, running, status.get(Flag::Reverse), intent) {
+            (true, ..) => RunState::Stopping,
+            (false, true, Some(false), _) => RunState::Forward,
+            (false, true, Some(true), _) => RunState::Reverse,
+            (false, true, None, RunIntent::Run(Direction::Forward)) => RunState::Forward,
+            (false, true, None, RunIntent::Run(Direction::Reverse)) => RunState::Reverse,
+            (false, true, None, _) => RunState::Running,
+            (false, false, ..) if self.is_active() => RunState::Running,
+            // Not ordered to run, and the output is zero once or was not read.
+            (false, false, ..) => RunState::Stopped,
+        }
+    }
+
+    fn by_output(&self, intent: RunIntent, stopping: bool) -> RunState {
         match (self.raw(), intent) {
             (None, _) => RunState::Unknown,
             (Some(0), RunIntent::Run(_)) => RunState::Unknown,
@@ -72,6 +103,7 @@ impl OutputWatch {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::drive::testing::with_status;
 
     #[test]
     fn what_the_output_frequency_tells() {
@@ -92,7 +124,34 @@ mod tests {
             for raw in readings {
                 watch.take(*raw, MonoTime::ZERO);
             }
-            assert_eq!(watch.run_state(intent, stopping), state, "{readings:?} {intent:?} {stopping}");
+            assert_eq!(
+                watch.run_state(&StatusWatch::default(), intent, stopping),
+                state,
+                "{readings:?} {intent:?} {stopping}"
+            );
+        }
+    }
+    #[test]
+    fn what_the_status_word_tells() {
+        let (forward, stop) = (RunIntent::Run(Direction::Forward), RunIntent::Stop);
+        let cases: [(u16, &[u16], RunIntent, bool, RunState); 8] = [
+            (0b0001, &[3000], stop, false, RunState::Forward),
+            (0b0011, &[3000], forward, false, RunState::Reverse),
+            (0b0001, &[0, 0], forward, false, RunState::Forward),
+            (0b0001, &[3000], stop, true, RunState::Stopping),
+            (0b0100, &[3000], stop, true, RunState::Stopping),
+            (0b0100, &[3000], stop, false, RunState::Running),
+            (0b0100, &[0], stop, true, RunState::Stopped),
+            (0b0100, &[], stop, false, RunState::Stopped),
+        ];
+        for (word, readings, intent, stopping, state) in cases {
+            let mut status = StatusWatch::new(&with_status());
+            status.take(0x2100, &[word]);
+            let mut watch = OutputWatch::default();
+            for raw in readings {
+                watch.take(*raw, MonoTime::ZERO);
+            }
+            assert_eq!(watch.run_state(&status, intent, stopping), state, "{word:b} {readings:?} {intent:?}");
         }
     }
 }

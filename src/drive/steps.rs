@@ -3,10 +3,14 @@
 use crate::domain::command::{Direction, Go, RegisterWrite};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
-use crate::profile::model::{Model, Register, Role, RunCommand};
+use crate::profile::model::{Flag, Model, Register, Role, RunCommand};
+use std::time::Duration;
 
-/// One exchange of a command.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// How long a drive may take to show what it has acknowledged: the next turn of its own program, or a ramp's start.
+pub const SHOWN_WITHIN: Duration = Duration::from_secs(1);
+
+/// One exchange of a command, or a pause in it.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Step {
     /// Read a register before anything is written: its word must lie within these. Otherwise the command is refused.
     Check {
@@ -17,12 +21,14 @@ pub enum Step {
         /// Highest such word.
         most: u16,
     },
-    /// Write a register.
-    Write(Write),
+    /// Write a register, or neighbours in one frame, in the order of their addresses. Never empty.
+    Write(Vec<Write>),
+    /// The drive hears nothing for this long.
+    Rest(Duration),
 }
 
-/// One write of a command.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// One word that a command writes.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Write {
     /// The register.
     pub address: u16,
@@ -30,8 +36,43 @@ pub struct Write {
     pub value: u16,
     /// What it does.
     pub part: Part,
-    /// Where the drive shows what became of it, if it does: a register and the word that it then holds.
-    pub shown: Option<(u16, u16)>,
+    /// Where the drive shows what became of it, as far as it does.
+    pub shown: Vec<Condition>,
+}
+
+/// What a register shows when something has become true.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Condition {
+    /// The register.
+    pub address: u16,
+    /// The bits that count.
+    pub mask: u16,
+    /// Masked words.
+    pub values: Vec<u16>,
+    /// Whether the masked word must be one of them, or none.
+    pub is_one: bool,
+    /// How long it may take.
+    pub within: Duration,
+}
+
+impl Condition {
+    /// The register holds exactly `value`.
+    const fn holds(address: u16, value: Vec<u16>, within: Duration) -> Self {
+        Self { address, mask: u16::MAX, values: value, is_one: true, within }
+    }
+
+    /// The model's `flag` is set or not; nothing where it has none.
+    fn flag(model: &Model, flag: Flag, is_set: bool) -> Option<Self> {
+        let flag = model.status_flag(flag)?;
+        let (address, mask, values) = (flag.address, flag.mask, flag.values.clone());
+        Some(Self { address, mask, values, is_one: is_set, within: SHOWN_WITHIN })
+    }
+
+    /// Whether it is met when the register holds `word`.
+    #[must_use]
+    pub fn is_met(&self, word: u16) -> bool {
+        self.values.contains(&(word & self.mask)) == self.is_one
+    }
 }
 
 /// What a write of a command does.
@@ -47,7 +88,11 @@ pub enum Part {
     Reset {
         /// It is the last one.
         ends: bool,
+        /// The drive shows afterwards whether a trip holds.
+        is_seen: bool,
     },
+    /// It hands control back.
+    Release,
 }
 
 /// Why an order has no steps on a model.
@@ -57,28 +102,30 @@ pub enum NoSteps {
     NotCapable,
     /// The frequency lies between two steps of its register, or beyond it.
     BetweenSteps,
+    /// The model wants the setpoint with each RUN, and none was given here so far.
+    SetpointUnknown,
 }
 
-/// The steps of an order that sets something: registers, then the setpoint, then run. At most one for each part of the
-/// order and one before them: RUN without a setpoint checks the drive's own setting first.
+/// The steps of an order that sets something: registers, then the setpoint, then run; setpoint and run in one frame
+/// where the model allows it. At most one for each part of the order and one before them: RUN without a setpoint checks
+/// the drive's own setting first, or repeats `last`, the setpoint that was accepted last, where the model cannot show
+/// its setting or cannot be relied on to keep it.
 ///
 /// # Errors
 /// [`NoSteps`]
-pub fn of_go(model: &Model, go: &Go, control: &ControlSettings) -> Result<Vec<Step>, NoSteps> {
-    let mut steps: Vec<Step> = go.registers().iter().map(|write| register(model, *write)).collect();
-    if let Some(frequency) = go.frequency() {
-        steps.push(setpoint(model, frequency)?);
-    }
-    if let Some(direction) = go.run() {
-        let (register, run) = command_register(model)?;
-        let value = match direction {
-            Direction::Forward => run.forward.value,
-            Direction::Reverse => run.reverse.as_ref().ok_or(NoSteps::NotCapable)?.value,
-        };
-        if go.frequency().is_none() {
+pub fn of_go(model: &Model, go: &Go, control: &ControlSettings, last: Option<Hertz>) -> Result<Vec<Step>, NoSteps> {
+    let mut steps: Vec<Step> = go.registers().iter().map(|write| Step::Write(vec![register(model, *write)])).collect();
+    let Some(direction) = go.run() else {
+        steps.extend(go.frequency().map(|it| setpoint(model, it)).transpose()?.map(|it| Step::Write(vec![it])));
+        return Ok(steps);
+    };
+    let run = run(model, direction)?;
+    match setpoint_of_run(model, go, last)? {
+        Some(frequency) => steps.extend(setpoint_and_run(model, setpoint(model, frequency)?, run)),
+        None => {
             steps.insert(0, check_setting(model, control)?);
+            steps.push(Step::Write(vec![run]));
         }
-        steps.push(Step::Write(Write { address: register.address, value, part: Part::Run(direction), shown: None }));
     }
     Ok(steps)
 }
@@ -90,13 +137,14 @@ pub fn of_go(model: &Model, go: &Go, control: &ControlSettings) -> Result<Vec<St
 pub fn of_reset(model: &Model) -> Result<Vec<Step>, NoSteps> {
     let (register, run) = command_register(model)?;
     let last = run.reset_sequence.len().checked_sub(1).ok_or(NoSteps::NotCapable)?;
-    let output = model.register_for(Role::OutputFrequency);
+    let is_seen = model.status_flag(Flag::Tripped).is_some();
     let write = |(index, value): (usize, &u16)| {
         let ends = index == last;
-        let shown = output.filter(|_| ends).map(|output| (output.address, 0));
-        Step::Write(Write { address: register.address, value: *value, part: Part::Reset { ends }, shown })
+        let (part, shown) = (Part::Reset { ends, is_seen }, if ends { reset_shown(model) } else { Vec::new() });
+        Step::Write(vec![Write { address: register.address, value: *value, part, shown }])
     };
-    Ok(run.reset_sequence.iter().enumerate().map(write).collect())
+    let rest = model.quirks.deaf_after_reset.as_ref().map(|deaf| Step::Rest(deaf.value));
+    Ok(run.reset_sequence.iter().enumerate().map(write).chain(rest).collect())
 }
 
 /// The register and the word that stop a drive, or cut its output off.
@@ -109,29 +157,103 @@ pub fn of_stop(model: &Model, coast: bool) -> Result<(u16, u16), NoSteps> {
     Ok((register.address, value))
 }
 
+/// The step that hands control back.
+///
+/// # Errors
+/// [`NoSteps::NotCapable`]
+pub fn of_release(model: &Model) -> Result<Vec<Step>, NoSteps> {
+    let (register, run) = command_register(model)?;
+    let value = run.release.as_ref().ok_or(NoSteps::NotCapable)?.value;
+    Ok(vec![Step::Write(vec![Write { address: register.address, value, part: Part::Release, shown: Vec::new() }])])
+}
+
+/// The steps that set what the drive needs before it obeys the bus, in the model's order, as far as `addresses` names
+/// them.
+///
+/// # Errors
+/// [`NoSteps::NotCapable`] if one of them is nothing that the model asks to be set.
+pub fn of_setup(model: &Model, addresses: &[u16]) -> Result<Vec<Step>, NoSteps> {
+    let item = |address: &u16| model.setup.iter().any(|item| item.address == Some(*address));
+    if !addresses.iter().all(item) {
+        return Err(NoSteps::NotCapable);
+    }
+    let items = model.setup.iter().filter_map(|item| Some((item.address?, *item.values.value.first()?)));
+    let wanted = items.filter(|(address, _)| addresses.contains(address));
+    Ok(wanted.map(|(address, value)| Step::Write(vec![register(model, RegisterWrite { address, value })])).collect())
+}
+
 fn command_register(model: &Model) -> Result<(&Register, &RunCommand), NoSteps> {
     let register = model.register_for(Role::RunCommand).ok_or(NoSteps::NotCapable)?;
     Ok((register, model.run.as_ref().ok_or(NoSteps::NotCapable)?))
 }
 
-fn register(model: &Model, write: RegisterWrite) -> Step {
+fn register(model: &Model, write: RegisterWrite) -> Write {
     let RegisterWrite { address, value } = write;
     let is_readable = model.register_at(address).is_some_and(|register| register.access.can_read());
-    let shown = is_readable.then_some((address, value));
-    Step::Write(Write { address, value, part: Part::Register, shown })
+    let shown = is_readable.then(|| Condition::holds(address, vec![value], Duration::ZERO));
+    Write { address, value, part: Part::Register, shown: shown.into_iter().collect() }
 }
 
-fn setpoint(model: &Model, frequency: Hertz) -> Result<Step, NoSteps> {
+fn setpoint(model: &Model, frequency: Hertz) -> Result<Write, NoSteps> {
     let register = model.register_for(Role::FrequencyCommand).ok_or(NoSteps::NotCapable)?;
     let value = frequency.to_word(register.scale).ok_or(NoSteps::BetweenSteps)?;
-    let setting = model.register_for(Role::FrequencySetting).filter(|setting| setting.access.can_read());
-    let shown = setting.and_then(|setting| Some((setting.address, frequency.to_word(setting.scale)?)));
-    Ok(Step::Write(Write { address: register.address, value, part: Part::Setpoint(frequency), shown }))
+    let shown = model.setting_register().and_then(|setting| {
+        let word = frequency.to_word(setting.scale)?;
+        Some(Condition::holds(setting.address, vec![word], SHOWN_WITHIN))
+    });
+    Ok(Write { address: register.address, value, part: Part::Setpoint(frequency), shown: shown.into_iter().collect() })
+}
+
+fn run(model: &Model, direction: Direction) -> Result<Write, NoSteps> {
+    let (register, run) = command_register(model)?;
+    let value = match direction {
+        Direction::Forward => run.forward.value,
+        Direction::Reverse => run.reverse.as_ref().ok_or(NoSteps::NotCapable)?.value,
+    };
+    let is_reverse = direction == Direction::Reverse;
+    let running = Condition::flag(model, Flag::Running, true);
+    let turns = running.is_some().then(|| Condition::flag(model, Flag::Reverse, is_reverse)).flatten();
+    let shown = running.into_iter().chain(turns).collect();
+    Ok(Write { address: register.address, value, part: Part::Run(direction), shown })
+}
+
+/// The setpoint that goes out with RUN; nothing if the drive's own is read instead.
+fn setpoint_of_run(model: &Model, go: &Go, last: Option<Hertz>) -> Result<Option<Hertz>, NoSteps> {
+    let must_be_given = model.quirks.setpoint_before_run.is_some() || model.setting_register().is_none();
+    match go.frequency() {
+        Some(frequency) => Ok(Some(frequency)),
+        None if must_be_given => last.map(Some).ok_or(NoSteps::SetpointUnknown),
+        None => Ok(None),
+    }
+}
+
+fn setpoint_and_run(model: &Model, setpoint: Write, run: Write) -> Vec<Step> {
+    let (low, high) = (setpoint.address.min(run.address), setpoint.address.max(run.address));
+    let in_one_frame = model.write.block.as_ref().is_some_and(|block| {
+        let end = block.address.saturating_add(block.count.value);
+        low.checked_add(1) == Some(high) && (block.address..end).contains(&low) && (block.address..end).contains(&high)
+    });
+    match (in_one_frame, setpoint.address == low) {
+        (true, true) => vec![Step::Write(vec![setpoint, run])],
+        (true, false) => vec![Step::Write(vec![run, setpoint])],
+        (false, _) => vec![Step::Write(vec![setpoint]), Step::Write(vec![run])],
+    }
+}
+
+/// After a reset no trip holds and nothing turns, as far as the model shows it.
+fn reset_shown(model: &Model) -> Vec<Condition> {
+    let flags = [Flag::Tripped, Flag::Running].into_iter().filter_map(|flag| Condition::flag(model, flag, false));
+    let mut shown: Vec<_> = flags.collect();
+    if shown.is_empty() {
+        let output = model.register_for(Role::OutputFrequency);
+        shown.extend(output.map(|output| Condition::holds(output.address, vec![0], Duration::ZERO)));
+    }
+    shown
 }
 
 /// The drive's own setting must lie within the limits: least rounded up, most rounded down to its steps.
 fn check_setting(model: &Model, control: &ControlSettings) -> Result<Step, NoSteps> {
-    let setting = model.register_for(Role::FrequencySetting).ok_or(NoSteps::NotCapable)?;
+    let setting = model.setting_register().ok_or(NoSteps::NotCapable)?;
     let steps = |limit: Hertz| u64::from(limit.millihertz()) * u64::from(setting.scale);
     let least = u16::try_from(steps(control.least).div_ceil(1000)).map_err(|_| NoSteps::BetweenSteps)?;
     let most = u16::try_from(steps(control.most) / 1000).unwrap_or(u16::MAX);
@@ -141,49 +263,102 @@ fn check_setting(model: &Model, control: &ControlSettings) -> Result<Step, NoSte
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drive::testing::{control, model};
+    use crate::drive::testing::{control, model, with_block, with_status};
 
     fn hertz(centi: u16) -> Hertz {
         Hertz::from_centihertz(centi)
     }
 
-    fn write(address: u16, value: u16, part: Part, shown: Option<(u16, u16)>) -> Step {
-        Step::Write(Write { address, value, part, shown })
+    fn write(address: u16, value: u16, part: Part, shown: Vec<Condition>) -> Write {
+        Write { address, value, part, shown }
+    }
+
+    fn one(address: u16, value: u16, part: Part, shown: Vec<Condition>) -> Step {
+        Step::Write(vec![write(address, value, part, shown)])
+    }
+
+    fn run_forward() -> Go {
+        Go::new(Vec::new(), None, Some(Direction::Forward)).unwrap()
     }
 
     #[test]
     fn setpoint_goes_before_run() {
         let go = Go::new(Vec::new(), Some(hertz(4250)), Some(Direction::Forward)).unwrap();
-        let setpoint = write(0x0004, 4250, Part::Setpoint(hertz(4250)), Some((0x0201, 4250)));
-        let run = write(0x0002, 1, Part::Run(Direction::Forward), None);
-        assert_eq!(of_go(&model(), &go, &control()).unwrap(), [setpoint, run]);
+        let shown = Condition::holds(0x0201, vec![4250], SHOWN_WITHIN);
+        let setpoint = one(0x0004, 4250, Part::Setpoint(hertz(4250)), vec![shown]);
+        let run = one(0x0002, 1, Part::Run(Direction::Forward), vec![]);
+        assert_eq!(of_go(&model(), &go, &control(), None).unwrap(), [setpoint, run]);
+    }
+
+    #[test]
+    fn setpoint_and_run_share_a_frame_where_the_model_allows_it() {
+        let go = Go::new(Vec::new(), Some(hertz(4250)), Some(Direction::Forward)).unwrap();
+        let steps = of_go(&with_block(), &go, &control(), None).unwrap();
+        let [Step::Write(writes)] = &steps[..] else { panic!("{steps:?}") };
+        let words: Vec<_> = writes.iter().map(|write| (write.address, write.value)).collect();
+        assert_eq!(words, [(0x0002, 1), (0x0003, 4250)]);
     }
 
     #[test]
     fn run_alone_looks_at_the_drives_own_setting_first() {
         let go = Go::new(Vec::new(), None, Some(Direction::Reverse)).unwrap();
         let check = Step::Check { address: 0x0201, least: 500, most: 5000 };
-        let run = write(0x0002, 2, Part::Run(Direction::Reverse), None);
-        assert_eq!(of_go(&model(), &go, &control()).unwrap(), [check, run]);
+        let run = one(0x0002, 2, Part::Run(Direction::Reverse), vec![]);
+        assert_eq!(of_go(&model(), &go, &control(), Some(hertz(3000))).unwrap(), [check, run]);
+    }
+
+    #[test]
+    fn a_setpoint_that_cannot_be_relied_on_is_written_before_each_run() {
+        let mut model = model();
+        model.registers.retain(|register| register.role != Some(Role::FrequencySetting));
+        assert_eq!(of_go(&model, &run_forward(), &control(), None), Err(NoSteps::SetpointUnknown));
+        let steps = of_go(&model, &run_forward(), &control(), Some(hertz(3000))).unwrap();
+        let setpoint = one(0x0004, 3000, Part::Setpoint(hertz(3000)), vec![]);
+        assert_eq!(steps, [setpoint, one(0x0002, 1, Part::Run(Direction::Forward), vec![])]);
+    }
+
+    #[test]
+    fn run_is_shown_by_the_status_word_where_there_is_one() {
+        let steps = of_go(&with_status(), &run_forward(), &control(), None).unwrap();
+        let [_, Step::Write(writes)] = &steps[..] else { panic!("{steps:?}") };
+        let [running, reverse] = &writes[0].shown[..] else { panic!("{writes:?}") };
+        assert!(running.is_met(0b0001) && !running.is_met(0b0100));
+        assert!(reverse.is_met(0b0001) && !reverse.is_met(0b0011));
     }
 
     #[test]
     fn a_register_is_read_back() {
         let ramp = RegisterWrite { address: 0x020C, value: 100 };
-        let steps = of_go(&model(), &Go::new(vec![ramp], None, None).unwrap(), &control()).unwrap();
-        assert_eq!(steps, [write(0x020C, 100, Part::Register, Some((0x020C, 100)))]);
+        let steps = of_go(&model(), &Go::new(vec![ramp], None, None).unwrap(), &control(), None).unwrap();
+        let shown = Condition::holds(0x020C, vec![100], Duration::ZERO);
+        assert_eq!(steps, [one(0x020C, 100, Part::Register, vec![shown])]);
     }
 
     #[test]
     fn a_reset_never_carries_a_run_order() {
-        let reset = |value, ends, shown| write(0x0002, value, Part::Reset { ends }, shown);
-        let expected = [reset(0, false, None), reset(4, false, None), reset(0, true, Some((0x0101, 0)))];
+        let reset = |value, ends, shown| one(0x0002, value, Part::Reset { ends, is_seen: false }, shown);
+        let still = Condition::holds(0x0101, vec![0], Duration::ZERO);
+        let expected = [reset(0, false, vec![]), reset(4, false, vec![]), reset(0, true, vec![still])];
         assert_eq!(of_reset(&model()).unwrap(), expected);
+    }
+
+    #[test]
+    fn only_what_the_model_asks_for_is_set_up() {
+        let mut model = model();
+        assert_eq!(of_setup(&model, &[0x020C]), Err(NoSteps::NotCapable));
+        model.setup = crate::drive::testing::setup();
+        let steps = of_setup(&model, &[0x0212, 0x0211]).unwrap();
+        let words = steps.iter().map(|step| match step {
+            Step::Write(writes) => (writes[0].address, writes[0].value),
+            other => panic!("{other:?}"),
+        });
+        assert_eq!(words.collect::<Vec<_>>(), [(0x0211, 3), (0x0212, 3)], "in the model's order");
+        assert_eq!(of_release(&model), Err(NoSteps::NotCapable));
     }
 
     #[test]
     fn what_the_register_cannot_hold_is_refused() {
         let fine = Go::new(Vec::new(), Some(Hertz::from_millihertz(42_505)), None).unwrap();
-        assert_eq!(of_go(&model(), &fine, &control()), Err(NoSteps::BetweenSteps));
+        assert_eq!(of_go(&model(), &fine, &control(), None), Err(NoSteps::BetweenSteps));
     }
 }

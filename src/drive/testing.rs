@@ -4,7 +4,7 @@ use crate::domain::command::Direction;
 use crate::domain::control::{ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
 use crate::profile::check;
-use crate::profile::model::Model;
+use crate::profile::model::{BlockWrite, Confidence, Fact, Flag, Model, Register, Role, SetupItem, StatusFlag};
 use crate::vendors;
 use std::time::Duration;
 
@@ -34,4 +34,50 @@ pub fn control() -> ControlSettings {
         stop_pending_for: Duration::from_secs(600),
         native_write: vec![0x020C, 0x020E],
     }
+}
+
+/// A fact that is proven.
+pub fn fact<T>(value: T) -> Fact<T> {
+    Fact { value, confidence: Confidence::Manual, source: "IM 1".to_owned() }
+}
+
+/// The first built-in model with a status register at 0x2100: bit 0 running, 1 reverse, 2 ready, 3 tripped.
+pub fn with_status() -> Model {
+    let mut model = model();
+    let output = model.register_for(Role::OutputFrequency).cloned().expect("an output frequency");
+    let status = Register { name: "status".to_owned(), code: None, address: 0x2100, scale: 1, role: None, ..output };
+    model.registers.push(status);
+    model.registers.sort_by_key(|register| register.address);
+    let flags = [(Flag::Running, 1), (Flag::Reverse, 2), (Flag::Ready, 4), (Flag::Tripped, 8)];
+    model.status = flags.map(|(flag, mask)| status_flag(flag, mask)).to_vec();
+    model
+}
+
+fn status_flag(flag: Flag, mask: u16) -> StatusFlag {
+    let (confidence, source) = (Confidence::Manual, "IM 1".to_owned());
+    StatusFlag { flag, address: 0x2100, mask, values: vec![mask], confidence, source }
+}
+
+/// The first built-in model with its frequency command behind its run command, both to be written in one frame.
+pub fn with_block() -> Model {
+    let mut model = model();
+    for register in &mut model.registers {
+        if register.role == Some(Role::FrequencyCommand) {
+            register.address = 0x0003;
+        }
+    }
+    model.write.block = Some(BlockWrite { address: 0x0002, count: fact(2) });
+    model
+}
+
+/// Both sources at communication.
+pub fn setup() -> Vec<SetupItem> {
+    let item = |(what, address): (&str, u16)| SetupItem {
+        what: what.to_owned(),
+        text: "communication".to_owned(),
+        address: Some(address),
+        values: fact(vec![3]),
+        interface: None,
+    };
+    [("F010", 0x0211), ("F011", 0x0212)].map(item).to_vec()
 }

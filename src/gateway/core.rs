@@ -10,7 +10,7 @@ use crate::domain::report::{LineCounters, LineReport, LineState, PortFault};
 use crate::domain::time::MonoTime;
 use crate::drive::plan::PollPlan;
 use crate::drive::snapshot::{DriveSnapshot, Presence};
-use crate::drive::view::{DriveView, StatusView};
+use crate::drive::view::DriveView;
 use crate::line::schedule::{ReadJob, Schedule};
 use crate::line::station::StationState;
 use crate::line::transaction::Wire;
@@ -176,7 +176,7 @@ impl LineCore {
             line_is_up: self.state == LineState::Up,
             snapshot: snapshot.clone(),
             run_state: work.run_state(self.is_offline(index)),
-            status: StatusView::default(),
+            status: work.status_view(),
             trip: work.trips().view().clone(),
             control: work.control_view(),
         })

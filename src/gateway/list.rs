@@ -4,12 +4,15 @@
 use super::waiter::Waiter;
 use crate::domain::command::{Order, Outcome, Reason, Report};
 use crate::domain::time::MonoTime;
-use crate::drive::steps::{Part, Step, Write};
+use crate::drive::steps::{Condition, Part, Step, Write};
 use crate::guard::{Approved, Void};
 use crate::wire::pdu::{Reply, Request};
+use std::time::Duration;
 
 /// How often a read is sent before it is given up. A write is sent once.
 const READS_MAX: u8 = 3;
+/// Time between two looks at something that is still to show.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 /// One approved command and how far it has come.
 #[derive(Debug)]
@@ -21,6 +24,13 @@ pub struct List {
     has_begun: bool,
     /// How often the present read was sent in vain.
     reads: u8,
+    /// The next request goes no sooner than this.
+    ready_at: MonoTime,
+    /// Up to this moment the drive may take to show what is looked at now; nothing before the first look.
+    shown_until: Option<MonoTime>,
+    repeats: Repeats,
+    /// A write of a reset was not answered: only what the drive shows of its trip tells whether it took effect.
+    is_in_doubt: bool,
 }
 
 /// Where a command stands.
@@ -28,11 +38,20 @@ pub struct List {
 enum Stage {
     /// The step at this index.
     Step(usize),
-    /// All is written; what the write at this index shows is being read back.
-    ReadBack(usize),
-    /// The write at this index was not answered: what it shows tells whether it took effect. Nothing more is written.
-    Resolve(usize),
+    /// All is written; what the step at this index shows is being read back, condition by condition.
+    ReadBack(usize, usize),
+    /// The step at this index was not answered: what it shows tells whether it took effect. Nothing more is written.
+    Resolve(usize, usize),
     /// Nothing is left to do.
+    Done,
+}
+
+/// Whether the stop that ends a reset is sent once more, because the drive was deaf to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Repeats {
+    No,
+    /// The step at this index, after the rest that is on now.
+    AfterRest(usize),
     Done,
 }
 
@@ -49,7 +68,17 @@ impl List {
     /// An approved command that has not begun.
     #[must_use]
     pub const fn new(approved: Approved, waiter: Waiter) -> Self {
-        Self { approved, waiter, stage: Stage::Step(0), has_begun: false, reads: 0 }
+        Self {
+            approved,
+            waiter,
+            stage: Stage::Step(0),
+            has_begun: false,
+            reads: 0,
+            ready_at: MonoTime::ZERO,
+            shown_until: None,
+            repeats: Repeats::No,
+            is_in_doubt: false,
+        }
     }
 
     /// Who waits for it.
@@ -67,13 +96,10 @@ impl List {
     pub fn parts_left(&self) -> impl Iterator<Item = Part> + '_ {
         let from = match self.stage {
             Stage::Step(index) => index,
-            Stage::Resolve(index) => index + 1,
-            Stage::ReadBack(_) | Stage::Done => self.approved.steps().len(),
+            Stage::Resolve(index, _) => index + 1,
+            Stage::ReadBack(..) | Stage::Done => self.approved.steps().len(),
         };
-        self.approved.steps().iter().skip(from).filter_map(|step| match step {
-            Step::Write(write) => Some(write.part),
-            Step::Check { .. } => None,
-        })
+        self.approved.steps().iter().skip(from).flat_map(writes_of).map(|write| write.part)
     }
 
     /// Whether `newer` says everything that this one says, and nothing of this one is on its way: the newer one takes
@@ -89,17 +115,38 @@ impl List {
             && (old.run().is_none() || new.run().is_some())
     }
 
-    /// The request that comes next.
+    /// The request that comes next, and the moment before which it does not go.
     #[must_use]
-    pub fn request(&self) -> Option<Request> {
-        match self.stage {
-            Stage::Step(index) => self.approved.request(index),
-            Stage::ReadBack(index) | Stage::Resolve(index) => {
-                let (address, _) = self.write_at(index)?.shown?;
-                Some(Request::ReadHolding { address, count: 1 })
+    pub fn request(&self) -> Option<(MonoTime, Request)> {
+        let request = match self.stage {
+            Stage::Step(index) => self.approved.request(index)?,
+            Stage::ReadBack(index, shown) | Stage::Resolve(index, shown) => {
+                Request::ReadHolding { address: self.condition(index, shown)?.address, count: 1 }
             }
-            Stage::Done => None,
+            Stage::Done => return None,
+        };
+        Some((self.ready_at, request))
+    }
+
+    /// Up to when the drive is left alone, if that is the next step.
+    #[must_use]
+    pub fn rest_at(&self, now: MonoTime) -> Option<MonoTime> {
+        let Stage::Step(index) = self.stage else { return None };
+        match self.approved.steps().get(index)? {
+            Step::Rest(rest) => Some(now + *rest),
+            Step::Check { .. } | Step::Write(_) => None,
         }
+    }
+
+    /// The drive is left alone up to `until`; then the list goes on.
+    pub fn rest(&mut self, until: MonoTime) -> Next {
+        let Stage::Step(index) = self.stage else { return Next::Goes(None) };
+        self.ready_at = until;
+        if let Repeats::AfterRest(write) = self.repeats {
+            (self.repeats, self.stage) = (Repeats::Done, Stage::Step(write));
+            return Next::Goes(None);
+        }
+        self.go_on_from(index)
     }
 
     /// Whether the next request may be sent: reads that follow a write always may.
@@ -109,7 +156,7 @@ impl List {
     pub fn may_go(&self, now: MonoTime, stops: u64) -> Result<(), Void> {
         match self.stage {
             Stage::Step(_) => self.approved.may_go(self.has_begun, now, stops),
-            Stage::ReadBack(_) | Stage::Resolve(_) | Stage::Done => Ok(()),
+            Stage::ReadBack(..) | Stage::Resolve(..) | Stage::Done => Ok(()),
         }
     }
 
@@ -133,27 +180,29 @@ impl List {
 
     /// The next request goes out.
     pub fn was_sent(&mut self) {
-        self.has_begun |= self.present_write().is_some();
+        self.has_begun |= !self.present_writes().is_empty();
     }
 
-    /// The write that the next request is, if it is one.
+    /// The writes that the next request carries; none if it is a read.
     #[must_use]
-    pub fn present_write(&self) -> Option<&Write> {
+    pub fn present_writes(&self) -> &[Write] {
         match self.stage {
-            Stage::Step(index) => self.write_at(index),
-            Stage::ReadBack(_) | Stage::Resolve(_) | Stage::Done => None,
+            Stage::Step(index) => self.approved.steps().get(index).map_or(&[], writes_of),
+            Stage::ReadBack(..) | Stage::Resolve(..) | Stage::Done => &[],
         }
     }
 
-    /// The drive answered.
-    pub fn answered(&mut self, reply: &Reply) -> Next {
+    /// The drive answered at `now`.
+    pub fn answered(&mut self, reply: &Reply, now: MonoTime) -> Next {
         match (self.stage, reply) {
             (Stage::Step(index), reply) => self.step_answered(index, reply),
-            (Stage::ReadBack(index) | Stage::Resolve(index), Reply::Words(words)) => {
-                let shown = self.write_at(index).and_then(|write| write.shown).map(|(_, word)| word);
-                self.shown(words.first().copied(), shown)
+            (Stage::ReadBack(index, shown) | Stage::Resolve(index, shown), Reply::Words(words)) => {
+                match words.first() {
+                    Some(word) => self.shown(index, shown, *word, now),
+                    None => self.unanswered(),
+                }
             }
-            (Stage::ReadBack(_) | Stage::Resolve(_) | Stage::Done, _) => self.unanswered(),
+            (Stage::ReadBack(..) | Stage::Resolve(..) | Stage::Done, _) => self.unanswered(),
         }
     }
 
@@ -166,21 +215,36 @@ impl List {
         Next::Ends(Report { exception: Some(code), ..failed })
     }
 
-    /// The drive did not answer, or only with damage. A write is never repeated: where the model shows what became of
+    /// The drive did not answer, or only with damage. A write is not repeated: where the model shows what became of
     /// it, that is read.
+    ///
+    /// A reset that has begun is carried to its end all the same, so that its bit is taken back: what is left of it
+    /// are stops. Where the drive is deaf after a reset, its last stop goes once more after the rest.
     pub fn unanswered(&mut self) -> Next {
-        if let Some(write) = self.present_write() {
-            let report = Report::new(Outcome::Unknown, Reason::NoReply);
-            return match (self.stage, write.shown) {
-                (Stage::Step(index), Some(_)) => {
-                    self.stage = Stage::Resolve(index);
-                    Next::Goes(Some(report))
+        let (Stage::Step(index), Some(write)) = (self.stage, self.present_writes().first()) else {
+            return self.read_again();
+        };
+        let report = Report::new(Outcome::Unknown, Reason::NoReply);
+        if let (Part::Reset { ends, .. }, true) = (write.part, index > 0) {
+            self.is_in_doubt = true;
+            let rest = self.approved.steps().iter().position(|step| matches!(step, Step::Rest(_)));
+            match rest {
+                Some(rest) if self.repeats == Repeats::No => {
+                    (self.repeats, self.stage) = (Repeats::AfterRest(rest.saturating_sub(1)), Stage::Step(rest));
+                    return Next::Goes(Some(report));
                 }
-                _ => Next::Ends(report),
-            };
+                None if !ends => {
+                    self.stage = Stage::Step(index + 1);
+                    return Next::Goes(Some(report));
+                }
+                _ => {}
+            }
         }
-        self.reads += 1;
-        if self.reads < READS_MAX { Next::Goes(None) } else { self.give_up_reading() }
+        if self.condition(index, 0).is_none() {
+            return Next::Ends(report);
+        }
+        self.look_at(Stage::Resolve(index, 0));
+        Next::Goes(Some(report))
     }
 
     fn step_answered(&mut self, index: usize, reply: &Reply) -> Next {
@@ -190,12 +254,16 @@ impl List {
                 _ => Next::Ends(Report::refused(Reason::SetpointUnknown)),
             },
             (Some(Step::Check { .. }), _) => self.unanswered(),
-            (Some(Step::Write(write)), Reply::Holds { value }) if *value != write.value => {
+            (Some(Step::Write(writes)), Reply::Holds { value }) if writes.iter().any(|it| it.value != *value) => {
                 let kept = Report::new(Outcome::Failed, Reason::KeptOldValue);
                 Next::Ends(Report { held: Some(*value), ..kept })
             }
-            (Some(Step::Write(_)), _) => self.go_on_from(index),
-            (None, _) => self.end(),
+            (Some(Step::Write(_)), _) => {
+                // A drive that answered after its rest does not need another one.
+                let rested = self.repeats == Repeats::Done;
+                self.go_on_from(if rested { index + 1 } else { index })
+            }
+            (Some(Step::Rest(_)) | None, _) => self.end(),
         }
     }
 
@@ -207,62 +275,108 @@ impl List {
         }
         match self.next_shown(0) {
             Some(first) => {
-                self.stage = Stage::ReadBack(first);
-                Next::Goes(Some(Report::new(Outcome::Acknowledged, Reason::None)))
+                self.look_at(Stage::ReadBack(first, 0));
+                Next::Goes((!self.is_in_doubt).then_some(Report::new(Outcome::Acknowledged, Reason::None)))
             }
             None => self.end(),
         }
     }
 
-    fn shown(&mut self, held: Option<u16>, wanted: Option<u16>) -> Next {
-        let is_there = held.is_some() && held == wanted;
-        match self.stage {
-            Stage::ReadBack(index) if is_there => match self.next_shown(index + 1) {
-                Some(next) => {
-                    (self.stage, self.reads) = (Stage::ReadBack(next), 0);
-                    Next::Goes(None)
-                }
-                None => self.end(),
-            },
-            Stage::Resolve(index) if is_there && index + 1 >= self.approved.steps().len() => self.end(),
-            Stage::Resolve(_) => {
-                // Either the write had no effect, or the steps after it were never sent.
-                Next::Ends(Report { held, ..Report::new(Outcome::Failed, Reason::NoReply) })
-            }
-            _ => Next::Ends(Report { held, ..Report::new(Outcome::Failed, Reason::NotReadBack) }),
+    /// What `word` says of the condition `shown` of the step at `index`, and of those behind it that stand in the same
+    /// register.
+    fn shown(&mut self, index: usize, shown: usize, word: u16, now: MonoTime) -> Next {
+        let Some(condition) = self.condition(index, shown) else { return self.end() };
+        let (address, within) = (condition.address, condition.within);
+        let of_register = (shown..).map_while(|at| self.condition(index, at)).take_while(|it| it.address == address);
+        let (looked_at, all_met) = of_register.fold((0, true), |(n, all), it| (n + 1, all && it.is_met(word)));
+        if all_met {
+            return self.is_shown(index, shown + looked_at);
         }
+        let until = *self.shown_until.get_or_insert(now + within);
+        if now < until {
+            self.ready_at = now + LOOK_EVERY;
+            self.reads = 0;
+            return Next::Goes(None);
+        }
+        let reason = if matches!(self.stage, Stage::Resolve(..)) { Reason::NoReply } else { Reason::NotReadBack };
+        Next::Ends(Report { held: Some(word), ..Report::new(Outcome::Failed, reason) })
+    }
+
+    /// The step at `index` has shown everything up to its condition `next`.
+    fn is_shown(&mut self, index: usize, next: usize) -> Next {
+        let resolves = matches!(self.stage, Stage::Resolve(..));
+        let stage = if resolves { Stage::Resolve } else { Stage::ReadBack };
+        if self.condition(index, next).is_some() {
+            self.look_at(stage(index, next));
+            return Next::Goes(None);
+        }
+        let mut behind = self.approved.steps().iter().skip(index + 1);
+        match self.next_shown(index + 1) {
+            // The writes behind one that was not answered were never sent.
+            _ if resolves && behind.any(|step| !writes_of(step).is_empty()) => {
+                Next::Ends(Report::new(Outcome::Failed, Reason::NoReply))
+            }
+            Some(step) if !resolves => {
+                self.look_at(Stage::ReadBack(step, 0));
+                Next::Goes(None)
+            }
+            _ => self.end(),
+        }
+    }
+
+    fn look_at(&mut self, stage: Stage) {
+        (self.stage, self.reads, self.shown_until) = (stage, 0, None);
     }
 
     /// All steps are done: confirmed if the drive has shown the effect of all of them, else acknowledged is all that
     /// there is.
     fn end(&mut self) -> Next {
-        let has_read_back = matches!(self.stage, Stage::ReadBack(_) | Stage::Resolve(_));
-        let all_show = self.approved.steps().iter().all(|step| match step {
-            Step::Write(write) => write.shown.is_some() || write.part == Part::Reset { ends: false },
-            Step::Check { .. } => true,
-        });
-        let outcome = if has_read_back && all_show { Outcome::Confirmed } else { Outcome::Acknowledged };
+        let has_read_back = matches!(self.stage, Stage::ReadBack(..) | Stage::Resolve(..));
         self.stage = Stage::Done;
+        let mut writes = self.approved.steps().iter().flat_map(writes_of);
+        let is_seen = |write: &Write| matches!(write.part, Part::Reset { is_seen: true, .. });
+        if self.is_in_doubt && !(has_read_back && writes.clone().any(is_seen)) {
+            return Next::Ends(Report::new(Outcome::Unknown, Reason::NoReply));
+        }
+        let shows = |write: &Write| !write.shown.is_empty() || matches!(write.part, Part::Reset { ends: false, .. });
+        let outcome = if has_read_back && writes.all(shows) { Outcome::Confirmed } else { Outcome::Acknowledged };
         Next::Ends(Report::new(outcome, Reason::None))
+    }
+
+    /// Whether every write so far was answered.
+    #[must_use]
+    pub const fn is_sure(&self) -> bool {
+        !self.is_in_doubt
+    }
+
+    fn read_again(&mut self) -> Next {
+        self.reads += 1;
+        if self.reads < READS_MAX { Next::Goes(None) } else { self.give_up_reading() }
     }
 
     fn give_up_reading(&mut self) -> Next {
         Next::Ends(match self.stage {
             Stage::Step(_) => Report::refused(Reason::NoReply),
-            Stage::ReadBack(_) | Stage::Done => Report::new(Outcome::Acknowledged, Reason::NoReply),
-            Stage::Resolve(_) => Report::new(Outcome::Unknown, Reason::NoReply),
+            Stage::ReadBack(..) | Stage::Done => Report::new(Outcome::Acknowledged, Reason::NoReply),
+            Stage::Resolve(..) => Report::new(Outcome::Unknown, Reason::NoReply),
         })
     }
 
-    /// The first write from `from` on whose effect the drive shows.
+    /// The first step from `from` on whose effect the drive shows.
     fn next_shown(&self, from: usize) -> Option<usize> {
-        (from..self.approved.steps().len()).find(|index| self.write_at(*index).is_some_and(|it| it.shown.is_some()))
+        (from..self.approved.steps().len()).find(|index| self.condition(*index, 0).is_some())
     }
 
-    fn write_at(&self, index: usize) -> Option<&Write> {
-        match self.approved.steps().get(index)? {
-            Step::Write(write) => Some(write),
-            Step::Check { .. } => None,
-        }
+    /// The condition `shown` of the step at `index`.
+    fn condition(&self, index: usize, shown: usize) -> Option<&Condition> {
+        let step = self.approved.steps().get(index)?;
+        writes_of(step).iter().flat_map(|write| &write.shown).nth(shown)
+    }
+}
+
+fn writes_of(step: &Step) -> &[Write] {
+    match step {
+        Step::Write(writes) => writes,
+        Step::Check { .. } | Step::Rest(_) => &[],
     }
 }

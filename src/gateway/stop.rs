@@ -2,7 +2,8 @@
 //! until the drive shows its effect.
 //!
 //! A stop is effective when its echo came in an exchange that no late reply could be mistaken for, and later readings
-//! show the output frequency at zero, or twice at or below the one before and falling.
+//! show that the drive is not ordered to run any more, or the output frequency at zero, or twice at or below the one
+//! before and falling.
 
 use super::event::Effect;
 use super::waiter::Waiter;
@@ -47,6 +48,8 @@ pub struct StopLatch {
     is_unanswered: bool,
     look_at: MonoTime,
     watch: FallWatch,
+    /// Looks that were answered: what is looked at changes with each.
+    looks: usize,
     /// Looks in a row without an answer.
     missed_looks: u8,
     was_told_late: bool,
@@ -78,6 +81,7 @@ impl StopLatch {
             is_unanswered: false,
             look_at: MonoTime::NEVER,
             watch: FallWatch::default(),
+            looks: 0,
             missed_looks: 0,
             was_told_late: false,
         }
@@ -128,6 +132,12 @@ impl StopLatch {
         self.look_at
     }
 
+    /// How many looks were answered.
+    #[must_use]
+    pub const fn looks(&self) -> usize {
+        self.looks
+    }
+
     /// Whether the alarm was given.
     #[must_use]
     pub const fn is_late(&self) -> bool {
@@ -173,22 +183,42 @@ impl StopLatch {
     /// Takes a reading of the output frequency that was asked for after the last frame. Whether the stop is effective.
     ///
     /// A drive that was away is read before it is stopped: at standstill the stop is settled, otherwise it goes out.
-    pub fn takes_effect(&mut self, raw: u16, now: MonoTime) -> bool {
+    /// `runs`: its status shows it ordered to run.
+    pub fn takes_effect(&mut self, raw: u16, runs: bool, now: MonoTime) -> bool {
         self.look_at = now + LOOK_EVERY;
         self.watch.take(raw);
         if self.is_away() {
-            let stands_still = self.watch.is_at_zero();
-            if stands_still || raw > 0 {
-                self.missed_looks = 0;
-                self.send_at = now;
+            let stands_still = self.watch.is_at_zero() && !runs;
+            if stands_still || raw > 0 || runs {
+                self.is_back(now);
             }
             return stands_still;
         }
+        self.is_back(now);
+        self.is_acknowledged && self.watch.is_falling()
+    }
+
+    /// Takes what the drive's status shows: whether it is ordered to run. Whether the stop is effective.
+    pub fn shows(&mut self, running: bool, now: MonoTime) -> bool {
+        self.look_at = now + LOOK_EVERY;
+        if !self.is_away() || running {
+            self.is_back(now);
+        }
+        self.is_acknowledged && !running
+    }
+
+    /// A look was answered.
+    pub const fn was_looked_at(&mut self) {
+        self.looks = self.looks.wrapping_add(1);
+    }
+
+    /// The drive answers: what was not answered goes again at once.
+    fn is_back(&mut self, now: MonoTime) {
+        let was_away = self.is_away();
         self.missed_looks = 0;
-        if std::mem::take(&mut self.is_unanswered) {
+        if std::mem::take(&mut self.is_unanswered) || was_away {
             self.send_at = now;
         }
-        self.is_acknowledged && self.watch.is_falling()
     }
 
     /// The look was not answered.

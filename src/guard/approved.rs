@@ -65,13 +65,21 @@ impl Approved {
         Ok(())
     }
 
-    /// The request of the step at `index`.
+    /// The request of the step at `index`; nothing for a rest.
     #[must_use]
     pub fn request(&self, index: usize) -> Option<Request> {
-        Some(match *self.steps.get(index)? {
-            Step::Write(Write { address, value, .. }) => Request::WriteSingle { address, value },
-            Step::Check { address, .. } => Request::ReadHolding { address, count: 1 },
-        })
+        match self.steps.get(index)? {
+            Step::Write(writes) => match &writes[..] {
+                [] => None,
+                [Write { address, value, .. }] => Some(Request::WriteSingle { address: *address, value: *value }),
+                [first, ..] => {
+                    let values = writes.iter().map(|write| write.value).collect();
+                    Some(Request::WriteMultiple { address: first.address, values })
+                }
+            },
+            Step::Check { address, .. } => Some(Request::ReadHolding { address: *address, count: 1 }),
+            Step::Rest(_) => None,
+        }
     }
 }
 

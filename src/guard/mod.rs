@@ -5,6 +5,7 @@
 
 pub mod access;
 mod approved;
+mod at_rest;
 mod review;
 mod state;
 #[cfg(test)]

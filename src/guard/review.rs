@@ -63,8 +63,8 @@ impl DriveGuard {
                 match order {
                     Order::Go(go) => self.review_go(command, go, &control, facts, now),
                     Order::Reset => self.review_reset(command, &control, facts, now),
-                    Order::Release => Err(refused(Reason::NotCapable)),
-                    Order::Setup(_) => Err(refused(Reason::NotCapable)),
+                    Order::Release => self.review_release(command, &control, facts, now),
+                    Order::Setup(addresses) => self.review_setup(command, addresses, facts, now),
                     Order::Renew | Order::Stop { .. } | Order::Coast => {
                         self.renew(origin.owner, now);
                         Ok(Verdict::Unchanged)
@@ -174,7 +174,7 @@ impl DriveGuard {
         if go.run().is_some() || go.frequency().is_some() {
             self.may_move(command, &go, control, facts, now)?;
         }
-        let steps = steps::of_go(&self.model, &go, control).map_err(no_steps)?;
+        let steps = steps::of_go(&self.model, &go, control, self.setpoint()).map_err(no_steps)?;
         let moves = go.run().is_some() || (go.frequency().is_some() && !facts.at_standstill);
         if moves || self.lease_of(owner).is_some() {
             self.take_lease(owner, now);
@@ -268,48 +268,21 @@ impl DriveGuard {
         }
     }
 
-    fn review_reset(
-        &mut self,
-        command: &CommandRequest,
-        control: &ControlSettings,
-        facts: &Facts,
-        now: MonoTime,
-    ) -> Result<Verdict, Report> {
-        let reset = self.model.run.as_ref().and_then(|run| run.reset.as_ref());
-        is_proven(reset, ControlAction::Reset, control)?;
-        let stands_still = facts.at_standstill && self.intent() == RunIntent::Stop;
-        match facts.tripped {
-            Some(true) => {}
-            None if stands_still => {}
-            // A controller that holds the value for reset means the change to it, and that has had its effect.
-            Some(false) if command.origin.manner == Manner::Cyclic => return Ok(Verdict::Unchanged),
-            Some(false) | None => return Err(refused(Reason::NotTripped)),
-        }
-        if facts.stop_pending {
-            return Err(refused(Reason::StopPending));
-        }
-        if now >= command.start_before {
-            return Err(Report::new(Outcome::Expired, Reason::TooLate));
-        }
-        let steps = steps::of_reset(&self.model).map_err(no_steps)?;
-        self.renew(command.origin.owner, now);
-        Ok(Verdict::Go(self.approve(command, Order::Reset, steps)))
-    }
-
-    fn approve(&self, command: &CommandRequest, order: Order, steps: Vec<steps::Step>) -> Approved {
+    pub(super) fn approve(&self, command: &CommandRequest, order: Order, steps: Vec<steps::Step>) -> Approved {
         let (owner, start_before) = (command.origin.owner, command.start_before);
         Approved { order, owner, stops: self.stops(), start_before, steps }
     }
 }
 
-fn refused(reason: Reason) -> Report {
+pub(super) fn refused(reason: Reason) -> Report {
     Report::refused(reason)
 }
 
-fn no_steps(no: NoSteps) -> Report {
+pub(super) fn no_steps(no: NoSteps) -> Report {
     refused(match no {
         NoSteps::NotCapable => Reason::NotCapable,
         NoSteps::BetweenSteps => Reason::BetweenSteps,
+        NoSteps::SetpointUnknown => Reason::SetpointUnknown,
     })
 }
 
@@ -339,7 +312,11 @@ fn is_within(frequency: Hertz, control: &ControlSettings) -> Result<(), Report> 
 }
 
 /// A control action needs a fact of the model that is proven, or that the control section accepts as it is.
-fn is_proven<T>(fact: Option<&Fact<T>>, action: ControlAction, control: &ControlSettings) -> Result<(), Report> {
+pub(super) fn is_proven<T>(
+    fact: Option<&Fact<T>>,
+    action: ControlAction,
+    control: &ControlSettings,
+) -> Result<(), Report> {
     let fact = fact.ok_or(refused(Reason::NotCapable))?;
     if fact.confidence.is_proven() || control.accept_unverified.contains(&action) {
         Ok(())

@@ -184,6 +184,12 @@ impl DriveGuard {
         self.run_acknowledged = false;
     }
 
+    /// Control was handed back to panel or terminals: nobody holds it here, and whoever starts again stops first.
+    pub(super) fn released(&mut self) {
+        self.lease = None;
+        self.inhibit();
+    }
+
     /// The drive stands still after a stop by the one who holds control: there is nothing left to hold.
     pub fn at_standstill(&mut self) {
         if matches!(self.intent, RunIntent::Run(_)) {

@@ -17,7 +17,8 @@ impl DriveWork {
     /// Somebody commands.
     pub fn command(&mut self, now: MonoTime, command: &CommandRequest, mut waiter: Waiter, facts: Facts, out: Out<'_>) {
         self.has_changed = true;
-        let is_full = self.waiting.len() >= COMMANDS_MAX && matches!(command.order, Order::Go(_) | Order::Reset);
+        let is_full = self.waiting.len() >= COMMANDS_MAX
+            && !matches!(command.order, Order::Stop { .. } | Order::Coast | Order::Renew);
         let verdict =
             if is_full { Err(Report::refused(Reason::QueueFull)) } else { self.guard.review(command, &facts, now) };
         match verdict {

@@ -20,11 +20,13 @@ impl DriveWork {
         });
         let list = self.current.as_ref().or(self.waiting.front()).and_then(|list| {
             let rank = if list.is_new() { Rank::Start } else { Rank::Step };
-            Some(Want { rank, at: MonoTime::ZERO, request: list.request()? })
+            let (at, request) = list.request()?;
+            Some(Want { rank, at, request })
         });
-        let look = self.latch.as_ref().zip(self.output_register).and_then(|(latch, (address, _))| {
-            let request = Request::ReadHolding { address, count: 1 };
-            (latch.look_at() < MonoTime::NEVER).then(|| Want { rank: Rank::Look, at: latch.look_at(), request })
+        let look = self.latch.as_ref().filter(|latch| latch.look_at() < MonoTime::NEVER).and_then(|latch| {
+            let (address, count) = self.looks.get(latch.looks() % self.looks.len().max(1)).copied()?;
+            let request = Request::ReadHolding { address, count };
+            Some(Want { rank: Rank::Look, at: latch.look_at(), request })
         });
         let trip = self.trips.wants().map(|(address, count)| Want {
             rank: Rank::Trip,
@@ -69,16 +71,20 @@ impl DriveWork {
             // A coast may have taken the place of the stop that was on the wire: its own frame follows.
             Rank::FirstStop | Rank::RepeatedStop if !self.is_latched(request) => {}
             Rank::FirstStop | Rank::RepeatedStop => self.stop_ended(ending, doubt, now, out),
-            Rank::Step | Rank::Start if is_wanted => self.step_ended(ending, out),
+            Rank::Step | Rank::Start if is_wanted => self.step_ended(ending, now, out),
             Rank::Step | Rank::Start => {}
             Rank::Look => {
-                if let (Some(latch), false) = (&mut self.latch, matches!(ending, Ending::Reply(_))) {
-                    latch.look_failed(now);
+                let was_answered = matches!(ending, Ending::Reply(_));
+                match &mut self.latch {
+                    Some(latch) if was_answered => latch.was_looked_at(),
+                    Some(latch) => latch.look_failed(now),
+                    None => {}
                 }
             }
             Rank::Trip => {
                 if !matches!(ending, Ending::Reply(_)) {
-                    self.trips.read_failed();
+                    let event = self.trips.read_failed(now);
+                    self.trip(event, out);
                 }
             }
         }
@@ -135,17 +141,24 @@ impl DriveWork {
         }
     }
 
-    pub(super) fn step_ended(&mut self, ending: &Ending, out: Out<'_>) {
+    pub(super) fn step_ended(&mut self, ending: &Ending, now: MonoTime, out: Out<'_>) {
         let Some(mut list) = self.current.take() else { return };
-        let written = list.present_write().copied();
-        let next = match ending {
-            Ending::Reply(reply) => list.answered(reply),
+        let written: Vec<Part> = list.present_writes().iter().map(|write| write.part).collect();
+        let mut next = match ending {
+            Ending::Reply(reply) => list.answered(reply, now),
             Ending::Exception(code) => list.excepted(*code),
             Ending::Garbled | Ending::Silent => list.unanswered(),
         };
         let refused = matches!(next, Next::Ends(Report { outcome: Outcome::Failed, .. }));
-        if let (Some(write), Ending::Reply(_), false) = (written, ending, refused) {
-            self.part_taken(write.part);
+        if matches!(ending, Ending::Reply(_)) && !refused {
+            written.into_iter().for_each(|part| self.part_taken(part, list.is_sure()));
+        }
+        if let (Next::Goes(report), Some(until)) = (next, list.rest_at(now)) {
+            self.rest_until = Some(until);
+            next = match list.rest(until) {
+                Next::Goes(later) => Next::Goes(report.or(later)),
+                ends @ Next::Ends(_) => ends,
+            };
         }
         match next {
             Next::Goes(report) => {
@@ -163,12 +176,12 @@ impl DriveWork {
         }
     }
 
-    pub(super) fn part_taken(&mut self, part: Part) {
+    fn part_taken(&mut self, part: Part, is_sure: bool) {
         match part {
             Part::Setpoint(value) => self.guard.setpoint_was_acknowledged(value),
             Part::Run(direction) => self.guard.run_was_acknowledged(direction),
-            Part::Reset { ends: true } => self.trips.reset_acknowledged(),
-            Part::Register | Part::Reset { ends: false } => {}
+            Part::Reset { ends: true, .. } if is_sure => self.trips.reset_acknowledged(),
+            Part::Register | Part::Reset { .. } | Part::Release => {}
         }
     }
 }

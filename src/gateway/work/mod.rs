@@ -15,10 +15,11 @@ use crate::domain::frequency::Hertz;
 use crate::domain::ids::DriveIndex;
 use crate::domain::time::MonoTime;
 use crate::drive::run_state::OutputWatch;
+use crate::drive::status::StatusWatch;
 use crate::drive::trips::TripWatch;
-use crate::drive::view::{ControlView, RunState};
+use crate::drive::view::{ControlView, RunState, StatusView};
 use crate::guard::{DriveGuard, Facts};
-use crate::profile::model::{Model, Role};
+use crate::profile::model::{Flag, Model, Role};
 use crate::wire::pdu::Request;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -67,6 +68,11 @@ pub struct DriveWork {
     trips: TripWatch,
     output: OutputWatch,
     output_register: Option<(u16, u32)>,
+    status: StatusWatch,
+    /// The reads that show whether a stop takes effect, in turn.
+    looks: Vec<(u16, u16)>,
+    /// Up to this moment the drive hears nothing; taken by the line.
+    rest_until: Option<MonoTime>,
     /// The last order given here was a stop, and the motor has not been seen at standstill since.
     is_stopping: bool,
     /// What became of the newest command so far.
@@ -93,6 +99,9 @@ impl DriveWork {
             trips: TripWatch::new(model),
             output: OutputWatch::default(),
             output_register: output.map(|register| (register.address, register.scale)),
+            status: StatusWatch::new(model),
+            looks: looks(model),
+            rest_until: None,
             is_stopping: false,
             last: None,
             commands: 0,
@@ -125,7 +134,24 @@ impl DriveWork {
     /// Whether the motor is known to turn.
     #[must_use]
     pub fn is_moving(&self) -> bool {
-        self.output.is_active()
+        self.output.is_active() || self.status.is_running() == Some(true)
+    }
+
+    /// Whether the motor is known to stand still: the output is zero, and the drive shows no order to run.
+    #[must_use]
+    pub fn is_at_standstill(&self) -> bool {
+        self.output.is_at_standstill() && self.status.is_running() != Some(true)
+    }
+
+    /// What the status registers tell beside the run state.
+    #[must_use]
+    pub fn status_view(&self) -> StatusView {
+        self.status.view()
+    }
+
+    /// Up to when the drive hears nothing, if that has just begun.
+    pub const fn take_rest(&mut self) -> Option<MonoTime> {
+        self.rest_until.take()
     }
 
     /// Whether a stop is not effective yet.
@@ -150,6 +176,7 @@ impl DriveWork {
     pub fn out_of_sight(&mut self, out: Out<'_>) {
         self.has_changed = true;
         self.output.forget();
+        self.status.forget();
         self.trips.lost_sight();
         self.guard.inhibit();
         self.cut_motion(Reason::Offline, out);
@@ -164,7 +191,7 @@ impl DriveWork {
             is_offline,
             stop_pending: self.latch.is_some(),
             tripped: self.trips.view().active,
-            at_standstill: self.output.is_at_standstill(),
+            at_standstill: self.is_at_standstill(),
             output: self.output.raw().map(|raw| Hertz::from_word(raw, scale)),
         }
     }
@@ -177,7 +204,7 @@ impl DriveWork {
         } else if self.trips.view().active == Some(true) {
             RunState::Tripped
         } else {
-            self.output.run_state(self.guard.intent(), self.is_stopping)
+            self.output.run_state(&self.status, self.guard.intent(), self.is_stopping)
         }
     }
 
@@ -212,5 +239,23 @@ impl DriveWork {
     pub(super) fn count(&mut self, waiter: &mut Waiter) {
         self.commands = self.commands.wrapping_add(1);
         waiter.set_number(self.commands);
+    }
+}
+
+/// The output frequency, and the status register where that tells whether the drive is ordered to run: in one read if
+/// the model allows it.
+fn looks(model: &Model) -> Vec<(u16, u16)> {
+    let output = model.register_for(Role::OutputFrequency).map(|register| register.address);
+    let status = model.status_flag(Flag::Running).map(|flag| flag.address);
+    let (Some(output), Some(status)) = (output, status) else {
+        return output.or(status).map(|address| (address, 1)).into_iter().collect();
+    };
+    let (first, last) = (output.min(status), output.max(status));
+    let count = last - first + 1;
+    let all_known = || (first..=last).all(|it| model.register_at(it).is_some_and(|it| it.access.can_read()));
+    if count <= model.words_in_one_read(first) && all_known() {
+        vec![(first, count)]
+    } else {
+        vec![(status, 1), (output, 1)]
     }
 }

@@ -13,7 +13,7 @@ impl DriveWork {
     /// What time alone brings about.
     pub fn pass(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
         // A stop that has had its effect is all that could be done about it, also while the ramp lasts.
-        let at_rest = self.latch.is_none() && (self.output.is_at_standstill() || self.is_stopping);
+        let at_rest = self.latch.is_none() && (self.is_at_standstill() || self.is_stopping);
         let had_lease = self.guard.lease().is_some();
         if let Some(lost) = self.guard.expire(now, at_rest) {
             if let Some(owner) = lost.owner {

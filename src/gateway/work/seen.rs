@@ -11,6 +11,11 @@ impl DriveWork {
     /// Words came from `address` on, for whatever reason they were read.
     pub fn take_words(&mut self, address: u16, words: &[u16], now: MonoTime, out: Out<'_>) {
         self.has_changed = true;
+        if let Some(running) = self.status.take(address, words)
+            && self.latch.as_mut().is_some_and(|latch| latch.shows(running, now))
+        {
+            self.effective(out);
+        }
         let output = self.output_register.and_then(|(register, _)| {
             let offset = register.checked_sub(address)?;
             words.get(usize::from(offset)).copied()
@@ -18,22 +23,23 @@ impl DriveWork {
         if let Some(raw) = output {
             self.take_output(raw, now, out);
         }
+        if self.is_at_standstill() && self.latch.is_none() {
+            self.is_stopping = false;
+            self.guard.at_standstill();
+        }
         let event = self.trips.take(address, words, now);
         self.trip(event, out);
     }
 
     pub(super) fn take_output(&mut self, raw: u16, now: MonoTime, out: Out<'_>) {
         self.output.take(raw, now);
-        if self.latch.as_mut().is_some_and(|latch| latch.takes_effect(raw, now)) {
+        let runs = self.status.is_running() == Some(true);
+        if self.latch.as_mut().is_some_and(|latch| latch.takes_effect(raw, runs, now)) {
             self.effective(out);
         }
         if self.output.is_active() {
             let event = self.trips.output_is_active(now);
             self.trip(event, out);
-        }
-        if self.output.is_at_standstill() && self.latch.is_none() {
-            self.is_stopping = false;
-            self.guard.at_standstill();
         }
     }
 

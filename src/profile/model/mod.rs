@@ -119,6 +119,13 @@ impl Model {
         self.registers.iter().find(|register| register.address == address)
     }
 
+    /// The register whose stored twin is at `address`, on a model that has such twins.
+    #[must_use]
+    pub fn stored_twin(&self, address: u16) -> Option<&Register> {
+        let bit = 1_u16.checked_shl(u32::from(self.quirks.stored_alias_bit.as_ref()?.value))?;
+        (address & bit != 0).then(|| self.register_at(address & !bit))?
+    }
+
     /// The register with `role`; the first one where several may have it.
     #[must_use]
     pub fn register_for(&self, role: Role) -> Option<&Register> {

@@ -1,0 +1,87 @@
+//! What the status registers of a drive tell, kept from one reading to the next.
+
+use super::view::StatusView;
+use crate::profile::model::{Flag, Model, StatusFlag};
+
+/// The flags of one drive as they were read last.
+#[derive(Clone, Debug, Default)]
+pub struct StatusWatch {
+    flags: Vec<(StatusFlag, Option<bool>)>,
+}
+
+impl StatusWatch {
+    /// The watch of a drive of `model`. It knows nothing yet, and never will on a model without status registers.
+    #[must_use]
+    pub fn new(model: &Model) -> Self {
+        Self { flags: model.status.iter().map(|flag| (flag.clone(), None)).collect() }
+    }
+
+    /// Takes the words that a read from `address` on has brought. Returns whether they show the motor ordered to run;
+    /// nothing if they do not tell.
+    pub fn take(&mut self, address: u16, words: &[u16]) -> Option<bool> {
+        let mut running = None;
+        for (flag, value) in &mut self.flags {
+            let offset = flag.address.checked_sub(address).map(usize::from);
+            if let Some(word) = offset.and_then(|offset| words.get(offset)) {
+                *value = Some(flag.holds(*word));
+                running = if flag.flag == Flag::Running { *value } else { running };
+            }
+        }
+        running
+    }
+
+    /// Forgets everything: the drive is out of sight.
+    pub fn forget(&mut self) {
+        self.flags.iter_mut().for_each(|(_, value)| *value = None);
+    }
+
+    /// Whether `flag` holds; nothing where the model has no such flag or it was not read yet.
+    #[must_use]
+    pub fn get(&self, flag: Flag) -> Option<bool> {
+        self.flags.iter().find(|(it, _)| it.flag == flag).and_then(|(_, value)| *value)
+    }
+
+    /// Whether the motor is ordered to run, as the drive shows it. A drive that ramps down is not.
+    #[must_use]
+    pub fn is_running(&self) -> Option<bool> {
+        self.get(Flag::Running)
+    }
+
+    /// What is shown of it beside the run state and the trips.
+    #[must_use]
+    pub fn view(&self) -> StatusView {
+        StatusView {
+            bus_run: self.get(Flag::BusRun),
+            bus_frequency: self.get(Flag::BusFrequency),
+            alarm: self.get(Flag::Alarm),
+            ready: self.get(Flag::Ready),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drive::testing::{model, with_status};
+
+    #[test]
+    fn a_flag_is_known_once_its_register_was_read() {
+        let mut watch = StatusWatch::new(&with_status());
+        assert_eq!(watch.get(Flag::Running), None);
+        assert_eq!(watch.take(0x2100, &[0b0101, 7]), Some(true));
+        assert_eq!((watch.get(Flag::Running), watch.get(Flag::Reverse)), (Some(true), Some(false)));
+        watch.take(0x20FF, &[0, 0b1010]);
+        assert_eq!((watch.get(Flag::Reverse), watch.get(Flag::Tripped)), (Some(true), Some(true)));
+        assert_eq!(watch.take(0x2101, &[0]), None);
+        assert_eq!(watch.get(Flag::Tripped), Some(true), "another register");
+        watch.forget();
+        assert_eq!(watch.get(Flag::Running), None);
+    }
+
+    #[test]
+    fn a_model_without_such_flags_tells_nothing() {
+        let mut watch = StatusWatch::new(&model());
+        watch.take(0x0000, &[0xFFFF; 16]);
+        assert_eq!(watch.get(Flag::Running), None);
+    }
+}

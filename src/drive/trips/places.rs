@@ -1,0 +1,55 @@
+//! Where a model shows its trips: what tells that there is one, and the registers of its record.
+
+use crate::profile::model::{Flag, Model, Register, Role, StatusFlag};
+
+/// What tells that there is a trip, the surest first.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Source {
+    /// A flag of a status register holds as long as the trip does.
+    Flag(StatusFlag),
+    /// A register holds the number of the present trip, 0 for none.
+    Code(u16),
+    /// A register counts trips.
+    Count(u16),
+}
+
+/// Where one model shows its trips.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Places {
+    pub source: Source,
+    /// First registers and numbers of words of the newest record, one read each.
+    pub record: Vec<(u16, u16)>,
+    /// The register of the record that holds the vendor's number.
+    pub cause: Option<u16>,
+}
+
+impl Places {
+    /// Nothing if the model shows no trips.
+    pub fn of(model: &Model) -> Option<Self> {
+        let address = |role| model.register_for(role).map(|register| register.address);
+        let flag = model.status_flag(Flag::Tripped).cloned().map(Source::Flag);
+        let code = || address(Role::TripCode).map(Source::Code);
+        let source = flag.or_else(code).or_else(|| address(Role::TripCount).map(Source::Count))?;
+        let cause = address(Role::TripCode).or_else(|| address(Role::TripCause));
+        Some(Self { source, record: record(model), cause })
+    }
+}
+
+/// The registers of the newest record in as few reads as the model allows.
+fn record(model: &Model) -> Vec<(u16, u16)> {
+    let code = if model.register_for(Role::TripCode).is_some() { Role::TripCode } else { Role::TripCause };
+    let roles = [code, Role::TripFrequency, Role::TripCurrent, Role::TripDcLinkVoltage];
+    let is_part = |register: &&Register| register.role.is_some_and(|role| roles.contains(&role));
+    let mut reads: Vec<(u16, u16)> = Vec::new();
+    for register in model.registers.iter().filter(is_part).filter(|register| register.access.can_read()) {
+        match reads.last_mut() {
+            Some((first, count))
+                if first.checked_add(*count) == Some(register.address) && *count < model.words_in_one_read(*first) =>
+            {
+                *count += 1;
+            }
+            _ => reads.push((register.address, 1)),
+        }
+    }
+    reads
+}

@@ -1,0 +1,184 @@
+//! Trips of drives that count them, and of drives that show them.
+
+use super::*;
+use crate::drive::testing::{model, with_status};
+
+const COUNT: u16 = 0x0112;
+const RECORD: [u16; 4] = [7, 2500, 31, 540];
+
+fn at(ms: u64) -> MonoTime {
+    MonoTime::from_millis(ms)
+}
+
+fn watch(count: u16) -> TripWatch {
+    let mut watch = TripWatch::new(&model());
+    assert_eq!(watch.take(COUNT, &[count], at(0)), None, "the first reading is the baseline");
+    watch
+}
+
+fn trips(event: Option<TripEvent>) -> (u16, Option<u16>) {
+    match event.expect("an event").kind {
+        TripEventKind::Tripped { trips, record } => (trips, record.code),
+        TripEventKind::Cleared => panic!("cleared"),
+    }
+}
+
+#[test]
+fn a_rise_is_read_as_a_record_between_two_equal_counts() {
+    let mut watch = watch(3);
+    assert_eq!(watch.take(COUNT, &[4], at(1)), None);
+    assert_eq!((watch.view().active, watch.wants()), (Some(true), Some((0x0113, 4))));
+    assert_eq!(watch.take(0x0113, &RECORD, at(2)), None);
+    assert_eq!(watch.wants(), Some((COUNT, 1)));
+    assert_eq!(trips(watch.take(COUNT, &[4], at(3))), (1, Some(7)));
+    assert_eq!((watch.wants(), watch.view().seen), (None, 1));
+    assert_eq!(watch.view().last.as_ref().unwrap().words[1], (0x0114, 2500));
+    assert_eq!(watch.take(COUNT, &[4], at(4)), None, "told once");
+}
+
+#[test]
+fn a_record_that_does_not_belong_to_its_count_is_read_anew() {
+    let mut watch = watch(3);
+    watch.take(COUNT, &[4], at(1));
+    watch.take(0x0113, &RECORD, at(2));
+    assert_eq!(watch.take(COUNT, &[6], at(3)), None);
+    watch.take(0x0113, &RECORD, at(4));
+    assert_eq!(trips(watch.take(COUNT, &[6], at(5))), (3, Some(7)));
+}
+
+#[test]
+fn a_drive_that_trips_on_and_on_is_told_all_the_same() {
+    let mut watch = watch(0);
+    let events = (1..20).filter_map(|count| {
+        watch.take(0x0113, &RECORD, at(2));
+        watch.take(COUNT, &[count], at(3))
+    });
+    assert!(events.count() > 0);
+}
+
+#[test]
+fn a_fall_is_a_new_baseline() {
+    let mut watch = watch(9);
+    assert_eq!(watch.take(COUNT, &[2], at(1)), None);
+    assert_eq!(watch.wants(), None);
+    watch.take(COUNT, &[3], at(2));
+    assert!(watch.wants().is_some());
+}
+
+#[test]
+fn a_trip_clears_by_an_acknowledged_reset_or_by_an_active_output() {
+    for by_reset in [true, false] {
+        let mut watch = watch(0);
+        watch.take(COUNT, &[1], at(1));
+        assert_eq!(watch.output_is_active(at(1)), None, "the output may be older than the trip");
+        watch.take(0x0113, &RECORD, at(2));
+        watch.take(COUNT, &[1], at(3));
+        assert_eq!(watch.take(COUNT, &[1], at(4)), None, "nobody reset it");
+        let event = if by_reset {
+            watch.reset_acknowledged();
+            watch.take(COUNT, &[1], at(5))
+        } else {
+            watch.output_is_active(at(5))
+        };
+        assert_eq!(event.unwrap().kind, TripEventKind::Cleared);
+        assert_eq!(watch.view().active, Some(false));
+    }
+}
+
+#[test]
+fn whether_it_is_tripped_is_unknown_at_start_and_after_it_was_away() {
+    let mut watch = watch(1);
+    assert_eq!(watch.view().active, None);
+    watch.take(COUNT, &[2], at(1));
+    watch.lost_sight();
+    assert_eq!(watch.view().active, None);
+    // The trip that was not read before it went away is read when it is back.
+    assert_eq!(watch.take(COUNT, &[2], at(9)), None);
+    assert!(watch.wants().is_some());
+}
+
+/// A drive with a status word whose bit 3 is the trip, and a record of four words.
+fn flagged() -> TripWatch {
+    TripWatch::new(&with_status())
+}
+
+const STATUS: u16 = 0x2100;
+const TRIPPED: u16 = 0b1000;
+
+#[test]
+fn a_trip_that_begins_to_hold_is_told_once_with_its_record() {
+    let mut watch = flagged();
+    assert_eq!(watch.take(STATUS, &[0], at(0)), None);
+    assert_eq!(watch.take(STATUS, &[TRIPPED], at(1)), None);
+    assert_eq!((watch.view().active, watch.wants()), (Some(true), Some((0x0113, 4))));
+    assert_eq!(trips(watch.take(0x0113, &RECORD, at(2))), (1, Some(7)));
+    assert_eq!(watch.take(STATUS, &[TRIPPED], at(3)), None, "told once");
+    assert_eq!(watch.output_is_active(at(3)), None, "the flag alone tells when it is over");
+    assert_eq!(watch.take(STATUS, &[0], at(4)).unwrap().kind, TripEventKind::Cleared);
+    assert_eq!(watch.take(STATUS, &[0], at(5)), None);
+}
+
+#[test]
+fn a_trip_that_held_before_the_drive_was_seen_is_shown_and_not_told() {
+    let mut watch = flagged();
+    watch.take(STATUS, &[TRIPPED], at(0));
+    assert_eq!(watch.take(0x0113, &RECORD, at(1)), None);
+    assert_eq!(watch.view().last.as_ref().unwrap().code, Some(7));
+    assert_eq!(watch.take(STATUS, &[0], at(2)).unwrap().kind, TripEventKind::Cleared);
+}
+
+#[test]
+fn a_trip_that_is_gone_before_its_record_was_read_is_told_all_the_same() {
+    let mut watch = flagged();
+    watch.take(STATUS, &[0], at(0));
+    watch.take(STATUS, &[TRIPPED], at(1));
+    assert_eq!(trips(watch.take(STATUS, &[0], at(2))), (1, None));
+    assert_eq!(watch.take(STATUS, &[0], at(3)).unwrap().kind, TripEventKind::Cleared);
+}
+
+#[test]
+fn a_trip_that_came_while_the_drive_was_away_is_told_and_one_that_stayed_is_not() {
+    for (before, is_told) in [(0, true), (TRIPPED, false)] {
+        let mut watch = flagged();
+        watch.take(STATUS, &[before], at(0));
+        watch.take(0x0113, &RECORD, at(1));
+        watch.lost_sight();
+        assert_eq!(watch.view().active, None);
+        watch.take(STATUS, &[TRIPPED], at(2));
+        assert_eq!(watch.take(0x0113, &RECORD, at(3)).is_some(), is_told, "{before}");
+    }
+}
+
+#[test]
+fn a_trip_whose_record_was_not_read_before_the_drive_went_away_is_told_when_it_is_back() {
+    let mut watch = flagged();
+    watch.take(STATUS, &[0], at(0));
+    watch.take(STATUS, &[TRIPPED], at(1));
+    watch.lost_sight();
+    watch.take(STATUS, &[TRIPPED], at(2));
+    assert!(watch.take(0x0113, &RECORD, at(3)).is_some());
+}
+
+#[test]
+fn a_record_that_cannot_be_read_holds_no_trip_back() {
+    for mut watch in [flagged(), watch(3)] {
+        watch.take(STATUS, &[0], at(0));
+        watch.take(STATUS, &[TRIPPED], at(1));
+        watch.take(COUNT, &[4], at(1));
+        let told: Vec<_> = (0..10).filter_map(|_| watch.read_failed(at(2))).collect();
+        assert_eq!(told.len(), 1);
+        assert_eq!(trips(told.into_iter().next()), (1, None));
+        assert_eq!(watch.wants(), None);
+    }
+}
+
+#[test]
+fn another_number_while_a_trip_holds_is_another_trip() {
+    let mut watch = flagged();
+    watch.take(STATUS, &[0], at(0));
+    watch.take(STATUS, &[TRIPPED], at(1));
+    watch.take(0x0113, &RECORD, at(2));
+    assert_eq!(watch.take(0x0113, &[7], at(3)), None, "the same number");
+    assert_eq!(watch.take(0x0113, &[9], at(4)), None);
+    assert_eq!(trips(watch.take(0x0113, &[9, 0, 0, 530], at(5))), (1, Some(9)));
+}

@@ -1,0 +1,88 @@
+//! The review of orders that are carried out while the motor stands still: reset, release, set-up.
+
+use super::review::{Facts, Verdict, is_proven, no_steps, refused};
+use super::state::DriveGuard;
+use crate::domain::command::{CommandRequest, Manner, Order, Outcome, Owner, Reason, Report, RunIntent};
+use crate::domain::control::{ControlAction, ControlSettings};
+use crate::domain::time::MonoTime;
+use crate::drive::steps;
+
+impl DriveGuard {
+    pub(super) fn review_reset(
+        &mut self,
+        command: &CommandRequest,
+        control: &ControlSettings,
+        facts: &Facts,
+        now: MonoTime,
+    ) -> Result<Verdict, Report> {
+        let reset = self.model.run.as_ref().and_then(|run| run.reset.as_ref());
+        is_proven(reset, ControlAction::Reset, control)?;
+        let stands_still = facts.at_standstill && self.intent() == RunIntent::Stop;
+        match facts.tripped {
+            Some(true) => {}
+            None if stands_still => {}
+            // A controller that holds the value for reset means the change to it, and that has had its effect.
+            Some(false) if command.origin.manner == Manner::Cyclic => return Ok(Verdict::Unchanged),
+            Some(false) | None => return Err(refused(Reason::NotTripped)),
+        }
+        if facts.stop_pending {
+            return Err(refused(Reason::StopPending));
+        }
+        if now >= command.start_before {
+            return Err(Report::new(Outcome::Expired, Reason::TooLate));
+        }
+        let steps = steps::of_reset(&self.model).map_err(no_steps)?;
+        self.renew(command.origin.owner, now);
+        Ok(Verdict::Go(self.approve(command, Order::Reset, steps)))
+    }
+
+    /// Control goes back to panel or terminals: only at standstill, because a closed terminal may start the motor, and
+    /// only where the control section says so.
+    pub(super) fn review_release(
+        &mut self,
+        command: &CommandRequest,
+        control: &ControlSettings,
+        facts: &Facts,
+        now: MonoTime,
+    ) -> Result<Verdict, Report> {
+        if !control.allow_release {
+            return Err(refused(Reason::NoRelease));
+        }
+        let release = self.model.run.as_ref().and_then(|run| run.release.as_ref());
+        is_proven(release, ControlAction::Release, control)?;
+        self.may_change_at_rest(command, facts, now)?;
+        let steps = steps::of_release(&self.model).map_err(no_steps)?;
+        let approved = self.approve(command, Order::Release, steps);
+        self.released();
+        Ok(Verdict::Go(approved))
+    }
+
+    pub(super) fn review_setup(
+        &mut self,
+        command: &CommandRequest,
+        addresses: &[u16],
+        facts: &Facts,
+        now: MonoTime,
+    ) -> Result<Verdict, Report> {
+        if command.origin.owner != Owner::Local {
+            return Err(refused(Reason::NotFromHere));
+        }
+        self.may_change_at_rest(command, facts, now)?;
+        let steps = steps::of_setup(&self.model, addresses).map_err(no_steps)?;
+        Ok(Verdict::Go(self.approve(command, Order::Setup(addresses.to_vec()), steps)))
+    }
+
+    /// What decides whom the motor obeys is changed while it stands still and nothing is ordered.
+    fn may_change_at_rest(&self, command: &CommandRequest, facts: &Facts, now: MonoTime) -> Result<(), Report> {
+        if facts.stop_pending {
+            return Err(refused(Reason::StopPending));
+        }
+        if !facts.at_standstill || matches!(self.intent(), RunIntent::Run(_)) {
+            return Err(refused(Reason::Moving));
+        }
+        if now >= command.start_before {
+            return Err(Report::new(Outcome::Expired, Reason::TooLate));
+        }
+        Ok(())
+    }
+}
