@@ -4,6 +4,7 @@
 pub mod decode;
 pub mod description;
 pub mod plan;
+pub mod rated;
 pub mod run_state;
 pub mod snapshot;
 pub mod status;

@@ -117,7 +117,7 @@ pub const fn map() -> &'static [MapRow] {
     &MAP
 }
 
-const MAP: [MapRow; 73] = [
+const MAP: [MapRow; 75] = [
     coil(MapUnit::Uniform, address::FORWARD, "run forward", "1 run, 0 stop"),
     coil(MapUnit::Uniform, address::REVERSE, "run in reverse", "1 run, 0 stop"),
     coil(MapUnit::Uniform, address::RESET, "reset a trip", "1 acts; reads 0"),
@@ -132,7 +132,9 @@ const MAP: [MapRow; 73] = [
     status(7, "lease held"),
     status(8, "stale"),
     status(9, "start inhibited"),
-    status(10, "reserved").words(6),
+    status(10, "local control"),
+    status(11, "alarm of the drive"),
+    status(12, "reserved").words(4),
     word(0, "map version", "1"),
     word(1, "status bits", "bit n is discrete input n"),
     word(
@@ -162,9 +164,9 @@ const MAP: [MapRow; 73] = [
     word(22, "run hours", "h").words(2),
     word(24, "output current, finer", "0.01 A"),
     word(25, "output power, finer", "0.01 kW"),
-    word(26, "capabilities", "bit 0 forward, 1 reverse, 2 coast, 3 reset, 4 setpoint"),
+    word(26, "capabilities", "bit 0 forward, 1 reverse, 2 coast, 3 reset, 4 setpoint, 5 release"),
     word(27, "reserved", "0").words(5),
-    control(address::RUN, "run command", "0 stop, 1 forward, 2 reverse, 3 coast, 4 reset").written(),
+    control(address::RUN, "run command", "0 stop, 1 forward, 2 reverse, 3 coast, 4 reset, 5 release").written(),
     control(address::SETPOINT, "frequency setpoint", "0.01 Hz").written(),
     control(address::RENEW, "write any value: renew the lease; reads lease left", "s").written(),
     control(

@@ -5,7 +5,9 @@ use super::state::{self, StateSlot, fresh, shown_run_state, stale_at};
 use super::topics::Topics;
 use super::types::{Publication, Qos};
 use crate::domain::time::MonoTime;
+use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
+use crate::drive::rated::Rated;
 use crate::drive::snapshot::Reading;
 use crate::drive::view::DriveView;
 use crate::profile::model::{Model, Register, Role};
@@ -21,6 +23,8 @@ enum Kind {
     RunState,
     /// A polled register.
     Polled(usize),
+    /// What the register at this place shows in per cent of a rated value, in the unit of that value.
+    Rated(usize),
     /// The setpoint that was commanded, where the drive's own is not polled.
     Setpoint,
     TripActive,
@@ -149,12 +153,15 @@ impl DriveTopics {
             Kind::Polled(register) => {
                 word(drive.model.registers.get(register).and_then(|it| fresh(drive, it, view, now.at)))
             }
+            Kind::Rated(register) => {
+                text(drive.model.registers.get(register).and_then(|it| rated(drive, it, view, now.at)))
+            }
             Kind::Setpoint => text(view.control.as_ref().and_then(|it| it.setpoint).map(|hertz| hertz.to_string())),
             Kind::TripActive => text(trip.and_then(|it| it.active).map(|active| active.to_string())),
             Kind::TripCount => text(trip.and_then(|it| it.count).map(|count| count.to_string())),
-            Kind::TripCode => text(code(view).filter(|_| trip.is_some())),
+            Kind::TripCode => text(code(view).filter(|_| trip.is_some()).map(|code| code.to_string())),
             Kind::TripText => {
-                text(code(view).filter(|code| trip.is_some() && code != "0").map(|it| format!("code {it}")))
+                text(code(view).filter(|_| trip.is_some()).and_then(|code| state::trip_text(drive, code)))
             }
             // Without a record of our own, what stands there from before is still true.
             Kind::TripLast => {
@@ -188,9 +195,9 @@ impl DriveTopics {
         drive: &DriveDescription,
         view: &DriveView,
     ) -> Option<MonoTime> {
-        let trips = drive.model.register_for(Role::TripCount);
+        let trips = drive.model.trip_register();
         let register = match kind {
-            Kind::Polled(register) => drive.model.registers.get(register),
+            Kind::Polled(register) | Kind::Rated(register) => drive.model.registers.get(register),
             Kind::TripActive | Kind::TripCode | Kind::TripText | Kind::TripCount => trips,
             Kind::Param(register) => {
                 return self.params.get(&register).filter(|_| slot.is_filled()).map(|it| param_stale_at(now, it));
@@ -206,21 +213,27 @@ impl DriveTopics {
     }
 }
 
+/// A value in per cent of a rated one, in the unit of that, with two decimals; nothing if it is stale.
+fn rated(drive: &DriveDescription, register: &Register, view: &DriveView, at: MonoTime) -> Option<String> {
+    let hundredths = Rated::of(register, &drive.ratings)?.hundredths(fresh(drive, register, view, at)?.raw);
+    Some(format!("{}.{:02}", hundredths / 100, hundredths % 100))
+}
+
 /// A value that was asked for once is shown for as long as a broker may keep it.
 fn param_stale_at(now: &Present, reading: &Reading) -> MonoTime {
     reading.at + now.heartbeat * EXPIRY_HEARTBEATS
 }
 
-/// Whether what is known of trips is not older than the count may be. A drive whose count is not polled tells its
-/// trips in another way.
+/// Whether what is known of trips is not older than the register that tells them may be. One that is not polled is read
+/// in another way.
 fn trips_are_fresh(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> bool {
-    let polled = drive.model.register_for(Role::TripCount).filter(|it| it.poll.is_some());
+    let polled = drive.model.trip_register().filter(|it| it.poll.is_some());
     polled.is_none_or(|register| fresh(drive, register, view, at).is_some())
 }
 
 /// The number of the cause of the trip that holds, 0 if none holds; nothing if that is not known.
-fn code(view: &DriveView) -> Option<String> {
-    if view.trip.active? { view.trip.last.as_ref()?.code.map(|code| code.to_string()) } else { Some("0".to_owned()) }
+fn code(view: &DriveView) -> Option<u16> {
+    if view.trip.active? { view.trip.last.as_ref()?.code } else { Some(0) }
 }
 
 fn payload(content: &Content, register: Option<&Register>) -> Vec<u8> {
@@ -254,6 +267,11 @@ fn kinds(drive: &DriveDescription) -> Vec<(Kind, String)> {
     let polled = |(_, register): &(usize, &Register)| register.poll.is_some();
     let values = drive.model.registers.iter().enumerate().filter(polled);
     kinds.extend(values.filter_map(|(place, register)| Some((Kind::Polled(place), value_topic(register)?))));
+    let in_per_cent = drive.model.registers.iter().enumerate().filter(polled).filter_map(|(place, register)| {
+        let rated = Rated::of(register, &drive.ratings)?;
+        Some((Kind::Rated(place), format!("measure/{}", measure_name(register.role?, rated.unit)?)))
+    });
+    kinds.extend(in_per_cent);
     let has_setpoint = kinds.iter().any(|(_, rest)| rest == SETPOINT);
     if drive.control.is_some() && !has_setpoint {
         kinds.push((Kind::Setpoint, SETPOINT.into()));
@@ -275,8 +293,23 @@ const SETPOINT: &str = "frequency/setpoint";
 fn value_topic(register: &Register) -> Option<String> {
     match register.role {
         Some(Role::OutputFrequency) => Some("frequency/output".to_owned()),
-        Some(Role::FrequencySetting) => Some(SETPOINT.to_owned()),
-        Some(Role::TripCount) => None,
-        _ => Some(format!("measure/{}", register.name)),
+        Some(Role::FrequencySetting | Role::FrequencyCommand) => Some(SETPOINT.to_owned()),
+        Some(Role::TripCount | Role::TripCode | Role::TripCause | Role::TripHistory) => None,
+        Some(role) => Some(format!("measure/{}", measure_name(role, register.unit).unwrap_or(&register.name))),
+        None => Some(format!("measure/{}", register.name)),
     }
+}
+
+/// The name that a measurement has for every vendor, where it is in the unit that it has for every vendor.
+const fn measure_name(role: Role, unit: UnitOfMeasure) -> Option<&'static str> {
+    Some(match (role, unit) {
+        (Role::OutputCurrent, UnitOfMeasure::Ampere) => "current",
+        (Role::OutputVoltage, UnitOfMeasure::Volt) => "voltage",
+        (Role::DcLinkVoltage, UnitOfMeasure::Volt) => "dc_voltage",
+        (Role::OutputPower, UnitOfMeasure::Kilowatt) => "power",
+        (Role::Torque, UnitOfMeasure::Percent) => "torque",
+        (Role::Temperature, UnitOfMeasure::Celsius) => "temperature",
+        (Role::RunHours, UnitOfMeasure::Hour) => "run_hours",
+        _ => return None,
+    })
 }

@@ -84,7 +84,8 @@ fn plain(input: Input<'_>, payload: &[u8], model: &Model) -> Result<Asked, Refus
         Input::ParamGet(code) => return params::readable(model, code).map(Asked::Read),
         Input::Run => run_order(text(payload, RUN_EXAMPLE)?)?,
         Input::Frequency => frequency_order(text(payload, "such as 42.5")?)?,
-        Input::Reset => reset_order(text(payload, "`reset`")?)?,
+        Input::Reset => only(text(payload, "`reset`")?, "reset", Order::Reset)?,
+        Input::Release => only(text(payload, "`release`")?, "release", Order::Release)?,
         Input::ParamSet(code) => param_order(model, code, payload)?,
         Input::Lease => Order::Renew,
         Input::Command => return Err(Refused::plain(Reason::NotUnderstood)),
@@ -139,8 +140,13 @@ fn frequency_order(text: &str) -> Result<Order, Refused> {
     go(Vec::new(), Some(frequency), None)
 }
 
-fn reset_order(word: &str) -> Result<Order, Refused> {
-    if word.eq_ignore_ascii_case("reset") { Ok(Order::Reset) } else { Err(unknown_word(word, "`reset`")) }
+/// The one word that a topic takes.
+fn only(text: &str, word: &str, order: Order) -> Result<Order, Refused> {
+    if text.trim().eq_ignore_ascii_case(word) {
+        Ok(order)
+    } else {
+        Err(unknown_word(text.trim(), &format!("`{word}`")))
+    }
 }
 
 fn param_order(model: &Model, code: &str, payload: &[u8]) -> Result<Order, Refused> {
@@ -213,6 +219,7 @@ mod tests {
         let reverse = Go::new(Vec::new(), None, Some(Direction::Reverse)).unwrap();
         assert_eq!(order(Input::Run, "reverse"), Ok(Order::Go(reverse)));
         assert_eq!(order(Input::Reset, "Reset "), Ok(Order::Reset));
+        assert_eq!(order(Input::Release, "RELEASE"), Ok(Order::Release));
         assert_eq!(order(Input::Lease, "anything"), Ok(Order::Renew));
         let frequency = Go::new(Vec::new(), Some(Hertz::from_millihertz(42_500)), None).unwrap();
         assert_eq!(order(Input::Frequency, " 42.5 "), Ok(Order::Go(frequency)));

@@ -231,6 +231,7 @@ fn an_event_says_what_was_measured() {
     let events = events(&rig.acts());
     let tripped = json!({
         "seq": 1, "session": "1767225600000", "drive": "pump", "kind": "tripped", "trips": 2, "count": 3, "code": 9,
+        "text": "code 9",
         "at": "2026-01-01T00:00:00.000Z",
         "values": {
             "trip_cause": { "value": 9.0, "unit": null },

@@ -9,7 +9,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::Reading;
 use crate::drive::view::{ControlView, DriveView, RunState, TripRecord};
-use crate::profile::model::{Fact, Register};
+use crate::profile::model::{Confidence, Fact, Flag, Register};
 use crate::profile::scale::Scaled;
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
@@ -68,7 +68,18 @@ pub(super) fn record(drive: &DriveDescription, clock: Clock, record: &TripRecord
         None => (format!("0x{address:04X}"), json!({ "value": word, "unit": null })),
     };
     let values: Map<_, _> = record.words.iter().map(value).collect();
-    object(json!({ "at": clock.text(record.at), "code": record.code, "values": values }))
+    let text = record.code.and_then(|code| trip_text(drive, code));
+    object(json!({ "at": clock.text(record.at), "code": record.code, "text": text, "values": values }))
+}
+
+/// The vendor's words for trip `code`, marked where they are a hint only; nothing for 0, which is no trip.
+pub(super) fn trip_text(drive: &DriveDescription, code: u16) -> Option<String> {
+    match drive.model.trip_text(code) {
+        _ if code == 0 => None,
+        Some(known) if known.confidence.is_proven() => Some(known.text.clone()),
+        Some(known) => Some(format!("{} ({})", known.text, known.confidence.word())),
+        None => Some(format!("code {code}")),
+    }
 }
 
 fn with_unit(register: &Register, word: u16) -> Value {
@@ -98,6 +109,7 @@ pub(super) fn capabilities(drive: &DriveDescription) -> Vec<&'static str> {
         ("reverse", control.directions.contains(&Direction::Reverse) && accepts(&run.reverse, "reverse")),
         ("coast", accepts(&run.coast, "coast")),
         ("reset", accepts(&run.reset, "reset")),
+        ("release", control.allow_release && accepts(&run.release, "release")),
     ];
     table.into_iter().filter(|(_, is_there)| *is_there).map(|(word, _)| word).collect()
 }
@@ -183,6 +195,7 @@ fn has_changed(
         || old.is_online() != view.is_online()
         || shown_run_state(old) != shown_run_state(view)
         || trip(old) != trip(view)
+        || old.status != view.status
         || old.trip.last != view.trip.last
         || lasting(old) != lasting(view)
         || has_published_lease_ended(now, last, view)
@@ -211,13 +224,20 @@ fn document(now: &Present, drive: &DriveDescription, view: &DriveView) -> Value 
         "at": now.clock.text(now.at),
         "online": view.is_online(),
         "run_state": shown_run_state(view).word(),
-        // No status word shows it: it follows from the output frequency and from what was ordered here.
-        "run_state_confidence": "inferred",
+        "run_state_confidence": run_state_confidence(drive),
+        "local": view.status.is_local(),
+        "alarm": view.status.alarm,
+        "ready": view.status.ready,
         "values": values,
         "trip": trip(now, drive, view),
         "control": view.control.as_ref().map(|it| control(now, it)),
         "capabilities": capabilities(drive),
     })
+}
+
+/// Without a status word it follows from the output frequency and from what was ordered here.
+fn run_state_confidence(drive: &DriveDescription) -> &'static str {
+    drive.model.status_flag(Flag::Running).map_or(Confidence::Inferred, |flag| flag.confidence).word()
 }
 
 fn value(now: &Present, drive: &DriveDescription, register: &Register, view: &DriveView) -> Value {

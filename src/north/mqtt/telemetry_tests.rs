@@ -166,7 +166,7 @@ fn a_trip_is_shown_with_its_record_and_taken_back() {
     assert_eq!(on(&acts, "drive/pump/trip/active").as_deref(), Some("true"));
     assert_eq!(on(&acts, "drive/pump/trip/code").as_deref(), Some("9"));
     assert_eq!(on(&acts, "drive/pump/trip/text").as_deref(), Some("code 9"));
-    let last = r#"{"at":"2026-01-01T00:00:00.000Z","code":9,"values":{"trip_frequency":{"unit":"Hz","value":42.15}}}"#;
+    let last = r#"{"at":"2026-01-01T00:00:00.000Z","code":9,"text":"code 9","values":{"trip_frequency":{"unit":"Hz","value":42.15}}}"#;
     assert_eq!(on(&acts, "drive/pump/trip/last").as_deref(), Some(last));
     rig.views[0].trip.active = Some(false);
     let acts = rig.acts();

@@ -31,6 +31,7 @@ pub(super) enum Input<'t> {
     Frequency,
     Run,
     Reset,
+    Release,
     Command,
     Lease,
     ParamGet(&'t str),
@@ -57,11 +58,12 @@ impl Topics {
 
     /// What is subscribed: inputs only, so that no publication of ours comes back.
     pub(super) fn filters(&self) -> Vec<Filter> {
-        const INPUTS: [&str; 9] = [
+        const INPUTS: [&str; 10] = [
             "all/run/set",
             "drive/+/run/set",
             "drive/+/frequency/set",
             "drive/+/trip/reset",
+            "drive/+/control/release",
             "drive/+/command",
             "drive/+/lease",
             "drive/+/param/+/get",
@@ -128,6 +130,7 @@ fn drive_input(rest: &str) -> Option<Input<'_>> {
         "frequency/set" => Some(Input::Frequency),
         "run/set" => Some(Input::Run),
         "trip/reset" => Some(Input::Reset),
+        "control/release" => Some(Input::Release),
         "command" => Some(Input::Command),
         "lease" => Some(Input::Lease),
         _ => param(rest.strip_prefix("param/")?),
@@ -163,6 +166,7 @@ mod tests {
             ("vfd/plant/drive/pump/run/set", Some(Inbound::Drive("pump", Input::Run))),
             ("vfd/plant/drive/pump/frequency/set", Some(Inbound::Drive("pump", Input::Frequency))),
             ("vfd/plant/drive/pump/trip/reset", Some(Inbound::Drive("pump", Input::Reset))),
+            ("vfd/plant/drive/pump/control/release", Some(Inbound::Drive("pump", Input::Release))),
             ("vfd/plant/drive/pump/command", Some(Inbound::Drive("pump", Input::Command))),
             ("vfd/plant/drive/pump/lease", Some(Inbound::Drive("pump", Input::Lease))),
             ("vfd/plant/drive/pump/param/F007/get", Some(Inbound::Drive("pump", Input::ParamGet("F007")))),

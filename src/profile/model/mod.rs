@@ -154,6 +154,15 @@ impl Model {
         self.status.iter().find(|it| it.flag == flag)
     }
 
+    /// The register that tells whether there is a trip, the surest one: a status word, the present trip's number, the
+    /// number of trips.
+    #[must_use]
+    pub fn trip_register(&self) -> Option<&Register> {
+        let flagged = self.status_flag(Flag::Tripped).and_then(|flag| self.register_at(flag.address));
+        let code = || self.register_for(Role::TripCode);
+        flagged.or_else(code).or_else(|| self.register_for(Role::TripCount))
+    }
+
     /// Whether the drive serves `function`.
     #[must_use]
     pub fn serves(&self, function: u8) -> bool {

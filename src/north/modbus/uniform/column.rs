@@ -3,8 +3,9 @@
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
+use crate::drive::rated::Rated;
 use crate::drive::view::DriveView;
-use crate::profile::model::Role;
+use crate::profile::model::{Register, Role};
 use std::time::Duration;
 
 /// What an unsigned word reads that the drive does not have or that is not known.
@@ -18,6 +19,8 @@ pub(super) struct Column {
     address: u16,
     scale: u32,
     is_signed: bool,
+    /// The register is in per cent of a rated value that is stated.
+    rated: Option<Rated>,
     stale_after: Duration,
 }
 
@@ -30,11 +33,20 @@ pub(super) struct Fresh {
 
 impl Column {
     /// The measurement with `role`; nothing if the model does not have it, does not poll it, or has it in another
-    /// unit (per cent of the rated current, for instance).
+    /// unit (in per cent of a rated value that is not stated, for instance).
     pub(super) fn new(drive: &DriveDescription, role: Role, unit: UnitOfMeasure) -> Option<Self> {
-        let register = drive.model.register_for(role).filter(|register| register.unit == unit)?;
+        Self::of(drive, drive.model.register_for(role)?, unit)
+    }
+
+    /// The measurement of `register`; nothing as with [`Self::new`].
+    pub(super) fn of(drive: &DriveDescription, register: &Register, unit: UnitOfMeasure) -> Option<Self> {
+        let rated = Rated::of(register, &drive.ratings).filter(|rated| rated.unit == unit);
+        if register.unit != unit && rated.is_none() {
+            return None;
+        }
         let stale_after = drive.stale_after(register)?;
-        Some(Self { address: register.address, scale: register.scale, is_signed: register.signed, stale_after })
+        let (address, scale, is_signed) = (register.address, register.scale, register.signed);
+        Some(Self { address, scale, is_signed, rated, stale_after })
     }
 
     /// The value, if it is known and not stale.
@@ -42,6 +54,10 @@ impl Column {
         let reading = view.snapshot.reading(self.address)?;
         if now.since(reading.at) >= self.stale_after {
             return None;
+        }
+        if let Some(rated) = self.rated {
+            let (raw, scale) = rated.fraction(reading.raw);
+            return Some(Fresh { raw, scale });
         }
         let raw = if self.is_signed { i64::from(reading.raw.cast_signed()) } else { i64::from(reading.raw) };
         Some(Fresh { raw, scale: i64::from(self.scale) })

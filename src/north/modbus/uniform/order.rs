@@ -20,6 +20,8 @@ pub mod run {
     pub const COAST: u16 = 3;
     /// Reset a trip.
     pub const RESET: u16 = 4;
+    /// Hand control back to panel or terminals.
+    pub const RELEASE: u16 = 5;
 }
 
 /// The order in `ask`; nothing if it orders nothing. `control` is what words 256 and 257 read.
@@ -61,7 +63,8 @@ fn words(first: u16, values: &[u16]) -> Result<Option<Order>, u8> {
         Some(run::REVERSE) => go(setpoint, Some(Direction::Reverse)),
         Some(run::COAST) => Some(Order::Coast),
         Some(run::RESET) if setpoint.is_none() => Some(Order::Reset),
-        Some(run::RESET) => return Err(exception_of(Reason::Conflict)),
+        Some(run::RELEASE) if setpoint.is_none() => Some(Order::Release),
+        Some(run::RESET | run::RELEASE) => return Err(exception_of(Reason::Conflict)),
         Some(_) => return Err(exception_of(Reason::NotUnderstood)),
     };
     Ok(order)
@@ -159,7 +162,8 @@ mod tests {
             (256, 2, Ok(Some(runs(Direction::Reverse)))),
             (256, 3, Ok(Some(Order::Coast))),
             (256, 4, Ok(Some(Order::Reset))),
-            (256, 5, Err(3)),
+            (256, 5, Ok(Some(Order::Release))),
+            (256, 6, Err(3)),
             (256, 0xFFFF, Err(3)),
             (257, 4250, Ok(go(Some(HZ), None))),
             (257, 0, Ok(go(Some(Hertz::ZERO), None))),

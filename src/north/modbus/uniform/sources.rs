@@ -22,7 +22,7 @@ pub(super) struct Sources {
     pub(super) run_hours: Option<Column>,
     /// Every polled register with the age from which it is stale.
     pub(super) polled: Vec<(u16, Duration)>,
-    /// Trips are counted.
+    /// Trips are shown or counted.
     pub(super) has_trips: bool,
     /// The drive has a control section.
     pub(super) has_control: bool,
@@ -32,10 +32,11 @@ impl Sources {
     pub(super) fn new(drive: &DriveDescription) -> Self {
         let column = |role, unit| Column::new(drive, role, unit);
         let registers = drive.model.registers.iter();
-        let has_trips = drive.model.register_for(Role::TripCount).is_some_and(|register| register.poll.is_some());
+        let has_trips = drive.model.trip_register().is_some_and(|register| register.poll.is_some());
+        let setting = drive.model.setting_register();
         Self {
             output_frequency: column(Role::OutputFrequency, UnitOfMeasure::Hertz),
-            setting: column(Role::FrequencySetting, UnitOfMeasure::Hertz),
+            setting: setting.and_then(|register| Column::of(drive, register, UnitOfMeasure::Hertz)),
             current: column(Role::OutputCurrent, UnitOfMeasure::Ampere),
             voltage: column(Role::OutputVoltage, UnitOfMeasure::Volt),
             dc_voltage: column(Role::DcLinkVoltage, UnitOfMeasure::Volt),

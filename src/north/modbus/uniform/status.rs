@@ -7,7 +7,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{DriveView, RunState};
-use crate::profile::model::{Fact, Model, Role};
+use crate::profile::model::{Fact, Flag, Model, Role};
 
 /// Status bits: uniform word 1 and the discrete inputs of the same numbers.
 pub mod bit {
@@ -21,7 +21,7 @@ pub mod bit {
     pub const TRIPPED: u16 = 1 << 3;
     /// It runs, and the output frequency is within 0.1 Hz of the setting; both are fresh.
     pub const AT_SETPOINT: u16 = 1 << 4;
-    /// It is online and has a control section.
+    /// It is online, has a control section, and is not known to obey somebody else.
     pub const ACCEPTS: u16 = 1 << 5;
     /// A command is under way, or a stop is not effective yet.
     pub const PENDING: u16 = 1 << 6;
@@ -31,6 +31,10 @@ pub mod bit {
     pub const STALE: u16 = 1 << 8;
     /// RUN is refused until stop and run were commanded anew.
     pub const INHIBITED: u16 = 1 << 9;
+    /// Panel or terminals give the run commands or the frequency.
+    pub const LOCAL: u16 = 1 << 10;
+    /// The drive itself reports that something is not as it should be.
+    pub const ALARM: u16 = 1 << 11;
 }
 
 /// Alarm bits: uniform word 17.
@@ -57,6 +61,8 @@ pub mod capability {
     pub const RESET: u16 = 1 << 3;
     /// A setpoint.
     pub const SETPOINT: u16 = 1 << 4;
+    /// RELEASE.
+    pub const RELEASE: u16 = 1 << 5;
 }
 
 /// What the drive does. One that is out of reach does nothing that is known.
@@ -73,6 +79,7 @@ pub(super) fn is_tripped(view: &DriveView) -> Option<bool> {
 pub(super) fn status(sources: &Sources, view: &DriveView, now: MonoTime) -> u16 {
     let state = run_state(view);
     let control = view.control.as_ref().filter(|_| sources.has_control);
+    let is_local = view.is_online() && view.status.is_local() == Some(true);
     let is_leased = control.and_then(|control| control.lease).is_some_and(|(_, until)| now < until);
     [
         (view.is_online(), bit::ONLINE),
@@ -80,11 +87,13 @@ pub(super) fn status(sources: &Sources, view: &DriveView, now: MonoTime) -> u16 
         (state == RunState::Reverse, bit::REVERSE),
         (is_tripped(view) == Some(true), bit::TRIPPED),
         (state.is_running() && sources.is_at_setpoint(view, now), bit::AT_SETPOINT),
-        (view.is_online() && sources.has_control, bit::ACCEPTS),
+        (view.is_online() && sources.has_control && !is_local, bit::ACCEPTS),
         (control.is_some_and(|control| control.command_pending || control.stop_pending), bit::PENDING),
         (is_leased, bit::LEASED),
         (sources.is_stale(view, now), bit::STALE),
         (control.is_some_and(|control| control.start_inhibited), bit::INHIBITED),
+        (is_local, bit::LOCAL),
+        (view.is_online() && view.status.alarm == Some(true), bit::ALARM),
     ]
     .into_iter()
     .filter_map(|(is_set, bit)| is_set.then_some(bit))
@@ -107,22 +116,25 @@ pub(super) fn alarms(sources: &Sources, view: &DriveView, now: MonoTime) -> u16 
 
 /// Uniform word 15: the status bits that can ever be set for this drive.
 ///
-/// Online always; stale where anything is polled; running where the output frequency is; at setpoint where the
-/// setting is as well; tripped where the trips are counted; reverse where the drive has control and its model can
-/// run in reverse, because the direction is known only from what was ordered; and with control accepts, pending,
-/// leased and inhibited.
+/// Online always; stale where anything is polled; running where the output frequency or a status word is; at setpoint
+/// where the setting is as well; tripped where the trips are shown or counted; local and alarm where a status word tells
+/// them; reverse where a status word tells it, or the drive has control and its model can run in reverse, because then
+/// it is known from what was ordered; and with control accepts, pending, leased and inhibited.
 pub(super) fn reported(drive: &DriveDescription, sources: &Sources) -> u16 {
-    let has_reverse = drive.model.run.as_ref().is_some_and(|run| run.reverse.is_some());
-    let turns = sources.output_frequency.is_some();
+    let has_flag = |flag| drive.model.status_flag(flag).is_some();
+    let has_reverse = sources.has_control && drive.model.run.as_ref().is_some_and(|run| run.reverse.is_some());
+    let turns = sources.output_frequency.is_some() || has_flag(Flag::Running);
     let with_control = bit::ACCEPTS | bit::PENDING | bit::LEASED | bit::INHIBITED;
     [
         (true, bit::ONLINE),
         (turns, bit::RUNNING),
-        (sources.has_control && has_reverse, bit::REVERSE),
+        (has_reverse || has_flag(Flag::Reverse), bit::REVERSE),
         (sources.has_trips, bit::TRIPPED),
-        (turns && sources.setting.is_some(), bit::AT_SETPOINT),
+        (sources.output_frequency.is_some() && sources.setting.is_some(), bit::AT_SETPOINT),
         (sources.has_control, with_control),
         (!sources.polled.is_empty(), bit::STALE),
+        (has_flag(Flag::BusRun) || has_flag(Flag::BusFrequency), bit::LOCAL),
+        (has_flag(Flag::Alarm), bit::ALARM),
     ]
     .into_iter()
     .filter_map(|(is_set, bits)| is_set.then_some(bits))
@@ -143,6 +155,7 @@ pub(super) fn capabilities(model: &Model, control: Option<&ControlSettings>) -> 
         (may(&run.coast, ControlAction::Coast), capability::COAST),
         (may(&run.reset, ControlAction::Reset), capability::RESET),
         (model.register_for(Role::FrequencyCommand).is_some(), capability::SETPOINT),
+        (control.allow_release && may(&run.release, ControlAction::Release), capability::RELEASE),
     ]
     .into_iter()
     .filter_map(|(is_set, bit)| is_set.then_some(bit))
