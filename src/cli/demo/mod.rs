@@ -1,5 +1,7 @@
 //! `demo`: everything at once on loopback, with nothing else installed.
 
+mod plant;
+
 use super::{Failure, input, print};
 use crate::config;
 use crate::daemon::pty::Pty;
@@ -7,16 +9,15 @@ use crate::daemon::run::{self as daemon, Running, StartError, told_to_end};
 use crate::daemon::simulator;
 use crate::domain::ids::Station;
 use crate::domain::time::MonoTime;
-use crate::profile::model::Model;
 use crate::sim::{BusOptions, DriveOptions, SimBus, SimDrive};
+use plant::Line;
 use std::fmt::Write as _;
 use std::io::{self, BufRead};
 use std::net::{Ipv4Addr, SocketAddr};
-use std::path::Path;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-const STATION: Station = Station(1);
 /// Cause number of the trips. Any will do: what the numbers mean is not known for every model.
 const TRIP_CAUSE: u16 = 1;
 
@@ -31,25 +32,41 @@ pub struct Args {
     http_port: u16,
 }
 
-/// Plays a drive with the gateway and a broker in front of it, until SIGINT or SIGTERM.
+/// Plays drives with the gateway and a broker in front of them, until SIGINT or SIGTERM.
 pub fn demo(args: &Args) -> Result<(), Failure> {
-    let catalog = input::catalog()?;
-    let id = catalog.ids().next().ok_or_else(|| Failure::failed("no model is built in"))?;
-    let model = catalog.find(id).cloned().ok_or_else(|| Failure::failed("no model is built in"))?;
-    let pty = Pty::new().map_err(Failure::failed)?;
-    let mut bus = SimBus::new(model.link.default.value, BusOptions::default(), 1);
-    bus.connect(STATION, SimDrive::new(Arc::clone(&model), DriveOptions::default()));
+    let lines = plant::lines();
+    let mut played = Vec::new();
+    for line in &lines {
+        let mut bus = SimBus::new(line.link, BusOptions::default(), 1);
+        for drive in &line.drives {
+            bus.connect(drive.station, SimDrive::new(Arc::clone(&drive.model), DriveOptions::default()));
+        }
+        played.push((Pty::new().map_err(Failure::failed)?, bus));
+    }
+    let devices: Vec<_> = played.iter().map(|(pty, _)| pty.path().to_owned()).collect();
     let trips = Arc::new(AtomicU32::new(0));
     listen_for_enter(Arc::clone(&trips)).map_err(Failure::failed)?;
+    let first = lines.first().and_then(|line| line.drives.first()).map(|drive| drive.station);
+    play(&mut played, &trips, first, || gateway(args, &lines, &devices)).map_err(Failure::failed)?
+}
+
+/// Plays every line as long as `work` lasts. Each Enter trips the drive at station `first` of the first line.
+fn play<T>(
+    lines: &mut [(Pty, SimBus)],
+    trips: &AtomicU32,
+    first: Option<Station>,
+    work: impl FnOnce() -> T,
+) -> io::Result<T> {
+    let Some(((pty, bus), others)) = lines.split_first_mut() else { return Ok(work()) };
     let trip = |bus: &mut SimBus, at: MonoTime| {
-        if trips.swap(0, Ordering::Relaxed) > 0
-            && let Some(drive) = bus.drive_mut(STATION)
+        if let Some(station) = first
+            && trips.swap(0, Ordering::Relaxed) > 0
+            && let Some(drive) = bus.drive_mut(station)
         {
             drive.trip(at, TRIP_CAUSE);
         }
     };
-    let done = simulator::play_beside(&pty, &mut bus, trip, || gateway(args, &pty, &model));
-    done.map_err(Failure::failed)?
+    simulator::play_beside(pty, bus, trip, || play(others, trips, None, work))?
 }
 
 /// Counts lines on stdin: whoever presses Enter trips the drive. The thread ends with stdin or with the program.
@@ -62,11 +79,11 @@ fn listen_for_enter(trips: Arc<AtomicU32>) -> io::Result<()> {
     std::thread::Builder::new().name("enter".to_owned()).spawn(listen).map(drop)
 }
 
-/// The gateway in front of the simulated line; on other ports if the wanted ones are taken.
-fn gateway(args: &Args, pty: &Pty, model: &Model) -> Result<(), Failure> {
+/// The gateway in front of the simulated lines; on other ports if the wanted ones are taken.
+fn gateway(args: &Args, lines: &[Line], devices: &[PathBuf]) -> Result<(), Failure> {
     let (mut modbus, mut http) = (args.port, args.http_port);
     loop {
-        let error = match serve(modbus, http, pty.path(), model) {
+        let error = match serve(modbus, http, lines, devices) {
             Err(StartError::Listen { address, error }) if error.kind() == io::ErrorKind::AddrInUse => address,
             other => return other.map_err(Failure::failed),
         };
@@ -78,8 +95,8 @@ fn gateway(args: &Args, pty: &Pty, model: &Model) -> Result<(), Failure> {
     }
 }
 
-fn serve(modbus: u16, http: u16, device: &Path, model: &Model) -> Result<(), StartError> {
-    let text = configuration(modbus, http, device, model);
+fn serve(modbus: u16, http: u16, lines: &[Line], devices: &[PathBuf]) -> Result<(), StartError> {
+    let text = configuration(modbus, http, lines, devices);
     let config = input::catalog()
         .ok()
         .and_then(|catalog| config::load(&text, &catalog).ok())
@@ -90,37 +107,17 @@ fn serve(modbus: u16, http: u16, device: &Path, model: &Model) -> Result<(), Sta
             Err(error) => return tracing::error!(%error, "cannot wait for Ctrl-C"),
         };
         // Whoever reads the output may be gone; the demo goes on.
-        let _ = print(&welcome(running, device, model));
+        let _ = print(&welcome(running, lines, devices));
         told.await;
     })
 }
 
-fn configuration(modbus: u16, http: u16, device: &Path, model: &Model) -> String {
+fn configuration(modbus: u16, http: u16, lines: &[Line], devices: &[PathBuf]) -> String {
     format!(
         r#"
 [gateway]
 name = "demo"
-
-[[line]]
-name = "demo"
-port = "{}"
-
-[[line.drive]]
-name = "pump-1"
-model = "{}"
-station = {STATION}
-unit = 1
-uniform_unit = 101
-poll = "250ms"
-
-[line.drive.control]
-from = ["mqtt", "modbus-tcp"]
-frequency_hz = {{ min = 5.0, max = 50.0 }}
-directions = ["forward", "reverse"]
-on_commander_lost = "stop"
-lost_after = "5s"
-on_shutdown = "stop"
-
+{}
 [mqtt]
 broker = "embedded"
 
@@ -131,31 +128,40 @@ write = ["127.0.0.1/32"]
 [http]
 listen = "127.0.0.1:{http}"
 "#,
-        device.display(),
-        model.id
+        plant::configuration(lines.iter().zip(devices.iter().map(PathBuf::as_path))),
     )
 }
 
-fn welcome(running: &Running<'_>, device: &Path, model: &Model) -> String {
+fn welcome(running: &Running<'_>, lines: &[Line], devices: &[PathBuf]) -> String {
     let nowhere = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
     let modbus = running.listening.first().copied().unwrap_or(nowhere);
     let broker = running.broker.unwrap_or(nowhere);
     let http = running.http.unwrap_or(nowhere);
-    let (title, device) = (format!("{} {}", model.vendor, model.title), device.display());
     let at_broker = format!("-h {} -p {}", broker.ip(), broker.port());
-    let mut text = format!("vfd-gateway demo: one simulated {title}, pump-1, station {STATION} on {device}\n");
+    let first = lines.first().and_then(|line| line.drives.first()).map_or("", |drive| &drive.name);
+    let mut text = String::from("vfd-gateway demo: one simulated drive of every vendor\n");
     // Writing to a String cannot fail.
+    let mut unit = 0;
+    for (line, device) in lines.iter().zip(devices) {
+        let _ = writeln!(text, "{} at {} on {}", line.name, line.link, device.display());
+        for drive in &line.drives {
+            unit += 1;
+            let title = format!("{} {}", drive.model.vendor, drive.model.title);
+            let units = format!("unit {unit} native, {} uniform", unit + 100);
+            let _ = writeln!(text, "  {:8} {title:20} station {:3} {units}", drive.name, drive.station.to_string());
+        }
+    }
     let _ = write!(
         text,
         "MQTT broker {broker}, topics under vfd/demo/\n\
-         Modbus TCP {modbus}: unit 1 as the vendor describes it, unit 101 uniform\n\
+         Modbus TCP {modbus}\n\
          HTTP http://{http}/metrics, /healthz, /readyz\n\n\
          Try in other terminals:\n\
          \x20 mosquitto_sub {at_broker} -v -t 'vfd/demo/#'\n\
-         \x20 mosquitto_pub {at_broker} -t vfd/demo/drive/pump-1/command -m '{{\"frequency_hz\": 42.5, \"run\": \"forward\"}}'\n\
+         \x20 mosquitto_pub {at_broker} -t vfd/demo/drive/{first}/command -m '{{\"frequency_hz\": 42.5, \"run\": \"forward\"}}'\n\
          \x20 mbpoll -0 -a 101 -t 4 -r 0 -c 16 -p {} {}\n\n\
-         Enter trips the drive; trip/reset with the payload reset clears that. If the broker ends, the drive is\n\
-         stopped within 5 s. Not a safety function. Ctrl-C stops the drive and ends the demo.\n",
+         Enter trips {first}; trip/reset with the payload reset clears that. If the broker ends, every drive is\n\
+         stopped within 5 s. Not a safety function. Ctrl-C stops the drives and ends the demo.\n",
         modbus.port(),
         modbus.ip()
     );

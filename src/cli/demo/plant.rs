@@ -1,0 +1,163 @@
+//! What the demo plays: one drive of every vendor, on as few lines as their settings allow.
+
+use crate::domain::control::ControlAction;
+use crate::domain::ids::Station;
+use crate::domain::link::{Framing, Interface, LinkSettings};
+use crate::profile::check;
+use crate::profile::model::{Fact, Model};
+use crate::profile::words::{PARITIES, word_for};
+use crate::vendors;
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::path::Path;
+use std::sync::Arc;
+
+/// What the drives are called, with their stations behind it.
+const NAMES: [&str; 5] = ["pump", "fan", "mixer", "belt", "mill"];
+/// Rated current and voltage of every drive, as the simulator plays them.
+const RATED_CURRENT_A: f64 = 11.0;
+const RATED_VOLTAGE_V: f64 = 400.0;
+
+/// One drive of the demo.
+#[derive(Debug)]
+pub(super) struct Drive {
+    pub name: String,
+    pub station: Station,
+    pub model: Arc<Model>,
+}
+
+/// One line of the demo.
+#[derive(Debug)]
+pub(super) struct Line {
+    pub name: String,
+    pub link: LinkSettings,
+    pub drives: Vec<Drive>,
+}
+
+/// The first model of every vendor, in the order of the built-in files, each on the first line that all its drives can
+/// be set to.
+pub(super) fn lines() -> Vec<Line> {
+    let mut vendors = BTreeSet::new();
+    let models = vendors::texts().iter().filter_map(|(_, text)| check::model(text).ok());
+    let firsts = models.filter(|model| vendors.insert(model.vendor.clone())).filter(|model| model.run.is_some());
+    let mut lines: Vec<Line> = Vec::new();
+    for ((number, name), model) in (1..).zip(NAMES).zip(firsts) {
+        let drive = Drive { name: format!("{name}-{number}"), station: Station(number), model: Arc::new(model) };
+        match lines.iter_mut().find_map(|line| Some((common(line, &drive.model)?, line))) {
+            Some((link, line)) => {
+                line.link = link;
+                line.drives.push(drive);
+            }
+            None => {
+                let (name, link) = (format!("line-{}", lines.len() + 1), drive.model.link.default.value);
+                lines.push(Line { name, link, drives: vec![drive] });
+            }
+        }
+    }
+    lines
+}
+
+/// The fastest setting that `model` shares with every drive of `line`; nothing if there is none.
+fn common(line: &Line, model: &Model) -> Option<LinkSettings> {
+    let all = || line.drives.iter().map(|drive| drive.model.as_ref()).chain([model]);
+    let share = |can: &dyn Fn(&Model) -> bool| all().all(can);
+    let first = &line.drives.first()?.model.link;
+    let both = share(&|it| {
+        it.link.framings.value.contains(&Framing::Rtu)
+            && it.link.data_bits.value.contains(&8)
+            && it.link.interfaces.value.contains(&Interface::Rs485)
+    });
+    let bauds = first.bauds.value.iter().copied();
+    let baud = bauds.filter(|baud| share(&|it| it.link.bauds.value.contains(baud))).max()?;
+    let mut parities = first.parities.value.iter().copied();
+    let parity = parities.find(|parity| share(&|it| it.link.parities.value.contains(parity)))?;
+    let mut stop_bits = first.stop_bits.value.iter().copied();
+    let stop_bits = stop_bits.find(|bits| share(&|it| it.link.stop_bits.value.contains(bits)))?;
+    both.then_some(LinkSettings { baud, data_bits: 8, parity, stop_bits })
+}
+
+/// The `[[line]]` tables of a configuration for `lines`, each on its device.
+pub(super) fn configuration<'a>(lines: impl IntoIterator<Item = (&'a Line, &'a Path)>) -> String {
+    let mut text = String::new();
+    let mut unit = 0;
+    for (line, device) in lines {
+        let LinkSettings { baud, parity, stop_bits, .. } = line.link;
+        // Writing to a String cannot fail.
+        let _ = write!(
+            text,
+            "\n[[line]]\nname = \"{}\"\nport = \"{}\"\nbaud = {baud}\nparity = \"{}\"\nstop_bits = {stop_bits}\n",
+            line.name,
+            device.display(),
+            word_for(&PARITIES, &parity)
+        );
+        for drive in &line.drives {
+            unit += 1;
+            drive_section(&mut text, drive, unit);
+        }
+    }
+    text
+}
+
+fn drive_section(text: &mut String, drive: &Drive, unit: u8) {
+    let Drive { name, station, model } = drive;
+    let _ = write!(
+        text,
+        "\n[[line.drive]]\nname = \"{name}\"\nmodel = \"{}\"\nstation = {station}\nunit = {unit}\n\
+         uniform_unit = {}\npoll = \"1s\"\n",
+        model.id,
+        u16::from(unit) + 100
+    );
+    if model.quirks.percent_of_rated.is_some() {
+        let _ = write!(text, "rated_current_a = {RATED_CURRENT_A:.1}\nrated_voltage_v = {RATED_VOLTAGE_V:.1}\n");
+    }
+    let unproven: Vec<_> = unproven(model).map(|action| format!("\"{}\"", action.word())).collect();
+    let directions = if model.run.as_ref().is_some_and(|run| run.reverse.is_some()) {
+        "\"forward\", \"reverse\""
+    } else {
+        "\"forward\""
+    };
+    let _ = write!(
+        text,
+        "\n[line.drive.control]\nfrom = [\"mqtt\", \"modbus-tcp\"]\nfrequency_hz = {{ min = 5.0, max = 50.0 }}\n\
+         directions = [{directions}]\non_commander_lost = \"stop\"\nlost_after = \"5s\"\non_shutdown = \"stop\"\n\
+         accept_unverified = [{}]\n",
+        unproven.join(", ")
+    );
+}
+
+/// The actions that `model` has and does not prove. The simulator plays them as they are described, so the demo accepts
+/// them all.
+fn unproven(model: &Model) -> impl Iterator<Item = ControlAction> + '_ {
+    let run = model.run.as_ref();
+    let facts = [
+        (ControlAction::Reverse, run.and_then(|run| run.reverse.as_ref())),
+        (ControlAction::Reset, run.and_then(|run| run.reset.as_ref())),
+        (ControlAction::Coast, run.and_then(|run| run.coast.as_ref())),
+    ];
+    let is_unproven = |fact: Option<&Fact<u16>>| fact.is_some_and(|fact| !fact.confidence.is_proven());
+    facts.into_iter().filter(move |(_, fact)| is_unproven(*fact)).map(|(action, _)| action)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config;
+    use crate::profile::catalog::Catalog;
+
+    #[test]
+    fn every_vendor_is_there_once_and_the_configuration_is_taken() {
+        let lines = lines();
+        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+        let drives = || lines.iter().flat_map(|line| &line.drives);
+        let shown: BTreeSet<_> = drives().map(|drive| drive.model.vendor.clone()).collect();
+        let all: BTreeSet<_> = catalog.ids().map(|id| catalog.find(id).unwrap().vendor.clone()).collect();
+        assert_eq!((shown, drives().count()), (all.clone(), all.len()));
+        let text = format!(
+            "[gateway]\nname = \"demo\"\n{}\n[mqtt]\nbroker = \"embedded\"\n\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n",
+            configuration(lines.iter().map(|line| (line, Path::new("/dev/pts/1"))))
+        );
+        if let Err(problems) = config::load(&text, &catalog) {
+            panic!("{text}\n{problems:?}");
+        }
+    }
+}
