@@ -153,7 +153,8 @@ mod tests {
         let all: BTreeSet<_> = catalog.ids().map(|id| catalog.find(id).unwrap().vendor.clone()).collect();
         assert_eq!((shown, drives().count()), (all.clone(), all.len()));
         let text = format!(
-            "[gateway]\nname = \"demo\"\n{}\n[mqtt]\nbroker = \"embedded\"\n\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n",
+            "[gateway]\nname = \"demo\"\n{}\n[mqtt]\nbroker = \"embedded\"\n\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n\
+             write = [\"127.0.0.1/32\"]\n",
             configuration(lines.iter().map(|line| (line, Path::new("/dev/pts/1"))))
         );
         if let Err(problems) = config::load(&text, &catalog) {
