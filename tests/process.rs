@@ -37,6 +37,8 @@ mod coming_and_going;
 mod commanding;
 #[path = "process/documents.rs"]
 mod documents;
+#[path = "process/families.rs"]
+mod families;
 #[path = "process/losing.rs"]
 mod losing;
 #[path = "process/overseeing.rs"]

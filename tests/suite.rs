@@ -38,6 +38,8 @@ mod commands;
 mod conversation;
 #[path = "scenarios/every_request_ends.rs"]
 mod every_request_ends;
+#[path = "scenarios/families.rs"]
+mod families;
 #[path = "scenarios/late_reply.rs"]
 mod late_reply;
 #[path = "scenarios/noisy_line.rs"]
