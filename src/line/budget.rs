@@ -32,10 +32,22 @@ pub struct Budget {
     pub longest_exchange: Duration,
 }
 
-/// Time that one read of `count` words takes: silence, request, turnaround, reply.
+/// Time that one exchange takes: silence, request, turnaround, reply.
+#[must_use]
+pub fn exchange_time(
+    timing: &Timing,
+    request_pdu_bytes: usize,
+    turnaround: Duration,
+    reply_pdu_bytes: usize,
+) -> Duration {
+    let on_wire = |pdu_bytes| timing.on_wire(timing.adu_bytes(pdu_bytes));
+    timing.silence + on_wire(request_pdu_bytes) + turnaround + on_wire(reply_pdu_bytes)
+}
+
+/// Time that one read of `count` words takes if the drive answers after `turnaround`.
 #[must_use]
 pub fn read_time(timing: &Timing, count: u16, turnaround: Duration) -> Duration {
-    exchange_time(timing, turnaround, 2 + 2 * usize::from(count))
+    exchange_time(timing, SHORT_PDU_BYTES, turnaround, 2 + 2 * usize::from(count))
 }
 
 /// Longest time from the acceptance of a stop to its first bit on a line whose drives, each with its longest wait for a
@@ -47,15 +59,10 @@ pub fn worst_stop(timing: &Timing, drives: impl IntoIterator<Item = (Duration, u
     exchange.unwrap_or_default() + timing.silence
 }
 
-/// Time that one write takes if the drive answers after `turnaround`: silence, request, turnaround, reply.
+/// Time that one write takes if the drive answers after `turnaround`.
 #[must_use]
 pub fn write_time(timing: &Timing, turnaround: Duration) -> Duration {
-    exchange_time(timing, turnaround, SHORT_PDU_BYTES)
-}
-
-fn exchange_time(timing: &Timing, turnaround: Duration, reply_pdu_bytes: usize) -> Duration {
-    let on_wire = |pdu_bytes| timing.on_wire(timing.adu_bytes(pdu_bytes));
-    timing.silence + on_wire(SHORT_PDU_BYTES) + turnaround + on_wire(reply_pdu_bytes)
+    exchange_time(timing, SHORT_PDU_BYTES, turnaround, SHORT_PDU_BYTES)
 }
 
 /// Adds up a plan.

@@ -38,6 +38,9 @@ pub use options::{BadRequest, DriveOptions};
 pub use report::BusReport;
 
 #[cfg(test)]
+mod ascii_tests;
+
+#[cfg(test)]
 mod testing {
     //! The model and the frames that the tests of this room share. Addresses and scales are typed from the
     //! interface manual of the Hyundai N700, not read from the model file.
