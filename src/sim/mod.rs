@@ -59,7 +59,6 @@ mod testing {
     pub const SETPOINT: u16 = 0x0004;
     pub const OUTPUT: u16 = 0x0101;
     pub const TRIP_COUNT: u16 = 0x0112;
-    pub const TRIP_RECORD: u16 = 0x0113;
     pub const F001: u16 = 0x0201;
     pub const F007: u16 = 0x020C;
     pub const F008: u16 = 0x020E;
