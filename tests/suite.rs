@@ -19,6 +19,8 @@
 #[path = "scenarios/frames.rs"]
 mod frames;
 
+#[path = "properties/ascii.rs"]
+mod ascii;
 #[path = "properties/assembler.rs"]
 mod assembler;
 #[path = "properties/connection.rs"]
@@ -30,6 +32,8 @@ mod line_core;
 
 mod support;
 
+#[path = "scenarios/ascii_line.rs"]
+mod ascii_line;
 #[path = "scenarios/commander_lost.rs"]
 mod commander_lost;
 #[path = "scenarios/commands.rs"]

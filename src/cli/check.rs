@@ -5,6 +5,7 @@ use crate::config::words::{DIRECTIONS, LEASES};
 use crate::config::{Config, DriveSettings, LineSettings, ListenerSettings, MqttSettings, command_deadline};
 use crate::daemon::build;
 use crate::domain::control::ControlSettings;
+use crate::domain::link::Framing;
 use crate::line::budget::{ASSUMED_TURNAROUND, Budget};
 use crate::profile::model::Model;
 use crate::profile::values::duration_text;
@@ -76,7 +77,8 @@ fn list<T: Display>(values: &[T]) -> String {
 fn describe_line(text: &mut String, line: &LineSettings, mqtt: Option<&MqttSettings>) -> std::fmt::Result {
     let (timing, needs_pty) = build::timing(line);
     let budget = build::budget(line);
-    writeln!(text, "line {} on {}: {}", line.name, line.port.display(), line.link)?;
+    let framing = if line.framing == Framing::Ascii { ", ASCII frames" } else { "" };
+    writeln!(text, "line {} on {}: {}{framing}", line.name, line.port.display(), line.link)?;
     write!(text, "  silence before each frame {}", ms(timing.silence))?;
     writeln!(text, "{}", if needs_pty { " (shorter than the drives need: pseudo-terminal only)" } else { "" })?;
     writeln!(

@@ -4,9 +4,10 @@ use super::{Failure, input, print};
 use crate::daemon::pty::Pty;
 use crate::daemon::{run::told_to_end, simulator};
 use crate::domain::ids::Station;
-use crate::domain::link::{LinkSettings, Parity};
+use crate::domain::link::{Framing, LinkSettings, Parity};
 use crate::domain::time::MonoTime;
 use crate::profile::model::Model;
+use crate::profile::words::{FRAMINGS, word_for};
 use crate::sim::{BadRequest, BusOptions, DriveOptions, FaultPlan, Pacing, SimBus, SimDrive};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -36,6 +37,12 @@ pub struct Args {
     /// Stop bits; default: the model's factory setting
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=2))]
     stop_bits: Option<u8>,
+    /// How frames are told apart; the model must have it
+    #[arg(long, value_enum, default_value_t = FramingArg::Rtu)]
+    framing: FramingArg,
+    /// Data bits, 7 with ASCII framing only; default: the model's factory setting
+    #[arg(long, value_parser = clap::value_parser!(u8).range(7..=8))]
+    data_bits: Option<u8>,
     /// Milliseconds that the drives take from the end of a request to the start of the reply
     #[arg(long, value_name = "MS", default_value_t = 2)]
     turnaround_ms: u64,
@@ -63,9 +70,20 @@ enum ParityArg {
     Odd,
 }
 
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum FramingArg {
+    Rtu,
+    Ascii,
+}
+
 /// Plays the drives until SIGINT or SIGTERM.
 pub fn simulate(args: &Args) -> Result<(), Failure> {
     let model = input::model(&args.model)?;
+    let framing = match args.framing {
+        FramingArg::Rtu => Framing::Rtu,
+        FramingArg::Ascii => Framing::Ascii,
+    };
+    let link = link_of(args, &model, framing)?;
     let stations = model.link.stations.value.clone();
     if let Some(wrong) = args.stations.iter().find(|station| !stations.contains(station)) {
         let (first, last) = (stations.start(), stations.end());
@@ -80,12 +98,11 @@ pub fn simulate(args: &Args) -> Result<(), Failure> {
     if let Some(link) = &args.link {
         pty.link_as(link).map_err(|error| Failure::failed(format!("{}: {error}", link.display())))?;
     }
-    let link = link_of(args, &model);
-    let mut bus = bus_of(args, &model, link);
+    let mut bus = bus_of(args, &Arc::new(model.on(framing)), framing, link);
     let announcement = format!(
-        "{} at {} on {}, station{} {}\n",
+        "{} at {link}{} on {}, station{} {}\n",
         model.id,
-        link,
+        if framing == Framing::Ascii { " ascii" } else { "" },
         args.link.as_deref().unwrap_or(pty.path()).display(),
         if args.stations.len() == 1 { "" } else { "s" },
         args.stations.iter().map(u8::to_string).collect::<Vec<_>>().join(", ")
@@ -93,22 +110,36 @@ pub fn simulate(args: &Args) -> Result<(), Failure> {
     play_until_told(&pty, &mut bus, &announcement, args.trip_every.map(Duration::from_secs))
 }
 
-fn link_of(args: &Args, model: &Model) -> LinkSettings {
+/// The settings of the line, if a drive of `model` can be set to its framing and data bits.
+fn link_of(args: &Args, model: &Model, framing: Framing) -> Result<LinkSettings, Failure> {
     let factory = model.link.default.value;
-    LinkSettings {
+    let data_bits = args.data_bits.unwrap_or(factory.data_bits);
+    if !model.link.framings.value.contains(&framing) {
+        let has: Vec<_> = model.link.framings.value.iter().map(|framing| word_for(&FRAMINGS, framing)).collect();
+        let what = format!("{} has no framing {}, only {}", model.id, word_for(&FRAMINGS, &framing), has.join(", "));
+        return Err(Failure::wrong(what));
+    }
+    if framing == Framing::Rtu && data_bits != 8 {
+        return Err(Failure::wrong("RTU frames need 8 data bits; 7 go with `--framing ascii`"));
+    }
+    if !model.link.data_bits.value.contains(&data_bits) {
+        return Err(Failure::wrong(format!("{} cannot be set to {data_bits} data bits", model.id)));
+    }
+    Ok(LinkSettings {
         baud: args.baud.unwrap_or(factory.baud),
-        data_bits: factory.data_bits,
+        data_bits,
         parity: args.parity.map_or(factory.parity, |parity| match parity {
             ParityArg::None => Parity::None,
             ParityArg::Even => Parity::Even,
             ParityArg::Odd => Parity::Odd,
         }),
         stop_bits: args.stop_bits.unwrap_or(factory.stop_bits),
-    }
+    })
 }
 
-fn bus_of(args: &Args, model: &Arc<Model>, link: LinkSettings) -> SimBus {
+fn bus_of(args: &Args, model: &Arc<Model>, framing: Framing, link: LinkSettings) -> SimBus {
     let options = BusOptions {
+        framing,
         pacing: if args.unpaced { Pacing::None } else { Pacing::CharacterTimes },
         turnaround: Duration::from_millis(args.turnaround_ms),
         silence: None,

@@ -75,7 +75,7 @@ pub enum Silence {
 pub struct DriveSettings {
     /// Unique over the gateway.
     pub name: Name,
-    /// The model, with the registers that the configuration adds to it.
+    /// The model as it is on a line of this framing, with the registers that the configuration adds to it.
     pub model: Arc<Model>,
     /// Number on the line; in the model's range, unique on the line.
     pub station: Station,

@@ -7,7 +7,7 @@ use super::units::{self, Units};
 use super::{commanders, control, listen, lists, mqtt, native};
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
-use crate::domain::link::Interface;
+use crate::domain::link::{Framing, Interface};
 use crate::domain::problem::{Problem, nearest};
 use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;
@@ -167,7 +167,7 @@ fn ready_line(line: &LineFile, parts: LineParts, units: &[Units]) -> Option<Line
     let Settled { link, framing, interface } = parts.settled?;
     let reply_timeout = line.reply_timeout.or(None)?;
     let drives = line.drives.iter().zip(parts.drives).zip(units);
-    let drives = drives.map(|((drive, parts), units)| ready_drive(drive, parts, *units, reply_timeout));
+    let drives = drives.map(|((drive, parts), units)| ready_drive(drive, parts, framing, *units, reply_timeout));
     Some(LineSettings {
         name: line.name.as_ref()?.value.clone(),
         port: line.port.as_ref()?.value.clone(),
@@ -184,10 +184,14 @@ fn ready_line(line: &LineFile, parts: LineParts, units: &[Units]) -> Option<Line
 fn ready_drive(
     drive: &DriveFile,
     parts: DriveParts,
+    framing: Framing,
     units: Units,
     line_timeout: Option<Duration>,
 ) -> Option<DriveSettings> {
-    let model = parts.model?;
+    let model = match framing {
+        Framing::Rtu => parts.model?,
+        Framing::Ascii => Arc::new(parts.model?.on(framing)),
+    };
     Some(DriveSettings {
         name: drive.name.as_ref()?.value.clone(),
         station: drive.station.as_ref()?.value,

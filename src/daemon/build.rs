@@ -18,10 +18,10 @@ use std::time::Duration;
 /// Times of a line, and whether they are allowed only on a pseudo-terminal.
 #[must_use]
 pub fn timing(line: &LineSettings) -> (Timing, bool) {
-    let gaps = line.drives.iter().map(|drive| drive.model.timing.gap_chars.value);
-    let needed = Timing::for_models(line.link, gaps, line.min_request_gap);
+    let models = line.drives.iter().map(|drive| drive.model.as_ref());
+    let needed = Timing::for_models(line.framing, line.link, models, line.min_request_gap);
     match line.silence {
-        Silence::Fixed(silence) if silence < needed.silence => (Timing::unpaced(line.link, silence), true),
+        Silence::Fixed(silence) if silence < needed.silence => (needed.unpaced(silence), true),
         Silence::Fixed(silence) => (Timing { silence, ..needed }, false),
         Silence::Auto => (needed, false),
     }

@@ -63,7 +63,7 @@ impl Port {
             })
             .stop_bits(if link.stop_bits == 2 { StopBits::Two } else { StopBits::One });
         let stream = SerialStream::open(&builder).map_err(OpenError::Refused)?;
-        check_settings(&stream, link)?;
+        check_settings(&stream, link, is_pty(path)?)?;
         stream.clear(tokio_serial::ClearBuffer::All).map_err(OpenError::Refused)?;
         Ok(Self { stream: sys::readable(stream)? })
     }
@@ -108,20 +108,42 @@ fn is_pty(path: &Path) -> io::Result<bool> {
     Ok(metadata.file_type().is_char_device() && PTY_MAJORS.contains(&rustix::fs::major(metadata.rdev())))
 }
 
-fn check_settings(stream: &SerialStream, wanted: LinkSettings) -> Result<(), OpenError> {
+/// Reads the settings back. A pseudo-terminal carries whole bytes without parity whatever it is told (Linux,
+/// `pty_set_termios`), and no character has a form there.
+fn check_settings(stream: &SerialStream, wanted: LinkSettings, on_pty: bool) -> Result<(), OpenError> {
     let baud = stream.baud_rate().map_err(OpenError::Refused)?;
     let data_bits = stream.data_bits().map_err(OpenError::Refused)?;
     let parity = stream.parity().map_err(OpenError::Refused)?;
     let stop_bits = stream.stop_bits().map_err(OpenError::Refused)?;
-    let fits = baud == wanted.baud
-        && u8::from(data_bits) == wanted.data_bits
-        && u8::from(stop_bits) == wanted.stop_bits
-        && matches!(
-            (parity, wanted.parity),
-            (tokio_serial::Parity::None, Parity::None)
-                | (tokio_serial::Parity::Even, Parity::Even)
-                | (tokio_serial::Parity::Odd, Parity::Odd)
-        );
+    let same_parity = matches!(
+        (parity, wanted.parity),
+        (tokio_serial::Parity::None, Parity::None)
+            | (tokio_serial::Parity::Even, Parity::Even)
+            | (tokio_serial::Parity::Odd, Parity::Odd)
+    );
+    let same_characters = u8::from(data_bits) == wanted.data_bits && same_parity;
+    let fits = baud == wanted.baud && u8::from(stop_bits) == wanted.stop_bits && (same_characters || on_pty);
     let held = || format!("{baud} bit/s, {data_bits} data bits, parity {parity}, {stop_bits} stop bits");
     if fits { Ok(()) } else { Err(OpenError::Settings { wanted, held: held() }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::pty::Pty;
+    use super::*;
+
+    #[tokio::test]
+    async fn a_pseudo_terminal_serves_for_every_form_of_characters() {
+        let pty = Pty::new().unwrap();
+        let link = LinkSettings::DEFAULT;
+        for link in [link, LinkSettings { data_bits: 7, parity: Parity::Even, ..link }] {
+            assert!(Port::open(pty.path(), link, true).is_ok(), "{link}");
+        }
+    }
+
+    #[tokio::test]
+    async fn a_port_that_is_not_there_is_told_as_the_system_tells_it() {
+        let missing = Port::open(Path::new("/dev/no-such-port"), LinkSettings::DEFAULT, false);
+        assert!(matches!(missing, Err(OpenError::Refused(_))), "{missing:?}");
+    }
 }

@@ -7,8 +7,8 @@ use std::time::Duration;
 /// who plan a line, not a limit of anything.
 pub const ASSUMED_TURNAROUND: Duration = Duration::from_millis(10);
 
-/// Bytes of a write and of its reply.
-const WRITE_BYTES: usize = 8;
+/// PDU bytes of a read request, of a write and of a write's reply.
+const SHORT_PDU_BYTES: usize = 5;
 
 /// One repeated read of a plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,12 +32,22 @@ pub struct Budget {
     pub longest_exchange: Duration,
 }
 
-/// Time that one read of `count` words takes: silence, request, turnaround, reply.
+/// Time that one exchange takes: silence, request, turnaround, reply.
+#[must_use]
+pub fn exchange_time(
+    timing: &Timing,
+    request_pdu_bytes: usize,
+    turnaround: Duration,
+    reply_pdu_bytes: usize,
+) -> Duration {
+    let on_wire = |pdu_bytes| timing.on_wire(timing.adu_bytes(pdu_bytes));
+    timing.silence + on_wire(request_pdu_bytes) + turnaround + on_wire(reply_pdu_bytes)
+}
+
+/// Time that one read of `count` words takes if the drive answers after `turnaround`.
 #[must_use]
 pub fn read_time(timing: &Timing, count: u16, turnaround: Duration) -> Duration {
-    const REQUEST_BYTES: usize = 8;
-    let reply_bytes = 5 + 2 * usize::from(count);
-    timing.silence + timing.on_wire(REQUEST_BYTES) + turnaround + timing.on_wire(reply_bytes)
+    exchange_time(timing, SHORT_PDU_BYTES, turnaround, 2 + 2 * usize::from(count))
 }
 
 /// Longest time from the acceptance of a stop to its first bit on a line whose drives, each with its longest wait for a
@@ -49,10 +59,10 @@ pub fn worst_stop(timing: &Timing, drives: impl IntoIterator<Item = (Duration, u
     exchange.unwrap_or_default() + timing.silence
 }
 
-/// Time that one write takes if the drive answers after `turnaround`: silence, request, turnaround, reply.
+/// Time that one write takes if the drive answers after `turnaround`.
 #[must_use]
 pub fn write_time(timing: &Timing, turnaround: Duration) -> Duration {
-    timing.silence + timing.on_wire(WRITE_BYTES) + turnaround + timing.on_wire(WRITE_BYTES)
+    exchange_time(timing, SHORT_PDU_BYTES, turnaround, SHORT_PDU_BYTES)
 }
 
 /// Adds up a plan.
@@ -66,18 +76,28 @@ pub fn of_plan(timing: &Timing, plan: &[PlannedRead]) -> Budget {
 
 #[cfg(test)]
 mod tests {
+    use super::super::timing::testing::{ASCII, N700};
     use super::*;
-    use crate::domain::link::LinkSettings;
 
     #[test]
     fn one_word_at_9600_takes_32_milliseconds() {
-        let timing = Timing::for_models(LinkSettings::DEFAULT, [4.5], Duration::ZERO);
         let read = PlannedRead { count: 1, period: Duration::from_millis(500), turnaround: ASSUMED_TURNAROUND };
         // 4.6875 silence + 8.3333 request + 10 turnaround + 7.2917 reply
-        let budget = of_plan(&timing, &[read]);
+        let budget = of_plan(&N700, &[read]);
         assert_eq!(budget.longest_exchange.as_micros(), 30_312);
         assert!((budget.use_of_line - 0.060_625).abs() < 1e-5);
-        let full = of_plan(&timing, &[read; 20]);
+        let full = of_plan(&N700, &[read; 20]);
         assert!((full.stretch - 1.2125).abs() < 1e-3);
+    }
+
+    #[test]
+    fn ascii_frames_cost_two_characters_for_each_byte() {
+        // 10 silence + 17 characters request + 10 turnaround + 15 characters reply
+        assert_eq!(read_time(&ASCII, 1, ASSUMED_TURNAROUND).as_micros(), 10_000 + 17_708 + 10_000 + 15_625);
+        assert_eq!(write_time(&ASCII, ASSUMED_TURNAROUND).as_micros(), 10_000 + 2 * 17_708 + 10_000);
+        // A read of 15 words that stays without an answer, and the silence after it.
+        let timeout = Duration::from_millis(200);
+        let worst = worst_stop(&ASCII, [(timeout, 15), (timeout, 1)]);
+        assert_eq!(worst.as_micros(), 10_000 + 17_708 + 200_000 + 73_958 + 10_000);
     }
 }

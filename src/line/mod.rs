@@ -10,3 +10,5 @@ pub mod schedule;
 pub mod station;
 pub mod timing;
 pub mod transaction;
+#[cfg(test)]
+mod transaction_ascii_tests;

@@ -1,6 +1,8 @@
 //! What characters and silences cost on one line.
 
-use crate::domain::link::LinkSettings;
+use crate::domain::link::{Framing, LinkSettings};
+use crate::profile::model::Model;
+use crate::wire::framing;
 use std::time::Duration;
 
 /// Above this speed the silence no longer follows the character time (Modbus over serial line V1.02, 2.5.1.1).
@@ -8,9 +10,18 @@ pub const FIXED_SILENCE_ABOVE_BAUD: u32 = 19_200;
 /// The silence above that speed.
 pub const FIXED_SILENCE: Duration = Duration::from_micros(1_750);
 
+/// Least silence between RTU frames, in characters.
+pub const LEAST_GAP_CHARS: f64 = 3.5;
+/// Least silence between the frames of an ASCII line. The standard asks for none; drives ask for this much.
+pub const ASCII_SILENCE: Duration = Duration::from_millis(10);
+/// Longest pause between two characters of an ASCII frame (Modbus over serial line V1.02, 2.5.2.1).
+pub const ASCII_HOLE: Duration = Duration::from_secs(1);
+
 /// Times of one line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
+    /// How frames are told apart.
+    pub framing: Framing,
     /// Speed and character format.
     pub link: LinkSettings,
     /// Silence before each of our frames.
@@ -21,18 +32,27 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// Times of a line whose models ask for `gap_chars` characters each and at least `min_request_gap`.
+    /// Times of a line with `models`: the longest silence that one of them needs, at least `min_request_gap`.
     #[must_use]
-    pub fn for_models(link: LinkSettings, gap_chars: impl IntoIterator<Item = f64>, min_request_gap: Duration) -> Self {
-        let chars = gap_chars.into_iter().fold(3.5, f64::max);
-        let fixed = if link.baud > FIXED_SILENCE_ABOVE_BAUD { FIXED_SILENCE } else { Duration::ZERO };
-        Self { link, silence: link.chars(chars).max(fixed).max(min_request_gap), paced: true }
+    pub fn for_models<'a>(
+        framing: Framing,
+        link: LinkSettings,
+        models: impl IntoIterator<Item = &'a Model>,
+        min_request_gap: Duration,
+    ) -> Self {
+        let least = match framing {
+            Framing::Ascii => ASCII_SILENCE,
+            Framing::Rtu if link.baud > FIXED_SILENCE_ABOVE_BAUD => FIXED_SILENCE,
+            Framing::Rtu => Duration::ZERO,
+        };
+        let needed = models.into_iter().map(|model| silence_for(model, framing, link)).max().unwrap_or_default();
+        Self { framing, link, silence: needed.max(least).max(min_request_gap), paced: true }
     }
 
-    /// Times of a line without character times, for a pseudo-terminal or a network port.
+    /// The same line without character times and with a silence of its own, for a pseudo-terminal or a network port.
     #[must_use]
-    pub const fn unpaced(link: LinkSettings, silence: Duration) -> Self {
-        Self { link, silence, paced: false }
+    pub const fn unpaced(self, silence: Duration) -> Self {
+        Self { silence, paced: false, ..self }
     }
 
     /// Time that `bytes` bytes take on the wire.
@@ -40,20 +60,109 @@ impl Timing {
     pub fn on_wire(&self, bytes: usize) -> Duration {
         if self.paced { self.link.bytes(bytes) } else { Duration::ZERO }
     }
+
+    /// Bytes on the wire of the frame that carries a PDU of `pdu_bytes`.
+    #[must_use]
+    pub const fn adu_bytes(&self, pdu_bytes: usize) -> usize {
+        framing::adu_bytes(self.framing, pdu_bytes)
+    }
+
+    /// Pause between two characters after which a frame that has not ended is no frame.
+    #[must_use]
+    pub const fn longest_hole(&self) -> Duration {
+        match self.framing {
+            Framing::Rtu => self.silence,
+            Framing::Ascii => ASCII_HOLE,
+        }
+    }
+}
+
+/// Silence that `model` needs before a frame. Its gap in characters tells RTU frames apart; others say where they end.
+fn silence_for(model: &Model, framing: Framing, link: LinkSettings) -> Duration {
+    let pause = model.quirks.pause_before_request.as_ref().map_or(Duration::ZERO, |pause| pause.value);
+    match framing {
+        Framing::Rtu => link.chars(model.timing.gap_chars.value.max(LEAST_GAP_CHARS)).max(pause),
+        Framing::Ascii => pause,
+    }
+}
+
+#[cfg(test)]
+pub(super) mod testing {
+    //! Times that the tests of this room share.
+
+    use super::*;
+    use crate::domain::link::Parity;
+
+    /// An RTU line of the Hyundai N700 as it comes from the factory: 4.5 characters of silence.
+    pub const N700: Timing = Timing {
+        framing: Framing::Rtu,
+        link: LinkSettings::DEFAULT,
+        silence: Duration::from_nanos(4_687_500),
+        paced: true,
+    };
+
+    /// An ASCII line with 7 data bits and even parity at the same speed.
+    pub const ASCII: Timing = Timing {
+        framing: Framing::Ascii,
+        link: LinkSettings { data_bits: 7, parity: Parity::Even, ..LinkSettings::DEFAULT },
+        silence: ASCII_SILENCE,
+        paced: true,
+    };
 }
 
 #[cfg(test)]
 mod tests {
+    use super::testing::{ASCII, N700};
     use super::*;
+    use crate::profile::catalog::Catalog;
+    use crate::profile::model::{Confidence, Fact};
+    use crate::vendors;
+
+    fn model(gap_chars: f64, pause: Option<Duration>) -> Model {
+        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+        let mut model = Model::clone(catalog.find("hyundai-n700").unwrap());
+        model.timing.gap_chars.value = gap_chars;
+        let fact = |value| Fact { value, confidence: Confidence::Manual, source: "IM 1".to_owned() };
+        model.quirks.pause_before_request = pause.map(fact);
+        model
+    }
 
     #[test]
     fn the_largest_gap_of_a_line_counts() {
+        let (short, long) = (model(3.5, None), model(4.5, None));
         let link = LinkSettings::DEFAULT;
-        let timing = Timing::for_models(link, [3.5, 4.5], Duration::ZERO);
-        assert_eq!(timing.silence, Duration::from_nanos(4_687_500));
-        let slow = Timing::for_models(link, [4.5], Duration::from_millis(20));
-        assert_eq!(slow.silence, Duration::from_millis(20));
-        let fast = LinkSettings { baud: 38_400, ..link };
-        assert_eq!(Timing::for_models(fast, [4.5], Duration::ZERO).silence, FIXED_SILENCE);
+        let silence = |link, gap| Timing::for_models(Framing::Rtu, link, [&short, &long], gap).silence;
+        assert_eq!(Timing::for_models(Framing::Rtu, link, [&short, &long], Duration::ZERO), N700);
+        assert_eq!(silence(link, Duration::from_millis(20)), Duration::from_millis(20));
+        assert_eq!(silence(LinkSettings { baud: 38_400, ..link }, Duration::ZERO), FIXED_SILENCE);
+    }
+
+    #[test]
+    fn characters_tell_no_ascii_frames_apart() {
+        let slow = model(100.0, None);
+        let silence = |models: &[&Model], gap| {
+            Timing::for_models(Framing::Ascii, ASCII.link, models.iter().copied(), gap).silence
+        };
+        assert_eq!(silence(&[&slow], Duration::ZERO), Duration::from_millis(10));
+        assert_eq!(silence(&[&slow], Duration::from_millis(30)), Duration::from_millis(30));
+        assert_eq!(silence(&[&slow, &model(3.5, Some(Duration::from_millis(20)))], Duration::ZERO).as_millis(), 20);
+    }
+
+    #[test]
+    fn a_pause_that_a_model_needs_counts_on_rtu_lines_too() {
+        let models = [model(4.5, None), model(3.5, Some(Duration::from_millis(20)))];
+        let timing = Timing::for_models(Framing::Rtu, LinkSettings::DEFAULT, &models, Duration::ZERO);
+        assert_eq!(timing.silence, Duration::from_millis(20));
+    }
+
+    #[test]
+    fn frames_take_the_bytes_and_bits_of_their_framing() {
+        // 10 bits a character: 7 data bits with parity cost as much as 8 without.
+        assert_eq!(N700.adu_bytes(5), 8);
+        assert_eq!(ASCII.adu_bytes(5), 17);
+        assert_eq!(N700.on_wire(8), Duration::from_nanos(8_333_334));
+        assert_eq!(ASCII.on_wire(17), Duration::from_nanos(17_708_334));
+        assert_eq!((N700.longest_hole(), ASCII.longest_hole()), (N700.silence, Duration::from_secs(1)));
+        assert_eq!(ASCII.unpaced(Duration::ZERO).on_wire(17), Duration::ZERO);
     }
 }

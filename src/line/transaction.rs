@@ -4,8 +4,9 @@ use super::timing::Timing;
 use crate::domain::ids::Station;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::TrafficKind;
+use crate::wire::frame::Expected;
+use crate::wire::framing::{self, Assembler};
 use crate::wire::pdu::{Reply, Request, function};
-use crate::wire::rtu::{self, Assembler, EXCEPTION_ADU_BYTES, Expected, OVERHEAD_BYTES};
 use std::time::Duration;
 
 /// A request on its way to one station.
@@ -55,8 +56,8 @@ struct Open {
     reply_due: MonoTime,
     /// At this moment the exchange ends whatever is still coming in.
     give_up: MonoTime,
-    /// An exception that counts once silence follows it. One flipped bit can turn a read's reply into an
-    /// exception frame with bytes behind it, so the frame alone is no proof.
+    /// An exception that counts once silence follows it, where frames do not end by themselves: one flipped bit can
+    /// turn a read's reply into an exception frame with bytes behind it, so the frame alone is no proof.
     exception: Option<u8>,
 }
 
@@ -77,8 +78,8 @@ impl Wire {
     #[must_use]
     pub fn new(timing: Timing, now: MonoTime) -> Self {
         Self {
+            assembler: Assembler::new(timing.framing),
             timing,
-            assembler: Assembler::default(),
             quiet_from: now,
             last_byte_at: now,
             open: None,
@@ -102,21 +103,23 @@ impl Wire {
     /// The caller has waited until [`Wire::may_send_from`] and no exchange is open.
     pub fn send(&mut self, now: MonoTime, exchange: Exchange, out: &mut Vec<u8>) {
         let start = out.len();
-        rtu::encode(out, exchange.station.0, |pdu| exchange.request.encode(pdu));
+        framing::encode(self.timing.framing, out, exchange.station.0, |pdu| exchange.request.encode(pdu));
         let sent_bytes = out.len() - start;
-        let reply_bytes = exchange.request.reply_pdu_bytes() + OVERHEAD_BYTES;
+        let reply_bytes = self.timing.adu_bytes(exchange.request.reply_pdu_bytes());
         let expected =
             Expected { station: exchange.station.0, function: exchange.request.function(), adu_bytes: reply_bytes };
         self.quiet_from = now + self.timing.on_wire(sent_bytes);
         let reply_due = self.quiet_from + exchange.timeout + self.timing.on_wire(reply_bytes);
-        let give_up = reply_due + self.timing.on_wire(rtu::MAX_ADU_BYTES) + self.timing.silence;
+        let give_up =
+            reply_due + self.timing.on_wire(framing::max_adu_bytes(self.timing.framing)) + self.timing.silence;
         self.flush_idle_bytes();
         self.open = Some(Open { exchange, expected, reply_due, give_up, exception: None });
     }
 
     /// Takes bytes that were read at `now`. Returns how the open exchange ended, if it did.
     pub fn receive(&mut self, now: MonoTime, bytes: &[u8]) -> Option<(Exchange, Ending)> {
-        if self.open.is_none() {
+        // Where only silence ends frames, a hole may be an adapter's, and the reply still goes on behind it.
+        if self.open.is_none() || self.assembler.sees_ends() {
             self.flush_if_silent(now);
         }
         self.last_byte_at = now;
@@ -128,7 +131,9 @@ impl Wire {
             self.note(TrafficKind::Noise, found.noise);
             let (kind, ending) = self.judge(&found.adu);
             self.note(kind, found.adu);
-            if let Some(Ending::Exception(code)) = ending {
+            if let Some(Ending::Exception(code)) = ending
+                && !self.assembler.sees_ends()
+            {
                 self.open.iter_mut().for_each(|open| open.exception = Some(code));
             } else if let Some(ending) = ending
                 && let Some(open) = self.open.take()
@@ -138,7 +143,8 @@ impl Wire {
                 ended = Some((open.exchange, ending));
             }
         }
-        ended
+        let is_over = self.assembler.sees_ends() && self.holds_damaged_reply();
+        if is_over { self.finish(Ending::Garbled) } else { ended }
     }
 
     /// Lets time pass up to `now`. Returns how the open exchange ended, if it did.
@@ -147,24 +153,21 @@ impl Wire {
             self.flush_if_silent(now);
             return None;
         };
-        let silent_since_frame = now >= self.frame_end_at();
+        let silent_since_frame = now >= self.pause_at();
         let ending = if let Some(code) = open.exception {
             match (silent_since_frame, self.assembler.is_empty()) {
                 (true, true) => Ending::Exception(code),
                 (true, false) => Ending::Garbled,
                 (false, _) => return None,
             }
-        } else if silent_since_frame && self.holds_damaged_reply(open) {
+        } else if silent_since_frame && self.holds_damaged_reply() {
             Ending::Garbled
         } else if now >= open.give_up || (now >= open.reply_due && (silent_since_frame || self.assembler.is_empty())) {
             Ending::Silent
         } else {
             return None;
         };
-        let open = self.open.take()?;
-        let rest = self.assembler.end();
-        self.note(TrafficKind::Noise, rest);
-        Some((open.exchange, ending))
+        self.finish(ending)
     }
 
     /// Ends the open exchange without an answer, because the port is gone, and forgets what was received.
@@ -177,14 +180,14 @@ impl Wire {
     /// When [`Wire::pass`] has something to do without new bytes, if ever.
     #[must_use]
     pub fn wake_at(&self) -> Option<MonoTime> {
-        let frame_end = (!self.assembler.is_empty()).then(|| self.frame_end_at());
+        let has_bytes = !self.assembler.is_empty();
         match &self.open {
-            None => frame_end,
-            Some(open) if open.exception.is_some() => Some(self.frame_end_at()),
-            Some(open) => match frame_end {
+            None => has_bytes.then(|| self.frame_end_at()),
+            Some(open) if open.exception.is_some() => Some(self.pause_at()),
+            Some(open) => match has_bytes.then(|| self.pause_at()) {
                 // Past its due moment a reply may still be coming in: look again when the bytes pause.
-                Some(end) if end > open.reply_due => Some(end.min(open.give_up)),
-                Some(end) if self.holds_damaged_reply(open) => Some(end),
+                Some(pause) if pause > open.reply_due => Some(pause.min(open.give_up)),
+                Some(pause) if self.holds_damaged_reply() => Some(pause),
                 _ => Some(open.reply_due),
             },
         }
@@ -195,39 +198,43 @@ impl Wire {
         std::mem::take(&mut self.heard)
     }
 
-    fn frame_end_at(&self) -> MonoTime {
+    /// When the bytes have paused for as long as between two frames.
+    fn pause_at(&self) -> MonoTime {
         self.last_byte_at + self.timing.silence
+    }
+
+    /// When nothing that has begun can go on any more.
+    fn frame_end_at(&self) -> MonoTime {
+        self.last_byte_at + self.timing.longest_hole()
+    }
+
+    fn finish(&mut self, ending: Ending) -> Option<(Exchange, Ending)> {
+        let open = self.open.take()?;
+        let rest = self.assembler.end();
+        self.note(TrafficKind::Noise, rest);
+        Some((open.exchange, ending))
     }
 
     /// Sorts a sound frame: our answer, or somebody else's, or one that came too late.
     fn judge(&self, adu: &[u8]) -> (TrafficKind, Option<Ending>) {
-        let Some((station, pdu)) = rtu::decode(adu) else { return (TrafficKind::Noise, None) };
+        let frame = framing::decode(self.timing.framing, adu);
+        let Some((station, pdu)) = frame else { return (TrafficKind::Noise, None) };
         let stray = TrafficKind::Stray(Station(station));
         let Some(open) = &self.open else { return (stray, None) };
         if station != open.expected.station {
             return (TrafficKind::Foreign(Station(station)), None);
         }
-        match answer_in(&open.exchange, pdu) {
+        match answer_in(&open.exchange, &pdu) {
             Some(ending) => (TrafficKind::Reply, Some(ending)),
             None => (stray, None),
         }
     }
 
-    /// Whether the bytes that wait begin like the reply or its exception and are as long. If so the reply has come
-    /// and is damaged. Anything else, also what another drive's late reply left of both, may be noise before a
-    /// reply that is still to come.
-    fn holds_damaged_reply(&self, Open { exchange, expected, .. }: &Open) -> bool {
-        if !exchange.line_is_clean {
-            return false;
-        }
-        let bytes = self.assembler.bytes();
-        match bytes {
-            [station, code, ..] if *station == expected.station => {
-                (*code == expected.function && bytes.len() == expected.adu_bytes)
-                    || (*code == expected.function | function::EXCEPTION_BIT && bytes.len() == EXCEPTION_ADU_BYTES)
-            }
-            _ => false,
-        }
+    /// Whether the reply has come and is damaged. Anything else, also what another drive's late reply left of both, may
+    /// be noise before a reply that is still to come.
+    fn holds_damaged_reply(&self) -> bool {
+        let open = self.open.as_ref().filter(|open| open.exchange.line_is_clean);
+        open.is_some_and(|open| self.assembler.holds_damaged(&open.expected))
     }
 
     fn flush_if_silent(&mut self, now: MonoTime) {
@@ -238,7 +245,7 @@ impl Wire {
 
     fn flush_idle_bytes(&mut self) {
         let rest = self.assembler.end();
-        match rtu::decode(&rest).map(|(station, _)| Station(station)) {
+        match framing::decode(self.timing.framing, &rest).map(|(station, _)| Station(station)) {
             Some(station) => self.note(TrafficKind::Stray(station), rest),
             None => self.note(TrafficKind::Noise, rest),
         }
@@ -269,11 +276,12 @@ fn answer_in(exchange: &Exchange, pdu: &[u8]) -> Option<Ending> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::timing::testing::N700;
     use super::*;
-    use crate::domain::link::LinkSettings;
+    use crate::wire::rtu;
 
     fn wire() -> Wire {
-        Wire::new(Timing::for_models(LinkSettings::DEFAULT, [4.5], Duration::ZERO), MonoTime::ZERO)
+        Wire::new(N700, MonoTime::ZERO)
     }
 
     fn frame(station: u8, pdu: &[u8]) -> Vec<u8> {

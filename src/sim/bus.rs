@@ -2,12 +2,14 @@
 
 use super::drive::SimDrive;
 use super::fault::{Fate, FaultPlan, Faults};
+use super::incoming::Incoming;
 use super::outbox::Outbox;
 use super::report::BusReport;
 use crate::domain::ids::Station;
-use crate::domain::link::LinkSettings;
+use crate::domain::link::{Framing, LinkSettings};
 use crate::domain::time::MonoTime;
-use crate::wire::{crc, pdu::function, rtu};
+use crate::profile::model::Model;
+use crate::wire::framing;
 use std::time::Duration;
 
 /// Whether characters take time.
@@ -23,21 +25,25 @@ pub enum Pacing {
 /// How a bus behaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusOptions {
+    /// How frames are told apart.
+    pub framing: Framing,
     /// Whether characters take time.
     pub pacing: Pacing,
     /// From the end of a request's last character to the start of the reply's first one.
     pub turnaround: Duration,
-    /// Silence that ends a request and that the master has to keep before one. Nothing: the longest gap of
-    /// the models on the bus, but at least 1.75 ms above 19,200 bit/s (Modbus over serial line V1.02, 2.5.1.1).
+    /// Silence that the master has to keep before a request, and that ends an RTU request. Nothing: the longest that
+    /// a model on the bus needs, but at least 1.75 ms above 19,200 bit/s (Modbus over serial line V1.02, 2.5.1.1) and
+    /// 10 ms on an ASCII bus.
     pub silence: Option<Duration>,
     /// What goes wrong.
     pub faults: FaultPlan,
 }
 
 impl Default for BusOptions {
-    /// Paced, 2 ms turnaround, silence as the models say, no faults.
+    /// RTU, paced, 2 ms turnaround, silence as the models say, no faults.
     fn default() -> Self {
         Self {
+            framing: Framing::Rtu,
             pacing: Pacing::CharacterTimes,
             turnaround: Duration::from_millis(2),
             silence: None,
@@ -48,8 +54,9 @@ impl Default for BusOptions {
 
 /// The bus. Moments that it is given may be equal but never run backwards.
 ///
-/// A request ends by its function's length with a right CRC, else by silence. One with a wrong CRC or for a
-/// station that is not there is ignored in silence. The drives do not hear each other, and a master that talks
+/// An RTU request ends by its function's length with a right CRC, else by silence; an ASCII request ends by CR LF, else
+/// by a second without a character, and is dropped by the ':' of another one. One with a wrong check or for a station
+/// that is not there is ignored in silence. The drives do not hear each other, and a master that talks
 /// over a drive is counted but damages nothing; two drives that talk at the same time damage each other.
 ///
 /// Each drive is a queue: it never answers a newer request before an older one.
@@ -60,8 +67,7 @@ pub struct SimBus {
     silence: Duration,
     faults: Faults,
     nodes: Vec<Node>,
-    /// Bytes of the master that make no whole request yet.
-    request: Vec<u8>,
+    request: Incoming,
     /// End of the master's last character.
     master_end: MonoTime,
     /// End of the last character that anybody has transmitted, as far as the drives' bytes were taken.
@@ -90,10 +96,10 @@ impl SimBus {
         Self {
             link,
             options,
-            silence: options.silence.unwrap_or_else(|| shortest_silence(link)),
-            faults: Faults::new(options.faults, seed),
+            silence: options.silence.unwrap_or_else(|| least_silence(options.framing, link)),
+            faults: Faults::new(options.faults, options.framing, link.data_bits, seed),
             nodes: Vec::new(),
-            request: Vec::with_capacity(rtu::MAX_ADU_BYTES + 1),
+            request: Incoming::new(options.framing),
             master_end: MonoTime::ZERO,
             quiet_since: None,
             outbox: Outbox::new((options.pacing == Pacing::CharacterTimes).then_some(link)),
@@ -105,7 +111,7 @@ impl SimBus {
     /// numbered from 1.
     pub fn connect(&mut self, station: Station, drive: SimDrive) {
         if self.options.silence.is_none() {
-            self.silence = self.silence.max(self.link.chars(drive.model().timing.gap_chars.value));
+            self.silence = self.silence.max(silence_for(drive.model(), self.options.framing, self.link));
         }
         self.nodes.retain(|node| node.station != station);
         self.outbox.silence(MonoTime::ZERO, station);
@@ -180,15 +186,14 @@ impl SimBus {
         let start = if self.outbox.is_paced() { at.max(self.master_end) } else { at };
         self.end_request_by_silence(start);
         for (n, byte) in bytes.iter().enumerate() {
-            if self.request.is_empty() {
+            if self.request.begins_with(*byte) {
+                self.drop_request();
                 self.observe(start + self.outbox.time(n));
             }
-            if self.request.len() <= rtu::MAX_ADU_BYTES {
-                self.request.push(*byte);
-            }
+            self.request.push(*byte);
             self.master_end = start + self.outbox.time(n + 1);
             self.quiet_since = self.quiet_since.max(Some(self.master_end));
-            if is_whole(&self.request) {
+            if self.request.is_whole() {
                 self.end_request(self.master_end);
             }
         }
@@ -197,7 +202,7 @@ impl SimBus {
     /// When to call [`Self::take_due`] next; nothing if nothing will happen until the master transmits.
     #[must_use]
     pub fn next_due(&self) -> Option<MonoTime> {
-        let silence = (!self.request.is_empty()).then(|| self.master_end + self.silence);
+        let silence = (!self.request.is_empty()).then(|| self.request_end());
         [silence, self.outbox.next_due()].into_iter().flatten().min()
     }
 
@@ -222,23 +227,34 @@ impl SimBus {
     }
 
     fn end_request_by_silence(&mut self, at: MonoTime) {
-        let end = self.master_end + self.silence;
+        let end = self.request_end();
         if !self.request.is_empty() && at >= end {
             self.end_request(end);
         }
     }
 
+    /// When silence has ended what has begun.
+    fn request_end(&self) -> MonoTime {
+        self.master_end + self.request.longest_hole(self.silence)
+    }
+
+    /// Gives up what has begun, if anything has.
+    fn drop_request(&mut self) {
+        self.report.bad_crc += u64::from(!self.request.is_empty());
+        let request = self.request.take();
+        self.request.clear(request);
+    }
+
     fn end_request(&mut self, end: MonoTime) {
-        let request = std::mem::take(&mut self.request);
-        match rtu::decode(&request) {
-            Some((station, pdu)) if request.len() <= rtu::MAX_ADU_BYTES => {
+        let request = self.request.take();
+        match framing::decode(self.options.framing, &request) {
+            Some((station, pdu)) if request.len() <= framing::max_adu_bytes(self.options.framing) => {
                 self.report.requests_heard += 1;
-                self.deliver(end, Station(station), pdu);
+                self.deliver(end, Station(station), &pdu);
             }
             _ => self.report.bad_crc += 1,
         }
-        self.request = request;
-        self.request.clear();
+        self.request.clear(request);
     }
 
     fn deliver(&mut self, end: MonoTime, station: Station, pdu: &[u8]) {
@@ -263,7 +279,9 @@ impl SimBus {
         }
         let mut frame = self.outbox.buffer();
         let mut answered = false;
-        rtu::encode(&mut frame, node.station.0, |out| answered = node.drive.answer(end, pdu, node.exchanges, out));
+        framing::encode(self.options.framing, &mut frame, node.station.0, |out| {
+            answered = node.drive.answer(end, pdu, node.exchanges, out);
+        });
         if !answered {
             return self.outbox.recycle(frame);
         }
@@ -292,25 +310,29 @@ impl SimBus {
     }
 }
 
-/// Whether `request` is a whole request by its function's length, with a right CRC.
-fn is_whole(request: &[u8]) -> bool {
-    let length = match (request.get(1), request.get(6)) {
-        (Some(0x01..=0x06 | &function::DIAGNOSTICS), _) => 8,
-        (Some(0x0F | &function::WRITE_MULTIPLE), Some(bytes)) => 9 + usize::from(*bytes),
-        _ => return false,
-    };
-    request.len() == length && crc::is_sound(request)
+/// The silence that a line needs whoever is on it: above 19,200 bit/s character times are too short to be told.
+fn least_silence(framing: Framing, link: LinkSettings) -> Duration {
+    match framing {
+        Framing::Ascii => Duration::from_millis(10),
+        Framing::Rtu if link.baud > 19_200 => Duration::from_micros(1_750),
+        Framing::Rtu => Duration::ZERO,
+    }
 }
 
-/// The silence that the standard asks for above 19,200 bit/s, where character times are too short to be told.
-fn shortest_silence(link: LinkSettings) -> Duration {
-    if link.baud > 19_200 { Duration::from_micros(1_750) } else { Duration::ZERO }
+/// The silence that a drive of `model` needs before a request.
+fn silence_for(model: &Model, framing: Framing, link: LinkSettings) -> Duration {
+    let gap = match framing {
+        Framing::Rtu => link.chars(model.timing.gap_chars.value),
+        Framing::Ascii => Duration::ZERO,
+    };
+    model.quirks.pause_before_request.as_ref().map_or(gap, |pause| gap.max(pause.value))
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::testing::*;
     use super::*;
+    use crate::wire::rtu;
 
     const D001: [u8; 8] = [0x01, 0x03, 0x01, 0x01, 0x00, 0x01, 0xD4, 0x36];
     const STANDSTILL: [u8; 7] = [0x01, 0x03, 0x02, 0x00, 0x00, 0xB8, 0x44];

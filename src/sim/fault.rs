@@ -1,7 +1,8 @@
 //! Seeded faults of replies: what a plan may ask for, and how it is drawn, bit for bit the same for the same seed.
 
+use crate::domain::link::Framing;
 use crate::domain::problem::nearest;
-use crate::wire::crc;
+use crate::wire::framing;
 use fastrand::Rng;
 use std::str::FromStr;
 use std::time::Duration;
@@ -136,12 +137,15 @@ pub(super) enum Fate {
 #[derive(Debug)]
 pub(super) struct Faults {
     pub plan: FaultPlan,
+    framing: Framing,
+    /// Bits of a character that can be wrong.
+    data_bits: usize,
     rng: Rng,
 }
 
 impl Faults {
-    pub fn new(plan: FaultPlan, seed: u64) -> Self {
-        Self { plan, rng: Rng::with_seed(seed) }
+    pub fn new(plan: FaultPlan, framing: Framing, data_bits: u8, seed: u64) -> Self {
+        Self { plan, framing, data_bits: data_bits.into(), rng: Rng::with_seed(seed) }
     }
 
     /// Draws the faults of one whole `reply` frame and puts them into it.
@@ -161,8 +165,8 @@ impl Faults {
             self.add_frame(reply, copy);
         }
         if self.hits(self.plan.noise) {
-            let noise = self.rng.usize(1..=8);
-            reply.splice(0..0, std::iter::repeat_with(|| self.rng.u8(..)).take(noise));
+            let (noise, unused_bits) = (self.rng.usize(1..=8), 8_usize.saturating_sub(self.data_bits));
+            reply.splice(0..0, std::iter::repeat_with(|| self.rng.u8(..) >> unused_bits).take(noise));
         }
         if late { Fate::Late } else { Fate::OnTime }
     }
@@ -189,10 +193,10 @@ impl Faults {
     fn flip(&mut self, reply: &mut [u8]) {
         let mut turned = [usize::MAX; 3];
         for n in 0..self.rng.usize(1..=3) {
-            let bit = self.rng.usize(0..reply.len() * 8);
+            let bit = self.rng.usize(0..reply.len() * self.data_bits);
             if !turned.contains(&bit) {
                 turned[n] = bit;
-                reply[bit / 8] ^= 1 << (bit % 8);
+                reply[bit / self.data_bits] ^= 1 << (bit % self.data_bits);
             }
         }
     }
@@ -200,12 +204,11 @@ impl Faults {
     fn add_frame(&mut self, reply: &mut Vec<u8>, mut copy: Vec<u8>) {
         if self.rng.bool() {
             reply.append(&mut copy);
-        } else if let [station, body @ .., _, _] = copy.as_mut_slice() {
-            *station = other_station(*station, self.rng.u8(1..=247));
-            let sum_end = body.len() + 1;
-            let sum = crc::modbus(&copy[..sum_end]).to_le_bytes();
-            copy[sum_end..].copy_from_slice(&sum);
-            reply.splice(0..0, copy);
+        } else if let Some((station, pdu)) = framing::decode(self.framing, &copy) {
+            let station = other_station(station, self.rng.u8(1..=247));
+            let mut foreign = Vec::with_capacity(copy.len());
+            framing::encode(self.framing, &mut foreign, station, |out| out.extend_from_slice(&pdu));
+            reply.splice(0..0, foreign);
         }
     }
 }
@@ -240,14 +243,19 @@ fn hint(nearest: &Option<&'static str>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::wire::crc;
 
     /// Reply to a read of one word: station 1, 60.00 Hz.
     const REPLY: [u8; 7] = [0x01, 0x03, 0x02, 0x17, 0x70, 0xB6, 0x50];
 
     fn spoiled(plan: &str, seed: u64) -> (Fate, Vec<u8>) {
         let mut reply = REPLY.to_vec();
-        let fate = Faults::new(plan.parse().unwrap(), seed).spoil(&mut reply);
+        let fate = faults(plan, seed).spoil(&mut reply);
         (fate, reply)
+    }
+
+    fn faults(plan: &str, seed: u64) -> Faults {
+        Faults::new(plan.parse().unwrap(), Framing::Rtu, 8, seed)
     }
 
     #[test]
@@ -305,8 +313,26 @@ mod tests {
     }
 
     #[test]
+    fn text_is_spoilt_within_its_seven_bits() {
+        let reply = b":010302177073\r\n";
+        let spoilt = |plan: &str, seed| {
+            let mut text = reply.to_vec();
+            Faults::new(plan.parse().unwrap(), Framing::Ascii, 7, seed).spoil(&mut text);
+            text
+        };
+        for seed in 0..500 {
+            assert!(spoilt("noise=1000,flip=1000,cut=1000", seed).is_ascii());
+            assert!(spoilt("noise=1000", seed).ends_with(reply));
+            assert_ne!(spoilt("flip=1000", seed), reply);
+            let both = spoilt("foreign=1000", seed);
+            let (first, second) = both.split_at(reply.len());
+            assert!(framing::decode(Framing::Ascii, first).is_some() && second == reply);
+        }
+    }
+
+    #[test]
     fn a_late_reply_ends_within_its_lateness() {
-        let mut faults = Faults::new("timeout-ms=100,lateness-ms=50".parse().unwrap(), 7);
+        let mut faults = faults("timeout-ms=100,lateness-ms=50", 7);
         for _ in 0..1000 {
             let start = faults.late_start(Duration::from_millis(20));
             assert!((Duration::from_millis(100)..=Duration::from_millis(130)).contains(&start));
@@ -315,7 +341,7 @@ mod tests {
 
     #[test]
     fn chances_are_per_mille() {
-        let mut faults = Faults::new("lost=20".parse().unwrap(), 1);
+        let mut faults = faults("lost=20", 1);
         let lost = (0..100_000).filter(|_| faults.spoil(&mut REPLY.to_vec()) == Fate::Lost).count();
         assert!((1_800..2_200).contains(&lost), "{lost}");
     }

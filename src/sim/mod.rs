@@ -6,6 +6,7 @@
 //! | [`trip`] | trip count and trip records |
 //! | [`drive`] | one drive, from the same model file that the gateway reads: PDUs in, PDUs out |
 //! | [`options`] | what the model does not say of a drive |
+//! | `incoming` | the master's bytes, until they make a request |
 //! | `outbox` | what the drives still have to transmit, and how they collide |
 //! | [`fault`] | seeded faults of replies |
 //! | [`report`] | what an observer on the wire counts |
@@ -23,6 +24,7 @@
 pub mod bus;
 pub mod drive;
 pub mod fault;
+mod incoming;
 pub mod motor;
 pub mod options;
 mod outbox;
@@ -36,13 +38,16 @@ pub use options::{BadRequest, DriveOptions};
 pub use report::BusReport;
 
 #[cfg(test)]
+mod ascii_tests;
+
+#[cfg(test)]
 mod testing {
     //! The model and the frames that the tests of this room share. Addresses and scales are typed from the
     //! interface manual of the Hyundai N700, not read from the model file.
 
     use super::*;
     use crate::domain::ids::Station;
-    use crate::domain::link::LinkSettings;
+    use crate::domain::link::{Framing, LinkSettings};
     use crate::domain::time::MonoTime;
     use crate::profile::catalog::Catalog;
     use crate::profile::model::Model;
@@ -84,8 +89,13 @@ mod testing {
         bus
     }
 
-    pub const UNPACED: BusOptions =
-        BusOptions { pacing: Pacing::None, turnaround: Duration::ZERO, silence: None, faults: FaultPlan::NONE };
+    pub const UNPACED: BusOptions = BusOptions {
+        framing: Framing::Rtu,
+        pacing: Pacing::None,
+        turnaround: Duration::ZERO,
+        silence: None,
+        faults: FaultPlan::NONE,
+    };
 
     /// A frame of six bytes and their CRC.
     pub fn frame(station: u8, function: u8, first: u16, second: u16) -> Vec<u8> {

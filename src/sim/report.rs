@@ -7,7 +7,7 @@ use std::time::Duration;
 /// times there is no silence that could be measured.
 #[derive(Clone, Debug, Default)]
 pub struct BusReport {
-    /// Requests with a right CRC, for any station.
+    /// Requests with a right check, for any station.
     pub requests_heard: u64,
     /// Normal and exception replies that the drives put on the wire, on time or late, whole or damaged.
     pub replies_sent: u64,

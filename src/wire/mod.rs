@@ -1,7 +1,10 @@
-//! Bytes on one side, PDUs on the other: CRC, RTU frames, MBAP, function codes. Knows no drive.
+//! Bytes on one side, PDUs on the other: RTU and ASCII frames with their checks, MBAP, function codes. Knows no drive.
 
+pub mod ascii;
 pub mod crc;
 pub mod exception;
+pub mod frame;
+pub mod framing;
 pub mod mbap;
 pub mod pdu;
 pub mod rtu;

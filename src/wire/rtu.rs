@@ -1,6 +1,7 @@
 //! RTU frames: building them, and finding replies in a stream of bytes by length, CRC and silence.
 
 use super::crc;
+use super::frame::{Expected, Found};
 use super::pdu::function;
 
 /// Longest RTU frame in bytes (Modbus over serial line V1.02, 2.5.1).
@@ -9,6 +10,12 @@ pub const MAX_ADU_BYTES: usize = 256;
 pub const OVERHEAD_BYTES: usize = 3;
 /// Length of an exception reply: station, function, code, CRC.
 pub const EXCEPTION_ADU_BYTES: usize = 5;
+
+/// Length of the frame that carries a PDU of `pdu_bytes`.
+#[must_use]
+pub const fn adu_bytes(pdu_bytes: usize) -> usize {
+    OVERHEAD_BYTES + pdu_bytes
+}
 
 /// Appends the frame for `station` to `out`; `pdu` appends its PDU.
 pub fn encode(out: &mut Vec<u8>, station: u8, pdu: impl FnOnce(&mut Vec<u8>)) {
@@ -53,39 +60,6 @@ pub enum ReplyLength {
     Known(usize),
     /// The function code has no known reply form.
     OnlySilenceTells,
-}
-
-/// The frame that is waited for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Expected {
-    /// The station that was asked.
-    pub station: u8,
-    /// The function that was asked for.
-    pub function: u8,
-    /// Length of the normal reply frame.
-    pub adu_bytes: usize,
-}
-
-impl Expected {
-    /// Length of the frame at the start of `bytes` if that could be the expected reply or its exception.
-    fn adu_bytes_at(&self, bytes: &[u8]) -> Option<usize> {
-        match bytes {
-            [station, code, ..] if *station == self.station && *code == self.function => Some(self.adu_bytes),
-            [station, code, ..] if *station == self.station && *code == self.function | function::EXCEPTION_BIT => {
-                Some(EXCEPTION_ADU_BYTES)
-            }
-            _ => None,
-        }
-    }
-}
-
-/// A sound frame found in the stream.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Found {
-    /// Bytes before the frame that belong to none.
-    pub noise: Vec<u8>,
-    /// The whole frame.
-    pub adu: Vec<u8>,
 }
 
 /// Collects received bytes and finds sound reply frames among them.
@@ -135,6 +109,13 @@ impl Assembler {
         std::mem::take(&mut self.bytes)
     }
 
+    /// Whether the bytes that wait begin like the expected reply or its exception and are as long. With nothing sound
+    /// among them, they are that reply, damaged, once silence has followed.
+    #[must_use]
+    pub fn holds_damaged(&self, expected: &Expected) -> bool {
+        adu_bytes_at(expected, &self.bytes) == Some(self.bytes.len())
+    }
+
     fn find(&self, expected: Option<&Expected>) -> Option<(usize, usize)> {
         if let ReplyLength::Known(length) = reply_adu_bytes(&self.bytes)
             && length <= MAX_ADU_BYTES
@@ -144,13 +125,24 @@ impl Assembler {
         }
         let expected = expected?;
         (1..self.bytes.len()).find_map(|start| {
-            let length = expected.adu_bytes_at(&self.bytes[start..])?;
+            let length = adu_bytes_at(expected, &self.bytes[start..])?;
             self.is_sound_at(start, length).then_some((start, start + length))
         })
     }
 
     fn is_sound_at(&self, start: usize, length: usize) -> bool {
         self.bytes.get(start..start + length).is_some_and(crc::is_sound)
+    }
+}
+
+/// Length of the frame at the start of `bytes` if that could be the expected reply or its exception.
+fn adu_bytes_at(expected: &Expected, bytes: &[u8]) -> Option<usize> {
+    let [station, code, ..] = *bytes else { return None };
+    match code {
+        _ if station != expected.station => None,
+        _ if code == expected.function => Some(expected.adu_bytes),
+        _ if code == expected.function | function::EXCEPTION_BIT => Some(EXCEPTION_ADU_BYTES),
+        _ => None,
     }
 }
 

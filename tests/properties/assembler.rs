@@ -4,8 +4,9 @@ use proptest::prelude::*;
 use proptest::test_runner::FileFailurePersistence;
 use std::collections::BTreeSet;
 use vfd_gateway::wire::crc;
+use vfd_gateway::wire::frame::Expected;
 use vfd_gateway::wire::pdu::{Reply, Request, encode_words_reply};
-use vfd_gateway::wire::rtu::{self, Assembler, Expected, ReplyLength};
+use vfd_gateway::wire::rtu::{self, Assembler, ReplyLength};
 
 fn config() -> ProptestConfig {
     ProptestConfig {

@@ -1,21 +1,20 @@
 //! Whatever happens to a line in whatever order: nothing panics, each request ends once and in time, one frame is
 //! out at a time and never too early, and the line always says when it wants to be woken.
 
-use crate::support::ORIGIN;
-use crate::support::n700;
+use crate::support::{ORIGIN, on};
 use proptest::prelude::*;
 use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::ids::{AskerId, DriveIndex, Station, Ticket};
-use vfd_gateway::domain::link::LinkSettings;
+use vfd_gateway::domain::link::{Framing, LinkSettings};
 use vfd_gateway::domain::native::{NativeAsk, NativeRequest};
 use vfd_gateway::domain::report::PortFault;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup, WakeReason};
 use vfd_gateway::line::timing::Timing;
+use vfd_gateway::wire::framing;
 use vfd_gateway::wire::pdu::{self, Request};
-use vfd_gateway::wire::rtu;
 
 const PATIENCE: Duration = Duration::from_secs(2);
 
@@ -60,6 +59,7 @@ fn event() -> impl Strategy<Value = Event> {
 /// What an observer knows of the line.
 struct Watch {
     core: LineCore,
+    framing: Framing,
     now: MonoTime,
     silence: Duration,
     /// Requests without an answer, with who asked.
@@ -70,8 +70,8 @@ struct Watch {
 }
 
 impl Watch {
-    fn new() -> Self {
-        let model = n700();
+    fn new(framing: Framing) -> Self {
+        let model = on(framing);
         let drives = (1..=3).map(|station| DriveSetup {
             station: Station(station),
             model: Arc::clone(&model),
@@ -80,12 +80,13 @@ impl Watch {
             max_lateness: Duration::from_millis(500),
             control: None,
         });
-        let timing = Timing::for_models(LinkSettings::DEFAULT, [4.5], Duration::ZERO);
+        let timing = Timing::for_models(framing, LinkSettings::DEFAULT, [model.as_ref()], Duration::ZERO);
         let setup = LineSetup { timing, drives: drives.collect(), tells_traffic: true, first_epoch: 1 };
         let now = MonoTime::from_millis(1);
         let core = LineCore::new(setup, now);
         let silence = timing.silence;
-        Self { core, now, silence, open: HashSet::new(), asked: 0, last_frame: vec![], last_byte: MonoTime::ZERO }
+        let (open, last_byte) = (HashSet::new(), MonoTime::ZERO);
+        Self { core, framing, now, silence, open, asked: 0, last_frame: vec![], last_byte }
     }
 
     fn happen(&mut self, event: Event) {
@@ -136,10 +137,10 @@ impl Watch {
     }
 
     fn reply(&mut self, damage: Option<u8>) {
-        let Some((station, pdu)) = rtu::decode(&self.last_frame) else { return };
-        let Some(Request::ReadHolding { count, .. }) = Request::decode(pdu) else { return };
+        let Some((station, pdu)) = framing::decode(self.framing, &self.last_frame) else { return };
+        let Some(Request::ReadHolding { count, .. }) = Request::decode(&pdu) else { return };
         let mut reply = Vec::new();
-        rtu::encode(&mut reply, station, |out| pdu::encode_words_reply(out, &vec![7; count.into()]));
+        framing::encode(self.framing, &mut reply, station, |out| pdu::encode_words_reply(out, &vec![7; count.into()]));
         if let Some(damage) = damage {
             let at = usize::from(damage) % reply.len();
             reply[at] ^= 0x10;
@@ -187,8 +188,11 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn every_request_ends_once_whatever_happens(events in prop::collection::vec(event(), 1..120)) {
-        let mut watch = Watch::new();
+    fn every_request_ends_once_whatever_happens(
+        events in prop::collection::vec(event(), 1..120),
+        framing in prop_oneof![Just(Framing::Rtu), Just(Framing::Ascii)],
+    ) {
+        let mut watch = Watch::new(framing);
         watch.happen(Event::PortUp);
         for event in events {
             watch.happen(event);

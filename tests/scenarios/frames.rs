@@ -1,8 +1,9 @@
 //! Every frame printed in the manuals, both ways: as values, as bytes, and as a receiver meets it on a line.
 
 use serde_json::Value;
+use vfd_gateway::wire::frame::{Expected, Found};
 use vfd_gateway::wire::pdu::{Reply, Request, encode_words_reply};
-use vfd_gateway::wire::rtu::{self, Assembler, Expected, Found};
+use vfd_gateway::wire::rtu::{self, Assembler};
 
 /// One row of the table.
 struct Entry {

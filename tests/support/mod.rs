@@ -10,7 +10,7 @@ use vfd_gateway::domain::command::{
 use vfd_gateway::domain::control::{ControlSettings, FailSafe};
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::{AskerId, DriveIndex, Station, Ticket};
-use vfd_gateway::domain::link::LinkSettings;
+use vfd_gateway::domain::link::{Framing, LinkSettings, Parity};
 use vfd_gateway::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, NativeRequest};
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::domain::traffic::TrafficRecord;
@@ -18,9 +18,10 @@ use vfd_gateway::drive::view::{DriveView, TripEvent};
 use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup, Note};
 use vfd_gateway::line::timing::Timing;
 use vfd_gateway::profile::catalog::Catalog;
-use vfd_gateway::profile::model::Model;
+use vfd_gateway::profile::model::{Confidence, Fact, Model};
 use vfd_gateway::sim::{BusOptions, DriveOptions, FaultPlan, SimBus, SimDrive};
 use vfd_gateway::vendors;
+use vfd_gateway::wire::framing;
 
 /// Addresses whose words carry the number of the exchange that asked for them.
 pub const PROOF: u16 = 0x3000;
@@ -63,7 +64,20 @@ pub fn n700() -> Arc<Model> {
     Arc::clone(catalog.find("hyundai-n700").expect("the model is built in"))
 }
 
-/// How a rig is set up.
+/// Most words that the model of [`on`] an ASCII line gives in one frame.
+pub const ASCII_WORDS: u16 = 6;
+
+/// The N700 on a line with `framing`, as if it had both.
+pub fn on(framing: Framing) -> Arc<Model> {
+    let mut model = Model::clone(&n700());
+    model.link.framings.value = vec![Framing::Rtu, Framing::Ascii];
+    model.link.data_bits.value = vec![7, 8];
+    let source = "made up for tests".to_owned();
+    model.read.max_words_ascii = Some(Fact { value: ASCII_WORDS, confidence: Confidence::Default, source });
+    Arc::new(model.on(framing))
+}
+
+/// How a rig is set up. The bus says which framing its line has.
 pub struct RigOptions {
     /// Number of drives, at stations 1, 2, ...
     pub drives: u8,
@@ -110,6 +124,12 @@ impl RigOptions {
     pub fn controlled() -> Self {
         Self { control: Some(control()), poll: Duration::from_millis(100), ..Self::default() }
     }
+
+    /// The same on an ASCII line of 9600 bit/s with 7 data bits and even parity.
+    pub fn ascii(self) -> Self {
+        let bus = BusOptions { framing: Framing::Ascii, ..self.bus };
+        Self { bus, link: LinkSettings { data_bits: 7, parity: Parity::Even, ..LinkSettings::DEFAULT }, ..self }
+    }
 }
 
 impl Default for RigOptions {
@@ -132,7 +152,9 @@ impl Default for RigOptions {
 #[derive(Clone, Debug)]
 pub struct Sent {
     pub at: MonoTime,
+    /// As it stood on the wire.
     pub frame: Vec<u8>,
+    pub pdu: Vec<u8>,
     /// The number that the words of its right reply carry.
     pub proof: u16,
 }
@@ -155,13 +177,14 @@ pub struct Rig {
     pub keeps_sent: bool,
     /// The next reply to a request of this function is lost.
     pub loses_reply_to: Option<u8>,
+    framing: Framing,
     last_ticket: u64,
     open: HashMap<u64, AskerId>,
 }
 
 impl Rig {
     pub fn new(options: &RigOptions) -> Self {
-        let model = n700();
+        let model = on(options.bus.framing);
         let mut bus = SimBus::new(options.link, BusOptions { faults: FaultPlan::NONE, ..options.bus }, options.seed);
         let mut drives = Vec::new();
         for station in 1..=options.drives {
@@ -177,7 +200,7 @@ impl Rig {
                 control: options.control.clone().map(Arc::new),
             });
         }
-        let timing = Timing::for_models(options.link, [model.timing.gap_chars.value], Duration::ZERO);
+        let timing = Timing::for_models(options.bus.framing, options.link, [model.as_ref()], Duration::ZERO);
         let now = MonoTime::from_millis(1);
         let mut core =
             LineCore::new(LineSetup { timing, drives, tells_traffic: options.tells_traffic, first_epoch: 1 }, now);
@@ -194,6 +217,7 @@ impl Rig {
             sent: Vec::new(),
             keeps_sent: true,
             loses_reply_to: None,
+            framing: options.bus.framing,
             last_ticket: 0,
             open: HashMap::new(),
         };
@@ -303,8 +327,8 @@ impl Rig {
     /// The values that were written to `address`, oldest first.
     pub fn written(&self, address: u16) -> Vec<u16> {
         let place = address.to_be_bytes();
-        let writes = self.sent.iter().filter(|sent| sent.frame[1] == 6 && sent.frame[2..4] == place);
-        writes.map(|sent| u16::from_be_bytes([sent.frame[4], sent.frame[5]])).collect()
+        let writes = self.sent.iter().filter(|sent| sent.pdu[0] == 6 && sent.pdu[1..3] == place);
+        writes.map(|sent| u16::from_be_bytes([sent.pdu[3], sent.pdu[4]])).collect()
     }
 
     /// Lets time pass until `until`; `on_answer` is told each answer and may ask anew.
@@ -376,8 +400,10 @@ impl Rig {
         if !self.keeps_sent {
             self.sent.clear();
         }
-        let proof = (self.bus.exchange(Station(frame[0])) + 1) as u16;
-        if self.loses_reply_to == Some(frame[1]) {
+        let (station, pdu) = framing::decode(self.framing, &frame).expect("only sound frames are sent");
+        let pdu = pdu.into_owned();
+        let proof = (self.bus.exchange(Station(station)) + 1) as u16;
+        if self.loses_reply_to == Some(pdu[0]) {
             self.loses_reply_to = None;
             self.bus.set_faults("lost=1000".parse().expect("a plan"));
             self.bus.receive(self.now, &frame);
@@ -385,6 +411,6 @@ impl Rig {
         } else {
             self.bus.receive(self.now, &frame);
         }
-        self.sent.push(Sent { at: self.now, frame, proof });
+        self.sent.push(Sent { at: self.now, frame, pdu, proof });
     }
 }

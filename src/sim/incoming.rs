@@ -1,0 +1,79 @@
+//! What the drives make of the master's bytes: where a request begins and where it ends.
+
+use crate::domain::link::Framing;
+use crate::wire::framing;
+use crate::wire::{crc, pdu::function};
+use std::time::Duration;
+
+/// Pause between two characters that ends an ASCII frame (Modbus over serial line V1.02, 2.5.2.1).
+const LONGEST_ASCII_HOLE: Duration = Duration::from_secs(1);
+
+/// Bytes of the master that make no whole request yet.
+#[derive(Debug)]
+pub(super) struct Incoming {
+    framing: Framing,
+    bytes: Vec<u8>,
+}
+
+impl Incoming {
+    pub fn new(framing: Framing) -> Self {
+        Self { framing, bytes: Vec::with_capacity(framing::max_adu_bytes(framing) + 1) }
+    }
+
+    pub const fn is_empty(&self) -> bool {
+        self.bytes.is_empty()
+    }
+
+    /// Whether a request begins with `byte`, whatever came before.
+    pub fn begins_with(&self, byte: u8) -> bool {
+        self.is_empty() || (self.framing == Framing::Ascii && byte == b':')
+    }
+
+    /// Takes a byte; one more than the longest frame has shows that there is none.
+    pub fn push(&mut self, byte: u8) {
+        if self.bytes.len() <= framing::max_adu_bytes(self.framing) {
+            self.bytes.push(byte);
+        } else if self.framing == Framing::Ascii {
+            // What is too long has an end, too.
+            self.bytes.remove(0);
+            self.bytes.push(byte);
+        }
+    }
+
+    /// Whether the request is over without any silence: in RTU by its function's length with a right CRC, in ASCII by
+    /// CR LF.
+    pub fn is_whole(&self) -> bool {
+        match self.framing {
+            Framing::Ascii => self.bytes.ends_with(b"\r\n"),
+            Framing::Rtu => is_whole_rtu(&self.bytes),
+        }
+    }
+
+    /// Silence that ends what has begun, where `silence` is what lies between frames.
+    pub const fn longest_hole(&self, silence: Duration) -> Duration {
+        match self.framing {
+            Framing::Rtu => silence,
+            Framing::Ascii => LONGEST_ASCII_HOLE,
+        }
+    }
+
+    /// Gives the bytes out, to be handed back to [`Self::clear`].
+    pub fn take(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.bytes)
+    }
+
+    /// Begins anew in `buffer`.
+    pub fn clear(&mut self, mut buffer: Vec<u8>) {
+        buffer.clear();
+        self.bytes = buffer;
+    }
+}
+
+fn is_whole_rtu(request: &[u8]) -> bool {
+    let length = match (request.get(1), request.get(6)) {
+        (Some(0x01..=0x06 | &function::DIAGNOSTICS), _) => 8,
+        (Some(0x0F | &function::WRITE_MULTIPLE), Some(bytes)) => 9 + usize::from(*bytes),
+        _ => return false,
+    };
+    request.len() == length && crc::is_sound(request)
+}
