@@ -1,14 +1,18 @@
 //! From the text of a model file to a sound model, or to all its problems at once.
 
-use super::file::{BarrierFile, BarrierForm, BlockFile, FactFile, LinkFile, ModelFile, ReadFile, RunFile};
-use super::model::{Model, Role};
-use super::reader::{self, Given, Needed, Place, Written};
-use super::register::{RegisterFile, distinct};
-use crate::domain::problem::Problem;
-use std::collections::{BTreeMap, BTreeSet};
+mod exchange;
+mod link;
+mod registers;
+mod run;
+mod setup;
+mod status;
 
-/// Most words of a reset sequence.
-const RESET_WORDS_MAX: usize = 8;
+use super::file::ModelFile;
+use super::model::Model;
+use super::reader::{self, Given, Written};
+use super::register::{RegisterFile, named};
+use crate::domain::problem::{Problem, nearest};
+use std::collections::BTreeMap;
 
 /// The model that `text` describes.
 ///
@@ -29,147 +33,57 @@ pub fn model(text: &str) -> Result<Model, Vec<Problem>> {
 /// The rules between the keys of a file.
 fn compare(file: &ModelFile, problems: &mut Vec<Problem>) {
     if let Some(link) = &file.link {
-        defaults_are_allowed(link, problems);
-        stations_are_apart(link, problems);
+        link::check(link, problems);
     }
-    distinct(&[], &file.registers, problems);
-    for barrier in &file.barriers {
-        barrier_is_sound(barrier, file, problems);
-    }
+    exchange::check(file, problems);
+    registers::check(file, problems);
     if let Given::Usable(run) = &file.run {
-        run_values_differ(&run.value, problems);
-        reset_is_framed(&run.value, &run.place, problems);
-        commands_are_taken(&run.place, &file.registers, problems);
+        run::check(&run.value, &run.place, &file.registers, problems);
     }
-    for role in [Role::RunCommand, Role::FrequencyCommand] {
-        role_is_writable(role, &file.registers, problems);
-    }
+    status::check(file, problems);
+    setup::check(file, problems);
 }
 
-/// Each default setting is one of those that can be set.
-fn defaults_are_allowed(link: &LinkFile, problems: &mut Vec<Problem>) {
-    let Some(Written { value: default, .. }) = &link.default.value else { return };
-    one_of(&default.baud, &link.bauds, "bauds", problems);
-    one_of(&default.data_bits, &link.data_bits, "data_bits", problems);
-    one_of(&default.parity, &link.parities, "parities", problems);
-    one_of(&default.stop_bits, &link.stop_bits, "stop_bits", problems);
-}
-
-fn one_of<T: PartialEq>(value: &Needed<T>, allowed: &FactFile<Vec<T>>, name: &str, problems: &mut Vec<Problem>) {
-    if let (Some(value), Some(allowed)) = (value, &allowed.value)
-        && !allowed.value.contains(&value.value)
-    {
-        problems.push(value.place.problem("the default cannot be set").right(format!("one of `link.{name}`")));
-    }
-}
-
-/// The range of stations is not empty, and the broadcast is none of them.
-fn stations_are_apart(link: &LinkFile, problems: &mut Vec<Problem>) {
-    let Some(Written { value: stations, .. }) = &link.stations.value else { return };
-    let (Some(from), Some(to)) = (&stations.from, &stations.to) else { return };
-    if from.value > to.value {
-        let problem = to.place.problem(format!("the last station is below the first, {}", from.value));
-        problems.push(problem.right(format!("{} to 247", from.value)));
-    }
-    let broadcast = link.broadcast.as_ref().and_then(|broadcast| broadcast.value.as_ref()?.value.station.as_ref());
-    if let Some(broadcast) = broadcast.filter(|it| (from.value..=to.value).contains(&it.value)) {
-        let problem = broadcast.place.problem("the broadcast is also the station of one drive");
-        problems.push(problem.right(format!("a number outside {} to {}", from.value, to.value)));
-    }
-}
-
-/// A barrier lies within one read and covers only registers that can be read.
-fn barrier_is_sound(barrier: &BarrierFile, file: &ModelFile, problems: &mut Vec<Problem>) {
-    let Some(BarrierForm::Read(BlockFile { address: Some(address), count: Some(count) })) = &barrier.form else {
-        return;
-    };
-    let limits = file.read.as_ref().and_then(ReadFile::ready);
-    if let Some(most) = limits.map(|it| it.words_from(address.value)).filter(|most| *most < count.value) {
-        let problem = count.place.problem("more words than one read from this address may have");
-        problems.push(problem.right(format!("at most {most}")));
-        return;
-    }
-    if let Some(unreadable) = first_unreadable(address.value, count.value, &file.registers) {
-        let what = format!("no register that can be read is at 0x{unreadable:04X}");
-        problems.push(barrier.place.problem(what).right("a range whose every register can be read"));
-    }
-}
-
-/// The first address of the range where no readable register is; nothing also where a register is not known well
-/// enough to tell.
-fn first_unreadable(address: u16, count: u16, registers: &[RegisterFile]) -> Option<u32> {
-    let mut readable = BTreeSet::new();
-    for register in registers {
-        let (address, access) = (register.address.as_ref()?, register.access.as_ref()?);
-        readable.extend(access.value.can_read().then_some(u32::from(address.value)));
-    }
-    let first = u32::from(address);
-    (first..first + u32::from(count)).find(|address| !readable.contains(address))
-}
-
-/// No two run commands have the same value.
-fn run_values_differ(run: &RunFile, problems: &mut Vec<Problem>) {
-    let mut taken: BTreeMap<u16, &Place> = BTreeMap::new();
-    for Written { value, place } in run.words().map(|(_, word)| word) {
-        let Some(first) = taken.get(value) else {
-            taken.insert(*value, place);
-            continue;
-        };
-        let problem = place.problem(format!("the value {value} is taken by {}", first.key));
-        problems.push(problem.right("a value that no other run command has"));
-    }
-}
-
-/// A reset is written between stops and never carries an order to run.
-fn reset_is_framed(run: &RunFile, run_place: &Place, problems: &mut Vec<Problem>) {
-    let value = |fact: &FactFile<u16>| fact.value.as_ref().map(|written| written.value);
-    let Some(reset) = run.reset.as_ref() else {
-        if let Given::Usable(sequence) = &run.reset_sequence {
-            problems.push(sequence.place.problem("there is no `reset` to write").right("a value for `reset`"));
-        }
-        return;
-    };
-    let (Some(reset), Some(stop)) = (value(reset), value(&run.stop)) else { return };
-    let right = format!("[{stop}, {reset}, {stop}], or longer with nothing else in it");
-    match &run.reset_sequence {
-        Given::LeftOut => {
-            let what = "`reset_sequence` is left out, and `reset` is given";
-            problems.push(run_place.missing("reset_sequence").problem(what).right(right));
-        }
-        Given::Unusable => {}
-        Given::Usable(sequence) => {
-            let words: Vec<u16> = sequence.value.iter().map(|word| word.value).collect();
-            let framed = words.first() == Some(&stop);
-            let only = words.iter().all(|word| *word == stop || *word == reset) && words.contains(&reset);
-            if !(framed && only && words.len() <= RESET_WORDS_MAX) {
-                let what = "a reset is written between stops and with nothing else";
-                problems.push(sequence.place.problem(what).right(right));
+/// Reports each of `written` that stands there twice, at its second place.
+fn once<'f, T: Ord + 'f>(
+    written: impl IntoIterator<Item = &'f Written<T>>,
+    called: impl Fn(&T) -> String,
+    right: &str,
+    problems: &mut Vec<Problem>,
+) {
+    let mut taken: BTreeMap<&T, &str> = BTreeMap::new();
+    for Written { value, place } in written {
+        match taken.get(value) {
+            Some(first) => {
+                problems.push(place.problem(format!("{} is taken by {first}", called(value))).right(right));
+            }
+            None => {
+                taken.insert(value, &place.key);
             }
         }
     }
 }
 
-/// Some register takes the run commands.
-fn commands_are_taken(run: &Place, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
-    let may_be = |register: &RegisterFile| match &register.role {
-        Given::LeftOut => false,
-        Given::Unusable => true,
-        Given::Usable(role) => role.value == Role::RunCommand,
+/// The register that is meant by `name`, which must be readable.
+fn readable<'f>(
+    name: &Written<String>,
+    registers: &'f [RegisterFile],
+    problems: &mut Vec<Problem>,
+) -> Option<&'f RegisterFile> {
+    let Some(register) = named(&name.value, registers) else {
+        let names = registers.iter().filter_map(|register| Some(register.name.as_ref()?.value.as_str()));
+        let right = match nearest(&name.value, names) {
+            Some(near) => format!("`{near}`"),
+            None => "the `name` of a register".to_owned(),
+        };
+        problems.push(name.place.problem(format!("no register is called `{}`", name.value)).right(right));
+        return None;
     };
-    if !registers.iter().any(may_be) {
-        let problem = run.problem("no register takes the run commands");
-        problems.push(problem.right("a register with `role = \"run-command\"`"));
+    if register.access.as_ref().is_some_and(|access| !access.value.can_read()) {
+        let problem = name.place.problem(format!("`{}` cannot be read", name.value));
+        problems.push(problem.right("a register with access \"read\" or \"read-write\""));
     }
-}
-
-/// Registers of `role` can be written.
-fn role_is_writable(role: Role, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
-    for register in registers.iter().filter(|it| it.role.usable().is_some_and(|it| it.value == role)) {
-        if let Some(access) = register.access.as_ref().filter(|access| !access.value.can_write()) {
-            let problem = access.place.problem("a register that commands are written to must be writable");
-            problems.push(problem.right("\"write\" or \"read-write\""));
-        }
-    }
+    Some(register)
 }
 
 #[cfg(test)]
