@@ -3,6 +3,8 @@
 #[cfg(test)]
 mod control;
 #[cfg(test)]
+mod models;
+#[cfg(test)]
 mod mqtt;
 #[cfg(test)]
 mod native;
