@@ -120,3 +120,127 @@ fn first_without(block: &BlockFile, may: impl Fn(Access) -> bool, file: &ModelFi
     let counts = |address: &u32| !in_decimal || has_decimal_digits((address & 0xFFFF) as u16);
     (first..).filter(counts).take(count.into()).find(|address| !fit.contains(address))
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::profile::check::model;
+    use crate::profile::testing::{EVERYTHING, MODEL, each_is_told, told_with};
+
+    #[test]
+    fn functions_are_those_that_the_rest_needs() {
+        each_is_told(&[
+            (
+                "[0x03, 0x06, 0x08, 0x10]",
+                "[0x06, 0x08, 0x10]",
+                "functions.value: nothing can be read without function 03 -> 0x03 in the list",
+            ),
+            (
+                "[0x03, 0x06, 0x08, 0x10]",
+                "[0x03, 0x06, 0x08]",
+                "write.block: registers are written together by function 10 hex -> 0x10 in `functions`",
+            ),
+            (
+                "[0x03, 0x06, 0x08, 0x10]",
+                "[0x03, 0x06, 0x10]",
+                "barrier[1]: the drive does not serve the loop test -> 0x08 in `functions`, or another barrier",
+            ),
+            (
+                "[0x03, 0x06, 0x08, 0x10]",
+                "[0x03, 0x06, 0x08, 0x10, 0x2B]",
+                "barrier[2].refused_function.value: function 2B hex is served, so it is not refused -> \
+                 a function that is not in `functions`",
+            ),
+            (
+                "functions = [6]",
+                "functions = [6, 5]",
+                "link.broadcast.functions: function 05 hex is not in `functions` -> functions that the drive serves",
+            ),
+        ]);
+    }
+
+    #[test]
+    fn run_commands_need_the_function_that_writes_them() {
+        let found = told_with(EVERYTHING, "[0x03, 0x06, 0x08, 0x10]", "[0x03, 0x08, 0x10]");
+        assert!(found.contains("functions.value: no run command can be written without function 06\n"), "{found}");
+    }
+
+    #[test]
+    fn ascii_limits_need_ascii_frames() {
+        each_is_told(&[(
+            "value = [\"rtu\", \"ascii\"]",
+            "value = [\"rtu\"]",
+            "read.max_words_ascii.value: the model has no ASCII frames -> \
+             leave it out, or \"ascii\" in `link.framings`",
+        )]);
+    }
+
+    #[test]
+    fn a_block_is_writable_as_a_whole() {
+        each_is_told(&[(
+            "block = { address = 0x2000, count = 2",
+            "block = { address = 0x2001, count = 3",
+            "write.block: no register that can be written is at 0x2003 -> \
+             a range whose every register can be written",
+        )]);
+    }
+
+    #[test]
+    fn a_barrier_has_one_form() {
+        each_is_told(&[
+            (
+                "loop_test = { confidence = \"manual\", source = \"IM 3.5\" }\n",
+                "",
+                "barrier[1]: is no barrier -> exactly one of `read`, `loop_test` and `refused_function`",
+            ),
+            (
+                "loop_test = {",
+                "read = { address = 0x2100, count = 1 }\nloop_test = {",
+                "barrier[1]: is several barriers -> exactly one of `read`, `loop_test` and `refused_function`",
+            ),
+        ]);
+    }
+
+    #[test]
+    fn barriers_keep_to_what_one_read_may_have() {
+        each_is_told(&[
+            (
+                "read = { address = 0x2100, count = 2 }",
+                "read = { address = 0x2100, count = 5 }",
+                "barrier[0].read.count: more words than one read from this address may have -> at most 4",
+            ),
+            (
+                "read = { address = 0x2100, count = 2 }",
+                "read = { address = 0x2102, count = 3 }",
+                "barrier[0]: no register that can be read is at 0x2104 -> a range whose every register can be read",
+            ),
+        ]);
+        let barrier = "boundary = \"high-byte\"\n\n[[barrier]]\nread = { address = 0x01FF, count = 2 }\n\n[write]";
+        assert!(told_with(MODEL, "[write]", barrier).contains("right: at most 1\n"));
+    }
+
+    #[test]
+    fn a_read_is_no_barrier_where_every_read_looks_the_same() {
+        each_is_told(&[(
+            "max_words = { value = 16",
+            "max_words = { value = 1",
+            "barrier[0]: every read looks the same where one word is the most -> `loop_test` or `refused_function`",
+        )]);
+    }
+
+    #[test]
+    fn a_range_follows_the_drive_in_its_counting() {
+        let barrier = |address: &str| format!("read = {{ address = {address}, count = 2 }}");
+        let register = |address: &str| {
+            format!(
+                "[[register]]\nname = \"next\"\ntitle = \"Next\"\naddress = {address}\nunit = \"-\"\n\
+                 access = \"read\"\nconfidence = \"manual\"\nsource = \"IM 6\"\n\n[[register]]\nname = \"status\""
+            )
+        };
+        let text = EVERYTHING.replacen(&barrier("0x2100"), &barrier("0x3009"), 1).replacen(
+            "[[register]]\nname = \"status\"",
+            &register("0x3010"),
+            1,
+        );
+        assert_eq!(model(&text).err(), None);
+    }
+}

@@ -40,3 +40,29 @@ fn stations_are_apart(link: &LinkFile, problems: &mut Vec<Problem>) {
         problems.push(problem.right(format!("a number outside {} to {}", from.value, to.value)));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::profile::testing::each_is_told;
+
+    #[test]
+    fn stations_and_defaults_are_apart_and_allowed() {
+        each_is_told(&[
+            (
+                "broadcast = { station = 0",
+                "broadcast = { station = 9",
+                "link.broadcast.station: the broadcast is also the station of one drive -> a number outside 1 to 127",
+            ),
+            (
+                "from = 1, to = 127",
+                "from = 9, to = 8",
+                "link.stations.to: the last station is below the first, 9 -> 9 to 247",
+            ),
+            (
+                "default = { baud = 19200",
+                "default = { baud = 4800",
+                "link.default.baud: the default cannot be set -> one of `link.bauds`",
+            ),
+        ]);
+    }
+}

@@ -9,7 +9,7 @@ mod status;
 
 use super::file::ModelFile;
 use super::model::Model;
-use super::reader::{self, Given, Written};
+use super::reader::{self, Given, Place, Written};
 use super::register::{RegisterFile, named};
 use crate::domain::problem::{Problem, nearest};
 use std::collections::BTreeMap;
@@ -20,14 +20,19 @@ use std::collections::BTreeMap;
 /// All problems of the file, in the order of their places. A fact must cite one of the file's documents; only
 /// a time on the line may be a cautious choice of ours instead.
 pub fn model(text: &str) -> Result<Model, Vec<Problem>> {
+    model_and_id(text).map(|(model, _)| model)
+}
+
+/// As [`model`], with the place of its identifier.
+pub(super) fn model_and_id(text: &str) -> Result<(Model, Place), Vec<Problem>> {
     let mut problems = Vec::new();
-    let model = reader::document(text, &mut problems).and_then(|document| {
+    let ready = reader::document(text, &mut problems).and_then(|document| {
         let file = ModelFile::read(document.section(), &mut problems);
         compare(&file, &mut problems);
-        file.ready()
+        Some((file.ready()?, file.id?.place))
     });
     problems.sort_by_key(|problem| problem.span.start);
-    model.filter(|_| problems.is_empty()).ok_or(problems)
+    ready.filter(|_| problems.is_empty()).ok_or(problems)
 }
 
 /// The rules between the keys of a file.
@@ -91,37 +96,8 @@ mod tests {
     use super::*;
     use crate::domain::link::LinkSettings;
     use crate::profile::model::Confidence;
-    use crate::profile::testing::{MODEL, told};
+    use crate::profile::testing::{EVERYTHING, MODEL, golden, told, told_with};
     use std::time::Duration;
-
-    /// What is told when `from`, which the sound model has, reads `to` instead.
-    fn told_with(from: &str, to: &str) -> String {
-        assert!(MODEL.contains(from), "{from}");
-        let text = MODEL.replacen(from, to, 1);
-        told(&model(&text).unwrap_err(), &text)
-    }
-
-    fn golden(name: &str, found: &str) {
-        let path = format!("{}/tests/golden/models/{name}", env!("CARGO_MANIFEST_DIR"));
-        if std::env::var_os("UPDATE_GOLDEN").is_some() {
-            std::fs::write(&path, found).unwrap();
-        }
-        assert_eq!(found, std::fs::read_to_string(&path).unwrap(), "{path}");
-    }
-
-    #[test]
-    fn a_reset_is_framed_by_stops() {
-        let with = |sequence: &str| {
-            let fact = |value| format!("{{ value = {value}, confidence = \"manual\", source = \"IM 1\" }}");
-            let run = format!("[run]\nstop = {}\nforward = {}\nreset = {}\n{sequence}\n\n", fact(0), fact(1), fact(4));
-            let register = "[[register]]\nname = \"run\"\ntitle = \"Run\"\naddress = 2\nscale = 1\nunit = \"-\"\n\
-                            access = \"write\"\nrole = \"run-command\"\nconfidence = \"manual\"\nsource = \"IM 1\"\n\n";
-            told_with("[[register]]", &format!("{run}{register}[[register]]"))
-        };
-        for wrong in ["", "reset_sequence = [4]", "reset_sequence = [0, 4, 1]", "reset_sequence = [0, 0, 0]"] {
-            assert!(with(wrong).contains("right: [0, 4, 0]"), "{wrong}: {}", with(wrong));
-        }
-    }
 
     #[test]
     fn a_sound_file_is_a_model() {
@@ -142,7 +118,7 @@ mod tests {
 
     #[test]
     fn what_is_no_toml_is_told_alone() {
-        let found = told_with("vendor = \"Acme\"", "vendor = ");
+        let found = told_with(MODEL, "vendor = \"Acme\"", "vendor = ");
         assert!(found.starts_with("2:") && found.contains(": this is no TOML: "), "{found}");
         assert_eq!(found.lines().count(), 2, "{found}");
     }
@@ -151,60 +127,20 @@ mod tests {
     fn an_empty_file_tells_what_a_model_needs() {
         let found = told(&model("").unwrap_err(), "");
         let keys: Vec<_> = found.lines().filter_map(|line| line.strip_prefix("1:1 ")?.split(':').next()).collect();
-        assert_eq!(keys, ["documents", "id", "vendor", "title", "link", "timing", "read", "write"]);
-    }
-
-    #[test]
-    fn a_run_table_without_its_register_is_told() {
-        let fact = |value| format!("{{ value = {value}, confidence = \"manual\", source = \"IM 5\" }}");
-        let run = format!("[run]\nstop = {}\nforward = {}\n\n[[register]]", fact(0), fact(1));
-        let found = told_with("[[register]]", &run);
-        let expected = "\
-29:1 run: no register takes the run commands
-    right: a register with `role = \"run-command\"`
-";
-        assert_eq!(found, expected);
-    }
-
-    #[test]
-    fn barriers_keep_to_what_one_read_may_have() {
-        let barrier =
-            |address, count| format!("[[barrier_read]]\naddress = {address}\ncount = {count}\n\n[[register]]");
-        let found = told_with("[[register]]", &barrier("0x0101", 5));
-        let expected = "\
-31:9 barrier_read[0].count: more words than one read from this address may have
-    right: at most 4
-";
-        assert_eq!(found, expected);
-
-        let found = told_with("[[register]]", &barrier("0x0101", 2));
-        let expected = "\
-29:1 barrier_read[0]: no register that can be read is at 0x0102
-    right: a range whose every register can be read
-";
-        assert_eq!(found, expected);
-
-        let text = MODEL.replacen("[write]", "boundary = \"high-byte\"\n\n[write]", 1);
-        let text = text.replacen("[[register]]", &barrier("0x01FF", 2), 1);
-        assert!(told(&model(&text).unwrap_err(), &text).contains("right: at most 1\n"));
-    }
-
-    #[test]
-    fn the_broadcast_is_no_station() {
-        let found = told_with(
-            "[timing]",
-            "[link.broadcast]\nstation = 9\nfunctions = [6]\nconfidence = \"manual\"\nsource = \"IM 1\"\n\n[timing]",
-        );
-        let expected = "\
-19:11 link.broadcast.station: the broadcast is also the station of one drive
-    right: a number outside 1 to 247
-";
-        assert_eq!(found, expected);
+        assert_eq!(keys, ["documents", "id", "vendor", "title", "link", "timing", "functions", "read", "write"]);
     }
 
     #[test]
     fn a_source_is_not_told_wrong_while_the_documents_are_missing() {
-        let found = told_with("[documents]\nIM = \"Interface manual\"\n", "");
+        let found = told_with(MODEL, "[documents]\nIM = \"Interface manual\"\n", "");
         assert_eq!(found, "1:1 documents: `documents` is missing\n    right: a table `documents`\n");
+    }
+
+    #[test]
+    fn a_third_party_may_be_cited_but_a_default_only_for_a_time() {
+        let fact = "confidence = \"third-party\", source = \"FN 2\"";
+        let found = told_with(EVERYTHING, fact, "confidence = \"default\", source = \"FN 2\"");
+        assert!(found.contains("`default` is for timings only") && found.contains("\"third-party\""), "{found}");
+        assert_eq!(model(EVERYTHING).unwrap().quirks.decimal_numbers.unwrap().confidence, Confidence::ThirdParty);
     }
 }

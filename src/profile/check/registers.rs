@@ -72,3 +72,107 @@ fn percent_is_of_something(quirks: &QuirksFile, registers: &[RegisterFile], prob
 fn is_known(register: &RegisterFile) -> bool {
     register.unit.is_some() && !matches!(register.role, Given::Unusable)
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::profile::testing::{EVERYTHING, each_is_told, told_with};
+
+    #[test]
+    fn commands_are_written_to_registers_that_take_them() {
+        each_is_told(&[
+            (
+                "access = \"write\"\nrole = \"run-command\"",
+                "access = \"write\"\nback_door = \"it runs\"\nrole = \"run-command\"",
+                "register[0].back_door: a register that commands are written to is no back door -> leave it out",
+            ),
+            (
+                "access = \"write\"\nrole = \"run-command\"",
+                "access = \"read\"\nrole = \"run-command\"",
+                "write.block: no register that can be written is at 0x2000 -> \
+                 a range whose every register can be written\n\
+                 register[0].access: a register that commands are written to must be writable -> \
+                 \"write\" or \"read-write\"",
+            ),
+        ]);
+    }
+
+    #[test]
+    fn only_older_trips_may_have_a_role_together() {
+        each_is_told(&[(
+            "role = \"output-current\"",
+            "role = \"output-frequency\"",
+            "quirks.percent_of_rated: no current or voltage with a role is in per cent -> \
+             leave it out, or unit = \"%\" where it is so\n\
+             register[8].role: this role is taken by register[7].role -> \
+             one that no other register of the model has",
+        )]);
+    }
+
+    #[test]
+    fn per_cent_is_of_something() {
+        each_is_told(&[
+            (
+                "percent_of_rated = { confidence = \"manual\", source = \"IM 4\" }\n",
+                "",
+                "register[8].unit: per cent of what is not said -> the quirk `percent_of_rated`, or \"A\" or \"V\"",
+            ),
+            (
+                "unit = \"%\"\naccess = \"read\"\nrole = \"output-current\"",
+                "unit = \"A\"\naccess = \"read\"\nrole = \"output-current\"",
+                "quirks.percent_of_rated: no current or voltage with a role is in per cent -> \
+                 leave it out, or unit = \"%\" where it is so",
+            ),
+        ]);
+    }
+
+    #[test]
+    fn addresses_are_those_that_the_drive_has() {
+        each_is_told(&[
+            (
+                "address = 0x2103",
+                "address = 0x210A",
+                "register[6].address: 0x210A is no address: this drive counts in decimal digits -> \
+                 0 to 9 in each of the last two places",
+            ),
+            (
+                "address = 0x2103",
+                "address = 0x21A0",
+                "register[6].address: 0x21A0 is no address: this drive counts in decimal digits -> \
+                 0 to 9 in each of the last two places",
+            ),
+            (
+                "address = 0x2103",
+                "address = 0xA103",
+                "register[6].address: 0xA103 is the stored twin of another register: it has bit 15 -> \
+                 0x2103, the register itself",
+            ),
+        ]);
+    }
+
+    #[test]
+    fn codes_keep_to_their_rule() {
+        each_is_told(&[(
+            "code = \"U.09\"",
+            "code = \"U.08\"",
+            "register[9].code: `U.08` is 0x3008 by `codes`, and not 0x3009 -> \
+             the code that belongs to the address, or leave it out",
+        )]);
+        let rule = "groups = { P = 0x01, U = 0x30 }\nseparator = \".\"";
+        each_is_told(&[
+            (rule, "", "codes: says no rule -> either `groups` or `form = \"hexadecimal\"`"),
+            (
+                "separator = \".\"",
+                "form = \"hexadecimal\"",
+                "codes: says two rules -> either `groups` or `form = \"hexadecimal\"`",
+            ),
+            (rule, "groups = {}", "codes.groups: is empty -> at least one group with its high byte"),
+            (
+                rule,
+                "form = \"hexadecimal\"\nseparator = \".\"",
+                "codes.separator: a separator stands between group and number -> leave it out",
+            ),
+        ]);
+        let found = told_with(EVERYTHING, "groups = { P = 0x01", "groups = { P = 256");
+        assert!(found.contains("codes.groups.P: 256 is out of range\n"), "{found}");
+    }
+}

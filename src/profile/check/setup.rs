@@ -51,3 +51,68 @@ fn interface_is_there(setup: &SetupFile, interfaces: Option<&[Interface]>, probl
         problems.push(interface.place.problem(what).right("one of `link.interfaces`"));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::profile::testing::each_is_told;
+
+    #[test]
+    fn what_is_set_over_the_bus_can_be_read_back() {
+        each_is_told(&[
+            (
+                "values = [2, 3]\n",
+                "",
+                "setup[0].values: `values` is left out, and `register` is given -> \
+                 the words that are right, first the one that is written",
+            ),
+            ("values = [2, 3]", "values = []", "setup[0].values: is empty -> at least a whole number from 0 to 65535"),
+            (
+                "register = \"run_source\"\n",
+                "",
+                "setup[0].values: `values` is given, and `register` is left out -> \
+                 the register that holds one of them, or leave it out",
+            ),
+            (
+                "register = \"run_source\"",
+                "register = \"run_command\"",
+                "setup[0].register: `run_command` cannot be read -> a register with access \"read\" or \"read-write\"",
+            ),
+            (
+                "register = \"run_source\"",
+                "register = \"firmware\"",
+                "setup[0].register: `firmware` cannot be written -> a register with access \"read-write\"",
+            ),
+            (
+                "register = \"run_source\"",
+                "register = \"run_sauce\"",
+                "setup[0].register: no register is called `run_sauce` -> `run_source`",
+            ),
+        ]);
+    }
+
+    #[test]
+    fn what_is_set_for_an_interface_needs_it() {
+        each_is_told(&[(
+            "interfaces = { value = [\"rs485\", \"rs232\"]",
+            "interfaces = { value = [\"rs485\"]",
+            "setup[1].interface: the model has no rs232 -> one of `link.interfaces`",
+        )]);
+    }
+
+    #[test]
+    fn a_watchdog_is_read_where_it_stands() {
+        each_is_told(&[
+            (
+                "register = \"loss_time\"",
+                "register = \"torque_command\"",
+                "watchdog.register: `torque_command` cannot be read -> \
+                 a register with access \"read\" or \"read-write\"",
+            ),
+            (
+                "action = \"loss_reaction\"",
+                "action = \"reaction\"",
+                "watchdog.action: no register is called `reaction` -> the `name` of a register",
+            ),
+        ]);
+    }
+}

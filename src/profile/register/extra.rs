@@ -41,21 +41,22 @@ mod tests {
     use crate::profile::check;
     use crate::profile::model::Access;
     use crate::profile::reader::document;
-    use crate::profile::testing::{MODEL, told};
+    use crate::profile::testing::{EVERYTHING, MODEL, told};
 
-    fn extended(text: &str) -> (Model, String) {
+    fn extended(model: &str, text: &str) -> (Model, String) {
         let mut problems = Vec::new();
         let document = document(text, &mut problems).unwrap();
         let mut reader = Reader::new(document.section(), &mut problems);
         let sections = reader.tables("register");
         let extra: Vec<_> = sections.into_iter().map(|section| extra_register(section, &mut problems)).collect();
-        let model = with_extra(&check::model(MODEL).unwrap(), &extra, &mut problems);
+        let model = with_extra(&check::model(model).unwrap(), &extra, &mut problems);
         (model, told(&problems, text))
     }
 
     #[test]
     fn registers_of_the_configuration_join_in_order_of_address() {
         let (model, problems) = extended(
+            MODEL,
             "[[register]]\nname = 'output_current'\ntitle = 'Current'\naddress = 0x0100\nunit = 'A'\nscale = 10\n\
              access = 'read'\npoll = 'slow'\n",
         );
@@ -71,6 +72,7 @@ mod tests {
     #[test]
     fn registers_of_the_configuration_take_nothing_from_the_model() {
         let (model, problems) = extended(
+            MODEL,
             "[[register]]\nname = 'd001'\ntitle = 'a'\naddress = 0x0101\nunit = '-'\naccess = 'read'\n\
              role = 'trip-count'\nsource = 'IM 1'\n\
              [[register]]\nname = 'output_frequency'\ntitle = 'b'\ncode = 'D001'\naddress = 5\nunit = '-'\n\
@@ -94,5 +96,34 @@ mod tests {
 ";
         assert_eq!(problems, expected);
         assert_eq!(model.registers.len(), 1);
+    }
+
+    #[test]
+    fn registers_of_the_configuration_keep_to_how_the_model_counts() {
+        let text = "[[register]]\nname = 'a'\ntitle = 'A'\naddress = 0x310A\nunit = '-'\naccess = 'read'\n\
+                    [[register]]\nname = 'b'\ntitle = 'B'\naddress = 0xB102\nunit = '-'\naccess = 'read'\n\
+                    [[register]]\nname = 'c'\ntitle = 'C'\ncode = 'P.05'\naddress = 0x3105\nunit = '-'\n\
+                    access = 'read'\n";
+        let (model, problems) = extended(EVERYTHING, text);
+        let expected = "\
+4:11 register[0].address: 0x310A is no address: this drive counts in decimal digits
+    right: 0 to 9 in each of the last two places
+10:11 register[1].address: 0xB102 is the stored twin of another register: it has bit 15
+    right: 0x3102, the register itself
+16:8 register[2].code: `P.05` is 0x0105 by `codes`, and not 0x3105
+    right: the code that belongs to the address, or leave it out
+";
+        assert_eq!(problems, expected);
+        assert_eq!(model, check::model(EVERYTHING).unwrap());
+    }
+
+    #[test]
+    fn only_a_model_says_what_its_words_mean() {
+        for key in ["memory = 'ram'", "range = [0, 1]", "values = { 0 = 'off' }", "back_door = 'x'"] {
+            let text =
+                format!("[[register]]\nname = 'a'\ntitle = 'A'\naddress = 5\nunit = '-'\naccess = 'read'\n{key}\n");
+            let (_, problems) = extended(MODEL, &text);
+            assert!(problems.starts_with("7:1 register[0].") && problems.contains(": there is no key `"), "{problems}");
+        }
     }
 }

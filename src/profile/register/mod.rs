@@ -116,7 +116,10 @@ impl RegisterFile {
             Given::Usable(Written { value, place }) => (value, place),
         };
         let [least, most] = &list[..] else {
-            let what = format!("has {} numbers", list.len());
+            let what = match list.len() {
+                1 => "has 1 number".to_owned(),
+                many => format!("has {many} numbers"),
+            };
             reader.problems().push(place.problem(what).right("two: the least and the greatest value"));
             return Given::Unusable;
         };
@@ -174,4 +177,72 @@ fn name(text: &str) -> Option<String> {
         && text.len() <= 64
         && text.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_');
     fits.then(|| text.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::check;
+    use crate::profile::testing::{EVERYTHING, each_is_told};
+
+    #[test]
+    fn ranges_and_meanings_become_raw_numbers() {
+        let model = check::model(EVERYTHING).unwrap();
+        let register = |name: &str| model.register_named(name).unwrap();
+        assert_eq!(register("loss_time").range, Some(0..=255));
+        assert_eq!(register("torque_command").range, Some(-3000..=3000));
+        assert_eq!((register("status").range.clone(), register("status").memory), (None, None));
+        assert_eq!(register("run_source").memory, Some(Memory::Stored));
+        let words: Vec<_> = register("run_source").meanings.iter().map(|(word, _)| *word).collect();
+        assert_eq!((words, register("run_source").meaning(10)), (vec![0, 1, 2, 10], Some("bus and keypad")));
+    }
+
+    #[test]
+    fn the_ends_of_a_range_are_steps_of_the_register() {
+        let range = "range = [0.0, 25.5]";
+        each_is_told(&[
+            (
+                range,
+                "range = [0.0, 25.55]",
+                "register[11].range[1]: 25.55 is finer than the register's steps of 1/10 -> \
+                 a value that the register can hold",
+            ),
+            (
+                range,
+                "range = [-1, 6554]",
+                "register[11].range[0]: -1 is outside 0.0 to 6553.5 -> a value that the register can hold\n\
+                 register[11].range[1]: 6554 is outside 0.0 to 6553.5 -> a value that the register can hold",
+            ),
+            (range, "range = [1, 0.5]", "register[11].range: 1 is above 0.5 -> the least value first"),
+            (range, "range = [1]", "register[11].range: has 1 number -> two: the least and the greatest value"),
+            (
+                range,
+                "range = [0, 65536]",
+                "register[11].range[1]: 65536 is out of range -> a number from -32768 to 65535",
+            ),
+        ]);
+    }
+
+    #[test]
+    fn meanings_stand_beside_their_words() {
+        let values = "values = { \"0\" = \"decelerate\", \"1\" = \"coast\", \"2\" = \"go on\" }";
+        let no_word = "is no word of a register -> a decimal number from \"0\" to \"65535\"";
+        for wrong in ["01", "+1", "0x1", "65536", "one"] {
+            let expected = format!("register[12].values.{wrong}: `{wrong}` {no_word}");
+            each_is_told(&[(values, &format!("values = {{ \"{wrong}\" = \"coast\" }}"), &expected)]);
+        }
+        each_is_told(&[
+            (
+                values,
+                "values = {}",
+                "register[12].values: is empty -> the meaning of at least one word, or leave it out",
+            ),
+            (
+                values,
+                "values = { \"0\" = 1 }",
+                "register[12].values.0: must be text, not a whole number -> text, not empty",
+            ),
+            (values, "values = [\"coast\"]", "register[12].values: must be a table, not a list -> a table: `{ ... }`"),
+        ]);
+    }
 }
