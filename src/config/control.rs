@@ -56,7 +56,7 @@ pub(super) fn settle(
         lost_after: file.lost_after.as_ref()?.value,
         on_shutdown: file.on_shutdown.as_ref()?.value,
         accept_unverified: lists::values(&file.accept_unverified).unwrap_or_default(),
-        allow_release: false,
+        allow_release: file.allow_release.or(false)?,
         strict: file.strict.or(false)?,
         restart_delay: file.restart_delay.or(DEFAULT_RESTART_DELAY)?,
         stop_effect_timeout: file.stop_effect_timeout.or(DEFAULT_STOP_EFFECT)?,
@@ -125,7 +125,9 @@ fn can_be_controlled(model: &Model, place: &Place, problems: &mut Vec<Problem>) 
     false
 }
 
-fn why_not(model: &Model) -> Option<String> {
+/// Why no drive of `model` can be controlled; nothing: it can.
+#[must_use]
+pub fn why_not(model: &Model) -> Option<String> {
     let Some(run) = &model.run else { return Some("its description has no run commands".to_owned()) };
     let role = |role| model.register_for(role);
     let (Some(run_register), Some(frequency)) = (role(Role::RunCommand), role(Role::FrequencyCommand)) else {
@@ -133,6 +135,11 @@ fn why_not(model: &Model) -> Option<String> {
     };
     if frequency.unit != UnitOfMeasure::Hertz {
         return Some("its frequency command is not in Hz".to_owned());
+    }
+    if role(Role::OutputFrequency).is_none_or(|output| output.poll.is_none()) {
+        return Some(
+            "its description has no output frequency that is polled, to see that a stop takes effect".to_owned(),
+        );
     }
     let facts = [
         ("stop", run.stop.confidence),
@@ -203,6 +210,9 @@ fn actions(file: &ControlFile, directions: Option<&[Direction]>, model: &Model, 
             can_do(file, ControlAction::Coast, model, &fail_safe.place, "\"stop\" or \"hold\"", problems);
         }
     }
+    if let Some(Written { value: true, place }) = file.allow_release.usable() {
+        can_do(file, ControlAction::Release, model, place, "leave it out", problems);
+    }
     let Given::Usable(accepted) = &file.accept_unverified else { return };
     lists::once(&accepted.value, problems);
     for Written { value: action, place } in &accepted.value {
@@ -215,6 +225,9 @@ fn actions(file: &ControlFile, directions: Option<&[Direction]>, model: &Model, 
             Has::Unproven(_) if *action == ControlAction::Reverse && !may_reverse(directions) => {
                 "`directions` does not allow \"reverse\", so nothing is to be accepted".to_owned()
             }
+            Has::Unproven(_) if *action == ControlAction::Release && !may_release(file) => {
+                "`allow_release` is not true, so nothing is to be accepted".to_owned()
+            }
             Has::Unproven(_) => continue,
         };
         problems.push(place.problem(what).right("leave it out"));
@@ -223,6 +236,10 @@ fn actions(file: &ControlFile, directions: Option<&[Direction]>, model: &Model, 
 
 fn may_reverse(directions: Option<&[Direction]>) -> bool {
     directions.is_none_or(|directions| directions.contains(&Direction::Reverse))
+}
+
+fn may_release(file: &ControlFile) -> bool {
+    file.allow_release.or(false).unwrap_or(true)
 }
 
 /// Reports at `place` that `action` is missing, or unproven and not accepted. `instead` needs no such action.

@@ -19,12 +19,24 @@ use std::time::Duration;
 /// The whole file.
 #[derive(Debug)]
 pub(super) struct File {
-    pub name: Given<Name>,
-    pub data_dir: Given<PathBuf>,
+    pub gateway: GatewayFile,
     pub lines: Vec<LineFile>,
     pub mqtt: Given<MqttFile>,
     pub listeners: Vec<ListenerFile>,
     pub http: Given<HttpFile>,
+}
+
+/// `[gateway]`
+#[derive(Debug)]
+pub(super) struct GatewayFile {
+    pub name: Given<Name>,
+    pub data_dir: Given<PathBuf>,
+    pub model_dirs: Given<Vec<Written<PathBuf>>>,
+}
+
+impl GatewayFile {
+    /// What holds without the table.
+    pub const LEFT_OUT: Self = Self { name: Given::LeftOut, data_dir: Given::LeftOut, model_dirs: Given::LeftOut };
 }
 
 /// One `[[line]]`.
@@ -67,6 +79,10 @@ pub(super) struct DriveFile {
     pub poll: Given<Duration>,
     pub reply_timeout: Given<Option<Duration>>,
     pub max_lateness: Given<Duration>,
+    /// In mA.
+    pub rated_current: Given<u32>,
+    /// In mV.
+    pub rated_voltage: Given<u32>,
     pub registers: Vec<RegisterFile>,
     pub dead_bands: Given<Vec<(String, Written<f64>)>>,
     pub control: Given<ControlFile>,
@@ -94,6 +110,7 @@ pub(super) struct ControlFile {
     pub lost_after: Needed<Duration>,
     pub on_shutdown: Needed<FailSafe>,
     pub accept_unverified: Given<Vec<Written<ControlAction>>>,
+    pub allow_release: Given<bool>,
     pub strict: Given<bool>,
     pub restart_delay: Given<Duration>,
     pub stop_effect_timeout: Given<Duration>,

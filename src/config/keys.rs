@@ -135,6 +135,7 @@ pub const KEYS: &[Key] = &[
 
     key(Section::Gateway, "name", "name", Some("the host's name"), "What the gateway is called in its messages and topics."),
     key(Section::Gateway, "data_dir", "absolute path", Some("none"), "The directory in which the gateway's tools reach it."),
+    key(Section::Gateway, "model_dirs", "list of absolute paths", Some("none"), "Directories whose `*.toml` files are models of your own."),
 
     key(Section::Line, "name", "name", None, "What the line is called; unique among the lines."),
     key(Section::Line, "port", "absolute path", None, "The serial device, best by its id, or a pseudo-terminal."),
@@ -157,6 +158,8 @@ pub const KEYS: &[Key] = &[
     key(Section::Drive, "poll", "\"10ms\" to \"1h\"", Some("\"500ms\""), "Period of the fast polls; slow ones take four times that."),
     key(Section::Drive, "reply_timeout", "\"auto\", or \"1ms\" to \"60s\"", Some("the line's"), "Longest wait for a reply of this drive."),
     key(Section::Drive, "max_lateness", "\"10ms\" to \"60s\"", Some("the model's"), "How long after a time-out a late reply may still come."),
+    key(Section::Drive, "rated_current_a", "A, up to 100000", Some("shown in per cent"), "Rated current; for models that report the current in per cent of it."),
+    key(Section::Drive, "rated_voltage_v", "V, up to 100000", Some("shown in per cent"), "Rated voltage; for models that report the voltage in per cent of it."),
     key(Section::Drive, "register", "tables", Some("none"), "Registers that the model does not list, stated by the operator."),
     key(Section::Drive, "dead_bands", "table: polled register = number", Some("none"), "Smaller changes, in the register's unit, are not published over MQTT before the heartbeat."),
     key(Section::Drive, "control", "table", Some("read-only from everywhere"), "Who may command the drive, what, and what happens when nobody does any more."),
@@ -179,7 +182,8 @@ pub const KEYS: &[Key] = &[
     key(Section::Control, "on_commander_lost", "\"stop\", \"coast\" or \"hold\"", None, "What is done when the commander falls silent."),
     key(Section::Control, "lost_after", "\"1s\" to \"1h\", more than \"1s\"", None, "How long it may be silent; more than a command may wait, and with a session lease at least three probes."),
     key(Section::Control, "on_shutdown", "\"stop\", \"coast\" or \"hold\"", None, "What is done when the gateway is ended on purpose."),
-    key(Section::Control, "accept_unverified", "list of \"reverse\", \"reset\", \"coast\"", Some("[]"), "Actions that the model marks as unproven and that are used all the same."),
+    key(Section::Control, "accept_unverified", "list of \"reverse\", \"reset\", \"coast\", \"release\"", Some("[]"), "Actions that the model marks as unproven and that are used all the same."),
+    key(Section::Control, "allow_release", "true or false", Some("false"), "Whether control may be handed back to panel and terminals; a closed terminal may then start the motor."),
     key(Section::Control, "commands", "\"plain\" or \"strict\"", Some("\"plain\""), "Strict: RUN over MQTT only with `epoch` or `issued_at`."),
     key(Section::Control, "restart_delay", "\"0s\" to \"1min\"", Some("\"2s\""), "Plain RUN over MQTT is refused for this long after a stop."),
     key(Section::Control, "stop_effect_timeout", "\"500ms\" to \"1min\"", Some("\"3s\""), "A stop that shows no effect for this long is an alarm."),
@@ -219,16 +223,11 @@ pub const KEYS: &[Key] = &[
 /// Every key that is known but refused.
 #[rustfmt::skip]
 pub const NOT_SERVED: &[NotServed] = &[
-    refused(Section::Gateway, "model_dirs", "leave it out; registers that a model lacks go into `[[line.drive.register]]`"),
-
     refused(Section::Line, "rs485", "leave it out; the adapter or its driver must turn the direction by itself"),
 
     refused(Section::Drive, "interlocks", "leave it out; what must not run together is wired or decided by the commander"),
     refused(Section::Drive, "lease", "leave it out; `lost_after` in `[line.drive.control]` says how long a lease lasts"),
-    refused(Section::Drive, "rated_current_a", "leave it out; no model reports in per cent of the rated current"),
     refused(Section::Drive, "max_status_age", "leave it out; the planned age of the values follows from `poll`"),
-
-    refused(Section::Control, "allow_release", "leave it out; control is not handed back to panel or terminals"),
 
     refused(Section::Mqtt, "home_assistant", "leave it out; entities are set up by hand in Home Assistant"),
     refused(Section::Mqtt, "sparkplug", "leave it out; the topics are the gateway's own"),
@@ -242,8 +241,8 @@ mod tests {
     use super::super::tests::{CONTROLLED, example, problems, with};
     use super::*;
 
-    /// Keys that exclude another one, so that the example file shows them in a comment only.
-    const EXCLUDED: [&str; 1] = ["password_env"];
+    /// Keys that exclude another one, or that need what the example has not, so that it shows them in a comment only.
+    const EXCLUDED: [&str; 4] = ["password_env", "model_dirs", "rated_current_a", "rated_voltage_v"];
 
     /// The tables of `section` in a parsed file.
     fn tables(file: &toml::Table, section: Section) -> Vec<toml::Table> {

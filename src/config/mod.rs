@@ -16,6 +16,7 @@ mod listen;
 mod lists;
 mod mqtt;
 mod native;
+mod ratings;
 mod read;
 pub mod ready;
 mod resolve;
@@ -24,6 +25,8 @@ mod tests;
 mod units;
 pub mod words;
 
+pub use control::why_not as why_not_controlled;
+pub use ratings::shown_in_per_cent;
 pub use ready::{
     BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings, HttpSettings, LineSettings,
     ListenerSettings, MqttSettings, PasswordSource, Silence, TlsSettings, command_deadline,
@@ -31,6 +34,16 @@ pub use ready::{
 
 use crate::domain::problem::Problem;
 use crate::profile::catalog::Catalog;
+use crate::profile::reader::Written;
+use resolve::Models;
+use std::path::PathBuf;
+
+/// The directories whose models belong into the catalogue with which `text` is [loaded](load), each with its place.
+/// None where they cannot be told, which loading reports.
+#[must_use]
+pub fn model_dirs(text: &str) -> Vec<Written<PathBuf>> {
+    read::model_dirs(text)
+}
 
 /// The configuration that `text` states, with the models of `catalog`.
 ///
@@ -38,9 +51,20 @@ use crate::profile::catalog::Catalog;
 /// Every problem of the text, at least one, in the order of the text. A text that is no TOML is reported as
 /// such, and its keys are not looked at.
 pub fn load(text: &str, catalog: &Catalog) -> Result<Config, Vec<Problem>> {
+    with_models(text, Models { catalog, are_all: true })
+}
+
+/// The problems of `text` as far as they show with a `catalog` that lacks models, because the files of those have
+/// problems of their own: a drive's model that is not there may be one of them.
+#[must_use]
+pub fn problems_without_some_models(text: &str, catalog: &Catalog) -> Vec<Problem> {
+    with_models(text, Models { catalog, are_all: false }).err().unwrap_or_default()
+}
+
+fn with_models(text: &str, models: Models<'_>) -> Result<Config, Vec<Problem>> {
     let mut problems = Vec::new();
     let file = read::read(text, &mut problems);
-    let config = file.and_then(|file| resolve::resolve(&file, catalog, &mut problems));
+    let config = file.and_then(|file| resolve::resolve(&file, models, &mut problems));
     match config {
         Some(config) if problems.is_empty() => Ok(config),
         _ => {

@@ -19,47 +19,88 @@ pub(super) fn settle(drive: &DriveFile, model: Option<&Model>, problems: &mut Ve
     let (list, model) = (file.write.as_ref()?, model?);
     let mut addresses = Vec::new();
     for written in &list.value {
-        match writable(written, model) {
-            Ok(register) if addresses.contains(&register.address) => {
-                let what = format!("register `{}`, 0x{:04X}, is listed twice", register.name, register.address);
+        match named(written, model).and_then(|listed| listed.writable(written)) {
+            Ok(listed) if addresses.contains(&listed.address) => {
+                let what = format!("register `{}`, 0x{:04X}, is listed twice", listed.register.name, listed.address);
                 problems.push(written.place.problem(what));
             }
-            Ok(register) => addresses.push(register.address),
+            Ok(listed) => addresses.push(listed.address),
             Err(problem) => problems.push(problem),
         }
     }
     Some(addresses)
 }
 
-/// The register that `written` names, if it may be opened for writing.
-fn writable<'m>(written: &Written<String>, model: &'m Model) -> Result<&'m Register, Problem> {
-    let register = named(written, model)?;
-    let problem = |why: &str| written.place.problem(format!("`{}` {why}", register.name));
-    match register.role {
-        Some(Role::RunCommand | Role::FrequencyCommand) => Err(problem("is what commands are written to").right(
-            "leave it out; `control` says what may be commanded, and each write there is reviewed as a command",
-        )),
-        Some(Role::FrequencySetting | Role::FrequencySource | Role::RunSource) => {
-            Err(problem("decides what the motor obeys, and would be a way around `control`").right("leave it out"))
+/// What an address of the list writes to.
+#[derive(Clone, Copy)]
+pub struct Listed<'m> {
+    /// The address itself.
+    pub address: u16,
+    /// The register there.
+    pub register: &'m Register,
+    /// The register of which it is the stored twin, where it is one.
+    pub twin_of: Option<&'m Register>,
+}
+
+/// What `address` writes to on `model`; nothing: the model has no register there.
+#[must_use]
+pub fn listed(model: &Model, address: u16) -> Option<Listed<'_>> {
+    let twin_of = model.quirks.stored_alias_bit.as_ref().and_then(|bit| {
+        let bit = 1_u16.checked_shl(bit.value.into())?;
+        if address & bit == 0 { None } else { model.register_at(address & !bit) }
+    });
+    let register = model.register_at(address).or(twin_of)?;
+    Some(Listed { address, register, twin_of })
+}
+
+impl Listed<'_> {
+    /// It, if it may be opened for writing.
+    fn writable(self, written: &Written<String>) -> Result<Self, Problem> {
+        // A register that the configuration adds may stand at the address of a twin.
+        for register in self.twin_of.into_iter().chain([self.register]) {
+            self.is_no_way_around_control(register, written)?;
         }
-        _ if !register.access.can_write() => {
-            Err(problem("cannot be written").right("registers with the access \"write\" or \"read-write\""))
+        if self.register.access.can_write() {
+            return Ok(self);
         }
-        _ => Ok(register),
+        let problem = written.place.problem(format!("{} cannot be written", self.called(self.register)));
+        Err(problem.right("registers with the access \"write\" or \"read-write\""))
+    }
+
+    fn is_no_way_around_control(self, register: &Register, written: &Written<String>) -> Result<(), Problem> {
+        let refused = |why: &str| written.place.problem(format!("{} {why}", self.called(register)));
+        if let Some(why) = &register.back_door {
+            return Err(refused(&format!("is never written: {why}")).right("leave it out"));
+        }
+        match register.role {
+            Some(Role::RunCommand | Role::FrequencyCommand) => Err(refused("is what commands are written to").right(
+                "leave it out; `control` says what may be commanded, and each write there is reviewed as a command",
+            )),
+            Some(role) if role.is_guarded() => {
+                Err(refused("decides what the motor obeys, and would be a way around `control`").right("leave it out"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// `register` as a message calls it.
+    fn called(self, register: &Register) -> String {
+        let twin = if register.address == self.address { "" } else { "the stored twin of " };
+        format!("{twin}`{}`", register.name)
     }
 }
 
-/// The register that `written` calls by its name, its code or, in hexadecimal, its address.
-fn named<'m>(written: &Written<String>, model: &'m Model) -> Result<&'m Register, Problem> {
+/// What `written` calls by the name or the code of a register or, in hexadecimal, by an address.
+fn named<'m>(written: &Written<String>, model: &'m Model) -> Result<Listed<'m>, Problem> {
     let text = written.value.as_str();
     if let Some(digits) = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         let address = u16::from_str_radix(digits, 16).ok().filter(|_| !digits.starts_with('+'));
-        return address.and_then(|address| model.register_at(address)).ok_or_else(|| {
+        return address.and_then(|address| listed(model, address)).ok_or_else(|| {
             let problem = written.place.problem(format!("{} has no register at `{text}`", model.id));
             problem.right("the address of a register of the model, or of one added by `[[line.drive.register]]`")
         });
     }
-    model.register_named(text).ok_or_else(|| {
+    model.register_named(text).and_then(|register| listed(model, register.address)).ok_or_else(|| {
         let labels = model.registers.iter().flat_map(|it| it.code.as_deref().into_iter().chain([it.name.as_str()]));
         let problem = written.place.problem(format!("{} has no register `{text}`", model.id));
         match nearest(text, labels) {

@@ -3,6 +3,7 @@
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::{Name, Station, UnitId};
 use crate::domain::link::{Framing, Interface, LinkSettings};
+use crate::drive::description::Ratings;
 use crate::guard::COMMAND_DEADLINE;
 use crate::north::mqtt::{LeaseMode, Settings, Version};
 use crate::profile::model::Model;
@@ -91,6 +92,8 @@ pub struct DriveSettings {
     pub max_lateness: Duration,
     /// What may be commanded, the native registers that may be written included; nothing: read-only.
     pub control: Option<Arc<ControlSettings>>,
+    /// Rated values, for models that report in per cent of them.
+    pub ratings: Ratings,
     /// Least change that is published, by the name of a polled register, in its unit.
     pub dead_bands: Vec<(String, f64)>,
 }

@@ -4,11 +4,12 @@ use super::file::{DriveFile, File, LineFile, ListenerFile};
 use super::link::{self, OnLine, Settled};
 use super::ready::{Config, DriveSettings, GatewaySettings, HttpSettings, LineSettings, ListenerSettings, Silence};
 use super::units::{self, Units};
-use super::{commanders, control, listen, lists, mqtt, native};
+use super::{commanders, control, listen, lists, mqtt, native, ratings};
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
 use crate::domain::link::{Framing, Interface};
 use crate::domain::problem::{Problem, nearest};
+use crate::drive::description::Ratings;
 use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;
 use crate::profile::reader::{Given, Place, Written};
@@ -20,11 +21,21 @@ use std::time::Duration;
 /// The poll period of a drive that names none.
 const DEFAULT_POLL: Duration = Duration::from_millis(500);
 
+/// The models that a configuration may name.
+#[derive(Clone, Copy)]
+pub(super) struct Models<'a> {
+    pub catalog: &'a Catalog,
+    /// Whether the catalogue holds all of them. A name that is not in it may be a slip of the pen only then.
+    pub are_all: bool,
+}
+
 /// The ready configuration; nothing if anything of `file` cannot be used, which `problems` then says.
-pub(super) fn resolve(file: &File, catalog: &Catalog, problems: &mut Vec<Problem>) -> Option<Config> {
+pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Problem>) -> Option<Config> {
     unique(file, problems);
+    let are_all = models.are_all && !matches!(file.gateway.model_dirs, Given::Unusable);
+    let models = Models { are_all, ..models };
     let is_published = !matches!(file.mqtt, Given::LeftOut);
-    let parts: Vec<LineParts> = file.lines.iter().map(|line| parts_of(line, catalog, is_published, problems)).collect();
+    let parts: Vec<LineParts> = file.lines.iter().map(|line| parts_of(line, models, is_published, problems)).collect();
     let served = listen::settle(file, problems);
     let units = units::settle(file, &served, problems);
     let mqtt = whole(&file.mqtt, |file| mqtt::settle(file, problems));
@@ -34,7 +45,10 @@ pub(super) fn resolve(file: &File, catalog: &Catalog, problems: &mut Vec<Problem
     let lines = lines.map(|((line, parts), units)| ready_line(line, parts, units));
     let listeners = file.listeners.iter().zip(served).map(|(listener, served)| ready_listener(listener, served));
     Some(Config {
-        gateway: GatewaySettings { name: file.name.clone().optional()?, data_dir: file.data_dir.clone().optional()? },
+        gateway: GatewaySettings {
+            name: file.gateway.name.clone().optional()?,
+            data_dir: file.gateway.data_dir.clone().optional()?,
+        },
         lines: lines.collect::<Option<Vec<_>>>()?,
         listeners: listeners.collect::<Option<Vec<_>>>()?,
         mqtt: mqtt?,
@@ -61,6 +75,7 @@ struct LineParts {
 struct DriveParts {
     model: Option<Arc<Model>>,
     control: Option<Option<Arc<ControlSettings>>>,
+    ratings: Option<Ratings>,
     dead_bands: Option<Vec<(String, f64)>>,
 }
 
@@ -73,6 +88,8 @@ fn unique(file: &File, problems: &mut Vec<Problem>) {
     once(drive_names, |name| format!("the name `{name}`"), "a name that no other drive of the gateway has", problems);
     let right = "a port of its own; drives on one bus belong to one line";
     once(ports, |port| format!("the port {}", port.display()), right, problems);
+    let model_dirs = file.gateway.model_dirs.usable().into_iter().flat_map(|dirs| &dirs.value);
+    once(model_dirs, |dir| format!("the directory {}", dir.display()), "each directory once", problems);
 }
 
 fn once<'a, T: Ord + 'a>(
@@ -93,8 +110,8 @@ fn once<'a, T: Ord + 'a>(
 }
 
 /// Looks up the models of a line and checks what one line must keep, whatever the others do.
-fn parts_of(line: &LineFile, catalog: &Catalog, is_published: bool, problems: &mut Vec<Problem>) -> LineParts {
-    let drives: Vec<_> = line.drives.iter().map(|drive| drive_parts(drive, catalog, is_published, problems)).collect();
+fn parts_of(line: &LineFile, models: Models<'_>, is_published: bool, problems: &mut Vec<Problem>) -> LineParts {
+    let drives: Vec<_> = line.drives.iter().map(|drive| drive_parts(drive, models, is_published, problems)).collect();
     stations(line, &drives, problems);
     alone_on_rs232(line, problems);
     let mut on_line: Vec<OnLine> = Vec::new();
@@ -108,11 +125,12 @@ fn parts_of(line: &LineFile, catalog: &Catalog, is_published: bool, problems: &m
     LineParts { drives, settled }
 }
 
-fn drive_parts(drive: &DriveFile, catalog: &Catalog, is_published: bool, problems: &mut Vec<Problem>) -> DriveParts {
-    let model = model_of(drive, catalog, problems);
+fn drive_parts(drive: &DriveFile, models: Models<'_>, is_published: bool, problems: &mut Vec<Problem>) -> DriveParts {
+    let model = model_of(drive, models, problems);
     let control = control::settle(drive, model.as_deref(), problems);
+    let ratings = ratings::settle(drive, model.as_deref(), problems);
     let dead_bands = native::dead_bands(drive, model.as_deref(), is_published, problems);
-    DriveParts { model, control, dead_bands }
+    DriveParts { model, control, ratings, dead_bands }
 }
 
 fn alone_on_rs232(line: &LineFile, problems: &mut Vec<Problem>) {
@@ -124,10 +142,10 @@ fn alone_on_rs232(line: &LineFile, problems: &mut Vec<Problem>) {
 }
 
 /// The model of a drive, with the registers that the file adds to it.
-fn model_of(drive: &DriveFile, catalog: &Catalog, problems: &mut Vec<Problem>) -> Option<Arc<Model>> {
+fn model_of(drive: &DriveFile, models: Models<'_>, problems: &mut Vec<Problem>) -> Option<Arc<Model>> {
     let written = drive.model.as_ref()?;
-    let Some(model) = catalog.find(&written.value).cloned() else {
-        problems.push(unknown_model(written, catalog));
+    let Some(model) = models.catalog.find(&written.value).cloned() else {
+        problems.extend(models.are_all.then(|| unknown_model(written, models.catalog)));
         return None;
     };
     if drive.registers.is_empty() {
@@ -201,6 +219,7 @@ fn ready_drive(
         reply_timeout: drive.reply_timeout.or(line_timeout)?,
         max_lateness: drive.max_lateness.or(model.timing.max_lateness.value)?,
         control: parts.control?,
+        ratings: parts.ratings?,
         dead_bands: parts.dead_bands?,
         model,
     })

@@ -27,10 +27,11 @@ pub const FAIL_SAFES: [(&str, FailSafe); 3] = [
 ];
 
 /// Actions that may rest on an unproven fact.
-pub const ACTIONS: [(&str, ControlAction); 3] = [
+pub const ACTIONS: [(&str, ControlAction); 4] = [
     (ControlAction::Reverse.word(), ControlAction::Reverse),
     (ControlAction::Reset.word(), ControlAction::Reset),
     (ControlAction::Coast.word(), ControlAction::Coast),
+    (ControlAction::Release.word(), ControlAction::Release),
 ];
 
 /// Whether RUN over MQTT must say which stop it follows.

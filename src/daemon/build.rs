@@ -6,7 +6,7 @@ use super::north::Mqtt;
 use super::shared::Shared;
 use crate::config::{self, BrokerSettings, Config, DriveSettings, LineSettings, MqttSettings, PasswordSource, Silence};
 use crate::domain::ids::{DriveIndex, Name};
-use crate::drive::description::{DriveDescription, DriveRef, Ratings};
+use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::plan::{self, PollGroup};
 use crate::gateway::{DriveSetup, LineSetup};
 use crate::line::budget::{self, ASSUMED_TURNAROUND, Budget, PlannedRead};
@@ -64,7 +64,7 @@ fn description(place: DriveRef, line: &LineSettings, drive: &DriveSettings, stre
         unit: drive.unit,
         uniform_unit: drive.uniform_unit,
         poll: drive.poll.mul_f64(stretch),
-        ratings: Ratings::default(),
+        ratings: drive.ratings,
         control: drive.control.clone(),
         dead_bands: drive.dead_bands.clone(),
     }

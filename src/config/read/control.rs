@@ -30,6 +30,7 @@ pub(super) fn read_control(mut reader: Reader<'_, '_>) -> ControlFile {
         lost_after: reader.required("lost_after", &Kind::duration(LOST_AFTER)),
         on_shutdown: reader.required("on_shutdown", &Kind::one_of(&FAIL_SAFES)),
         accept_unverified: reader.list("accept_unverified", &Kind::one_of(&ACTIONS)),
+        allow_release: reader.optional("allow_release", &Kind::flag()),
         strict: reader.optional("commands", &Kind::one_of(&COMMANDS)),
         restart_delay: reader.optional("restart_delay", &Kind::duration(RESTART_DELAY)),
         stop_effect_timeout: reader.optional("stop_effect_timeout", &Kind::duration(STOP_EFFECT)),

@@ -4,7 +4,7 @@ mod control;
 mod mqtt;
 mod network;
 
-use super::file::{DriveFile, File, LineFile};
+use super::file::{DriveFile, File, GatewayFile, LineFile};
 use super::keys;
 use super::ready::Silence;
 use crate::domain::ids::{Name, Station, UnitId};
@@ -24,6 +24,8 @@ const REPLY_TIMEOUT: RangeInclusive<Duration> = Duration::from_millis(1)..=Durat
 const MAX_LATENESS: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(60);
 /// A dead band; no register has finer steps than the least, nor values beyond the greatest.
 const DEAD_BAND: RangeInclusive<f64> = 0.000_001..=100_000.0;
+/// A rated current in A or voltage in V.
+const RATED: RangeInclusive<f64> = 0.001..=100_000.0;
 const POLL: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(3600);
 
 /// The configuration as it is written; nothing: `text` is no TOML, and `problems` says where.
@@ -31,13 +33,13 @@ pub(super) fn read(text: &str, problems: &mut Vec<Problem>) -> Option<File> {
     let document = document(text, problems)?;
     let mut reader = Reader::new(document.section(), problems);
     refuse_not_served(&mut reader, keys::Section::Root);
-    let (name, data_dir) = match inner(&mut reader, "gateway", read_gateway) {
+    let gateway = match inner(&mut reader, "gateway", read_gateway) {
         Given::Usable(gateway) => gateway.value,
-        Given::LeftOut | Given::Unusable => (Given::LeftOut, Given::LeftOut),
+        Given::LeftOut => GatewayFile::LEFT_OUT,
+        Given::Unusable => GatewayFile { model_dirs: Given::Unusable, ..GatewayFile::LEFT_OUT },
     };
     let file = File {
-        name,
-        data_dir,
+        gateway,
         lines: each(&mut reader, "line", read_line),
         mqtt: inner(&mut reader, "mqtt", mqtt::read_mqtt),
         listeners: each(&mut reader, "modbus_tcp", network::read_listener),
@@ -51,12 +53,26 @@ pub(super) fn read(text: &str, problems: &mut Vec<Problem>) -> Option<File> {
     Some(file)
 }
 
-fn read_gateway(mut reader: Reader<'_, '_>) -> (Given<Name>, Given<PathBuf>) {
+fn read_gateway(mut reader: Reader<'_, '_>) -> GatewayFile {
     refuse_not_served(&mut reader, keys::Section::Gateway);
-    let name = reader.optional("name", &name_kind());
-    let data_dir = reader.optional("data_dir", &absolute_path());
+    let gateway = GatewayFile {
+        name: reader.optional("name", &name_kind()),
+        data_dir: reader.optional("data_dir", &absolute_path()),
+        model_dirs: reader.list("model_dirs", &absolute_path()),
+    };
     reader.finish();
-    (name, data_dir)
+    gateway
+}
+
+/// The directories of `text` that hold models; none where it is no TOML, or where one of them is wrong.
+pub(super) fn model_dirs(text: &str) -> Vec<Written<PathBuf>> {
+    let mut problems = Vec::new();
+    let Some(document) = document(text, &mut problems) else { return Vec::new() };
+    let mut reader = Reader::new(document.section(), &mut problems);
+    match inner(&mut reader, "gateway", read_gateway) {
+        Given::Usable(Written { value: GatewayFile { model_dirs: Given::Usable(dirs), .. }, .. }) => dirs.value,
+        _ => Vec::new(),
+    }
 }
 
 fn read_line(mut reader: Reader<'_, '_>) -> LineFile {
@@ -96,6 +112,8 @@ fn read_drive(mut reader: Reader<'_, '_>) -> DriveFile {
         poll: reader.optional("poll", &Kind::duration(POLL)),
         reply_timeout: reader.optional("reply_timeout", &Kind::duration(REPLY_TIMEOUT).or_word("auto")),
         max_lateness: reader.optional("max_lateness", &Kind::duration(MAX_LATENESS)),
+        rated_current: read_rated(&mut reader, "rated_current_a"),
+        rated_voltage: read_rated(&mut reader, "rated_voltage_v"),
         registers: read_registers(&mut reader),
         dead_bands: inner(&mut reader, "dead_bands", |reader| reader.all(&Kind::decimal(DEAD_BAND))),
         control: inner(&mut reader, "control", control::read_control),
@@ -153,6 +171,21 @@ fn read_station(reader: &mut Reader<'_, '_>) -> Needed<Station> {
 
 fn read_unit(reader: &mut Reader<'_, '_>, key: &'static str) -> Given<UnitId> {
     turned(reader.optional(key, &Kind::number(UnitId::MIN..=UnitId::MAX)), UnitId::new)
+}
+
+/// A rated value in thousandths.
+fn read_rated(reader: &mut Reader<'_, '_>, key: &'static str) -> Given<u32> {
+    let Written { value, place } = match reader.optional(key, &Kind::decimal(RATED)) {
+        Given::LeftOut => return Given::LeftOut,
+        Given::Unusable => return Given::Unusable,
+        Given::Usable(written) => written,
+    };
+    let thousandths = (value * 1000.0).round();
+    if thousandths / 1000.0 != value {
+        reader.problems().push(place.problem(format!("{value} is finer than 0.001")).right("at most three decimals"));
+        return Given::Unusable;
+    }
+    Given::Usable(Written { value: thousandths as u32, place })
 }
 
 /// What `turn` makes of the value; it takes every value that the kind lets through.

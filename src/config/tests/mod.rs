@@ -5,6 +5,8 @@ mod control;
 #[cfg(test)]
 mod framing;
 #[cfg(test)]
+mod models;
+#[cfg(test)]
 mod mqtt;
 #[cfg(test)]
 mod native;
