@@ -32,27 +32,31 @@ pub struct Budget {
     pub longest_exchange: Duration,
 }
 
-/// Time that one read of `count` words takes: silence, request, turnaround, reply.
+/// Time that one exchange takes: silence, request, turnaround, reply.
+#[must_use]
+pub fn exchange_time(timing: &Timing, request_bytes: usize, turnaround: Duration, reply_bytes: usize) -> Duration {
+    timing.silence + timing.on_wire(request_bytes) + turnaround + timing.on_wire(reply_bytes)
+}
+
+/// Time that one read of `count` words takes if the drive answers after `turnaround`.
 #[must_use]
 pub fn read_time(timing: &Timing, count: u16, turnaround: Duration) -> Duration {
     const REQUEST_BYTES: usize = 8;
-    let reply_bytes = 5 + 2 * usize::from(count);
-    timing.silence + timing.on_wire(REQUEST_BYTES) + turnaround + timing.on_wire(reply_bytes)
+    exchange_time(timing, REQUEST_BYTES, turnaround, 5 + 2 * usize::from(count))
 }
 
-/// Longest time from the acceptance of a stop to its first bit on a line whose drives, each with its longest wait for a
-/// reply and its most words in one read, all answer in time or not at all: one exchange that has just begun, and the
-/// silence after it. Several stops at once go one after the other: each further one adds a [`write_time`].
+/// Longest time from the acceptance of a stop to its first bit on a line whose `exchanges` all end with a reply in time
+/// or without any: the longest of them that has just begun, and the silence after it. Several stops at once go one
+/// after the other: each further one adds a [`write_time`].
 #[must_use]
-pub fn worst_stop(timing: &Timing, drives: impl IntoIterator<Item = (Duration, u16)>) -> Duration {
-    let exchange = drives.into_iter().map(|(timeout, words)| read_time(timing, words, timeout)).max();
-    exchange.unwrap_or_default() + timing.silence
+pub fn worst_stop(timing: &Timing, exchanges: impl IntoIterator<Item = Duration>) -> Duration {
+    exchanges.into_iter().max().unwrap_or_default() + timing.silence
 }
 
-/// Time that one write takes if the drive answers after `turnaround`: silence, request, turnaround, reply.
+/// Time that one write takes if the drive answers after `turnaround`.
 #[must_use]
 pub fn write_time(timing: &Timing, turnaround: Duration) -> Duration {
-    timing.silence + timing.on_wire(WRITE_BYTES) + turnaround + timing.on_wire(WRITE_BYTES)
+    exchange_time(timing, WRITE_BYTES, turnaround, WRITE_BYTES)
 }
 
 /// Adds up a plan.
