@@ -16,10 +16,11 @@ use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::domain::traffic::TrafficRecord;
 use vfd_gateway::drive::view::{DriveView, TripEvent};
 use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup, Note};
+use vfd_gateway::line::timeouts::ReplyTimeouts;
 use vfd_gateway::line::timing::Timing;
 use vfd_gateway::profile::catalog::Catalog;
 use vfd_gateway::profile::model::Model;
-use vfd_gateway::sim::{BusOptions, DriveOptions, FaultPlan, SimBus, SimDrive};
+use vfd_gateway::sim::{BadRequest, BusOptions, DriveOptions, FaultPlan, SimBus, SimDrive};
 use vfd_gateway::vendors;
 
 /// Addresses whose words carry the number of the exchange that asked for them.
@@ -81,6 +82,10 @@ pub struct RigOptions {
     pub tells_traffic: bool,
     /// What may be commanded of every drive.
     pub control: Option<ControlSettings>,
+    /// What every drive is.
+    pub model: Arc<Model>,
+    /// What every drive does with a request that it cannot serve.
+    pub bad_request: BadRequest,
 }
 
 /// Everything allowed from everywhere, 5 to 50 Hz, 3 s of lease, stops at the end.
@@ -124,6 +129,8 @@ impl Default for RigOptions {
             seed: 1,
             tells_traffic: false,
             control: None,
+            model: n700(),
+            bad_request: BadRequest::default(),
         }
     }
 }
@@ -161,18 +168,18 @@ pub struct Rig {
 
 impl Rig {
     pub fn new(options: &RigOptions) -> Self {
-        let model = n700();
+        let model = &options.model;
         let mut bus = SimBus::new(options.link, BusOptions { faults: FaultPlan::NONE, ..options.bus }, options.seed);
         let mut drives = Vec::new();
         for station in 1..=options.drives {
             let proof_words = Some(PROOF..=PROOF + 0xFF);
-            let drive = DriveOptions { proof_words, ..DriveOptions::default() };
-            bus.connect(Station(station), SimDrive::new(Arc::clone(&model), drive));
+            let drive = DriveOptions { proof_words, bad_request: options.bad_request, ..DriveOptions::default() };
+            bus.connect(Station(station), SimDrive::new(Arc::clone(model), drive));
             drives.push(DriveSetup {
                 station: Station(station),
-                model: Arc::clone(&model),
+                model: Arc::clone(model),
                 poll: options.poll,
-                reply_timeout: options.reply_timeout,
+                timeouts: ReplyTimeouts::fixed(options.reply_timeout),
                 max_lateness: model.timing.max_lateness.value,
                 control: options.control.clone().map(Arc::new),
             });
