@@ -1,0 +1,74 @@
+//! The rules between registers, quirks and the rule of codes.
+
+use crate::domain::problem::Problem;
+use crate::domain::units::UnitOfMeasure;
+use crate::profile::file::{CodesFile, ModelFile, QuirksFile};
+use crate::profile::model::Role;
+use crate::profile::reader::{Given, Needed, Written};
+use crate::profile::register::{RegisterFile, addresses_fit, codes_fit, distinct};
+
+/// What may be in per cent of the drive's rated values.
+const RATED: [Role; 5] =
+    [Role::OutputCurrent, Role::OutputVoltage, Role::TripCurrent, Role::DcLinkVoltage, Role::TripDcLinkVoltage];
+
+pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
+    distinct(&[], &file.registers, problems);
+    for role in [Role::RunCommand, Role::FrequencyCommand] {
+        takes_commands(role, &file.registers, problems);
+    }
+    let quirks = match &file.quirks {
+        Given::LeftOut => &QuirksFile::default(),
+        Given::Unusable => return,
+        Given::Usable(quirks) => &quirks.value,
+    };
+    percent_is_of_something(quirks, &file.registers, problems);
+    let alias_bit = quirks.stored_alias_bit.as_ref().and_then(|fact| Some(fact.value.as_ref()?.value));
+    addresses_fit(quirks.decimal_numbers.is_some(), alias_bit, &file.registers, problems);
+    if let Some(rule) = file.codes.usable().and_then(|codes| CodesFile::ready(&codes.value)) {
+        codes_fit(&rule, &file.registers, problems);
+    }
+}
+
+/// Registers of `role` can be written, and are no way around the commands.
+fn takes_commands(role: Role, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+    for register in registers.iter().filter(|it| it.role.usable().is_some_and(|it| it.value == role)) {
+        if let Some(access) = register.access.as_ref().filter(|access| !access.value.can_write()) {
+            let problem = access.place.problem("a register that commands are written to must be writable");
+            problems.push(problem.right("\"write\" or \"read-write\""));
+        }
+        if let Given::Usable(Written { place, .. }) = &register.back_door {
+            let problem = place.problem("a register that commands are written to is no back door");
+            problems.push(problem.right("leave it out"));
+        }
+    }
+}
+
+/// What is in per cent of rated values is so by a fact, and the fact is about something.
+fn percent_is_of_something(quirks: &QuirksFile, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+    let is_rated = |register: &&RegisterFile| register.role.usable().is_some_and(|role| RATED.contains(&role.value));
+    let in_percent: Vec<_> = registers
+        .iter()
+        .filter(is_rated)
+        .filter_map(|register| register.unit.as_ref())
+        .filter(|unit| unit.value == UnitOfMeasure::Percent)
+        .collect();
+    match &quirks.percent_of_rated {
+        None => problems.extend(in_percent.into_iter().map(|unit| {
+            let problem = unit.place.problem("per cent of what is not said");
+            problem.right("the quirk `percent_of_rated`, or \"A\" or \"V\"")
+        })),
+        Some(quirk) if in_percent.is_empty() && registers.iter().all(is_known) => {
+            let place: &Needed<()> = &quirk.value;
+            problems.extend(place.as_ref().map(|it| {
+                let problem = it.place.problem("no current or voltage with a role is in per cent");
+                problem.right("leave it out, or unit = \"%\" where it is so")
+            }));
+        }
+        Some(_) => {}
+    }
+}
+
+/// Whether unit and role can be told.
+fn is_known(register: &RegisterFile) -> bool {
+    register.unit.is_some() && !matches!(register.role, Given::Unusable)
+}
