@@ -137,10 +137,10 @@ impl StationState {
 
     /// The station was silent; it is asked less and less often, unless it may be deaf for a while.
     pub fn silent(&mut self, now: MonoTime) {
-        if self.silent_in_a_row == 0 {
+        self.silent_in_a_row = self.silent_in_a_row.saturating_add(1);
+        if self.silent_in_a_row == KNOWN_SILENT_AFTER {
             self.may_be_deaf(now);
         }
-        self.silent_in_a_row = self.silent_in_a_row.saturating_add(1);
         if !self.is_known_silent() {
             return;
         }
@@ -321,7 +321,7 @@ mod tests {
             assert_eq!(silent(&mut station, lost + Duration::from_millis(at)), DEAF_WAIT);
         }
         assert!(station.is_known_silent() && station.is_dirty(lost + DEAF));
-        let waits = [2000, 3000, 5000].map(|at| silent(&mut station, lost + Duration::from_millis(at)).as_secs());
+        let waits = [2300, 3300, 5300].map(|at| silent(&mut station, lost + Duration::from_millis(at)).as_secs());
         assert_eq!(waits, [1, 2, 4], "after that it is as dead as any other");
     }
 

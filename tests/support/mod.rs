@@ -60,8 +60,13 @@ pub const STOP: Order = Order::Stop { setpoint: None };
 
 /// The built-in N700.
 pub fn n700() -> Arc<Model> {
+    model("hyundai-n700")
+}
+
+/// The built-in model called `id`.
+pub fn model(id: &str) -> Arc<Model> {
     let catalog = Catalog::from_texts(vendors::texts().iter().copied()).expect("built-in models are sound");
-    Arc::clone(catalog.find("hyundai-n700").expect("the model is built in"))
+    Arc::clone(catalog.find(id).expect("the model is built in"))
 }
 
 /// How a rig is set up.
@@ -162,6 +167,8 @@ pub struct Rig {
     pub keeps_sent: bool,
     /// The next reply to a request of this function is lost.
     pub loses_reply_to: Option<u8>,
+    /// What is sent comes back at once, as from an adapter that hears itself.
+    pub echoes: bool,
     last_ticket: u64,
     open: HashMap<u64, AskerId>,
 }
@@ -201,6 +208,7 @@ impl Rig {
             sent: Vec::new(),
             keeps_sent: true,
             loses_reply_to: None,
+            echoes: false,
             last_ticket: 0,
             open: HashMap::new(),
         };
@@ -391,6 +399,9 @@ impl Rig {
             self.bus.set_faults(FaultPlan::NONE);
         } else {
             self.bus.receive(self.now, &frame);
+        }
+        if self.echoes {
+            self.core.handle(self.now, Input::Bytes(&frame));
         }
         self.sent.push(Sent { at: self.now, frame, proof });
     }
