@@ -34,12 +34,16 @@ mod support;
 
 #[path = "scenarios/ascii_line.rs"]
 mod ascii_line;
+#[path = "scenarios/barriers.rs"]
+mod barriers;
 #[path = "scenarios/commander_lost.rs"]
 mod commander_lost;
 #[path = "scenarios/commands.rs"]
 mod commands;
 #[path = "scenarios/conversation.rs"]
 mod conversation;
+#[path = "scenarios/deaf_times.rs"]
+mod deaf_times;
 #[path = "scenarios/every_request_ends.rs"]
 mod every_request_ends;
 #[path = "scenarios/families.rs"]

@@ -10,6 +10,7 @@ use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::plan::{self, PollGroup};
 use crate::gateway::{DriveSetup, LineSetup};
 use crate::line::budget::{self, ASSUMED_TURNAROUND, Budget, PlannedRead};
+use crate::line::timeouts::ReplyTimeouts;
 use crate::line::timing::Timing;
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -143,12 +144,16 @@ pub fn line_port(line: &LineSettings) -> LinePort {
     }
 }
 
+fn reply_timeouts(drive: &DriveSettings) -> ReplyTimeouts {
+    drive.reply_timeout.map_or_else(|| ReplyTimeouts::auto(&drive.model.timing), ReplyTimeouts::fixed)
+}
+
 fn drive_setup(drive: &DriveSettings) -> DriveSetup {
     DriveSetup {
         station: drive.station,
         model: Arc::clone(&drive.model),
         poll: drive.poll,
-        reply_timeout: drive.reply_timeout.unwrap_or(drive.model.timing.reply_timeout_cap.value),
+        timeouts: reply_timeouts(drive),
         max_lateness: drive.max_lateness,
         control: drive.control.clone(),
     }

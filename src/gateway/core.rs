@@ -11,6 +11,8 @@ use crate::domain::time::MonoTime;
 use crate::drive::plan::PollPlan;
 use crate::drive::snapshot::{DriveSnapshot, Presence};
 use crate::drive::view::DriveView;
+use crate::line::barriers::{Barriers, Nonces};
+use crate::line::echo::EchoWatch;
 use crate::line::schedule::{ReadJob, Schedule};
 use crate::line::station::StationState;
 use crate::line::transaction::Wire;
@@ -25,6 +27,9 @@ pub struct LineCore {
     pub(super) state: LineState,
     pub(super) wire: Wire,
     pub(super) stations: Vec<StationState>,
+    pub(super) barriers: Vec<Barriers>,
+    pub(super) nonces: Nonces,
+    pub(super) echo: EchoWatch,
     pub(super) plans: Vec<PollPlan>,
     pub(super) snapshots: Vec<DriveSnapshot>,
     pub(super) works: Vec<DriveWork>,
@@ -63,6 +68,8 @@ pub(super) enum Purpose {
     Poll { address: u16 },
     /// Only to prove that no late reply can follow.
     Barrier,
+    /// Only to see whether the barrier at this place of the model's can be relied on.
+    Trial(usize),
 }
 
 impl LineCore {
@@ -84,7 +91,10 @@ impl LineCore {
             fault: None,
             state: LineState::Down,
             wire: Wire::new(setup.timing, now),
-            stations: (0..count).map(|_| StationState::default()).collect(),
+            stations: setup.drives.iter().map(|drive| StationState::new(&drive.model)).collect(),
+            barriers: setup.drives.iter().map(|drive| Barriers::new(&drive.model)).collect(),
+            nonces: Nonces::new(setup.first_epoch),
+            echo: EchoWatch::default(),
             plans: plans.collect(),
             snapshots: vec![DriveSnapshot::default(); count],
             schedule: Schedule::default(),

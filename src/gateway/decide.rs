@@ -8,14 +8,16 @@ use crate::domain::report::LineState;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::{TrafficKind, TrafficRecord};
 use crate::drive::plan::PollGroup;
+use crate::line::barriers::TRY_PATIENCE;
 use crate::line::schedule::ReadKey;
 use crate::line::station::PROBE_TIMEOUT;
 use crate::line::transaction::Exchange;
-use crate::profile::model::{Barrier, PollClass};
+use crate::profile::model::PollClass;
 use crate::wire::pdu::Request;
+use std::time::Duration;
 
 /// What goes on the wire next.
-type Picked = (DriveIndex, Request, Purpose);
+pub(super) type Picked = (DriveIndex, Request, Purpose);
 
 /// What is least goes first: by rank, then drives that answer, then those that move, then in order of time.
 type Urgency = (Rank, bool, bool, MonoTime);
@@ -37,14 +39,19 @@ impl LineCore {
         let Some((drive, request, purpose)) = self.pick(now) else { return };
         let setup = &self.setup.drives[drive.get()];
         let station = &self.stations[drive.get()];
-        let timeout =
-            if station.is_known_silent() { setup.reply_timeout.min(PROBE_TIMEOUT) } else { setup.reply_timeout };
+        let at_most = if station.is_known_silent() { PROBE_TIMEOUT } else { Duration::MAX };
+        let timeout = setup.wait_for(&request, &self.setup.timing, at_most);
         let doubt = now < station.unmistakable_at(&request);
         let in_doubt = station.misses_function(request.function(), now);
         let line_is_clean = !self.stations.iter().any(|station| station.is_dirty(now));
+        let is_read = matches!(request, Request::ReadHolding { .. });
+        if matches!(request, Request::Loopback { .. } | Request::Unserved { .. }) {
+            self.nonces.advance();
+        }
         let exchange = Exchange { station: setup.station, request, timeout, in_doubt, line_is_clean };
         let mut frame = Vec::with_capacity(16);
         self.wire.send(now, exchange, &mut frame);
+        self.echo.sent(&frame, is_read);
         self.flight = Some(Flight { drive, purpose, doubt, sent_at: now });
         self.counters.requests += 1;
         if self.setup.tells_traffic {
@@ -66,7 +73,11 @@ impl LineCore {
             self.counters.barriers += 1;
             return Some((drive, request, Purpose::Barrier));
         }
-        self.pick_other(now).or_else(|| self.pick_work(now, Rank::Start))
+        if let Some(picked) = self.pick_trial(now, TRY_PATIENCE) {
+            return Some(picked);
+        }
+        let other = self.pick_other(now).or_else(|| self.pick_work(now, Rank::Start));
+        other.or_else(|| self.pick_trial(now, Duration::ZERO))
     }
 
     fn pick_other(&mut self, now: MonoTime) -> Option<Picked> {
@@ -120,10 +131,13 @@ impl LineCore {
         match want.rank {
             Rank::FirstStop | Rank::RepeatedStop => want.at,
             // A look has a rhythm of its own: a stop waits behind it.
-            Rank::Look => want.at.max(self.stations[drive.get()].unmistakable_at(&want.request)),
+            Rank::Look => {
+                let station = &self.stations[drive.get()];
+                want.at.max(station.rests_until()).max(station.unmistakable_at(&want.request))
+            }
             Rank::Step | Rank::Trip | Rank::Start => {
                 let station = &self.stations[drive.get()];
-                want.at.max(station.ask_again_at()).max(station.unmistakable_at(&want.request))
+                want.at.max(station.may_be_asked_from()).max(station.unmistakable_at(&want.request))
             }
         }
     }
@@ -132,7 +146,7 @@ impl LineCore {
         let stations = &self.stations;
         let may_go = |key: &ReadKey| {
             let station = &stations[key.drive.get()];
-            now >= station.ask_again_at() && now >= station.unmistakable_at(&read_request(key))
+            now >= station.may_be_asked_from() && now >= station.unmistakable_at(&read_request(key))
         };
         let job = self.schedule.take_read(may_go)?;
         Some((job.key.drive, read_request(&job.key), Purpose::Read(job)))
@@ -160,7 +174,7 @@ impl LineCore {
 
     fn may_poll(&self, now: MonoTime, drive: DriveIndex, group: PollGroup) -> bool {
         let station = &self.stations[drive.get()];
-        now >= station.ask_again_at() && now >= station.unmistakable_at(&poll_request(group))
+        now >= station.may_be_asked_from() && now >= station.unmistakable_at(&poll_request(group))
     }
 
     fn take_poll(&mut self, now: MonoTime, poll: DuePoll) -> Picked {
@@ -170,47 +184,6 @@ impl LineCore {
         let taken = self.plans[drive.get()].take(index, now, &self.setup.drives[drive.get()].model, may_go);
         let (address, count) = taken.unwrap_or((group.address, group.count));
         (drive, Request::ReadHolding { address, count }, Purpose::Poll { address })
-    }
-
-    /// A read that settles whether a late reply can still come, for a drive whose waiting work cannot go
-    /// before that is settled.
-    fn pick_barrier(&self, now: MonoTime) -> Option<(DriveIndex, Request)> {
-        self.drives().find_map(|drive| {
-            let station = &self.stations[drive.get()];
-            if !station.is_dirty(now) || now < station.ask_again_at() || !self.is_held_up(now, drive) {
-                return None;
-            }
-            let barrier = self.barriers(drive).find(|request| now >= station.unmistakable_at(request))?;
-            Some((drive, barrier))
-        })
-    }
-
-    /// Whether work waits for `drive` and none of it may go because of replies that may come late.
-    fn is_held_up(&self, now: MonoTime, drive: DriveIndex) -> bool {
-        let station = &self.stations[drive.get()];
-        let mut waits = false;
-        for request in self.waiting_requests(now, drive) {
-            if now >= station.unmistakable_at(&request) {
-                return false;
-            }
-            waits = true;
-        }
-        waits
-    }
-
-    fn waiting_requests(&self, now: MonoTime, drive: DriveIndex) -> impl Iterator<Item = Request> + '_ {
-        let reads = self.schedule.reads().filter(move |key| key.drive == drive).map(read_request);
-        let wants = self.works[drive.get()].wants().filter(move |want| want.at <= now && !is_stop(want.rank));
-        let polls = self.plans[drive.get()].iter().filter(move |(_, _, due)| *due <= now);
-        wants.map(|want| want.request).chain(reads).chain(polls.map(|(_, group, _)| poll_request(group)))
-    }
-
-    fn barriers(&self, drive: DriveIndex) -> impl Iterator<Item = Request> + '_ {
-        let barriers = &self.setup.drives[drive.get()].model.barriers;
-        barriers.iter().filter_map(|barrier| match barrier {
-            Barrier::Read(read) => Some(Request::ReadHolding { address: read.address, count: read.count }),
-            Barrier::Loop(_) | Barrier::Refused(_) => None,
-        })
     }
 
     /// When the next frame could go, if anything waits or will be due.
@@ -235,7 +208,8 @@ impl LineCore {
                 Rank::FirstStop | Rank::RepeatedStop => want.at,
                 Rank::Look => {
                     let unmistakable = self.stations[drive.get()].unmistakable_at(&want.request);
-                    want.at.max(unmistakable.min(self.free_at(drive, &want.request)))
+                    let rests_until = self.stations[drive.get()].rests_until();
+                    want.at.max(unmistakable.min(self.free_at(drive, &want.request))).max(rests_until)
                 }
                 _ => want.at.max(self.free_at(drive, &want.request)),
             })
@@ -244,32 +218,23 @@ impl LineCore {
         let polls = self.drives().zip(&self.plans).flat_map(|(drive, plan)| {
             plan.iter().map(move |(_, group, due)| due.max(self.free_at(drive, &poll_request(group))))
         });
-        wants.chain(reads).chain(polls).min()
+        let trials = self.drives().filter_map(|drive| self.trial_at(drive));
+        wants.chain(reads).chain(polls).chain(trials).min()
     }
 
-    fn free_at(&self, drive: DriveIndex, request: &Request) -> MonoTime {
-        let station = &self.stations[drive.get()];
-        let unmistakable = station.unmistakable_at(request);
-        if unmistakable == MonoTime::ZERO {
-            return station.ask_again_at();
-        }
-        let barrier = self.barriers(drive).map(|request| station.unmistakable_at(&request)).min();
-        barrier.map_or(unmistakable, |barrier| unmistakable.min(barrier)).max(station.ask_again_at())
-    }
-
-    fn drives(&self) -> impl Iterator<Item = DriveIndex> + use<> {
+    pub(super) fn drives(&self) -> impl Iterator<Item = DriveIndex> + use<> {
         (0..self.setup.drives.len() as u16).map(DriveIndex)
     }
 }
 
-const fn is_stop(rank: Rank) -> bool {
+pub(super) const fn is_stop(rank: Rank) -> bool {
     matches!(rank, Rank::FirstStop | Rank::RepeatedStop)
 }
 
-fn read_request(key: &ReadKey) -> Request {
+pub(super) fn read_request(key: &ReadKey) -> Request {
     Request::ReadHolding { address: key.address, count: key.count }
 }
 
-fn poll_request(group: PollGroup) -> Request {
+pub(super) fn poll_request(group: PollGroup) -> Request {
     Request::ReadHolding { address: group.address, count: group.count }
 }

@@ -14,6 +14,7 @@ use crate::line::schedule::ReadJob;
 use crate::line::transaction::{Ending, Exchange};
 use crate::wire::pdu::{Reply, Request};
 use std::sync::Arc;
+use std::time::Duration;
 
 impl LineCore {
     pub(super) fn ended(&mut self, now: MonoTime, exchange: Exchange, ending: Ending) {
@@ -21,15 +22,23 @@ impl LineCore {
         self.counters.busy_us += u64::try_from(now.since(sent_at).as_micros()).unwrap_or(0);
         match &ending {
             Ending::Reply(_) => self.counters.replies += 1,
+            // A refusal that was asked for is the right reply.
+            Ending::Exception(_) if matches!(exchange.request, Request::Unserved { .. }) => self.counters.replies += 1,
             Ending::Exception(_) => self.counters.exceptions += 1,
             Ending::Garbled => self.counters.garbled += 1,
             Ending::Silent => self.counters.silent += 1,
         }
-        match fault_of(&ending) {
+        let fault = match fault_of(&ending) {
+            Some(Fault::Silent) if now <= self.stations[drive.get()].rests_until() => Some(Fault::Deaf),
+            Some(Fault::Silent) if matches!(purpose, Purpose::Trial(_)) => Some(Fault::Ignored),
+            fault => fault,
+        };
+        match fault {
             None => self.answered(now, drive, &exchange, doubt),
             Some(fault) => self.was_not_answered(now, drive, &exchange, fault),
         }
         match (purpose, ending) {
+            (Purpose::Trial(place), ending) => self.trial_ended(drive, place, &exchange.request, &ending),
             (Purpose::Work(rank), ending) => self.work_ended(now, drive, rank, &exchange, &ending, doubt),
             (purpose, Ending::Reply(Reply::Words(words))) => self.deliver(now, drive, purpose, words),
             (purpose, Ending::Reply(_)) => self.end_all(waiters_of(purpose), &NativeOutcome::NoReply),
@@ -56,6 +65,7 @@ impl LineCore {
                 }
                 TrafficKind::Noise => self.counters.noise_bytes += heard.bytes.len() as u64,
             }
+            self.echo.heard(heard.kind, &heard.bytes);
             if self.setup.tells_traffic {
                 let record = TrafficRecord { at: now, kind: heard.kind, bytes: heard.bytes };
                 self.effects.push_back(Effect::Traffic(record));
@@ -74,7 +84,7 @@ impl LineCore {
                 }
             }
             Purpose::Poll { address } => self.take_words(now, drive, address, &words),
-            Purpose::Work(_) | Purpose::Barrier => {}
+            Purpose::Work(_) | Purpose::Barrier | Purpose::Trial(_) => {}
         }
     }
 
@@ -103,6 +113,9 @@ impl LineCore {
             self.take_words(now, drive, *address, words);
         }
         self.works[drive.get()].ended(rank, &exchange.request, ending, doubt, now, &mut self.effects);
+        if let Some(until) = self.works[drive.get()].take_rest() {
+            self.rest(drive, until);
+        }
     }
 
     /// The exchange had no good answer: a late one may follow, and a silent drive is asked less and less often.
@@ -112,7 +125,8 @@ impl LineCore {
         let station = &mut self.stations[drive.get()];
         if what.reply_may_come_late {
             // The lateness is declared against the full time-out, and a probe waits for less.
-            let early = setup.reply_timeout.saturating_sub(exchange.timeout);
+            let full = setup.wait_for(&exchange.request, &self.setup.timing, Duration::MAX);
+            let early = full.saturating_sub(exchange.timeout);
             station.reply_missing(exchange.request.clone(), now, early + setup.max_lateness);
         }
         if what.backs_off {
@@ -136,6 +150,7 @@ impl LineCore {
     fn forget_the_silent(&mut self, drive: DriveIndex) {
         if self.stations[drive.get()].is_known_silent() {
             self.set_presence(drive, Presence::Offline);
+            self.barriers[drive.get()].lost();
             let waiting = self.schedule.take_reads_of(drive);
             self.end_all(waiting.into_iter().flat_map(|job| job.waiters).collect(), &NativeOutcome::NoReply);
         }
@@ -155,7 +170,18 @@ impl LineCore {
         } else {
             station.answered();
         }
+        self.barriers[drive.get()].answered(now);
         self.set_presence(drive, Presence::Online);
+    }
+
+    /// The drive was asked whether a barrier can be relied on.
+    fn trial_ended(&mut self, drive: DriveIndex, place: usize, request: &Request, ending: &Ending) {
+        let barriers = &mut self.barriers[drive.get()];
+        match (request, ending) {
+            (Request::Unserved { .. }, Ending::Exception(_)) | (_, Ending::Reply(_)) => barriers.shown(place),
+            (_, Ending::Garbled) => barriers.damaged(place),
+            (_, Ending::Exception(_) | Ending::Silent) => barriers.failed(place),
+        }
     }
 
     /// A frame of `station` was heard that answers nothing: if it is one of ours, it is there.

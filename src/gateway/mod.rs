@@ -4,11 +4,13 @@
 //! ([`Effect`]) and when it wants to be woken ([`Wake`]). It decides only on [`Input::Time`], so that all that
 //! is known by then is taken into account; whoever drives it feeds all events first and then lets time pass.
 //!
-//! One small file per kind of event: `ask` requests and commands, `decide` what goes on the wire, `ended` what follows
+//! One small file per kind of event: `ask` requests and commands, `decide` what goes on the wire, `barrier` what settles
+//! whether a late reply can still come, `ended` what follows
 //! from the end of an exchange, `port` the port's coming and going. What a drive wants for itself is kept in `work`:
 //! its `stop`, the `list` of steps of a command, its trips.
 
 mod ask;
+mod barrier;
 mod core;
 mod decide;
 mod ended;

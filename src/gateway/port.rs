@@ -5,14 +5,19 @@ use super::work::DriveWork;
 use crate::domain::native::{NativeOutcome, Refusal};
 use crate::domain::report::{LineState, PortFault};
 use crate::domain::time::MonoTime;
+use crate::line::barriers::Barriers;
 use crate::line::fault::{Fault, consequence};
 use crate::line::schedule::WaiterId;
+use std::time::Duration;
 
 impl LineCore {
     pub(super) fn on_port_up(&mut self, now: MonoTime) {
         self.state = LineState::Up;
         self.counters.port_ups += 1;
         self.wire.abandon(now);
+        self.echo.port_opened();
+        self.stations.iter_mut().for_each(|station| station.line_opened(now));
+        self.barriers.iter_mut().for_each(Barriers::port_opened);
         self.works.iter_mut().for_each(DriveWork::mark_changed);
     }
 
@@ -28,7 +33,8 @@ impl LineCore {
             if consequence(Fault::PortGone).reply_may_come_late {
                 let drive = &self.setup.drives[flight.drive.get()];
                 // Its time-out had not passed yet, perhaps not even begun.
-                let lateness = drive.reply_timeout + drive.max_lateness;
+                let wait = drive.wait_for(&exchange.request, &self.setup.timing, Duration::MAX);
+                let lateness = wait + drive.max_lateness;
                 self.stations[flight.drive.get()].reply_missing(exchange.request, now, lateness);
             }
             self.end_all(waiters_of(flight.purpose), &NativeOutcome::NoReply);
@@ -57,6 +63,6 @@ impl LineCore {
 pub(super) fn waiters_of(purpose: Purpose) -> Vec<WaiterId> {
     match purpose {
         Purpose::Read(job) => job.waiters,
-        Purpose::Work(_) | Purpose::Poll { .. } | Purpose::Barrier => Vec::new(),
+        Purpose::Work(_) | Purpose::Poll { .. } | Purpose::Barrier | Purpose::Trial(_) => Vec::new(),
     }
 }

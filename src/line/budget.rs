@@ -50,13 +50,12 @@ pub fn read_time(timing: &Timing, count: u16, turnaround: Duration) -> Duration 
     exchange_time(timing, SHORT_PDU_BYTES, turnaround, 2 + 2 * usize::from(count))
 }
 
-/// Longest time from the acceptance of a stop to its first bit on a line whose drives, each with its longest wait for a
-/// reply and its most words in one read, all answer in time or not at all: one exchange that has just begun, and the
-/// silence after it. Several stops at once go one after the other: each further one adds a [`write_time`].
+/// Longest time from the acceptance of a stop to its first bit on a line whose `exchanges` all end with a reply in time
+/// or without any: the longest of them that has just begun, and the silence after it. Several stops at once go one
+/// after the other: each further one adds a [`write_time`].
 #[must_use]
-pub fn worst_stop(timing: &Timing, drives: impl IntoIterator<Item = (Duration, u16)>) -> Duration {
-    let exchange = drives.into_iter().map(|(timeout, words)| read_time(timing, words, timeout)).max();
-    exchange.unwrap_or_default() + timing.silence
+pub fn worst_stop(timing: &Timing, exchanges: impl IntoIterator<Item = Duration>) -> Duration {
+    exchanges.into_iter().max().unwrap_or_default() + timing.silence
 }
 
 /// Time that one write takes if the drive answers after `turnaround`.

@@ -7,6 +7,10 @@ pub enum Fault {
     Garbled,
     /// No frame came from the station in time.
     Silent,
+    /// No frame came from the station in time, on a request that it need not know.
+    Ignored,
+    /// No frame came from the station, which is known to be deaf.
+    Deaf,
     /// The station answered something else, or too late.
     Stray,
     /// A station that was not asked spoke.
@@ -50,6 +54,8 @@ pub const fn consequence(fault: Fault) -> Consequence {
     match fault {
         Fault::Garbled => Consequence { ends_exchange: true, repeats_read: true, ..none },
         Fault::Silent => Consequence { ends_exchange: true, reply_may_come_late: true, backs_off: true, ..none },
+        Fault::Ignored => Consequence { ends_exchange: true, reply_may_come_late: true, ..none },
+        Fault::Deaf => Consequence { ends_exchange: true, ..none },
         Fault::Stray => Consequence { drive_is_there: true, ..none },
         Fault::Foreign => none,
         Fault::Refused | Fault::KeptOldValue => Consequence { ends_exchange: true, drive_is_there: true, ..none },
@@ -62,9 +68,11 @@ mod tests {
     use super::*;
 
     /// ends, repeats a read, late reply possible, backs off, drive is there, reopens
-    const TABLE: [(Fault, [bool; 6]); 7] = [
+    const TABLE: [(Fault, [bool; 6]); 9] = [
         (Fault::Garbled, [true, true, false, false, false, false]),
         (Fault::Silent, [true, false, true, true, false, false]),
+        (Fault::Ignored, [true, false, true, false, false, false]),
+        (Fault::Deaf, [true, false, false, false, false, false]),
         (Fault::Stray, [false, false, false, false, true, false]),
         (Fault::Foreign, [false, false, false, false, false, false]),
         (Fault::Refused, [true, false, false, false, true, false]),

@@ -1,13 +1,17 @@
 //! The wire of one line as a machine without IO and without a clock.
 //!
-//! [`timing`] knows what characters and silences cost, [`transaction`] runs one exchange, [`station`] keeps
-//! late replies apart and dead stations cheap, [`schedule`] says what goes next, [`fault`] what follows from
-//! each fault, [`budget`] what a poll plan costs before it is started.
+//! [`timing`] knows what characters and silences cost, [`timeouts`] how long a reply is waited for, [`transaction`] runs
+//! one exchange, [`station`] keeps late replies apart and dead stations cheap, [`barriers`] knows what settles them,
+//! [`echo`] whether the line echoes, [`schedule`] says what goes next, [`fault`] what follows from each fault,
+//! [`budget`] what a poll plan costs before it is started.
 
+pub mod barriers;
 pub mod budget;
+pub mod echo;
 pub mod fault;
 pub mod schedule;
 pub mod station;
+pub mod timeouts;
 pub mod timing;
 pub mod transaction;
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! What the line remembers of one station: replies that may still come late, and how long it has been silent.
 
 use crate::domain::time::MonoTime;
+use crate::profile::model::{Model, RefusedWrite};
 use crate::wire::pdu::Request;
 use std::time::Duration;
 
@@ -16,6 +17,8 @@ pub const BACK_OFF_MAX: Duration = Duration::from_secs(30);
 /// How long a station that is known to be silent is waited for: it shall cost the others little. A drive
 /// that needs longer is noticed by its late reply and then given its full time-out again.
 pub const PROBE_TIMEOUT: Duration = Duration::from_millis(100);
+/// The wait before a station is asked again that may be deaf because it was switched on.
+pub const DEAF_WAIT: Duration = Duration::from_millis(250);
 
 /// A request whose reply did not come in time.
 #[derive(Debug)]
@@ -26,18 +29,50 @@ struct Missing {
 }
 
 /// What the line remembers of one station.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct StationState {
+    /// What a refused write of its looks like.
+    refused: RefusedWrite,
+    /// How long it hears nothing after it was switched on.
+    deaf_after_power_up: Duration,
     missing: Vec<Missing>,
     silent_in_a_row: u32,
+    /// Waits in a row that grew.
+    back_offs: u32,
     ask_again_at: MonoTime,
+    /// Until then it may be deaf: nobody sees when a drive is switched on, only what may have been that.
+    may_be_deaf_until: MonoTime,
+    /// Until then it is known to be deaf.
+    rests_until: MonoTime,
 }
 
 impl StationState {
+    /// A station of `model` of which nothing is known.
+    #[must_use]
+    pub fn new(model: &Model) -> Self {
+        let deaf = model.quirks.deaf_after_power_up.as_ref();
+        Self {
+            refused: model.write.refused.value,
+            deaf_after_power_up: deaf.map_or(Duration::ZERO, |fact| fact.value),
+            missing: Vec::new(),
+            silent_in_a_row: 0,
+            back_offs: 0,
+            ask_again_at: MonoTime::ZERO,
+            may_be_deaf_until: MonoTime::ZERO,
+            rests_until: MonoTime::ZERO,
+        }
+    }
+
     /// Whether a late reply may still come at `now`.
     #[must_use]
     pub fn is_dirty(&self, now: MonoTime) -> bool {
-        self.missing.iter().any(|missing| now < missing.until)
+        now < self.clean_at()
+    }
+
+    /// From when on no late reply can come, if nothing else stays out. A moment that has passed means now.
+    #[must_use]
+    pub fn clean_at(&self) -> MonoTime {
+        self.missing.iter().map(|missing| missing.until).max().unwrap_or(MonoTime::ZERO)
     }
 
     /// When a late answer can no longer be mistaken for the answer to `request`. A moment that has passed
@@ -47,7 +82,7 @@ impl StationState {
         if self.missing.len() >= MISSING_MAX {
             return self.missing.iter().map(|missing| missing.until).min().unwrap_or(MonoTime::ZERO);
         }
-        let mistakable = self.missing.iter().filter(|missing| is_mistakable(&missing.request, request));
+        let mistakable = self.missing.iter().filter(|missing| self.is_mistakable(&missing.request, request));
         mistakable.map(|missing| missing.until).max().unwrap_or(MonoTime::ZERO)
     }
 
@@ -63,6 +98,31 @@ impl StationState {
         self.ask_again_at
     }
 
+    /// Before this moment it is known to be deaf: nothing but a stop goes to it.
+    #[must_use]
+    pub const fn rests_until(&self) -> MonoTime {
+        self.rests_until
+    }
+
+    /// From when it may be asked, as far as it is silent or deaf.
+    #[must_use]
+    pub fn may_be_asked_from(&self) -> MonoTime {
+        self.ask_again_at.max(self.rests_until)
+    }
+
+    /// It is known to be deaf until `moment`.
+    pub fn rest_until(&mut self, moment: MonoTime) {
+        self.rests_until = self.rests_until.max(moment);
+    }
+
+    /// Its line was opened at `now`, perhaps because the power came back to both.
+    pub fn line_opened(&mut self, now: MonoTime) {
+        self.may_be_deaf(now);
+        if now < self.may_be_deaf_until {
+            self.ask_again_at = self.ask_again_at.min(now + DEAF_WAIT);
+        }
+    }
+
     /// Whether it has been silent so often that it is only probed.
     #[must_use]
     pub const fn is_known_silent(&self) -> bool {
@@ -75,13 +135,21 @@ impl StationState {
         self.missing.push(Missing { request, until: now + max_lateness });
     }
 
-    /// The station was silent; it is asked less and less often.
+    /// The station was silent; it is asked less and less often, unless it may be deaf for a while.
     pub fn silent(&mut self, now: MonoTime) {
         self.silent_in_a_row = self.silent_in_a_row.saturating_add(1);
-        if self.is_known_silent() {
-            let doublings = (self.silent_in_a_row - KNOWN_SILENT_AFTER).min(16);
-            self.ask_again_at = now + (BACK_OFF_FIRST * (1 << doublings)).min(BACK_OFF_MAX);
+        if self.silent_in_a_row == KNOWN_SILENT_AFTER {
+            self.may_be_deaf(now);
         }
+        if !self.is_known_silent() {
+            return;
+        }
+        if now < self.may_be_deaf_until {
+            self.ask_again_at = now + DEAF_WAIT;
+            return;
+        }
+        self.ask_again_at = now + (BACK_OFF_FIRST * (1 << self.back_offs.min(16))).min(BACK_OFF_MAX);
+        self.back_offs = self.back_offs.saturating_add(1);
     }
 
     /// A right answer came to a request that no missing reply could be mistaken for. Drives answer in the
@@ -94,29 +162,61 @@ impl StationState {
     /// A frame of the station was heard that was not the answer: it is there, but slow.
     pub fn is_there(&mut self) {
         self.silent_in_a_row = 0;
+        self.back_offs = 0;
         self.ask_again_at = MonoTime::ZERO;
     }
-}
 
-/// Whether the reply to `missing` would be accepted as the reply to `request`.
-fn is_mistakable(missing: &Request, request: &Request) -> bool {
-    match (missing, request) {
-        (Request::ReadHolding { count: a, .. }, Request::ReadHolding { count: b, .. }) => a == b,
-        // Whatever the values are: a refused write may be answered with any value.
-        (Request::WriteSingle { address: a, .. }, Request::WriteSingle { address: b, .. }) => a == b,
-        (Request::Loopback { data: a }, Request::Loopback { data: b }) => a == b,
-        (Request::WriteMultiple { address: a, values: of_a }, Request::WriteMultiple { address: b, values: of_b }) => {
-            a == b && of_a.len() == of_b.len()
+    fn may_be_deaf(&mut self, now: MonoTime) {
+        self.may_be_deaf_until = self.may_be_deaf_until.max(now + self.deaf_after_power_up);
+    }
+
+    /// Whether the reply to `missing` would be accepted as the reply to `request`.
+    fn is_mistakable(&self, missing: &Request, request: &Request) -> bool {
+        let keeps_old_value = self.refused == RefusedWrite::KeepsOldValue;
+        match (missing, request) {
+            // An exception tells nothing but its function.
+            (Request::Unserved { .. }, _) | (_, Request::Unserved { .. }) => missing.function() == request.function(),
+            (Request::ReadHolding { count: a, .. }, Request::ReadHolding { count: b, .. }) => a == b,
+            // Where a refused write may be answered with any value, the value says nothing.
+            (Request::WriteSingle { address: a, value: of_a }, Request::WriteSingle { address: b, value: of_b }) => {
+                a == b && (of_a == of_b || keeps_old_value)
+            }
+            (Request::Loopback { data: a }, Request::Loopback { data: b }) => a == b,
+            (
+                Request::WriteMultiple { address: a, values: of_a },
+                Request::WriteMultiple { address: b, values: of_b },
+            ) => a == b && of_a.len() == of_b.len(),
+            _ => false,
         }
-        _ => false,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::profile::check;
+    use crate::profile::model::{Confidence, Fact};
+    use crate::vendors;
 
     const LATENESS: Duration = Duration::from_millis(500);
+    const DEAF: Duration = Duration::from_secs(2);
+
+    fn station_with(refused: RefusedWrite, deaf_after_power_up: Duration) -> StationState {
+        let (_, text) = vendors::texts().first().expect("a built-in model");
+        let mut model = check::model(text).expect("a sound model");
+        model.write.refused.value = refused;
+        let fact = Fact { value: deaf_after_power_up, confidence: Confidence::Manual, source: String::new() };
+        model.quirks.deaf_after_power_up = Some(fact);
+        StationState::new(&model)
+    }
+
+    fn station() -> StationState {
+        station_with(RefusedWrite::KeepsOldValue, Duration::ZERO)
+    }
+
+    fn write(address: u16, value: u16) -> Request {
+        Request::WriteSingle { address, value }
+    }
 
     fn read(address: u16, count: u16) -> Request {
         Request::ReadHolding { address, count }
@@ -124,12 +224,11 @@ mod tests {
 
     #[test]
     fn only_what_cannot_be_mistaken_may_go_to_a_dirty_station() {
-        let mut station = StationState::default();
+        let mut station = station();
         let now = MonoTime::from_millis(1000);
         station.reply_missing(read(0x0101, 1), now, LATENESS);
         assert_eq!(station.unmistakable_at(&read(0x0201, 1)), now + LATENESS, "same count, other address");
         assert_eq!(station.unmistakable_at(&read(0x0101, 2)), MonoTime::ZERO, "another count");
-        let write = |address, value| Request::WriteSingle { address, value };
         assert_eq!(station.unmistakable_at(&write(2, 0)), MonoTime::ZERO, "another function");
         station.reply_missing(write(2, 0), now, LATENESS);
         assert_eq!(station.unmistakable_at(&write(2, 1)), now + LATENESS, "a kept old value looks the same");
@@ -140,7 +239,7 @@ mod tests {
 
     #[test]
     fn an_answer_that_cannot_be_mistaken_proves_that_none_follows() {
-        let mut station = StationState::default();
+        let mut station = station();
         station.reply_missing(read(1, 1), MonoTime::ZERO, LATENESS);
         station.answered();
         assert_eq!(station.unmistakable_at(&read(1, 1)), MonoTime::ZERO);
@@ -148,7 +247,7 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_bounded() {
-        let mut station = StationState::default();
+        let mut station = station();
         for count in 1..=MISSING_MAX as u16 {
             station.reply_missing(read(1, count), MonoTime::from_millis(u64::from(count)), LATENESS);
         }
@@ -160,7 +259,7 @@ mod tests {
 
     #[test]
     fn a_dead_station_is_asked_less_and_less() {
-        let mut station = StationState::default();
+        let mut station = station();
         let now = MonoTime::from_millis(10);
         station.silent(now);
         assert_eq!(station.ask_again_at(), MonoTime::ZERO, "one silence is no death");
@@ -173,5 +272,81 @@ mod tests {
         station.is_there();
         assert!(!station.is_known_silent());
         assert_eq!(station.ask_again_at(), MonoTime::ZERO);
+    }
+    #[test]
+    fn where_refusals_are_exceptions_the_value_tells_writes_apart() {
+        for (refused, another_value_is_free) in [(RefusedWrite::Exception, true), (RefusedWrite::KeepsOldValue, false)]
+        {
+            let mut station = station_with(refused, Duration::ZERO);
+            let now = MonoTime::from_millis(1000);
+            station.reply_missing(write(2, 1), now, LATENESS);
+            assert_eq!(station.unmistakable_at(&write(2, 1)), now + LATENESS, "{refused:?}");
+            assert_eq!(station.unmistakable_at(&write(2, 0)) <= now, another_value_is_free, "{refused:?}");
+            assert!(station.misses_function(6, now), "an exception is in doubt all the same");
+        }
+    }
+
+    #[test]
+    fn a_refused_function_can_be_mistaken_for_whatever_has_that_function() {
+        let unserved = |function, data| Request::Unserved { function, data };
+        let now = MonoTime::from_millis(1000);
+        for (missing, request, mistakable) in [
+            (read(1, 1), unserved(8, 1), false),
+            (unserved(8, 1), read(1, 1), false),
+            (unserved(8, 1), unserved(8, 2), true),
+            (unserved(8, 1), unserved(0x11, 1), false),
+            (Request::Loopback { data: 1 }, unserved(8, 2), true),
+            (unserved(8, 1), Request::Loopback { data: 2 }, true),
+            (Request::Loopback { data: 1 }, Request::Loopback { data: 2 }, false),
+            (Request::Loopback { data: 1 }, Request::Loopback { data: 1 }, true),
+        ] {
+            let mut station = station();
+            station.reply_missing(missing.clone(), now, LATENESS);
+            assert_eq!(station.unmistakable_at(&request) > now, mistakable, "{missing:?} then {request:?}");
+        }
+    }
+
+    #[test]
+    fn a_station_that_may_be_deaf_is_asked_again_soon_and_stays_dirty() {
+        let mut station = station_with(RefusedWrite::Exception, DEAF);
+        let lost = MonoTime::from_millis(10_000);
+        station.line_opened(MonoTime::from_millis(1));
+        let silent = |station: &mut StationState, at: MonoTime| {
+            station.reply_missing(read(1, 1), at, LATENESS);
+            station.silent(at);
+            station.ask_again_at().since(at)
+        };
+        assert_eq!(silent(&mut station, lost), Duration::ZERO);
+        for at in [300, 700, 1999] {
+            assert_eq!(silent(&mut station, lost + Duration::from_millis(at)), DEAF_WAIT);
+        }
+        assert!(station.is_known_silent() && station.is_dirty(lost + DEAF));
+        let waits = [2300, 3300, 5300].map(|at| silent(&mut station, lost + Duration::from_millis(at)).as_secs());
+        assert_eq!(waits, [1, 2, 4], "after that it is as dead as any other");
+    }
+
+    #[test]
+    fn a_line_that_opens_ends_the_back_off_of_a_drive_that_may_have_been_switched_on() {
+        for (deaf, wait) in [(DEAF, DEAF_WAIT), (Duration::ZERO, BACK_OFF_FIRST)] {
+            let mut station = station_with(RefusedWrite::Exception, deaf);
+            let now = MonoTime::from_millis(20_000);
+            for at in [0, 10_000, 20_000] {
+                station.silent(MonoTime::from_millis(at));
+            }
+            station.line_opened(now);
+            assert!(station.ask_again_at().since(now) >= wait, "{deaf:?}");
+            assert_eq!(station.ask_again_at().since(now) == DEAF_WAIT, !deaf.is_zero());
+        }
+    }
+
+    #[test]
+    fn a_station_that_rests_is_not_asked_until_then() {
+        let mut station = station();
+        let moment = MonoTime::from_millis(2000);
+        station.rest_until(moment);
+        station.rest_until(MonoTime::from_millis(1000));
+        station.is_there();
+        assert_eq!(station.may_be_asked_from(), moment, "whatever was heard meanwhile");
+        assert_eq!(station.ask_again_at(), MonoTime::ZERO, "it is not taken for silent");
     }
 }

@@ -263,7 +263,8 @@ fn answer_in(exchange: &Exchange, pdu: &[u8]) -> Option<Ending> {
     if let [code, exception] = pdu
         && *code == exchange.request.function() | function::EXCEPTION_BIT
     {
-        return (!exchange.in_doubt).then_some(Ending::Exception(*exception));
+        let answers = !exchange.in_doubt && exchange.request.is_answered_by(*exception);
+        return answers.then_some(Ending::Exception(*exception));
     }
     let reply = exchange.request.reply_in(pdu)?;
     match (&exchange.request, &reply) {
@@ -430,6 +431,24 @@ mod tests {
             let at = MonoTime::from_millis(30);
             let ended = wire.receive(at, &frame(1, &pdu)).or_else(|| wire.pass(at + Duration::from_millis(5)));
             assert_eq!(ended.is_some(), answered, "{in_doubt} {pdu:02X?}");
+        }
+    }
+
+    #[test]
+    fn to_a_function_that_is_not_served_only_its_refusal_is_an_answer() {
+        let request = Request::Unserved { function: 8, data: 7 };
+        for (pdu, answered) in [
+            (&[0x88, 1][..], true),
+            (&[0x88, 0x51], true),
+            (&[0x88, 4], false),
+            (&[0x83, 1], false),
+            (&[8, 0, 0, 0, 7], false),
+            (&[3, 2, 0, 1], false),
+        ] {
+            let mut wire = sent(exchange(request.clone(), false));
+            let at = MonoTime::from_millis(30);
+            let ended = wire.receive(at, &frame(1, pdu)).or_else(|| wire.pass(at + Duration::from_millis(5)));
+            assert_eq!(ended.is_some(), answered, "{pdu:02X?}");
         }
     }
 

@@ -1,5 +1,7 @@
 //! Requests that go to drives and the replies to them, without station, CRC or header.
 
+use super::exception::ILLEGAL_FUNCTION;
+
 /// Function codes (Modbus application protocol V1.1b3, 5.1).
 pub mod function {
     /// Read holding registers.
@@ -22,6 +24,9 @@ pub const MAX_READ_WORDS: u16 = 125;
 pub const MAX_WRITE_WORDS: u16 = 123;
 /// Longest PDU in bytes (V1.1b3, 4.1).
 pub const MAX_PDU_BYTES: usize = 253;
+
+/// What some drives answer in the place of exception 01.
+pub const FUNCTION_ERROR: u8 = 0x51;
 
 /// A request to a drive.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -52,6 +57,14 @@ pub enum Request {
         /// 1 to 123 words.
         values: Vec<u16>,
     },
+    /// A function that the drive does not serve, so that its exception is the right answer. It does nothing on a drive
+    /// that serves it after all: 08 goes as a loop test, every other function without data.
+    Unserved {
+        /// The function, 1 to 127.
+        function: u8,
+        /// What 08 would return.
+        data: u16,
+    },
 }
 
 /// A drive's right answer to a request.
@@ -77,13 +90,15 @@ impl Request {
             Self::WriteSingle { .. } => function::WRITE_SINGLE,
             Self::Loopback { .. } => function::DIAGNOSTICS,
             Self::WriteMultiple { .. } => function::WRITE_MULTIPLE,
+            Self::Unserved { function, .. } => *function,
         }
     }
 
-    /// Length of the normal reply's PDU in bytes.
+    /// Length of the right reply's PDU in bytes.
     #[must_use]
     pub const fn reply_pdu_bytes(&self) -> usize {
         match self {
+            Self::Unserved { .. } => 2,
             Self::ReadHolding { count, .. } => 2 + 2 * *count as usize,
             Self::WriteSingle { .. } | Self::Loopback { .. } | Self::WriteMultiple { .. } => 5,
         }
@@ -95,17 +110,20 @@ impl Request {
         match self {
             Self::ReadHolding { address, count } => put_words(out, &[*address, *count]),
             Self::WriteSingle { address, value } => put_words(out, &[*address, *value]),
-            Self::Loopback { data } => put_words(out, &[0, *data]),
+            Self::Loopback { data } | Self::Unserved { function: function::DIAGNOSTICS, data } => {
+                put_words(out, &[0, *data]);
+            }
             Self::WriteMultiple { address, values } => {
                 put_words(out, &[*address, values.len() as u16]);
                 out.push((values.len() * 2) as u8);
                 put_words(out, values);
             }
+            Self::Unserved { .. } => {}
         }
     }
 
     /// The request that `pdu` holds; nothing if its function is not one of ours or its form is wrong.
-    /// Quantities are not judged: that is the drive's business.
+    /// Quantities are not judged: that is the drive's business. Whether a function is served neither: 08 is a loop test.
     #[must_use]
     pub fn decode(pdu: &[u8]) -> Option<Self> {
         let (&function, rest) = pdu.split_first()?;
@@ -125,8 +143,16 @@ impl Request {
         }
     }
 
+    /// Whether an exception with `code` answers this request: to a function that the drive does not serve, only the one
+    /// that says so.
+    #[must_use]
+    pub const fn is_answered_by(&self, code: u8) -> bool {
+        !matches!(self, Self::Unserved { .. }) || matches!(code, ILLEGAL_FUNCTION | FUNCTION_ERROR)
+    }
+
     /// What `pdu` answers to this request, or nothing if it does not answer it: another function or
-    /// length, for 06 another register, for 08 other data, for 10 hex another range.
+    /// length, for 06 another register, for 08 other data, for 10 hex another range. No normal reply answers a function
+    /// that the drive does not serve.
     #[must_use]
     pub fn reply_in(&self, pdu: &[u8]) -> Option<Reply> {
         let (&function, data) = pdu.split_first()?;
@@ -147,6 +173,7 @@ impl Request {
             Self::WriteMultiple { address, values } => {
                 (words(data) == [*address, values.len() as u16]).then_some(Reply::Echo)
             }
+            Self::Unserved { .. } => None,
         }
     }
 }
@@ -188,6 +215,21 @@ mod tests {
             pdu.push(0);
             assert_eq!(Request::decode(&pdu), None);
         }
+    }
+
+    #[test]
+    fn what_a_drive_does_not_serve_does_nothing_on_one_that_does() {
+        let pdu = |function| {
+            let mut pdu = Vec::new();
+            Request::Unserved { function, data: 0xBEEF }.encode(&mut pdu);
+            pdu
+        };
+        assert_eq!(pdu(8), [8, 0, 0, 0xBE, 0xEF]);
+        assert_eq!(pdu(0x11), [0x11]);
+        let request = Request::Unserved { function: 8, data: 0xBEEF };
+        assert_eq!(request.reply_in(&[8, 0, 0, 0xBE, 0xEF]), None);
+        assert!(request.is_answered_by(1) && request.is_answered_by(0x51) && !request.is_answered_by(2));
+        assert!(Request::Loopback { data: 1 }.is_answered_by(2));
     }
 
     #[test]

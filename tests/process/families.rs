@@ -193,10 +193,11 @@ fn a_controller_commands_every_family_in_the_same_registers() {
     };
     let writes = |client: &mut Raw, unit: u8, register: u16, word: u16| {
         // A stop before may not be effective yet.
-        let answer = until(&format!("unit {unit} takes {word}"), PATIENCE, || match client.write(unit, register, word) {
-            Err(6) => None,
-            answer => Some(answer),
-        });
+        let answer =
+            until(&format!("unit {unit} takes {word}"), PATIENCE, || match client.write(unit, register, word) {
+                Err(6) => None,
+                answer => Some(answer),
+            });
         assert_eq!(answer, Ok(()), "unit {unit}: {word} to {register}");
     };
     for unit in &units {

@@ -12,6 +12,7 @@ use vfd_gateway::domain::native::{NativeAsk, NativeRequest};
 use vfd_gateway::domain::report::PortFault;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup, WakeReason};
+use vfd_gateway::line::timeouts::ReplyTimeouts;
 use vfd_gateway::line::timing::Timing;
 use vfd_gateway::wire::framing;
 use vfd_gateway::wire::pdu::{self, Request};
@@ -76,7 +77,7 @@ impl Watch {
             station: Station(station),
             model: Arc::clone(&model),
             poll: Duration::from_millis(300),
-            reply_timeout: Duration::from_millis(200),
+            timeouts: ReplyTimeouts::fixed(Duration::from_millis(200)),
             max_lateness: Duration::from_millis(500),
             control: None,
         });

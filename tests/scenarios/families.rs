@@ -93,8 +93,7 @@ fn every_drive_coasts_or_refuses_by_name() {
         does(&mut rig, &model, run(Direction::Forward, Some(3000)));
         rig.live(Duration::from_secs(8));
         let can = model.run.as_ref().is_some_and(|run| run.coast.is_some());
-        let expected =
-            if can { (Outcome::Confirmed, Reason::None) } else { (Outcome::Refused, Reason::NotCapable) };
+        let expected = if can { (Outcome::Confirmed, Reason::None) } else { (Outcome::Refused, Reason::NotCapable) };
         assert_eq!(rig.commanded(MQTT, Order::Coast), expected, "{}", model.id);
         rig.live(Duration::from_secs(1));
         let intent = rig.view(0).control.unwrap().intent;

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::net::{IpAddr, Ipv4Addr};
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::command::{
@@ -16,10 +17,11 @@ use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::domain::traffic::TrafficRecord;
 use vfd_gateway::drive::view::{DriveView, TripEvent};
 use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup, Note};
+use vfd_gateway::line::timeouts::ReplyTimeouts;
 use vfd_gateway::line::timing::Timing;
 use vfd_gateway::profile::catalog::Catalog;
 use vfd_gateway::profile::model::{Confidence, Fact, Model};
-use vfd_gateway::sim::{BusOptions, DriveOptions, FaultPlan, SimBus, SimDrive};
+use vfd_gateway::sim::{BadRequest, BusOptions, DriveOptions, FaultPlan, SimBus, SimDrive};
 use vfd_gateway::vendors;
 use vfd_gateway::wire::framing;
 
@@ -60,8 +62,17 @@ pub const STOP: Order = Order::Stop { setpoint: None };
 
 /// The built-in N700.
 pub fn n700() -> Arc<Model> {
-    let catalog = Catalog::from_texts(vendors::texts().iter().copied()).expect("built-in models are sound");
-    Arc::clone(catalog.find("hyundai-n700").expect("the model is built in"))
+    model("hyundai-n700")
+}
+
+/// All built-in models.
+pub fn catalog() -> Catalog {
+    Catalog::from_texts(vendors::texts().iter().copied()).expect("built-in models are sound")
+}
+
+/// The built-in model called `id`.
+pub fn model(id: &str) -> Arc<Model> {
+    Arc::clone(catalog().find(id).expect("the model is built in"))
 }
 
 /// Most words that the model of [`on`] an ASCII line gives in one frame.
@@ -95,6 +106,12 @@ pub struct RigOptions {
     pub tells_traffic: bool,
     /// What may be commanded of every drive.
     pub control: Option<ControlSettings>,
+    /// What every drive is.
+    pub model: Arc<Model>,
+    /// What every drive does with a request that it cannot serve.
+    pub bad_request: BadRequest,
+    /// Addresses whose words carry the number of the exchange that asked for them.
+    pub proof_words: Option<RangeInclusive<u16>>,
 }
 
 /// Everything allowed from everywhere, 5 to 50 Hz, 3 s of lease, stops at the end.
@@ -128,7 +145,8 @@ impl RigOptions {
     /// The same on an ASCII line of 9600 bit/s with 7 data bits and even parity.
     pub fn ascii(self) -> Self {
         let bus = BusOptions { framing: Framing::Ascii, ..self.bus };
-        Self { bus, link: LinkSettings { data_bits: 7, parity: Parity::Even, ..LinkSettings::DEFAULT }, ..self }
+        let link = LinkSettings { data_bits: 7, parity: Parity::Even, ..LinkSettings::DEFAULT };
+        Self { bus, link, model: on(Framing::Ascii), ..self }
     }
 }
 
@@ -144,6 +162,9 @@ impl Default for RigOptions {
             seed: 1,
             tells_traffic: false,
             control: None,
+            model: n700(),
+            bad_request: BadRequest::default(),
+            proof_words: Some(PROOF..=PROOF + 0xFF),
         }
     }
 }
@@ -178,24 +199,26 @@ pub struct Rig {
     /// The next reply to a request of this function is lost.
     pub loses_reply_to: Option<u8>,
     framing: Framing,
+    /// What is sent comes back at once, as from an adapter that hears itself.
+    pub echoes: bool,
     last_ticket: u64,
     open: HashMap<u64, AskerId>,
 }
 
 impl Rig {
     pub fn new(options: &RigOptions) -> Self {
-        let model = on(options.bus.framing);
+        let model = &Arc::new(options.model.on(options.bus.framing));
         let mut bus = SimBus::new(options.link, BusOptions { faults: FaultPlan::NONE, ..options.bus }, options.seed);
         let mut drives = Vec::new();
         for station in 1..=options.drives {
-            let proof_words = Some(PROOF..=PROOF + 0xFF);
-            let drive = DriveOptions { proof_words, ..DriveOptions::default() };
-            bus.connect(Station(station), SimDrive::new(Arc::clone(&model), drive));
+            let proof_words = options.proof_words.clone();
+            let drive = DriveOptions { proof_words, bad_request: options.bad_request, ..DriveOptions::default() };
+            bus.connect(Station(station), SimDrive::new(Arc::clone(model), drive));
             drives.push(DriveSetup {
                 station: Station(station),
-                model: Arc::clone(&model),
+                model: Arc::clone(model),
                 poll: options.poll,
-                reply_timeout: options.reply_timeout,
+                timeouts: ReplyTimeouts::fixed(options.reply_timeout),
                 max_lateness: model.timing.max_lateness.value,
                 control: options.control.clone().map(Arc::new),
             });
@@ -218,6 +241,7 @@ impl Rig {
             keeps_sent: true,
             loses_reply_to: None,
             framing: options.bus.framing,
+            echoes: false,
             last_ticket: 0,
             open: HashMap::new(),
         };
@@ -331,6 +355,12 @@ impl Rig {
         writes.map(|sent| u16::from_be_bytes([sent.pdu[3], sent.pdu[4]])).collect()
     }
 
+    /// The PDUs of all writes so far.
+    pub fn writes(&self) -> Vec<Vec<u8>> {
+        let writes = self.sent.iter().filter(|sent| matches!(sent.pdu.first(), Some(6 | 0x10)));
+        writes.map(|sent| sent.pdu.clone()).collect()
+    }
+
     /// Lets time pass until `until`; `on_answer` is told each answer and may ask anew.
     pub fn run_until(&mut self, until: MonoTime, mut on_answer: impl FnMut(&mut Self, &NativeAnswer)) {
         while self.now < until {
@@ -410,6 +440,9 @@ impl Rig {
             self.bus.set_faults(FaultPlan::NONE);
         } else {
             self.bus.receive(self.now, &frame);
+        }
+        if self.echoes {
+            self.core.handle(self.now, Input::Bytes(&frame));
         }
         self.sent.push(Sent { at: self.now, frame, pdu, proof });
     }

@@ -91,7 +91,7 @@ impl SimDrive {
                 Ok(())
             }
             // Other functions that a model serves are not played, nor are other loop tests.
-            None => Err(Denied::Request(match function {
+            Some(Request::Unserved { .. }) | None => Err(Denied::Request(match function {
                 function::READ_HOLDING | function::WRITE_SINGLE | function::WRITE_MULTIPLE => Objection::Quantity,
                 _ => Objection::Function,
             })),

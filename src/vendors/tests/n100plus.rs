@@ -153,10 +153,8 @@ fn trips_sources_and_codes_are_those_of_the_manual() {
     let model = n100plus();
     assert_eq!(codes(&model.trip_codes), [1, 2, 3, 4, 6, 7, 8, 9, 10, 11, 12]);
     assert_eq!(model.trip_text(12).map(|it| (it.text.as_str(), it.confidence)), Some(("ground fault", Manual)));
-    let on_the_bus = [
-        (Flag::BusRun, 0x0302, 0xFFFF, vec![2], Inferred),
-        (Flag::BusFrequency, 0x0301, 0xFFFF, vec![3], Inferred),
-    ];
+    let on_the_bus =
+        [(Flag::BusRun, 0x0302, 0xFFFF, vec![2], Inferred), (Flag::BusFrequency, 0x0301, 0xFFFF, vec![3], Inferred)];
     assert_eq!(status(&model), on_the_bus);
     // 3 for one and 2 for the other.
     assert_eq!(setup(&model), [("A01", Some(0x0301), &[3][..], Manual), ("A02", Some(0x0302), &[2][..], Manual)]);

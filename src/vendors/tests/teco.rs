@@ -233,8 +233,7 @@ fn run_commands_are_those_of_the_sheet() {
         assert_eq!((&run.reset_sequence[..], &run.never[..]), (&[0, 8, 0][..], &[][..]));
         let RunForm::Bits { bits, priority } = &run.form else { panic!("bits") };
         let first: Vec<_> = bits.iter().take(4).map(|bit| (bit.bit.value, bit.meaning, bit.bit.confidence)).collect();
-        let expected =
-            [(0, Run, SecondSource), (1, Reverse, SecondSource), (2, Trip, Sibling), (3, Reset, Sibling)];
+        let expected = [(0, Run, SecondSource), (1, Reverse, SecondSource), (2, Trip, Sibling), (3, Reset, Sibling)];
         assert_eq!(first, expected);
         let others: Vec<_> = bits.iter().skip(4).map(|bit| (bit.bit.value, bit.meaning)).collect();
         assert_eq!(others, (6..=15).map(|bit| (bit, Other)).collect::<Vec<_>>());
@@ -246,17 +245,15 @@ fn run_commands_are_those_of_the_sheet() {
 fn the_state_word_is_that_of_the_sheet() {
     for (model, sure) in [(e510(), SecondSource), (e510s(), Inferred)] {
         let flag = |flag, bit: u16| (flag, 0x2520, 1 << bit, vec![1 << bit], sure);
-        let flags =
-            [flag(Flag::Running, 0), flag(Flag::Reverse, 1), flag(Flag::Ready, 2), flag(Flag::Tripped, 3)];
+        let flags = [flag(Flag::Running, 0), flag(Flag::Reverse, 1), flag(Flag::Ready, 2), flag(Flag::Tripped, 3)];
         assert_eq!(status(&model), flags);
     }
 }
 
 #[test]
 fn trips_are_those_of_a_sibling() {
-    let of_the_l510 = [
-        1, 2, 3, 4, 6, 7, 8, 9, 11, 12, 13, 14, 15, 16, 18, 19, 20, 21, 23, 24, 25, 33, 34, 40, 41, 44, 46,
-    ];
+    let of_the_l510 =
+        [1, 2, 3, 4, 6, 7, 8, 9, 11, 12, 13, 14, 15, 16, 18, 19, 20, 21, 23, 24, 25, 33, 34, 40, 41, 44, 46];
     let (e510, e510s) = (e510(), e510s());
     assert_eq!(codes(&e510s.trip_codes), of_the_l510);
     let from_the_field: Vec<_> = e510.trip_codes.iter().filter(|it| it.code == 28).map(|it| it.confidence).collect();

@@ -268,21 +268,30 @@ fn run_commands_are_those_of_the_sheet() {
     let third = |word| Some((word, ThirdParty));
     assert_eq!(
         run_words(&as1()),
-        [
-            proven(0xC000),
-            proven(0xC400),
-            inferred(0xC600),
-            inferred(0xC800),
-            inferred(0xE000),
-            Some((0x0000, Sibling))
-        ]
+        [proven(0xC000), proven(0xC400), inferred(0xC600), inferred(0xC800), inferred(0xE000), Some((0x0000, Sibling))]
     );
     assert_eq!(
         run_words(&s15()),
         [proven(0xC000), proven(0xC400), third(0xC600), Some((0xC800, Sibling)), third(0xE000), third(0x0000)]
     );
-    let meanings: [BitMeaning; 16] =
-        [Other, Other, Other, Other, Other, Other, Other, Other, Jog, Reverse, Run, Coast, Trip, Reset, BusFrequency, BusRun];
+    let meanings: [BitMeaning; 16] = [
+        Other,
+        Other,
+        Other,
+        Other,
+        Other,
+        Other,
+        Other,
+        Other,
+        Jog,
+        Reverse,
+        Run,
+        Coast,
+        Trip,
+        Reset,
+        BusFrequency,
+        BusRun,
+    ];
     for model in [as1(), s15()] {
         let run = model.run.as_ref().unwrap();
         let RunForm::Bits { bits, priority } = &run.form else { panic!("bits") };

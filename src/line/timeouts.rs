@@ -1,0 +1,167 @@
+//! How long a reply is waited for, by what is asked.
+
+use super::timing::Timing;
+use crate::profile::model::{self, Memory, Model};
+use crate::wire::pdu::Request;
+use std::time::Duration;
+
+/// What a drive has to do for a request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Class {
+    /// It shows something.
+    Read,
+    /// It takes a value.
+    Write,
+    /// It takes a value and stores it.
+    StoredWrite,
+}
+
+impl Class {
+    /// The class of `request` to a drive of `model`.
+    #[must_use]
+    pub fn of(request: &Request, model: &Model) -> Self {
+        let is_stored = match request {
+            Request::ReadHolding { .. } | Request::Loopback { .. } | Request::Unserved { .. } => return Self::Read,
+            Request::WriteSingle { address, .. } => is_stored(model, *address),
+            Request::WriteMultiple { address, values } => {
+                (*address..=u16::MAX).zip(values).any(|(address, _)| is_stored(model, address))
+            }
+        };
+        if is_stored { Self::StoredWrite } else { Self::Write }
+    }
+}
+
+/// Whether the register at `address` keeps what is written to it without power. Where nobody says so, only those that
+/// the gateway commands by do not: no drive is commanded through a memory that wears out.
+fn is_stored(model: &Model, address: u16) -> bool {
+    let Some(register) = model.register_at(address) else { return true };
+    match register.memory {
+        Some(memory) => memory == Memory::Stored,
+        None => !register.role.is_some_and(model::Role::is_guarded),
+    }
+}
+
+/// Longest waits from the end of a request to the start of its reply.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReplyTimeouts {
+    /// To a read.
+    pub read: Duration,
+    /// To a write.
+    pub write: Duration,
+    /// To a write of a stored register.
+    pub stored_write: Duration,
+}
+
+impl ReplyTimeouts {
+    /// The same for all, as somebody wants it.
+    #[must_use]
+    pub const fn fixed(timeout: Duration) -> Self {
+        Self { read: timeout, write: timeout, stored_write: timeout }
+    }
+
+    /// As `timing` says: the model's cap while nothing better is known, but never less than the drive may need.
+    #[must_use]
+    pub fn auto(timing: &model::Timing) -> Self {
+        let wait = |class| timing.reply_timeout_cap.value.max(floor(timing, class));
+        Self { read: wait(Class::Read), write: wait(Class::Write), stored_write: wait(Class::StoredWrite) }
+    }
+
+    /// The wait for a request of `class`.
+    #[must_use]
+    pub const fn of(&self, class: Class) -> Duration {
+        match class {
+            Class::Read => self.read,
+            Class::Write => self.write,
+            Class::StoredWrite => self.stored_write,
+        }
+    }
+}
+
+/// The longest that the drive may need before its reply begins.
+fn floor(timing: &model::Timing, class: Class) -> Duration {
+    let value = |fact: &Option<model::Fact<Duration>>| fact.as_ref().map(|fact| fact.value);
+    let processing = value(&timing.processing_max).unwrap_or_default();
+    let work = match class {
+        Class::Read | Class::Write => processing,
+        Class::StoredWrite => value(&timing.stored_write_max).unwrap_or_default().max(processing),
+    };
+    work + value(&timing.reply_delay_max).unwrap_or_default()
+}
+
+/// By how much a reply of `bytes` characters is longer on the line of `timing` than our own frames would be, because the
+/// drive sends characters of `char_bits` bits.
+#[must_use]
+pub fn longer_reply(timing: &Timing, char_bits: Option<u8>, bytes: usize) -> Duration {
+    let bits = char_bits.map_or(0, |bits| u32::from(bits).saturating_sub(timing.link.bits_per_char()));
+    if !timing.paced || bits == 0 {
+        return Duration::ZERO;
+    }
+    Duration::from_nanos((bytes as u64 * u64::from(bits) * 1_000_000_000).div_ceil(timing.link.baud.max(1).into()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::link::{LinkSettings, Parity};
+    use crate::profile::check;
+    use crate::profile::model::{Confidence, Fact, Role};
+    use crate::vendors;
+
+    fn model() -> Model {
+        let (_, text) = vendors::texts().first().expect("a built-in model");
+        check::model(text).expect("a sound model")
+    }
+
+    const fn ms(millis: u64) -> Duration {
+        Duration::from_millis(millis)
+    }
+
+    fn fact(value: Duration) -> Option<Fact<Duration>> {
+        Some(Fact { value, confidence: Confidence::Manual, source: String::new() })
+    }
+
+    #[test]
+    fn a_reply_is_waited_for_at_least_as_long_as_the_drive_may_need() {
+        let timing = model::Timing { processing_max: fact(ms(10)), ..model().timing };
+        let delayed = model::Timing { reply_delay_max: fact(ms(600)), ..timing.clone() };
+        let storing = model::Timing { stored_write_max: fact(ms(800)), ..timing.clone() };
+        let both = model::Timing { stored_write_max: fact(ms(50)), ..delayed.clone() };
+        for (timing, read, stored_write) in
+            [(&timing, 500, 500), (&delayed, 610, 610), (&storing, 500, 800), (&both, 610, 650)]
+        {
+            let auto = ReplyTimeouts::auto(timing);
+            assert_eq!((auto.read, auto.write, auto.stored_write), (ms(read), ms(read), ms(stored_write)));
+        }
+    }
+
+    #[test]
+    fn what_is_not_known_to_be_lost_with_the_power_is_stored() {
+        let mut model = model();
+        let at = |role| model.register_for(role).unwrap().address;
+        let (run, ramp) = (at(Role::RunCommand), at(Role::AccelerationTime));
+        let class = |model: &Model, address| Class::of(&Request::WriteSingle { address, value: 1 }, model);
+        assert_eq!(class(&model, run), Class::Write, "it is commanded cyclically");
+        assert_eq!(class(&model, ramp), Class::StoredWrite);
+        assert_eq!(class(&model, 0xFFFE), Class::StoredWrite, "nobody knows it");
+        for register in &mut model.registers {
+            let memory = if register.address == run { Memory::Stored } else { Memory::Ram };
+            register.memory = Some(memory);
+        }
+        assert_eq!(class(&model, run), Class::StoredWrite);
+        assert_eq!(class(&model, ramp), Class::Write);
+        let block = |values| Class::of(&Request::WriteMultiple { address: ramp, values }, &model);
+        assert_eq!((block(vec![1]), block(vec![1, 2])), (Class::Write, Class::StoredWrite));
+        assert_eq!(Class::of(&Request::ReadHolding { address: run, count: 1 }, &model), Class::Read);
+    }
+
+    #[test]
+    fn characters_of_more_bits_make_a_longer_reply() {
+        let link = LinkSettings { baud: 19_200, parity: Parity::Even, ..LinkSettings::DEFAULT };
+        let timing = Timing::for_models(link, [3.5], Duration::ZERO);
+        // 7 characters of 12 bits in the place of 11.
+        assert_eq!(longer_reply(&timing, Some(12), 7), Duration::from_nanos(364_584));
+        assert_eq!(longer_reply(&timing, Some(11), 7), Duration::ZERO);
+        assert_eq!(longer_reply(&timing, None, 7), Duration::ZERO);
+        assert_eq!(longer_reply(&Timing::unpaced(link, ms(1)), Some(12), 7), Duration::ZERO);
+    }
+}
