@@ -1,5 +1,6 @@
 //! `simulate`: drives on a pseudo-terminal, for people who have no hardware at hand.
 
+use super::own_models::ModelDirs;
 use super::{Failure, input, print};
 use crate::daemon::pty::Pty;
 use crate::daemon::{run::told_to_end, simulator};
@@ -21,6 +22,8 @@ pub struct Args {
     /// Model of the drives; `models` lists them
     #[arg(long)]
     model: String,
+    #[command(flatten)]
+    own: ModelDirs,
     /// Station of a drive; repeat it for several drives
     #[arg(long = "station", value_name = "N", default_values_t = [1])]
     stations: Vec<u8>,
@@ -65,7 +68,7 @@ enum ParityArg {
 
 /// Plays the drives until SIGINT or SIGTERM.
 pub fn simulate(args: &Args) -> Result<(), Failure> {
-    let model = input::model(&args.model)?;
+    let model = input::model(&args.model, &args.own)?;
     let stations = model.link.stations.value.clone();
     if let Some(wrong) = args.stations.iter().find(|station| !stations.contains(station)) {
         let (first, last) = (stations.start(), stations.end());
