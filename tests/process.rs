@@ -7,6 +7,7 @@
 //! | `coming_and_going` | unplugged adapters, signals, taken ports |
 //! | `asking` | `health`, `read`, `write` and `watch` ask a running gateway |
 //! | `checking` | what `check` and the other commands say, and their exit codes |
+//! | `adding` | the drive that the tutorial adds is checked, played and run as it says |
 //! | `documents` | the README lists every command, option and key |
 //! | `topics` | the topic tree for subscribers, and trips |
 //! | `commanding` | commands over MQTT are answered and move the motor, and what is no command moves nothing |
@@ -27,6 +28,8 @@
     reason = "a test fails by panicking, its helpers too; and time here is the real one"
 )]
 
+#[path = "process/adding.rs"]
+mod adding;
 #[path = "process/asking.rs"]
 mod asking;
 #[path = "process/checking.rs"]

@@ -1,14 +1,13 @@
 //! `check`: all problems of a configuration at once, or what each of its lines will cost. Opens nothing.
 
+mod drive;
+
 use super::{Failure, input, print};
-use crate::config::words::{DIRECTIONS, LEASES};
-use crate::config::{Config, DriveSettings, LineSettings, ListenerSettings, MqttSettings, command_deadline};
+use crate::config::words::LEASES;
+use crate::config::{Config, LineSettings, ListenerSettings, MqttSettings};
 use crate::daemon::build;
-use crate::domain::control::ControlSettings;
 use crate::domain::link::Framing;
-use crate::line::budget::{ASSUMED_TURNAROUND, Budget};
-use crate::profile::model::Model;
-use crate::profile::values::duration_text;
+use crate::line::budget::ASSUMED_TURNAROUND;
 use crate::profile::words::word_for;
 use std::fmt::{Display, Write};
 use std::path::PathBuf;
@@ -92,75 +91,9 @@ fn describe_line(text: &mut String, line: &LineSettings, mqtt: Option<&MqttSetti
     }
     writeln!(text, "  a stop starts at most {} after it is accepted", ms(build::worst_stop(line)))?;
     for drive in &line.drives {
-        describe_drive(text, drive, &budget)?;
-        if let Some(control) = &drive.control {
-            describe_control(text, control, &drive.model, mqtt)?;
-        }
+        drive::describe(text, drive, line, &budget, mqtt)?;
     }
     writeln!(text)
-}
-
-fn describe_drive(text: &mut String, drive: &DriveSettings, budget: &Budget) -> std::fmt::Result {
-    let (name, model) = (&drive.name, &drive.model.id);
-    let access = if drive.control.is_some() { "controlled" } else { "read-only" };
-    let units = format!("unit {}, uniform unit {}", drive.unit, drive.uniform_unit);
-    writeln!(text, "  drive {name}: {model}, station {}, {units}, {access}", drive.station)?;
-    for (group, read) in build::planned(drive) {
-        let period = read.period.mul_f64(budget.stretch);
-        let age = period + budget.longest_exchange * 2;
-        let names: Vec<_> = (0..group.count)
-            .filter_map(|offset| drive.model.register_at(group.address.wrapping_add(offset)))
-            .map(|register| register.name.as_str())
-            .collect();
-        writeln!(
-            text,
-            "    every {} a read of 0x{:04X} x{} ({}), age at most about {}",
-            ms(period),
-            group.address,
-            group.count,
-            names.join(", "),
-            ms(age)
-        )?;
-    }
-    Ok(())
-}
-
-fn describe_control(
-    text: &mut String,
-    control: &ControlSettings,
-    model: &Model,
-    mqtt: Option<&MqttSettings>,
-) -> std::fmt::Result {
-    let ways = [(control.from_mqtt, "mqtt"), (control.from_modbus_tcp, "modbus-tcp")];
-    let ways: Vec<_> = ways.into_iter().filter_map(|(is_there, way)| is_there.then_some(way)).collect();
-    let directions: Vec<_> = control.directions.iter().map(|it| word_for(&DIRECTIONS, it)).collect();
-    let lost_after = duration_text(control.lost_after);
-    writeln!(
-        text,
-        "    commands from {}: {} to {} Hz, {}",
-        list(&ways),
-        control.least,
-        control.most,
-        list(&directions)
-    )?;
-    writeln!(
-        text,
-        "    commander lost after {lost_after}: {}; gateway ended: {}",
-        control.on_commander_lost.word(),
-        control.on_shutdown.word()
-    )?;
-    let accepted: Vec<_> = control.accept_unverified.iter().map(|action| action.word()).collect();
-    if !accepted.is_empty() {
-        writeln!(text, "    unproven and accepted: {}", list(&accepted))?;
-    }
-    let registers = control.native_write.iter().filter_map(|address| model.register_at(*address));
-    let registers: Vec<_> =
-        registers.map(|register| format!("{} (0x{:04X})", register.name, register.address)).collect();
-    if !registers.is_empty() {
-        writeln!(text, "    native registers that may be written: {}", list(&registers))?;
-    }
-    let deadline = duration_text(command_deadline(control, mqtt));
-    writeln!(text, "    command deadline {deadline} < lease {lost_after}")
 }
 
 fn ms(time: Duration) -> String {

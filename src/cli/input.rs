@@ -1,14 +1,16 @@
 //! Files that people write: read, and their problems drawn with the place in the text.
 
 use super::Failure;
+use super::own_models::{ModelDirs, OwnModels};
 use crate::config::{self, Config};
 use crate::domain::problem::{Problem, nearest};
 use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;
+use crate::profile::reader::Written;
 use crate::vendors;
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use std::io::IsTerminal;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// The built-in models.
@@ -23,12 +25,52 @@ pub fn catalog() -> Result<Catalog, Failure> {
     })
 }
 
-/// The built-in model called `id`.
+/// The built-in models and those of the operator's own in `dirs`.
 ///
 /// # Errors
-/// There is none; the nearest identifier is offered.
-pub fn model(id: &str) -> Result<Arc<Model>, Failure> {
-    let catalog = catalog()?;
+/// All problems of all their files, drawn, and what cannot be read.
+pub fn catalog_with(dirs: &ModelDirs) -> Result<Catalog, Failure> {
+    joined(&own_models(dirs)?)
+}
+
+/// The models of the operator's own in `dirs`.
+///
+/// # Errors
+/// What cannot be read.
+pub fn own_models(dirs: &ModelDirs) -> Result<OwnModels, Failure> {
+    let mut own = OwnModels::default();
+    let unread: Vec<_> = dirs.dirs.iter().flat_map(|dir| own.read_dir(dir)).map(|unread| unread.what).collect();
+    if unread.is_empty() { Ok(own) } else { Err(Failure::wrong(unread.join("\n"))) }
+}
+
+/// The built-in models and those of `own`.
+///
+/// # Errors
+/// All problems of all files of `own`, drawn.
+pub fn joined(own: &OwnModels) -> Result<Catalog, Failure> {
+    join(catalog()?, own).map_err(|drawn| Failure::wrong(drawn.join("\n\n")))
+}
+
+/// `catalog` with the models of `own`, or the problems of each file, drawn.
+fn join(catalog: Catalog, own: &OwnModels) -> Result<Catalog, Vec<String>> {
+    let texts = own.files().map(|(path, text)| (path.display().to_string(), text));
+    catalog.with_texts(texts).map_err(|problems| {
+        let drawn = own.files().map(|(path, text)| {
+            let name = path.display().to_string();
+            let of_file = problems.iter().filter(|(file, _)| *file == name).map(|(_, problem)| problem.clone());
+            (path, text, of_file.collect::<Vec<_>>())
+        });
+        let drawn = drawn.filter(|(.., problems)| !problems.is_empty());
+        drawn.map(|(path, text, problems)| draw(path, text, &problems)).collect()
+    })
+}
+
+/// The model called `id`, a built-in one or one in `dirs`.
+///
+/// # Errors
+/// There is none; the nearest identifier is offered. Or see [`catalog_with`].
+pub fn model(id: &str, dirs: &ModelDirs) -> Result<Arc<Model>, Failure> {
+    let catalog = catalog_with(dirs)?;
     catalog.find(id).cloned().ok_or_else(|| {
         let hint = nearest(id, catalog.ids()).map(|near| format!("; did you mean {near}?")).unwrap_or_default();
         Failure::wrong(format!("no model is called {id}{hint}"))
@@ -43,13 +85,35 @@ pub fn read(path: &Path) -> Result<String, Failure> {
     std::fs::read_to_string(path).map_err(|error| Failure::wrong(format!("{}: {error}", path.display())))
 }
 
-/// Reads a configuration.
+/// Reads a configuration, and the models of the operator's own that it names.
 ///
 /// # Errors
-/// All its problems, drawn.
+/// All its problems and those of the model files, drawn.
 pub fn configuration(path: &Path) -> Result<Config, Failure> {
     let text = read(path)?;
-    config::load(&text, &catalog()?).map_err(|problems| Failure::wrong(draw(path, &text, &problems)))
+    let built_in = catalog()?;
+    let (own, mut problems) = own_models_of(&config::model_dirs(&text));
+    let (catalog, mut drawn) = match join(built_in.clone(), &own) {
+        Ok(catalog) if problems.is_empty() => {
+            return config::load(&text, &catalog).map_err(|problems| Failure::wrong(draw(path, &text, &problems)));
+        }
+        Ok(catalog) => (catalog, Vec::new()),
+        Err(drawn) => (built_in, drawn),
+    };
+    problems.extend(config::problems_without_some_models(&text, &catalog));
+    problems.sort_by_key(|problem| problem.span.start);
+    drawn.extend((!problems.is_empty()).then(|| draw(path, &text, &problems)));
+    Err(Failure::wrong(drawn.join("\n\n")))
+}
+
+/// The model files in `dirs`, and what of them cannot be read, at the place where the directory stands.
+fn own_models_of(dirs: &[Written<PathBuf>]) -> (OwnModels, Vec<Problem>) {
+    let (mut own, mut problems) = (OwnModels::default(), Vec::new());
+    for Written { value: dir, place } in dirs {
+        let unread = own.read_dir(dir);
+        problems.extend(unread.into_iter().map(|it| place.problem(it.what).right(it.right)));
+    }
+    (own, problems)
 }
 
 /// Draws the problems of `text`, each with its place, and their number.

@@ -1,27 +1,41 @@
 //! `models`: what drives are known, with sources and confidence.
 
+use super::model_facts::{OrderWord, Unproven, orders, orders_text};
+use super::own_models::ModelDirs;
 use super::{Failure, input, print};
+use crate::profile::model::{Model, Register};
+use crate::profile::words::{FRAMINGS, POLL_CLASSES, word_for};
 use crate::profile::{check, summary};
+use serde_json::{Value, json};
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `models`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
+    #[command(flatten)]
+    own: ModelDirs,
     #[command(subcommand)]
     action: Option<Action>,
 }
 
 #[derive(Debug, clap::Subcommand)]
 enum Action {
-    /// List the built-in models (the default)
-    List,
+    /// List the models: those that are built in, and your own (the default)
+    List {
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
     /// Show a model with its registers, units, access, sources and confidence
     Show {
         /// Identifier, as `models list` shows it
         model: String,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
     },
-    /// Check a model file of your own
+    /// Check a model file of your own: all its problems at once, or what of it is not proven
     Check {
         /// The file
         file: PathBuf,
@@ -31,30 +45,118 @@ enum Action {
 /// Lists, shows or checks.
 pub fn models(args: &Args) -> Result<(), Failure> {
     match &args.action {
-        None | Some(Action::List) => list(),
-        Some(Action::Show { model }) => show(model),
-        Some(Action::Check { file }) => check_file(file),
+        None => list(&args.own, false),
+        Some(Action::List { json }) => list(&args.own, *json),
+        Some(Action::Show { model, json }) => show(model, &args.own, *json),
+        Some(Action::Check { file }) => check_file(file, &args.own),
     }
 }
 
-fn list() -> Result<(), Failure> {
-    let catalog = input::catalog()?;
-    let mut text = String::new();
-    for id in catalog.ids() {
-        if let Some(model) = catalog.find(id) {
-            let _ = writeln!(text, "{id:20} {} {}, {} registers", model.vendor, model.title, model.registers.len());
-        }
+fn list(own: &ModelDirs, as_json: bool) -> Result<(), Failure> {
+    let catalog = input::catalog_with(own)?;
+    let models: Vec<_> = catalog.ids().filter_map(|id| catalog.find(id)).collect();
+    if as_json {
+        return print(&format!("{:#}\n", Value::Array(models.iter().map(|model| in_short(model)).collect())));
     }
+    let head = ["id", "model", "framings", "unproven", "can be ordered"].map(str::to_owned);
+    let rows = models.iter().map(|model| {
+        [
+            model.id.clone(),
+            format!("{} {}", model.vendor, model.title),
+            framings(model).join(", "),
+            Unproven::of(model).count().to_string(),
+            orders_text(&orders(model)),
+        ]
+    });
+    print(&table(&std::iter::once(head).chain(rows).collect::<Vec<_>>()))
+}
+
+fn show(id: &str, own: &ModelDirs, as_json: bool) -> Result<(), Failure> {
+    let model = input::model(id, own)?;
+    if as_json {
+        return print(&format!("{:#}\n", in_full(&model)));
+    }
+    print(&summary::summary(&model))
+}
+
+fn check_file(path: &Path, own: &ModelDirs) -> Result<(), Failure> {
+    let mut files = input::own_models(own)?;
+    files.read_file(path).map_err(|unread| Failure::wrong(unread.what))?;
+    let catalog = input::joined(&files)?;
+    // What has joined the others is sound by itself.
+    let of_file = files.files().find(|(other, _)| *other == path).and_then(|(_, text)| check::model(text).ok());
+    let Some(model) = of_file.and_then(|model| catalog.find(&model.id).cloned()) else { return Ok(()) };
+    let mut text = format!("{} is sound: {} registers\n", model.id, model.registers.len());
+    let _ = writeln!(text, "can be ordered: {}", orders_text(&orders(&model)));
+    text.push_str(&unproven_text(&model));
     print(&text)
 }
 
-fn show(id: &str) -> Result<(), Failure> {
-    let model = input::model(id)?;
-    print(&summary::summary(&model))
+fn unproven_text(model: &Model) -> String {
+    let unproven = Unproven::of(model);
+    if unproven.count() == 0 {
+        return "Nothing is unproven\n".to_owned();
+    }
+    let mut text = "Unproven\n".to_owned();
+    for (confidence, names) in unproven.groups() {
+        let _ = writeln!(text, "  {}: {}", confidence.word(), names.join(", "));
+    }
+    text
 }
 
-fn check_file(file: &std::path::Path) -> Result<(), Failure> {
-    let text = input::read(file)?;
-    let model = check::model(&text).map_err(|problems| Failure::wrong(input::draw(file, &text, &problems)))?;
-    print(&summary::summary(&model))
+fn framings(model: &Model) -> Vec<&'static str> {
+    model.link.framings.value.iter().map(|framing| word_for(&FRAMINGS, framing)).collect()
+}
+
+fn in_short(model: &Model) -> Value {
+    let order = |(word, confidence): &OrderWord| json!({ "order": word, "confidence": confidence.word() });
+    let orders = orders(model).unwrap_or_default();
+    json!({
+        "id": model.id,
+        "vendor": model.vendor,
+        "title": model.title,
+        "framings": framings(model),
+        "registers": model.registers.len(),
+        "unproven": Unproven::of(model).count(),
+        "orders": orders.iter().map(order).collect::<Vec<_>>(),
+    })
+}
+
+fn in_full(model: &Model) -> Value {
+    let mut value = in_short(model);
+    let unproven = Unproven::of(model);
+    let unproven = unproven.groups().map(|(confidence, names)| (confidence.word().to_owned(), json!(names)));
+    value["unproven"] = Value::Object(unproven.collect());
+    value["registers"] = model.registers.iter().map(of_register).collect();
+    value["documents"] = model.documents.iter().map(|(name, title)| json!({ "name": name, "title": title })).collect();
+    value
+}
+
+fn of_register(register: &Register) -> Value {
+    json!({
+        "address": register.address,
+        "code": register.code,
+        "name": register.name,
+        "title": register.title,
+        "unit": register.unit.symbol(),
+        "scale": register.scale,
+        "signed": register.signed,
+        "access": register.access.word(),
+        "poll": register.poll.map(|poll| word_for(&POLL_CLASSES, &poll)),
+        "memory": register.memory.map(|memory| memory.word()),
+        "confidence": register.confidence.word(),
+        "source": register.source,
+    })
+}
+
+/// The rows with each column as wide as its widest cell.
+fn table<const N: usize>(rows: &[[String; N]]) -> String {
+    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let widths: [usize; N] = std::array::from_fn(width);
+    let mut text = String::new();
+    for row in rows {
+        let cells: Vec<_> = row.iter().zip(widths).map(|(cell, width)| format!("{cell:width$}")).collect();
+        let _ = writeln!(text, "{}", cells.join("  ").trim_end());
+    }
+    text
 }

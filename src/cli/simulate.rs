@@ -1,5 +1,7 @@
 //! `simulate`: drives on a pseudo-terminal, for people who have no hardware at hand.
 
+use super::keyboard::Enter;
+use super::own_models::ModelDirs;
 use super::{Failure, input, print};
 use crate::daemon::pty::Pty;
 use crate::daemon::{run::told_to_end, simulator};
@@ -22,6 +24,8 @@ pub struct Args {
     /// Model of the drives; `models` lists them
     #[arg(long)]
     model: String,
+    #[command(flatten)]
+    own: ModelDirs,
     /// Station of a drive; repeat it for several drives
     #[arg(long = "station", value_name = "N", default_values_t = [1])]
     stations: Vec<u8>,
@@ -55,6 +59,9 @@ pub struct Args {
     /// Trip every drive each so many seconds; the trip count and the newest record show it
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..))]
     trip_every: Option<u64>,
+    /// Trip every drive whenever Enter is pressed
+    #[arg(long)]
+    trip_on_enter: bool,
     /// Answer at once, without character times
     #[arg(long)]
     unpaced: bool,
@@ -78,7 +85,7 @@ enum FramingArg {
 
 /// Plays the drives until SIGINT or SIGTERM.
 pub fn simulate(args: &Args) -> Result<(), Failure> {
-    let model = input::model(&args.model)?;
+    let model = input::model(&args.model, &args.own)?;
     let framing = match args.framing {
         FramingArg::Rtu => Framing::Rtu,
         FramingArg::Ascii => Framing::Ascii,
@@ -107,7 +114,12 @@ pub fn simulate(args: &Args) -> Result<(), Failure> {
         if args.stations.len() == 1 { "" } else { "s" },
         args.stations.iter().map(u8::to_string).collect::<Vec<_>>().join(", ")
     );
-    play_until_told(&pty, &mut bus, &announcement, args.trip_every.map(Duration::from_secs))
+    let trips = Trips {
+        every: args.trip_every.map(Duration::from_secs),
+        next: None,
+        enter: if args.trip_on_enter { Some(Enter::listen().map_err(Failure::failed)?) } else { None },
+    };
+    play_until_told(&pty, &mut bus, &announcement, trips)
 }
 
 /// The settings of the line, if a drive of `model` can be set to its framing and data bits.
@@ -154,37 +166,49 @@ fn bus_of(args: &Args, model: &Arc<Model>, framing: Framing, link: LinkSettings)
     bus
 }
 
-fn play_until_told(
-    pty: &Pty,
-    bus: &mut SimBus,
-    announcement: &str,
-    trip_every: Option<Duration>,
-) -> Result<(), Failure> {
-    let mut next_trip = None;
+fn play_until_told(pty: &Pty, bus: &mut SimBus, announcement: &str, mut trips: Trips) -> Result<(), Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
     let told = {
         let _on_runtime = runtime.enter();
         told_to_end().map_err(Failure::failed)?
     };
     print(announcement)?;
-    let trip = |bus: &mut SimBus, now| trip_when_due(bus, now, trip_every, &mut next_trip);
+    let trip = |bus: &mut SimBus, now| trips.look(bus, now);
     simulator::play_beside(pty, bus, trip, || runtime.block_on(told)).map_err(Failure::failed)?;
     let report = bus.report();
     tracing::info!(requests = report.requests_heard, replies = report.replies_sent, "simulation ended");
     Ok(())
 }
 
-/// Trips every drive once `every` has passed since the last time, or since the start.
-fn trip_when_due(bus: &mut SimBus, now: MonoTime, every: Option<Duration>, next: &mut Option<MonoTime>) {
-    let Some(every) = every else { return };
-    let due = *next.get_or_insert(now + every);
-    if now < due {
-        return;
-    }
-    *next = Some(due + every);
-    for station in bus.stations().collect::<Vec<_>>() {
-        if let Some(drive) = bus.drive_mut(station) {
-            drive.trip(now, TRIP_CAUSE);
+/// When the drives trip.
+struct Trips {
+    every: Option<Duration>,
+    next: Option<MonoTime>,
+    enter: Option<Enter>,
+}
+
+impl Trips {
+    /// Trips every drive if Enter was pressed, or the time has passed since the last time or since the start.
+    fn look(&mut self, bus: &mut SimBus, now: MonoTime) {
+        let is_due = self.is_due(now);
+        let was_pressed = self.enter.as_ref().is_some_and(Enter::was_pressed);
+        if !is_due && !was_pressed {
+            return;
         }
+        for station in bus.stations().collect::<Vec<_>>() {
+            if let Some(drive) = bus.drive_mut(station) {
+                drive.trip(now, TRIP_CAUSE);
+            }
+        }
+    }
+
+    fn is_due(&mut self, now: MonoTime) -> bool {
+        let Some(every) = self.every else { return false };
+        let due = *self.next.get_or_insert(now + every);
+        let is_due = now >= due;
+        if is_due {
+            self.next = Some(due + every);
+        }
+        is_due
     }
 }

@@ -26,6 +26,7 @@ mod units;
 pub mod words;
 
 pub use control::why_not as why_not_controlled;
+pub use native::{Listed, listed};
 pub use ratings::shown_in_per_cent;
 pub use ready::{
     BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings, HttpSettings, LineSettings,

@@ -225,8 +225,6 @@ fn a_drive_that_is_run_at_its_panel_is_seen_and_left_alone() {
         }
         drive.operate_panel(now, Some(Direction::Forward));
         rig.pass(Duration::from_secs(12));
-        let output = rig.output(1);
-        assert!(output > 0, "{}", model.id);
         assert_eq!(rig.view(0).run_state, RunState::Forward, "{}", model.id);
         assert!(rig.writes().is_empty(), "{}: {:X?}", model.id, rig.writes());
     }

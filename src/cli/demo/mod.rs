@@ -2,6 +2,7 @@
 
 mod plant;
 
+use super::keyboard::Enter;
 use super::{Failure, input, print};
 use crate::config;
 use crate::daemon::pty::Pty;
@@ -12,11 +13,10 @@ use crate::domain::time::MonoTime;
 use crate::sim::{BusOptions, DriveOptions, SimBus, SimDrive};
 use plant::Line;
 use std::fmt::Write as _;
-use std::io::{self, BufRead};
+use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Cause number of the trips. Any will do: what the numbers mean is not known for every model.
 const TRIP_CAUSE: u16 = 1;
@@ -44,39 +44,28 @@ pub fn demo(args: &Args) -> Result<(), Failure> {
         played.push((Pty::new().map_err(Failure::failed)?, bus));
     }
     let devices: Vec<_> = played.iter().map(|(pty, _)| pty.path().to_owned()).collect();
-    let trips = Arc::new(AtomicU32::new(0));
-    listen_for_enter(Arc::clone(&trips)).map_err(Failure::failed)?;
+    let enter = Enter::listen().map_err(Failure::failed)?;
     let first = lines.first().and_then(|line| line.drives.first()).map(|drive| drive.station);
-    play(&mut played, &trips, first, || gateway(args, &lines, &devices)).map_err(Failure::failed)?
+    play(&mut played, &enter, first, || gateway(args, &lines, &devices)).map_err(Failure::failed)?
 }
 
 /// Plays every line as long as `work` lasts. Each Enter trips the drive at station `first` of the first line.
 fn play<T>(
     lines: &mut [(Pty, SimBus)],
-    trips: &AtomicU32,
+    enter: &Enter,
     first: Option<Station>,
     work: impl FnOnce() -> T,
 ) -> io::Result<T> {
     let Some(((pty, bus), others)) = lines.split_first_mut() else { return Ok(work()) };
     let trip = |bus: &mut SimBus, at: MonoTime| {
         if let Some(station) = first
-            && trips.swap(0, Ordering::Relaxed) > 0
+            && enter.was_pressed()
             && let Some(drive) = bus.drive_mut(station)
         {
             drive.trip(at, TRIP_CAUSE);
         }
     };
-    simulator::play_beside(pty, bus, trip, || play(others, trips, None, work))?
-}
-
-/// Counts lines on stdin: whoever presses Enter trips the drive. The thread ends with stdin or with the program.
-fn listen_for_enter(trips: Arc<AtomicU32>) -> io::Result<()> {
-    let listen = move || {
-        for _ in io::stdin().lock().lines().map_while(Result::ok) {
-            trips.fetch_add(1, Ordering::Relaxed);
-        }
-    };
-    std::thread::Builder::new().name("enter".to_owned()).spawn(listen).map(drop)
+    simulator::play_beside(pty, bus, trip, || play(others, enter, None, work))?
 }
 
 /// The gateway in front of the simulated lines; on other ports if the wanted ones are taken.

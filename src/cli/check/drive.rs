@@ -1,0 +1,172 @@
+//! What `check` says of one drive: its polls, what it can be ordered, and what has to be set on it.
+
+use super::super::model_facts::orders;
+use super::{list, ms};
+use crate::config::words::DIRECTIONS;
+use crate::config::{DriveSettings, LineSettings, Listed, MqttSettings, command_deadline, listed, shown_in_per_cent};
+use crate::daemon::build;
+use crate::domain::control::ControlSettings;
+use crate::line::budget::Budget;
+use crate::profile::model::{Memory, Model, RunForm, SetupItem, Watchdog};
+use crate::profile::values::duration_text;
+use crate::profile::words::word_for;
+use std::fmt::{Result, Write};
+
+/// Appends what the configuration means for `drive`, which hangs on `line`.
+pub(super) fn describe(
+    text: &mut String,
+    drive: &DriveSettings,
+    line: &LineSettings,
+    budget: &Budget,
+    mqtt: Option<&MqttSettings>,
+) -> Result {
+    let (name, model) = (&drive.name, &drive.model);
+    let access = if drive.control.is_some() { "controlled" } else { "read-only" };
+    let units = format!("unit {}, uniform unit {}", drive.unit, drive.uniform_unit);
+    writeln!(text, "  drive {name}: {}, station {}, {units}, {access}", model.id, drive.station)?;
+    polls(text, drive, budget)?;
+    for (what, key) in shown_in_per_cent(model, &drive.ratings) {
+        writeln!(text, "    {what} is shown in per cent only: give {key}")?;
+    }
+    if let Some(control) = &drive.control {
+        commands(text, control, model, mqtt)?;
+        native(text, control, model)?;
+        setup(text, model, line)?;
+    }
+    if let Some(watchdog) = &model.watchdog {
+        watchdog_of(text, watchdog, model)?;
+    }
+    Ok(())
+}
+
+fn polls(text: &mut String, drive: &DriveSettings, budget: &Budget) -> Result {
+    for (group, read) in build::planned(drive) {
+        let period = read.period.mul_f64(budget.stretch);
+        let age = period + budget.longest_exchange * 2;
+        let names: Vec<_> = (0..group.count)
+            .filter_map(|offset| drive.model.register_at(group.address.wrapping_add(offset)))
+            .map(|register| register.name.as_str())
+            .collect();
+        writeln!(
+            text,
+            "    every {} a read of 0x{:04X} x{} ({}), age at most about {}",
+            ms(period),
+            group.address,
+            group.count,
+            names.join(", "),
+            ms(age)
+        )?;
+    }
+    Ok(())
+}
+
+fn commands(text: &mut String, control: &ControlSettings, model: &Model, mqtt: Option<&MqttSettings>) -> Result {
+    let ways = [(control.from_mqtt, "mqtt"), (control.from_modbus_tcp, "modbus-tcp")];
+    let ways: Vec<_> = ways.into_iter().filter_map(|(is_there, way)| is_there.then_some(way)).collect();
+    let directions: Vec<_> = control.directions.iter().map(|it| word_for(&DIRECTIONS, it)).collect();
+    let lost_after = duration_text(control.lost_after);
+    writeln!(
+        text,
+        "    commands from {}: {} to {} Hz, {}",
+        list(&ways),
+        control.least,
+        control.most,
+        list(&directions)
+    )?;
+    let deadline = duration_text(command_deadline(control, mqtt));
+    writeln!(text, "    command deadline {deadline} < lease {lost_after}")?;
+    writeln!(
+        text,
+        "    commander lost after {lost_after}: {}; gateway ended: {}",
+        control.on_commander_lost.word(),
+        control.on_shutdown.word()
+    )?;
+    capabilities(text, control, model)?;
+    if let Some(priority) = model.run.as_ref().and_then(|run| priority(&run.form)) {
+        writeln!(
+            text,
+            "    warning: every command, a stop too, takes control from panel and terminals (bits 0x{priority:04X})"
+        )?;
+    }
+    Ok(())
+}
+
+/// What the drive can be ordered, and what of that is refused or rests on an acceptance.
+fn capabilities(text: &mut String, control: &ControlSettings, model: &Model) -> Result {
+    let orders = orders(model).unwrap_or_default();
+    let is_accepted = |word: &str| control.accept_unverified.iter().any(|action| action.word() == word);
+    let is_wanted = |word: &str| match word {
+        "release" => control.allow_release,
+        word => DIRECTIONS.iter().all(|(name, it)| *name != word || control.directions.contains(it)),
+    };
+    let wanted = orders.into_iter().filter(|(word, _)| is_wanted(word));
+    let (open, closed): (Vec<_>, Vec<_>) =
+        wanted.partition(|(word, confidence)| confidence.is_proven() || is_accepted(word));
+    let words: Vec<_> = open.iter().map(|(word, _)| *word).collect();
+    writeln!(text, "    can be ordered: {}", list(&words))?;
+    let accepted: Vec<_> = control.accept_unverified.iter().map(|action| action.word()).collect();
+    if !accepted.is_empty() {
+        writeln!(text, "    unproven and accepted: {}", list(&accepted))?;
+    }
+    if !closed.is_empty() {
+        let closed: Vec<_> = closed.iter().map(|(word, sure)| format!("{word} ({})", sure.word())).collect();
+        writeln!(text, "    unproven and refused: {}", list(&closed))?;
+    }
+    Ok(())
+}
+
+/// Bits with which the drive obeys the bus whatever its own settings say.
+const fn priority(form: &RunForm) -> Option<u16> {
+    match form {
+        RunForm::Bits { priority, .. } if *priority != 0 => Some(*priority),
+        RunForm::Bits { .. } | RunForm::Values => None,
+    }
+}
+
+fn native(text: &mut String, control: &ControlSettings, model: &Model) -> Result {
+    if control.native_write.is_empty() {
+        return Ok(());
+    }
+    writeln!(text, "    native registers that may be written:")?;
+    for listed in control.native_write.iter().filter_map(|address| listed(model, *address)) {
+        writeln!(text, "      {} (0x{:04X}): {}", listed.register.name, listed.address, memory(listed))?;
+    }
+    Ok(())
+}
+
+fn memory(listed: Listed<'_>) -> &'static str {
+    match (listed.twin_of, listed.register.memory) {
+        (Some(_), _) | (None, Some(Memory::Stored)) => "stored, in a memory that endures a limited number of writes",
+        (None, Some(Memory::Ram)) => "in RAM",
+        (None, None) => "not known to be RAM: treated as stored",
+    }
+}
+
+fn setup(text: &mut String, model: &Model, line: &LineSettings) -> Result {
+    let concerns = |item: &&SetupItem| item.interface.is_none_or(|interface| interface == line.interface);
+    let items: Vec<_> = model.setup.iter().filter(concerns).collect();
+    if !items.is_empty() {
+        writeln!(text, "    must be set on the drive, in this order:")?;
+    }
+    for item in items {
+        let place = item.address.map_or_else(
+            || "at the drive itself".to_owned(),
+            |address| format!("0x{address:04X} = {}", item.values.value.first().copied().unwrap_or_default()),
+        );
+        writeln!(text, "      {}: {} ({place})", item.what, item.text)?;
+    }
+    Ok(())
+}
+
+fn watchdog_of(text: &mut String, watchdog: &Watchdog, model: &Model) -> Result {
+    let called = |address: u16| {
+        let register = model.register_at(address);
+        let name = register.map_or("-", |register| register.code.as_deref().unwrap_or(&register.name));
+        format!("{name} (0x{address:04X})")
+    };
+    write!(text, "    the drive's own watchdog: {}, {} is off", called(watchdog.time), watchdog.off.value)?;
+    match watchdog.action {
+        Some(action) => writeln!(text, "; what it does then: {}", called(action)),
+        None => writeln!(text),
+    }
+}

@@ -1,0 +1,173 @@
+//! What models show of themselves to an operator: what they can be commanded, and what of them is not proven.
+
+use crate::config;
+use crate::domain::control::ControlAction;
+use crate::profile::model::{Barrier, Confidence, Fact, Link, Model, Quirks, RunCommand, RunForm, Timing};
+use crate::profile::words::{FLAGS, word_for};
+use std::collections::BTreeMap;
+
+/// Something that a drive can be ordered, with the confidence of its fact.
+pub type OrderWord = (&'static str, Confidence);
+
+/// What a drive of `model` can be ordered.
+///
+/// # Errors
+/// It cannot be controlled: why.
+pub fn orders(model: &Model) -> Result<Vec<OrderWord>, String> {
+    if let Some(why) = config::why_not_controlled(model) {
+        return Err(why);
+    }
+    let Some(run) = &model.run else { return Ok(Vec::new()) };
+    let of = |fact: &Option<Fact<u16>>| fact.as_ref().map(|fact| fact.confidence);
+    let forward = Some(run.forward.confidence);
+    let all = [
+        ("stop", Some(run.stop.confidence)),
+        // Whatever can be controlled takes a frequency.
+        ("frequency", forward),
+        ("forward", forward),
+        (ControlAction::Reverse.word(), of(&run.reverse)),
+        (ControlAction::Coast.word(), of(&run.coast)),
+        (ControlAction::Reset.word(), of(&run.reset)),
+        (ControlAction::Release.word(), of(&run.release)),
+    ];
+    Ok(all.into_iter().filter_map(|(word, confidence)| Some((word, confidence?))).collect())
+}
+
+/// `orders` with commas between them, those that have to be accepted marked.
+pub fn orders_text(orders: &Result<Vec<OrderWord>, String>) -> String {
+    let mark = |(word, confidence): &OrderWord| {
+        if confidence.is_proven() { (*word).to_owned() } else { format!("{word} (unproven)") }
+    };
+    match orders {
+        Ok(orders) => orders.iter().map(mark).collect::<Vec<_>>().join(", "),
+        Err(why) => format!("only read: {why}"),
+    }
+}
+
+/// What of a model no document of this very model states.
+#[derive(Debug, Default)]
+pub struct Unproven {
+    by_confidence: BTreeMap<Confidence, Vec<String>>,
+}
+
+impl Unproven {
+    /// Everything of `model` that is unproven.
+    pub fn of(model: &Model) -> Self {
+        let mut unproven = Self::default();
+        unproven.link(&model.link);
+        unproven.timing(&model.timing);
+        unproven.add("functions", &model.functions);
+        unproven.add("words in one read", &model.read.max_words);
+        unproven.add_some("words in one read in ASCII", model.read.max_words_ascii.as_ref());
+        unproven.add("what a refused write looks like", &model.write.refused);
+        unproven.add_some("writes of a block", model.write.block.as_ref().map(|block| &block.count));
+        for exception in &model.exceptions {
+            unproven.note(format!("exception {:02X} hex", exception.code), exception.confidence);
+        }
+        unproven.quirks(&model.quirks);
+        unproven.barriers(&model.barriers);
+        if let Some(run) = &model.run {
+            unproven.run(run);
+        }
+        for status in &model.status {
+            unproven.note(format!("status `{}`", word_for(&FLAGS, &status.flag)), status.confidence);
+        }
+        for trip in &model.trip_codes {
+            unproven.note(format!("text of trip {}", trip.code), trip.confidence);
+        }
+        for item in &model.setup {
+            unproven.add(format!("set-up of {}", item.what), &item.values);
+        }
+        unproven.add_some("what switches the drive's watchdog off", model.watchdog.as_ref().map(|it| &it.off));
+        for register in &model.registers {
+            unproven.note(format!("register `{}`", register.name), register.confidence);
+        }
+        unproven
+    }
+
+    /// How much there is.
+    pub fn count(&self) -> usize {
+        self.by_confidence.values().map(Vec::len).sum()
+    }
+
+    /// Each degree of confidence with what has no more.
+    pub fn groups(&self) -> impl Iterator<Item = (Confidence, &[String])> {
+        self.by_confidence.iter().map(|(confidence, names)| (*confidence, names.as_slice()))
+    }
+
+    fn link(&mut self, link: &Link) {
+        self.add("factory setting", &link.default);
+        self.add("speeds", &link.bauds);
+        self.add("data bits", &link.data_bits);
+        self.add("parities", &link.parities);
+        self.add("stop bits", &link.stop_bits);
+        self.add("framings", &link.framings);
+        self.add("interfaces", &link.interfaces);
+        self.add("stations", &link.stations);
+        self.add_some("broadcast", link.broadcast.as_ref().map(|it| &it.station));
+    }
+
+    fn timing(&mut self, timing: &Timing) {
+        self.add("silence between frames", &timing.gap_chars);
+        self.add("longest wait for a reply", &timing.reply_timeout_cap);
+        self.add_some("longest processing", timing.processing_max.as_ref());
+        self.add_some("longest processing of a stored write", timing.stored_write_max.as_ref());
+        self.add_some("longest delay of replies", timing.reply_delay_max.as_ref());
+        self.add_some("bits of a character of replies", timing.reply_char_bits.as_ref());
+        self.add("latest reply after a time-out", &timing.max_lateness);
+    }
+
+    fn quirks(&mut self, quirks: &Quirks) {
+        self.add_some("decimal numbers", quirks.decimal_numbers.as_ref());
+        self.add_some("per cent of rated values", quirks.percent_of_rated.as_ref());
+        self.add_some("setpoint before run", quirks.setpoint_before_run.as_ref());
+        self.add_some("stored twins", quirks.stored_alias_bit.as_ref());
+        self.add_some("deaf after power-up", quirks.deaf_after_power_up.as_ref());
+        self.add_some("deaf after a reset", quirks.deaf_after_reset.as_ref());
+        self.add_some("pause before a request", quirks.pause_before_request.as_ref());
+    }
+
+    fn barriers(&mut self, barriers: &[Barrier]) {
+        for barrier in barriers {
+            match barrier {
+                // A read rests on its registers.
+                Barrier::Read(_) => {}
+                Barrier::Loop(fact) => self.add("loop test", fact),
+                Barrier::Refused(fact) => self.add(format!("refusal of function {:02X} hex", fact.value), fact),
+            }
+        }
+    }
+
+    fn run(&mut self, run: &RunCommand) {
+        self.add("stop", &run.stop);
+        self.add("forward", &run.forward);
+        self.add_some("reverse", run.reverse.as_ref());
+        self.add_some("coast", run.coast.as_ref());
+        self.add_some("reset", run.reset.as_ref());
+        self.add_some("release", run.release.as_ref());
+        for word in &run.never {
+            self.add(format!("run command 0x{:04X} never", word.value), word);
+        }
+        if let RunForm::Bits { bits, .. } = &run.form {
+            for bit in bits {
+                self.add(format!("run command bit {}", bit.bit.value), &bit.bit);
+            }
+        }
+    }
+
+    fn add_some<T>(&mut self, what: &str, fact: Option<&Fact<T>>) {
+        if let Some(fact) = fact {
+            self.add(what, fact);
+        }
+    }
+
+    fn add<T>(&mut self, what: impl Into<String>, fact: &Fact<T>) {
+        self.note(what.into(), fact.confidence);
+    }
+
+    fn note(&mut self, what: String, confidence: Confidence) {
+        if !confidence.is_proven() {
+            self.by_confidence.entry(confidence).or_default().push(what);
+        }
+    }
+}

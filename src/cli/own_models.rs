@@ -1,0 +1,111 @@
+//! Model files of the operator's own, read from their directories within bounds.
+
+use std::fmt::Display;
+use std::fs::{self, File};
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+/// Most files of one catalogue, over all its directories.
+const FILES_MAX: usize = 256;
+/// Longest file, in bytes. The largest of the models that are built in has a tenth of it.
+const BYTES_MAX: u64 = 1024 * 1024;
+
+/// Where models of the operator's own are.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct ModelDirs {
+    /// A directory with model files of your own (*.toml); repeat it for several
+    #[arg(long = "model-dir", value_name = "DIR", global = true)]
+    pub dirs: Vec<PathBuf>,
+}
+
+/// The texts of model files, each with its path.
+#[derive(Debug, Default)]
+pub struct OwnModels {
+    files: Vec<(PathBuf, String)>,
+}
+
+/// Something that cannot be read.
+#[derive(Debug)]
+pub struct Unread {
+    /// The path and the reason.
+    pub what: String,
+    /// What would be right.
+    pub right: &'static str,
+}
+
+impl Unread {
+    fn new(path: &Path, reason: impl Display, right: &'static str) -> Self {
+        Self { what: format!("{}: {reason}", path.display()), right }
+    }
+}
+
+impl OwnModels {
+    /// Reads each file in `dir` that ends in `.toml`, in the order of their names. Hidden ones are left out: editors
+    /// make such.
+    ///
+    /// Everything that cannot be read is returned; the rest is taken.
+    pub fn read_dir(&mut self, dir: &Path) -> Vec<Unread> {
+        let paths = match model_files(dir) {
+            Ok(paths) => paths,
+            Err(error) => return vec![Unread::new(dir, error, "a directory that can be read")],
+        };
+        let mut unread = Vec::new();
+        for path in paths {
+            if self.files.len() >= FILES_MAX {
+                let reason = format!("there are more than {FILES_MAX} model files");
+                unread.push(Unread::new(&path, reason, "only the models that are used"));
+                break;
+            }
+            match text_of(&path) {
+                Ok(text) => self.files.push((path, text)),
+                Err(problem) => unread.push(problem),
+            }
+        }
+        unread
+    }
+
+    /// Reads the file at `path`, whatever its name and whether or not its directory was read before.
+    ///
+    /// # Errors
+    /// It cannot be read, or is too long.
+    pub fn read_file(&mut self, path: &Path) -> Result<(), Unread> {
+        let text = text_of(path)?;
+        let place = fs::canonicalize(path).ok();
+        self.files.retain(|(other, _)| fs::canonicalize(other).ok() != place);
+        self.files.push((path.to_owned(), text));
+        Ok(())
+    }
+
+    /// Path and text of each file.
+    pub fn files(&self) -> impl Iterator<Item = (&Path, &str)> {
+        self.files.iter().map(|(path, text)| (path.as_path(), text.as_str()))
+    }
+}
+
+/// The model files in `dir`, by name.
+fn model_files(dir: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut paths = Vec::new();
+    for entry in fs::read_dir(dir)? {
+        let path = entry?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let is_model = name.ends_with(".toml") && !name.starts_with('.');
+        // What is no file would be waited for, or is not meant.
+        if is_model && fs::metadata(&path).map_or(true, |data| data.is_file()) {
+            paths.push(path);
+        }
+    }
+    paths.sort();
+    Ok(paths)
+}
+
+fn text_of(path: &Path) -> Result<String, Unread> {
+    let mut text = String::new();
+    let read = File::open(path).and_then(|file| file.take(BYTES_MAX + 1).read_to_string(&mut text));
+    match read {
+        Err(error) => Err(Unread::new(path, error, "a text file that can be read")),
+        Ok(length) if length as u64 > BYTES_MAX => {
+            Err(Unread::new(path, format!("longer than {BYTES_MAX} bytes"), "a description of one drive model"))
+        }
+        Ok(_) => Ok(text),
+    }
+}
