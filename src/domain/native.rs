@@ -25,6 +25,11 @@ pub enum NativeAsk {
         /// The words, in order.
         values: Vec<u16>,
     },
+    /// Send this word back: the loop test, function 08.
+    Loop {
+        /// The word.
+        data: u16,
+    },
 }
 
 /// One native request of one asker.
@@ -60,7 +65,7 @@ pub struct NativeAnswer {
 pub enum NativeOutcome {
     /// The words that the drive sent. Shared, because many askers may get the same exchange.
     Words(Arc<[u16]>),
-    /// The drive confirmed the write by its own reply.
+    /// The drive confirmed the write by its own reply, or sent back what it was to.
     Written,
     /// The drive refused the write: its reply carries the value that it kept.
     KeptOldValue(u16),

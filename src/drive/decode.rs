@@ -31,8 +31,9 @@ enum RunPart {
 /// [`Reason::Conflict`] for parts that exclude each other.
 pub fn order(model: &Model, address: u16, values: &[u16]) -> Result<Order, Reason> {
     let (mut run, mut frequency, mut registers) = (None, None, Vec::new());
-    for (offset, value) in (0..).zip(values) {
-        match part(model, address.wrapping_add(offset), *value)? {
+    let addresses = std::iter::successors(Some(address), |address| Some(model.next_address(*address)));
+    for (address, value) in addresses.zip(values) {
+        match part(model, address, *value)? {
             Part::Run(part) => run = Some(part),
             Part::Frequency(hertz) => frequency = Some(hertz),
             Part::Register(write) => registers.push(write),

@@ -3,20 +3,22 @@
 use super::core::LineCore;
 use super::waiter::Waiter;
 use crate::domain::command::{CommandRequest, Reason, Report};
-use crate::domain::ids::DriveIndex;
+use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::native::{FRAMES_MAX, NativeAnswer, NativeAsk, NativeOutcome, NativeRequest, Refusal};
 use crate::domain::report::LineState;
 use crate::domain::time::MonoTime;
 use crate::drive::decode;
 use crate::guard::COMMAND_DEADLINE;
-use crate::line::schedule::{Full, Queued, ReadKey, WaiterId};
+use crate::line::schedule::{Asked, Full, Queued, ReadKey, WaiterId};
 use crate::profile::model::Model;
+use crate::wire::pdu::function;
 
 impl LineCore {
     pub(super) fn on_native(&mut self, now: MonoTime, request: NativeRequest) {
         let taken = match &request.ask {
             NativeAsk::Read { address, count } => self.take_read(now, &request, *address, *count),
             NativeAsk::Write { address, values } => self.take_write(now, &request, *address, values),
+            NativeAsk::Loop { data } => self.take_loop(now, &request, *data),
         };
         if let Err(outcome) = taken {
             if outcome == NativeOutcome::Refused(Refusal::QueueFull) {
@@ -56,15 +58,35 @@ impl LineCore {
         let parts: Vec<u16> = frames.iter().map(|(_, count)| *count).collect();
         let id = self.natives.open(request, &parts);
         for (part, (address, count)) in (0..).zip(frames) {
-            let key = ReadKey { drive: request.drive, address, count };
-            let waiter = WaiterId { request: id, part };
-            match self.schedule.push_read(key, request.asker, waiter) {
-                Ok(Queued::Alone) => {}
-                Ok(Queued::Joined) => self.counters.joined += 1,
-                Err(Full) => return self.give_back(waiter),
-            }
+            let key = ReadKey { drive: request.drive, what: Asked::Words { address, count } };
+            self.queue(key, request.asker, WaiterId { request: id, part })?;
         }
         Ok(())
+    }
+
+    /// A loop test goes to the drive if it serves one.
+    fn take_loop(&mut self, now: MonoTime, request: &NativeRequest, data: u16) -> Result<(), NativeOutcome> {
+        let Some(drive) = self.setup.drives.get(request.drive.get()) else {
+            return Err(NativeOutcome::Refused(Refusal::NoSuchUnit));
+        };
+        if !drive.model.serves(function::DIAGNOSTICS) {
+            return Err(refused(Refusal::Guard(Reason::NotCapable)));
+        }
+        self.may_wait(now, request.drive)?;
+        let id = self.natives.open(request, &[]);
+        let key = ReadKey { drive: request.drive, what: Asked::Loop { data } };
+        self.queue(key, request.asker, WaiterId { request: id, part: 0 })
+    }
+
+    fn queue(&mut self, key: ReadKey, asker: AskerId, waiter: WaiterId) -> Result<(), NativeOutcome> {
+        match self.schedule.push_read(key, asker, waiter) {
+            Ok(Queued::Alone) => Ok(()),
+            Ok(Queued::Joined) => {
+                self.counters.joined += 1;
+                Ok(())
+            }
+            Err(Full) => self.give_back(waiter),
+        }
     }
 
     /// A write to the drive's own registers is an order like any other.
@@ -124,7 +146,7 @@ fn frames_of(model: &Model, mut address: u16, mut count: u16) -> Option<Vec<(u16
         }
         let words = count.min(model.words_in_one_read(address));
         frames.push((address, words));
-        address = address.wrapping_add(words);
+        address = (0..words).fold(address, |address, _| model.next_address(address));
         count -= words;
     }
     Some(frames)

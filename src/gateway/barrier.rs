@@ -1,9 +1,10 @@
 //! Exchanges that settle whether a late reply can still come, for drives whose work is held up by that.
 
 use super::core::{LineCore, Purpose};
-use super::decide::{Picked, is_stop, poll_request, read_request};
+use super::decide::{Picked, is_stop, poll_request};
 use crate::domain::ids::DriveIndex;
 use crate::domain::time::MonoTime;
+use crate::line::schedule::ReadKey;
 use crate::wire::pdu::Request;
 use std::time::Duration;
 
@@ -69,7 +70,7 @@ impl LineCore {
     }
 
     fn waiting_requests(&self, now: MonoTime, drive: DriveIndex) -> impl Iterator<Item = Request> + '_ {
-        let reads = self.schedule.reads().filter(move |key| key.drive == drive).map(read_request);
+        let reads = self.schedule.reads().filter(move |key| key.drive == drive).map(ReadKey::request);
         let wants = self.works[drive.get()].wants().filter(move |want| want.at <= now && !is_stop(want.rank));
         let polls = self.plans[drive.get()].iter().filter(move |(_, _, due)| *due <= now);
         wants.map(|want| want.request).chain(reads).chain(polls.map(|(_, group, _)| poll_request(group)))

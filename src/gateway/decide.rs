@@ -146,10 +146,10 @@ impl LineCore {
         let stations = &self.stations;
         let may_go = |key: &ReadKey| {
             let station = &stations[key.drive.get()];
-            now >= station.may_be_asked_from() && now >= station.unmistakable_at(&read_request(key))
+            now >= station.may_be_asked_from() && now >= station.unmistakable_at(&key.request())
         };
         let job = self.schedule.take_read(may_go)?;
-        Some((job.key.drive, read_request(&job.key), Purpose::Read(job)))
+        Some((job.key.drive, job.key.request(), Purpose::Read(job)))
     }
 
     /// The poll that has been due for longest, fast ones first; if `aged`, only a fast one that has waited
@@ -214,7 +214,7 @@ impl LineCore {
                 _ => want.at.max(self.free_at(drive, &want.request)),
             })
         });
-        let reads = self.schedule.reads().map(|key| self.free_at(key.drive, &read_request(key)));
+        let reads = self.schedule.reads().map(|key| self.free_at(key.drive, &key.request()));
         let polls = self.drives().zip(&self.plans).flat_map(|(drive, plan)| {
             plan.iter().map(move |(_, group, due)| due.max(self.free_at(drive, &poll_request(group))))
         });
@@ -229,10 +229,6 @@ impl LineCore {
 
 pub(super) const fn is_stop(rank: Rank) -> bool {
     matches!(rank, Rank::FirstStop | Rank::RepeatedStop)
-}
-
-pub(super) fn read_request(key: &ReadKey) -> Request {
-    Request::ReadHolding { address: key.address, count: key.count }
 }
 
 pub(super) fn poll_request(group: PollGroup) -> Request {

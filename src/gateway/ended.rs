@@ -41,6 +41,7 @@ impl LineCore {
             (Purpose::Trial(place), ending) => self.trial_ended(drive, place, &exchange.request, &ending),
             (Purpose::Work(rank), ending) => self.work_ended(now, drive, rank, &exchange, &ending, doubt),
             (purpose, Ending::Reply(Reply::Words(words))) => self.deliver(now, drive, purpose, words),
+            (Purpose::Read(job), Ending::Reply(Reply::Echo)) => self.end_all(job.waiters, &NativeOutcome::Written),
             (purpose, Ending::Reply(_)) => self.end_all(waiters_of(purpose), &NativeOutcome::NoReply),
             (purpose, Ending::Exception(code)) => {
                 self.end_all(waiters_of(purpose), &NativeOutcome::DriveException(code));

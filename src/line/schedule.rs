@@ -1,8 +1,9 @@
-//! Native reads that wait, shared by all who ask for the same and served fairly among askers.
+//! Native reads and loop tests that wait, shared by all who ask for the same and served fairly among askers.
 //!
 //! What drives want for themselves, stops above all, goes before them and is kept with each drive.
 
 use crate::domain::ids::{AskerId, DriveIndex};
+use crate::wire::pdu::Request;
 use std::collections::{BTreeMap, HashMap};
 
 /// Most different native reads that may wait on one line. At 9600 bit/s this is more than half a minute of
@@ -17,10 +18,36 @@ pub const OVERTAKEN_MAX: u32 = 16;
 pub struct ReadKey {
     /// Which drive of the line.
     pub drive: DriveIndex,
-    /// First register.
-    pub address: u16,
-    /// Number of words, within the model's limit.
-    pub count: u16,
+    /// What it is asked.
+    pub what: Asked,
+}
+
+/// What a native read asks of its drive, in the order in which they lie on the way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Asked {
+    /// Holding registers.
+    Words {
+        /// First register.
+        address: u16,
+        /// Number of words, within the model's limit.
+        count: u16,
+    },
+    /// To send this word back.
+    Loop {
+        /// The word.
+        data: u16,
+    },
+}
+
+impl ReadKey {
+    /// Its request on the wire.
+    #[must_use]
+    pub const fn request(&self) -> Request {
+        match self.what {
+            Asked::Words { address, count } => Request::ReadHolding { address, count },
+            Asked::Loop { data } => Request::Loopback { data },
+        }
+    }
 }
 
 /// A native read that waits or is on the wire.
@@ -173,7 +200,7 @@ mod tests {
     use super::*;
 
     fn key(address: u16) -> ReadKey {
-        ReadKey { drive: DriveIndex(0), address, count: 1 }
+        ReadKey { drive: DriveIndex(0), what: Asked::Words { address, count: 1 } }
     }
 
     fn waiter(request: u64) -> WaiterId {
@@ -181,7 +208,11 @@ mod tests {
     }
 
     fn served(schedule: &mut Schedule) -> Vec<u16> {
-        std::iter::from_fn(|| schedule.take_read(|_| true)).map(|job| job.key.address).collect()
+        std::iter::from_fn(|| schedule.take_read(|_| true)).map(|job| match job.key.what {
+            Asked::Words { address, .. } => address,
+            Asked::Loop { data } => data,
+        })
+        .collect()
     }
 
     #[test]

@@ -64,6 +64,7 @@ impl Form {
         let success = match ask {
             Ask::ReadBits { count, .. } => Success::Bits(*count),
             Ask::ReadWords { count, .. } | Ask::ReadWriteWords { read_count: count, .. } => Success::Words(*count),
+            Ask::LoopTest { data } => Success::Echo([0, *data]),
             Ask::WriteCoil { address, on } => Success::Echo([*address, if *on { client::COIL_ON } else { 0 }]),
             Ask::WriteWord { address, value } => Success::Echo([*address, *value]),
             Ask::WriteCoils { address, values } => Success::Echo([*address, values.count()]),

@@ -43,6 +43,11 @@ pub enum Ask {
         /// 1 to 125.
         count: u16,
     },
+    /// 08, sub-function 0.
+    LoopTest {
+        /// The word that comes back.
+        data: u16,
+    },
     /// 05.
     WriteCoil {
         /// Which.
@@ -109,6 +114,7 @@ impl Ask {
             Self::ReadBits { table: BitTable::Discrete, .. } => client::READ_DISCRETE,
             Self::ReadWords { table: WordTable::Holding, .. } => function::READ_HOLDING,
             Self::ReadWords { table: WordTable::Input, .. } => function::READ_INPUT,
+            Self::LoopTest { .. } => function::DIAGNOSTICS,
             Self::WriteCoil { .. } => client::WRITE_COIL,
             Self::WriteWord { .. } => function::WRITE_SINGLE,
             Self::WriteCoils { .. } => client::WRITE_COILS,
@@ -122,7 +128,10 @@ impl Ask {
     /// Whether it writes, be it besides reading.
     #[must_use]
     pub const fn writes(&self) -> bool {
-        !matches!(self, Self::ReadBits { .. } | Self::ReadWords { .. } | Self::Identify { .. })
+        !matches!(
+            self,
+            Self::ReadBits { .. } | Self::ReadWords { .. } | Self::LoopTest { .. } | Self::Identify { .. }
+        )
     }
 }
 

@@ -10,10 +10,11 @@ use crate::wire::exception;
 /// What `ask` asks of a drive. 04 is served as 03, because drives have no input registers of their own.
 ///
 /// # Errors
-/// 01: a native unit has no other function than 03, 04, 06 and 10 hex.
+/// 01: a native unit has no other function than 03, 04, 06, 08 and 10 hex; and of 08 only what the drive serves.
 pub fn ask_of(ask: Ask) -> Result<NativeAsk, u8> {
     match ask {
         Ask::ReadWords { address, count, .. } => Ok(NativeAsk::Read { address, count }),
+        Ask::LoopTest { data } => Ok(NativeAsk::Loop { data }),
         Ask::WriteWord { address, value } => Ok(NativeAsk::Write { address, values: vec![value] }),
         Ask::WriteWords { address, values } => Ok(NativeAsk::Write { address, values }),
         _ => Err(exception::ILLEGAL_FUNCTION),

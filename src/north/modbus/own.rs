@@ -51,6 +51,7 @@ pub fn take(unit: u8, ask: &Ask, gateway: &impl Gateway, present: &Present, word
         Ask::ReadWords { address, count, .. } => read(*address, *count, gateway, present, words),
         Ask::ReadBits { table: BitTable::Coils, address: STOP_ALL, count: 1 } => Taken::Bits { bits: 0, count: 1 },
         Ask::ReadBits { table: BitTable::Coils, .. } => Taken::Exception(exception::ILLEGAL_DATA_ADDRESS),
+        Ask::LoopTest { .. } => Taken::Nothing,
         Ask::Identify { access, object } => {
             identity::read(*access, *object).map_or_else(Taken::Exception, Taken::Identity)
         }

@@ -29,6 +29,7 @@ pub fn parse(pdu: &[u8]) -> Result<Ask, u8> {
         client::READ_DISCRETE => read_bits(data, BitTable::Discrete),
         function::READ_HOLDING => read_words(data, WordTable::Holding),
         function::READ_INPUT => read_words(data, WordTable::Input),
+        function::DIAGNOSTICS => loop_test(data),
         client::WRITE_COIL => write_coil(data),
         function::WRITE_SINGLE => write_word(data),
         client::WRITE_COILS => write_coils(data),
@@ -50,6 +51,15 @@ fn read_words(data: &[u8], table: WordTable) -> Result<Ask, u8> {
     let (address, count, []) = split_head(data)? else { return Err(exception::ILLEGAL_DATA_VALUE) };
     check_range(address, count, pdu::MAX_READ_WORDS)?;
     Ok(Ask::ReadWords { table, address, count })
+}
+
+/// The sub-functions other than the loop test are about a device's own counters, which no unit has.
+fn loop_test(data: &[u8]) -> Result<Ask, u8> {
+    match split_head(data)? {
+        (0, data, []) => Ok(Ask::LoopTest { data }),
+        (0, ..) => Err(exception::ILLEGAL_DATA_VALUE),
+        _ => Err(exception::ILLEGAL_FUNCTION),
+    }
 }
 
 fn write_coil(data: &[u8]) -> Result<Ask, u8> {

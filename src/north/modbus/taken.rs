@@ -30,7 +30,7 @@ pub enum Taken {
     },
     /// Answer with this identity.
     Identity(Vec<u8>),
-    /// It writes and orders nothing: answer that it is done.
+    /// It orders nothing: answer that it is done.
     Nothing,
     /// Give this order to the drive, and answer when it is answered.
     Order(Order),

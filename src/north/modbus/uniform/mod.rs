@@ -82,6 +82,7 @@ impl Uniform {
             }
             Ask::ReadWords { address, count, .. } => self.read(*address, *count, view, present, words),
             Ask::ReadBits { table, address, count } => self.read_bits(*table, *address, *count, view, present),
+            Ask::LoopTest { .. } => Taken::Nothing,
             Ask::Identify { .. } => Taken::Exception(exception::ILLEGAL_FUNCTION),
             Ask::ReadWriteWords { read_address, read_count, .. } => {
                 match self.read(*read_address, *read_count, view, present, words) {
