@@ -3,151 +3,16 @@
 /// Name and text of every model file.
 #[must_use]
 pub fn texts() -> &'static [(&'static str, &'static str)] {
-    &[("hyundai/n700.toml", include_str!("hyundai/n700.toml"))]
+    &[
+        ("hyundai/n700.toml", include_str!("hyundai/n700.toml")),
+        ("hyundai/n100plus.toml", include_str!("hyundai/n100plus.toml")),
+        ("toshiba/vf-as1.toml", include_str!("toshiba/vf-as1.toml")),
+        ("toshiba/vf-s15.toml", include_str!("toshiba/vf-s15.toml")),
+        ("teco/e510.toml", include_str!("teco/e510.toml")),
+        ("teco/e510s.toml", include_str!("teco/e510s.toml")),
+        ("frecon/fr500a.toml", include_str!("frecon/fr500a.toml")),
+    ]
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::domain::link::{Framing, Interface, LinkSettings, Parity};
-    use crate::domain::units::UnitOfMeasure::{self, Ampere, Hertz, None as Plain, Second, Volt};
-    use crate::profile::catalog::Catalog;
-    use crate::profile::model::Access::{self, Read, ReadWrite, Write};
-    use crate::profile::model::Confidence::{self, Default, Inferred, Manual, SecondSource};
-    use crate::profile::model::{Barrier, BarrierRead, Boundary, Fact, Model, PollClass, RefusedWrite, Role};
-    use crate::profile::summary::summary;
-    use std::sync::Arc;
-    use std::time::Duration;
-
-    fn catalog() -> Catalog {
-        Catalog::from_texts(texts().iter().copied()).unwrap()
-    }
-
-    fn n700() -> Arc<Model> {
-        catalog().find("hyundai-n700").unwrap().clone()
-    }
-
-    fn parts<T: Clone>(fact: &Fact<T>) -> (T, Confidence) {
-        (fact.value.clone(), fact.confidence)
-    }
-
-    #[test]
-    fn every_summary_is_as_it_was_reviewed() {
-        let catalog = catalog();
-        assert_eq!(catalog.ids().count(), texts().len());
-        for id in catalog.ids() {
-            let found = summary(catalog.find(id).unwrap());
-            let path = format!("{}/tests/golden/models/{id}.txt", env!("CARGO_MANIFEST_DIR"));
-            if std::env::var_os("UPDATE_GOLDEN").is_some() {
-                std::fs::write(&path, &found).unwrap();
-            }
-            assert_eq!(found, std::fs::read_to_string(&path).unwrap(), "{path}");
-        }
-    }
-
-    type Row = (u16, Option<&'static str>, u32, UnitOfMeasure, Access, Confidence);
-
-    /// Address, code, scale, unit, access and confidence of every register, typed from the manuals.
-    #[rustfmt::skip]
-    const N700_REGISTERS: [Row; 19] = [
-        (0x0002, None,           1, Plain,  Write,     Manual),       // run command
-        (0x0004, None,         100, Hertz,  Write,     Manual),       // frequency command
-        (0x0101, Some("D001"), 100, Hertz,  Read,      Manual),       // output frequency monitor
-        (0x0112, None,           1, Plain,  Read,      SecondSource), // trip count
-        (0x0113, None,           1, Plain,  Read,      Inferred),     // newest trip: cause
-        (0x0114, None,         100, Hertz,  Read,      Inferred),     // newest trip: output frequency
-        (0x0115, None,          10, Ampere, Read,      Inferred),     // newest trip: output current
-        (0x0116, None,           1, Volt,   Read,      Inferred),     // newest trip: DC link voltage
-        (0x0117, None,           1, Plain,  Read,      Inferred),     // the trips before: their causes
-        (0x011B, None,           1, Plain,  Read,      Inferred),
-        (0x011F, None,           1, Plain,  Read,      Inferred),
-        (0x0123, None,           1, Plain,  Read,      Inferred),
-        (0x0127, None,           1, Plain,  Read,      Inferred),
-        (0x0201, Some("F001"), 100, Hertz,  Read,      Manual),       // output frequency setting
-        (0x0202, Some("F201"), 100, Hertz,  ReadWrite, Inferred),     // frequency setting of the second motor
-        (0x020C, Some("F007"),  10, Second, ReadWrite, Manual),       // acceleration time
-        (0x020E, Some("F008"),  10, Second, ReadWrite, Manual),       // deceleration time
-        (0x0211, Some("F010"),   1, Plain,  ReadWrite, Manual),       // frequency source
-        (0x0212, Some("F011"),   1, Plain,  ReadWrite, Manual),       // run-command source
-    ];
-
-    #[test]
-    fn n700_registers_are_those_of_the_manuals() {
-        let model = n700();
-        let found = model
-            .registers
-            .iter()
-            .map(|it| (it.address, it.code.as_deref(), it.scale, it.unit, it.access, it.confidence));
-        assert_eq!(found.collect::<Vec<_>>(), N700_REGISTERS);
-        assert!(model.registers.iter().all(|register| !register.signed));
-    }
-
-    #[test]
-    fn n700_registers_have_their_uses() {
-        let model = n700();
-        let roles = [
-            (Role::RunCommand, 0x0002),
-            (Role::FrequencyCommand, 0x0004),
-            (Role::OutputFrequency, 0x0101),
-            (Role::TripCount, 0x0112),
-            (Role::TripCause, 0x0113),
-            (Role::FrequencySetting, 0x0201),
-            (Role::AccelerationTime, 0x020C),
-            (Role::DecelerationTime, 0x020E),
-            (Role::FrequencySource, 0x0211),
-            (Role::RunSource, 0x0212),
-        ];
-        for (role, address) in roles {
-            assert_eq!(model.register_for(role).unwrap().address, address, "{role:?}");
-        }
-        let polled: Vec<_> = model.registers.iter().filter_map(|it| Some((it.address, it.poll?))).collect();
-        let (fast, slow) = (PollClass::Fast, PollClass::Slow);
-        assert_eq!(
-            polled,
-            [(0x0101, fast), (0x0112, PollClass::Second), (0x0201, slow), (0x0211, slow), (0x0212, slow)]
-        );
-        let trip = ["trip_count", "trip_cause", "trip_frequency", "trip_current", "trip_dc_voltage"];
-        for (name, address) in trip.into_iter().zip(0x0112..) {
-            assert_eq!(model.register_named(name).unwrap().address, address);
-        }
-        assert_eq!(model.register_named("f007").unwrap().name, "acceleration_time");
-    }
-
-    #[test]
-    fn n700_link_is_that_of_the_manual() {
-        let link = &n700().link;
-        assert_eq!(parts(&link.default), (LinkSettings::DEFAULT, Manual));
-        assert_eq!(parts(&link.bauds), (vec![2400, 4800, 9600, 19_200, 38_400], Manual));
-        assert_eq!(parts(&link.parities), (vec![Parity::None, Parity::Even, Parity::Odd], Manual));
-        assert_eq!(parts(&link.stop_bits), (vec![1, 2], Manual));
-        assert_eq!(parts(&link.data_bits), (vec![8], Manual));
-        assert_eq!(parts(&link.framings), (vec![Framing::Rtu], Manual));
-        assert_eq!(parts(&link.interfaces), (vec![Interface::Rs485, Interface::Rs232], Manual));
-        assert_eq!(parts(&link.stations), (1..=32, Manual));
-        let broadcast = link.broadcast.as_ref().unwrap();
-        assert_eq!((parts(&broadcast.station), &broadcast.functions[..]), ((0xFF, Manual), &[0x06][..]));
-    }
-
-    #[test]
-    fn n700_times_and_limits_are_those_of_the_manual() {
-        let model = n700();
-        assert_eq!(parts(&model.timing.gap_chars), (4.5, Manual));
-        assert_eq!(parts(&model.timing.reply_timeout_cap), (Duration::from_millis(500), Default));
-        assert_eq!(parts(&model.timing.max_lateness), (Duration::from_millis(500), Default));
-        assert_eq!(model.timing.processing_max, None);
-        assert_eq!((parts(&model.read.max_words), model.read.boundary), ((8, Manual), Some(Boundary::HighByte)));
-        assert_eq!((model.words_in_one_read(0x0101), model.words_in_one_read(0x01FE)), (8, 2));
-        assert_eq!(parts(&model.write.refused), (RefusedWrite::KeepsOldValue, Inferred));
-        let barriers = [(0x0101, 1), (0x0211, 2), (0x0113, 4)]
-            .map(|(address, count)| Barrier::Read(BarrierRead { address, count }));
-        assert_eq!(model.barriers, barriers);
-    }
-
-    #[test]
-    fn n700_run_commands_are_those_of_the_manual() {
-        let run = n700().run.clone().unwrap();
-        assert_eq!((parts(&run.stop), parts(&run.forward)), ((0, Manual), (1, Manual)));
-        let others = [run.reverse, run.coast, run.reset].map(|fact| parts(&fact.unwrap()));
-        assert_eq!(others, [(2, Manual), (3, Manual), (4, Manual)]);
-    }
-}
+mod tests;

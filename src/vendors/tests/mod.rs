@@ -1,0 +1,200 @@
+//! The built-in models against what their documents say, typed a second time, and against every frame that is known.
+
+#[cfg(test)]
+mod frecon;
+#[cfg(test)]
+mod n100plus;
+#[cfg(test)]
+mod n700;
+#[cfg(test)]
+mod teco;
+#[cfg(test)]
+mod toshiba;
+
+use super::texts;
+use crate::domain::link::{Framing, Interface, LinkSettings, Parity};
+use crate::domain::units::UnitOfMeasure;
+use crate::profile::catalog::Catalog;
+use crate::profile::model::{
+    Access, Barrier, BarrierRead, CodeText, Confidence, Fact, Flag, Memory, Model, PollClass, Register, Role, RunForm,
+};
+use crate::profile::summary::summary;
+use std::ops::RangeInclusive;
+use std::sync::{Arc, LazyLock};
+use std::time::Duration;
+
+const NOTHING: [u16; 0] = [];
+
+/// Read once: every frame looks for its model.
+static CATALOG: LazyLock<Catalog> = LazyLock::new(|| Catalog::from_texts(texts().iter().copied()).unwrap());
+
+fn model(id: &str) -> Arc<Model> {
+    CATALOG.find(id).unwrap().clone()
+}
+
+fn parts<T: Clone>(fact: &Fact<T>) -> (T, Confidence) {
+    (fact.value.clone(), fact.confidence)
+}
+
+fn maybe<T: Clone>(fact: Option<&Fact<T>>) -> Option<(T, Confidence)> {
+    fact.map(parts)
+}
+
+const fn ms(count: u64) -> Duration {
+    Duration::from_millis(count)
+}
+
+/// Address, code, scale, unit, access and confidence of a register.
+type Row = (u16, Option<&'static str>, u32, UnitOfMeasure, Access, Confidence);
+
+#[track_caller]
+fn assert_registers(model: &Model, rows: &[Row]) {
+    let row = |it: &Register| (it.address, it.code.clone(), it.scale, it.unit, it.access, it.confidence);
+    let found: Vec<_> = model.registers.iter().map(row).collect();
+    let expected: Vec<_> = rows.iter().map(|it| (it.0, it.1.map(str::to_owned), it.2, it.3, it.4, it.5)).collect();
+    for (found, expected) in found.iter().zip(&expected) {
+        assert_eq!(found, expected);
+    }
+    assert_eq!(found.len(), expected.len());
+}
+
+/// Where each role is; a role that several registers have comes several times.
+fn roles(model: &Model) -> Vec<(Role, u16)> {
+    let mut roles: Vec<_> = model.registers.iter().filter_map(|it| Some((it.role?, it.address))).collect();
+    roles.sort_unstable();
+    roles
+}
+
+#[track_caller]
+fn assert_roles(model: &Model, expected: &[(Role, u16)]) {
+    let mut expected = expected.to_vec();
+    expected.sort_unstable();
+    assert_eq!(roles(model), expected);
+}
+
+/// The addresses of the registers for which `is` holds.
+fn addresses(model: &Model, is: impl Fn(&Register) -> bool) -> Vec<u16> {
+    model.registers.iter().filter(|register| is(register)).map(|register| register.address).collect()
+}
+
+fn polled(model: &Model, class: PollClass) -> Vec<u16> {
+    addresses(model, |register| register.poll == Some(class))
+}
+
+fn back_doors(model: &Model) -> Vec<u16> {
+    addresses(model, |register| register.back_door.is_some())
+}
+
+fn in_memory(model: &Model, memory: Memory) -> Vec<u16> {
+    addresses(model, |register| register.memory == Some(memory))
+}
+
+fn signed(model: &Model) -> Vec<u16> {
+    addresses(model, |register| register.signed)
+}
+
+fn ranges(model: &Model) -> Vec<(u16, RangeInclusive<i32>)> {
+    model.registers.iter().filter_map(|it| Some((it.address, it.range.clone()?))).collect()
+}
+
+/// What the words of the register at `address` mean.
+fn meanings(model: &Model, address: u16) -> Vec<(u16, &str)> {
+    let mut meanings: Vec<_> =
+        model.register_at(address).unwrap().meanings.iter().map(|(code, text)| (*code, text.as_str())).collect();
+    meanings.sort_unstable();
+    meanings
+}
+
+/// Flag, register, mask, values and confidence.
+type StatusRow = (Flag, u16, u16, Vec<u16>, Confidence);
+
+fn status(model: &Model) -> Vec<StatusRow> {
+    model.status.iter().map(|it| (it.flag, it.address, it.mask, it.values.clone(), it.confidence)).collect()
+}
+
+fn codes(texts: &[CodeText]) -> Vec<u16> {
+    texts.iter().map(|text| text.code).collect()
+}
+
+/// Set-up in its order: what is set, where, the right words and how sure that is.
+fn setup(model: &Model) -> Vec<(&str, Option<u16>, &[u16], Confidence)> {
+    model.setup.iter().map(|it| (it.what.as_str(), it.address, &it.values.value[..], it.values.confidence)).collect()
+}
+
+/// Stop, forward, reverse, coast, reset, release.
+type RunWords = [Option<(u16, Confidence)>; 6];
+
+fn run_words(model: &Model) -> RunWords {
+    let run = model.run.as_ref().unwrap();
+    [
+        Some(&run.stop),
+        Some(&run.forward),
+        run.reverse.as_ref(),
+        run.coast.as_ref(),
+        run.reset.as_ref(),
+        run.release.as_ref(),
+    ]
+    .map(maybe)
+}
+
+fn barrier_read(address: u16, count: u16) -> Barrier {
+    Barrier::Read(BarrierRead { address, count })
+}
+
+#[test]
+fn every_summary_is_as_it_was_reviewed() {
+    assert_eq!(CATALOG.ids().count(), texts().len());
+    for id in CATALOG.ids() {
+        let found = summary(&model(id));
+        let path = format!("{}/tests/golden/models/{id}.txt", env!("CARGO_MANIFEST_DIR"));
+        if std::env::var_os("UPDATE_GOLDEN").is_some() {
+            std::fs::write(&path, &found).unwrap();
+        }
+        assert_eq!(found, std::fs::read_to_string(&path).unwrap(), "{path}");
+    }
+}
+
+#[test]
+fn the_models_are_these() {
+    let mut ids: Vec<_> = CATALOG.ids().collect();
+    ids.sort_unstable();
+    assert_eq!(
+        ids,
+        [
+            "frecon-fr500a",
+            "hyundai-n100plus",
+            "hyundai-n700",
+            "teco-e510",
+            "teco-e510s",
+            "toshiba-vf-as1",
+            "toshiba-vf-s15"
+        ]
+    );
+}
+
+#[test]
+fn no_order_to_stop_or_run_forward_rests_on_what_is_unproven() {
+    for id in CATALOG.ids() {
+        let model = model(id);
+        let run = model.run.as_ref().unwrap();
+        let of = |role| model.register_for(role).unwrap().confidence;
+        let all = [run.stop.confidence, run.forward.confidence, of(Role::RunCommand), of(Role::FrequencyCommand)];
+        assert!(all.into_iter().all(Confidence::is_proven), "{id}: {all:?}");
+    }
+}
+
+#[test]
+fn no_jog_is_ever_a_command() {
+    for id in CATALOG.ids() {
+        let model = model(id);
+        let RunForm::Bits { bits, .. } = &model.run.as_ref().unwrap().form else { continue };
+        let dangerous = bits.iter().filter(|bit| {
+            use crate::profile::model::BitMeaning::{Jog, Other, Trip};
+            matches!(bit.meaning, Jog | Other | Trip)
+        });
+        let mask = dangerous.fold(0_u16, |mask, bit| mask | 1 << bit.bit.value);
+        for (word, _) in run_words(&model).into_iter().flatten() {
+            assert_eq!(word & mask, 0, "{id}: {word:04X}");
+        }
+    }
+}
