@@ -22,17 +22,16 @@ use crate::profile::model::{
 };
 use crate::profile::summary::summary;
 use std::ops::RangeInclusive;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 const NOTHING: [u16; 0] = [];
 
-fn catalog() -> Catalog {
-    Catalog::from_texts(texts().iter().copied()).unwrap()
-}
+/// Read once: every frame looks for its model.
+static CATALOG: LazyLock<Catalog> = LazyLock::new(|| Catalog::from_texts(texts().iter().copied()).unwrap());
 
 fn model(id: &str) -> Arc<Model> {
-    catalog().find(id).unwrap().clone()
+    CATALOG.find(id).unwrap().clone()
 }
 
 fn parts<T: Clone>(fact: &Fact<T>) -> (T, Confidence) {
@@ -146,10 +145,9 @@ fn barrier_read(address: u16, count: u16) -> Barrier {
 
 #[test]
 fn every_summary_is_as_it_was_reviewed() {
-    let catalog = catalog();
-    assert_eq!(catalog.ids().count(), texts().len());
-    for id in catalog.ids() {
-        let found = summary(catalog.find(id).unwrap());
+    assert_eq!(CATALOG.ids().count(), texts().len());
+    for id in CATALOG.ids() {
+        let found = summary(&model(id));
         let path = format!("{}/tests/golden/models/{id}.txt", env!("CARGO_MANIFEST_DIR"));
         if std::env::var_os("UPDATE_GOLDEN").is_some() {
             std::fs::write(&path, &found).unwrap();
@@ -160,8 +158,7 @@ fn every_summary_is_as_it_was_reviewed() {
 
 #[test]
 fn the_models_are_these() {
-    let catalog = catalog();
-    let mut ids: Vec<_> = catalog.ids().collect();
+    let mut ids: Vec<_> = CATALOG.ids().collect();
     ids.sort_unstable();
     assert_eq!(
         ids,
@@ -179,7 +176,7 @@ fn the_models_are_these() {
 
 #[test]
 fn no_order_to_stop_or_run_forward_rests_on_what_is_unproven() {
-    for id in catalog().ids() {
+    for id in CATALOG.ids() {
         let model = model(id);
         let run = model.run.as_ref().unwrap();
         let of = |role| model.register_for(role).unwrap().confidence;
@@ -190,7 +187,7 @@ fn no_order_to_stop_or_run_forward_rests_on_what_is_unproven() {
 
 #[test]
 fn no_jog_is_ever_a_command() {
-    for id in catalog().ids() {
+    for id in CATALOG.ids() {
         let model = model(id);
         let RunForm::Bits { bits, .. } = &model.run.as_ref().unwrap().form else { continue };
         let dangerous = bits.iter().filter(|bit| {

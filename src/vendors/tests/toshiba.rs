@@ -337,6 +337,6 @@ fn trips_are_hints_and_setup_names_the_protocol() {
         assert_eq!(trip.confidence, Inferred, "{}", trip.text);
     }
     assert_eq!(as1.trip_text(24).unwrap().text, "Err5: communication time-out");
-    assert_eq!(setup(&as1), [("F807, F829", None, &[][..], Manual), ("power", None, &[][..], Manual)]);
+    assert_eq!(setup(&as1), [("F807, F829", None, &[][..], Inferred), ("power", None, &[][..], Manual)]);
     assert_eq!(setup(&s15), [("F829", Some(0xF829), &[1][..], Manual), ("power", None, &[][..], Manual)]);
 }
