@@ -79,7 +79,7 @@ impl DriveSetup {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::link::LinkSettings;
+    use crate::domain::link::{Framing, LinkSettings};
     use crate::profile::check;
     use crate::profile::model::{Confidence, Fact};
     use crate::vendors;
@@ -99,7 +99,8 @@ mod tests {
     }
 
     fn worst_stop(drives: Vec<DriveSetup>) -> Duration {
-        let timing = Timing::for_models(LinkSettings::DEFAULT, [4.5], Duration::ZERO);
+        let models = drives.iter().map(|drive| drive.model.as_ref());
+        let timing = Timing::for_models(Framing::Rtu, LinkSettings::DEFAULT, models, Duration::ZERO);
         LineSetup { timing, drives, tells_traffic: false, first_epoch: 0 }.worst_stop()
     }
 
@@ -136,8 +137,8 @@ mod tests {
 
     #[test]
     fn a_reply_is_waited_for_as_its_class_and_its_characters_ask() {
-        let timing = Timing::for_models(LinkSettings::DEFAULT, [4.5], Duration::ZERO);
         let drive = drive(|model| model.timing.reply_char_bits = Some(fact(12)));
+        let timing = Timing::for_models(Framing::Rtu, LinkSettings::DEFAULT, [drive.model.as_ref()], Duration::ZERO);
         let read = Request::ReadHolding { address: 1, count: 1 };
         let longer = Duration::from_nanos(7 * 2 * 104_167);
         for (at_most, wait) in [(Duration::MAX, 100), (Duration::from_millis(50), 50)] {

@@ -96,7 +96,7 @@ mod tests {
         assert_eq!(write_time(&ASCII, ASSUMED_TURNAROUND).as_micros(), 10_000 + 2 * 17_708 + 10_000);
         // A read of 15 words that stays without an answer, and the silence after it.
         let timeout = Duration::from_millis(200);
-        let worst = worst_stop(&ASCII, [(timeout, 15), (timeout, 1)]);
+        let worst = worst_stop(&ASCII, [15, 1].map(|words| read_time(&ASCII, words, timeout)));
         assert_eq!(worst.as_micros(), 10_000 + 17_708 + 200_000 + 73_958 + 10_000);
     }
 }

@@ -102,7 +102,7 @@ pub fn longer_reply(timing: &Timing, char_bits: Option<u8>, bytes: usize) -> Dur
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::link::{LinkSettings, Parity};
+    use crate::domain::link::{Framing, LinkSettings, Parity};
     use crate::profile::check;
     use crate::profile::model::{Confidence, Fact, Role};
     use crate::vendors;
@@ -157,11 +157,11 @@ mod tests {
     #[test]
     fn characters_of_more_bits_make_a_longer_reply() {
         let link = LinkSettings { baud: 19_200, parity: Parity::Even, ..LinkSettings::DEFAULT };
-        let timing = Timing::for_models(link, [3.5], Duration::ZERO);
+        let timing = Timing::for_models(Framing::Rtu, link, [], Duration::ZERO);
         // 7 characters of 12 bits in the place of 11.
         assert_eq!(longer_reply(&timing, Some(12), 7), Duration::from_nanos(364_584));
         assert_eq!(longer_reply(&timing, Some(11), 7), Duration::ZERO);
         assert_eq!(longer_reply(&timing, None, 7), Duration::ZERO);
-        assert_eq!(longer_reply(&Timing::unpaced(link, ms(1)), Some(12), 7), Duration::ZERO);
+        assert_eq!(longer_reply(&timing.unpaced(ms(1)), Some(12), 7), Duration::ZERO);
     }
 }
