@@ -167,6 +167,12 @@ impl<'a, 'p> Reader<'a, 'p> {
         &self.section.place
     }
 
+    /// Whether the table holds no key at all.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.section.table.is_empty()
+    }
+
     /// A reader of a table inside this one, from [`Self::table`] or [`Self::tables`].
     pub const fn open(&mut self, section: Section<'a>) -> Reader<'a, '_> {
         Reader::new(section, self.problems)

@@ -1,13 +1,15 @@
 //! One register as a file states it: of a model file, or added to a model by the gateway's configuration.
 
 use super::file::Origin;
-use super::model::{Access, Confidence, Model, PollClass, Register, Role};
-use super::reader::{Given, Needed, Place, Reader, Section};
+use super::model::{Access, Confidence, Memory, Model, PollClass, Register, Role};
+use super::reader::{Given, Needed, Place, Reader, Section, Written};
+use super::scale::steps;
 use super::values::Kind;
-use super::words::{ACCESSES, POLL_CLASSES, ROLES, UNITS};
+use super::words::{ACCESSES, MEMORIES, POLL_CLASSES, ROLES, UNITS};
 use crate::domain::problem::Problem;
 use crate::domain::units::UnitOfMeasure;
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 /// The largest scale, in raw steps per unit.
 const MAX_SCALE: u32 = 1_000_000;
@@ -21,11 +23,15 @@ pub struct RegisterFile {
     pub(super) address: Needed<u16>,
     pub(super) access: Needed<Access>,
     pub(super) role: Given<Role>,
+    pub(super) unit: Needed<UnitOfMeasure>,
+    pub(super) poll: Given<PollClass>,
+    pub(super) back_door: Given<String>,
     title: Needed<String>,
     scale: Given<u32>,
     signed: Given<bool>,
-    unit: Needed<UnitOfMeasure>,
-    poll: Given<PollClass>,
+    memory: Given<Memory>,
+    range: Given<RangeInclusive<i32>>,
+    meanings: Vec<(u16, String)>,
     origin: Option<Origin>,
 }
 
@@ -45,10 +51,10 @@ impl RegisterFile {
             access: self.access.as_ref()?.value,
             role: self.role.clone().optional()?,
             poll: self.poll.clone().optional()?,
-            memory: None,
-            range: None,
-            meanings: Vec::new(),
-            back_door: None,
+            memory: self.memory.clone().optional()?,
+            range: self.range.clone().optional()?,
+            meanings: self.meanings.clone(),
+            back_door: self.back_door.clone().optional()?,
             confidence,
             source,
         })
@@ -67,6 +73,10 @@ impl RegisterFile {
             access: reader.required("access", &Kind::one_of(&ACCESSES)),
             poll: reader.optional("poll", &Kind::one_of(&POLL_CLASSES)),
             role: Given::LeftOut,
+            memory: Given::LeftOut,
+            range: Given::LeftOut,
+            meanings: Vec::new(),
+            back_door: Given::LeftOut,
             origin: None,
         };
         let unreadable = register.access.as_ref().is_some_and(|access| !access.value.can_read());
@@ -81,10 +91,78 @@ impl RegisterFile {
     pub(super) fn of_model(mut reader: Reader<'_, '_>, origin: Option<Origin>) -> Self {
         let mut register = Self::read(&mut reader);
         register.role = reader.optional("role", &Kind::one_of(&ROLES));
+        register.memory = reader.optional("memory", &Kind::one_of(&MEMORIES));
+        register.range = register.read_range(&mut reader);
+        register.meanings = meanings(&mut reader);
+        register.back_door = reader.optional("back_door", &Kind::text());
         register.origin = origin;
         reader.finish();
         register
     }
+}
+
+impl RegisterFile {
+    /// `range` in the register's unit, as numbers before scaling.
+    fn read_range(&self, reader: &mut Reader<'_, '_>) -> Given<RangeInclusive<i32>> {
+        // No register reaches further, whatever its scale.
+        let ends = Kind::decimal(f64::from(i16::MIN)..=f64::from(u16::MAX));
+        let (list, place) = match reader.list("range", &ends) {
+            Given::LeftOut => return Given::LeftOut,
+            Given::Unusable => return Given::Unusable,
+            Given::Usable(Written { value, place }) => (value, place),
+        };
+        let [least, most] = &list[..] else {
+            let what = format!("has {} numbers", list.len());
+            reader.problems().push(place.problem(what).right("two: the least and the greatest value"));
+            return Given::Unusable;
+        };
+        let (Some(scale), Some(signed)) = (self.scale.or(1), self.signed.or(false)) else { return Given::Unusable };
+        let mut raw = |end: &Written<f64>| {
+            let problem = |wrong| end.place.problem(format!("{} is {wrong}", end.value));
+            let told = |wrong| reader.problems().push(problem(wrong).right("a value that the register can hold"));
+            steps(end.value, scale, signed).map_err(told).ok()
+        };
+        let (Some(low), Some(high)) = (raw(least), raw(most)) else { return Given::Unusable };
+        if low > high {
+            let problem = place.problem(format!("{} is above {}", least.value, most.value));
+            reader.problems().push(problem.right("the least value first"));
+            return Given::Unusable;
+        }
+        Given::Usable(Written { value: low..=high, place })
+    }
+}
+
+/// The table `values`: what the words of a register mean, in order of the words.
+fn meanings(reader: &mut Reader<'_, '_>) -> Vec<(u16, String)> {
+    let Given::Usable(Written { value: section, place }) = reader.table("values") else { return Vec::new() };
+    let inner = reader.open(section);
+    let (is_empty, all) = (inner.is_empty(), inner.all(&Kind::text()));
+    if is_empty {
+        reader.problems().push(place.problem("is empty").right("the meaning of at least one word, or leave it out"));
+    }
+    let mut meanings = Vec::new();
+    for (key, text) in all {
+        // A leading zero or sign would let the same word stand twice.
+        match key.parse::<u16>().ok().filter(|word| word.to_string() == key) {
+            Some(word) => meanings.push((word, text.value)),
+            None => {
+                let problem = text.place.problem(format!("`{key}` is no word of a register"));
+                reader.problems().push(problem.right("a decimal number from \"0\" to \"65535\""));
+            }
+        }
+    }
+    meanings.sort_by_key(|(word, _)| *word);
+    meanings
+}
+
+/// The address of the register called `name`.
+pub(super) fn address_of(name: &str, registers: &[RegisterFile]) -> Option<u16> {
+    Some(named(name, registers)?.address.as_ref()?.value)
+}
+
+/// The register called `name`.
+pub(super) fn named<'f>(name: &str, registers: &'f [RegisterFile]) -> Option<&'f RegisterFile> {
+    registers.iter().find(|register| register.name.as_ref().is_some_and(|it| it.value == name))
 }
 
 /// Reads a register that the gateway's configuration adds to a model: `name`, `title`, `address`, `unit` and
@@ -149,7 +227,7 @@ impl Taken {
             let called = format!("address 0x{:04X}", address.value);
             claim(&mut self.addresses, address.value, &called, &address.place, problems);
         }
-        if let Some(role) = register.role.usable() {
+        if let Some(role) = register.role.usable().filter(|role| !role.value.is_repeated()) {
             claim(&mut self.roles, role.value, "this role", &role.place, problems);
         }
     }

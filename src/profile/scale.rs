@@ -70,22 +70,25 @@ pub enum NoWord {
 /// # Errors
 /// The word cannot hold the value.
 pub fn to_raw(value: f64, register: &Register) -> Result<u16, NoWord> {
+    // In two's complement the low word of a negative number is its register word.
+    steps(value, register.scale, register.signed).map(|raw| (raw & 0xFFFF) as u16)
+}
+
+/// As [`to_raw`], but as a number and for a register that is not made yet.
+pub(super) fn steps(value: f64, scale: u32, signed: bool) -> Result<i32, NoWord> {
     if !value.is_finite() {
         return Err(NoWord::NotANumber);
     }
-    let (least, most) =
-        if register.signed { (i16::MIN.cast_unsigned(), i16::MAX.cast_unsigned()) } else { (0, u16::MAX) };
-    let (least, most) = (Scaled::from_word(least, register), Scaled::from_word(most, register));
+    let (least, most) = if signed { (i16::MIN.into(), i16::MAX.into()) } else { (0, u16::MAX.into()) };
+    let (least, most) = (Scaled { raw: least, scale }, Scaled { raw: most, scale });
     if !(least.value()..=most.value()).contains(&value) {
         return Err(NoWord::OutOfRange { least, most });
     }
-    let raw = (value * f64::from(register.scale)).round() as i32;
-    let step = Scaled { raw, scale: register.scale };
-    if step.value() != value {
-        return Err(NoWord::BetweenSteps { scale: register.scale });
+    let raw = (value * f64::from(scale)).round() as i32;
+    if (Scaled { raw, scale }).value() != value {
+        return Err(NoWord::BetweenSteps { scale });
     }
-    // In two's complement the low word of a negative number is its register word.
-    Ok((raw & 0xFFFF) as u16)
+    Ok(raw)
 }
 
 #[cfg(test)]

@@ -25,6 +25,11 @@ gap_chars = { value = 3.5, confidence = "manual", source = "IM 2" }
 reply_timeout_cap = { value = "500ms", confidence = "default", source = "cautious" }
 max_lateness = { value = "1s", confidence = "default", source = "cautious" }
 
+[functions]
+value = [3, 6]
+confidence = "manual"
+source = "IM 3"
+
 [read]
 max_words = { value = 4, confidence = "manual", source = "IM 3" }
 

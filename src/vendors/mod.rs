@@ -49,7 +49,7 @@ mod tests {
 
     /// Address, code, scale, unit, access and confidence of every register, typed from the manuals.
     #[rustfmt::skip]
-    const N700_REGISTERS: [Row; 13] = [
+    const N700_REGISTERS: [Row; 19] = [
         (0x0002, None,           1, Plain,  Write,     Manual),       // run command
         (0x0004, None,         100, Hertz,  Write,     Manual),       // frequency command
         (0x0101, Some("D001"), 100, Hertz,  Read,      Manual),       // output frequency monitor
@@ -58,7 +58,13 @@ mod tests {
         (0x0114, None,         100, Hertz,  Read,      Inferred),     // newest trip: output frequency
         (0x0115, None,          10, Ampere, Read,      Inferred),     // newest trip: output current
         (0x0116, None,           1, Volt,   Read,      Inferred),     // newest trip: DC link voltage
+        (0x0117, None,           1, Plain,  Read,      Inferred),     // the trips before: their causes
+        (0x011B, None,           1, Plain,  Read,      Inferred),
+        (0x011F, None,           1, Plain,  Read,      Inferred),
+        (0x0123, None,           1, Plain,  Read,      Inferred),
+        (0x0127, None,           1, Plain,  Read,      Inferred),
         (0x0201, Some("F001"), 100, Hertz,  Read,      Manual),       // output frequency setting
+        (0x0202, Some("F201"), 100, Hertz,  ReadWrite, Inferred),     // frequency setting of the second motor
         (0x020C, Some("F007"),  10, Second, ReadWrite, Manual),       // acceleration time
         (0x020E, Some("F008"),  10, Second, ReadWrite, Manual),       // deceleration time
         (0x0211, Some("F010"),   1, Plain,  ReadWrite, Manual),       // frequency source

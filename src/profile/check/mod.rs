@@ -1,18 +1,11 @@
 //! From the text of a model file to a sound model, or to all its problems at once.
 
-use super::file::{
-    self, BarrierFile, DefaultFile, FactFile, LinkFile, ModelFile, ReadFile, RunFile, StationsFile, TimingFile,
-};
-use super::model::{
-    Barrier, BarrierRead, Broadcast, Confidence, Fact, Link, Model, Quirks, ReadLimits, Role, RunCommand, RunForm,
-    Timing, WriteRules,
-};
+use super::file::{BarrierFile, BarrierForm, BlockFile, FactFile, LinkFile, ModelFile, ReadFile, RunFile};
+use super::model::{Model, Role};
 use super::reader::{self, Given, Needed, Place, Written};
 use super::register::{RegisterFile, distinct};
-use crate::domain::link::LinkSettings;
 use crate::domain::problem::Problem;
 use std::collections::{BTreeMap, BTreeSet};
-use std::ops::RangeInclusive;
 
 /// Most words of a reset sequence.
 const RESET_WORDS_MAX: usize = 8;
@@ -25,9 +18,9 @@ const RESET_WORDS_MAX: usize = 8;
 pub fn model(text: &str) -> Result<Model, Vec<Problem>> {
     let mut problems = Vec::new();
     let model = reader::document(text, &mut problems).and_then(|document| {
-        let file = file::read(document.section(), &mut problems);
+        let file = ModelFile::read(document.section(), &mut problems);
         compare(&file, &mut problems);
-        ready(&file)
+        file.ready()
     });
     problems.sort_by_key(|problem| problem.span.start);
     model.filter(|_| problems.is_empty()).ok_or(problems)
@@ -40,7 +33,7 @@ fn compare(file: &ModelFile, problems: &mut Vec<Problem>) {
         stations_are_apart(link, problems);
     }
     distinct(&[], &file.registers, problems);
-    for barrier in &file.barrier_reads {
+    for barrier in &file.barriers {
         barrier_is_sound(barrier, file, problems);
     }
     if let Given::Usable(run) = &file.run {
@@ -87,8 +80,10 @@ fn stations_are_apart(link: &LinkFile, problems: &mut Vec<Problem>) {
 
 /// A barrier lies within one read and covers only registers that can be read.
 fn barrier_is_sound(barrier: &BarrierFile, file: &ModelFile, problems: &mut Vec<Problem>) {
-    let (Some(address), Some(count)) = (&barrier.address, &barrier.count) else { return };
-    let limits = file.read.as_ref().and_then(read_limits);
+    let Some(BarrierForm::Read(BlockFile { address: Some(address), count: Some(count) })) = &barrier.form else {
+        return;
+    };
+    let limits = file.read.as_ref().and_then(ReadFile::ready);
     if let Some(most) = limits.map(|it| it.words_from(address.value)).filter(|most| *most < count.value) {
         let problem = count.place.problem("more words than one read from this address may have");
         problems.push(problem.right(format!("at most {most}")));
@@ -114,9 +109,8 @@ fn first_unreadable(address: u16, count: u16, registers: &[RegisterFile]) -> Opt
 
 /// No two run commands have the same value.
 fn run_values_differ(run: &RunFile, problems: &mut Vec<Problem>) {
-    let all = [Some(&run.stop), Some(&run.forward), run.reverse.as_ref(), run.coast.as_ref(), run.reset.as_ref()];
     let mut taken: BTreeMap<u16, &Place> = BTreeMap::new();
-    for Written { value, place } in all.into_iter().flatten().filter_map(|fact| fact.value.as_ref()) {
+    for Written { value, place } in run.words().map(|(_, word)| word) {
         let Some(first) = taken.get(value) else {
             taken.insert(*value, place);
             continue;
@@ -145,7 +139,7 @@ fn reset_is_framed(run: &RunFile, run_place: &Place, problems: &mut Vec<Problem>
         Given::Unusable => {}
         Given::Usable(sequence) => {
             let words: Vec<u16> = sequence.value.iter().map(|word| word.value).collect();
-            let framed = words.len() >= 3 && words.first() == Some(&stop) && words.last() == Some(&stop);
+            let framed = words.first() == Some(&stop);
             let only = words.iter().all(|word| *word == stop || *word == reset) && words.contains(&reset);
             if !(framed && only && words.len() <= RESET_WORDS_MAX) {
                 let what = "a reset is written between stops and with nothing else";
@@ -178,120 +172,10 @@ fn role_is_writable(role: Role, registers: &[RegisterFile], problems: &mut Vec<P
     }
 }
 
-/// The model; nothing where any part of the file cannot be used.
-fn ready(file: &ModelFile) -> Option<Model> {
-    let mut registers = file.registers.iter().map(RegisterFile::register).collect::<Option<Vec<_>>>()?;
-    registers.sort_by_key(|register| register.address);
-    Some(Model {
-        id: file.id.as_ref()?.value.clone(),
-        vendor: file.vendor.as_ref()?.value.clone(),
-        title: file.title.as_ref()?.value.clone(),
-        documents: file.documents.clone()?,
-        link: link(file.link.as_ref()?)?,
-        timing: timing(file.timing.as_ref()?)?,
-        read: read_limits(file.read.as_ref()?)?,
-        functions: Fact { value: vec![3, 6], confidence: Confidence::Inferred, source: String::new() },
-        write: WriteRules { refused: file.refused_write.as_ref()?.ready()?, block: None },
-        exceptions: Vec::new(),
-        quirks: Quirks::default(),
-        barriers: file.barrier_reads.iter().map(barrier_read).collect::<Option<Vec<_>>>()?,
-        run: match &file.run {
-            Given::LeftOut => None,
-            Given::Unusable => return None,
-            Given::Usable(run) => Some(run_command(&run.value)?),
-        },
-        status: Vec::new(),
-        trip_codes: Vec::new(),
-        setup: Vec::new(),
-        watchdog: None,
-        codes: None,
-        registers,
-    })
-}
-
-fn link(file: &LinkFile) -> Option<Link> {
-    Some(Link {
-        default: file.default.and_then(settings)?,
-        bauds: file.bauds.ready()?,
-        parities: file.parities.ready()?,
-        stop_bits: file.stop_bits.ready()?,
-        data_bits: file.data_bits.ready()?,
-        framings: file.framings.ready()?,
-        interfaces: file.interfaces.ready()?,
-        stations: file.stations.and_then(stations)?,
-        broadcast: match &file.broadcast {
-            None => None,
-            Some(broadcast) => Some(Broadcast {
-                station: broadcast.and_then(|it| Some(it.station.as_ref()?.value))?,
-                functions: broadcast.value.as_ref()?.value.functions.as_ref()?.value.clone(),
-            }),
-        },
-    })
-}
-
-fn settings(file: &DefaultFile) -> Option<LinkSettings> {
-    Some(LinkSettings {
-        baud: file.baud.as_ref()?.value,
-        data_bits: file.data_bits.as_ref()?.value,
-        parity: file.parity.as_ref()?.value,
-        stop_bits: file.stop_bits.as_ref()?.value,
-    })
-}
-
-fn stations(file: &StationsFile) -> Option<RangeInclusive<u8>> {
-    Some(file.from.as_ref()?.value..=file.to.as_ref()?.value)
-}
-
-fn timing(file: &TimingFile) -> Option<Timing> {
-    Some(Timing {
-        gap_chars: file.gap_chars.ready()?,
-        reply_timeout_cap: file.reply_timeout_cap.ready()?,
-        processing_max: optional(file.processing_max.as_ref())?,
-        stored_write_max: None,
-        reply_delay_max: None,
-        reply_char_bits: None,
-        max_lateness: file.max_lateness.ready()?,
-    })
-}
-
-fn read_limits(file: &ReadFile) -> Option<ReadLimits> {
-    Some(ReadLimits {
-        max_words: file.max_words.ready()?,
-        max_words_ascii: None,
-        boundary: file.boundary.clone().optional()?,
-    })
-}
-
-fn barrier_read(file: &BarrierFile) -> Option<Barrier> {
-    Some(Barrier::Read(BarrierRead { address: file.address.as_ref()?.value, count: file.count.as_ref()?.value }))
-}
-
-fn run_command(file: &RunFile) -> Option<RunCommand> {
-    Some(RunCommand {
-        form: RunForm::Values,
-        release: None,
-        never: Vec::new(),
-        stop: file.stop.ready()?,
-        forward: file.forward.ready()?,
-        reverse: optional(file.reverse.as_ref())?,
-        coast: optional(file.coast.as_ref())?,
-        reset: optional(file.reset.as_ref())?,
-        reset_sequence: match &file.reset_sequence {
-            Given::LeftOut => Vec::new(),
-            Given::Unusable => return None,
-            Given::Usable(sequence) => sequence.value.iter().map(|word| word.value).collect(),
-        },
-    })
-}
-
-/// Nothing inside where the fact is left out; nothing at all where it cannot be used.
-fn optional<T: Clone>(fact: Option<&FactFile<T>>) -> Option<Option<Fact<T>>> {
-    fact.map_or(Some(None), |fact| fact.ready().map(Some))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::link::LinkSettings;
     use crate::profile::model::Confidence;
     use crate::profile::testing::{MODEL, told};
     use std::time::Duration;
@@ -338,7 +222,7 @@ mod tests {
 
     #[test]
     fn all_mistakes_are_told_at_once() {
-        let text = include_str!("../../tests/golden/models/mistakes.toml");
+        let text = include_str!("../../../tests/golden/models/mistakes.toml");
         golden("mistakes.txt", &told(&model(text).unwrap_err(), text));
     }
 

@@ -1,0 +1,142 @@
+//! `[read]`, `[write]` and `[[barrier]]`: what the drive takes in one exchange, and which exchange ends a doubt.
+
+use super::facts::{FactFile, Facts, optional, whole};
+use crate::domain::problem::Problem;
+use crate::profile::model::{Barrier, BarrierRead, BlockWrite, Boundary, ReadLimits, RefusedWrite, WriteRules};
+use crate::profile::reader::{Given, Needed, Place, Reader};
+use crate::profile::values::Kind;
+use crate::profile::words::{BOUNDARIES, REFUSED_WRITES};
+
+/// Most registers in one write of function 10 hex.
+const BLOCK_WORDS_MAX: u16 = 123;
+
+/// `[read]`
+pub(in crate::profile) struct ReadFile {
+    pub max_words: FactFile<u16>,
+    pub max_words_ascii: Option<FactFile<u16>>,
+    boundary: Given<Boundary>,
+}
+
+impl ReadFile {
+    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+        let words = Kind::number(1..=125_u16);
+        let read = Self {
+            max_words: facts.value(&mut reader, "max_words", &words),
+            max_words_ascii: facts.optional_value(&mut reader, "max_words_ascii", &words),
+            boundary: reader.optional("boundary", &Kind::one_of(&BOUNDARIES)),
+        };
+        reader.finish();
+        read
+    }
+
+    /// Nothing where any part cannot be used.
+    pub fn ready(&self) -> Option<ReadLimits> {
+        Some(ReadLimits {
+            max_words: self.max_words.ready()?,
+            max_words_ascii: optional(self.max_words_ascii.as_ref())?,
+            boundary: self.boundary.clone().optional()?,
+        })
+    }
+}
+
+/// `[write]`
+pub(in crate::profile) struct WriteFile {
+    refused: FactFile<RefusedWrite>,
+    pub block: Option<FactFile<BlockFile>>,
+}
+
+impl WriteFile {
+    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+        let block = |reader: &mut Reader<'_, '_>| whole(reader, |reader| BlockFile::read(reader, BLOCK_WORDS_MAX));
+        let write = Self {
+            refused: facts.value(&mut reader, "refused", &Kind::one_of(&REFUSED_WRITES)),
+            block: facts.optional(&mut reader, "block", block),
+        };
+        reader.finish();
+        write
+    }
+
+    /// Nothing where any part cannot be used.
+    pub(super) fn ready(&self) -> Option<WriteRules> {
+        let block = match &self.block {
+            None => None,
+            Some(block) => Some(BlockWrite {
+                address: block.value.as_ref()?.value.address.as_ref()?.value,
+                count: block.and_then(|it| Some(it.count.as_ref()?.value))?,
+            }),
+        };
+        Some(WriteRules { refused: self.refused.ready()?, block })
+    }
+}
+
+/// Registers that follow one another: `{ address = 0x0101, count = 2 }`
+pub(in crate::profile) struct BlockFile {
+    pub address: Needed<u16>,
+    pub count: Needed<u16>,
+}
+
+impl BlockFile {
+    fn read(reader: &mut Reader<'_, '_>, most: u16) -> Self {
+        Self {
+            address: reader.required("address", &Kind::address()),
+            count: reader.required("count", &Kind::number(1..=most)),
+        }
+    }
+}
+
+/// One of `[[barrier]]`
+pub(in crate::profile) struct BarrierFile {
+    pub place: Place,
+    /// Nothing where it is none of the forms, which is already reported.
+    pub form: Option<BarrierForm>,
+}
+
+/// A barrier by its form.
+pub(in crate::profile) enum BarrierForm {
+    Read(BlockFile),
+    LoopTest(FactFile<()>),
+    Refused(FactFile<u8>),
+}
+
+impl BarrierFile {
+    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+        let read = match reader.table("read") {
+            Given::LeftOut => None,
+            Given::Unusable => Some(BlockFile { address: None, count: None }),
+            Given::Usable(section) => {
+                let mut reader = reader.open(section.value);
+                let block = BlockFile::read(&mut reader, 125);
+                reader.finish();
+                Some(block)
+            }
+        };
+        let loop_test = facts.switch(&mut reader, "loop_test");
+        let refused = facts.optional_value(&mut reader, "refused_function", &Kind::number(1..=127_u8));
+        let place = reader.place().clone();
+        let form = match (read, loop_test, refused) {
+            (Some(read), None, None) => Some(BarrierForm::Read(read)),
+            (None, Some(fact), None) => Some(BarrierForm::LoopTest(fact)),
+            (None, None, Some(fact)) => Some(BarrierForm::Refused(fact)),
+            (None, None, None) => no_form(&place, "is no barrier", reader.problems()),
+            _ => no_form(&place, "is several barriers", reader.problems()),
+        };
+        reader.finish();
+        Self { place, form }
+    }
+
+    /// Nothing where any part cannot be used.
+    pub(super) fn ready(&self) -> Option<Barrier> {
+        Some(match self.form.as_ref()? {
+            BarrierForm::Read(BlockFile { address, count }) => {
+                Barrier::Read(BarrierRead { address: address.as_ref()?.value, count: count.as_ref()?.value })
+            }
+            BarrierForm::LoopTest(fact) => Barrier::Loop(fact.ready()?),
+            BarrierForm::Refused(function) => Barrier::Refused(function.ready()?),
+        })
+    }
+}
+
+fn no_form(place: &Place, what: &str, problems: &mut Vec<Problem>) -> Option<BarrierForm> {
+    problems.push(place.problem(what).right("exactly one of `read`, `loop_test` and `refused_function`"));
+    None
+}

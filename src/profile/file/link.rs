@@ -1,0 +1,173 @@
+//! `[link]` and `[timing]`: the line that the model hangs on, and the times there.
+
+use super::facts::{FactFile, Facts, filled_list, optional, whole};
+use crate::domain::link::{Framing, Interface, LinkSettings, Parity};
+use crate::profile::model::{Broadcast, Link, Timing};
+use crate::profile::reader::{Needed, Reader};
+use crate::profile::values::Kind;
+use crate::profile::words::{FRAMINGS, INTERFACES, PARITIES};
+use std::ops::RangeInclusive;
+use std::time::Duration;
+
+/// Speeds that a file may state, in bit/s.
+const BAUDS: RangeInclusive<u32> = 300..=1_000_000;
+
+/// `[link]`
+pub(in crate::profile) struct LinkFile {
+    pub default: FactFile<DefaultFile>,
+    pub bauds: FactFile<Vec<u32>>,
+    pub parities: FactFile<Vec<Parity>>,
+    pub stop_bits: FactFile<Vec<u8>>,
+    pub data_bits: FactFile<Vec<u8>>,
+    pub framings: FactFile<Vec<Framing>>,
+    pub interfaces: FactFile<Vec<Interface>>,
+    pub stations: FactFile<StationsFile>,
+    pub broadcast: Option<FactFile<BroadcastFile>>,
+}
+
+impl LinkFile {
+    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+        let link = Self {
+            default: facts.needed(&mut reader, "default", |reader| whole(reader, DefaultFile::read)),
+            bauds: facts.list(&mut reader, "bauds", &Kind::number(BAUDS)),
+            parities: facts.list(&mut reader, "parities", &Kind::one_of(&PARITIES)),
+            stop_bits: facts.list(&mut reader, "stop_bits", &Kind::number(1..=2_u8)),
+            data_bits: facts.list(&mut reader, "data_bits", &Kind::number(7..=8_u8)),
+            framings: facts.list(&mut reader, "framings", &Kind::one_of(&FRAMINGS)),
+            interfaces: facts.list(&mut reader, "interfaces", &Kind::one_of(&INTERFACES)),
+            stations: facts.needed(&mut reader, "stations", |reader| whole(reader, StationsFile::read)),
+            broadcast: facts.optional(&mut reader, "broadcast", |reader| whole(reader, BroadcastFile::read)),
+        };
+        reader.finish();
+        link
+    }
+
+    /// Nothing where any part cannot be used.
+    pub(super) fn ready(&self) -> Option<Link> {
+        Some(Link {
+            default: self.default.and_then(DefaultFile::ready)?,
+            bauds: self.bauds.ready()?,
+            parities: self.parities.ready()?,
+            stop_bits: self.stop_bits.ready()?,
+            data_bits: self.data_bits.ready()?,
+            framings: self.framings.ready()?,
+            interfaces: self.interfaces.ready()?,
+            stations: self.stations.and_then(StationsFile::ready)?,
+            broadcast: match &self.broadcast {
+                None => None,
+                Some(broadcast) => Some(Broadcast {
+                    station: broadcast.and_then(|it| Some(it.station.as_ref()?.value))?,
+                    functions: broadcast.value.as_ref()?.value.functions.as_ref()?.value.clone(),
+                }),
+            },
+        })
+    }
+}
+
+/// `link.default`
+pub(in crate::profile) struct DefaultFile {
+    pub baud: Needed<u32>,
+    pub data_bits: Needed<u8>,
+    pub parity: Needed<Parity>,
+    pub stop_bits: Needed<u8>,
+}
+
+impl DefaultFile {
+    fn read(reader: &mut Reader<'_, '_>) -> Self {
+        Self {
+            baud: reader.required("baud", &Kind::number(BAUDS)),
+            data_bits: reader.required("data_bits", &Kind::number(7..=8_u8)),
+            parity: reader.required("parity", &Kind::one_of(&PARITIES)),
+            stop_bits: reader.required("stop_bits", &Kind::number(1..=2_u8)),
+        }
+    }
+
+    fn ready(&self) -> Option<LinkSettings> {
+        Some(LinkSettings {
+            baud: self.baud.as_ref()?.value,
+            data_bits: self.data_bits.as_ref()?.value,
+            parity: self.parity.as_ref()?.value,
+            stop_bits: self.stop_bits.as_ref()?.value,
+        })
+    }
+}
+
+/// `link.stations`
+pub(in crate::profile) struct StationsFile {
+    pub from: Needed<u8>,
+    pub to: Needed<u8>,
+}
+
+impl StationsFile {
+    fn read(reader: &mut Reader<'_, '_>) -> Self {
+        Self {
+            from: reader.required("from", &Kind::number(1..=247_u8)),
+            to: reader.required("to", &Kind::number(1..=247_u8)),
+        }
+    }
+
+    fn ready(&self) -> Option<RangeInclusive<u8>> {
+        Some(self.from.as_ref()?.value..=self.to.as_ref()?.value)
+    }
+}
+
+/// `link.broadcast`
+pub(in crate::profile) struct BroadcastFile {
+    pub station: Needed<u8>,
+    pub functions: Needed<Vec<u8>>,
+}
+
+impl BroadcastFile {
+    fn read(reader: &mut Reader<'_, '_>) -> Self {
+        Self {
+            station: reader.required("station", &Kind::number(0..=255_u8)),
+            functions: filled_list(reader, "functions", &Kind::number(1..=127_u8)),
+        }
+    }
+}
+
+/// `[timing]`
+pub(in crate::profile) struct TimingFile {
+    gap_chars: FactFile<f64>,
+    reply_timeout_cap: FactFile<Duration>,
+    processing_max: Option<FactFile<Duration>>,
+    stored_write_max: Option<FactFile<Duration>>,
+    reply_delay_max: Option<FactFile<Duration>>,
+    reply_char_bits: Option<FactFile<u8>>,
+    max_lateness: FactFile<Duration>,
+}
+
+impl TimingFile {
+    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+        let time = time();
+        let timing = Self {
+            gap_chars: facts.value(&mut reader, "gap_chars", &Kind::decimal(3.5..=100.0)),
+            reply_timeout_cap: facts.value(&mut reader, "reply_timeout_cap", &time),
+            processing_max: facts.optional_value(&mut reader, "processing_max", &time),
+            stored_write_max: facts.optional_value(&mut reader, "stored_write_max", &time),
+            reply_delay_max: facts.optional_value(&mut reader, "reply_delay_max", &time),
+            reply_char_bits: facts.optional_value(&mut reader, "reply_char_bits", &Kind::number(7..=13_u8)),
+            max_lateness: facts.value(&mut reader, "max_lateness", &time),
+        };
+        reader.finish();
+        timing
+    }
+
+    /// Nothing where any part cannot be used.
+    pub(super) fn ready(&self) -> Option<Timing> {
+        Some(Timing {
+            gap_chars: self.gap_chars.ready()?,
+            reply_timeout_cap: self.reply_timeout_cap.ready()?,
+            processing_max: optional(self.processing_max.as_ref())?,
+            stored_write_max: optional(self.stored_write_max.as_ref())?,
+            reply_delay_max: optional(self.reply_delay_max.as_ref())?,
+            reply_char_bits: optional(self.reply_char_bits.as_ref())?,
+            max_lateness: self.max_lateness.ready()?,
+        })
+    }
+}
+
+/// A time that a model may state.
+pub(super) fn time() -> Kind<'static, Duration> {
+    Kind::duration(Duration::from_millis(1)..=Duration::from_secs(60))
+}

@@ -1,0 +1,150 @@
+//! A model file as it is written: each fact with its place, its confidence and its source, nothing compared. Each part
+//! that can be used as a whole can be made into the model's.
+
+mod codes;
+mod exchange;
+mod facts;
+mod link;
+mod quirks;
+mod run;
+mod setup;
+mod status;
+
+pub(super) use codes::CodesFile;
+pub(super) use exchange::{BarrierFile, BarrierForm, BlockFile, ReadFile, WriteFile};
+pub(super) use facts::{FactFile, Origin};
+pub(super) use link::{LinkFile, TimingFile};
+pub(super) use quirks::QuirksFile;
+pub(super) use run::{FormWord, Order, RunFile};
+pub(super) use setup::{SetupFile, WatchdogFile};
+pub(super) use status::{CodeFile, StatusFile};
+
+use super::model::{Model, Quirks};
+use super::reader::{Given, Needed, Reader, Section, Written};
+use super::register::RegisterFile;
+use super::values::Kind;
+use crate::domain::problem::Problem;
+use facts::Facts;
+
+/// The whole file.
+pub(super) struct ModelFile {
+    id: Needed<String>,
+    vendor: Needed<String>,
+    title: Needed<String>,
+    documents: Option<Vec<(String, String)>>,
+    pub link: Option<LinkFile>,
+    timing: Option<TimingFile>,
+    pub functions: FactFile<Vec<u8>>,
+    pub read: Option<ReadFile>,
+    pub write: Option<WriteFile>,
+    pub exceptions: Vec<CodeFile>,
+    pub quirks: Given<QuirksFile>,
+    pub barriers: Vec<BarrierFile>,
+    pub run: Given<RunFile>,
+    pub status: Vec<StatusFile>,
+    pub trips: Vec<CodeFile>,
+    pub setup: Vec<SetupFile>,
+    pub watchdog: Given<WatchdogFile>,
+    pub codes: Given<CodesFile>,
+    pub registers: Vec<RegisterFile>,
+}
+
+impl ModelFile {
+    /// Reads the outermost table of a model file.
+    pub fn read(section: Section<'_>, problems: &mut Vec<Problem>) -> Self {
+        let mut reader = Reader::new(section, problems);
+        let documents = reader.required_table("documents").map(|it| documents(reader.open(it)));
+        let proven = &Facts { documents: documents.as_deref(), defaults: false };
+        let chosen = &Facts { documents: documents.as_deref(), defaults: true };
+        let file = Self {
+            id: reader.required("id", &Kind::parsed("`vendor-model`: a to z and 0 to 9 between single dashes", id)),
+            vendor: reader.required("vendor", &Kind::text()),
+            title: reader.required("title", &Kind::text()),
+            link: reader.required_table("link").map(|it| LinkFile::read(proven, reader.open(it))),
+            timing: reader.required_table("timing").map(|it| TimingFile::read(chosen, reader.open(it))),
+            functions: proven.list(&mut reader, "functions", &Kind::number(1..=127_u8)),
+            read: reader.required_table("read").map(|it| ReadFile::read(proven, reader.open(it))),
+            write: reader.required_table("write").map(|it| WriteFile::read(proven, reader.open(it))),
+            exceptions: all(&mut reader, "exception", |reader| CodeFile::read(proven, 1..=255, reader)),
+            quirks: given(&mut reader, "quirks", |reader| QuirksFile::read(proven, reader)),
+            barriers: all(&mut reader, "barrier", |reader| BarrierFile::read(proven, reader)),
+            run: given(&mut reader, "run", |reader| RunFile::read(proven, reader)),
+            status: all(&mut reader, "status", |reader| StatusFile::read(proven, reader)),
+            trips: all(&mut reader, "trip", |reader| CodeFile::read(proven, 0..=u16::MAX, reader)),
+            setup: all(&mut reader, "setup", |reader| SetupFile::read(proven, reader)),
+            watchdog: given(&mut reader, "watchdog", |reader| WatchdogFile::read(proven, reader)),
+            codes: given(&mut reader, "codes", |reader| CodesFile::read(proven, reader)),
+            registers: all(&mut reader, "register", |mut reader| {
+                let origin = proven.origin(&mut reader);
+                RegisterFile::of_model(reader, origin)
+            }),
+            documents,
+        };
+        reader.finish();
+        file
+    }
+
+    /// The model; nothing where any part of the file cannot be used.
+    pub fn ready(&self) -> Option<Model> {
+        let mut registers = self.registers.iter().map(RegisterFile::register).collect::<Option<Vec<_>>>()?;
+        registers.sort_by_key(|register| register.address);
+        Some(Model {
+            id: self.id.as_ref()?.value.clone(),
+            vendor: self.vendor.as_ref()?.value.clone(),
+            title: self.title.as_ref()?.value.clone(),
+            documents: self.documents.clone()?,
+            link: self.link.as_ref()?.ready()?,
+            timing: self.timing.as_ref()?.ready()?,
+            functions: self.functions.ready()?,
+            read: self.read.as_ref()?.ready()?,
+            write: self.write.as_ref()?.ready()?,
+            exceptions: each(&self.exceptions, CodeFile::ready)?,
+            quirks: made(&self.quirks, QuirksFile::ready)?.unwrap_or_else(Quirks::default),
+            barriers: each(&self.barriers, BarrierFile::ready)?,
+            run: made(&self.run, RunFile::ready)?,
+            status: each(&self.status, |it| it.ready(&self.registers))?,
+            trip_codes: each(&self.trips, CodeFile::ready)?,
+            setup: each(&self.setup, |it| it.ready(&self.registers))?,
+            watchdog: made(&self.watchdog, |it| it.ready(&self.registers))?,
+            codes: made(&self.codes, CodesFile::ready)?,
+            registers,
+        })
+    }
+}
+
+/// The table `key`, read by `read`, which may be left out.
+fn given<T>(reader: &mut Reader<'_, '_>, key: &'static str, read: impl FnOnce(Reader<'_, '_>) -> T) -> Given<T> {
+    match reader.table(key) {
+        Given::LeftOut => Given::LeftOut,
+        Given::Unusable => Given::Unusable,
+        Given::Usable(Written { value, place }) => Given::Usable(Written { value: read(reader.open(value)), place }),
+    }
+}
+
+/// The tables `[[key]]`, each read by `read`.
+fn all<T>(reader: &mut Reader<'_, '_>, key: &'static str, read: impl Fn(Reader<'_, '_>) -> T) -> Vec<T> {
+    reader.tables(key).into_iter().map(|section| read(reader.open(section))).collect()
+}
+
+/// Nothing inside where the table is left out; nothing at all where it cannot be used.
+fn made<T, U>(given: &Given<T>, make: impl FnOnce(&T) -> Option<U>) -> Option<Option<U>> {
+    match given {
+        Given::LeftOut => Some(None),
+        Given::Unusable => None,
+        Given::Usable(written) => make(&written.value).map(Some),
+    }
+}
+
+fn each<T, U>(parts: &[T], make: impl Fn(&T) -> Option<U>) -> Option<Vec<U>> {
+    parts.iter().map(make).collect()
+}
+
+/// Titles of documents by their short names.
+fn documents(reader: Reader<'_, '_>) -> Vec<(String, String)> {
+    reader.all(&Kind::text()).into_iter().map(|(name, title)| (name, title.value)).collect()
+}
+
+fn id(text: &str) -> Option<String> {
+    let part = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit());
+    (text.contains('-') && text.len() <= 64 && text.split('-').all(part)).then(|| text.to_owned())
+}

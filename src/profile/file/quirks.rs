@@ -1,0 +1,50 @@
+//! `[quirks]`: the named switches, each a fact.
+
+use super::facts::{FactFile, Facts, optional};
+use super::link::time;
+use crate::profile::model::Quirks;
+use crate::profile::reader::Reader;
+use crate::profile::values::Kind;
+use std::time::Duration;
+
+/// `[quirks]`
+#[derive(Default)]
+pub(in crate::profile) struct QuirksFile {
+    pub decimal_numbers: Option<FactFile<()>>,
+    pub percent_of_rated: Option<FactFile<()>>,
+    setpoint_before_run: Option<FactFile<()>>,
+    pub stored_alias_bit: Option<FactFile<u8>>,
+    deaf_after_power_up: Option<FactFile<Duration>>,
+    deaf_after_reset: Option<FactFile<Duration>>,
+    pause_before_request: Option<FactFile<Duration>>,
+}
+
+impl QuirksFile {
+    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+        let time = time();
+        let quirks = Self {
+            decimal_numbers: facts.switch(&mut reader, "decimal_numbers"),
+            percent_of_rated: facts.switch(&mut reader, "percent_of_rated"),
+            setpoint_before_run: facts.switch(&mut reader, "setpoint_before_run"),
+            stored_alias_bit: facts.optional_value(&mut reader, "stored_alias_bit", &Kind::number(8..=15_u8)),
+            deaf_after_power_up: facts.optional_value(&mut reader, "deaf_after_power_up", &time),
+            deaf_after_reset: facts.optional_value(&mut reader, "deaf_after_reset", &time),
+            pause_before_request: facts.optional_value(&mut reader, "pause_before_request", &time),
+        };
+        reader.finish();
+        quirks
+    }
+
+    /// Nothing where any part cannot be used.
+    pub(super) fn ready(&self) -> Option<Quirks> {
+        Some(Quirks {
+            decimal_numbers: optional(self.decimal_numbers.as_ref())?,
+            percent_of_rated: optional(self.percent_of_rated.as_ref())?,
+            setpoint_before_run: optional(self.setpoint_before_run.as_ref())?,
+            stored_alias_bit: optional(self.stored_alias_bit.as_ref())?,
+            deaf_after_power_up: optional(self.deaf_after_power_up.as_ref())?,
+            deaf_after_reset: optional(self.deaf_after_reset.as_ref())?,
+            pause_before_request: optional(self.pause_before_request.as_ref())?,
+        })
+    }
+}

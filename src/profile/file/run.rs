@@ -1,0 +1,129 @@
+//! `[run]`: how run commands are given.
+
+use super::facts::{FactFile, Facts, Origin, fact, optional};
+use crate::profile::model::{BitMeaning, RunBit, RunCommand, RunForm};
+use crate::profile::reader::{Given, Needed, Place, Reader, Written};
+use crate::profile::values::Kind;
+use crate::profile::words::BIT_MEANINGS;
+
+/// How the words of run commands are built.
+const FORMS: [(&str, FormWord); 2] = [("values", FormWord::Values), ("bits", FormWord::Bits)];
+
+/// How the words are built, as the file says it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::profile) enum FormWord {
+    Values,
+    Bits,
+}
+
+/// `[run]`
+pub(in crate::profile) struct RunFile {
+    pub form: Needed<FormWord>,
+    pub bits: Vec<BitFile>,
+    pub priority: Given<u16>,
+    pub stop: FactFile<u16>,
+    pub forward: FactFile<u16>,
+    pub reverse: Option<FactFile<u16>>,
+    pub coast: Option<FactFile<u16>>,
+    pub reset: Option<FactFile<u16>>,
+    pub release: Option<FactFile<u16>>,
+    pub reset_sequence: Given<Vec<Written<u16>>>,
+    pub never: Vec<FactFile<u16>>,
+}
+
+/// One of `[[run.bit]]`
+pub(in crate::profile) struct BitFile {
+    pub place: Place,
+    pub bit: Needed<u8>,
+    pub meaning: Needed<BitMeaning>,
+    origin: Option<Origin>,
+}
+
+/// What a run command orders.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::profile) enum Order {
+    Stop,
+    Forward,
+    Reverse,
+    Coast,
+    Reset,
+    Release,
+}
+
+impl RunFile {
+    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+        let word = Kind::number(0..=u16::MAX);
+        let run = Self {
+            form: reader.required("form", &Kind::one_of(&FORMS)),
+            bits: reader.tables("bit").into_iter().map(|it| BitFile::read(facts, reader.open(it))).collect(),
+            priority: reader.optional("priority", &Kind::number(1..=u16::MAX)),
+            stop: facts.value(&mut reader, "stop", &word),
+            forward: facts.value(&mut reader, "forward", &word),
+            reverse: facts.optional_value(&mut reader, "reverse", &word),
+            coast: facts.optional_value(&mut reader, "coast", &word),
+            reset: facts.optional_value(&mut reader, "reset", &word),
+            release: facts.optional_value(&mut reader, "release", &word),
+            reset_sequence: reader.list("reset_sequence", &word),
+            never: facts.each(&mut reader, "never", &word),
+        };
+        reader.finish();
+        run
+    }
+
+    /// The command words that can be used, each with what it orders.
+    pub fn words(&self) -> impl Iterator<Item = (Order, &Written<u16>)> {
+        let all = [
+            (Order::Stop, Some(&self.stop)),
+            (Order::Forward, Some(&self.forward)),
+            (Order::Reverse, self.reverse.as_ref()),
+            (Order::Coast, self.coast.as_ref()),
+            (Order::Reset, self.reset.as_ref()),
+            (Order::Release, self.release.as_ref()),
+        ];
+        all.into_iter().filter_map(|(order, fact)| Some((order, fact?.value.as_ref()?)))
+    }
+
+    /// Nothing where any part cannot be used.
+    pub(super) fn ready(&self) -> Option<RunCommand> {
+        Some(RunCommand {
+            form: match self.form.as_ref()?.value {
+                FormWord::Values => RunForm::Values,
+                FormWord::Bits => {
+                    let mut bits = self.bits.iter().map(BitFile::ready).collect::<Option<Vec<_>>>()?;
+                    bits.sort_by_key(|bit| bit.bit.value);
+                    RunForm::Bits { bits, priority: self.priority.or(0)? }
+                }
+            },
+            stop: self.stop.ready()?,
+            forward: self.forward.ready()?,
+            reverse: optional(self.reverse.as_ref())?,
+            coast: optional(self.coast.as_ref())?,
+            reset: optional(self.reset.as_ref())?,
+            release: optional(self.release.as_ref())?,
+            reset_sequence: match &self.reset_sequence {
+                Given::LeftOut => Vec::new(),
+                Given::Unusable => return None,
+                Given::Usable(sequence) => sequence.value.iter().map(|word| word.value).collect(),
+            },
+            never: self.never.iter().map(FactFile::ready).collect::<Option<Vec<_>>>()?,
+        })
+    }
+}
+
+impl BitFile {
+    fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+        let bit = Self {
+            place: reader.place().clone(),
+            bit: reader.required("bit", &Kind::number(0..=15_u8)),
+            meaning: reader.required("meaning", &Kind::one_of(&BIT_MEANINGS)),
+            origin: facts.origin(&mut reader),
+        };
+        reader.finish();
+        bit
+    }
+
+    fn ready(&self) -> Option<RunBit> {
+        let bit = fact(self.bit.as_ref()?.value, self.origin.as_ref())?;
+        Some(RunBit { bit, meaning: self.meaning.as_ref()?.value })
+    }
+}

@@ -1,0 +1,90 @@
+//! `[[setup]]` and `[watchdog]`: what has to be set on the drive, and how it watches its communication.
+
+use super::facts::{Facts, Origin, fact, filled_with};
+use crate::domain::link::Interface;
+use crate::profile::model::{SetupItem, Watchdog};
+use crate::profile::reader::{Given, Needed, Place, Reader, Written};
+use crate::profile::register::{RegisterFile, address_of};
+use crate::profile::values::Kind;
+use crate::profile::words::INTERFACES;
+
+/// One of `[[setup]]`
+pub(in crate::profile) struct SetupFile {
+    pub place: Place,
+    what: Needed<String>,
+    text: Needed<String>,
+    pub register: Given<String>,
+    pub values: Given<Vec<Written<u16>>>,
+    pub interface: Given<Interface>,
+    origin: Option<Origin>,
+}
+
+impl SetupFile {
+    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+        let word = Kind::number(0..=u16::MAX);
+        let setup = Self {
+            place: reader.place().clone(),
+            what: reader.required("what", &Kind::text()),
+            text: reader.required("text", &Kind::text()),
+            register: reader.optional("register", &Kind::text()),
+            values: match reader.list("values", &word) {
+                Given::Usable(list) => {
+                    filled_with(list, &word, reader.problems()).map_or(Given::Unusable, Given::Usable)
+                }
+                other => other,
+            },
+            interface: reader.optional("interface", &Kind::one_of(&INTERFACES)),
+            origin: facts.origin(&mut reader),
+        };
+        reader.finish();
+        setup
+    }
+
+    /// Nothing where any part cannot be used.
+    pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<SetupItem> {
+        let values = self.values.clone().optional()?.unwrap_or_default();
+        Some(SetupItem {
+            what: self.what.as_ref()?.value.clone(),
+            text: self.text.as_ref()?.value.clone(),
+            address: match self.register.clone().optional()? {
+                None => None,
+                Some(name) => Some(address_of(&name, registers)?),
+            },
+            values: fact(values.into_iter().map(|word| word.value).collect(), self.origin.as_ref())?,
+            interface: self.interface.clone().optional()?,
+        })
+    }
+}
+
+/// `[watchdog]`
+pub(in crate::profile) struct WatchdogFile {
+    pub register: Needed<String>,
+    off: Needed<u16>,
+    pub action: Given<String>,
+    origin: Option<Origin>,
+}
+
+impl WatchdogFile {
+    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+        let watchdog = Self {
+            register: reader.required("register", &Kind::text()),
+            off: reader.required("off", &Kind::number(0..=u16::MAX)),
+            action: reader.optional("action", &Kind::text()),
+            origin: facts.origin(&mut reader),
+        };
+        reader.finish();
+        watchdog
+    }
+
+    /// Nothing where any part cannot be used.
+    pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<Watchdog> {
+        Some(Watchdog {
+            time: address_of(&self.register.as_ref()?.value, registers)?,
+            off: fact(self.off.as_ref()?.value, self.origin.as_ref())?,
+            action: match self.action.clone().optional()? {
+                None => None,
+                Some(name) => Some(address_of(&name, registers)?),
+            },
+        })
+    }
+}

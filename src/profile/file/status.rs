@@ -1,0 +1,75 @@
+//! `[[status]]`, `[[trip]]` and `[[exception]]`: what the drive tells of itself, and in which words.
+
+use super::facts::{Facts, Origin, filled_with};
+use crate::profile::model::{CodeText, Flag, StatusFlag};
+use crate::profile::reader::{Given, Needed, Reader, Written};
+use crate::profile::register::{RegisterFile, address_of};
+use crate::profile::values::Kind;
+use crate::profile::words::FLAGS;
+use std::ops::RangeInclusive;
+
+/// One of `[[status]]`
+pub(in crate::profile) struct StatusFile {
+    pub flag: Needed<Flag>,
+    pub register: Needed<String>,
+    pub mask: Given<u16>,
+    pub values: Needed<Vec<Written<u16>>>,
+    origin: Option<Origin>,
+}
+
+impl StatusFile {
+    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+        let word = Kind::number(0..=u16::MAX);
+        let status = Self {
+            flag: reader.required("flag", &Kind::one_of(&FLAGS)),
+            register: reader.required("register", &Kind::text()),
+            mask: reader.optional("mask", &Kind::number(1..=u16::MAX)),
+            values: reader
+                .required_list("values", &word)
+                .and_then(|values| filled_with(values, &word, reader.problems())),
+            origin: facts.origin(&mut reader),
+        };
+        reader.finish();
+        status
+    }
+
+    /// Nothing where any part cannot be used.
+    pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<StatusFlag> {
+        let (confidence, source) = self.origin.clone()?;
+        Some(StatusFlag {
+            flag: self.flag.as_ref()?.value,
+            address: address_of(&self.register.as_ref()?.value, registers)?,
+            mask: self.mask.or(u16::MAX)?,
+            values: self.values.as_ref()?.value.iter().map(|word| word.value).collect(),
+            confidence,
+            source,
+        })
+    }
+}
+
+/// One of `[[trip]]` or `[[exception]]`
+pub(in crate::profile) struct CodeFile {
+    pub code: Needed<u16>,
+    text: Needed<String>,
+    origin: Option<Origin>,
+}
+
+impl CodeFile {
+    /// A trip or exception with a code of `codes`.
+    pub(super) fn read(facts: &Facts<'_>, codes: RangeInclusive<u16>, mut reader: Reader<'_, '_>) -> Self {
+        let code = Self {
+            code: reader.required("code", &Kind::number(codes)),
+            text: reader.required("text", &Kind::text()),
+            origin: facts.origin(&mut reader),
+        };
+        reader.finish();
+        code
+    }
+
+    /// Nothing where any part cannot be used.
+    pub(super) fn ready(&self) -> Option<CodeText> {
+        let (confidence, source) = self.origin.clone()?;
+        let (code, text) = (self.code.as_ref()?.value, self.text.as_ref()?.value.clone());
+        Some(CodeText { code, text, confidence, source })
+    }
+}
