@@ -51,6 +51,9 @@ pub struct Args {
     /// Answer at once, without character times
     #[arg(long)]
     unpaced: bool,
+    /// What the registers hold that say whom the drives obey; default: the word under which they obey the line
+    #[arg(long, value_name = "WORD")]
+    sources: Option<u16>,
     /// Answer requests that the drive cannot serve with an exception instead of silence
     #[arg(long)]
     exceptions: bool,
@@ -117,7 +120,9 @@ fn bus_of(args: &Args, model: &Arc<Model>, link: LinkSettings) -> SimBus {
     let mut bus = SimBus::new(link, options, args.seed);
     for station in &args.stations {
         let bad_request = if args.exceptions { BadRequest::Exception } else { BadRequest::Silence };
-        let options = DriveOptions { bad_request, ..DriveOptions::default() };
+        let ready = DriveOptions::default();
+        let sources_at_start = args.sources.unwrap_or(ready.sources_at_start);
+        let options = DriveOptions { bad_request, sources_at_start, ..ready };
         bus.connect(Station(*station), SimDrive::new(Arc::clone(model), options));
     }
     bus
