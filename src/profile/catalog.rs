@@ -2,6 +2,7 @@
 
 use super::check;
 use super::model::Model;
+use super::reader::Place;
 use crate::domain::problem::Problem;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -9,32 +10,47 @@ use std::sync::Arc;
 /// Models, none twice.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Catalog {
-    models: BTreeMap<String, Arc<Model>>,
+    models: BTreeMap<String, Entry>,
+}
+
+/// A model and the name of its file.
+#[derive(Clone, Debug, PartialEq)]
+struct Entry {
+    model: Arc<Model>,
+    file: String,
 }
 
 impl Catalog {
     /// The models of `texts`, which are pairs of a file's name and its text.
     ///
     /// # Errors
-    /// All problems of all texts, each with the name of its file: what [`check::model`] refuses, and an
-    /// identifier that an earlier text has.
+    /// As [`Self::with_texts`].
     pub fn from_texts<'a>(texts: impl IntoIterator<Item = (&'a str, &'a str)>) -> Result<Self, Vec<(String, Problem)>> {
-        let mut catalog = Self::default();
+        Self::default().with_texts(texts)
+    }
+
+    /// These models and those of `texts`, which are pairs of a file's name and its text.
+    ///
+    /// # Errors
+    /// All problems of all texts, each with the name of its file: what [`check::model`] refuses, and an
+    /// identifier that a model of this catalogue or of an earlier text has.
+    pub fn with_texts<F: Into<String>, T: AsRef<str>>(
+        mut self,
+        texts: impl IntoIterator<Item = (F, T)>,
+    ) -> Result<Self, Vec<(String, Problem)>> {
         let mut all = Vec::new();
         for (file, text) in texts {
-            let problems = match check::model(text) {
-                Ok(model) => catalog.add(model).err().into_iter().collect(),
-                Err(problems) => problems,
-            };
-            all.extend(problems.into_iter().map(|problem| (file.to_owned(), problem)));
+            let file = file.into();
+            let added = check::model_and_id(text.as_ref()).and_then(|(model, id)| self.add(model, &file, &id));
+            all.extend(added.err().into_iter().flatten().map(|problem| (file.clone(), problem)));
         }
-        if all.is_empty() { Ok(catalog) } else { Err(all) }
+        if all.is_empty() { Ok(self) } else { Err(all) }
     }
 
     /// The model called `id`.
     #[must_use]
     pub fn find(&self, id: &str) -> Option<&Arc<Model>> {
-        self.models.get(id)
+        Some(&self.models.get(id)?.model)
     }
 
     /// The identifiers, in alphabetical order.
@@ -42,12 +58,12 @@ impl Catalog {
         self.models.keys().map(String::as_str)
     }
 
-    fn add(&mut self, model: Model) -> Result<(), Problem> {
-        if self.models.contains_key(&model.id) {
-            let what = format!("another model is called `{}`", model.id);
-            return Err(Problem::new("id", 0..0, what).right("an identifier of its own"));
+    fn add(&mut self, model: Model, file: &str, id: &Place) -> Result<(), Vec<Problem>> {
+        if let Some(taken) = self.models.get(&model.id) {
+            let problem = id.problem(format!("`{}` is the model of {}", model.id, taken.file));
+            return Err(vec![problem.right("an identifier of its own")]);
         }
-        self.models.insert(model.id.clone(), Arc::new(model));
+        self.models.insert(model.id.clone(), Entry { model: Arc::new(model), file: file.to_owned() });
         Ok(())
     }
 }
@@ -70,5 +86,19 @@ mod tests {
         let problems = Catalog::from_texts([("a", "x ="), ("b", MODEL), ("c", MODEL)]).unwrap_err();
         let told: Vec<_> = problems.iter().map(|(file, problem)| (file.as_str(), problem.key.as_str())).collect();
         assert_eq!(told, [("a", ""), ("c", "id")]);
+    }
+
+    #[test]
+    fn files_of_a_user_join_those_that_are_there() {
+        let built_in = Catalog::from_texts([("built-in/acme.toml", MODEL)]).unwrap();
+        let text = |id: &str| MODEL.replacen("acme-1", id, 1);
+        let own = |ids: [&str; 2]| ids.map(|id| (format!("own/{id}.toml"), text(id)));
+        let joined = built_in.clone().with_texts(own(["acme-2", "acme-3"])).unwrap();
+        assert_eq!(joined.ids().collect::<Vec<_>>(), ["acme-1", "acme-2", "acme-3"]);
+
+        let problems = built_in.with_texts(own(["acme-2", "acme-1"])).unwrap_err();
+        let [(file, problem)] = &problems[..] else { panic!("{problems:?}") };
+        assert_eq!((file.as_str(), problem.place_in(MODEL)), ("own/acme-1.toml", (1, 6)));
+        assert_eq!(problem.what, "`acme-1` is the model of built-in/acme.toml");
     }
 }

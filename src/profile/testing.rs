@@ -1,6 +1,10 @@
-//! What the tests of this room share: a small sound model, and problems as text.
+//! What the tests of this room share: sound models, and problems as text.
 
+use super::check;
 use crate::domain::problem::Problem;
+
+/// A model file with one of everything that there may be.
+pub(super) const EVERYTHING: &str = include_str!("../../tests/golden/models/everything.toml");
 
 /// A model file with one of everything that must be there.
 pub(super) const MODEL: &str = r#"id = "acme-1"
@@ -58,4 +62,32 @@ pub(super) fn told(problems: &[Problem], text: &str) -> String {
         format!("{line}:{column} {}: {}\n    right: {right}\n", problem.key, problem.what)
     });
     lines.collect()
+}
+
+/// What is told when `from`, which the sound `model` has, reads `to` instead.
+pub(super) fn told_with(model: &str, from: &str, to: &str) -> String {
+    assert!(model.contains(from), "{from}");
+    let text = model.replacen(from, to, 1);
+    told(&check::model(&text).unwrap_err(), &text)
+}
+
+/// Shows that each change of [`EVERYTHING`], of a text to another, is told: a line for each problem, with key, what is
+/// wrong and what would be right.
+pub(super) fn each_is_told(changes: &[(&str, &str, &str)]) {
+    check::model(EVERYTHING).unwrap();
+    for (from, to, expected) in changes {
+        let found = told_with(EVERYTHING, from, to).replace("\n    right: ", " -> ");
+        let without_place = |line: &str| line.split_once(' ').unwrap().1.to_owned();
+        let found = found.lines().map(without_place).collect::<Vec<_>>().join("\n");
+        assert_eq!(found, *expected, "{from} -> {to}");
+    }
+}
+
+/// Compares with the file `name`, or writes it where `UPDATE_GOLDEN` is set.
+pub(super) fn golden(name: &str, found: &str) {
+    let path = format!("{}/tests/golden/models/{name}", env!("CARGO_MANIFEST_DIR"));
+    if std::env::var_os("UPDATE_GOLDEN").is_some() {
+        std::fs::write(&path, found).unwrap();
+    }
+    assert_eq!(found, std::fs::read_to_string(&path).unwrap(), "{path}");
 }

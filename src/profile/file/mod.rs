@@ -28,7 +28,7 @@ use facts::Facts;
 
 /// The whole file.
 pub(super) struct ModelFile {
-    id: Needed<String>,
+    pub id: Needed<String>,
     vendor: Needed<String>,
     title: Needed<String>,
     documents: Option<Vec<(String, String)>>,

@@ -2,7 +2,7 @@
 
 use super::facts::{Facts, Origin, filled_with};
 use crate::profile::model::{CodeText, Flag, StatusFlag};
-use crate::profile::reader::{Given, Needed, Reader, Written};
+use crate::profile::reader::{Given, Needed, Place, Reader, Written};
 use crate::profile::register::{RegisterFile, address_of};
 use crate::profile::values::Kind;
 use crate::profile::words::FLAGS;
@@ -49,6 +49,7 @@ impl StatusFile {
 
 /// One of `[[trip]]` or `[[exception]]`
 pub(in crate::profile) struct CodeFile {
+    pub place: Place,
     pub code: Needed<u16>,
     text: Needed<String>,
     origin: Option<Origin>,
@@ -58,6 +59,7 @@ impl CodeFile {
     /// A trip or exception with a code of `codes`.
     pub(super) fn read(facts: &Facts<'_>, codes: RangeInclusive<u16>, mut reader: Reader<'_, '_>) -> Self {
         let code = Self {
+            place: reader.place().clone(),
             code: reader.required("code", &Kind::number(codes)),
             text: reader.required("text", &Kind::text()),
             origin: facts.origin(&mut reader),

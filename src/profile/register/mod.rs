@@ -1,14 +1,18 @@
 //! One register as a file states it: of a model file, or added to a model by the gateway's configuration.
 
+mod extra;
+mod rules;
+
+pub use extra::{extra_register, with_extra};
+pub(super) use rules::{addresses_fit, codes_fit, distinct, has_decimal_digits};
+
 use super::file::Origin;
-use super::model::{Access, Confidence, Memory, Model, PollClass, Register, Role};
-use super::reader::{Given, Needed, Place, Reader, Section, Written};
+use super::model::{Access, Memory, PollClass, Register, Role};
+use super::reader::{Given, Needed, Reader, Written};
 use super::scale::steps;
 use super::values::Kind;
 use super::words::{ACCESSES, MEMORIES, POLL_CLASSES, ROLES, UNITS};
-use crate::domain::problem::Problem;
 use crate::domain::units::UnitOfMeasure;
-use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
 /// The largest scale, in raw steps per unit.
@@ -112,7 +116,10 @@ impl RegisterFile {
             Given::Usable(Written { value, place }) => (value, place),
         };
         let [least, most] = &list[..] else {
-            let what = format!("has {} numbers", list.len());
+            let what = match list.len() {
+                1 => "has 1 number".to_owned(),
+                many => format!("has {many} numbers"),
+            };
             reader.problems().push(place.problem(what).right("two: the least and the greatest value"));
             return Given::Unusable;
         };
@@ -165,86 +172,6 @@ pub(super) fn named<'f>(name: &str, registers: &'f [RegisterFile]) -> Option<&'f
     registers.iter().find(|register| register.name.as_ref().is_some_and(|it| it.value == name))
 }
 
-/// Reads a register that the gateway's configuration adds to a model: `name`, `title`, `address`, `unit` and
-/// `access`, and if need be `code`, `scale`, `signed` and `poll`. Its confidence is
-/// [`Confidence::Configured`], and it has no role.
-pub fn extra_register(section: Section<'_>, problems: &mut Vec<Problem>) -> RegisterFile {
-    let mut reader = Reader::new(section, problems);
-    let mut register = RegisterFile::read(&mut reader);
-    register.origin = Some((Confidence::Configured, "configuration".to_owned()));
-    reader.refuse("role", "a register of the configuration has no role", "leave it out");
-    reader.finish();
-    register
-}
-
-/// `model` with those registers of `extra` that can be used. Each that has the name, code or address of another
-/// is reported, and then `model` comes back as it is.
-pub fn with_extra(model: &Model, extra: &[RegisterFile], problems: &mut Vec<Problem>) -> Model {
-    let before = problems.len();
-    distinct(&model.registers, extra, problems);
-    let mut model = model.clone();
-    if problems.len() == before {
-        model.registers.extend(extra.iter().filter_map(RegisterFile::register));
-        model.registers.sort_by_key(|register| register.address);
-    }
-    model
-}
-
-/// Reports each register of `written` whose name, code, address or role belongs to one before it or to one of
-/// `model`. Names and codes share one space, without regard to case, as [`Model::register_named`] does.
-pub(super) fn distinct(model: &[Register], written: &[RegisterFile], problems: &mut Vec<Problem>) {
-    let mut taken = Taken::default();
-    for register in model {
-        let owner = format!("`{}` of the model", register.name);
-        taken.labels.insert(register.name.to_lowercase(), owner.clone());
-        taken.labels.extend(register.code.as_ref().map(|code| (code.to_lowercase(), owner.clone())));
-        taken.addresses.insert(register.address, owner);
-    }
-    for register in written {
-        taken.add(register, problems);
-    }
-}
-
-/// Who has which name or code (in lower case), address and role.
-#[derive(Default)]
-struct Taken {
-    labels: BTreeMap<String, String>,
-    addresses: BTreeMap<u16, String>,
-    roles: BTreeMap<Role, String>,
-}
-
-impl Taken {
-    fn add(&mut self, register: &RegisterFile, problems: &mut Vec<Problem>) {
-        if let Some(name) = &register.name {
-            let called = format!("the name `{}`", name.value);
-            claim(&mut self.labels, name.value.to_lowercase(), &called, &name.place, problems);
-        }
-        if let Some(code) = register.code.usable() {
-            let called = format!("the code `{}`", code.value);
-            claim(&mut self.labels, code.value.to_lowercase(), &called, &code.place, problems);
-        }
-        if let Some(address) = &register.address {
-            let called = format!("address 0x{:04X}", address.value);
-            claim(&mut self.addresses, address.value, &called, &address.place, problems);
-        }
-        if let Some(role) = register.role.usable().filter(|role| !role.value.is_repeated()) {
-            claim(&mut self.roles, role.value, "this role", &role.place, problems);
-        }
-    }
-}
-
-fn claim<T: Ord>(taken: &mut BTreeMap<T, String>, value: T, called: &str, place: &Place, problems: &mut Vec<Problem>) {
-    match taken.get(&value) {
-        Some(owner) => {
-            let problem = place.problem(format!("{called} is taken by {owner}"));
-            problems.push(problem.right("one that no other register of the model has"));
-        }
-        None => {
-            taken.insert(value, place.key.clone());
-        }
-    }
-}
-
 fn name(text: &str) -> Option<String> {
     let fits = text.starts_with(|c: char| c.is_ascii_lowercase())
         && text.len() <= 64
@@ -256,59 +183,66 @@ fn name(text: &str) -> Option<String> {
 mod tests {
     use super::*;
     use crate::profile::check;
-    use crate::profile::reader::document;
-    use crate::profile::testing::{MODEL, told};
+    use crate::profile::testing::{EVERYTHING, each_is_told};
 
-    fn extended(text: &str) -> (Model, String) {
-        let mut problems = Vec::new();
-        let document = document(text, &mut problems).unwrap();
-        let mut reader = Reader::new(document.section(), &mut problems);
-        let sections = reader.tables("register");
-        let extra: Vec<_> = sections.into_iter().map(|section| extra_register(section, &mut problems)).collect();
-        let model = with_extra(&check::model(MODEL).unwrap(), &extra, &mut problems);
-        (model, told(&problems, text))
+    #[test]
+    fn ranges_and_meanings_become_raw_numbers() {
+        let model = check::model(EVERYTHING).unwrap();
+        let register = |name: &str| model.register_named(name).unwrap();
+        assert_eq!(register("loss_time").range, Some(0..=255));
+        assert_eq!(register("torque_command").range, Some(-3000..=3000));
+        assert_eq!((register("status").range.clone(), register("status").memory), (None, None));
+        assert_eq!(register("run_source").memory, Some(Memory::Stored));
+        let words: Vec<_> = register("run_source").meanings.iter().map(|(word, _)| *word).collect();
+        assert_eq!((words, register("run_source").meaning(10)), (vec![0, 1, 2, 10], Some("bus and keypad")));
     }
 
     #[test]
-    fn registers_of_the_configuration_join_in_order_of_address() {
-        let (model, problems) = extended(
-            "[[register]]\nname = 'output_current'\ntitle = 'Current'\naddress = 0x0100\nunit = 'A'\nscale = 10\n\
-             access = 'read'\npoll = 'slow'\n",
-        );
-        assert_eq!(problems, "");
-        let addresses: Vec<_> = model.registers.iter().map(|register| register.address).collect();
-        assert_eq!(addresses, [0x0100, 0x0101]);
-        let register = model.register_named("output_current").unwrap();
-        assert_eq!((register.scale, register.signed, register.access), (10, false, Access::Read));
-        assert_eq!((register.confidence, register.source.as_str()), (Confidence::Configured, "configuration"));
-        assert_eq!((register.role, register.code.as_deref()), (None, None));
+    fn the_ends_of_a_range_are_steps_of_the_register() {
+        let range = "range = [0.0, 25.5]";
+        each_is_told(&[
+            (
+                range,
+                "range = [0.0, 25.55]",
+                "register[11].range[1]: 25.55 is finer than the register's steps of 1/10 -> \
+                 a value that the register can hold",
+            ),
+            (
+                range,
+                "range = [-1, 6554]",
+                "register[11].range[0]: -1 is outside 0.0 to 6553.5 -> a value that the register can hold\n\
+                 register[11].range[1]: 6554 is outside 0.0 to 6553.5 -> a value that the register can hold",
+            ),
+            (range, "range = [1, 0.5]", "register[11].range: 1 is above 0.5 -> the least value first"),
+            (range, "range = [1]", "register[11].range: has 1 number -> two: the least and the greatest value"),
+            (
+                range,
+                "range = [0, 65536]",
+                "register[11].range[1]: 65536 is out of range -> a number from -32768 to 65535",
+            ),
+        ]);
     }
 
     #[test]
-    fn registers_of_the_configuration_take_nothing_from_the_model() {
-        let (model, problems) = extended(
-            "[[register]]\nname = 'd001'\ntitle = 'a'\naddress = 0x0101\nunit = '-'\naccess = 'read'\n\
-             role = 'trip-count'\nsource = 'IM 1'\n\
-             [[register]]\nname = 'output_frequency'\ntitle = 'b'\ncode = 'D001'\naddress = 5\nunit = '-'\n\
-             access = 'write'\npoll = 'fast'\n",
-        );
-        let expected = "\
-7:1 register[0].role: a register of the configuration has no role
-    right: leave it out
-8:1 register[0].source: there is no key `source` here
-    right: one of name, title, code, address, scale, signed, unit, access, poll
-16:8 register[1].poll: a register that cannot be read cannot be polled
-    right: leave it out, or give it an access that reads
-2:8 register[0].name: the name `d001` is taken by `output_frequency` of the model
-    right: one that no other register of the model has
-4:11 register[0].address: address 0x0101 is taken by `output_frequency` of the model
-    right: one that no other register of the model has
-10:8 register[1].name: the name `output_frequency` is taken by `output_frequency` of the model
-    right: one that no other register of the model has
-12:8 register[1].code: the code `D001` is taken by `output_frequency` of the model
-    right: one that no other register of the model has
-";
-        assert_eq!(problems, expected);
-        assert_eq!(model.registers.len(), 1);
+    fn meanings_stand_beside_their_words() {
+        let values = "values = { \"0\" = \"decelerate\", \"1\" = \"coast\", \"2\" = \"go on\" }";
+        let no_word = "is no word of a register -> a decimal number from \"0\" to \"65535\"";
+        for wrong in ["01", "+1", "0x1", "65536", "one"] {
+            let expected = format!("register[12].values.{wrong}: `{wrong}` {no_word}");
+            each_is_told(&[(values, &format!("values = {{ \"{wrong}\" = \"coast\" }}"), &expected)]);
+        }
+        each_is_told(&[
+            (
+                values,
+                "values = {}",
+                "register[12].values: is empty -> the meaning of at least one word, or leave it out",
+            ),
+            (
+                values,
+                "values = { \"0\" = 1 }",
+                "register[12].values.0: must be text, not a whole number -> text, not empty",
+            ),
+            (values, "values = [\"coast\"]", "register[12].values: must be a table, not a list -> a table: `{ ... }`"),
+        ]);
     }
 }

@@ -1,0 +1,246 @@
+//! The rules between functions, reads, writes and barriers.
+
+use crate::domain::link::Framing;
+use crate::domain::problem::Problem;
+use crate::profile::file::{BarrierFile, BarrierForm, BlockFile, ModelFile, ReadFile};
+use crate::profile::model::Access;
+use crate::profile::reader::{Given, Written};
+use crate::profile::register::{RegisterFile, has_decimal_digits};
+use std::collections::BTreeSet;
+
+pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
+    functions_suffice(file, problems);
+    ascii_is_there(file, problems);
+    block_is_writable(file, problems);
+    for barrier in &file.barriers {
+        barrier_is_sound(barrier, file, problems);
+    }
+}
+
+/// What the gateway reads and commands with is served, and what is broadcast too.
+fn functions_suffice(file: &ModelFile, problems: &mut Vec<Problem>) {
+    let Some(Written { value: served, place }) = &file.functions.value else { return };
+    if !served.contains(&0x03) {
+        problems.push(place.problem("nothing can be read without function 03").right("0x03 in the list"));
+    }
+    if matches!(file.run, Given::Usable(_)) && !served.contains(&0x06) {
+        problems.push(place.problem("no run command can be written without function 06").right("0x06 in the list"));
+    }
+    let broadcast = file.link.as_ref().and_then(|link| link.broadcast.as_ref()?.value.as_ref());
+    let Some(broadcast) = broadcast.and_then(|it| it.value.functions.as_ref()) else { return };
+    if let Some(function) = broadcast.value.iter().find(|function| !served.contains(function)) {
+        let problem = broadcast.place.problem(format!("function {function:02X} hex is not in `functions`"));
+        problems.push(problem.right("functions that the drive serves"));
+    }
+}
+
+/// Whether the drive serves `function`; nothing where that cannot be told.
+fn serves(function: u8, file: &ModelFile) -> Option<bool> {
+    Some(file.functions.value.as_ref()?.value.contains(&function))
+}
+
+/// A limit of ASCII frames belongs to a drive that understands them.
+fn ascii_is_there(file: &ModelFile, problems: &mut Vec<Problem>) {
+    let words = file.read.as_ref().and_then(|read| read.max_words_ascii.as_ref()?.value.as_ref());
+    let framings = file.link.as_ref().and_then(|link| link.framings.value.as_ref());
+    let (Some(words), Some(framings)) = (words, framings) else { return };
+    if !framings.value.contains(&Framing::Ascii) {
+        let problem = words.place.problem("the model has no ASCII frames");
+        problems.push(problem.right("leave it out, or \"ascii\" in `link.framings`"));
+    }
+}
+
+/// Registers that may be written together are writable, by a function that the drive serves.
+fn block_is_writable(file: &ModelFile, problems: &mut Vec<Problem>) {
+    let block = file.write.as_ref().and_then(|write| write.block.as_ref()?.value.as_ref());
+    let Some(Written { value: block, place }) = block else { return };
+    if serves(0x10, file) == Some(false) {
+        problems.push(place.problem("registers are written together by function 10 hex").right("0x10 in `functions`"));
+    }
+    if let Some(address) = first_without(block, Access::can_write, file) {
+        let problem = place.problem(format!("no register that can be written is at 0x{address:04X}"));
+        problems.push(problem.right("a range whose every register can be written"));
+    }
+}
+
+/// A barrier can be sent, and its answer is that of no other request.
+fn barrier_is_sound(barrier: &BarrierFile, file: &ModelFile, problems: &mut Vec<Problem>) {
+    match &barrier.form {
+        None => {}
+        Some(BarrierForm::Read(block)) => read_is_sound(block, barrier, file, problems),
+        Some(BarrierForm::LoopTest(_)) => {
+            if serves(0x08, file) == Some(false) {
+                let problem = barrier.place.problem("the drive does not serve the loop test");
+                problems.push(problem.right("0x08 in `functions`, or another barrier"));
+            }
+        }
+        Some(BarrierForm::Refused(function)) => {
+            let function = function.value.as_ref();
+            if let Some(function) = function.filter(|it| serves(it.value, file) == Some(true)) {
+                let what = format!("function {:02X} hex is served, so it is not refused", function.value);
+                problems.push(function.place.problem(what).right("a function that is not in `functions`"));
+            }
+        }
+    }
+}
+
+/// A read that is a barrier lies within one read and covers only registers that can be read.
+fn read_is_sound(block: &BlockFile, barrier: &BarrierFile, file: &ModelFile, problems: &mut Vec<Problem>) {
+    let limits = file.read.as_ref().and_then(ReadFile::ready);
+    if limits.as_ref().is_some_and(|limits| limits.max_words.value == 1) {
+        let problem = barrier.place.problem("every read looks the same where one word is the most");
+        problems.push(problem.right("`loop_test` or `refused_function`"));
+        return;
+    }
+    let (Some(address), Some(count)) = (&block.address, &block.count) else { return };
+    let most = limits.map(|limits| {
+        let ascii = limits.max_words_ascii.as_ref().map_or(u16::MAX, |words| words.value);
+        limits.words_from(address.value).min(ascii)
+    });
+    if let Some(most) = most.filter(|most| *most < count.value) {
+        let problem = count.place.problem("more words than one read from this address may have");
+        problems.push(problem.right(format!("at most {most}")));
+        return;
+    }
+    if let Some(address) = first_without(block, Access::can_read, file) {
+        let what = format!("no register that can be read is at 0x{address:04X}");
+        problems.push(barrier.place.problem(what).right("a range whose every register can be read"));
+    }
+}
+
+/// The first address of `block` where no register is that `may`; nothing also where a register is not known well enough
+/// to tell.
+fn first_without(block: &BlockFile, may: impl Fn(Access) -> bool, file: &ModelFile) -> Option<u32> {
+    let (first, count) = (u32::from(block.address.as_ref()?.value), block.count.as_ref()?.value);
+    let mut fit = BTreeSet::new();
+    for RegisterFile { address, access, .. } in &file.registers {
+        fit.extend(may(access.as_ref()?.value).then_some(u32::from(address.as_ref()?.value)));
+    }
+    let in_decimal = file.quirks.usable().is_some_and(|quirks| quirks.value.decimal_numbers.is_some());
+    let counts = |address: &u32| !in_decimal || has_decimal_digits((address & 0xFFFF) as u16);
+    (first..).filter(counts).take(count.into()).find(|address| !fit.contains(address))
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::profile::check::model;
+    use crate::profile::testing::{EVERYTHING, MODEL, each_is_told, told_with};
+
+    #[test]
+    fn functions_are_those_that_the_rest_needs() {
+        each_is_told(&[
+            (
+                "[0x03, 0x06, 0x08, 0x10]",
+                "[0x06, 0x08, 0x10]",
+                "functions.value: nothing can be read without function 03 -> 0x03 in the list",
+            ),
+            (
+                "[0x03, 0x06, 0x08, 0x10]",
+                "[0x03, 0x06, 0x08]",
+                "write.block: registers are written together by function 10 hex -> 0x10 in `functions`",
+            ),
+            (
+                "[0x03, 0x06, 0x08, 0x10]",
+                "[0x03, 0x06, 0x10]",
+                "barrier[1]: the drive does not serve the loop test -> 0x08 in `functions`, or another barrier",
+            ),
+            (
+                "[0x03, 0x06, 0x08, 0x10]",
+                "[0x03, 0x06, 0x08, 0x10, 0x2B]",
+                "barrier[2].refused_function.value: function 2B hex is served, so it is not refused -> \
+                 a function that is not in `functions`",
+            ),
+            (
+                "functions = [6]",
+                "functions = [6, 5]",
+                "link.broadcast.functions: function 05 hex is not in `functions` -> functions that the drive serves",
+            ),
+        ]);
+    }
+
+    #[test]
+    fn run_commands_need_the_function_that_writes_them() {
+        let found = told_with(EVERYTHING, "[0x03, 0x06, 0x08, 0x10]", "[0x03, 0x08, 0x10]");
+        assert!(found.contains("functions.value: no run command can be written without function 06\n"), "{found}");
+    }
+
+    #[test]
+    fn ascii_limits_need_ascii_frames() {
+        each_is_told(&[(
+            "value = [\"rtu\", \"ascii\"]",
+            "value = [\"rtu\"]",
+            "read.max_words_ascii.value: the model has no ASCII frames -> \
+             leave it out, or \"ascii\" in `link.framings`",
+        )]);
+    }
+
+    #[test]
+    fn a_block_is_writable_as_a_whole() {
+        each_is_told(&[(
+            "block = { address = 0x2000, count = 2",
+            "block = { address = 0x2001, count = 3",
+            "write.block: no register that can be written is at 0x2003 -> \
+             a range whose every register can be written",
+        )]);
+    }
+
+    #[test]
+    fn a_barrier_has_one_form() {
+        each_is_told(&[
+            (
+                "loop_test = { confidence = \"manual\", source = \"IM 3.5\" }\n",
+                "",
+                "barrier[1]: is no barrier -> exactly one of `read`, `loop_test` and `refused_function`",
+            ),
+            (
+                "loop_test = {",
+                "read = { address = 0x2100, count = 1 }\nloop_test = {",
+                "barrier[1]: is several barriers -> exactly one of `read`, `loop_test` and `refused_function`",
+            ),
+        ]);
+    }
+
+    #[test]
+    fn barriers_keep_to_what_one_read_may_have() {
+        each_is_told(&[
+            (
+                "read = { address = 0x2100, count = 2 }",
+                "read = { address = 0x2100, count = 5 }",
+                "barrier[0].read.count: more words than one read from this address may have -> at most 4",
+            ),
+            (
+                "read = { address = 0x2100, count = 2 }",
+                "read = { address = 0x2102, count = 3 }",
+                "barrier[0]: no register that can be read is at 0x2104 -> a range whose every register can be read",
+            ),
+        ]);
+        let barrier = "boundary = \"high-byte\"\n\n[[barrier]]\nread = { address = 0x01FF, count = 2 }\n\n[write]";
+        assert!(told_with(MODEL, "[write]", barrier).contains("right: at most 1\n"));
+    }
+
+    #[test]
+    fn a_read_is_no_barrier_where_every_read_looks_the_same() {
+        each_is_told(&[(
+            "max_words = { value = 16",
+            "max_words = { value = 1",
+            "barrier[0]: every read looks the same where one word is the most -> `loop_test` or `refused_function`",
+        )]);
+    }
+
+    #[test]
+    fn a_range_follows_the_drive_in_its_counting() {
+        let barrier = |address: &str| format!("read = {{ address = {address}, count = 2 }}");
+        let register = |address: &str| {
+            format!(
+                "[[register]]\nname = \"next\"\ntitle = \"Next\"\naddress = {address}\nunit = \"-\"\n\
+                 access = \"read\"\nconfidence = \"manual\"\nsource = \"IM 6\"\n\n[[register]]\nname = \"status\""
+            )
+        };
+        let text = EVERYTHING.replacen(&barrier("0x2100"), &barrier("0x3009"), 1).replacen(
+            "[[register]]\nname = \"status\"",
+            &register("0x3010"),
+            1,
+        );
+        assert_eq!(model(&text).err(), None);
+    }
+}

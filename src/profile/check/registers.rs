@@ -1,0 +1,178 @@
+//! The rules between registers, quirks and the rule of codes.
+
+use crate::domain::problem::Problem;
+use crate::domain::units::UnitOfMeasure;
+use crate::profile::file::{CodesFile, ModelFile, QuirksFile};
+use crate::profile::model::Role;
+use crate::profile::reader::{Given, Needed, Written};
+use crate::profile::register::{RegisterFile, addresses_fit, codes_fit, distinct};
+
+/// What may be in per cent of the drive's rated values.
+const RATED: [Role; 5] =
+    [Role::OutputCurrent, Role::OutputVoltage, Role::TripCurrent, Role::DcLinkVoltage, Role::TripDcLinkVoltage];
+
+pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
+    distinct(&[], &file.registers, problems);
+    for role in [Role::RunCommand, Role::FrequencyCommand] {
+        takes_commands(role, &file.registers, problems);
+    }
+    let quirks = match &file.quirks {
+        Given::LeftOut => &QuirksFile::default(),
+        Given::Unusable => return,
+        Given::Usable(quirks) => &quirks.value,
+    };
+    percent_is_of_something(quirks, &file.registers, problems);
+    let alias_bit = quirks.stored_alias_bit.as_ref().and_then(|fact| Some(fact.value.as_ref()?.value));
+    addresses_fit(quirks.decimal_numbers.is_some(), alias_bit, &file.registers, problems);
+    if let Some(rule) = file.codes.usable().and_then(|codes| CodesFile::ready(&codes.value)) {
+        codes_fit(&rule, &file.registers, problems);
+    }
+}
+
+/// Registers of `role` can be written, and are no way around the commands.
+fn takes_commands(role: Role, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+    for register in registers.iter().filter(|it| it.role.usable().is_some_and(|it| it.value == role)) {
+        if let Some(access) = register.access.as_ref().filter(|access| !access.value.can_write()) {
+            let problem = access.place.problem("a register that commands are written to must be writable");
+            problems.push(problem.right("\"write\" or \"read-write\""));
+        }
+        if let Given::Usable(Written { place, .. }) = &register.back_door {
+            let problem = place.problem("a register that commands are written to is no back door");
+            problems.push(problem.right("leave it out"));
+        }
+    }
+}
+
+/// What is in per cent of rated values is so by a fact, and the fact is about something.
+fn percent_is_of_something(quirks: &QuirksFile, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+    let is_rated = |register: &&RegisterFile| register.role.usable().is_some_and(|role| RATED.contains(&role.value));
+    let in_percent: Vec<_> = registers
+        .iter()
+        .filter(is_rated)
+        .filter_map(|register| register.unit.as_ref())
+        .filter(|unit| unit.value == UnitOfMeasure::Percent)
+        .collect();
+    match &quirks.percent_of_rated {
+        None => problems.extend(in_percent.into_iter().map(|unit| {
+            let problem = unit.place.problem("per cent of what is not said");
+            problem.right("the quirk `percent_of_rated`, or \"A\" or \"V\"")
+        })),
+        Some(quirk) if in_percent.is_empty() && registers.iter().all(is_known) => {
+            let place: &Needed<()> = &quirk.value;
+            problems.extend(place.as_ref().map(|it| {
+                let problem = it.place.problem("no current or voltage with a role is in per cent");
+                problem.right("leave it out, or unit = \"%\" where it is so")
+            }));
+        }
+        Some(_) => {}
+    }
+}
+
+/// Whether unit and role can be told.
+fn is_known(register: &RegisterFile) -> bool {
+    register.unit.is_some() && !matches!(register.role, Given::Unusable)
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::profile::testing::{EVERYTHING, each_is_told, told_with};
+
+    #[test]
+    fn commands_are_written_to_registers_that_take_them() {
+        each_is_told(&[
+            (
+                "access = \"write\"\nrole = \"run-command\"",
+                "access = \"write\"\nback_door = \"it runs\"\nrole = \"run-command\"",
+                "register[0].back_door: a register that commands are written to is no back door -> leave it out",
+            ),
+            (
+                "access = \"write\"\nrole = \"run-command\"",
+                "access = \"read\"\nrole = \"run-command\"",
+                "write.block: no register that can be written is at 0x2000 -> \
+                 a range whose every register can be written\n\
+                 register[0].access: a register that commands are written to must be writable -> \
+                 \"write\" or \"read-write\"",
+            ),
+        ]);
+    }
+
+    #[test]
+    fn only_older_trips_may_have_a_role_together() {
+        each_is_told(&[(
+            "role = \"output-current\"",
+            "role = \"output-frequency\"",
+            "quirks.percent_of_rated: no current or voltage with a role is in per cent -> \
+             leave it out, or unit = \"%\" where it is so\n\
+             register[8].role: this role is taken by register[7].role -> \
+             one that no other register of the model has",
+        )]);
+    }
+
+    #[test]
+    fn per_cent_is_of_something() {
+        each_is_told(&[
+            (
+                "percent_of_rated = { confidence = \"manual\", source = \"IM 4\" }\n",
+                "",
+                "register[8].unit: per cent of what is not said -> the quirk `percent_of_rated`, or \"A\" or \"V\"",
+            ),
+            (
+                "unit = \"%\"\naccess = \"read\"\nrole = \"output-current\"",
+                "unit = \"A\"\naccess = \"read\"\nrole = \"output-current\"",
+                "quirks.percent_of_rated: no current or voltage with a role is in per cent -> \
+                 leave it out, or unit = \"%\" where it is so",
+            ),
+        ]);
+    }
+
+    #[test]
+    fn addresses_are_those_that_the_drive_has() {
+        each_is_told(&[
+            (
+                "address = 0x2103",
+                "address = 0x210A",
+                "register[6].address: 0x210A is no address: this drive counts in decimal digits -> \
+                 0 to 9 in each of the last two places",
+            ),
+            (
+                "address = 0x2103",
+                "address = 0x21A0",
+                "register[6].address: 0x21A0 is no address: this drive counts in decimal digits -> \
+                 0 to 9 in each of the last two places",
+            ),
+            (
+                "address = 0x2103",
+                "address = 0xA103",
+                "register[6].address: 0xA103 is the stored twin of another register: it has bit 15 -> \
+                 0x2103, the register itself",
+            ),
+        ]);
+    }
+
+    #[test]
+    fn codes_keep_to_their_rule() {
+        each_is_told(&[(
+            "code = \"U.09\"",
+            "code = \"U.08\"",
+            "register[9].code: `U.08` is 0x3008 by `codes`, and not 0x3009 -> \
+             the code that belongs to the address, or leave it out",
+        )]);
+        let rule = "groups = { P = 0x01, U = 0x30 }\nseparator = \".\"";
+        each_is_told(&[
+            (rule, "", "codes: says no rule -> either `groups` or `form = \"hexadecimal\"`"),
+            (
+                "separator = \".\"",
+                "form = \"hexadecimal\"",
+                "codes: says two rules -> either `groups` or `form = \"hexadecimal\"`",
+            ),
+            (rule, "groups = {}", "codes.groups: is empty -> at least one group with its high byte"),
+            (
+                rule,
+                "form = \"hexadecimal\"\nseparator = \".\"",
+                "codes.separator: a separator stands between group and number -> leave it out",
+            ),
+        ]);
+        let found = told_with(EVERYTHING, "groups = { P = 0x01", "groups = { P = 256");
+        assert!(found.contains("codes.groups.P: 256 is out of range\n"), "{found}");
+    }
+}

@@ -1,0 +1,304 @@
+//! The rules between the keys of `[run]`.
+
+use super::once;
+use crate::domain::problem::Problem;
+use crate::profile::file::{FormWord, Order, RunFile};
+use crate::profile::model::{BitMeaning, Role};
+use crate::profile::reader::{Given, Place, Written};
+use crate::profile::register::RegisterFile;
+use crate::profile::words::{BIT_MEANINGS, word_for};
+
+/// Most words of a reset sequence.
+const RESET_WORDS_MAX: usize = 8;
+
+/// Bits with which the motor turns.
+const TURNING: [BitMeaning; 4] = [BitMeaning::Run, BitMeaning::RunForward, BitMeaning::RunReverse, BitMeaning::Jog];
+
+pub(super) fn check(run: &RunFile, place: &Place, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+    let called = |word: &u16| format!("the word {}", shown(*word, run));
+    once(run.words().map(|(_, word)| word), called, "a word that no other run command has", problems);
+    forbidden_words_are_no_commands(run, problems);
+    reset_is_framed(run, place, problems);
+    match run.form.as_ref().map(|form| form.value) {
+        None => {}
+        Some(FormWord::Values) => values_have_no_bits(run, problems),
+        Some(FormWord::Bits) => bits_are_sound(run, place, problems),
+    }
+    commands_are_taken(place, registers, problems);
+}
+
+/// `word` as the file would best write it.
+fn shown(word: u16, run: &RunFile) -> String {
+    match run.form.as_ref().map(|form| form.value) {
+        Some(FormWord::Bits) => format!("0x{word:04X}"),
+        Some(FormWord::Values) | None => word.to_string(),
+    }
+}
+
+/// No command is a word that must never be written.
+fn forbidden_words_are_no_commands(run: &RunFile, problems: &mut Vec<Problem>) {
+    for Written { value: never, place } in run.never.iter().filter_map(|fact| fact.value.as_ref()) {
+        if let Some((_, word)) = run.words().find(|(_, word)| word.value == *never) {
+            let what = format!("the word {} is the command {}", shown(*never, run), word.place.key);
+            problems.push(place.problem(what).right("a word that is no command"));
+        }
+    }
+}
+
+/// A reset starts with a stop and never carries an order to run; with bits it ends with a stop, so that the reset bit is
+/// taken back.
+fn reset_is_framed(run: &RunFile, place: &Place, problems: &mut Vec<Problem>) {
+    let Some(reset) = run.reset.as_ref() else {
+        if let Given::Usable(sequence) = &run.reset_sequence {
+            problems.push(sequence.place.problem("there is no `reset` to write").right("a word for `reset`"));
+        }
+        return;
+    };
+    let (Some(reset), Some(stop)) = (&reset.value, &run.stop.value) else { return };
+    let (reset, stop) = (reset.value, stop.value);
+    let ends_with_stop = run.form.as_ref().is_some_and(|form| form.value == FormWord::Bits);
+    let mut example = vec![shown(stop, run), shown(reset, run)];
+    example.extend(ends_with_stop.then(|| shown(stop, run)));
+    let right = format!("[{}], or up to {RESET_WORDS_MAX} words with nothing else in them", example.join(", "));
+    match &run.reset_sequence {
+        Given::LeftOut => {
+            let what = "`reset_sequence` is left out, and `reset` is given";
+            problems.push(place.missing("reset_sequence").problem(what).right(right));
+        }
+        Given::Unusable => {}
+        Given::Usable(sequence) => {
+            let words: Vec<u16> = sequence.value.iter().map(|word| word.value).collect();
+            let framed = words.first() == Some(&stop) && (!ends_with_stop || words.last() == Some(&stop));
+            let only = words.iter().all(|word| *word == stop || *word == reset) && words.contains(&reset);
+            if !(framed && only && words.len() <= RESET_WORDS_MAX) {
+                let end = if ends_with_stop { " and ends with one" } else { "" };
+                let what = format!("a reset starts with a stop{end}, and nothing but stop and reset is in it");
+                problems.push(sequence.place.problem(what).right(right));
+            }
+        }
+    }
+}
+
+/// Bits have a meaning only where words are built of them.
+fn values_have_no_bits(run: &RunFile, problems: &mut Vec<Problem>) {
+    let places = run.bits.iter().map(|bit| &bit.place).chain(run.priority.usable().map(|written| &written.place));
+    let problem = |place: &Place| place.problem("each word is one command, so its bits mean nothing by themselves");
+    problems.extend(places.map(|place| problem(place).right("leave it out, or form = \"bits\"")));
+}
+
+/// Every command consists of bits that are declared, and of none that orders something else.
+fn bits_are_sound(run: &RunFile, place: &Place, problems: &mut Vec<Problem>) {
+    if run.bits.is_empty() {
+        let problem = place.missing("bit").problem("no bit is declared, and form is \"bits\"");
+        problems.push(problem.right("`[[run.bit]]` for every bit that a command has"));
+        return;
+    }
+    let bits = run.bits.iter().filter_map(|bit| bit.bit.as_ref());
+    once(bits, |bit| format!("bit {bit}"), "a bit that is declared once", problems);
+    let declared = run.bits.iter().map(|bit| Some(1_u16 << bit.bit.as_ref()?.value));
+    let declared = declared.collect::<Option<Vec<_>>>().map(|bits| bits.into_iter().fold(0, |all, bit| all | bit));
+    let priority = run.priority.usable();
+    for written in run.words().map(|(_, word)| word).chain(priority) {
+        bits_are_declared(written, declared, problems);
+    }
+    for (order, word) in run.words() {
+        orders_one_thing(order, word, run, problems);
+        if let Some(priority) = priority.filter(|it| order != Order::Release && word.value & it.value != it.value) {
+            let what = format!("0x{:04X} has not all bits of `priority`", word.value);
+            problems.push(word.place.problem(what).right(format!("0x{:04X}", word.value | priority.value)));
+        }
+    }
+}
+
+fn bits_are_declared(word: &Written<u16>, declared: Option<u16>, problems: &mut Vec<Problem>) {
+    let Some(declared) = declared else { return };
+    let unknown = word.value & !declared;
+    if unknown != 0 {
+        let what = format!("0x{:04X} has a bit that is not declared: {}", word.value, unknown.trailing_zeros());
+        problems.push(word.place.problem(what).right("a `[[run.bit]]` for it, or a word without it"));
+    }
+}
+
+/// No command but forward and reverse turns the motor, none turns it both ways, and a stop does nothing but stop.
+fn orders_one_thing(order: Order, word: &Written<u16>, run: &RunFile, problems: &mut Vec<Problem>) {
+    let has = |meaning: BitMeaning| {
+        let is_set = |bit: u8| word.value >> bit & 1 == 1;
+        let mut bits = run.bits.iter().filter_map(|bit| Some((bit.bit.as_ref()?.value, bit.meaning.as_ref()?.value)));
+        bits.any(|(bit, it)| it == meaning && is_set(bit))
+    };
+    let also: &[BitMeaning] = match order {
+        Order::Forward | Order::Reverse => {
+            if has(BitMeaning::RunForward) && has(BitMeaning::RunReverse) {
+                let what = format!("0x{:04X} orders forward and reverse at once", word.value);
+                problems.push(word.place.problem(what).right("one direction"));
+            }
+            return;
+        }
+        Order::Stop => &[BitMeaning::Trip, BitMeaning::Reset],
+        Order::Coast | Order::Reset | Order::Release => &[],
+    };
+    for meaning in TURNING.iter().chain(also).filter(|meaning| has(**meaning)) {
+        let what = format!("0x{:04X} has the bit `{}`", word.value, word_for(&BIT_MEANINGS, meaning));
+        problems.push(word.place.problem(what).right("a word without it"));
+    }
+}
+
+/// Some register takes the run commands.
+fn commands_are_taken(run: &Place, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+    let may_be = |register: &RegisterFile| match &register.role {
+        Given::LeftOut => false,
+        Given::Unusable => true,
+        Given::Usable(role) => role.value == Role::RunCommand,
+    };
+    if !registers.iter().any(may_be) {
+        let problem = run.problem("no register takes the run commands");
+        problems.push(problem.right("a register with `role = \"run-command\"`"));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::profile::testing::{EVERYTHING, MODEL, each_is_told, told_with};
+
+    const SEQUENCE: &str = "reset_sequence = [0xC000, 0xE000, 0xC000]";
+
+    fn fact(word: u16) -> String {
+        format!("{{ value = {word}, confidence = \"manual\", source = \"IM 5\" }}")
+    }
+
+    /// [`MODEL`] with run commands that are values: stop 0, forward 1, reset 4.
+    fn told_of_values(more: &str) -> String {
+        let (stop, forward, reset) = (fact(0), fact(1), fact(4));
+        let run = format!("[run]\nform = \"values\"\nstop = {stop}\nforward = {forward}\nreset = {reset}\n{more}\n");
+        let register = "[[register]]\nname = \"run\"\ntitle = \"Run\"\naddress = 2\nscale = 1\nunit = \"-\"\n\
+                        access = \"write\"\nrole = \"run-command\"\nconfidence = \"manual\"\nsource = \"IM 1\"\n\n";
+        told_with(MODEL, "[[register]]", &format!("{run}\n{register}[[register]]\nnonsense = 1"))
+    }
+
+    #[test]
+    fn a_reset_starts_with_a_stop_and_holds_no_order_to_run() {
+        let nine = "reset_sequence = [0, 4, 4, 4, 4, 4, 4, 4, 4]";
+        let wrong = ["", "reset_sequence = [4]", "reset_sequence = [0, 4, 1]", "reset_sequence = [0, 0, 0]", nine];
+        for wrong in wrong {
+            let found = told_of_values(wrong);
+            assert!(found.contains("right: [0, 4], or up to 8 words"), "{wrong}: {found}");
+        }
+        for right in ["reset_sequence = [0, 4]", "reset_sequence = [0, 4, 0]", "reset_sequence = [0, 0, 4, 4, 0, 4]"] {
+            let found = told_of_values(right);
+            assert!(!found.contains("run"), "{right}: {found}");
+        }
+    }
+
+    #[test]
+    fn with_bits_a_reset_ends_with_a_stop() {
+        let expected = "run.reset_sequence: a reset starts with a stop and ends with one, and nothing but stop and \
+                        reset is in it -> [0xC000, 0xE000, 0xC000], or up to 8 words with nothing else in them";
+        for wrong in ["[0xC000, 0xE000]", "[0xE000, 0xC000]", "[0xC000, 0xE000, 0x0000, 0xC000]"] {
+            each_is_told(&[(SEQUENCE, &format!("reset_sequence = {wrong}"), expected)]);
+        }
+        let found =
+            told_with(EVERYTHING, "reset = { value = 0xE000, confidence = \"inferred\", source = \"IM 5\" }", "");
+        assert!(found.contains("run.reset_sequence: there is no `reset` to write"), "{found}");
+    }
+
+    #[test]
+    fn words_that_are_values_have_no_bits() {
+        let more = "reset_sequence = [0, 4]\npriority = 1\n[[run.bit]]\nbit = 0\nmeaning = \"run\"\n\
+                    confidence = \"manual\"\nsource = \"IM 5\"\n";
+        let found = told_of_values(more);
+        for key in ["run.priority", "run.bit[0]"] {
+            let what = format!("{key}: each word is one command, so its bits mean nothing by themselves");
+            assert!(found.contains(&what), "{found}");
+        }
+    }
+
+    #[test]
+    fn command_words_consist_of_declared_bits() {
+        let reverse = "reverse = { value = 0xC600";
+        each_is_told(&[
+            (
+                reverse,
+                "reverse = { value = 0xD600",
+                "run.reverse.value: 0xD600 has a bit that is not declared: 12 -> \
+                 a `[[run.bit]]` for it, or a word without it",
+            ),
+            (
+                reverse,
+                "reverse = { value = 0x8600",
+                "run.reverse.value: 0x8600 has not all bits of `priority` -> 0xC600",
+            ),
+            (
+                "bit = 0\n",
+                "bit = 9\n",
+                "run.bit[6].bit: bit 9 is taken by run.bit[5].bit -> a bit that is declared once",
+            ),
+        ]);
+        let found = told_with(EVERYTHING, "priority = 0xC000", "priority = 0xC002");
+        assert!(found.contains("run.priority: 0xC002 has a bit that is not declared: 1\n"), "{found}");
+    }
+
+    #[test]
+    fn bits_are_declared_where_words_are_built_of_them() {
+        let start = EVERYTHING.find("[[run.bit]]").unwrap();
+        let end = EVERYTHING.find("[[status]]").unwrap();
+        let found = told_with(EVERYTHING, &EVERYTHING[start..end], "");
+        assert!(found.contains("run.bit: no bit is declared, and form is \"bits\"\n"), "{found}");
+        assert_eq!(found.lines().count(), 2, "{found}");
+    }
+
+    #[test]
+    fn only_forward_and_reverse_turn_the_motor() {
+        each_is_told(&[
+            (
+                "coast = { value = 0xC800",
+                "coast = { value = 0xCC01",
+                "run.coast.value: 0xCC01 has the bit `run` -> a word without it",
+            ),
+            (
+                "release = { value = 0x0000",
+                "release = { value = 0x0400",
+                "run.release.value: 0x0400 has the bit `run` -> a word without it",
+            ),
+        ]);
+        for (meaning, word) in [("run", "run"), ("jog", "jog"), ("trip", "trip"), ("reset", "reset")] {
+            let text = EVERYTHING.replacen("meaning = \"other\"", &format!("meaning = \"{meaning}\""), 1);
+            let found = told_with(&text, "stop = { value = 0xC000", "stop = { value = 0xC001");
+            assert!(found.contains(&format!("run.stop.value: 0xC001 has the bit `{word}`\n")), "{found}");
+        }
+    }
+
+    #[test]
+    fn no_command_runs_both_ways() {
+        let text = EVERYTHING.replacen("meaning = \"run\"", "meaning = \"run-forward\"", 1);
+        let text = text.replacen("meaning = \"reverse\"", "meaning = \"run-reverse\"", 1);
+        let found = told_with(&text, "bit = 0\n", "bit = 0\n");
+        let expected = "run.reverse.value: 0xC600 orders forward and reverse at once\n    right: one direction\n";
+        assert!(found.ends_with(expected), "{found}");
+    }
+
+    #[test]
+    fn words_differ_and_are_not_forbidden() {
+        each_is_told(&[
+            (
+                "reverse = { value = 0xC600",
+                "reverse = { value = 0xC400",
+                "run.reverse.value: the word 0xC400 is taken by run.forward.value -> \
+                 a word that no other run command has",
+            ),
+            (
+                "never = [{ value = 0xCC00",
+                "never = [{ value = 0x0000",
+                "run.never[0].value: the word 0x0000 is the command run.release.value -> a word that is no command",
+            ),
+        ]);
+    }
+
+    #[test]
+    fn a_run_table_needs_its_register() {
+        each_is_told(&[(
+            "role = \"run-command\"\n",
+            "",
+            "run: no register takes the run commands -> a register with `role = \"run-command\"`",
+        )]);
+    }
+}

@@ -1,0 +1,124 @@
+//! The rules of status flags, trips and exceptions.
+
+use super::{once, readable};
+use crate::domain::problem::Problem;
+use crate::profile::file::{CodeFile, ModelFile, StatusFile};
+use crate::profile::model::Role;
+use crate::profile::reader::{Given, Written};
+use crate::profile::register::RegisterFile;
+use crate::profile::words::{FLAGS, word_for};
+
+pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
+    let flags = file.status.iter().filter_map(|status| status.flag.as_ref());
+    once(flags, |flag| format!("the flag `{}`", word_for(&FLAGS, flag)), "a flag that is told once", problems);
+    for status in &file.status {
+        flag_can_be_seen(status, &file.registers, problems);
+        values_fit_the_mask(status, problems);
+    }
+    codes_differ(&file.exceptions, "exception", problems);
+    codes_differ(&file.trips, "trip", problems);
+    trips_have_a_register(file, problems);
+}
+
+/// The flag's register is one that the gateway looks at of its own.
+fn flag_can_be_seen(status: &StatusFile, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+    let Some(name) = &status.register else { return };
+    let Some(register) = readable(name, registers, problems) else { return };
+    if matches!(register.poll, Given::LeftOut) {
+        let problem = name.place.problem(format!("`{}` is not polled", name.value));
+        problems.push(problem.right("a register with `poll`"));
+    }
+}
+
+fn values_fit_the_mask(status: &StatusFile, problems: &mut Vec<Problem>) {
+    let (Some(mask), Some(values)) = (status.mask.or(u16::MAX), &status.values) else { return };
+    for Written { value, place } in values.value.iter().filter(|value| value.value & !mask != 0) {
+        let problem = place.problem(format!("0x{value:04X} has bits outside the mask 0x{mask:04X}"));
+        problems.push(problem.right(format!("0x{:04X}, or a wider mask", value & mask)));
+    }
+}
+
+fn codes_differ(codes: &[CodeFile], called: &str, problems: &mut Vec<Problem>) {
+    let numbers = codes.iter().filter_map(|code| code.code.as_ref());
+    once(numbers, |number| format!("{called} {number}"), "a code that is told once", problems);
+}
+
+/// Words for trips are of use only where a trip's number can be read.
+fn trips_have_a_register(file: &ModelFile, problems: &mut Vec<Problem>) {
+    let may_be = |register: &RegisterFile| match &register.role {
+        Given::LeftOut => false,
+        Given::Unusable => true,
+        Given::Usable(role) => matches!(role.value, Role::TripCode | Role::TripCause),
+    };
+    let Some(first) = file.trips.first().filter(|_| !file.registers.iter().any(may_be)) else { return };
+    let problem = first.place.problem("no register holds the number of a trip");
+    problems.push(problem.right("a register with `role = \"trip-code\"` or \"trip-cause\""));
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::profile::testing::{EVERYTHING, each_is_told, told_with};
+
+    #[test]
+    fn a_flag_stands_once_in_a_register_that_is_polled() {
+        each_is_told(&[
+            (
+                "flag = \"tripped\"",
+                "flag = \"running\"",
+                "status[1].flag: the flag `running` is taken by status[0].flag -> a flag that is told once",
+            ),
+            (
+                "register = \"trip_code\"",
+                "register = \"trip_kode\"",
+                "status[1].register: no register is called `trip_kode` -> `trip_code`",
+            ),
+            (
+                "register = \"trip_code\"",
+                "register = \"nothing_like_it\"",
+                "status[1].register: no register is called `nothing_like_it` -> the `name` of a register",
+            ),
+            (
+                "register = \"trip_code\"",
+                "register = \"loss_time\"",
+                "status[1].register: `loss_time` is not polled -> a register with `poll`",
+            ),
+        ]);
+        let found = told_with(EVERYTHING, "register = \"trip_code\"", "register = \"run_command\"");
+        assert!(found.contains("status[1].register: `run_command` cannot be read\n"), "{found}");
+    }
+
+    #[test]
+    fn values_lie_within_the_mask() {
+        each_is_told(&[
+            (
+                "values = [0x0400, 0x0C00]",
+                "values = [0x0400, 0x1C00]",
+                "status[0].values[1]: 0x1C00 has bits outside the mask 0x0C00 -> 0x0C00, or a wider mask",
+            ),
+            (
+                "values = [0x0400, 0x0C00]",
+                "values = []",
+                "status[0].values: is empty -> at least a whole number from 0 to 65535",
+            ),
+            ("mask = 0x0C00", "mask = 0", "status[0].mask: 0 is out of range -> a whole number from 1 to 65535"),
+        ]);
+    }
+
+    #[test]
+    fn codes_have_one_text() {
+        each_is_told(&[
+            (
+                "code = 2\n",
+                "code = 0x51\n",
+                "exception[1].code: exception 81 is taken by exception[0].code -> a code that is told once",
+            ),
+            ("code = 1\n", "code = 24\n", "trip[1].code: trip 24 is taken by trip[0].code -> a code that is told once"),
+            ("code = 2\n", "code = 256\n", "exception[1].code: 256 is out of range -> a whole number from 1 to 255"),
+            (
+                "role = \"trip-code\"\n",
+                "",
+                "trip[0]: no register holds the number of a trip -> a register with `role = \"trip-code\"` or \"trip-cause\"",
+            ),
+        ]);
+    }
+}

@@ -1,0 +1,129 @@
+//! Registers that the gateway's configuration adds to a model.
+
+use super::{RegisterFile, addresses_fit, codes_fit, distinct};
+use crate::domain::problem::Problem;
+use crate::profile::model::{Confidence, Model};
+use crate::profile::reader::{Reader, Section};
+
+/// Reads a register that the gateway's configuration adds to a model: `name`, `title`, `address`, `unit` and
+/// `access`, and if need be `code`, `scale`, `signed` and `poll`. Its confidence is
+/// [`Confidence::Configured`], and it has no role.
+pub fn extra_register(section: Section<'_>, problems: &mut Vec<Problem>) -> RegisterFile {
+    let mut reader = Reader::new(section, problems);
+    let mut register = RegisterFile::read(&mut reader);
+    register.origin = Some((Confidence::Configured, "configuration".to_owned()));
+    reader.refuse("role", "a register of the configuration has no role", "leave it out");
+    reader.finish();
+    register
+}
+
+/// `model` with those registers of `extra` that can be used. Each that has the name, code or address of another, or an
+/// address or code that no register of this model can have, is reported, and then `model` comes back as it is.
+pub fn with_extra(model: &Model, extra: &[RegisterFile], problems: &mut Vec<Problem>) -> Model {
+    let before = problems.len();
+    distinct(&model.registers, extra, problems);
+    let alias_bit = model.quirks.stored_alias_bit.as_ref().map(|fact| fact.value);
+    addresses_fit(model.quirks.decimal_numbers.is_some(), alias_bit, extra, problems);
+    if let Some(rule) = &model.codes {
+        codes_fit(rule, extra, problems);
+    }
+    let mut model = model.clone();
+    if problems.len() == before {
+        model.registers.extend(extra.iter().filter_map(RegisterFile::register));
+        model.registers.sort_by_key(|register| register.address);
+    }
+    model
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::check;
+    use crate::profile::model::Access;
+    use crate::profile::reader::document;
+    use crate::profile::testing::{EVERYTHING, MODEL, told};
+
+    fn extended(model: &str, text: &str) -> (Model, String) {
+        let mut problems = Vec::new();
+        let document = document(text, &mut problems).unwrap();
+        let mut reader = Reader::new(document.section(), &mut problems);
+        let sections = reader.tables("register");
+        let extra: Vec<_> = sections.into_iter().map(|section| extra_register(section, &mut problems)).collect();
+        let model = with_extra(&check::model(model).unwrap(), &extra, &mut problems);
+        (model, told(&problems, text))
+    }
+
+    #[test]
+    fn registers_of_the_configuration_join_in_order_of_address() {
+        let (model, problems) = extended(
+            MODEL,
+            "[[register]]\nname = 'output_current'\ntitle = 'Current'\naddress = 0x0100\nunit = 'A'\nscale = 10\n\
+             access = 'read'\npoll = 'slow'\n",
+        );
+        assert_eq!(problems, "");
+        let addresses: Vec<_> = model.registers.iter().map(|register| register.address).collect();
+        assert_eq!(addresses, [0x0100, 0x0101]);
+        let register = model.register_named("output_current").unwrap();
+        assert_eq!((register.scale, register.signed, register.access), (10, false, Access::Read));
+        assert_eq!((register.confidence, register.source.as_str()), (Confidence::Configured, "configuration"));
+        assert_eq!((register.role, register.code.as_deref()), (None, None));
+    }
+
+    #[test]
+    fn registers_of_the_configuration_take_nothing_from_the_model() {
+        let (model, problems) = extended(
+            MODEL,
+            "[[register]]\nname = 'd001'\ntitle = 'a'\naddress = 0x0101\nunit = '-'\naccess = 'read'\n\
+             role = 'trip-count'\nsource = 'IM 1'\n\
+             [[register]]\nname = 'output_frequency'\ntitle = 'b'\ncode = 'D001'\naddress = 5\nunit = '-'\n\
+             access = 'write'\npoll = 'fast'\n",
+        );
+        let expected = "\
+7:1 register[0].role: a register of the configuration has no role
+    right: leave it out
+8:1 register[0].source: there is no key `source` here
+    right: one of name, title, code, address, scale, signed, unit, access, poll
+16:8 register[1].poll: a register that cannot be read cannot be polled
+    right: leave it out, or give it an access that reads
+2:8 register[0].name: the name `d001` is taken by `output_frequency` of the model
+    right: one that no other register of the model has
+4:11 register[0].address: address 0x0101 is taken by `output_frequency` of the model
+    right: one that no other register of the model has
+10:8 register[1].name: the name `output_frequency` is taken by `output_frequency` of the model
+    right: one that no other register of the model has
+12:8 register[1].code: the code `D001` is taken by `output_frequency` of the model
+    right: one that no other register of the model has
+";
+        assert_eq!(problems, expected);
+        assert_eq!(model.registers.len(), 1);
+    }
+
+    #[test]
+    fn registers_of_the_configuration_keep_to_how_the_model_counts() {
+        let text = "[[register]]\nname = 'a'\ntitle = 'A'\naddress = 0x310A\nunit = '-'\naccess = 'read'\n\
+                    [[register]]\nname = 'b'\ntitle = 'B'\naddress = 0xB102\nunit = '-'\naccess = 'read'\n\
+                    [[register]]\nname = 'c'\ntitle = 'C'\ncode = 'P.05'\naddress = 0x3105\nunit = '-'\n\
+                    access = 'read'\n";
+        let (model, problems) = extended(EVERYTHING, text);
+        let expected = "\
+4:11 register[0].address: 0x310A is no address: this drive counts in decimal digits
+    right: 0 to 9 in each of the last two places
+10:11 register[1].address: 0xB102 is the stored twin of another register: it has bit 15
+    right: 0x3102, the register itself
+16:8 register[2].code: `P.05` is 0x0105 by `codes`, and not 0x3105
+    right: the code that belongs to the address, or leave it out
+";
+        assert_eq!(problems, expected);
+        assert_eq!(model, check::model(EVERYTHING).unwrap());
+    }
+
+    #[test]
+    fn only_a_model_says_what_its_words_mean() {
+        for key in ["memory = 'ram'", "range = [0, 1]", "values = { 0 = 'off' }", "back_door = 'x'"] {
+            let text =
+                format!("[[register]]\nname = 'a'\ntitle = 'A'\naddress = 5\nunit = '-'\naccess = 'read'\n{key}\n");
+            let (_, problems) = extended(MODEL, &text);
+            assert!(problems.starts_with("7:1 register[0].") && problems.contains(": there is no key `"), "{problems}");
+        }
+    }
+}

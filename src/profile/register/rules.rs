@@ -1,0 +1,99 @@
+//! What registers keep to among themselves and with the rules of their model, wherever they are written.
+
+use super::RegisterFile;
+use crate::domain::problem::Problem;
+use crate::profile::model::{CodeRule, Register, Role};
+use crate::profile::reader::Place;
+use std::collections::BTreeMap;
+
+/// Reports each register of `written` whose name, code, address or role belongs to one before it or to one of
+/// `model`. Names and codes share one space, without regard to case, as [`Model::register_named`] does.
+pub(in crate::profile) fn distinct(model: &[Register], written: &[RegisterFile], problems: &mut Vec<Problem>) {
+    let mut taken = Taken::default();
+    for register in model {
+        let owner = format!("`{}` of the model", register.name);
+        taken.labels.insert(register.name.to_lowercase(), owner.clone());
+        taken.labels.extend(register.code.as_ref().map(|code| (code.to_lowercase(), owner.clone())));
+        taken.addresses.insert(register.address, owner);
+    }
+    for register in written {
+        taken.add(register, problems);
+    }
+}
+
+/// Who has which name or code (in lower case), address and role.
+#[derive(Default)]
+struct Taken {
+    labels: BTreeMap<String, String>,
+    addresses: BTreeMap<u16, String>,
+    roles: BTreeMap<Role, String>,
+}
+
+impl Taken {
+    fn add(&mut self, register: &RegisterFile, problems: &mut Vec<Problem>) {
+        if let Some(name) = &register.name {
+            let called = format!("the name `{}`", name.value);
+            claim(&mut self.labels, name.value.to_lowercase(), &called, &name.place, problems);
+        }
+        if let Some(code) = register.code.usable() {
+            let called = format!("the code `{}`", code.value);
+            claim(&mut self.labels, code.value.to_lowercase(), &called, &code.place, problems);
+        }
+        if let Some(address) = &register.address {
+            let called = format!("address 0x{:04X}", address.value);
+            claim(&mut self.addresses, address.value, &called, &address.place, problems);
+        }
+        if let Some(role) = register.role.usable().filter(|role| !role.value.is_repeated()) {
+            claim(&mut self.roles, role.value, "this role", &role.place, problems);
+        }
+    }
+}
+
+fn claim<T: Ord>(taken: &mut BTreeMap<T, String>, value: T, called: &str, place: &Place, problems: &mut Vec<Problem>) {
+    match taken.get(&value) {
+        Some(owner) => {
+            let problem = place.problem(format!("{called} is taken by {owner}"));
+            problems.push(problem.right("one that no other register of the model has"));
+        }
+        None => {
+            taken.insert(value, place.key.clone());
+        }
+    }
+}
+
+/// Reports each register of `written` at an address that is none as the drive counts: `in_decimal`, the last two places
+/// hold decimal digits, and the bit `alias_bit` marks the stored twin of another register.
+pub(in crate::profile) fn addresses_fit(
+    in_decimal: bool,
+    alias_bit: Option<u8>,
+    written: &[RegisterFile],
+    problems: &mut Vec<Problem>,
+) {
+    for address in written.iter().filter_map(|register| register.address.as_ref()) {
+        if in_decimal && !has_decimal_digits(address.value) {
+            let what = format!("0x{:04X} is no address: this drive counts in decimal digits", address.value);
+            problems.push(address.place.problem(what).right("0 to 9 in each of the last two places"));
+        }
+        if let Some(bit) = alias_bit.filter(|bit| address.value >> bit & 1 == 1) {
+            let what = format!("0x{:04X} is the stored twin of another register: it has bit {bit}", address.value);
+            let right = format!("0x{:04X}, the register itself", address.value & !(1 << bit));
+            problems.push(address.place.problem(what).right(right));
+        }
+    }
+}
+
+/// Whether the last two hexadecimal places of `address` are decimal digits.
+pub(in crate::profile) fn has_decimal_digits(address: u16) -> bool {
+    address & 0xF <= 9 && address >> 4 & 0xF <= 9
+}
+
+/// Reports each register of `written` whose code is another address by `rule`.
+pub(in crate::profile) fn codes_fit(rule: &CodeRule, written: &[RegisterFile], problems: &mut Vec<Problem>) {
+    for register in written {
+        let (Some(code), Some(address)) = (register.code.usable(), &register.address) else { continue };
+        if let Some(by_rule) = rule.address(&code.value).filter(|by_rule| *by_rule != address.value) {
+            let what = format!("`{}` is 0x{by_rule:04X} by `codes`, and not 0x{:04X}", code.value, address.value);
+            problems.push(code.place.problem(what).right("the code that belongs to the address, or leave it out"));
+        }
+    }
+}

@@ -1,0 +1,80 @@
+//! What a summary says of commands: run words, what is unproven of them, what has to be set on the drive first.
+
+use super::layout::{Row, choice, list, row};
+use super::registers::name_at;
+use crate::domain::control::ControlAction;
+use crate::profile::model::{Model, RunCommand, RunForm};
+use crate::profile::words::{BIT_MEANINGS, INTERFACES, word_for};
+
+pub(super) fn run_commands(run: &RunCommand) -> Vec<Row> {
+    let shown = |word: u16| match run.form {
+        RunForm::Values => word.to_string(),
+        RunForm::Bits { .. } => format!("0x{word:04X}"),
+    };
+    let all = [
+        ("stop", Some(&run.stop)),
+        ("forward", Some(&run.forward)),
+        ("reverse", run.reverse.as_ref()),
+        ("coast", run.coast.as_ref()),
+        ("reset", run.reset.as_ref()),
+        ("release", run.release.as_ref()),
+    ];
+    let mut rows: Vec<_> =
+        all.into_iter().filter_map(|(name, fact)| Some(row(name, shown(fact?.value), fact?))).collect();
+    rows.extend(run.never.iter().map(|fact| row("never written", shown(fact.value), fact)));
+    if !run.reset_sequence.is_empty() {
+        rows.push(vec!["a reset is".to_owned(), list(run.reset_sequence.iter().map(|word| shown(*word)))]);
+    }
+    if let RunForm::Bits { priority: priority @ 1.., .. } = run.form {
+        rows.push(vec!["with all but release".to_owned(), shown(priority)]);
+    }
+    rows
+}
+
+pub(super) fn run_bits(run: &RunCommand) -> Vec<Row> {
+    let RunForm::Bits { bits, .. } = &run.form else { return Vec::new() };
+    bits.iter().map(|bit| row(&bit.bit.value.to_string(), word_for(&BIT_MEANINGS, &bit.meaning), &bit.bit)).collect()
+}
+
+/// What the gateway does only where the configuration accepts it.
+pub(super) fn unproven_actions(run: &RunCommand) -> Vec<Row> {
+    let all = [
+        (ControlAction::Reverse, &run.reverse),
+        (ControlAction::Coast, &run.coast),
+        (ControlAction::Reset, &run.reset),
+        (ControlAction::Release, &run.release),
+    ];
+    let unproven = all.into_iter().filter_map(|(action, fact)| {
+        let fact = fact.as_ref().filter(|fact| !fact.confidence.is_proven())?;
+        Some(vec![action.word().to_owned(), fact.confidence.word().to_owned(), fact.source.clone()])
+    });
+    let rows: Vec<_> = unproven.collect();
+    if rows.is_empty() { vec![vec!["none".to_owned()]] } else { rows }
+}
+
+pub(super) fn setup(model: &Model) -> Vec<Row> {
+    let rows = model.setup.iter().map(|item| {
+        let setting = match item.address {
+            Some(address) => format!("{} = {}", name_at(model, address), choice(&item.values.value)),
+            None => "at the drive".to_owned(),
+        };
+        let interface = item.interface.map_or("-", |interface| word_for(&INTERFACES, &interface));
+        vec![
+            item.what.clone(),
+            item.text.clone(),
+            setting,
+            interface.to_owned(),
+            item.values.confidence.word().to_owned(),
+            item.values.source.clone(),
+        ]
+    });
+    rows.collect()
+}
+
+pub(super) fn watchdog(model: &Model) -> Vec<Row> {
+    let Some(watchdog) = &model.watchdog else { return Vec::new() };
+    let time = format!("{}, off with {}", name_at(model, watchdog.time), watchdog.off.value);
+    let mut rows = vec![row("time", time, &watchdog.off)];
+    rows.extend(watchdog.action.map(|action| vec!["reaction".to_owned(), name_at(model, action)]));
+    rows
+}

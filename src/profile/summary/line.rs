@@ -1,0 +1,117 @@
+//! What a summary says of the line: settings, times, reads, writes, refusals.
+
+use super::layout::{Row, list, row};
+use crate::profile::model::{Barrier, Boundary, Fact, Link, Model, Quirks, ReadLimits, Timing};
+use crate::profile::values::duration_text;
+use crate::profile::words::{FRAMINGS, INTERFACES, PARITIES, REFUSED_WRITES, word_for};
+use std::time::Duration;
+
+pub(super) fn link(link: &Link) -> Vec<Row> {
+    let parities = link.parities.value.iter().map(|parity| word_for(&PARITIES, parity));
+    let framings = link.framings.value.iter().map(|framing| word_for(&FRAMINGS, framing));
+    let interfaces = link.interfaces.value.iter().map(|interface| word_for(&INTERFACES, interface));
+    let stations = &link.stations.value;
+    let mut rows = vec![
+        row("factory setting", link.default.value, &link.default),
+        row("speeds", format!("{} bit/s", list(&link.bauds.value)), &link.bauds),
+        row("data bits", list(&link.data_bits.value), &link.data_bits),
+        row("parities", list(parities), &link.parities),
+        row("stop bits", list(&link.stop_bits.value), &link.stop_bits),
+        row("framings", list(framings), &link.framings),
+        row("interfaces", list(interfaces), &link.interfaces),
+        row("stations", format!("{} to {}", stations.start(), stations.end()), &link.stations),
+    ];
+    if let Some(broadcast) = &link.broadcast {
+        let value = format!("station {}, functions {}", broadcast.station.value, functions(&broadcast.functions));
+        rows.push(row("broadcast", value, &broadcast.station));
+    }
+    rows
+}
+
+pub(super) fn timing(timing: &Timing) -> Vec<Row> {
+    let time = |name: &str, fact: &Fact<Duration>| row(name, duration_text(fact.value), fact);
+    let mut rows = vec![
+        row("silence between frames", format!("{} characters", timing.gap_chars.value), &timing.gap_chars),
+        time("longest wait for a reply", &timing.reply_timeout_cap),
+    ];
+    let optional = [
+        ("longest processing", &timing.processing_max),
+        ("longest processing of a stored write", &timing.stored_write_max),
+        ("longest delay of replies that can be set", &timing.reply_delay_max),
+    ];
+    rows.extend(optional.into_iter().filter_map(|(name, fact)| Some(time(name, fact.as_ref()?))));
+    if let Some(bits) = &timing.reply_char_bits {
+        rows.push(row("a character of a reply", format!("{} bits", bits.value), bits));
+    }
+    rows.push(time("latest reply after a time-out", &timing.max_lateness));
+    rows
+}
+
+pub(super) fn reads_and_writes(model: &Model) -> Vec<Row> {
+    let Model { read, write, .. } = model;
+    let mut rows = vec![
+        row("functions", functions(&model.functions.value), &model.functions),
+        row("words in one read", words_in_one_read(read), &read.max_words),
+    ];
+    if let Some(words) = &read.max_words_ascii {
+        rows.push(row("the same in ASCII", format!("1 to {}", words.value), words));
+    }
+    rows.push(row("a refused write", word_for(&REFUSED_WRITES, &write.refused.value), &write.refused));
+    if let Some(block) = &write.block {
+        let value = format!("0x{:04X} x{}", block.address, block.count.value);
+        rows.push(row("written together", value, &block.count));
+    }
+    rows
+}
+
+fn functions(functions: &[u8]) -> String {
+    format!("{} hex", list(functions.iter().map(|function| format!("{function:02X}"))))
+}
+
+fn words_in_one_read(read: &ReadLimits) -> String {
+    let boundary = match read.boundary {
+        Some(Boundary::HighByte) => ", one high byte of the address",
+        None => "",
+    };
+    format!("1 to {}{boundary}", read.max_words.value)
+}
+
+pub(super) fn barriers(barriers: &[Barrier]) -> Vec<Row> {
+    let barriers = barriers.iter().map(|barrier| match barrier {
+        Barrier::Read(it) => vec!["read".to_owned(), format!("0x{:04X} x{}", it.address, it.count)],
+        Barrier::Loop(fact) => row("loop test", "08 hex with fresh data", fact),
+        Barrier::Refused(fact) => row("refused function", format!("{:02X} hex", fact.value), fact),
+    });
+    barriers.collect()
+}
+
+pub(super) fn exceptions(model: &Model) -> Vec<Row> {
+    let rows = model.exceptions.iter().map(|it| {
+        vec![format!("{:02X} hex", it.code), it.text.clone(), it.confidence.word().to_owned(), it.source.clone()]
+    });
+    rows.collect()
+}
+
+pub(super) fn quirks(quirks: &Quirks) -> Vec<Row> {
+    let switches = [
+        ("decimal_numbers", "addresses count in decimal digits: 0010 follows 0009", &quirks.decimal_numbers),
+        ("percent_of_rated", "current and voltage are in per cent of rated values", &quirks.percent_of_rated),
+        ("setpoint_before_run", "the setpoint is written before each RUN", &quirks.setpoint_before_run),
+    ];
+    let mut rows: Vec<_> =
+        switches.into_iter().filter_map(|(name, text, fact)| Some(row(name, text, fact.as_ref()?))).collect();
+    if let Some(bit) = &quirks.stored_alias_bit {
+        let text = format!("bit {} of an address marks the stored twin of a register", bit.value);
+        rows.push(row("stored_alias_bit", text, bit));
+    }
+    let times = [
+        ("deaf_after_power_up", "after power-up it hears nothing for", &quirks.deaf_after_power_up),
+        ("deaf_after_reset", "after a reset it hears nothing for", &quirks.deaf_after_reset),
+        ("pause_before_request", "each request needs a pause before it of", &quirks.pause_before_request),
+    ];
+    rows.extend(times.into_iter().filter_map(|(name, text, fact)| {
+        let fact = fact.as_ref()?;
+        Some(row(name, format!("{text} {}", duration_text(fact.value)), fact))
+    }));
+    rows
+}

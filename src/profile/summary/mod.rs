@@ -1,0 +1,74 @@
+//! A model as a table for people: what is known of it, how sure that is, and where it comes from.
+
+mod command;
+mod layout;
+mod line;
+mod registers;
+
+use super::model::Model;
+use layout::section;
+
+/// What is known of `model`, as plain text that ends with a line end.
+#[must_use]
+pub fn summary(model: &Model) -> String {
+    let mut text = format!("{}: {} {}\n", model.id, model.vendor, model.title);
+    let documents = model.documents.iter().map(|(name, title)| vec![name.clone(), title.clone()]);
+    section(&mut text, "Documents", documents.collect());
+    section(&mut text, "Link", line::link(&model.link));
+    section(&mut text, "Timing", line::timing(&model.timing));
+    section(&mut text, "Reads and writes", line::reads_and_writes(model));
+    section(&mut text, "Barriers: what proves that no late reply follows", line::barriers(&model.barriers));
+    section(&mut text, "Exceptions", line::exceptions(model));
+    section(&mut text, "Quirks", line::quirks(&model.quirks));
+    if let Some(run) = &model.run {
+        section(&mut text, "Run commands", command::run_commands(run));
+        section(&mut text, "Bits of run commands", command::run_bits(run));
+        let heading = "Unproven control actions, each off until `accept_unverified` names it";
+        section(&mut text, heading, command::unproven_actions(run));
+    }
+    section(&mut text, "Set-up, in this order", command::setup(model));
+    section(&mut text, "Watchdog of the drive", command::watchdog(model));
+    section(&mut text, "Status", registers::status(model));
+    section(&mut text, "Trips", registers::trips(model));
+    section(&mut text, "Codes", registers::codes(model.codes.as_ref()));
+    section(&mut text, "Registers", registers::registers(&model.registers));
+    section(&mut text, "Meanings of words", registers::meanings(&model.registers));
+    section(&mut text, "Never written natively", registers::back_doors(&model.registers));
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::check;
+    use crate::profile::testing::{EVERYTHING, MODEL, golden};
+
+    #[test]
+    fn only_what_is_known_is_shown() {
+        let text = summary(&check::model(MODEL).unwrap());
+        assert!(text.starts_with("acme-1: Acme One\n\nDocuments\n  IM  Interface manual\n\nLink\n"), "{text}");
+        let absent =
+            ["broadcast", "processing", "Barrier", "Quirks", "Run", "Unproven", "Set-up", "Status", "Meanings"];
+        for absent in absent {
+            assert!(!text.contains(absent), "{text}");
+        }
+        assert!(text.ends_with("  manual      IM 4    Output frequency\n"), "{text}");
+        let row = "  0x0101   D001  output_frequency  Hz    x100   read    fast  -       -      manual";
+        assert!(text.contains(row), "{text}");
+    }
+
+    #[test]
+    fn everything_is_shown() {
+        golden("everything.txt", &summary(&check::model(EVERYTHING).unwrap()));
+    }
+
+    #[test]
+    fn a_model_whose_actions_are_all_proven_says_so() {
+        let mut text = EVERYTHING.to_owned();
+        for weak in ["third-party", "sibling", "inferred"] {
+            text = text.replace(&format!("\"{weak}\""), "\"manual\"");
+        }
+        let text = summary(&check::model(&text).unwrap());
+        assert!(text.contains("until `accept_unverified` names it\n  none\n"), "{text}");
+    }
+}

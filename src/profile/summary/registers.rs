@@ -1,0 +1,103 @@
+//! What a summary says of registers: the table of all, and what their words mean.
+
+use super::layout::{Row, choice, list, row};
+use crate::profile::model::{CodeRule, Model, Register};
+use crate::profile::scale::Scaled;
+use crate::profile::words::{FLAGS, POLL_CLASSES, word_for};
+use std::ops::RangeInclusive;
+
+/// The name of the register at `address`.
+pub(super) fn name_at(model: &Model, address: u16) -> String {
+    model.register_at(address).map_or_else(|| format!("0x{address:04X}"), |register| register.name.clone())
+}
+
+pub(super) fn registers(registers: &[Register]) -> Vec<Row> {
+    let head = [
+        "address",
+        "code",
+        "name",
+        "unit",
+        "scale",
+        "access",
+        "poll",
+        "memory",
+        "range",
+        "confidence",
+        "source",
+        "what it is",
+    ];
+    let mut rows = vec![head.map(str::to_owned).to_vec()];
+    rows.extend(registers.iter().map(register));
+    rows
+}
+
+fn register(register: &Register) -> Row {
+    let memory = register.memory.map_or("-", |memory| memory.word());
+    vec![
+        format!("0x{:04X}", register.address),
+        register.code.clone().unwrap_or_else(|| "-".to_owned()),
+        register.name.clone(),
+        register.unit.to_string(),
+        format!("x{}{}", register.scale, if register.signed { " signed" } else { "" }),
+        register.access.word().to_owned(),
+        register.poll.map_or("-", |poll| word_for(&POLL_CLASSES, &poll)).to_owned(),
+        memory.to_owned(),
+        register.range.as_ref().map_or_else(|| "-".to_owned(), |range| range_text(range, register)),
+        register.confidence.word().to_owned(),
+        register.source.clone(),
+        register.title.clone(),
+    ]
+}
+
+fn range_text(range: &RangeInclusive<i32>, register: &Register) -> String {
+    // In two's complement the low word of a negative number is its register word.
+    let end = |raw: &i32| Scaled::from_word((raw & 0xFFFF) as u16, register);
+    format!("{} to {}", end(range.start()), end(range.end()))
+}
+
+/// What the words of registers mean, each register named once.
+pub(super) fn meanings(registers: &[Register]) -> Vec<Row> {
+    let rows = registers.iter().flat_map(|register| {
+        register.meanings.iter().enumerate().map(|(index, (word, text))| {
+            let name = if index == 0 { register.name.clone() } else { String::new() };
+            vec![name, word.to_string(), text.clone()]
+        })
+    });
+    rows.collect()
+}
+
+pub(super) fn back_doors(registers: &[Register]) -> Vec<Row> {
+    let closed = |register: &Register| Some(vec![register.name.clone(), register.back_door.clone()?]);
+    registers.iter().filter_map(closed).collect()
+}
+
+pub(super) fn status(model: &Model) -> Vec<Row> {
+    let rows = model.status.iter().map(|status| {
+        let name = name_at(model, status.address);
+        let condition = match status.mask {
+            u16::MAX => format!("{name} = {}", choice(&status.values)),
+            mask => format!("{name} & 0x{mask:04X} = {}", choice(status.values.iter().map(|it| format!("0x{it:04X}")))),
+        };
+        let flag = word_for(&FLAGS, &status.flag).to_owned();
+        vec![flag, condition, status.confidence.word().to_owned(), status.source.clone()]
+    });
+    rows.collect()
+}
+
+pub(super) fn trips(model: &Model) -> Vec<Row> {
+    let rows = model.trip_codes.iter().map(|trip| {
+        vec![trip.code.to_string(), trip.text.clone(), trip.confidence.word().to_owned(), trip.source.clone()]
+    });
+    rows.collect()
+}
+
+pub(super) fn codes(rule: Option<&CodeRule>) -> Vec<Row> {
+    match rule {
+        None => Vec::new(),
+        Some(CodeRule::Hexadecimal(origin)) => vec![row("a code is", "the address in hexadecimal", origin)],
+        Some(CodeRule::Groups { groups, separator, origin }) => {
+            let groups = list(groups.iter().map(|(name, byte)| format!("{name}{separator}n = 0x{byte:02X}00 + n")));
+            vec![row("a code is", groups, origin)]
+        }
+    }
+}
