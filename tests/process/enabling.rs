@@ -3,7 +3,7 @@
 use super::plant::{Plant, Wish};
 use super::raw::Raw;
 use super::rig::{fields, program, vfd_gateway};
-use super::started::PATIENCE;
+use super::started::{PATIENCE, until};
 use serde_json::{Value, json};
 use std::os::unix::fs::PermissionsExt;
 use std::process::{Output, Stdio};
@@ -87,19 +87,34 @@ fn a_drive_that_obeys_its_panel_is_found_and_set() {
     let seen = plant.written().len();
     assert_says(&run(&plant, "enable", &[]), 0, &["nothing has to be set"]);
     assert_eq!(plant.written().len(), seen);
-    // The motor now follows the gateway, and a motor that turns is not set up.
+    // The motor now follows the gateway.
     plant.run_over_mqtt();
-    let refused = by_hand(&plant, &json!({ "addresses": [F010, F011] }));
-    assert_eq!((&refused["outcome"], &refused["reason"]), (&json!("refused"), &json!("moving")));
+    until("it runs fast enough", PATIENCE, || (plant.output() > 1500).then_some(()));
+    assert_eq!(refusal(&plant), "other_owner");
+    // A stop by somebody else ends the lease, and the motor turns on by its ramp.
+    plant.write_uniform(&mut Raw::connect(plant.modbus), 256, 0);
+    let is_pending = |reason: &String| ["other_owner", "stop_pending"].contains(&reason.as_str());
+    let reason = until("the stop is effective", PATIENCE, || Some(refusal(&plant)).filter(|it| !is_pending(it)));
+    assert_eq!(reason, "moving");
+    assert!(plant.output() > 0);
     assert!(!plant.written()[seen..].iter().any(|(address, _)| [F010, F011].contains(address)));
+    plant.wait_until_it_stands();
+    let set = until("it is known to stand", PATIENCE, || Some(order(&plant)).filter(|it| it["outcome"] != "refused"));
+    assert_eq!(set["outcome"], "confirmed", "{set}");
 }
 
-/// Posts to the socket what `enable` itself would not, because nothing differs.
-fn by_hand(plant: &Plant, body: &Value) -> Value {
+fn refusal(plant: &Plant) -> String {
+    let answer = order(plant);
+    assert_eq!(answer["outcome"], "refused", "{answer}");
+    answer["reason"].as_str().unwrap().to_owned()
+}
+
+/// Orders over the socket what `enable` itself would not, because nothing differs.
+fn order(plant: &Plant) -> Value {
     use std::io::{Read, Write};
     let mut stream = std::os::unix::net::UnixStream::connect(socket(plant)).unwrap();
     stream.set_read_timeout(Some(PATIENCE)).unwrap();
-    let body = body.to_string();
+    let body = json!({ "addresses": [F010, F011] }).to_string();
     let head = "POST /api/v1/drives/pump-1/setup HTTP/1.1\r\nHost: here\r\nConnection: close\r\nContent-Length";
     write!(stream, "{head}: {}\r\n\r\n{body}", body.len()).unwrap();
     let mut answer = String::new();

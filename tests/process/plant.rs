@@ -238,7 +238,10 @@ fn run(file: &std::path::Path) -> (Started, SocketAddr) {
 fn configuration(place: &Place, broker: u16, http: SocketAddr, wish: &Wish<'_>) -> String {
     let lost_after = if wish.lost_after.is_empty() { "3s" } else { wish.lost_after };
     let mqtt = wish.mqtt;
-    let control = if wish.read_only { String::new() } else { control(lost_after) };
+    let (control, write) = match wish.read_only {
+        true => (String::new(), ""),
+        false => (control(lost_after), "write = [\"127.0.0.1/32\"]"),
+    };
     let (port, data) = (place.file("line"), place.file("data"));
     format!(
         r#"
@@ -265,7 +268,7 @@ probe_interval = "500ms"
 
 [[modbus_tcp]]
 listen = "127.0.0.1:0"
-write = ["127.0.0.1/32"]
+{write}
 
 [http]
 listen = "{http}"
