@@ -6,6 +6,7 @@
 //! | `refusing` | what may not be done is refused by the right exception and never reaches the line |
 //! | `coming_and_going` | unplugged adapters, signals, taken ports |
 //! | `asking` | `health`, `read`, `write` and `watch` ask a running gateway |
+//! | `enabling` | `verify` and `enable` look at a drive and set what it needs before it obeys |
 //! | `checking` | what `check` and the other commands say, and their exit codes |
 //! | `adding` | the drive that the tutorial adds is checked, played and run as it says |
 //! | `documents` | the README lists every command, option and key |
@@ -40,6 +41,8 @@ mod coming_and_going;
 mod commanding;
 #[path = "process/documents.rs"]
 mod documents;
+#[path = "process/enabling.rs"]
+mod enabling;
 #[path = "process/families.rs"]
 mod families;
 #[path = "process/losing.rs"]

@@ -1,34 +1,24 @@
 //! `health`: asks the running gateway whether it does what it is configured for.
 
-use super::{Failure, input, print};
-use crate::daemon::http::socket::SOCKET_NAME;
-use axum::body::{Body, to_bytes};
-use axum::http::{Request, StatusCode, Uri, header};
-use hyper::client::conn::http1;
-use hyper_util::rt::TokioIo;
+use super::socket::{self, Question, exchange, unreachable, within};
+use super::{Failure, print};
+use axum::http::{StatusCode, Uri};
 use serde_json::Value;
-use std::fmt::{Display, Write};
-use std::path::{Path, PathBuf};
+use std::fmt::Write;
+use std::path::Path;
 use std::time::Duration;
-use tokio::io::{AsyncRead, AsyncWrite};
-use tokio::net::{TcpStream, UnixStream};
+use tokio::net::TcpStream;
 
 /// Longest time for the whole question: a container's health check does not wait longer either.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Longest answer that is read. A gateway with a thousand drives says less.
-const ANSWER_BYTES_MAX: usize = 1024 * 1024;
 /// Where the answer is.
 const PATH: &str = "/api/v1/health";
 
 /// Arguments of `health`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The gateway's configuration file: its socket is in the data directory that it names
-    #[arg(short, long, value_name = "FILE", conflicts_with = "socket")]
-    config: Option<PathBuf>,
-    /// Socket of the gateway, in its data directory
-    #[arg(long, value_name = "PATH", default_value = "/var/lib/vfd-gateway/vfd-gateway.sock")]
-    socket: PathBuf,
+    #[command(flatten)]
+    place: socket::Place,
     /// Ask over HTTP instead, at an address such as http://127.0.0.1:8080
     #[arg(long, value_name = "URL", conflicts_with_all = ["socket", "config"])]
     url: Option<Uri>,
@@ -40,23 +30,13 @@ pub struct Args {
 /// Prints a line for each line and drive. It fails unless the gateway is ready.
 pub fn health(args: &Args) -> Result<(), Failure> {
     let url = args.url.as_ref().map(Url::new).transpose()?;
-    let socket = args.config.as_deref().map_or_else(|| Ok(args.socket.clone()), socket_of)?;
+    let socket = args.place.path()?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
-    let answer = runtime.block_on(async { tokio::time::timeout(PATIENCE, ask(&socket, url.as_ref())).await });
-    let health = answer.unwrap_or_else(|_| Err(format!("no answer within {} s", PATIENCE.as_secs())));
+    let health = runtime.block_on(ask(&socket, url.as_ref()));
     let place = url.map_or_else(|| socket.display().to_string(), |url| format!("{}:{}", url.host, url.port));
     let health = health.map_err(|reason| Failure::failed(format!("gateway at {place}: {reason}")))?;
     print(&if args.json { format!("{health}\n") } else { report(&health) })?;
     if health["ready"] == true { Ok(()) } else { Err(Failure::failed(format!("gateway at {place}: not ready"))) }
-}
-
-/// The socket of the gateway that runs with the configuration at `path`.
-fn socket_of(path: &Path) -> Result<PathBuf, Failure> {
-    let config = input::configuration(path)?;
-    let directory = config.gateway.data_dir.ok_or_else(|| {
-        Failure::wrong(format!("{}: without `data_dir` in [gateway] there is no socket; ask --url", path.display()))
-    })?;
-    Ok(directory.join(SOCKET_NAME))
 }
 
 /// What is needed of a URL.
@@ -77,33 +57,21 @@ impl Url {
 }
 
 async fn ask(socket: &Path, url: Option<&Url>) -> Result<Value, String> {
-    match url {
+    let question = Question::look(PATH);
+    let answer = match url {
         Some(url) => {
-            let stream = TcpStream::connect((url.host.as_str(), url.port)).await;
-            get(stream.map_err(unreachable)?, &url.host).await
+            let asked = async {
+                let stream = TcpStream::connect((url.host.as_str(), url.port)).await.map_err(unreachable)?;
+                exchange(stream, &url.host, question).await
+            };
+            within(PATIENCE, asked).await
         }
-        None => get(UnixStream::connect(socket).await.map_err(unreachable)?, "localhost").await,
+        None => socket::ask(socket, question, PATIENCE).await,
+    };
+    match answer? {
+        (StatusCode::OK, health) => Ok(health),
+        (status, _) => Err(format!("{PATH} answers {status}")),
     }
-}
-
-fn unreachable(error: std::io::Error) -> String {
-    format!("cannot connect: {error}")
-}
-
-/// Gets the health over a fresh connection.
-async fn get(stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static, host: &str) -> Result<Value, String> {
-    fn text(error: impl Display) -> String {
-        error.to_string()
-    }
-    let (mut sender, connection) = http1::handshake(TokioIo::new(stream)).await.map_err(text)?;
-    tokio::spawn(connection);
-    let request = Request::get(PATH).header(header::HOST, host).body(Body::empty()).map_err(text)?;
-    let response = sender.send_request(request).await.map_err(text)?;
-    if response.status() != StatusCode::OK {
-        return Err(format!("{PATH} answers {}", response.status()));
-    }
-    let body = to_bytes(Body::new(response.into_body()), ANSWER_BYTES_MAX).await.map_err(text)?;
-    serde_json::from_slice(&body).map_err(|error| format!("{PATH} is not understood: {error}"))
 }
 
 /// The answer for people. What is missing from it shows as `?`: another version may say less.

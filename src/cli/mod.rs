@@ -4,6 +4,7 @@ mod broker;
 mod check;
 mod client;
 mod demo;
+mod enable;
 mod health;
 mod input;
 mod keyboard;
@@ -13,7 +14,10 @@ mod models;
 mod own_models;
 mod read;
 mod run;
+mod setup;
 mod simulate;
+mod socket;
+mod verify;
 mod watch;
 mod write;
 
@@ -53,6 +57,10 @@ enum Command {
     Simulate(simulate::Args),
     /// Ask the running gateway whether it is ready, for container health checks too
     Health(health::Args),
+    /// Read from a drive whether it is set so that it obeys the bus; the settings themselves, not what was polled
+    Verify(verify::Args),
+    /// Set on a drive what it needs before it obeys the bus, at standstill, after showing old and new
+    Enable(enable::Args),
     /// Read registers or named values of a drive through a running gateway
     Read(read::Args),
     /// Write a register, a run command or a frequency of a drive through a running gateway
@@ -97,6 +105,8 @@ pub fn main() -> ExitCode {
         Command::Models(args) => models::models(&args),
         Command::Simulate(args) => simulate::simulate(&args),
         Command::Health(args) => health::health(&args),
+        Command::Verify(args) => verify::verify(&args),
+        Command::Enable(args) => enable::enable(&args),
         Command::Read(args) => read::read(&args),
         Command::Write(args) => write::write(&args),
         Command::Watch(args) => watch::watch(&args),

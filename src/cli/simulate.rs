@@ -65,6 +65,9 @@ pub struct Args {
     /// Answer at once, without character times
     #[arg(long)]
     unpaced: bool,
+    /// What the registers hold that say whom the drives obey; default: the word under which they obey the line
+    #[arg(long, value_name = "WORD")]
+    sources: Option<u16>,
     /// Answer requests that the drive cannot serve with an exception, also where the model lists none
     #[arg(long)]
     exceptions: bool,
@@ -160,7 +163,7 @@ fn bus_of(args: &Args, model: &Arc<Model>, framing: Framing, link: LinkSettings)
     let mut bus = SimBus::new(link, options, args.seed);
     for station in &args.stations {
         let bad_request = if args.exceptions { BadRequest::Exception } else { BadRequest::AsDocumented };
-        let options = DriveOptions { bad_request, ..DriveOptions::default() };
+        let options = DriveOptions { bad_request, sources_at_start: args.sources, ..DriveOptions::default() };
         bus.connect(Station(*station), SimDrive::new(Arc::clone(model), options));
     }
     bus

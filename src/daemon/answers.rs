@@ -5,7 +5,7 @@ use crate::domain::ids::AskerId;
 use crate::domain::native::NativeAnswer;
 use crate::drive::description::DriveRef;
 use crate::drive::view::TripEvent;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::Notify;
 
 /// Something that a line tells the north side.
@@ -31,17 +31,20 @@ impl News {
     }
 }
 
-/// The two north sides that lines answer to.
+/// The north sides that lines answer to.
 #[derive(Clone, Debug, Default)]
 pub struct NorthSides {
     /// Modbus TCP connections.
-    pub modbus: std::sync::Arc<AnswerBox>,
+    pub modbus: Arc<AnswerBox>,
     /// MQTT; nothing if there is none, and then nobody keeps news for it.
-    pub mqtt: Option<std::sync::Arc<AnswerBox>>,
+    pub mqtt: Option<Arc<AnswerBox>>,
+    /// The program's own tools.
+    pub local: Arc<AnswerBox>,
 }
 
 /// Answers of all lines that the north side has not fetched yet. Its bound is that of the requests: each
-/// connection has at most 16 without an answer, MQTT has bounds of its own, and trips come no faster than polls.
+/// connection has at most 16 without an answer, MQTT and the tools have bounds of their own, and trips come no faster
+/// than polls.
 #[derive(Debug, Default)]
 pub struct AnswerBox {
     answers: Mutex<Vec<News>>,

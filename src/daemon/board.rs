@@ -20,6 +20,7 @@ pub struct Board<'a> {
     /// News of this round.
     modbus: Vec<News>,
     mqtt: Vec<News>,
+    local: Vec<News>,
 }
 
 impl<'a> Board<'a> {
@@ -29,7 +30,7 @@ impl<'a> Board<'a> {
         let line = shared.lines.get(place)?;
         let number = u16::try_from(place).ok()?;
         let drives = shared.drives.iter().filter(|drive| drive.description.place.line == number).collect();
-        Some(Self { shared, line, number, drives, north, modbus: Vec::new(), mqtt: Vec::new() })
+        Some(Self { shared, line, number, drives, north, modbus: Vec::new(), mqtt: Vec::new(), local: Vec::new() })
     }
 
     /// The way into the line.
@@ -40,10 +41,11 @@ impl<'a> Board<'a> {
 
     /// Keeps `news` for the end of the round.
     pub fn tell(&mut self, news: News) {
-        if news.asker() != AskerId::MQTT {
-            self.modbus.push(news);
-        } else if self.north.mqtt.is_some() {
-            self.mqtt.push(news);
+        match news.asker() {
+            AskerId::LOCAL => self.local.push(news),
+            AskerId::MQTT if self.north.mqtt.is_some() => self.mqtt.push(news),
+            AskerId::MQTT => {}
+            _ => self.modbus.push(news),
         }
     }
 
@@ -67,6 +69,7 @@ impl<'a> Board<'a> {
         has_changed |= report.state != self.line.report().state;
         self.line.set_report(report);
         self.north.modbus.put(&mut self.modbus);
+        self.north.local.put(&mut self.local);
         if let Some(mqtt) = &self.north.mqtt {
             mqtt.put(&mut self.mqtt);
         }

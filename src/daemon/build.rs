@@ -52,7 +52,7 @@ pub fn shared(config: &Config) -> Shared {
             description(place, line, drive, stretch)
         })
     });
-    Shared::new(config.lines.iter().map(|line| line.name.clone()).collect(), drives.collect())
+    Shared::new(config.lines.iter().map(|line| (line.name.clone(), line.interface)).collect(), drives.collect())
 }
 
 /// Values age by the period that an over-full line really keeps.

@@ -13,6 +13,7 @@ pub mod clock;
 pub mod http;
 pub mod inbox;
 pub mod line_thread;
+pub mod local;
 pub mod modbus_server;
 pub mod mqtt;
 pub mod north;

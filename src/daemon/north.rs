@@ -3,6 +3,7 @@
 use super::answers::{AnswerBox, NorthSides};
 use super::clock;
 use super::http::{self, State, socket::OwnSocket};
+use super::local::LocalSide;
 use super::modbus_server::Server;
 use super::mqtt::speaker::Speaker;
 use super::mqtt::{self, ConnectionSettings, Counters};
@@ -98,7 +99,9 @@ impl North {
             tokio::task::spawn_local(http::serve(listener, Arc::clone(&state)));
         }
         if let Some(socket) = socket {
-            tokio::task::spawn_local(socket.serve(state));
+            let side = Arc::new(LocalSide::new(Arc::clone(shared)));
+            tokio::task::spawn_local(Arc::clone(&side).distribute(sides.local));
+            tokio::task::spawn_local(socket.serve(state, side));
         }
         serve_modbus(config, bound.modbus, shared, sides.modbus, modbus_totals);
         let mqtt = mqtt.zip(mqtt_totals).zip(sides.mqtt).map(|(((connection, settings), totals), news)| {

@@ -2,6 +2,7 @@
 
 use super::inbox::Inbox;
 use crate::domain::ids::Name;
+use crate::domain::link::Interface;
 use crate::domain::report::LineReport;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::DriveView;
@@ -34,6 +35,8 @@ pub struct SharedDrive {
 pub struct SharedLine {
     /// Its name.
     pub name: Name,
+    /// What it is physically.
+    pub interface: Interface,
     /// The way in.
     pub inbox: Arc<Inbox>,
     report: Mutex<LineReport>,
@@ -42,8 +45,8 @@ pub struct SharedLine {
 impl Shared {
     /// Drives that nobody has looked at yet, and lines that are down. `lines` names the lines in order.
     #[must_use]
-    pub fn new(lines: Vec<Name>, drives: Vec<DriveDescription>) -> Self {
-        let line = |name| SharedLine { name, inbox: Arc::default(), report: Mutex::default() };
+    pub fn new(lines: Vec<(Name, Interface)>, drives: Vec<DriveDescription>) -> Self {
+        let line = |(name, interface)| SharedLine { name, interface, inbox: Arc::default(), report: Mutex::default() };
         let drive = |description| SharedDrive { description, view: ArcSwap::default() };
         Self {
             drives: drives.into_iter().map(drive).collect(),
@@ -52,10 +55,16 @@ impl Shared {
         }
     }
 
+    /// The line that the drive at `place` hangs on.
+    #[must_use]
+    pub fn line(&self, place: DriveRef) -> Option<&SharedLine> {
+        self.lines.get(usize::from(place.line))
+    }
+
     /// The inbox of the line that the drive at `place` hangs on.
     #[must_use]
     pub fn inbox(&self, place: DriveRef) -> Option<&Inbox> {
-        self.lines.get(usize::from(place.line)).map(|line| line.inbox.as_ref())
+        self.line(place).map(|line| line.inbox.as_ref())
     }
 }
 

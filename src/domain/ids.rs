@@ -94,8 +94,10 @@ impl DriveIndex {
 pub struct AskerId(pub u64);
 
 impl AskerId {
-    /// The MQTT side as a whole; all other numbers are Modbus TCP connections.
+    /// The MQTT side as a whole.
     pub const MQTT: Self = Self(0);
+    /// The program's own tools as a whole; all other numbers are Modbus TCP connections, counted from 1.
+    pub const LOCAL: Self = Self(u64::MAX);
 }
 
 /// The number of one request of one asker, chosen by the asker and carried back in the answer.

@@ -1,6 +1,6 @@
 //! Native requests: a client asks for a vendor's registers by their addresses.
 
-use super::command::{Origin, Reason};
+use super::command::{Origin, Outcome, Reason, Report};
 use super::ids::{AskerId, DriveIndex, Ticket};
 use super::time::MonoTime;
 use std::sync::Arc;
@@ -79,6 +79,30 @@ pub enum NativeOutcome {
     Expired,
     /// A newer command took the write's place before it was sent, or a stop cut it.
     Superseded,
+}
+
+impl NativeOutcome {
+    /// What there is to say about a read that brought no words, as of a command that ended so.
+    #[must_use]
+    pub const fn read_failure(&self) -> Report {
+        match self {
+            Self::DriveException(code) => {
+                Report { exception: Some(*code), ..Report::new(Outcome::Failed, Reason::DriveException) }
+            }
+            Self::Refused(refusal) => Report::refused(match refusal {
+                Refusal::NoSuchUnit => Reason::UnknownDrive,
+                Refusal::Guard(reason) => *reason,
+                Refusal::TooManyFrames => Reason::TooManyFrames,
+                Refusal::QueueFull => Reason::QueueFull,
+                Refusal::LineDown => Reason::LineDown,
+            }),
+            Self::Expired => Report::new(Outcome::Expired, Reason::TooLate),
+            Self::Superseded => Report::new(Outcome::Superseded, Reason::Newer),
+            Self::Words(_) | Self::Written | Self::KeptOldValue(_) | Self::NoReply => {
+                Report::new(Outcome::Failed, Reason::NoReply)
+            }
+        }
+    }
 }
 
 /// Why a request put nothing on the line.

@@ -208,11 +208,12 @@ mod tests {
     }
 
     fn served(schedule: &mut Schedule) -> Vec<u16> {
-        std::iter::from_fn(|| schedule.take_read(|_| true)).map(|job| match job.key.what {
-            Asked::Words { address, .. } => address,
-            Asked::Loop { data } => data,
-        })
-        .collect()
+        std::iter::from_fn(|| schedule.take_read(|_| true))
+            .map(|job| match job.key.what {
+                Asked::Words { address, .. } => address,
+                Asked::Loop { data } => data,
+            })
+            .collect()
     }
 
     #[test]

@@ -12,6 +12,7 @@ use std::time::Duration;
 use tokio::task::LocalSet;
 use vfd_gateway::daemon::http::socket::OwnSocket;
 use vfd_gateway::daemon::http::{self, State};
+use vfd_gateway::daemon::local::LocalSide;
 use vfd_gateway::daemon::{build, clock};
 use vfd_gateway::domain::report::{LineReport, LineState};
 use vfd_gateway::domain::time::WallTime;
@@ -266,7 +267,8 @@ fn served(directory: &Path) -> (SocketAddr, Arc<State>) {
             let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
             let socket = OwnSocket::open(&directory).unwrap();
             say.send(listener.local_addr().unwrap()).unwrap();
-            tokio::join!(http::serve(listener, Arc::clone(&served)), socket.serve(served));
+            let side = Arc::new(LocalSide::new(Arc::clone(&served.shared)));
+            tokio::join!(http::serve(listener, Arc::clone(&served)), socket.serve(served, side));
         });
     });
     (said.recv_timeout(PATIENCE).unwrap(), state)

@@ -37,6 +37,8 @@ pub struct Wish<'a> {
     pub mqtt: &'a str,
     /// How long a commander may be silent; [`LOST_AFTER`] without.
     pub lost_after: &'a str,
+    /// The drive has no control section.
+    pub read_only: bool,
 }
 
 /// All of it. What is dropped first ends first.
@@ -44,9 +46,9 @@ pub struct Plant {
     pub gateway: Started,
     pub modbus: SocketAddr,
     pub http: SocketAddr,
-    _drive: Started,
+    drive: Started,
     pub broker: Mosquitto,
-    file: PathBuf,
+    pub file: PathBuf,
     pub place: Place,
 }
 
@@ -75,7 +77,7 @@ impl Plant {
         let text = configuration(&place, broker.address().port(), http, &wish);
         let file = place.write("gateway.toml", &text);
         let (gateway, modbus) = run(&file);
-        let plant = Self { gateway, modbus, http, _drive: drive, broker, file, place };
+        let plant = Self { gateway, modbus, http, drive, broker, file, place };
         plant.wait_until_ready();
         plant
     }
@@ -109,6 +111,11 @@ impl Plant {
         stream.read_to_string(&mut answer).ok()?;
         let (head, body) = answer.split_once("\r\n\r\n")?;
         Some((head.split(' ').nth(1)?.parse().ok()?, body.to_owned()))
+    }
+
+    /// The drive neither hears nor says anything from now on; its port is still there.
+    pub fn silence_the_drive(&self) {
+        self.drive.signal("STOP");
     }
 
     /// A topic of the drive.
@@ -231,6 +238,10 @@ fn run(file: &std::path::Path) -> (Started, SocketAddr) {
 fn configuration(place: &Place, broker: u16, http: SocketAddr, wish: &Wish<'_>) -> String {
     let lost_after = if wish.lost_after.is_empty() { "3s" } else { wish.lost_after };
     let mqtt = wish.mqtt;
+    let (control, write) = match wish.read_only {
+        true => (String::new(), ""),
+        false => (control(lost_after), "write = [\"127.0.0.1/32\"]"),
+    };
     let (port, data) = (place.file("line"), place.file("data"));
     format!(
         r#"
@@ -249,14 +260,7 @@ model = "hyundai-n700"
 station = 1
 poll = "100ms"
 
-[line.drive.control]
-from = ["mqtt", "modbus-tcp"]
-frequency_hz = {{ min = 5.0, max = 50.0 }}
-directions = ["forward", "reverse"]
-on_commander_lost = "stop"
-lost_after = "{lost_after}"
-on_shutdown = "stop"
-
+{control}
 [mqtt]
 broker = "mqtt://127.0.0.1:{broker}"
 probe_interval = "500ms"
@@ -264,13 +268,27 @@ probe_interval = "500ms"
 
 [[modbus_tcp]]
 listen = "127.0.0.1:0"
-write = ["127.0.0.1/32"]
+{write}
 
 [http]
 listen = "{http}"
 "#,
         data.display(),
         port.display()
+    )
+}
+
+fn control(lost_after: &str) -> String {
+    format!(
+        r#"
+[line.drive.control]
+from = ["mqtt", "modbus-tcp"]
+frequency_hz = {{ min = 5.0, max = 50.0 }}
+directions = ["forward", "reverse"]
+on_commander_lost = "stop"
+lost_after = "{lost_after}"
+on_shutdown = "stop"
+"#
     )
 }
 

@@ -48,7 +48,12 @@ pub(super) async fn serve<L: Listener>(mut listener: L, router: Router, patience
     }
 }
 
-async fn converse(stream: impl AsyncRead + AsyncWrite + Unpin + 'static, router: Router, patience: Patience) {
+/// Serves `router` on one connection until its end.
+pub(super) async fn converse(
+    stream: impl AsyncRead + AsyncWrite + Unpin + 'static,
+    router: Router,
+    patience: Patience,
+) {
     let mut http = http1::Builder::new();
     http.timer(TokioTimer::new()).header_read_timeout(patience.head).max_buf_size(HEAD_BYTES_MAX);
     let mut connection = pin!(http.serve_connection(TokioIo::new(stream), TowerToHyperService::new(router)));

@@ -1,13 +1,18 @@
-//! HTTP for those who watch the gateway: alive, ready, health, metrics. It reads what the lines show and asks nothing
-//! of them, and nothing can be commanded here.
+//! HTTP for those who watch the gateway: alive, ready, health, metrics. These routes read what the lines show and ask
+//! nothing of them, and nothing can be commanded there.
 //!
-//! The same routes are served on a TCP listener ([`serve`]) and on a Unix socket in the data directory
-//! ([`socket::OwnSocket`]), by which the program's own commands reach the gateway.
+//! They are served on a TCP listener ([`serve`]) and on a Unix socket in the data directory ([`socket::OwnSocket`]), by
+//! which the program's own commands reach the gateway. On the socket alone are the routes that look at and set what a
+//! drive needs before it obeys the bus.
 
 mod connections;
 mod health;
 mod metrics;
+mod own_routes;
 mod routes;
+mod setup;
+#[cfg(test)]
+mod setup_tests;
 pub mod socket;
 pub mod state;
 mod table;

@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// The media type of metrics, as Prometheus asks for it.
 const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
-/// All routes. What is not here is 404, and what does not only look is 405.
+/// The routes that everybody finds. What is not here is 404, and what does not only look is 405.
 pub(super) fn router(state: Arc<Gateway>) -> Router {
     Router::new()
         // Whoever gets this answer knows that the main thread turns: it is given there.
@@ -42,6 +42,6 @@ async fn measured(State(gateway): State<Arc<Gateway>>) -> Response {
     }
 }
 
-fn json(value: &Value) -> impl IntoResponse + use<> {
+pub(super) fn json(value: &Value) -> impl IntoResponse + use<> {
     ([(header::CONTENT_TYPE, "application/json")], format!("{value}\n"))
 }

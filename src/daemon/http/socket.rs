@@ -1,8 +1,9 @@
 //! The Unix socket by which the program's own commands reach the running gateway.
 
 use super::connections::{self, Patience};
-use super::routes;
 use super::state::State;
+use super::{own_routes, routes};
+use crate::daemon::local::LocalSide;
 use rustix::fs::{FileType, Mode};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read, Seek, Write};
@@ -74,9 +75,10 @@ impl OwnSocket {
     }
 
     /// Serves HTTP on it until the task is dropped, and the file with it. It must run on a `LocalSet`.
-    pub async fn serve(mut self, state: Arc<State>) {
+    pub async fn serve(mut self, state: Arc<State>, side: Arc<LocalSide>) {
         if let Some(listener) = self.listener.take() {
-            connections::serve(listener, routes::router(state), Patience::default()).await;
+            let router = routes::router(state).merge(own_routes::router(side));
+            connections::serve(listener, router, Patience::default()).await;
         }
     }
 }

@@ -6,9 +6,11 @@ use super::socket::{OwnSocket, SOCKET_NAME, SocketError};
 use super::state::State;
 use super::table;
 use crate::daemon::clock;
+use crate::daemon::local::LocalSide;
 use crate::daemon::shared::Shared;
 use crate::daemon::totals::{ModbusTotals, MqttTotals};
 use crate::domain::ids::{DriveIndex, Name, UnitId};
+use crate::domain::link::Interface;
 use crate::domain::report::{LineCounters, LineReport, LineState, PortFault};
 use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::description::{DriveDescription, DriveRef};
@@ -28,7 +30,7 @@ use tokio::net::{TcpListener, TcpStream, UnixStream};
 use tokio::task::LocalSet;
 
 /// One line with one drive, with a broker if `broker`.
-fn state(broker: bool) -> Arc<State> {
+pub(super) fn state(broker: bool) -> Arc<State> {
     let name = |text| Name::new(text).unwrap();
     let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
     let description = DriveDescription {
@@ -45,7 +47,7 @@ fn state(broker: bool) -> Arc<State> {
     };
     Arc::new(State {
         gateway: "plant-a".to_owned(),
-        shared: Arc::new(Shared::new(vec![name("hall-1")], vec![description])),
+        shared: Arc::new(Shared::new(vec![(name("hall-1"), Interface::Rs485)], vec![description])),
         modbus: Arc::new(ModbusTotals::default()),
         mqtt: broker.then(Arc::default),
         started: clock::now(),
@@ -91,7 +93,7 @@ fn online(at: MonoTime) -> DriveView {
     DriveView { line_is_up: true, snapshot, run_state: RunState::Forward, ..DriveView::default() }
 }
 
-fn on_a_runtime<F: Future>(test: F) -> F::Output {
+pub(super) fn on_a_runtime<F: Future>(test: F) -> F::Output {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     LocalSet::new().block_on(&runtime, test)
 }
@@ -105,11 +107,18 @@ async fn serve(state: &Arc<State>, patience: Patience) -> SocketAddr {
 
 /// The status line's number and the body of the answer.
 async fn ask(address: SocketAddr, method: &str, path: &str) -> (u16, String) {
-    answer(TcpStream::connect(address).await.unwrap(), method, path).await
+    answer(TcpStream::connect(address).await.unwrap(), method, path, "").await
 }
 
-async fn answer(mut stream: impl AsyncReadExt + AsyncWriteExt + Unpin, method: &str, path: &str) -> (u16, String) {
-    let request = format!("{method} {path} HTTP/1.1\r\nHost: here\r\nConnection: close\r\n\r\n");
+pub(super) async fn answer(
+    mut stream: impl AsyncReadExt + AsyncWriteExt + Unpin,
+    method: &str,
+    path: &str,
+    body: &str,
+) -> (u16, String) {
+    let length = body.len();
+    let head = format!("{method} {path} HTTP/1.1\r\nHost: here\r\nConnection: close\r\nContent-Length: {length}");
+    let request = format!("{head}\r\n\r\n{body}");
     stream.write_all(request.as_bytes()).await.unwrap();
     let mut text = String::new();
     stream.read_to_string(&mut text).await.unwrap();
@@ -315,9 +324,18 @@ fn the_socket_is_its_owners_alone_and_goes_with_the_gateway() {
         let socket = OwnSocket::open(&place.0).unwrap();
         assert_eq!(socket.path(), path);
         assert_eq!(path.metadata().unwrap().permissions().mode() & 0o777, 0o600);
-        tokio::task::spawn_local(socket.serve(state(false)));
-        let stream = UnixStream::connect(&path).await.unwrap();
-        assert_eq!(answer(stream, "GET", "/healthz").await.0, 200);
+        let state = state(false);
+        let side = Arc::new(LocalSide::new(Arc::clone(&state.shared)));
+        tokio::task::spawn_local(socket.serve(Arc::clone(&state), side));
+        let connect = async || UnixStream::connect(&path).await.unwrap();
+        assert_eq!(answer(connect().await, "GET", "/healthz", "").await.0, 200);
+        // What only the tools may do is found here and nowhere else.
+        let setup = "/api/v1/drives/nobody/setup";
+        assert!(answer(connect().await, "GET", setup, "").await.1.contains("unknown_drive"));
+        let address = serve(&state, Patience::default()).await;
+        for (method, path) in [("GET", setup), ("GET", "/api/v1/drives/pump-1/setup"), ("POST", setup)] {
+            assert_eq!(ask(address, method, path).await, (404, String::new()));
+        }
     });
     assert!(!path.exists(), "it is gone with the task");
 }

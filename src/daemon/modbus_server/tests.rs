@@ -10,6 +10,7 @@ use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::DriveIndex;
 use crate::domain::ids::{Name, UnitId};
+use crate::domain::link::Interface;
 use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::snapshot::Presence;
@@ -82,7 +83,8 @@ fn shared() -> Arc<Shared> {
         control: number.is_multiple_of(2).then(|| Arc::new(settings())),
         dead_bands: Vec::new(),
     });
-    let shared = Shared::new(vec![name("hall-1"), name("hall-2")], drives.collect());
+    let line = |text| (name(text), Interface::Rs485);
+    let shared = Shared::new(vec![line("hall-1"), line("hall-2")], drives.collect());
     for drive in &shared.drives {
         show(drive, None);
     }

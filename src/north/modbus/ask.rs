@@ -128,10 +128,7 @@ impl Ask {
     /// Whether it writes, be it besides reading.
     #[must_use]
     pub const fn writes(&self) -> bool {
-        !matches!(
-            self,
-            Self::ReadBits { .. } | Self::ReadWords { .. } | Self::LoopTest { .. } | Self::Identify { .. }
-        )
+        !matches!(self, Self::ReadBits { .. } | Self::ReadWords { .. } | Self::LoopTest { .. } | Self::Identify { .. })
     }
 }
 

@@ -8,7 +8,7 @@ use super::session::Session;
 use super::types::Moment;
 use crate::domain::command::{CommandAnswer, Order, Outcome, Reason, Report};
 use crate::domain::ids::{AskerId, Ticket};
-use crate::domain::native::{NativeAnswer, NativeOutcome, Refusal};
+use crate::domain::native::{NativeAnswer, NativeOutcome};
 use crate::drive::snapshot::Reading;
 use serde_json::{Map, Value};
 
@@ -34,7 +34,7 @@ impl Session {
         let pending = Some(answer.ticket).filter(|_| answer.asker == AskerId::MQTT);
         let Some(pending) = pending.and_then(|ticket| self.unanswered.take(ticket)) else { return };
         let (What::Read(register), NativeOutcome::Words(words)) = (&pending.what, &answer.outcome) else {
-            return self.end(at, &pending, read_failure(&answer.outcome));
+            return self.end(at, &pending, answer.outcome.read_failure());
         };
         match words.first() {
             Some(word) => self.end_read(at, &pending, *register, *word),
@@ -154,25 +154,4 @@ struct Stage {
     /// Instead of the reason's own words.
     message: Option<String>,
     values: Map<String, Value>,
-}
-
-/// Why a read brought no value.
-const fn read_failure(outcome: &NativeOutcome) -> Report {
-    match outcome {
-        NativeOutcome::DriveException(code) => {
-            Report { exception: Some(*code), ..Report::new(Outcome::Failed, Reason::DriveException) }
-        }
-        NativeOutcome::Refused(refusal) => Report::refused(match refusal {
-            Refusal::NoSuchUnit => Reason::UnknownDrive,
-            Refusal::Guard(reason) => *reason,
-            Refusal::TooManyFrames => Reason::TooManyFrames,
-            Refusal::QueueFull => Reason::QueueFull,
-            Refusal::LineDown => Reason::LineDown,
-        }),
-        NativeOutcome::Expired => Report::new(Outcome::Expired, Reason::TooLate),
-        NativeOutcome::Superseded => Report::new(Outcome::Superseded, Reason::Newer),
-        NativeOutcome::Words(_) | NativeOutcome::Written | NativeOutcome::KeptOldValue(_) | NativeOutcome::NoReply => {
-            Report::new(Outcome::Failed, Reason::NoReply)
-        }
-    }
 }

@@ -42,7 +42,9 @@ pub(super) fn order_in(ask: &Ask, control: Option<&ControlView>) -> Result<Optio
         Ask::WriteWord { address, value } => words(*address, std::slice::from_ref(value)),
         Ask::WriteWords { address, values } | Ask::ReadWriteWords { address, values, .. } => words(*address, values),
         Ask::MaskWord { address, and, or } => masked(*address, *and, *or, control),
-        Ask::ReadBits { .. } | Ask::ReadWords { .. } | Ask::LoopTest { .. } | Ask::Identify { .. } => Err(exception::ILLEGAL_FUNCTION),
+        Ask::ReadBits { .. } | Ask::ReadWords { .. } | Ask::LoopTest { .. } | Ask::Identify { .. } => {
+            Err(exception::ILLEGAL_FUNCTION)
+        }
     }
 }
 

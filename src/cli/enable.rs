@@ -1,0 +1,64 @@
+//! `enable`: sets on a drive what it needs before it obeys the bus, after a person has seen old and new.
+
+use super::setup::{self, items, judge, report, text, word};
+use super::{Failure, print, socket};
+use serde_json::Value;
+use std::io::{self, IsTerminal};
+
+/// Arguments of `enable`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Name of the drive, as in the gateway's configuration
+    drive: String,
+    #[command(flatten)]
+    place: socket::Place,
+    /// Do not ask
+    #[arg(long)]
+    yes: bool,
+}
+
+/// Sets what differs. Its end says what was found afterwards.
+pub fn enable(args: &Args) -> Result<(), Failure> {
+    let drive = setup::Drive::new(&args.drive, &args.place)?;
+    let before = drive.look()?;
+    if items(&before).any(|item| item["result"] == "not_answered") {
+        print(&report(&before))?;
+        judge(&before)?;
+    }
+    let wrong: Vec<_> = items(&before).filter(|item| item["result"] == "wrong").collect();
+    if wrong.is_empty() {
+        print(&format!("{}nothing has to be set over the line\n", report(&before)))?;
+        return judge(&before);
+    }
+    let changes = setup::table(wrong.iter().map(|item| change(item)));
+    print(&format!("drive {}, while its motor stands still:\n{changes}", text(&before, "drive")))?;
+    if !args.yes {
+        ask_for_consent()?;
+    }
+    let address = |item: &&Value| item["address"].as_u64().and_then(|address| u16::try_from(address).ok());
+    let answer = drive.set(&wrong.iter().filter_map(address).collect::<Vec<_>>())?;
+    print(&format!("{}\n", setup::outcome(&answer)))?;
+    let after = drive.look()?;
+    print(&report(&after))?;
+    judge(&after)
+}
+
+/// What, the old word, and the new one.
+fn change(item: &Value) -> [String; 3] {
+    let new = item["wanted"].as_array().and_then(|wanted| wanted.first()).map_or_else(|| "?".to_owned(), word);
+    [text(item, "what").to_owned(), text(item, "text").to_owned(), format!("{} -> {new}", word(&item["found"]))]
+}
+
+/// Asks the person at the terminal.
+fn ask_for_consent() -> Result<(), Failure> {
+    if !io::stdin().is_terminal() {
+        return Err(Failure::wrong("nothing was set: there is no terminal to ask on; add --yes"));
+    }
+    print("set this? [y/N] ")?;
+    // The question must be seen before the answer is waited for.
+    io::Write::flush(&mut io::stdout()).map_err(Failure::failed)?;
+    let mut answer = String::new();
+    io::stdin().read_line(&mut answer).map_err(Failure::failed)?;
+    let is_yes = ["y", "yes"].contains(&answer.trim().to_lowercase().as_str());
+    if is_yes { Ok(()) } else { Err(Failure::failed("nothing was set")) }
+}

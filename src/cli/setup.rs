@@ -1,0 +1,275 @@
+//! What a drive needs before it obeys the bus, as the running gateway sees it, and as people read it.
+
+use super::Failure;
+use super::socket::{self, Question};
+use crate::domain::ids::Name;
+use crate::domain::problem::nearest;
+use axum::http::{Method, StatusCode};
+use serde_json::{Value, json};
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Longest time for one question: longer than the gateway waits for a drive.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// One drive behind the gateway's socket.
+pub struct Drive {
+    path: String,
+    socket: PathBuf,
+    runtime: tokio::runtime::Runtime,
+}
+
+impl Drive {
+    /// The drive called `name`.
+    ///
+    /// # Errors
+    /// No drive can have this name, or there is no socket to ask.
+    pub fn new(name: &str, place: &socket::Place) -> Result<Self, Failure> {
+        let name = Name::new(name).ok_or_else(|| Failure::wrong(format!("`{name}` is no name of a drive")))?;
+        let socket = place.path()?;
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+        Ok(Self { path: format!("/api/v1/drives/{name}/setup"), socket, runtime })
+    }
+
+    /// What is set on it now.
+    ///
+    /// # Errors
+    /// There is no such drive, or the gateway does not answer.
+    pub fn look(&self) -> Result<Value, Failure> {
+        self.ask(Question::look(&self.path))
+    }
+
+    /// Has the registers at `addresses` set, and returns what became of it.
+    ///
+    /// # Errors
+    /// There is no such drive, or the gateway does not answer.
+    pub fn set(&self, addresses: &[u16]) -> Result<Value, Failure> {
+        let body = json!({ "addresses": addresses });
+        self.ask(Question { method: Method::POST, path: &self.path, body: Some(&body) })
+    }
+
+    fn ask(&self, question: Question<'_>) -> Result<Value, Failure> {
+        let at = self.socket.display();
+        match self.runtime.block_on(socket::ask(&self.socket, question, PATIENCE)) {
+            Ok((StatusCode::OK, answer)) => Ok(answer),
+            Ok((StatusCode::NOT_FOUND, answer)) => Err(Failure::wrong(unknown(&answer))),
+            Ok((_, answer)) => Err(Failure::failed(format!("gateway at {at}: {}", outcome(&answer)))),
+            Err(reason) => Err(Failure::failed(format!("gateway at {at}: {reason}"))),
+        }
+    }
+}
+
+/// There is no such drive; the nearest one, or else all of them.
+fn unknown(answer: &Value) -> String {
+    let name = text(answer, "drive");
+    let drives: Vec<_> = answer["drives"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    match nearest(name, drives.iter().copied()) {
+        Some(near) => format!("no drive is called {name}; did you mean {near}?"),
+        None => format!("no drive is called {name}; there are {}", drives.join(", ")),
+    }
+}
+
+/// What became of an order, in words.
+pub fn outcome(answer: &Value) -> String {
+    let mut said = text(answer, "outcome").to_owned();
+    if answer["reason"] != "none" {
+        let _ = write!(said, ": {} ({})", text(answer, "message"), text(answer, "reason"));
+    }
+    if let Some(held) = answer["held"].as_u64() {
+        let _ = write!(said, "; the drive holds {held}");
+    }
+    said.push_str(&exception(answer));
+    said
+}
+
+/// The items of a look; none where it is not understood.
+pub fn items(setup: &Value) -> impl Iterator<Item = &Value> {
+    setup["items"].as_array().into_iter().flatten()
+}
+
+/// Everything that a look shows, for people.
+pub fn report(setup: &Value) -> String {
+    let (drive, model, line) = (text(setup, "drive"), text(setup, "model"), text(setup, "line"));
+    let mut said = format!("drive {drive} ({model} on {line})\n");
+    let (by_line, by_hand): (Vec<_>, Vec<_>) = items(setup).partition(|item| item["result"] != "at_the_drive");
+    said.push_str(&table(by_line.into_iter().map(row)));
+    if !by_hand.is_empty() {
+        said.push_str("at the drive itself, where the gateway cannot look:\n");
+        said.push_str(&table(
+            by_hand.into_iter().map(|item| [text(item, "what"), text(item, "text")].map(str::to_owned)),
+        ));
+    }
+    said.push_str(&watchdog(&setup["watchdog"]));
+    if setup["takes_priority"] == true {
+        said.push_str(
+            "note: this drive obeys the bus whatever these settings say; a STOP, too, takes control from panel and \
+             terminals\n",
+        );
+    }
+    said
+}
+
+/// What is wrong about a look, in few words.
+///
+/// # Errors
+/// Anything is.
+pub fn judge(setup: &Value) -> Result<(), Failure> {
+    if setup["right"] == true {
+        return Ok(());
+    }
+    let count = |result: &str| items(setup).filter(|item| item["result"] == result).count();
+    let is_watchdog_silent = setup["watchdog"]["state"] == "not_answered";
+    let (wrong, silent) = (count("wrong"), count("not_answered") + usize::from(is_watchdog_silent));
+    Err(Failure::failed(format!("{}: {wrong} wrong, {silent} not answered", text(setup, "drive"))))
+}
+
+fn row(item: &Value) -> [String; 5] {
+    let wanted: Vec<_> = item["wanted"].as_array().into_iter().flatten().map(word).collect();
+    let result = match text(item, "result") {
+        "right" => "ok".to_owned(),
+        "wrong" => "WRONG".to_owned(),
+        "not_answered" => why_silent(item),
+        other => other.to_owned(),
+    };
+    let found = if item["found"].is_null() { "-".to_owned() } else { format!("found {}", word(&item["found"])) };
+    let wanted = format!("wanted {}", wanted.join(" or "));
+    [text(item, "what").to_owned(), text(item, "text").to_owned(), wanted, found, result]
+}
+
+fn watchdog(watchdog: &Value) -> String {
+    match watchdog["state"].as_str() {
+        None => "the drive's own watchdog: none is known for this model\n".to_owned(),
+        Some("off") => {
+            let what = text(watchdog, "what");
+            format!("warning: the drive's own watchdog is off ({what}): a lost gateway would not stop the motor\n")
+        }
+        Some("on") => {
+            let action = &watchdog["action"];
+            let action = if action.is_null() { String::new() } else { format!(", then {}", word(action)) };
+            format!("the drive's own watchdog ({}): {}{action}\n", text(watchdog, "what"), word(&watchdog["found"]))
+        }
+        Some(_) => format!("the drive's own watchdog ({}): {}\n", text(watchdog, "what"), why_silent(watchdog)),
+    }
+}
+
+fn why_silent(seen: &Value) -> String {
+    format!("not answered: {}{}", text(seen, "message"), exception(seen))
+}
+
+fn exception(answer: &Value) -> String {
+    answer["exception"].as_u64().map(|code| format!("; exception {code:02X}")).unwrap_or_default()
+}
+
+/// A word with what it means.
+pub fn word(word: &Value) -> String {
+    let raw = word["raw"].as_u64().map_or_else(|| "?".to_owned(), |raw| raw.to_string());
+    match word["text"].as_str() {
+        Some(text) => format!("{raw} ({text})"),
+        None => raw,
+    }
+}
+
+/// A text of `of`; `?` where it is missing, because another version may say less.
+pub fn text<'a>(of: &'a Value, key: &str) -> &'a str {
+    of[key].as_str().unwrap_or("?")
+}
+
+/// Rows below each other, indented, each column as wide as it needs.
+pub fn table<const N: usize>(rows: impl Iterator<Item = [String; N]>) -> String {
+    let rows: Vec<_> = rows.collect();
+    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let widths: Vec<_> = (0..N).map(width).collect();
+    let mut drawn = String::new();
+    for row in &rows {
+        let cells: String = row.iter().zip(&widths).map(|(cell, width)| format!("  {cell:width$}")).collect();
+        let _ = writeln!(drawn, "{}", cells.trim_end());
+    }
+    drawn
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seen(result: &str, found: Value) -> Value {
+        json!({
+            "what": "C1", "text": "source: bus", "address": 7, "wanted": [{ "raw": 3, "text": "bus" }, { "raw": 5 }],
+            "found": found, "result": result, "message": "the drive did not answer", "exception": null,
+        })
+    }
+
+    fn setup(items: Vec<Value>, watchdog: Value) -> Value {
+        json!({ "drive": "d", "model": "m", "line": "l", "right": false, "items": items, "watchdog": watchdog })
+    }
+
+    #[test]
+    fn each_item_says_what_is_wanted_and_what_was_found() {
+        let by_hand = json!({ "what": "SW2", "text": "switch: on", "wanted": [], "result": "at_the_drive" });
+        let items = vec![
+            seen("right", json!({ "raw": 3, "text": "bus" })),
+            seen("wrong", json!({ "raw": 2 })),
+            seen("not_answered", Value::Null),
+            by_hand,
+        ];
+        let said = report(&setup(items, Value::Null));
+        let expected = "\
+drive d (m on l)
+  C1  source: bus  wanted 3 (bus) or 5  found 3 (bus)  ok
+  C1  source: bus  wanted 3 (bus) or 5  found 2        WRONG
+  C1  source: bus  wanted 3 (bus) or 5  -              not answered: the drive did not answer
+at the drive itself, where the gateway cannot look:
+  SW2  switch: on
+the drive's own watchdog: none is known for this model
+";
+        assert_eq!(said, expected);
+    }
+
+    #[test]
+    fn a_watchdog_that_is_off_is_warned_about() {
+        let time = json!({ "raw": 20, "text": "2.0 s" });
+        let watchdog = |state: &str| {
+            let of = json!({
+                "what": "C9", "state": state, "found": time, "action": { "raw": 1, "text": "coast" },
+                "message": "the line is down",
+            });
+            report(&setup(Vec::new(), of))
+        };
+        assert!(watchdog("off").contains("warning: the drive's own watchdog is off (C9)"), "{}", watchdog("off"));
+        assert!(watchdog("on").contains("own watchdog (C9): 20 (2.0 s), then 1 (coast)\n"), "{}", watchdog("on"));
+        assert!(watchdog("not_answered").contains("not answered: the line is down\n"));
+    }
+
+    #[test]
+    fn a_drive_that_the_bus_overrules_is_noted() {
+        let mut setup = setup(Vec::new(), Value::Null);
+        assert!(!report(&setup).contains("note:"));
+        setup["takes_priority"] = true.into();
+        assert!(report(&setup).contains("note:") && report(&setup).contains("STOP"));
+    }
+
+    #[test]
+    fn what_is_wrong_is_counted() {
+        let items = vec![seen("wrong", Value::Null), seen("right", Value::Null), seen("not_answered", Value::Null)];
+        let mut setup = setup(items, json!({ "state": "not_answered" }));
+        assert_eq!(judge(&setup).unwrap_err().message, "d: 1 wrong, 2 not answered");
+        setup["right"] = true.into();
+        assert!(judge(&setup).is_ok());
+    }
+
+    #[test]
+    fn an_outcome_says_why_and_what_the_drive_says() {
+        let refused = json!({ "outcome": "refused", "reason": "moving", "message": "the motor may turn" });
+        assert_eq!(outcome(&refused), "refused: the motor may turn (moving)");
+        assert_eq!(outcome(&json!({ "outcome": "confirmed", "reason": "none", "message": "" })), "confirmed");
+        let kept = json!({ "outcome": "failed", "reason": "r", "message": "no", "held": 2, "exception": 3 });
+        assert_eq!(outcome(&kept), "failed: no (r); the drive holds 2; exception 03");
+    }
+
+    #[test]
+    fn a_slip_of_the_pen_is_answered_with_the_right_name() {
+        let answer = |name: &str| unknown(&json!({ "drive": name, "drives": ["pump-1", "fan"] }));
+        assert_eq!(answer("pmup-1"), "no drive is called pmup-1; did you mean pump-1?");
+        assert_eq!(answer("mixer"), "no drive is called mixer; there are pump-1, fan");
+    }
+}

@@ -1,0 +1,119 @@
+//! The running gateway's own HTTP, as the program's commands reach it: over the socket in its data directory.
+
+use super::{Failure, input};
+use crate::daemon::http::socket::SOCKET_NAME;
+use axum::body::{Body, to_bytes};
+use axum::http::{Method, Request, StatusCode, header};
+use hyper::client::conn::http1;
+use hyper_util::rt::TokioIo;
+use serde_json::Value;
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::net::UnixStream;
+
+/// Longest answer that is read. A gateway with a thousand drives says less.
+const ANSWER_BYTES_MAX: usize = 1024 * 1024;
+
+/// Where the gateway's socket is.
+#[derive(Debug, clap::Args)]
+pub struct Place {
+    /// The gateway's configuration file: its socket is in the data directory that it names
+    #[arg(short, long, value_name = "FILE", conflicts_with = "socket")]
+    config: Option<PathBuf>,
+    /// Socket of the gateway, in its data directory
+    #[arg(long, value_name = "PATH", default_value = "/var/lib/vfd-gateway/vfd-gateway.sock")]
+    socket: PathBuf,
+}
+
+impl Place {
+    /// The socket.
+    ///
+    /// # Errors
+    /// The configuration cannot be read, or names no data directory.
+    pub fn path(&self) -> Result<PathBuf, Failure> {
+        self.config.as_deref().map_or_else(|| Ok(self.socket.clone()), socket_of)
+    }
+}
+
+/// The socket of the gateway that runs with the configuration at `path`.
+fn socket_of(path: &Path) -> Result<PathBuf, Failure> {
+    let config = input::configuration(path)?;
+    let directory = config.gateway.data_dir.ok_or_else(|| {
+        Failure::wrong(format!("{}: without `data_dir` in [gateway] there is no socket", path.display()))
+    })?;
+    Ok(directory.join(SOCKET_NAME))
+}
+
+/// What is asked: nothing is sent with a look, a JSON text with anything else.
+pub struct Question<'q> {
+    /// How.
+    pub method: Method,
+    /// Of what.
+    pub path: &'q str,
+    /// The text.
+    pub body: Option<&'q Value>,
+}
+
+impl<'q> Question<'q> {
+    /// A look at `path`.
+    #[must_use]
+    pub const fn look(path: &'q str) -> Self {
+        Self { method: Method::GET, path, body: None }
+    }
+}
+
+/// Asks over a fresh connection to `socket`, at most for `patience`.
+///
+/// # Errors
+/// Why there is no answer, for people.
+pub async fn ask(socket: &Path, question: Question<'_>, patience: Duration) -> Result<(StatusCode, Value), String> {
+    within(patience, async {
+        let stream = UnixStream::connect(socket).await.map_err(unreachable)?;
+        exchange(stream, "localhost", question).await
+    })
+    .await
+}
+
+/// Waits for an answer at most for `patience`.
+///
+/// # Errors
+/// Those of `asking`, or that it takes too long.
+pub async fn within<T>(patience: Duration, asking: impl Future<Output = Result<T, String>>) -> Result<T, String> {
+    let answer = tokio::time::timeout(patience, asking).await;
+    answer.unwrap_or_else(|_| Err(format!("no answer within {} s", patience.as_secs())))
+}
+
+/// Why nobody could be asked, for people.
+#[must_use]
+pub fn unreachable(error: std::io::Error) -> String {
+    format!("cannot connect: {error}")
+}
+
+/// Asks on `stream`, and reads a JSON answer whatever its status is.
+///
+/// # Errors
+/// Why there is none, for people.
+pub async fn exchange(
+    stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static,
+    host: &str,
+    question: Question<'_>,
+) -> Result<(StatusCode, Value), String> {
+    fn text(error: impl Display) -> String {
+        error.to_string()
+    }
+    let Question { method, path, body } = question;
+    let (mut sender, connection) = http1::handshake(TokioIo::new(stream)).await.map_err(text)?;
+    tokio::spawn(connection);
+    let body = body.map_or_else(Body::empty, |body| Body::from(body.to_string()));
+    let request = Request::builder().method(method).uri(path).header(header::HOST, host).body(body).map_err(text)?;
+    let response = sender.send_request(request).await.map_err(text)?;
+    let status = response.status();
+    let body = to_bytes(Body::new(response.into_body()), ANSWER_BYTES_MAX).await.map_err(text)?;
+    match serde_json::from_slice(&body) {
+        Ok(answer) => Ok((status, answer)),
+        Err(error) if status.is_success() => Err(format!("{path} is not understood: {error}")),
+        Err(_) => Err(format!("{path} answers {status}")),
+    }
+}

@@ -1,0 +1,111 @@
+//! What only the program's own tools find, over the socket and never over TCP: what has to be set on a drive.
+
+use super::routes::json;
+use super::setup;
+use crate::daemon::local::LocalSide;
+use crate::daemon::shared::SharedDrive;
+use crate::domain::command::{Go, Outcome, Reason, Report};
+use axum::Router;
+use axum::body::Bytes;
+use axum::extract::{DefaultBodyLimit, Path, State};
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use serde_json::Value;
+use std::sync::Arc;
+
+/// Longest body in bytes: addresses of some registers.
+const BODY_BYTES_MAX: usize = 4096;
+/// What a body looks like, for people.
+const EXAMPLE: &str = r#"{"addresses": [529, 530]}"#;
+
+/// The routes of the tools.
+pub(super) fn router(side: Arc<LocalSide>) -> Router {
+    Router::new()
+        .route("/api/v1/drives/{name}/setup", get(look).post(set))
+        .layer(DefaultBodyLimit::max(BODY_BYTES_MAX))
+        .with_state(side)
+}
+
+async fn look(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> Response {
+    let Some(_place) = side.place() else { return too_many(&name) };
+    match find(&side, &name) {
+        Some(drive) => json(&setup::look(&side, drive).await).into_response(),
+        None => unknown(&side, &name),
+    }
+}
+
+async fn set(State(side): State<Arc<LocalSide>>, Path(name): Path<String>, body: Bytes) -> Response {
+    let Some(addresses) = addresses(&body) else {
+        let mut answer = refusal(&name, Reason::NotUnderstood);
+        answer["message"] = format!("a body such as {EXAMPLE} is expected, with 1 to {}", Go::REGISTERS_MAX).into();
+        return (StatusCode::BAD_REQUEST, json(&answer)).into_response();
+    };
+    let Some(place) = side.place() else { return too_many(&name) };
+    if find(&side, &name).is_none() {
+        return unknown(&side, &name);
+    }
+    // Whoever goes away does not take the order back, and what becomes of it stands in the log.
+    let carried_out = tokio::spawn(async move {
+        let _place = place;
+        match find(&side, &name) {
+            Some(drive) => setup::set(&side, drive, addresses).await,
+            None => refusal(&name, Reason::UnknownDrive),
+        }
+    });
+    match carried_out.await {
+        Ok(answer) => json(&answer).into_response(),
+        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, format!("{error}\n")).into_response(),
+    }
+}
+
+fn find<'s>(side: &'s LocalSide, name: &str) -> Option<&'s SharedDrive> {
+    side.shared().drives.iter().find(|drive| drive.description.name.as_str() == name)
+}
+
+/// The addresses that `body` names; nothing unless it is an object with them and nothing else.
+fn addresses(body: &[u8]) -> Option<Vec<u16>> {
+    let Value::Object(object) = serde_json::from_slice(body).ok()? else { return None };
+    let list = object.get("addresses").filter(|_| object.len() == 1)?.as_array()?;
+    let is_bounded = (1..=Go::REGISTERS_MAX).contains(&list.len());
+    let address = |value: &Value| u16::try_from(value.as_u64()?).ok();
+    is_bounded.then(|| list.iter().map(address).collect())?
+}
+
+fn unknown(side: &LocalSide, name: &str) -> Response {
+    let mut answer = refusal(name, Reason::UnknownDrive);
+    answer["drives"] = side.shared().drives.iter().map(|drive| drive.description.name.as_str()).collect();
+    (StatusCode::NOT_FOUND, json(&answer)).into_response()
+}
+
+fn too_many(name: &str) -> Response {
+    (StatusCode::SERVICE_UNAVAILABLE, json(&refusal(name, Reason::QueueFull))).into_response()
+}
+
+fn refusal(name: &str, reason: Reason) -> Value {
+    setup::outcome(name, Report::new(Outcome::Refused, reason), Vec::new())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_body_names_addresses_and_nothing_else() {
+        assert_eq!(addresses(EXAMPLE.as_bytes()), Some(vec![529, 530]));
+        let many = format!(r#"{{"addresses": [{}1]}}"#, "1,".repeat(Go::REGISTERS_MAX));
+        for wrong in [
+            "",
+            "[529]",
+            r#"{"addresses": []}"#,
+            r#"{"addresses": [65536]}"#,
+            r#"{"addresses": [-1]}"#,
+            r#"{"addresses": ["529"]}"#,
+            r#"{"addresses": 529}"#,
+            r#"{"addresses": [529], "values": [3]}"#,
+            &many,
+        ] {
+            assert_eq!(addresses(wrong.as_bytes()), None, "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,180 @@
+//! What has to be set on a drive before it obeys the bus, and what is found there: for `vfd-gateway verify` and `enable`.
+
+use crate::daemon::clock;
+use crate::daemon::local::LocalSide;
+use crate::daemon::shared::SharedDrive;
+use crate::domain::command::{Order, Owner, Reason, Report};
+use crate::domain::link::Interface;
+use crate::domain::units::UnitOfMeasure;
+use crate::drive::description::DriveRef;
+use crate::profile::model::{Model, Register, RunForm, SetupItem, Watchdog};
+use crate::profile::scale::Scaled;
+use serde_json::{Map, Value, json};
+use std::time::Duration;
+
+/// Longest time for all reads of one look.
+const READ_WITHIN: Duration = Duration::from_secs(5);
+
+/// The word of a register, or why there is none.
+type Found = Result<u16, Report>;
+
+/// Reads what has to be set on `drive` and shows it.
+pub(super) async fn look(side: &LocalSide, drive: &SharedDrive) -> Value {
+    let (description, model) = (&drive.description, &*drive.description.model);
+    let items: Vec<_> = concerned(side, drive).collect();
+    let watchdog = model.watchdog.as_ref();
+    let addresses = items.iter().filter_map(|item| item.address);
+    let addresses = addresses.chain(watchdog.map(|it| it.time)).chain(watchdog.and_then(|it| it.action));
+    let found = read(side, description.place, addresses).await;
+    let found_at = |address| found.iter().find(|(at, _)| *at == address).map(|(_, found)| found);
+    let seen: Vec<_> = items.into_iter().map(|item| (item, item.address.and_then(found_at))).collect();
+    let is_right = seen.iter().all(|(item, found)| is_right(item, *found));
+    let is_watched = watchdog.is_none_or(|watchdog| matches!(found_at(watchdog.time), Some(Ok(_))));
+    json!({
+        "drive": description.name.as_str(),
+        "line": description.line.as_str(),
+        "model": model.id,
+        "right": is_right && is_watched,
+        "items": seen.iter().map(|(item, found)| shown_item(model, item, *found)).collect::<Vec<_>>(),
+        "watchdog": watchdog.map(|watchdog| shown_watchdog(model, watchdog, found_at)),
+        "takes_priority": takes_priority(model),
+    })
+}
+
+/// Sets the registers at `addresses` to what the model demands, and tells what became of it. What was there before is
+/// read first, because the log has to say it.
+pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<u16>) -> Value {
+    let (name, place) = (&drive.description.name, drive.description.place);
+    let items: Vec<_> = concerned(side, drive).filter(|item| is_among(item, &addresses)).collect();
+    if !addresses.iter().all(|address| items.iter().any(|item| item.address == Some(*address))) {
+        return outcome(name.as_str(), Report::refused(Reason::NotCapable), Vec::new());
+    }
+    let old = read(side, place, addresses.iter().copied()).await;
+    let report = side.command(place, Order::Setup(addresses)).await;
+    let mut changes = Vec::with_capacity(items.len());
+    for item in items {
+        let (what, new) = (item.what.as_str(), item.values.value.first().copied());
+        let old = old.iter().find(|(at, _)| Some(*at) == item.address).and_then(|(_, found)| found.as_ref().ok());
+        let (outcome, reason) = (report.outcome.word(), report.reason.word());
+        tracing::info!(drive = %name, by = %Owner::Local, what, old, new, outcome, reason, "set for bus control");
+        changes.push(json!({ "what": what, "address": item.address, "old": old, "new": new }));
+    }
+    outcome(name.as_str(), report, changes)
+}
+
+/// What became of an order for the drive called `name`.
+pub(super) fn outcome(name: &str, report: Report, changes: Vec<Value>) -> Value {
+    json!({
+        "drive": name,
+        "outcome": report.outcome.word(),
+        "reason": report.reason.word(),
+        "message": report.reason.text(),
+        "held": report.held,
+        "exception": report.exception,
+        "changes": changes,
+    })
+}
+
+/// The items that concern the drive's line, in the model's order.
+fn concerned<'d>(side: &LocalSide, drive: &'d SharedDrive) -> impl Iterator<Item = &'d SetupItem> + use<'d> {
+    let interface = side.shared().line(drive.description.place).map(|line| line.interface);
+    let concerns = move |of: Option<Interface>| of.is_none() || of == interface;
+    drive.description.model.setup.iter().filter(move |item| concerns(item.interface))
+}
+
+fn is_among(item: &SetupItem, addresses: &[u16]) -> bool {
+    item.address.is_some_and(|address| addresses.contains(&address))
+}
+
+/// Reads each register once, one after the other.
+async fn read(side: &LocalSide, place: DriveRef, addresses: impl Iterator<Item = u16>) -> Vec<(u16, Found)> {
+    let deadline = clock::now() + READ_WITHIN;
+    let mut found: Vec<(u16, Found)> = Vec::new();
+    for address in addresses {
+        if !found.iter().any(|(at, _)| *at == address) {
+            found.push((address, side.read(place, address, deadline).await));
+        }
+    }
+    found
+}
+
+/// What can only be seen at the drive itself is never wrong here.
+fn is_right(item: &SetupItem, found: Option<&Found>) -> bool {
+    match found {
+        None => item.address.is_none(),
+        Some(Ok(word)) => item.values.value.contains(word),
+        Some(Err(_)) => false,
+    }
+}
+
+fn shown_item(model: &Model, item: &SetupItem, found: Option<&Found>) -> Value {
+    let register = item.address.and_then(|address| model.register_at(address));
+    let result = match found {
+        None => "at_the_drive",
+        Some(Ok(_)) if is_right(item, found) => "right",
+        Some(Ok(_)) => "wrong",
+        Some(Err(_)) => "not_answered",
+    };
+    let mut shown = seen(register, found);
+    shown.insert("what".to_owned(), item.what.as_str().into());
+    shown.insert("text".to_owned(), item.text.as_str().into());
+    shown.insert("address".to_owned(), item.address.into());
+    let wanted = item.values.value.iter().map(|value| word(register, *value)).collect::<Vec<_>>();
+    shown.insert("wanted".to_owned(), wanted.into());
+    shown.insert("result".to_owned(), result.into());
+    shown.into()
+}
+
+fn shown_watchdog<'f>(
+    model: &Model,
+    watchdog: &Watchdog,
+    found_at: impl Fn(u16) -> Option<&'f Found>,
+) -> Map<String, Value> {
+    let register = model.register_at(watchdog.time);
+    let found = found_at(watchdog.time);
+    let state = match found {
+        Some(Ok(word)) if *word == watchdog.off.value => "off",
+        Some(Ok(_)) => "on",
+        Some(Err(_)) | None => "not_answered",
+    };
+    let action = watchdog.action.and_then(|address| {
+        let held = found_at(address)?.as_ref().ok()?;
+        Some(word(model.register_at(address), *held))
+    });
+    let mut shown = seen(register, found);
+    let what = register.map(|register| register.code.as_deref().unwrap_or(&register.name));
+    shown.insert("what".to_owned(), what.into());
+    shown.insert("state".to_owned(), state.into());
+    shown.insert("action".to_owned(), action.into());
+    shown
+}
+
+/// What was found, or why nothing was.
+fn seen(register: Option<&Register>, found: Option<&Found>) -> Map<String, Value> {
+    let failure = found.and_then(|found| found.as_ref().err());
+    let word = found.and_then(|found| found.as_ref().ok()).map(|held| word(register, *held));
+    let keys = [
+        ("found", word.unwrap_or(Value::Null)),
+        ("reason", failure.map(|report| report.reason.word()).into()),
+        ("message", failure.map(|report| report.reason.text()).into()),
+        ("exception", failure.and_then(|report| report.exception).into()),
+    ];
+    keys.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
+}
+
+/// A word and what it means, where it is more than a number.
+fn word(register: Option<&Register>, raw: u16) -> Value {
+    let text = register.and_then(|register| {
+        let is_plain = register.unit == UnitOfMeasure::None && register.scale == 1;
+        let scaled = || format!("{} {}", Scaled::from_word(raw, register), register.unit);
+        let meaning = register.meaning(raw).map(str::to_owned);
+        meaning.or_else(|| (!is_plain).then(scaled))
+    });
+    json!({ "raw": raw, "text": text })
+}
+
+/// Whether the drive obeys every command from the bus whatever its own settings say.
+fn takes_priority(model: &Model) -> bool {
+    let form = model.run.as_ref().map(|run| &run.form);
+    matches!(form, Some(RunForm::Bits { priority: 1.., .. }))
+}
