@@ -78,6 +78,7 @@ mod tests {
         let write = NativeAsk::Write { address: 2, values: vec![1] };
         assert_eq!(ask_of(ask(&[6, 0, 2, 0, 1])), Ok(write.clone()));
         assert_eq!(ask_of(ask(&[0x10, 0, 2, 0, 1, 2, 0, 1])), Ok(write));
+        assert_eq!(ask_of(ask(&[8, 0, 0, 0xA5, 0x37])), Ok(NativeAsk::Loop { data: 0xA537 }));
         for other in [
             &[1, 0, 0, 0, 1][..],
             &[2, 0, 0, 0, 1],

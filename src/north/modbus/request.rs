@@ -327,6 +327,7 @@ mod tests {
             &[4, 0, 0, 0, 1],
             &[5, 0, 0, 0, 0],
             &[6, 0, 0, 0, 1],
+            &[8, 0, 0, 0xA5, 0x37],
             &[0x0F, 0, 0, 0, 1, 1, 1],
             &[0x10, 0, 0, 0, 1, 2, 0, 1],
             &[0x16, 0, 0, 0, 1, 0, 0],
@@ -340,8 +341,17 @@ mod tests {
     }
 
     #[test]
+    fn of_the_diagnostics_only_the_loop_test_is_known() {
+        assert_eq!(parse(&[8, 0, 0, 0xA5, 0x37]), Ok(Ask::LoopTest { data: 0xA537 }));
+        assert_eq!(parse(&[8, 0, 1, 0, 0]), Err(1), "restart communications");
+        for wrong in [&[8][..], &[8, 0, 0, 1], &[8, 0, 0, 1, 2, 3, 4]] {
+            assert_eq!(parse(wrong), Err(3), "{wrong:?}");
+        }
+    }
+
+    #[test]
     fn every_other_function_is_01_whatever_its_form() {
-        let known = [1, 2, 3, 4, 5, 6, 0x0F, 0x10, 0x16, 0x17, 0x2B];
+        let known = [1, 2, 3, 4, 5, 6, 8, 0x0F, 0x10, 0x16, 0x17, 0x2B];
         for function in (0..=255).filter(|function| !known.contains(function)) {
             assert_eq!(parse(&[function]), Err(1));
             assert_eq!(parse(&read(function, 0, 1)), Err(1));

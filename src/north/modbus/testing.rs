@@ -38,6 +38,11 @@ gap_chars = { value = 3.5, confidence = "manual", source = "IM 2" }
 reply_timeout_cap = { value = "500ms", confidence = "default", source = "cautious" }
 max_lateness = { value = "1s", confidence = "default", source = "cautious" }
 
+[functions]
+value = [3, 6]
+confidence = "manual"
+source = "IM 3"
+
 [read]
 max_words = { value = 8, confidence = "manual", source = "IM 3" }
 
@@ -45,6 +50,7 @@ max_words = { value = 8, confidence = "manual", source = "IM 3" }
 refused = { value = "exception", confidence = "manual", source = "IM 3" }
 
 [run]
+form = "values"
 stop = { value = 0, confidence = "manual", source = "IM 5" }
 forward = { value = 1, confidence = "manual", source = "IM 5" }
 reverse = { value = 2, confidence = "second-source", source = "IM 5" }
