@@ -1,6 +1,8 @@
 //! The built-in models against what their documents say, typed a second time, and against every frame that is known.
 
 #[cfg(test)]
+mod frames;
+#[cfg(test)]
 mod frecon;
 #[cfg(test)]
 mod n100plus;
