@@ -1,4 +1,8 @@
 //! The poll plan of one drive: its polled registers, neighbours merged into as few frames as the model allows.
+//!
+//! Registers that no document of the model itself shows are read apart from the others until the drive has answered for
+//! them once, so that a drive that does not know them loses nothing else by it. If it never answers for them while it
+//! answers for others, they are asked for seldom.
 
 use crate::domain::time::MonoTime;
 use crate::profile::model::{Model, PollClass};
@@ -6,6 +10,11 @@ use std::time::Duration;
 
 /// How many fast periods a slow poll waits.
 pub const SLOW_FACTOR: u32 = 4;
+/// How often registers that are not proven are asked for in vain, each time with answers to other requests in between,
+/// before they are asked for seldom.
+const VAIN_MAX: u8 = 3;
+/// How often that is.
+const SELDOM: Duration = Duration::from_secs(3600);
 
 /// Time between two polls of `class` on a drive whose poll period is `poll`.
 #[must_use]
@@ -41,12 +50,22 @@ impl PollGroup {
 /// follow each other without a hole share a frame up to the model's limit and group boundary.
 #[must_use]
 pub fn groups(model: &Model) -> Vec<PollGroup> {
-    let mut groups: Vec<PollGroup> = Vec::new();
+    joined(model, |_, _| true).into_iter().map(|(group, _)| group).collect()
+}
+
+/// The groups with whether they are proven, as far as `may_join` lets neighbours share one.
+fn joined(model: &Model, may_join: impl Fn(bool, bool) -> bool) -> Vec<(PollGroup, bool)> {
+    let mut groups: Vec<(PollGroup, bool)> = Vec::new();
     for class in [PollClass::Fast, PollClass::Second, PollClass::Slow, PollClass::Hourly] {
         for register in model.registers.iter().filter(|register| register.poll == Some(class)) {
+            let (address, is_proven) = (register.address, register.confidence.is_proven());
             match groups.last_mut() {
-                Some(last) if last.class == class && joins(model, last, register.address) => last.count += 1,
-                _ => groups.push(PollGroup { address: register.address, count: 1, class }),
+                Some((last, proven))
+                    if last.class == class && joins(model, last, address) && may_join(*proven, is_proven) =>
+                {
+                    last.count += 1;
+                }
+                _ => groups.push((PollGroup { address, count: 1, class }, is_proven)),
             }
         }
     }
@@ -58,18 +77,25 @@ fn joins(model: &Model, group: &PollGroup, address: u16) -> bool {
 }
 
 /// One group with its times.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 struct Entry {
     group: PollGroup,
     /// A moment at which it falls due once it runs regularly.
     regular: MonoTime,
     due: MonoTime,
+    /// The drive is known to answer for it: documents of the model say so, or it has done so.
+    is_trusted: bool,
+    /// How often it was asked for in vain, and the drive's answers so far when it was last.
+    vain: u8,
+    vain_at: u64,
 }
 
 /// The poll groups of one drive with the moments at which they are due.
 #[derive(Debug)]
 pub struct PollPlan {
     poll: Duration,
+    /// Answers of the drive so far, to whatever request.
+    answers: u64,
     entries: Vec<Entry>,
 }
 
@@ -79,11 +105,35 @@ impl PollPlan {
     /// fall due together.
     #[must_use]
     pub fn new(model: &Model, poll: Duration, start: MonoTime, phase: f64) -> Self {
-        let entry = |group: PollGroup| {
+        let entry = |(group, is_trusted): (PollGroup, bool)| {
             let regular = start + group.period(poll).mul_f64(phase.clamp(0.0, 1.0));
-            Entry { group, regular, due: start }
+            Entry { group, regular, due: start, is_trusted, vain: 0, vain_at: 0 }
         };
-        Self { poll, entries: groups(model).into_iter().map(entry).collect() }
+        let groups = joined(model, |a, b| a == b);
+        Self { poll, answers: 1, entries: groups.into_iter().map(entry).collect() }
+    }
+
+    /// The drive answered a request well; where it was a read of ours, it covered `count` words from `address` on.
+    pub fn answered(&mut self, address: u16, count: u16) {
+        self.answers += 1;
+        for entry in within(&mut self.entries, address, count) {
+            (entry.is_trusted, entry.vain) = (true, 0);
+        }
+    }
+
+    /// The drive answered a read of `count` words from `address` on with an exception, or was silent.
+    pub fn was_in_vain(&mut self, address: u16, count: u16, now: MonoTime) {
+        let answers = self.answers;
+        for entry in within(&mut self.entries, address, count).filter(|entry| !entry.is_trusted) {
+            // A drive that answers nothing at all tells nothing about these registers.
+            if entry.vain_at < answers {
+                (entry.vain, entry.vain_at) = (entry.vain.saturating_add(1), answers);
+            }
+            if entry.vain >= VAIN_MAX {
+                entry.regular = now + SELDOM;
+                entry.due = entry.regular;
+            }
+        }
     }
 
     /// The number of each group, what it reads and when it is due.
@@ -106,9 +156,9 @@ impl PollPlan {
         model: &Model,
         may_go: impl Fn(u16, u16) -> bool,
     ) -> Option<(u16, u16)> {
-        let PollGroup { mut address, mut count, .. } = self.entries.get(index)?.group;
+        let Entry { group: PollGroup { mut address, mut count, .. }, is_trusted, .. } = *self.entries.get(index)?;
         self.sent(index, now);
-        while let Some((neighbour, group)) = self.due_neighbour(address, count, now) {
+        while is_trusted && let Some((neighbour, group)) = self.due_neighbour(address, count, now) {
             let (from, words) = (address.min(group.address), count + group.count);
             if words > model.words_in_one_read(from) || !may_go(from, words) {
                 break;
@@ -123,7 +173,7 @@ impl PollPlan {
         let end = address.checked_add(count);
         let touches =
             |group: &PollGroup| Some(group.address) == end || group.address.checked_add(group.count) == Some(address);
-        let mut due = self.entries.iter().enumerate().filter(|(_, entry)| entry.due <= now);
+        let mut due = self.entries.iter().enumerate().filter(|(_, entry)| entry.is_trusted && entry.due <= now);
         due.find(|(_, entry)| touches(&entry.group)).map(|(index, entry)| (index, entry.group))
     }
 
@@ -142,11 +192,19 @@ impl PollPlan {
     }
 }
 
+/// The entries that lie within `count` words from `address` on.
+fn within(entries: &mut [Entry], address: u16, count: u16) -> impl Iterator<Item = &mut Entry> {
+    let end = u32::from(address) + u32::from(count);
+    entries.iter_mut().filter(move |Entry { group, .. }| {
+        group.address >= address && u32::from(group.address) + u32::from(group.count) <= end
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::profile::check;
-    use crate::profile::model::Register;
+    use crate::profile::model::{Confidence, Register};
     use crate::vendors;
 
     fn model() -> Model {
@@ -193,5 +251,28 @@ mod tests {
         assert_eq!(due(&plan), at(1825));
         let group = plan.entries[0].group;
         assert!(!plan.is_aged(group, at(1825), at(1875)) && plan.is_aged(group, at(1825), at(1876)));
+    }
+
+    #[test]
+    fn what_is_not_proven_is_read_apart_until_it_is_answered_and_seldom_if_it_never_is() {
+        let mut model = model();
+        let at = MonoTime::from_millis;
+        let output = model.registers.iter().position(|register| register.address == 0x0101).unwrap();
+        let unproven =
+            Register { address: 0x0102, confidence: Confidence::Inferred, ..model.registers[output].clone() };
+        model.registers.insert(output + 1, unproven);
+        assert_eq!(groups(&model)[0].count, 2, "what a line is planned with");
+        let mut plan = PollPlan::new(&model, Duration::from_millis(100), at(0), 0.0);
+        assert_eq!(plan.take(0, at(0), &model, |_, _| true), Some((0x0101, 1)));
+        assert_eq!(plan.take(1, at(0), &model, |_, _| true), Some((0x0102, 1)));
+        for round in 1..=6_u64 {
+            plan.was_in_vain(0x0102, 1, at(round * 100));
+            assert_eq!(plan.entries[1].due <= at(700), round < 4, "{round}: silence alone tells nothing");
+            if round >= 2 {
+                plan.answered(0x0101, 1);
+            }
+        }
+        plan.answered(0x0102, 1);
+        assert_eq!(plan.take(0, at(4_000_000), &model, |_, _| true), Some((0x0101, 2)), "known now");
     }
 }

@@ -37,6 +37,7 @@ impl LineCore {
             None => self.answered(now, drive, &exchange, doubt),
             Some(fault) => self.was_not_answered(now, drive, &exchange, fault),
         }
+        self.tell_plan(now, drive, &exchange.request, &ending);
         match (purpose, ending) {
             (Purpose::Trial(place), ending) => self.trial_ended(drive, place, &exchange.request, &ending),
             (Purpose::Work(rank), ending) => self.work_ended(now, drive, rank, &exchange, &ending, doubt),
@@ -49,6 +50,20 @@ impl LineCore {
             (purpose, ending @ (Ending::Garbled | Ending::Silent)) => self.read_failed(purpose, &ending),
         }
         self.forget_the_silent(drive);
+    }
+
+    /// The plan learns which registers the drive answers for.
+    fn tell_plan(&mut self, now: MonoTime, drive: DriveIndex, request: &Request, ending: &Ending) {
+        let (address, count) = match request {
+            Request::ReadHolding { address, count } => (*address, *count),
+            _ => (0, 0),
+        };
+        let plan = &mut self.plans[drive.get()];
+        match ending {
+            Ending::Reply(_) => plan.answered(address, count),
+            Ending::Exception(_) | Ending::Silent => plan.was_in_vain(address, count, now),
+            Ending::Garbled => {}
+        }
     }
 
     /// Counts what was heard, tells it to whoever watches, and notes which stations are there.
