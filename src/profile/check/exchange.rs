@@ -68,12 +68,11 @@ fn barrier_is_sound(barrier: &BarrierFile, file: &ModelFile, problems: &mut Vec<
     match &barrier.form {
         None => {}
         Some(BarrierForm::Read(block)) => read_is_sound(block, barrier, file, problems),
-        Some(BarrierForm::LoopTest(_)) => {
-            if serves(0x08, file) == Some(false) {
-                let problem = barrier.place.problem("the drive does not serve the loop test");
-                problems.push(problem.right("0x08 in `functions`, or another barrier"));
-            }
+        Some(BarrierForm::LoopTest(_)) if serves(0x08, file) == Some(false) => {
+            let problem = barrier.place.problem("the drive does not serve the loop test");
+            problems.push(problem.right("0x08 in `functions`, or another barrier"));
         }
+        Some(BarrierForm::LoopTest(_)) => {}
         Some(BarrierForm::Refused(function)) => {
             let function = function.value.as_ref();
             if let Some(function) = function.filter(|it| serves(it.value, file) == Some(true)) {

@@ -2,9 +2,9 @@
 
 use crate::domain::problem::Problem;
 use crate::domain::units::UnitOfMeasure;
-use crate::profile::file::{CodesFile, ModelFile, QuirksFile};
+use crate::profile::file::{ModelFile, QuirksFile};
 use crate::profile::model::Role;
-use crate::profile::reader::{Given, Needed, Written};
+use crate::profile::reader::{Given, Written};
 use crate::profile::register::{RegisterFile, addresses_fit, codes_fit, distinct};
 
 /// What may be in per cent of the drive's rated values.
@@ -16,6 +16,9 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     for role in [Role::RunCommand, Role::FrequencyCommand] {
         takes_commands(role, &file.registers, problems);
     }
+    if let Some(rule) = file.codes.usable().and_then(|codes| codes.value.ready()) {
+        codes_fit(&rule, &file.registers, problems);
+    }
     let quirks = match &file.quirks {
         Given::LeftOut => &QuirksFile::default(),
         Given::Unusable => return,
@@ -24,9 +27,6 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     percent_is_of_something(quirks, &file.registers, problems);
     let alias_bit = quirks.stored_alias_bit.as_ref().and_then(|fact| Some(fact.value.as_ref()?.value));
     addresses_fit(quirks.decimal_numbers.is_some(), alias_bit, &file.registers, problems);
-    if let Some(rule) = file.codes.usable().and_then(|codes| CodesFile::ready(&codes.value)) {
-        codes_fit(&rule, &file.registers, problems);
-    }
 }
 
 /// Registers of `role` can be written, and are no way around the commands.
@@ -58,9 +58,8 @@ fn percent_is_of_something(quirks: &QuirksFile, registers: &[RegisterFile], prob
             problem.right("the quirk `percent_of_rated`, or \"A\" or \"V\"")
         })),
         Some(quirk) if in_percent.is_empty() && registers.iter().all(is_known) => {
-            let place: &Needed<()> = &quirk.value;
-            problems.extend(place.as_ref().map(|it| {
-                let problem = it.place.problem("no current or voltage with a role is in per cent");
+            problems.extend(quirk.value.as_ref().map(|quirk| {
+                let problem = quirk.place.problem("no current or voltage with a role is in per cent");
                 problem.right("leave it out, or unit = \"%\" where it is so")
             }));
         }

@@ -15,8 +15,8 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
         flag_can_be_seen(status, &file.registers, problems);
         values_fit_the_mask(status, problems);
     }
-    codes_differ(&file.exceptions, "exception", problems);
-    codes_differ(&file.trips, "trip", problems);
+    codes_differ(&file.exceptions, |code| format!("exception 0x{code:02X}"), problems);
+    codes_differ(&file.trips, |code| format!("trip {code}"), problems);
     trips_have_a_register(file, problems);
 }
 
@@ -38,9 +38,9 @@ fn values_fit_the_mask(status: &StatusFile, problems: &mut Vec<Problem>) {
     }
 }
 
-fn codes_differ(codes: &[CodeFile], called: &str, problems: &mut Vec<Problem>) {
+fn codes_differ(codes: &[CodeFile], called: impl Fn(&u16) -> String, problems: &mut Vec<Problem>) {
     let numbers = codes.iter().filter_map(|code| code.code.as_ref());
-    once(numbers, |number| format!("{called} {number}"), "a code that is told once", problems);
+    once(numbers, called, "a code that is told once", problems);
 }
 
 /// Words for trips are of use only where a trip's number can be read.
@@ -110,7 +110,7 @@ mod tests {
             (
                 "code = 2\n",
                 "code = 0x51\n",
-                "exception[1].code: exception 81 is taken by exception[0].code -> a code that is told once",
+                "exception[1].code: exception 0x51 is taken by exception[0].code -> a code that is told once",
             ),
             ("code = 1\n", "code = 24\n", "trip[1].code: trip 24 is taken by trip[0].code -> a code that is told once"),
             ("code = 2\n", "code = 256\n", "exception[1].code: 256 is out of range -> a whole number from 1 to 255"),

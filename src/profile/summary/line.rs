@@ -54,7 +54,7 @@ pub(super) fn reads_and_writes(model: &Model) -> Vec<Row> {
         row("words in one read", words_in_one_read(read), &read.max_words),
     ];
     if let Some(words) = &read.max_words_ascii {
-        rows.push(row("the same in ASCII", format!("1 to {}", words.value), words));
+        rows.push(row("the same in ASCII", up_to(words.value), words));
     }
     rows.push(row("a refused write", word_for(&REFUSED_WRITES, &write.refused.value), &write.refused));
     if let Some(block) = &write.block {
@@ -73,7 +73,11 @@ fn words_in_one_read(read: &ReadLimits) -> String {
         Some(Boundary::HighByte) => ", one high byte of the address",
         None => "",
     };
-    format!("1 to {}{boundary}", read.max_words.value)
+    format!("{}{boundary}", up_to(read.max_words.value))
+}
+
+fn up_to(most: u16) -> String {
+    if most == 1 { "1".to_owned() } else { format!("1 to {most}") }
 }
 
 pub(super) fn barriers(barriers: &[Barrier]) -> Vec<Row> {
