@@ -2,7 +2,7 @@
 
 use crate::config;
 use crate::domain::control::ControlAction;
-use crate::profile::model::{Barrier, Confidence, Fact, Link, Model, Quirks, RunCommand, RunForm, Timing};
+use crate::profile::model::{Barrier, CodeRule, Confidence, Fact, Link, Model, Quirks, RunCommand, RunForm, Timing};
 use crate::profile::words::{FLAGS, word_for};
 use std::collections::BTreeMap;
 
@@ -79,6 +79,12 @@ impl Unproven {
             unproven.add(format!("set-up of {}", item.what), &item.values);
         }
         unproven.add_some("what switches the drive's watchdog off", model.watchdog.as_ref().map(|it| &it.off));
+        match &model.codes {
+            Some(CodeRule::Groups { origin, .. } | CodeRule::Hexadecimal(origin)) => {
+                unproven.add("how codes are addresses", origin);
+            }
+            None => {}
+        }
         for register in &model.registers {
             unproven.note(format!("register `{}`", register.name), register.confidence);
         }
@@ -169,5 +175,48 @@ impl Unproven {
         if !confidence.is_proven() {
             self.by_confidence.entry(confidence).or_default().push(what);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::check;
+
+    const EVERYTHING: &str = include_str!("../../tests/golden/models/everything.toml");
+
+    fn everything() -> Model {
+        check::model(EVERYTHING).unwrap()
+    }
+
+    #[test]
+    fn all_that_is_unproven_is_found() {
+        let unproven = Unproven::of(&everything());
+        for word in ["third-party", "sibling", "inferred", "default"] {
+            let found = unproven.groups().find(|(confidence, _)| confidence.word() == word).unwrap().1;
+            let written = EVERYTHING.matches(&format!("confidence = \"{word}\"")).count();
+            assert_eq!(found.len(), written, "{word}: {found:?}");
+        }
+        assert_eq!(unproven.groups().count(), 4);
+        let inferred = "setpoint before run, refusal of function 2B hex, reset, run command bit 11, run command bit 13, \
+                        status `tripped`, text of trip 24";
+        let names = unproven.groups().find(|(confidence, _)| *confidence == Confidence::Inferred).unwrap().1;
+        assert_eq!(names.join(", "), inferred);
+    }
+
+    #[test]
+    fn any_fact_may_be_unproven() {
+        let text = EVERYTHING.replace("confidence = \"manual\"", "confidence = \"sibling\"");
+        let written = text.matches("confidence = ").count() - text.matches("confidence = \"second-source\"").count();
+        assert_eq!(Unproven::of(&check::model(&text).unwrap()).count(), written);
+    }
+
+    #[test]
+    fn orders_are_told_with_what_has_to_be_accepted() {
+        let text = orders_text(&orders(&everything()));
+        assert_eq!(text, "stop, frequency, forward, reverse (unproven), coast (unproven), reset (unproven), release");
+        let mut deaf = everything();
+        deaf.run = None;
+        assert_eq!(orders_text(&orders(&deaf)), "only read: its description has no run commands");
     }
 }

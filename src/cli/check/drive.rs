@@ -170,3 +170,69 @@ fn watchdog_of(text: &mut String, watchdog: &Watchdog, model: &Model) -> Result 
         None => writeln!(text),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::config;
+    use crate::profile::catalog::Catalog;
+
+    const CONFIGURATION: &str = r#"
+[[line]]
+name = "hall-1"
+port = "/dev/ttyUSB0"
+[[line.drive]]
+name = "pump-1"
+model = "acme-everything"
+station = 1
+[line.drive.control]
+from = ["modbus-tcp"]
+frequency_hz = { min = 5.0, max = 50.0 }
+accept_unverified = ["coast"]
+allow_release = true
+on_commander_lost = "stop"
+lost_after = "10s"
+on_shutdown = "hold"
+[line.drive.native]
+write = ["P.06", "0x8107"]
+[[modbus_tcp]]
+listen = "127.0.0.1:1502"
+write = ["127.0.0.1/32"]
+"#;
+
+    #[test]
+    fn a_drive_is_told_with_all_that_its_model_demands() {
+        let model = include_str!("../../../tests/golden/models/everything.toml");
+        let catalog = Catalog::from_texts([("everything.toml", model)]).unwrap();
+        let said = |text: &str| super::super::report(&config::load(text, &catalog).unwrap());
+        let expected = "
+    current is shown in per cent only: give rated_current_a
+    commands from modbus-tcp: 5.00 to 50.00 Hz, forward
+    command deadline 1s < lease 10s
+    commander lost after 10s: stop; gateway ended: hold
+    can be ordered: stop, frequency, forward, coast, release
+    unproven and accepted: coast
+    unproven and refused: reset (inferred)
+    warning: every command, a stop too, takes control from panel and terminals (bits 0xC000)
+    native registers that may be written:
+      loss_time (0x0106): stored, in a memory that endures a limited number of writes
+      loss_reaction (0x8107): stored, in a memory that endures a limited number of writes
+    must be set on the drive, in this order:
+      P.01: run commands from the bus (0x0101 = 2)
+    the drive's own watchdog: P.06 (0x0106), 0 is off; what it does then: P.07 (0x0107)
+
+";
+        let found = said(CONFIGURATION);
+        assert!(found.contains(expected), "{found}");
+
+        let rs232 = said(&CONFIGURATION.replace("port =", "interface = \"rs232\"\nport ="));
+        assert!(rs232.contains("      S1: the switch beside the plug: up (at the drive itself)\n"), "{rs232}");
+        let rated = said(&CONFIGURATION.replace("station = 1", "station = 1\nrated_current_a = 12.5"));
+        assert!(!rated.contains("per cent"), "{rated}");
+
+        let (drive, rest) = CONFIGURATION.split_once("[line.drive.control]").unwrap();
+        let (_, listener) = rest.split_once("[[modbus_tcp]]").unwrap();
+        let listener = listener.replace("write = [\"127.0.0.1/32\"]\n", "");
+        let read_only = said(&format!("{drive}[[modbus_tcp]]{listener}"));
+        assert!(read_only.contains("watchdog") && !read_only.contains("ordered"), "{read_only}");
+    }
+}
