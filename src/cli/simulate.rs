@@ -51,7 +51,7 @@ pub struct Args {
     /// Answer at once, without character times
     #[arg(long)]
     unpaced: bool,
-    /// Answer requests that the drive cannot serve with an exception instead of silence
+    /// Answer requests that the drive cannot serve with an exception, also where the model lists none
     #[arg(long)]
     exceptions: bool,
 }
@@ -116,7 +116,7 @@ fn bus_of(args: &Args, model: &Arc<Model>, link: LinkSettings) -> SimBus {
     };
     let mut bus = SimBus::new(link, options, args.seed);
     for station in &args.stations {
-        let bad_request = if args.exceptions { BadRequest::Exception } else { BadRequest::Silence };
+        let bad_request = if args.exceptions { BadRequest::Exception } else { BadRequest::AsDocumented };
         let options = DriveOptions { bad_request, ..DriveOptions::default() };
         bus.connect(Station(*station), SimDrive::new(Arc::clone(model), options));
     }

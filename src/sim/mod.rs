@@ -33,7 +33,7 @@ pub use bus::{BusOptions, Pacing, SimBus};
 pub use drive::SimDrive;
 pub use fault::FaultPlan;
 pub use options::{BadRequest, DriveOptions};
-pub use report::BusReport;
+pub use report::{BusReport, DriveReport};
 
 #[cfg(test)]
 mod testing {

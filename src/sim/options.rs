@@ -1,5 +1,6 @@
 //! What a model does not say of its drives, so that it has to be chosen for each simulated one.
 
+use crate::domain::command::Direction;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
@@ -7,8 +8,10 @@ use std::time::Duration;
 /// Where no document says it, both must be tried.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum BadRequest {
-    /// It does not answer.
+    /// It answers with an exception if the model lists any, else it does not answer.
     #[default]
+    AsDocumented,
+    /// It does not answer.
     Silence,
     /// It answers with an exception.
     Exception,
@@ -19,34 +22,49 @@ pub enum BadRequest {
 pub struct DriveOptions {
     /// What the drive does with a request that it cannot serve.
     pub bad_request: BadRequest,
-    /// Value of the source registers under which the drive obeys the line.
+    /// Value of a source register under which the drive obeys the line, where the model's setup does not name one.
     pub communication: u16,
-    /// Value of both source registers in a new drive.
-    pub sources_at_start: u16,
+    /// Value of both source registers in a new drive. Nothing: the one under which it obeys the line.
+    pub sources_at_start: Option<u16>,
     /// Frequency, in whole hertz and above 0, that the ramp times refer to and that no setpoint may exceed.
     pub max_frequency_hz: u16,
     /// Acceleration time of a new drive.
     pub acceleration: Duration,
     /// Deceleration time of a new drive.
     pub deceleration: Duration,
-    /// Rated output current x10 in A, for trip records.
+    /// Rated output current x10 in A.
     pub rated_current_x10: u16,
+    /// Rated output voltage in V.
+    pub rated_voltage_v: u16,
+    /// Run hours of a new drive.
+    pub run_hours: u16,
+    /// What panel and terminals order while they have control: a terminal that is closed, or a key that was pressed.
+    pub panel_runs: Option<Direction>,
+    /// Frequency in whole hertz that holds where it does not come from the bus; nothing: the setpoint stays.
+    pub panel_frequency_hz: Option<u16>,
+    /// A trip still holds when the power comes back.
+    pub trip_outlasts_power: bool,
     /// Addresses that can be read on top of the model's registers and whose every word is the low half of
     /// the exchange number, see [`super::SimBus::exchange`]. They hide registers of the model.
     pub proof_words: Option<RangeInclusive<u16>>,
 }
 
 impl Default for DriveOptions {
-    /// A drive ready to be commanded: sources at communication (3), 60 Hz, 10 s ramps, 11 A, silent on bad requests.
+    /// A drive ready to be commanded: sources at communication, 60 Hz, 10 s ramps, 11 A, 400 V, nobody at the panel.
     fn default() -> Self {
         Self {
-            bad_request: BadRequest::Silence,
+            bad_request: BadRequest::AsDocumented,
             communication: 3,
-            sources_at_start: 3,
+            sources_at_start: None,
             max_frequency_hz: 60,
             acceleration: Duration::from_secs(10),
             deceleration: Duration::from_secs(10),
             rated_current_x10: 110,
+            rated_voltage_v: 400,
+            run_hours: 0,
+            panel_runs: None,
+            panel_frequency_hz: None,
+            trip_outlasts_power: false,
             proof_words: None,
         }
     }

@@ -1,4 +1,4 @@
-//! What an observer on the wire of a simulated bus counts.
+//! What an observer on the wire of a simulated bus counts, and what each drive counts.
 
 use std::fmt;
 use std::time::Duration;
@@ -29,6 +29,19 @@ pub struct BusReport {
     /// The shortest silence before a request.
     pub shortest_gap: Option<Duration>,
     gaps: Gaps,
+}
+
+/// What one drive has counted since it was made: what nobody should have written, and what it did on its own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DriveReport {
+    /// Run commands that the model says must never be written. The drive did not do them.
+    pub forbidden_words: u64,
+    /// Run commands with the reset bit while it was still set from the one before.
+    pub resets_held: u64,
+    /// Times that the drive's own watchdog found the bus silent.
+    pub watchdog_expiries: u64,
+    /// Writes from the bus to registers that are stored in a memory of limited endurance, all registers together.
+    pub stored_writes: u64,
 }
 
 /// Silences one by one. Too many to be shown.

@@ -1,28 +1,26 @@
-//! Trips: how many there were, and the records of the last ones as a drive shows them in its registers.
+//! Trips: how many there were, and what the drive froze at the last ones.
 
-/// Words of one record: cause, output frequency x100 in Hz, output current x10 in A, DC link voltage in V.
-pub const RECORD_WORDS: u16 = 4;
-/// Records that are kept: the newest and five before it.
-pub const RECORDS: u16 = 6;
+/// Records that are kept: the newest and fifteen before it.
+pub const RECORDS: usize = 16;
 
 /// One trip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TripRecord {
     /// The drive's number for the cause.
     pub cause: u16,
-    /// Output frequency at the trip, x100 in Hz.
-    pub frequency_x100: u16,
-    /// Output current at the trip, x10 in A.
-    pub current_x10: u16,
-    /// DC link voltage at the trip in V.
-    pub dc_link_v: u16,
+    /// Output frequency at the trip in microhertz, negative in reverse.
+    pub frequency: i64,
+    /// Output current at the trip in microampere.
+    pub current: i64,
+    /// DC link voltage at the trip in microvolt.
+    pub dc_link: i64,
 }
 
 /// The trips of one drive. All records are zero in a new drive.
 #[derive(Clone, Debug, Default)]
 pub struct TripLog {
     count: u16,
-    records: [TripRecord; RECORDS as usize],
+    records: [TripRecord; RECORDS],
 }
 
 impl TripLog {
@@ -39,16 +37,16 @@ impl TripLog {
         self.records[0] = record;
     }
 
-    /// The word `offset` words behind the start of the newest record, newest record first; nothing behind the last.
+    /// The newest record.
     #[must_use]
-    pub fn word(&self, offset: u16) -> Option<u16> {
-        let record = self.records.get(usize::from(offset / RECORD_WORDS))?;
-        Some(match offset % RECORD_WORDS {
-            0 => record.cause,
-            1 => record.frequency_x100,
-            2 => record.current_x10,
-            _ => record.dc_link_v,
-        })
+    pub const fn newest(&self) -> TripRecord {
+        self.records[0]
+    }
+
+    /// The record of the trip `back` trips before the newest one; nothing behind the last.
+    #[must_use]
+    pub fn record(&self, back: usize) -> Option<TripRecord> {
+        self.records.get(back).copied()
     }
 }
 
@@ -59,13 +57,11 @@ mod tests {
     #[test]
     fn the_newest_record_pushes_the_others_back() {
         let mut log = TripLog::default();
-        for cause in 1..=7 {
-            log.push(TripRecord { cause, frequency_x100: 6000, current_x10: 55, dc_link_v: 540 });
+        for cause in 1..=18 {
+            log.push(TripRecord { cause, frequency: 60_000_000, current: 5_500_000, dc_link: 540_000_000 });
         }
-        assert_eq!(log.count(), 7);
-        let words: Vec<_> = (0..5).map(|offset| log.word(offset).unwrap()).collect();
-        assert_eq!(words, [7, 6000, 55, 540, 6]);
-        assert_eq!(log.word(20), Some(2));
-        assert_eq!(log.word(24), None);
+        assert_eq!((log.count(), log.newest().cause), (18, 18));
+        assert_eq!((log.record(1).unwrap().cause, log.record(15).unwrap().cause), (17, 3));
+        assert_eq!(log.record(16), None);
     }
 }

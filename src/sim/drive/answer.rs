@@ -1,0 +1,195 @@
+//! Requests and replies: what the drive serves, and what it takes.
+
+use super::SimDrive;
+use super::back_door::BackDoor;
+use super::denied::{Denied, Objection};
+use super::memory::{Place, following, index_of, place_of};
+use crate::domain::time::MonoTime;
+use crate::profile::model::{BlockWrite, RefusedWrite, Role};
+use crate::sim::options::BadRequest;
+use crate::wire::pdu::{self, Request, function};
+
+impl SimDrive {
+    /// Does what `pdu` asks and appends the reply's PDU to `out`; false if the drive stays silent.
+    /// `exchange` is the number that proof words show.
+    pub fn answer(&mut self, at: MonoTime, pdu: &[u8], exchange: u64, out: &mut Vec<u8>) -> bool {
+        self.advance(at);
+        if !self.hears(at) {
+            return false;
+        }
+        let done = self.serve(at, pdu, exchange, out);
+        let objection = match done {
+            Ok(()) => None,
+            Err(Denied::Request(_)) if self.is_silent() => return false,
+            Err(Denied::Request(objection) | Denied::Refused(objection)) => Some(objection),
+        };
+        if !matches!(done, Err(Denied::Request(_))) {
+            self.heard(at);
+        }
+        if let Some(objection) = objection {
+            let code = objection.code(&self.model);
+            out.extend([pdu.first().copied().unwrap_or_default() | function::EXCEPTION_BIT, code]);
+        }
+        true
+    }
+
+    /// Does what a broadcast `pdu` asks, without a reply, if the model knows broadcasts of this function.
+    pub fn obey(&mut self, at: MonoTime, pdu: &[u8]) {
+        self.advance(at);
+        let known = self
+            .model
+            .link
+            .broadcast
+            .as_ref()
+            .is_some_and(|broadcast| pdu.first().is_some_and(|function| broadcast.functions.contains(function)));
+        if !self.hears(at) || !known {
+            return;
+        }
+        // Nobody is told whether the drive took it.
+        if self.serve(at, pdu, 0, &mut Vec::new()).is_ok() {
+            self.heard(at);
+        }
+    }
+
+    fn hears(&self, at: MonoTime) -> bool {
+        self.powered && at >= self.deaf_until
+    }
+
+    const fn heard(&mut self, at: MonoTime) {
+        (self.last_heard, self.has_expired) = (at, false);
+    }
+
+    /// Whether the drive stays silent on a request that it cannot serve.
+    fn is_silent(&self) -> bool {
+        match self.options.bad_request {
+            BadRequest::AsDocumented => self.model.exceptions.is_empty(),
+            BadRequest::Silence => true,
+            BadRequest::Exception => false,
+        }
+    }
+
+    fn serve(&mut self, at: MonoTime, pdu: &[u8], exchange: u64, out: &mut Vec<u8>) -> Result<(), Denied> {
+        let function = pdu.first().copied().unwrap_or_default();
+        if !self.model.serves(function) {
+            return Err(Denied::Request(Objection::Function));
+        }
+        match Request::decode(pdu) {
+            Some(Request::ReadHolding { address, count }) => self.read(at, address, count, exchange, out),
+            Some(Request::WriteSingle { address, value }) => {
+                let holds = self.write(at, address, value)?;
+                out.push(function::WRITE_SINGLE);
+                pdu::put_words(out, &[address, holds]);
+                Ok(())
+            }
+            Some(Request::Loopback { .. }) => {
+                out.extend_from_slice(pdu);
+                Ok(())
+            }
+            Some(Request::WriteMultiple { address, values }) => {
+                self.write_block(at, address, &values)?;
+                out.extend(pdu.get(..5).unwrap_or_default());
+                Ok(())
+            }
+            // Other functions that a model serves are not played, nor are other loop tests.
+            None => Err(Denied::Request(match function {
+                function::READ_HOLDING | function::WRITE_SINGLE | function::WRITE_MULTIPLE => Objection::Quantity,
+                _ => Objection::Function,
+            })),
+        }
+    }
+
+    fn read(&self, at: MonoTime, first: u16, count: u16, exchange: u64, out: &mut Vec<u8>) -> Result<(), Denied> {
+        if count == 0 || count > self.model.words_in_one_read(first) || count > pdu::MAX_READ_WORDS {
+            return Err(Denied::Request(Objection::Quantity));
+        }
+        let is_decimal = self.model.quirks.decimal_numbers.is_some();
+        let mut words = [0; pdu::MAX_READ_WORDS as usize];
+        let words = &mut words[..usize::from(count)];
+        let mut next = Some(first);
+        for word in words.iter_mut() {
+            let readable = next.and_then(|address| self.readable(at, address, exchange));
+            *word = readable.ok_or(Denied::Request(Objection::Address))?;
+            next = next.and_then(|address| following(address, is_decimal));
+        }
+        pdu::encode_words_reply(out, words);
+        Ok(())
+    }
+
+    /// The word at `address` as a read shows it; nothing if reading is not documented there.
+    fn readable(&self, at: MonoTime, address: u16, exchange: u64) -> Option<u16> {
+        if self.options.proof_words.as_ref().is_some_and(|range| range.contains(&address)) {
+            return Some((exchange & 0xFFFF) as u16);
+        }
+        match index_of(&self.model, address) {
+            Some(index) if !self.model.registers[index].access.can_read() => None,
+            Some(index) => Some(self.held(at, index)),
+            None => self.block_word(address),
+        }
+    }
+
+    /// Takes `value` or keeps the old one; returns what the register at `address` then holds.
+    fn write(&mut self, at: MonoTime, address: u16, value: u16) -> Result<u16, Denied> {
+        let place = place_of(&self.model, address).ok_or(Denied::Request(Objection::Address))?;
+        match self.store(at, place, value) {
+            Ok(()) => Ok(value),
+            Err(objection) if self.model.write.refused.value == RefusedWrite::Exception => {
+                Err(Denied::Refused(objection))
+            }
+            Err(_) => Ok(self.held(at, place.index)),
+        }
+    }
+
+    /// Takes all `values` or none.
+    fn write_block(&mut self, at: MonoTime, first: u16, values: &[u16]) -> Result<(), Denied> {
+        // Without a block, function 10 hex writes one register as 06 does it.
+        let block = self.model.write.block.as_ref();
+        let most = block.map_or(1, |block| block.count.value);
+        if values.is_empty() || values.len() > usize::from(most) {
+            return Err(Denied::Request(Objection::Quantity));
+        }
+        let (first, end) = (u32::from(first), u32::from(first) + values.len() as u32);
+        let is_inside = |block: &BlockWrite| {
+            let start = u32::from(block.address);
+            start <= first && end <= start + u32::from(block.count.value)
+        };
+        if !block.is_none_or(is_inside) {
+            return Err(Denied::Request(Objection::Address));
+        }
+        let mut trial = self.clone();
+        let done = (first..).zip(values).try_for_each(|(address, value)| {
+            let place = u16::try_from(address).ok().and_then(|address| place_of(&trial.model, address));
+            trial.store(at, place.ok_or(Objection::Address)?, *value)
+        });
+        match done {
+            Ok(()) => *self = trial,
+            // What nobody should have written was written all the same.
+            Err(_) => self.report.forbidden_words = trial.report.forbidden_words,
+        }
+        done.map_err(Denied::Refused)
+    }
+
+    /// Takes `value` at `place`, or says why not.
+    fn store(&mut self, at: MonoTime, place: Place, value: u16) -> Result<(), Objection> {
+        let register = &self.model.registers[place.index];
+        let (role, scale) = (register.role, register.scale);
+        if !register.access.can_write() || role.is_some_and(Self::is_measured) {
+            return Err(Objection::Address);
+        }
+        if role == Some(Role::RunCommand) {
+            return self.take_run_command(at, place, value);
+        }
+        if !register.takes(value) {
+            return Err(Objection::Value);
+        }
+        match (role, BackDoor::of(register)) {
+            (Some(Role::FrequencyCommand | Role::FrequencySetting), _) | (_, Some(BackDoor::Frequency)) => {
+                self.take_setpoint(at, value, scale)?;
+            }
+            (_, Some(BackDoor::Limit)) if self.control.direction != 0 => return Err(Objection::NotNow),
+            _ => {}
+        }
+        self.take(place, value);
+        self.follow_register(at, place.index);
+        Ok(())
+    }
+}

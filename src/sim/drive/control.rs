@@ -1,0 +1,215 @@
+//! Who commands the motor, bus or panel, and what they order.
+
+use super::SimDrive;
+use super::back_door::BackDoor;
+use super::command::{Wish, has_priority, wish};
+use super::denied::Objection;
+use super::memory::Place;
+use crate::domain::command::Direction;
+use crate::domain::time::MonoTime;
+use crate::profile::model::{BitMeaning, Memory, Role, RunForm};
+use crate::sim::motor::MICROHERTZ;
+use std::time::Duration;
+
+/// Output frequency of a jog in microhertz.
+const JOG: i64 = 5 * MICROHERTZ;
+/// Number of a trip that was ordered, where the model's table has none for it.
+const ORDERED_TRIP: u16 = 1;
+
+/// What the drive obeys.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Control {
+    /// 1 forward, -1 reverse, 0 not ordered to run.
+    pub(super) direction: i64,
+    is_jog: bool,
+    /// The newest word takes control whatever the sources say.
+    bus_run: bool,
+    bus_frequency: bool,
+    /// The newest word has the reset bit.
+    reset_held: bool,
+}
+
+/// Time with an order to run.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct RunClock {
+    total: Duration,
+    since: Option<MonoTime>,
+}
+
+impl RunClock {
+    fn turn(&mut self, at: MonoTime, runs: bool) {
+        self.total += self.since.take().map_or(Duration::ZERO, |since| at.since(since));
+        self.since = runs.then_some(at);
+    }
+
+    /// Millionths of an hour.
+    pub(super) fn microhours(&self, at: MonoTime) -> i64 {
+        let time = self.total + self.since.map_or(Duration::ZERO, |since| at.since(since));
+        i64::try_from(time.as_micros() / 3_600).unwrap_or(i64::MAX)
+    }
+}
+
+impl SimDrive {
+    /// Takes `word` from the run command register; the motor follows.
+    pub(super) fn take_run_command(&mut self, at: MonoTime, place: Place, word: u16) -> Result<(), Objection> {
+        let Some(run) = self.model.run.as_ref() else { return Err(Objection::Value) };
+        if run.never.iter().any(|never| never.value == word) {
+            self.report.forbidden_words += 1;
+            return Err(Objection::Value);
+        }
+        let wish = wish(run, word).ok_or(Objection::Value)?;
+        let needs_sources = !has_priority(run) && !wish.release;
+        let has_sources = self.is_source_at_bus(Role::RunSource) && self.is_source_at_bus(Role::FrequencySource);
+        if (needs_sources && !has_sources) || (wish.direction != 0 && self.tripped) {
+            return Err(Objection::NotNow);
+        }
+        // What the word does may change what the register holds.
+        self.take(place, word);
+        self.obey_word(at, wish);
+        Ok(())
+    }
+
+    fn obey_word(&mut self, at: MonoTime, wish: Wish) {
+        let is_edge = wish.is_one_command || !self.control.reset_held;
+        self.report.resets_held += u64::from(wish.reset && !is_edge);
+        let had_bus = self.is_run_from_bus();
+        let Wish { bus_run, bus_frequency, .. } = wish;
+        self.control = Control { bus_run, bus_frequency, reset_held: wish.reset, ..self.control };
+        if wish.trip && !self.tripped {
+            self.trip(at, self.ordered_trip());
+        }
+        let has_bus = self.is_run_from_bus();
+        // A command that resets and nothing else leaves a drive that is not tripped as it was.
+        let only_resets = wish.is_one_command && wish.reset;
+        if wish.release || (had_bus && !has_bus) {
+            self.hand_over(at);
+        } else if has_bus && wish.coast {
+            self.cut_off(at);
+        } else if has_bus && !only_resets && !self.tripped {
+            self.run(at, wish.direction, wish.jog);
+        }
+        if wish.reset && is_edge && self.tripped {
+            self.reset(at);
+        }
+    }
+
+    /// Ends the trip. A drive that is deaf afterwards starts anew: it knows no command and no setpoint any more.
+    fn reset(&mut self, at: MonoTime) {
+        self.tripped = false;
+        let Some(deaf) = &self.model.quirks.deaf_after_reset else { return };
+        self.deaf_until = at + deaf.value;
+        self.forget_orders();
+        self.hand_over(at);
+    }
+
+    /// Loses what commands have set in registers that forget.
+    pub(super) fn forget_orders(&mut self) {
+        let reset_held = self.control.reset_held;
+        self.control = Control { reset_held, ..Control::default() };
+        let is_ram = |role| self.model.register_for(role).is_some_and(|it| it.memory == Some(Memory::Ram));
+        if is_ram(Role::FrequencyCommand) {
+            self.setpoint = 0;
+        }
+        if let Some(index) = self.index_for(Role::RunCommand) {
+            self.memory.forget(index);
+        }
+    }
+
+    /// Panel and terminals have control from now on, unless the sources name the bus.
+    pub(super) fn hand_over(&mut self, at: MonoTime) {
+        let direction = if self.tripped { 0 } else { self.options.panel_runs.map_or(0, sign) };
+        self.run(at, direction, false);
+    }
+
+    /// Takes `value` as the setpoint; a running motor follows.
+    pub(super) fn take_setpoint(&mut self, at: MonoTime, value: u16, scale: u32) -> Result<(), Objection> {
+        let setpoint = i64::from(value) * MICROHERTZ / i64::from(scale.max(1));
+        let listens = self.is_source_at_bus(Role::FrequencySource);
+        if setpoint > self.highest() {
+            return Err(Objection::Value);
+        }
+        if !listens && !self.can_take_frequency() {
+            return Err(Objection::NotNow);
+        }
+        self.setpoint = setpoint;
+        self.follow(at);
+        Ok(())
+    }
+
+    /// Whether run commands come from the bus.
+    pub(super) fn is_run_from_bus(&self) -> bool {
+        self.control.bus_run || self.is_source_at_bus(Role::RunSource)
+    }
+
+    /// Whether the frequency comes from the bus.
+    pub(super) fn is_frequency_from_bus(&self) -> bool {
+        self.control.bus_frequency || self.is_source_at_bus(Role::FrequencySource)
+    }
+
+    /// Whether the source register with `role` holds what the model's setup demands of it. A model without such a
+    /// register always listens, unless its commands have to say that it must.
+    fn is_source_at_bus(&self, role: Role) -> bool {
+        let Some(index) = self.index_for(role) else { return !self.model.run.as_ref().is_some_and(has_priority) };
+        let (word, address) = (self.memory.word(index), self.model.registers[index].address);
+        let mut demanded = self.model.setup.iter().filter(|item| item.address == Some(address)).peekable();
+        if demanded.peek().is_none() {
+            return word == self.options.communication;
+        }
+        demanded.any(|item| item.values.value.contains(&word))
+    }
+
+    fn can_take_frequency(&self) -> bool {
+        let Some(RunForm::Bits { bits, .. }) = self.model.run.as_ref().map(|run| &run.form) else { return false };
+        bits.iter().any(|it| it.meaning == BitMeaning::BusFrequency)
+    }
+
+    /// Runs in `direction`; 0 is a stop by the ramp.
+    pub(super) fn run(&mut self, at: MonoTime, direction: i64, is_jog: bool) {
+        self.control = Control { direction, is_jog, ..self.control };
+        self.run_clock.turn(at, direction != 0);
+        self.motor.ramp_to(at, direction * self.wanted());
+    }
+
+    pub(super) fn cut_off(&mut self, at: MonoTime) {
+        self.control.direction = 0;
+        self.run_clock.turn(at, false);
+        self.motor.cut_off(at);
+    }
+
+    /// A running motor follows what has changed.
+    pub(super) fn follow(&mut self, at: MonoTime) {
+        if self.control.direction != 0 {
+            self.run(at, self.control.direction, self.control.is_jog);
+        }
+    }
+
+    /// The frequency, without direction, that a run would have now.
+    fn wanted(&self) -> i64 {
+        let panel = self.options.panel_frequency_hz.filter(|_| !self.is_frequency_from_bus());
+        let frequency = panel.map_or(self.setpoint, |hertz| i64::from(hertz) * MICROHERTZ);
+        if self.control.is_jog { JOG } else { frequency.min(self.highest()) }
+    }
+
+    /// The highest frequency that the drive gives out, in microhertz.
+    fn highest(&self) -> i64 {
+        let limits = self.model.registers.iter().enumerate();
+        let limits = limits.filter(|(_, register)| BackDoor::of(register) == Some(BackDoor::Limit));
+        let limits =
+            limits.map(|(index, it)| i64::from(self.memory.word(index)) * MICROHERTZ / i64::from(it.scale.max(1)));
+        limits.fold(self.full_scale(), i64::min)
+    }
+
+    fn ordered_trip(&self) -> u16 {
+        let is_one = |text: &str| ["emergency", "external"].iter().any(|part| text.contains(part));
+        let ordered = self.model.trip_codes.iter().find(|it| is_one(&it.text.to_lowercase()));
+        ordered.map_or(ORDERED_TRIP, |it| it.code)
+    }
+}
+
+/// 1 forward, -1 reverse.
+pub(super) fn sign(direction: Direction) -> i64 {
+    match direction {
+        Direction::Forward => 1,
+        Direction::Reverse => -1,
+    }
+}

@@ -1,0 +1,139 @@
+//! What the registers of a drive hold now, what they hold after a power cycle, and how often that was written.
+
+use super::super::options::DriveOptions;
+use super::back_door::BackDoor;
+use super::command::has_priority;
+use crate::profile::model::{Access, Memory as Kind, Model, Register, Role, RunForm};
+use std::time::Duration;
+
+/// The words of the model's registers, in the model's order.
+#[derive(Clone, Debug)]
+pub(super) struct Memory {
+    now: Vec<u16>,
+    stored: Vec<u16>,
+    stored_writes: Vec<u64>,
+}
+
+/// Which register an address on the wire means, and whether its stored twin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Place {
+    pub(super) index: usize,
+    /// The address has the bit of stored twins: it can only be written.
+    pub(super) is_twin: bool,
+}
+
+impl Memory {
+    pub(super) fn new(model: &Model, options: &DriveOptions) -> Self {
+        let now: Vec<_> = model.registers.iter().map(|register| first_word(model, register, options)).collect();
+        Self { stored: now.clone(), stored_writes: vec![0; now.len()], now }
+    }
+
+    pub(super) fn word(&self, index: usize) -> u16 {
+        self.now[index]
+    }
+
+    /// Holds `word` until the power goes.
+    pub(super) fn hold(&mut self, index: usize, word: u16) {
+        self.now[index] = word;
+    }
+
+    /// Holds and keeps `word`, as the drive's own panel does it.
+    pub(super) fn keep(&mut self, index: usize, word: u16) {
+        (self.now[index], self.stored[index]) = (word, word);
+    }
+
+    /// Takes `word` from the bus. A stored twin is the same value: what is stored holds at once, too.
+    pub(super) fn take(&mut self, register: &Register, place: Place, word: u16) {
+        let Place { index, is_twin } = place;
+        // Where no document says that a run command is stored, it is none that comes back with the power.
+        let is_order = register.role == Some(Role::RunCommand) && register.memory != Some(Kind::Stored);
+        if (is_order || register.memory == Some(Kind::Ram)) && !is_twin {
+            return self.hold(index, word);
+        }
+        self.keep(index, word);
+        // A setpoint of which nothing is known comes back with the power, but is no proof of wear.
+        let is_unknown = register.role == Some(Role::FrequencyCommand) && register.memory.is_none();
+        self.stored_writes[index] += u64::from(!is_unknown);
+    }
+
+    /// What is stored holds again.
+    pub(super) fn forget(&mut self, index: usize) {
+        self.now[index] = self.stored[index];
+    }
+
+    /// Everything is as it was stored.
+    pub(super) fn lose_power(&mut self) {
+        self.now.clone_from(&self.stored);
+    }
+
+    pub(super) fn stored_writes(&self, index: usize) -> u64 {
+        self.stored_writes[index]
+    }
+}
+
+/// What `address` means in a write.
+pub(super) fn place_of(model: &Model, address: u16) -> Option<Place> {
+    if let Some(index) = index_of(model, address) {
+        return Some(Place { index, is_twin: false });
+    }
+    let bit = 1_u16.checked_shl(model.quirks.stored_alias_bit.as_ref()?.value.into())?;
+    let index = index_of(model, address & !bit).filter(|_| address & bit != 0)?;
+    // Only parameters are stored: commands are written only, measurements are read only.
+    (model.registers[index].access == Access::ReadWrite).then_some(Place { index, is_twin: true })
+}
+
+/// Where the register at `address` stands in the model.
+pub(super) fn index_of(model: &Model, address: u16) -> Option<usize> {
+    model.registers.binary_search_by_key(&address, |register| register.address).ok()
+}
+
+/// The number after `address`; nothing behind the last one. With `is_decimal` the last two places count to 9.
+pub(super) fn following(address: u16, is_decimal: bool) -> Option<u16> {
+    let step = match (is_decimal, address & 0x00FF) {
+        (true, 0x99) => 0x100 - 0x99,
+        (true, low) if low & 0x0F == 9 => 7,
+        _ => 1,
+    };
+    address.checked_add(step)
+}
+
+const NANOS: u64 = 1_000_000_000;
+
+/// The time that `word` means in `register`, which is in seconds.
+pub(super) fn time(register: &Register, word: u16) -> Duration {
+    Duration::from_nanos(u64::from(word) * NANOS / u64::from(register.scale.max(1)))
+}
+
+/// The word that a register of a new drive holds.
+fn first_word(model: &Model, register: &Register, options: &DriveOptions) -> u16 {
+    let seconds = |time: Duration| {
+        let raw = time.as_nanos() * u128::from(register.scale) / u128::from(NANOS);
+        u16::try_from(raw).unwrap_or(u16::MAX)
+    };
+    let demanded = model.setup.iter().find(|item| item.address == Some(register.address));
+    let demanded = demanded.and_then(|item| item.values.value.first().copied());
+    let watchdog = model.watchdog.as_ref().filter(|watchdog| watchdog.time == register.address);
+    match register.role {
+        Some(Role::AccelerationTime) => seconds(options.acceleration),
+        Some(Role::DecelerationTime) => seconds(options.deceleration),
+        Some(Role::FrequencySource | Role::RunSource) => {
+            let takes_control = model.run.as_ref().is_some_and(has_priority);
+            let ready = demanded.unwrap_or(if takes_control { 0 } else { options.communication });
+            options.sources_at_start.unwrap_or(ready)
+        }
+        Some(Role::RunCommand) => model.run.as_ref().map_or(0, |run| match run.form {
+            RunForm::Values => run.stop.value,
+            RunForm::Bits { .. } => 0,
+        }),
+        _ if BackDoor::of(register) == Some(BackDoor::Limit) => {
+            u16::try_from(u32::from(options.max_frequency_hz) * register.scale).unwrap_or(u16::MAX)
+        }
+        _ => demanded.or(watchdog.map(|watchdog| watchdog.off.value)).unwrap_or_else(|| lowest(register)),
+    }
+}
+
+/// The word of `register` that is nearest to 0.
+fn lowest(register: &Register) -> u16 {
+    let raw = register.range.as_ref().map_or(0, |range| 0.clamp(*range.start(), *range.end().max(range.start())));
+    (raw & 0xFFFF) as u16
+}

@@ -1,0 +1,237 @@
+//! One simulated drive, made from the same model that the gateway reads: it gets request PDUs and gives reply PDUs.
+//!
+//! | part | what it plays |
+//! | --- | --- |
+//! | `answer` | requests and replies |
+//! | `denied` | exception codes |
+//! | `memory` | what registers hold, and what of it is stored |
+//! | `command` | what a run command means |
+//! | `control` | who commands the motor, and what the motor then does |
+//! | `shown` | measurements, trips and settings as registers show them |
+//! | `status` | status words |
+//! | `watchdog` | what the drive does when the bus is silent |
+//! | `back_door` | other ways to the motor |
+
+mod answer;
+mod back_door;
+mod command;
+mod control;
+mod denied;
+mod memory;
+mod shown;
+mod status;
+#[cfg(test)]
+mod tests;
+mod watchdog;
+
+use super::motor::Motor;
+use super::options::DriveOptions;
+use super::report::DriveReport;
+use super::trip::TripLog;
+use crate::domain::command::Direction;
+use crate::domain::time::MonoTime;
+use crate::profile::model::{Model, Role};
+use control::{Control, RunClock};
+use memory::{Memory, Place, index_of, time};
+use std::sync::Arc;
+
+/// One drive with its motor. All moments that it is given may be equal but never run backwards.
+///
+/// Registers with a role behave; all others of the model are plain words that keep what is written to them.
+#[derive(Clone, Debug)]
+pub struct SimDrive {
+    model: Arc<Model>,
+    options: DriveOptions,
+    memory: Memory,
+    /// In microhertz.
+    setpoint: i64,
+    motor: Motor,
+    control: Control,
+    run_clock: RunClock,
+    trips: TripLog,
+    tripped: bool,
+    alarm: bool,
+    powered: bool,
+    /// It hears nothing before.
+    deaf_until: MonoTime,
+    /// When it last got a request that it could serve.
+    last_heard: MonoTime,
+    /// Its watchdog has acted since then.
+    has_expired: bool,
+    report: DriveReport,
+}
+
+impl SimDrive {
+    /// A drive that has been on for a while, at standstill, without a setpoint and without trips.
+    #[must_use]
+    pub fn new(model: Arc<Model>, options: DriveOptions) -> Self {
+        let full_scale = i64::from(options.max_frequency_hz.max(1)) * super::motor::MICROHERTZ;
+        let mut drive = Self {
+            motor: Motor::new(full_scale, options.acceleration, options.deceleration),
+            memory: Memory::new(&model, &options),
+            model,
+            options,
+            setpoint: 0,
+            control: Control::default(),
+            run_clock: RunClock::default(),
+            trips: TripLog::default(),
+            tripped: false,
+            alarm: false,
+            powered: true,
+            deaf_until: MonoTime::ZERO,
+            last_heard: MonoTime::ZERO,
+            has_expired: false,
+            report: DriveReport::default(),
+        };
+        if !drive.is_run_from_bus() {
+            drive.hand_over(MonoTime::ZERO);
+        }
+        drive
+    }
+
+    /// The model that the drive was made from.
+    #[must_use]
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// What the drive has counted.
+    #[must_use]
+    pub const fn report(&self) -> DriveReport {
+        self.report
+    }
+
+    /// Writes from the bus that went to the stored memory of the register at `address`; 0 for an unknown one.
+    #[must_use]
+    pub fn stored_writes(&self, address: u16) -> u64 {
+        index_of(&self.model, address).map_or(0, |index| self.memory.stored_writes(index))
+    }
+
+    /// Output frequency at `at` in microhertz, negative in reverse.
+    #[must_use]
+    pub fn output(&self, at: MonoTime) -> i64 {
+        self.motor_at(at).output(at)
+    }
+
+    /// Whether the drive waits for a reset, as of the last moment that it was given.
+    #[must_use]
+    pub const fn is_tripped(&self) -> bool {
+        self.tripped
+    }
+
+    /// Whether the drive is switched on. One that is off hears nothing and says nothing.
+    #[must_use]
+    pub const fn is_powered(&self) -> bool {
+        self.powered
+    }
+
+    /// Whether panel or terminals command the motor, and not the bus.
+    #[must_use]
+    pub fn is_local(&self) -> bool {
+        !self.is_run_from_bus()
+    }
+
+    /// Trips the drive: the motor coasts, the count rises, the record is kept, RUN is refused until a reset.
+    /// A drive that is switched off cannot trip.
+    pub fn trip(&mut self, at: MonoTime, cause: u16) {
+        self.advance(at);
+        if !self.powered {
+            return;
+        }
+        let record = self.record(at, cause);
+        self.trips.push(record);
+        self.tripped = true;
+        self.drop_out(at);
+    }
+
+    /// Sets or clears the alarm that status words show.
+    pub const fn set_alarm(&mut self, alarm: bool) {
+        self.alarm = alarm;
+    }
+
+    /// Switches the drive off or on. Off, the motor coasts and what is not stored is lost; on again, the drive is
+    /// deaf for as long as its model says, and panel or terminals command it where its sources name them.
+    pub fn set_powered(&mut self, at: MonoTime, powered: bool) {
+        self.advance(at);
+        if self.powered && !powered {
+            self.drop_out(at);
+            self.memory.lose_power();
+            self.forget_orders();
+            self.tripped = self.tripped && self.options.trip_outlasts_power;
+            (0..self.model.registers.len()).for_each(|index| self.follow_ramps(at, index));
+        }
+        let comes_on = !self.powered && powered;
+        self.powered = powered;
+        if comes_on {
+            self.control = Control::default();
+            let deaf = self.model.quirks.deaf_after_power_up.as_ref();
+            self.deaf_until = deaf.map_or(at, |deaf| at + deaf.value);
+            (self.last_heard, self.has_expired) = (at, false);
+            if !self.is_run_from_bus() {
+                self.hand_over(at);
+            }
+        }
+    }
+
+    /// Sets the register at `address` as somebody at the operator panel would, with no regard to sources;
+    /// registers that behave (frequencies, trips) do not change. Nothing happens at an unknown address.
+    pub fn set_locally(&mut self, at: MonoTime, address: u16, value: u16) {
+        self.advance(at);
+        if let Some(index) = index_of(&self.model, address) {
+            self.memory.keep(index, value);
+            self.follow_register(at, index);
+        }
+    }
+
+    /// What panel and terminals order from `at` on: the motor follows while they have control.
+    pub fn operate_panel(&mut self, at: MonoTime, runs: Option<Direction>) {
+        self.advance(at);
+        self.options.panel_runs = runs;
+        if self.powered && self.is_local() {
+            self.hand_over(at);
+        }
+    }
+
+    /// Coasts on the drive's own account. The run command is then as after a stop, so that a refused RUN is
+    /// answered with another value than its own.
+    fn drop_out(&mut self, at: MonoTime) {
+        self.cut_off(at);
+        let stop = self.model.run.as_ref().map_or(0, |run| run.stop.value);
+        if let Some(index) = self.index_for(Role::RunCommand) {
+            self.memory.hold(index, stop);
+        }
+    }
+
+    /// Lets the drive do what the register at `index`, which has just been set, is there for.
+    fn follow_register(&mut self, at: MonoTime, index: usize) {
+        self.follow_ramps(at, index);
+        match self.model.registers[index].role {
+            // Who gets control takes it when he next orders something, unless he does already.
+            Some(Role::RunSource) if self.is_local() && self.options.panel_runs.is_some() => self.hand_over(at),
+            Some(Role::FrequencySource) | None => self.follow(at),
+            _ => {}
+        }
+    }
+
+    /// Gives the motor the ramp time that the register at `index` holds.
+    fn follow_ramps(&mut self, at: MonoTime, index: usize) {
+        let register = &self.model.registers[index];
+        let time = time(register, self.memory.word(index));
+        match register.role {
+            Some(Role::AccelerationTime) => self.motor.set_acceleration(at, time),
+            Some(Role::DecelerationTime) => self.motor.set_deceleration(at, time),
+            _ => {}
+        }
+    }
+
+    /// Holds `word` from the bus and counts it where it is stored.
+    fn take(&mut self, place: Place, word: u16) {
+        let before = self.memory.stored_writes(place.index);
+        self.memory.take(&self.model.registers[place.index], place, word);
+        self.report.stored_writes += self.memory.stored_writes(place.index) - before;
+    }
+
+    fn index_for(&self, role: Role) -> Option<usize> {
+        self.model.registers.iter().position(|register| register.role == Some(role))
+    }
+}

@@ -1,0 +1,191 @@
+//! What the registers of a drive show when they are read.
+
+use super::SimDrive;
+use super::memory::index_of;
+use crate::domain::time::MonoTime;
+use crate::domain::units::UnitOfMeasure;
+use crate::profile::model::{Register, Role};
+use crate::sim::motor::MICROHERTZ;
+use crate::sim::trip::TripRecord;
+
+/// Millionths in a unit of measure: readings are whole numbers of them.
+const MICRO: i64 = 1_000_000;
+/// The words of a trip record where it is a block, in this order.
+const RECORD: [Role; 4] = [Role::TripCause, Role::TripFrequency, Role::TripCurrent, Role::TripDcLinkVoltage];
+/// Records in such a block: the newest one and five before it.
+const BLOCK_RECORDS: u16 = 6;
+
+impl SimDrive {
+    /// The word that the register at `index` shows.
+    pub(super) fn held(&self, at: MonoTime, index: usize) -> u16 {
+        let register = &self.model.registers[index];
+        // A flag may stand in a setting as well, which shows what was set.
+        if !register.access.can_write()
+            && let Some(word) = self.status_word(at, register.address, self.memory.word(index))
+        {
+            return word;
+        }
+        match register.role {
+            Some(Role::TripCode) => {
+                if self.tripped {
+                    self.trips.newest().cause
+                } else {
+                    0
+                }
+            }
+            Some(Role::TripCount) => self.trips.count(),
+            Some(Role::TripCause) => self.trips.newest().cause,
+            Some(Role::TripHistory) => self.trips.record(self.place_in_history(register)).map_or(0, |it| it.cause),
+            Some(Role::RunHours) => {
+                let hours = i64::from(self.options.run_hours) * MICRO + self.run_clock.microhours(at);
+                raw(register, hours)
+            }
+            Some(role) => match self.reading(at, role) {
+                Some(micro) => self.word_of(register, micro),
+                None => self.memory.word(index),
+            },
+            None => self.block_word(register.address).unwrap_or_else(|| self.memory.word(index)),
+        }
+    }
+
+    /// Whether writing to a register with `role` would be writing to a measurement.
+    pub(super) fn is_measured(role: Role) -> bool {
+        !matches!(
+            role,
+            Role::RunCommand
+                | Role::FrequencyCommand
+                | Role::FrequencySetting
+                | Role::AccelerationTime
+                | Role::DecelerationTime
+                | Role::FrequencySource
+                | Role::RunSource
+        )
+    }
+
+    /// What a register with `role` shows, in millionths of its unit of measure.
+    fn reading(&self, at: MonoTime, role: Role) -> Option<i64> {
+        let output = self.motor.output(at);
+        let trip = self.trips.newest();
+        Some(match role {
+            Role::FrequencyCommand | Role::FrequencySetting => self.setpoint,
+            Role::OutputFrequency => output,
+            Role::OutputCurrent => self.current(output),
+            Role::OutputVoltage => self.voltage(output),
+            Role::DcLinkVoltage => self.dc_link(output),
+            // Three phases at a power factor of about 0.87.
+            Role::OutputPower => self.current(output) / 1_000 * (self.voltage(output) / 1_000) / 1_000 * 15 / 10,
+            Role::Torque => self.load(output) * MICRO * output.signum(),
+            Role::Temperature => (25 + self.load(output) / 5) * MICRO,
+            Role::TripFrequency => trip.frequency,
+            Role::TripCurrent => trip.current,
+            Role::TripDcLinkVoltage => trip.dc_link,
+            _ => return None,
+        })
+    }
+
+    /// What the drive freezes when it trips now.
+    pub(super) fn record(&self, at: MonoTime, cause: u16) -> TripRecord {
+        let output = self.motor.output(at);
+        TripRecord { cause, frequency: output, current: self.current(output), dc_link: self.dc_link(output) }
+    }
+
+    /// The word of the block of trip records at `address`, whether or not the model lists each word of them: four
+    /// words a record without a gap. The block ends where the model has something else.
+    pub(super) fn block_word(&self, address: u16) -> Option<u16> {
+        let registers = &self.model.registers;
+        let first = index_of(&self.model, self.model.register_for(Role::TripCause)?.address)?;
+        let newest = registers.get(first..first + RECORD.len())?;
+        let start = newest[0].address;
+        let is_listed = newest
+            .iter()
+            .zip(RECORD)
+            .zip(start..)
+            .all(|((register, role), address)| register.role == Some(role) && register.address == address);
+        let older = registers.iter().filter(|it| it.role == Some(Role::TripHistory));
+        let is_block = is_listed && older.zip(1..).all(|(it, back)| it.address == start.saturating_add(4 * back));
+        let others = registers[first..].iter().filter(|it| it.role.is_some_and(|role| !is_of_a_trip(role)));
+        let end = others.map(|it| it.address).min().unwrap_or(u16::MAX).min(start.saturating_add(4 * BLOCK_RECORDS));
+        let offset = address.checked_sub(start).filter(|_| is_block && address < end)?;
+        let record = self.trips.record(usize::from(offset / 4))?;
+        let register = &newest[usize::from(offset % 4)];
+        Some(match offset % 4 {
+            0 => record.cause,
+            1 => self.word_of(register, record.frequency),
+            2 => self.word_of(register, record.current),
+            _ => self.word_of(register, record.dc_link),
+        })
+    }
+
+    /// How many trips ago the one was that `register` shows. The newest one stands first, unless it has a register
+    /// of its own.
+    fn place_in_history(&self, register: &Register) -> usize {
+        let older = self.model.registers.iter().filter(|it| it.role == Some(Role::TripHistory));
+        let before = older.filter(|it| it.address < register.address).count();
+        before + usize::from(self.model.register_for(Role::TripCause).is_some())
+    }
+
+    /// `micro` as `register` shows it: in its unit, or in per cent of what is rated.
+    fn word_of(&self, register: &Register, micro: i64) -> u16 {
+        let rated = match register.role {
+            Some(Role::OutputCurrent | Role::TripCurrent) => i64::from(self.options.rated_current_x10) * MICRO / 10,
+            Some(Role::OutputVoltage) => self.rated_voltage(),
+            Some(Role::DcLinkVoltage | Role::TripDcLinkVoltage) => self.dc_link(0),
+            Some(Role::OutputPower) => self.reading_at_full_load(),
+            _ => 0,
+        };
+        if register.unit == UnitOfMeasure::Percent && rated > 0 {
+            return raw(register, micro * 100_000 / (rated / 1_000));
+        }
+        raw(register, micro)
+    }
+
+    /// Per cent of full speed.
+    fn load(&self, output: i64) -> i64 {
+        output.abs() * 100 / self.full_scale()
+    }
+
+    /// Magnetising the motor takes a third of the rated current.
+    fn current(&self, output: i64) -> i64 {
+        let rated = i64::from(self.options.rated_current_x10) * MICRO / 10;
+        if output == 0 { 0 } else { rated * (33 + self.load(output) * 67 / 100) / 100 }
+    }
+
+    /// In proportion to the frequency.
+    fn voltage(&self, output: i64) -> i64 {
+        self.rated_voltage() / 100 * self.load(output)
+    }
+
+    fn rated_voltage(&self) -> i64 {
+        i64::from(self.options.rated_voltage_v) * MICRO
+    }
+
+    /// The rectified supply, which gives way a little.
+    fn dc_link(&self, output: i64) -> i64 {
+        let at_rest = self.rated_voltage() / 100 * 135;
+        at_rest - self.load(output) * MICRO / 5
+    }
+
+    fn reading_at_full_load(&self) -> i64 {
+        let amperes = i64::from(self.options.rated_current_x10) * MICRO / 10;
+        amperes / 1_000 * (self.rated_voltage() / 1_000) / 1_000 * 15 / 10
+    }
+
+    /// The frequency, in microhertz, that the ramps refer to.
+    pub(super) fn full_scale(&self) -> i64 {
+        i64::from(self.options.max_frequency_hz.max(1)) * MICROHERTZ
+    }
+}
+
+fn is_of_a_trip(role: Role) -> bool {
+    role == Role::TripHistory || RECORD.contains(&role)
+}
+
+/// `micro` millionths as `register` can hold it: negative ones without their sign where it has none.
+fn raw(register: &Register, micro: i64) -> u16 {
+    let raw = micro * i64::from(register.scale) / MICRO;
+    if register.signed {
+        let raw = raw.clamp(i64::from(i16::MIN), i64::from(i16::MAX));
+        return (raw & 0xFFFF) as u16;
+    }
+    u16::try_from(raw.abs()).unwrap_or(u16::MAX)
+}

@@ -1,0 +1,64 @@
+//! Status words: the bits and codes by which a drive tells its state.
+
+use super::SimDrive;
+use crate::domain::time::MonoTime;
+use crate::profile::model::{Flag, StatusFlag};
+
+/// From the weakest to the strongest: where two stand in the same bits, the later one is shown.
+const FLAGS: [Flag; 8] = [
+    Flag::Ready,
+    Flag::BusRun,
+    Flag::BusFrequency,
+    Flag::Reverse,
+    Flag::Running,
+    Flag::Alarm,
+    Flag::Stopping,
+    Flag::Tripped,
+];
+
+impl SimDrive {
+    /// The word of the status register at `address`; nothing if no flag stands there. Bits that no flag names are
+    /// those of `other`.
+    pub(super) fn status_word(&self, at: MonoTime, address: u16, other: u16) -> Option<u16> {
+        let flags = |flag| self.model.status.iter().find(move |it| it.address == address && it.flag == flag);
+        let here: Vec<_> = FLAGS.into_iter().filter_map(flags).collect();
+        let named = here.iter().fold(0, |mask, it| mask | it.mask);
+        let told: Vec<_> = here.iter().map(|it| (*it, self.is_so(at, it.flag))).collect();
+        let word = told.iter().filter(|(_, is_so)| *is_so).fold(other & !named, |word, (it, _)| shown(word, it));
+        (!here.is_empty())
+            .then(|| told.iter().fold(word, |word, (it, is_so)| if *is_so { word } else { hidden(word, it, &told) }))
+    }
+
+    /// Whether `flag` holds at `at`.
+    fn is_so(&self, at: MonoTime, flag: Flag) -> bool {
+        let output = self.motor.output(at);
+        let direction = self.control.direction;
+        match flag {
+            Flag::Running => output != 0 || direction != 0,
+            Flag::Reverse => output < 0 || (output == 0 && direction < 0),
+            Flag::Stopping => output != 0 && direction == 0,
+            Flag::Tripped => self.tripped,
+            Flag::Alarm => self.alarm,
+            Flag::Ready => !self.tripped,
+            Flag::BusRun => self.is_run_from_bus(),
+            Flag::BusFrequency => self.is_frequency_from_bus(),
+        }
+    }
+}
+
+/// `word` so that `flag` holds; as it is if it does already.
+fn shown(word: u16, flag: &StatusFlag) -> u16 {
+    if flag.holds(word) {
+        return word;
+    }
+    (word & !flag.mask) | flag.values.first().copied().unwrap_or_default()
+}
+
+/// `word` so that `flag` does not hold, with the smallest change of a bit that leaves those that hold as they are.
+fn hidden(word: u16, flag: &StatusFlag, told: &[(&StatusFlag, bool)]) -> u16 {
+    let bits = (0..16).map(|bit| 1 << bit).filter(|bit| flag.mask & bit != 0);
+    let others = std::iter::once(word & !flag.mask).chain(bits.map(|bit| word ^ bit));
+    let is_right =
+        |word: &u16| !flag.holds(*word) && told.iter().filter(|(_, is_so)| *is_so).all(|(it, _)| it.holds(*word));
+    if flag.holds(word) { others.into_iter().find(is_right).unwrap_or(word) } else { word }
+}

@@ -1,0 +1,71 @@
+//! The drive's own watchdog over its communication.
+
+use super::SimDrive;
+use super::memory::{index_of, time};
+use crate::domain::time::MonoTime;
+use crate::sim::motor::Motor;
+
+/// What a drive does when the bus has been silent for too long.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Reaction {
+    Decelerate,
+    Coast,
+    /// Trips with the number for a lost communication.
+    Trip(u16),
+    Keep,
+}
+
+impl SimDrive {
+    /// Lets time pass until `at`: the watchdog may act.
+    pub fn advance(&mut self, at: MonoTime) {
+        let Some(due) = self.watchdog_due().filter(|due| *due <= at) else { return };
+        self.has_expired = true;
+        self.report.watchdog_expiries += 1;
+        match self.reaction() {
+            Reaction::Decelerate => self.run(due, 0, false),
+            Reaction::Coast => self.cut_off(due),
+            Reaction::Trip(code) => self.trip(due, code),
+            Reaction::Keep => {}
+        }
+    }
+
+    /// The motor as it is at `at` if nobody says anything until then.
+    pub(super) fn motor_at(&self, at: MonoTime) -> Motor {
+        let mut motor = self.motor.clone();
+        if let Some(due) = self.watchdog_due().filter(|due| *due <= at) {
+            match self.reaction() {
+                Reaction::Decelerate => motor.ramp_to(due, 0),
+                Reaction::Coast | Reaction::Trip(_) => motor.cut_off(due),
+                Reaction::Keep => {}
+            }
+        }
+        motor
+    }
+
+    /// When the watchdog acts if the bus stays silent; nothing if it is off, or has nothing to stop.
+    fn watchdog_due(&self) -> Option<MonoTime> {
+        let watchdog = self.model.watchdog.as_ref()?;
+        let index = index_of(&self.model, watchdog.time)?;
+        let word = self.memory.word(index);
+        let watches = self.powered && self.control.direction != 0 && self.is_run_from_bus() && !self.has_expired;
+        (watches && word != watchdog.off.value).then(|| self.last_heard + time(&self.model.registers[index], word))
+    }
+
+    /// What the action register says, by the words of its meaning. Where they say nothing, the drive trips if it has a
+    /// number for that, else it stops.
+    fn reaction(&self) -> Reaction {
+        let action = self.model.watchdog.as_ref().and_then(|watchdog| watchdog.action);
+        let index = action.and_then(|address| index_of(&self.model, address));
+        let text = index.and_then(|index| self.model.registers[index].meaning(self.memory.word(index)));
+        let is_lost = |text: &str| text.to_lowercase().contains("communication");
+        let code = self.model.trip_codes.iter().find(|it| is_lost(&it.text)).map(|it| it.code);
+        let Some(text) = text.map(str::to_lowercase) else { return code.map_or(Reaction::Decelerate, Reaction::Trip) };
+        let says = |parts: &[&str]| parts.iter().any(|part| text.contains(part));
+        match code {
+            _ if says(&["keep", "continu"]) => Reaction::Keep,
+            Some(code) if says(&["trip", "fault"]) => Reaction::Trip(code),
+            _ if says(&["trip", "fault", "coast"]) => Reaction::Coast,
+            _ => Reaction::Decelerate,
+        }
+    }
+}
