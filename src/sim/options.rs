@@ -36,6 +36,8 @@ pub struct DriveOptions {
     pub rated_current_x10: u16,
     /// Rated output voltage in V.
     pub rated_voltage_v: u16,
+    /// Voltage of the DC link at standstill in V.
+    pub dc_link_v: u16,
     /// Run hours of a new drive.
     pub run_hours: u16,
     /// What panel and terminals order while they have control: a terminal that is closed, or a key that was pressed.
@@ -61,6 +63,7 @@ impl Default for DriveOptions {
             deceleration: Duration::from_secs(10),
             rated_current_x10: 110,
             rated_voltage_v: 400,
+            dc_link_v: 540,
             run_hours: 0,
             panel_runs: None,
             panel_frequency_hz: None,

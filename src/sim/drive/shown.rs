@@ -72,10 +72,9 @@ impl SimDrive {
             Role::OutputCurrent => self.current(output),
             Role::OutputVoltage => self.voltage(output),
             Role::DcLinkVoltage => self.dc_link(output),
-            // Three phases at a power factor of about 0.87.
-            Role::OutputPower => self.current(output) / 1_000 * (self.voltage(output) / 1_000) / 1_000 * 15 / 10,
-            Role::Torque => self.load(output) * MICRO * output.signum(),
-            Role::Temperature => (25 + self.load(output) / 5) * MICRO,
+            Role::OutputPower => power(self.current(output), self.voltage(output)),
+            Role::Torque => self.share(100 * MICRO, output) * output.signum(),
+            Role::Temperature => 25 * MICRO + self.share(20 * MICRO, output),
             Role::TripFrequency => trip.frequency,
             Role::TripCurrent => trip.current,
             Role::TripDcLinkVoltage => trip.dc_link,
@@ -127,10 +126,10 @@ impl SimDrive {
     /// `micro` as `register` shows it: in its unit, or in per cent of what is rated.
     fn word_of(&self, register: &Register, micro: i64) -> u16 {
         let rated = match register.role {
-            Some(Role::OutputCurrent | Role::TripCurrent) => i64::from(self.options.rated_current_x10) * MICRO / 10,
+            Some(Role::OutputCurrent | Role::TripCurrent) => self.rated_current(),
             Some(Role::OutputVoltage) => self.rated_voltage(),
             Some(Role::DcLinkVoltage | Role::TripDcLinkVoltage) => self.dc_link(0),
-            Some(Role::OutputPower) => self.reading_at_full_load(),
+            Some(Role::OutputPower) => power(self.rated_current(), self.rated_voltage()),
             _ => 0,
         };
         if register.unit == UnitOfMeasure::Percent && rated > 0 {
@@ -139,41 +138,45 @@ impl SimDrive {
         raw(register, micro)
     }
 
-    /// Per cent of full speed.
-    fn load(&self, output: i64) -> i64 {
-        output.abs() * 100 / self.full_scale()
+    /// `whole` in proportion to the speed.
+    fn share(&self, whole: i64, output: i64) -> i64 {
+        // Both are some hundred millions at most, so that the product fits.
+        whole * (output.abs() / 10) / (self.full_scale() / 10)
     }
 
     /// Magnetising the motor takes a third of the rated current.
     fn current(&self, output: i64) -> i64 {
-        let rated = i64::from(self.options.rated_current_x10) * MICRO / 10;
-        if output == 0 { 0 } else { rated * (33 + self.load(output) * 67 / 100) / 100 }
+        let rated = self.rated_current();
+        if output == 0 { 0 } else { rated / 100 * 33 + self.share(rated / 100 * 67, output) }
     }
 
     /// In proportion to the frequency.
     fn voltage(&self, output: i64) -> i64 {
-        self.rated_voltage() / 100 * self.load(output)
+        self.share(self.rated_voltage(), output)
+    }
+
+    /// The rectified supply, which gives way by 20 V at full speed.
+    fn dc_link(&self, output: i64) -> i64 {
+        i64::from(self.options.dc_link_v) * MICRO - self.share(20 * MICRO, output)
+    }
+
+    fn rated_current(&self) -> i64 {
+        i64::from(self.options.rated_current_x10) * MICRO / 10
     }
 
     fn rated_voltage(&self) -> i64 {
         i64::from(self.options.rated_voltage_v) * MICRO
     }
 
-    /// The rectified supply, which gives way a little.
-    fn dc_link(&self, output: i64) -> i64 {
-        let at_rest = self.rated_voltage() / 100 * 135;
-        at_rest - self.load(output) * MICRO / 5
-    }
-
-    fn reading_at_full_load(&self) -> i64 {
-        let amperes = i64::from(self.options.rated_current_x10) * MICRO / 10;
-        amperes / 1_000 * (self.rated_voltage() / 1_000) / 1_000 * 15 / 10
-    }
-
     /// The frequency, in microhertz, that the ramps refer to.
     pub(super) fn full_scale(&self) -> i64 {
         i64::from(self.options.max_frequency_hz.max(1)) * MICROHERTZ
     }
+}
+
+/// Of three phases at a power factor of about 0.87, in millionths of a kilowatt.
+fn power(current: i64, voltage: i64) -> i64 {
+    current / 1_000 * (voltage / 1_000) / 1_000 * 15 / 10
 }
 
 fn is_of_a_trip(role: Role) -> bool {
