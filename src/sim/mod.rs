@@ -49,7 +49,7 @@ mod testing {
     use crate::profile::catalog::Catalog;
     use crate::profile::model::Model;
     use crate::vendors;
-    use std::sync::Arc;
+    use std::sync::{Arc, LazyLock};
     use std::time::Duration;
 
     pub const RUN: u16 = 0x0002;
@@ -68,8 +68,9 @@ mod testing {
 
     /// The built-in model called `id`.
     pub fn model(id: &str) -> Arc<Model> {
-        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).expect("sound models");
-        Arc::clone(catalog.find(id).expect("a built-in model"))
+        static MODELS: LazyLock<Catalog> =
+            LazyLock::new(|| Catalog::from_texts(vendors::texts().iter().copied()).expect("sound models"));
+        Arc::clone(MODELS.find(id).expect("a built-in model"))
     }
 
     pub fn n700() -> Arc<Model> {

@@ -99,7 +99,9 @@ impl SimDrive {
         let Some(deaf) = &self.model.quirks.deaf_after_reset else { return };
         self.deaf_until = at + deaf.value;
         self.forget_orders();
-        self.hand_over(at);
+        if !self.is_run_from_bus() {
+            self.hand_over(at);
+        }
     }
 
     /// Loses what commands have set in registers that forget.
@@ -115,7 +117,7 @@ impl SimDrive {
         }
     }
 
-    /// Panel and terminals have control from now on, unless the sources name the bus.
+    /// Panel and terminals have control from now on.
     pub(super) fn hand_over(&mut self, at: MonoTime) {
         let direction = if self.tripped { 0 } else { self.options.panel_runs.map_or(0, sign) };
         self.run(at, direction, false);

@@ -95,6 +95,17 @@ fn a_reset_hands_a_closed_terminal_the_motor() {
     drive.trip(seconds(30), 1);
     take(&mut drive, seconds(31), &[(COMMAND, 0xE000)]);
     assert_eq!(hertz(&drive, seconds(60)), -20);
+    // Not where the sources name the bus.
+    let options = DriveOptions {
+        panel_runs: Some(Direction::Reverse),
+        panel_frequency_hz: Some(20),
+        sources_at_start: Some(DriveOptions::default().communication),
+        ..DriveOptions::default()
+    };
+    let mut drive = SimDrive::new(model("toshiba-vf-as1"), options);
+    drive.trip(seconds(1), 1);
+    take(&mut drive, seconds(2), &[(COMMAND, 0xE000)]);
+    assert_eq!(hertz(&drive, seconds(60)), 0);
 }
 
 #[test]

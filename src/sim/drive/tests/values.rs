@@ -114,7 +114,7 @@ fn bad_requests_are_met_with_silence_or_an_exception() {
         (&[3, 0x01, 0x12, 0, 9], 0x03),
         (&[3, 0x01, 0xFF, 0, 2], 0x03),
         (&[3, 0xFF, 0xFF, 0, 2], 0x03),
-        (&[6, 0x02, 0x02, 0, 100], 0x02),
+        (&[6, 0x02, 0x03, 0, 100], 0x02),
         (&[4, 0x01, 0x01, 0, 1], 0x01),
         (&[8, 0, 0, 0, 1], 0x01),
         (&[16, 0x02, 0x0C, 0, 1, 2, 0, 1], 0x01),
@@ -143,7 +143,7 @@ fn registers_without_a_role_keep_what_is_written() {
         register.role = register.role.filter(|role| *role != Role::RunSource);
     }
     let mut drive = SimDrive::new(Arc::new(model), DriveOptions::default());
-    assert_eq!(read(&mut drive, seconds(0), F011, 1), Some(vec![0]));
+    assert_eq!(read(&mut drive, seconds(0), F011, 1), Some(vec![3]));
     assert_eq!(write(&mut drive, seconds(0), F011, 0xABCD), 0xABCD);
     assert_eq!(read(&mut drive, seconds(0), F011, 1), Some(vec![0xABCD]));
     // A model without a source register always listens.
