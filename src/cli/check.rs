@@ -98,5 +98,11 @@ fn describe_line(text: &mut String, line: &LineSettings, mqtt: Option<&MqttSetti
 
 fn ms(time: Duration) -> String {
     let millis = time.as_secs_f64() * 1000.0;
-    if millis >= 100.0 { format!("{millis:.0} ms") } else { format!("{millis:.2} ms") }
+    if time >= Duration::from_secs(10) {
+        format!("{:.0} s", time.as_secs_f64())
+    } else if millis >= 100.0 {
+        format!("{millis:.0} ms")
+    } else {
+        format!("{millis:.2} ms")
+    }
 }

@@ -223,6 +223,7 @@ write = ["127.0.0.1/32"]
 ";
         let found = said(CONFIGURATION);
         assert!(found.contains(expected), "{found}");
+        assert!(found.contains("every 3600 s a read of 0x3009 x1 (firmware)"), "{found}");
 
         let rs232 = said(&CONFIGURATION.replace("port =", "interface = \"rs232\"\nport ="));
         assert!(rs232.contains("      S1: the switch beside the plug: up (at the drive itself)\n"), "{rs232}");
