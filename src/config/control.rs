@@ -186,12 +186,7 @@ enum Has {
 }
 
 fn has(model: &Model, action: ControlAction) -> Has {
-    let fact = model.run.as_ref().and_then(|run| match action {
-        ControlAction::Reverse => run.reverse.as_ref(),
-        ControlAction::Coast => run.coast.as_ref(),
-        ControlAction::Reset => run.reset.as_ref(),
-        ControlAction::Release => run.release.as_ref(),
-    });
+    let fact = model.run.as_ref().and_then(|run| run.action(action));
     match fact.map(|fact| fact.confidence) {
         None => Has::No,
         Some(confidence) if confidence.is_proven() => Has::Proven(confidence),

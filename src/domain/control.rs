@@ -41,6 +41,9 @@ pub enum ControlAction {
 }
 
 impl ControlAction {
+    /// All of them.
+    pub const ALL: &[Self] = &[Self::Reverse, Self::Coast, Self::Reset, Self::Release];
+
     /// The word as it stands in the configuration.
     #[must_use]
     pub const fn word(self) -> &'static str {

@@ -1,6 +1,6 @@
 //! The review of orders that are carried out while the motor stands still: reset, release, set-up.
 
-use super::review::{Facts, Verdict, is_proven, no_steps, refused};
+use super::review::{Facts, Verdict, no_steps, refused};
 use super::state::DriveGuard;
 use crate::domain::command::{CommandRequest, Manner, Order, Outcome, Owner, Reason, Report, RunIntent};
 use crate::domain::control::{ControlAction, ControlSettings};
@@ -15,8 +15,7 @@ impl DriveGuard {
         facts: &Facts,
         now: MonoTime,
     ) -> Result<Verdict, Report> {
-        let reset = self.model.run.as_ref().and_then(|run| run.reset.as_ref());
-        is_proven(reset, ControlAction::Reset, control)?;
+        self.may_do(ControlAction::Reset, control)?;
         let stands_still = facts.at_standstill && self.intent() == RunIntent::Stop;
         match facts.tripped {
             Some(true) => {}
@@ -48,8 +47,7 @@ impl DriveGuard {
         if !control.allow_release {
             return Err(refused(Reason::NoRelease));
         }
-        let release = self.model.run.as_ref().and_then(|run| run.release.as_ref());
-        is_proven(release, ControlAction::Release, control)?;
+        self.may_do(ControlAction::Release, control)?;
         self.may_change_at_rest(command, facts, now)?;
         let steps = steps::of_release(&self.model).map_err(no_steps)?;
         let approved = self.approve(command, Order::Release, steps);

@@ -9,7 +9,6 @@ use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use crate::drive::steps::{self, NoSteps};
-use crate::profile::model::Fact;
 use std::time::Duration;
 
 /// A command that names no deadline is sent within this time or never (laws: every command has a deadline). Every lease
@@ -104,8 +103,7 @@ impl DriveGuard {
         now: MonoTime,
     ) -> Result<Verdict, Report> {
         may_stop(origin)?;
-        let coast = self.model.run.as_ref().and_then(|run| run.coast.as_ref());
-        is_proven(coast, ControlAction::Coast, control)?;
+        self.may_do(ControlAction::Coast, control)?;
         let in_force = self.is_stop_in_force(origin, RunIntent::Coast);
         self.stop(origin, in_force, true, facts, now)
     }
@@ -261,11 +259,17 @@ impl DriveGuard {
         if !control.directions.contains(&direction) {
             return Err(refused(Reason::DirectionNotAllowed));
         }
-        let run = self.model.run.as_ref().ok_or(refused(Reason::NotCapable))?;
         match direction {
             Direction::Forward => Ok(()),
-            Direction::Reverse => is_proven(run.reverse.as_ref(), ControlAction::Reverse, control),
+            Direction::Reverse => self.may_do(ControlAction::Reverse, control),
         }
+    }
+
+    /// A control action needs a fact of the model that is proven, or that the control section accepts as it is.
+    pub(super) fn may_do(&self, action: ControlAction, control: &ControlSettings) -> Result<(), Report> {
+        let run = self.model.run.as_ref().filter(|run| run.action(action).is_some());
+        let run = run.ok_or(refused(Reason::NotCapable))?;
+        if run.may(action, &control.accept_unverified) { Ok(()) } else { Err(refused(Reason::Unverified)) }
     }
 
     pub(super) fn approve(&self, command: &CommandRequest, order: Order, steps: Vec<steps::Step>) -> Approved {
@@ -309,18 +313,4 @@ fn are_listed(writes: &[RegisterWrite], control: &ControlSettings) -> Result<(),
 fn is_within(frequency: Hertz, control: &ControlSettings) -> Result<(), Report> {
     let within = (control.least..=control.most).contains(&frequency);
     if within { Ok(()) } else { Err(refused(Reason::OutsideLimits)) }
-}
-
-/// A control action needs a fact of the model that is proven, or that the control section accepts as it is.
-pub(super) fn is_proven<T>(
-    fact: Option<&Fact<T>>,
-    action: ControlAction,
-    control: &ControlSettings,
-) -> Result<(), Report> {
-    let fact = fact.ok_or(refused(Reason::NotCapable))?;
-    if fact.confidence.is_proven() || control.accept_unverified.contains(&action) {
-        Ok(())
-    } else {
-        Err(refused(Reason::Unverified))
-    }
 }

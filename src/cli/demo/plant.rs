@@ -4,7 +4,7 @@ use crate::domain::control::ControlAction;
 use crate::domain::ids::Station;
 use crate::domain::link::{Framing, Interface, LinkSettings};
 use crate::profile::check;
-use crate::profile::model::{Fact, Model};
+use crate::profile::model::{Model, RunCommand};
 use crate::profile::words::{PARITIES, word_for};
 use crate::vendors;
 use std::collections::BTreeSet;
@@ -126,16 +126,10 @@ fn drive_section(text: &mut String, drive: &Drive, unit: u8) {
 }
 
 /// The actions that `model` has and does not prove. The simulator plays them as they are described, so the demo accepts
-/// them all.
+/// them all but the release, which nobody is offered here.
 fn unproven(model: &Model) -> impl Iterator<Item = ControlAction> + '_ {
-    let run = model.run.as_ref();
-    let facts = [
-        (ControlAction::Reverse, run.and_then(|run| run.reverse.as_ref())),
-        (ControlAction::Reset, run.and_then(|run| run.reset.as_ref())),
-        (ControlAction::Coast, run.and_then(|run| run.coast.as_ref())),
-    ];
-    let is_unproven = |fact: Option<&Fact<u16>>| fact.is_some_and(|fact| !fact.confidence.is_proven());
-    facts.into_iter().filter(move |(_, fact)| is_unproven(*fact)).map(|(action, _)| action)
+    let unproven = model.run.iter().flat_map(RunCommand::unproven).map(|(action, _)| action);
+    unproven.filter(|action| *action != ControlAction::Release)
 }
 
 #[cfg(test)]

@@ -4,12 +4,13 @@ use super::clock::Clock;
 use super::slot::{Present, retained};
 use super::types::{Publication, Qos};
 use crate::domain::command::{Direction, Owner, RunIntent};
+use crate::domain::control::ControlAction;
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::Reading;
 use crate::drive::view::{ControlView, DriveView, RunState, TripRecord};
-use crate::profile::model::{Confidence, Fact, Flag, Register};
+use crate::profile::model::{Confidence, Flag, Register};
 use crate::profile::scale::Scaled;
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
@@ -98,18 +99,15 @@ pub(super) fn object(value: Value) -> Map<String, Value> {
 /// What a drive's control section and model allow to be commanded, as words.
 pub(super) fn capabilities(drive: &DriveDescription) -> Vec<&'static str> {
     let (Some(control), Some(run)) = (&drive.control, &drive.model.run) else { return Vec::new() };
-    let accepts = |fact: &Option<Fact<u16>>, word: &str| {
-        let is_accepted = control.accept_unverified.iter().any(|action| action.word() == word);
-        fact.as_ref().is_some_and(|fact| fact.confidence.is_proven() || is_accepted)
-    };
+    let may = |action| run.may(action, &control.accept_unverified);
     let table = [
         ("stop", true),
         ("frequency", true),
         ("forward", control.directions.contains(&Direction::Forward)),
-        ("reverse", control.directions.contains(&Direction::Reverse) && accepts(&run.reverse, "reverse")),
-        ("coast", accepts(&run.coast, "coast")),
-        ("reset", accepts(&run.reset, "reset")),
-        ("release", control.allow_release && accepts(&run.release, "release")),
+        ("reverse", control.directions.contains(&Direction::Reverse) && may(ControlAction::Reverse)),
+        ("coast", may(ControlAction::Coast)),
+        ("reset", may(ControlAction::Reset)),
+        ("release", control.allow_release && may(ControlAction::Release)),
     ];
     table.into_iter().filter(|(_, is_there)| *is_there).map(|(word, _)| word).collect()
 }

@@ -1,6 +1,7 @@
 //! How a model is commanded: run commands, writes, and what has to be set on the drive before it obeys.
 
 use super::Fact;
+use crate::domain::control::ControlAction;
 use crate::domain::link::Interface;
 
 /// How run commands are given: one register that takes words.
@@ -25,6 +26,31 @@ pub struct RunCommand {
     pub reset_sequence: Vec<u16>,
     /// Words that must never be written, whoever asks: the drive's answer to them is not known.
     pub never: Vec<Fact<u16>>,
+}
+
+impl RunCommand {
+    /// The word for `action`, where the model has it.
+    #[must_use]
+    pub const fn action(&self, action: ControlAction) -> Option<&Fact<u16>> {
+        match action {
+            ControlAction::Reverse => self.reverse.as_ref(),
+            ControlAction::Coast => self.coast.as_ref(),
+            ControlAction::Reset => self.reset.as_ref(),
+            ControlAction::Release => self.release.as_ref(),
+        }
+    }
+
+    /// Whether `action` may be ordered: the model has it, and it is proven or one of `accepted`.
+    #[must_use]
+    pub fn may(&self, action: ControlAction, accepted: &[ControlAction]) -> bool {
+        self.action(action).is_some_and(|fact| fact.confidence.is_proven() || accepted.contains(&action))
+    }
+
+    /// The actions that the model has and does not prove, with what is known of them.
+    pub fn unproven(&self) -> impl Iterator<Item = (ControlAction, &Fact<u16>)> {
+        let all = ControlAction::ALL.iter().filter_map(|action| Some((*action, self.action(*action)?)));
+        all.filter(|(_, fact)| !fact.confidence.is_proven())
+    }
 }
 
 /// How the words of run commands are built.

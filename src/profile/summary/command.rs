@@ -2,7 +2,6 @@
 
 use super::layout::{Row, choice, list, row};
 use super::registers::name_at;
-use crate::domain::control::ControlAction;
 use crate::profile::model::{Model, RunCommand, RunForm};
 use crate::profile::words::{BIT_MEANINGS, INTERFACES, word_for};
 
@@ -38,16 +37,9 @@ pub(super) fn run_bits(run: &RunCommand) -> Vec<Row> {
 
 /// What the gateway does only where the configuration accepts it.
 pub(super) fn unproven_actions(run: &RunCommand) -> Vec<Row> {
-    let all = [
-        (ControlAction::Reverse, &run.reverse),
-        (ControlAction::Coast, &run.coast),
-        (ControlAction::Reset, &run.reset),
-        (ControlAction::Release, &run.release),
-    ];
-    let unproven = all.into_iter().filter_map(|(action, fact)| {
-        let fact = fact.as_ref().filter(|fact| !fact.confidence.is_proven())?;
-        Some(vec![action.word().to_owned(), fact.confidence.word().to_owned(), fact.source.clone()])
-    });
+    let unproven = run
+        .unproven()
+        .map(|(action, fact)| vec![action.word().to_owned(), fact.confidence.word().to_owned(), fact.source.clone()]);
     let rows: Vec<_> = unproven.collect();
     if rows.is_empty() { vec![vec!["none".to_owned()]] } else { rows }
 }

@@ -7,7 +7,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{DriveView, RunState};
-use crate::profile::model::{Fact, Flag, Model, Role};
+use crate::profile::model::{Flag, Model, Role};
 
 /// Status bits: uniform word 1 and the discrete inputs of the same numbers.
 pub mod bit {
@@ -144,18 +144,15 @@ pub(super) fn reported(drive: &DriveDescription, sources: &Sources) -> u16 {
 /// Uniform word 26: what the model can do and the control section allows.
 pub(super) fn capabilities(model: &Model, control: Option<&ControlSettings>) -> u16 {
     let (Some(control), Some(run)) = (control, &model.run) else { return 0 };
-    let may = |fact: &Option<Fact<u16>>, action| {
-        let accepted = control.accept_unverified.contains(&action);
-        fact.as_ref().is_some_and(|fact| accepted || fact.confidence.is_proven())
-    };
+    let may = |action| run.may(action, &control.accept_unverified);
     let turns = |direction| control.directions.contains(&direction);
     [
         (turns(Direction::Forward), capability::FORWARD),
-        (turns(Direction::Reverse) && may(&run.reverse, ControlAction::Reverse), capability::REVERSE),
-        (may(&run.coast, ControlAction::Coast), capability::COAST),
-        (may(&run.reset, ControlAction::Reset), capability::RESET),
+        (turns(Direction::Reverse) && may(ControlAction::Reverse), capability::REVERSE),
+        (may(ControlAction::Coast), capability::COAST),
+        (may(ControlAction::Reset), capability::RESET),
         (model.register_for(Role::FrequencyCommand).is_some(), capability::SETPOINT),
-        (control.allow_release && may(&run.release, ControlAction::Release), capability::RELEASE),
+        (control.allow_release && may(ControlAction::Release), capability::RELEASE),
     ]
     .into_iter()
     .filter_map(|(is_set, bit)| is_set.then_some(bit))
