@@ -17,6 +17,7 @@
 //! | `losing` | the commander, the broker or the gateway is gone, and the motor does not run on |
 //! | `uniform` | the uniform unit and the exceptions as Modbus clients see them |
 //! | `overseeing` | metrics, alive, ready, the health check |
+//! | `vendors` | drives of other vendors, in ASCII too, played by a program that nobody here wrote, obey and are understood |
 //! | `trying` | the demo does what it prints |
 //!
 //! The other files are helpers. These tests are few and slow; what needs no process is tested elsewhere.
@@ -63,6 +64,8 @@ mod topics;
 mod trying;
 #[path = "process/uniform.rs"]
 mod uniform;
+#[path = "process/vendors.rs"]
+mod vendors;
 
 #[path = "process/mosquitto.rs"]
 mod mosquitto;

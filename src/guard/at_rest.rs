@@ -48,6 +48,10 @@ impl DriveGuard {
             return Err(refused(Reason::NoRelease));
         }
         self.may_do(ControlAction::Release, control)?;
+        // A controller that holds the value for release means the change to it.
+        if self.is_released && command.origin.manner == Manner::Cyclic {
+            return Ok(Verdict::Unchanged);
+        }
         self.may_change_at_rest(command, facts, now)?;
         let steps = steps::of_release(&self.model).map_err(no_steps)?;
         let approved = self.approve(command, Order::Release, steps);

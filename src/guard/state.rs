@@ -32,6 +32,8 @@ pub struct DriveGuard {
     /// When the last stop was accepted.
     pub(super) stopped_at: Option<MonoTime>,
     failsafe: bool,
+    /// Control was handed back, and nothing was ordered since.
+    pub(super) is_released: bool,
     pub(super) is_ending: bool,
 }
 
@@ -79,6 +81,7 @@ impl DriveGuard {
             epoch: first_epoch,
             stopped_at: None,
             failsafe: false,
+            is_released: false,
             is_ending: false,
         }
     }
@@ -187,6 +190,7 @@ impl DriveGuard {
     /// Control was handed back to panel or terminals: nobody holds it here, and whoever starts again stops first.
     pub(super) fn released(&mut self) {
         self.lease = None;
+        self.is_released = true;
         self.inhibit();
     }
 
@@ -239,6 +243,7 @@ impl DriveGuard {
     }
 
     pub(super) fn accept_run(&mut self, owner: Owner, direction: Direction) {
+        self.is_released = false;
         self.intent = RunIntent::Run(direction);
         self.turned = Some(direction);
         self.run_acknowledged = false;
@@ -253,6 +258,7 @@ impl DriveGuard {
     /// Accepts a stop: everything approved before is void, everybody else is inhibited. A stop by somebody who does
     /// not hold control ends the lease.
     pub(super) fn accept_stop(&mut self, owner: Option<Owner>, coast: bool, now: MonoTime) {
+        self.is_released = false;
         self.stops += 1;
         self.epoch += 1;
         self.stopped_at = Some(now);

@@ -17,4 +17,4 @@ pub mod values;
 pub mod words;
 
 #[cfg(test)]
-mod testing;
+pub mod testing;

@@ -1,4 +1,4 @@
-//! What the tests of this room share: sound models, and problems as text.
+//! What the tests of this room and of later ones share: sound models, and problems as text.
 
 use super::check;
 use crate::domain::problem::Problem;
@@ -53,6 +53,11 @@ poll = "fast"
 confidence = "manual"
 source = "IM 4"
 "#;
+
+/// The beginning of that file: everything but its register.
+pub fn head() -> &'static str {
+    MODEL.split_once("[[register]]").map_or(MODEL, |(head, _)| head)
+}
 
 /// A line for each problem: place, key, what is wrong, what would be right.
 pub(super) fn told(problems: &[Problem], text: &str) -> String {

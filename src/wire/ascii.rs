@@ -1,6 +1,6 @@
 //! ASCII frames: two hexadecimal digits for each byte between ':' and CR LF (Modbus over serial line V1.02, 2.5.2).
 
-use super::frame::{Expected, Found};
+use super::frame::Expected;
 use super::pdu::{MAX_PDU_BYTES, function};
 use std::ops::Range;
 
@@ -46,78 +46,40 @@ pub fn decode(adu: &[u8]) -> Option<(u8, Vec<u8>)> {
     Some((bytes.remove(0), bytes))
 }
 
-/// Collects received bytes and finds sound frames among them, whatever their function.
-#[derive(Debug, Default)]
-pub struct Assembler {
-    bytes: Vec<u8>,
+/// Where the next sound frame stands in `bytes`, whatever its function.
+#[must_use]
+pub fn find(bytes: &[u8]) -> Option<Range<usize>> {
+    ended(bytes).find(|place| bytes.get(place.clone()).is_some_and(|adu| decode(adu).is_some()))
 }
 
-impl Assembler {
-    /// Most bytes that are kept: two of the longest frames. What comes on top pushes out the oldest.
-    pub const MAX_BYTES: usize = 2 * MAX_ADU_BYTES;
+/// Whether a frame that has ended begins like the expected reply or its exception and is as long. With nothing sound
+/// among `bytes`, it is that reply, damaged.
+#[must_use]
+pub fn holds_damaged(bytes: &[u8], expected: &Expected) -> bool {
+    ended(bytes).any(|place| {
+        let length = match bytes.get(place.start + 1..place.start + 5).and_then(bytes_of).as_deref() {
+            Some([station, _]) if *station != expected.station => return false,
+            Some([_, code]) if *code == expected.function => expected.adu_bytes,
+            Some([_, code]) if *code == expected.function | function::EXCEPTION_BIT => EXCEPTION_ADU_BYTES,
+            _ => return false,
+        };
+        place.len() == length
+    })
+}
 
-    /// Takes received bytes; returns those that were pushed out because nobody could use them.
-    pub fn push(&mut self, received: &[u8]) -> Vec<u8> {
-        self.bytes.extend_from_slice(received);
-        let excess = self.bytes.len().saturating_sub(Self::MAX_BYTES);
-        self.bytes.drain(..excess).collect()
-    }
-
-    /// Takes the next sound frame out, with the noise before it.
-    pub fn take(&mut self) -> Option<Found> {
-        let place = self.ended().find(|place| decode(&self.bytes[place.clone()]).is_some())?;
-        let adu = self.bytes[place.clone()].to_vec();
-        let noise = self.bytes[..place.start].to_vec();
-        self.bytes.drain(..place.end);
-        Some(Found { noise, adu })
-    }
-
-    /// Whether no bytes wait.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.bytes.is_empty()
-    }
-
-    /// The bytes that wait.
-    #[must_use]
-    pub fn bytes(&self) -> &[u8] {
-        &self.bytes
-    }
-
-    /// Gives out all that is left: noise, a damaged frame, or one that was never ended.
-    pub fn end(&mut self) -> Vec<u8> {
-        std::mem::take(&mut self.bytes)
-    }
-
-    /// Whether a frame that has ended begins like the expected reply or its exception and is as long. With nothing
-    /// sound among the bytes, it is that reply, damaged.
-    #[must_use]
-    pub fn holds_damaged(&self, expected: &Expected) -> bool {
-        self.ended().any(|place| {
-            let length = match self.bytes.get(place.start + 1..place.start + 5).and_then(bytes_of).as_deref() {
-                Some([station, _]) if *station != expected.station => return false,
-                Some([_, code]) if *code == expected.function => expected.adu_bytes,
-                Some([_, code]) if *code == expected.function | function::EXCEPTION_BIT => EXCEPTION_ADU_BYTES,
-                _ => return false,
-            };
-            place.len() == length
-        })
-    }
-
-    /// Where the frames are that have ended, sound or not: each from the last ':' before a CR LF to its end.
-    fn ended(&self) -> impl Iterator<Item = Range<usize>> + '_ {
-        let mut from = 0;
-        std::iter::from_fn(move || {
-            loop {
-                let length = self.bytes[from..].windows(END.len()).position(|pair| pair == END)? + END.len();
-                let piece = from..from + length;
-                from = piece.end;
-                if let Some(start) = self.bytes[piece.clone()].iter().rposition(|byte| *byte == START) {
-                    return Some(piece.start + start..piece.end);
-                }
+/// Where the frames are that have ended, sound or not: each from the last ':' before a CR LF to its end.
+fn ended(bytes: &[u8]) -> impl Iterator<Item = Range<usize>> + '_ {
+    let mut from = 0;
+    std::iter::from_fn(move || {
+        loop {
+            let length = bytes[from..].windows(END.len()).position(|pair| pair == END)? + END.len();
+            let piece = from..from + length;
+            from = piece.end;
+            if let Some(start) = bytes[piece.clone()].iter().rposition(|byte| *byte == START) {
+                return Some(piece.start + start..piece.end);
             }
-        })
-    }
+        }
+    })
 }
 
 /// The bytes that `digits` stand for, two digits each.
@@ -137,6 +99,9 @@ fn sum(bytes: &[u8]) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::link::Framing;
+    use crate::wire::frame::Found;
+    use crate::wire::framing::Assembler;
     use crate::wire::pdu::{Reply, Request, encode_words_reply};
 
     /// Requests with their replies as the manuals of TECO's E510, E510s and A510s print them (or with the LRC that
@@ -177,11 +142,11 @@ mod tests {
     }
 
     fn found_in(stream: &[u8], chunk: usize) -> (Vec<Found>, Vec<u8>) {
-        let mut assembler = Assembler::default();
+        let mut assembler = Assembler::new(Framing::Ascii);
         let mut found = Vec::new();
         for chunk in stream.chunks(chunk) {
             assembler.push(chunk);
-            found.extend(std::iter::from_fn(|| assembler.take()));
+            found.extend(std::iter::from_fn(|| assembler.take(None)));
         }
         (found, assembler.end())
     }
@@ -216,9 +181,9 @@ mod tests {
             assert_eq!(adu.len(), EXCEPTION_ADU_BYTES);
             let Some(misprint) = misprint else { continue };
             assert_eq!(decode(misprint.as_bytes()), None, "{misprint}");
-            let mut assembler = Assembler::default();
+            let mut assembler = Assembler::new(Framing::Ascii);
             assembler.push(misprint.as_bytes());
-            assert_eq!(assembler.take(), None);
+            assert_eq!(assembler.take(None), None);
             assert!(assembler.holds_damaged(&expected(&request)), "{misprint}");
             assert!(!assembler.holds_damaged(&Expected { station: 2, ..expected(&request) }), "{misprint}");
         }
@@ -291,13 +256,13 @@ mod tests {
     #[test]
     fn a_babbling_node_cannot_fill_the_memory() {
         for babble in [b'U', START, b'\n'] {
-            let mut assembler = Assembler::default();
+            let mut assembler = Assembler::new(Framing::Ascii);
             let mut pushed_out = 0;
             for _ in 0..1000 {
                 pushed_out += assembler.push(&[babble; 100]).len();
             }
-            assert_eq!(pushed_out, 100_000 - Assembler::MAX_BYTES);
-            assert_eq!(assembler.end().len(), Assembler::MAX_BYTES);
+            assert_eq!(pushed_out, 100_000 - 2 * MAX_ADU_BYTES);
+            assert_eq!(assembler.end().len(), 2 * MAX_ADU_BYTES);
         }
     }
 }

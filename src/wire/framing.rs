@@ -38,71 +38,76 @@ pub fn decode(framing: Framing, adu: &[u8]) -> Option<(u8, Cow<'_, [u8]>)> {
     }
 }
 
-/// Collects received bytes and finds sound frames among them: see [`rtu::Assembler`] and [`ascii::Assembler`].
+/// Collects received bytes and finds sound frames among them: see [`rtu::find`] and [`ascii::find`].
 #[derive(Debug)]
-pub enum Assembler {
-    /// Frames end by length and silence.
-    Rtu(rtu::Assembler),
-    /// Frames end by themselves.
-    Ascii(ascii::Assembler),
+pub struct Assembler {
+    framing: Framing,
+    bytes: Vec<u8>,
 }
 
 impl Assembler {
     /// An empty one.
     #[must_use]
-    pub fn new(framing: Framing) -> Self {
-        match framing {
-            Framing::Rtu => Self::Rtu(rtu::Assembler::default()),
-            Framing::Ascii => Self::Ascii(ascii::Assembler::default()),
-        }
+    pub const fn new(framing: Framing) -> Self {
+        Self { framing, bytes: Vec::new() }
+    }
+
+    /// Most bytes that are kept: two of the longest frames. What comes on top pushes out the oldest.
+    #[must_use]
+    pub const fn max_bytes(&self) -> usize {
+        2 * max_adu_bytes(self.framing)
     }
 
     /// Takes received bytes; returns those that were pushed out because nobody could use them.
     pub fn push(&mut self, received: &[u8]) -> Vec<u8> {
-        match self {
-            Self::Rtu(it) => it.push(received),
-            Self::Ascii(it) => it.push(received),
-        }
+        self.bytes.extend_from_slice(received);
+        let excess = self.bytes.len().saturating_sub(self.max_bytes());
+        self.bytes.drain(..excess).collect()
     }
 
     /// Takes the next sound frame out, with the noise before it.
     pub fn take(&mut self, expected: Option<&Expected>) -> Option<Found> {
-        match self {
-            Self::Rtu(it) => it.take(expected),
-            Self::Ascii(it) => it.take(),
-        }
+        let place = match self.framing {
+            Framing::Rtu => rtu::find(&self.bytes, expected),
+            Framing::Ascii => ascii::find(&self.bytes),
+        }?;
+        let adu = self.bytes[place.clone()].to_vec();
+        let noise = self.bytes[..place.start].to_vec();
+        self.bytes.drain(..place.end);
+        Some(Found { noise, adu })
     }
 
     /// Whether no bytes wait.
     #[must_use]
-    pub fn is_empty(&self) -> bool {
-        match self {
-            Self::Rtu(it) => it.is_empty(),
-            Self::Ascii(it) => it.is_empty(),
-        }
+    pub const fn is_empty(&self) -> bool {
+        self.bytes.is_empty()
     }
 
-    /// Gives out all that is left.
+    /// The bytes that wait.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// Gives out all that is left: noise, a damaged frame, one that was never ended, or one whose length no function
+    /// code tells, which [`decode`] finds out.
     pub fn end(&mut self) -> Vec<u8> {
-        match self {
-            Self::Rtu(it) => it.end(),
-            Self::Ascii(it) => it.end(),
-        }
+        std::mem::take(&mut self.bytes)
     }
 
     /// Whether the bytes that wait, with nothing sound among them, hold the expected reply or its exception, damaged.
     /// Where frames do not end by themselves, only silence behind the bytes makes that sure.
     #[must_use]
     pub fn holds_damaged(&self, expected: &Expected) -> bool {
-        match self {
-            Self::Rtu(it) => it.holds_damaged(expected),
-            Self::Ascii(it) => it.holds_damaged(expected),
+        match self.framing {
+            Framing::Rtu => rtu::holds_damaged(&self.bytes, expected),
+            Framing::Ascii => ascii::holds_damaged(&self.bytes, expected),
         }
     }
 
     /// Whether a frame itself says that it is over, so that nothing behind it can belong to it.
     #[must_use]
     pub const fn sees_ends(&self) -> bool {
-        matches!(self, Self::Ascii(_))
+        matches!(self.framing, Framing::Ascii)
     }
 }

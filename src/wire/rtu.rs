@@ -1,8 +1,9 @@
 //! RTU frames: building them, and finding replies in a stream of bytes by length, CRC and silence.
 
 use super::crc;
-use super::frame::{Expected, Found};
+use super::frame::Expected;
 use super::pdu::function;
+use std::ops::Range;
 
 /// Longest RTU frame in bytes (Modbus over serial line V1.02, 2.5.1).
 pub const MAX_ADU_BYTES: usize = 256;
@@ -62,77 +63,31 @@ pub enum ReplyLength {
     OnlySilenceTells,
 }
 
-/// Collects received bytes and finds sound reply frames among them.
+/// Where the next sound frame stands in `bytes`.
 ///
-/// A frame at the start is taken by its own length. Behind noise only the expected reply is looked
-/// for, because a random place has a chance of 1 in 65,536 to look like the start of some frame.
-#[derive(Debug, Default)]
-pub struct Assembler {
-    bytes: Vec<u8>,
+/// A frame at the start is taken by its own length. Behind noise only the expected reply is looked for, because a random
+/// place has a chance of 1 in 65,536 to look like the start of some frame.
+#[must_use]
+pub fn find(bytes: &[u8], expected: Option<&Expected>) -> Option<Range<usize>> {
+    let is_sound = |place: Range<usize>| bytes.get(place).is_some_and(crc::is_sound);
+    if let ReplyLength::Known(length) = reply_adu_bytes(bytes)
+        && length <= MAX_ADU_BYTES
+        && is_sound(0..length)
+    {
+        return Some(0..length);
+    }
+    let expected = expected?;
+    (1..bytes.len()).find_map(|start| {
+        let place = start..start + adu_bytes_at(expected, &bytes[start..])?;
+        is_sound(place.clone()).then_some(place)
+    })
 }
 
-impl Assembler {
-    /// Most bytes that are kept: two of the longest frames. What comes on top pushes out the oldest.
-    pub const MAX_BYTES: usize = 2 * MAX_ADU_BYTES;
-
-    /// Takes received bytes; returns those that were pushed out because nobody could use them.
-    pub fn push(&mut self, received: &[u8]) -> Vec<u8> {
-        self.bytes.extend_from_slice(received);
-        let excess = self.bytes.len().saturating_sub(Self::MAX_BYTES);
-        self.bytes.drain(..excess).collect()
-    }
-
-    /// Takes the next sound frame out, with the noise before it.
-    pub fn take(&mut self, expected: Option<&Expected>) -> Option<Found> {
-        let (start, end) = self.find(expected)?;
-        let adu = self.bytes[start..end].to_vec();
-        let noise = self.bytes[..start].to_vec();
-        self.bytes.drain(..end);
-        Some(Found { noise, adu })
-    }
-
-    /// Whether no bytes wait.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.bytes.is_empty()
-    }
-
-    /// The bytes that wait.
-    #[must_use]
-    pub fn bytes(&self) -> &[u8] {
-        &self.bytes
-    }
-
-    /// Ends the frame by silence: gives out all that is left. It can be a frame whose length no function code
-    /// tells, which [`decode`] finds out, or noise.
-    pub fn end(&mut self) -> Vec<u8> {
-        std::mem::take(&mut self.bytes)
-    }
-
-    /// Whether the bytes that wait begin like the expected reply or its exception and are as long. With nothing sound
-    /// among them, they are that reply, damaged, once silence has followed.
-    #[must_use]
-    pub fn holds_damaged(&self, expected: &Expected) -> bool {
-        adu_bytes_at(expected, &self.bytes) == Some(self.bytes.len())
-    }
-
-    fn find(&self, expected: Option<&Expected>) -> Option<(usize, usize)> {
-        if let ReplyLength::Known(length) = reply_adu_bytes(&self.bytes)
-            && length <= MAX_ADU_BYTES
-            && self.is_sound_at(0, length)
-        {
-            return Some((0, length));
-        }
-        let expected = expected?;
-        (1..self.bytes.len()).find_map(|start| {
-            let length = adu_bytes_at(expected, &self.bytes[start..])?;
-            self.is_sound_at(start, length).then_some((start, start + length))
-        })
-    }
-
-    fn is_sound_at(&self, start: usize, length: usize) -> bool {
-        self.bytes.get(start..start + length).is_some_and(crc::is_sound)
-    }
+/// Whether `bytes` begin like the expected reply or its exception and are as long. With nothing sound among them, they
+/// are that reply, damaged, once silence has followed.
+#[must_use]
+pub fn holds_damaged(bytes: &[u8], expected: &Expected) -> bool {
+    adu_bytes_at(expected, bytes) == Some(bytes.len())
 }
 
 /// Length of the frame at the start of `bytes` if that could be the expected reply or its exception.
@@ -149,13 +104,16 @@ fn adu_bytes_at(expected: &Expected, bytes: &[u8]) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::link::Framing;
+    use crate::wire::frame::Found;
+    use crate::wire::framing::Assembler;
 
     const EXPECTED: Expected = Expected { station: 1, function: 3, adu_bytes: 7 };
     const REPLY: [u8; 7] = [0x01, 0x03, 0x02, 0x17, 0x70, 0xB6, 0x50];
 
     #[test]
     fn a_frame_ends_by_its_length() {
-        let mut assembler = Assembler::default();
+        let mut assembler = Assembler::new(Framing::Rtu);
         for byte in &REPLY[..6] {
             assembler.push(&[*byte]);
             assert_eq!(assembler.take(Some(&EXPECTED)), None);
@@ -167,7 +125,7 @@ mod tests {
 
     #[test]
     fn noise_before_the_reply_is_told_apart() {
-        let mut assembler = Assembler::default();
+        let mut assembler = Assembler::new(Framing::Rtu);
         assembler.push(&[0xFF, 0x01, 0x03, 0x00]);
         assembler.push(&REPLY);
         let found = assembler.take(Some(&EXPECTED)).unwrap();
@@ -180,7 +138,7 @@ mod tests {
         for (count, is_frame) in [(251_u8, true), (252, false), (255, false)] {
             let mut adu = Vec::new();
             encode(&mut adu, 1, |out| out.extend([3, count].into_iter().chain((0..count).map(|_| 0x11))));
-            let mut assembler = Assembler::default();
+            let mut assembler = Assembler::new(Framing::Rtu);
             assembler.push(&adu);
             assert_eq!(assembler.take(None).is_some(), is_frame, "{count}");
         }
@@ -188,12 +146,12 @@ mod tests {
 
     #[test]
     fn a_babbling_node_cannot_fill_the_memory() {
-        let mut assembler = Assembler::default();
+        let mut assembler = Assembler::new(Framing::Rtu);
         let mut pushed_out = 0;
         for _ in 0..1000 {
             pushed_out += assembler.push(&[0x55; 100]).len();
         }
-        assert_eq!(pushed_out, 100_000 - Assembler::MAX_BYTES);
-        assert_eq!(assembler.end().len(), Assembler::MAX_BYTES);
+        assert_eq!(pushed_out, 100_000 - 2 * MAX_ADU_BYTES);
+        assert_eq!(assembler.end().len(), 2 * MAX_ADU_BYTES);
     }
 }

@@ -3,7 +3,7 @@
     client.py PORT REQUEST...
 
 A request is `read:UNIT:ADDRESS:COUNT`, with `read_input`, `coils` or `discrete` for the other tables,
-`write:UNIT:ADDRESS:VALUE[,VALUE]` or `coil:UNIT:ADDRESS:0|1`.
+`write:UNIT:ADDRESS:VALUE[,VALUE]`, `coil:UNIT:ADDRESS:0|1` or `loop:UNIT:0:WORD`.
 """
 
 import json
@@ -25,6 +25,8 @@ def ask(client, request):
         return client.read_discrete_inputs(address, count=int(rest), device_id=unit)
     if verb == "coil":
         return client.write_coil(address, rest == "1", device_id=unit)
+    if verb == "loop":
+        return client.diag_query_data(int(rest, 0).to_bytes(2, "big"), device_id=unit)
     if verb == "write":
         values = [int(value) for value in rest.split(",")]
         if len(values) == 1:
@@ -46,6 +48,8 @@ def main():
             # The library fills the last byte up.
             count = int(request.split(":")[3]) if not request.startswith("coil:") else 1
             print(json.dumps({"bits": list(answer.bits)[:count]}))
+        elif request.startswith("loop"):
+            print(json.dumps({"words": [int.from_bytes(answer.message, "big")]}))
         else:
             print(json.dumps({"words": list(answer.registers)}))
     client.close()

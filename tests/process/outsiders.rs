@@ -63,6 +63,15 @@ pub fn pymodbus_drive(port: &Path, station: u8) -> Started {
     Started::new(command)
 }
 
+/// A drive of another vendor played by pymodbus, which `trip CODE` trips; see `vendors.py`.
+pub fn pymodbus_vendor(drive: &str, port: &Path, station: u8) -> Started {
+    let mut command = Command::new(python());
+    command.arg(script("vendors.py")).arg(drive).arg(port).arg(station.to_string());
+    let started = Started::at_a_keyboard(command);
+    started.wait_for("that it plays", |line| line.starts_with("{\"plays\"").then_some(()));
+    started
+}
+
 /// Two pseudo-terminals, `one` and `other`, joined by socat like the two ends of a cable.
 pub fn cable(one: &Path, other: &Path) -> Started {
     let end = |path: &Path| format!("pty,raw,echo=0,link={}", path.display());

@@ -1,8 +1,10 @@
 //! ASCII replies found, and nothing else, in whatever a line delivers.
 
 use proptest::prelude::*;
-use vfd_gateway::wire::ascii::{self, Assembler};
+use vfd_gateway::domain::link::Framing;
+use vfd_gateway::wire::ascii;
 use vfd_gateway::wire::frame::{Expected, Found};
+use vfd_gateway::wire::framing::Assembler;
 use vfd_gateway::wire::pdu::{Reply, Request, encode_words_reply};
 
 /// The reply with `words` of `station`; bit n of `lower` makes its nth character lower case.
@@ -33,11 +35,11 @@ fn has_a_frame(bytes: &[u8]) -> bool {
 
 /// All that is found in `chunks`, and what is left.
 fn found_in<'a>(chunks: impl IntoIterator<Item = &'a [u8]>) -> (Vec<Found>, Vec<u8>) {
-    let mut assembler = Assembler::default();
+    let mut assembler = Assembler::new(Framing::Ascii);
     let mut found = Vec::new();
     for chunk in chunks {
         assert!(assembler.push(chunk).is_empty());
-        found.extend(std::iter::from_fn(|| assembler.take()));
+        found.extend(std::iter::from_fn(|| assembler.take(None)));
     }
     (found, assembler.end())
 }
@@ -103,16 +105,16 @@ proptest! {
         function in any::<u8>(),
         adu_bytes in 0..=600_usize,
     ) {
-        let mut assembler = Assembler::default();
+        let mut assembler = Assembler::new(Framing::Ascii);
         let mut given_out = Vec::new();
         for chunk in &chunks {
             given_out.extend(assembler.push(chunk));
-            while let Some(found) = assembler.take() {
+            while let Some(found) = assembler.take(None) {
                 prop_assert!(ascii::decode(&found.adu).is_some() && found.adu.len() <= ascii::MAX_ADU_BYTES);
                 given_out.extend(found.noise);
                 given_out.extend(found.adu);
             }
-            prop_assert!(assembler.bytes().len() <= Assembler::MAX_BYTES);
+            prop_assert!(assembler.bytes().len() <= assembler.max_bytes());
             let damaged = assembler.holds_damaged(&Expected { station, function, adu_bytes });
             prop_assert!(!damaged || assembler.bytes().windows(2).any(|pair| pair == b"\r\n"));
         }

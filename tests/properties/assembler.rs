@@ -3,10 +3,12 @@
 use proptest::prelude::*;
 use proptest::test_runner::FileFailurePersistence;
 use std::collections::BTreeSet;
+use vfd_gateway::domain::link::Framing;
 use vfd_gateway::wire::crc;
 use vfd_gateway::wire::frame::Expected;
+use vfd_gateway::wire::framing::Assembler;
 use vfd_gateway::wire::pdu::{Reply, Request, encode_words_reply};
-use vfd_gateway::wire::rtu::{self, Assembler, ReplyLength};
+use vfd_gateway::wire::rtu::{self, ReplyLength};
 
 fn config() -> ProptestConfig {
     ProptestConfig {
@@ -40,7 +42,7 @@ proptest! {
         prop_assume!(noise.is_empty() || !begins_with_a_frame(&stream));
 
         let expected = Expected { station, function: 3, adu_bytes: reply.len() };
-        let mut assembler = Assembler::default();
+        let mut assembler = Assembler::new(Framing::Rtu);
         let mut found = None;
         for chunk in stream.chunks(chunk) {
             prop_assert!(found.is_none(), "found before it was whole");
@@ -68,7 +70,7 @@ proptest! {
         for bit in bits.iter().map(|bit| bit.index(reply.len() * 8)).collect::<BTreeSet<_>>() {
             spoilt[bit / 8] ^= 1 << (bit % 8);
         }
-        let mut assembler = Assembler::default();
+        let mut assembler = Assembler::new(Framing::Rtu);
         assembler.push(&spoilt);
         while let Some(found) = assembler.take(Some(&Expected { station: 1, function: 3, adu_bytes: reply.len() })) {
             let (station, pdu) = rtu::decode(&found.adu).expect("what is found is sound");
@@ -82,7 +84,7 @@ proptest! {
         expected in prop::option::of((any::<u8>(), any::<u8>(), 4..=256_usize)),
     ) {
         let expected = expected.map(|(station, function, adu_bytes)| Expected { station, function, adu_bytes });
-        let mut assembler = Assembler::default();
+        let mut assembler = Assembler::new(Framing::Rtu);
         let mut given_out = Vec::new();
         for chunk in &chunks {
             given_out.extend(assembler.push(chunk));
@@ -91,7 +93,7 @@ proptest! {
                 given_out.extend(found.noise);
                 given_out.extend(found.adu);
             }
-            prop_assert!(assembler.bytes().len() <= Assembler::MAX_BYTES);
+            prop_assert!(assembler.bytes().len() <= assembler.max_bytes());
         }
         given_out.extend(assembler.end());
         prop_assert!(assembler.is_empty());

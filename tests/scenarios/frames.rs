@@ -1,9 +1,11 @@
 //! Every frame printed in the manuals, both ways: as values, as bytes, and as a receiver meets it on a line.
 
 use serde_json::Value;
+use vfd_gateway::domain::link::Framing;
 use vfd_gateway::wire::frame::{Expected, Found};
+use vfd_gateway::wire::framing::Assembler;
 use vfd_gateway::wire::pdu::{Reply, Request, encode_words_reply};
-use vfd_gateway::wire::rtu::{self, Assembler};
+use vfd_gateway::wire::rtu;
 
 /// One row of the table.
 struct Entry {
@@ -86,7 +88,7 @@ fn replies() -> Vec<(Entry, Vec<u8>)> {
 
 /// All that an assembler finds in `chunks`, and what is left when the line falls silent.
 fn heard<'a>(expected: Expected, chunks: impl IntoIterator<Item = &'a [u8]>) -> (Vec<Found>, Vec<u8>) {
-    let mut assembler = Assembler::default();
+    let mut assembler = Assembler::new(Framing::Rtu);
     let mut found = Vec::new();
     for chunk in chunks {
         assembler.push(chunk);

@@ -9,6 +9,7 @@ use crate::drive::snapshot::Presence;
 use crate::drive::view::{ControlView, DriveView, RunState};
 use crate::profile::catalog::Catalog;
 use crate::profile::model::{Model, PollClass};
+use crate::profile::testing::head;
 use std::fmt::Write;
 use std::sync::Arc;
 use std::time::Duration;
@@ -16,40 +17,7 @@ use std::time::Duration;
 /// The present of most tests.
 pub(super) const NOW: MonoTime = MonoTime::from_millis(1_000_000);
 
-const HEAD: &str = r#"id = "acme-9"
-vendor = "Acme"
-title = "Nine"
-
-[documents]
-IM = "Interface manual"
-
-[link]
-default = { baud = 9600, data_bits = 8, parity = "none", stop_bits = 1, confidence = "manual", source = "IM 1" }
-bauds = { value = [9600], confidence = "manual", source = "IM 1" }
-parities = { value = ["none"], confidence = "manual", source = "IM 1" }
-stop_bits = { value = [1], confidence = "manual", source = "IM 1" }
-data_bits = { value = [8], confidence = "manual", source = "IM 1" }
-framings = { value = ["rtu"], confidence = "manual", source = "IM 1" }
-interfaces = { value = ["rs485"], confidence = "manual", source = "IM 1" }
-stations = { from = 1, to = 247, confidence = "manual", source = "IM 1" }
-
-[timing]
-gap_chars = { value = 3.5, confidence = "manual", source = "IM 2" }
-reply_timeout_cap = { value = "500ms", confidence = "default", source = "cautious" }
-max_lateness = { value = "1s", confidence = "default", source = "cautious" }
-
-[functions]
-value = [3, 6]
-confidence = "manual"
-source = "IM 3"
-
-[read]
-max_words = { value = 8, confidence = "manual", source = "IM 3" }
-
-[write]
-refused = { value = "exception", confidence = "manual", source = "IM 3" }
-
-[run]
+const RUN: &str = r#"[run]
 form = "values"
 stop = { value = 0, confidence = "manual", source = "IM 5" }
 forward = { value = 1, confidence = "manual", source = "IM 5" }
@@ -75,7 +43,7 @@ pub(super) const POLLED: [(&str, u16, u32, &str); 10] = [
 
 /// A model with every role of [`POLLED`], torque and temperature signed.
 pub(super) fn model() -> Model {
-    let mut text = HEAD.to_owned();
+    let mut text = format!("{}{RUN}", head());
     for (role, address, scale, unit) in POLLED {
         let name = role.replace('-', "_");
         let _ = write!(
@@ -93,7 +61,7 @@ pub(super) fn model() -> Model {
         );
     }
     let catalog = Catalog::from_texts([("acme.toml", text.as_str())]).unwrap();
-    let mut model = Model::clone(catalog.find("acme-9").unwrap());
+    let mut model = Model::clone(catalog.find("acme-1").unwrap());
     for register in &mut model.registers {
         register.signed = matches!(register.name.as_str(), "torque" | "temperature");
         register.poll = register.poll.map(|_| PollClass::Fast);

@@ -1,6 +1,6 @@
 //! The rules of set-up and watchdog.
 
-use super::readable;
+use super::{once, readable};
 use crate::domain::link::Interface;
 use crate::domain::problem::Problem;
 use crate::profile::file::{ModelFile, SetupFile};
@@ -10,6 +10,8 @@ use crate::profile::words::{INTERFACES, word_for};
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     let interfaces = file.link.as_ref().and_then(|link| Some(&link.interfaces.value.as_ref()?.value[..]));
+    let registers = file.setup.iter().filter_map(|setup| setup.register.usable());
+    once(registers, |name| format!("the register `{name}`"), "a register that is set once", problems);
     for setup in &file.setup {
         setting_can_be_made(setup, &file.registers, problems);
         interface_is_there(setup, interfaces, problems);
@@ -88,6 +90,15 @@ mod tests {
                 "setup[0].register: no register is called `run_sauce` -> `run_source`",
             ),
         ]);
+    }
+
+    #[test]
+    fn a_register_is_set_once() {
+        each_is_told(&[(
+            "text = \"the switch beside the plug: up\"",
+            "text = \"the switch\"\nregister = \"run_source\"\nvalues = [2]",
+            "setup[1].register: the register `run_source` is taken by setup[0].register -> a register that is set once",
+        )]);
     }
 
     #[test]
