@@ -34,6 +34,8 @@ mod support;
 
 #[path = "scenarios/ascii_line.rs"]
 mod ascii_line;
+#[path = "scenarios/back_doors.rs"]
+mod back_doors;
 #[path = "scenarios/barriers.rs"]
 mod barriers;
 #[path = "scenarios/commander_lost.rs"]
@@ -50,11 +52,23 @@ mod every_request_ends;
 mod families;
 #[path = "scenarios/late_reply.rs"]
 mod late_reply;
+#[path = "scenarios/native_blocks.rs"]
+mod native_blocks;
 #[path = "scenarios/noisy_line.rs"]
 mod noisy_line;
+#[path = "scenarios/old_value_or_exception.rs"]
+mod old_value_or_exception;
+#[path = "scenarios/release_and_setup.rs"]
+mod release_and_setup;
+#[path = "scenarios/resets.rs"]
+mod resets;
+#[path = "scenarios/setpoint_before_run.rs"]
+mod setpoint_before_run;
 #[path = "scenarios/sharing.rs"]
 mod sharing;
 #[path = "scenarios/stop_wins.rs"]
 mod stop_wins;
 #[path = "scenarios/trips.rs"]
 mod trips;
+#[path = "scenarios/unproven.rs"]
+mod unproven;

@@ -1,11 +1,11 @@
 //! Every built-in drive is walked through its whole life: read, set, run both ways, stopped, let coast, tripped, reset,
 //! refused what it must refuse, and switched off and on. The same orders for all, whatever the vendor.
 
-use crate::support::{MQTT, Rig, RigOptions, STOP, catalog, control, run, setpoint};
+use crate::support::families::{accepting, models, rig_of};
+use crate::support::{MQTT, Rig, STOP, run, setpoint};
 use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason, RunIntent};
-use vfd_gateway::domain::control::{ControlAction, ControlSettings};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
 use vfd_gateway::drive::view::{RunState, TripEventKind};
@@ -14,27 +14,8 @@ use vfd_gateway::profile::model::{Flag, Model, Role};
 /// Trip number of the walk: every table of trips that is known has it.
 const CAUSE: u16 = 2;
 
-fn models() -> Vec<Arc<Model>> {
-    let catalog = catalog();
-    catalog.ids().map(|id| Arc::clone(catalog.find(id).unwrap())).collect()
-}
-
-/// Everything that the model has, proven or not.
-fn accepting() -> ControlSettings {
-    let accept_unverified =
-        vec![ControlAction::Reverse, ControlAction::Coast, ControlAction::Reset, ControlAction::Release];
-    ControlSettings { accept_unverified, allow_release: true, native_write: Vec::new(), ..control() }
-}
-
 fn rig(model: &Arc<Model>) -> Rig {
-    Rig::new(&RigOptions {
-        model: Arc::clone(model),
-        link: model.link.default.value,
-        control: Some(accepting()),
-        poll: Duration::from_millis(500),
-        proof_words: None,
-        ..RigOptions::default()
-    })
+    rig_of(model, accepting())
 }
 
 /// Commands and demands success: confirmed where the model shows it, acknowledged where it does not.

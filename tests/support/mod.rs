@@ -1,5 +1,7 @@
 //! What scenarios share: a rig of one line with simulated drives under a virtual clock, and configurations.
 
+pub mod families;
+
 use std::collections::HashMap;
 use std::net::{IpAddr, Ipv4Addr};
 use std::ops::RangeInclusive;

@@ -1,0 +1,282 @@
+//! A reset clears a trip and nothing else: it goes only where one may be, word by word as the vendor says, is never
+//! left standing, carries no order to run, and is told as what the drive shows of it.
+
+use crate::support::families::{accepting, models, options_of, rig_of};
+use crate::support::{MQTT, Rig, RigOptions, STOP, model, plc, run};
+use std::time::Duration;
+use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason};
+use vfd_gateway::domain::ids::{Station, Ticket};
+use vfd_gateway::domain::time::MonoTime;
+use vfd_gateway::drive::snapshot::Presence;
+use vfd_gateway::drive::view::RunState;
+
+const SECOND: Duration = Duration::from_secs(1);
+/// A trip number that every known table has.
+const CAUSE: u16 = 2;
+
+/// One vendor's way, typed from its manual.
+struct Way {
+    id: &'static str,
+    /// Address of the run command.
+    at: u16,
+    stop: u16,
+    reset: u16,
+    /// What goes over the line for a reset that nothing disturbs.
+    words: &'static [u16],
+    /// Bits of words that order the motor to run.
+    run_bits: u16,
+    /// A status word shows whether a trip holds.
+    shows_trips: bool,
+    /// The drive hears nothing for 2 s afterwards.
+    deaf: bool,
+}
+
+const WAYS: &[Way] = &[
+    Way { id: "hyundai-n700", words: &[0, 4, 0], ..NUMBERS },
+    Way { id: "hyundai-n100plus", words: &[0, 4, 0], run_bits: 0b0011, ..NUMBERS },
+    Way { id: "teco-e510", at: 0x2501, reset: 8, words: &[0, 8, 0], run_bits: 0b0011, shows_trips: true, ..NUMBERS },
+    Way { id: "teco-e510s", at: 0x2501, reset: 8, words: &[0, 8, 0], run_bits: 0b0011, shows_trips: true, ..NUMBERS },
+    Way { id: "frecon-fr500a", at: 0x2000, stop: 5, reset: 7, words: &[5, 7], shows_trips: true, ..NUMBERS },
+    // The drive is deaf to the stop behind the reset word, so that goes once more.
+    Way { id: "toshiba-vf-as1", ..BITS },
+    Way { id: "toshiba-vf-s15", ..BITS },
+];
+
+const NUMBERS: Way =
+    Way { id: "", at: 0x0002, stop: 0, reset: 4, words: &[], run_bits: 0, shows_trips: false, deaf: false };
+const BITS: Way = Way {
+    id: "",
+    at: 0xFA00,
+    stop: 0xC000,
+    reset: 0xE000,
+    words: &[0xC000, 0xE000, 0xC000, 0xC000],
+    run_bits: 0x0600,
+    shows_trips: true,
+    deaf: true,
+};
+
+/// A drive that has tripped while it ran.
+fn tripped(way: &Way, drives: u8) -> Rig {
+    let options = options_of(&model(way.id), accepting());
+    let mut rig = Rig::new(&RigOptions { drives, ..options });
+    rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
+    rig.live(SECOND * 3);
+    assert!(rig.output(1) > 0, "{}", way.id);
+    trip(&mut rig);
+    rig.live(SECOND * 4);
+    assert_eq!(rig.view(0).run_state, RunState::Tripped, "{}", way.id);
+    rig.sent.clear();
+    rig
+}
+
+fn trip(rig: &mut Rig) {
+    let now = rig.now;
+    rig.bus.drive_mut(Station(1)).unwrap().trip(now, CAUSE);
+}
+
+/// Resets, and lets time pass until `count` words of it are on the wire.
+fn reset_up_to(rig: &mut Rig, way: &Way, count: usize) -> Ticket {
+    let ticket = rig.command(MQTT, 0, Order::Reset);
+    let limit = rig.now + SECOND * 5;
+    while rig.written(way.at).len() < count {
+        assert!(rig.step(limit), "{}: {:02X?}", way.id, rig.written(way.at));
+    }
+    ticket
+}
+
+/// When a word went to the run command of the first drive first.
+fn sent_at(rig: &Rig, way: &Way, word: u16) -> MonoTime {
+    let pdu = crate::support::families::single(way.at, word);
+    rig.sent.iter().find(|sent| sent.frame[0] == 1 && sent.pdu == pdu).expect("it was sent").at
+}
+
+fn is_tripped(rig: &Rig) -> bool {
+    rig.bus.drive(Station(1)).unwrap().is_tripped()
+}
+
+fn keeps_the_rules(rig: &Rig, way: &Way) {
+    let report = rig.bus.drive(Station(1)).unwrap().report();
+    assert_eq!((report.forbidden_words, report.resets_held), (0, 0), "{}", way.id);
+    for word in rig.written(way.at) {
+        assert!([way.stop, way.reset].contains(&word), "{}: {word:04X} in a reset", way.id);
+        assert_eq!(word & way.run_bits, 0, "{}: {word:04X} orders to run", way.id);
+    }
+}
+
+#[test]
+fn there_is_a_way_for_every_model_that_can_be_reset() {
+    let known: Vec<_> = models().iter().map(|model| model.id.clone()).collect();
+    let mut ways: Vec<_> = WAYS.iter().map(|way| way.id.to_owned()).collect();
+    ways.sort();
+    assert_eq!(known, ways);
+}
+
+#[test]
+fn a_reset_is_the_vendors_words_and_no_others() {
+    for way in WAYS {
+        let mut rig = tripped(way, 1);
+        assert_eq!(rig.commanded(MQTT, Order::Reset), (Outcome::Confirmed, Reason::None), "{}", way.id);
+        assert_eq!(rig.written(way.at), way.words, "{}", way.id);
+        assert_eq!(rig.writes().len(), way.words.len(), "{}: nothing beside it", way.id);
+        assert!(!is_tripped(&rig), "{}", way.id);
+        keeps_the_rules(&rig, way);
+        rig.live(SECOND * 5);
+        assert_eq!((rig.output(1), rig.written(way.at).len()), (0, way.words.len()), "{}: nothing follows", way.id);
+    }
+}
+
+#[test]
+fn a_reset_goes_only_to_a_drive_that_is_tripped_or_may_be_and_stands_still() {
+    for way in WAYS {
+        let mut rig = rig_of(&model(way.id), accepting());
+        let told = rig.commanded(MQTT, Order::Reset);
+        if way.shows_trips {
+            assert_eq!(told, (Outcome::Refused, Reason::NotTripped), "{}: it is known not to be", way.id);
+            assert!(rig.writes().is_empty(), "{}", way.id);
+        } else {
+            assert_eq!(told, (Outcome::Confirmed, Reason::None), "{}: nobody knows, and it stands still", way.id);
+        }
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
+        rig.live(SECOND);
+        rig.sent.clear();
+        assert_eq!(rig.commanded(MQTT, Order::Reset), (Outcome::Refused, Reason::NotTripped), "{}", way.id);
+        assert!(rig.writes().is_empty(), "{}: {:02X?}", way.id, rig.writes());
+        assert!(rig.output(1) > 0, "{}", way.id);
+    }
+}
+
+#[test]
+fn a_stop_in_the_middle_cuts_a_reset_and_takes_its_bit_back() {
+    for way in WAYS {
+        for count in 1..=2 {
+            let mut rig = tripped(way, 1);
+            let reset = reset_up_to(&mut rig, way, count);
+            let cut_at = rig.now;
+            let stop = rig.command(plc(1), 0, STOP);
+            assert_eq!(rig.outcome_of(reset), (Outcome::Superseded, Reason::Stopped), "{}", way.id);
+            assert_eq!(rig.now, cut_at, "{}: at once", way.id);
+            assert_eq!(rig.outcome_of(stop), (Outcome::Confirmed, Reason::None), "{} after {count}", way.id);
+            let words = rig.written(way.at);
+            let resets = words.iter().filter(|word| **word == way.reset).count();
+            assert_eq!(resets, count - 1, "{}: {words:04X?}", way.id);
+            assert_eq!(words.last(), Some(&way.stop), "{}: {words:04X?}", way.id);
+            rig.live(SECOND * 5);
+            keeps_the_rules(&rig, way);
+            if way.deaf {
+                let held = rig.read(9, 0, way.at, 1);
+                let expected = vfd_gateway::domain::native::NativeOutcome::Words([way.stop].into());
+                assert_eq!(rig.answer_to(held), expected, "{} after {count}: what the drive holds", way.id);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_lost_reply_to_the_reset_word_is_told_as_what_the_drive_shows() {
+    for way in WAYS {
+        let mut rig = tripped(way, 1);
+        let ticket = reset_up_to(&mut rig, way, 1);
+        rig.loses_reply_to = Some(6);
+        let told = rig.outcome_of(ticket);
+        let expected =
+            if way.shows_trips { (Outcome::Confirmed, Reason::None) } else { (Outcome::Unknown, Reason::NoReply) };
+        assert_eq!(told, expected, "{}", way.id);
+        let words = rig.written(way.at);
+        assert_eq!(words.iter().filter(|word| **word == way.reset).count(), 1, "{}: {words:04X?}", way.id);
+        let ends_with_a_stop = way.words.last() == Some(&way.stop);
+        assert_eq!(words.last() == Some(&way.stop), ends_with_a_stop, "{}: {words:04X?}", way.id);
+        keeps_the_rules(&rig, way);
+    }
+}
+
+#[test]
+fn a_reset_without_effect_is_never_confirmed() {
+    for way in WAYS.iter().filter(|way| way.shows_trips) {
+        for loses in [None, Some(6)] {
+            let mut rig = tripped(way, 1);
+            let ticket = reset_up_to(&mut rig, way, 1);
+            rig.loses_reply_to = loses;
+            while rig.written(way.at).len() < 2 {
+                rig.step(rig.now + SECOND);
+            }
+            // The cause is still there.
+            trip(&mut rig);
+            let (outcome, reason) = rig.outcome_of(ticket);
+            assert!(matches!(outcome, Outcome::Failed | Outcome::Unknown), "{}: {outcome:?}, {reason:?}", way.id);
+            assert!(matches!(reason, Reason::NotReadBack | Reason::NoReply), "{}: {reason:?}", way.id);
+            keeps_the_rules(&rig, way);
+            rig.live(SECOND * 2);
+            assert_eq!(rig.view(0).run_state, RunState::Tripped, "{}", way.id);
+        }
+    }
+}
+
+#[test]
+fn a_drive_that_is_deaf_after_a_reset_is_left_alone_and_others_are_not_held_up() {
+    for way in WAYS.iter().filter(|way| way.deaf) {
+        for cut in [false, true] {
+            let mut rig = tripped(way, 2);
+            let reset = reset_up_to(&mut rig, way, 2);
+            if cut {
+                rig.command(plc(1), 0, STOP);
+            }
+            rig.live(SECOND * 4);
+            assert!(!rig.told(reset).is_empty(), "{}", way.id);
+            let since = sent_at(&rig, way, way.reset);
+            let to_first: Vec<_> = rig.sent.iter().filter(|sent| sent.frame[0] == 1).collect();
+            let stop = crate::support::families::single(way.at, way.stop);
+            let deaf = to_first.iter().filter(|sent| sent.at > since && sent.at < since + SECOND * 2);
+            for sent in deaf {
+                assert_eq!(sent.pdu, stop, "{}, cut {cut}: {:?} after", way.id, sent.at.since(since));
+            }
+            let others: Vec<_> = rig.sent.iter().filter(|sent| sent.frame[0] == 2).map(|sent| sent.at).collect();
+            let longest = others.windows(2).map(|pair| pair[1].since(pair[0])).max().unwrap();
+            assert!(longest < SECOND, "{}, cut {cut}: {longest:?} without the other drive", way.id);
+            assert_eq!(rig.view(0).snapshot.presence, Presence::Online, "{}, cut {cut}", way.id);
+            assert_eq!(rig.view(1).snapshot.presence, Presence::Online, "{}", way.id);
+            assert_eq!(rig.written(way.at).last(), Some(&way.stop), "{}", way.id);
+        }
+    }
+}
+
+#[test]
+fn after_a_reset_a_fresh_order_is_needed() {
+    for way in WAYS {
+        let mut rig = tripped(way, 1);
+        assert_eq!(rig.commanded(MQTT, Order::Reset).0, Outcome::Confirmed, "{}", way.id);
+        rig.live(SECOND * 5);
+        assert_eq!(rig.output(1), 0, "{}", way.id);
+        assert!(rig.view(0).control.unwrap().start_inhibited, "{}", way.id);
+        rig.pass(SECOND * 5);
+        rig.sent.clear();
+        // A controller that goes on writing its word for run has not seen that the drive tripped.
+        for _ in 0..5 {
+            let told = rig.commanded(plc(1), run(Direction::Forward, Some(3000)));
+            assert_eq!(told, (Outcome::Refused, Reason::StartInhibited), "{}", way.id);
+            rig.pass(SECOND / 2);
+        }
+        assert!(rig.writes().is_empty(), "{}: {:02X?}", way.id, rig.writes());
+        assert_eq!(rig.commanded(plc(1), STOP).0, Outcome::Confirmed, "{}", way.id);
+        let told = rig.commanded(plc(1), run(Direction::Forward, Some(3000))).0;
+        assert!(matches!(told, Outcome::Confirmed | Outcome::Acknowledged), "{}: {told:?}", way.id);
+        rig.pass(SECOND);
+        assert!(rig.output(1) > 0, "{}", way.id);
+    }
+}
+
+#[test]
+fn a_cyclic_reset_acts_once() {
+    for way in WAYS {
+        let mut rig = tripped(way, 1);
+        rig.pass(SECOND * 5);
+        rig.sent.clear();
+        assert_eq!(rig.commanded(plc(1), Order::Reset).0, Outcome::Confirmed, "{}", way.id);
+        rig.pass(SECOND * 3);
+        let words = rig.written(way.at).len();
+        for _ in 0..5 {
+            assert_eq!(rig.commanded(plc(1), Order::Reset).1, Reason::Unchanged, "{}", way.id);
+            rig.pass(SECOND / 2);
+        }
+        assert_eq!(rig.written(way.at).len(), words, "{}", way.id);
+    }
+}
