@@ -36,7 +36,8 @@ impl Demo {
             });
             found[0]
         };
-        let lines = program.find_all(|line| line.starts_with("  ").then(|| line.trim().to_owned()));
+        let is_to_try = |line: &str| ["mosquitto_", "mbpoll "].iter().any(|tool| line.starts_with(tool));
+        let lines = program.find_all(|line| Some(line.trim().to_owned()).filter(|line| is_to_try(line)));
         assert_eq!(lines.len(), 3, "{lines:?}");
         let (modbus, broker) = (address("Modbus TCP "), address("MQTT broker "));
         Self { program, modbus, broker, lines, alone }
