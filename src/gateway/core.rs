@@ -226,6 +226,9 @@ impl LineCore {
         for index in 0..self.works.len() {
             let is_offline = u16::try_from(index).is_ok_and(|index| self.is_offline(DriveIndex(index)));
             self.works[index].pass(now, is_offline, &mut self.effects);
+            if let Some(until) = self.works[index].take_rest() {
+                self.stations[index].rest_until(until);
+            }
         }
         self.decide(now);
     }
