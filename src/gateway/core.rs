@@ -192,10 +192,10 @@ impl LineCore {
         })
     }
 
-    /// Whether no stop is on its way: the line may be left.
+    /// Whether no stop is on its way, that of a reset included: the line may be left.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
-        !self.works.iter().any(DriveWork::has_stop)
+        !self.works.iter().any(DriveWork::must_go_on)
     }
 
     pub(super) fn is_offline(&self, drive: DriveIndex) -> bool {

@@ -42,7 +42,7 @@ fn every_polled_register_is_read_and_the_drive_found_at_rest() {
             assert!(view.snapshot.reading(register.address).is_some(), "{}: {}", model.id, register.name);
         }
         assert_eq!(view.run_state, RunState::Stopped, "{}", model.id);
-        assert_eq!(view.trip.active.unwrap_or(false), false, "{}", model.id);
+        assert!(!view.trip.active.unwrap_or(false), "{}", model.id);
     }
 }
 

@@ -9,6 +9,7 @@ use vfd_gateway::domain::ids::{Station, Ticket};
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::snapshot::Presence;
 use vfd_gateway::drive::view::RunState;
+use vfd_gateway::gateway::Input;
 use vfd_gateway::profile::model::Model;
 use vfd_gateway::sim::{DriveOptions, SimDrive};
 
@@ -308,6 +309,29 @@ fn a_drive_that_is_deaf_after_a_reset_is_left_alone_and_others_are_not_held_up()
             assert_eq!(rig.view(0).snapshot.presence, Presence::Online, "{}, cut {cut}", way.id);
             assert_eq!(rig.view(1).snapshot.presence, Presence::Online, "{}", way.id);
             assert_eq!(rig.written(way.at).last(), Some(&way.stop), "{}", way.id);
+        }
+    }
+}
+
+#[test]
+fn a_gateway_that_ends_leaves_no_reset_standing() {
+    for way in WAYS {
+        let mut rig = tripped(way, 1);
+        // Nobody holds control any more, so that nothing is declared for the end.
+        rig.pass(SECOND * 10);
+        assert!(rig.view(0).control.unwrap().lease.is_none(), "{}", way.id);
+        rig.sent.clear();
+        reset_up_to(&mut rig, way, 2);
+        rig.core.handle(rig.now, Input::Shutdown);
+        let limit = rig.now + SECOND * 4;
+        while !rig.core.is_at_rest() {
+            assert!(rig.step(limit), "{}: it does not end", way.id);
+        }
+        assert_eq!(rig.written(way.at), way.words, "{}", way.id);
+        if way.deaf {
+            let held = rig.read(9, 0, way.at, 1);
+            let expected = vfd_gateway::domain::native::NativeOutcome::Words([way.stop].into());
+            assert_eq!(rig.answer_to(held), expected, "{}", way.id);
         }
     }
 }
