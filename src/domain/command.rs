@@ -61,14 +61,15 @@ pub struct Go {
 }
 
 impl Go {
-    /// Most registers in one order.
+    /// Most registers in one order. Each part may be a frame of its own, so that a setpoint and RUN leave room for
+    /// fewer.
     pub const REGISTERS_MAX: usize = FRAMES_MAX;
 
-    /// The order of these parts; nothing if there is none, or more registers than [`Self::REGISTERS_MAX`].
+    /// The order of these parts; nothing if there is none, or more than fit into [`FRAMES_MAX`] frames.
     #[must_use]
     pub fn new(registers: Vec<RegisterWrite>, frequency: Option<Hertz>, run: Option<Direction>) -> Option<Self> {
-        let has_any = !registers.is_empty() || frequency.is_some() || run.is_some();
-        (has_any && registers.len() <= Self::REGISTERS_MAX).then_some(Self { registers, frequency, run })
+        let parts = registers.len() + usize::from(frequency.is_some()) + usize::from(run.is_some());
+        (1..=FRAMES_MAX).contains(&parts).then_some(Self { registers, frequency, run })
     }
 
     /// Registers without a role of their own, in the order in which they are written.
@@ -396,8 +397,17 @@ mod tests {
     #[test]
     fn an_order_that_sets_nothing_cannot_be_built() {
         assert_eq!(Go::new(Vec::new(), None, None), None);
-        let too_many = vec![RegisterWrite { address: 1, value: 1 }; Go::REGISTERS_MAX + 1];
-        assert_eq!(Go::new(too_many, None, None), None);
+    }
+
+    #[test]
+    fn an_order_never_needs_more_than_its_frames() {
+        let registers = |count| vec![RegisterWrite { address: 1, value: 1 }; count];
+        let (setpoint, run) = (Some(Hertz::ZERO), Some(Direction::Forward));
+        assert!(Go::new(registers(Go::REGISTERS_MAX), None, None).is_some());
+        assert!(Go::new(registers(Go::REGISTERS_MAX - 2), setpoint, run).is_some());
+        assert_eq!(Go::new(registers(Go::REGISTERS_MAX + 1), None, None), None);
+        assert_eq!(Go::new(registers(Go::REGISTERS_MAX), None, run), None);
+        assert_eq!(Go::new(registers(Go::REGISTERS_MAX - 1), setpoint, run), None);
     }
 
     #[test]

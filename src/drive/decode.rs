@@ -51,6 +51,17 @@ pub fn order(model: &Model, address: u16, values: &[u16]) -> Result<Order, Reaso
     }
 }
 
+/// Whether the model lets `write` be made as it is, once it is listed.
+///
+/// # Errors
+/// As of [`order`]; [`Reason::NotAllowed`] for the registers that commands are written to as well.
+pub fn register(model: &Model, write: RegisterWrite) -> Result<(), Reason> {
+    match part(model, write.address, write.value)? {
+        Part::Register(_) => Ok(()),
+        Part::Run(_) | Part::Frequency(_) => Err(Reason::NotAllowed),
+    }
+}
+
 fn go(registers: Vec<RegisterWrite>, frequency: Option<Hertz>, run: Option<Direction>) -> Result<Order, Reason> {
     Go::new(registers, frequency, run).map(Order::Go).ok_or(Reason::TooManyFrames)
 }

@@ -192,10 +192,10 @@ impl LineCore {
         })
     }
 
-    /// Whether no stop is on its way: the line may be left.
+    /// Whether no stop is on its way, that of a reset included: the line may be left.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
-        !self.works.iter().any(DriveWork::has_stop)
+        !self.works.iter().any(DriveWork::must_go_on)
     }
 
     pub(super) fn is_offline(&self, drive: DriveIndex) -> bool {
@@ -226,6 +226,9 @@ impl LineCore {
         for index in 0..self.works.len() {
             let is_offline = u16::try_from(index).is_ok_and(|index| self.is_offline(DriveIndex(index)));
             self.works[index].pass(now, is_offline, &mut self.effects);
+            if let Some(until) = self.works[index].take_rest() {
+                self.stations[index].rest_until(until);
+            }
         }
         self.decide(now);
     }

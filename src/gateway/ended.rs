@@ -129,9 +129,6 @@ impl LineCore {
             self.take_words(now, drive, *address, words);
         }
         self.works[drive.get()].ended(rank, &exchange.request, ending, doubt, now, &mut self.effects);
-        if let Some(until) = self.works[drive.get()].take_rest() {
-            self.rest(drive, until);
-        }
     }
 
     /// The exchange had no good answer: a late one may follow, and a silent drive is asked less and less often.

@@ -1,18 +1,20 @@
 //! A command that is being carried out: its steps one after the other, then a look at what the drive shows of them;
 //! one outcome for all.
 
+mod read_back;
+#[cfg(test)]
+mod tests;
+
 use super::waiter::Waiter;
 use crate::domain::command::{Order, Outcome, Reason, Report};
 use crate::domain::time::MonoTime;
-use crate::drive::steps::{Condition, Part, Step, Write};
+use crate::drive::steps::{Part, Step, Write};
 use crate::guard::{Approved, Void};
 use crate::wire::pdu::{Reply, Request};
 use std::time::Duration;
 
-/// How often a read is sent before it is given up. A write is sent once.
-const READS_MAX: u8 = 3;
-/// Time between two looks at something that is still to show.
-const LOOK_EVERY: Duration = Duration::from_millis(50);
+/// How often the stop that ends a reset is sent before it is given up. Every other write is sent once.
+const STOPS_MAX: u8 = 4;
 
 /// One approved command and how far it has come.
 #[derive(Debug)]
@@ -22,14 +24,14 @@ pub struct List {
     stage: Stage,
     /// A frame of it was written.
     has_begun: bool,
-    /// How often the present read was sent in vain.
-    reads: u8,
+    /// How often the present read, or the stop that ends a reset, was sent in vain.
+    in_vain: u8,
     /// The next request goes no sooner than this.
     ready_at: MonoTime,
     /// Up to this moment the drive may take to show what is looked at now; nothing before the first look.
     shown_until: Option<MonoTime>,
     repeats: Repeats,
-    /// A write of a reset was not answered: only what the drive shows of its trip tells whether it took effect.
+    /// The word that resets was not answered: only what the drive shows of its trip tells whether it took effect.
     is_in_doubt: bool,
 }
 
@@ -73,7 +75,7 @@ impl List {
             waiter,
             stage: Stage::Step(0),
             has_begun: false,
-            reads: 0,
+            in_vain: 0,
             ready_at: MonoTime::ZERO,
             shown_until: None,
             repeats: Repeats::No,
@@ -149,6 +151,20 @@ impl List {
         self.go_on_from(index)
     }
 
+    /// How long the drive will hear nothing although the list is cut: its reset was sent, and the rest that follows is
+    /// still to come. `is_on_the_wire`: the present step was sent.
+    #[must_use]
+    pub fn rest_to_come(&self, is_on_the_wire: bool) -> Option<Duration> {
+        let (Stage::Step(index), Repeats::No) = (self.stage, self.repeats) else { return None };
+        let (sent, left) = self.approved.steps().split_at_checked(index + usize::from(is_on_the_wire))?;
+        let rest = left.iter().find_map(|step| match step {
+            Step::Rest(rest) => Some(*rest),
+            Step::Check { .. } | Step::Write(_) => None,
+        })?;
+        let stop = self.first_word();
+        sent.iter().flat_map(writes_of).any(|write| Some(write.value) != stop).then_some(rest)
+    }
+
     /// Whether the next request may be sent: reads that follow a write always may.
     ///
     /// # Errors
@@ -217,34 +233,52 @@ impl List {
 
     /// The drive did not answer, or only with damage. A write is not repeated: where the model shows what became of
     /// it, that is read.
-    ///
-    /// A reset that has begun is carried to its end all the same, so that its bit is taken back: what is left of it
-    /// are stops. Where the drive is deaf after a reset, its last stop goes once more after the rest.
     pub fn unanswered(&mut self) -> Next {
         let (Stage::Step(index), Some(write)) = (self.stage, self.present_writes().first()) else {
             return self.read_again();
         };
-        let report = Report::new(Outcome::Unknown, Reason::NoReply);
-        if let (Part::Reset { ends, .. }, true) = (write.part, index > 0) {
-            self.is_in_doubt = true;
-            let rest = self.approved.steps().iter().position(|step| matches!(step, Step::Rest(_)));
-            match rest {
-                Some(rest) if self.repeats == Repeats::No => {
-                    (self.repeats, self.stage) = (Repeats::AfterRest(rest.saturating_sub(1)), Stage::Step(rest));
-                    return Next::Goes(Some(report));
+        let (part, is_first_word) = (write.part, self.first_word() == Some(write.value));
+        match part {
+            Part::Reset { .. } if index > 0 && is_first_word => self.end_of_reset_unanswered(),
+            Part::Reset { ends, .. } if index > 0 => {
+                self.is_in_doubt = true;
+                match self.rest_step() {
+                    Some(rest) => self.rest_before_the_end(rest),
+                    None if !ends => self.stage = Stage::Step(index + 1),
+                    None => return self.resolve(index),
                 }
-                None if !ends => {
-                    self.stage = Stage::Step(index + 1);
-                    return Next::Goes(Some(report));
-                }
-                _ => {}
+                Next::Goes(Some(Report::new(Outcome::Unknown, Reason::NoReply)))
             }
+            _ => self.resolve(index),
         }
-        if self.condition(index, 0).is_none() {
-            return Next::Ends(report);
+    }
+
+    /// The stop that takes the reset bit back had no answer. It must not be left out: where the drive is deaf after a
+    /// reset it goes again after the rest, and then until it is answered.
+    fn end_of_reset_unanswered(&mut self) -> Next {
+        if let (Some(rest), Repeats::No) = (self.rest_step(), self.repeats) {
+            self.rest_before_the_end(rest);
+            return Next::Goes(None);
         }
-        self.look_at(Stage::Resolve(index, 0));
-        Next::Goes(Some(report))
+        self.in_vain += 1;
+        if self.in_vain < STOPS_MAX {
+            return Next::Goes(None);
+        }
+        Next::Ends(Report::new(Outcome::Unknown, Reason::NoReply))
+    }
+
+    /// What comes next is the rest at `rest`, and behind it the write in front of it.
+    const fn rest_before_the_end(&mut self, rest: usize) {
+        (self.repeats, self.stage) = (Repeats::AfterRest(rest.saturating_sub(1)), Stage::Step(rest));
+    }
+
+    fn rest_step(&self) -> Option<usize> {
+        self.approved.steps().iter().position(|step| matches!(step, Step::Rest(_)))
+    }
+
+    /// The first word that it writes: of a reset, a stop.
+    fn first_word(&self) -> Option<u16> {
+        self.approved.steps().iter().flat_map(writes_of).map(|write| write.value).next()
     }
 
     fn step_answered(&mut self, index: usize, reply: &Reply) -> Next {
@@ -268,7 +302,7 @@ impl List {
     }
 
     fn go_on_from(&mut self, index: usize) -> Next {
-        self.reads = 0;
+        self.in_vain = 0;
         if index + 1 < self.approved.steps().len() {
             self.stage = Stage::Step(index + 1);
             return Next::Goes(None);
@@ -280,52 +314,6 @@ impl List {
             }
             None => self.end(),
         }
-    }
-
-    /// What `word` says of the condition `shown` of the step at `index`, and of those behind it that stand in the same
-    /// register.
-    fn shown(&mut self, index: usize, shown: usize, word: u16, now: MonoTime) -> Next {
-        let Some(condition) = self.condition(index, shown) else { return self.end() };
-        let (address, within) = (condition.address, condition.within);
-        let of_register = (shown..).map_while(|at| self.condition(index, at)).take_while(|it| it.address == address);
-        let (looked_at, all_met) = of_register.fold((0, true), |(n, all), it| (n + 1, all && it.is_met(word)));
-        if all_met {
-            return self.is_shown(index, shown + looked_at);
-        }
-        let until = *self.shown_until.get_or_insert(now + within);
-        if now < until {
-            self.ready_at = now + LOOK_EVERY;
-            self.reads = 0;
-            return Next::Goes(None);
-        }
-        let reason = if matches!(self.stage, Stage::Resolve(..)) { Reason::NoReply } else { Reason::NotReadBack };
-        Next::Ends(Report { held: Some(word), ..Report::new(Outcome::Failed, reason) })
-    }
-
-    /// The step at `index` has shown everything up to its condition `next`.
-    fn is_shown(&mut self, index: usize, next: usize) -> Next {
-        let resolves = matches!(self.stage, Stage::Resolve(..));
-        let stage = if resolves { Stage::Resolve } else { Stage::ReadBack };
-        if self.condition(index, next).is_some() {
-            self.look_at(stage(index, next));
-            return Next::Goes(None);
-        }
-        let mut behind = self.approved.steps().iter().skip(index + 1);
-        match self.next_shown(index + 1) {
-            // The writes behind one that was not answered were never sent.
-            _ if resolves && behind.any(|step| !writes_of(step).is_empty()) => {
-                Next::Ends(Report::new(Outcome::Failed, Reason::NoReply))
-            }
-            Some(step) if !resolves => {
-                self.look_at(Stage::ReadBack(step, 0));
-                Next::Goes(None)
-            }
-            _ => self.end(),
-        }
-    }
-
-    fn look_at(&mut self, stage: Stage) {
-        (self.stage, self.reads, self.shown_until) = (stage, 0, None);
     }
 
     /// All steps are done: confirmed if the drive has shown the effect of all of them, else acknowledged is all that
@@ -347,30 +335,6 @@ impl List {
     #[must_use]
     pub const fn is_sure(&self) -> bool {
         !self.is_in_doubt
-    }
-
-    fn read_again(&mut self) -> Next {
-        self.reads += 1;
-        if self.reads < READS_MAX { Next::Goes(None) } else { self.give_up_reading() }
-    }
-
-    fn give_up_reading(&mut self) -> Next {
-        Next::Ends(match self.stage {
-            Stage::Step(_) => Report::refused(Reason::NoReply),
-            Stage::ReadBack(..) | Stage::Done => Report::new(Outcome::Acknowledged, Reason::NoReply),
-            Stage::Resolve(..) => Report::new(Outcome::Unknown, Reason::NoReply),
-        })
-    }
-
-    /// The first step from `from` on whose effect the drive shows.
-    fn next_shown(&self, from: usize) -> Option<usize> {
-        (from..self.approved.steps().len()).find(|index| self.condition(*index, 0).is_some())
-    }
-
-    /// The condition `shown` of the step at `index`.
-    fn condition(&self, index: usize, shown: usize) -> Option<&Condition> {
-        let step = self.approved.steps().get(index)?;
-        writes_of(step).iter().flat_map(|write| &write.shown).nth(shown)
     }
 }
 

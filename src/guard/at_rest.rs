@@ -69,6 +69,9 @@ impl DriveGuard {
         if command.origin.owner != Owner::Local {
             return Err(refused(Reason::NotFromHere));
         }
+        if addresses.is_empty() {
+            return Err(refused(Reason::NotUnderstood));
+        }
         self.may_change_at_rest(command, facts, now)?;
         let steps = steps::of_setup(&self.model, addresses).map_err(no_steps)?;
         Ok(Verdict::Go(self.approve(command, Order::Setup(addresses.to_vec()), steps)))

@@ -8,6 +8,7 @@ use crate::domain::command::{
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
+use crate::drive::decode;
 use crate::drive::steps::{self, NoSteps};
 use std::time::Duration;
 
@@ -158,7 +159,7 @@ impl DriveGuard {
         now: MonoTime,
     ) -> Result<Verdict, Report> {
         let owner = command.origin.owner;
-        are_listed(go.registers(), control)?;
+        self.may_be_written(go.registers(), control)?;
         if let Some(frequency) = go.frequency() {
             is_within(frequency, control)?;
         }
@@ -184,6 +185,15 @@ impl DriveGuard {
             self.accept_run(owner, direction);
         }
         Ok(Verdict::Go(self.approve(command, Order::Go(go), steps)))
+    }
+
+    /// A register is listed, and is no way around control whoever has listed it.
+    fn may_be_written(&self, writes: &[RegisterWrite], control: &ControlSettings) -> Result<(), Report> {
+        writes.iter().try_for_each(|write| {
+            let is_listed = control.native_write.contains(&write.address);
+            let allowed = if is_listed { decode::register(&self.model, *write) } else { Err(Reason::NotListed) };
+            allowed.map_err(refused)
+        })
     }
 
     /// The parts of a cyclic order that are not in force already; nothing if all are.
@@ -303,11 +313,6 @@ fn may_come_from(control: &ControlSettings, owner: Owner, order: &Order) -> Resu
 
 fn may_stop(origin: Origin) -> Result<(), Report> {
     if origin.rights.stop { Ok(()) } else { Err(refused(Reason::NotAllowed)) }
-}
-
-fn are_listed(writes: &[RegisterWrite], control: &ControlSettings) -> Result<(), Report> {
-    let all = writes.iter().all(|write| control.native_write.contains(&write.address));
-    if all { Ok(()) } else { Err(refused(Reason::NotListed)) }
 }
 
 fn is_within(frequency: Hertz, control: &ControlSettings) -> Result<(), Report> {

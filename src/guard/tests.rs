@@ -2,13 +2,14 @@
 
 use super::*;
 use crate::domain::command::{
-    CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights, RunIntent,
+    CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason, RegisterWrite, Report, Rights,
+    RunIntent,
 };
 use crate::domain::control::{ControlAction, ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{AskerId, DriveIndex, Ticket};
 use crate::domain::time::MonoTime;
-use crate::drive::testing::{control, model};
+use crate::drive::testing::{control, fact, model, setup};
 use crate::profile::model::{Confidence, Model};
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
@@ -168,4 +169,122 @@ fn a_lease_that_runs_out_over_a_moving_drive_brings_the_declared_action() {
         assert_eq!(guard.intent() == RunIntent::Coast, action == FailSafe::Coast);
         assert!(guard.has_failed_safe());
     }
+}
+
+fn register(address: u16, value: u16) -> Order {
+    Order::Go(Go::new(vec![RegisterWrite { address, value }], None, None).unwrap())
+}
+
+/// What becomes of `order` of a local client with these facts.
+fn judged(guard: &mut DriveGuard, order: Order, facts: Facts) -> Result<Verdict, Reason> {
+    let local = Origin { owner: Owner::Local, ..mqtt() };
+    guard.review(&command(local, order), &facts, NOW).map_err(|report| report.reason)
+}
+
+#[test]
+fn a_register_that_commands_is_no_parameter_even_if_it_is_listed() {
+    let mut with_door = model();
+    let ramp = with_door.registers.iter_mut().find(|register| register.address == 0x020E).unwrap();
+    ramp.back_door = Some("another way in".to_owned());
+    let ramp = with_door.registers.iter_mut().find(|register| register.address == 0x020C).unwrap();
+    ramp.range = Some(1..=30_000);
+    let everything = ControlSettings { native_write: (0..=u16::MAX).collect(), ..control() };
+    for (address, value, reason) in [
+        (0x0002, 1, Reason::NotAllowed),
+        (0x0002, 0, Reason::NotAllowed),
+        (0x0002, 9, Reason::NotUnderstood),
+        (0x0004, 2000, Reason::NotAllowed),
+        (0x0201, 2000, Reason::NotListed),
+        (0x0211, 3, Reason::NotAllowed),
+        (0x0212, 3, Reason::NotAllowed),
+        (0x020E, 7, Reason::NotAllowed),
+        (0x1234, 1, Reason::NotListed),
+        (0x020C, 0, Reason::OutsideRange),
+    ] {
+        let mut guard = guard_of(with_door.clone(), everything.clone());
+        let told = reviewed(&mut guard, &command(mqtt(), register(address, value)));
+        assert_eq!(told, Err((Outcome::Refused, reason)), "{address:04X}");
+    }
+    let mut guard = guard_of(with_door.clone(), everything);
+    assert_eq!(reviewed(&mut guard, &command(mqtt(), register(0x020C, 100))), Ok(()));
+    let mut unlisted = guard_of(with_door, ControlSettings { native_write: Vec::new(), ..control() });
+    let told = reviewed(&mut unlisted, &command(mqtt(), register(0x020C, 100)));
+    assert_eq!(told, Err((Outcome::Refused, Reason::NotListed)));
+}
+
+#[test]
+fn a_reset_goes_to_a_tripped_drive_or_to_one_that_stands_still_and_may_be() {
+    let moving = Facts { at_standstill: false, ..RESTING };
+    for (facts, runs, expected) in [
+        (Facts { tripped: Some(true), ..RESTING }, false, Ok(())),
+        (Facts { tripped: Some(true), ..moving }, false, Ok(())),
+        (Facts { tripped: None, ..RESTING }, false, Ok(())),
+        (Facts { tripped: None, ..RESTING }, true, Err(Reason::NotTripped)),
+        (Facts { tripped: None, ..moving }, false, Err(Reason::NotTripped)),
+        (RESTING, false, Err(Reason::NotTripped)),
+        (Facts { tripped: Some(true), stop_pending: true, ..RESTING }, false, Err(Reason::StopPending)),
+    ] {
+        let mut guard = guard_of(model(), control());
+        if runs {
+            let local = Origin { owner: Owner::Local, ..mqtt() };
+            reviewed(&mut guard, &command(local, run(Direction::Forward))).unwrap();
+        }
+        let told = judged(&mut guard, Order::Reset, facts).map(drop);
+        assert_eq!(told, expected, "{facts:?}, ordered to run {runs}");
+    }
+    let mut guard = guard_of(model(), control());
+    let cyclic = guard.review(&command(plc(1), Order::Reset), &RESTING, NOW);
+    assert!(matches!(cyclic, Ok(Verdict::Unchanged)), "a controller that holds the value: {cyclic:?}");
+    let late = command(mqtt(), Order::Reset);
+    let facts = Facts { tripped: Some(true), ..RESTING };
+    let told = guard.review(&late, &facts, late.start_before).unwrap_err();
+    assert_eq!((told.outcome, told.reason), (Outcome::Expired, Reason::TooLate));
+}
+
+#[test]
+fn what_the_motor_obeys_changes_only_while_nothing_is_ordered_and_nothing_turns() {
+    let mut able = model();
+    able.run.as_mut().unwrap().release = Some(fact(9));
+    able.setup = setup();
+    let settings = ControlSettings { allow_release: true, ..control() };
+    let addresses = || Order::Setup(vec![0x0211]);
+    for order in [Order::Release, addresses()] {
+        for (facts, reason) in [
+            (Facts { at_standstill: false, ..RESTING }, Reason::Moving),
+            (Facts { stop_pending: true, ..RESTING }, Reason::StopPending),
+            (Facts { is_offline: true, ..RESTING }, Reason::Offline),
+            (Facts { line_is_up: false, ..RESTING }, Reason::LineDown),
+        ] {
+            let told = judged(&mut guard_of(able.clone(), settings.clone()), order.clone(), facts).map(drop);
+            assert_eq!(told, Err(reason), "{order:?}");
+        }
+        let mut guard = guard_of(able.clone(), settings.clone());
+        judged(&mut guard, run(Direction::Forward), RESTING).unwrap();
+        let told = judged(&mut guard, order.clone(), RESTING).map(drop);
+        assert_eq!(told, Err(Reason::Moving), "{order:?}: the order to run may not have reached the motor yet");
+        let mut guard = guard_of(able.clone(), settings.clone());
+        assert!(matches!(judged(&mut guard, order, RESTING), Ok(Verdict::Go(_))));
+    }
+    let mut guard = guard_of(able.clone(), settings);
+    assert_eq!(judged(&mut guard, Order::Setup(Vec::new()), RESTING).map(drop), Err(Reason::NotUnderstood));
+    for (origin, reason) in [(mqtt(), Reason::NotFromHere), (plc(1), Reason::NotFromHere)] {
+        let told = reviewed(&mut guard, &command(origin, addresses()));
+        assert_eq!(told, Err((Outcome::Refused, reason)));
+    }
+    let mut closed = guard_of(able, control());
+    assert_eq!(judged(&mut closed, Order::Release, RESTING).map(drop), Err(Reason::NoRelease));
+}
+
+#[test]
+fn a_release_ends_control_before_its_frame_goes() {
+    let mut able = model();
+    able.run.as_mut().unwrap().release = Some(fact(9));
+    let mut guard = guard_of(able, ControlSettings { allow_release: true, ..control() });
+    let local = Origin { owner: Owner::Local, ..mqtt() };
+    reviewed(&mut guard, &command(local, run(Direction::Forward))).unwrap();
+    // A trip ends what was ordered and leaves the lease.
+    guard.inhibit();
+    assert!(guard.lease().is_some());
+    assert!(matches!(judged(&mut guard, Order::Release, RESTING), Ok(Verdict::Go(_))));
+    assert_eq!((guard.lease(), guard.is_start_inhibited()), (None, true));
 }

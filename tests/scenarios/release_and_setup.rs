@@ -196,7 +196,7 @@ fn nothing_but_what_a_drive_needs_is_set_that_way() {
                 refuses(&mut rig, LOCAL, Order::Setup(addresses), Reason::NotCapable);
             }
         }
-        refuses(&mut rig, LOCAL, Order::Setup(Vec::new()), Reason::NotCapable);
+        refuses(&mut rig, LOCAL, Order::Setup(Vec::new()), Reason::NotUnderstood);
         assert!(rig.writes().is_empty(), "{}", model.id);
     }
 }

@@ -9,6 +9,9 @@ use vfd_gateway::domain::ids::{Station, Ticket};
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::snapshot::Presence;
 use vfd_gateway::drive::view::RunState;
+use vfd_gateway::gateway::Input;
+use vfd_gateway::profile::model::Model;
+use vfd_gateway::sim::{DriveOptions, SimDrive};
 
 const SECOND: Duration = Duration::from_secs(1);
 /// A trip number that every known table has.
@@ -82,6 +85,17 @@ fn reset_up_to(rig: &mut Rig, way: &Way, count: usize) -> Ticket {
         assert!(rig.step(limit), "{}: {:02X?}", way.id, rig.written(way.at));
     }
     ticket
+}
+
+/// Lets time pass while the owner of the drive lives, until a command has its last word.
+fn settled(rig: &mut Rig, ticket: Ticket) -> (Outcome, Reason) {
+    for _ in 0..200 {
+        if let Some((outcome, reason, true)) = rig.told(ticket).last() {
+            return (*outcome, *reason);
+        }
+        rig.live(SECOND / 10);
+    }
+    panic!("no outcome within 20 s: {:?}", rig.told(ticket));
 }
 
 /// When a word went to the run command of the first drive first.
@@ -190,6 +204,66 @@ fn a_lost_reply_to_the_reset_word_is_told_as_what_the_drive_shows() {
 }
 
 #[test]
+fn the_stop_that_ends_a_reset_goes_until_it_is_answered() {
+    for way in WAYS.iter().filter(|way| way.words.last() == Some(&way.stop)) {
+        for lost in 1..=3 {
+            let mut rig = tripped(way, 1);
+            let before = way.words.len() - 1;
+            let ticket = reset_up_to(&mut rig, way, before);
+            for sent in 0..lost {
+                rig.loses_reply_to = Some(6);
+                while rig.written(way.at).len() <= before + sent {
+                    rig.live(SECOND / 100);
+                }
+            }
+            assert_eq!(settled(&mut rig, ticket), (Outcome::Confirmed, Reason::None), "{}, {lost} lost", way.id);
+            let words = rig.written(way.at);
+            assert_eq!(words.len(), way.words.len() + lost, "{}: {words:04X?}", way.id);
+            assert_eq!(words.iter().filter(|word| **word == way.reset).count(), 1, "{}", way.id);
+            keeps_the_rules(&rig, way);
+        }
+    }
+}
+
+#[test]
+fn a_reset_whose_end_is_never_answered_is_told_as_unknown_and_sent_so_often_only() {
+    for way in WAYS.iter().filter(|way| way.words.last() == Some(&way.stop)) {
+        let mut rig = tripped(way, 1);
+        let ticket = reset_up_to(&mut rig, way, 2);
+        let now = rig.now;
+        rig.bus.set_powered(now, Station(1), false);
+        rig.live(SECOND * 60);
+        let (outcome, reason, is_final) = *rig.told(ticket).last().unwrap();
+        assert_eq!((outcome, reason, is_final), (Outcome::Unknown, Reason::NoReply, true), "{}", way.id);
+        let stops = rig.written(way.at).len() - 2;
+        assert!((4..=5).contains(&stops), "{}: {stops}", way.id);
+    }
+}
+
+#[test]
+fn a_drive_that_is_deaf_for_longer_than_was_said_gets_the_stop_all_the_same() {
+    for way in WAYS.iter().filter(|way| way.deaf) {
+        for cut in [false, true] {
+            let mut slow = Model::clone(&model(way.id));
+            slow.quirks.deaf_after_reset.as_mut().unwrap().value = Duration::from_millis(2500);
+            let mut rig = rig_of(&model(way.id), accepting());
+            rig.bus.connect(Station(1), SimDrive::new(slow.into(), DriveOptions::default()));
+            rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
+            rig.live(SECOND * 3);
+            trip(&mut rig);
+            rig.live(SECOND * 4);
+            let reset = reset_up_to(&mut rig, way, 2);
+            let stop = cut.then(|| rig.command(plc(1), 0, STOP));
+            let told = settled(&mut rig, stop.unwrap_or(reset));
+            assert_eq!(told, (Outcome::Confirmed, Reason::None), "{}, cut {cut}", way.id);
+            let held = rig.read(9, 0, way.at, 1);
+            let expected = vfd_gateway::domain::native::NativeOutcome::Words([way.stop].into());
+            assert_eq!(rig.answer_to(held), expected, "{}, cut {cut}", way.id);
+        }
+    }
+}
+
+#[test]
 fn a_reset_without_effect_is_never_confirmed() {
     for way in WAYS.iter().filter(|way| way.shows_trips) {
         for loses in [None, Some(6)] {
@@ -235,6 +309,29 @@ fn a_drive_that_is_deaf_after_a_reset_is_left_alone_and_others_are_not_held_up()
             assert_eq!(rig.view(0).snapshot.presence, Presence::Online, "{}, cut {cut}", way.id);
             assert_eq!(rig.view(1).snapshot.presence, Presence::Online, "{}", way.id);
             assert_eq!(rig.written(way.at).last(), Some(&way.stop), "{}", way.id);
+        }
+    }
+}
+
+#[test]
+fn a_gateway_that_ends_leaves_no_reset_standing() {
+    for way in WAYS {
+        let mut rig = tripped(way, 1);
+        // Nobody holds control any more, so that nothing is declared for the end.
+        rig.pass(SECOND * 10);
+        assert!(rig.view(0).control.unwrap().lease.is_none(), "{}", way.id);
+        rig.sent.clear();
+        reset_up_to(&mut rig, way, 2);
+        rig.core.handle(rig.now, Input::Shutdown);
+        let limit = rig.now + SECOND * 4;
+        while !rig.core.is_at_rest() {
+            assert!(rig.step(limit), "{}: it does not end", way.id);
+        }
+        assert_eq!(rig.written(way.at), way.words, "{}", way.id);
+        if way.deaf {
+            let held = rig.read(9, 0, way.at, 1);
+            let expected = vfd_gateway::domain::native::NativeOutcome::Words([way.stop].into());
+            assert_eq!(rig.answer_to(held), expected, "{}", way.id);
         }
     }
 }

@@ -35,7 +35,7 @@ impl DriveWork {
             Ok(Verdict::JoinsStop) => self.join_stop(waiter, out),
             Ok(Verdict::Stop(order)) => {
                 self.count(&mut waiter);
-                self.cut(out);
+                self.cut(now, out);
                 self.is_stopping = true;
                 self.stop(order, Some(waiter), now, out);
             }
@@ -89,10 +89,14 @@ impl DriveWork {
     }
 
     /// A stop cancels everything else that was ordered.
-    pub(super) fn cut(&mut self, out: Out<'_>) {
-        if matches!(self.flight, Some(Rank::Step | Rank::Start)) {
+    pub(super) fn cut(&mut self, now: MonoTime, out: Out<'_>) {
+        let is_on_the_wire = matches!(self.flight, Some(Rank::Step | Rank::Start));
+        if is_on_the_wire {
             self.flight = None;
         }
+        // A drive that was reset is deaf all the same.
+        let rest = self.current.as_ref().and_then(|list| list.rest_to_come(is_on_the_wire));
+        self.rest_until = rest.map(|rest| now + rest).or(self.rest_until);
         for mut list in self.current.take().into_iter().chain(std::mem::take(&mut self.waiting)) {
             self.tell(list.waiter(), Report::new(Outcome::Superseded, Reason::Stopped), true, out);
         }
@@ -101,7 +105,7 @@ impl DriveWork {
     pub(super) fn fail_safe(&mut self, lost: Lost, now: MonoTime, out: Out<'_>) {
         self.has_changed = true;
         let Some(order) = lost.order else { return self.cut_motion(Reason::CommanderLost, out) };
-        self.cut(out);
+        self.cut(now, out);
         self.is_stopping = true;
         self.stop(order, None, now, out);
     }

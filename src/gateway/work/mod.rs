@@ -9,7 +9,7 @@ use super::event::Effect;
 use super::list::List;
 use super::stop::StopLatch;
 use super::waiter::Waiter;
-use crate::domain::command::{Owner, Reason, Report};
+use crate::domain::command::{Order, Owner, Reason, Report};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::DriveIndex;
@@ -154,10 +154,11 @@ impl DriveWork {
         self.rest_until.take()
     }
 
-    /// Whether a stop is not effective yet.
+    /// Whether a stop is not effective yet, or a reset that has begun is not through: its last word takes it back.
     #[must_use]
-    pub const fn has_stop(&self) -> bool {
-        self.latch.is_some()
+    pub fn must_go_on(&self) -> bool {
+        let resets = |list: &List| *list.order() == Order::Reset && list.has_begun();
+        self.latch.is_some() || self.current.as_ref().is_some_and(resets)
     }
 
     /// A sign of life of a commander.

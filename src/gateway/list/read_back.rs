@@ -1,0 +1,95 @@
+//! What the drive shows of a command: each condition of its steps is read until it is met, or for as long as it may
+//! take.
+
+use super::{List, Next, Stage, writes_of};
+use crate::domain::command::{Outcome, Reason, Report};
+use crate::domain::time::MonoTime;
+use crate::drive::steps::Condition;
+use std::time::Duration;
+
+/// How often a read is sent before it is given up.
+const READS_MAX: u8 = 3;
+/// Time between two looks at something that is still to show.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+
+impl List {
+    /// What `word` says of the condition `shown` of the step at `index`, and of those behind it that stand in the same
+    /// register.
+    pub(super) fn shown(&mut self, index: usize, shown: usize, word: u16, now: MonoTime) -> Next {
+        let Some(condition) = self.condition(index, shown) else { return self.end() };
+        let (address, within) = (condition.address, condition.within);
+        let of_register = (shown..).map_while(|at| self.condition(index, at)).take_while(|it| it.address == address);
+        let (looked_at, all_met) = of_register.fold((0, true), |(n, all), it| (n + 1, all && it.is_met(word)));
+        if all_met {
+            return self.is_shown(index, shown + looked_at);
+        }
+        let until = *self.shown_until.get_or_insert(now + within);
+        if now < until {
+            self.ready_at = now + LOOK_EVERY;
+            self.in_vain = 0;
+            return Next::Goes(None);
+        }
+        let reason = if matches!(self.stage, Stage::Resolve(..)) { Reason::NoReply } else { Reason::NotReadBack };
+        Next::Ends(Report { held: Some(word), ..Report::new(Outcome::Failed, reason) })
+    }
+
+    /// The step at `index` has shown everything up to its condition `next`.
+    fn is_shown(&mut self, index: usize, next: usize) -> Next {
+        let resolves = matches!(self.stage, Stage::Resolve(..));
+        let stage = if resolves { Stage::Resolve } else { Stage::ReadBack };
+        if self.condition(index, next).is_some() {
+            self.look_at(stage(index, next));
+            return Next::Goes(None);
+        }
+        let mut behind = self.approved.steps().iter().skip(index + 1);
+        match self.next_shown(index + 1) {
+            // The writes behind one that was not answered were never sent.
+            _ if resolves && behind.any(|step| !writes_of(step).is_empty()) => {
+                Next::Ends(Report::new(Outcome::Failed, Reason::NoReply))
+            }
+            Some(step) if !resolves => {
+                self.look_at(Stage::ReadBack(step, 0));
+                Next::Goes(None)
+            }
+            _ => self.end(),
+        }
+    }
+
+    /// The step at `index` was not answered: what it shows is looked at, if it shows anything.
+    pub(super) fn resolve(&mut self, index: usize) -> Next {
+        let report = Report::new(Outcome::Unknown, Reason::NoReply);
+        if self.condition(index, 0).is_none() {
+            return Next::Ends(report);
+        }
+        self.look_at(Stage::Resolve(index, 0));
+        Next::Goes(Some(report))
+    }
+
+    pub(super) fn look_at(&mut self, stage: Stage) {
+        (self.stage, self.in_vain, self.shown_until) = (stage, 0, None);
+    }
+
+    pub(super) fn read_again(&mut self) -> Next {
+        self.in_vain += 1;
+        if self.in_vain < READS_MAX { Next::Goes(None) } else { self.give_up_reading() }
+    }
+
+    pub(super) fn give_up_reading(&mut self) -> Next {
+        Next::Ends(match self.stage {
+            Stage::Step(_) => Report::refused(Reason::NoReply),
+            Stage::ReadBack(..) | Stage::Done => Report::new(Outcome::Acknowledged, Reason::NoReply),
+            Stage::Resolve(..) => Report::new(Outcome::Unknown, Reason::NoReply),
+        })
+    }
+
+    /// The first step from `from` on whose effect the drive shows.
+    pub(super) fn next_shown(&self, from: usize) -> Option<usize> {
+        (from..self.approved.steps().len()).find(|index| self.condition(*index, 0).is_some())
+    }
+
+    /// The condition `shown` of the step at `index`.
+    pub(super) fn condition(&self, index: usize, shown: usize) -> Option<&Condition> {
+        let step = self.approved.steps().get(index)?;
+        writes_of(step).iter().flat_map(|write| &write.shown).nth(shown)
+    }
+}

@@ -1,0 +1,367 @@
+//! Lists that no simulated drive takes to their ends: rests, repeats, and looks that need patience.
+
+use super::*;
+use crate::domain::command::{CommandRequest, Direction, Go, Manner, Origin, Owner, RegisterWrite, Rights};
+use crate::domain::control::ControlSettings;
+use crate::domain::frequency::Hertz;
+use crate::domain::ids::{AskerId, DriveIndex, Ticket};
+use crate::drive::testing::{control, fact, model, with_status};
+use crate::guard::{DriveGuard, Facts, Verdict};
+use crate::profile::model::Model;
+use std::sync::Arc;
+
+const NOW: MonoTime = MonoTime::from_millis(100_000);
+const RUN: u16 = 0x0002;
+const FREQUENCY: u16 = 0x0004;
+const STATUS: u16 = 0x2100;
+const SETTING: u16 = 0x0201;
+const RUNNING: u16 = 1;
+const TRIPPED: u16 = 8;
+const DEAF: Duration = Duration::from_secs(2);
+/// What is told while the list goes on, and when a write had no answer.
+const ACKNOWLEDGED: Next = Next::Goes(Some(Report::new(Outcome::Acknowledged, Reason::None)));
+const IN_DOUBT: Next = Next::Goes(Some(Report::new(Outcome::Unknown, Reason::NoReply)));
+const QUIETLY: Next = Next::Goes(None);
+
+fn list_by(model: &Model, order: Order, owner: Owner) -> List {
+    let settings = ControlSettings { strict: false, ..control() };
+    let mut guard = DriveGuard::new(Arc::new(model.clone()), Some(Arc::new(settings)), 1);
+    let command = CommandRequest {
+        asker: AskerId(1),
+        ticket: Ticket(1),
+        drive: DriveIndex(0),
+        origin: Origin { owner, rights: Rights { write: true, stop: true }, manner: Manner::Once },
+        order,
+        start_before: NOW + Duration::from_secs(1),
+        issued: None,
+        epoch: None,
+    };
+    let facts = Facts {
+        line_is_up: true,
+        is_offline: false,
+        stop_pending: false,
+        tripped: Some(matches!(command.order, Order::Reset)),
+        at_standstill: true,
+        output: Some(Hertz::ZERO),
+    };
+    let Ok(Verdict::Go(approved)) = guard.review(&command, &facts, NOW) else { panic!("approved") };
+    List::new(approved, Waiter::of_command(AskerId(1), Ticket(1), DriveIndex(0)))
+}
+
+fn list(model: &Model, order: Order) -> List {
+    list_by(model, order, Owner::Mqtt)
+}
+
+fn go(frequency: Option<u16>, run: Option<Direction>) -> Order {
+    Order::Go(Go::new(Vec::new(), frequency.map(Hertz::from_centihertz), run).unwrap())
+}
+
+/// A drive with a status word that is deaf after a reset.
+fn deaf() -> Model {
+    let mut model = with_status();
+    model.quirks.deaf_after_reset = Some(fact(DEAF));
+    model
+}
+
+/// The next request goes out; it writes `value` to the run command.
+#[track_caller]
+fn sends(list: &mut List, value: u16) -> MonoTime {
+    let (at, request) = list.request().unwrap();
+    assert_eq!(request, Request::WriteSingle { address: RUN, value });
+    list.was_sent();
+    at
+}
+
+/// The next request goes out; it reads the word at `address`.
+#[track_caller]
+fn reads(list: &List, address: u16) -> MonoTime {
+    let (at, request) = list.request().unwrap();
+    assert_eq!(request, Request::ReadHolding { address, count: 1 });
+    at
+}
+
+fn holds(list: &mut List, value: u16, now: MonoTime) -> Next {
+    list.answered(&Reply::Holds { value }, now)
+}
+
+fn word(list: &mut List, word: u16, now: MonoTime) -> Next {
+    list.answered(&Reply::Words(vec![word]), now)
+}
+
+const fn ends(outcome: Outcome, reason: Reason) -> Next {
+    Next::Ends(Report::new(outcome, reason))
+}
+
+/// A reset of [`deaf`] whose reset word is answered.
+fn reset_taken() -> List {
+    let mut list = list(&deaf(), Order::Reset);
+    for value in [0, 4] {
+        sends(&mut list, value);
+        assert_eq!(holds(&mut list, value, NOW), QUIETLY);
+    }
+    list
+}
+
+#[test]
+fn a_reset_that_is_answered_rests_and_is_looked_at_afterwards() {
+    let mut list = reset_taken();
+    assert_eq!(list.rest_at(NOW), None);
+    sends(&mut list, 0);
+    assert_eq!(holds(&mut list, 0, NOW), QUIETLY);
+    let until = list.rest_at(NOW).unwrap();
+    assert_eq!(until, NOW + DEAF);
+    assert_eq!(list.request(), None, "nothing goes before");
+    assert_eq!(list.rest(until), ACKNOWLEDGED);
+    assert_eq!(reads(&list, STATUS), until);
+    assert_eq!(word(&mut list, 0, until), ends(Outcome::Confirmed, Reason::None));
+    assert_eq!(list.request(), None);
+}
+
+#[test]
+fn a_stop_to_which_the_drive_is_deaf_goes_once_more_after_the_rest() {
+    let mut list = reset_taken();
+    sends(&mut list, 0);
+    assert_eq!(list.unanswered(), QUIETLY);
+    let until = list.rest_at(NOW).unwrap();
+    assert_eq!(list.rest(until), QUIETLY);
+    assert_eq!(sends(&mut list, 0), until);
+    assert_eq!(holds(&mut list, 0, until), ACKNOWLEDGED, "one rest is enough");
+    assert!(list.is_sure());
+    reads(&list, STATUS);
+    assert_eq!(word(&mut list, 0, until), ends(Outcome::Confirmed, Reason::None));
+}
+
+#[test]
+fn the_stop_that_ends_a_reset_is_given_up_at_last() {
+    let mut list = reset_taken();
+    sends(&mut list, 0);
+    assert_eq!(list.unanswered(), QUIETLY);
+    assert_eq!(list.rest(NOW + DEAF), QUIETLY);
+    for _ in 1..STOPS_MAX {
+        sends(&mut list, 0);
+        assert_eq!(list.unanswered(), QUIETLY);
+    }
+    sends(&mut list, 0);
+    assert_eq!(list.unanswered(), ends(Outcome::Unknown, Reason::NoReply), "the drive may still hold the reset bit");
+}
+
+#[test]
+fn a_reset_word_without_an_answer_is_taken_back_and_settled_by_the_status_word() {
+    for (status, expected) in
+        [(0, ends(Outcome::Confirmed, Reason::None)), (TRIPPED, ends(Outcome::Failed, Reason::NotReadBack))]
+    {
+        let mut list = list(&deaf(), Order::Reset);
+        sends(&mut list, 0);
+        holds(&mut list, 0, NOW);
+        sends(&mut list, 4);
+        assert_eq!(list.unanswered(), IN_DOUBT);
+        let until = list.rest_at(NOW).unwrap();
+        assert_eq!(list.rest(until), QUIETLY);
+        sends(&mut list, 0);
+        assert_eq!(holds(&mut list, 0, until), QUIETLY, "no acknowledgement of what was in doubt");
+        assert!(!list.is_sure());
+        word(&mut list, status, until);
+        let late = until + Duration::from_secs(2);
+        if list.request().is_some() {
+            let held = word(&mut list, status, late);
+            let Next::Ends(report) = held else { panic!("{held:?}") };
+            assert_eq!(Next::Ends(Report { held: None, ..report }), expected);
+        } else {
+            assert_eq!(status, 0);
+        }
+    }
+}
+
+#[test]
+fn without_a_status_word_a_reset_in_doubt_stays_unknown() {
+    let mut list = list(&model(), Order::Reset);
+    sends(&mut list, 0);
+    holds(&mut list, 0, NOW);
+    sends(&mut list, 4);
+    assert_eq!(list.unanswered(), IN_DOUBT);
+    sends(&mut list, 0);
+    assert_eq!(holds(&mut list, 0, NOW), QUIETLY);
+    reads(&list, 0x0101);
+    assert_eq!(word(&mut list, 0, NOW), ends(Outcome::Unknown, Reason::NoReply));
+}
+
+#[test]
+fn a_first_stop_without_an_answer_resets_nothing() {
+    let mut list = list(&deaf(), Order::Reset);
+    sends(&mut list, 0);
+    assert_eq!(list.unanswered(), ends(Outcome::Unknown, Reason::NoReply));
+}
+
+#[test]
+fn a_reset_that_is_cut_says_what_rest_is_still_to_come() {
+    let mut list = list(&deaf(), Order::Reset);
+    assert_eq!((list.rest_to_come(false), list.rest_to_come(true)), (None, None), "only a stop at most");
+    sends(&mut list, 0);
+    holds(&mut list, 0, NOW);
+    assert_eq!((list.rest_to_come(false), list.rest_to_come(true)), (None, Some(DEAF)), "the reset is on the wire");
+    sends(&mut list, 4);
+    holds(&mut list, 4, NOW);
+    assert_eq!((list.rest_to_come(false), list.rest_to_come(true)), (Some(DEAF), Some(DEAF)));
+    sends(&mut list, 0);
+    list.unanswered();
+    list.rest(NOW + DEAF);
+    assert_eq!(list.rest_to_come(true), None, "it has rested");
+    assert_eq!(reset_taken().rest_to_come(false), Some(DEAF));
+    let mut without = list_by(&with_status(), Order::Reset, Owner::Mqtt);
+    sends(&mut without, 0);
+    holds(&mut without, 0, NOW);
+    assert_eq!(without.rest_to_come(true), None, "a drive that is never deaf");
+}
+
+#[test]
+fn what_is_to_show_is_looked_at_with_patience() {
+    let patience = Duration::from_secs(1);
+    for (shows_at, expected) in [
+        (Duration::from_millis(900), ends(Outcome::Confirmed, Reason::None)),
+        (
+            Duration::from_secs(100),
+            Next::Ends(Report { held: Some(0), ..Report::new(Outcome::Failed, Reason::NotReadBack) }),
+        ),
+    ] {
+        let mut list = list(&with_status(), go(Some(2000), Some(Direction::Forward)));
+        for (address, value) in [(FREQUENCY, 2000), (RUN, 1)] {
+            assert_eq!(list.request().unwrap().1, Request::WriteSingle { address, value });
+            list.was_sent();
+            holds(&mut list, value, NOW);
+        }
+        reads(&list, SETTING);
+        assert_eq!(word(&mut list, 2000, NOW), QUIETLY);
+        let (mut now, mut looks) = (NOW, 0);
+        let last = loop {
+            now = now.max(reads(&list, STATUS));
+            looks += 1;
+            let status = if now.since(NOW) >= shows_at { RUNNING } else { 0 };
+            let next = word(&mut list, status, now);
+            if next != QUIETLY {
+                break next;
+            }
+        };
+        assert_eq!(last, expected);
+        assert!(now.since(NOW) <= patience + Duration::from_millis(50), "{:?}", now.since(NOW));
+        assert!((18..=22).contains(&looks), "{looks} looks, one every 50 ms");
+    }
+}
+
+#[test]
+fn patience_begins_with_the_first_look() {
+    let mut list = list(&with_status(), go(Some(2000), None));
+    list.was_sent();
+    assert_eq!(holds(&mut list, 2000, NOW), ACKNOWLEDGED);
+    let late = NOW + Duration::from_secs(30);
+    assert_eq!(word(&mut list, 0, late), QUIETLY, "the line was busy for long");
+    assert_eq!(word(&mut list, 2000, late + Duration::from_millis(60)), ends(Outcome::Confirmed, Reason::None));
+}
+
+#[test]
+fn conditions_in_one_register_cost_one_look() {
+    let mut list = list(&with_status(), go(Some(2000), Some(Direction::Reverse)));
+    for value in [2000, 2] {
+        list.was_sent();
+        holds(&mut list, value, NOW);
+    }
+    word(&mut list, 2000, NOW);
+    reads(&list, STATUS);
+    assert_eq!(word(&mut list, RUNNING, NOW), QUIETLY, "it runs, and not yet in reverse");
+    assert_eq!(word(&mut list, RUNNING | 2, NOW), ends(Outcome::Confirmed, Reason::None));
+}
+
+#[test]
+fn a_write_without_an_answer_is_looked_for_and_never_repeated() {
+    for (shown, expected) in [
+        (2000, ends(Outcome::Confirmed, Reason::None)),
+        (1500, Next::Ends(Report { held: Some(1500), ..Report::new(Outcome::Failed, Reason::NoReply) })),
+    ] {
+        let mut list = list(&model(), go(Some(2000), None));
+        list.was_sent();
+        assert_eq!(list.unanswered(), IN_DOUBT);
+        reads(&list, SETTING);
+        let first = word(&mut list, shown, NOW);
+        let last = if first == QUIETLY { word(&mut list, shown, NOW + Duration::from_millis(1001)) } else { first };
+        assert_eq!(last, expected);
+    }
+    let mut list = list(&model(), go(Some(2000), Some(Direction::Forward)));
+    list.was_sent();
+    assert_eq!(list.unanswered(), IN_DOUBT);
+    let run_was_not_sent = ends(Outcome::Failed, Reason::NoReply);
+    assert_eq!(word(&mut list, 2000, NOW), run_was_not_sent, "the setpoint took effect, and RUN was never sent");
+}
+
+#[test]
+fn a_look_without_an_answer_is_repeated_and_given_up() {
+    let mut list = list(&model(), go(Some(2000), None));
+    list.was_sent();
+    holds(&mut list, 2000, NOW);
+    assert_eq!(list.unanswered(), QUIETLY);
+    assert_eq!(list.unanswered(), QUIETLY);
+    assert_eq!(list.unanswered(), ends(Outcome::Acknowledged, Reason::NoReply));
+    let mut list = list_by(&model(), go(Some(2000), None), Owner::Mqtt);
+    list.was_sent();
+    holds(&mut list, 2000, NOW);
+    assert_eq!(list.excepted(2), ends(Outcome::Acknowledged, Reason::NoReply), "the drive does not show it");
+}
+
+#[test]
+fn a_check_that_fails_writes_nothing() {
+    let checking = || list(&model(), go(None, Some(Direction::Forward)));
+    for wrong in [0, 499, 5001] {
+        let mut list = checking();
+        reads(&list, SETTING);
+        list.was_sent();
+        assert!(!list.has_begun(), "a look is no beginning");
+        assert_eq!(word(&mut list, wrong, NOW), Next::Ends(Report::refused(Reason::SetpointUnknown)), "{wrong}");
+    }
+    let mut list = checking();
+    for _ in 1..3 {
+        assert_eq!(list.unanswered(), QUIETLY);
+    }
+    assert_eq!(list.unanswered(), Next::Ends(Report::refused(Reason::NoReply)));
+    let mut list = checking();
+    assert_eq!(word(&mut list, 500, NOW), QUIETLY);
+    sends(&mut list, 1);
+    assert!(list.has_begun());
+    assert_eq!(holds(&mut list, 1, NOW), ends(Outcome::Acknowledged, Reason::None), "no register shows it");
+}
+
+#[test]
+fn a_newer_order_takes_the_place_of_what_has_not_begun_and_says_no_more() {
+    let model = model();
+    let forward = Some(Direction::Forward);
+    let ramp = Order::Go(Go::new(vec![RegisterWrite { address: 0x020C, value: 7 }], None, None).unwrap());
+    for (old, new, replaced) in [
+        (go(Some(2000), None), go(Some(2500), None), true),
+        (go(Some(2000), None), go(Some(2500), forward), true),
+        (go(Some(2000), forward), go(Some(2500), None), false),
+        (go(None, forward), go(Some(2500), None), false),
+        (ramp, go(Some(2500), forward), false),
+        (Order::Reset, go(Some(2500), forward), false),
+    ] {
+        let is_replaced = list(&model, old.clone()).is_replaced_by(&list(&model, new.clone()));
+        assert_eq!(is_replaced, replaced, "{old:?} by {new:?}");
+    }
+    let mut begun = list(&model, go(Some(2000), None));
+    let newer = || list(&model, go(Some(2500), None));
+    begun.was_sent();
+    assert!(!begun.is_replaced_by(&newer()), "its frame is on the wire");
+    let other = list_by(&model, go(Some(2500), None), Owner::Local);
+    assert!(!list(&model, go(Some(2000), None)).is_replaced_by(&other), "somebody else's");
+}
+
+#[test]
+fn what_is_left_is_what_was_not_taken() {
+    let mut list = list(&model(), go(Some(2000), Some(Direction::Forward)));
+    let setpoint = Part::Setpoint(Hertz::from_centihertz(2000));
+    let run = Part::Run(Direction::Forward);
+    assert_eq!(list.parts_left().collect::<Vec<_>>(), [setpoint, run]);
+    list.was_sent();
+    assert_eq!(list.parts_left().collect::<Vec<_>>(), [setpoint, run], "sent is not taken");
+    holds(&mut list, 2000, NOW);
+    assert_eq!(list.parts_left().collect::<Vec<_>>(), [run]);
+    list.was_sent();
+    holds(&mut list, 1, NOW);
+    assert_eq!(list.parts_left().count(), 0);
+}
