@@ -183,6 +183,8 @@ pub enum Form {
     RunState,
     /// The status bits.
     Status,
+    /// What can be ordered, bit by bit.
+    Capabilities,
 }
 
 impl UniformWord {
@@ -223,7 +225,7 @@ pub const UNIFORM: &[UniformWord] = &[
     word("run_hours", 22, Form::Wide(UnitOfMeasure::Hour)),
     word("current_fine", 24, Form::Number(100, UnitOfMeasure::Ampere)),
     word("power_fine", 25, Form::Number(100, UnitOfMeasure::Kilowatt)),
-    word("capabilities", 26, Form::Count),
+    word("capabilities", 26, Form::Capabilities),
     word("run_command", map::RUN, Form::Count),
     word("frequency_command", map::SETPOINT, Form::Number(100, UnitOfMeasure::Hertz)),
     word("outcome", 259, Form::Count),
@@ -237,7 +239,7 @@ pub const LEASE_LEFT: u16 = 18;
 pub const REASON: u16 = 261;
 
 /// The status bits by name, from bit 0 on.
-const STATUS_BITS: [&str; 10] = [
+const STATUS_BITS: [&str; 12] = [
     "online",
     "running",
     "reverse",
@@ -248,7 +250,12 @@ const STATUS_BITS: [&str; 10] = [
     "lease_held",
     "stale",
     "start_inhibited",
+    "local",
+    "alarm",
 ];
+
+/// The capability bits by name, from bit 0 on.
+const CAPABILITY_BITS: [&str; 6] = ["forward", "reverse", "coast", "reset", "frequency", "release"];
 
 /// All run states.
 const RUN_STATES: [RunState; 8] = [
@@ -261,6 +268,11 @@ const RUN_STATES: [RunState; 8] = [
     RunState::Running,
     RunState::Stopping,
 ];
+
+/// The names of the bits that are set in `word`.
+fn bits_of(word: u16, names: &[&'static str]) -> Vec<&'static str> {
+    names.iter().enumerate().filter(|(bit, _)| word & (1 << bit) != 0).map(|(_, name)| *name).collect()
+}
 
 /// A value of the uniform map, understood.
 #[derive(Clone, Debug, PartialEq)]
@@ -292,10 +304,8 @@ impl Value {
                 let state = RUN_STATES.iter().find(|state| state.number() == first);
                 state.map_or(Self::Number(first.into(), 1, UnitOfMeasure::None), |state| Self::Word(state.word()))
             }
-            Form::Status => {
-                let bits = STATUS_BITS.iter().enumerate();
-                Self::Words(bits.filter(|(bit, _)| first & (1 << bit) != 0).map(|(_, name)| *name).collect())
-            }
+            Form::Status => Self::Words(bits_of(first, &STATUS_BITS)),
+            Form::Capabilities => Self::Words(bits_of(first, &CAPABILITY_BITS)),
         }
     }
 

@@ -31,7 +31,7 @@ pub struct Args {
     target: Target,
     /// Register by its number on the wire (0x0201 or 513); or `run` or `frequency`, with a uniform unit
     register: String,
-    /// The word; for `run` one of forward, reverse, stop, coast, reset; for `frequency` hertz, such as 42.5
+    /// The word; for `run` one of forward, reverse, stop, coast, reset, release; for `frequency` hertz, such as 42.5
     value: String,
     /// The unit is a uniform one; `run` and `frequency` imply it
     #[arg(long)]
@@ -92,7 +92,8 @@ struct Order {
 }
 
 /// The run commands by name.
-const RUN_COMMANDS: [(&str, u16); 5] = [("stop", STOP), ("forward", 1), ("reverse", 2), ("coast", 3), ("reset", 4)];
+const RUN_COMMANDS: [(&str, u16); 6] =
+    [("stop", STOP), ("forward", 1), ("reverse", 2), ("coast", 3), ("reset", 4), ("release", 5)];
 /// The run command that stops.
 const STOP: u16 = 0;
 

@@ -5,7 +5,7 @@
 //! answers for others, they are asked for seldom.
 
 use crate::domain::time::MonoTime;
-use crate::profile::model::{Model, PollClass};
+use crate::profile::model::{Confidence, Model, PollClass, Register};
 use std::time::Duration;
 
 /// How many fast periods a slow poll waits.
@@ -58,7 +58,7 @@ fn joined(model: &Model, may_join: impl Fn(bool, bool) -> bool) -> Vec<(PollGrou
     let mut groups: Vec<(PollGroup, bool)> = Vec::new();
     for class in [PollClass::Fast, PollClass::Second, PollClass::Slow, PollClass::Hourly] {
         for register in model.registers.iter().filter(|register| register.poll == Some(class)) {
-            let (address, is_proven) = (register.address, register.confidence.is_proven());
+            let (address, is_proven) = (register.address, is_documented(register));
             match groups.last_mut() {
                 Some((last, proven))
                     if last.class == class && joins(model, last, address) && may_join(*proven, is_proven) =>
@@ -70,6 +70,11 @@ fn joined(model: &Model, may_join: impl Fn(bool, bool) -> bool) -> Vec<(PollGrou
         }
     }
     groups
+}
+
+/// Documents of the model show it. What only the operator states may be wrong.
+fn is_documented(register: &Register) -> bool {
+    register.confidence.is_proven() && register.confidence != Confidence::Configured
 }
 
 fn joins(model: &Model, group: &PollGroup, address: u16) -> bool {
@@ -204,7 +209,6 @@ fn within(entries: &mut [Entry], address: u16, count: u16) -> impl Iterator<Item
 mod tests {
     use super::*;
     use crate::profile::check;
-    use crate::profile::model::{Confidence, Register};
     use crate::vendors;
 
     fn model() -> Model {

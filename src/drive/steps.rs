@@ -229,7 +229,8 @@ fn setpoint_of_run(model: &Model, go: &Go, last: Option<Hertz>) -> Result<Option
 
 fn setpoint_and_run(model: &Model, setpoint: Write, run: Write) -> Vec<Step> {
     let (low, high) = (setpoint.address.min(run.address), setpoint.address.max(run.address));
-    let in_one_frame = model.write.block.as_ref().is_some_and(|block| {
+    let block = model.write.block.as_ref().filter(|block| block.count.confidence.is_proven());
+    let in_one_frame = block.is_some_and(|block| {
         let end = block.address.saturating_add(block.count.value);
         low.checked_add(1) == Some(high) && (block.address..end).contains(&low) && (block.address..end).contains(&high)
     });

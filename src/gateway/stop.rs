@@ -44,6 +44,8 @@ pub struct StopLatch {
     send_at: MonoTime,
     /// The drive has answered it in an exchange without doubt.
     is_acknowledged: bool,
+    /// The drive refused it, because somebody else has control of it: it is settled once the motor stands still.
+    was_refused: bool,
     /// The last frame had no answer at all: it goes again as soon as the drive shows itself.
     is_unanswered: bool,
     look_at: MonoTime,
@@ -78,6 +80,7 @@ impl StopLatch {
             sent: 0,
             send_at: now,
             is_acknowledged: false,
+            was_refused: false,
             is_unanswered: false,
             look_at: MonoTime::NEVER,
             watch: FallWatch::default(),
@@ -170,9 +173,10 @@ impl StopLatch {
         Some(Report::new(Outcome::Acknowledged, Reason::None))
     }
 
-    /// The drive refused it: it goes again in its time. Meanwhile the drive is looked at.
+    /// The drive refused it: it goes again in its time. Meanwhile the drive is looked at, and at standstill there is
+    /// nothing left to stop.
     pub fn refused(&mut self, now: MonoTime) {
-        self.look_at = now;
+        (self.look_at, self.was_refused) = (now, true);
     }
 
     /// The frame had no good answer: it goes again, at once when the drive shows itself.
@@ -195,7 +199,8 @@ impl StopLatch {
             return stands_still;
         }
         self.is_back(now);
-        self.is_acknowledged && self.watch.is_falling()
+        let rests = self.was_refused && self.watch.is_at_zero() && !runs;
+        rests || (self.is_acknowledged && self.watch.is_falling())
     }
 
     /// Takes what the drive's status shows: whether it is ordered to run. Whether the stop is effective.

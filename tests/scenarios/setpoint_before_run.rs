@@ -98,12 +98,12 @@ fn a_drive_whose_setting_cannot_be_relied_on_gets_the_last_one_with_each_run() {
     assert_eq!(rig.commanded(MQTT, forward()), (Outcome::Refused, Reason::SetpointUnknown), "none came through here");
     assert!(rig.writes().is_empty());
     assert_eq!(rig.commanded(MQTT, setpoint(3000)).0, Outcome::Confirmed);
-    let with_run: &[u8] = &[0x10, 0x25, 0x01, 0, 2, 4, 0, 1, 0x0B, 0xB8];
+    let with_run = [vec![6, 0x25, 0x02, 0x0B, 0xB8], vec![6, 0x25, 0x01, 0, 1]];
     for _ in 0..3 {
         set_elsewhere(&mut rig, 0x2502, 2500);
         rig.sent.clear();
         assert_eq!(rig.commanded(MQTT, forward()).0, Outcome::Confirmed);
-        assert_eq!(rig.writes(), [with_run]);
+        assert_eq!(rig.writes(), with_run);
         rig.live(SECOND * 7);
         assert_eq!(rig.output(1), 3000);
         assert_eq!(rig.commanded(MQTT, STOP).0, Outcome::Confirmed);
@@ -117,7 +117,7 @@ fn a_drive_whose_setting_cannot_be_relied_on_gets_the_last_one_with_each_run() {
     rig.live(SECOND * 45);
     rig.sent.clear();
     assert_eq!(rig.commanded(MQTT, forward()).0, Outcome::Confirmed, "also after the drive was without power");
-    assert_eq!(rig.writes(), [with_run]);
+    assert_eq!(rig.writes(), with_run);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! STOP overtakes everything, waits for at most the exchange on the wire, and holds until it is effective.
 
-use crate::support::{MQTT, PROOF, Rig, RigOptions, STOP, plc, run, setpoint};
+use crate::support::{MQTT, PROOF, Rig, RigOptions, STOP, model, plc, run, setpoint};
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason};
 use vfd_gateway::domain::ids::Station;
@@ -216,4 +216,18 @@ fn coast_cuts_the_output_off() {
     let ticket = rig.command(MQTT, 0, Order::Coast);
     assert_eq!(rig.outcome_of(ticket).0, Outcome::Confirmed);
     assert_eq!((rig.output(1), rig.written(RUN)), (0, vec![3]));
+}
+
+/// Nobody can stop what stands still, and a stop that hangs on would keep the drive from being set up.
+#[test]
+fn a_stop_that_a_resting_drive_refuses_is_settled() {
+    let model = model("frecon-fr500a");
+    let mut rig = Rig::new(&RigOptions { model, proof_words: None, ..RigOptions::controlled() });
+    let now = rig.now;
+    // F02.00: run commands from the keypad.
+    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0200, 0);
+    assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Failed, Reason::DriveException));
+    rig.pass(Duration::from_secs(2));
+    let control = rig.view(0).control.unwrap();
+    assert!(!control.stop_pending && !control.not_effective, "{control:?}");
 }

@@ -3,7 +3,7 @@
 use crate::domain::problem::Problem;
 use crate::domain::units::UnitOfMeasure;
 use crate::profile::file::{ModelFile, QuirksFile};
-use crate::profile::model::Role;
+use crate::profile::model::{Memory, Role};
 use crate::profile::reader::{Given, Written};
 use crate::profile::register::{RegisterFile, addresses_fit, codes_fit, distinct};
 
@@ -35,6 +35,10 @@ fn takes_commands(role: Role, registers: &[RegisterFile], problems: &mut Vec<Pro
         if let Some(access) = register.access.as_ref().filter(|access| !access.value.can_write()) {
             let problem = access.place.problem("a register that commands are written to must be writable");
             problems.push(problem.right("\"write\" or \"read-write\""));
+        }
+        if let Some(memory) = register.memory.usable().filter(|memory| memory.value == Memory::Stored) {
+            let problem = memory.place.problem("a stored register wears out under commands");
+            problems.push(problem.right("the register in RAM that does the same, with `memory = \"ram\"`"));
         }
         if let Given::Usable(Written { place, .. }) = &register.back_door {
             let problem = place.problem("a register that commands are written to is no back door");

@@ -33,7 +33,7 @@ pub struct RegisterFile {
     title: Needed<String>,
     scale: Given<u32>,
     signed: Given<bool>,
-    memory: Given<Memory>,
+    pub(in crate::profile) memory: Given<Memory>,
     range: Given<RangeInclusive<i32>>,
     meanings: Vec<(u16, String)>,
     origin: Option<Origin>,

@@ -5,7 +5,7 @@ use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
-use crate::profile::model::Role;
+use crate::profile::model::{PollClass, Register, Role};
 use std::time::Duration;
 
 /// The measurements that the model has, polls, and has in the unit of the map.
@@ -20,12 +20,17 @@ pub(super) struct Sources {
     pub(super) torque: Option<Column>,
     pub(super) temperature: Option<Column>,
     pub(super) run_hours: Option<Column>,
-    /// Every polled register with the age from which it is stale.
+    /// Every register that is polled while it may change, with the age from which it is stale.
     pub(super) polled: Vec<(u16, Duration)>,
     /// Trips are shown or counted.
     pub(super) has_trips: bool,
     /// The drive has a control section.
     pub(super) has_control: bool,
+}
+
+/// What is polled by the hour does not change: its age tells nothing of the drive.
+fn is_live(register: &&Register) -> bool {
+    register.poll.is_some_and(|poll| poll != PollClass::Hourly)
 }
 
 impl Sources {
@@ -44,7 +49,7 @@ impl Sources {
             torque: column(Role::Torque, UnitOfMeasure::Percent),
             temperature: column(Role::Temperature, UnitOfMeasure::Celsius),
             run_hours: column(Role::RunHours, UnitOfMeasure::Hour),
-            polled: registers.filter_map(|it| Some((it.address, drive.stale_after(it)?))).collect(),
+            polled: registers.filter(is_live).filter_map(|it| Some((it.address, drive.stale_after(it)?))).collect(),
             has_trips,
             has_control: drive.control.is_some(),
         }
