@@ -58,6 +58,11 @@ impl Plant {
         self.drive.find_all(heard)
     }
 
+    /// Waits until the drive was asked for all these registers, those that are polled by the hour among them.
+    fn wait_until_read(&self, registers: &BTreeSet<u64>) {
+        until(&format!("{registers:04X?} are read"), PATIENCE, || self.read().is_superset(registers).then_some(()));
+    }
+
     /// Every register that the drive was asked for.
     fn read(&self) -> BTreeSet<u64> {
         let span = |it: &Value| Some((it["address"].as_u64()?, it["count"].as_u64()?));
@@ -162,7 +167,7 @@ fn an_ascii_drive_obeys_a_controller_and_echoes_its_loop_test() {
     let mut client = Raw::connect(plant.modbus);
     waits_until_polled_in_full(&mut client, 107);
     let polled = [0x0002, 0x0005, 0x0906, 0x0907, 0x0D00, 0x0D01].into_iter().chain(0x2520..0x2528);
-    assert!(plant.read().is_superset(&polled.collect()), "{:04X?}", plant.read());
+    plant.wait_until_read(&polled.collect());
     waits_for(&mut client, 107, RUN_STATE, STOPPED);
     assert_eq!(plant.written(), [], "nothing is written before a command");
 
@@ -225,7 +230,7 @@ fn a_drive_with_numbers_for_commands_obeys_a_broker() {
     let parameters = [0x0014, 0x0015, 0x0016, 0x0017, 0x0101, 0x0200, 0x0B0B, 0x0F03];
     let monitors = [0x2100, 0x2101, 0x3017, 0x301B, 0x301F].into_iter().chain(0x3000..0x3008);
     let polled: BTreeSet<u64> = parameters.into_iter().chain(monitors).collect();
-    assert!(plant.read().is_superset(&polled), "{:04X?}", plant.read());
+    plant.wait_until_read(&polled);
     subscriber.wait_for_payload("run/state", "stopped");
     assert_eq!(plant.written(), [], "nothing is written before a command");
 
