@@ -223,11 +223,11 @@ impl LineCore {
             self.counters.expired += expired;
             self.drop_unwanted();
         }
-        for index in 0..self.works.len() {
-            let is_offline = u16::try_from(index).is_ok_and(|index| self.is_offline(DriveIndex(index)));
-            self.works[index].pass(now, is_offline, &mut self.effects);
-            if let Some(until) = self.works[index].take_rest() {
-                self.stations[index].rest_until(until);
+        for drive in self.drives() {
+            let is_offline = self.is_offline(drive);
+            self.works[drive.get()].pass(now, is_offline, &mut self.effects);
+            if let Some(until) = self.works[drive.get()].take_rest() {
+                self.rest(drive, until);
             }
         }
         self.decide(now);

@@ -14,7 +14,7 @@ mod tests;
 use super::view::{TripEvent, TripEventKind, TripRecord, TripView};
 use crate::domain::time::MonoTime;
 use crate::profile::model::Model;
-use places::{Places, Source};
+use places::{Places, Seen, Source};
 
 /// How often a record is read anew because the count went on rising meanwhile, or because it was not answered. After
 /// that the trips are told with what there is: they must not wait for ever.
@@ -73,15 +73,15 @@ impl TripWatch {
 
     /// Takes the words that a read from `address` has brought at `now`, polls included.
     pub fn take(&mut self, address: u16, words: &[u16], now: MonoTime) -> Option<TripEvent> {
-        let source = self.places.as_ref()?.source.clone();
+        let places = self.places.as_ref()?;
         let word = |register: u16| words.get(usize::from(register.checked_sub(address)?)).copied();
+        let (seen, cause) = (places.source.seen(word), places.cause.and_then(word));
         let part = self.take_part(address, words, now);
-        let shown = match source {
-            Source::Flag(flag) => word(flag.address).and_then(|word| self.take_held(flag.holds(word), now)),
-            Source::Code(register) => word(register).and_then(|code| self.take_held(code != 0, now)),
-            Source::Count(register) => word(register).and_then(|count| self.take_count(count, now)),
+        let shown = match seen {
+            Some(Seen::Held(holds)) => self.take_held(holds, now),
+            Some(Seen::Counted(count)) => self.take_count(count, now),
+            None => None,
         };
-        let cause = self.places.as_ref().and_then(|places| places.cause).and_then(word);
         if let Some(code) = cause.filter(|_| part.is_none() && shown.is_none()) {
             self.take_code(code);
         }

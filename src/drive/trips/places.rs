@@ -13,6 +13,26 @@ pub(super) enum Source {
     Count(u16),
 }
 
+/// What a reading tells of trips.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Seen {
+    /// Whether one holds.
+    Held(bool),
+    /// How many there were.
+    Counted(u16),
+}
+
+impl Source {
+    /// What a reading tells whose registers hold what `word` says; nothing if it does not cover this source.
+    pub fn seen(&self, word: impl Fn(u16) -> Option<u16>) -> Option<Seen> {
+        match self {
+            Self::Flag(flag) => word(flag.address).map(|word| Seen::Held(flag.holds(word))),
+            Self::Code(register) => word(*register).map(|code| Seen::Held(code != 0)),
+            Self::Count(register) => word(*register).map(Seen::Counted),
+        }
+    }
+}
+
 /// Where one model shows its trips.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Places {
