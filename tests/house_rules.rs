@@ -286,6 +286,16 @@ fn the_reader_of_sources_is_not_fooled() {
     assert_eq!(Source::new("src/a.rs", arm).code.split_whitespace().collect::<String>(), "matchx{_=>D,}");
     assert_eq!(test_files(&without_words("#[cfg(test)]\nmod tests;\nmod other;")), ["tests"]);
     assert_eq!(test_files(&without_words("#[cfg(test)]\npub mod testing;\npub mod other;")), ["testing"]);
+    let tests = BTreeSet::from(["src/a/tests".to_owned()]);
+    for (path, is_below_tests) in [
+        ("src/a/tests.rs", true),
+        ("src/a/tests/mod.rs", true),
+        ("src/a/tests/b/c.rs", true),
+        ("src/a/tests_of_drives.rs", false),
+        ("src/a/b.rs", false),
+    ] {
+        assert_eq!(is_below(path, &tests), is_below_tests, "{path}");
+    }
     let names: Vec<_> =
         paths("use a::{b, c::{self, d}};\ne::f()").into_iter().map(|(_, path)| path.join("::")).collect();
     assert_eq!(names, ["use", "a::b", "a::c::self", "a::c::d", "e::f"]);
@@ -305,12 +315,19 @@ fn sources() -> Vec<Source> {
     for source in &sources {
         let folder = source.modules().join("/");
         for name in test_files(&source.bare) {
-            for_tests.insert(format!("src/{folder}/{name}.rs"));
-            for_tests.insert(format!("src/{folder}/{name}/mod.rs"));
+            for_tests.insert(format!("src/{folder}/{name}"));
         }
     }
-    sources.iter_mut().filter(|source| for_tests.contains(&source.path)).for_each(Source::only_for_tests);
+    let is_for_tests = |source: &&mut Source| is_below(&source.path, &for_tests);
+    sources.iter_mut().filter(is_for_tests).for_each(Source::only_for_tests);
     sources
+}
+
+/// Whether the file at `path` is one of `modules`, or belongs to one: what a module for tests declares is for tests.
+fn is_below(path: &str, modules: &BTreeSet<String>) -> bool {
+    let name = path.trim_end_matches(".rs");
+    let mut ends = name.match_indices('/').map(|(at, _)| at).chain([name.len()]);
+    ends.any(|end| modules.contains(&name[..end]))
 }
 
 fn collect(folder: &Path, files: &mut Vec<std::path::PathBuf>) {

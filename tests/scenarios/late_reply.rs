@@ -73,18 +73,7 @@ fn two_late_replies_that_collide_are_no_damaged_reply() {
 
 #[test]
 fn a_station_with_a_missing_reply_is_asked_only_what_cannot_be_mistaken() {
-    let mut rig = late(0, 1, 1);
-    rig.bus.set_faults(FaultPlan { lost: 1000, ..FaultPlan::NONE });
-    let first = rig.read(1, 0, PROOF, 1);
-    // The reply to what is on the wire is lost already; nothing else will be.
-    rig.bus.set_faults(FaultPlan::NONE);
-    let same_count = rig.read(1, 0, 0x0201, 1);
-    assert_eq!(rig.answer_to(first), NativeOutcome::NoReply);
-    assert!(matches!(rig.answer_to(same_count), NativeOutcome::Words(_)));
-    // A barrier with another word count went in between; only its answer let the equal count through.
-    let counts: Vec<u8> = rig.sent.iter().map(|sent| sent.frame[5]).collect();
-    assert!(matches!(counts[..], [1, barrier, 1] if barrier != 1), "{counts:?}");
-    assert_eq!(rig.core.counters().barriers, 1);
+    late(0, 1, 1).shows_that_a_missing_reply_is_waited_out();
 }
 
 #[test]

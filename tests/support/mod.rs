@@ -375,6 +375,22 @@ impl Rig {
         }
     }
 
+    /// Loses the reply to a read of one drive, and shows that another read of as many words goes there only behind a
+    /// barrier: an answer that no late one can be mistaken for.
+    pub fn shows_that_a_missing_reply_is_waited_out(&mut self) {
+        self.bus.set_faults(FaultPlan { lost: 1000, ..FaultPlan::NONE });
+        let first = self.read(1, 0, PROOF, 1);
+        // The reply to what is on the wire is lost already; nothing else will be.
+        self.bus.set_faults(FaultPlan::NONE);
+        let same_count = self.read(1, 0, 0x0201, 1);
+        assert_eq!(self.answer_to(first), NativeOutcome::NoReply);
+        assert!(matches!(self.answer_to(same_count), NativeOutcome::Words(_)));
+        // A barrier with another word count went in between; only its answer let the equal count through.
+        let counts: Vec<u8> = self.sent.iter().map(|sent| sent.pdu[4]).collect();
+        assert!(matches!(counts[..], [1, barrier, 1] if barrier != 1), "{counts:?}");
+        assert_eq!(self.core.counters().barriers, 1);
+    }
+
     /// Lets time pass until the answer to `ticket` has come.
     pub fn answer_to(&mut self, ticket: Ticket) -> NativeOutcome {
         let limit = self.now + Duration::from_secs(20);

@@ -1,18 +1,11 @@
 //! The configuration as a whole: good files, every rule broken once, many rules broken at once, garbage.
 
-#[cfg(test)]
 mod control;
-#[cfg(test)]
 mod framing;
-#[cfg(test)]
 mod models;
-#[cfg(test)]
 mod mqtt;
-#[cfg(test)]
 mod native;
-#[cfg(test)]
 mod network;
-#[cfg(test)]
 mod units;
 
 use super::*;

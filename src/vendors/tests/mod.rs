@@ -1,16 +1,10 @@
 //! The built-in models against what their documents say, typed a second time, and against every frame that is known.
 
-#[cfg(test)]
 mod frames;
-#[cfg(test)]
 mod frecon;
-#[cfg(test)]
 mod n100plus;
-#[cfg(test)]
 mod n700;
-#[cfg(test)]
 mod teco;
-#[cfg(test)]
 mod toshiba;
 
 use super::texts;

@@ -1,21 +1,13 @@
 //! What the tests of the families share: requests to one drive without a bus. Addresses, words and scales are typed
 //! from the vendors' manuals.
 
-#[cfg(test)]
 mod bits;
-#[cfg(test)]
 mod memory;
-#[cfg(test)]
 mod power;
-#[cfg(test)]
 mod priority;
-#[cfg(test)]
 mod requests;
-#[cfg(test)]
 mod trips;
-#[cfg(test)]
 mod values;
-#[cfg(test)]
 mod watchdog;
 
 use super::*;
