@@ -13,7 +13,7 @@ use super::sys;
 use super::timer::Timer;
 use crate::domain::ids::DriveIndex;
 use crate::domain::link::LinkSettings;
-use crate::domain::report::PortFault;
+use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
 use crate::drive::view::TripEventKind;
 use crate::gateway::{Effect, Input, LineCore, LineSetup, Wake, WakeReason};
@@ -136,14 +136,28 @@ fn run(port: &LinePort, setup: LineSetup, shared: &Shared, place: usize, north: 
     runtime.block_on(async {
         let core = LineCore::new(setup, clock::now());
         let timer = Timer::new()?;
-        let line =
-            LineTask { port, core, timer, is_paced, reopen_wait: REOPEN_FIRST, round: Vec::new(), board, ending: None };
+        let line = LineTask {
+            port,
+            core,
+            timer,
+            is_paced,
+            reopen_wait: REOPEN_FIRST,
+            round: Vec::new(),
+            board,
+            ending: None,
+            to_reopen: None,
+        };
         line.serve().await
     })
 }
 
-/// The thread was told to end.
-struct Closed;
+/// Why an open port was left.
+enum Left {
+    /// The thread was told to end.
+    Closed,
+    /// The port shall be opened anew.
+    ToReopen(LineFault),
+}
 
 struct LineTask<'a> {
     port: &'a LinePort,
@@ -156,6 +170,8 @@ struct LineTask<'a> {
     round: Vec<Message>,
     /// The gateway ends: until then the thread waits for its stops to show their effect.
     ending: Option<MonoTime>,
+    /// The core wants the port opened anew.
+    to_reopen: Option<LineFault>,
     board: Board<'a>,
 }
 
@@ -166,12 +182,16 @@ impl LineTask<'_> {
             let Some(mut device) = self.open(&mut told).await? else { return Ok(()) };
             tracing::info!(line = self.port.line, port = %self.port.path.display(), link = %self.port.link, "line up");
             let opened_at = clock::now();
-            self.core.handle(opened_at, Input::PortUp);
-            let (fault, error) = match self.serve_port(&mut device).await {
-                Ok(Closed) => return Ok(()),
-                Err(error) => (fault_of(&error), error),
+            self.core.handle(opened_at, Input::PortUp(device.kind()));
+            let fault = match self.serve_port(&mut device).await {
+                Ok(Left::Closed) => return Ok(()),
+                Ok(Left::ToReopen(fault)) => fault,
+                Err(error) => {
+                    let fault = fault_of(&error);
+                    tracing::warn!(line = self.port.line, %fault, %error, "line down");
+                    fault
+                }
             };
-            tracing::warn!(line = self.port.line, %fault, %error, "line down");
             self.core.handle(clock::now(), Input::PortDown(fault));
             self.act(None)?;
             if clock::now().since(opened_at) >= STABLE_AFTER {
@@ -237,13 +257,16 @@ impl LineTask<'_> {
         }
     }
 
-    async fn serve_port(&mut self, device: &mut Port) -> io::Result<Closed> {
+    async fn serve_port(&mut self, device: &mut Port) -> io::Result<Left> {
         let mut buffer = [0; 512];
         let mut has_more = false;
         loop {
             self.act(Some(device))?;
             if self.is_over() {
-                return Ok(Closed);
+                return Ok(Left::Closed);
+            }
+            if let Some(fault) = self.to_reopen.take() {
+                return Ok(Left::ToReopen(fault));
             }
             if let Some(wake) = self.core.next_wake() {
                 let ends_silence = wake.reason == WakeReason::SilentInterval;
@@ -349,6 +372,7 @@ impl LineTask<'_> {
                         device.write_frame(&frame)?;
                     }
                 }
+                Effect::Reopen(fault) => self.to_reopen = Some(fault),
                 Effect::Answer(answer) => self.board.tell(News::Native(answer)),
                 Effect::Command(answer) => self.board.tell(News::Command(answer)),
                 Effect::Trip(drive, event) => {
@@ -385,10 +409,10 @@ impl LineTask<'_> {
     }
 }
 
-fn fault_of(error: &io::Error) -> PortFault {
+fn fault_of(error: &io::Error) -> LineFault {
     match error.kind() {
-        io::ErrorKind::UnexpectedEof => PortFault::Gone,
-        io::ErrorKind::WriteZero | io::ErrorKind::WouldBlock => PortFault::Stuck,
-        _ => PortFault::Failed,
+        io::ErrorKind::UnexpectedEof => LineFault::Gone,
+        io::ErrorKind::WriteZero | io::ErrorKind::WouldBlock => LineFault::Stuck,
+        _ => LineFault::Failed,
     }
 }

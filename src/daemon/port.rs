@@ -1,7 +1,7 @@
 //! The serial port of a line: opened, its settings read back, read and written without ever blocking.
 
 use super::sys;
-use crate::domain::link::{LinkSettings, Parity};
+use crate::domain::link::{LinkSettings, Parity, PortKind};
 use mio_serial::SerialStream;
 use std::io::{self, Read, Write};
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
@@ -21,6 +21,7 @@ const PTY_MAJORS: std::ops::RangeInclusive<u32> = 136..=143;
 #[derive(Debug)]
 pub struct Port {
     stream: AsyncFd<SerialStream>,
+    kind: PortKind,
 }
 
 /// Why a port could not be opened.
@@ -63,9 +64,16 @@ impl Port {
             })
             .stop_bits(if link.stop_bits == 2 { StopBits::Two } else { StopBits::One });
         let stream = SerialStream::open(&builder).map_err(OpenError::Refused)?;
-        check_settings(&stream, link, is_pty(path)?)?;
+        let kind = if is_pty(path)? { PortKind::Virtual } else { PortKind::Serial };
+        check_settings(&stream, link, kind == PortKind::Virtual)?;
         stream.clear(tokio_serial::ClearBuffer::All).map_err(OpenError::Refused)?;
-        Ok(Self { stream: sys::readable(stream)? })
+        Ok(Self { stream: sys::readable(stream)?, kind })
+    }
+
+    /// What it is.
+    #[must_use]
+    pub const fn kind(&self) -> PortKind {
+        self.kind
     }
 
     /// Ready once something has come since the last time. Whoever is told reads with [`Port::read_now`] until

@@ -23,6 +23,24 @@ pub enum Interface {
     Rs232,
 }
 
+/// What a port is, as far as the time that characters take is concerned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum PortKind {
+    /// A serial device: no reply can come sooner than its characters take on the wire.
+    Serial,
+    /// A pseudo-terminal or a network connection: bytes may come at any moment.
+    Virtual,
+}
+
+/// What to do on a line whose adapter sends back what is sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum EchoPolicy {
+    /// The line is down until the echo is gone.
+    Refuse,
+    /// Our own bytes are taken out of what is received.
+    Strip,
+}
+
 /// How frames are told apart on the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Framing {

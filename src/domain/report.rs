@@ -2,18 +2,18 @@
 
 use std::time::Duration;
 
-/// Whether a line's port is open.
+/// Whether a line can be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LineState {
-    /// The port is open.
+    /// The port is open and the line is usable.
     Up,
-    /// The port is closed or gone.
+    /// The port is closed or gone, or nothing can be asked over it: the fault says why.
     Down,
 }
 
-/// Why a port is not open.
+/// Why a line is down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, thiserror::Error)]
-pub enum PortFault {
+pub enum LineFault {
     /// The device reported its end: unplugged, or the other side of a pseudo-terminal closed.
     #[error("the device is gone")]
     Gone,
@@ -23,15 +23,25 @@ pub enum PortFault {
     /// The device took no more bytes although the line should long have been free.
     #[error("the device takes no bytes")]
     Stuck,
+    /// The port takes all bytes, and nothing has come back for long, from no drive: the adapter is half open, its cable is
+    /// cut, or everything on the line is switched off. The port stays in use and is opened anew at times.
+    #[error("nothing is heard: every drive is silent, or the adapter is cut off from the line")]
+    Mute,
+    /// What is sent comes back, and the configuration does not say that this may be.
+    #[error("the adapter sends back what is sent: switch its echo off, or say `echo = \"strip\"`")]
+    Echo,
+    /// Something on the line never stops talking. Only stops are still tried.
+    #[error("jammed: something on the line never stops talking")]
+    Jammed,
 }
 
 /// One line as the north sides show it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineReport {
-    /// Whether its port is open.
+    /// Whether it can be used.
     pub state: LineState,
-    /// Why it was closed last; nothing if it never was.
-    pub fault: Option<PortFault>,
+    /// Why it was down last; nothing if it never was.
+    pub fault: Option<LineFault>,
     /// What was counted.
     pub counters: LineCounters,
     /// Longest time from the acceptance of a stop for one drive to its first bit.

@@ -6,7 +6,7 @@ use super::setup::LineSetup;
 use super::work::{DriveWork, Rank};
 use crate::domain::ids::DriveIndex;
 use crate::domain::native::NativeAnswer;
-use crate::domain::report::{LineCounters, LineReport, LineState, PortFault};
+use crate::domain::report::{LineCounters, LineFault, LineReport, LineState};
 use crate::domain::time::MonoTime;
 use crate::drive::plan::PollPlan;
 use crate::drive::snapshot::{DriveSnapshot, Presence};
@@ -25,6 +25,8 @@ use std::time::Duration;
 pub struct LineCore {
     pub(super) setup: LineSetup,
     pub(super) state: LineState,
+    /// Whether there is a port to send to, whatever state the line is shown in.
+    pub(super) is_open: bool,
     pub(super) wire: Wire,
     pub(super) stations: Vec<StationState>,
     pub(super) barriers: Vec<Barriers>,
@@ -42,7 +44,7 @@ pub struct LineCore {
     pub(super) others_turn: bool,
     worst_stop: Duration,
     /// Why the port was closed last.
-    pub(super) fault: Option<PortFault>,
+    pub(super) fault: Option<LineFault>,
     pub(super) counters: LineCounters,
     pub(super) effects: VecDeque<Effect>,
 }
@@ -90,6 +92,7 @@ impl LineCore {
             others_turn: false,
             fault: None,
             state: LineState::Down,
+            is_open: false,
             wire: Wire::new(setup.timing, now),
             stations: setup.drives.iter().map(|drive| StationState::new(&drive.model)).collect(),
             barriers: setup.drives.iter().map(|drive| Barriers::new(&drive.model)).collect(),
@@ -111,7 +114,7 @@ impl LineCore {
     pub fn handle(&mut self, now: MonoTime, input: Input<'_>) {
         match input {
             Input::Bytes(bytes) => self.on_bytes(now, bytes),
-            Input::PortUp => self.on_port_up(now),
+            Input::PortUp(kind) => self.on_port_up(now, kind),
             Input::PortDown(fault) => self.on_port_down(now, fault),
             Input::Native(request) => self.on_native(now, request),
             Input::AskerGone(asker) => {

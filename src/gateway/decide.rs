@@ -4,7 +4,6 @@ use super::core::{Flight, LineCore, Purpose};
 use super::event::{Effect, Wake, WakeReason};
 use super::work::{Rank, Want};
 use crate::domain::ids::DriveIndex;
-use crate::domain::report::LineState;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::{TrafficKind, TrafficRecord};
 use crate::drive::plan::PollGroup;
@@ -33,7 +32,7 @@ struct DuePoll {
 impl LineCore {
     /// Opens the next exchange if the wire is free and has been silent for long enough.
     pub(super) fn decide(&mut self, now: MonoTime) {
-        if self.state == LineState::Down || self.wire.is_busy() || now < self.wire.may_send_from() {
+        if !self.is_open || self.wire.is_busy() || now < self.wire.may_send_from() {
             return;
         }
         let Some((drive, request, purpose)) = self.pick(now) else { return };
@@ -188,7 +187,7 @@ impl LineCore {
 
     /// When the next frame could go, if anything waits or will be due.
     pub(super) fn work_wake(&self) -> Option<Wake> {
-        if self.state == LineState::Down {
+        if !self.is_open {
             return None;
         }
         let work = self.work_at()?;

@@ -3,8 +3,9 @@
 use super::note::Note;
 use crate::domain::command::{CommandAnswer, CommandRequest, Owner};
 use crate::domain::ids::{AskerId, DriveIndex};
+use crate::domain::link::PortKind;
 use crate::domain::native::{NativeAnswer, NativeRequest};
-use crate::domain::report::PortFault;
+use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::TrafficRecord;
 use crate::drive::snapshot::Presence;
@@ -15,10 +16,10 @@ use crate::drive::view::TripEvent;
 pub enum Input<'a> {
     /// Bytes were read from the port.
     Bytes(&'a [u8]),
-    /// The port was opened; nothing that was received before counts.
-    PortUp,
+    /// A port of this kind was opened; nothing that was received before counts.
+    PortUp(PortKind),
     /// The port is gone.
-    PortDown(PortFault),
+    PortDown(LineFault),
     /// A client asks for registers by their addresses.
     Native(NativeRequest),
     /// Somebody commands.
@@ -40,6 +41,8 @@ pub enum Input<'a> {
 pub enum Effect {
     /// Hand these bytes to the port, now and all at once.
     Transmit(Vec<u8>),
+    /// Close the port and open it again after the usual wait, for this reason.
+    Reopen(LineFault),
     /// Give this answer to its asker.
     Answer(NativeAnswer),
     /// Give this report to the one who commanded.

@@ -2,8 +2,9 @@
 
 use super::core::{LineCore, Purpose};
 use super::work::DriveWork;
+use crate::domain::link::PortKind;
 use crate::domain::native::{NativeOutcome, Refusal};
-use crate::domain::report::{LineState, PortFault};
+use crate::domain::report::{LineFault, LineState};
 use crate::domain::time::MonoTime;
 use crate::line::barriers::Barriers;
 use crate::line::fault::{Fault, consequence};
@@ -11,8 +12,8 @@ use crate::line::schedule::WaiterId;
 use std::time::Duration;
 
 impl LineCore {
-    pub(super) fn on_port_up(&mut self, now: MonoTime) {
-        self.state = LineState::Up;
+    pub(super) fn on_port_up(&mut self, now: MonoTime, _kind: PortKind) {
+        (self.state, self.is_open) = (LineState::Up, true);
         self.counters.port_ups += 1;
         self.wire.abandon(now);
         self.echo.port_opened();
@@ -22,11 +23,11 @@ impl LineCore {
     }
 
     /// Everything that waits is answered: what was on the wire as not answered, the rest as not sent.
-    pub(super) fn on_port_down(&mut self, now: MonoTime, fault: PortFault) {
-        if self.state == LineState::Down {
+    pub(super) fn on_port_down(&mut self, now: MonoTime, fault: LineFault) {
+        if !self.is_open {
             return;
         }
-        self.state = LineState::Down;
+        (self.state, self.is_open) = (LineState::Down, false);
         self.fault = Some(fault);
         self.counters.port_downs += 1;
         if let (Some(exchange), Some(flight)) = (self.wire.abandon(now), self.flight.take()) {

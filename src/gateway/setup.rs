@@ -2,6 +2,7 @@
 
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
+use crate::domain::link::EchoPolicy;
 use crate::line::budget;
 use crate::line::timeouts::{Class, ReplyTimeouts, longer_reply};
 use crate::line::timing::Timing;
@@ -17,6 +18,8 @@ pub struct LineSetup {
     pub timing: Timing,
     /// The drives, in the order of the configuration.
     pub drives: Vec<DriveSetup>,
+    /// What to do if what is sent comes back.
+    pub echo: EchoPolicy,
     /// Whether the traffic is told.
     pub tells_traffic: bool,
     /// Where the epochs of its drives begin: another number at each start of the gateway.
@@ -101,7 +104,7 @@ mod tests {
     fn worst_stop(drives: Vec<DriveSetup>) -> Duration {
         let models = drives.iter().map(|drive| drive.model.as_ref());
         let timing = Timing::for_models(Framing::Rtu, LinkSettings::DEFAULT, models, Duration::ZERO);
-        LineSetup { timing, drives, tells_traffic: false, first_epoch: 0 }.worst_stop()
+        LineSetup { timing, drives, echo: EchoPolicy::Refuse, tells_traffic: false, first_epoch: 0 }.worst_stop()
     }
 
     fn fact<T>(value: T) -> Fact<T> {

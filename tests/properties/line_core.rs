@@ -7,9 +7,10 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::ids::{AskerId, DriveIndex, Station, Ticket};
+use vfd_gateway::domain::link::{EchoPolicy, PortKind};
 use vfd_gateway::domain::link::{Framing, LinkSettings};
 use vfd_gateway::domain::native::{NativeAsk, NativeRequest};
-use vfd_gateway::domain::report::PortFault;
+use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup, WakeReason};
 use vfd_gateway::line::timeouts::ReplyTimeouts;
@@ -82,7 +83,13 @@ impl Watch {
             control: None,
         });
         let timing = Timing::for_models(framing, LinkSettings::DEFAULT, [model.as_ref()], Duration::ZERO);
-        let setup = LineSetup { timing, drives: drives.collect(), tells_traffic: true, first_epoch: 1 };
+        let setup = LineSetup {
+            timing,
+            drives: drives.collect(),
+            echo: EchoPolicy::Strip,
+            tells_traffic: true,
+            first_epoch: 1,
+        };
         let now = MonoTime::from_millis(1);
         let core = LineCore::new(setup, now);
         let silence = timing.silence;
@@ -107,11 +114,11 @@ impl Watch {
                 self.open.retain(|(_, of)| *of != u64::from(asker));
             }
             Event::PortDown => {
-                self.core.handle(self.now, Input::PortDown(PortFault::Gone));
+                self.core.handle(self.now, Input::PortDown(LineFault::Gone));
                 self.last_byte = self.now;
             }
             Event::PortUp => {
-                self.core.handle(self.now, Input::PortUp);
+                self.core.handle(self.now, Input::PortUp(PortKind::Serial));
                 self.last_byte = self.now;
             }
         }
@@ -178,6 +185,7 @@ impl Watch {
                 Effect::Command(_)
                 | Effect::Trip(..)
                 | Effect::Note(..)
+                | Effect::Reopen(_)
                 | Effect::Presence(..)
                 | Effect::Traffic(_) => {}
             }

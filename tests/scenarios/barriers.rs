@@ -6,8 +6,9 @@ use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Outcome, Reason};
 use vfd_gateway::domain::ids::Station;
+use vfd_gateway::domain::link::PortKind;
 use vfd_gateway::domain::native::NativeOutcome;
-use vfd_gateway::domain::report::PortFault;
+use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::drive::snapshot::Presence;
 use vfd_gateway::gateway::Input;
 use vfd_gateway::profile::model::{Barrier, Confidence, Fact, Model};
@@ -146,8 +147,8 @@ fn a_loop_test_proves_nothing_on_a_line_that_echoes() {
     assert!(waited_after_a_lost_reply(&mut rig) >= MAX_LATENESS, "an echo may come back");
     assert_eq!(loop_tests(&rig), 0);
     // Another port may have another adapter.
-    rig.core.handle(rig.now, Input::PortDown(PortFault::Gone));
-    rig.core.handle(rig.now, Input::PortUp);
+    rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
+    rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
     rig.settle();
     let read = rig.read(1, 0, PROOF, 1);
     assert!(matches!(rig.answer_to(read), NativeOutcome::Words(_)));

@@ -5,6 +5,7 @@ use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Owner, Reason, RunIntent};
 use vfd_gateway::domain::control::FailSafe;
 use vfd_gateway::domain::ids::Station;
+use vfd_gateway::domain::link::PortKind;
 use vfd_gateway::gateway::{Input, Note};
 
 const RUN: u16 = 0x0002;
@@ -111,11 +112,11 @@ fn a_drive_that_coasted_to_standstill_is_free() {
 #[test]
 fn a_lease_ends_while_the_port_is_closed() {
     let mut rig = running(FailSafe::Stop, FailSafe::Stop);
-    rig.core.handle(rig.now, Input::PortDown(vfd_gateway::domain::report::PortFault::Gone));
+    rig.core.handle(rig.now, Input::PortDown(vfd_gateway::domain::report::LineFault::Gone));
     rig.pass(Duration::from_secs(10));
     assert!(rig.notes.iter().any(|(_, note)| matches!(note, Note::CommanderLost { .. })), "{:?}", rig.notes);
     assert!(rig.view(0).control.unwrap().stop_pending);
-    rig.core.handle(rig.now, Input::PortUp);
+    rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
     rig.pass(Duration::from_secs(40));
     assert_eq!((rig.output(1), rig.view(0).control.unwrap().stop_pending), (0, false));
 }
@@ -192,9 +193,9 @@ fn the_gateway_never_invents_motion() {
         drive.obey(now, &pdu);
     }
     rig.pass(Duration::from_secs(20));
-    rig.core.handle(rig.now, Input::PortDown(vfd_gateway::domain::report::PortFault::Gone));
+    rig.core.handle(rig.now, Input::PortDown(vfd_gateway::domain::report::LineFault::Gone));
     rig.pass(Duration::from_secs(5));
-    rig.core.handle(rig.now, Input::PortUp);
+    rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
     rig.pass(Duration::from_secs(20));
     assert!(rig.sent.iter().all(|sent| sent.frame[1] != 6), "nothing was written");
     assert_eq!(rig.output(1), 3000);

@@ -3,8 +3,9 @@
 use crate::support::{PROOF, Rig, RigOptions};
 use std::time::Duration;
 use vfd_gateway::domain::ids::{AskerId, Station};
+use vfd_gateway::domain::link::PortKind;
 use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
-use vfd_gateway::domain::report::PortFault;
+use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::gateway::{Input, REQUESTS_MAX};
 use vfd_gateway::line::schedule::READS_MAX;
 
@@ -19,12 +20,12 @@ fn a_lost_port_answers_all_who_wait() {
     rig.read(1, 0, PROOF, 1);
     rig.read(2, 0, PROOF, 2);
     assert_eq!(rig.sent.len(), 1, "one is on the wire");
-    rig.core.handle(rig.now, Input::PortDown(PortFault::Gone));
+    rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
     rig.settle();
     assert_eq!(outcomes(&mut rig), [NativeOutcome::NoReply, NativeOutcome::Refused(Refusal::LineDown)]);
     rig.read(1, 0, PROOF, 1);
     assert_eq!(outcomes(&mut rig), [NativeOutcome::Refused(Refusal::LineDown)]);
-    rig.core.handle(rig.now, Input::PortUp);
+    rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
     // What was on the wire may still be answered: another word count goes first.
     let again = rig.read(1, 0, PROOF, 1);
     assert!(matches!(rig.answer_to(again), NativeOutcome::Words(_)));

@@ -13,8 +13,9 @@ use vfd_gateway::domain::command::{
 use vfd_gateway::domain::control::{ControlSettings, FailSafe};
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::{AskerId, DriveIndex, Station, Ticket};
-use vfd_gateway::domain::link::{Framing, LinkSettings, Parity};
+use vfd_gateway::domain::link::{EchoPolicy, Framing, LinkSettings, Parity, PortKind};
 use vfd_gateway::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, NativeRequest};
+use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::domain::traffic::TrafficRecord;
 use vfd_gateway::drive::view::{DriveView, TripEvent};
@@ -104,6 +105,8 @@ pub struct RigOptions {
     pub reply_timeout: Duration,
     /// Seed of the faults.
     pub seed: u64,
+    /// What the line does with an echo of its own bytes.
+    pub echo: EchoPolicy,
     /// Keep what goes over the wire in `traffic`.
     pub tells_traffic: bool,
     /// What may be commanded of every drive.
@@ -162,6 +165,7 @@ impl Default for RigOptions {
             poll: Duration::from_secs(3600),
             reply_timeout: Duration::from_millis(200),
             seed: 1,
+            echo: EchoPolicy::Strip,
             tells_traffic: false,
             control: None,
             model: n700(),
@@ -195,6 +199,8 @@ pub struct Rig {
     pub trips: Vec<(MonoTime, TripEvent)>,
     /// What people were told.
     pub notes: Vec<(MonoTime, Note)>,
+    /// When the core wanted the port opened anew, and why.
+    pub reopens: Vec<(MonoTime, LineFault)>,
     pub sent: Vec<Sent>,
     /// Keep every frame in `sent`, not just the last one.
     pub keeps_sent: bool,
@@ -227,9 +233,11 @@ impl Rig {
         }
         let timing = Timing::for_models(options.bus.framing, options.link, [model.as_ref()], Duration::ZERO);
         let now = MonoTime::from_millis(1);
-        let mut core =
-            LineCore::new(LineSetup { timing, drives, tells_traffic: options.tells_traffic, first_epoch: 1 }, now);
-        core.handle(now, Input::PortUp);
+        let mut core = LineCore::new(
+            LineSetup { timing, drives, echo: options.echo, tells_traffic: options.tells_traffic, first_epoch: 1 },
+            now,
+        );
+        core.handle(now, Input::PortUp(PortKind::Serial));
         let mut rig = Self {
             core,
             bus,
@@ -239,6 +247,7 @@ impl Rig {
             reports: Vec::new(),
             trips: Vec::new(),
             notes: Vec::new(),
+            reopens: Vec::new(),
             sent: Vec::new(),
             keeps_sent: true,
             loses_reply_to: None,
@@ -434,6 +443,7 @@ impl Rig {
                 Effect::Command(answer) => self.reports.push((self.now, answer)),
                 Effect::Trip(_, event) => self.trips.push((self.now, event)),
                 Effect::Note(_, note) => self.notes.push((self.now, note)),
+                Effect::Reopen(fault) => self.reopens.push((self.now, fault)),
                 Effect::Presence(..) => {}
             }
         }

@@ -11,7 +11,7 @@ use crate::daemon::shared::Shared;
 use crate::daemon::totals::{ModbusTotals, MqttTotals};
 use crate::domain::ids::{DriveIndex, Name, UnitId};
 use crate::domain::link::Interface;
-use crate::domain::report::{LineCounters, LineReport, LineState, PortFault};
+use crate::domain::report::{LineCounters, LineFault, LineReport, LineState};
 use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::snapshot::{DriveSnapshot, Presence};
@@ -132,7 +132,7 @@ fn alive_and_ready_differ() {
         let state = state(true);
         let address = serve(&state, Patience::default()).await;
         assert_eq!(ask(address, "GET", "/healthz").await, (200, "ok\n".to_owned()));
-        let gone = LineReport { fault: Some(PortFault::Gone), ..LineReport::default() };
+        let gone = LineReport { fault: Some(LineFault::Gone), ..LineReport::default() };
         show(&state, gone, DriveView::default());
         let (status, body) = ask(address, "GET", "/readyz").await;
         assert_eq!(status, 503);
