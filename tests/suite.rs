@@ -66,6 +66,8 @@ mod resets;
 mod setpoint_before_run;
 #[path = "scenarios/sharing.rs"]
 mod sharing;
+#[path = "scenarios/stop_all.rs"]
+mod stop_all;
 #[path = "scenarios/stop_wins.rs"]
 mod stop_wins;
 #[path = "scenarios/trips.rs"]

@@ -77,6 +77,8 @@ pub struct LineCounters {
     pub retries: u64,
     /// Exchanges sent only to prove that no late reply can follow.
     pub barriers: u64,
+    /// Stops sent to all drives of the line in one frame.
+    pub broadcasts: u64,
     /// Native reads that joined an exchange somebody else had asked for.
     pub joined: u64,
     /// Native requests refused because a queue was full.

@@ -1,5 +1,6 @@
 //! The state of one line and the one door through which events come in.
 
+use super::broadcast;
 use super::event::{Effect, Input, Wake, WakeReason};
 use super::natives::Natives;
 use super::setup::LineSetup;
@@ -43,6 +44,8 @@ pub struct LineCore {
     /// A command was begun in the last exchange: the next one is for others, if there are any.
     pub(super) others_turn: bool,
     worst_stop: Duration,
+    /// The station that stops all drives, where the line has one.
+    pub(super) all_stop_at: Option<u8>,
     /// Why the port was closed last.
     pub(super) fault: Option<LineFault>,
     pub(super) counters: LineCounters,
@@ -88,6 +91,7 @@ impl LineCore {
         });
         Self {
             worst_stop: setup.worst_stop(),
+            all_stop_at: broadcast::station_for_all(&setup),
             works: works.collect(),
             others_turn: false,
             fault: None,

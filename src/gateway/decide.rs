@@ -35,6 +35,9 @@ impl LineCore {
         if !self.is_open || self.wire.is_busy() || now < self.wire.may_send_from() {
             return;
         }
+        if self.stop_all(now) {
+            return;
+        }
         let Some((drive, request, purpose)) = self.pick(now) else { return };
         let setup = &self.setup.drives[drive.get()];
         let station = &self.stations[drive.get()];

@@ -11,6 +11,7 @@
 
 mod ask;
 mod barrier;
+pub mod broadcast;
 mod core;
 mod decide;
 mod ended;

@@ -39,6 +39,8 @@ pub struct StopLatch {
     awaited_since: MonoTime,
     /// When the last of them was accepted.
     accepted_at: MonoTime,
+    /// It went to all drives of the line at once.
+    was_broadcast: bool,
     /// How often it was sent.
     sent: u32,
     send_at: MonoTime,
@@ -77,6 +79,7 @@ impl StopLatch {
             waiters: waiter.into_iter().collect(),
             awaited_since: now,
             accepted_at: now,
+            was_broadcast: false,
             sent: 0,
             send_at: now,
             is_acknowledged: false,
@@ -121,6 +124,17 @@ impl StopLatch {
     pub const fn frame(&self) -> (MonoTime, Request) {
         let at = if self.is_away() && !self.is_first() { MonoTime::NEVER } else { self.send_at };
         (at, self.order.request())
+    }
+
+    /// Its frame, if that has gone to nobody yet, neither to this drive nor to all at once.
+    #[must_use]
+    pub fn unsent(&self) -> Option<Request> {
+        (self.is_first() && !self.was_broadcast).then(|| self.order.request())
+    }
+
+    /// It went to all drives of the line in one frame. Nobody answers that, so its own frame still follows.
+    pub const fn was_broadcast(&mut self) {
+        self.was_broadcast = true;
     }
 
     /// Whether it has never been sent: such frames go before repeats.

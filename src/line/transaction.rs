@@ -69,6 +69,8 @@ pub struct Wire {
     /// The later of the last byte read and the computed end of our own transmission.
     quiet_from: MonoTime,
     last_byte_at: MonoTime,
+    /// The drives are busy with a broadcast until then.
+    held_until: MonoTime,
     open: Option<Open>,
     heard: Vec<Heard>,
 }
@@ -82,6 +84,7 @@ impl Wire {
             timing,
             quiet_from: now,
             last_byte_at: now,
+            held_until: MonoTime::ZERO,
             open: None,
             heard: Vec::new(),
         }
@@ -96,7 +99,7 @@ impl Wire {
     /// The first moment at which the silence before a frame of ours is long enough.
     #[must_use]
     pub fn may_send_from(&self) -> MonoTime {
-        self.quiet_from + self.timing.silence
+        (self.quiet_from + self.timing.silence).max(self.held_until)
     }
 
     /// Opens an exchange whose frame is handed to the port at `now`, and appends the frame to `out`.
@@ -114,6 +117,23 @@ impl Wire {
             reply_due + self.timing.on_wire(framing::max_adu_bytes(self.timing.framing)) + self.timing.silence;
         self.flush_idle_bytes();
         self.open = Some(Open { exchange, expected, reply_due, give_up, exception: None });
+    }
+
+    /// Hands a frame to `station`, which stands for all and answers nothing, to the port at `now`, and appends it to
+    /// `out`. The drives are left alone for `turnaround` after it. As for [`Wire::send`], the caller has waited.
+    pub fn broadcast(
+        &mut self,
+        now: MonoTime,
+        station: u8,
+        request: &Request,
+        turnaround: Duration,
+        out: &mut Vec<u8>,
+    ) {
+        let start = out.len();
+        framing::encode(self.timing.framing, out, station, |pdu| request.encode(pdu));
+        self.flush_idle_bytes();
+        self.quiet_from = now + self.timing.on_wire(out.len() - start);
+        self.held_until = self.quiet_from + turnaround;
     }
 
     /// Takes bytes that were read at `now`. Returns how the open exchange ended, if it did.

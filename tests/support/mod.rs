@@ -294,6 +294,17 @@ impl Rig {
         order: Order,
         change: impl FnOnce(&mut CommandRequest),
     ) -> Ticket {
+        let ticket = self.give(origin, index, order, change);
+        self.settle();
+        ticket
+    }
+
+    /// Commands and lets nothing be decided yet: more may come in the same round.
+    pub fn command_unsettled(&mut self, origin: Origin, index: u16, order: Order) -> Ticket {
+        self.give(origin, index, order, |_| {})
+    }
+
+    fn give(&mut self, origin: Origin, index: u16, order: Order, change: impl FnOnce(&mut CommandRequest)) -> Ticket {
         self.last_ticket += 1;
         let ticket = Ticket(self.last_ticket);
         let mut command = CommandRequest {
@@ -308,7 +319,6 @@ impl Rig {
         };
         change(&mut command);
         self.core.handle(self.now, Input::Command(command));
-        self.settle();
         ticket
     }
 

@@ -84,6 +84,9 @@ pub(super) const LINE: &[Metric<LineReport>] = &[
     counter("line_barriers", "Exchanges sent only to prove that no late reply can follow.", |line| {
         Some(line.counters.barriers)
     }),
+    counter("line_broadcasts", "Stops sent to all drives of the line in one frame.", |line| {
+        Some(line.counters.broadcasts)
+    }),
     counter("line_joined", "Native reads that joined an exchange somebody else had asked for.", |line| {
         Some(line.counters.joined)
     }),

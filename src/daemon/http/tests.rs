@@ -74,6 +74,7 @@ const UP: LineReport = LineReport {
         noise_bytes: 12,
         retries: 0,
         barriers: 0,
+        broadcasts: 0,
         joined: 0,
         queue_full: 0,
         expired: 0,

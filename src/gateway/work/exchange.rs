@@ -7,6 +7,7 @@ use crate::drive::steps::Part;
 use crate::gateway::event::Effect;
 use crate::gateway::list::Next;
 use crate::gateway::note::Note;
+use crate::gateway::stop::StopLatch;
 use crate::line::transaction::Ending;
 use crate::wire::pdu::{Reply, Request};
 
@@ -87,6 +88,19 @@ impl DriveWork {
                     self.trip(event, out);
                 }
             }
+        }
+    }
+
+    /// The stop that this drive waits for, if it was sent to nobody yet.
+    #[must_use]
+    pub fn unsent_stop(&self) -> Option<Request> {
+        self.latch.as_ref().and_then(StopLatch::unsent)
+    }
+
+    /// Its stop went to all drives at once.
+    pub fn stop_was_broadcast(&mut self) {
+        if let Some(latch) = &mut self.latch {
+            latch.was_broadcast();
         }
     }
 

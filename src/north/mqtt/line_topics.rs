@@ -91,6 +91,7 @@ fn stats(counters: &LineCounters) -> Value {
         noise_bytes,
         retries,
         barriers,
+        broadcasts,
         joined,
         queue_full,
         expired,
@@ -100,7 +101,7 @@ fn stats(counters: &LineCounters) -> Value {
     } = counters;
     json!({
         "requests": requests, "replies": replies, "exceptions": exceptions, "silent": silent, "garbled": garbled,
-        "strays": strays, "foreign": foreign, "noise_bytes": noise_bytes, "retries": retries, "barriers": barriers,
+        "strays": strays, "foreign": foreign, "noise_bytes": noise_bytes, "retries": retries, "barriers": barriers, "broadcasts": broadcasts,
         "joined": joined, "queue_full": queue_full, "expired": expired, "port_ups": port_ups,
         "port_downs": port_downs, "busy_us": busy_us,
     })
