@@ -4,7 +4,7 @@ use super::event::{Effect, Input, Wake, WakeReason};
 use super::natives::Natives;
 use super::setup::LineSetup;
 use super::work::{DriveWork, Rank};
-use crate::domain::ids::DriveIndex;
+use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::native::NativeAnswer;
 use crate::domain::report::{LineCounters, LineReport, LineState, PortFault};
 use crate::domain::time::MonoTime;
@@ -114,11 +114,7 @@ impl LineCore {
             Input::PortUp => self.on_port_up(now),
             Input::PortDown(fault) => self.on_port_down(now, fault),
             Input::Native(request) => self.on_native(now, request),
-            Input::AskerGone(asker) => {
-                self.natives.forget(asker);
-                self.schedule.forget(asker);
-                self.drop_unwanted();
-            }
+            Input::AskerGone(asker) => self.on_asker_gone(asker),
             Input::Command(command) => self.on_command(now, &command),
             Input::PathAlive(owner) => self.works.iter_mut().for_each(|work| work.renew(owner, now)),
             Input::PathOpened(_) => self.works.iter_mut().for_each(DriveWork::new_epoch),
@@ -207,6 +203,16 @@ impl LineCore {
     #[must_use]
     pub fn snapshot(&self, index: DriveIndex) -> Option<&DriveSnapshot> {
         self.snapshots.get(index.get())
+    }
+
+    /// Whoever goes takes along what has not begun: reads and commands. A stop stays, and so does what is on the wire.
+    fn on_asker_gone(&mut self, asker: AskerId) {
+        self.natives.forget(asker);
+        self.schedule.forget(asker);
+        self.drop_unwanted();
+        for work in &mut self.works {
+            self.counters.withdrawn += work.withdraw(asker, &mut self.effects);
+        }
     }
 
     fn on_time(&mut self, now: MonoTime) {

@@ -94,6 +94,7 @@ fn stats(counters: &LineCounters) -> Value {
         joined,
         queue_full,
         expired,
+        withdrawn,
         port_ups,
         port_downs,
         busy_us,
@@ -101,8 +102,8 @@ fn stats(counters: &LineCounters) -> Value {
     json!({
         "requests": requests, "replies": replies, "exceptions": exceptions, "silent": silent, "garbled": garbled,
         "strays": strays, "foreign": foreign, "noise_bytes": noise_bytes, "retries": retries, "barriers": barriers,
-        "joined": joined, "queue_full": queue_full, "expired": expired, "port_ups": port_ups,
-        "port_downs": port_downs, "busy_us": busy_us,
+        "joined": joined, "queue_full": queue_full, "expired": expired, "withdrawn": withdrawn,
+        "port_ups": port_ups, "port_downs": port_downs, "busy_us": busy_us,
     })
 }
 
