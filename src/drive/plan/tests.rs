@@ -138,7 +138,8 @@ fn what_is_planned_is_what_is_read() {
         }
         let mut planned: Vec<u16> = groups(&model).iter().flat_map(|it| it.address..it.address + it.count).collect();
         planned.retain(is_polled);
-        (planned.sort_unstable(), read.sort_unstable());
+        planned.sort_unstable();
+        read.sort_unstable();
         assert_eq!(read, planned, "{id}");
         assert!(reads <= groups(&model).len(), "{id}: {reads}");
     }
