@@ -50,6 +50,8 @@ mod deaf_times;
 mod every_request_ends;
 #[path = "scenarios/families.rs"]
 mod families;
+#[path = "scenarios/gone_client.rs"]
+mod gone_client;
 #[path = "scenarios/late_reply.rs"]
 mod late_reply;
 #[path = "scenarios/native_blocks.rs"]
@@ -58,6 +60,8 @@ mod native_blocks;
 mod noisy_line;
 #[path = "scenarios/old_value_or_exception.rs"]
 mod old_value_or_exception;
+#[path = "scenarios/polls.rs"]
+mod polls;
 #[path = "scenarios/release_and_setup.rs"]
 mod release_and_setup;
 #[path = "scenarios/resets.rs"]

@@ -85,6 +85,8 @@ pub struct LineCounters {
     pub queue_full: u64,
     /// Native requests whose deadline passed in the queue.
     pub expired: u64,
+    /// Commands that were not sent because the client who gave them was gone.
+    pub withdrawn: u64,
     /// Times the port was opened.
     pub port_ups: u64,
     /// Times the port was lost.

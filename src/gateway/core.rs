@@ -5,11 +5,11 @@ use super::event::{Effect, Input, Wake, WakeReason};
 use super::natives::Natives;
 use super::setup::LineSetup;
 use super::work::{DriveWork, Rank};
-use crate::domain::ids::DriveIndex;
+use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::native::NativeAnswer;
 use crate::domain::report::{LineCounters, LineFault, LineReport, LineState};
 use crate::domain::time::MonoTime;
-use crate::drive::plan::PollPlan;
+use crate::drive::plan::{PlaceOnLine, PollPlan};
 use crate::drive::snapshot::{DriveSnapshot, Presence};
 use crate::drive::view::DriveView;
 use crate::line::barriers::{Barriers, Nonces};
@@ -41,6 +41,8 @@ pub struct LineCore {
     pub(super) flight: Option<Flight>,
     /// Native reads and polls take turns: whether it is the polls' turn.
     pub(super) polls_turn: bool,
+    /// Polls in a row that had grown too old to wait.
+    pub(super) aged_polls: u8,
     /// A command was begun in the last exchange: the next one is for others, if there are any.
     pub(super) others_turn: bool,
     worst_stop: Duration,
@@ -82,10 +84,10 @@ impl LineCore {
     #[must_use]
     pub fn new(setup: LineSetup, now: MonoTime) -> Self {
         let count = setup.drives.len();
-        let plans = setup.drives.iter().enumerate().map(|(index, drive)| {
-            let phase = index as f64 / count as f64;
-            PollPlan::new(&drive.model, drive.poll, now, phase)
-        });
+        let drives = u32::try_from(count).unwrap_or(u32::MAX);
+        let plans = (0..)
+            .zip(&setup.drives)
+            .map(|(index, drive)| PollPlan::new(&drive.model, drive.poll, now, PlaceOnLine { index, drives }));
         let works = (0..).zip(&setup.drives).map(|(index, drive)| {
             DriveWork::new(DriveIndex(index), &drive.model, drive.control.clone(), setup.first_epoch)
         });
@@ -108,6 +110,7 @@ impl LineCore {
             natives: Natives::default(),
             flight: None,
             polls_turn: true,
+            aged_polls: 0,
             counters: LineCounters::default(),
             effects: VecDeque::new(),
             setup,
@@ -121,11 +124,7 @@ impl LineCore {
             Input::PortUp(kind) => self.on_port_up(now, kind),
             Input::PortDown(fault) => self.on_port_down(now, fault),
             Input::Native(request) => self.on_native(now, request),
-            Input::AskerGone(asker) => {
-                self.natives.forget(asker);
-                self.schedule.forget(asker);
-                self.drop_unwanted();
-            }
+            Input::AskerGone(asker) => self.on_asker_gone(asker),
             Input::Command(command) => self.on_command(now, &command),
             Input::PathAlive(owner) => self.works.iter_mut().for_each(|work| work.renew(owner, now)),
             Input::PathOpened(_) => self.works.iter_mut().for_each(DriveWork::new_epoch),
@@ -214,6 +213,16 @@ impl LineCore {
     #[must_use]
     pub fn snapshot(&self, index: DriveIndex) -> Option<&DriveSnapshot> {
         self.snapshots.get(index.get())
+    }
+
+    /// Whoever goes takes along what has not begun: reads and commands. A stop stays, and so does what is on the wire.
+    fn on_asker_gone(&mut self, asker: AskerId) {
+        self.natives.forget(asker);
+        self.schedule.forget(asker);
+        self.drop_unwanted();
+        for work in &mut self.works {
+            self.counters.withdrawn += work.withdraw(asker, &mut self.effects);
+        }
     }
 
     fn on_time(&mut self, now: MonoTime) {

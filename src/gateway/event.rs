@@ -30,7 +30,8 @@ pub enum Input<'a> {
     PathOpened(Owner),
     /// The gateway ends: each drive gets the action that is declared for that.
     Shutdown,
-    /// A client is gone; nobody waits for its answers any more.
+    /// A client is gone: nobody waits for its answers any more, and what it has ordered and has not begun is not sent,
+    /// stops excepted.
     AskerGone(AskerId),
     /// All that had happened has been told. Only now is decided what to do.
     Time,

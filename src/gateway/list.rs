@@ -6,7 +6,8 @@ mod read_back;
 mod tests;
 
 use super::waiter::Waiter;
-use crate::domain::command::{Order, Outcome, Reason, Report};
+use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
+use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
 use crate::drive::steps::{Part, Step, Write};
 use crate::guard::{Approved, Void};
@@ -88,6 +89,18 @@ impl List {
         &mut self.waiter
     }
 
+    /// Whether `asker` waits for it.
+    #[must_use]
+    pub fn is_of(&self, asker: AskerId) -> bool {
+        self.waiter.is_of(asker)
+    }
+
+    /// Who ordered it.
+    #[must_use]
+    pub const fn owner(&self) -> Owner {
+        self.approved.owner()
+    }
+
     /// What was ordered.
     #[must_use]
     pub const fn order(&self) -> &Order {
@@ -112,7 +125,7 @@ impl List {
         self.stage == Stage::Step(0)
             && !self.has_begun
             && old.registers().is_empty()
-            && self.approved.owner() == newer.approved.owner()
+            && self.owner() == newer.owner()
             && (old.frequency().is_none() || new.frequency().is_some())
             && (old.run().is_none() || new.run().is_some())
     }

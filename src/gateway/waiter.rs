@@ -46,6 +46,12 @@ impl Waiter {
         Some(Effect::Answer(NativeAnswer { asker, ticket, outcome: native_outcome(report) }))
     }
 
+    /// Whether `asker` is who waits.
+    #[must_use]
+    pub fn is_of(&self, asker: AskerId) -> bool {
+        self.asker == asker
+    }
+
     /// The number of its command among those of the drive.
     #[must_use]
     pub const fn number(&self) -> Option<u16> {

@@ -22,9 +22,13 @@ pub struct DriveGuard {
     intent: RunIntent,
     /// Whether the drive has acknowledged the intent. Until then an equal order is a new one.
     pub(super) run_acknowledged: bool,
+    /// The direction in which the drive was last told to run and said yes, unless something has ended that.
+    obeyed: Option<Direction>,
     /// The direction that was ordered last, whether or not it is in force: the motor may still turn.
     pub(super) turned: Option<Direction>,
     setpoint: Option<Setpoint>,
+    /// The last one that the drive acknowledged.
+    held_setpoint: Option<Setpoint>,
     /// Who has commanded stop since the last inhibit and may therefore start.
     armed: Vec<Owner>,
     stops: u64,
@@ -74,8 +78,10 @@ impl DriveGuard {
             lease: None,
             intent: RunIntent::Stop,
             run_acknowledged: false,
+            obeyed: None,
             turned: None,
             setpoint: None,
+            held_setpoint: None,
             armed: Vec::new(),
             stops: 0,
             epoch: first_epoch,
@@ -185,6 +191,7 @@ impl DriveGuard {
         self.armed.clear();
         self.intent = RunIntent::Stop;
         self.run_acknowledged = false;
+        self.obeyed = None;
     }
 
     /// Control was handed back to panel or terminals: nobody holds it here, and whoever starts again stops first.
@@ -206,20 +213,39 @@ impl DriveGuard {
 
     /// The drive acknowledged the order to run in `direction`.
     pub fn run_was_acknowledged(&mut self, direction: Direction) {
-        self.run_acknowledged = self.intent == RunIntent::Run(direction);
-    }
-
-    /// The order to run in `direction` was never sent, or the drive refused it.
-    pub fn run_failed(&mut self, direction: Direction) {
-        if self.intent == RunIntent::Run(direction) && !self.run_acknowledged {
-            self.intent = RunIntent::Stop;
+        if let RunIntent::Run(ordered) = self.intent {
+            self.obeyed = Some(direction);
+            self.run_acknowledged = ordered == direction;
         }
     }
 
-    /// The drive acknowledged the setpoint `value`.
-    pub fn setpoint_was_acknowledged(&mut self, value: Hertz) {
-        if let Some(setpoint) = self.setpoint.as_mut().filter(|setpoint| setpoint.value == value) {
-            setpoint.acknowledged = true;
+    /// The order to run in `direction` was never sent, or the drive refused it. In its place stands an older one that is
+    /// still to be sent, or else what the drive obeys: a motor that turns by our order is never shown as stopped.
+    pub fn run_failed(&mut self, direction: Direction, still_ordered: Option<Direction>) {
+        if self.intent != RunIntent::Run(direction) || self.run_acknowledged {
+            return;
+        }
+        let stands = still_ordered.or(self.obeyed);
+        self.intent = stands.map_or(RunIntent::Stop, RunIntent::Run);
+        self.run_acknowledged = still_ordered.is_none() && self.obeyed.is_some();
+        self.turned = stands.or(self.turned);
+    }
+
+    /// The drive acknowledged the setpoint `value` of `owner`.
+    pub fn setpoint_was_acknowledged(&mut self, owner: Owner, value: Hertz) {
+        let held = Setpoint { value, by: owner, acknowledged: true };
+        self.held_setpoint = Some(held);
+        if self.setpoint.is_some_and(|setpoint| setpoint.value == value) {
+            self.setpoint = Some(held);
+        }
+    }
+
+    /// The setpoint `value` was never sent, or the drive refused it: what is still to be sent stands in its place, or
+    /// else what the drive holds.
+    pub fn setpoint_failed(&mut self, value: Hertz, still_ordered: Option<(Owner, Hertz)>) {
+        if self.setpoint.is_some_and(|setpoint| setpoint.value == value && !setpoint.acknowledged) {
+            let ordered = still_ordered.map(|(by, value)| Setpoint { value, by, acknowledged: false });
+            self.setpoint = ordered.or(self.held_setpoint);
         }
     }
 

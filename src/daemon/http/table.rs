@@ -94,6 +94,9 @@ pub(super) const LINE: &[Metric<LineReport>] = &[
         Some(line.counters.queue_full)
     }),
     counter("line_expired", "Native requests whose deadline passed in the queue.", |line| Some(line.counters.expired)),
+    counter("line_withdrawn", "Commands that were not sent because the client who gave them was gone.", |line| {
+        Some(line.counters.withdrawn)
+    }),
     counter("line_port_ups", "Times the port was opened.", |line| Some(line.counters.port_ups)),
     counter("line_busy_microseconds", "Time in which an exchange was open.", |line| Some(line.counters.busy_us)),
     counter("line_port_downs", "Times the port was lost.", |line| Some(line.counters.port_downs)),

@@ -78,6 +78,7 @@ const UP: LineReport = LineReport {
         joined: 0,
         queue_full: 0,
         expired: 0,
+        withdrawn: 0,
         port_ups: 1,
         port_downs: 0,
         busy_us: 0,

@@ -3,6 +3,7 @@
 use super::Rank;
 use super::{COMMANDS_MAX, DriveWork, Out};
 use crate::domain::command::{CommandRequest, Order, Outcome, Reason, Report};
+use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
 use crate::drive::steps::Part;
 use crate::gateway::event::Effect;
@@ -88,6 +89,24 @@ impl DriveWork {
         }
     }
 
+    /// The client behind `asker` is gone: its commands of which nothing was written are not sent. A stop is no list and
+    /// stays. Returns how many they were.
+    pub fn withdraw(&mut self, asker: AskerId, out: Out<'_>) -> u64 {
+        let goes = |list: &List| list.is_of(asker) && !list.has_begun();
+        let current = self.current.take_if(|list| goes(list));
+        if current.is_some() && matches!(self.flight, Some(Rank::Step | Rank::Start)) {
+            self.flight = None;
+        }
+        let (gone, kept) = std::mem::take(&mut self.waiting).into_iter().partition::<VecDeque<_>, _>(goes);
+        self.waiting = kept;
+        let mut count = 0;
+        for mut list in current.into_iter().chain(gone) {
+            count += 1;
+            self.finish(&mut list, Report::refused(Reason::CommanderLost), out);
+        }
+        count
+    }
+
     /// A stop cancels everything else that was ordered.
     pub(super) fn cut(&mut self, now: MonoTime, out: Out<'_>) {
         let is_on_the_wire = matches!(self.flight, Some(Rank::Step | Rank::Start));
@@ -120,14 +139,32 @@ impl DriveWork {
     /// The list is over: what it ordered and did not reach is no intent any more.
     pub(super) fn finish(&mut self, list: &mut List, report: Report, out: Out<'_>) {
         if matches!(report.outcome, Outcome::Refused | Outcome::Expired | Outcome::Failed | Outcome::Superseded) {
-            let runs = |part| matches!(part, Part::Run(_));
-            let is_ordered_anew = self.waiting.iter().any(|newer| newer.parts_left().any(runs));
             for part in list.parts_left() {
-                if let (Part::Run(direction), false) = (part, is_ordered_anew) {
-                    self.guard.run_failed(direction);
+                match part {
+                    Part::Run(direction) => {
+                        let still_ordered = self.last_left(|_, part| match part {
+                            Part::Run(direction) => Some(direction),
+                            _ => None,
+                        });
+                        self.guard.run_failed(direction, still_ordered);
+                    }
+                    Part::Setpoint(value) => {
+                        let still_ordered = self.last_left(|list, part| match part {
+                            Part::Setpoint(value) => Some((list.owner(), value)),
+                            _ => None,
+                        });
+                        self.guard.setpoint_failed(value, still_ordered);
+                    }
+                    Part::Register | Part::Reset { .. } | Part::Release => {}
                 }
             }
         }
         self.tell(list.waiter(), report, true, out);
+    }
+
+    /// What the newest order that is still to be sent says about it, as `of` finds it in a part.
+    fn last_left<T>(&self, of: impl Fn(&List, Part) -> Option<T>) -> Option<T> {
+        let lists = self.current.iter().chain(&self.waiting);
+        lists.rev().find_map(|list| list.parts_left().filter_map(|part| of(list, part)).last())
     }
 }

@@ -1,7 +1,7 @@
 //! What a drive wants from the wire, and what follows from the end of an exchange of its own.
 
 use super::{DriveWork, Out, Rank, Want};
-use crate::domain::command::{Outcome, Reason, Report};
+use crate::domain::command::{Outcome, Owner, Reason, Report};
 use crate::domain::time::MonoTime;
 use crate::drive::steps::Part;
 use crate::gateway::event::Effect;
@@ -165,7 +165,7 @@ impl DriveWork {
         };
         let refused = matches!(next, Next::Ends(Report { outcome: Outcome::Failed, .. }));
         if matches!(ending, Ending::Reply(_)) && !refused {
-            written.into_iter().for_each(|part| self.part_taken(part, list.is_sure()));
+            written.into_iter().for_each(|part| self.part_taken(part, list.owner(), list.is_sure()));
         }
         if let (Next::Goes(report), Some(until)) = (next, list.rest_at(now)) {
             self.rest_until = Some(until);
@@ -190,9 +190,9 @@ impl DriveWork {
         }
     }
 
-    fn part_taken(&mut self, part: Part, is_sure: bool) {
+    fn part_taken(&mut self, part: Part, owner: Owner, is_sure: bool) {
         match part {
-            Part::Setpoint(value) => self.guard.setpoint_was_acknowledged(value),
+            Part::Setpoint(value) => self.guard.setpoint_was_acknowledged(owner, value),
             Part::Run(direction) => self.guard.run_was_acknowledged(direction),
             Part::Reset { ends: true, .. } if is_sure => self.trips.reset_acknowledged(),
             Part::Register | Part::Reset { .. } | Part::Release => {}

@@ -95,15 +95,16 @@ fn stats(counters: &LineCounters) -> Value {
         joined,
         queue_full,
         expired,
+        withdrawn,
         port_ups,
         port_downs,
         busy_us,
     } = counters;
     json!({
         "requests": requests, "replies": replies, "exceptions": exceptions, "silent": silent, "garbled": garbled,
-        "strays": strays, "foreign": foreign, "noise_bytes": noise_bytes, "retries": retries, "barriers": barriers, "broadcasts": broadcasts,
-        "joined": joined, "queue_full": queue_full, "expired": expired, "port_ups": port_ups,
-        "port_downs": port_downs, "busy_us": busy_us,
+        "strays": strays, "foreign": foreign, "noise_bytes": noise_bytes, "retries": retries, "barriers": barriers,
+        "broadcasts": broadcasts, "joined": joined, "queue_full": queue_full, "expired": expired,
+        "withdrawn": withdrawn, "port_ups": port_ups, "port_downs": port_downs, "busy_us": busy_us,
     })
 }
 
