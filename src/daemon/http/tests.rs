@@ -11,7 +11,7 @@ use crate::daemon::shared::Shared;
 use crate::daemon::totals::{ModbusTotals, MqttTotals};
 use crate::domain::ids::{DriveIndex, Name, UnitId};
 use crate::domain::link::Interface;
-use crate::domain::report::{LineCounters, LineFault, LineReport, LineState};
+use crate::domain::report::{LineCounters, LineFault, LineMeasured, LineReport, LineState, StopBounds};
 use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::snapshot::{DriveSnapshot, Presence};
@@ -81,7 +81,17 @@ const UP: LineReport = LineReport {
         port_downs: 0,
         busy_us: 0,
     },
-    worst_stop: Duration::ZERO,
+    stop: StopBounds {
+        all_healthy: Duration::from_millis(40),
+        one_silent: Duration::from_millis(560),
+        each_further: Duration::from_millis(31),
+    },
+    planned_use_per_mille: 125,
+    measured: LineMeasured {
+        longest_stop: Duration::from_millis(17),
+        shortest_gap: None,
+        median_gap: Duration::from_micros(90),
+    },
 };
 
 /// A drive that answered at `at` with 50.00 Hz and 3 trips.
