@@ -125,3 +125,22 @@ fn ms(time: Duration) -> String {
         format!("{millis:.2} ms")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::config;
+    use crate::profile::catalog::Catalog;
+    use crate::vendors;
+
+    #[test]
+    fn a_line_of_several_vendors_is_told_with_what_it_costs() {
+        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+        let text = include_str!("../../tests/golden/config/several_vendors.toml");
+        let found = super::report(&config::load(text, &catalog).unwrap());
+        let path = format!("{}/tests/golden/config/several_vendors.txt", env!("CARGO_MANIFEST_DIR"));
+        if std::env::var_os("UPDATE_GOLDEN").is_some() {
+            std::fs::write(&path, &found).unwrap();
+        }
+        assert_eq!(found, std::fs::read_to_string(&path).unwrap(), "{path}");
+    }
+}
