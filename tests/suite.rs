@@ -54,6 +54,8 @@ mod families;
 mod gone_client;
 #[path = "scenarios/late_reply.rs"]
 mod late_reply;
+#[path = "scenarios/learned_times.rs"]
+mod learned_times;
 #[path = "scenarios/native_blocks.rs"]
 mod native_blocks;
 #[path = "scenarios/noisy_line.rs"]

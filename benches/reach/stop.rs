@@ -8,8 +8,8 @@ use crate::plant::{Gateway, RUN, Setup, UNIFORM};
 use crate::table::{Row, Times, part_of};
 use crate::tapped::{Heard, TappedLine};
 use std::time::Duration;
-use vfd_gateway::config::LineSettings;
-use vfd_gateway::daemon::{build, clock};
+use vfd_gateway::config::{LineSettings, line_plan};
+use vfd_gateway::daemon::clock;
 use vfd_gateway::domain::link::LinkSettings;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::line::budget;
@@ -112,9 +112,9 @@ fn free_after(heard: &Heard) -> MonoTime {
 fn rows(stops: &[Stop], line: &LineSettings, turnaround: Duration) -> Vec<Row> {
     let times = Times::new(stops.iter().map(|stop| stop.took));
     let beyond = Times::new(stops.iter().map(|stop| stop.beyond));
-    let read = budget::read_time(&build::timing(line).0, 8, turnaround);
-    let bound = (read + build::timing(line).0.silence).as_secs_f64() * 1e3;
-    let configured = build::worst_stop(line).as_secs_f64() * 1e3;
+    let read = budget::read_time(&line_plan::timing(line).0, 8, turnaround);
+    let bound = (read + line_plan::timing(line).0.silence).as_secs_f64() * 1e3;
+    let configured = line_plan::stop_bounds(line).one_silent.as_secs_f64() * 1e3;
     let offered = CLIENTS * usize::from(OFFERED);
     let late = Times::new(stops.iter().flat_map(|stop| &stop.overtaken_by).copied());
     let latest = if late.len() == 0 { String::new() } else { format!(" ({:.3})", late.at(1.0)) };

@@ -4,9 +4,9 @@ mod drive;
 
 use super::{Failure, input, print};
 use crate::config::words::LEASES;
-use crate::config::{Config, LineSettings, ListenerSettings, MqttSettings};
-use crate::daemon::build;
+use crate::config::{Config, LineSettings, ListenerSettings, MqttSettings, line_plan};
 use crate::domain::link::Framing;
+use crate::domain::report::StopBounds;
 use crate::line::budget::ASSUMED_TURNAROUND;
 use crate::profile::words::word_for;
 use std::fmt::{Display, Write};
@@ -74,8 +74,8 @@ fn list<T: Display>(values: &[T]) -> String {
 }
 
 fn describe_line(text: &mut String, line: &LineSettings, mqtt: Option<&MqttSettings>) -> std::fmt::Result {
-    let (timing, needs_pty) = build::timing(line);
-    let budget = build::budget(line);
+    let (timing, needs_pty) = line_plan::timing(line);
+    let budget = line_plan::budget(line);
     let framing = if line.framing == Framing::Ascii { ", ASCII frames" } else { "" };
     writeln!(text, "line {} on {}: {}{framing}", line.name, line.port.display(), line.link)?;
     write!(text, "  silence before each frame {}", ms(timing.silence))?;
@@ -86,14 +86,33 @@ fn describe_line(text: &mut String, line: &LineSettings, mqtt: Option<&MqttSetti
         budget.use_of_line * 100.0,
         ms(ASSUMED_TURNAROUND)
     )?;
-    if budget.stretch > 1.0 {
-        writeln!(text, "  warning: the plan is over-full; every period is stretched {:.2} times", budget.stretch)?;
+    if budget.use_if_delayed > budget.use_of_line {
+        let percent = budget.use_if_delayed * 100.0;
+        writeln!(text, "  and {percent:.1} % where each drive is set to its longest delay of replies")?;
     }
-    writeln!(text, "  a stop starts at most {} after it is accepted", ms(build::worst_stop(line)))?;
-    for drive in &line.drives {
-        drive::describe(text, drive, line, &budget, mqtt)?;
+    if budget.stretch > 1.0 {
+        writeln!(
+            text,
+            "  warning: the plan is over-full; every period is stretched {:.2} times, to the ages below (at most {})",
+            budget.stretch,
+            ms(line.max_status_age)
+        )?;
+    }
+    stops(text, line)?;
+    for place in 0..line.drives.len() {
+        drive::describe(text, line, place, &budget, mqtt)?;
     }
     writeln!(text)
+}
+
+fn stops(text: &mut String, line: &LineSettings) -> std::fmt::Result {
+    let StopBounds { all_healthy, one_silent, each_further } = line_plan::stop_bounds(line);
+    writeln!(text, "  a stop starts at most {} after it is accepted while every drive answers,", ms(all_healthy))?;
+    writeln!(text, "  and at most {} after it with a drive that does not", ms(one_silent))?;
+    if line.drives.len() > 1 {
+        writeln!(text, "  each further stop at the same time adds up to {}", ms(each_further))?;
+    }
+    Ok(())
 }
 
 fn ms(time: Duration) -> String {
@@ -104,5 +123,24 @@ fn ms(time: Duration) -> String {
         format!("{millis:.0} ms")
     } else {
         format!("{millis:.2} ms")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::config;
+    use crate::profile::catalog::Catalog;
+    use crate::vendors;
+
+    #[test]
+    fn a_line_of_several_vendors_is_told_with_what_it_costs() {
+        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+        let text = include_str!("../../tests/golden/config/several_vendors.toml");
+        let found = super::report(&config::load(text, &catalog).unwrap());
+        let path = format!("{}/tests/golden/config/several_vendors.txt", env!("CARGO_MANIFEST_DIR"));
+        if std::env::var_os("UPDATE_GOLDEN").is_some() {
+            std::fs::write(&path, &found).unwrap();
+        }
+        assert_eq!(found, std::fs::read_to_string(&path).unwrap(), "{path}");
     }
 }

@@ -54,6 +54,7 @@ pub(super) struct LineFile {
     pub silence: Given<Silence>,
     pub min_request_gap: Given<Duration>,
     pub reply_timeout: Given<Option<Duration>>,
+    pub max_status_age: Given<Duration>,
     pub drives: Vec<DriveFile>,
 }
 

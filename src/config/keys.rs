@@ -148,6 +148,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Line, "silence", "\"auto\", or \"0ms\" to \"1s\"", Some("\"auto\""), "Silence between frames; shorter than the models need only on a pseudo-terminal."),
     key(Section::Line, "min_request_gap", "\"0ms\" to \"10s\"", Some("\"0ms\""), "Least time between the end of one exchange and the next request."),
     key(Section::Line, "reply_timeout", "\"auto\", or \"1ms\" to \"60s\"", Some("\"auto\""), "Longest wait for a reply, for drives that have none of their own."),
+    key(Section::Line, "max_status_age", "\"100ms\" to \"1h\"", Some("\"5s\""), "How old the fast values may become where the drives are polled more often than the line can carry; beyond that the line is refused."),
     key(Section::Line, "drive", "tables, at least one", None, "One drive each."),
 
     key(Section::Drive, "name", "name", None, "What the drive is called; unique over the gateway."),

@@ -3,7 +3,7 @@
 //! `read` takes the values as they are written (`file`), each with its place, and refuses every key that is
 //! not in the table of [`keys`]. `resolve` fills in what is left out and checks what lies between keys: `link`
 //! the lines against their models, `control` and `native` what may be commanded and written, `mqtt` the broker,
-//! `listen` the listeners, `units` who answers where, `commanders` whether commands can come at all. Neither stops
+//! `line_plan` what the polls of a line cost, `listen` the listeners, `units` who answers where, `commanders` whether commands can come at all. Neither stops
 //! at the first mistake. What only shows when a port is opened (whether it is a pseudo-terminal) is left to the daemon.
 
 mod broker;
@@ -11,6 +11,7 @@ mod commanders;
 mod control;
 mod file;
 pub mod keys;
+pub mod line_plan;
 mod link;
 mod listen;
 mod lists;

@@ -57,6 +57,8 @@ pub struct LineSettings {
     pub min_request_gap: Duration,
     /// Reply time-out of drives that have none of their own, 1 ms to 60 s; nothing: from the models.
     pub reply_timeout: Option<Duration>,
+    /// How old the fast values may become by a plan that is over-full, 100 ms to 1 h; none becomes older.
+    pub max_status_age: Duration,
     /// The drives, in the order of the file; at least one, and exactly one on RS-232.
     pub drives: Vec<DriveSettings>,
 }

@@ -4,7 +4,7 @@ use super::file::{DriveFile, File, LineFile, ListenerFile};
 use super::link::{self, OnLine, Settled};
 use super::ready::{Config, DriveSettings, GatewaySettings, HttpSettings, LineSettings, ListenerSettings, Silence};
 use super::units::{self, Units};
-use super::{commanders, control, listen, lists, mqtt, native, ratings};
+use super::{commanders, control, line_plan, listen, lists, mqtt, native, ratings};
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
 use crate::domain::link::{Framing, Interface};
@@ -42,14 +42,18 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
     commanders::check(file, &served, problems);
 
     let lines = file.lines.iter().zip(parts).zip(&units);
-    let lines = lines.map(|((line, parts), units)| ready_line(line, parts, units));
+    let mut ready = Vec::new();
+    for ((file, parts), units) in lines {
+        let line = ready_line(file, parts, units);
+        ready.push(line.inspect(|line| line_plan::check(file, line, problems)));
+    }
     let listeners = file.listeners.iter().zip(served).map(|(listener, served)| ready_listener(listener, served));
     Some(Config {
         gateway: GatewaySettings {
             name: file.gateway.name.clone().optional()?,
             data_dir: file.gateway.data_dir.clone().optional()?,
         },
-        lines: lines.collect::<Option<Vec<_>>>()?,
+        lines: ready.into_iter().collect::<Option<Vec<_>>>()?,
         listeners: listeners.collect::<Option<Vec<_>>>()?,
         mqtt: mqtt?,
         http: whole(&file.http, |http| Some(HttpSettings { listen: http.listen.as_ref()?.value }))?,
@@ -195,6 +199,7 @@ fn ready_line(line: &LineFile, parts: LineParts, units: &[Units]) -> Option<Line
         silence: line.silence.or(Silence::Auto)?,
         min_request_gap: line.min_request_gap.or(Duration::ZERO)?,
         reply_timeout,
+        max_status_age: line.max_status_age.or(line_plan::DEFAULT_STATUS_AGE)?,
         drives: drives.collect::<Option<Vec<_>>>()?,
     })
 }

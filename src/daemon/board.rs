@@ -1,12 +1,14 @@
 //! What one line thread shows to the north sides: answers, pictures of its drives, its own state.
 
 use super::answers::{News, NorthSides};
+use super::clock;
 use super::inbox::Inbox;
 use super::shared::{Shared, SharedDrive};
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::drive::description::DriveRef;
 use crate::drive::view::TripEvent;
 use crate::gateway::LineCore;
+use std::sync::Arc;
 
 /// The side of [`Shared`] that one line writes.
 #[derive(Debug)]
@@ -64,6 +66,11 @@ impl<'a> Board<'a> {
                 shared.view.store(view);
                 has_changed = true;
             }
+        }
+        if let Some((drive, station)) = core.next_station(clock::now())
+            && let Some(shared) = self.drives.get(drive.get())
+        {
+            shared.station.store(Arc::new(station));
         }
         let report = core.report();
         has_changed |= report.state != self.line.report().state;

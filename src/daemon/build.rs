@@ -4,50 +4,29 @@ use super::line_thread::LinePort;
 use super::mqtt::{ConnectionSettings, Secret, TlsSettings, check_tls};
 use super::north::Mqtt;
 use super::shared::Shared;
-use crate::config::{self, BrokerSettings, Config, DriveSettings, LineSettings, MqttSettings, PasswordSource, Silence};
+use crate::config::{
+    self, BrokerSettings, Config, DriveSettings, LineSettings, MqttSettings, PasswordSource, line_plan,
+};
 use crate::domain::ids::{DriveIndex, Name};
 use crate::domain::link::EchoPolicy;
 use crate::drive::description::{DriveDescription, DriveRef};
-use crate::drive::plan::{self, PollGroup};
 use crate::gateway::{DriveSetup, LineSetup};
-use crate::line::budget::{self, ASSUMED_TURNAROUND, Budget, PlannedRead};
-use crate::line::timeouts::ReplyTimeouts;
-use crate::line::timing::Timing;
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::time::Duration;
-
-/// Times of a line, and whether they are allowed only on a pseudo-terminal.
-#[must_use]
-pub fn timing(line: &LineSettings) -> (Timing, bool) {
-    let models = line.drives.iter().map(|drive| drive.model.as_ref());
-    let needed = Timing::for_models(line.framing, line.link, models, line.min_request_gap);
-    match line.silence {
-        Silence::Fixed(silence) if silence < needed.silence => (needed.unpaced(silence), true),
-        Silence::Fixed(silence) => (Timing { silence, ..needed }, false),
-        Silence::Auto => (needed, false),
-    }
-}
 
 /// The pure side of a line, at a start of the gateway that no other start shares `first_epoch` with.
 #[must_use]
 pub fn line_setup(line: &LineSettings, first_epoch: u64) -> LineSetup {
     let drives = line.drives.iter().map(drive_setup).collect();
     let tells_traffic = tracing::enabled!(tracing::Level::TRACE);
-    LineSetup { timing: timing(line).0, drives, echo: EchoPolicy::Refuse, tells_traffic, first_epoch }
-}
-
-/// Longest time from the acceptance of a stop for one drive of `line` to its first bit.
-#[must_use]
-pub fn worst_stop(line: &LineSettings) -> Duration {
-    line_setup(line, 0).worst_stop()
+    LineSetup { timing: line_plan::timing(line).0, drives, echo: EchoPolicy::Refuse, tells_traffic, first_epoch }
 }
 
 /// What lines and north sides share.
 #[must_use]
 pub fn shared(config: &Config) -> Shared {
     let drives = (0..).zip(&config.lines).flat_map(|(number, line)| {
-        let stretch = budget(line).stretch;
+        let stretch = line_plan::budget(line).stretch;
         (0..).zip(&line.drives).map(move |(index, drive)| {
             let place = DriveRef { line: number, drive: DriveIndex(index) };
             description(place, line, drive, stretch)
@@ -70,22 +49,6 @@ fn description(place: DriveRef, line: &LineSettings, drive: &DriveSettings, stre
         control: drive.control.clone(),
         dead_bands: drive.dead_bands.clone(),
     }
-}
-
-/// The polls of `drive` as they are planned.
-pub fn planned(drive: &DriveSettings) -> impl Iterator<Item = (PollGroup, PlannedRead)> + '_ {
-    let turnaround =
-        drive.model.timing.processing_max.as_ref().map_or(ASSUMED_TURNAROUND, |processing| processing.value);
-    plan::groups(&drive.model)
-        .into_iter()
-        .map(move |group| (group, PlannedRead { count: group.count, period: group.period(drive.poll), turnaround }))
-}
-
-/// What the polls of `line` cost.
-#[must_use]
-pub fn budget(line: &LineSettings) -> Budget {
-    let plan: Vec<_> = line.drives.iter().flat_map(|drive| planned(drive).map(|(_, read)| read)).collect();
-    budget::of_plan(&timing(line).0, &plan)
 }
 
 /// How the broker of `mqtt` is reached by the gateway called `name`, and what is said there. `embedded` is where the
@@ -141,12 +104,8 @@ pub fn line_port(line: &LineSettings) -> LinePort {
         drives: line.drives.iter().map(|drive| drive.name.to_string()).collect(),
         path: line.port.clone(),
         link: line.link,
-        needs_pty: timing(line).1,
+        needs_pty: line_plan::timing(line).1,
     }
-}
-
-fn reply_timeouts(drive: &DriveSettings) -> ReplyTimeouts {
-    drive.reply_timeout.map_or_else(|| ReplyTimeouts::auto(&drive.model.timing), ReplyTimeouts::fixed)
 }
 
 fn drive_setup(drive: &DriveSettings) -> DriveSetup {
@@ -154,7 +113,7 @@ fn drive_setup(drive: &DriveSettings) -> DriveSetup {
         station: drive.station,
         model: Arc::clone(&drive.model),
         poll: drive.poll,
-        timeouts: reply_timeouts(drive),
+        timeouts: line_plan::reply_timeouts(drive),
         max_lateness: drive.max_lateness,
         control: drive.control.clone(),
     }

@@ -9,7 +9,7 @@ use super::shared::Shared;
 use super::{build, clock};
 use crate::config::{BrokerSettings, Config};
 use crate::domain::ids::Name;
-use crate::domain::report::LineCounters;
+use crate::domain::report::{LineCounters, StopBounds};
 use rustix::system::uname;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -151,7 +151,8 @@ fn start_lines(config: &Config, shared: &Arc<Shared>, sides: &NorthSides) -> Res
     let first_epoch = u64::try_from(clock::wall().unix_ms).unwrap_or(0) << 8;
     let start = |(place, line)| {
         let (port, setup) = (build::line_port(line), build::line_setup(line, first_epoch));
-        tracing::info!(line = %line.name, worst_stop = ?setup.worst_stop(), "a stop starts within this time");
+        let StopBounds { all_healthy, one_silent, .. } = setup.stop_bounds();
+        tracing::info!(line = %line.name, ?all_healthy, ?one_silent, "a stop starts within these times");
         LineHandle::start(port, setup, Arc::clone(shared), place, sides.clone())
     };
     let lines: io::Result<Vec<_>> = config.lines.iter().enumerate().map(start).collect();

@@ -3,7 +3,7 @@
 use super::inbox::Inbox;
 use crate::domain::ids::Name;
 use crate::domain::link::Interface;
-use crate::domain::report::LineReport;
+use crate::domain::report::{LineReport, StationReport};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::DriveView;
 use arc_swap::ArcSwap;
@@ -28,6 +28,8 @@ pub struct SharedDrive {
     pub description: DriveDescription,
     /// The newest picture.
     pub view: ArcSwap<DriveView>,
+    /// How its line sees it, a second old at most.
+    pub station: ArcSwap<StationReport>,
 }
 
 /// One line.
@@ -47,12 +49,18 @@ impl Shared {
     #[must_use]
     pub fn new(lines: Vec<(Name, Interface)>, drives: Vec<DriveDescription>) -> Self {
         let line = |(name, interface)| SharedLine { name, interface, inbox: Arc::default(), report: Mutex::default() };
-        let drive = |description| SharedDrive { description, view: ArcSwap::default() };
+        let drive = |description| SharedDrive { description, view: ArcSwap::default(), station: ArcSwap::default() };
         Self {
             drives: drives.into_iter().map(drive).collect(),
             lines: lines.into_iter().map(line).collect(),
             changed: Notify::new(),
         }
+    }
+
+    /// How their line sees the drives of the line at `place`, in order.
+    pub fn stations(&self, place: usize) -> impl Iterator<Item = Arc<StationReport>> + '_ {
+        let on_line = self.drives.iter().filter(move |drive| usize::from(drive.description.place.line) == place);
+        on_line.map(|drive| drive.station.load_full())
     }
 
     /// The line that the drive at `place` hangs on.

@@ -44,14 +44,84 @@ pub struct LineReport {
     pub fault: Option<LineFault>,
     /// What was counted.
     pub counters: LineCounters,
-    /// Longest time from the acceptance of a stop for one drive to its first bit.
-    pub worst_stop: Duration,
+    /// How long a stop may have to wait.
+    pub stop: StopBounds,
+    /// Thousandths of the line's time that its polls would take if each came in time: 1000 is all of it.
+    pub planned_use_per_mille: u32,
+    /// What was measured.
+    pub measured: LineMeasured,
 }
 
 impl Default for LineReport {
     fn default() -> Self {
-        Self { state: LineState::Down, fault: None, counters: LineCounters::default(), worst_stop: Duration::ZERO }
+        Self {
+            state: LineState::Down,
+            fault: None,
+            counters: LineCounters::default(),
+            stop: StopBounds::default(),
+            planned_use_per_mille: 0,
+            measured: LineMeasured::default(),
+        }
     }
+}
+
+/// Longest times from the acceptance of a stop for one drive to its first bit, while the line is open.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StopBounds {
+    /// While every drive answers within what its documents say.
+    pub all_healthy: Duration,
+    /// With a drive that does not answer.
+    pub one_silent: Duration,
+    /// What each further stop at the same time adds for the last of them, while every drive answers.
+    pub each_further: Duration,
+}
+
+/// What was measured on one line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LineMeasured {
+    /// Longest time so far from the acceptance of a stop to its first bit, while the line was open.
+    pub longest_stop: Duration,
+    /// Least time before a frame of ours beyond the silence that is due; nothing before the first frame.
+    pub shortest_gap: Option<Duration>,
+    /// The median of those times over the newest frames. On a line with little to do it is long.
+    pub median_gap: Duration,
+}
+
+/// One drive as its line sees it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StationReport {
+    /// How long its replies take to reads, writes, and writes of stored registers.
+    pub replies: [ReplyReport; 3],
+    /// The oldest that one of its fast values has become within the last minute or two.
+    pub oldest_age: Duration,
+    /// The oldest that one becomes by plan; nothing if it has none.
+    pub planned_age: Option<Duration>,
+    /// Exchanges with it that were repeated at once after damage.
+    pub retries: u64,
+    /// Time-outs without any frame from it.
+    pub silent: u64,
+}
+
+/// Names of the classes of requests, in the order of [`StationReport::replies`].
+pub const REPLY_CLASSES: [&str; 3] = ["read", "write", "stored_write"];
+
+/// How long the replies to one class of requests take, from the end of the request to the start of the reply.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ReplyReport {
+    /// How many replies this rests on; older ones fade. With 0 the times mean nothing.
+    pub count: u16,
+    /// Half of them took no longer.
+    pub p50: Duration,
+    /// Nine of ten.
+    pub p90: Duration,
+    /// All but one in a hundred.
+    pub p99: Duration,
+    /// All but one in a thousand.
+    pub p999: Duration,
+    /// The longest.
+    pub max: Duration,
+    /// How long a reply is waited for now.
+    pub timeout: Duration,
 }
 
 /// Counts of one line since start. They only rise.

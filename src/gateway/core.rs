@@ -2,12 +2,13 @@
 
 use super::broadcast;
 use super::event::{Effect, Input, Wake, WakeReason};
+use super::measured::Measured;
 use super::natives::Natives;
 use super::setup::LineSetup;
 use super::work::{DriveWork, Rank};
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::native::NativeAnswer;
-use crate::domain::report::{LineCounters, LineFault, LineReport, LineState};
+use crate::domain::report::{LineCounters, LineFault, LineReport, LineState, StopBounds};
 use crate::domain::time::MonoTime;
 use crate::drive::plan::{PlaceOnLine, PollPlan};
 use crate::drive::snapshot::{DriveSnapshot, Presence};
@@ -19,7 +20,6 @@ use crate::line::station::StationState;
 use crate::line::transaction::Wire;
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::time::Duration;
 
 /// One line with its drives. See the [module](super) for how it is driven.
 #[derive(Debug)]
@@ -45,9 +45,11 @@ pub struct LineCore {
     pub(super) aged_polls: u8,
     /// A command was begun in the last exchange: the next one is for others, if there are any.
     pub(super) others_turn: bool,
-    worst_stop: Duration,
     /// The station that stops all drives, where the line has one.
     pub(super) all_stop_at: Option<u8>,
+    stop: StopBounds,
+    planned_use_per_mille: u32,
+    pub(super) measured: Measured,
     /// Why the port was closed last.
     pub(super) fault: Option<LineFault>,
     pub(super) counters: LineCounters,
@@ -62,6 +64,12 @@ pub(super) struct Flight {
     /// A late reply could be taken for the answer to it.
     pub(super) doubt: bool,
     pub(super) sent_at: MonoTime,
+    /// When the last character of the request has left.
+    pub(super) request_end: MonoTime,
+    /// From then on a stop for another drive ends the wait, if nothing was heard; nothing: too little is known.
+    pub(super) overdue_at: Option<MonoTime>,
+    /// That moment has passed.
+    pub(super) is_overdue: bool,
 }
 
 /// Why an exchange was sent.
@@ -91,9 +99,12 @@ impl LineCore {
         let works = (0..).zip(&setup.drives).map(|(index, drive)| {
             DriveWork::new(DriveIndex(index), &drive.model, drive.control.clone(), setup.first_epoch)
         });
+        let budget = setup.budget();
         Self {
-            worst_stop: setup.worst_stop(),
             all_stop_at: broadcast::station_for_all(&setup),
+            stop: setup.stop_bounds(),
+            planned_use_per_mille: (budget.use_of_line * 1000.0).round() as u32,
+            measured: Measured::new(&budget),
             works: works.collect(),
             others_turn: false,
             fault: None,
@@ -152,15 +163,19 @@ impl LineCore {
             let reason = if self.wire.is_busy() { WakeReason::ReplyDue } else { WakeReason::FrameEnd };
             Wake { at, reason }
         });
+        let overdue = self.overdue_at().map(|at| Wake { at, reason: WakeReason::ReplyDue });
         let work = if self.wire.is_busy() { None } else { self.work_wake() };
-        [deadline, lease, wire, work].into_iter().flatten().min_by_key(|wake| wake.at)
+        [deadline, lease, wire, overdue, work].into_iter().flatten().min_by_key(|wake| wake.at)
     }
 
     /// Whether an exchange is on the wire, or waits only for the silence before it: new requests cannot change
-    /// what happens until then.
+    /// what happens until then. A stop can where a reply is overdue.
     #[must_use]
     pub fn is_occupied(&self) -> bool {
-        self.wire.is_busy() || self.work_wake().is_some_and(|wake| wake.reason == WakeReason::SilentInterval)
+        if self.wire.is_busy() {
+            return self.flight.as_ref().is_none_or(|flight| !flight.is_overdue);
+        }
+        self.work_wake().is_some_and(|wake| wake.reason == WakeReason::SilentInterval)
     }
 
     /// Counts since start.
@@ -172,7 +187,14 @@ impl LineCore {
     /// The line's state and counters.
     #[must_use]
     pub const fn report(&self) -> LineReport {
-        LineReport { state: self.state, fault: self.fault, counters: self.counters, worst_stop: self.worst_stop }
+        LineReport {
+            state: self.state,
+            fault: self.fault,
+            counters: self.counters,
+            stop: self.stop,
+            planned_use_per_mille: self.planned_use_per_mille,
+            measured: self.measured.line,
+        }
     }
 
     /// The pictures that have changed since this was asked last.
@@ -246,6 +268,7 @@ impl LineCore {
                 self.rest(drive, until);
             }
         }
+        self.end_overdue_for_a_stop(now);
         self.decide(now);
     }
 

@@ -9,7 +9,6 @@ use crate::domain::traffic::{TrafficKind, TrafficRecord};
 use crate::drive::plan::{PollGroup, Urgency as PollUrgency};
 use crate::line::barriers::TRY_PATIENCE;
 use crate::line::schedule::ReadKey;
-use crate::line::station::PROBE_TIMEOUT;
 use crate::line::transaction::Exchange;
 use crate::wire::pdu::Request;
 use std::time::Duration;
@@ -42,10 +41,9 @@ impl LineCore {
             return;
         }
         let Some((drive, request, purpose)) = self.pick(now) else { return };
-        let setup = &self.setup.drives[drive.get()];
-        let station = &self.stations[drive.get()];
-        let at_most = if station.is_known_silent() { PROBE_TIMEOUT } else { Duration::MAX };
-        let timeout = setup.wait_for(&request, &self.setup.timing, at_most);
+        let (setup, station) = (&self.setup.drives[drive.get()], &self.stations[drive.get()]);
+        let timeout = self.wait_for(drive, &request);
+        let patience = self.patience(drive, &request);
         let doubt = now < station.unmistakable_at(&request);
         let in_doubt = station.misses_function(request.function(), now);
         let line_is_clean = !self.stations.iter().any(|station| station.is_dirty(now));
@@ -55,9 +53,12 @@ impl LineCore {
         }
         let exchange = Exchange { station: setup.station, request, timeout, in_doubt, line_is_clean };
         let mut frame = Vec::with_capacity(16);
+        self.measured.sent(now.since(self.wire.may_send_from()));
         self.wire.send(now, exchange, &mut frame);
         self.echo.sent(&frame, is_read);
-        self.flight = Some(Flight { drive, purpose, doubt, sent_at: now });
+        let request_end = now + self.setup.timing.on_wire(frame.len());
+        let overdue_at = patience.map(|patience| request_end + patience);
+        self.flight = Some(Flight { drive, purpose, doubt, sent_at: now, request_end, overdue_at, is_overdue: false });
         self.counters.requests += 1;
         if self.setup.tells_traffic {
             let record = TrafficRecord { at: now, kind: TrafficKind::Request, bytes: frame.clone() };
@@ -116,6 +117,9 @@ impl LineCore {
             let (drive, want) = self.most_urgent(now, last_rank)?;
             if self.works[drive.get()].send(want.rank, now, &mut self.effects) {
                 self.others_turn = want.rank == Rank::Start;
+                if want.rank == Rank::FirstStop {
+                    self.measured.stop_sent(want.at, now);
+                }
                 return Some((drive, want.request, Purpose::Work(want.rank)));
             }
         }

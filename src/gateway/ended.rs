@@ -11,14 +11,18 @@ use crate::domain::traffic::{TrafficKind, TrafficRecord};
 use crate::drive::snapshot::Presence;
 use crate::line::fault::{Fault, consequence};
 use crate::line::schedule::ReadJob;
+use crate::line::station::Missing;
 use crate::line::transaction::{Ending, Exchange};
+use crate::profile::model::PollClass;
 use crate::wire::pdu::{Reply, Request};
 use std::sync::Arc;
-use std::time::Duration;
 
 impl LineCore {
     pub(super) fn ended(&mut self, now: MonoTime, exchange: Exchange, ending: Ending) {
-        let Some(Flight { drive, purpose, doubt, sent_at }) = self.flight.take() else { return };
+        let Some(flight) = self.flight.take() else { return };
+        self.learn(&flight, &exchange, &ending);
+        let until = self.may_come_until(now, &flight, &exchange);
+        let Flight { drive, purpose, doubt, sent_at, request_end, .. } = flight;
         self.counters.busy_us += u64::try_from(now.since(sent_at).as_micros()).unwrap_or(0);
         match &ending {
             Ending::Reply(_) => self.counters.replies += 1,
@@ -26,16 +30,20 @@ impl LineCore {
             Ending::Exception(_) if matches!(exchange.request, Request::Unserved { .. }) => self.counters.replies += 1,
             Ending::Exception(_) => self.counters.exceptions += 1,
             Ending::Garbled => self.counters.garbled += 1,
-            Ending::Silent => self.counters.silent += 1,
+            Ending::Silent => {
+                self.counters.silent += 1;
+                self.measured.of(drive).silent += 1;
+            }
         }
         let fault = match fault_of(&ending) {
             Some(Fault::Silent) if now <= self.stations[drive.get()].rests_until() => Some(Fault::Deaf),
             Some(Fault::Silent) if matches!(purpose, Purpose::Trial(_)) => Some(Fault::Ignored),
             fault => fault,
         };
+        let missing = || Missing { request: exchange.request.clone(), sent_at: request_end, until };
         match fault {
-            None => self.answered(now, drive, &exchange, doubt),
-            Some(fault) => self.was_not_answered(now, drive, &exchange, fault),
+            None => self.answered(now, drive, doubt.then(missing)),
+            Some(fault) => self.was_not_answered(now, drive, fault, missing),
         }
         self.tell_plan(now, drive, &exchange.request, &ending);
         match (purpose, ending) {
@@ -74,10 +82,12 @@ impl LineCore {
                 TrafficKind::Request | TrafficKind::Reply => {}
                 TrafficKind::Stray(station) => {
                     self.counters.strays += 1;
+                    self.learn_late(now, station, &heard.bytes);
                     self.spoke(station);
                 }
                 TrafficKind::Foreign(station) => {
                     self.counters.foreign += 1;
+                    self.learn_late(now, station, &heard.bytes);
                     self.spoke(station);
                 }
                 TrafficKind::Noise => self.counters.noise_bytes += heard.bytes.len() as u64,
@@ -109,8 +119,14 @@ impl LineCore {
     fn take_words(&mut self, now: MonoTime, drive: DriveIndex, address: u16, words: &[u16]) {
         let model = &self.setup.drives[drive.get()].model;
         for (address, word) in (address..=u16::MAX).zip(words) {
-            if model.register_at(address).is_some_and(|register| register.poll.is_some()) {
-                self.snapshots[drive.get()].take(address, &[*word], now);
+            if let Some(class) = model.register_at(address).and_then(|register| register.poll) {
+                let snapshot = &mut self.snapshots[drive.get()];
+                if class == PollClass::Fast
+                    && let Some(last) = snapshot.reading(address)
+                {
+                    self.measured.of(drive).aged(now.since(last.at), now);
+                }
+                snapshot.take(address, &[*word], now);
             }
         }
         self.works[drive.get()].take_words(address, words, now, &mut self.effects);
@@ -133,15 +149,11 @@ impl LineCore {
     }
 
     /// The exchange had no good answer: a late one may follow, and a silent drive is asked less and less often.
-    fn was_not_answered(&mut self, now: MonoTime, drive: DriveIndex, exchange: &Exchange, fault: Fault) {
+    fn was_not_answered(&mut self, now: MonoTime, drive: DriveIndex, fault: Fault, missing: impl FnOnce() -> Missing) {
         let what = consequence(fault);
-        let setup = &self.setup.drives[drive.get()];
         let station = &mut self.stations[drive.get()];
         if what.reply_may_come_late {
-            // The lateness is declared against the full time-out, and a probe waits for less.
-            let full = setup.wait_for(&exchange.request, &self.setup.timing, Duration::MAX);
-            let early = full.saturating_sub(exchange.timeout);
-            station.reply_missing(exchange.request.clone(), now, early + setup.max_lateness);
+            station.reply_missing(missing(), now);
         }
         if what.backs_off {
             station.silent(now);
@@ -154,6 +166,7 @@ impl LineCore {
         match purpose {
             Purpose::Read(job) if repeats && !job.repeated && self.is_waited_for(&job) => {
                 self.counters.retries += 1;
+                self.measured.of(job.key.drive).retries += 1;
                 self.schedule.repeat_read(job);
             }
             purpose => self.end_all(waiters_of(purpose), &NativeOutcome::NoReply),
@@ -175,12 +188,12 @@ impl LineCore {
     }
 
     /// The drive answered. That settles what was missing, unless a missing reply could have been taken for this one:
-    /// then the right one may still follow.
-    fn answered(&mut self, now: MonoTime, drive: DriveIndex, exchange: &Exchange, doubt: bool) {
+    /// then the right one is `still_missing`.
+    fn answered(&mut self, now: MonoTime, drive: DriveIndex, still_missing: Option<Missing>) {
         let station = &mut self.stations[drive.get()];
-        if doubt {
+        if let Some(missing) = still_missing {
             station.is_there();
-            station.reply_missing(exchange.request.clone(), now, self.setup.drives[drive.get()].max_lateness);
+            station.reply_missing(missing, now);
         } else {
             station.answered();
         }

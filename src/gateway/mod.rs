@@ -6,7 +6,8 @@
 //!
 //! One small file per kind of event: `ask` requests and commands, `decide` what goes on the wire, `barrier` what settles
 //! whether a late reply can still come, `ended` what follows
-//! from the end of an exchange, `port` the port's coming and going. What a drive wants for itself is kept in `work`:
+//! from the end of an exchange, `overdue` how long a reply is waited for and until when it may come late, `measured` what
+//! was seen of times, `port` the port's coming and going. What a drive wants for itself is kept in `work`:
 //! its `stop`, the `list` of steps of a command, its trips.
 
 mod ask;
@@ -17,8 +18,10 @@ mod decide;
 mod ended;
 mod event;
 mod list;
+mod measured;
 mod natives;
 mod note;
+mod overdue;
 mod port;
 mod setup;
 mod stop;

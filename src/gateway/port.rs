@@ -9,7 +9,7 @@ use crate::domain::time::MonoTime;
 use crate::line::barriers::Barriers;
 use crate::line::fault::{Fault, consequence};
 use crate::line::schedule::WaiterId;
-use std::time::Duration;
+use crate::line::station::Missing;
 
 impl LineCore {
     pub(super) fn on_port_up(&mut self, now: MonoTime, _kind: PortKind) {
@@ -17,6 +17,7 @@ impl LineCore {
         self.counters.port_ups += 1;
         self.wire.abandon(now);
         self.echo.port_opened();
+        self.measured.port_opened(now);
         self.stations.iter_mut().for_each(|station| station.line_opened(now));
         self.barriers.iter_mut().for_each(Barriers::port_opened);
         self.plans.iter_mut().for_each(|plan| plan.port_opened(now));
@@ -33,11 +34,11 @@ impl LineCore {
         self.counters.port_downs += 1;
         if let (Some(exchange), Some(flight)) = (self.wire.abandon(now), self.flight.take()) {
             if consequence(Fault::PortGone).reply_may_come_late {
-                let drive = &self.setup.drives[flight.drive.get()];
                 // Its time-out had not passed yet, perhaps not even begun.
-                let wait = drive.wait_for(&exchange.request, &self.setup.timing, Duration::MAX);
-                let lateness = wait + drive.max_lateness;
-                self.stations[flight.drive.get()].reply_missing(exchange.request, now, lateness);
+                let begun = now + self.full_wait(flight.drive, &exchange.request);
+                let until = self.may_come_until(begun, &flight, &exchange);
+                let missing = Missing { request: exchange.request, sent_at: flight.request_end, until };
+                self.stations[flight.drive.get()].reply_missing(missing, now);
             }
             self.end_all(waiters_of(flight.purpose), &NativeOutcome::NoReply);
         }

@@ -1,6 +1,11 @@
-//! What a poll plan costs on the wire, computed before anything is opened.
+//! What a poll plan and a stop cost on the wire, computed before anything is opened.
 
+use super::station::BACK_OFF_FIRST;
+use super::timeouts::{Class, ReplyTimeouts, longer_reply, reply_delay, turnaround};
 use super::timing::Timing;
+use crate::domain::report::StopBounds;
+use crate::drive::plan::{self, PollGroup};
+use crate::profile::model::{BlockWrite, Model, PollClass};
 use std::time::Duration;
 
 /// Turnaround that is assumed for a drive whose documents give no processing time. An estimate for people
@@ -9,27 +14,63 @@ pub const ASSUMED_TURNAROUND: Duration = Duration::from_millis(10);
 
 /// PDU bytes of a read request, of a write and of a write's reply.
 const SHORT_PDU_BYTES: usize = 5;
+const WORD_BYTES: usize = 2;
+
+/// A station of a line, as far as its cost is concerned.
+#[derive(Clone, Copy, Debug)]
+pub struct PlannedStation<'a> {
+    /// What it is.
+    pub model: &'a Model,
+    /// Period of its fast polls.
+    pub poll: Duration,
+    /// How long its replies are waited for.
+    pub timeouts: ReplyTimeouts,
+    /// How long after a time-out a reply may still come.
+    pub max_lateness: Duration,
+}
 
 /// One repeated read of a plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlannedRead {
-    /// Words in one frame.
-    pub count: u16,
+    /// What is read in one frame.
+    pub group: PollGroup,
     /// Wanted time between two of them.
     pub period: Duration,
-    /// Time the drive takes to answer.
-    pub turnaround: Duration,
+    /// Time that one takes, silence included.
+    pub cost: Duration,
+    /// The same with the longest delay of replies that can be set on the drive.
+    pub cost_if_delayed: Duration,
 }
 
 /// What the polls of one line cost.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Budget {
     /// Part of the line's time that the plan takes, 1.0 = all of it. Above that every period stretches.
     pub use_of_line: f64,
+    /// The same if every drive was set to the longest delay of replies.
+    pub use_if_delayed: f64,
     /// By how much every period is stretched: 1.0 while the plan fits.
     pub stretch: f64,
     /// The longest exchange of the plan without its reply missing.
     pub longest_exchange: Duration,
+    /// The reads of each station, in the order of the stations.
+    pub stations: Vec<Vec<PlannedRead>>,
+}
+
+impl Budget {
+    /// The oldest that a value of `read` becomes, about, while its drive answers: its period as it is kept, and
+    /// what may be on the wire before it.
+    #[must_use]
+    pub fn age(&self, read: &PlannedRead) -> Duration {
+        read.period.mul_f64(self.stretch) + self.longest_exchange * 2
+    }
+
+    /// The oldest that a fast value of the station at `place` becomes; nothing if it has none.
+    #[must_use]
+    pub fn fast_age(&self, place: usize) -> Option<Duration> {
+        let fast = self.stations.get(place)?.iter().filter(|read| read.group.class == PollClass::Fast);
+        fast.map(|read| self.age(read)).max()
+    }
 }
 
 /// Time that one exchange takes: silence, request, turnaround, reply.
@@ -47,56 +88,194 @@ pub fn exchange_time(
 /// Time that one read of `count` words takes if the drive answers after `turnaround`.
 #[must_use]
 pub fn read_time(timing: &Timing, count: u16, turnaround: Duration) -> Duration {
-    exchange_time(timing, SHORT_PDU_BYTES, turnaround, 2 + 2 * usize::from(count))
+    exchange_time(timing, SHORT_PDU_BYTES, turnaround, reply_bytes(count))
 }
 
-/// Longest time from the acceptance of a stop to its first bit on a line whose `exchanges` all end with a reply in time
-/// or without any: the longest of them that has just begun, and the silence after it. Several stops at once go one
-/// after the other: each further one adds a [`write_time`].
+/// Adds up the plans of `stations`, which share the line of `timing`.
 #[must_use]
-pub fn worst_stop(timing: &Timing, exchanges: impl IntoIterator<Item = Duration>) -> Duration {
-    exchanges.into_iter().max().unwrap_or_default() + timing.silence
+pub fn of_plan<'a>(timing: &Timing, stations: impl IntoIterator<Item = PlannedStation<'a>>) -> Budget {
+    let stations: Vec<_> = stations.into_iter().map(|station| planned(timing, &station)).collect();
+    let part = |cost: fn(&PlannedRead) -> Duration| {
+        let parts = stations.iter().flatten().map(|read| cost(read).as_secs_f64() / read.period.as_secs_f64());
+        parts.sum::<f64>()
+    };
+    let (use_of_line, use_if_delayed) = (part(|read| read.cost), part(|read| read.cost_if_delayed));
+    let longest_exchange = stations.iter().flatten().map(|read| read.cost).max().unwrap_or_default();
+    Budget { use_of_line, use_if_delayed, stretch: use_of_line.max(1.0), longest_exchange, stations }
 }
 
-/// Time that one write takes if the drive answers after `turnaround`.
-#[must_use]
-pub fn write_time(timing: &Timing, turnaround: Duration) -> Duration {
-    exchange_time(timing, SHORT_PDU_BYTES, turnaround, SHORT_PDU_BYTES)
+fn planned(timing: &Timing, station: &PlannedStation<'_>) -> Vec<PlannedRead> {
+    let times = &station.model.timing;
+    let wait = turnaround(times, Class::Read);
+    let read = |group: PollGroup| {
+        let cost = read_time(timing, group.count, wait) + longer(timing, station.model, reply_bytes(group.count));
+        let period = group.period(station.poll);
+        PlannedRead { group, period, cost, cost_if_delayed: cost + reply_delay(times) }
+    };
+    plan::groups(station.model).into_iter().map(read).collect()
 }
 
-/// Adds up a plan.
+/// How long a stop for one drive of a line of `stations` may have to wait.
 #[must_use]
-pub fn of_plan(timing: &Timing, plan: &[PlannedRead]) -> Budget {
-    let cost = |read: &PlannedRead| read_time(timing, read.count, read.turnaround);
-    let use_of_line = plan.iter().map(|read| cost(read).as_secs_f64() / read.period.as_secs_f64()).sum::<f64>();
-    let longest_exchange = plan.iter().map(cost).max().unwrap_or_default();
-    Budget { use_of_line, stretch: use_of_line.max(1.0), longest_exchange }
+pub fn stop_bounds<'a>(timing: &Timing, stations: impl IntoIterator<Item = PlannedStation<'a>>) -> StopBounds {
+    let mut bounds = StopBounds::default();
+    for station in stations {
+        for (class, request, reply) in exchanges(station.model) {
+            let longer = longer(timing, station.model, reply);
+            let healthy = turnaround(&station.model.timing, class) + reply_delay(&station.model.timing);
+            let timeout = station.timeouts.of(class);
+            // What has begun ends with its reply, and the silence behind that is the one before the stop.
+            let in_time = exchange_time(timing, request, healthy.min(timeout) + longer, reply);
+            // A reply may begin at the last moment, and what comes in then is let in for as long.
+            let silent = exchange_time(timing, request, timeout + longer, reply)
+                + timing.on_wire(timing.adu_bytes(reply))
+                + timing.silence;
+            bounds.all_healthy = bounds.all_healthy.max(in_time);
+            bounds.one_silent = bounds.one_silent.max(silent);
+            if class == Class::Write {
+                bounds.each_further = bounds.each_further.max(in_time);
+            }
+        }
+    }
+    bounds
+}
+
+/// The longest time between two frames to a station that answers, while everything goes wrong once: a reply is missing
+/// and waited out, the station is left alone, asked once more in vain, and `others` get stops first.
+#[must_use]
+pub fn longest_gap(timing: &Timing, age: Duration, station: &PlannedStation<'_>, stop: &StopBounds) -> Duration {
+    let wait = station.timeouts.read;
+    let is_waited_out = if station.model.barriers.is_empty() { station.max_lateness } else { Duration::ZERO };
+    let retry = read_time(timing, station.model.read.max_words.value, wait);
+    age + wait + is_waited_out + BACK_OFF_FIRST + retry + stop.one_silent
+}
+
+/// Class, request and reply of the longest exchanges with a drive of `model`, in bytes of their PDUs.
+fn exchanges(model: &Model) -> impl Iterator<Item = (Class, usize, usize)> + '_ {
+    let block = |block: &BlockWrite| (6 + WORD_BYTES * usize::from(block.count.value), SHORT_PDU_BYTES);
+    let writes = [Some((SHORT_PDU_BYTES, SHORT_PDU_BYTES)), model.write.block.as_ref().map(block)];
+    let writes = writes.into_iter().flatten();
+    let writes = writes.flat_map(|(request, reply)| {
+        [Class::Write, Class::StoredWrite].into_iter().map(move |class| (class, request, reply))
+    });
+    let reads = [reply_bytes(model.read.max_words.value), SHORT_PDU_BYTES];
+    writes.chain(reads.into_iter().map(|reply| (Class::Read, SHORT_PDU_BYTES, reply)))
+}
+
+/// By how much the reply with a PDU of `pdu_bytes` is longer, because the drive sends longer characters.
+fn longer(timing: &Timing, model: &Model, pdu_bytes: usize) -> Duration {
+    let char_bits = model.timing.reply_char_bits.as_ref().map(|fact| fact.value);
+    longer_reply(timing, char_bits, timing.adu_bytes(pdu_bytes))
+}
+
+fn reply_bytes(count: u16) -> usize {
+    2 + WORD_BYTES * usize::from(count)
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::timing::testing::{ASCII, N700};
     use super::*;
+    use crate::profile::check;
+    use crate::profile::model::{Confidence, Fact};
+    use crate::vendors;
+
+    fn fact<T>(value: T) -> Fact<T> {
+        Fact { value, confidence: Confidence::Manual, source: String::new() }
+    }
+
+    /// A model with one register that is polled fast.
+    fn model(change: impl FnOnce(&mut Model)) -> Model {
+        let (_, text) = vendors::texts().first().expect("a built-in model");
+        let mut model = check::model(text).expect("a sound model");
+        let first = model.registers.iter().position(|register| register.poll == Some(PollClass::Fast)).unwrap();
+        model.registers = vec![model.registers.swap_remove(first)];
+        model.timing.processing_max = None;
+        model.timing.reply_delay_max = None;
+        model.timing.reply_char_bits = None;
+        model.write.block = None;
+        change(&mut model);
+        model
+    }
+
+    fn station(model: &Model) -> PlannedStation<'_> {
+        let timeouts = ReplyTimeouts::fixed(Duration::from_millis(100));
+        let poll = Duration::from_millis(500);
+        PlannedStation { model, poll, timeouts, max_lateness: Duration::from_millis(300) }
+    }
 
     #[test]
-    fn one_word_at_9600_takes_32_milliseconds() {
-        let read = PlannedRead { count: 1, period: Duration::from_millis(500), turnaround: ASSUMED_TURNAROUND };
+    fn one_word_at_9600_takes_30_milliseconds() {
+        let model = model(|_| {});
         // 4.6875 silence + 8.3333 request + 10 turnaround + 7.2917 reply
-        let budget = of_plan(&N700, &[read]);
+        let budget = of_plan(&N700, [station(&model)]);
         assert_eq!(budget.longest_exchange.as_micros(), 30_312);
         assert!((budget.use_of_line - 0.060_625).abs() < 1e-5);
-        let full = of_plan(&N700, &[read; 20]);
+        assert_eq!(budget.fast_age(0).map(|age| age.as_micros()), Some(560_625));
+        let full = of_plan(&N700, [station(&model); 20]);
         assert!((full.stretch - 1.2125).abs() < 1e-3);
+        assert_eq!(full.fast_age(19).map(|age| age.as_millis()), Some(666));
+        assert_eq!(full.fast_age(20), None);
+    }
+
+    #[test]
+    fn delays_and_longer_characters_are_counted() {
+        let model = model(|model| {
+            model.timing.processing_max = Some(fact(Duration::from_millis(20)));
+            model.timing.reply_delay_max = Some(fact(Duration::from_millis(60)));
+            model.timing.reply_char_bits = Some(fact(12));
+        });
+        let budget = of_plan(&N700, [station(&model)]);
+        let Some([read]) = budget.stations.first().map(Vec::as_slice) else { panic!("{budget:?}") };
+        // 7 characters of 2 more bits each
+        assert_eq!(read.cost.as_micros(), 30_312 + 10_000 + 1_458);
+        assert_eq!(read.cost_if_delayed - read.cost, Duration::from_millis(60));
+        assert!(budget.use_if_delayed > budget.use_of_line);
     }
 
     #[test]
     fn ascii_frames_cost_two_characters_for_each_byte() {
         // 10 silence + 17 characters request + 10 turnaround + 15 characters reply
         assert_eq!(read_time(&ASCII, 1, ASSUMED_TURNAROUND).as_micros(), 10_000 + 17_708 + 10_000 + 15_625);
-        assert_eq!(write_time(&ASCII, ASSUMED_TURNAROUND).as_micros(), 10_000 + 2 * 17_708 + 10_000);
-        // A read of 15 words that stays without an answer, and the silence after it.
-        let timeout = Duration::from_millis(200);
-        let worst = worst_stop(&ASCII, [15, 1].map(|words| read_time(&ASCII, words, timeout)));
-        assert_eq!(worst.as_micros(), 10_000 + 17_708 + 200_000 + 73_958 + 10_000);
+    }
+
+    /// So many characters at 9600 bit/s 8N1, `silences`, and so many milliseconds of waiting.
+    fn chars(chars: u64, silences: u64, wait_ms: u64) -> Duration {
+        Duration::from_millis(wait_ms) + Duration::from_nanos(silences * 4_687_500 + chars * 1_041_667)
+    }
+
+    fn assert_near(got: Duration, expected: Duration) {
+        assert!(got.abs_diff(expected) < Duration::from_micros(2), "{got:?}, not {expected:?}");
+    }
+
+    #[test]
+    fn a_stop_waits_for_the_longest_exchange_of_any_kind() {
+        let with_words = |words| model(|model| model.read.max_words.value = words);
+        let bounds = |models: &[Model]| stop_bounds(&N700, models.iter().map(station));
+        let long = bounds(&[with_words(8), with_words(1)]);
+        assert_near(long.all_healthy, chars(8 + 21, 1, 10));
+        assert_near(long.one_silent, chars(8 + 21 + 21, 2, 100));
+        assert_near(long.each_further, chars(8 + 8, 1, 10));
+        assert_near(bounds(&[with_words(1)]).one_silent, chars(8 + 8 + 8, 2, 100));
+        let block = BlockWrite { address: 2, count: fact(10) };
+        let by_blocks = model(|model| (model.read.max_words.value, model.write.block) = (1, Some(block)));
+        assert_near(bounds(&[by_blocks]).one_silent, chars(29 + 8 + 8, 2, 100));
+        let long_characters = model(|model| {
+            (model.read.max_words.value, model.timing.reply_char_bits) = (1, Some(fact(20)));
+        });
+        assert_near(bounds(&[long_characters]).one_silent, chars(8 + 16 + 8, 2, 100));
+        let slow = model(|model| {
+            model.read.max_words.value = 1;
+            model.timing.processing_max = Some(fact(Duration::from_millis(30)));
+            model.timing.stored_write_max = Some(fact(Duration::from_millis(50)));
+            model.timing.reply_delay_max = Some(fact(Duration::from_millis(40)));
+        });
+        let slow = bounds(&[slow]);
+        assert_near(slow.all_healthy, chars(8 + 8, 1, 90));
+        assert_near(slow.each_further, chars(8 + 8, 1, 70));
+        let storing = with_words(8);
+        let timeouts = ReplyTimeouts { stored_write: Duration::from_millis(300), ..station(&storing).timeouts };
+        let storing = PlannedStation { timeouts, ..station(&storing) };
+        assert_near(stop_bounds(&N700, [storing]).one_silent, chars(8 + 8 + 8, 2, 300));
     }
 }

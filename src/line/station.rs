@@ -2,7 +2,7 @@
 
 use crate::domain::time::MonoTime;
 use crate::profile::model::{Model, RefusedWrite};
-use crate::wire::pdu::Request;
+use crate::wire::pdu::{Request, function};
 use std::time::Duration;
 
 /// Missing replies that are remembered for one station. When so many are out, nothing more is asked of it
@@ -21,11 +21,14 @@ pub const PROBE_TIMEOUT: Duration = Duration::from_millis(100);
 pub const DEAF_WAIT: Duration = Duration::from_millis(250);
 
 /// A request whose reply did not come in time.
-#[derive(Debug)]
-struct Missing {
-    request: Request,
+#[derive(Clone, Debug)]
+pub struct Missing {
+    /// What was asked.
+    pub request: Request,
+    /// When its last character had left.
+    pub sent_at: MonoTime,
     /// After this moment the reply can no longer come.
-    until: MonoTime,
+    pub until: MonoTime,
 }
 
 /// What the line remembers of one station.
@@ -129,10 +132,28 @@ impl StationState {
         self.silent_in_a_row >= KNOWN_SILENT_AFTER
     }
 
-    /// A request stays without an answer at `now`; it may still come within `max_lateness`.
-    pub fn reply_missing(&mut self, request: Request, now: MonoTime, max_lateness: Duration) {
+    /// The last silence may have been a slow reply: the station is not given up before it was waited for in full.
+    #[must_use]
+    pub const fn is_in_question(&self) -> bool {
+        self.silent_in_a_row > 0
+    }
+
+    /// A request stays without an answer at `now`.
+    pub fn reply_missing(&mut self, missing: Missing, now: MonoTime) {
         self.missing.retain(|missing| now < missing.until);
-        self.missing.push(Missing { request, until: now + max_lateness });
+        self.missing.push(missing);
+    }
+
+    /// The request that `pdu` answers late, and when its last character had left; nothing if that is not certain.
+    #[must_use]
+    pub fn answered_late(&self, pdu: &[u8], now: MonoTime) -> Option<(&Request, MonoTime)> {
+        let answers = |request: &Request| match pdu {
+            [code, _] => *code == request.function() | function::EXCEPTION_BIT,
+            _ => request.reply_in(pdu).is_some(),
+        };
+        let mut answered = self.missing.iter().filter(|missing| now < missing.until && answers(&missing.request));
+        let only = answered.next()?;
+        answered.next().is_none().then_some((&only.request, only.sent_at))
     }
 
     /// The station was silent; it is asked less and less often, unless it may be deaf for a while.
@@ -210,6 +231,10 @@ mod tests {
         StationState::new(&model)
     }
 
+    fn miss(station: &mut StationState, request: Request, now: MonoTime, lateness: Duration) {
+        station.reply_missing(Missing { request, sent_at: now, until: now + lateness }, now);
+    }
+
     fn station() -> StationState {
         station_with(RefusedWrite::KeepsOldValue, Duration::ZERO)
     }
@@ -226,11 +251,11 @@ mod tests {
     fn only_what_cannot_be_mistaken_may_go_to_a_dirty_station() {
         let mut station = station();
         let now = MonoTime::from_millis(1000);
-        station.reply_missing(read(0x0101, 1), now, LATENESS);
+        miss(&mut station, read(0x0101, 1), now, LATENESS);
         assert_eq!(station.unmistakable_at(&read(0x0201, 1)), now + LATENESS, "same count, other address");
         assert_eq!(station.unmistakable_at(&read(0x0101, 2)), MonoTime::ZERO, "another count");
         assert_eq!(station.unmistakable_at(&write(2, 0)), MonoTime::ZERO, "another function");
-        station.reply_missing(write(2, 0), now, LATENESS);
+        miss(&mut station, write(2, 0), now, LATENESS);
         assert_eq!(station.unmistakable_at(&write(2, 1)), now + LATENESS, "a kept old value looks the same");
         assert_eq!(station.unmistakable_at(&write(4, 1)), MonoTime::ZERO);
         assert!(station.misses_function(6, now) && !station.misses_function(8, now));
@@ -240,7 +265,7 @@ mod tests {
     #[test]
     fn an_answer_that_cannot_be_mistaken_proves_that_none_follows() {
         let mut station = station();
-        station.reply_missing(read(1, 1), MonoTime::ZERO, LATENESS);
+        miss(&mut station, read(1, 1), MonoTime::ZERO, LATENESS);
         station.answered();
         assert_eq!(station.unmistakable_at(&read(1, 1)), MonoTime::ZERO);
     }
@@ -249,11 +274,11 @@ mod tests {
     fn what_is_missing_is_bounded() {
         let mut station = station();
         for count in 1..=MISSING_MAX as u16 {
-            station.reply_missing(read(1, count), MonoTime::from_millis(u64::from(count)), LATENESS);
+            miss(&mut station, read(1, count), MonoTime::from_millis(u64::from(count)), LATENESS);
         }
         let first_gone = MonoTime::from_millis(1) + LATENESS;
         assert_eq!(station.unmistakable_at(&read(1, 100)), first_gone);
-        station.reply_missing(read(1, 100), first_gone, LATENESS);
+        miss(&mut station, read(1, 100), first_gone, LATENESS);
         assert_eq!(station.missing.len(), MISSING_MAX);
     }
 
@@ -279,7 +304,7 @@ mod tests {
         {
             let mut station = station_with(refused, Duration::ZERO);
             let now = MonoTime::from_millis(1000);
-            station.reply_missing(write(2, 1), now, LATENESS);
+            miss(&mut station, write(2, 1), now, LATENESS);
             assert_eq!(station.unmistakable_at(&write(2, 1)), now + LATENESS, "{refused:?}");
             assert_eq!(station.unmistakable_at(&write(2, 0)) <= now, another_value_is_free, "{refused:?}");
             assert!(station.misses_function(6, now), "an exception is in doubt all the same");
@@ -301,7 +326,7 @@ mod tests {
             (Request::Loopback { data: 1 }, Request::Loopback { data: 1 }, true),
         ] {
             let mut station = station();
-            station.reply_missing(missing.clone(), now, LATENESS);
+            miss(&mut station, missing.clone(), now, LATENESS);
             assert_eq!(station.unmistakable_at(&request) > now, mistakable, "{missing:?} then {request:?}");
         }
     }
@@ -312,7 +337,7 @@ mod tests {
         let lost = MonoTime::from_millis(10_000);
         station.line_opened(MonoTime::from_millis(1));
         let silent = |station: &mut StationState, at: MonoTime| {
-            station.reply_missing(read(1, 1), at, LATENESS);
+            miss(station, read(1, 1), at, LATENESS);
             station.silent(at);
             station.ask_again_at().since(at)
         };
@@ -348,5 +373,20 @@ mod tests {
         station.is_there();
         assert_eq!(station.may_be_asked_from(), moment, "whatever was heard meanwhile");
         assert_eq!(station.ask_again_at(), MonoTime::ZERO, "it is not taken for silent");
+    }
+
+    #[test]
+    fn a_late_frame_belongs_to_the_one_request_that_it_answers() {
+        let mut station = station();
+        let (first, second) = (MonoTime::from_millis(100), MonoTime::from_millis(200));
+        miss(&mut station, read(1, 1), first, LATENESS);
+        assert_eq!(station.answered_late(&[3, 2, 0, 7], second), Some((&read(1, 1), first)));
+        assert_eq!(station.answered_late(&[0x83, 2], second), Some((&read(1, 1), first)));
+        for other in [&[3, 4, 0, 7, 0, 8][..], &[6, 0, 1, 0, 1], &[0x86, 2]] {
+            assert_eq!(station.answered_late(other, second), None, "{other:?}");
+        }
+        assert_eq!(station.answered_late(&[3, 2, 0, 7], first + LATENESS), None, "it cannot come any more");
+        miss(&mut station, read(9, 1), second, LATENESS);
+        assert_eq!(station.answered_late(&[3, 2, 0, 7], second), None, "it may be either's");
     }
 }

@@ -1,5 +1,7 @@
 //! How long a reply is waited for, by what is asked.
 
+use super::budget::ASSUMED_TURNAROUND;
+use super::station::PROBE_TIMEOUT;
 use super::timing::Timing;
 use crate::profile::model::{self, Memory, Model};
 use crate::wire::pdu::Request;
@@ -16,7 +18,14 @@ pub enum Class {
     StoredWrite,
 }
 
+/// How long an adapter may keep back bytes that it has received: a USB bridge collects them for 16 ms and is asked for
+/// them within the next few.
+pub const ADAPTER_HOLDS: Duration = Duration::from_millis(20);
+
 impl Class {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Read, Self::Write, Self::StoredWrite];
+
     /// The class of `request` to a drive of `model`.
     #[must_use]
     pub fn of(request: &Request, model: &Model) -> Self {
@@ -50,20 +59,38 @@ pub struct ReplyTimeouts {
     pub write: Duration,
     /// To a write of a stored register.
     pub stored_write: Duration,
+    /// Whether shorter waits follow from the reply times that were seen.
+    pub learns: bool,
 }
 
 impl ReplyTimeouts {
     /// The same for all, as somebody wants it.
     #[must_use]
     pub const fn fixed(timeout: Duration) -> Self {
-        Self { read: timeout, write: timeout, stored_write: timeout }
+        Self { read: timeout, write: timeout, stored_write: timeout, learns: false }
     }
 
     /// As `timing` says: the model's cap while nothing better is known, but never less than the drive may need.
     #[must_use]
     pub fn auto(timing: &model::Timing) -> Self {
-        let wait = |class| timing.reply_timeout_cap.value.max(floor(timing, class));
-        Self { read: wait(Class::Read), write: wait(Class::Write), stored_write: wait(Class::StoredWrite) }
+        let wait =
+            |class| timing.reply_timeout_cap.value.max(work(timing, class).unwrap_or_default() + reply_delay(timing));
+        let (read, write) = (wait(Class::Read), wait(Class::Write));
+        Self { read, write, stored_write: wait(Class::StoredWrite), learns: true }
+    }
+
+    /// The wait in force for a station of `timing`, of whose replies `learned` is known.
+    #[must_use]
+    pub fn in_force(&self, class: Class, timing: &model::Timing, learned: Option<Duration>) -> Duration {
+        let learned = learned.filter(|_| self.learns).map(|learned| learned.max(floor(timing, class)));
+        learned.map_or(self.of(class), |learned| learned.min(self.of(class)))
+    }
+
+    /// The wait for a station that is known to be silent: short, but never so short that it could not answer.
+    #[must_use]
+    pub fn probe(&self, class: Class, timing: &model::Timing, learned: Option<Duration>) -> Duration {
+        let needed = learned.unwrap_or_default().max(floor(timing, class));
+        PROBE_TIMEOUT.max(needed).min(self.of(class))
     }
 
     /// The wait for a request of `class`.
@@ -77,15 +104,32 @@ impl ReplyTimeouts {
     }
 }
 
-/// The longest that the drive may need before its reply begins.
-fn floor(timing: &model::Timing, class: Class) -> Duration {
+/// The shortest wait that may follow from what was learned: the longest that the drive may need for work and delay, and
+/// what an adapter keeps back.
+#[must_use]
+pub fn floor(timing: &model::Timing, class: Class) -> Duration {
+    turnaround(timing, class) + reply_delay(timing) + ADAPTER_HOLDS
+}
+
+/// The longest that the drive works on a request, as documented or else assumed, without the delay that can be set.
+#[must_use]
+pub fn turnaround(timing: &model::Timing, class: Class) -> Duration {
+    work(timing, class).unwrap_or(ASSUMED_TURNAROUND)
+}
+
+/// The longest delay of replies that can be set on the drive, as far as it is known.
+#[must_use]
+pub fn reply_delay(timing: &model::Timing) -> Duration {
+    timing.reply_delay_max.as_ref().map_or(Duration::ZERO, |fact| fact.value)
+}
+
+fn work(timing: &model::Timing, class: Class) -> Option<Duration> {
     let value = |fact: &Option<model::Fact<Duration>>| fact.as_ref().map(|fact| fact.value);
-    let processing = value(&timing.processing_max).unwrap_or_default();
-    let work = match class {
+    let processing = value(&timing.processing_max);
+    match class {
         Class::Read | Class::Write => processing,
-        Class::StoredWrite => value(&timing.stored_write_max).unwrap_or_default().max(processing),
-    };
-    work + value(&timing.reply_delay_max).unwrap_or_default()
+        Class::StoredWrite => value(&timing.stored_write_max).max(processing),
+    }
 }
 
 /// By how much a reply of `bytes` characters is longer on the line of `timing` than our own frames would be, because the
@@ -132,6 +176,32 @@ mod tests {
             let auto = ReplyTimeouts::auto(timing);
             assert_eq!((auto.read, auto.write, auto.stored_write), (ms(read), ms(read), ms(stored_write)));
         }
+    }
+
+    #[test]
+    fn a_learned_wait_lies_between_what_the_drive_may_need_and_the_cap() {
+        let timing = model::Timing { processing_max: fact(ms(10)), ..model().timing };
+        let timing = model::Timing { reply_delay_max: fact(ms(65)), stored_write_max: fact(ms(50)), ..timing };
+        let unknown = model().timing;
+        let auto = ReplyTimeouts::auto(&timing);
+        for (timing, class, learned, wait, probe) in [
+            (&timing, Class::Read, None, 500, 100),
+            (&timing, Class::Read, Some(8), 95, 100),
+            (&timing, Class::StoredWrite, Some(8), 135, 135),
+            (&timing, Class::Read, Some(240), 240, 240),
+            (&timing, Class::Read, Some(900), 500, 500),
+            (&unknown, Class::Write, Some(4), 30, 100),
+            (&unknown, Class::StoredWrite, Some(4), 30, 100),
+        ] {
+            let learned = learned.map(ms);
+            assert_eq!(auto.in_force(class, timing, learned), ms(wait), "{class:?} {learned:?}");
+            assert_eq!(auto.probe(class, timing, learned), ms(probe), "{class:?} {learned:?}");
+        }
+        let fixed = ReplyTimeouts::fixed(ms(300));
+        assert_eq!(fixed.in_force(Class::Read, &timing, Some(ms(4))), ms(300), "what somebody wants stays");
+        let slow = model::Timing { reply_delay_max: fact(ms(1000)), ..timing };
+        assert_eq!(fixed.probe(Class::Read, &slow, None), ms(300));
+        assert_eq!(ReplyTimeouts::fixed(ms(2000)).probe(Class::Read, &slow, None), ms(1030));
     }
 
     #[test]

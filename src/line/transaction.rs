@@ -113,8 +113,8 @@ impl Wire {
             Expected { station: exchange.station.0, function: exchange.request.function(), adu_bytes: reply_bytes };
         self.quiet_from = now + self.timing.on_wire(sent_bytes);
         let reply_due = self.quiet_from + exchange.timeout + self.timing.on_wire(reply_bytes);
-        let give_up =
-            reply_due + self.timing.on_wire(framing::max_adu_bytes(self.timing.framing)) + self.timing.silence;
+        // A reply that has begun by then is over by then; whatever goes on is none.
+        let give_up = reply_due + self.timing.on_wire(reply_bytes) + self.timing.silence;
         self.flush_idle_bytes();
         self.open = Some(Open { exchange, expected, reply_due, give_up, exception: None });
     }
@@ -188,6 +188,23 @@ impl Wire {
             return None;
         };
         self.finish(ending)
+    }
+
+    /// Whether a byte has come after `moment`.
+    #[must_use]
+    pub fn has_heard_after(&self, moment: MonoTime) -> bool {
+        self.last_byte_at > moment
+    }
+
+    /// When the last byte came.
+    #[must_use]
+    pub const fn last_byte_at(&self) -> MonoTime {
+        self.last_byte_at
+    }
+
+    /// Ends the open exchange as one without an answer, before its time is over.
+    pub fn cut_short(&mut self) -> Option<(Exchange, Ending)> {
+        self.finish(Ending::Silent)
     }
 
     /// Ends the open exchange without an answer, because the port is gone, and forgets what was received.

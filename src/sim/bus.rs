@@ -150,6 +150,11 @@ impl SimBus {
         self.faults.plan = plan;
     }
 
+    /// Changes how long the drives need from now on.
+    pub fn set_turnaround(&mut self, turnaround: Duration) {
+        self.options.turnaround = turnaround;
+    }
+
     /// Number of the newest exchange with `station`: how many sound requests addressed to it have ended on
     /// the wire, also those that it ignored or that came while it was switched off. 0 for an unknown station.
     ///

@@ -101,8 +101,10 @@ pub struct RigOptions {
     pub bus: BusOptions,
     /// Period of the fast polls.
     pub poll: Duration,
-    /// Reply time-out of every drive.
+    /// Reply time-out of every drive, or the longest one where it is learned.
     pub reply_timeout: Duration,
+    /// Whether shorter time-outs follow from what was seen.
+    pub learns: bool,
     /// Seed of the faults.
     pub seed: u64,
     /// What the line does with an echo of its own bytes.
@@ -164,6 +166,7 @@ impl Default for RigOptions {
             // Out of the way unless a scenario asks for polls.
             poll: Duration::from_secs(3600),
             reply_timeout: Duration::from_millis(200),
+            learns: false,
             seed: 1,
             echo: EchoPolicy::Strip,
             tells_traffic: false,
@@ -226,7 +229,7 @@ impl Rig {
                 station: Station(station),
                 model: Arc::clone(model),
                 poll: options.poll,
-                timeouts: ReplyTimeouts::fixed(options.reply_timeout),
+                timeouts: ReplyTimeouts { learns: options.learns, ..ReplyTimeouts::fixed(options.reply_timeout) },
                 max_lateness: model.timing.max_lateness.value,
                 control: options.control.clone().map(Arc::new),
             });
@@ -352,6 +355,14 @@ impl Rig {
             self.core.handle(self.now, Input::PathAlive(Owner::Mqtt));
             self.run_until(end.min(self.now + Duration::from_secs(1)), |_, _| {});
         }
+    }
+
+    /// Unplugs the port and plugs it in again.
+    pub fn reopen(&mut self) {
+        self.core.handle(self.now, Input::PortDown(LineFault::Gone));
+        self.settle();
+        self.core.handle(self.now, Input::PortUp(PortKind::Serial));
+        self.settle();
     }
 
     /// Lets `time` pass.

@@ -3,28 +3,31 @@
 use super::super::model_facts::orders;
 use super::{list, ms};
 use crate::config::words::DIRECTIONS;
-use crate::config::{DriveSettings, LineSettings, Listed, MqttSettings, command_deadline, listed, shown_in_per_cent};
-use crate::daemon::build;
+use crate::config::{DriveSettings, LineSettings, Listed, MqttSettings};
+use crate::config::{command_deadline, line_plan, listed, shown_in_per_cent};
 use crate::domain::control::ControlSettings;
-use crate::line::budget::Budget;
+use crate::line::budget::{Budget, PlannedRead};
+use crate::line::timeouts::Class;
 use crate::profile::model::{Memory, Model, RunForm, SetupItem, Watchdog};
 use crate::profile::values::duration_text;
 use crate::profile::words::word_for;
 use std::fmt::{Result, Write};
 
-/// Appends what the configuration means for `drive`, which hangs on `line`.
+/// Appends what the configuration means for the drive at `place` of `line`.
 pub(super) fn describe(
     text: &mut String,
-    drive: &DriveSettings,
     line: &LineSettings,
+    place: usize,
     budget: &Budget,
     mqtt: Option<&MqttSettings>,
 ) -> Result {
+    let (Some(drive), Some(reads)) = (line.drives.get(place), budget.stations.get(place)) else { return Ok(()) };
     let (name, model) = (&drive.name, &drive.model);
     let access = if drive.control.is_some() { "controlled" } else { "read-only" };
     let units = format!("unit {}, uniform unit {}", drive.unit, drive.uniform_unit);
     writeln!(text, "  drive {name}: {}, station {}, {units}, {access}", model.id, drive.station)?;
-    polls(text, drive, budget)?;
+    polls(text, drive, budget, reads)?;
+    lateness(text, drive)?;
     for (what, key) in shown_in_per_cent(model, &drive.ratings) {
         writeln!(text, "    {what} is shown in per cent only: give {key}")?;
     }
@@ -36,13 +39,35 @@ pub(super) fn describe(
     if let Some(watchdog) = &model.watchdog {
         watchdog_of(text, watchdog, model)?;
     }
+    if let Some(gap) = line_plan::longest_gap(line, place).filter(|_| drive.control.is_some()) {
+        writeln!(text, "    its frames are at most {} apart while it answers; its own watchdog, where it", ms(gap))?;
+        writeln!(text, "    is used, needs more than {}", ms(gap * 2))?;
+    }
     Ok(())
 }
 
-fn polls(text: &mut String, drive: &DriveSettings, budget: &Budget) -> Result {
-    for (group, read) in build::planned(drive) {
+/// How long a reply is waited for, and how long a missing one holds up what could be mistaken for it.
+fn lateness(text: &mut String, drive: &DriveSettings) -> Result {
+    let timeouts = line_plan::reply_timeouts(drive);
+    let [read, write, stored] = Class::ALL.map(|class| timeouts.of(class));
+    let all_same = read == write && read == stored;
+    let waits = if all_same { ms(read) } else { format!("{} (stored writes {})", ms(read.max(write)), ms(stored)) };
+    let learned = if timeouts.learns { ", shorter once its reply times are known" } else { "" };
+    writeln!(text, "    a reply is waited for up to {waits}{learned}")?;
+    let late = ms(drive.max_lateness);
+    if drive.model.barriers.is_empty() {
+        let longest = read.max(write).max(stored) + drive.max_lateness;
+        writeln!(text, "    it may come {late} later, and no barrier settles that: a drive that misses one is left")?;
+        return writeln!(text, "    alone for so long, and a stop for it is confirmed up to {} later", ms(longest));
+    }
+    writeln!(text, "    it may come {late} later; a barrier settles that sooner")
+}
+
+fn polls(text: &mut String, drive: &DriveSettings, budget: &Budget, reads: &[PlannedRead]) -> Result {
+    for read in reads {
+        let group = read.group;
         let period = read.period.mul_f64(budget.stretch);
-        let age = period + budget.longest_exchange * 2;
+        let age = budget.age(read);
         let names: Vec<_> = (0..group.count)
             .filter_map(|offset| drive.model.register_at(group.address.wrapping_add(offset)))
             .map(|register| register.name.as_str())

@@ -22,6 +22,7 @@ const SILENCE: RangeInclusive<Duration> = Duration::ZERO..=Duration::from_secs(1
 const REQUEST_GAP: RangeInclusive<Duration> = Duration::ZERO..=Duration::from_secs(10);
 const REPLY_TIMEOUT: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(60);
 const MAX_LATENESS: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(60);
+const STATUS_AGE: RangeInclusive<Duration> = Duration::from_millis(100)..=Duration::from_secs(3600);
 /// A dead band; no register has finer steps than the least, nor values beyond the greatest.
 const DEAD_BAND: RangeInclusive<f64> = 0.000_001..=100_000.0;
 /// A rated current in A or voltage in V.
@@ -90,6 +91,7 @@ fn read_line(mut reader: Reader<'_, '_>) -> LineFile {
         silence: read_silence(&mut reader),
         min_request_gap: reader.optional("min_request_gap", &Kind::duration(REQUEST_GAP)),
         reply_timeout: reader.optional("reply_timeout", &Kind::duration(REPLY_TIMEOUT).or_word("auto")),
+        max_status_age: reader.optional("max_status_age", &Kind::duration(STATUS_AGE)),
         drives: each(&mut reader, "drive", read_drive),
     };
     if line.drives.is_empty() {

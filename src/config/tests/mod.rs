@@ -2,6 +2,7 @@
 
 mod control;
 mod framing;
+mod line_plan;
 mod models;
 mod mqtt;
 mod native;

@@ -3,6 +3,7 @@
 use super::state::State;
 use super::table::{self, Metric, Name, Sample};
 use crate::daemon::shared::SharedDrive;
+use crate::domain::report::REPLY_CLASSES;
 use crate::domain::time::MonoTime;
 use crate::drive::view::DriveView;
 use crate::profile::model::{Register, Role};
@@ -44,6 +45,7 @@ impl Collector for Scrape {
         each(&mut encoder, table::LINE, || reports.iter().map(|(name, report)| (vec![("line", *name)], report)))?;
         let drives: Vec<_> = shared.drives.iter().map(|drive| (drive, drive.view.load_full())).collect();
         each(&mut encoder, table::DRIVE, || drives.iter().map(|(drive, view)| (labels(drive), view.as_ref())))?;
+        self.stations(&mut encoder)?;
         self.registers(&mut encoder, &drives)?;
         each(&mut encoder, table::MODBUS, || [(Vec::new(), state.modbus.as_ref())])?;
         self.exceptions(&mut encoder)?;
@@ -70,6 +72,26 @@ impl Scrape {
                 ([labels(drive), more.to_vec()].concat(), value)
             }),
         )
+    }
+
+    /// How the lines see their drives.
+    fn stations(&self, encoder: &mut DescriptorEncoder<'_>) -> fmt::Result {
+        let stations: Vec<_> = self.state.shared.drives.iter().map(|it| (it, it.station.load_full())).collect();
+        each(encoder, table::STATION, || stations.iter().map(|(drive, station)| (labels(drive), station.as_ref())))?;
+        let replies = || {
+            stations.iter().flat_map(|(drive, station)| {
+                let classes = REPLY_CLASSES.into_iter().zip(&station.replies);
+                classes.map(|(class, reply)| ([labels(drive), vec![("class", class)]].concat(), reply))
+            })
+        };
+        each(encoder, table::REPLIES, replies)?;
+        let known = replies().filter(|(_, reply)| reply.count > 0);
+        let times = known.flat_map(|(labels, reply)| {
+            table::QUANTILES.into_iter().map(move |(quantile, time)| {
+                ([labels.as_slice(), &[("quantile", quantile)]].concat(), time(reply).as_secs_f64())
+            })
+        });
+        gauges(encoder, &table::REPLY_TIME, times)
     }
 
     fn exceptions(&self, encoder: &mut DescriptorEncoder<'_>) -> fmt::Result {

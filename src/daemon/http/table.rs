@@ -5,9 +5,10 @@
 use super::health;
 use super::state::State;
 use crate::daemon::totals::{ModbusTotals, MqttTotals};
-use crate::domain::report::{LineReport, LineState};
+use crate::domain::report::{LineReport, LineState, ReplyReport, StationReport};
 use crate::drive::view::{ControlView, DriveView};
 use prometheus_client::metrics::MetricType;
+use std::time::Duration;
 
 /// First part of all names.
 pub(super) const PREFIX: &str = "vfd_gateway";
@@ -100,6 +101,74 @@ pub(super) const LINE: &[Metric<LineReport>] = &[
     counter("line_port_ups", "Times the port was opened.", |line| Some(line.counters.port_ups)),
     counter("line_busy_microseconds", "Time in which an exchange was open.", |line| Some(line.counters.busy_us)),
     counter("line_port_downs", "Times the port was lost.", |line| Some(line.counters.port_downs)),
+    gauge(
+        "line_planned_use",
+        "Part of the line's time that its polls would take if each came in time.",
+        |line: &LineReport| Some(f64::from(line.planned_use_per_mille) / 1000.0),
+    )
+    .in_unit("ratio"),
+    gauge("line_stop_bound_healthy", "Longest wait of a stop while every drive answers.", |line: &LineReport| {
+        seconds(line.stop.all_healthy)
+    })
+    .in_unit("seconds"),
+    gauge("line_stop_bound", "Longest wait of a stop with a drive that does not answer.", |line: &LineReport| {
+        seconds(line.stop.one_silent)
+    })
+    .in_unit("seconds"),
+    gauge("line_stop_bound_further", "What each further stop at the same time adds to that.", |line: &LineReport| {
+        seconds(line.stop.each_further)
+    })
+    .in_unit("seconds"),
+    gauge("line_stop_longest", "Longest wait of a stop so far, for its first bit.", |line: &LineReport| {
+        seconds(line.measured.longest_stop)
+    })
+    .in_unit("seconds"),
+    gauge("line_gap_shortest", "Least time before a frame beyond the silence that is due.", |line: &LineReport| {
+        seconds(line.measured.shortest_gap?)
+    })
+    .in_unit("seconds"),
+    gauge("line_gap_median", "Median of those times over the newest frames.", |line: &LineReport| {
+        seconds(line.measured.median_gap)
+    })
+    .in_unit("seconds"),
+];
+
+/// Each drive as its line sees it; labels `line` and `drive`.
+pub(super) const STATION: &[Metric<StationReport>] = &[
+    gauge("drive_oldest_age", "The oldest that a fast value became in the last minute.", |station: &StationReport| {
+        seconds(station.oldest_age)
+    })
+    .in_unit("seconds"),
+    gauge("drive_planned_age", "The oldest that one becomes by plan.", |station: &StationReport| {
+        seconds(station.planned_age?)
+    })
+    .in_unit("seconds"),
+    counter("drive_retries", "Exchanges repeated at once after damage.", |station| Some(station.retries)),
+    counter("drive_silent", "Time-outs without any frame from the drive.", |station| Some(station.silent)),
+];
+
+/// Its replies; labels `line`, `drive` and `class`.
+pub(super) const REPLIES: &[Metric<ReplyReport>] = &[
+    gauge("drive_reply_timeout", "How long the start of a reply is waited for.", |reply: &ReplyReport| {
+        seconds(reply.timeout)
+    })
+    .in_unit("seconds"),
+    gauge("drive_reply_times", "Replies that the reply times rest on.", |reply: &ReplyReport| {
+        Some(f64::from(reply.count))
+    }),
+];
+
+/// From the end of a request to the start of its reply; labels as those, and `quantile`, 1 for the longest.
+pub(super) const REPLY_TIME: Name =
+    plain("drive_reply_time", Some("seconds"), "From the end of a request to the start of its reply.");
+
+/// The quantiles of [`REPLY_TIME`].
+pub(super) const QUANTILES: [(&str, fn(&ReplyReport) -> Duration); 5] = [
+    ("0.5", |reply| reply.p50),
+    ("0.9", |reply| reply.p90),
+    ("0.99", |reply| reply.p99),
+    ("0.999", |reply| reply.p999),
+    ("1", |reply| reply.max),
 ];
 
 /// Each drive; labels `line` and `drive`. What control says is there only for drives with a control section.
@@ -166,6 +235,10 @@ pub(super) const MQTT: &[Metric<MqttTotals>] = &[
     counter("mqtt_published", "Messages to the broker.", |mqtt| Some(mqtt.counts()[2])),
     counter("mqtt_refused_retained", "Commands refused because they were retained.", |mqtt| Some(mqtt.counts()[3])),
 ];
+
+fn seconds(time: Duration) -> Option<f64> {
+    Some(time.as_secs_f64())
+}
 
 fn truth(is_true: bool) -> Option<f64> {
     Some(f64::from(u8::from(is_true)))

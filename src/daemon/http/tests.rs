@@ -11,7 +11,8 @@ use crate::daemon::shared::Shared;
 use crate::daemon::totals::{ModbusTotals, MqttTotals};
 use crate::domain::ids::{DriveIndex, Name, UnitId};
 use crate::domain::link::Interface;
-use crate::domain::report::{LineCounters, LineFault, LineReport, LineState};
+use crate::domain::report::{LineCounters, LineFault, LineMeasured, LineReport, LineState, StopBounds};
+use crate::domain::report::{ReplyReport, StationReport};
 use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::snapshot::{DriveSnapshot, Presence};
@@ -83,7 +84,17 @@ const UP: LineReport = LineReport {
         port_downs: 0,
         busy_us: 0,
     },
-    worst_stop: Duration::ZERO,
+    stop: StopBounds {
+        all_healthy: Duration::from_millis(40),
+        one_silent: Duration::from_millis(560),
+        each_further: Duration::from_millis(31),
+    },
+    planned_use_per_mille: 125,
+    measured: LineMeasured {
+        longest_stop: Duration::from_millis(17),
+        shortest_gap: None,
+        median_gap: Duration::from_micros(90),
+    },
 };
 
 /// A drive that answered at `at` with 50.00 Hz and 3 trips.
@@ -221,6 +232,46 @@ fn metrics_show_lines_drives_and_only_fresh_values() {
     seen(Duration::from_millis(3000));
     let stale = text();
     assert!(!stale.contains("hertz{"), "{stale}");
+}
+
+#[test]
+fn metrics_show_what_was_planned_beside_what_was_measured() {
+    let state = state(false);
+    show(&state, UP, DriveView::default());
+    let reads = ReplyReport {
+        count: 1200,
+        p50: Duration::from_millis(4),
+        p999: Duration::from_millis(7),
+        max: Duration::from_millis(9),
+        timeout: Duration::from_millis(30),
+        ..ReplyReport::default()
+    };
+    let writes = ReplyReport { timeout: Duration::from_millis(500), ..ReplyReport::default() };
+    let station = StationReport {
+        replies: [reads, writes, writes],
+        oldest_age: Duration::from_millis(620),
+        planned_age: Some(Duration::from_millis(640)),
+        retries: 2,
+        silent: 3,
+    };
+    state.shared.drives[0].station.store(Arc::new(station));
+    let text = super::metrics::text(Arc::clone(&state), clock::now()).unwrap();
+    for line in [
+        "vfd_gateway_line_planned_use_ratio{line=\"hall-1\"} 0.125",
+        "vfd_gateway_line_stop_bound_healthy_seconds{line=\"hall-1\"} 0.04",
+        "vfd_gateway_line_stop_bound_seconds{line=\"hall-1\"} 0.56",
+        "vfd_gateway_line_stop_longest_seconds{line=\"hall-1\"} 0.017",
+        "vfd_gateway_line_gap_median_seconds{line=\"hall-1\"} 0.00009",
+        "vfd_gateway_drive_oldest_age_seconds{line=\"hall-1\",drive=\"pump-1\"} 0.62",
+        "vfd_gateway_drive_planned_age_seconds{line=\"hall-1\",drive=\"pump-1\"} 0.64",
+        "vfd_gateway_drive_retries_total{line=\"hall-1\",drive=\"pump-1\"} 2",
+        "vfd_gateway_drive_reply_timeout_seconds{line=\"hall-1\",drive=\"pump-1\",class=\"write\"} 0.5",
+        "vfd_gateway_drive_reply_time_seconds{line=\"hall-1\",drive=\"pump-1\",class=\"read\",quantile=\"0.999\"} 0.007",
+    ] {
+        assert!(text.lines().any(|it| it == line), "no {line} in\n{text}");
+    }
+    assert!(!text.contains("gap_shortest_seconds{"), "there was no frame yet");
+    assert!(!text.contains("class=\"write\",quantile"), "there was no write yet");
 }
 
 #[test]

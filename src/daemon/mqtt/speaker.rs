@@ -55,8 +55,12 @@ impl Speaker {
         self.views.clear();
         self.views.extend(self.shared.drives.iter().map(|drive| drive.view.load_full()));
         self.lines.clear();
-        let line = |line: &SharedLine| LineState { name: line.name.clone(), report: line.report() };
-        self.lines.extend(self.shared.lines.iter().map(line));
+        let line = |(place, line): (usize, &SharedLine)| LineState {
+            name: line.name.clone(),
+            report: line.report(),
+            stations: self.shared.stations(place).collect(),
+        };
+        self.lines.extend(self.shared.lines.iter().enumerate().map(line));
     }
 
     /// Hands everything for the lines to them. It never waits for the broker.

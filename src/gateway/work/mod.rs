@@ -154,6 +154,12 @@ impl DriveWork {
         self.rest_until.take()
     }
 
+    /// Whether a stop waits that was never sent.
+    #[must_use]
+    pub fn has_new_stop(&self) -> bool {
+        self.latch.as_ref().is_some_and(StopLatch::is_first)
+    }
+
     /// Whether a stop is not effective yet, or a reset that has begun is not through: its last word takes it back.
     #[must_use]
     pub fn must_go_on(&self) -> bool {

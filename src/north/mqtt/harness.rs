@@ -92,6 +92,7 @@ impl Rig {
         let lines = vec![LineState {
             name: name("hall"),
             report: LineReport { state: report::LineState::Up, ..LineReport::default() },
+            stations: Vec::new(),
         }];
         let mut rig = Self {
             session: Session::new(settings, drives(), vec![name("hall")], started),

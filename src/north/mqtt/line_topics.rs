@@ -5,7 +5,7 @@ use super::state::capabilities;
 use super::topics::Topics;
 use super::types::{LineState, Publication, Qos, Settings};
 use crate::domain::ids::Name;
-use crate::domain::report::{self, LineCounters, LineReport};
+use crate::domain::report::{self, LineCounters, LineReport, REPLY_CLASSES, ReplyReport, StationReport};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use serde_json::{Value, json};
@@ -19,15 +19,18 @@ const STATS_EVERY: Duration = Duration::from_secs(10);
 pub(super) struct LineTopics {
     status: Slot,
     stats_topic: String,
+    /// The names of its drives, in order.
+    drives: Vec<Name>,
     stats: Option<(MonoTime, LineReport)>,
     /// The counters changed too soon after the last publication.
     is_held: bool,
 }
 
 impl LineTopics {
-    pub(super) fn new(topics: &Topics, name: &Name) -> Self {
+    pub(super) fn new(topics: &Topics, name: &Name, drives: &[DriveDescription]) -> Self {
         let topic = |rest| topics.line(name.as_str(), rest);
-        Self { status: Slot::new(topic("status")), stats_topic: topic("stats"), stats: None, is_held: false }
+        let drives = drives.iter().filter(|drive| drive.line == *name).map(|drive| drive.name.clone()).collect();
+        Self { status: Slot::new(topic("status")), stats_topic: topic("stats"), drives, stats: None, is_held: false }
     }
 
     pub(super) fn forget(&mut self) {
@@ -42,10 +45,11 @@ impl LineTopics {
         if self.status.offer(now, Content::Text(status.into()), |_, _| true) {
             return Some(self.status.publication(now, payload, Qos::AtLeastOnce));
         }
-        self.next_stats(now, &line.report)
+        self.next_stats(now, line)
     }
 
-    fn next_stats(&mut self, now: &Present, report: &LineReport) -> Option<Publication> {
+    fn next_stats(&mut self, now: &Present, line: &LineState) -> Option<Publication> {
+        let report = &line.report;
         let (age, has_changed) = match &self.stats {
             Some((at, last)) => (now.at.since(*at), last != report),
             None => (Duration::MAX, true),
@@ -55,10 +59,11 @@ impl LineTopics {
             return None;
         }
         self.stats = Some((now.at, *report));
-        let mut stats = stats(&report.counters);
+        let drives = self.drives.iter().zip(&line.stations).map(|(name, station)| station_stats(name, station));
+        let mut stats = line_stats(&report.counters);
         if let Some(object) = stats.as_object_mut() {
-            let worst_stop_ms = u64::try_from(report.worst_stop.as_millis()).unwrap_or(u64::MAX);
-            object.insert("worst_stop_ms".to_owned(), worst_stop_ms.into());
+            object.insert("budget".to_owned(), budget(report));
+            object.insert("drives".to_owned(), drives.collect());
             object.insert("at".to_owned(), now.clock.text(now.at).into());
         }
         Some(retained(now, self.stats_topic.clone(), stats.to_string().into_bytes(), Qos::AtMostOnce))
@@ -78,7 +83,49 @@ fn status(report: &LineReport) -> String {
     }
 }
 
-fn stats(counters: &LineCounters) -> Value {
+/// What was planned, and what was measured of it.
+fn budget(report: &LineReport) -> Value {
+    let LineReport { stop, measured, planned_use_per_mille, .. } = report;
+    json!({
+        "planned_use_percent": f64::from(*planned_use_per_mille) / 10.0,
+        "worst_stop_healthy_ms": millis(stop.all_healthy),
+        "worst_stop_ms": millis(stop.one_silent),
+        "each_further_stop_ms": millis(stop.each_further),
+        "longest_stop_ms": millis(measured.longest_stop),
+        "shortest_gap_us": measured.shortest_gap.map(micros),
+        "median_gap_us": micros(measured.median_gap),
+    })
+}
+
+fn station_stats(name: &Name, station: &StationReport) -> Value {
+    let mut stats = json!({
+        "name": name.as_str(),
+        "oldest_age_ms": millis(station.oldest_age),
+        "planned_age_ms": station.planned_age.map(millis),
+        "retries": station.retries,
+        "silent": station.silent,
+    });
+    for (class, reply) in REPLY_CLASSES.into_iter().zip(&station.replies) {
+        let ReplyReport { count, p50, p90, p99, p999, max, timeout } = reply;
+        let mut times = json!({ "count": count, "timeout_ms": millis(*timeout) });
+        for (name, time) in [("p50", p50), ("p90", p90), ("p99", p99), ("p999", p999), ("max", max)] {
+            times[format!("{name}_us")] = if *count > 0 { micros(*time).into() } else { Value::Null };
+        }
+        stats[class] = times;
+    }
+    stats
+}
+
+/// Rounded up: a bound is never shown smaller than it is.
+fn millis(time: Duration) -> u64 {
+    u64::try_from(time.as_micros().div_ceil(1000)).unwrap_or(u64::MAX)
+}
+
+fn micros(time: Duration) -> u64 {
+    u64::try_from(time.as_micros()).unwrap_or(u64::MAX)
+}
+
+fn line_stats(counters: &LineCounters) -> Value {
     // By its parts, so that a new counter is not forgotten here.
     let LineCounters {
         requests,

@@ -45,7 +45,7 @@ impl Telemetry {
             info: info(settings, drives, lines, started),
             is_info_published: false,
             status: Slot::new(topics.gateway("status")),
-            lines: lines.iter().map(|name| LineTopics::new(topics, name)).collect(),
+            lines: lines.iter().map(|name| LineTopics::new(topics, name, drives)).collect(),
             drives: drives.iter().map(|drive| DriveTopics::new(topics, drive)).collect(),
             place: 0,
         }

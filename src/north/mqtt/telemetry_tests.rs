@@ -5,12 +5,13 @@ use super::types::{Act, Version};
 use crate::domain::command::{Outcome, Owner, Reason, Report, RunIntent};
 use crate::domain::frequency::Hertz;
 use crate::domain::native::{NativeAnswer, NativeOutcome};
-use crate::domain::report::{LineFault, LineState};
+use crate::domain::report::{LineFault, LineState, ReplyReport, StationReport};
 use crate::domain::time::MonoTime;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{RunState, TripRecord};
 use serde_json::{Value, json};
 use std::sync::Arc;
+use std::time::Duration;
 
 fn state(acts: &[Act]) -> Option<Value> {
     on(acts, "drive/pump/state").map(|text| serde_json::from_str(&text).expect("JSON"))
@@ -189,6 +190,29 @@ fn a_line_says_why_it_is_down_and_its_counters_come_every_ten_seconds() {
     assert_eq!(told(&acts), [("line/hall/status".to_owned(), "down: the device is gone".to_owned())]);
     let stats = on(&rig.pass(9_000), "line/hall/stats").expect("counters");
     assert_eq!(serde_json::from_str::<Value>(&stats).expect("JSON")["silent"], 5);
+}
+
+#[test]
+fn a_line_shows_what_was_planned_beside_what_was_measured() {
+    let mut rig = Rig::born(Version::V5);
+    let report = &mut rig.lines[0].report;
+    report.planned_use_per_mille = 625;
+    report.stop.one_silent = Duration::from_micros(560_001);
+    report.measured.longest_stop = Duration::from_millis(17);
+    let reads = ReplyReport { count: 1200, p999: Duration::from_micros(7_300), ..ReplyReport::default() };
+    let timeout = Duration::from_millis(500);
+    let unseen = ReplyReport { timeout, ..ReplyReport::default() };
+    let station = StationReport { replies: [reads, unseen, unseen], retries: 2, ..StationReport::default() };
+    rig.lines[0].stations = vec![Arc::new(station)];
+    let stats = on(&rig.pass(10_000), "line/hall/stats").expect("counters");
+    let stats: Value = serde_json::from_str(&stats).expect("JSON");
+    let budget = &stats["budget"];
+    assert_eq!((&budget["planned_use_percent"], &budget["longest_stop_ms"]), (&62.5.into(), &17.into()));
+    assert_eq!(budget["worst_stop_ms"], 561, "a bound is not rounded down");
+    let drive = &stats["drives"][0];
+    assert_eq!((&drive["name"], &drive["retries"]), (&"pump".into(), &2.into()));
+    assert_eq!((&drive["read"]["count"], &drive["read"]["p999_us"]), (&1200.into(), &7300.into()));
+    assert_eq!((&drive["write"]["timeout_ms"], &drive["write"]["p50_us"]), (&500.into(), &Value::Null));
 }
 
 #[test]

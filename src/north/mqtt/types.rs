@@ -3,9 +3,10 @@
 use crate::domain::command::CommandRequest;
 use crate::domain::ids::Name;
 use crate::domain::native::NativeRequest;
-use crate::domain::report::LineReport;
+use crate::domain::report::{LineReport, StationReport};
 use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::description::DriveRef;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// How the MQTT side is set up.
@@ -168,4 +169,6 @@ pub struct LineState {
     pub name: Name,
     /// Its state and counters.
     pub report: LineReport,
+    /// How it sees its drives, in order.
+    pub stations: Vec<Arc<StationReport>>,
 }

@@ -1,0 +1,123 @@
+//! What the polls of a line cost and how long a stop waits there, as far as the configuration tells.
+
+use super::file::LineFile;
+use super::ready::{DriveSettings, LineSettings, Silence};
+use crate::domain::problem::Problem;
+use crate::domain::report::StopBounds;
+use crate::line::budget::{self, Budget, PlannedRead, PlannedStation};
+use crate::line::timeouts::ReplyTimeouts;
+use crate::line::timing::Timing;
+use crate::profile::model::PollClass;
+use crate::profile::values::duration_text;
+use std::time::Duration;
+
+/// How old the fast values of a line may become where the file says nothing.
+pub(super) const DEFAULT_STATUS_AGE: Duration = Duration::from_secs(5);
+
+/// Times of a line, and whether they are allowed only on a pseudo-terminal.
+#[must_use]
+pub fn timing(line: &LineSettings) -> (Timing, bool) {
+    let models = line.drives.iter().map(|drive| drive.model.as_ref());
+    let needed = Timing::for_models(line.framing, line.link, models, line.min_request_gap);
+    match line.silence {
+        Silence::Fixed(silence) if silence < needed.silence => (needed.unpaced(silence), true),
+        Silence::Fixed(silence) => (Timing { silence, ..needed }, false),
+        Silence::Auto => (needed, false),
+    }
+}
+
+/// How long the replies of `drive` are waited for.
+#[must_use]
+pub fn reply_timeouts(drive: &DriveSettings) -> ReplyTimeouts {
+    drive.reply_timeout.map_or_else(|| ReplyTimeouts::auto(&drive.model.timing), ReplyTimeouts::fixed)
+}
+
+/// `drive` as it costs its line.
+#[must_use]
+pub fn station(drive: &DriveSettings) -> PlannedStation<'_> {
+    let DriveSettings { model, poll, max_lateness, .. } = drive;
+    PlannedStation { model, poll: *poll, timeouts: reply_timeouts(drive), max_lateness: *max_lateness }
+}
+
+/// What the polls of `line` cost.
+#[must_use]
+pub fn budget(line: &LineSettings) -> Budget {
+    budget::of_plan(&timing(line).0, line.drives.iter().map(station))
+}
+
+/// How long a stop for one drive of `line` may have to wait.
+#[must_use]
+pub fn stop_bounds(line: &LineSettings) -> StopBounds {
+    budget::stop_bounds(&timing(line).0, line.drives.iter().map(station))
+}
+
+/// The longest time between two frames to the drive at `place` of `line`, while it answers and everything that may
+/// hold them up does so once; nothing if it is not polled fast. The drive's own watchdog has to be set to more than
+/// twice that.
+#[must_use]
+pub fn longest_gap(line: &LineSettings, place: usize) -> Option<Duration> {
+    let (budget, mut stop) = (budget(line), stop_bounds(line));
+    let others = line.drives.iter().filter(|drive| drive.control.is_some()).count().saturating_sub(1);
+    stop.one_silent += stop.each_further * u32::try_from(others).unwrap_or(u32::MAX);
+    let station = station(line.drives.get(place)?);
+    Some(budget::longest_gap(&timing(line).0, budget.fast_age(place)?, &station, &stop))
+}
+
+/// A plan that does not fit is stretched; it is refused where that makes the fast values older than they may be.
+pub(super) fn check(file: &LineFile, line: &LineSettings, problems: &mut Vec<Problem>) {
+    let budget = budget(line);
+    let ages = line.drives.iter().enumerate().filter_map(|(place, drive)| Some((budget.fast_age(place)?, drive)));
+    let Some((age, oldest)) = ages.max_by_key(|(age, _)| *age) else { return };
+    if budget.stretch <= 1.0 || age <= line.max_status_age {
+        return;
+    }
+    let place = file.max_status_age.usable().map(|written| written.place.clone());
+    let place = place.unwrap_or_else(|| file.place.missing("max_status_age"));
+    let limit = duration_text(line.max_status_age);
+    let what = format!(
+        "line `{}` cannot carry its polls: {}. Stretched {:.1} times, the fast values of `{}` would become {} old, \
+         more than the {limit} of `max_status_age`",
+        line.name,
+        arithmetic(line, &budget),
+        budget.stretch,
+        oldest.name,
+        seconds(age),
+    );
+    problems.push(place.problem(what).right(advice(line, &budget)));
+}
+
+/// The sum that does not come out: how many drives, what each second of the line would have to carry.
+fn arithmetic(line: &LineSettings, budget: &Budget) -> String {
+    let reads: Vec<&PlannedRead> = budget.stations.iter().flatten().collect();
+    let fast = reads.iter().filter(|read| read.group.class == PollClass::Fast).count();
+    let costs = reads.iter().map(|read| read.cost);
+    let (least, most) = (costs.clone().min().unwrap_or_default(), costs.max().unwrap_or_default());
+    format!(
+        "{} drives with {} reads ({fast} of them fast) of {} to {} each would take {:.0} % of its time",
+        line.drives.len(),
+        reads.len(),
+        millis(least),
+        millis(most),
+        budget.use_of_line * 100.0,
+    )
+}
+
+/// What would make it fit: the poll periods as they could be kept.
+fn advice(line: &LineSettings, budget: &Budget) -> String {
+    let slowest = line.drives.iter().map(|drive| drive.poll).max().unwrap_or_default();
+    let kept = slowest.mul_f64(budget.stretch).as_secs_f64().ceil();
+    let most = line.link.baud;
+    let faster = line.drives.iter().map(|drive| drive.model.link.bauds.value.as_slice());
+    let faster = faster.reduce(|a, b| if a.iter().max() < b.iter().max() { a } else { b }).unwrap_or_default();
+    let faster = faster.iter().copied().filter(|baud| *baud > most).max();
+    let speed = faster.map_or(String::new(), |baud| format!("a higher speed (up to {baud}), "));
+    format!("{speed}fewer drives on the line, or a longer `poll`: with poll = \"{kept:.0}s\" on each drive it fits")
+}
+
+fn millis(time: Duration) -> String {
+    format!("{:.1} ms", time.as_secs_f64() * 1e3)
+}
+
+fn seconds(time: Duration) -> String {
+    format!("{:.1} s", time.as_secs_f64())
+}

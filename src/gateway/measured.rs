@@ -1,0 +1,146 @@
+//! What was measured on one line: reply times, gaps, ages, and how long stops had to wait.
+
+use super::core::LineCore;
+use crate::domain::ids::DriveIndex;
+use crate::domain::report::{LineMeasured, ReplyReport, StationReport};
+use crate::domain::time::MonoTime;
+use crate::line::budget::Budget;
+use crate::line::histogram::Histogram;
+use crate::line::reply_times::ReplyTimes;
+use crate::line::timeouts::Class;
+use std::time::Duration;
+
+/// How often a drive's report is made anew.
+pub const STATION_EVERY: Duration = Duration::from_secs(1);
+/// Ages are remembered for this long at least, and for twice as long at most.
+const AGES_FOR: Duration = Duration::from_secs(60);
+/// Frames between two looks at the median of the gaps.
+const GAPS_EVERY: u8 = 64;
+
+/// Everything that was measured on one line.
+#[derive(Debug)]
+pub(super) struct Measured {
+    /// What the line's report shows.
+    pub(super) line: LineMeasured,
+    drives: Vec<DriveMeasured>,
+    gaps: Histogram,
+    gaps_since: u8,
+    opened_at: MonoTime,
+    /// The drive whose report is made next, and not before when.
+    next: usize,
+    next_at: MonoTime,
+}
+
+/// What was measured of one drive.
+#[derive(Debug, Default)]
+pub(super) struct DriveMeasured {
+    reply_times: ReplyTimes,
+    /// The oldest that a fast value became in the present span, and in the one before.
+    ages: [Duration; 2],
+    ages_since: MonoTime,
+    planned_age: Option<Duration>,
+    pub(super) retries: u64,
+    pub(super) silent: u64,
+}
+
+impl Measured {
+    /// Nothing measured yet on the line of `budget`.
+    pub(super) fn new(budget: &Budget) -> Self {
+        let drive = |place| DriveMeasured { planned_age: budget.fast_age(place), ..DriveMeasured::default() };
+        Self {
+            line: LineMeasured::default(),
+            drives: (0..budget.stations.len()).map(drive).collect(),
+            gaps: Histogram::default(),
+            gaps_since: 0,
+            opened_at: MonoTime::ZERO,
+            next: 0,
+            next_at: MonoTime::ZERO,
+        }
+    }
+
+    /// The port was opened at `now`. Another drive may stand where one was learned, and the first waits are cautious.
+    pub(super) fn port_opened(&mut self, now: MonoTime) {
+        self.opened_at = now;
+        self.drives.iter_mut().for_each(|drive| drive.reply_times.forget());
+    }
+
+    /// A frame of ours goes out `gap` later than the silence before it asks for.
+    pub(super) fn sent(&mut self, gap: Duration) {
+        self.gaps.add(gap);
+        self.line.shortest_gap = Some(self.line.shortest_gap.map_or(gap, |shortest| shortest.min(gap)));
+        if self.gaps_since == 0 {
+            self.line.median_gap = self.gaps.all_but(500);
+        }
+        self.gaps_since = (self.gaps_since + 1) % GAPS_EVERY;
+    }
+
+    /// A stop that was accepted at `accepted` goes out for the first time at `now`.
+    pub(super) fn stop_sent(&mut self, accepted: MonoTime, now: MonoTime) {
+        let waited = now.since(accepted.max(self.opened_at));
+        self.line.longest_stop = self.line.longest_stop.max(waited);
+    }
+
+    /// A reply of `drive` began `time` after the end of its request.
+    pub(super) fn reply_came(&mut self, drive: DriveIndex, class: Class, time: Duration) {
+        self.of(drive).reply_times.add(class, time);
+    }
+
+    pub(super) fn reply_times(&self, drive: DriveIndex) -> &ReplyTimes {
+        &self.drives[drive.get()].reply_times
+    }
+
+    pub(super) fn of(&mut self, drive: DriveIndex) -> &mut DriveMeasured {
+        &mut self.drives[drive.get()]
+    }
+}
+
+impl DriveMeasured {
+    /// A fast value is read anew at `now`, at this age.
+    pub(super) fn aged(&mut self, age: Duration, now: MonoTime) {
+        if now.since(self.ages_since) >= AGES_FOR {
+            self.ages = [Duration::ZERO, self.ages[0]];
+            self.ages_since = now;
+        }
+        self.ages[0] = self.ages[0].max(age);
+    }
+}
+
+impl LineCore {
+    /// The report of a drive whose turn it is at `now`, each once in [`STATION_EVERY`], so that no round makes many.
+    pub fn next_station(&mut self, now: MonoTime) -> Option<(DriveIndex, StationReport)> {
+        let count = self.setup.drives.len();
+        if now < self.measured.next_at || count == 0 {
+            return None;
+        }
+        let place = self.measured.next;
+        self.measured.next = (place + 1) % count;
+        self.measured.next_at = now + STATION_EVERY / u32::try_from(count).unwrap_or(u32::MAX);
+        let drive = DriveIndex(u16::try_from(place).ok()?);
+        Some((drive, self.station(drive)?))
+    }
+
+    /// The present report of the drive at `drive`.
+    #[must_use]
+    pub fn station(&self, drive: DriveIndex) -> Option<StationReport> {
+        let (setup, measured) = (self.setup.drives.get(drive.get())?, self.measured.drives.get(drive.get())?);
+        let reply = |class| {
+            let times = measured.reply_times.times(class);
+            ReplyReport {
+                count: times.total(),
+                p50: times.all_but(500),
+                p90: times.all_but(100),
+                p99: times.all_but(10),
+                p999: times.all_but(1),
+                max: times.longest(),
+                timeout: setup.timeouts.in_force(class, &setup.model.timing, measured.reply_times.wait(class)),
+            }
+        };
+        Some(StationReport {
+            replies: Class::ALL.map(reply),
+            oldest_age: measured.ages[0].max(measured.ages[1]),
+            planned_age: measured.planned_age,
+            retries: measured.retries,
+            silent: measured.silent,
+        })
+    }
+}

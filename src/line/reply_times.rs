@@ -1,0 +1,128 @@
+//! How long one station needs before its replies begin, learned from those that have come.
+
+use super::histogram::Histogram;
+use super::timeouts::Class;
+use std::time::Duration;
+
+/// Replies of a class before anything follows from them: with a thousand the 99.9 percentile is no longer just the
+/// longest of them.
+pub const ENOUGH: u16 = 1000;
+/// Replies after which the percentile is looked at anew, unless one exceeds it.
+const LOOK_EVERY: u8 = 64;
+
+/// The reply times of one station.
+#[derive(Clone, Debug, Default)]
+pub struct ReplyTimes {
+    classes: [Learned; Class::ALL.len()],
+}
+
+#[derive(Clone, Debug, Default)]
+struct Learned {
+    times: Histogram,
+    /// The 99.9 percentile, once there are enough.
+    usual: Option<Duration>,
+    /// Replies since it was looked at.
+    since: u8,
+}
+
+impl ReplyTimes {
+    /// A reply to a request of `class` began `time` after the end of the request. A late one counts like any other: by
+    /// that a drive that has become slower is waited for. Silence says nothing about times and is not counted.
+    pub fn add(&mut self, class: Class, time: Duration) {
+        let learned = self.of_mut(class);
+        learned.times.add(time);
+        learned.since += 1;
+        let exceeds = learned.usual.is_none_or(|usual| time > usual);
+        if learned.times.total() >= ENOUGH && (exceeds || learned.since >= LOOK_EVERY) {
+            learned.usual = Some(learned.times.all_but(1));
+        }
+        learned.since %= LOOK_EVERY;
+    }
+
+    /// Forgets all: another station may be there.
+    pub fn forget(&mut self) {
+        *self = Self::default();
+    }
+
+    /// Twice the 99.9 percentile of `class`; nothing before there are enough.
+    #[must_use]
+    pub fn wait(&self, class: Class) -> Option<Duration> {
+        self.of(class).usual.map(|usual| usual * 2)
+    }
+
+    /// The longest that was seen of `class` in the last few thousand; nothing before there are enough.
+    #[must_use]
+    pub fn worst(&self, class: Class) -> Option<Duration> {
+        self.of(class).usual.map(|_| self.times(class).longest())
+    }
+
+    /// The times of `class`.
+    #[must_use]
+    pub fn times(&self, class: Class) -> &Histogram {
+        &self.of(class).times
+    }
+
+    const fn of(&self, class: Class) -> &Learned {
+        let [read, write, stored] = &self.classes;
+        match class {
+            Class::Read => read,
+            Class::Write => write,
+            Class::StoredWrite => stored,
+        }
+    }
+
+    const fn of_mut(&mut self, class: Class) -> &mut Learned {
+        let [read, write, stored] = &mut self.classes;
+        match class {
+            Class::Read => read,
+            Class::Write => write,
+            Class::StoredWrite => stored,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const fn ms(millis: u64) -> Duration {
+        Duration::from_millis(millis)
+    }
+
+    fn after(count: u16, time: Duration) -> ReplyTimes {
+        let mut times = ReplyTimes::default();
+        (0..count).for_each(|_| times.add(Class::Read, time));
+        times
+    }
+
+    #[test]
+    fn a_few_replies_prove_nothing() {
+        let mut times = after(ENOUGH - 1, ms(4));
+        assert_eq!((times.wait(Class::Read), times.worst(Class::Read)), (None, None));
+        times.add(Class::Read, ms(4));
+        assert_eq!((times.wait(Class::Read), times.worst(Class::Read)), (Some(ms(8)), Some(ms(4))));
+        assert_eq!(times.wait(Class::Write), None, "each class by itself");
+        times.forget();
+        assert_eq!(times.wait(Class::Read), None);
+    }
+
+    #[test]
+    fn a_drive_that_becomes_slower_is_learned_by_a_few_late_replies() {
+        let mut times = after(8000, ms(4));
+        let mut late = 0;
+        while times.wait(Class::Read) < Some(ms(120)) {
+            times.add(Class::Read, ms(60));
+            late += 1;
+        }
+        assert!(late <= 9, "{late}");
+        assert_eq!(times.worst(Class::Read), Some(ms(60)));
+    }
+
+    #[test]
+    fn one_slow_reply_in_thousands_moves_the_worst_and_not_the_wait() {
+        let mut times = after(5000, ms(4));
+        times.add(Class::Read, ms(90));
+        assert_eq!(times.wait(Class::Read), Some(ms(4) * 2 + Duration::from_micros(190)));
+        assert_eq!(times.worst(Class::Read), Some(ms(90)));
+    }
+}
