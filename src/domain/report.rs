@@ -1,5 +1,6 @@
 //! States and counters that log, page, metrics and topics share. Plain numbers, no clock.
 
+use super::suspicion::Suspicion;
 use std::time::Duration;
 
 /// Whether a line can be used.
@@ -46,11 +47,24 @@ pub struct LineReport {
     pub counters: LineCounters,
     /// Longest time from the acceptance of a stop for one drive to its first bit.
     pub worst_stop: Duration,
+    /// How good it is.
+    pub quality: LineQuality,
+    /// What is probably wrong with it.
+    pub suspicion: Option<Suspicion>,
+}
+
+/// How good a line is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LineQuality {
+    /// Bad ones of the last 100 exchanges, in per cent; nothing while too few have been seen.
+    pub bad_per_cent: Option<u8>,
+    /// Run orders and higher setpoints are refused for all its drives.
+    pub is_suspended: bool,
 }
 
 impl Default for LineReport {
     fn default() -> Self {
-        Self { state: LineState::Down, fault: None, counters: LineCounters::default(), worst_stop: Duration::ZERO }
+        Self { state: LineState::Down, fault: None, counters: LineCounters::default(), worst_stop: Duration::ZERO, quality: LineQuality::default(), suspicion: None }
     }
 }
 
@@ -71,6 +85,10 @@ pub struct LineCounters {
     pub strays: u64,
     /// Sound frames of stations that were not asked.
     pub foreign: u64,
+    /// Requests of somebody else.
+    pub other_master: u64,
+    /// Frames of ours that came back.
+    pub echoes: u64,
     /// Bytes that made no frame.
     pub noise_bytes: u64,
     /// Exchanges repeated at once after damage.
@@ -87,6 +105,8 @@ pub struct LineCounters {
     pub port_ups: u64,
     /// Times the port was lost.
     pub port_downs: u64,
+    /// Times the line was jammed.
+    pub jams: u64,
     /// Microseconds in which an exchange was open: its rise over a span is the use of the line in that span.
     pub busy_us: u64,
 }

@@ -6,7 +6,7 @@
 //!
 //! One small file per kind of event: `ask` requests and commands, `decide` what goes on the wire, `barrier` what settles
 //! whether a late reply can still come, `ended` what follows
-//! from the end of an exchange, `port` the port's coming and going. What a drive wants for itself is kept in `work`:
+//! from the end of an exchange, `port` the port's coming and going, `health` whether the line can be used. What a drive wants for itself is kept in `work`:
 //! its `stop`, the `list` of steps of a command, its trips.
 
 mod ask;
@@ -15,10 +15,12 @@ mod core;
 mod decide;
 mod ended;
 mod event;
+mod health;
 mod list;
 mod natives;
 mod note;
 mod port;
+mod probe;
 mod setup;
 mod stop;
 mod waiter;
@@ -27,5 +29,5 @@ mod work;
 pub use self::core::LineCore;
 pub use event::{Effect, Input, Wake, WakeReason};
 pub use natives::REQUESTS_MAX;
-pub use note::Note;
+pub use note::{LineNote, Note};
 pub use setup::{DriveSetup, LineSetup};

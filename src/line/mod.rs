@@ -2,13 +2,16 @@
 //!
 //! [`timing`] knows what characters and silences cost, [`timeouts`] how long a reply is waited for, [`transaction`] runs
 //! one exchange, [`station`] keeps late replies apart and dead stations cheap, [`barriers`] knows what settles them,
-//! [`echo`] whether the line echoes, [`schedule`] says what goes next, [`fault`] what follows from each fault,
-//! [`budget`] what a poll plan costs before it is started.
+//! [`echo`] whether the line echoes, [`quality`] how good it is, [`diagnosis`] what is probably wrong with it,
+//! [`schedule`] says what goes next, [`fault`] what follows from each fault, [`budget`] what a poll plan costs before it
+//! is started.
 
 pub mod barriers;
 pub mod budget;
+pub mod diagnosis;
 pub mod echo;
 pub mod fault;
+pub mod quality;
 pub mod schedule;
 pub mod station;
 pub mod timeouts;

@@ -2,11 +2,12 @@
 
 use super::timing::Timing;
 use crate::domain::ids::Station;
+use crate::domain::link::PortKind;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::TrafficKind;
 use crate::wire::frame::Expected;
 use crate::wire::framing::{self, Assembler};
-use crate::wire::pdu::{Reply, Request, function};
+use crate::wire::pdu::{self, Reply, Request, function};
 use std::time::Duration;
 
 /// A request on its way to one station.
@@ -52,6 +53,12 @@ pub struct Heard {
 #[derive(Debug)]
 struct Open {
     exchange: Exchange,
+    /// The frame that was sent, as long as its echo may come.
+    awaited_echo: Option<Vec<u8>>,
+    /// A copy of the frame is its echo: the right reply differs from it, or the line is known to echo.
+    takes_echo: bool,
+    /// No drive's reply can have ended before this moment: a copy of the frame that has is an echo.
+    earliest: MonoTime,
     expected: Expected,
     reply_due: MonoTime,
     /// At this moment the exchange ends whatever is still coming in.
@@ -69,6 +76,12 @@ pub struct Wire {
     /// The later of the last byte read and the computed end of our own transmission.
     quiet_from: MonoTime,
     last_byte_at: MonoTime,
+    /// Since when bytes have come without a silence that is long enough for a frame of ours.
+    talks_since: MonoTime,
+    /// Whether replies take their time on the wire, so that one can be too early.
+    is_timed: bool,
+    /// Whether the first copy of each frame of ours is taken out of what is received.
+    strips_echo: bool,
     open: Option<Open>,
     heard: Vec<Heard>,
 }
@@ -82,6 +95,9 @@ impl Wire {
             timing,
             quiet_from: now,
             last_byte_at: now,
+            talks_since: now,
+            is_timed: false,
+            strips_echo: false,
             open: None,
             heard: Vec::new(),
         }
@@ -99,12 +115,37 @@ impl Wire {
         self.quiet_from + self.timing.silence
     }
 
+    /// When the last byte was heard; the start of the port if none was.
+    #[must_use]
+    pub const fn last_byte_at(&self) -> MonoTime {
+        self.last_byte_at
+    }
+
+    /// Since when somebody has been talking without a silence long enough for a frame, if somebody still is at `now`.
+    #[must_use]
+    pub fn talks_since(&self, now: MonoTime) -> Option<MonoTime> {
+        (now < self.pause_at() && self.talks_since < self.last_byte_at).then_some(self.talks_since)
+    }
+
+    /// A port of this `kind` was opened at `now`: whatever was on the wire is over.
+    pub fn port_opened(&mut self, now: MonoTime, kind: PortKind) {
+        self.abandon(now);
+        (self.last_byte_at, self.talks_since) = (now, now);
+        self.is_timed = kind == PortKind::Serial;
+    }
+
+    /// Whether the line is known to send back what is sent: the first copy of each frame from now on is taken out.
+    pub const fn strip_echo(&mut self, strips: bool) {
+        self.strips_echo = strips;
+    }
+
     /// Opens an exchange whose frame is handed to the port at `now`, and appends the frame to `out`.
     /// The caller has waited until [`Wire::may_send_from`] and no exchange is open.
     pub fn send(&mut self, now: MonoTime, exchange: Exchange, out: &mut Vec<u8>) {
         let start = out.len();
         framing::encode(self.timing.framing, out, exchange.station.0, |pdu| exchange.request.encode(pdu));
-        let sent_bytes = out.len() - start;
+        let frame = &out[start..];
+        let sent_bytes = frame.len();
         let reply_bytes = self.timing.adu_bytes(exchange.request.reply_pdu_bytes());
         let expected =
             Expected { station: exchange.station.0, function: exchange.request.function(), adu_bytes: reply_bytes };
@@ -113,7 +154,13 @@ impl Wire {
         let give_up =
             reply_due + self.timing.on_wire(framing::max_adu_bytes(self.timing.framing)) + self.timing.silence;
         self.flush_idle_bytes();
-        self.open = Some(Open { exchange, expected, reply_due, give_up, exception: None });
+        // The drive's clock may be some per cent fast.
+        let on_wire = self.timing.on_wire(sent_bytes) + self.timing.on_wire(reply_bytes);
+        let earliest = if self.is_timed { now + on_wire * 9 / 10 } else { now };
+        let takes_echo = self.strips_echo || !exchange.request.is_repeated_by_its_reply();
+        let awaited_echo = Some(frame.to_vec());
+        self.open =
+            Some(Open { exchange, awaited_echo, takes_echo, earliest, expected, reply_due, give_up, exception: None });
     }
 
     /// Takes bytes that were read at `now`. Returns how the open exchange ended, if it did.
@@ -122,11 +169,15 @@ impl Wire {
         if self.open.is_none() || self.assembler.sees_ends() {
             self.flush_if_silent(now);
         }
+        if now >= self.pause_at() {
+            self.talks_since = now;
+        }
         self.last_byte_at = now;
         self.quiet_from = self.quiet_from.max(now);
         let pushed_out = self.assembler.push(bytes);
         self.note(TrafficKind::Noise, pushed_out);
         let mut ended = None;
+        self.take_echo(now);
         while let Some(found) = self.assembler.take(self.open.as_ref().map(|open| &open.expected)) {
             self.note(TrafficKind::Noise, found.noise);
             let (kind, ending) = self.judge(&found.adu);
@@ -219,6 +270,9 @@ impl Wire {
     fn judge(&self, adu: &[u8]) -> (TrafficKind, Option<Ending>) {
         let frame = framing::decode(self.timing.framing, adu);
         let Some((station, pdu)) = frame else { return (TrafficKind::Noise, None) };
+        if pdu::is_request(&pdu) {
+            return (TrafficKind::OtherMaster(Station(station)), None);
+        }
         let stray = TrafficKind::Stray(Station(station));
         let Some(open) = &self.open else { return (stray, None) };
         if station != open.expected.station {
@@ -230,10 +284,21 @@ impl Wire {
         }
     }
 
+    /// Takes the echo of our own frame out of what was received, with what came before it.
+    fn take_echo(&mut self, now: MonoTime) {
+        let Some(open) = self.open.as_mut().filter(|open| open.takes_echo || now < open.earliest) else { return };
+        let Some(noise) = open.awaited_echo.as_ref().and_then(|frame| self.assembler.take_copy(frame)) else { return };
+        let echo = open.awaited_echo.take().unwrap_or_default();
+        self.note(TrafficKind::Noise, noise);
+        self.note(TrafficKind::Echo, echo);
+    }
+
     /// Whether the reply has come and is damaged. Anything else, also what another drive's late reply left of both, may
     /// be noise before a reply that is still to come.
     fn holds_damaged_reply(&self) -> bool {
-        let open = self.open.as_ref().filter(|open| open.exchange.line_is_clean);
+        // What is as long as the reply may also be a damaged echo, and the reply still comes.
+        let may_be_echo = |open: &&Open| self.strips_echo && open.awaited_echo.is_some();
+        let open = self.open.as_ref().filter(|open| open.exchange.line_is_clean && !may_be_echo(open));
         open.is_some_and(|open| self.assembler.holds_damaged(&open.expected))
     }
 
@@ -245,10 +310,12 @@ impl Wire {
 
     fn flush_idle_bytes(&mut self) {
         let rest = self.assembler.end();
-        match framing::decode(self.timing.framing, &rest).map(|(station, _)| Station(station)) {
-            Some(station) => self.note(TrafficKind::Stray(station), rest),
-            None => self.note(TrafficKind::Noise, rest),
-        }
+        let kind = match framing::decode(self.timing.framing, &rest) {
+            Some((station, pdu)) if pdu::is_request(&pdu) => TrafficKind::OtherMaster(Station(station)),
+            Some((station, _)) => TrafficKind::Stray(Station(station)),
+            None => TrafficKind::Noise,
+        };
+        self.note(kind, rest);
     }
 
     fn note(&mut self, kind: TrafficKind, bytes: Vec<u8>) {

@@ -19,12 +19,12 @@ use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::domain::traffic::TrafficRecord;
 use vfd_gateway::drive::view::{DriveView, TripEvent};
-use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup, Note};
+use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineNote, LineSetup, Note};
 use vfd_gateway::line::timeouts::ReplyTimeouts;
 use vfd_gateway::line::timing::Timing;
 use vfd_gateway::profile::catalog::Catalog;
 use vfd_gateway::profile::model::{Confidence, Fact, Model};
-use vfd_gateway::sim::{BadRequest, BusOptions, DriveOptions, FaultPlan, SimBus, SimDrive};
+use vfd_gateway::sim::{BadRequest, BusOptions, DriveOptions, FaultPlan, Pacing, SimBus, SimDrive};
 use vfd_gateway::vendors;
 use vfd_gateway::wire::framing;
 
@@ -155,6 +155,14 @@ impl RigOptions {
     }
 }
 
+/// A bus without character times is no serial port.
+fn port_kind(options: &RigOptions) -> PortKind {
+    match options.bus.pacing {
+        Pacing::CharacterTimes => PortKind::Serial,
+        Pacing::None => PortKind::Virtual,
+    }
+}
+
 impl Default for RigOptions {
     fn default() -> Self {
         Self {
@@ -199,6 +207,8 @@ pub struct Rig {
     pub trips: Vec<(MonoTime, TripEvent)>,
     /// What people were told.
     pub notes: Vec<(MonoTime, Note)>,
+    /// What people were told about the line.
+    pub line_notes: Vec<(MonoTime, LineNote)>,
     /// When the core wanted the port opened anew, and why.
     pub reopens: Vec<(MonoTime, LineFault)>,
     pub sent: Vec<Sent>,
@@ -237,7 +247,7 @@ impl Rig {
             LineSetup { timing, drives, echo: options.echo, tells_traffic: options.tells_traffic, first_epoch: 1 },
             now,
         );
-        core.handle(now, Input::PortUp(PortKind::Serial));
+        core.handle(now, Input::PortUp(port_kind(options)));
         let mut rig = Self {
             core,
             bus,
@@ -247,6 +257,7 @@ impl Rig {
             reports: Vec::new(),
             trips: Vec::new(),
             notes: Vec::new(),
+            line_notes: Vec::new(),
             reopens: Vec::new(),
             sent: Vec::new(),
             keeps_sent: true,
@@ -443,6 +454,7 @@ impl Rig {
                 Effect::Command(answer) => self.reports.push((self.now, answer)),
                 Effect::Trip(_, event) => self.trips.push((self.now, event)),
                 Effect::Note(_, note) => self.notes.push((self.now, note)),
+                Effect::LineNote(note) => self.line_notes.push((self.now, note)),
                 Effect::Reopen(fault) => self.reopens.push((self.now, fault)),
                 Effect::Presence(..) => {}
             }
