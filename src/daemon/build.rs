@@ -6,7 +6,6 @@ use super::north::Mqtt;
 use super::shared::Shared;
 use crate::config::{self, BrokerSettings, Config, DriveSettings, LineSettings, MqttSettings, PasswordSource, Silence};
 use crate::domain::ids::{DriveIndex, Name};
-use crate::domain::link::EchoPolicy;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::plan::{self, PollGroup};
 use crate::gateway::{DriveSetup, LineSetup};
@@ -34,7 +33,7 @@ pub fn timing(line: &LineSettings) -> (Timing, bool) {
 pub fn line_setup(line: &LineSettings, first_epoch: u64) -> LineSetup {
     let drives = line.drives.iter().map(drive_setup).collect();
     let tells_traffic = tracing::enabled!(tracing::Level::TRACE);
-    LineSetup { timing: timing(line).0, drives, echo: EchoPolicy::Refuse, tells_traffic, first_epoch }
+    LineSetup { timing: timing(line).0, drives, echo: line.echo, tells_traffic, first_epoch }
 }
 
 /// Longest time from the acceptance of a stop for one drive of `line` to its first bit.

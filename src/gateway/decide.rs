@@ -2,7 +2,7 @@
 
 use super::core::{Flight, LineCore, Purpose};
 use super::event::{Effect, Wake, WakeReason};
-use super::work::{DriveWork, Rank, Want};
+use super::work::{Rank, Want};
 use crate::domain::ids::DriveIndex;
 use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
@@ -69,7 +69,7 @@ impl LineCore {
     fn pick(&mut self, now: MonoTime) -> Option<Picked> {
         match self.health.trouble {
             Some(LineFault::Jammed) => self.pick_work(now, Rank::RepeatedStop),
-            Some(LineFault::Echo) => self.pick_work(now, Rank::RepeatedStop).or_else(|| self.pick_due_probe(now)),
+            Some(LineFault::Echo) => self.pick_work(now, Rank::Look).or_else(|| self.pick_due_probe(now)),
             _ => self.pick_any(now),
         }
     }
@@ -210,7 +210,7 @@ impl LineCore {
         let silence = self.wire.may_send_from();
         if self.health.is_jammed() {
             // The first silence ends the jam; a stop does not wait for it.
-            let stop = self.stops_at().map_or(MonoTime::NEVER, |stop| stop);
+            let stop = self.wanted_at(Rank::RepeatedStop).unwrap_or(MonoTime::NEVER);
             return Some(Wake { at: stop.min(silence), reason: WakeReason::SilentInterval });
         }
         let work = self.work_at()?;
@@ -225,7 +225,7 @@ impl LineCore {
     /// mistaken or a barrier can settle that.
     pub(super) fn work_at(&self) -> Option<MonoTime> {
         if self.health.trouble == Some(LineFault::Echo) {
-            return self.stops_at().into_iter().chain([self.health.probe_at]).min();
+            return self.wanted_at(Rank::Look).into_iter().chain([self.health.probe_at]).min();
         }
         let wants = self.drives().flat_map(|drive| {
             self.works[drive.get()].wants().map(move |want| match want.rank {
@@ -246,10 +246,11 @@ impl LineCore {
         wants.chain(reads).chain(polls).chain(trials).min()
     }
 
-    /// When the next stop goes, whatever the line is like.
-    fn stops_at(&self) -> Option<MonoTime> {
-        let wants = self.works.iter().flat_map(DriveWork::wants);
-        wants.filter(|want| is_stop(want.rank)).map(|want| want.at).min()
+    /// When the next wish up to `last_rank` may be granted.
+    fn wanted_at(&self, last_rank: Rank) -> Option<MonoTime> {
+        let wants = self.drives().flat_map(|drive| self.works[drive.get()].wants().map(move |want| (drive, want)));
+        let urgent = wants.filter(|(_, want)| want.rank <= last_rank);
+        urgent.map(|(drive, want)| self.wanted_from(drive, &want)).min()
     }
 
     pub(super) fn drives(&self) -> impl Iterator<Item = DriveIndex> + use<> {

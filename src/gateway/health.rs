@@ -123,6 +123,10 @@ impl LineCore {
             self.echo.ended();
             let misses_echo = self.echo.misses_echo();
             self.wire.strip_echo(self.echo.known() == LocalEcho::Found);
+            if misses_echo {
+                // It may be gone: the next read shows whether it is.
+                self.health.probe_at = now;
+            }
             if done.counts {
                 self.health.quality.take(done.drive.get(), done.fault.is_some() || misses_echo);
             }

@@ -107,6 +107,8 @@ pub struct RigOptions {
     pub seed: u64,
     /// What the line does with an echo of its own bytes.
     pub echo: EchoPolicy,
+    /// The adapter hears itself from the start.
+    pub echoes: bool,
     /// Keep what goes over the wire in `traffic`.
     pub tells_traffic: bool,
     /// What may be commanded of every drive.
@@ -174,6 +176,7 @@ impl Default for RigOptions {
             reply_timeout: Duration::from_millis(200),
             seed: 1,
             echo: EchoPolicy::Strip,
+            echoes: false,
             tells_traffic: false,
             control: None,
             model: n700(),
@@ -263,7 +266,7 @@ impl Rig {
             keeps_sent: true,
             loses_reply_to: None,
             framing: options.bus.framing,
-            echoes: false,
+            echoes: options.echoes,
             last_ticket: 0,
             open: HashMap::new(),
         };

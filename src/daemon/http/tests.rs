@@ -11,7 +11,7 @@ use crate::daemon::shared::Shared;
 use crate::daemon::totals::{ModbusTotals, MqttTotals};
 use crate::domain::ids::{DriveIndex, Name, UnitId};
 use crate::domain::link::Interface;
-use crate::domain::report::{LineCounters, LineFault, LineReport, LineState};
+use crate::domain::report::{LineCounters, LineFault, LineQuality, LineReport, LineState};
 use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::snapshot::{DriveSnapshot, Presence};
@@ -71,6 +71,8 @@ const UP: LineReport = LineReport {
         garbled: 0,
         strays: 0,
         foreign: 0,
+        other_master: 0,
+        echoes: 0,
         noise_bytes: 12,
         retries: 0,
         barriers: 0,
@@ -79,9 +81,12 @@ const UP: LineReport = LineReport {
         expired: 0,
         port_ups: 1,
         port_downs: 0,
+        jams: 0,
         busy_us: 0,
     },
     worst_stop: Duration::ZERO,
+    quality: LineQuality { bad_per_cent: Some(12), is_suspended: true },
+    suspicion: None,
 };
 
 /// A drive that answered at `at` with 50.00 Hz and 3 trips.
@@ -200,6 +205,8 @@ fn metrics_show_lines_drives_and_only_fresh_values() {
         "# TYPE vfd_gateway_line_requests counter",
         "vfd_gateway_line_requests_total{line=\"hall-1\"} 7",
         "vfd_gateway_line_noise_bytes_total{line=\"hall-1\"} 12",
+        "vfd_gateway_line_bad_ratio{line=\"hall-1\"} 0.12",
+        "vfd_gateway_line_suspended{line=\"hall-1\"} 1.0",
         "vfd_gateway_line_up{line=\"hall-1\"} 1.0",
         "vfd_gateway_drive_online{line=\"hall-1\",drive=\"pump-1\"} 1.0",
         "vfd_gateway_drive_run_state{line=\"hall-1\",drive=\"pump-1\"} 2.0",

@@ -6,6 +6,7 @@ use super::topics::Topics;
 use super::types::{LineState, Publication, Qos, Settings};
 use crate::domain::ids::Name;
 use crate::domain::report::{self, LineCounters, LineReport};
+use crate::domain::suspicion::Suspicion;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use serde_json::{Value, json};
@@ -59,6 +60,9 @@ impl LineTopics {
         if let Some(object) = stats.as_object_mut() {
             let worst_stop_ms = u64::try_from(report.worst_stop.as_millis()).unwrap_or(u64::MAX);
             object.insert("worst_stop_ms".to_owned(), worst_stop_ms.into());
+            object.insert("bad_per_cent".to_owned(), report.quality.bad_per_cent.into());
+            object.insert("suspended".to_owned(), report.quality.is_suspended.into());
+            object.insert("suspicion".to_owned(), report.suspicion.map(Suspicion::word).into());
             object.insert("at".to_owned(), now.clock.text(now.at).into());
         }
         Some(retained(now, self.stats_topic.clone(), stats.to_string().into_bytes(), Qos::AtMostOnce))
@@ -88,6 +92,8 @@ fn stats(counters: &LineCounters) -> Value {
         garbled,
         strays,
         foreign,
+        other_master,
+        echoes,
         noise_bytes,
         retries,
         barriers,
@@ -96,13 +102,14 @@ fn stats(counters: &LineCounters) -> Value {
         expired,
         port_ups,
         port_downs,
+        jams,
         busy_us,
     } = counters;
     json!({
         "requests": requests, "replies": replies, "exceptions": exceptions, "silent": silent, "garbled": garbled,
         "strays": strays, "foreign": foreign, "noise_bytes": noise_bytes, "retries": retries, "barriers": barriers,
         "joined": joined, "queue_full": queue_full, "expired": expired, "port_ups": port_ups,
-        "port_downs": port_downs, "busy_us": busy_us,
+        "port_downs": port_downs, "busy_us": busy_us, "other_master": other_master, "echoes": echoes, "jams": jams,
     })
 }
 
