@@ -64,7 +64,14 @@ pub struct LineQuality {
 
 impl Default for LineReport {
     fn default() -> Self {
-        Self { state: LineState::Down, fault: None, counters: LineCounters::default(), worst_stop: Duration::ZERO, quality: LineQuality::default(), suspicion: None }
+        Self {
+            state: LineState::Down,
+            fault: None,
+            counters: LineCounters::default(),
+            worst_stop: Duration::ZERO,
+            quality: LineQuality::default(),
+            suspicion: None,
+        }
     }
 }
 

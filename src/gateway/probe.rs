@@ -40,11 +40,11 @@ impl LineCore {
     pub(super) fn probe(&self, now: MonoTime, drive: DriveIndex) -> Picked {
         let all = || self.drives().skip(drive.get()).chain(self.drives().take(drive.get()));
         let reads = || {
-            all().flat_map(|drive| self.plans[drive.get()].iter().map(move |(_, group, _)| (drive, poll_request(group))))
+            all()
+                .flat_map(|drive| self.plans[drive.get()].iter().map(move |(_, group, _)| (drive, poll_request(group))))
         };
-        let is_clear = |(drive, request): &(DriveIndex, Request)| {
-            now >= self.stations[drive.get()].unmistakable_at(request)
-        };
+        let is_clear =
+            |(drive, request): &(DriveIndex, Request)| now >= self.stations[drive.get()].unmistakable_at(request);
         let (drive, request) = reads()
             .find(is_clear)
             .or_else(|| reads().next())

@@ -283,12 +283,7 @@ fn on_a_bad_line_nothing_may_make_a_motor_faster() {
     let mut guard = guard_of(model(), control());
     assert_eq!(judged(&mut guard, go(3000), bad).map(drop), Err(Reason::LineQuality), "none is in force");
     judged(&mut guard, go(3000), RESTING).map(drop).unwrap();
-    for (order, refused) in [
-        (go(3100), true),
-        (go(2900), false),
-        (run(Direction::Forward), true),
-        (STOP, false),
-    ] {
+    for (order, refused) in [(go(3100), true), (go(2900), false), (run(Direction::Forward), true), (STOP, false)] {
         let told = judged(&mut guard, order.clone(), bad).map(drop);
         assert_eq!(told == Err(Reason::LineQuality), refused, "{order:?}: {told:?}");
         assert!(refused || told.is_ok(), "{order:?}: {told:?}");

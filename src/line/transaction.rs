@@ -520,6 +520,58 @@ mod tests {
     }
 
     #[test]
+    fn a_copy_of_a_write_that_no_drive_can_have_sent_yet_is_an_echo() {
+        let write = || exchange(Request::WriteSingle { address: 2, value: 1 }, false);
+        for (kind, is_known, early_is_echo) in
+            [(PortKind::Serial, false, true), (PortKind::Virtual, false, false), (PortKind::Virtual, true, true)]
+        {
+            let (mut wire, mut out) = (wire(), Vec::new());
+            wire.port_opened(MonoTime::ZERO, kind);
+            wire.strip_echo(is_known);
+            wire.send(SENT, write(), &mut out);
+            let ended = wire.receive(SENT + Duration::from_millis(9), &out);
+            assert_eq!(ended.is_none(), early_is_echo, "{kind:?}");
+            let expected = if early_is_echo { TrafficKind::Echo } else { TrafficKind::Reply };
+            assert_eq!(wire.take_heard()[0].kind, expected);
+            if early_is_echo {
+                assert!(wire.receive(SENT + Duration::from_millis(20), &out).is_some(), "the drive's own reply");
+            }
+        }
+    }
+
+    #[test]
+    fn a_damaged_echo_is_no_damaged_reply() {
+        let (mut wire, mut out) = (wire(), Vec::new());
+        wire.strip_echo(true);
+        wire.send(SENT, exchange(Request::WriteSingle { address: 2, value: 1 }, false), &mut out);
+        out[5] ^= 1;
+        let at = SENT + Duration::from_millis(9);
+        assert_eq!(wire.receive(at, &out), None);
+        assert_eq!(wire.pass(at + Duration::from_millis(10)), None);
+    }
+
+    #[test]
+    fn somebody_talks_until_a_silence_is_long_enough() {
+        let mut wire = wire();
+        let at = MonoTime::from_millis;
+        for ms in 10..20 {
+            wire.receive(at(ms), &[0x55]);
+        }
+        assert_eq!(wire.talks_since(at(22)), Some(at(10)));
+        assert_eq!(wire.talks_since(at(24)), None);
+        wire.receive(at(30), &[0x55]);
+        assert_eq!(wire.talks_since(at(31)), None, "one byte is no talk");
+    }
+
+    #[test]
+    fn requests_of_somebody_else_are_told_from_strays() {
+        let mut wire = wire();
+        wire.receive(SENT, &frame(7, &[3, 1, 1, 0, 1]));
+        wire.pass(SENT + Duration::from_millis(5));
+        assert_eq!(wire.take_heard()[0].kind, TrafficKind::OtherMaster(Station(7)));
+    }
+
+    #[test]
     fn a_second_reply_answers_nothing() {
         let mut wire = sent(read());
         let reply = frame(1, &[3, 2, 0x17, 0x70]);

@@ -85,9 +85,11 @@ pub(super) const LINE: &[Metric<LineReport>] = &[
         line.quality.bad_per_cent.map(|per_cent| f64::from(per_cent) / 100.0)
     })
     .in_unit("ratio"),
-    gauge("line_suspended", "1 while run orders and higher setpoints are refused for all drives of the line.", |line| {
-        truth(line.quality.is_suspended)
-    }),
+    gauge(
+        "line_suspended",
+        "1 while run orders and higher setpoints are refused for all drives of the line.",
+        |line| truth(line.quality.is_suspended),
+    ),
     gauge("line_suspicion", "1 while something is probably wrong with the line; `health` says what.", |line| {
         truth(line.suspicion.is_some())
     }),
