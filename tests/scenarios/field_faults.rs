@@ -10,7 +10,7 @@ use vfd_gateway::domain::native::{NativeOutcome, Refusal};
 use vfd_gateway::domain::report::{LineFault, LineState};
 use vfd_gateway::domain::suspicion::Suspicion;
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::gateway::{Input, LineNote, Note};
+use vfd_gateway::gateway::{Input, LineNote};
 use vfd_gateway::sim::FaultPlan;
 use vfd_gateway::wire::{framing, pdu};
 
@@ -407,45 +407,44 @@ fn noise_foreign_frames_and_second_replies_change_no_answer() {
 
 #[test]
 fn a_cut_reply_is_no_answer_and_its_rest_is_none_either() {
-    with_both_framings(
-        || RigOptions::default(),
-        |mut rig| {
-            rig.bus.set_faults(faults("cut=1000"));
-            let read = rig.read(1, 0, PROOF, 4);
-            assert_eq!(rig.answer_to(read), NativeOutcome::NoReply);
-            rig.bus.set_faults(FaultPlan::NONE);
-            let read = rig.read(1, 0, PROOF, 4);
-            assert!(matches!(rig.answer_to(read), NativeOutcome::Words(_)));
-        },
-    );
+    with_both_framings(RigOptions::default, |mut rig| {
+        rig.bus.set_faults(faults("cut=1000"));
+        let read = rig.read(1, 0, PROOF, 4);
+        assert_eq!(rig.answer_to(read), NativeOutcome::NoReply);
+        rig.bus.set_faults(FaultPlan::NONE);
+        let read = rig.read(1, 0, PROOF, 4);
+        assert!(matches!(rig.answer_to(read), NativeOutcome::Words(_)));
+    });
 }
 
 #[test]
 fn a_reply_with_a_hole_of_an_adapter_is_one_reply() {
-    for cut in 1..12 {
-        with_both_framings(
-            || RigOptions::default(),
-            |mut rig| {
-                let read = rig.read(1, 0, PROOF, 4);
+    for cut in 1..9 {
+        with_both_framings(RigOptions::default, |mut rig| {
+            let read = rig.read(1, 0, PROOF, 2);
+            wait(&mut rig, ms(15));
+            let mut reply = Vec::new();
+            let mut end = MonoTime::ZERO;
+            // The adapter keeps what the wire brings.
+            rig.bus.take_due(rig.now + ms(100), |at, bytes| {
+                reply.extend_from_slice(bytes);
+                end = at;
+            });
+            assert!(reply.len() > cut, "{cut}");
+            for (at, part) in [(ms(0), &reply[..cut]), (ms(16), &reply[cut..])] {
+                rig.now = rig.now.max(end + at);
+                rig.core.handle(rig.now, Input::Bytes(part));
+                rig.settle();
                 wait(&mut rig, ms(15));
-                let mut reply = Vec::new();
-                let mut end = MonoTime::ZERO;
-                // The adapter keeps what the wire brings.
-                rig.bus.take_due(rig.now + ms(100), |at, bytes| {
-                    reply.extend_from_slice(bytes);
-                    end = at;
-                });
-                assert!(reply.len() > cut, "{cut}");
-                for (at, part) in [(ms(0), &reply[..cut]), (ms(16), &reply[cut..])] {
-                    rig.now = rig.now.max(end + at);
-                    rig.core.handle(rig.now, Input::Bytes(part));
-                    rig.settle();
-                    wait(&mut rig, ms(15));
-                }
-                assert!(matches!(rig.answer_to(read), NativeOutcome::Words(_)), "{cut}");
-                assert_eq!(rig.core.counters().retries, 0);
-            },
-        );
+            }
+            let answer = rig.answer_to(read);
+            assert!(
+                matches!(answer, NativeOutcome::Words(_)),
+                "{cut}: {answer:?} {reply:02X?} {:?}",
+                rig.core.counters()
+            );
+            assert_eq!(rig.core.counters().retries, 0);
+        });
     }
 }
 

@@ -180,7 +180,8 @@ fn health_names_lines_and_drives() {
         assert_eq!(health["gateway"], "plant-a");
         assert_eq!(health["version"], env!("CARGO_PKG_VERSION"));
         assert_eq!(health["ready"], true, "no broker is configured");
-        assert_eq!(health["lines"], serde_json::json!([{ "name": "hall-1", "state": "up", "reason": null }]));
+        let line = serde_json::json!({ "name": "hall-1", "state": "up", "reason": null, "suspicion": null });
+        assert_eq!(health["lines"], serde_json::json!([line]));
         let drive = &health["drives"][0];
         assert_eq!((&drive["presence"], &drive["run_state"]), (&"online".into(), &"forward".into()));
         show(&state, LineReport::default(), DriveView { line_is_up: false, ..online(clock::now()) });
