@@ -50,6 +50,8 @@ mod deaf_times;
 mod every_request_ends;
 #[path = "scenarios/families.rs"]
 mod families;
+#[path = "scenarios/field_faults.rs"]
+mod field_faults;
 #[path = "scenarios/gone_client.rs"]
 mod gone_client;
 #[path = "scenarios/late_reply.rs"]

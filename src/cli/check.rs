@@ -5,7 +5,7 @@ mod drive;
 use super::{Failure, input, print};
 use crate::config::words::LEASES;
 use crate::config::{Config, LineSettings, ListenerSettings, MqttSettings, line_plan};
-use crate::domain::link::Framing;
+use crate::domain::link::{EchoPolicy, Framing};
 use crate::domain::report::StopBounds;
 use crate::line::budget::ASSUMED_TURNAROUND;
 use crate::profile::words::word_for;
@@ -80,6 +80,11 @@ fn describe_line(text: &mut String, line: &LineSettings, mqtt: Option<&MqttSetti
     writeln!(text, "line {} on {}: {}{framing}", line.name, line.port.display(), line.link)?;
     write!(text, "  silence before each frame {}", ms(timing.silence))?;
     writeln!(text, "{}", if needs_pty { " (shorter than the drives need: pseudo-terminal only)" } else { "" })?;
+    let echo = match line.echo {
+        EchoPolicy::Refuse => "an echo of the adapter takes the line down",
+        EchoPolicy::Strip => "an echo of the adapter is taken out",
+    };
+    writeln!(text, "  {echo}")?;
     writeln!(
         text,
         "  polls use {:.1} % of the line, at an assumed turnaround of {} where a model documents none",

@@ -7,7 +7,7 @@ use crate::domain::command::Direction;
 use crate::domain::control::{ControlAction, FailSafe};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{Name, Station, UnitId};
-use crate::domain::link::{Framing, Interface, Parity};
+use crate::domain::link::{EchoPolicy, Framing, Interface, Parity};
 use crate::north::mqtt::{LeaseMode, Version};
 use crate::profile::reader::{Given, Needed, Place, Written};
 use crate::profile::register::RegisterFile;
@@ -51,6 +51,7 @@ pub(super) struct LineFile {
     pub stop_bits: Given<u8>,
     pub framing: Given<Framing>,
     pub interface: Given<Interface>,
+    pub echo: Given<EchoPolicy>,
     pub silence: Given<Silence>,
     pub min_request_gap: Given<Duration>,
     pub reply_timeout: Given<Option<Duration>>,

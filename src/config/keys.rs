@@ -145,6 +145,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Line, "stop_bits", "1 or 2", FACTORY, "Stop bits of a character."),
     key(Section::Line, "framing", "\"rtu\" or \"ascii\"", Some("\"rtu\""), "How frames are told apart; every model of the line must have it."),
     key(Section::Line, "interface", "\"rs485\" or \"rs232\"", Some("\"rs485\""), "What the line is physically; RS-232 carries exactly one drive."),
+    key(Section::Line, "echo", "\"refuse\" or \"strip\"", Some("\"refuse\""), "What to do if the adapter sends back what is sent: the line is down, or our own bytes are taken out."),
     key(Section::Line, "silence", "\"auto\", or \"0ms\" to \"1s\"", Some("\"auto\""), "Silence between frames; shorter than the models need only on a pseudo-terminal."),
     key(Section::Line, "min_request_gap", "\"0ms\" to \"10s\"", Some("\"0ms\""), "Least time between the end of one exchange and the next request."),
     key(Section::Line, "reply_timeout", "\"auto\", or \"1ms\" to \"60s\"", Some("\"auto\""), "Longest wait for a reply, for drives that have none of their own."),

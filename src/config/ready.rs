@@ -2,7 +2,7 @@
 
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::{Name, Station, UnitId};
-use crate::domain::link::{Framing, Interface, LinkSettings};
+use crate::domain::link::{EchoPolicy, Framing, Interface, LinkSettings};
 use crate::drive::description::Ratings;
 use crate::guard::COMMAND_DEADLINE;
 use crate::north::mqtt::{LeaseMode, Settings, Version};
@@ -51,6 +51,8 @@ pub struct LineSettings {
     pub interface: Interface,
     /// How frames are told apart; every model of the line has it.
     pub framing: Framing,
+    /// What to do if what is sent comes back.
+    pub echo: EchoPolicy,
     /// Silence between frames.
     pub silence: Silence,
     /// Least time between the end of one exchange and the next request. 0 unless configured.

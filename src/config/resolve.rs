@@ -7,7 +7,7 @@ use super::units::{self, Units};
 use super::{commanders, control, line_plan, listen, lists, mqtt, native, ratings};
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
-use crate::domain::link::{Framing, Interface};
+use crate::domain::link::{EchoPolicy, Framing, Interface};
 use crate::domain::problem::{Problem, nearest};
 use crate::drive::description::Ratings;
 use crate::profile::catalog::Catalog;
@@ -196,6 +196,7 @@ fn ready_line(line: &LineFile, parts: LineParts, units: &[Units]) -> Option<Line
         link,
         interface,
         framing,
+        echo: line.echo.or(EchoPolicy::Refuse)?,
         silence: line.silence.or(Silence::Auto)?,
         min_request_gap: line.min_request_gap.or(Duration::ZERO)?,
         reply_timeout,

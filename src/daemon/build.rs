@@ -8,7 +8,6 @@ use crate::config::{
     self, BrokerSettings, Config, DriveSettings, LineSettings, MqttSettings, PasswordSource, line_plan,
 };
 use crate::domain::ids::{DriveIndex, Name};
-use crate::domain::link::EchoPolicy;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::gateway::{DriveSetup, LineSetup};
 use std::net::SocketAddr;
@@ -19,7 +18,7 @@ use std::sync::Arc;
 pub fn line_setup(line: &LineSettings, first_epoch: u64) -> LineSetup {
     let drives = line.drives.iter().map(drive_setup).collect();
     let tells_traffic = tracing::enabled!(tracing::Level::TRACE);
-    LineSetup { timing: line_plan::timing(line).0, drives, echo: EchoPolicy::Refuse, tells_traffic, first_epoch }
+    LineSetup { timing: line_plan::timing(line).0, drives, echo: line.echo, tells_traffic, first_epoch }
 }
 
 /// What lines and north sides share.

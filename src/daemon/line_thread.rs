@@ -13,7 +13,7 @@ use super::sys;
 use super::timer::Timer;
 use crate::domain::ids::DriveIndex;
 use crate::domain::link::LinkSettings;
-use crate::domain::report::LineFault;
+use crate::domain::report::{LineFault, LineState};
 use crate::domain::time::MonoTime;
 use crate::drive::view::TripEventKind;
 use crate::gateway::{Effect, Input, LineCore, LineSetup, Wake, WakeReason};
@@ -180,9 +180,11 @@ impl LineTask<'_> {
         let mut told = None;
         loop {
             let Some(mut device) = self.open(&mut told).await? else { return Ok(()) };
-            tracing::info!(line = self.port.line, port = %self.port.path.display(), link = %self.port.link, "line up");
             let opened_at = clock::now();
             self.core.handle(opened_at, Input::PortUp(device.kind()));
+            if self.core.report().state == LineState::Up {
+                tracing::info!(line = self.port.line, port = %self.port.path.display(), link = %self.port.link, "line up");
+            }
             let fault = match self.serve_port(&mut device).await {
                 Ok(Left::Closed) => return Ok(()),
                 Ok(Left::ToReopen(fault)) => fault,
@@ -382,6 +384,7 @@ impl LineTask<'_> {
                 Effect::Note(drive, note) => {
                     tracing::warn!(line = self.port.line, drive = self.name_of(drive), "{note}");
                 }
+                Effect::LineNote(note) => tracing::warn!(line = self.port.line, "{note}"),
                 Effect::Presence(drive, presence) => {
                     tracing::info!(line = self.port.line, drive = self.name_of(drive), ?presence, "drive");
                 }

@@ -380,6 +380,8 @@ reasons! {
     Moving = 44, "moving", "the motor is not known to stand still";
     /// The word is outside what the register takes.
     OutsideRange = 45, "outside_range", "the value is outside what the register takes";
+    /// Too many exchanges of the line or the drive fail.
+    LineQuality = 46, "line_quality", "too many exchanges of the line fail: only stops and lower frequencies are taken";
 }
 
 impl Reason {

@@ -8,6 +8,7 @@ pub mod link;
 pub mod native;
 pub mod problem;
 pub mod report;
+pub mod suspicion;
 pub mod time;
 pub mod traffic;
 pub mod units;

@@ -1,5 +1,6 @@
 //! States and counters that log, page, metrics and topics share. Plain numbers, no clock.
 
+use super::suspicion::Suspicion;
 use std::time::Duration;
 
 /// Whether a line can be used.
@@ -50,6 +51,19 @@ pub struct LineReport {
     pub planned_use_per_mille: u32,
     /// What was measured.
     pub measured: LineMeasured,
+    /// How good it is.
+    pub quality: LineQuality,
+    /// What is probably wrong with it.
+    pub suspicion: Option<Suspicion>,
+}
+
+/// How good a line is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LineQuality {
+    /// Bad ones of the last 100 exchanges, in per cent; nothing while too few have been seen.
+    pub bad_per_cent: Option<u8>,
+    /// Run orders and higher setpoints are refused for all its drives.
+    pub is_suspended: bool,
 }
 
 impl Default for LineReport {
@@ -61,6 +75,8 @@ impl Default for LineReport {
             stop: StopBounds::default(),
             planned_use_per_mille: 0,
             measured: LineMeasured::default(),
+            quality: LineQuality::default(),
+            suspicion: None,
         }
     }
 }
@@ -141,6 +157,10 @@ pub struct LineCounters {
     pub strays: u64,
     /// Sound frames of stations that were not asked.
     pub foreign: u64,
+    /// Requests of somebody else.
+    pub other_master: u64,
+    /// Frames of ours that came back.
+    pub echoes: u64,
     /// Bytes that made no frame.
     pub noise_bytes: u64,
     /// Exchanges repeated at once after damage.
@@ -161,6 +181,8 @@ pub struct LineCounters {
     pub port_ups: u64,
     /// Times the port was lost.
     pub port_downs: u64,
+    /// Times the line was jammed.
+    pub jams: u64,
     /// Microseconds in which an exchange was open: its rise over a span is the use of the line in that span.
     pub busy_us: u64,
 }

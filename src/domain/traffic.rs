@@ -19,12 +19,16 @@ pub struct TrafficRecord {
 pub enum TrafficKind {
     /// A frame that we sent.
     Request,
+    /// What we sent, as the line sent it back.
+    Echo,
     /// The frame we waited for.
     Reply,
     /// A frame of the station we waited for that came too late, or that answers something else.
     Stray(Station),
     /// A sound frame of a station we did not ask.
     Foreign(Station),
+    /// A sound request of somebody else who asks drives on this line.
+    OtherMaster(Station),
     /// Bytes that make no frame.
     Noise,
 }

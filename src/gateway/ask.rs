@@ -5,10 +5,9 @@ use super::waiter::Waiter;
 use crate::domain::command::{CommandRequest, Reason, Report};
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::native::{FRAMES_MAX, NativeAnswer, NativeAsk, NativeOutcome, NativeRequest, Refusal};
-use crate::domain::report::LineState;
 use crate::domain::time::MonoTime;
 use crate::drive::decode;
-use crate::guard::COMMAND_DEADLINE;
+use crate::guard::{COMMAND_DEADLINE, Facts};
 use crate::line::schedule::{Asked, Full, Queued, ReadKey, WaiterId};
 use crate::profile::model::Model;
 use crate::wire::pdu::function;
@@ -39,7 +38,10 @@ impl LineCore {
             self.effects.extend(waiter.answer(Report::refused(Reason::UnknownDrive), true));
             return;
         };
-        let facts = work.facts(self.state == LineState::Up, self.is_offline(command.drive));
+        let facts = Facts {
+            line_is_bad: self.health.quality.is_suspended(command.drive.get()),
+            ..work.facts(self.takes_requests(), self.is_offline(command.drive))
+        };
         self.works[command.drive.get()].command(now, command, waiter, facts, &mut self.effects);
     }
 
@@ -113,7 +115,7 @@ impl LineCore {
 
     /// Whether a read of `drive` may wait now: the line is up, there is room, and the drive is not silent.
     fn may_wait(&self, now: MonoTime, drive: DriveIndex) -> Result<(), NativeOutcome> {
-        if self.state == LineState::Down {
+        if !self.takes_requests() {
             return Err(refused(Refusal::LineDown));
         }
         if self.natives.is_full() {

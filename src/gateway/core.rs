@@ -2,6 +2,7 @@
 
 use super::broadcast;
 use super::event::{Effect, Input, Wake, WakeReason};
+use super::health::Health;
 use super::measured::Measured;
 use super::natives::Natives;
 use super::setup::LineSetup;
@@ -14,6 +15,7 @@ use crate::drive::plan::{PlaceOnLine, PollPlan};
 use crate::drive::snapshot::{DriveSnapshot, Presence};
 use crate::drive::view::DriveView;
 use crate::line::barriers::{Barriers, Nonces};
+use crate::line::diagnosis::Diagnosis;
 use crate::line::echo::EchoWatch;
 use crate::line::schedule::{ReadJob, Schedule};
 use crate::line::station::StationState;
@@ -33,6 +35,7 @@ pub struct LineCore {
     pub(super) barriers: Vec<Barriers>,
     pub(super) nonces: Nonces,
     pub(super) echo: EchoWatch,
+    pub(super) health: Health,
     pub(super) plans: Vec<PollPlan>,
     pub(super) snapshots: Vec<DriveSnapshot>,
     pub(super) works: Vec<DriveWork>,
@@ -63,6 +66,10 @@ pub(super) struct Flight {
     pub(super) purpose: Purpose,
     /// A late reply could be taken for the answer to it.
     pub(super) doubt: bool,
+    /// A reply that repeats it may be no more than its echo.
+    pub(super) proves_nothing: bool,
+    /// The drive was known to be silent: its silence tells nothing about the line.
+    pub(super) was_silent: bool,
     pub(super) sent_at: MonoTime,
     /// When the last character of the request has left.
     pub(super) request_end: MonoTime,
@@ -83,6 +90,8 @@ pub(super) enum Purpose {
     Poll { address: u16 },
     /// Only to prove that no late reply can follow.
     Barrier,
+    /// Only to see whether the line sends back what is sent.
+    Probe,
     /// Only to see whether the barrier at this place of the model's can be relied on.
     Trial(usize),
 }
@@ -115,6 +124,7 @@ impl LineCore {
             barriers: setup.drives.iter().map(|drive| Barriers::new(&drive.model)).collect(),
             nonces: Nonces::new(setup.first_epoch),
             echo: EchoWatch::default(),
+            health: Health::new(Diagnosis::new(setup.drives.iter().map(|drive| drive.station)), count),
             plans: plans.collect(),
             snapshots: vec![DriveSnapshot::default(); count],
             schedule: Schedule::default(),
@@ -165,7 +175,7 @@ impl LineCore {
         });
         let overdue = self.overdue_at().map(|at| Wake { at, reason: WakeReason::ReplyDue });
         let work = if self.wire.is_busy() { None } else { self.work_wake() };
-        [deadline, lease, wire, overdue, work].into_iter().flatten().min_by_key(|wake| wake.at)
+        [deadline, lease, wire, overdue, work, self.health_wake()].into_iter().flatten().min_by_key(|wake| wake.at)
     }
 
     /// Whether an exchange is on the wire, or waits only for the silence before it: new requests cannot change
@@ -186,7 +196,7 @@ impl LineCore {
 
     /// The line's state and counters.
     #[must_use]
-    pub const fn report(&self) -> LineReport {
+    pub fn report(&self) -> LineReport {
         LineReport {
             state: self.state,
             fault: self.fault,
@@ -194,6 +204,8 @@ impl LineCore {
             stop: self.stop,
             planned_use_per_mille: self.planned_use_per_mille,
             measured: self.measured.line,
+            quality: self.health.report(),
+            suspicion: self.health.suspicion(),
         }
     }
 
@@ -248,10 +260,9 @@ impl LineCore {
     }
 
     fn on_time(&mut self, now: MonoTime) {
-        if let Some((exchange, ending)) = self.wire.pass(now) {
-            self.ended(now, exchange, ending);
-        }
+        let done = self.wire.pass(now).and_then(|(exchange, ending)| self.ended(now, exchange, ending));
         self.tell_heard(now);
+        self.conclude(now, done);
         let mut expired = 0;
         while let Some(answer) = self.natives.expire(now) {
             expired += 1;
@@ -273,10 +284,11 @@ impl LineCore {
     }
 
     fn on_bytes(&mut self, now: MonoTime, bytes: &[u8]) {
-        if let Some((exchange, ending)) = self.wire.receive(now, bytes) {
-            self.ended(now, exchange, ending);
-        }
+        let ended = self.wire.receive(now, bytes);
+        let done = ended.and_then(|(exchange, ending)| self.ended(now, exchange, ending));
         self.tell_heard(now);
+        self.health.is_mute = false;
+        self.conclude(now, done);
     }
 
     pub(super) fn answer(&mut self, answer: NativeAnswer) {

@@ -4,6 +4,7 @@ use super::core::{Flight, LineCore, Purpose};
 use super::event::{Effect, Wake, WakeReason};
 use super::work::{Rank, Want};
 use crate::domain::ids::DriveIndex;
+use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::{TrafficKind, TrafficRecord};
 use crate::drive::plan::{PollGroup, Urgency as PollUrgency};
@@ -32,9 +33,11 @@ struct DuePoll {
 }
 
 impl LineCore {
-    /// Opens the next exchange if the wire is free and has been silent for long enough.
+    /// Opens the next exchange if the wire is free and has been silent for long enough. On a jammed line nothing but a
+    /// stop goes, over whoever talks.
     pub(super) fn decide(&mut self, now: MonoTime) {
-        if !self.is_open || self.wire.is_busy() || now < self.wire.may_send_from() {
+        let must_wait = now < self.wire.may_send_from() && !self.health.is_jammed();
+        if !self.is_open || self.wire.is_busy() || must_wait {
             return;
         }
         if self.stop_all(now) {
@@ -42,23 +45,36 @@ impl LineCore {
         }
         let Some((drive, request, purpose)) = self.pick(now) else { return };
         let (setup, station) = (&self.setup.drives[drive.get()], &self.stations[drive.get()]);
+        let was_silent = station.is_known_silent();
         let timeout = self.wait_for(drive, &request);
         let patience = self.patience(drive, &request);
         let doubt = now < station.unmistakable_at(&request);
         let in_doubt = station.misses_function(request.function(), now);
         let line_is_clean = !self.stations.iter().any(|station| station.is_dirty(now));
-        let is_read = matches!(request, Request::ReadHolding { .. });
+        let proves_nothing = request.is_repeated_by_its_reply() && !self.echo.proves_echoes();
         if matches!(request, Request::Loopback { .. } | Request::Unserved { .. }) {
             self.nonces.advance();
         }
+        let differs = !request.is_repeated_by_its_reply();
         let exchange = Exchange { station: setup.station, request, timeout, in_doubt, line_is_clean };
         let mut frame = Vec::with_capacity(16);
         self.measured.sent(now.since(self.wire.may_send_from()));
         self.wire.send(now, exchange, &mut frame);
-        self.echo.sent(&frame, is_read);
+        self.echo.sent(&frame, differs);
+        self.health.diagnosis.sent(drive.get());
         let request_end = now + self.setup.timing.on_wire(frame.len());
         let overdue_at = patience.map(|patience| request_end + patience);
-        self.flight = Some(Flight { drive, purpose, doubt, sent_at: now, request_end, overdue_at, is_overdue: false });
+        self.flight = Some(Flight {
+            drive,
+            purpose,
+            doubt,
+            proves_nothing,
+            was_silent,
+            sent_at: now,
+            request_end,
+            overdue_at,
+            is_overdue: false,
+        });
         self.counters.requests += 1;
         if self.setup.tells_traffic {
             let record = TrafficRecord { at: now, kind: TrafficKind::Request, bytes: frame.clone() };
@@ -67,13 +83,24 @@ impl LineCore {
         self.effects.push_back(Effect::Transmit(frame));
     }
 
+    fn pick(&mut self, now: MonoTime) -> Option<Picked> {
+        match self.health.trouble {
+            Some(LineFault::Jammed) => self.pick_work(now, Rank::RepeatedStop),
+            Some(LineFault::Echo) => self.pick_work(now, Rank::Look).or_else(|| self.pick_due_probe(now)),
+            _ => self.pick_any(now),
+        }
+    }
+
     /// What drives want for themselves, barriers, polls that have aged, then native reads and polls in turn. The first
     /// step of a command goes at most in every second exchange if others wait.
-    fn pick(&mut self, now: MonoTime) -> Option<Picked> {
+    fn pick_any(&mut self, now: MonoTime) -> Option<Picked> {
         let spared = std::mem::replace(&mut self.others_turn, false);
         let last_rank = if spared { Rank::Trip } else { Rank::Start };
         if let Some(picked) = self.pick_work(now, last_rank) {
             return Some(picked);
+        }
+        if let Some(drive) = self.waits_for_probe(now) {
+            return Some(self.probe(now, drive));
         }
         if let Some((drive, request)) = self.pick_barrier(now) {
             self.counters.barriers += 1;
@@ -131,7 +158,7 @@ impl LineCore {
             let is_silent = self.stations[drive.get()].is_known_silent();
             let rests = !self.works[drive.get()].is_moving();
             for want in self.works[drive.get()].wants() {
-                if want.rank > last_rank || now < self.wanted_from(drive, &want) {
+                if want.rank > last_rank || now < self.wanted_from(drive, &want) || self.needs_probe(&want) {
                     continue;
                 }
                 let key = (want.rank, is_silent, rests, want.at);
@@ -144,7 +171,7 @@ impl LineCore {
     }
 
     /// From when a wish may be granted, as far as the drive is concerned.
-    fn wanted_from(&self, drive: DriveIndex, want: &Want) -> MonoTime {
+    pub(super) fn wanted_from(&self, drive: DriveIndex, want: &Want) -> MonoTime {
         match want.rank {
             Rank::FirstStop | Rank::RepeatedStop => want.at,
             // A look has a rhythm of its own: a stop waits behind it.
@@ -203,8 +230,13 @@ impl LineCore {
         if !self.is_open {
             return None;
         }
-        let work = self.work_at()?;
         let silence = self.wire.may_send_from();
+        if self.health.is_jammed() {
+            // The first silence ends the jam; a stop does not wait for it.
+            let stop = self.wanted_at(Rank::RepeatedStop).unwrap_or(MonoTime::NEVER);
+            return Some(Wake { at: stop.min(silence), reason: WakeReason::SilentInterval });
+        }
+        let work = self.work_at()?;
         Some(if work > silence {
             Wake { at: work, reason: WakeReason::WorkDue }
         } else {
@@ -214,7 +246,10 @@ impl LineCore {
 
     /// When the next frame may go: what waits, as soon as its station is asked again and its answer cannot be
     /// mistaken or a barrier can settle that.
-    fn work_at(&self) -> Option<MonoTime> {
+    pub(super) fn work_at(&self) -> Option<MonoTime> {
+        if self.health.trouble == Some(LineFault::Echo) {
+            return self.wanted_at(Rank::Look).into_iter().chain([self.health.probe_at]).min();
+        }
         let wants = self.drives().flat_map(|drive| {
             self.works[drive.get()].wants().map(move |want| match want.rank {
                 Rank::FirstStop | Rank::RepeatedStop => want.at,
@@ -232,6 +267,13 @@ impl LineCore {
         });
         let trials = self.drives().filter_map(|drive| self.trial_at(drive));
         wants.chain(reads).chain(polls).chain(trials).min()
+    }
+
+    /// When the next wish up to `last_rank` may be granted.
+    fn wanted_at(&self, last_rank: Rank) -> Option<MonoTime> {
+        let wants = self.drives().flat_map(|drive| self.works[drive.get()].wants().map(move |want| (drive, want)));
+        let urgent = wants.filter(|(_, want)| want.rank <= last_rank);
+        urgent.map(|(drive, want)| self.wanted_from(drive, &want)).min()
     }
 
     pub(super) fn drives(&self) -> impl Iterator<Item = DriveIndex> + use<> {

@@ -2,6 +2,7 @@
 
 use super::core::{Flight, LineCore, Purpose};
 use super::event::Effect;
+use super::health::Done;
 use super::port::waiters_of;
 use super::work::Rank;
 use crate::domain::ids::{DriveIndex, Station};
@@ -18,11 +19,17 @@ use crate::wire::pdu::{Reply, Request};
 use std::sync::Arc;
 
 impl LineCore {
-    pub(super) fn ended(&mut self, now: MonoTime, exchange: Exchange, ending: Ending) {
-        let Some(flight) = self.flight.take() else { return };
-        self.learn(&flight, &exchange, &ending);
+    pub(super) fn ended(&mut self, now: MonoTime, exchange: Exchange, ending: Ending) -> Option<Done> {
+        let flight = self.flight.take()?;
         let until = self.may_come_until(now, &flight, &exchange);
-        let Flight { drive, purpose, doubt, sent_at, request_end, .. } = flight;
+        let is_jammed = self.health.is_jammed();
+        // What comes clean out of babble may be made up of it.
+        let ending = if is_jammed { Ending::Silent } else { ending };
+        let proves_nothing = flight.proves_nothing && matches!(ending, Ending::Reply(_));
+        if !proves_nothing {
+            self.learn(&flight, &exchange, &ending);
+        }
+        let Flight { drive, purpose, doubt, was_silent, sent_at, request_end, .. } = flight;
         self.counters.busy_us += u64::try_from(now.since(sent_at).as_micros()).unwrap_or(0);
         match &ending {
             Ending::Reply(_) => self.counters.replies += 1,
@@ -37,15 +44,27 @@ impl LineCore {
         }
         let fault = match fault_of(&ending) {
             Some(Fault::Silent) if now <= self.stations[drive.get()].rests_until() => Some(Fault::Deaf),
-            Some(Fault::Silent) if matches!(purpose, Purpose::Trial(_)) => Some(Fault::Ignored),
+            Some(Fault::Silent) if is_jammed || matches!(purpose, Purpose::Trial(_)) => Some(Fault::Ignored),
             fault => fault,
         };
         let missing = || Missing { request: exchange.request.clone(), sent_at: request_end, until };
         match fault {
+            // It may not have come from the drive, whose reply may still come.
+            None if proves_nothing => self.stations[drive.get()].reply_missing(missing(), now),
             None => self.answered(now, drive, doubt.then(missing)),
             Some(fault) => self.was_not_answered(now, drive, fault, missing),
         }
-        self.tell_plan(now, drive, &exchange.request, &ending);
+        if !proves_nothing {
+            self.tell_plan(now, drive, &exchange.request, &ending);
+        }
+        let doubt = doubt || proves_nothing;
+        let fault = if proves_nothing { Some(Fault::Stray) } else { fault };
+        let done = Done {
+            drive,
+            fault,
+            counts: matches!(fault, None | Some(Fault::Garbled)) || (fault == Some(Fault::Silent) && !was_silent),
+            reply_bytes: self.setup.timing.adu_bytes(exchange.request.reply_pdu_bytes()),
+        };
         match (purpose, ending) {
             (Purpose::Trial(place), ending) => self.trial_ended(drive, place, &exchange.request, &ending),
             (Purpose::Work(rank), ending) => self.work_ended(now, drive, rank, &exchange, &ending, doubt),
@@ -58,6 +77,7 @@ impl LineCore {
             (purpose, ending @ (Ending::Garbled | Ending::Silent)) => self.read_failed(purpose, &ending),
         }
         self.forget_the_silent(drive);
+        Some(done)
     }
 
     /// The plan learns which registers the drive answers for.
@@ -80,6 +100,8 @@ impl LineCore {
         for heard in self.wire.take_heard() {
             match heard.kind {
                 TrafficKind::Request | TrafficKind::Reply => {}
+                TrafficKind::Echo => self.counters.echoes += 1,
+                TrafficKind::OtherMaster(_) => self.counters.other_master += 1,
                 TrafficKind::Stray(station) => {
                     self.counters.strays += 1;
                     self.learn_late(now, station, &heard.bytes);
@@ -93,6 +115,7 @@ impl LineCore {
                 TrafficKind::Noise => self.counters.noise_bytes += heard.bytes.len() as u64,
             }
             self.echo.heard(heard.kind, &heard.bytes);
+            self.health.diagnosis.heard(heard.kind, &heard.bytes);
             if self.setup.tells_traffic {
                 let record = TrafficRecord { at: now, kind: heard.kind, bytes: heard.bytes };
                 self.effects.push_back(Effect::Traffic(record));
@@ -111,7 +134,7 @@ impl LineCore {
                 }
             }
             Purpose::Poll { address } => self.take_words(now, drive, address, &words),
-            Purpose::Work(_) | Purpose::Barrier | Purpose::Trial(_) => {}
+            Purpose::Work(_) | Purpose::Barrier | Purpose::Probe | Purpose::Trial(_) => {}
         }
     }
 

@@ -1,6 +1,6 @@
 //! What a line is told and what it says.
 
-use super::note::Note;
+use super::note::{LineNote, Note};
 use crate::domain::command::{CommandAnswer, CommandRequest, Owner};
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::link::PortKind;
@@ -52,6 +52,8 @@ pub enum Effect {
     Trip(DriveIndex, TripEvent),
     /// Something that people should read.
     Note(DriveIndex, Note),
+    /// The same about the line as a whole.
+    LineNote(LineNote),
     /// A drive has come or gone.
     Presence(DriveIndex, Presence),
     /// For whoever watches the line; only if the line was set up to tell.
@@ -80,6 +82,8 @@ pub enum WakeReason {
     RequestDeadline,
     /// The silence that ends what is being received.
     FrameEnd,
+    /// The moment by which something should have been heard, or a silent port is opened anew.
+    LineCheck,
     /// The end of a lease, the deadline of a command, or the time by which a stop should show its effect.
     ControlDue,
 }

@@ -7,7 +7,8 @@
 //! One small file per kind of event: `ask` requests and commands, `decide` what goes on the wire, `barrier` what settles
 //! whether a late reply can still come, `ended` what follows
 //! from the end of an exchange, `overdue` how long a reply is waited for and until when it may come late, `measured` what
-//! was seen of times, `port` the port's coming and going. What a drive wants for itself is kept in `work`:
+//! was seen of times, `port` the port's coming and going, `health` whether the line can be used. What a drive wants for
+//! itself is kept in `work`:
 //! its `stop`, the `list` of steps of a command, its trips.
 
 mod ask;
@@ -17,12 +18,14 @@ mod core;
 mod decide;
 mod ended;
 mod event;
+mod health;
 mod list;
 mod measured;
 mod natives;
 mod note;
 mod overdue;
 mod port;
+mod probe;
 mod setup;
 mod stop;
 mod waiter;
@@ -31,7 +34,7 @@ mod work;
 pub use self::core::LineCore;
 pub use event::{Effect, Input, Wake, WakeReason};
 pub use natives::REQUESTS_MAX;
-pub use note::Note;
+pub use note::{LineNote, Note};
 pub use setup::{DriveSetup, LineSetup};
 pub use stop::WAITERS_MAX;
 pub use work::COMMANDS_MAX;

@@ -12,12 +12,17 @@ use crate::line::schedule::WaiterId;
 use crate::line::station::Missing;
 
 impl LineCore {
-    pub(super) fn on_port_up(&mut self, now: MonoTime, _kind: PortKind) {
-        (self.state, self.is_open) = (LineState::Up, true);
+    pub(super) fn on_port_up(&mut self, now: MonoTime, kind: PortKind) {
+        // A line that was mute is so until something is heard: that its port can be opened says nothing.
+        self.health.trouble = self.health.is_mute.then_some(LineFault::Mute);
+        self.state = if self.health.is_mute { LineState::Down } else { LineState::Up };
+        self.is_open = true;
         self.counters.port_ups += 1;
-        self.wire.abandon(now);
+        self.wire.port_opened(now, kind);
+        self.wire.strip_echo(false);
         self.echo.port_opened();
         self.measured.port_opened(now);
+        self.health.port_opened();
         self.stations.iter_mut().for_each(|station| station.line_opened(now));
         self.barriers.iter_mut().for_each(Barriers::port_opened);
         self.plans.iter_mut().for_each(|plan| plan.port_opened(now));
@@ -31,6 +36,8 @@ impl LineCore {
         }
         (self.state, self.is_open) = (LineState::Down, false);
         self.fault = Some(fault);
+        self.health.trouble = None;
+        self.health.is_mute &= fault == LineFault::Mute;
         self.counters.port_downs += 1;
         if let (Some(exchange), Some(flight)) = (self.wire.abandon(now), self.flight.take()) {
             if consequence(Fault::PortGone).reply_may_come_late {
@@ -42,6 +49,11 @@ impl LineCore {
             }
             self.end_all(waiters_of(flight.purpose), &NativeOutcome::NoReply);
         }
+        self.end_waiting(now);
+    }
+
+    /// Answers everything that waits: it is not sent.
+    pub(super) fn end_waiting(&mut self, now: MonoTime) {
         for work in &mut self.works {
             work.line_down(now, &mut self.effects);
         }
@@ -66,6 +78,6 @@ impl LineCore {
 pub(super) fn waiters_of(purpose: Purpose) -> Vec<WaiterId> {
     match purpose {
         Purpose::Read(job) => job.waiters,
-        Purpose::Work(_) | Purpose::Poll { .. } | Purpose::Barrier | Purpose::Trial(_) => Vec::new(),
+        Purpose::Work(_) | Purpose::Poll { .. } | Purpose::Barrier | Purpose::Probe | Purpose::Trial(_) => Vec::new(),
     }
 }

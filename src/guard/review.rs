@@ -19,8 +19,10 @@ pub const COMMAND_DEADLINE: Duration = Duration::from_secs(1);
 /// What is known of the drive when a command is reviewed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Facts {
-    /// The line's port is open.
+    /// Requests can be sent over the line.
     pub line_is_up: bool,
+    /// Too many exchanges with the drive fail.
+    pub line_is_bad: bool,
     /// The drive has stopped answering.
     pub is_offline: bool,
     /// A stop is not effective yet.
@@ -231,6 +233,9 @@ impl DriveGuard {
         if now >= command.start_before {
             return Err(Report::new(Outcome::Expired, Reason::TooLate));
         }
+        if facts.line_is_bad && (go.run().is_some() || self.is_higher(go)) {
+            return Err(refused(Reason::LineQuality));
+        }
         let Some(direction) = go.run() else { return Ok(()) };
         if facts.tripped == Some(true) {
             return Err(refused(Reason::Tripped));
@@ -242,6 +247,11 @@ impl DriveGuard {
             return Err(refused(Reason::Reversal));
         }
         Ok(())
+    }
+
+    /// Whether the frequency of `go` is above the one in force, or may be.
+    fn is_higher(&self, go: &Go) -> bool {
+        go.frequency().is_some_and(|frequency| self.setpoint().is_none_or(|in_force| frequency > in_force))
     }
 
     /// The start inhibit. A cyclic commander shows by a stop that it knows; a message shows it by having been sent

@@ -19,6 +19,7 @@ const NOW: MonoTime = MonoTime::from_millis(100_000);
 const STOP: Order = Order::Stop { setpoint: None };
 const RESTING: Facts = Facts {
     line_is_up: true,
+    line_is_bad: false,
     is_offline: false,
     stop_pending: false,
     tripped: Some(false),
@@ -273,6 +274,20 @@ fn what_the_motor_obeys_changes_only_while_nothing_is_ordered_and_nothing_turns(
     }
     let mut closed = guard_of(able, control());
     assert_eq!(judged(&mut closed, Order::Release, RESTING).map(drop), Err(Reason::NoRelease));
+}
+
+#[test]
+fn on_a_bad_line_nothing_may_make_a_motor_faster() {
+    let bad = Facts { line_is_bad: true, ..RESTING };
+    let go = |hertz| Order::Go(Go::new(Vec::new(), Some(Hertz::from_centihertz(hertz)), None).unwrap());
+    let mut guard = guard_of(model(), control());
+    assert_eq!(judged(&mut guard, go(3000), bad).map(drop), Err(Reason::LineQuality), "none is in force");
+    judged(&mut guard, go(3000), RESTING).map(drop).unwrap();
+    for (order, refused) in [(go(3100), true), (go(2900), false), (run(Direction::Forward), true), (STOP, false)] {
+        let told = judged(&mut guard, order.clone(), bad).map(drop);
+        assert_eq!(told == Err(Reason::LineQuality), refused, "{order:?}: {told:?}");
+        assert!(refused || told.is_ok(), "{order:?}: {told:?}");
+    }
 }
 
 #[test]

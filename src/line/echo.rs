@@ -1,27 +1,41 @@
-//! Whether a line echoes what is sent: on such a line every answer that repeats its request is worthless.
+//! Whether a line sends back what is sent: on such a line every answer that repeats its request is worthless, unless our
+//! own bytes are taken out first.
 
 use crate::domain::traffic::TrafficKind;
+
+/// Reads in a row without an echo before one that was found is believed to be gone: an adapter may lose one.
+pub const CLEAN_READS: u8 = 2;
 
 /// What is known of a line since its port was opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LocalEcho {
-    /// Nothing yet.
+    /// Nothing: no read has told yet, or something was seen that needs another look.
     #[default]
     Unknown,
-    /// A reply that differs from its request came, and nothing before it.
+    /// A read has ended and nothing came back, no reply either.
+    NotSeen,
+    /// A reply that differs from its request came, and nothing like the request before it.
     Excluded,
     /// What was sent came back.
     Found,
 }
 
-/// Watches the reads of one line: their replies differ from their requests.
+/// Watches what comes back for each frame. Replies to reads differ from their requests, so that reads tell.
 #[derive(Debug, Default)]
 pub struct EchoWatch {
     known: LocalEcho,
-    /// The frame of the read that is on the wire.
+    /// The frame that was sent last.
     sent: Vec<u8>,
-    /// What was heard since, as far as it could be that frame.
-    heard: Vec<u8>,
+    /// Its right reply differs from it.
+    differs: bool,
+    /// Its exchange is over.
+    is_over: bool,
+    /// Our own bytes came back.
+    came_back: bool,
+    /// Bytes that were heard before its reply and are neither.
+    others: usize,
+    was_answered: bool,
+    clean_reads: u8,
 }
 
 impl EchoWatch {
@@ -31,37 +45,63 @@ impl EchoWatch {
         self.known
     }
 
+    /// Whether an answer that repeats its request proves that the drive has sent it.
+    #[must_use]
+    pub const fn proves_echoes(&self) -> bool {
+        matches!(self.known, LocalEcho::Excluded | LocalEcho::Found)
+    }
+
     /// The port was opened: another adapter may stand there now.
     pub fn port_opened(&mut self) {
         *self = Self::default();
     }
 
-    /// `frame` goes out.
-    pub fn sent(&mut self, frame: &[u8], is_read: bool) {
-        self.sent.clear();
-        self.heard.clear();
-        if is_read {
-            self.sent.extend_from_slice(frame);
-        }
+    /// `frame` goes out; `differs`: its right reply does not repeat it.
+    pub fn sent(&mut self, frame: &[u8], differs: bool) {
+        let (known, clean_reads) = (self.known, self.clean_reads);
+        *self = Self { known, clean_reads, differs, ..Self::default() };
+        self.sent.extend_from_slice(frame);
     }
 
     /// `bytes` were heard, as `kind`.
     pub fn heard(&mut self, kind: TrafficKind, bytes: &[u8]) {
-        if self.sent.is_empty() {
-            return;
-        }
-        if kind == TrafficKind::Reply {
-            if self.heard.is_empty() && self.known == LocalEcho::Unknown {
-                self.known = LocalEcho::Excluded;
+        match kind {
+            TrafficKind::Echo => {
+                self.came_back = true;
+                (self.known, self.clean_reads) = (LocalEcho::Found, 0);
             }
-            self.sent.clear();
+            TrafficKind::Reply => self.was_answered = true,
+            // Twice the same: an echo and the drive's reply, or two drives of the same number. A read tells.
+            _ if self.is_over && !self.differs && self.known != LocalEcho::Found && bytes == self.sent => {
+                self.known = LocalEcho::Unknown;
+            }
+            _ if !self.was_answered => self.others += bytes.len(),
+            _ => {}
+        }
+    }
+
+    /// Whether the line echoes, and the last frame did not come back as it was sent.
+    #[must_use]
+    pub fn misses_echo(&self) -> bool {
+        self.known == LocalEcho::Found && !self.came_back
+    }
+
+    /// The exchange is over.
+    pub fn ended(&mut self) {
+        if std::mem::replace(&mut self.is_over, true) || !self.differs || self.came_back {
             return;
         }
-        let room = self.sent.len() - self.heard.len();
-        self.heard.extend(bytes.iter().take(room));
-        if self.heard == self.sent {
-            self.known = LocalEcho::Found;
-            self.sent.clear();
+        // Half of our frame among the noise may be an echo that suffered.
+        if self.others * 2 >= self.sent.len() {
+            self.clean_reads = 0;
+            return;
+        }
+        self.clean_reads = self.clean_reads.saturating_add(1);
+        let is_gone = self.known != LocalEcho::Found || self.clean_reads >= CLEAN_READS;
+        if is_gone && self.was_answered {
+            self.known = LocalEcho::Excluded;
+        } else if is_gone && self.known != LocalEcho::Excluded {
+            self.known = LocalEcho::NotSeen;
         }
     }
 }
@@ -70,51 +110,66 @@ impl EchoWatch {
 mod tests {
     use super::*;
     use crate::domain::ids::Station;
+    use TrafficKind::{Echo, Noise, Reply, Stray};
 
     const READ: [u8; 8] = [0x01, 0x03, 0x01, 0x01, 0x00, 0x01, 0xD4, 0x36];
     const REPLY: [u8; 7] = [0x01, 0x03, 0x02, 0x17, 0x70, 0xB6, 0x50];
+    const WRITE: [u8; 8] = [0x01, 0x06, 0x00, 0x02, 0x00, 0x01, 0xE9, 0xCA];
 
-    fn known(is_read: bool, heard: &[(TrafficKind, &[u8])]) -> LocalEcho {
-        let mut watch = EchoWatch::default();
-        watch.sent(&READ, is_read);
+    fn exchange(watch: &mut EchoWatch, heard: &[(TrafficKind, &[u8])]) -> LocalEcho {
+        watch.sent(&READ, true);
         for (kind, bytes) in heard {
             watch.heard(*kind, bytes);
         }
+        watch.ended();
         watch.known()
     }
 
     #[test]
-    fn a_reply_alone_excludes_an_echo_and_the_request_before_it_is_one() {
-        use TrafficKind::{Noise, Reply, Stray};
-        let stray = Stray(Station(1));
-        for (is_read, heard, expected) in [
-            (true, &[(Reply, &REPLY[..])][..], LocalEcho::Excluded),
-            (false, &[(Reply, &REPLY)], LocalEcho::Unknown),
-            (true, &[(Noise, &READ), (Reply, &REPLY)], LocalEcho::Found),
-            (true, &[(stray, &READ), (Reply, &REPLY)], LocalEcho::Found),
-            (true, &[(Noise, &READ)], LocalEcho::Found),
-            (true, &[(Noise, &READ[..3]), (Noise, &READ[3..])], LocalEcho::Found),
-            (true, &[(Noise, &[0x55]), (Reply, &REPLY)], LocalEcho::Unknown),
-            (true, &[(Noise, &READ[..7]), (Reply, &REPLY)], LocalEcho::Unknown),
-            (true, &[(Reply, &REPLY), (Noise, &READ)], LocalEcho::Excluded),
+    fn a_read_tells_whether_our_own_bytes_come_back() {
+        for (heard, expected) in [
+            (&[(Reply, &REPLY[..])][..], LocalEcho::Excluded),
+            (&[], LocalEcho::NotSeen),
+            (&[(Echo, &READ), (Reply, &REPLY)], LocalEcho::Found),
+            (&[(Echo, &READ)], LocalEcho::Found),
+            (&[(Noise, &[0x55]), (Reply, &REPLY)], LocalEcho::Excluded),
+            (&[(Noise, &READ[..7]), (Reply, &REPLY)], LocalEcho::Unknown),
+            (&[(Noise, &READ[..7])], LocalEcho::Unknown),
+            (&[(Reply, &REPLY), (Noise, &READ)], LocalEcho::Excluded),
         ] {
-            assert_eq!(known(is_read, heard), expected, "{heard:02X?}");
+            assert_eq!(exchange(&mut EchoWatch::default(), heard), expected, "{heard:02X?}");
         }
     }
 
     #[test]
-    fn an_echo_is_believed_until_the_port_is_opened_again() {
+    fn an_echo_is_believed_until_two_reads_in_a_row_come_without_it() {
+        let (with, without) = (&[(Echo, &READ[..]), (Reply, &REPLY[..])][..], &[(Reply, &REPLY[..])][..]);
         let mut watch = EchoWatch::default();
-        let read = |watch: &mut EchoWatch, before: &[u8]| {
-            watch.sent(&READ, true);
-            watch.heard(TrafficKind::Noise, before);
-            watch.heard(TrafficKind::Reply, &REPLY);
-            watch.known()
-        };
-        assert_eq!(read(&mut watch, &[]), LocalEcho::Excluded);
-        assert_eq!(read(&mut watch, &READ), LocalEcho::Found, "somebody has switched it on");
-        assert_eq!(read(&mut watch, &[]), LocalEcho::Found);
+        assert_eq!(exchange(&mut watch, without), LocalEcho::Excluded);
+        for (heard, expected) in [
+            (with, LocalEcho::Found),
+            (without, LocalEcho::Found),
+            (with, LocalEcho::Found),
+            (without, LocalEcho::Found),
+            (without, LocalEcho::Excluded),
+            (&[], LocalEcho::Excluded),
+        ] {
+            assert_eq!(exchange(&mut watch, heard), expected);
+        }
         watch.port_opened();
-        assert_eq!(read(&mut watch, &[]), LocalEcho::Excluded);
+        assert_eq!(watch.known(), LocalEcho::Unknown);
+    }
+
+    #[test]
+    fn a_write_that_is_answered_twice_makes_another_read_necessary() {
+        let mut watch = EchoWatch::default();
+        exchange(&mut watch, &[(Reply, &REPLY)]);
+        watch.sent(&WRITE, false);
+        watch.heard(Reply, &WRITE);
+        watch.ended();
+        assert_eq!(watch.known(), LocalEcho::Excluded, "a write alone tells nothing");
+        watch.heard(Stray(Station(1)), &WRITE);
+        assert_eq!(watch.known(), LocalEcho::Unknown);
+        assert_eq!(exchange(&mut watch, &[(Reply, &REPLY)]), LocalEcho::Excluded, "it was a second drive");
     }
 }

@@ -19,6 +19,14 @@ pub enum Fault {
     Refused,
     /// The drive answered a write with the value it kept.
     KeptOldValue,
+    /// What we sent came back.
+    Echoed,
+    /// Somebody else sends requests on the line.
+    OtherMaster,
+    /// Bytes keep coming, so that no silence is long enough for a frame of ours.
+    Jammed,
+    /// Requests go out, and nothing has been heard from anybody for long.
+    Mute,
     /// The port is gone.
     PortGone,
 }
@@ -57,7 +65,9 @@ pub const fn consequence(fault: Fault) -> Consequence {
         Fault::Ignored => Consequence { ends_exchange: true, reply_may_come_late: true, ..none },
         Fault::Deaf => Consequence { ends_exchange: true, ..none },
         Fault::Stray => Consequence { drive_is_there: true, ..none },
-        Fault::Foreign => none,
+        // Whose requests they are says nothing about the drives that they name.
+        Fault::Foreign | Fault::Echoed | Fault::OtherMaster | Fault::Jammed => none,
+        Fault::Mute => Consequence { reopens_port: true, ..none },
         Fault::Refused | Fault::KeptOldValue => Consequence { ends_exchange: true, drive_is_there: true, ..none },
         Fault::PortGone => Consequence { ends_exchange: true, reply_may_come_late: true, reopens_port: true, ..none },
     }
@@ -68,7 +78,7 @@ mod tests {
     use super::*;
 
     /// ends, repeats a read, late reply possible, backs off, drive is there, reopens
-    const TABLE: [(Fault, [bool; 6]); 9] = [
+    const TABLE: [(Fault, [bool; 6]); 13] = [
         (Fault::Garbled, [true, true, false, false, false, false]),
         (Fault::Silent, [true, false, true, true, false, false]),
         (Fault::Ignored, [true, false, true, false, false, false]),
@@ -77,6 +87,10 @@ mod tests {
         (Fault::Foreign, [false, false, false, false, false, false]),
         (Fault::Refused, [true, false, false, false, true, false]),
         (Fault::KeptOldValue, [true, false, false, false, true, false]),
+        (Fault::Echoed, [false, false, false, false, false, false]),
+        (Fault::OtherMaster, [false, false, false, false, false, false]),
+        (Fault::Jammed, [false, false, false, false, false, false]),
+        (Fault::Mute, [false, false, false, false, false, true]),
         (Fault::PortGone, [true, false, true, false, false, true]),
     ];
 

@@ -1,15 +1,18 @@
 //! The wire of one line as a machine without IO and without a clock.
 //!
 //! [`timing`] knows what characters and silences cost, [`timeouts`] how long a reply is waited for, [`reply_times`]
-//! how long one has taken, [`transaction`] runs one exchange, [`station`] keeps late replies apart and dead stations cheap, [`barriers`] knows what settles them,
-//! [`echo`] whether the line echoes, [`schedule`] says what goes next, [`fault`] what follows from each fault,
-//! [`budget`] what a poll plan costs before it is started.
+//! how long one has taken, [`transaction`] runs one exchange, [`station`] keeps late replies apart and dead stations
+//! cheap, [`barriers`] knows what settles them, [`echo`] whether the line echoes, [`quality`] how good it is,
+//! [`diagnosis`] what is probably wrong with it, [`schedule`] says what goes next, [`fault`] what follows from each
+//! fault, [`budget`] what a poll plan costs before it is started.
 
 pub mod barriers;
 pub mod budget;
+pub mod diagnosis;
 pub mod echo;
 pub mod fault;
 pub mod histogram;
+pub mod quality;
 pub mod reply_times;
 pub mod schedule;
 pub mod station;

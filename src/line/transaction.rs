@@ -2,11 +2,12 @@
 
 use super::timing::Timing;
 use crate::domain::ids::Station;
+use crate::domain::link::PortKind;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::TrafficKind;
 use crate::wire::frame::Expected;
 use crate::wire::framing::{self, Assembler};
-use crate::wire::pdu::{Reply, Request, function};
+use crate::wire::pdu::{self, Reply, Request, function};
 use std::time::Duration;
 
 /// A request on its way to one station.
@@ -61,6 +62,18 @@ struct Open {
     exception: Option<u8>,
 }
 
+/// The copy of our last frame that the line may send back.
+#[derive(Debug, Default)]
+struct OwnEcho {
+    frame: Vec<u8>,
+    /// It may still come.
+    is_awaited: bool,
+    /// A copy of the frame is its echo: the right reply differs from it, or the line is known to echo.
+    is_sure: bool,
+    /// No drive's reply can have ended before this moment: a copy of the frame that has is an echo.
+    earliest_reply: MonoTime,
+}
+
 /// The wire of one line. At most one exchange is open on it.
 #[derive(Debug)]
 pub struct Wire {
@@ -71,6 +84,13 @@ pub struct Wire {
     last_byte_at: MonoTime,
     /// The drives are busy with a broadcast until then.
     held_until: MonoTime,
+    /// Since when bytes have come without a silence that is long enough for a frame of ours.
+    talks_since: MonoTime,
+    /// Whether replies take their time on the wire, so that one can be too early.
+    is_timed: bool,
+    /// Whether the first copy of each frame of ours is taken out of what is received.
+    strips_echo: bool,
+    own_echo: OwnEcho,
     open: Option<Open>,
     heard: Vec<Heard>,
 }
@@ -85,6 +105,10 @@ impl Wire {
             quiet_from: now,
             last_byte_at: now,
             held_until: MonoTime::ZERO,
+            talks_since: now,
+            is_timed: false,
+            strips_echo: false,
+            own_echo: OwnEcho::default(),
             open: None,
             heard: Vec::new(),
         }
@@ -102,6 +126,30 @@ impl Wire {
         (self.quiet_from + self.timing.silence).max(self.held_until)
     }
 
+    /// When the last byte was heard; the start of the port if none was.
+    #[must_use]
+    pub const fn last_byte_at(&self) -> MonoTime {
+        self.last_byte_at
+    }
+
+    /// Since when somebody has been talking without a silence long enough for a frame, if somebody still is at `now`.
+    #[must_use]
+    pub fn talks_since(&self, now: MonoTime) -> Option<MonoTime> {
+        (now < self.pause_at() && self.talks_since < self.last_byte_at).then_some(self.talks_since)
+    }
+
+    /// A port of this `kind` was opened at `now`: whatever was on the wire is over.
+    pub fn port_opened(&mut self, now: MonoTime, kind: PortKind) {
+        self.abandon(now);
+        (self.last_byte_at, self.talks_since) = (now, now);
+        self.is_timed = kind == PortKind::Serial;
+    }
+
+    /// Whether the line is known to send back what is sent: the first copy of each frame from now on is taken out.
+    pub const fn strip_echo(&mut self, strips: bool) {
+        self.strips_echo = strips;
+    }
+
     /// Opens an exchange whose frame is handed to the port at `now`, and appends the frame to `out`.
     /// The caller has waited until [`Wire::may_send_from`] and no exchange is open.
     pub fn send(&mut self, now: MonoTime, exchange: Exchange, out: &mut Vec<u8>) {
@@ -116,6 +164,11 @@ impl Wire {
         // A reply that has begun by then is over by then; whatever goes on is none.
         let give_up = reply_due + self.timing.on_wire(reply_bytes) + self.timing.silence;
         self.flush_idle_bytes();
+        // The drive's clock may be some per cent fast.
+        let on_wire = self.timing.on_wire(sent_bytes) + self.timing.on_wire(reply_bytes);
+        let earliest = if self.is_timed { now + on_wire * 9 / 10 } else { now };
+        let is_sure = self.strips_echo || !exchange.request.is_repeated_by_its_reply();
+        self.await_echo(&out[start..], is_sure, earliest);
         self.open = Some(Open { exchange, expected, reply_due, give_up, exception: None });
     }
 
@@ -134,6 +187,7 @@ impl Wire {
         self.flush_idle_bytes();
         self.quiet_from = now + self.timing.on_wire(out.len() - start);
         self.held_until = self.quiet_from + turnaround;
+        self.await_echo(&out[start..], true, now);
     }
 
     /// Takes bytes that were read at `now`. Returns how the open exchange ended, if it did.
@@ -142,11 +196,15 @@ impl Wire {
         if self.open.is_none() || self.assembler.sees_ends() {
             self.flush_if_silent(now);
         }
+        if now >= self.pause_at() {
+            self.talks_since = now;
+        }
         self.last_byte_at = now;
         self.quiet_from = self.quiet_from.max(now);
         let pushed_out = self.assembler.push(bytes);
         self.note(TrafficKind::Noise, pushed_out);
         let mut ended = None;
+        self.take_echo(now);
         while let Some(found) = self.assembler.take(self.open.as_ref().map(|open| &open.expected)) {
             self.note(TrafficKind::Noise, found.noise);
             let (kind, ending) = self.judge(&found.adu);
@@ -160,6 +218,7 @@ impl Wire {
             {
                 // The reply proves that our own transmission is over, however slow it was computed to be.
                 self.quiet_from = now;
+                self.own_echo.is_awaited = false;
                 ended = Some((open.exchange, ending));
             }
         }
@@ -194,12 +253,6 @@ impl Wire {
     #[must_use]
     pub fn has_heard_after(&self, moment: MonoTime) -> bool {
         self.last_byte_at > moment
-    }
-
-    /// When the last byte came.
-    #[must_use]
-    pub const fn last_byte_at(&self) -> MonoTime {
-        self.last_byte_at
     }
 
     /// Ends the open exchange as one without an answer, before its time is over.
@@ -247,6 +300,7 @@ impl Wire {
 
     fn finish(&mut self, ending: Ending) -> Option<(Exchange, Ending)> {
         let open = self.open.take()?;
+        self.own_echo.is_awaited = false;
         let rest = self.assembler.end();
         self.note(TrafficKind::Noise, rest);
         Some((open.exchange, ending))
@@ -256,6 +310,9 @@ impl Wire {
     fn judge(&self, adu: &[u8]) -> (TrafficKind, Option<Ending>) {
         let frame = framing::decode(self.timing.framing, adu);
         let Some((station, pdu)) = frame else { return (TrafficKind::Noise, None) };
+        if pdu::is_request(&pdu) {
+            return (TrafficKind::OtherMaster(Station(station)), None);
+        }
         let stray = TrafficKind::Stray(Station(station));
         let Some(open) = &self.open else { return (stray, None) };
         if station != open.expected.station {
@@ -267,10 +324,32 @@ impl Wire {
         }
     }
 
+    fn await_echo(&mut self, frame: &[u8], is_sure: bool, earliest_reply: MonoTime) {
+        let own = &mut self.own_echo;
+        own.frame.clear();
+        own.frame.extend_from_slice(frame);
+        (own.is_awaited, own.is_sure, own.earliest_reply) = (true, is_sure, earliest_reply);
+    }
+
+    /// Takes the echo of our own frame out of what was received, with what came before it.
+    fn take_echo(&mut self, now: MonoTime) {
+        let own = &mut self.own_echo;
+        if !own.is_awaited || !(own.is_sure || now < own.earliest_reply) {
+            return;
+        }
+        let Some(noise) = self.assembler.take_copy(&own.frame) else { return };
+        own.is_awaited = false;
+        let echo = own.frame.clone();
+        self.note(TrafficKind::Noise, noise);
+        self.note(TrafficKind::Echo, echo);
+    }
+
     /// Whether the reply has come and is damaged. Anything else, also what another drive's late reply left of both, may
     /// be noise before a reply that is still to come.
     fn holds_damaged_reply(&self) -> bool {
-        let open = self.open.as_ref().filter(|open| open.exchange.line_is_clean);
+        // What is as long as the reply may also be a damaged echo, and the reply still comes.
+        let may_be_echo = self.strips_echo && self.own_echo.is_awaited;
+        let open = self.open.as_ref().filter(|open| open.exchange.line_is_clean && !may_be_echo);
         open.is_some_and(|open| self.assembler.holds_damaged(&open.expected))
     }
 
@@ -282,10 +361,12 @@ impl Wire {
 
     fn flush_idle_bytes(&mut self) {
         let rest = self.assembler.end();
-        match framing::decode(self.timing.framing, &rest).map(|(station, _)| Station(station)) {
-            Some(station) => self.note(TrafficKind::Stray(station), rest),
-            None => self.note(TrafficKind::Noise, rest),
-        }
+        let kind = match framing::decode(self.timing.framing, &rest) {
+            Some((station, pdu)) if pdu::is_request(&pdu) => TrafficKind::OtherMaster(Station(station)),
+            Some((station, _)) => TrafficKind::Stray(Station(station)),
+            None => TrafficKind::Noise,
+        };
+        self.note(kind, rest);
     }
 
     fn note(&mut self, kind: TrafficKind, bytes: Vec<u8>) {
@@ -487,6 +568,58 @@ mod tests {
             let ended = wire.receive(at, &frame(1, pdu)).or_else(|| wire.pass(at + Duration::from_millis(5)));
             assert_eq!(ended.is_some(), answered, "{pdu:02X?}");
         }
+    }
+
+    #[test]
+    fn a_copy_of_a_write_that_no_drive_can_have_sent_yet_is_an_echo() {
+        let write = || exchange(Request::WriteSingle { address: 2, value: 1 }, false);
+        for (kind, is_known, early_is_echo) in
+            [(PortKind::Serial, false, true), (PortKind::Virtual, false, false), (PortKind::Virtual, true, true)]
+        {
+            let (mut wire, mut out) = (wire(), Vec::new());
+            wire.port_opened(MonoTime::ZERO, kind);
+            wire.strip_echo(is_known);
+            wire.send(SENT, write(), &mut out);
+            let ended = wire.receive(SENT + Duration::from_millis(9), &out);
+            assert_eq!(ended.is_none(), early_is_echo, "{kind:?}");
+            let expected = if early_is_echo { TrafficKind::Echo } else { TrafficKind::Reply };
+            assert_eq!(wire.take_heard()[0].kind, expected);
+            if early_is_echo {
+                assert!(wire.receive(SENT + Duration::from_millis(20), &out).is_some(), "the drive's own reply");
+            }
+        }
+    }
+
+    #[test]
+    fn a_damaged_echo_is_no_damaged_reply() {
+        let (mut wire, mut out) = (wire(), Vec::new());
+        wire.strip_echo(true);
+        wire.send(SENT, exchange(Request::WriteSingle { address: 2, value: 1 }, false), &mut out);
+        out[5] ^= 1;
+        let at = SENT + Duration::from_millis(9);
+        assert_eq!(wire.receive(at, &out), None);
+        assert_eq!(wire.pass(at + Duration::from_millis(10)), None);
+    }
+
+    #[test]
+    fn somebody_talks_until_a_silence_is_long_enough() {
+        let mut wire = wire();
+        let at = MonoTime::from_millis;
+        for ms in 10..20 {
+            wire.receive(at(ms), &[0x55]);
+        }
+        assert_eq!(wire.talks_since(at(22)), Some(at(10)));
+        assert_eq!(wire.talks_since(at(24)), None);
+        wire.receive(at(30), &[0x55]);
+        assert_eq!(wire.talks_since(at(31)), None, "one byte is no talk");
+    }
+
+    #[test]
+    fn requests_of_somebody_else_are_told_from_strays() {
+        let mut wire = wire();
+        wire.receive(SENT, &frame(7, &[3, 1, 1, 0, 1]));
+        wire.pass(SENT + Duration::from_millis(5));
+        assert_eq!(wire.take_heard()[0].kind, TrafficKind::OtherMaster(Station(7)));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The words that files use for enumerations: one table each, for reading and for showing.
 
 use super::model::{Access, BitMeaning, Boundary, Confidence, Flag, Memory, PollClass, RefusedWrite, Role};
-use crate::domain::link::{Framing, Interface, Parity};
+use crate::domain::link::{EchoPolicy, Framing, Interface, Parity};
 use crate::domain::units::UnitOfMeasure;
 
 /// Parities.
@@ -9,6 +9,9 @@ pub const PARITIES: [(&str, Parity); 3] = [("none", Parity::None), ("even", Pari
 
 /// Framings.
 pub const FRAMINGS: [(&str, Framing); 2] = [("rtu", Framing::Rtu), ("ascii", Framing::Ascii)];
+
+/// What to do about an echo.
+pub const ECHO_POLICIES: [(&str, EchoPolicy); 2] = [("refuse", EchoPolicy::Refuse), ("strip", EchoPolicy::Strip)];
 
 /// Interfaces.
 pub const INTERFACES: [(&str, Interface); 2] = [("rs485", Interface::Rs485), ("rs232", Interface::Rs232)];

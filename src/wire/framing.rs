@@ -77,6 +77,14 @@ impl Assembler {
         Some(Found { noise, adu })
     }
 
+    /// Takes the first copy of `frame` out, with all before it; returns what stood before it.
+    pub fn take_copy(&mut self, frame: &[u8]) -> Option<Vec<u8>> {
+        let start = self.bytes.windows(frame.len().max(1)).position(|window| window == frame)?;
+        let before = self.bytes[..start].to_vec();
+        self.bytes.drain(..start + frame.len());
+        Some(before)
+    }
+
     /// Whether no bytes wait.
     #[must_use]
     pub const fn is_empty(&self) -> bool {

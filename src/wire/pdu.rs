@@ -104,6 +104,12 @@ impl Request {
         }
     }
 
+    /// Whether a drive may answer with a copy of it, so that an echo of it looks like its reply.
+    #[must_use]
+    pub const fn is_repeated_by_its_reply(&self) -> bool {
+        matches!(self, Self::WriteSingle { .. } | Self::Loopback { .. } | Self::Unserved { .. })
+    }
+
     /// Appends the request's PDU to `out`.
     pub fn encode(&self, out: &mut Vec<u8>) {
         out.push(self.function());
@@ -175,6 +181,16 @@ impl Request {
             }
             Self::Unserved { .. } => None,
         }
+    }
+}
+
+/// Whether `pdu` can only be a request: whoever sends it asks drives, as we do.
+#[must_use]
+pub fn is_request(pdu: &[u8]) -> bool {
+    match pdu {
+        // A reply with 5 bytes would have half a word.
+        [function::READ_HOLDING | function::READ_INPUT, rest @ ..] => rest.len() == 4,
+        _ => matches!(Request::decode(pdu), Some(Request::WriteMultiple { .. })),
     }
 }
 

@@ -184,6 +184,7 @@ impl Watch {
                 Effect::Command(_)
                 | Effect::Trip(..)
                 | Effect::Note(..)
+                | Effect::LineNote(_)
                 | Effect::Reopen(_)
                 | Effect::Presence(..)
                 | Effect::Traffic(_) => {}

@@ -27,6 +27,8 @@ fn told(rig: &Rig, begun: MonoTime) -> String {
             TrafficKind::Reply => ("<-", "the reply".to_owned()),
             TrafficKind::Stray(station) => ("<-", format!("stray: station {station}, not the answer")),
             TrafficKind::Foreign(station) => ("<-", format!("foreign: station {station} was not asked")),
+            TrafficKind::Echo => ("<--", "echo".to_owned()),
+            TrafficKind::OtherMaster(station) => ("<--", format!("request of somebody else to {}", station.0)),
             TrafficKind::Noise => ("<-", "noise".to_owned()),
         };
         lines.push((record.at, format!("{arrow} {bytes:<30} {what}")));

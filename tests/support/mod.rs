@@ -19,12 +19,12 @@ use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::domain::traffic::TrafficRecord;
 use vfd_gateway::drive::view::{DriveView, TripEvent};
-use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup, Note};
+use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineNote, LineSetup, Note};
 use vfd_gateway::line::timeouts::ReplyTimeouts;
 use vfd_gateway::line::timing::Timing;
 use vfd_gateway::profile::catalog::Catalog;
 use vfd_gateway::profile::model::{Confidence, Fact, Model};
-use vfd_gateway::sim::{BadRequest, BusOptions, DriveOptions, FaultPlan, SimBus, SimDrive};
+use vfd_gateway::sim::{BadRequest, BusOptions, DriveOptions, FaultPlan, Pacing, SimBus, SimDrive};
 use vfd_gateway::vendors;
 use vfd_gateway::wire::framing;
 
@@ -109,6 +109,8 @@ pub struct RigOptions {
     pub seed: u64,
     /// What the line does with an echo of its own bytes.
     pub echo: EchoPolicy,
+    /// The adapter hears itself from the start.
+    pub echoes: bool,
     /// Keep what goes over the wire in `traffic`.
     pub tells_traffic: bool,
     /// What may be commanded of every drive.
@@ -157,6 +159,14 @@ impl RigOptions {
     }
 }
 
+/// A bus without character times is no serial port.
+fn port_kind(options: &RigOptions) -> PortKind {
+    match options.bus.pacing {
+        Pacing::CharacterTimes => PortKind::Serial,
+        Pacing::None => PortKind::Virtual,
+    }
+}
+
 impl Default for RigOptions {
     fn default() -> Self {
         Self {
@@ -169,6 +179,7 @@ impl Default for RigOptions {
             learns: false,
             seed: 1,
             echo: EchoPolicy::Strip,
+            echoes: false,
             tells_traffic: false,
             control: None,
             model: n700(),
@@ -202,6 +213,8 @@ pub struct Rig {
     pub trips: Vec<(MonoTime, TripEvent)>,
     /// What people were told.
     pub notes: Vec<(MonoTime, Note)>,
+    /// What people were told about the line.
+    pub line_notes: Vec<(MonoTime, LineNote)>,
     /// When the core wanted the port opened anew, and why.
     pub reopens: Vec<(MonoTime, LineFault)>,
     pub sent: Vec<Sent>,
@@ -240,7 +253,7 @@ impl Rig {
             LineSetup { timing, drives, echo: options.echo, tells_traffic: options.tells_traffic, first_epoch: 1 },
             now,
         );
-        core.handle(now, Input::PortUp(PortKind::Serial));
+        core.handle(now, Input::PortUp(port_kind(options)));
         let mut rig = Self {
             core,
             bus,
@@ -250,12 +263,13 @@ impl Rig {
             reports: Vec::new(),
             trips: Vec::new(),
             notes: Vec::new(),
+            line_notes: Vec::new(),
             reopens: Vec::new(),
             sent: Vec::new(),
             keeps_sent: true,
             loses_reply_to: None,
             framing: options.bus.framing,
-            echoes: false,
+            echoes: options.echoes,
             last_ticket: 0,
             open: HashMap::new(),
         };
@@ -464,6 +478,7 @@ impl Rig {
                 Effect::Command(answer) => self.reports.push((self.now, answer)),
                 Effect::Trip(_, event) => self.trips.push((self.now, event)),
                 Effect::Note(_, note) => self.notes.push((self.now, note)),
+                Effect::LineNote(note) => self.line_notes.push((self.now, note)),
                 Effect::Reopen(fault) => self.reopens.push((self.now, fault)),
                 Effect::Presence(..) => {}
             }

@@ -12,7 +12,7 @@ use crate::domain::problem::Problem;
 use crate::profile::reader::{Given, Needed, Reader, Written, document};
 use crate::profile::register::{RegisterFile, extra_register};
 use crate::profile::values::Kind;
-use crate::profile::words::{FRAMINGS, INTERFACES, PARITIES};
+use crate::profile::words::{ECHO_POLICIES, FRAMINGS, INTERFACES, PARITIES};
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -88,6 +88,7 @@ fn read_line(mut reader: Reader<'_, '_>) -> LineFile {
         stop_bits: reader.optional("stop_bits", &Kind::number(1..=2)),
         framing: reader.optional("framing", &Kind::one_of(&FRAMINGS)),
         interface: reader.optional("interface", &Kind::one_of(&INTERFACES)),
+        echo: reader.optional("echo", &Kind::one_of(&ECHO_POLICIES)),
         silence: read_silence(&mut reader),
         min_request_gap: reader.optional("min_request_gap", &Kind::duration(REQUEST_GAP)),
         reply_timeout: reader.optional("reply_timeout", &Kind::duration(REPLY_TIMEOUT).or_word("auto")),

@@ -31,13 +31,14 @@ pub(super) fn health(state: &State, now: MonoTime) -> Value {
 }
 
 fn line(line: &SharedLine) -> Value {
-    let LineReport { state, fault, .. } = line.report();
+    let LineReport { state, fault, suspicion, .. } = line.report();
     let reason = fault.filter(|_| state == LineState::Down).map(|fault| fault.to_string());
     let state = match state {
         LineState::Up => "up",
         LineState::Down => "down",
     };
-    json!({ "name": line.name.as_str(), "state": state, "reason": reason })
+    json!({ "name": line.name.as_str(), "state": state, "reason": reason,
+        "suspicion": suspicion.map(|suspicion| suspicion.to_string()) })
 }
 
 fn drive(drive: &SharedDrive) -> Value {

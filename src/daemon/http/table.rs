@@ -79,6 +79,21 @@ pub(super) const LINE: &[Metric<LineReport>] = &[
         Some(line.counters.strays)
     }),
     counter("line_foreign", "Sound frames of stations that were not asked.", |line| Some(line.counters.foreign)),
+    counter("line_other_master", "Requests of somebody else on the line.", |line| Some(line.counters.other_master)),
+    counter("line_echoes", "Frames of ours that came back.", |line| Some(line.counters.echoes)),
+    counter("line_jams", "Times the line was jammed.", |line| Some(line.counters.jams)),
+    gauge("line_bad", "Bad ones of the last 100 exchanges; absent while too few were seen.", |line: &LineReport| {
+        line.quality.bad_per_cent.map(|per_cent| f64::from(per_cent) / 100.0)
+    })
+    .in_unit("ratio"),
+    gauge(
+        "line_suspended",
+        "1 while run orders and higher setpoints are refused for all drives of the line.",
+        |line| truth(line.quality.is_suspended),
+    ),
+    gauge("line_suspicion", "1 while something is probably wrong with the line; `health` says what.", |line| {
+        truth(line.suspicion.is_some())
+    }),
     counter("line_noise", "Bytes that made no frame.", |line: &LineReport| Some(line.counters.noise_bytes))
         .in_unit("bytes"),
     counter("line_retries", "Exchanges repeated at once after damage.", |line| Some(line.counters.retries)),

@@ -11,7 +11,7 @@ use crate::daemon::shared::Shared;
 use crate::daemon::totals::{ModbusTotals, MqttTotals};
 use crate::domain::ids::{DriveIndex, Name, UnitId};
 use crate::domain::link::Interface;
-use crate::domain::report::{LineCounters, LineFault, LineMeasured, LineReport, LineState, StopBounds};
+use crate::domain::report::{LineCounters, LineFault, LineMeasured, LineQuality, LineReport, LineState, StopBounds};
 use crate::domain::report::{ReplyReport, StationReport};
 use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::description::{DriveDescription, DriveRef};
@@ -72,6 +72,8 @@ const UP: LineReport = LineReport {
         garbled: 0,
         strays: 0,
         foreign: 0,
+        other_master: 0,
+        echoes: 0,
         noise_bytes: 12,
         retries: 0,
         barriers: 0,
@@ -82,6 +84,7 @@ const UP: LineReport = LineReport {
         withdrawn: 0,
         port_ups: 1,
         port_downs: 0,
+        jams: 0,
         busy_us: 0,
     },
     stop: StopBounds {
@@ -95,6 +98,8 @@ const UP: LineReport = LineReport {
         shortest_gap: None,
         median_gap: Duration::from_micros(90),
     },
+    quality: LineQuality { bad_per_cent: Some(12), is_suspended: true },
+    suspicion: None,
 };
 
 /// A drive that answered at `at` with 50.00 Hz and 3 trips.
@@ -188,7 +193,8 @@ fn health_names_lines_and_drives() {
         assert_eq!(health["gateway"], "plant-a");
         assert_eq!(health["version"], env!("CARGO_PKG_VERSION"));
         assert_eq!(health["ready"], true, "no broker is configured");
-        assert_eq!(health["lines"], serde_json::json!([{ "name": "hall-1", "state": "up", "reason": null }]));
+        let line = serde_json::json!({ "name": "hall-1", "state": "up", "reason": null, "suspicion": null });
+        assert_eq!(health["lines"], serde_json::json!([line]));
         let drive = &health["drives"][0];
         assert_eq!((&drive["presence"], &drive["run_state"]), (&"online".into(), &"forward".into()));
         show(&state, LineReport::default(), DriveView { line_is_up: false, ..online(clock::now()) });
@@ -213,6 +219,8 @@ fn metrics_show_lines_drives_and_only_fresh_values() {
         "# TYPE vfd_gateway_line_requests counter",
         "vfd_gateway_line_requests_total{line=\"hall-1\"} 7",
         "vfd_gateway_line_noise_bytes_total{line=\"hall-1\"} 12",
+        "vfd_gateway_line_bad_ratio{line=\"hall-1\"} 0.12",
+        "vfd_gateway_line_suspended{line=\"hall-1\"} 1.0",
         "vfd_gateway_line_up{line=\"hall-1\"} 1.0",
         "vfd_gateway_drive_online{line=\"hall-1\",drive=\"pump-1\"} 1.0",
         "vfd_gateway_drive_run_state{line=\"hall-1\",drive=\"pump-1\"} 2.0",

@@ -38,6 +38,7 @@ fn list_by(model: &Model, order: Order, owner: Owner) -> List {
     };
     let facts = Facts {
         line_is_up: true,
+        line_is_bad: false,
         is_offline: false,
         stop_pending: false,
         tripped: Some(matches!(command.order, Order::Reset)),

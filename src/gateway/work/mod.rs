@@ -195,6 +195,7 @@ impl DriveWork {
         let scale = self.output_register.map_or(1, |(_, scale)| scale);
         Facts {
             line_is_up,
+            line_is_bad: false,
             is_offline,
             stop_pending: self.latch.is_some(),
             tripped: self.trips.view().active,

@@ -6,6 +6,7 @@ use super::topics::Topics;
 use super::types::{LineState, Publication, Qos, Settings};
 use crate::domain::ids::Name;
 use crate::domain::report::{self, LineCounters, LineReport, REPLY_CLASSES, ReplyReport, StationReport};
+use crate::domain::suspicion::Suspicion;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use serde_json::{Value, json};
@@ -64,6 +65,9 @@ impl LineTopics {
         if let Some(object) = stats.as_object_mut() {
             object.insert("budget".to_owned(), budget(report));
             object.insert("drives".to_owned(), drives.collect());
+            object.insert("bad_per_cent".to_owned(), report.quality.bad_per_cent.into());
+            object.insert("suspended".to_owned(), report.quality.is_suspended.into());
+            object.insert("suspicion".to_owned(), report.suspicion.map(Suspicion::word).into());
             object.insert("at".to_owned(), now.clock.text(now.at).into());
         }
         Some(retained(now, self.stats_topic.clone(), stats.to_string().into_bytes(), Qos::AtMostOnce))
@@ -135,6 +139,8 @@ fn line_stats(counters: &LineCounters) -> Value {
         garbled,
         strays,
         foreign,
+        other_master,
+        echoes,
         noise_bytes,
         retries,
         barriers,
@@ -145,6 +151,7 @@ fn line_stats(counters: &LineCounters) -> Value {
         withdrawn,
         port_ups,
         port_downs,
+        jams,
         busy_us,
     } = counters;
     json!({
@@ -152,6 +159,7 @@ fn line_stats(counters: &LineCounters) -> Value {
         "strays": strays, "foreign": foreign, "noise_bytes": noise_bytes, "retries": retries, "barriers": barriers,
         "broadcasts": broadcasts, "joined": joined, "queue_full": queue_full, "expired": expired,
         "withdrawn": withdrawn, "port_ups": port_ups, "port_downs": port_downs, "busy_us": busy_us,
+        "other_master": other_master, "echoes": echoes, "jams": jams,
     })
 }
 

@@ -1,0 +1,247 @@
+//! Whether a line with an open port can be used: it may be jammed, echo or be mute; how good it is, and what is probably
+//! wrong with it.
+
+use super::core::LineCore;
+use super::event::{Effect, Wake, WakeReason};
+use super::note::{LineNote, Note};
+use super::work::DriveWork;
+use crate::domain::ids::DriveIndex;
+use crate::domain::link::EchoPolicy;
+use crate::domain::report::{self, LineFault, LineState};
+use crate::domain::suspicion::Suspicion;
+use crate::domain::time::MonoTime;
+use crate::line::diagnosis::Diagnosis;
+use crate::line::echo::LocalEcho;
+use crate::line::fault::{Fault, consequence};
+use crate::line::quality::LineQuality;
+use crate::line::station::StationState;
+use crate::line::timing::Timing;
+use crate::wire::framing;
+use std::time::Duration;
+
+/// How long somebody may talk without a pause while something waits, at the least: what a drive says in one breath is
+/// over by then at any usual speed.
+const JAM_AFTER: Duration = Duration::from_millis(500);
+/// The same in longest frames, for slow lines: a request of somebody else and its reply.
+const JAM_FRAMES: u32 = 2;
+/// Silence of all drives, and of everything else, after which the line counts as mute: several probes of each drive have
+/// gone out by then.
+const MUTE_AFTER: Duration = Duration::from_secs(10);
+/// First wait before a mute port is opened anew once more; doubled up to the longest.
+const REOPEN_FIRST: Duration = Duration::from_secs(10);
+/// Longest such wait: what is switched off for the night shall not fill the log.
+const REOPEN_MAX: Duration = Duration::from_secs(300);
+/// First wait before a line that echoes is read once more; doubled up to the longest.
+const PROBE_FIRST: Duration = Duration::from_secs(1);
+/// Longest such wait.
+const PROBE_MAX: Duration = Duration::from_secs(30);
+
+/// What is known of a line beside its state.
+#[derive(Debug)]
+pub(super) struct Health {
+    /// Why nothing can be asked although the port is open.
+    pub trouble: Option<LineFault>,
+    pub quality: LineQuality,
+    pub diagnosis: Diagnosis,
+    /// Nothing was heard for long, and nothing since.
+    pub is_mute: bool,
+    reopen_at: MonoTime,
+    reopen_wait: Duration,
+    pub probe_at: MonoTime,
+    probe_wait: Duration,
+    told: Told,
+}
+
+/// What people were told last.
+#[derive(Debug)]
+struct Told {
+    suspicion: Option<Suspicion>,
+    line_is_suspended: bool,
+    drives_are_suspended: Vec<bool>,
+}
+
+/// An exchange that is over.
+pub(super) struct Done {
+    pub drive: DriveIndex,
+    /// What went wrong.
+    pub fault: Option<Fault>,
+    /// It says how good the line is.
+    pub counts: bool,
+    pub reply_bytes: usize,
+}
+
+impl Health {
+    pub fn new(diagnosis: Diagnosis, drives: usize) -> Self {
+        Self {
+            trouble: None,
+            quality: LineQuality::new(drives),
+            diagnosis,
+            is_mute: false,
+            reopen_at: MonoTime::ZERO,
+            reopen_wait: REOPEN_FIRST,
+            probe_at: MonoTime::ZERO,
+            probe_wait: PROBE_FIRST,
+            told: Told { suspicion: None, line_is_suspended: false, drives_are_suspended: vec![false; drives] },
+        }
+    }
+
+    pub fn port_opened(&mut self) {
+        self.diagnosis.port_opened();
+        self.probe_wait = PROBE_FIRST;
+    }
+
+    pub const fn is_jammed(&self) -> bool {
+        matches!(self.trouble, Some(LineFault::Jammed))
+    }
+
+    /// A line that echoes was read once more at `now`.
+    pub fn was_probed(&mut self, now: MonoTime) {
+        self.probe_at = now + self.probe_wait;
+        self.probe_wait = (self.probe_wait * 2).min(PROBE_MAX);
+    }
+
+    pub fn report(&self) -> report::LineQuality {
+        let bad_per_cent = self.quality.line().bad_per_cent();
+        report::LineQuality { bad_per_cent, is_suspended: self.quality.is_line_suspended() }
+    }
+
+    pub const fn suspicion(&self) -> Option<Suspicion> {
+        self.told.suspicion
+    }
+}
+
+impl LineCore {
+    /// Whether requests and commands are taken. A mute line takes them: its drives are silent one by one.
+    pub(super) const fn takes_requests(&self) -> bool {
+        self.is_open && !matches!(self.health.trouble, Some(LineFault::Jammed | LineFault::Echo))
+    }
+
+    /// What follows for the line from what was heard, and from an exchange that is `done`.
+    pub(super) fn conclude(&mut self, now: MonoTime, done: Option<Done>) {
+        let (has_ended, trouble) = (done.is_some(), self.health.trouble);
+        if let Some(done) = done {
+            self.echo.ended();
+            let misses_echo = self.echo.misses_echo();
+            self.wire.strip_echo(self.echo.known() == LocalEcho::Found);
+            if misses_echo {
+                // It may be gone: the next read shows whether it is.
+                self.health.probe_at = now;
+            }
+            if done.counts {
+                self.health.quality.take(done.drive.get(), done.fault.is_some() || misses_echo);
+            }
+            self.health.diagnosis.ended(done.fault, done.reply_bytes);
+            self.tell_quality();
+        }
+        self.check(now);
+        if has_ended || trouble != self.health.trouble {
+            self.tell_suspicion();
+        }
+    }
+
+    /// When the line has to be looked at, whatever else happens.
+    pub(super) fn health_wake(&self) -> Option<Wake> {
+        if !self.is_open || self.wire.is_busy() {
+            return None;
+        }
+        let at = match self.health.trouble {
+            Some(LineFault::Jammed) => return None,
+            Some(LineFault::Mute) => self.health.reopen_at,
+            _ if self.stations.iter().all(StationState::is_known_silent) => self.wire.last_byte_at() + MUTE_AFTER,
+            _ => return None,
+        };
+        Some(Wake { at, reason: WakeReason::LineCheck })
+    }
+
+    fn check(&mut self, now: MonoTime) {
+        if !self.is_open {
+            return;
+        }
+        let all_are_silent = || self.stations.iter().all(StationState::is_known_silent);
+        self.health.is_mute |= now.since(self.wire.last_byte_at()) >= MUTE_AFTER && all_are_silent();
+        let echoes = self.setup.echo == EchoPolicy::Refuse && self.echo.known() == LocalEcho::Found;
+        let trouble = if self.is_jammed(now) {
+            Some(LineFault::Jammed)
+        } else if echoes {
+            Some(LineFault::Echo)
+        } else {
+            self.health.is_mute.then_some(LineFault::Mute)
+        };
+        if trouble != self.health.trouble {
+            self.set_trouble(now, trouble);
+        }
+        let reopens = trouble == Some(LineFault::Mute) && consequence(Fault::Mute).reopens_port;
+        if reopens && !self.wire.is_busy() && now >= self.health.reopen_at {
+            self.health.reopen_at = now + self.health.reopen_wait;
+            self.health.reopen_wait = (self.health.reopen_wait * 2).min(REOPEN_MAX);
+            self.effects.push_back(Effect::Reopen(LineFault::Mute));
+        }
+    }
+
+    /// Somebody talks for so long that nothing that waits can be sent. It is over with the first silence that is long
+    /// enough for a frame.
+    fn is_jammed(&self, now: MonoTime) -> bool {
+        let is_silent = !self.wire.is_busy() && now >= self.wire.may_send_from();
+        if self.health.is_jammed() || self.wire.is_busy() || is_silent {
+            return self.health.is_jammed() && !is_silent;
+        }
+        let talks = self.wire.talks_since(now).map_or(Duration::ZERO, |since| now.since(since));
+        talks >= jam_after(&self.setup.timing) && self.work_at().is_some_and(|at| at <= now)
+    }
+
+    /// The line can be used no more, or again. Where nothing can be asked, everything that waits is answered.
+    fn set_trouble(&mut self, now: MonoTime, trouble: Option<LineFault>) {
+        self.health.trouble = trouble;
+        self.state = if trouble.is_some() { LineState::Down } else { LineState::Up };
+        self.fault = trouble.or(self.fault);
+        if !self.takes_requests() {
+            self.end_waiting(now);
+        }
+        match trouble {
+            Some(LineFault::Jammed) => self.counters.jams += 1,
+            Some(LineFault::Echo) => self.health.probe_at = now,
+            Some(LineFault::Mute) => (self.health.reopen_at, self.health.reopen_wait) = (now, REOPEN_FIRST),
+            _ => {}
+        }
+        self.works.iter_mut().for_each(DriveWork::mark_changed);
+        self.effects.push_back(Effect::LineNote(trouble.map_or(LineNote::Up, LineNote::Down)));
+    }
+
+    fn tell_quality(&mut self) {
+        let Health { quality, told, .. } = &mut self.health;
+        let line_is_suspended = quality.is_line_suspended();
+        if line_is_suspended != told.line_is_suspended {
+            told.line_is_suspended = line_is_suspended;
+            let bad_per_cent = quality.line().bad_per_cent().unwrap_or(0);
+            let note = if line_is_suspended { LineNote::Suspended { bad_per_cent } } else { LineNote::Resumed };
+            self.effects.push_back(Effect::LineNote(note));
+        }
+        for (place, told) in (0..).zip(&mut told.drives_are_suspended) {
+            let is_suspended = quality.is_suspended(usize::from(place)) && !line_is_suspended;
+            if is_suspended != *told {
+                *told = is_suspended;
+                let note = if is_suspended { Note::Suspended } else { Note::Resumed };
+                // What holds for the whole line was told of the line.
+                if !line_is_suspended {
+                    self.effects.push_back(Effect::Note(DriveIndex(place), note));
+                }
+            }
+        }
+    }
+
+    fn tell_suspicion(&mut self) {
+        let suspicion = match self.health.trouble {
+            Some(LineFault::Jammed) => Some(Suspicion::Jam),
+            Some(LineFault::Echo) => Some(Suspicion::Echo),
+            _ => self.health.diagnosis.suspicion(),
+        };
+        if suspicion != self.health.told.suspicion {
+            self.health.told.suspicion = suspicion;
+            self.effects.push_back(Effect::LineNote(LineNote::Suspects(suspicion)));
+        }
+    }
+}
+
+fn jam_after(timing: &Timing) -> Duration {
+    JAM_AFTER.max(timing.on_wire(framing::max_adu_bytes(timing.framing)) * JAM_FRAMES)
+}

@@ -1,0 +1,54 @@
+//! Reads that tell whether the line sends back what is sent: before the first write, and while it does.
+
+use super::core::{LineCore, Purpose};
+use super::decide::{Picked, is_stop, poll_request};
+use super::work::Want;
+use crate::domain::ids::DriveIndex;
+use crate::domain::time::MonoTime;
+use crate::line::echo::LocalEcho;
+use crate::wire::pdu::Request;
+
+impl LineCore {
+    /// Whether a wish is a write that waits until a read has told about an echo. A stop never does.
+    pub(super) fn needs_probe(&self, want: &Want) -> bool {
+        let is_write = !matches!(want.request, Request::ReadHolding { .. });
+        self.echo.known() == LocalEcho::Unknown && is_write && !is_stop(want.rank)
+    }
+
+    /// A drive whose write waits for that at `now`.
+    pub(super) fn waits_for_probe(&self, now: MonoTime) -> Option<DriveIndex> {
+        let waits = |drive: &DriveIndex| {
+            let mut wants = self.works[drive.get()].wants();
+            wants.any(|want| self.needs_probe(&want) && now >= self.wanted_from(*drive, &want))
+        };
+        self.drives().find(waits)
+    }
+
+    /// On a line that echoes: the read that looks whether it still does.
+    pub(super) fn pick_due_probe(&mut self, now: MonoTime) -> Option<Picked> {
+        if now < self.health.probe_at {
+            return None;
+        }
+        self.health.was_probed(now);
+        let answers = |drive: &DriveIndex| !self.stations[drive.get()].is_known_silent();
+        let drive = self.drives().find(answers).unwrap_or(DriveIndex(0));
+        Some(self.probe(now, drive))
+    }
+
+    /// A read whose words nobody waits for, if possible one that no late reply can be mistaken for. Whether our own bytes
+    /// come back shows with any drive, also with a silent one.
+    pub(super) fn probe(&self, now: MonoTime, drive: DriveIndex) -> Picked {
+        let all = || self.drives().skip(drive.get()).chain(self.drives().take(drive.get()));
+        let reads = || {
+            all()
+                .flat_map(|drive| self.plans[drive.get()].iter().map(move |(_, group, _)| (drive, poll_request(group))))
+        };
+        let is_clear =
+            |(drive, request): &(DriveIndex, Request)| now >= self.stations[drive.get()].unmistakable_at(request);
+        let (drive, request) = reads()
+            .find(is_clear)
+            .or_else(|| reads().next())
+            .unwrap_or((drive, Request::ReadHolding { address: 0, count: 1 }));
+        (drive, request, Purpose::Probe)
+    }
+}

@@ -1,0 +1,244 @@
+//! What is probably wrong with a line, from the pattern of what has been heard since its port was opened.
+
+use super::fault::Fault;
+use crate::domain::ids::Station;
+use crate::domain::suspicion::Suspicion;
+use crate::domain::traffic::TrafficKind;
+
+/// Signs of one kind before they are believed: one alone is chance.
+pub const SIGNS: u32 = 3;
+/// Exchanges without a single byte before it is said that nothing is heard.
+pub const SILENCES: u32 = 4;
+/// Exchanges after which signs are counted anew: what was seen once in months is no pattern.
+pub const WINDOW: u32 = 500;
+
+/// What is remembered of one station.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    station: Station,
+    was_heard: bool,
+    silences: u32,
+    second_replies: u32,
+}
+
+/// The evidence of one line.
+#[derive(Debug)]
+pub struct Diagnosis {
+    stations: Vec<Seen>,
+    /// Exchanges since signs were last counted anew.
+    exchanges: u32,
+    /// Exchanges without a byte in a row, as long as nothing was ever heard.
+    silences: u32,
+    was_anything_heard: bool,
+    was_frame_heard: bool,
+    right_length: u32,
+    too_few: u32,
+    too_many: u32,
+    other_requests: u32,
+    /// Bytes in the present exchange that make no frame.
+    loose_bytes: usize,
+    /// The station that was asked last, and whether its reply has come.
+    asked: usize,
+    was_answered: bool,
+    found: Option<Suspicion>,
+}
+
+impl Diagnosis {
+    /// A line with these stations of which nothing was heard.
+    pub fn new(stations: impl Iterator<Item = Station>) -> Self {
+        let seen = |station| Seen { station, was_heard: false, silences: 0, second_replies: 0 };
+        Self {
+            stations: stations.map(seen).collect(),
+            exchanges: 0,
+            silences: 0,
+            was_anything_heard: false,
+            was_frame_heard: false,
+            right_length: 0,
+            too_few: 0,
+            too_many: 0,
+            other_requests: 0,
+            loose_bytes: 0,
+            asked: 0,
+            was_answered: false,
+            found: None,
+        }
+    }
+
+    /// The port was opened: nothing counts any more.
+    pub fn port_opened(&mut self) {
+        *self = Self::new(std::mem::take(&mut self.stations).into_iter().map(|seen| seen.station));
+    }
+
+    /// A request goes out to the station at `place`.
+    pub const fn sent(&mut self, place: usize) {
+        (self.loose_bytes, self.asked, self.was_answered) = (0, place, false);
+    }
+
+    /// Something was heard.
+    pub fn heard(&mut self, kind: TrafficKind, bytes: &[u8]) {
+        self.was_anything_heard = true;
+        match kind {
+            TrafficKind::Request | TrafficKind::Echo => {}
+            TrafficKind::Noise => self.loose_bytes += bytes.len(),
+            TrafficKind::OtherMaster(_) => self.other_requests += 1,
+            TrafficKind::Reply => {
+                (self.was_frame_heard, self.was_answered) = (true, true);
+            }
+            TrafficKind::Stray(station) | TrafficKind::Foreign(station) => {
+                self.was_frame_heard = true;
+                let place = self.stations.iter().position(|seen| seen.station == station);
+                // Behind the reply, so that it is no late one: that would have come before.
+                let is_second = self.was_answered && place == Some(self.asked);
+                if let Some(seen) = place.and_then(|place| self.stations.get_mut(place)) {
+                    seen.was_heard = true;
+                    seen.second_replies += u32::from(is_second);
+                }
+            }
+        }
+    }
+
+    /// The exchange ended, with a `fault` or well; its right reply has `reply_bytes`.
+    pub fn ended(&mut self, fault: Option<Fault>, reply_bytes: usize) {
+        self.exchanges += 1;
+        let is_answer = fault.is_none();
+        let is_silent = fault == Some(Fault::Silent);
+        if let Some(seen) = self.stations.get_mut(self.asked) {
+            seen.was_heard |= is_answer;
+            seen.silences = if is_silent { seen.silences.saturating_add(1) } else { 0 };
+        }
+        self.silences = if self.was_anything_heard { 0 } else { self.silences.saturating_add(1) };
+        if self.loose_bytes > 0 && !is_answer {
+            match self.loose_bytes.cmp(&reply_bytes) {
+                std::cmp::Ordering::Equal => self.right_length += 1,
+                std::cmp::Ordering::Less => self.too_few += 1,
+                std::cmp::Ordering::Greater => self.too_many += 1,
+            }
+        }
+    }
+
+    /// What is suspected now.
+    pub fn suspicion(&mut self) -> Option<Suspicion> {
+        let pattern = self.pattern();
+        if pattern.is_some() {
+            self.found = pattern;
+        }
+        let is_settled = match self.found {
+            Some(Suspicion::OneSilent(station)) => self.stations.iter().any(|it| it.station == station && it.was_heard),
+            Some(Suspicion::NothingHeard) => self.was_anything_heard,
+            Some(Suspicion::TwoAnswer(_) | Suspicion::OtherMaster) => false,
+            _ => self.was_frame_heard,
+        };
+        let is_over = self.exchanges >= WINDOW;
+        if (is_settled || is_over) && pattern.is_none() {
+            self.found = None;
+        }
+        if is_over {
+            self.count_anew();
+        }
+        self.found
+    }
+
+    fn pattern(&self) -> Option<Suspicion> {
+        if let Some(twice) = self.stations.iter().find(|seen| seen.second_replies >= SIGNS) {
+            return Some(Suspicion::TwoAnswer(twice.station));
+        }
+        if self.other_requests >= SIGNS {
+            return Some(Suspicion::OtherMaster);
+        }
+        if !self.was_anything_heard {
+            return (self.silences >= SILENCES).then_some(Suspicion::NothingHeard);
+        }
+        if !self.was_frame_heard {
+            let damaged = self.right_length + self.too_few + self.too_many;
+            return (damaged >= SIGNS).then(|| self.of_loose_bytes());
+        }
+        let others_answer = |silent: &&Seen| !silent.was_heard && silent.silences >= SILENCES;
+        self.stations.iter().find(others_answer).map(|silent| Suspicion::OneSilent(silent.station))
+    }
+
+    fn of_loose_bytes(&self) -> Suspicion {
+        if self.right_length >= self.too_few.max(self.too_many) {
+            Suspicion::AlwaysDamaged
+        } else if self.too_few > self.too_many {
+            Suspicion::DrivesAreFaster
+        } else {
+            Suspicion::DrivesAreSlower
+        }
+    }
+
+    fn count_anew(&mut self) {
+        (self.exchanges, self.other_requests) = (0, 0);
+        (self.right_length, self.too_few, self.too_many) = (0, 0, 0);
+        self.stations.iter_mut().for_each(|seen| seen.second_replies = 0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One exchange with the first station: what is heard and how it ends, with 7 bytes due.
+    fn exchange(diagnosis: &mut Diagnosis, heard: &[(TrafficKind, &[u8])], fault: Option<Fault>) -> Option<Suspicion> {
+        diagnosis.sent(0);
+        heard.iter().for_each(|(kind, bytes)| diagnosis.heard(*kind, bytes));
+        diagnosis.ended(fault, 7);
+        diagnosis.suspicion()
+    }
+
+    fn line() -> Diagnosis {
+        Diagnosis::new([Station(1), Station(2)].into_iter())
+    }
+
+    #[test]
+    fn each_pattern_has_its_suspicion() {
+        use TrafficKind::{Noise, OtherMaster, Reply, Stray};
+        let (noise, reply) = ([0xFE; 20], [1; 7]);
+        for (heard, fault, expected) in [
+            (&[][..], Some(Fault::Silent), Suspicion::NothingHeard),
+            (&[(Noise, &noise[..7])], Some(Fault::Garbled), Suspicion::AlwaysDamaged),
+            (&[(Noise, &noise[..3])], Some(Fault::Silent), Suspicion::DrivesAreFaster),
+            (&[(Noise, &noise[..15])], Some(Fault::Silent), Suspicion::DrivesAreSlower),
+            (&[(Reply, &reply), (Stray(Station(1)), &reply)], None, Suspicion::TwoAnswer(Station(1))),
+            (&[(OtherMaster(Station(9)), &noise), (Reply, &reply)], None, Suspicion::OtherMaster),
+        ] {
+            let mut diagnosis = line();
+            assert_eq!(exchange(&mut diagnosis, heard, fault), None, "once is chance: {expected:?}");
+            let found = (0..4).filter_map(|_| exchange(&mut diagnosis, heard, fault)).last();
+            assert_eq!(found, Some(expected));
+        }
+    }
+
+    #[test]
+    fn one_silent_drive_among_others_is_named_until_it_is_heard() {
+        let mut diagnosis = line();
+        exchange(&mut diagnosis, &[(TrafficKind::Reply, &[1; 7])], None);
+        for _ in 0..SILENCES {
+            diagnosis.sent(1);
+            diagnosis.ended(Some(Fault::Silent), 7);
+        }
+        assert_eq!(diagnosis.suspicion(), Some(Suspicion::OneSilent(Station(2))));
+        diagnosis.ended(None, 7);
+        assert_eq!(diagnosis.suspicion(), None);
+    }
+
+    #[test]
+    fn an_answer_settles_what_was_suspected_of_the_whole_line() {
+        let mut diagnosis = line();
+        for _ in 0..SILENCES {
+            exchange(&mut diagnosis, &[], Some(Fault::Silent));
+        }
+        assert_eq!(diagnosis.suspicion(), Some(Suspicion::NothingHeard));
+        assert_eq!(exchange(&mut diagnosis, &[(TrafficKind::Reply, &[1; 7])], None), None);
+    }
+
+    #[test]
+    fn a_pattern_that_has_ended_is_forgotten() {
+        let mut diagnosis = line();
+        let twice = [(TrafficKind::Reply, &[1; 7][..]), (TrafficKind::Stray(Station(1)), &[1; 7])];
+        for _ in 0..SIGNS {
+            exchange(&mut diagnosis, &twice, None);
+        }
+        let left = (0..3 * WINDOW).position(|_| exchange(&mut diagnosis, &twice[..1], None).is_none());
+        assert!(left.is_some_and(|left| left <= 2 * WINDOW as usize), "{left:?}");
+    }
+}

@@ -1,0 +1,140 @@
+//! How good a line is: the last exchanges, good or bad, and whether motion may still be ordered over it.
+
+/// Exchanges that are remembered.
+pub const WINDOW: u32 = 100;
+/// Fewer exchanges than this tell nothing: two bad ones at the start are no bad line.
+pub const LEAST: u32 = 20;
+/// Above so many bad ones in a hundred, run orders and higher setpoints are suspended.
+pub const SUSPEND_ABOVE_PER_CENT: u32 = 10;
+/// Below so many they are taken again.
+pub const RESUME_BELOW_PER_CENT: u32 = 3;
+
+/// The last exchanges of one line or station.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Quality {
+    /// One bit each, the newest lowest; set: it was bad.
+    bad: u128,
+    count: u32,
+    is_suspended: bool,
+}
+
+impl Quality {
+    /// An exchange has ended.
+    pub fn take(&mut self, is_bad: bool) {
+        self.bad = (self.bad << 1 | u128::from(is_bad)) & ((1 << WINDOW) - 1);
+        self.count = (self.count + 1).min(WINDOW);
+        let bad = self.bad.count_ones() * 100;
+        if bad > SUSPEND_ABOVE_PER_CENT * self.count && self.count >= LEAST {
+            self.is_suspended = true;
+        } else if bad < RESUME_BELOW_PER_CENT * self.count {
+            self.is_suspended = false;
+        }
+    }
+
+    /// Bad ones of the last hundred, in per cent; nothing while too few have been seen.
+    #[must_use]
+    pub fn bad_per_cent(&self) -> Option<u8> {
+        let per_cent = (self.bad.count_ones() * 100).div_ceil(self.count.max(1));
+        (self.count >= LEAST).then_some(per_cent as u8)
+    }
+
+    /// Whether motion may not be ordered.
+    #[must_use]
+    pub const fn is_suspended(&self) -> bool {
+        self.is_suspended
+    }
+}
+
+/// A line with its stations.
+#[derive(Debug)]
+pub struct LineQuality {
+    line: Quality,
+    stations: Vec<Quality>,
+}
+
+impl LineQuality {
+    /// A line of `stations` of which nothing is known.
+    #[must_use]
+    pub fn new(stations: usize) -> Self {
+        Self { line: Quality::default(), stations: vec![Quality::default(); stations] }
+    }
+
+    /// An exchange with the station at `place` has ended.
+    pub fn take(&mut self, place: usize, is_bad: bool) {
+        self.line.take(is_bad);
+        if let Some(station) = self.stations.get_mut(place) {
+            station.take(is_bad);
+        }
+    }
+
+    /// All exchanges of the line.
+    #[must_use]
+    pub const fn line(&self) -> &Quality {
+        &self.line
+    }
+
+    /// Whether motion may not be ordered of any drive: the line is bad, and not because of one station alone.
+    #[must_use]
+    pub fn is_line_suspended(&self) -> bool {
+        let bad = self.stations.iter().filter(|station| station.is_suspended).count();
+        self.line.is_suspended && (bad != 1 || self.stations.len() == 1)
+    }
+
+    /// Whether motion may not be ordered of the drive at `place`.
+    #[must_use]
+    pub fn is_suspended(&self, place: usize) -> bool {
+        self.is_line_suspended() || self.stations.get(place).is_some_and(Quality::is_suspended)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn after(exchanges: impl IntoIterator<Item = bool>) -> Quality {
+        let mut quality = Quality::default();
+        exchanges.into_iter().for_each(|is_bad| quality.take(is_bad));
+        quality
+    }
+
+    #[test]
+    fn more_than_ten_of_a_hundred_suspend_and_less_than_three_resume() {
+        let hundred = |bad: usize| (0..100).map(move |n| n >= 100 - bad);
+        for (bad, suspended) in [(10, false), (11, true)] {
+            assert_eq!(after(hundred(bad)).is_suspended(), suspended, "{bad}");
+        }
+        let mut quality = after(hundred(11));
+        let good = (1..).take_while(|_| {
+            quality.take(false);
+            quality.is_suspended()
+        });
+        // 89 good ones push out the good ones before; of the 11 bad ones all but 2 have to go.
+        assert_eq!(good.count(), 89 + 9 - 1);
+        assert_eq!(quality.bad_per_cent(), Some(2));
+    }
+
+    #[test]
+    fn a_few_exchanges_tell_nothing() {
+        assert!(!after([true; 19]).is_suspended());
+        assert_eq!(after([true; 19]).bad_per_cent(), None);
+        assert!(after([true; 20]).is_suspended());
+        assert_eq!(after([true; 1000]).bad_per_cent(), Some(100));
+    }
+
+    #[test]
+    fn one_bad_station_suspends_only_itself() {
+        let mut line = LineQuality::new(3);
+        for n in 0..120 {
+            line.take(n % 3, n % 3 == 1 && n % 2 == 0);
+        }
+        assert!(line.line().is_suspended());
+        assert_eq!([0, 1, 2].map(|place| line.is_suspended(place)), [false, true, false]);
+        for n in 0..120 {
+            line.take(n % 3, n % 3 < 2 && n % 2 == 0);
+        }
+        assert_eq!([0, 1, 2].map(|place| line.is_suspended(place)), [true; 3], "two are bad: it is the line");
+        let mut alone = LineQuality::new(1);
+        (0..100).for_each(|n| alone.take(0, n % 2 == 0));
+        assert!(alone.is_line_suspended() && alone.is_suspended(0));
+    }
+}
