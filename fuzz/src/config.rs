@@ -16,7 +16,7 @@ pub fn run(bytes: &[u8]) {
             check(&config);
         }
         Err(problems) => {
-            text::check_problems(text, &problems);
+            text::check_file(text, &problems);
             assert!(fewer.len() <= problems.len(), "{fewer:?}\n{problems:?}");
         }
     }

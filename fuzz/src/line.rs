@@ -5,7 +5,7 @@
 
 use super::feed::Feed;
 use super::plant;
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeSet, HashSet};
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 use std::time::Duration;
@@ -29,6 +29,8 @@ const DRIVES: u8 = 2;
 const PATIENCE: Duration = Duration::from_secs(2);
 /// By then every command has its last word: a stop for a drive that does not answer is the last.
 const ALL_HAS_ENDED: Duration = Duration::from_secs(700);
+/// How often it is looked whether all has ended.
+const LOOK: Duration = Duration::from_secs(10);
 /// More than all that can end at once.
 const EFFECTS_MAX: usize = 4_000;
 
@@ -44,11 +46,7 @@ pub fn run(bytes: &[u8]) {
         watch.event(&mut feed);
         watch.decide();
     }
-    watch.pass(PATIENCE);
-    assert!(watch.asked.is_empty(), "without an answer: {:?}", watch.asked);
-    watch.pass(ALL_HAS_ENDED);
-    let unended: Vec<_> = watch.commanded.iter().filter(|(_, has_ended)| !**has_ended).collect();
-    assert!(unended.is_empty(), "without a last word: {unended:?}");
+    watch.end();
 }
 
 /// What an observer knows of the line.
@@ -59,10 +57,12 @@ struct Watch {
     silence: Duration,
     link: LinkSettings,
     now: MonoTime,
-    /// Native requests without an answer, with who asked.
-    asked: HashSet<(Ticket, AskerId)>,
-    /// Commands, and whether they had their last word.
-    commanded: BTreeMap<Ticket, bool>,
+    /// Reads without an answer, with who asked.
+    reads: HashSet<(Ticket, AskerId)>,
+    /// Writes without an answer: they are commands, and a stop ends by its effect.
+    writes: HashSet<(Ticket, AskerId)>,
+    /// Commands without their last word.
+    commands: BTreeSet<Ticket>,
     tickets: u64,
     last_frame: Vec<u8>,
     /// Nothing may be sent before this moment and the silence after it.
@@ -93,8 +93,9 @@ impl Watch {
             silence: timing.silence,
             link,
             now,
-            asked: HashSet::new(),
-            commanded: BTreeMap::new(),
+            reads: HashSet::new(),
+            writes: HashSet::new(),
+            commands: BTreeSet::new(),
             tickets: 0,
             last_frame: Vec::new(),
             quiet_since: MonoTime::ZERO,
@@ -117,7 +118,7 @@ impl Watch {
                 asker => {
                     let asker = AskerId(asker.into());
                     self.input(Input::AskerGone(asker));
-                    self.asked.retain(|(_, of)| *of != asker);
+                    self.reads.retain(|(_, of)| *of != asker);
                 }
             },
             14 => self.port(feed.byte()),
@@ -177,10 +178,14 @@ impl Watch {
             }
             _ => NativeAsk::Loop { data: address },
         };
-        // Each word of a write may be one RUN.
-        self.runs_ordered += if let NativeAsk::Write { values, .. } = &ask { values.len() } else { 0 };
         let (ticket, drive, origin) = (self.ticket(), DriveIndex(drive.into()), origin(feed.byte()));
-        self.asked.insert((ticket, asker));
+        if let NativeAsk::Write { values, .. } = &ask {
+            // Each word may be one RUN.
+            self.runs_ordered += values.len();
+            self.writes.insert((ticket, asker));
+        } else {
+            self.reads.insert((ticket, asker));
+        }
         let deadline = self.now + PATIENCE;
         self.input(Input::Native(NativeRequest { asker, ticket, drive, origin, ask, deadline }));
     }
@@ -196,7 +201,7 @@ impl Watch {
         let Some(order) = self.order(feed) else { return };
         self.runs_ordered += usize::from(matches!(&order, Order::Go(go) if go.run().is_some()));
         let ticket = self.ticket();
-        self.commanded.insert(ticket, false);
+        self.commands.insert(ticket);
         self.input(Input::Command(CommandRequest {
             asker: AskerId(u64::from(who % 4)),
             ticket,
@@ -258,18 +263,31 @@ impl Watch {
                     self.sent(frame);
                 }
                 Effect::Answer(answer) => {
-                    let was_open = self.asked.remove(&(answer.ticket, answer.asker));
-                    assert!(was_open, "answered twice or to nobody: {answer:?}");
+                    let of = (answer.ticket, answer.asker);
+                    assert!(self.reads.remove(&of) || self.writes.remove(&of), "twice or to nobody: {answer:?}");
                 }
                 Effect::Command(answer) => {
-                    let has_ended = self.commanded.get_mut(&answer.ticket).expect("a command that was given");
-                    assert!(!*has_ended, "a word after the last: {answer:?}");
-                    *has_ended = answer.is_final;
+                    assert!(self.commands.contains(&answer.ticket), "a word after the last: {answer:?}");
+                    if answer.is_final {
+                        self.commands.remove(&answer.ticket);
+                    }
                 }
                 Effect::Trip(..) | Effect::Note(..) | Effect::Presence(..) | Effect::Traffic(_) => {}
             }
         }
         assert!(frames <= 1, "{frames} exchanges at once");
+    }
+
+    /// Everything that was asked and commanded ends.
+    fn end(&mut self) {
+        self.pass(PATIENCE);
+        assert!(self.reads.is_empty(), "without an answer: {:?}", self.reads);
+        let until = self.now + ALL_HAS_ENDED;
+        while self.now < until && !(self.commands.is_empty() && self.writes.is_empty()) {
+            self.pass(LOOK);
+        }
+        assert!(self.commands.is_empty(), "without a last word: {:?}", self.commands);
+        assert!(self.writes.is_empty(), "without an answer: {:?}", self.writes);
     }
 
     fn sent(&mut self, frame: Vec<u8>) {

@@ -19,7 +19,7 @@ use vfd_gateway::wire::pdu::{MAX_PDU_BYTES, Request};
 pub fn run(bytes: &[u8]) {
     let Some(text) = text::of(bytes) else { return };
     match check::model(text) {
-        Err(problems) => text::check_problems(text, &problems),
+        Err(problems) => text::check_file(text, &problems),
         Ok(model) => {
             assert!(summary(&model).ends_with('\n'));
             for framing in [Framing::Rtu, Framing::Ascii] {

@@ -10,7 +10,13 @@ pub fn of(bytes: &[u8]) -> Option<&str> {
     std::str::from_utf8(bytes).ok().filter(|text| text.len() <= TEXT_MAX_BYTES)
 }
 
-/// At least one problem; each can be shown at its place, and they stand in the order of the text.
+/// The problems of a whole file stand in the order of the text.
+pub fn check_file(text: &str, problems: &[Problem]) {
+    check_problems(text, problems);
+    assert!(problems.is_sorted_by_key(|problem| problem.span.start), "{problems:?}");
+}
+
+/// At least one problem, and each can be shown at its place.
 pub fn check_problems(text: &str, problems: &[Problem]) {
     assert!(!problems.is_empty(), "refused for no reason");
     for problem in problems {
@@ -19,5 +25,4 @@ pub fn check_problems(text: &str, problems: &[Problem]) {
         let (line, column) = problem.place_in(text);
         assert!(line >= 1 && column >= 1 && line <= text.matches('\n').count() + 1, "{problem:?}");
     }
-    assert!(problems.is_sorted_by_key(|problem| problem.span.start), "{problems:?}");
 }
