@@ -12,6 +12,8 @@ use std::time::Duration;
 
 impl LineCore {
     pub(super) fn on_port_up(&mut self, now: MonoTime) {
+        // What was on the wire is lost, whether or not anybody has told that the port was gone.
+        self.on_port_down(now, PortFault::Gone);
         self.state = LineState::Up;
         self.counters.port_ups += 1;
         self.wire.abandon(now);
