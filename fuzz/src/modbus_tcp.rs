@@ -167,13 +167,17 @@ impl Client {
     }
 
     fn event(&mut self, feed: &mut Feed<'_>) {
-        match feed.byte() % 8 {
+        match feed.byte() % 9 {
             0 => self.send(feed.piece(), None),
             1..=3 => self.request(feed),
             4 => self.drive_answers(feed),
             5 => self.order_ends(feed),
             6 => self.read(usize::from(feed.word())),
-            _ => self.pass(feed.millis()),
+            7 => self.pass(feed.millis()),
+            _ => {
+                let piece = feed.piece();
+                self.send(&piece.repeat(Feed::PIECE_MAX / piece.len().max(1)), None);
+            }
         }
         assert!(self.connection.output().len() <= OUTPUT_MAX, "{} bytes wait", self.connection.output().len());
     }

@@ -116,7 +116,7 @@ impl Rig {
     fn event(&mut self, feed: &mut Feed<'_>) {
         match feed.byte() % 10 {
             0..=4 => self.message(feed),
-            5 => self.pass(feed.millis()),
+            5 => self.pass(feed.millis() / 4),
             6 | 7 => self.line_answers(feed),
             8 => self.session.handle(self.at(), Event::Acknowledged(u64::from(feed.byte()))),
             _ => {
