@@ -7,8 +7,8 @@ use std::panic::catch_unwind;
 use std::path::{Path, PathBuf};
 
 /// Most files that the corpus of one target has, and most of their bytes together: it is kept small by hand.
-const FILES_MAX: usize = 80;
-const BYTES_MAX: usize = 250_000;
+const FILES_MAX: usize = 60;
+const BYTES_MAX: usize = 200_000;
 
 fn fuzz() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz")
