@@ -5,6 +5,7 @@
 //! | `scenarios/` | one file per promise: what must happen, told with real frames or a whole gateway |
 //! | `properties/` | what must hold for any input: random bytes, random lists of events, kept seeds |
 //! | `support/` | what several of them need: rigs, transcripts, reference models |
+//! | `../fuzz/src/` | what the fuzzer and these tests play its corpus through |
 //! | `golden/`, `data/` | texts and tables that tests compare with; no code |
 //!
 //! Tests that start the real program have a binary of their own. A file is added by a `mod` line here.
@@ -27,6 +28,10 @@ mod assembler;
 mod connection;
 #[path = "properties/control.rs"]
 mod control;
+#[path = "properties/corpus.rs"]
+mod corpus;
+#[path = "../fuzz/src/lib.rs"]
+mod fuzz_targets;
 #[path = "properties/line_core.rs"]
 mod line_core;
 

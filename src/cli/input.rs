@@ -170,4 +170,25 @@ mod tests {
         assert!(!drawn.contains("hunter") && !drawn.contains("user") && !drawn.contains("ünter"), "{drawn}");
         assert!(drawn.contains("@host") && drawn.contains("/run/pw"));
     }
+
+    #[test]
+    fn the_problems_of_any_text_can_be_drawn() {
+        let catalog = catalog().ok().unwrap();
+        let problems_of = |folder, text: &str| match folder {
+            "config" => config::load(text, &catalog).err().unwrap_or_default(),
+            _ => crate::profile::check::model(text).err().unwrap_or_default(),
+        };
+        let mut drawn = 0;
+        for folder in ["config", "model"] {
+            let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus").join(folder);
+            for entry in std::fs::read_dir(corpus).unwrap() {
+                let path = entry.unwrap().path();
+                let Ok(text) = read(&path) else { continue };
+                let problems = problems_of(folder, &text);
+                assert!(draw(&path, &text, &problems).contains(&format!("{} problem", problems.len())));
+                drawn += problems.len();
+            }
+        }
+        assert!(drawn > 100, "{drawn} problems");
+    }
 }

@@ -13,6 +13,8 @@ use crate::line::station::Missing;
 
 impl LineCore {
     pub(super) fn on_port_up(&mut self, now: MonoTime, kind: PortKind) {
+        // What was on the wire is lost, whether or not anybody has told that the port was gone.
+        self.on_port_down(now, LineFault::Gone);
         // A line that was mute is so until something is heard: that its port can be opened says nothing.
         self.health.trouble = self.health.is_mute.then_some(LineFault::Mute);
         self.state = if self.health.is_mute { LineState::Down } else { LineState::Up };

@@ -4,9 +4,11 @@ use crate::support::{MQTT, Rig, RigOptions, STOP, control, plc, run, setpoint};
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Go, Order, Outcome, Owner, Reason, RegisterWrite, Rights, RunIntent};
 use vfd_gateway::domain::command::{Manner, Origin};
+use vfd_gateway::domain::link::PortKind;
 use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
+use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::view::RunState;
-use vfd_gateway::gateway::Note;
+use vfd_gateway::gateway::{Input, Note};
 
 use Direction::{Forward, Reverse};
 
@@ -40,6 +42,22 @@ fn who_lives_keeps_control() {
     rig.commanded(MQTT, run(Forward, Some(3000)));
     rig.live(Duration::from_secs(30));
     assert_eq!((rig.output(1), rig.view(0).run_state), (3000, RunState::Forward));
+    assert_eq!(rig.written(RUN), [1]);
+}
+
+/// Whoever reopens a port without having told that it was gone has lost what was on the wire all the same.
+#[test]
+fn a_port_that_opens_anew_never_repeats_a_run_order() {
+    let mut rig = rig();
+    rig.commanded(MQTT, setpoint(3000));
+    let ticket = rig.command(MQTT, 0, run(Forward, None));
+    while rig.written(RUN).is_empty() {
+        assert!(rig.step(MonoTime::NEVER), "RUN is not sent");
+    }
+    rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+    rig.settle();
+    assert_eq!(rig.outcome_of(ticket), (Outcome::Unknown, Reason::NoReply));
+    rig.pass(Duration::from_secs(2));
     assert_eq!(rig.written(RUN), [1]);
 }
 

@@ -5,6 +5,7 @@ use super::setup;
 use crate::daemon::local::LocalSide;
 use crate::daemon::shared::SharedDrive;
 use crate::domain::command::{Go, Outcome, Reason, Report};
+use crate::north::setup_body::{EXAMPLE, addresses};
 use axum::Router;
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Path, State};
@@ -16,8 +17,6 @@ use std::sync::Arc;
 
 /// Longest body in bytes: addresses of some registers.
 const BODY_BYTES_MAX: usize = 4096;
-/// What a body looks like, for people.
-const EXAMPLE: &str = r#"{"addresses": [529, 530]}"#;
 
 /// The routes of the tools.
 pub(super) fn router(side: Arc<LocalSide>) -> Router {
@@ -63,15 +62,6 @@ fn find<'s>(side: &'s LocalSide, name: &str) -> Option<&'s SharedDrive> {
     side.shared().drives.iter().find(|drive| drive.description.name.as_str() == name)
 }
 
-/// The addresses that `body` names; nothing unless it is an object with them and nothing else.
-fn addresses(body: &[u8]) -> Option<Vec<u16>> {
-    let Value::Object(object) = serde_json::from_slice(body).ok()? else { return None };
-    let list = object.get("addresses").filter(|_| object.len() == 1)?.as_array()?;
-    let is_bounded = (1..=Go::REGISTERS_MAX).contains(&list.len());
-    let address = |value: &Value| u16::try_from(value.as_u64()?).ok();
-    is_bounded.then(|| list.iter().map(address).collect())?
-}
-
 fn unknown(side: &LocalSide, name: &str) -> Response {
     let mut answer = refusal(name, Reason::UnknownDrive);
     answer["drives"] = side.shared().drives.iter().map(|drive| drive.description.name.as_str()).collect();
@@ -84,28 +74,4 @@ fn too_many(name: &str) -> Response {
 
 fn refusal(name: &str, reason: Reason) -> Value {
     setup::outcome(name, Report::new(Outcome::Refused, reason), Vec::new())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_body_names_addresses_and_nothing_else() {
-        assert_eq!(addresses(EXAMPLE.as_bytes()), Some(vec![529, 530]));
-        let many = format!(r#"{{"addresses": [{}1]}}"#, "1,".repeat(Go::REGISTERS_MAX));
-        for wrong in [
-            "",
-            "[529]",
-            r#"{"addresses": []}"#,
-            r#"{"addresses": [65536]}"#,
-            r#"{"addresses": [-1]}"#,
-            r#"{"addresses": ["529"]}"#,
-            r#"{"addresses": 529}"#,
-            r#"{"addresses": [529], "values": [3]}"#,
-            &many,
-        ] {
-            assert_eq!(addresses(wrong.as_bytes()), None, "{wrong}");
-        }
-    }
 }

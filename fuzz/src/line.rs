@@ -1,0 +1,351 @@
+//! A line: bytes, time, clients, commanders and its port in any order. Each request ends once and in time, one exchange
+//! is open at a time and none begins too early, and no motor is started that nobody ordered to run.
+//!
+//! Input: flags (1 ASCII, 2 with control), the model, then events.
+
+use super::feed::Feed;
+use super::plant;
+use std::collections::{BTreeSet, HashSet};
+use std::net::{IpAddr, Ipv4Addr};
+use std::sync::Arc;
+use std::time::Duration;
+use vfd_gateway::domain::command::{
+    CommandRequest, Direction, Go, Manner, Order, Origin, Owner, RegisterWrite, Rights,
+};
+use vfd_gateway::domain::frequency::Hertz;
+use vfd_gateway::domain::ids::{AskerId, DriveIndex, Station, Ticket};
+use vfd_gateway::domain::link::{EchoPolicy, Framing, LinkSettings, PortKind};
+use vfd_gateway::domain::native::{NativeAsk, NativeRequest};
+use vfd_gateway::domain::report::{LineFault, LineState};
+use vfd_gateway::domain::time::MonoTime;
+use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup};
+use vfd_gateway::line::timeouts::ReplyTimeouts;
+use vfd_gateway::line::timing::Timing;
+use vfd_gateway::profile::model::{Model, Role};
+use vfd_gateway::wire::framing;
+use vfd_gateway::wire::pdu::{self, Request, function};
+
+const DRIVES: u8 = 2;
+const PATIENCE: Duration = Duration::from_secs(2);
+/// By then every command has its last word: a stop for a drive that does not answer is the last.
+const ALL_HAS_ENDED: Duration = Duration::from_secs(700);
+/// How often it is looked whether all has ended.
+const LOOK: Duration = Duration::from_secs(10);
+/// More than all that can end at once.
+const EFFECTS_MAX: usize = 4_000;
+
+pub fn run(bytes: &[u8]) {
+    let mut feed = Feed::new(bytes);
+    let flags = feed.byte();
+    let framing = if flags & 1 == 0 { Framing::Rtu } else { Framing::Ascii };
+    let model = Arc::new(plant::model(feed.byte()).on(framing));
+    let mut watch = Watch::new(framing, &model, flags & 2 != 0);
+    watch.input(Input::PortUp(PortKind::Serial));
+    watch.decide();
+    while !feed.is_empty() {
+        watch.event(&mut feed);
+        watch.decide();
+    }
+    watch.end();
+}
+
+/// What an observer knows of the line.
+struct Watch {
+    core: LineCore,
+    framing: Framing,
+    model: Arc<Model>,
+    silence: Duration,
+    link: LinkSettings,
+    now: MonoTime,
+    /// Reads without an answer, with who asked.
+    reads: HashSet<(Ticket, AskerId)>,
+    /// Writes without an answer: they are commands, and a stop ends by its effect.
+    writes: HashSet<(Ticket, AskerId)>,
+    /// Commands without their last word.
+    commands: BTreeSet<Ticket>,
+    tickets: u64,
+    last_frame: Vec<u8>,
+    /// Nothing may be sent before this moment and the silence after it.
+    quiet_since: MonoTime,
+    /// How often RUN may still be sent.
+    runs_ordered: usize,
+}
+
+impl Watch {
+    fn new(framing: Framing, model: &Arc<Model>, has_control: bool) -> Self {
+        let control = has_control.then(|| Arc::new(plant::control()));
+        let drives = (1..=DRIVES).map(|station| DriveSetup {
+            station: Station(station),
+            model: Arc::clone(model),
+            poll: Duration::from_millis(300),
+            timeouts: ReplyTimeouts::fixed(Duration::from_millis(200)),
+            max_lateness: Duration::from_millis(500),
+            control: control.clone(),
+        });
+        let link = LinkSettings::DEFAULT;
+        let timing = Timing::for_models(framing, link, [model.as_ref()], Duration::ZERO);
+        let setup = LineSetup {
+            timing,
+            drives: drives.collect(),
+            echo: EchoPolicy::Strip,
+            tells_traffic: true,
+            first_epoch: 1,
+        };
+        let now = MonoTime::from_millis(1);
+        Self {
+            core: LineCore::new(setup, now),
+            framing,
+            model: Arc::clone(model),
+            silence: timing.silence,
+            link,
+            now,
+            reads: HashSet::new(),
+            writes: HashSet::new(),
+            commands: BTreeSet::new(),
+            tickets: 0,
+            last_frame: Vec::new(),
+            quiet_since: MonoTime::ZERO,
+            runs_ordered: 0,
+        }
+    }
+
+    fn event(&mut self, feed: &mut Feed<'_>) {
+        match feed.byte() % 16 {
+            0 => self.pass(feed.millis()),
+            1 => self.pass(Duration::from_micros(feed.word().into())),
+            2 => self.bytes(feed.piece()),
+            3..=5 => self.reply(feed),
+            6 | 7 => self.native(feed),
+            8..=11 => self.command(feed),
+            12 => self.input(Input::PathAlive(Owner::Mqtt)),
+            13 => match feed.byte() % 4 {
+                0 => self.input(Input::PathOpened(Owner::Mqtt)),
+                1 => self.input(Input::Shutdown),
+                asker => {
+                    let asker = AskerId(asker.into());
+                    self.input(Input::AskerGone(asker));
+                    self.reads.retain(|(_, of)| *of != asker);
+                }
+            },
+            14 => self.port(feed.byte()),
+            _ => {
+                let wake = self.core.next_wake().map_or(self.now, |wake| wake.at);
+                self.pass(wake.since(self.now).min(Duration::from_secs(3600)));
+            }
+        }
+    }
+
+    fn input(&mut self, input: Input<'_>) {
+        self.core.handle(self.now, input);
+    }
+
+    fn port(&mut self, what: u8) {
+        let fault = [LineFault::Gone, LineFault::Failed, LineFault::Stuck].get(usize::from(what % 8)).copied();
+        self.input(fault.map_or(Input::PortUp(PortKind::Serial), Input::PortDown));
+        self.quiet_since = self.now;
+    }
+
+    fn bytes(&mut self, bytes: &[u8]) {
+        if !bytes.is_empty() {
+            self.input(Input::Bytes(bytes));
+            self.quiet_since = self.quiet_since.max(self.now);
+        }
+    }
+
+    /// The right reply to the frame that was sent last, an exception, or either damaged.
+    fn reply(&mut self, feed: &mut Feed<'_>) {
+        let Some((station, pdu)) = framing::decode(self.framing, &self.last_frame) else { return };
+        let (how, word) = (feed.byte(), feed.word());
+        let mut reply = Vec::new();
+        framing::encode(self.framing, &mut reply, station, |out| match Request::decode(&pdu) {
+            _ if how & 3 == 3 => out.extend([pdu[0] | function::EXCEPTION_BIT, how >> 4]),
+            Some(Request::ReadHolding { count, .. }) => pdu::encode_words_reply(out, &vec![word; count.into()]),
+            _ => out.extend_from_slice(&pdu[..pdu.len().min(5)]),
+        });
+        if how & 4 != 0 {
+            let at = usize::from(word) % reply.len();
+            reply[at] ^= 0x10;
+        }
+        // Whatever is said, it is not said while we speak.
+        self.pass(self.quiet_since.since(self.now));
+        self.bytes(&reply);
+    }
+
+    fn native(&mut self, feed: &mut Feed<'_>) {
+        let (kind, asker, drive) = (feed.byte(), AskerId(u64::from(feed.byte() % 4)), feed.byte() % (DRIVES + 1));
+        let address = if kind & 8 == 0 { feed.word() } else { self.role(feed.byte()) };
+        let room = usize::from(u16::MAX - address) + 1;
+        let ask = match kind % 4 {
+            0 | 1 => NativeAsk::Read { address, count: (1 + feed.word() % 125).min(room as u16) },
+            2 => {
+                let mut values = feed.words(122.min(room - 1));
+                values.push(feed.word());
+                NativeAsk::Write { address, values }
+            }
+            _ => NativeAsk::Loop { data: address },
+        };
+        let (ticket, drive, origin) = (self.ticket(), DriveIndex(drive.into()), origin(feed.byte()));
+        if let NativeAsk::Write { values, .. } = &ask {
+            // Each word may be one RUN.
+            self.runs_ordered += values.len();
+            self.writes.insert((ticket, asker));
+        } else {
+            self.reads.insert((ticket, asker));
+        }
+        let deadline = self.now + PATIENCE;
+        self.input(Input::Native(NativeRequest { asker, ticket, drive, origin, ask, deadline }));
+    }
+
+    /// The register of one of the roles by which a drive is commanded.
+    fn role(&self, which: u8) -> u16 {
+        let role = if which & 1 == 0 { Role::RunCommand } else { Role::FrequencyCommand };
+        self.model.register_for(role).map_or(0, |register| register.address)
+    }
+
+    fn command(&mut self, feed: &mut Feed<'_>) {
+        let (drive, who) = (feed.byte() % DRIVES, feed.byte());
+        let Some(order) = self.order(feed) else { return };
+        self.runs_ordered += usize::from(matches!(&order, Order::Go(go) if go.run().is_some()));
+        let ticket = self.ticket();
+        self.commands.insert(ticket);
+        self.input(Input::Command(CommandRequest {
+            asker: AskerId(u64::from(who % 4)),
+            ticket,
+            drive: DriveIndex(drive.into()),
+            origin: origin(who),
+            order,
+            start_before: self.now + Duration::from_secs(1),
+            issued: (who & 64 != 0).then_some(self.now),
+            epoch: (who & 128 != 0).then_some(u64::from(who % 8)),
+        }));
+    }
+
+    fn order(&self, feed: &mut Feed<'_>) -> Option<Order> {
+        let kind = feed.byte();
+        let frequency = (kind & 16 != 0).then(|| Hertz::from_centihertz(feed.word()));
+        Some(match kind % 16 {
+            0 | 1 => Order::Stop { setpoint: frequency },
+            2 => Order::Coast,
+            3 => Order::Reset,
+            4 => Order::Release,
+            5 => Order::Renew,
+            6 => Order::Setup(self.model.setup.iter().filter_map(|item| item.address).take(16).collect()),
+            rest => {
+                let direction = if kind & 32 == 0 { Direction::Forward } else { Direction::Reverse };
+                let writes = feed.words(if rest < 9 { 17 } else { 0 });
+                let writes = writes.into_iter().map(|address| RegisterWrite { address, value: 1 });
+                return Go::new(writes.collect(), frequency, (rest > 7).then_some(direction)).map(Order::Go);
+            }
+        })
+    }
+
+    fn ticket(&mut self) -> Ticket {
+        self.tickets += 1;
+        Ticket(self.tickets)
+    }
+
+    /// Lets time pass from wake-up to wake-up.
+    fn pass(&mut self, time: Duration) {
+        let until = self.now + time;
+        self.decide();
+        while let Some(wake) = self.core.next_wake().filter(|wake| wake.at <= until) {
+            assert!(wake.at > self.now, "woken for ever: {wake:?} at {:?}", self.now);
+            self.now = wake.at;
+            self.decide();
+        }
+        self.now = until;
+        self.decide();
+    }
+
+    fn decide(&mut self) {
+        self.input(Input::Time);
+        let (mut effects, mut frames) = (0, 0);
+        while let Some(effect) = self.core.next_effect() {
+            effects += 1;
+            assert!(effects < EFFECTS_MAX, "no end of effects");
+            match effect {
+                Effect::Transmit(frame) => {
+                    frames += 1;
+                    self.sent(frame);
+                }
+                Effect::Answer(answer) => {
+                    let of = (answer.ticket, answer.asker);
+                    assert!(self.reads.remove(&of) || self.writes.remove(&of), "twice or to nobody: {answer:?}");
+                }
+                Effect::Command(answer) => {
+                    assert!(self.commands.contains(&answer.ticket), "a word after the last: {answer:?}");
+                    if answer.is_final {
+                        self.commands.remove(&answer.ticket);
+                    }
+                }
+                Effect::Trip(..)
+                | Effect::Note(..)
+                | Effect::LineNote(_)
+                | Effect::Presence(..)
+                | Effect::Reopen(_)
+                | Effect::Traffic(_) => {}
+            }
+        }
+        assert!(frames <= 1, "{frames} exchanges at once");
+    }
+
+    /// Everything that was asked and commanded ends.
+    fn end(&mut self) {
+        self.pass(PATIENCE);
+        assert!(self.reads.is_empty(), "without an answer: {:?}", self.reads);
+        let until = self.now + ALL_HAS_ENDED;
+        while self.now < until && !(self.commands.is_empty() && self.writes.is_empty()) {
+            self.pass(LOOK);
+        }
+        assert!(self.commands.is_empty(), "without a last word: {:?}", self.commands);
+        assert!(self.writes.is_empty(), "without an answer: {:?}", self.writes);
+    }
+
+    fn sent(&mut self, frame: Vec<u8>) {
+        let quiet_for = self.now.since(self.quiet_since);
+        let (station, pdu) = framing::decode(self.framing, &frame).expect("only sound frames are sent");
+        let is_jammed = self.core.report().fault == Some(LineFault::Jammed);
+        // On a jammed line a stop goes over whoever talks, and nothing else does.
+        if is_jammed && self.core.report().state == LineState::Down {
+            assert_ne!(pdu[0], function::READ_HOLDING, "{frame:02X?} on a jammed line");
+        } else {
+            assert!(self.now >= self.quiet_since && quiet_for >= self.silence, "{frame:02X?} after {quiet_for:?}");
+        }
+        assert!(self.core.is_occupied(), "sent, and the wire is free");
+        let to_all = self.model.link.broadcast.as_ref().map(|broadcast| broadcast.station.value);
+        assert!((1..=DRIVES).contains(&station) || to_all == Some(station), "station {station}");
+        self.check_run(&pdu);
+        self.quiet_since = self.now + self.link.bytes(frame.len());
+        self.last_frame = frame;
+    }
+
+    /// No RUN goes out more often than it was ordered.
+    fn check_run(&mut self, pdu: &[u8]) {
+        let (Some(run), Some(register)) = (&self.model.run, self.model.register_for(Role::RunCommand)) else { return };
+        let (address, values) = match Request::decode(pdu) {
+            Some(Request::WriteSingle { address, value }) => (address, vec![value]),
+            Some(Request::WriteMultiple { address, values }) => (address, values),
+            _ => return,
+        };
+        let offset = register.address.checked_sub(address).map(usize::from);
+        let Some(word) = offset.and_then(|offset| values.get(offset)) else { return };
+        let runs = [Some(&run.forward), run.reverse.as_ref()];
+        if runs.iter().flatten().any(|fact| fact.value == *word) {
+            assert!(self.runs_ordered > 0, "nobody ordered {pdu:02X?}");
+            self.runs_ordered -= 1;
+        }
+    }
+}
+
+fn origin(who: u8) -> Origin {
+    let rights = Rights { write: who & 4 == 0, stop: who & 8 == 0 };
+    match who >> 4 & 3 {
+        0 => Origin { owner: Owner::Mqtt, rights, manner: Manner::Once },
+        1 => Origin { owner: Owner::Local, rights, manner: Manner::Once },
+        last => Origin {
+            owner: Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::new(10, 0, 0, last))),
+            rights,
+            manner: Manner::Cyclic,
+        },
+    }
+}

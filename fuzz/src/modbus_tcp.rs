@@ -1,0 +1,316 @@
+//! A Modbus TCP client: any bytes in any chunks, with drives behind it that answer anything at any time.
+//!
+//! Input: the model, the words of the drive's picture, then events.
+
+use super::feed::{Feed, chunks};
+use super::plant;
+use std::sync::Arc;
+use std::time::Duration;
+use vfd_gateway::domain::command::{CommandAnswer, Order, Outcome, Owner, Reason, Report};
+use vfd_gateway::domain::ids::{AskerId, DriveIndex, Ticket};
+use vfd_gateway::domain::native::{NativeOutcome, Refusal};
+use vfd_gateway::domain::report::LineReport;
+use vfd_gateway::domain::time::MonoTime;
+use vfd_gateway::drive::description::DriveDescription;
+use vfd_gateway::drive::snapshot::Presence;
+use vfd_gateway::drive::view::{DriveView, RunState};
+use vfd_gateway::north::modbus::own::{self, Gateway};
+use vfd_gateway::north::modbus::{
+    Answer, Ask, Call, Commands, Connection, Ended, Limits, Ordered, Present, ReadBehind, Taken, Uniform, Words, native,
+};
+use vfd_gateway::wire::{exception, mbap};
+
+const NATIVE: u8 = 1;
+const UNIFORM: u8 = 101;
+const UNITS: [u8; 6] = [NATIVE, UNIFORM, UNIFORM, own::UNIT, own::BROADCAST, 9];
+/// Nothing makes the output longer: what closes the connection, one piece of requests that are refused at once, and a
+/// full answer for each place and each unit.
+const OUTPUT_MAX: usize = Connection::OUTPUT_MAX + 2 * Feed::PIECE_MAX + (16 + 256) * mbap::MAX_ADU_BYTES;
+
+pub fn run(bytes: &[u8]) {
+    let mut feed = Feed::new(bytes);
+    let drive = plant::drive(&plant::model(feed.byte()), 0, "pump", feed.flag());
+    let mut client = Client::new(drive, &mut feed);
+    while !feed.is_empty() && client.connection.close_reason().is_none() {
+        client.event(&mut feed);
+    }
+    client.end();
+}
+
+/// The units behind the connection.
+struct Units {
+    drive: DriveDescription,
+    uniform: Uniform,
+    view: Arc<DriveView>,
+}
+
+impl Units {
+    fn new(drive: DriveDescription, feed: &mut Feed<'_>) -> Self {
+        let mut view = DriveView { line_is_up: true, run_state: RunState::Forward, ..DriveView::default() };
+        view.snapshot.presence = Presence::Online;
+        let words = feed.words(32);
+        let addresses = drive.model.registers.iter().filter(|it| it.poll.is_some()).map(|it| it.address);
+        addresses.zip(words).for_each(|(address, word)| view.snapshot.take(address, &[word], MonoTime::ZERO));
+        view.control = drive.control.is_some().then_some(plant::IDLE);
+        Self { uniform: Uniform::new(&drive), drive, view: Arc::new(view) }
+    }
+
+    fn is_stop(&self, unit: u8, ask: &Ask) -> bool {
+        match unit {
+            NATIVE => native::is_stop(&self.drive.model, ask),
+            UNIFORM => self.uniform.is_stop(ask, &self.view),
+            own::UNIT | own::BROADCAST => own::is_stop(unit, ask),
+            _ => false,
+        }
+    }
+}
+
+impl Gateway for Units {
+    fn lines(&self) -> usize {
+        2
+    }
+
+    fn line(&self, place: usize) -> Option<LineReport> {
+        (place == 0).then(LineReport::default)
+    }
+
+    fn drives(&self) -> usize {
+        2
+    }
+
+    fn drive(&self, place: usize) -> Option<(&Uniform, Arc<DriveView>)> {
+        (place == 0).then(|| (&self.uniform, Arc::clone(&self.view)))
+    }
+}
+
+/// What an observer of the socket knows.
+#[derive(Default)]
+struct Observer {
+    /// Sent, and not a whole message yet.
+    sent: Vec<u8>,
+    is_broken: bool,
+    /// Requests without an answer: transaction, unit, function.
+    open: Vec<(u16, u8, u8)>,
+    /// Received, and not a whole message yet.
+    received: Vec<u8>,
+}
+
+/// Transaction, unit and PDU of the message that `stream` begins with, which is taken out of it. An error: no message
+/// can follow.
+fn cut(stream: &mut Vec<u8>) -> Result<Option<(u16, u8, Vec<u8>)>, ()> {
+    if stream.len() >= 4 && stream[2..4] != [0, 0] {
+        return Err(());
+    }
+    if stream.len() < 6 {
+        return Ok(None);
+    }
+    let length = usize::from(stream[4]) << 8 | usize::from(stream[5]);
+    if !(2..=254).contains(&length) {
+        return Err(());
+    }
+    if stream.len() < 6 + length {
+        return Ok(None);
+    }
+    let message: Vec<u8> = stream.drain(..6 + length).collect();
+    Ok(Some((u16::from_be_bytes([message[0], message[1]]), message[6], message[7..].to_vec())))
+}
+
+impl Observer {
+    fn sends(&mut self, bytes: &[u8]) {
+        self.sent.extend_from_slice(bytes);
+        while !self.is_broken {
+            match cut(&mut self.sent) {
+                Ok(Some((transaction, unit, pdu))) => self.open.push((transaction, unit, pdu[0])),
+                Ok(None) => return,
+                Err(()) => self.is_broken = true,
+            }
+        }
+    }
+
+    fn receives(&mut self, bytes: &[u8]) {
+        self.received.extend_from_slice(bytes);
+        while let Some((transaction, unit, pdu)) = cut(&mut self.received).expect("only sound messages go out") {
+            let is_it = |it: &(u16, u8, u8)| (it.0, it.1, it.2 | 0x80) == (transaction, unit, pdu[0] | 0x80);
+            // The oldest: equal ones cannot be told apart.
+            let place = self.open.iter().position(is_it);
+            self.open.remove(place.unwrap_or_else(|| panic!("nobody asked for {transaction} {unit} {pdu:02X?}")));
+        }
+    }
+}
+
+struct Client {
+    connection: Connection,
+    observer: Observer,
+    units: Units,
+    commands: Commands,
+    /// Calls of the native unit that the drive has not answered.
+    native: Vec<Call>,
+    /// Orders that the drive has not answered.
+    orders: Vec<Ticket>,
+    now: MonoTime,
+    transaction: u16,
+}
+
+impl Client {
+    fn new(drive: DriveDescription, feed: &mut Feed<'_>) -> Self {
+        let now = MonoTime::from_millis(1_000);
+        Self {
+            connection: Connection::new(Limits::default(), now),
+            observer: Observer::default(),
+            units: Units::new(drive, feed),
+            commands: Commands::default(),
+            native: Vec::new(),
+            orders: Vec::new(),
+            now,
+            transaction: 0,
+        }
+    }
+
+    fn event(&mut self, feed: &mut Feed<'_>) {
+        match feed.byte() % 9 {
+            0 => self.send(feed.piece(), None),
+            1..=3 => self.request(feed),
+            4 => self.drive_answers(feed),
+            5 => self.order_ends(feed),
+            6 => self.read(usize::from(feed.word())),
+            7 => self.pass(feed.millis()),
+            _ => {
+                let piece = feed.piece();
+                self.send(&piece.repeat(Feed::PIECE_MAX / piece.len().max(1)), None);
+            }
+        }
+        assert!(self.connection.output().len() <= OUTPUT_MAX, "{} bytes wait", self.connection.output().len());
+    }
+
+    /// A whole message, in chunks.
+    fn request(&mut self, feed: &mut Feed<'_>) {
+        let (unit, seed, pdu) = (feed.one_of(&UNITS), feed.byte(), feed.piece());
+        let mut message = Vec::new();
+        self.transaction = self.transaction.wrapping_add(1);
+        mbap::encode(&mut message, self.transaction, unit, |out| {
+            out.extend_from_slice(if pdu.is_empty() { &[0] } else { &pdu[..pdu.len().min(253)] });
+        });
+        self.send(&message, Some(seed));
+    }
+
+    fn send(&mut self, bytes: &[u8], seed: Option<u8>) {
+        let pieces: Vec<&[u8]> = seed.map_or_else(|| vec![bytes], |seed| chunks(bytes, seed).collect());
+        for piece in pieces {
+            let units = &self.units;
+            self.connection.receive(self.now, piece, &|unit, ask| units.is_stop(unit, ask));
+            self.observer.sends(piece);
+            while let Some(call) = self.connection.next_call() {
+                self.serve(call);
+            }
+            if self.connection.close_reason().is_some() {
+                return;
+            }
+            assert!(!self.observer.is_broken, "what is no Modbus TCP was taken");
+        }
+    }
+
+    fn serve(&mut self, call: Call) {
+        let mut words = Words::default();
+        let owner = Owner::Mqtt;
+        let present = Present { now: self.now, uptime_s: 7, owner };
+        let is_stop = self.units.is_stop(call.unit, &call.ask);
+        let taken = match call.unit {
+            NATIVE => match native::ask_of(call.ask.clone()) {
+                Ok(_) => return self.native.push(call),
+                Err(code) => Taken::Exception(code),
+            },
+            UNIFORM => self.units.uniform.take(&call.ask, &self.units.view, &present, &mut words),
+            own::UNIT | own::BROADCAST => own::take(call.unit, &call.ask, &self.units, &present, &mut words),
+            _ => Taken::Exception(exception::GATEWAY_PATH_UNAVAILABLE),
+        };
+        let (now, connection) = (self.now, &mut self.connection);
+        let ordered = taken.at_once(&words, |answer| connection.answer(now, call.ticket, answer));
+        assert!(call.ask.writes() || ordered.is_ok(), "a read orders: {:?}", call.ask);
+        let stops = matches!(&ordered, Err(Ordered::StopAll | Ordered::One(Order::Stop { .. } | Order::Coast)));
+        assert!(is_stop || !stops, "a stop that finds no place: {:?}", call.ask);
+        if ordered.is_err() {
+            let order = connection.fresh_ticket();
+            self.orders.push(order);
+            self.commands.expect(now, call.ticket, call.deadline, vec![order], None, read_behind(&call));
+        }
+    }
+
+    /// Answers with or without sense.
+    fn drive_answers(&mut self, feed: &mut Feed<'_>) {
+        let (kind, place) = (feed.byte(), usize::from(feed.byte()));
+        if self.native.is_empty() {
+            return;
+        }
+        let call = self.native.remove(place % self.native.len());
+        let outcome = match kind % 8 {
+            0 => NativeOutcome::Words(feed.words(130).into()),
+            1 => NativeOutcome::Written,
+            2 => NativeOutcome::KeptOldValue(feed.word()),
+            3 => NativeOutcome::DriveException(feed.byte()),
+            4 => NativeOutcome::Refused(Refusal::LineDown),
+            5 => NativeOutcome::NoReply,
+            6 => NativeOutcome::Superseded,
+            _ => {
+                let count = if let Ask::ReadWords { count, .. } = call.ask { count } else { 1 };
+                NativeOutcome::Words(vec![feed.word(); count.into()].into())
+            }
+        };
+        self.connection.answer(self.now, call.ticket, native::answer_of(&outcome));
+    }
+
+    fn order_ends(&mut self, feed: &mut Feed<'_>) {
+        const OUTCOMES: [Outcome; 4] = [Outcome::Acknowledged, Outcome::Confirmed, Outcome::Failed, Outcome::Refused];
+        let (outcome, place, is_final) = (feed.one_of(&OUTCOMES), usize::from(feed.byte()), feed.flag());
+        if self.orders.is_empty() {
+            return;
+        }
+        let ticket = self.orders.remove(place % self.orders.len());
+        let report = Report { exception: Some(feed.byte()), ..Report::new(outcome, Reason::NoReply) };
+        let answer = CommandAnswer { asker: AskerId(1), ticket, drive: DriveIndex(0), report, is_final };
+        let Some(Ended { call, exception, read }) = self.commands.take(&answer) else { return };
+        let Some(read) = read else {
+            return self.connection.answer(self.now, call, exception.map_or(Answer::Written, Answer::Exception));
+        };
+        let (mut words, present) = (Words::default(), Present { now: self.now, uptime_s: 7, owner: Owner::Mqtt });
+        let taken = self.units.uniform.read(read.address, read.count, &self.units.view, &present, &mut words);
+        let (now, connection) = (self.now, &mut self.connection);
+        taken.at_once(&words, |answer| connection.answer(now, call, answer)).expect("a read orders nothing");
+    }
+
+    /// The client reads at most so many bytes of its answers.
+    fn read(&mut self, bytes: usize) {
+        let bytes = bytes.min(self.connection.output().len());
+        self.observer.receives(&self.connection.output()[..bytes]);
+        self.connection.wrote(bytes);
+    }
+
+    fn pass(&mut self, time: Duration) {
+        let until = self.now + time;
+        while let Some(wake) = self.connection.next_wake().filter(|wake| *wake <= until) {
+            self.now = self.now.max(wake);
+            self.connection.tick(self.now);
+            assert!(self.connection.next_wake().is_none_or(|next| next > self.now), "woken for ever");
+        }
+        self.now = until;
+    }
+
+    /// Everything that was asked is answered in time, unless the connection was closed.
+    fn end(&mut self) {
+        self.read(usize::MAX);
+        if self.connection.close_reason().is_none() {
+            self.pass(Limits::default().answer_within);
+            self.read(usize::MAX);
+            assert!(self.observer.open.is_empty(), "without an answer: {:?}", self.observer.open);
+        }
+        assert!(self.observer.received.is_empty(), "half an answer: {:02X?}", self.observer.received);
+    }
+}
+
+fn read_behind(call: &Call) -> Option<ReadBehind> {
+    match call.ask {
+        Ask::ReadWriteWords { read_address, read_count, .. } => {
+            Some(ReadBehind { unit: call.unit, address: read_address, count: read_count })
+        }
+        _ => None,
+    }
+}

@@ -1,0 +1,73 @@
+//! A model file: any text gives a model that everything here can work with, or problems that can be shown.
+
+use super::{plant, text};
+use std::sync::Arc;
+use std::time::Duration;
+use vfd_gateway::domain::link::{Framing, LinkSettings};
+use vfd_gateway::domain::time::MonoTime;
+use vfd_gateway::drive::plan::{PlaceOnLine, PollPlan};
+use vfd_gateway::line::timeouts::ReplyTimeouts;
+use vfd_gateway::line::timing::Timing;
+use vfd_gateway::north::modbus::Uniform;
+use vfd_gateway::profile::check;
+use vfd_gateway::profile::model::Model;
+use vfd_gateway::profile::scale::{Scaled, to_raw};
+use vfd_gateway::profile::summary::summary;
+use vfd_gateway::sim::{DriveOptions, SimDrive};
+use vfd_gateway::wire::pdu::{MAX_PDU_BYTES, Request};
+
+pub fn run(bytes: &[u8]) {
+    let Some(text) = text::of(bytes) else { return };
+    match check::model(text) {
+        Err(problems) => text::check_file(text, &problems),
+        Ok(model) => {
+            assert!(summary(&model).ends_with('\n'));
+            for framing in &model.link.framings.value {
+                work_with(&Arc::new(model.on(*framing)), *framing);
+            }
+        }
+    }
+}
+
+fn work_with(model: &Arc<Model>, framing: Framing) {
+    assert!((1..=125).contains(&model.read.max_words.value), "{:?}", model.read.max_words);
+    let _ = Uniform::new(&plant::drive(model, 0, "pump", true));
+    let _ = PollPlan::new(model, Duration::from_secs(1), MonoTime::ZERO, PlaceOnLine::ALONE);
+    let timing = Timing::for_models(framing, LinkSettings::DEFAULT, [model.as_ref()], Duration::ZERO);
+    let timeouts = ReplyTimeouts::auto(&model.timing);
+    assert!(timing.silence < Duration::from_secs(60) && !timeouts.read.is_zero(), "{timing:?} {timeouts:?}");
+    values_survive(model);
+    a_drive_answers(model);
+}
+
+/// Each word that a register may hold is the same word after it was shown.
+fn values_survive(model: &Model) {
+    for register in &model.registers {
+        for word in [1, 0x7FFF, 0x8000] {
+            let value = Scaled::from_word(word, register);
+            assert!(!value.to_string().is_empty());
+            assert_eq!(to_raw(value.value(), register), Ok(word), "{}", register.name);
+        }
+    }
+}
+
+/// A simulated drive takes every request to its registers, of which many are alike.
+fn a_drive_answers(model: &Arc<Model>) {
+    let mut drive = SimDrive::new(Arc::clone(model), DriveOptions::default());
+    let mut now = MonoTime::from_millis(100_000);
+    let every = 1 + model.registers.len() / 16;
+    for address in model.registers.iter().step_by(every).map(|register| register.address) {
+        let requests = [
+            Request::ReadHolding { address, count: 1 },
+            Request::WriteSingle { address, value: 1 },
+            Request::WriteMultiple { address, values: vec![1, 0] },
+        ];
+        for request in requests {
+            let (mut pdu, mut reply) = (Vec::new(), Vec::new());
+            request.encode(&mut pdu);
+            now = now + Duration::from_millis(100);
+            let is_answered = drive.answer(now, &pdu, 1, &mut reply);
+            assert!(!is_answered || (2..=MAX_PDU_BYTES).contains(&reply.len()), "{reply:02X?} to {pdu:02X?}");
+        }
+    }
+}

@@ -1,0 +1,262 @@
+//! Messages from a broker: each is taken or refused, a replay never acts, and nothing goes out on a topic that orders.
+//!
+//! Input: flags (1 MQTT 5, 2 explicit leases, 4 a broker that takes little), then events.
+
+use super::feed::Feed;
+use super::plant;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+use vfd_gateway::domain::command::{CommandAnswer, CommandRequest, Order, Outcome, Reason, Report};
+use vfd_gateway::domain::ids::{AskerId, DriveIndex, Ticket};
+use vfd_gateway::domain::native::{NativeAnswer, NativeOutcome};
+use vfd_gateway::domain::report::LineReport;
+use vfd_gateway::domain::time::{MonoTime, WallTime};
+use vfd_gateway::drive::view::DriveView;
+use vfd_gateway::north::mqtt::{
+    Act, Broker, Event, LeaseMode, LineState, Message, Moment, Publication, Session, Settings, Version,
+};
+
+const BASE: &str = "vfd/plant/";
+const RESPONSES: &str = "vfd/answers";
+const TOPICS: [&str; 14] = [
+    "vfd/plant/drive/pump/command",
+    "vfd/plant/drive/pump/run/set",
+    "vfd/plant/drive/pump/frequency/set",
+    "vfd/plant/drive/pump/trip/reset",
+    "vfd/plant/drive/pump/control/release",
+    "vfd/plant/drive/pump/lease",
+    "vfd/plant/drive/pump/param/F007/set",
+    "vfd/plant/drive/pump/param/F007/get",
+    "vfd/plant/drive/fan/run/set",
+    "vfd/plant/drive/pumpe/command",
+    "vfd/plant/all/run/set",
+    "vfd/plant/probe",
+    "home/status",
+    "",
+];
+/// No command waits longer for its first frame.
+const TTL_MAX: Duration = Duration::from_secs(60);
+/// More than all that a session ever has to say at once.
+const ACTS_MAX: usize = 5_000;
+
+pub fn run(bytes: &[u8]) {
+    let mut feed = Feed::new(bytes);
+    let mut rig = Rig::new(feed.byte());
+    rig.connect();
+    while !feed.is_empty() {
+        rig.event(&mut feed);
+    }
+}
+
+fn settings(flags: u8) -> Settings {
+    Settings {
+        prefix: "vfd".into(),
+        gateway: plant::name("plant"),
+        version: if flags & 1 == 0 { Version::V4 } else { Version::V5 },
+        heartbeat: Duration::from_secs(60),
+        lease: if flags & 2 == 0 { LeaseMode::Session } else { LeaseMode::Explicit },
+        alive_topic: Some("home/status".into()),
+        probe_interval: Duration::from_secs(5),
+        probe_timeout: Duration::from_secs(10),
+        command_ttl: Duration::from_secs(1),
+        response_prefix: Some(RESPONSES.into()),
+    }
+}
+
+struct Rig {
+    session: Session,
+    settings: Settings,
+    broker: Broker,
+    views: Vec<Arc<DriveView>>,
+    lines: Vec<LineState>,
+    millis: u64,
+    /// Commands that the line has not ended.
+    commands: BTreeMap<Ticket, CommandRequest>,
+    reads: Vec<Ticket>,
+}
+
+impl Rig {
+    fn new(flags: u8) -> Self {
+        let settings = settings(flags);
+        let model = plant::model(1);
+        let drives = vec![plant::drive(&model, 0, "pump", true), plant::drive(&model, 1, "fan", false)];
+        let views = drives.iter().map(|drive| {
+            let control = drive.control.is_some().then_some(plant::IDLE);
+            Arc::new(DriveView { line_is_up: true, control, ..DriveView::default() })
+        });
+        let lines = vec![LineState { name: plant::name("hall"), report: LineReport::default(), stations: Vec::new() }];
+        Self {
+            views: views.collect(),
+            session: Session::new(settings.clone(), drives, vec![plant::name("hall")], moment(1_000)),
+            settings,
+            broker: Broker { maximum_packet_bytes: (flags & 4 != 0).then_some(400), retains: flags & 8 == 0 },
+            lines,
+            millis: 1_000,
+            commands: BTreeMap::new(),
+            reads: Vec::new(),
+        }
+    }
+
+    fn at(&self) -> Moment {
+        moment(self.millis)
+    }
+
+    fn connect(&mut self) {
+        self.session.handle(self.at(), Event::Connected(self.broker));
+        let acts = self.acts();
+        let filters = acts.iter().find_map(|act| if let Act::Subscribe(it) = act { Some(it.len()) } else { None });
+        if let Some(filters) = filters {
+            self.session.handle(self.at(), Event::Subscribed(vec![true; filters]));
+            self.acts();
+        }
+    }
+
+    fn event(&mut self, feed: &mut Feed<'_>) {
+        match feed.byte() % 10 {
+            0..=4 => self.message(feed),
+            5 => self.pass(feed.millis() / 4),
+            6 | 7 => self.line_answers(feed),
+            8 => self.session.handle(self.at(), Event::Acknowledged(u64::from(feed.byte()))),
+            _ => {
+                self.session.handle(self.at(), Event::Lost);
+                self.acts();
+                if feed.flag() {
+                    self.connect();
+                }
+            }
+        }
+    }
+
+    fn message(&mut self, feed: &mut Feed<'_>) {
+        let (topic, flags) = (feed.one_of(&TOPICS), feed.byte());
+        let own = if topic.is_empty() { String::from_utf8_lossy(feed.piece()).into_owned() } else { String::new() };
+        let response = (flags & 8 != 0).then(|| String::from_utf8_lossy(feed.piece()).into_owned());
+        let message = Message {
+            topic: if topic.is_empty() { &own } else { topic },
+            retain: flags & 1 != 0,
+            duplicate: flags & 2 != 0,
+            expiry: (flags & 4 != 0).then(|| feed.millis()),
+            correlation: (flags & 16 != 0).then(|| feed.piece()),
+            response_topic: response.as_deref(),
+            payload: feed.piece(),
+        };
+        let before = *self.session.counters();
+        self.session.handle(self.at(), Event::Message(message.clone()));
+        let acts = self.acts();
+        let after = *self.session.counters();
+        self.acts_on(&message, &acts);
+        let ends = (after.refused - before.refused) + (after.duplicates - before.duplicates);
+        let taken = acts.iter().filter(|act| matches!(act, Act::Command(..) | Act::Read(..))).count();
+        let is_input = topic.starts_with("vfd/plant/drive/pump/") && !message.payload.is_empty();
+        assert!(!is_input || ends + taken as u64 >= 1, "neither taken nor refused: {message:?}");
+        assert_eq!(after.messages_in, before.messages_in + 1);
+    }
+
+    /// What one message may order.
+    fn acts_on(&self, message: &Message<'_>, acts: &[Act]) {
+        let orders: Vec<_> =
+            acts.iter().filter_map(|act| if let Act::Command(to, it) = act { Some((to, it)) } else { None }).collect();
+        assert!(orders.len() <= 1, "one message, several commands: {message:?}");
+        for (to, request) in orders {
+            assert_eq!((to.line, to.drive), (0, request.drive));
+            let is_stop = matches!(request.order, Order::Stop { .. } | Order::Coast);
+            let is_replay = message.retain && !(is_stop && self.settings.version == Version::V5);
+            assert!(!is_replay, "a replay acts: {message:?} {request:?}");
+            let now = self.at().mono;
+            assert!(request.start_before >= now && request.start_before <= now + TTL_MAX, "{request:?}");
+            assert!(request.issued.is_none_or(|issued| issued <= now), "{request:?}");
+        }
+        let is_read = acts.iter().any(|act| matches!(act, Act::Read(..)));
+        assert!(!(message.retain && is_read), "a replay reads: {message:?}");
+    }
+
+    fn line_answers(&mut self, feed: &mut Feed<'_>) {
+        const OUTCOMES: [Outcome; 5] =
+            [Outcome::Confirmed, Outcome::Acknowledged, Outcome::Unknown, Outcome::Refused, Outcome::Superseded];
+        let (outcome, is_final, place) = (feed.one_of(&OUTCOMES), feed.flag(), usize::from(feed.byte()));
+        let asker = AskerId::MQTT;
+        let ticket =
+            if self.commands.is_empty() { None } else { self.commands.keys().nth(place % self.commands.len()) };
+        if let Some(ticket) = ticket.copied() {
+            let drive = self.commands.get(&ticket).map_or(DriveIndex(0), |it| it.drive);
+            let report = Report { held: Some(feed.word()), ..Report::new(outcome, Reason::NoReply) };
+            self.session.command_answer(self.at(), &CommandAnswer { asker, ticket, drive, report, is_final });
+            if is_final {
+                self.commands.remove(&ticket);
+            }
+        }
+        if let Some(ticket) = self.reads.pop() {
+            let outcome = if feed.flag() { NativeOutcome::Words(feed.words(2).into()) } else { NativeOutcome::NoReply };
+            self.session.native_answer(self.at(), &NativeAnswer { asker, ticket, outcome });
+        }
+        self.acts();
+    }
+
+    fn pass(&mut self, time: Duration) {
+        let until = self.millis + time.as_millis() as u64;
+        while let Some(wake) =
+            self.session.next_wake().map(|wake| wake.as_nanos().div_ceil(1_000_000)).filter(|it| *it <= until)
+        {
+            self.millis = wake.max(self.millis);
+            self.session.tick(self.at());
+            self.acts();
+            assert!(self.session.next_wake().is_none_or(|next| next > self.at().mono), "woken for ever");
+        }
+        self.millis = until;
+        self.acts();
+    }
+
+    /// Everything that is to be done now. Probes come back.
+    fn acts(&mut self) -> Vec<Act> {
+        let mut all = Vec::new();
+        while let Some(act) = self.session.next_act(self.at(), &self.views, &self.lines) {
+            match &act {
+                Act::Publish(it) if it.topic == "vfd/plant/probe" => {
+                    let (topic, payload) = (it.topic.as_str(), it.payload.as_slice());
+                    let back = Message {
+                        topic,
+                        payload,
+                        retain: false,
+                        duplicate: false,
+                        expiry: None,
+                        response_topic: None,
+                        correlation: None,
+                    };
+                    self.session.handle(self.at(), Event::Message(back));
+                }
+                Act::Publish(publication) => self.check_publication(publication),
+                Act::Command(_, request) => {
+                    let before = self.commands.insert(request.ticket, request.clone());
+                    assert!(before.is_none(), "a ticket twice");
+                }
+                Act::Read(_, request) => self.reads.push(request.ticket),
+                Act::Subscribe(_) | Act::PathAlive | Act::PathOpened | Act::Reconnect(_) => {}
+            }
+            all.push(act);
+            assert!(all.len() < ACTS_MAX, "no end of acts");
+        }
+        all
+    }
+
+    fn check_publication(&self, it: &Publication) {
+        let is_ours = it.topic.starts_with(BASE);
+        let is_response = it.topic.strip_prefix(RESPONSES).is_some_and(|rest| rest.starts_with('/'));
+        assert!(is_ours || is_response && !it.retain, "{it:?}");
+        let orders = ["/set", "/get", "/command", "/lease", "/trip/reset", "/control/release"];
+        assert!(!is_ours || !orders.iter().any(|end| it.topic.ends_with(end)), "{it:?}");
+        let most = self.broker.maximum_packet_bytes.unwrap_or(usize::MAX);
+        assert!(it.topic.len() + it.payload.len() <= most, "too large for the broker: {it:?}");
+        if is_response || it.topic.ends_with("/result") {
+            let result: Value = serde_json::from_slice(&it.payload).expect("a result is JSON");
+            assert!(result["outcome"].is_string() && result["reason"].is_string(), "{result}");
+        }
+    }
+}
+
+/// The moment so many milliseconds after the start of the clock.
+fn moment(millis: u64) -> Moment {
+    let since = i64::try_from(millis).expect("a moment");
+    Moment { mono: MonoTime::from_millis(millis), wall: WallTime { unix_ms: 1_767_225_600_000 + since } }
+}

@@ -1,0 +1,83 @@
+//! What several targets need: the built-in models, a control section, drives on one line.
+
+use std::sync::{Arc, LazyLock};
+use std::time::Duration;
+use vfd_gateway::domain::command::{Direction, RunIntent};
+use vfd_gateway::domain::control::{ControlAction, ControlSettings, FailSafe};
+use vfd_gateway::domain::frequency::Hertz;
+use vfd_gateway::domain::ids::{DriveIndex, Name, UnitId};
+use vfd_gateway::drive::description::{DriveDescription, DriveRef, Ratings};
+use vfd_gateway::drive::view::ControlView;
+use vfd_gateway::profile::catalog::Catalog;
+use vfd_gateway::profile::model::Model;
+use vfd_gateway::vendors;
+
+/// The built-in models.
+pub fn catalog() -> &'static Catalog {
+    static CATALOG: LazyLock<Catalog> =
+        LazyLock::new(|| Catalog::from_texts(vendors::texts().iter().copied()).expect("built-in models are sound"));
+    &CATALOG
+}
+
+/// The built-in model at `place`, counted round.
+pub fn model(place: u8) -> Arc<Model> {
+    let ids: Vec<&str> = catalog().ids().collect();
+    Arc::clone(catalog().find(ids[usize::from(place) % ids.len()]).expect("an identifier of the catalogue"))
+}
+
+pub fn name(text: &str) -> Name {
+    Name::new(text).expect("a name")
+}
+
+/// Everything allowed from everywhere, 5 to 50 Hz, 3 s of lease, stops at the end.
+pub fn control() -> ControlSettings {
+    ControlSettings {
+        from_mqtt: true,
+        from_modbus_tcp: true,
+        least: Hertz::from_centihertz(500),
+        most: Hertz::from_centihertz(5000),
+        directions: vec![Direction::Forward, Direction::Reverse],
+        reverse_below: Hertz::ZERO,
+        on_commander_lost: FailSafe::Stop,
+        lost_after: Duration::from_secs(3),
+        on_shutdown: FailSafe::Stop,
+        accept_unverified: ControlAction::ALL.to_vec(),
+        allow_release: true,
+        strict: false,
+        restart_delay: Duration::from_secs(2),
+        stop_effect_timeout: Duration::from_secs(3),
+        stop_pending_for: Duration::from_secs(600),
+        native_write: vec![0x020C, 0x020E],
+    }
+}
+
+/// A drive of `model` at `place` on the only line, with control or without.
+pub fn drive(model: &Arc<Model>, place: u16, called: &str, has_control: bool) -> DriveDescription {
+    DriveDescription {
+        place: DriveRef { line: 0, drive: DriveIndex(place) },
+        name: name(called),
+        line: name("hall"),
+        model: Arc::clone(model),
+        unit: UnitId::new(1).expect("a unit"),
+        uniform_unit: UnitId::new(101).expect("a unit"),
+        poll: Duration::from_millis(500),
+        ratings: Ratings::default(),
+        control: has_control.then(|| Arc::new(control())),
+        dead_bands: Vec::new(),
+    }
+}
+
+/// Control that nobody holds, with nothing ordered.
+pub const IDLE: ControlView = ControlView {
+    lease: None,
+    intent: RunIntent::Stop,
+    setpoint: None,
+    start_inhibited: false,
+    command_pending: false,
+    stop_pending: false,
+    not_effective: false,
+    failsafe: false,
+    epoch: 1,
+    last: None,
+    commands: 0,
+};
