@@ -419,10 +419,10 @@ fn a_cut_reply_is_no_answer_and_its_rest_is_none_either() {
 
 #[test]
 fn a_reply_with_a_hole_of_an_adapter_is_one_reply() {
-    for cut in 1..9 {
+    for cut in 1..12 {
         with_both_framings(RigOptions::default, |mut rig| {
-            let read = rig.read(1, 0, PROOF, 2);
-            wait(&mut rig, ms(15));
+            let read = rig.read(1, 0, PROOF, 4);
+            wait(&mut rig, ms(9));
             let mut reply = Vec::new();
             let mut end = MonoTime::ZERO;
             // The adapter keeps what the wire brings.
