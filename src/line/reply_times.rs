@@ -53,7 +53,7 @@ impl ReplyTimes {
     /// The longest that was seen of `class` in the last few thousand; nothing before there are enough.
     #[must_use]
     pub fn worst(&self, class: Class) -> Option<Duration> {
-        self.of(class).usual.map(|_| self.times(class).longest())
+        self.of(class).usual.map(|usual| usual.max(self.times(class).longest()))
     }
 
     /// The times of `class`.
@@ -116,6 +116,13 @@ mod tests {
         }
         assert!(late <= 9, "{late}");
         assert_eq!(times.worst(Class::Read), Some(ms(60)));
+    }
+
+    #[test]
+    fn what_was_usual_for_long_is_not_given_up_at_once() {
+        let mut times = after(4000, ms(50));
+        (0..20_000).for_each(|_| times.add(Class::Read, ms(2)));
+        assert!(times.wait(Class::Read) >= Some(ms(100)) && times.worst(Class::Read) >= Some(ms(50)));
     }
 
     #[test]

@@ -404,7 +404,8 @@ fn a_listener_without_a_free_unit_is_told_so() {
             &format!("[[line.drive]]\n{drive}\n[[line]]\nname = \"hall-2\""),
         );
     }
-    text = with(&text, "name = \"hall-1\"", "name = \"hall-1\"\nbaud = 9600\nparity = 'even'");
+    let line = "name = \"hall-1\"\nmax_status_age = '1h'\nbaud = 9600\nparity = 'even'";
+    text = with(&text, "name = \"hall-1\"", line);
     only(
         &text,
         "line[1].drive[0].unit: `unit` is left out, and the listener 127.0.0.1:1502 serves more than one line; \
