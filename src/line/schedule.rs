@@ -13,6 +13,10 @@ pub const READS_MAX: usize = 1024;
 /// registers meet in one exchange this way, and nobody waits more than this many exchanges longer.
 pub const OVERTAKEN_MAX: u32 = 16;
 
+/// How many turns an asker may be ahead of the one whose turn it is. However many reads it has waiting, it gets no more
+/// than that beyond its share.
+const AHEAD_MAX: u64 = OVERTAKEN_MAX as u64;
+
 /// A native read by what it reads. Equal keys share one exchange.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ReadKey {
@@ -133,20 +137,24 @@ impl Schedule {
     }
 
     /// Takes out the next native read that may go. The one whose turn it is goes first, but up to
-    /// [`OVERTAKEN_MAX`] times the next one on the way over the registers is taken before it.
+    /// [`OVERTAKEN_MAX`] times the next one on the way over the registers is taken before it, if that is no reward for
+    /// having asked for more than others.
     pub fn take_read(&mut self, may_go: impl Fn(&ReadKey) -> bool) -> Option<ReadJob> {
         let head = self
             .reads
             .values()
             .filter(|job| may_go(&job.key))
             .min_by_key(|job| (job.tag, std::cmp::Reverse(job.overtaken), job.key))?;
-        let (head_key, head_waited) = (head.key, head.overtaken);
-        let key = if head_waited >= OVERTAKEN_MAX { head_key } else { self.next_on_the_way(&may_go)? };
+        let present_turn = head.tag;
+        let last_turn = present_turn.saturating_add(AHEAD_MAX);
+        let may_overtake = |job: &ReadJob| job.tag <= last_turn && may_go(&job.key);
+        let key = if head.overtaken >= OVERTAKEN_MAX { head.key } else { self.next_on_the_way(may_overtake)? };
         let job = self.reads.remove(&key)?;
         for other in self.reads.values_mut().filter(|other| other.tag < job.tag) {
             other.overtaken += 1;
         }
-        self.turn = self.turn.max(job.tag);
+        // What overtakes does not move time on: those behind would lose their turns to it.
+        self.turn = self.turn.max(present_turn);
         self.last_served = Some(key);
         Some(job)
     }
@@ -179,12 +187,13 @@ impl Schedule {
         self.next_turn.remove(&asker);
     }
 
-    fn next_on_the_way(&self, may_go: impl Fn(&ReadKey) -> bool) -> Option<ReadKey> {
-        let mut ahead = self.last_served.map(|last| {
-            self.reads.range((std::ops::Bound::Excluded(last), std::ops::Bound::Unbounded)).map(|(key, _)| *key)
+    fn next_on_the_way(&self, may_overtake: impl Fn(&ReadJob) -> bool) -> Option<ReadKey> {
+        let ahead = self.last_served.map(|last| {
+            let beyond = (std::ops::Bound::Excluded(last), std::ops::Bound::Unbounded);
+            self.reads.range(beyond).map(|(_, job)| job)
         });
-        let from_start = || self.reads.keys().copied().find(&may_go);
-        ahead.as_mut().and_then(|keys| keys.find(&may_go)).or_else(from_start)
+        let mut all = ahead.into_iter().flatten().chain(self.reads.values());
+        all.find(|job| may_overtake(job)).map(|job| job.key)
     }
 
     fn take_turn(&mut self, asker: AskerId) -> u64 {
@@ -260,6 +269,27 @@ mod tests {
         schedule.push_read(key(9999), AskerId(2), waiter(9999)).unwrap();
         let waited = served(&mut schedule).iter().position(|address| *address == 9999).unwrap();
         assert!(waited <= OVERTAKEN_MAX as usize + 1, "{waited}");
+    }
+
+    #[test]
+    fn who_asks_for_much_gets_no_more_turns_than_who_asks_for_one_at_a_time() {
+        let mut schedule = Schedule::default();
+        for n in 0..500 {
+            schedule.push_read(key(n), AskerId(1), waiter(1)).unwrap();
+        }
+        let mut served = [0_u64; 3];
+        let mut next = 1000;
+        for asker in [0, 2] {
+            schedule.push_read(key(next + asker as u16), AskerId(asker), waiter(asker)).unwrap();
+        }
+        for _ in 0..600 {
+            let asker = schedule.take_read(|_| true).unwrap().waiters[0].request;
+            served[asker as usize] += 1;
+            next += 3;
+            // The one asks for the next right away, as the other two do.
+            schedule.push_read(key(next), AskerId(asker), waiter(asker)).unwrap();
+        }
+        assert!(served.iter().all(|served| served.abs_diff(200) <= AHEAD_MAX), "{served:?}");
     }
 
     #[test]
