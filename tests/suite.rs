@@ -60,6 +60,8 @@ mod native_blocks;
 mod noisy_line;
 #[path = "scenarios/old_value_or_exception.rs"]
 mod old_value_or_exception;
+#[path = "scenarios/polls.rs"]
+mod polls;
 #[path = "scenarios/release_and_setup.rs"]
 mod release_and_setup;
 #[path = "scenarios/resets.rs"]

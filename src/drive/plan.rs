@@ -1,87 +1,49 @@
-//! The poll plan of one drive: its polled registers, neighbours merged into as few frames as the model allows.
+//! The poll plan of one drive: its polled registers, merged into as few frames as the model allows, and when each is due.
 //!
 //! Registers that no document of the model itself shows are read apart from the others until the drive has answered for
 //! them once, so that a drive that does not know them loses nothing else by it. If it never answers for them while it
-//! answers for others, they are asked for seldom.
+//! answers for others, they are asked for seldom. Registers that lie between two groups are read along, until the drive
+//! refuses that.
+
+mod groups;
+mod phases;
+#[cfg(test)]
+mod tests;
+
+pub use groups::{HOLE_MAX, PollGroup, SLOW_FACTOR, groups, period};
+pub use phases::PlaceOnLine;
 
 use crate::domain::time::MonoTime;
-use crate::profile::model::{Confidence, Model, PollClass, Register};
+use crate::profile::model::{Model, PollClass};
+use groups::{apart, may_be_read_along};
+use std::cmp::Reverse;
 use std::time::Duration;
 
-/// How many fast periods a slow poll waits.
-pub const SLOW_FACTOR: u32 = 4;
-/// How often registers that are not proven are asked for in vain, each time with answers to other requests in between,
-/// before they are asked for seldom.
+/// How often registers that are not proven, or a read over a hole, are asked for in vain, each time with answers to other
+/// requests in between, before that is given up.
 const VAIN_MAX: u8 = 3;
-/// How often that is.
+/// How often registers are asked for that the drive never answers for.
 const SELDOM: Duration = Duration::from_secs(3600);
 
-/// Time between two polls of `class` on a drive whose poll period is `poll`.
-#[must_use]
-pub fn period(class: PollClass, poll: Duration) -> Duration {
-    match class {
-        PollClass::Fast => poll,
-        PollClass::Second => poll.max(Duration::from_secs(1)),
-        PollClass::Slow => poll * SLOW_FACTOR,
-        PollClass::Hourly => (poll * SLOW_FACTOR).max(Duration::from_secs(3600)),
-    }
+/// What was asked for in vain.
+#[derive(Clone, Copy, Debug, Default)]
+struct Vain {
+    times: u8,
+    /// The drive's answers when it was last.
+    at: u64,
 }
 
-/// One read that is repeated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PollGroup {
-    /// First register.
-    pub address: u16,
-    /// Number of words.
-    pub count: u16,
-    /// How often.
-    pub class: PollClass,
-}
-
-impl PollGroup {
-    /// Time between two reads of this group on a drive whose poll period is `poll`.
-    #[must_use]
-    pub fn period(&self, poll: Duration) -> Duration {
-        period(self.class, poll)
-    }
-}
-
-/// The poll groups of `model`: fast ones first, each in order of address. Registers of one class that
-/// follow each other without a hole share a frame up to the model's limit and group boundary.
-#[must_use]
-pub fn groups(model: &Model) -> Vec<PollGroup> {
-    joined(model, |_, _| true).into_iter().map(|(group, _)| group).collect()
-}
-
-/// The groups with whether they are proven, as far as `may_join` lets neighbours share one.
-fn joined(model: &Model, may_join: impl Fn(bool, bool) -> bool) -> Vec<(PollGroup, bool)> {
-    let mut groups: Vec<(PollGroup, bool)> = Vec::new();
-    for class in [PollClass::Fast, PollClass::Second, PollClass::Slow, PollClass::Hourly] {
-        for register in model.registers.iter().filter(|register| register.poll == Some(class)) {
-            let (address, is_proven) = (register.address, is_documented(register));
-            match groups.last_mut() {
-                Some((last, proven))
-                    if last.class == class && joins(model, last, address) && may_join(*proven, is_proven) =>
-                {
-                    last.count += 1;
-                }
-                _ => groups.push((PollGroup { address, count: 1, class }, is_proven)),
-            }
+impl Vain {
+    /// Once more; returns whether that is enough. A drive that answers nothing at all tells nothing about it.
+    const fn again(&mut self, answers: u64) -> bool {
+        if self.at < answers {
+            (self.times, self.at) = (self.times.saturating_add(1), answers);
         }
+        self.times >= VAIN_MAX
     }
-    groups
 }
 
-/// Documents of the model show it. What only the operator states may be wrong.
-fn is_documented(register: &Register) -> bool {
-    register.confidence.is_proven() && register.confidence != Confidence::Configured
-}
-
-fn joins(model: &Model, group: &PollGroup, address: u16) -> bool {
-    group.address.checked_add(group.count) == Some(address) && group.count < model.words_in_one_read(group.address)
-}
-
-/// One group with its times.
+/// One group with its times. None has a hole in it.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
     group: PollGroup,
@@ -90,10 +52,23 @@ struct Entry {
     due: MonoTime,
     /// The drive is known to answer for it: documents of the model say so, or it has done so.
     is_trusted: bool,
-    /// How often it was asked for in vain, and the drive's answers so far when it was last.
-    vain: u8,
-    vain_at: u64,
+    was_sent: bool,
+    vain: Vain,
 }
+
+/// Whether registers between two groups are read along.
+#[derive(Clone, Copy, Debug, Default)]
+struct Bridges {
+    /// The newest read over a hole.
+    last: Option<(u16, u16)>,
+    are_answered: bool,
+    are_refused: bool,
+    vain: Vain,
+}
+
+/// The order in which polls go that are due: those that have waited for whole periods of theirs, the most first, so that
+/// an over-full line stretches all alike; then by class, then the older.
+pub type Urgency = (Reverse<u64>, PollClass, MonoTime);
 
 /// The poll groups of one drive with the moments at which they are due.
 #[derive(Debug)]
@@ -101,40 +76,84 @@ pub struct PollPlan {
     poll: Duration,
     /// Answers of the drive so far, to whatever request.
     answers: u64,
+    bridges: Bridges,
     entries: Vec<Entry>,
 }
 
 impl PollPlan {
-    /// The plan of a drive of `model`. Everything is due at `start`, so that the drive is known soon; then
-    /// `phase` (0 to 1) moves its polls by that part of their period, so that the drives of a line do not
-    /// fall due together.
+    /// The plan of a drive of `model`. Everything is due at `start`, so that the drive is known soon; then each group
+    /// has a rhythm of its own, so that the polls of a line do not fall due together.
     #[must_use]
-    pub fn new(model: &Model, poll: Duration, start: MonoTime, phase: f64) -> Self {
-        let entry = |(group, is_trusted): (PollGroup, bool)| {
-            let regular = start + group.period(poll).mul_f64(phase.clamp(0.0, 1.0));
-            Entry { group, regular, due: start, is_trusted, vain: 0, vain_at: 0 }
+    pub fn new(model: &Model, poll: Duration, start: MonoTime, place: PlaceOnLine) -> Self {
+        let groups = apart(model, |a, b| a == b);
+        let plain: Vec<PollGroup> = groups.iter().map(|(group, _)| *group).collect();
+        let moments = phases::spread(model, &plain, poll, start, place);
+        let entry = |((group, is_trusted), regular)| Entry {
+            group,
+            regular,
+            due: start,
+            is_trusted,
+            was_sent: false,
+            vain: Vain::default(),
         };
-        let groups = joined(model, |a, b| a == b);
-        Self { poll, answers: 1, entries: groups.into_iter().map(entry).collect() }
+        let entries = groups.into_iter().zip(moments).map(entry).collect();
+        Self { poll, answers: 1, bridges: Bridges::default(), entries }
+    }
+
+    /// The port was opened at `now`. What has never been asked for and what tells how the drive is goes as soon as it
+    /// can; everything else waits for its moment, so that it is not all due at once.
+    pub fn port_opened(&mut self, now: MonoTime) {
+        self.bridges = Bridges::default();
+        let poll = self.poll;
+        for entry in self.entries.iter_mut().filter(|entry| entry.due < now) {
+            if !entry.was_sent || entry.group.class == PollClass::Fast {
+                entry.due = now;
+            } else {
+                entry.next_regular(poll, now);
+            }
+        }
     }
 
     /// The drive answered a request well; where it was a read of ours, it covered `count` words from `address` on.
     pub fn answered(&mut self, address: u16, count: u16) {
         self.answers += 1;
+        self.bridges.are_answered |= self.bridges.last == Some((address, count));
         for entry in within(&mut self.entries, address, count) {
-            (entry.is_trusted, entry.vain) = (true, 0);
+            (entry.is_trusted, entry.vain) = (true, Vain::default());
         }
     }
 
-    /// The drive answered a read of `count` words from `address` on with an exception, or was silent.
-    pub fn was_in_vain(&mut self, address: u16, count: u16, now: MonoTime) {
+    /// The drive answered a read of `count` words from `address` on with an exception.
+    pub fn refused(&mut self, address: u16, count: u16, now: MonoTime) {
+        if self.bridges.last == Some((address, count)) {
+            self.read_apart(now);
+        } else {
+            self.was_in_vain(address, count, now);
+        }
+    }
+
+    /// The drive was silent on a read of `count` words from `address` on.
+    pub fn unanswered(&mut self, address: u16, count: u16, now: MonoTime) {
+        let is_new = self.bridges.last == Some((address, count)) && !self.bridges.are_answered;
+        if is_new && self.bridges.vain.again(self.answers) {
+            self.read_apart(now);
+        } else {
+            self.was_in_vain(address, count, now);
+        }
+    }
+
+    /// The drive does not take a read over a hole: what it was to bring is asked for at once, group by group.
+    fn read_apart(&mut self, now: MonoTime) {
+        self.bridges.are_refused = true;
+        if let Some((address, count)) = self.bridges.last.take() {
+            within(&mut self.entries, address, count).for_each(|entry| entry.due = now);
+        }
+    }
+
+    fn was_in_vain(&mut self, address: u16, count: u16, now: MonoTime) {
         let answers = self.answers;
         for entry in within(&mut self.entries, address, count).filter(|entry| !entry.is_trusted) {
-            // A drive that answers nothing at all tells nothing about these registers.
-            if entry.vain_at < answers {
-                (entry.vain, entry.vain_at) = (entry.vain.saturating_add(1), answers);
-            }
-            if entry.vain >= VAIN_MAX {
+            if entry.vain.again(answers) {
                 entry.regular = now + SELDOM;
                 entry.due = entry.regular;
             }
@@ -146,10 +165,21 @@ impl PollPlan {
         self.entries.iter().enumerate().map(|(index, entry)| (index, entry.group, entry.due))
     }
 
-    /// Whether a group that is due since `due` has grown older than half its period by `now`.
+    /// How urgent a group is at `now` that is due since `due`.
+    #[must_use]
+    pub fn urgency(&self, group: PollGroup, due: MonoTime, now: MonoTime) -> Urgency {
+        // What is asked for by the hour is not waited for by the hour.
+        let period = group.period(self.poll).min(period(PollClass::Slow, self.poll));
+        let waited = now.since(due).as_millis() / period.as_millis().max(1);
+        (Reverse(u64::try_from(waited).unwrap_or(u64::MAX)), group.class, due)
+    }
+
+    /// Whether a group that is due since `due` has grown too old by `now` to wait for others: a fast one after half its
+    /// period, any after a whole one.
     #[must_use]
     pub fn is_aged(&self, group: PollGroup, due: MonoTime, now: MonoTime) -> bool {
-        now.since(due) * 2 > group.period(self.poll)
+        let is_fast = group.class == PollClass::Fast && now.since(due) * 2 > group.period(self.poll);
+        is_fast || self.urgency(group, due, now).0.0 > 0
     }
 
     /// Takes the group at `index` for the wire at `now`, with its neighbours that are due as well, whatever their class,
@@ -161,39 +191,59 @@ impl PollPlan {
         model: &Model,
         may_go: impl Fn(u16, u16) -> bool,
     ) -> Option<(u16, u16)> {
-        let Entry { group: PollGroup { mut address, mut count, .. }, is_trusted, .. } = *self.entries.get(index)?;
+        let Entry { group: mut all, is_trusted, .. } = *self.entries.get(index)?;
         self.sent(index, now);
-        while is_trusted && let Some((neighbour, group)) = self.due_neighbour(address, count, now) {
-            let (from, words) = (address.min(group.address), count + group.count);
-            if words > model.words_in_one_read(from) || !may_go(from, words) {
-                break;
-            }
-            (address, count) = (from, words);
+        let mut has_holes = false;
+        while is_trusted && let Some((neighbour, longer, hole)) = self.due_neighbour(&all, now, model, &may_go) {
+            (all, has_holes) = (longer, has_holes || hole > 0);
             self.sent(neighbour, now);
         }
-        Some((address, count))
+        let read = (all.address, all.count);
+        self.bridges.last = has_holes.then_some(read);
+        Some(read)
     }
 
-    fn due_neighbour(&self, address: u16, count: u16, now: MonoTime) -> Option<(usize, PollGroup)> {
-        let end = address.checked_add(count);
-        let touches =
-            |group: &PollGroup| Some(group.address) == end || group.address.checked_add(group.count) == Some(address);
-        let mut due = self.entries.iter().enumerate().filter(|(_, entry)| entry.is_trusted && entry.due <= now);
-        due.find(|(_, entry)| touches(&entry.group)).map(|(index, entry)| (index, entry.group))
+    /// A group that is due at `now` and fits into one read with `all`, that read, and how many words lie between.
+    fn due_neighbour(
+        &self,
+        all: &PollGroup,
+        now: MonoTime,
+        model: &Model,
+        may_go: impl Fn(u16, u16) -> bool,
+    ) -> Option<(usize, PollGroup, u16)> {
+        let joined = |entry: &Entry| {
+            let (address, count, hole) = all.with(&entry.group, model)?;
+            let may_bridge =
+                !self.bridges.are_refused && all.between(&entry.group).all(|it| may_be_read_along(model, it));
+            ((hole == 0 || may_bridge) && may_go(address, count)).then_some((address, count, hole))
+        };
+        let due = self.entries.iter().enumerate().filter(|(_, entry)| entry.is_trusted && entry.due <= now);
+        let mut fitting = due.filter_map(|(index, entry)| {
+            let (address, count, hole) = joined(entry)?;
+            Some((index, PollGroup { address, count, ..*all }, hole))
+        });
+        fitting.next()
     }
 
-    /// Notes that the group at `index` goes out at `now`. Periods that were missed are left out, so that a line
-    /// that fell behind does not try to catch up; the phase is kept.
     fn sent(&mut self, index: usize, now: MonoTime) {
-        let Some(entry) = self.entries.get_mut(index) else { return };
-        let period = entry.group.period(self.poll).max(Duration::from_millis(1));
-        if now < entry.regular {
-            entry.due = entry.regular;
-            return;
+        let poll = self.poll;
+        if let Some(entry) = self.entries.get_mut(index) {
+            entry.was_sent = true;
+            entry.next_regular(poll, now);
         }
-        let missed = now.since(entry.regular).as_nanos() / period.as_nanos();
-        entry.regular = entry.regular + period * u32::try_from(missed + 1).unwrap_or(u32::MAX);
-        entry.due = entry.regular;
+    }
+}
+
+impl Entry {
+    /// It falls due at its next moment after `now`. Periods that were missed are left out, so that a line that fell
+    /// behind does not try to catch up; the rhythm is kept.
+    fn next_regular(&mut self, poll: Duration, now: MonoTime) {
+        if now >= self.regular {
+            let period = self.group.period(poll).max(Duration::from_millis(1));
+            let missed = now.since(self.regular).as_nanos() / period.as_nanos();
+            self.regular = self.regular + period * u32::try_from(missed + 1).unwrap_or(u32::MAX);
+        }
+        self.due = self.regular;
     }
 }
 
@@ -203,80 +253,4 @@ fn within(entries: &mut [Entry], address: u16, count: u16) -> impl Iterator<Item
     entries.iter_mut().filter(move |Entry { group, .. }| {
         group.address >= address && u32::from(group.address) + u32::from(group.count) <= end
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::profile::check;
-    use crate::vendors;
-
-    fn model() -> Model {
-        let (_, text) = vendors::texts().first().expect("a built-in model");
-        check::model(text).expect("a sound model")
-    }
-
-    #[test]
-    fn neighbours_share_a_frame_and_classes_do_not() {
-        let groups: Vec<_> = groups(&model()).iter().map(|group| (group.address, group.count)).collect();
-        // D001; trip count; F001; F010 and F011 together
-        assert_eq!(groups, [(0x0101, 1), (0x0112, 1), (0x0201, 1), (0x0211, 2)]);
-    }
-
-    #[test]
-    fn neighbours_that_are_due_together_go_together_whatever_their_class() {
-        let mut model = model();
-        let slow = |address: u16| Register { address, poll: Some(PollClass::Slow), ..model.registers[2].clone() };
-        let (before, after) = (slow(0x0100), slow(0x0102));
-        model.registers.extend([before, after]);
-        model.registers.sort_by_key(|register| register.address);
-        let at = MonoTime::from_millis;
-        let mut plan = PollPlan::new(&model, Duration::from_millis(100), at(0), 0.0);
-        let fast = |plan: &PollPlan| plan.iter().find(|(_, group, _)| group.address == 0x0101).map(|(index, ..)| index);
-        let index = fast(&plan).unwrap();
-        assert_eq!(plan.take(index, at(0), &model, |_, _| true), Some((0x0100, 3)), "all are due at the start");
-        assert_eq!(plan.take(index, at(100), &model, |_, _| true), Some((0x0101, 1)), "the slow ones are not due");
-        let due = plan.iter().filter(|(_, _, due)| *due <= at(100)).count();
-        assert_eq!(due, 3, "those elsewhere still wait");
-        assert_eq!(plan.take(index, at(400), &model, |_, words| words < 3), Some((0x0100, 2)), "as far as it may");
-    }
-
-    #[test]
-    fn a_line_that_fell_behind_keeps_its_phase_and_does_not_catch_up() {
-        let at = MonoTime::from_millis;
-        let mut plan = PollPlan::new(&model(), Duration::from_millis(100), at(1000), 0.25);
-        let due = |plan: &PollPlan| plan.iter().next().map(|(_, _, due)| due).expect("a group");
-        assert_eq!(due(&plan), at(1000), "known soon");
-        plan.sent(0, at(1010));
-        assert_eq!(due(&plan), at(1025), "then in its phase");
-        plan.sent(0, at(1025));
-        assert_eq!(due(&plan), at(1125));
-        plan.sent(0, at(1777));
-        assert_eq!(due(&plan), at(1825));
-        let group = plan.entries[0].group;
-        assert!(!plan.is_aged(group, at(1825), at(1875)) && plan.is_aged(group, at(1825), at(1876)));
-    }
-
-    #[test]
-    fn what_is_not_proven_is_read_apart_until_it_is_answered_and_seldom_if_it_never_is() {
-        let mut model = model();
-        let at = MonoTime::from_millis;
-        let output = model.registers.iter().position(|register| register.address == 0x0101).unwrap();
-        let unproven =
-            Register { address: 0x0102, confidence: Confidence::Inferred, ..model.registers[output].clone() };
-        model.registers.insert(output + 1, unproven);
-        assert_eq!(groups(&model)[0].count, 2, "what a line is planned with");
-        let mut plan = PollPlan::new(&model, Duration::from_millis(100), at(0), 0.0);
-        assert_eq!(plan.take(0, at(0), &model, |_, _| true), Some((0x0101, 1)));
-        assert_eq!(plan.take(1, at(0), &model, |_, _| true), Some((0x0102, 1)));
-        for round in 1..=6_u64 {
-            plan.was_in_vain(0x0102, 1, at(round * 100));
-            assert_eq!(plan.entries[1].due <= at(700), round < 4, "{round}: silence alone tells nothing");
-            if round >= 2 {
-                plan.answered(0x0101, 1);
-            }
-        }
-        plan.answered(0x0102, 1);
-        assert_eq!(plan.take(0, at(4_000_000), &model, |_, _| true), Some((0x0101, 2)), "known now");
-    }
 }

@@ -8,7 +8,7 @@ use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::native::NativeAnswer;
 use crate::domain::report::{LineCounters, LineReport, LineState, PortFault};
 use crate::domain::time::MonoTime;
-use crate::drive::plan::PollPlan;
+use crate::drive::plan::{PlaceOnLine, PollPlan};
 use crate::drive::snapshot::{DriveSnapshot, Presence};
 use crate::drive::view::DriveView;
 use crate::line::barriers::{Barriers, Nonces};
@@ -38,6 +38,8 @@ pub struct LineCore {
     pub(super) flight: Option<Flight>,
     /// Native reads and polls take turns: whether it is the polls' turn.
     pub(super) polls_turn: bool,
+    /// Polls in a row that had grown too old to wait.
+    pub(super) aged_polls: u8,
     /// A command was begun in the last exchange: the next one is for others, if there are any.
     pub(super) others_turn: bool,
     worst_stop: Duration,
@@ -77,10 +79,10 @@ impl LineCore {
     #[must_use]
     pub fn new(setup: LineSetup, now: MonoTime) -> Self {
         let count = setup.drives.len();
-        let plans = setup.drives.iter().enumerate().map(|(index, drive)| {
-            let phase = index as f64 / count as f64;
-            PollPlan::new(&drive.model, drive.poll, now, phase)
-        });
+        let drives = u32::try_from(count).unwrap_or(u32::MAX);
+        let plans = (0..)
+            .zip(&setup.drives)
+            .map(|(index, drive)| PollPlan::new(&drive.model, drive.poll, now, PlaceOnLine { index, drives }));
         let works = (0..).zip(&setup.drives).map(|(index, drive)| {
             DriveWork::new(DriveIndex(index), &drive.model, drive.control.clone(), setup.first_epoch)
         });
@@ -101,6 +103,7 @@ impl LineCore {
             natives: Natives::default(),
             flight: None,
             polls_turn: true,
+            aged_polls: 0,
             counters: LineCounters::default(),
             effects: VecDeque::new(),
             setup,

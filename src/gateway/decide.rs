@@ -7,14 +7,17 @@ use crate::domain::ids::DriveIndex;
 use crate::domain::report::LineState;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::{TrafficKind, TrafficRecord};
-use crate::drive::plan::PollGroup;
+use crate::drive::plan::{PollGroup, Urgency as PollUrgency};
 use crate::line::barriers::TRY_PATIENCE;
 use crate::line::schedule::ReadKey;
 use crate::line::station::PROBE_TIMEOUT;
 use crate::line::transaction::Exchange;
-use crate::profile::model::PollClass;
 use crate::wire::pdu::Request;
 use std::time::Duration;
+
+/// Polls that have grown too old to wait go before native reads at most so often in a row: a plan that fills the line
+/// stretches, and clients keep a share.
+const AGED_POLLS_MAX: u8 = 3;
 
 /// What goes on the wire next.
 pub(super) type Picked = (DriveIndex, Request, Purpose);
@@ -81,9 +84,17 @@ impl LineCore {
     }
 
     fn pick_other(&mut self, now: MonoTime) -> Option<Picked> {
+        if self.aged_polls >= AGED_POLLS_MAX
+            && let Some(picked) = self.pick_read(now)
+        {
+            self.aged_polls = 0;
+            return Some(picked);
+        }
         if let Some(poll) = self.due_poll(now, true) {
+            self.aged_polls = self.aged_polls.saturating_add(1);
             return Some(self.take_poll(now, poll));
         }
+        self.aged_polls = 0;
         let polls_first = self.polls_turn;
         self.polls_turn = !polls_first;
         if polls_first && let Some(poll) = self.due_poll(now, false) {
@@ -152,21 +163,16 @@ impl LineCore {
         Some((job.key.drive, job.key.request(), Purpose::Read(job)))
     }
 
-    /// The poll that has been due for longest, fast ones first; if `aged`, only a fast one that has waited
-    /// for more than half its period.
+    /// The most urgent poll that is due; if `aged`, only one that has grown too old to wait for others.
     fn due_poll(&self, now: MonoTime, aged: bool) -> Option<DuePoll> {
-        let mut best: Option<((PollClass, MonoTime), DuePoll)> = None;
+        let mut best: Option<(PollUrgency, DuePoll)> = None;
         for (drive, plan) in self.drives().zip(&self.plans) {
-            for (index, group, due) in plan.iter() {
-                let rank = (group.class, due);
-                let is_better = best.as_ref().is_none_or(|(best_rank, _)| rank < *best_rank);
-                if due > now || !is_better || !self.may_poll(now, drive, group) {
-                    continue;
+            for (index, group, due) in plan.iter().filter(|(.., due)| *due <= now) {
+                let urgency = plan.urgency(group, due, now);
+                let is_better = best.as_ref().is_none_or(|(best, _)| urgency < *best);
+                if is_better && (!aged || plan.is_aged(group, due, now)) && self.may_poll(now, drive, group) {
+                    best = Some((urgency, DuePoll { drive, index, group }));
                 }
-                if aged && !(group.class == PollClass::Fast && plan.is_aged(group, due, now)) {
-                    continue;
-                }
-                best = Some((rank, DuePoll { drive, index, group }));
             }
         }
         best.map(|(_, poll)| poll)

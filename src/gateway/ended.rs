@@ -61,7 +61,8 @@ impl LineCore {
         let plan = &mut self.plans[drive.get()];
         match ending {
             Ending::Reply(_) => plan.answered(address, count),
-            Ending::Exception(_) | Ending::Silent => plan.was_in_vain(address, count, now),
+            Ending::Exception(_) => plan.refused(address, count, now),
+            Ending::Silent => plan.unanswered(address, count, now),
             Ending::Garbled => {}
         }
     }

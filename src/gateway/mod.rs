@@ -29,3 +29,5 @@ pub use event::{Effect, Input, Wake, WakeReason};
 pub use natives::REQUESTS_MAX;
 pub use note::Note;
 pub use setup::{DriveSetup, LineSetup};
+pub use stop::WAITERS_MAX;
+pub use work::COMMANDS_MAX;

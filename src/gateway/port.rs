@@ -18,6 +18,7 @@ impl LineCore {
         self.echo.port_opened();
         self.stations.iter_mut().for_each(|station| station.line_opened(now));
         self.barriers.iter_mut().for_each(Barriers::port_opened);
+        self.plans.iter_mut().for_each(|plan| plan.port_opened(now));
         self.works.iter_mut().for_each(DriveWork::mark_changed);
     }
 

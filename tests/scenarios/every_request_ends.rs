@@ -1,11 +1,12 @@
 //! Every request ends in exactly one outcome, whatever happens to the port, the queue or the asker.
 
-use crate::support::{PROOF, Rig, RigOptions};
+use crate::support::{PROOF, Rig, RigOptions, STOP, plc};
 use std::time::Duration;
+use vfd_gateway::domain::command::{Outcome, Reason};
 use vfd_gateway::domain::ids::{AskerId, Station};
 use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
 use vfd_gateway::domain::report::PortFault;
-use vfd_gateway::gateway::{Input, REQUESTS_MAX};
+use vfd_gateway::gateway::{COMMANDS_MAX, Input, REQUESTS_MAX, WAITERS_MAX};
 use vfd_gateway::line::schedule::READS_MAX;
 
 fn outcomes(rig: &mut Rig) -> Vec<NativeOutcome> {
@@ -73,6 +74,59 @@ fn full_queues_refuse_and_grow_no_further() {
         rig.ask(n, 0, NativeAsk::Read { address: PROOF, count: 1 });
     }
     assert_eq!(outcomes(&mut rig).len(), 5);
+}
+
+#[test]
+fn commands_beyond_the_bound_are_refused_and_a_stop_is_not() {
+    let mut rig = Rig::new(&RigOptions { poll: Duration::from_secs(3600), ..RigOptions::controlled() });
+    rig.pass(Duration::from_millis(100));
+    rig.read(1, 0, PROOF, 8);
+    for n in 0..COMMANDS_MAX as u64 + 3 {
+        rig.ask(n, 0, NativeAsk::Write { address: 0x020C, values: vec![30 + n as u16] });
+    }
+    assert_eq!(outcomes(&mut rig), vec![NativeOutcome::Refused(Refusal::QueueFull); 3]);
+    let stop = rig.ask(50, 0, NativeAsk::Write { address: 0x0002, values: vec![0] });
+    assert_eq!(rig.answer_to(stop), NativeOutcome::Written);
+}
+
+#[test]
+fn those_who_wait_for_one_stop_are_bounded_and_the_stop_goes_all_the_same() {
+    let mut rig = Rig::new(&RigOptions::controlled());
+    rig.read(1, 0, PROOF, 8);
+    let tickets: Vec<_> = (0..=WAITERS_MAX).map(|n| rig.command(plc(n as u8), 0, STOP)).collect();
+    let (last, waiting) = tickets.split_last().unwrap();
+    assert_eq!(rig.told(*last), [(Outcome::Unknown, Reason::StopPending, true)], "told at once");
+    for ticket in waiting {
+        assert_eq!(rig.outcome_of(*ticket).0, Outcome::Confirmed);
+    }
+    assert_eq!(rig.written(0x0002), [0], "one stop for all");
+}
+
+/// Every queue from a socket to the wire stands with its bound in the table of ARCHITECTURE.md.
+#[test]
+fn the_table_of_bounds_names_every_queue_as_it_is() {
+    use vfd_gateway::daemon::{inbox, modbus_server};
+    let text = include_str!("../../ARCHITECTURE.md");
+    let (_, table) = text.split_once("## Bounds").expect("a table of bounds");
+    let rows = [
+        ("Modbus TCP connections", modbus_server::CONNECTIONS_MAX),
+        ("requests of a connection", vfd_gateway::north::modbus::Limits::default().pending_max),
+        ("messages for a line: reads", inbox::INBOX_MAX),
+        ("then writes, commands, signs of life", inbox::COMMANDS_MAX),
+        ("then stops, clients that left, the end", inbox::STOPS_MAX),
+        ("native requests that wait on a line", REQUESTS_MAX),
+        ("different native reads that wait on a line", READS_MAX),
+        ("commands that wait for a drive", COMMANDS_MAX),
+        ("commanders that wait for one stop", WAITERS_MAX),
+        ("frames of one request, registers of one command", vfd_gateway::domain::native::FRAMES_MAX),
+        ("replies that a station may still owe", vfd_gateway::line::station::MISSING_MAX),
+    ];
+    for (what, bound) in rows {
+        let row =
+            table.lines().find(|line| line.starts_with(&format!("| {what} | "))).unwrap_or_else(|| panic!("{what}"));
+        let most = row.split('|').nth(2).unwrap().trim();
+        assert!(most.split([' ', ',']).next() == Some(&bound.to_string()), "{what}: {most}, not {bound}");
+    }
 }
 
 #[test]

@@ -138,6 +138,23 @@ fn barrier_read(address: u16, count: u16) -> Barrier {
 }
 
 #[test]
+fn run_state_and_trips_are_in_the_fast_class_of_every_model() {
+    for (_, text) in texts() {
+        let model = crate::profile::check::model(text).unwrap();
+        let class = |register: &Register| register.poll;
+        let output = model.register_for(Role::OutputFrequency).unwrap();
+        assert_eq!(class(output), Some(PollClass::Fast), "{}", model.id);
+        for flag in [Flag::Running, Flag::Stopping, Flag::Reverse, Flag::Tripped] {
+            let register = model.status_flag(flag).map(|flag| model.register_at(flag.address).unwrap());
+            assert!(register.is_none_or(|it| class(it) == Some(PollClass::Fast)), "{} {flag:?}", model.id);
+        }
+        let trip = model.trip_register().unwrap();
+        let wanted = if trip.role == Some(Role::TripCount) { PollClass::Second } else { PollClass::Fast };
+        assert_eq!(class(trip), Some(wanted), "{}: {}", model.id, trip.name);
+    }
+}
+
+#[test]
 fn every_summary_is_as_it_was_reviewed() {
     assert_eq!(CATALOG.ids().count(), texts().len());
     for id in CATALOG.ids() {

@@ -1,0 +1,114 @@
+//! Which registers share a read: neighbours, and those between which lie only registers that may be read along.
+
+use crate::profile::model::{Confidence, Model, PollClass, Register};
+use std::time::Duration;
+
+/// How many fast periods a slow poll waits.
+pub const SLOW_FACTOR: u32 = 4;
+/// Widest hole between two groups that is read along, in words. Their 16 characters cost less than an exchange of its
+/// own: 8 characters of the request, 5 of the reply and at least 3.5 of silence, and the time that the drive takes.
+pub const HOLE_MAX: u16 = 8;
+
+/// Time between two polls of `class` on a drive whose poll period is `poll`.
+#[must_use]
+pub fn period(class: PollClass, poll: Duration) -> Duration {
+    match class {
+        PollClass::Fast => poll,
+        PollClass::Second => poll.max(Duration::from_secs(1)),
+        PollClass::Slow => poll * SLOW_FACTOR,
+        PollClass::Hourly => (poll * SLOW_FACTOR).max(Duration::from_secs(3600)),
+    }
+}
+
+/// One read that is repeated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PollGroup {
+    /// First register.
+    pub address: u16,
+    /// Number of words.
+    pub count: u16,
+    /// How often.
+    pub class: PollClass,
+}
+
+impl PollGroup {
+    /// Time between two reads of this group on a drive whose poll period is `poll`.
+    #[must_use]
+    pub fn period(&self, poll: Duration) -> Duration {
+        period(self.class, poll)
+    }
+
+    /// One read for both, if `model` takes one so long: its first register, its words, and those of them that lie between
+    /// the two groups.
+    pub(super) fn with(&self, other: &Self, model: &Model) -> Option<(u16, u16, u16)> {
+        let (low, high) = if self.address <= other.address { (self, other) } else { (other, self) };
+        let hole = high.address.checked_sub(low.address.checked_add(low.count)?)?;
+        let words = low.count.checked_add(hole)?.checked_add(high.count)?;
+        (hole <= HOLE_MAX && words <= model.words_in_one_read(low.address)).then_some((low.address, words, hole))
+    }
+
+    /// The registers between the two groups.
+    pub(super) fn between(&self, other: &Self) -> std::ops::Range<u16> {
+        let (low, high) = if self.address <= other.address { (self, other) } else { (other, self) };
+        low.address.saturating_add(low.count)..high.address
+    }
+}
+
+/// The poll groups of `model`: fast ones first, each in order of address. Registers of one class share a frame up to the
+/// model's limit and group boundary if they follow each other, or if all between them [may be read
+/// along](may_be_read_along).
+#[must_use]
+pub fn groups(model: &Model) -> Vec<PollGroup> {
+    let mut groups: Vec<PollGroup> = Vec::new();
+    for (group, _) in apart(model, |_, _| true) {
+        let bridged = groups.last().filter(|last| last.class == group.class).and_then(|last| {
+            let (address, count, _) = last.with(&group, model)?;
+            let ends_are_shown = [last, &group].into_iter().all(|group| is_shown(model, group));
+            let may = ends_are_shown && last.between(&group).all(|hole| may_be_read_along(model, hole));
+            may.then_some(PollGroup { address, count, ..group })
+        });
+        match (bridged, groups.last_mut()) {
+            (Some(bridged), Some(last)) => *last = bridged,
+            _ => groups.push(group),
+        }
+    }
+    groups
+}
+
+/// The groups without any hole, with whether they are proven, as far as `may_join` lets neighbours share one.
+pub(super) fn apart(model: &Model, may_join: impl Fn(bool, bool) -> bool) -> Vec<(PollGroup, bool)> {
+    let mut groups: Vec<(PollGroup, bool)> = Vec::new();
+    for class in [PollClass::Fast, PollClass::Second, PollClass::Slow, PollClass::Hourly] {
+        for register in model.registers.iter().filter(|register| register.poll == Some(class)) {
+            let (address, is_proven) = (register.address, is_documented(register));
+            match groups.last_mut() {
+                Some((last, proven))
+                    if last.class == class && follows(model, last, address) && may_join(*proven, is_proven) =>
+                {
+                    last.count += 1;
+                }
+                _ => groups.push((PollGroup { address, count: 1, class }, is_proven)),
+            }
+        }
+    }
+    groups
+}
+
+/// Whether a read of others may cover `address`: the model lists it, and its own documents show that it can be read. A
+/// number that does not exist spoils a whole read on some drives.
+pub(super) fn may_be_read_along(model: &Model, address: u16) -> bool {
+    model.register_at(address).is_some_and(|register| register.access.can_read() && is_documented(register))
+}
+
+fn is_shown(model: &Model, group: &PollGroup) -> bool {
+    (group.address..=group.address.saturating_add(group.count - 1)).all(|address| may_be_read_along(model, address))
+}
+
+/// Documents of the model show it. What only the operator states may be wrong.
+fn is_documented(register: &Register) -> bool {
+    register.confidence.is_proven() && register.confidence != Confidence::Configured
+}
+
+fn follows(model: &Model, group: &PollGroup, address: u16) -> bool {
+    group.address.checked_add(group.count) == Some(address) && group.count < model.words_in_one_read(group.address)
+}

@@ -1,0 +1,90 @@
+//! When each group of a plan falls due, so that the polls of a line come one after the other and not in heaps.
+//!
+//! A line has so many slots in a period as it has drives, and each drive has its own; the groups of one class stand side
+//! by side in it. Classes are moved against each other by parts of a slot. Groups that can share a read fall due together.
+
+use super::groups::{PollGroup, may_be_read_along};
+use crate::domain::time::MonoTime;
+use crate::profile::model::{Model, PollClass};
+use std::time::Duration;
+
+/// A drive's place among those that share a line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PlaceOnLine {
+    /// From 0.
+    pub index: u32,
+    /// Drives of the line, at least 1.
+    pub drives: u32,
+}
+
+impl PlaceOnLine {
+    /// A drive that has its line for itself.
+    pub const ALONE: Self = Self { index: 0, drives: 1 };
+}
+
+/// A moment for each of `groups` at which it falls due for the first time in its rhythm.
+pub(super) fn spread(
+    model: &Model,
+    groups: &[PollGroup],
+    poll: Duration,
+    start: MonoTime,
+    place: PlaceOnLine,
+) -> Vec<MonoTime> {
+    let mut moments: Vec<MonoTime> = Vec::with_capacity(groups.len());
+    // How many of each class there were so far: those with a moment of their own, and those that follow others.
+    let mut ranks = [[0_u32; 2]; 4];
+    let leads: Vec<Option<usize>> = (0..groups.len()).map(|at| lead_of(model, groups, at, poll)).collect();
+    for (group, lead) in groups.iter().zip(&leads) {
+        let rank = &mut ranks[class_number(group.class)][usize::from(lead.is_some())];
+        let moment = match lead.and_then(|lead| Some((*moments.get(lead)?, groups.get(lead)?.period(poll)))) {
+            Some((led_by, period)) => {
+                let turns = (group.period(poll).as_nanos() / period.as_nanos().max(1)).max(1);
+                let turn = u128::from(place.index + *rank) % turns;
+                led_by + period * u32::try_from(turn).unwrap_or(0)
+            }
+            None => start + own_moment(groups, &leads, group, poll, place, *rank),
+        };
+        *rank += 1;
+        moments.push(moment);
+    }
+    moments
+}
+
+/// The moment of a group that no other leads, the `rank`-th of its class.
+fn own_moment(
+    groups: &[PollGroup],
+    leads: &[Option<usize>],
+    group: &PollGroup,
+    poll: Duration,
+    place: PlaceOnLine,
+    rank: u32,
+) -> Duration {
+    let of_class = |class| groups.iter().zip(leads).filter(|(it, lead)| it.class == class && lead.is_none()).count();
+    let slots = |class| place.drives.max(1) * u32::try_from(of_class(class)).unwrap_or(1).max(1);
+    let own = slots(group.class);
+    let slot = place.index * (own / place.drives.max(1)) + rank;
+    let shift = poll / slots(PollClass::Fast) * u32::try_from(class_number(group.class)).unwrap_or(0) / 4;
+    group.period(poll) / own * slot + shift
+}
+
+/// The first group before the one at `at` that it can share a read with, if their periods go together.
+fn lead_of(model: &Model, groups: &[PollGroup], at: usize, poll: Duration) -> Option<usize> {
+    let group = groups.get(at)?;
+    let leads = |lead: &PollGroup| {
+        let (long, short) = (group.period(poll).as_nanos(), lead.period(poll).as_nanos().max(1));
+        let is_polled = |address| groups.iter().any(|it| (it.address..it.address + it.count).contains(&address));
+        long.is_multiple_of(short)
+            && lead.with(group, model).is_some()
+            && lead.between(group).all(|address| is_polled(address) || may_be_read_along(model, address))
+    };
+    groups.iter().take(at).position(leads)
+}
+
+const fn class_number(class: PollClass) -> usize {
+    match class {
+        PollClass::Fast => 0,
+        PollClass::Second => 1,
+        PollClass::Slow => 2,
+        PollClass::Hourly => 3,
+    }
+}
