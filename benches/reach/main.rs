@@ -1,7 +1,7 @@
-//! What the gateway reaches, measured and printed as a table: `cargo bench --bench reach`, about ten minutes.
+//! What the gateway reaches, measured and printed as a table: `cargo bench --bench reach`, about twenty minutes.
 //!
 //! A part of the table by name: `cargo bench --bench reach -- paced`. Parts: paced, unpaced, shared, fair, dead,
-//! late, stop, command, lost, retained, uniform, memory; the last six are shorter with `--quick`. Everything stays on
+//! late, stop, command, lost, retained, uniform, memory; most are shorter with `--quick`. Everything stays on
 //! this machine: pseudo-terminals and loopback. The brokers are processes started here: mosquitto if it is installed.
 
 #![allow(
@@ -21,6 +21,8 @@ mod command;
 mod commander;
 mod lost;
 mod memory;
+mod offer;
+mod paced;
 mod pipeline;
 mod plant;
 mod relay;
@@ -41,7 +43,7 @@ use table::Row;
 type Part = fn() -> Vec<Row>;
 
 const PARTS: [(&str, Part); 12] = [
-    ("paced", rows::paced),
+    ("paced", paced::paced),
     ("unpaced", rows::unpaced),
     ("shared", rows::shared),
     ("fair", rows::fair),

@@ -3,9 +3,6 @@
 use rustix::event::epoll;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// A request for words as it goes over the socket.
@@ -107,30 +104,5 @@ impl Client {
             self.stream.write_all(&self.out).expect("room for the next requests");
             self.out.clear();
         }
-    }
-}
-
-/// A pipeline on a thread of its own, until it is ended.
-pub struct Flood {
-    end: Arc<AtomicBool>,
-    thread: JoinHandle<Answers>,
-}
-
-impl Flood {
-    pub fn start(mut pipeline: Pipeline) -> Self {
-        let end = Arc::new(AtomicBool::new(false));
-        let ended = Arc::clone(&end);
-        let thread = std::thread::spawn(move || {
-            while !ended.load(Ordering::Relaxed) {
-                pipeline.turn();
-            }
-            pipeline.answers
-        });
-        Self { end, thread }
-    }
-
-    pub fn stop(self) -> Answers {
-        self.end.store(true, Ordering::Relaxed);
-        self.thread.join().expect("the clients end")
     }
 }

@@ -23,6 +23,8 @@ pub struct Options {
     pub drives: u8,
     /// A drive that is switched off.
     pub dead: Option<u8>,
+    /// Speed in bit/s, 8N1.
+    pub baud: u32,
     /// The bus.
     pub bus: BusOptions,
     /// Further keys of the line, as they stand in a configuration.
@@ -34,7 +36,19 @@ pub struct Options {
 impl Options {
     /// Paced like 9600 8N1 with 2 ms turnaround.
     pub fn paced(drives: u8) -> Self {
-        Self { drives, dead: None, bus: BusOptions::default(), line_keys: "", drive_keys: "" }
+        Self {
+            drives,
+            dead: None,
+            baud: LinkSettings::DEFAULT.baud,
+            bus: BusOptions::default(),
+            line_keys: "",
+            drive_keys: "",
+        }
+    }
+
+    /// Speed and character format of the line.
+    pub fn link(&self) -> LinkSettings {
+        LinkSettings { baud: self.baud, ..LinkSettings::DEFAULT }
     }
 
     /// Without character times and without silence.
@@ -109,7 +123,7 @@ pub fn serve(text: &str, told: &mpsc::Sender<SocketAddr>, stopped: tokio::sync::
 }
 
 fn bus(options: &Options) -> SimBus {
-    let mut bus = SimBus::new(LinkSettings::DEFAULT, options.bus, 1);
+    let mut bus = SimBus::new(options.link(), options.bus, 1);
     for station in 1..=options.drives {
         let drive = DriveOptions { proof_words: Some(PROOF..=PROOF + 0xFF), ..DriveOptions::default() };
         bus.connect(Station(station), SimDrive::new(n700(), drive));
@@ -121,7 +135,12 @@ fn bus(options: &Options) -> SimBus {
 }
 
 fn configuration(pty: &Pty, options: &Options) -> String {
-    let mut text = format!("[[line]]\nname = \"bench\"\nport = \"{}\"\n{}", pty.path().display(), options.line_keys);
+    let mut text = format!(
+        "[[line]]\nname = \"bench\"\nport = \"{}\"\nbaud = {}\n{}",
+        pty.path().display(),
+        options.baud,
+        options.line_keys
+    );
     for station in 1..=options.drives {
         text += &format!(
             "[[line.drive]]\nname = \"d{station}\"\nmodel = \"hyundai-n700\"\nstation = {station}\npoll = \"1h\"\n{}",

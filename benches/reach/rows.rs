@@ -4,46 +4,14 @@ use crate::bare::{self, Bare};
 use crate::clients;
 use crate::rig::{Options, Rig};
 use crate::support::{self, PROOF, RigOptions};
-use crate::table::{Row, medians, part_of};
+use crate::table::{Row, medians};
 use std::net::TcpStream;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
-use vfd_gateway::domain::link::LinkSettings;
 use vfd_gateway::domain::native::NativeOutcome;
 use vfd_gateway::sim::{BusOptions, FaultPlan};
 
 const SECOND: Duration = Duration::from_secs(1);
-
-/// A line paced like 9600 8N1 with 2 ms turnaround, reads of 8 words back to back.
-pub fn paced() -> Vec<Row> {
-    let rig = Rig::start(&Options::paced(1));
-    let bare = std::thread::spawn(|| bare::timer(500, true));
-    let load = clients::run(rig.address, 1, SECOND, 20 * SECOND, |_, _| (1, PROOF, 8));
-    let outcome = rig.stop();
-    let bare = bare.join().expect("the bare timer");
-    let link = LinkSettings::DEFAULT;
-    let silence = link.chars(4.5);
-    let ideal = link.bytes(8) + Duration::from_millis(2) + link.bytes(21) + silence;
-    let busy = load.rate() * ideal.as_secs_f64() * 100.0;
-    // The first gap is the start, not the line.
-    let mut gaps: Vec<f64> = outcome.bus.gaps().iter().skip(1).map(|gap| gap.as_secs_f64() * 1e3).collect();
-    gaps.sort_by(f64::total_cmp);
-    let at = |part| part_of(&gaps, part);
-    vec![
-        Row::at_least("paced 9600: line busy, % of what its gap allows", 98.0, busy),
-        Row::at_most("paced 9600: gap p50 beyond 4.6875 ms, in ms", 0.3, at(0.5) - silence.as_secs_f64() * 1e3),
-        Row::told(
-            "paced 9600: gap min / p50 / p99 / max, ms",
-            format!("{:.3} / {:.3} / {:.3} / {:.3}", at(0.0), at(0.5), at(0.99), at(1.0)),
-        ),
-        Row::told(
-            "bare real-time timer thread in the same run: late p50 / p99, ms",
-            format!("{:.3} / {:.3}", part_of(&bare, 0.5), part_of(&bare, 0.99)),
-        ),
-        Row::none("paced 9600: gaps shorter than the silence", outcome.bus.gaps_too_short),
-        Row::told("paced 9600: gaps measured", gaps.len().to_string()),
-    ]
-}
 
 /// No character times, no silence: what the program itself costs.
 pub fn unpaced() -> Vec<Row> {
@@ -137,7 +105,7 @@ pub fn late() -> Vec<Row> {
     let runs: Vec<(u64, u64)> = (1..=4).map(|seed| late_in_simulation(seed, 250_000)).collect();
     let took = begun.elapsed();
     let (late, wrong) = runs.iter().fold((0, 0), |(late, wrong), run| (late + run.0, wrong + run.1));
-    let (pty_late, pty_right, pty_wrong) = late_on_pty(200);
+    let (pty_late, pty_right, pty_wrong) = late_on_pty(if crate::is_quick() { 50 } else { 1000 });
     vec![
         Row::told("late replies in simulation", format!("{late} in {:.0} s", took.as_secs_f64())),
         Row::none("late replies in simulation: taken for another request", wrong),
