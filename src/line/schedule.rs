@@ -145,14 +145,16 @@ impl Schedule {
             .values()
             .filter(|job| may_go(&job.key))
             .min_by_key(|job| (job.tag, std::cmp::Reverse(job.overtaken), job.key))?;
-        let last_turn = head.tag.saturating_add(AHEAD_MAX);
+        let present_turn = head.tag;
+        let last_turn = present_turn.saturating_add(AHEAD_MAX);
         let may_overtake = |job: &ReadJob| job.tag <= last_turn && may_go(&job.key);
         let key = if head.overtaken >= OVERTAKEN_MAX { head.key } else { self.next_on_the_way(may_overtake)? };
         let job = self.reads.remove(&key)?;
         for other in self.reads.values_mut().filter(|other| other.tag < job.tag) {
             other.overtaken += 1;
         }
-        self.turn = self.turn.max(job.tag);
+        // What overtakes does not move time on: those behind would lose their turns to it.
+        self.turn = self.turn.max(present_turn);
         self.last_served = Some(key);
         Some(job)
     }
