@@ -36,6 +36,7 @@ pub mod trip;
 pub use bus::{BusOptions, Pacing, SimBus};
 pub use drive::SimDrive;
 pub use fault::FaultPlan;
+pub use outbox::Delivery;
 pub use options::{BadRequest, DriveOptions};
 pub use report::{BusReport, DriveReport};
 
@@ -97,6 +98,7 @@ mod testing {
         pacing: Pacing::None,
         turnaround: Duration::ZERO,
         silence: None,
+        delivery: Delivery::Characters,
         faults: FaultPlan::NONE,
     };
 
