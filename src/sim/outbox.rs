@@ -43,6 +43,8 @@ pub(super) struct Outbox {
     /// Nothing: characters take no time.
     pace: Option<LinkSettings>,
     delivery: Delivery,
+    /// What the adapter handed on last; nothing behind it comes sooner.
+    handed_on: MonoTime,
     waiting: Vec<Transmission>,
     /// Emptied buffers, to be used again.
     spare: Vec<Vec<u8>>,
@@ -53,7 +55,7 @@ impl Outbox {
     pub const MAX_WAITING: usize = 64;
 
     pub const fn new(pace: Option<LinkSettings>, delivery: Delivery) -> Self {
-        Self { pace, delivery, waiting: Vec::new(), spare: Vec::new() }
+        Self { pace, delivery, handed_on: MonoTime::ZERO, waiting: Vec::new(), spare: Vec::new() }
     }
 
     pub const fn is_paced(&self) -> bool {
@@ -116,6 +118,7 @@ impl Outbox {
             let upto = if is_left { self.upto(first) } else { first.bytes.len() };
             if is_left {
                 sink(due, &first.bytes[first.sent..upto]);
+                self.handed_on = if self.is_paced() { due } else { self.handed_on };
             }
             last_end = last_end.max(self.mark_sent(upto));
         }
@@ -152,7 +155,7 @@ impl Outbox {
     /// When the next byte of `drive` has come.
     fn due(&self, drive: &Transmission) -> MonoTime {
         let end = drive.start + self.time(self.upto(drive));
-        if self.is_paced() && drive.sent >= drive.hole { end + HOLE } else { end }
+        if self.is_paced() && drive.sent >= drive.hole { end + HOLE } else { end.max(self.handed_on) }
     }
 
     /// Up to which byte `drive` is handed on next.

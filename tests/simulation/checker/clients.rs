@@ -18,6 +18,8 @@ pub enum Ask {
     Picture { drive: usize, address: u16, count: u16 },
     /// A write to a drive: the number of the order that it may be.
     Order { drive: usize, order: u64 },
+    /// STOP for all drives.
+    StopAll { order: u64 },
     /// What goes to no drive.
     Other,
     /// A write that nothing allows.
@@ -102,8 +104,7 @@ impl Checker {
             (Some(drive), ..) => self.order(at, who, drive, |facts| orders::of_native(facts, pdu)),
             (_, Some(drive), _) => self.order(at, who, drive, |_| orders::of_uniform(pdu)),
             (None, None, 5) if unit == 255 && word(1) == 0 && word(3) == 0xFF00 => {
-                self.stop_all(at, who);
-                Ask::Other
+                Ask::StopAll { order: self.stop_all(at) }
             }
             (None, None, _) if unit == 255 || unit == 0 => Ask::Other,
             (None, None, _) => Ask::Nobody,
@@ -174,6 +175,7 @@ impl Checker {
                 }
                 self.order_succeeded(at, drive, order);
             }
+            Ask::StopAll { order } => self.all_stopped(order),
             Ask::Other => {}
             Ask::Never => self.object("O8", || format!("a write that nothing allows is answered {pdu:02X?}")),
             Ask::Nobody => self.object("O3", || format!("unit {unit} is nobody and answers {pdu:02X?}")),

@@ -76,6 +76,8 @@ pub struct Book {
     /// The drive took RUN, and was not seen at rest since.
     pub is_running: bool,
     zeros: u32,
+    /// A stop came that perhaps changed nothing.
+    may_stop: Option<u64>,
     pub is_ending: bool,
     /// True readings of the output frequency with their moments, newest last.
     pub readings: [(u16, u64); 24],
@@ -155,11 +157,16 @@ impl Checker {
             if self.line.drives[drive].kind.facts().word_of(kind).is_none() {
                 return number;
             }
-            book.fresh.push((number, at, kind == Run::Coast));
-            if !cyclic {
-                self.settle_stops(drive);
+            // Beside a stop that changes nothing, a setpoint counts.
+            let is_only_setpoint = cyclic && kind == Run::Stop && wish.setpoint.is_some() && book.may_be_stopped();
+            if !is_only_setpoint {
+                book.fresh.push((number, at, kind == Run::Coast));
+                if !cyclic {
+                    self.settle_stops(drive);
+                }
+                return number;
             }
-            return number;
+            book.may_stop.get_or_insert(number);
         }
         if book.orders.len() >= ORDERS {
             book.orders.retain(|it| !it.is_over && at < it.at + FORGOTTEN);
@@ -167,7 +174,7 @@ impl Checker {
                 book.orders.remove(0);
             }
         }
-        let is_void = book.stop.is_pending;
+        let is_void = book.stop.is_pending && wish.register.is_none();
         let order = Order {
             number,
             wish,
@@ -186,21 +193,32 @@ impl Checker {
         number
     }
 
-    /// A client orders all drives to stop.
-    pub(super) fn stop_all(&mut self, at: u64, _who: usize) {
-        for drive in 0..self.books.len() {
-            if self.line.drives[drive].has_control {
-                self.take_order(at, drive, Wish { run: Some(Run::Stop), ..Wish::default() }, u64::MAX, true);
+    /// A client orders all drives to stop. Of a drive that is stopped only its frame tells whether that changed something.
+    pub(super) fn stop_all(&mut self, at: u64) -> u64 {
+        self.order_count += 1;
+        for (book, _) in self.books.iter_mut().zip(&self.line.drives).filter(|(_, drive)| drive.has_control) {
+            book.sign_at = at;
+            if book.may_be_stopped() {
+                book.may_stop.get_or_insert(self.order_count);
+            } else {
+                book.fresh.push((self.order_count, at, false));
             }
         }
+        self.order_count
+    }
+
+    /// All drives were told to stop, and that is answered.
+    pub(super) fn all_stopped(&mut self, number: u64) {
+        self.books.iter_mut().for_each(|book| book.fresh.retain(|(it, ..)| *it != number));
     }
 
     /// Stops that came and were not answered from memory at once are new ones.
     pub(super) fn settle_stops(&mut self, drive: usize) {
         let book = &mut self.books[drive];
-        while let Some((_, _, is_coast)) = book.fresh.pop() {
+        for (_, _, is_coast) in book.fresh.drain(..) {
             book.stop = Stop { is_pending: true, is_coast, last_output: book.stop.last_output, ..Stop::default() };
-            book.orders.iter_mut().for_each(|it| it.is_void = true);
+            // What came after it and moves nothing goes on, and whether it came after is not always known.
+            book.orders.iter_mut().for_each(|it| it.is_void |= it.wish.register.is_none());
         }
     }
 
@@ -285,10 +303,15 @@ impl Checker {
             return true;
         }
         let book = &mut self.books[drive];
+        if let Some(number) = book.may_stop.take().filter(|_| !is_coast) {
+            book.fresh.push((number, exchange.at, false));
+            self.settle_stops(drive);
+            return true;
+        }
         let is_lost = book.moved_at.is_some_and(|moved| exchange.at >= moved + it.lost_after) && it.on_lost == action;
         let is_ending = book.is_ending && it.on_shutdown == action;
         if is_lost || is_ending {
-            book.fresh.push((0, exchange.at, is_coast));
+            book.fresh.push((u64::MAX, exchange.at, is_coast));
             self.settle_stops(drive);
             return true;
         }
@@ -313,7 +336,8 @@ impl Checker {
         let Some(order) = book.orders.iter_mut().find(|it| it.number == number) else { return };
         let is_refused = matches!(code, 1 | 2 | 3 | 6);
         order.is_over |= is_refused || code == 4;
-        if is_refused && order.sent > 0 && !order.is_void {
+        // What a stop has cut is told so, also when a frame of it is out.
+        if is_refused && order.sent > 0 && !order.is_void && book.fresh.is_empty() && book.may_stop.is_none() {
             let text = format!("refused with {code:02X} after {} frames: {order:?}", order.sent);
             self.object("O8", || text);
         }
@@ -334,10 +358,19 @@ impl Checker {
         let order = *order;
         let wish = order.wish;
         let is_motion = matches!(wish.run, Some(Run::Forward | Run::Reverse));
+        let is_stop = matches!(wish.run, Some(Run::Stop | Run::Coast));
         let is_in_force = (!is_motion || order.has_run || wish.run == book.run_taken)
-            && wish.setpoint.is_none_or(|it| order.has_setpoint || Some(it) == book.setpoint_taken);
+            && wish.setpoint.is_none_or(|it| order.has_setpoint || Some(it) == book.setpoint_taken || is_stop);
         let ends_reset = wish.run == Some(Run::Reset);
-        let is_taken = order.taken == order.sent || (ends_reset && order.taken > 0);
+        // Where a write stayed without an answer, only what the drive shows afterwards counts.
+        let shown = self.wire.newest().filter(|it| it.station == self.line.drives[drive].station && it.function == 3);
+        let shown = shown.filter(|it| it.is_true).map(|it| it.words[0]);
+        let is_shown = match (wish.register, wish.setpoint) {
+            (Some((_, word)), _) => shown == Some(word),
+            (None, Some(word)) if !is_motion => shown == Some(word),
+            _ => shown.is_some(),
+        };
+        let is_taken = order.taken == order.sent || (ends_reset && order.taken > 0) || is_shown;
         if !(is_in_force && is_taken) {
             let text = format!("told as done, but the drive did not take it: {order:?}, {:?} {:?}", book.run_taken, book.setpoint_taken);
             self.object("O4", || text);
@@ -387,6 +420,13 @@ impl Checker {
 }
 
 impl Book {
+    /// A stop may be in force already: the drive took one, and no order to run could still be sent.
+    fn may_be_stopped(&self) -> bool {
+        let is_ordered = self.orders.iter().any(|it| !it.is_over && !it.is_void && it.wish.run.is_some());
+        let is_stopped = !matches!(self.run_taken, Some(Run::Forward | Run::Reverse));
+        !self.stop.is_pending && is_stopped && !is_ordered
+    }
+
     fn shows_output(&mut self, at: u64, output: u16) {
         self.readings[self.reading % 24] = (output, at);
         self.reading += 1;
@@ -418,7 +458,7 @@ fn run_part(run: Run) -> impl FnMut(&mut Order) -> bool {
 
 fn setpoint_part(value: u16) -> impl FnMut(&mut Order) -> bool {
     move |it| {
-        let is_it = it.wish.setpoint == Some(value) && !it.has_setpoint && !it.has_run;
+        let is_it = it.wish.setpoint == Some(value) && !it.has_setpoint;
         it.has_setpoint |= is_it;
         is_it
     }
