@@ -41,7 +41,8 @@ impl Checker {
         }
         for drive in 0..self.books.len() {
             let (book, it) = (&self.books[drive], &self.line.drives[drive]);
-            let until = book.sign_at + it.lost_after + self.bound;
+            // On a line that somebody jams there is no bound.
+            let until = (book.sign_at + it.lost_after).max(self.wire.noise_at) + self.bound;
             if book.is_running && it.on_lost != Action::Hold && at > until {
                 let text = format!("drive {drive} runs on {} ms after its lease ended", (at - book.sign_at - it.lost_after) / 1_000_000);
                 self.object("O11", || text);
@@ -52,7 +53,10 @@ impl Checker {
     /// The gateway has ended.
     pub fn ended(&mut self, at: u64) {
         for drive in 0..self.books.len() {
-            let is_left = self.books[drive].is_running && self.line.drives[drive].on_shutdown != Action::Hold;
+            let (book, it) = (&self.books[drive], &self.line.drives[drive]);
+            // One whose commander was lost is left as it is, if that is declared: nobody holds it at the end.
+            let is_held = it.on_lost == Action::Hold && at > book.moved_at.unwrap_or(0) + it.lost_after;
+            let is_left = book.is_running && it.on_shutdown != Action::Hold && !is_held;
             if is_left && self.wire.is_up() {
                 self.object("O11", || format!("the gateway ended and left drive {drive} running"));
             }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 /// Events that are kept.
 const KEPT: usize = 40;
 /// Bytes of an event that are kept.
-const BYTES: usize = 44;
+const BYTES: usize = 256;
 
 /// What happened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

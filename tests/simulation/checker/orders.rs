@@ -50,6 +50,7 @@ pub struct Order {
 struct Stop {
     /// It was accepted, or the declared action began, and no effect was shown.
     is_pending: bool,
+    was_accepted: bool,
     is_coast: bool,
     /// The drive took it, in an exchange that was heard.
     echoed: bool,
@@ -158,7 +159,7 @@ impl Checker {
                 return number;
             }
             // Beside a stop that changes nothing, a setpoint counts.
-            let is_only_setpoint = cyclic && kind == Run::Stop && wish.setpoint.is_some() && book.may_be_stopped();
+            let is_only_setpoint = cyclic && kind == Run::Stop && wish.setpoint.is_some() && book.may_be_stopped(at);
             if !is_only_setpoint {
                 book.fresh.push((number, at, kind == Run::Coast));
                 if !cyclic {
@@ -198,7 +199,7 @@ impl Checker {
         self.order_count += 1;
         for (book, _) in self.books.iter_mut().zip(&self.line.drives).filter(|(_, drive)| drive.has_control) {
             book.sign_at = at;
-            if book.may_be_stopped() {
+            if book.may_be_stopped(at) {
                 book.may_stop.get_or_insert(self.order_count);
             } else {
                 book.fresh.push((self.order_count, at, false));
@@ -216,7 +217,7 @@ impl Checker {
     pub(super) fn settle_stops(&mut self, drive: usize) {
         let book = &mut self.books[drive];
         for (_, _, is_coast) in book.fresh.drain(..) {
-            book.stop = Stop { is_pending: true, is_coast, last_output: book.stop.last_output, ..Stop::default() };
+            book.stop = Stop { is_pending: true, was_accepted: true, is_coast, last_output: book.stop.last_output, ..Stop::default() };
             // What came after it and moves nothing goes on, and whether it came after is not always known.
             book.orders.iter_mut().for_each(|it| it.is_void |= it.wish.register.is_none());
         }
@@ -315,8 +316,9 @@ impl Checker {
             self.settle_stops(drive);
             return true;
         }
-        book.stop.repeats += 1;
-        book.stop.repeats <= REPEATS && book.stop.is_coast == is_coast && book.moved_at.is_some()
+        // Until it is answered it may well go on at its rate.
+        book.stop.repeats += u32::from(book.stop.echoed);
+        book.stop.repeats <= REPEATS && book.stop.is_coast == is_coast && book.stop.was_accepted
     }
 
     /// The stop that ends a reset goes up to four times.
@@ -420,9 +422,10 @@ impl Checker {
 }
 
 impl Book {
-    /// A stop may be in force already: the drive took one, and no order to run could still be sent.
-    fn may_be_stopped(&self) -> bool {
-        let is_ordered = self.orders.iter().any(|it| !it.is_over && !it.is_void && it.wish.run.is_some());
+    /// A stop may be in force already: the drive took one, and no order to run could still be sent. What came at this
+    /// very moment may have been refused, which is not known before the end of the moment.
+    fn may_be_stopped(&self, at: u64) -> bool {
+        let is_ordered = self.orders.iter().any(|it| !it.is_over && !it.is_void && it.wish.run.is_some() && it.at < at);
         let is_stopped = !matches!(self.run_taken, Some(Run::Forward | Run::Reverse));
         !self.stop.is_pending && is_stopped && !is_ordered
     }

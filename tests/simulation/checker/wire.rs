@@ -61,6 +61,8 @@ pub struct Wire {
     /// The exchange that was sent last still waits.
     is_open: bool,
     is_up: bool,
+    /// When something was heard last that was no reply as a whole.
+    pub noise_at: u64,
     pub shortest_excess: u64,
 }
 
@@ -75,6 +77,7 @@ impl Wire {
             truth: Vec::with_capacity(300),
             is_open: false,
             is_up: false,
+            noise_at: 0,
             shortest_excess: u64::MAX,
         }
     }
@@ -206,8 +209,11 @@ impl Checker {
             wire.heard.clear();
         }
         wire.heard.extend_from_slice(bytes);
-        let Some(last) = wire.newest().filter(|last| wire.is_open && last.heard_at.is_none()) else { return };
-        let Some(place) = reply_in(last, &wire.heard) else { return };
+        let open = wire.newest().filter(|last| wire.is_open && last.heard_at.is_none());
+        let Some(place) = open.and_then(|last| reply_in(last, &wire.heard)) else {
+            wire.noise_at = at;
+            return;
+        };
         let is_true = wire.heard[place] == wire.truth[..];
         if let Some(last) = wire.newest_mut() {
             (last.heard_at, last.is_true) = (Some(at), is_true);
