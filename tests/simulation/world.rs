@@ -243,6 +243,7 @@ impl World {
                 }
                 Effect::Answer(answer) => {
                     self.hear_native(&answer);
+                    self.mqtt_reads(&answer);
                     if self.plan.only_reads {
                         self.again.extend(self.clients.iter().position(|client| client.asker == answer.asker));
                     }

@@ -60,7 +60,12 @@ impl Checker {
     /// A client's connection is gone: nothing more is owed to it.
     pub fn client_closed(&mut self, at: u64, who: usize, by_gateway: bool) {
         self.log.add(at, What::Client, who as u16, if by_gateway { b"is closed" } else { b"leaves" });
-        self.clients[who] = Client::default();
+        let gone = std::mem::take(&mut self.clients[who]);
+        for request in &gone.pending {
+            if let Ask::Order { drive, order } = request.ask {
+                self.nobody_is_told(drive, order);
+            }
+        }
     }
 
     /// A client sent `bytes`.

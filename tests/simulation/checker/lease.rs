@@ -1,4 +1,4 @@
-//! Leases and the end: O11.
+//! Stops that have to leave, leases and the end: L1 and O11.
 
 use super::Checker;
 use super::log::What;
@@ -18,9 +18,9 @@ impl Checker {
         longest + silence + stop * (self.line.drives.len() as u64 - 1)
     }
 
-    /// A commander gave a sign of life that is no order.
+    /// The commanders behind the broker gave a sign of life that is no order.
     pub fn sign_of_life(&mut self, at: u64) {
-        self.books.iter_mut().for_each(|book| book.sign_at = at);
+        self.books.iter_mut().filter(|book| book.is_of_mqtt).for_each(|book| book.sign_at = at);
     }
 
     /// The gateway is told to end.
@@ -31,7 +31,10 @@ impl Checker {
 
     pub(super) fn port_changed(&mut self, at: u64, _is_up: bool) {
         // A declared action has to wait for the port: its time counts from there.
-        self.books.iter_mut().for_each(|book| book.sign_at = book.sign_at.max(at));
+        for book in &mut self.books {
+            book.sign_at = book.sign_at.max(at);
+            book.stop_due = book.stop_due.map(|_| at + self.bound);
+        }
     }
 
     /// Nobody has given a sign of life for so long that the declared action must have begun.
@@ -41,6 +44,11 @@ impl Checker {
         }
         for drive in 0..self.books.len() {
             let (book, it) = (&self.books[drive], &self.line.drives[drive]);
+            if let Some(due) = book.stop_due.map(|due| due.max(self.wire.noise_at + self.bound)).filter(|due| at > *due) {
+                let text = format!("a stop of drive {drive} should have left {} ms ago", (at - due) / 1_000_000);
+                self.object("L1", || text);
+                continue;
+            }
             // On a line that somebody jams there is no bound.
             let until = (book.sign_at + it.lost_after).max(self.wire.noise_at) + self.bound;
             if book.is_running && it.on_lost != Action::Hold && at > until {

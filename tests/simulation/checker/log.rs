@@ -45,7 +45,7 @@ struct Entry {
 /// The last events, and a hash over all of them.
 #[derive(Debug)]
 pub struct Log {
-    entries: Box<[Entry; KEPT]>,
+    entries: Box<[Entry]>,
     next: usize,
     hash: u64,
 }
@@ -53,7 +53,7 @@ pub struct Log {
 impl Log {
     pub fn new() -> Self {
         let none = Entry { at: 0, what: What::World, who: 0, length: 0, bytes: [0; BYTES] };
-        Self { entries: Box::new([none; KEPT]), next: 0, hash: 0xCBF2_9CE4_8422_2325 }
+        Self { entries: vec![none; KEPT].into(), next: 0, hash: 0xCBF2_9CE4_8422_2325 }
     }
 
     /// Keeps an event of `who` at `at` (ns).

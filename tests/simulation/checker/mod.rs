@@ -6,8 +6,9 @@
 //! | `wire` | exchanges; O5, O6 |
 //! | `clients` | requests of clients and their answers; O3, O7 |
 //! | `orders` | what may be written and why; O1, O2, O4, O8 |
+//! | `messages` | commands and results over MQTT |
 //! | `picture` | what is served from memory; O13 |
-//! | `lease` | commanders that fall silent; O11 |
+//! | `lease` | stops that have to leave, commanders that fall silent; L1, O11 |
 //! | `tables` | numbers typed from the vendors' manuals |
 //! | `crc`, `log` | the check of frames; the last events, for people |
 
@@ -15,6 +16,7 @@ pub mod clients;
 mod crc;
 mod lease;
 pub mod log;
+pub mod messages;
 pub mod orders;
 mod picture;
 pub mod tables;
@@ -22,6 +24,7 @@ pub mod wire;
 
 use clients::Client;
 use log::{Log, What};
+use messages::Messages;
 use orders::Book;
 use tables::Line;
 use wire::Wire;
@@ -64,6 +67,7 @@ pub struct Checker {
     pub clients: Vec<Client>,
     pub books: Vec<Book>,
     pub counts: Counts,
+    messages: Messages,
     order_count: u64,
     bound: u64,
     now: u64,
@@ -82,6 +86,7 @@ impl Checker {
             clients: (0..clients).map(|_| Client::default()).collect(),
             books: line.drives.iter().map(|_| Book::default()).collect(),
             counts: Counts::default(),
+            messages: Messages::default(),
             order_count: 0,
             bound: 0,
             now: 0,

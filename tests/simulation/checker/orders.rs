@@ -41,8 +41,10 @@ pub struct Order {
     /// Words of a reset that went out.
     reset_step: usize,
     /// A stop came after it, or was pending when it came.
-    is_void: bool,
+    pub is_void: bool,
     is_over: bool,
+    /// It came over MQTT.
+    pub is_message: bool,
 }
 
 /// The stop of a drive.
@@ -50,13 +52,13 @@ pub struct Order {
 struct Stop {
     /// It was accepted, or the declared action began, and no effect was shown.
     is_pending: bool,
-    was_accepted: bool,
+    was_accepted_at: Option<u64>,
     is_coast: bool,
     /// The drive took it, in an exchange that was heard.
     echoed: bool,
     last_output: Option<u16>,
     zeros: u32,
-    /// Frames after the effect.
+    /// Frames after the effect that the drive answered as it should.
     repeats: u32,
 }
 
@@ -77,9 +79,16 @@ pub struct Book {
     /// The drive took RUN, and was not seen at rest since.
     pub is_running: bool,
     zeros: u32,
+    /// When anybody's stop came last.
+    last_stop_at: u64,
     /// A stop came that perhaps changed nothing.
     may_stop: Option<u64>,
     pub is_ending: bool,
+    /// The last order of which a frame went out came over MQTT.
+    pub is_of_mqtt: bool,
+    /// When the last stop came that was a new one, and until when its frame must have left.
+    pub stopped_at: Option<u64>,
+    pub stop_due: Option<u64>,
     /// True readings of the output frequency with their moments, newest last.
     pub readings: [(u16, u64); 24],
     pub reading: usize,
@@ -158,6 +167,7 @@ impl Checker {
             if self.line.drives[drive].kind.facts().word_of(kind).is_none() {
                 return number;
             }
+            book.last_stop_at = at;
             // Beside a stop that changes nothing, a setpoint counts.
             let is_only_setpoint = cyclic && kind == Run::Stop && wish.setpoint.is_some() && book.may_be_stopped(at);
             if !is_only_setpoint {
@@ -189,6 +199,7 @@ impl Checker {
             reset_step: 0,
             is_void,
             is_over: false,
+            is_message: !cyclic,
         };
         book.orders.push(order);
         number
@@ -198,7 +209,7 @@ impl Checker {
     pub(super) fn stop_all(&mut self, at: u64) -> u64 {
         self.order_count += 1;
         for (book, _) in self.books.iter_mut().zip(&self.line.drives).filter(|(_, drive)| drive.has_control) {
-            book.sign_at = at;
+            (book.sign_at, book.last_stop_at) = (at, at);
             if book.may_be_stopped(at) {
                 book.may_stop.get_or_insert(self.order_count);
             } else {
@@ -216,10 +227,32 @@ impl Checker {
     /// Stops that came and were not answered from memory at once are new ones.
     pub(super) fn settle_stops(&mut self, drive: usize) {
         let book = &mut self.books[drive];
-        for (_, _, is_coast) in book.fresh.drain(..) {
-            book.stop = Stop { is_pending: true, was_accepted: true, is_coast, last_output: book.stop.last_output, ..Stop::default() };
+        for (number, at, is_coast) in book.fresh.drain(..) {
+            if !book.stop.is_pending {
+                book.stopped_at = Some(at);
+            }
+            // Of one kind several are one, and what the gateway itself begins is seen by its frame.
+            if number < u64::MAX && !(book.stop.is_pending && book.stop.is_coast == is_coast) {
+                book.stop_due = Some(at + self.bound);
+            }
+            book.stop = Stop { is_pending: true, was_accepted_at: Some(at), is_coast, last_output: book.stop.last_output, ..Stop::default() };
             // What came after it and moves nothing goes on, and whether it came after is not always known.
             book.orders.iter_mut().for_each(|it| it.is_void |= it.wish.register.is_none());
+        }
+    }
+
+    /// Nothing may follow from this order.
+    pub(super) fn void_order(&mut self, drive: usize, number: u64) {
+        let orders = &mut self.books[drive].orders;
+        orders.iter_mut().filter(|it| it.number == number).for_each(|it| it.is_void = true);
+    }
+
+    /// The one who ordered is gone before he was told. Only its frame tells whether a stop changed something.
+    pub(super) fn nobody_is_told(&mut self, drive: usize, number: u64) {
+        let book = &mut self.books[drive];
+        if book.fresh.iter().any(|(it, ..)| *it == number) {
+            book.fresh.retain(|(it, ..)| *it != number);
+            book.may_stop.get_or_insert(number);
         }
     }
 
@@ -235,7 +268,11 @@ impl Checker {
             let is_explained = if address == facts.run {
                 match facts.run_of(value) {
                     Some(run @ (Run::Forward | Run::Reverse)) => self.explain(exchange.at, drive, is_taken, run_part(run)),
-                    Some(Run::Stop | Run::Coast) => self.explain_stop(exchange, drive, value, is_taken),
+                    Some(Run::Stop | Run::Coast) => {
+                        let is_explained = self.explain_stop(exchange, drive, value, is_taken);
+                        self.books[drive].stop_due = None;
+                        is_explained
+                    }
                     Some(Run::Reset) => self.explain_reset(drive, exchange.at, value, is_taken),
                     None => false,
                 }
@@ -264,6 +301,7 @@ impl Checker {
         let order = &mut book.orders[place];
         order.sent += 1;
         order.taken += u32::from(is_taken);
+        book.is_of_mqtt = order.is_message;
         let (moved_at, run) = (order.at, order.wish.run.filter(|_| order.has_run));
         book.moved_at = book.moved_at.max(Some(moved_at));
         if let Some(run) = run
@@ -311,14 +349,14 @@ impl Checker {
         }
         let is_lost = book.moved_at.is_some_and(|moved| exchange.at >= moved + it.lost_after) && it.on_lost == action;
         let is_ending = book.is_ending && it.on_shutdown == action;
-        if is_lost || is_ending {
+        let has_moved = book.moved_at > book.stop.was_accepted_at;
+        if (is_lost && has_moved) || is_ending {
             book.fresh.push((u64::MAX, exchange.at, is_coast));
             self.settle_stops(drive);
             return true;
         }
-        // Until it is answered it may well go on at its rate.
-        book.stop.repeats += u32::from(book.stop.echoed);
-        book.stop.repeats <= REPEATS && book.stop.is_coast == is_coast && book.stop.was_accepted
+        // Until it is answered as it should be it may well go on at its rate.
+        is_lost || (book.stop.repeats <= REPEATS && book.stop.is_coast == is_coast && book.stop.was_accepted_at.is_some())
     }
 
     /// The stop that ends a reset goes up to four times.
@@ -339,7 +377,7 @@ impl Checker {
         let is_refused = matches!(code, 1 | 2 | 3 | 6);
         order.is_over |= is_refused || code == 4;
         // What a stop has cut is told so, also when a frame of it is out.
-        if is_refused && order.sent > 0 && !order.is_void && book.fresh.is_empty() && book.may_stop.is_none() {
+        if is_refused && order.sent > 0 && !order.is_void && book.last_stop_at < order.at {
             let text = format!("refused with {code:02X} after {} frames: {order:?}", order.sent);
             self.object("O8", || text);
         }
@@ -414,7 +452,9 @@ impl Checker {
                 }
             }
             (6, Truth::Holds(value)) if exchange.address == facts.run && value == exchange.values[0] => {
-                book.stop.echoed |= matches!(facts.run_of(value), Some(Run::Stop | Run::Coast));
+                let is_stop = matches!(facts.run_of(value), Some(Run::Stop | Run::Coast));
+                book.stop.repeats += u32::from(is_stop && !book.stop.is_pending);
+                book.stop.echoed |= is_stop;
             }
             _ => {}
         }
