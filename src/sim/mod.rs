@@ -36,8 +36,8 @@ pub mod trip;
 pub use bus::{BusOptions, Pacing, SimBus};
 pub use drive::SimDrive;
 pub use fault::FaultPlan;
-pub use outbox::Delivery;
 pub use options::{BadRequest, DriveOptions};
+pub use outbox::Delivery;
 pub use report::{BusReport, DriveReport};
 
 #[cfg(test)]

@@ -54,7 +54,9 @@ impl Client {
         let facts = drive.kind.facts();
         let dice = rng.u8(0..100);
         let (unit, pdu): (u8, Vec<u8>) = match dice {
-            0..45 => (drive.unit, words(3 + dice % 2, &[PROOF + rng.u16(0..16), rng.u16(1..=if dice < 2 { 40 } else { 8 })])),
+            0..45 => {
+                (drive.unit, words(3 + dice % 2, &[PROOF + rng.u16(0..16), rng.u16(1..=if dice < 2 { 40 } else { 8 })]))
+            }
             45..52 => (drive.unit, words(3, &[facts.readable.0, rng.u16(1..=facts.readable.1)])),
             52..66 => (drive.uniform, words(3 + dice % 2, &[rng.u16(0..6), rng.u16(1..16)])),
             66..68 => (255, words(3, &[rng.u16(0..8), 4])),

@@ -8,16 +8,20 @@
 //! | `client`, `serve` | Modbus TCP clients, and what the daemon does for them |
 //! | `mqtt` | the MQTT session and a small broker |
 //! | `trouble` | what goes wrong beside replies |
+//! | `trials` | single promises, counted |
 //! | `checker` | who looks on |
+//! | `tests` | that the checker objects, that a seed is a world, found seeds, a million exchanges |
 
 pub mod checker;
 mod client;
 mod mqtt;
 pub mod plan;
 mod serve;
+pub mod trials;
 pub mod trouble;
 pub mod world;
 
+use checker::Violation;
 use world::{Tally, World};
 
 /// Exchanges of one world.
@@ -31,14 +35,20 @@ pub fn run(seed: u64, exchanges: u64) -> Result<(Tally, u64), String> {
     let mut world = World::new(seed);
     match world.run(exchanges) {
         None => Ok((world.tally, world.checker.log.hash())),
-        Some(it) => Err(format!(
-            "{} is violated by seed {seed} at exchange {} ({:.6} s): {}\n{:?}\n{}\nagain: cargo bench --bench year -- --seed {seed} --shards 1 --exchanges {exchanges}",
-            it.rule,
-            it.exchange,
-            it.at as f64 / 1e9,
-            it.text,
-            world.plan,
-            it.events,
-        )),
+        Some(it) => Err(told(seed, exchanges, &world, &it)),
     }
+}
+
+/// A violation in words, with the command that shows it again.
+fn told(seed: u64, exchanges: u64, world: &World, it: &Violation) -> String {
+    format!(
+        "{} is violated by seed {seed} at exchange {} ({:.6} s): {}\n{:?}\n{}\nagain: cargo bench --bench year -- --seed \
+         {seed} --shards 1 --exchanges {exchanges}",
+        it.rule,
+        it.exchange,
+        it.at as f64 / 1e9,
+        it.text,
+        world.plan,
+        it.events,
+    )
 }

@@ -219,7 +219,9 @@ impl World {
         }
         while let Some(act) = side.session.next_act(moment(self.now), &self.views, &side.lines) {
             match act {
-                Act::Subscribe(filters) => side.put(self.now + Duration::from_millis(3), Coming::Granted(filters.len())),
+                Act::Subscribe(filters) => {
+                    side.put(self.now + Duration::from_millis(3), Coming::Granted(filters.len()))
+                }
                 Act::Publish(publication) => self.publish(side, publication),
                 Act::Reconnect(_) => return side.lose(self.now, Duration::from_secs(1)),
                 inward => self.inward(inward),
@@ -266,7 +268,9 @@ impl World {
 
     /// The line reports on a command.
     pub fn mqtt_hears(&mut self, answer: &CommandAnswer) {
-        let (now, Some(side)) = (self.now, self.mqtt.as_mut().filter(|_| answer.asker == AskerId::MQTT)) else { return };
+        let (now, Some(side)) = (self.now, self.mqtt.as_mut().filter(|_| answer.asker == AskerId::MQTT)) else {
+            return;
+        };
         side.session.command_answer(moment(now), answer);
         side.wake_at = now;
         self.mqtt_turn();
@@ -274,7 +278,9 @@ impl World {
 
     /// The line answers a read.
     pub fn mqtt_reads(&mut self, answer: &NativeAnswer) {
-        let (now, Some(side)) = (self.now, self.mqtt.as_mut().filter(|_| answer.asker == AskerId::MQTT)) else { return };
+        let (now, Some(side)) = (self.now, self.mqtt.as_mut().filter(|_| answer.asker == AskerId::MQTT)) else {
+            return;
+        };
         side.session.native_answer(moment(now), answer);
         side.wake_at = now;
     }

@@ -90,7 +90,8 @@ impl World {
         match native::ask_of(ask) {
             Ok(ask) => {
                 let drive = DriveIndex(place as u16);
-                let request = NativeRequest { asker: client.asker, ticket, drive, origin: client.origin, ask, deadline };
+                let request =
+                    NativeRequest { asker: client.asker, ticket, drive, origin: client.origin, ask, deadline };
                 self.core.handle(self.now, Input::Native(request));
             }
             Err(code) => client.machine.answer(self.now, ticket, Answer::Exception(code)),

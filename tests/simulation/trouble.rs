@@ -32,16 +32,8 @@ impl Trouble {
     pub const COUNT: usize = 8;
     pub const NAMES: [&str; Self::COUNT] =
         ["power off", "trip", "port down", "noise", "foreign frame", "babble", "rough", "calm"];
-    const ALL: [Self; Self::COUNT] = [
-        Self::PowerOff,
-        Self::Trip,
-        Self::PortDown,
-        Self::Noise,
-        Self::Foreign,
-        Self::Babble,
-        Self::Rough,
-        Self::Calm,
-    ];
+    const ALL: [Self; Self::COUNT] =
+        [Self::PowerOff, Self::Trip, Self::PortDown, Self::Noise, Self::Foreign, Self::Babble, Self::Rough, Self::Calm];
 }
 
 /// Most bytes that a babbling node puts on the wire at once.

@@ -71,6 +71,37 @@ pub struct World {
     pub again: Vec<usize>,
 }
 
+impl Tally {
+    /// Adds what happened in another world.
+    pub fn add(&mut self, other: &Self) {
+        let (mine, its) = (&mut self.checked, &other.checked);
+        for (to, from) in [
+            (&mut self.worlds, other.worlds),
+            (&mut self.exchanges, other.exchanges),
+            (&mut self.virtual_ns, other.virtual_ns),
+            (&mut self.client_events, other.client_events),
+            (&mut self.clients_gone, other.clients_gone),
+            (&mut self.messages, other.messages),
+            (&mut self.late, other.late),
+            (&mut self.lost, other.lost),
+            (&mut self.collisions, other.collisions),
+            (&mut mine.requests, its.requests),
+            (&mut mine.answers, its.answers),
+            (&mut mine.exceptions, its.exceptions),
+            (&mut mine.words_checked, its.words_checked),
+            (&mut mine.pictures, its.pictures),
+            (&mut mine.writes, its.writes),
+            (&mut mine.replies, its.replies),
+            (&mut mine.mistakable, its.mistakable),
+            (&mut mine.results, its.results),
+        ] {
+            *to += from;
+        }
+        self.troubles.iter_mut().zip(other.troubles).for_each(|(to, from)| *to += from);
+        self.shortest_excess = self.shortest_excess.min(other.shortest_excess);
+    }
+}
+
 impl World {
     /// The world of `seed`.
     pub fn new(seed: u64) -> Self {

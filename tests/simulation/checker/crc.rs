@@ -18,10 +18,13 @@ const fn table() -> [u16; 256] {
     table
 }
 
+/// The check of `body`.
+pub fn of(body: &[u8]) -> u16 {
+    body.iter().fold(0xFFFF_u16, |register, byte| (register >> 8) ^ TABLE[usize::from((register as u8) ^ byte)])
+}
+
 /// Whether the last two bytes of `frame` are the check of those before.
 pub fn is_right(frame: &[u8]) -> bool {
     let Some((body, check)) = frame.split_last_chunk::<2>() else { return false };
-    let register =
-        body.iter().fold(0xFFFF_u16, |register, byte| (register >> 8) ^ TABLE[usize::from((register as u8) ^ byte)]);
-    register == u16::from_le_bytes(*check)
+    of(body) == u16::from_le_bytes(*check)
 }

@@ -44,7 +44,8 @@ impl Checker {
         }
         for drive in 0..self.books.len() {
             let (book, it) = (&self.books[drive], &self.line.drives[drive]);
-            if let Some(due) = book.stop_due.map(|due| due.max(self.wire.noise_at + self.bound)).filter(|due| at > *due) {
+            if let Some(due) = book.stop_due.map(|due| due.max(self.wire.noise_at + self.bound)).filter(|due| at > *due)
+            {
                 let text = format!("a stop of drive {drive} should have left {} ms ago", (at - due) / 1_000_000);
                 self.object("L1", || text);
                 continue;
@@ -52,7 +53,10 @@ impl Checker {
             // On a line that somebody jams there is no bound.
             let until = (book.sign_at + it.lost_after).max(self.wire.noise_at) + self.bound;
             if book.is_running && it.on_lost != Action::Hold && at > until {
-                let text = format!("drive {drive} runs on {} ms after its lease ended", (at - book.sign_at - it.lost_after) / 1_000_000);
+                let text = format!(
+                    "drive {drive} runs on {} ms after its lease ended",
+                    (at - book.sign_at - it.lost_after) / 1_000_000
+                );
                 self.object("O11", || text);
             }
         }

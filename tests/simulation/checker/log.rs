@@ -88,7 +88,13 @@ impl Log {
         for place in self.next.saturating_sub(KEPT)..self.next {
             let entry = &self.entries[place % KEPT];
             let kept = usize::from(entry.length).min(BYTES);
-            let _ = write!(text, "{:>16.6} ms {:<10} {:>4} ", entry.at as f64 / 1e6, format!("{:?}", entry.what), entry.who);
+            let _ = write!(
+                text,
+                "{:>16.6} ms {:<10} {:>4} ",
+                entry.at as f64 / 1e6,
+                format!("{:?}", entry.what),
+                entry.who
+            );
             match entry.what {
                 What::Client | What::Port | What::Message | What::Published | What::World => {
                     text.push_str(&String::from_utf8_lossy(&entry.bytes[..kept]));

@@ -153,9 +153,12 @@ impl Checker {
         let Some(id) = number_behind(payload, "\"id\":\"o") else { return };
         let found = self.messages.ids.iter().find(|(it, of, _)| (*it, *of) == (id, drive));
         let Some((.., order)) = found.copied() else { return };
+        let reason = text_behind(payload, "\"reason\":\"");
         match text_behind(payload, "\"outcome\":\"") {
             // What was said before is said again, whatever has happened since.
             _ if payload.contains("\"repeat\":true") => {}
+            // That is about the message and not about the order that had this id first.
+            Some("refused") if matches!(reason, Some("retained" | "duplicate" | "stale")) => {}
             Some("acknowledged" | "confirmed") => self.order_succeeded(at, drive, order),
             Some("refused" | "superseded" | "expired") => self.order_excepted(at, drive, order, 6),
             Some("failed") => self.order_excepted(at, drive, order, 4),

@@ -13,7 +13,7 @@
 //! | `crc`, `log` | the check of frames; the last events, for people |
 
 pub mod clients;
-mod crc;
+pub mod crc;
 mod lease;
 pub mod log;
 pub mod messages;

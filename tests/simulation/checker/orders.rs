@@ -235,7 +235,13 @@ impl Checker {
             if number < u64::MAX && !(book.stop.is_pending && book.stop.is_coast == is_coast) {
                 book.stop_due = Some(at + self.bound);
             }
-            book.stop = Stop { is_pending: true, was_accepted_at: Some(at), is_coast, last_output: book.stop.last_output, ..Stop::default() };
+            book.stop = Stop {
+                is_pending: true,
+                was_accepted_at: Some(at),
+                is_coast,
+                last_output: book.stop.last_output,
+                ..Stop::default()
+            };
             // What came after it and moves nothing goes on, and whether it came after is not always known.
             book.orders.iter_mut().for_each(|it| it.is_void |= it.wish.register.is_none());
         }
@@ -267,7 +273,9 @@ impl Checker {
             let (address, value) = (exchange.address.wrapping_add(place), exchange.values[usize::from(place)]);
             let is_explained = if address == facts.run {
                 match facts.run_of(value) {
-                    Some(run @ (Run::Forward | Run::Reverse)) => self.explain(exchange.at, drive, is_taken, run_part(run)),
+                    Some(run @ (Run::Forward | Run::Reverse)) => {
+                        self.explain(exchange.at, drive, is_taken, run_part(run))
+                    }
                     Some(Run::Stop | Run::Coast) => {
                         let is_explained = self.explain_stop(exchange, drive, value, is_taken);
                         self.books[drive].stop_due = None;
@@ -287,7 +295,10 @@ impl Checker {
             };
             if !is_explained {
                 let rule = if self.books[drive].stop.is_pending { "O2" } else { "O1" };
-                let text = format!("{value:04X} to {address:04X} of drive {drive} belongs to no order: {:?}", self.books[drive]);
+                let text = format!(
+                    "{value:04X} to {address:04X} of drive {drive} belongs to no order: {:?}",
+                    self.books[drive]
+                );
                 self.object(rule, || text);
             }
         }
@@ -315,7 +326,8 @@ impl Checker {
     fn explain_reset(&mut self, drive: usize, at: u64, value: u16, is_taken: bool) -> bool {
         let words = self.line.drives[drive].kind.facts().reset;
         let book = &mut self.books[drive];
-        let is_next = |it: &Order| it.wish.run == Some(Run::Reset) && !it.is_over && words.get(it.reset_step) == Some(&value);
+        let is_next =
+            |it: &Order| it.wish.run == Some(Run::Reset) && !it.is_over && words.get(it.reset_step) == Some(&value);
         let is_fit = |it: &Order| it.sent > 0 || (!it.is_void && at < it.before);
         let Some(order) = book.orders.iter_mut().find(|it| is_next(it) && is_fit(it)) else { return false };
         order.reset_step += 1;
@@ -338,12 +350,14 @@ impl Checker {
         if book.stop.is_pending && book.stop.is_coast == is_coast {
             return true;
         }
-        if !is_coast && (self.explain_reset(drive, exchange.at, value, is_taken) || self.repeats_end_of_reset(drive, value)) {
+        if !is_coast
+            && (self.explain_reset(drive, exchange.at, value, is_taken) || self.repeats_end_of_reset(drive, value))
+        {
             return true;
         }
         let book = &mut self.books[drive];
-        if let Some(number) = book.may_stop.take().filter(|_| !is_coast) {
-            book.fresh.push((number, exchange.at, false));
+        if let Some(number) = book.may_stop.take() {
+            book.fresh.push((number, exchange.at, is_coast));
             self.settle_stops(drive);
             return true;
         }
@@ -356,7 +370,8 @@ impl Checker {
             return true;
         }
         // Until it is answered as it should be it may well go on at its rate.
-        is_lost || (book.stop.repeats <= REPEATS && book.stop.is_coast == is_coast && book.stop.was_accepted_at.is_some())
+        is_lost
+            || (book.stop.repeats <= REPEATS && book.stop.is_coast == is_coast && book.stop.was_accepted_at.is_some())
     }
 
     /// The stop that ends a reset goes up to four times.
@@ -412,7 +427,10 @@ impl Checker {
         };
         let is_taken = order.taken == order.sent || (ends_reset && order.taken > 0) || is_shown;
         if !(is_in_force && is_taken) {
-            let text = format!("told as done, but the drive did not take it: {order:?}, {:?} {:?}", book.run_taken, book.setpoint_taken);
+            let text = format!(
+                "told as done, but the drive did not take it: {order:?}, {:?} {:?}",
+                book.run_taken, book.setpoint_taken
+            );
             self.object("O4", || text);
         }
     }
@@ -479,6 +497,10 @@ impl Book {
         stop.zeros = if output == 0 { stop.zeros + 1 } else { 0 };
         let falls = stop.last_output.is_some_and(|last| output < last);
         stop.last_output = Some(output);
+        if stop.zeros >= 2 {
+            // A drive that was out of sight is read first, and at standstill there is nothing to stop.
+            self.stop_due = None;
+        }
         if stop.zeros >= 2 || (stop.echoed && (output == 0 || falls)) {
             stop.is_pending = false;
         }
