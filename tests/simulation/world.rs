@@ -11,6 +11,7 @@ use fastrand::Rng;
 use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::ids::Station;
+use vfd_gateway::domain::native::NativeOutcome;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::description::DriveDescription;
 use vfd_gateway::drive::view::DriveView;
@@ -69,6 +70,8 @@ pub struct World {
     pub tally: Tally,
     /// Clients that got their answer and ask again at once.
     pub again: Vec<usize>,
+    /// Clients that were refused and ask again in a moment.
+    refused: Vec<usize>,
 }
 
 impl Tally {
@@ -133,6 +136,7 @@ impl World {
             is_over: false,
             tally: Tally { worlds: 1, ..Tally::default() },
             again: Vec::new(),
+            refused: if plan.only_reads { (0..plan.clients).collect() } else { Vec::new() },
             core,
             bus,
             checker,
@@ -237,8 +241,9 @@ impl World {
             self.client_at = self.now + self.about(self.plan.ask_every);
             self.change_mood();
             if self.plan.only_reads {
-                (0..self.clients.len()).for_each(|who| self.client_reads(who));
                 self.client_at = MonoTime::NEVER;
+                let again = std::mem::take(&mut self.refused);
+                again.into_iter().for_each(|who| self.client_reads(who));
             } else {
                 self.client_acts();
             }
@@ -263,36 +268,46 @@ impl World {
         Duration::from_nanos(self.rng.u64(1..=2 * mean.as_nanos() as u64))
     }
 
-    /// Lets the core decide and carries out what it says.
+    /// Lets the core decide and carries out what it says. Who reads without a pause asks again in the same moment.
     pub fn decide(&mut self) {
-        self.core.handle(self.now, Input::Time);
-        while let Some(effect) = self.core.next_effect() {
-            match effect {
-                Effect::Transmit(frame) => {
-                    self.bus.receive(self.now, &frame);
-                    self.checker.request(self.now.as_nanos(), &frame, self.bus.newest_reply());
-                }
-                Effect::Answer(answer) => {
-                    self.hear_native(&answer);
-                    self.mqtt_reads(&answer);
-                    if self.plan.only_reads {
-                        self.again.extend(self.clients.iter().position(|client| client.asker == answer.asker));
-                    }
-                }
-                Effect::Command(answer) => {
-                    self.hear_command(&answer);
-                    self.mqtt_hears(&answer);
-                }
-                Effect::Trip(drive, event) => self.mqtt_trip(drive, &event),
-                Effect::Note(..) | Effect::Presence(..) | Effect::Traffic(_) => {}
+        loop {
+            self.core.handle(self.now, Input::Time);
+            while let Some(effect) = self.core.next_effect() {
+                self.carry_out(effect);
             }
-        }
-        if !self.again.is_empty() && !self.is_over {
+            if self.again.is_empty() || self.is_over {
+                return;
+            }
             while let Some(who) = self.again.pop() {
                 self.client_reads(who);
             }
-            // Read after the answer, so at another moment.
-            self.core.handle(self.now, Input::Time);
+        }
+    }
+
+    fn carry_out(&mut self, effect: Effect) {
+        match effect {
+            Effect::Transmit(frame) => {
+                self.bus.receive(self.now, &frame);
+                self.checker.request(self.now.as_nanos(), &frame, self.bus.newest_reply());
+            }
+            Effect::Answer(answer) => {
+                self.hear_native(&answer);
+                self.mqtt_reads(&answer);
+                if self.plan.only_reads && matches!(answer.outcome, NativeOutcome::Words(_)) {
+                    self.again.extend(self.clients.iter().position(|client| client.asker == answer.asker));
+                } else if self.plan.only_reads {
+                    // A client takes a moment to ask again what was refused.
+                    let again_at = self.now + Duration::from_millis(20);
+                    self.refused.extend(self.clients.iter().position(|client| client.asker == answer.asker));
+                    self.client_at = self.client_at.min(again_at);
+                }
+            }
+            Effect::Command(answer) => {
+                self.hear_command(&answer);
+                self.mqtt_hears(&answer);
+            }
+            Effect::Trip(drive, event) => self.mqtt_trip(drive, &event),
+            Effect::Note(..) | Effect::Presence(..) | Effect::Traffic(_) => {}
         }
     }
 

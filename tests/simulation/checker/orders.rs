@@ -231,8 +231,11 @@ impl Checker {
             if !book.stop.is_pending {
                 book.stopped_at = Some(at);
             }
-            // Of one kind several are one, and what the gateway itself begins is seen by its frame.
-            if number < u64::MAX && !(book.stop.is_pending && book.stop.is_coast == is_coast) {
+            // Of one kind several are one until the drive has answered, and what the gateway itself begins is seen by its
+            // frame.
+            let is_unanswered = book.stop.was_accepted_at.is_some() && !book.stop.echoed;
+            let joins = (book.stop.is_pending || is_unanswered) && book.stop.is_coast == is_coast;
+            if number < u64::MAX && !joins {
                 book.stop_due = Some(at + self.bound);
             }
             book.stop = Stop {

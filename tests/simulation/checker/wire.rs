@@ -5,7 +5,7 @@ use super::crc;
 use super::log::What;
 
 /// Exchanges that are kept.
-const KEPT: usize = 64;
+const KEPT: usize = 256;
 /// Most words of one reply that are kept.
 pub const WORDS: usize = 40;
 /// Most bytes that are kept of what was heard since the last frame.
