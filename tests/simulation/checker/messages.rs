@@ -46,7 +46,7 @@ impl Checker {
         self.time(at);
         self.sign_of_life(at);
         let Some(rest) = it.topic.strip_prefix("vfd/plant/") else { return };
-        if rest == "all/run/set" && !it.duplicate {
+        if rest == "all/run/set" && it.payload.trim().eq_ignore_ascii_case("stop") {
             for drive in 0..self.books.len() {
                 self.plain(at, drive, Some(Run::Stop), None, it);
             }

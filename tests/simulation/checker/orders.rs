@@ -228,14 +228,11 @@ impl Checker {
     pub(super) fn settle_stops(&mut self, drive: usize) {
         let book = &mut self.books[drive];
         for (number, at, is_coast) in book.fresh.drain(..) {
-            if !book.stop.is_pending {
+            if !book.stop.is_pending && number < u64::MAX {
                 book.stopped_at = Some(at);
             }
-            // Of one kind several are one until the drive has answered, and what the gateway itself begins is seen by its
-            // frame.
-            let is_unanswered = book.stop.was_accepted_at.is_some() && !book.stop.echoed;
-            let joins = (book.stop.is_pending || is_unanswered) && book.stop.is_coast == is_coast;
-            if number < u64::MAX && !joins {
+            // Another one of the same kind may go on at its rate; that of a drive that was started since goes at once.
+            if number < u64::MAX && book.is_running {
                 book.stop_due = Some(at + self.bound);
             }
             book.stop = Stop {
