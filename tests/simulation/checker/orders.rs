@@ -82,7 +82,7 @@ pub struct Book {
     /// When anybody's stop came last.
     last_stop_at: u64,
     /// A stop came that perhaps changed nothing.
-    may_stop: Option<u64>,
+    may_stop: Option<(u64, u64)>,
     pub is_ending: bool,
     /// The last order of which a frame went out came over MQTT.
     pub is_of_mqtt: bool,
@@ -177,7 +177,7 @@ impl Checker {
                 }
                 return number;
             }
-            book.may_stop.get_or_insert(number);
+            book.may_stop.get_or_insert((number, at));
         }
         if book.orders.len() >= ORDERS {
             book.orders.retain(|it| !it.is_over && at < it.at + FORGOTTEN);
@@ -211,7 +211,7 @@ impl Checker {
         for (book, _) in self.books.iter_mut().zip(&self.line.drives).filter(|(_, drive)| drive.has_control) {
             (book.sign_at, book.last_stop_at) = (at, at);
             if book.may_be_stopped(at) {
-                book.may_stop.get_or_insert(self.order_count);
+                book.may_stop.get_or_insert((self.order_count, at));
             } else {
                 book.fresh.push((self.order_count, at, false));
             }
@@ -235,7 +235,10 @@ impl Checker {
             if number < u64::MAX && book.is_running {
                 book.stop_due = Some(at + self.bound);
             }
+            // Another one of the same kind is the same, and what the drive has answered to it counts.
+            let echoed = book.stop.echoed && book.stop.is_pending && book.stop.is_coast == is_coast;
             book.stop = Stop {
+                echoed,
                 is_pending: true,
                 was_accepted_at: Some(at),
                 is_coast,
@@ -256,9 +259,9 @@ impl Checker {
     /// The one who ordered is gone before he was told. Only its frame tells whether a stop changed something.
     pub(super) fn nobody_is_told(&mut self, drive: usize, number: u64) {
         let book = &mut self.books[drive];
-        if book.fresh.iter().any(|(it, ..)| *it == number) {
-            book.fresh.retain(|(it, ..)| *it != number);
-            book.may_stop.get_or_insert(number);
+        if let Some(place) = book.fresh.iter().position(|(it, ..)| *it == number) {
+            let (_, at, _) = book.fresh.remove(place);
+            book.may_stop.get_or_insert((number, at));
         }
     }
 
@@ -356,8 +359,8 @@ impl Checker {
             return true;
         }
         let book = &mut self.books[drive];
-        if let Some(number) = book.may_stop.take() {
-            book.fresh.push((number, exchange.at, is_coast));
+        if let Some((number, at)) = book.may_stop.take() {
+            book.fresh.push((number, at, is_coast));
             self.settle_stops(drive);
             return true;
         }
