@@ -236,9 +236,10 @@ impl Checker {
                 book.stop_due = Some(at + self.bound);
             }
             // Another one of the same kind is the same, and what the drive has answered to it counts.
-            let echoed = book.stop.echoed && book.stop.is_pending && book.stop.is_coast == is_coast;
+            let is_same = book.stop.is_pending && book.stop.is_coast == is_coast;
             book.stop = Stop {
-                echoed,
+                echoed: book.stop.echoed && is_same,
+                zeros: if is_same { book.stop.zeros } else { 0 },
                 is_pending: true,
                 was_accepted_at: Some(at),
                 is_coast,
