@@ -13,6 +13,8 @@ const ORDERS: usize = 48;
 const FORGOTTEN: u64 = 60_000_000_000;
 /// Stops that may still go although the drive has shown an effect: an echo may be in doubt.
 const REPEATS: u32 = 4;
+/// How long after a stop its frame may be one more of the same.
+const REPEATED_FOR: u64 = 30_000_000_000;
 
 /// What one request orders.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -78,7 +80,7 @@ pub struct Book {
     pub sign_at: u64,
     /// The drive took RUN, and was not seen at rest since.
     pub is_running: bool,
-    zeros: u32,
+    pub zeros: u32,
     /// When anybody's stop came last.
     last_stop_at: u64,
     /// A stop came that perhaps changed nothing.
@@ -333,7 +335,7 @@ impl Checker {
         let is_next =
             |it: &Order| it.wish.run == Some(Run::Reset) && !it.is_over && words.get(it.reset_step) == Some(&value);
         let is_fit = |it: &Order| it.sent > 0 || (!it.is_void && at < it.before);
-        let Some(order) = book.orders.iter_mut().find(|it| is_next(it) && is_fit(it)) else { return false };
+        let Some(order) = book.orders.iter_mut().rev().find(|it| is_next(it) && is_fit(it)) else { return false };
         order.reset_step += 1;
         order.sent += 1;
         order.taken += u32::from(is_taken);
@@ -360,6 +362,10 @@ impl Checker {
             return true;
         }
         let book = &mut self.books[drive];
+        let is_recent = book.stop.was_accepted_at.is_some_and(|accepted| exchange.at < accepted + REPEATED_FOR);
+        if is_recent && book.stop.repeats < REPEATS && book.stop.is_coast == is_coast {
+            return true;
+        }
         if let Some((number, at)) = book.may_stop.take() {
             book.fresh.push((number, at, is_coast));
             self.settle_stops(drive);
@@ -396,7 +402,7 @@ impl Checker {
         let is_refused = matches!(code, 1 | 2 | 3 | 6);
         order.is_over |= is_refused || code == 4;
         // What a stop has cut is told so, also when a frame of it is out.
-        if is_refused && order.sent > 0 && !order.is_void && book.last_stop_at < order.at {
+        if is_refused && order.sent > 0 && !order.is_void && book.last_stop_at < order.at && !book.is_ending {
             let text = format!("refused with {code:02X} after {} frames: {order:?}", order.sent);
             self.object("O8", || text);
         }
@@ -487,7 +493,10 @@ impl Book {
     /// A stop may be in force already: the drive took one, and no order to run could still be sent. What came at this
     /// very moment may have been refused, which is not known before the end of the moment.
     fn may_be_stopped(&self, at: u64) -> bool {
-        let is_ordered = self.orders.iter().any(|it| !it.is_over && !it.is_void && it.wish.run.is_some() && it.at < at);
+        let may_come = |it: &Order| if it.sent > 0 { !it.has_run } else { at < it.before };
+        let starts = |it: &Order| matches!(it.wish.run, Some(Run::Forward | Run::Reverse));
+        let is_open = |it: &Order| !it.is_over && !it.is_void && starts(it) && it.at < at;
+        let is_ordered = self.orders.iter().any(|it| is_open(it) && may_come(it));
         let is_stopped = !matches!(self.run_taken, Some(Run::Forward | Run::Reverse));
         !self.stop.is_pending && is_stopped && !is_ordered
     }
