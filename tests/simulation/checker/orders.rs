@@ -13,6 +13,8 @@ const ORDERS: usize = 48;
 const FORGOTTEN: u64 = 60_000_000_000;
 /// Stops that may still go although the drive has shown an effect: an echo may be in doubt.
 const REPEATS: u32 = 4;
+/// Within this time a reset that has begun is over.
+const RESET_TAKES: u64 = 10_000_000_000;
 /// How long after a stop its frame may be one more of the same.
 const REPEATED_FOR: u64 = 30_000_000_000;
 
@@ -238,7 +240,9 @@ impl Checker {
                 book.stop_due = Some(at + self.bound);
             }
             // Another one of the same kind is the same, and what the drive has answered to it counts.
-            let is_same = book.stop.is_pending && book.stop.is_coast == is_coast;
+            let is_young = book.stop.was_accepted_at.is_some_and(|before| at < before + REPEATED_FOR);
+            let has_moved = book.moved_at > book.stop.was_accepted_at;
+            let is_same = is_young && !has_moved && book.stop.is_coast == is_coast;
             book.stop = Stop {
                 echoed: book.stop.echoed && is_same,
                 zeros: if is_same { book.stop.zeros } else { 0 },
@@ -335,7 +339,11 @@ impl Checker {
         let is_next =
             |it: &Order| it.wish.run == Some(Run::Reset) && !it.is_over && words.get(it.reset_step) == Some(&value);
         let is_fit = |it: &Order| it.sent > 0 || (!it.is_void && at < it.before);
-        let Some(order) = book.orders.iter_mut().rev().find(|it| is_next(it) && is_fit(it)) else { return false };
+        // One that has begun goes on; else it is the oldest that waits.
+        let begun =
+            book.orders.iter().rposition(|it| it.sent > 0 && !it.is_void && is_next(it) && at < it.at + RESET_TAKES);
+        let place = begun.or_else(|| book.orders.iter().position(|it| is_next(it) && is_fit(it)));
+        let Some(order) = place.and_then(|place| book.orders.get_mut(place)) else { return false };
         order.reset_step += 1;
         order.sent += 1;
         order.taken += u32::from(is_taken);
@@ -357,18 +365,20 @@ impl Checker {
             return true;
         }
         if !is_coast
-            && (self.explain_reset(drive, exchange.at, value, is_taken) || self.repeats_end_of_reset(drive, value))
+            && (self.explain_reset(drive, exchange.at, value, is_taken)
+                || self.repeats_end_of_reset(drive, exchange.at, value))
         {
+            return true;
+        }
+        let book = &mut self.books[drive];
+        if let Some((number, at)) = book.may_stop.take().filter(|(_, at)| Some(*at) > book.stop.was_accepted_at) {
+            book.fresh.push((number, at, is_coast));
+            self.settle_stops(drive);
             return true;
         }
         let book = &mut self.books[drive];
         let is_recent = book.stop.was_accepted_at.is_some_and(|accepted| exchange.at < accepted + REPEATED_FOR);
         if is_recent && book.stop.repeats < REPEATS && book.stop.is_coast == is_coast {
-            return true;
-        }
-        if let Some((number, at)) = book.may_stop.take() {
-            book.fresh.push((number, at, is_coast));
-            self.settle_stops(drive);
             return true;
         }
         let is_lost = book.moved_at.is_some_and(|moved| exchange.at >= moved + it.lost_after) && it.on_lost == action;
@@ -385,10 +395,12 @@ impl Checker {
     }
 
     /// The stop that ends a reset goes up to four times.
-    fn repeats_end_of_reset(&mut self, drive: usize, value: u16) -> bool {
+    fn repeats_end_of_reset(&mut self, drive: usize, at: u64, value: u16) -> bool {
         let words = self.line.drives[drive].kind.facts().reset;
         let book = &mut self.books[drive];
-        let is_last = |it: &&mut Order| it.wish.run == Some(Run::Reset) && it.reset_step == words.len();
+        let is_last = |it: &&mut Order| {
+            it.wish.run == Some(Run::Reset) && it.reset_step == words.len() && at < it.at + RESET_TAKES
+        };
         let Some(order) = book.orders.iter_mut().rev().find(is_last) else { return false };
         order.sent += 1;
         words.last() == Some(&value) && order.sent as usize <= words.len() + 3
@@ -497,7 +509,7 @@ impl Book {
         let starts = |it: &Order| matches!(it.wish.run, Some(Run::Forward | Run::Reverse));
         let is_open = |it: &Order| !it.is_over && !it.is_void && starts(it) && it.at < at;
         let is_ordered = self.orders.iter().any(|it| is_open(it) && may_come(it));
-        let is_stopped = !matches!(self.run_taken, Some(Run::Forward | Run::Reverse));
+        let is_stopped = !matches!(self.run_taken, Some(Run::Forward | Run::Reverse)) || self.zeros >= 2;
         !self.stop.is_pending && is_stopped && !is_ordered
     }
 
