@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | `scenarios/` | one file per promise: what must happen, told with real frames or a whole gateway |
 //! | `properties/` | what must hold for any input: random bytes, random lists of events, kept seeds |
+//! | `simulation/` | a whole gateway under one seed and one clock, and who looks on; also of the bench `year` |
 //! | `support/` | what several of them need: rigs, transcripts, reference models |
 //! | `../fuzz/src/` | what the fuzzer and these tests play its corpus through |
 //! | `golden/`, `data/` | texts and tables that tests compare with; no code |
@@ -35,6 +36,9 @@ mod fuzz_targets;
 #[path = "properties/line_core.rs"]
 mod line_core;
 
+mod simulation;
+#[path = "simulation/tests.rs"]
+mod simulation_tests;
 mod support;
 
 #[path = "scenarios/ascii_line.rs"]

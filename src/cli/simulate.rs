@@ -157,8 +157,8 @@ fn bus_of(args: &Args, model: &Arc<Model>, framing: Framing, link: LinkSettings)
         framing,
         pacing: if args.unpaced { Pacing::None } else { Pacing::CharacterTimes },
         turnaround: Duration::from_millis(args.turnaround_ms),
-        silence: None,
         faults: args.faults,
+        ..BusOptions::default()
     };
     let mut bus = SimBus::new(link, options, args.seed);
     for station in &args.stations {

@@ -216,8 +216,6 @@ impl Wire {
             } else if let Some(ending) = ending
                 && let Some(open) = self.open.take()
             {
-                // The reply proves that our own transmission is over, however slow it was computed to be.
-                self.quiet_from = now;
                 self.own_echo.is_awaited = false;
                 ended = Some((open.exchange, ending));
             }
@@ -435,6 +433,16 @@ mod tests {
         let ended = wire.receive(at, &frame(1, &[3, 2, 0x17, 0x70]));
         assert_eq!(ended, Some((read(), Ending::Reply(Reply::Words(vec![6000])))));
         assert_eq!(wire.may_send_from(), at + Duration::from_nanos(4_687_500));
+    }
+
+    #[test]
+    fn a_late_echo_that_overtakes_our_frame_does_not_shorten_the_silence_behind_it() {
+        let stop = Request::WriteSingle { address: 2, value: 0 };
+        let mut wire = sent(exchange(stop, true));
+        let own_end = SENT + Duration::from_nanos(8_333_334);
+        let ended = wire.receive(own_end.before(Duration::from_millis(3)), &frame(1, &[6, 0, 2, 0, 0]));
+        assert!(ended.is_some(), "it looks like the answer");
+        assert_eq!(wire.may_send_from(), own_end + Duration::from_nanos(4_687_500));
     }
 
     #[test]

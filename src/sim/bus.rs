@@ -3,7 +3,7 @@
 use super::drive::SimDrive;
 use super::fault::{Fate, FaultPlan, Faults};
 use super::incoming::Incoming;
-use super::outbox::Outbox;
+use super::outbox::{Delivery, Outbox};
 use super::report::BusReport;
 use crate::domain::ids::Station;
 use crate::domain::link::{Framing, LinkSettings};
@@ -22,6 +22,9 @@ pub enum Pacing {
     None,
 }
 
+/// Whoever is no drive of the bus.
+const NOBODY: Station = Station(0);
+
 /// How a bus behaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusOptions {
@@ -35,6 +38,8 @@ pub struct BusOptions {
     /// a model on the bus needs, but at least 1.75 ms above 19,200 bit/s (Modbus over serial line V1.02, 2.5.1.1) and
     /// 10 ms on an ASCII bus.
     pub silence: Option<Duration>,
+    /// In which pieces the master is handed what comes.
+    pub delivery: Delivery,
     /// What goes wrong.
     pub faults: FaultPlan,
 }
@@ -47,6 +52,7 @@ impl Default for BusOptions {
             pacing: Pacing::CharacterTimes,
             turnaround: Duration::from_millis(2),
             silence: None,
+            delivery: Delivery::default(),
             faults: FaultPlan::NONE,
         }
     }
@@ -75,6 +81,8 @@ pub struct SimBus {
     /// What the drives still have to transmit.
     outbox: Outbox,
     report: BusReport,
+    /// The newest reply that a drive gave, before anything went wrong with it.
+    newest_reply: Vec<u8>,
 }
 
 /// A drive at its place on the bus.
@@ -102,8 +110,9 @@ impl SimBus {
             request: Incoming::new(options.framing),
             master_end: MonoTime::ZERO,
             quiet_since: None,
-            outbox: Outbox::new((options.pacing == Pacing::CharacterTimes).then_some(link)),
+            outbox: Outbox::new((options.pacing == Pacing::CharacterTimes).then_some(link), options.delivery),
             report: BusReport::default(),
+            newest_reply: Vec::new(),
         }
     }
 
@@ -167,6 +176,27 @@ impl SimBus {
         self.nodes.iter().find(|node| node.station == station).map_or(0, |node| node.exchanges)
     }
 
+    /// What the drive that was asked gave as its reply, before any fault, as a whole frame: empty if the bytes that
+    /// [`Self::receive`] got last made no request that was answered.
+    #[must_use]
+    pub fn newest_reply(&self) -> &[u8] {
+        &self.newest_reply
+    }
+
+    /// Somebody who is no drive puts `bytes` on the wire from `at` on, asked by nobody: a foreign master, a node that
+    /// babbles, an adapter that hears itself. What is put there behind [`Self::WAITING_MAX`] others is lost.
+    pub fn speak(&mut self, at: MonoTime, bytes: &[u8]) {
+        if bytes.is_empty() || self.outbox.is_full() {
+            return;
+        }
+        let mut frame = self.outbox.buffer();
+        frame.extend_from_slice(bytes);
+        self.report.collisions += self.outbox.add(NOBODY, at, false, frame, usize::MAX);
+    }
+
+    /// Most transmissions that may wait to be taken.
+    pub const WAITING_MAX: usize = Outbox::MAX_WAITING;
+
     /// Whether characters take time on this bus.
     #[must_use]
     pub const fn is_paced(&self) -> bool {
@@ -188,6 +218,7 @@ impl SimBus {
     /// Takes `bytes` that the master put into its port at `at`. On a paced bus they go out from then on, or
     /// from the end of its earlier bytes if those are still going out.
     pub fn receive(&mut self, at: MonoTime, bytes: &[u8]) {
+        self.newest_reply.clear();
         let start = if self.outbox.is_paced() { at.max(self.master_end) } else { at };
         self.end_request_by_silence(start);
         for (n, byte) in bytes.iter().enumerate() {
@@ -290,16 +321,18 @@ impl SimBus {
         if !answered {
             return self.outbox.recycle(frame);
         }
-        let fate = self.faults.spoil(&mut frame);
+        self.newest_reply.extend_from_slice(&frame);
+        let (fate, hole) = self.faults.spoil(&mut frame);
         if fate == Fate::Lost || self.outbox.is_full() {
             self.report.replies_lost += 1;
             return self.outbox.recycle(frame);
         }
-        self.schedule(place, end, fate == Fate::Late, frame);
+        self.schedule(place, end, fate == Fate::Late, frame, hole);
     }
 
-    /// Decides when `frame`, the reply to a request that ended at `end`, goes out.
-    fn schedule(&mut self, place: usize, end: MonoTime, is_late: bool, frame: Vec<u8>) {
+    /// Decides when `frame`, the reply to a request that ended at `end`, goes out; from the byte at `hole` on it is handed
+    /// on late.
+    fn schedule(&mut self, place: usize, end: MonoTime, is_late: bool, frame: Vec<u8>, hole: usize) {
         let length = self.outbox.time(frame.len());
         let right_time = if self.outbox.is_paced() { end + self.options.turnaround } else { end };
         let wanted = if is_late { end + self.faults.late_start(length) } else { right_time };
@@ -311,7 +344,7 @@ impl SimBus {
         }
         self.report.replies_sent += 1;
         self.report.replies_late += u64::from(is_late);
-        self.report.collisions += self.outbox.add(node.station, start, start <= right_time, frame);
+        self.report.collisions += self.outbox.add(node.station, start, start <= right_time, frame, hole);
     }
 }
 

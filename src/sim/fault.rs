@@ -10,7 +10,7 @@ use std::time::Duration;
 /// How often replies go wrong. Every probability is in per mille of all replies, 0 to 1000, and drawn by
 /// itself, so that one reply can suffer several faults.
 ///
-/// As text: `noise=5,lost=2,late=3,cut=1,flip=2,foreign=1,timeout-ms=200,lateness-ms=500`, in any order, every
+/// As text: `noise=5,lost=2,late=3,cut=1,flip=2,foreign=1,hole=1,timeout-ms=200,lateness-ms=500`, in any order, every
 /// part optional.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FaultPlan {
@@ -26,6 +26,8 @@ pub struct FaultPlan {
     pub flip: u16,
     /// A sound frame too many: one from another station before the reply, or the reply a second time behind it.
     pub foreign: u16,
+    /// The adapter hands the rest of the reply on 16 ms after its beginning, as a USB chip does whose packet was full.
+    pub hole: u16,
     /// The master's time-out from the end of its request, beyond which a reply is late.
     pub reply_timeout: Duration,
     /// How long after the time-out a late reply may end.
@@ -33,7 +35,7 @@ pub struct FaultPlan {
 }
 
 /// The names of a plan's parts, as they stand in its text.
-const NAMES: [&str; 8] = ["noise", "lost", "late", "cut", "flip", "foreign", "timeout-ms", "lateness-ms"];
+const NAMES: [&str; 9] = ["noise", "lost", "late", "cut", "flip", "foreign", "hole", "timeout-ms", "lateness-ms"];
 
 impl FaultPlan {
     /// No faults; late replies, should they be switched on, come 200 to 700 ms after the request.
@@ -44,6 +46,7 @@ impl FaultPlan {
         cut: 0,
         flip: 0,
         foreign: 0,
+        hole: 0,
         reply_timeout: Duration::from_millis(200),
         max_lateness: Duration::from_millis(500),
     };
@@ -57,6 +60,7 @@ impl FaultPlan {
             "cut" => &mut self.cut,
             "flip" => &mut self.flip,
             "foreign" => &mut self.foreign,
+            "hole" => &mut self.hole,
             "timeout-ms" => return set_ms(&mut self.reply_timeout, name, value),
             "lateness-ms" => return set_ms(&mut self.max_lateness, name, value),
             _ => return Err(PlanError::unknown(name)),
@@ -148,10 +152,11 @@ impl Faults {
         Self { plan, framing, data_bits: data_bits.into(), rng: Rng::with_seed(seed) }
     }
 
-    /// Draws the faults of one whole `reply` frame and puts them into it.
-    pub fn spoil(&mut self, reply: &mut Vec<u8>) -> Fate {
+    /// Draws the faults of one whole `reply` frame and puts them into it. The second is the byte from which on it is
+    /// handed on late, if there is one.
+    pub fn spoil(&mut self, reply: &mut Vec<u8>) -> (Fate, usize) {
         if self.hits(self.plan.lost) {
-            return Fate::Lost;
+            return (Fate::Lost, usize::MAX);
         }
         let late = self.hits(self.plan.late);
         let foreign = self.hits(self.plan.foreign).then(|| reply.clone());
@@ -168,7 +173,8 @@ impl Faults {
             let (noise, unused_bits) = (self.rng.usize(1..=8), 8_usize.saturating_sub(self.data_bits));
             reply.splice(0..0, std::iter::repeat_with(|| self.rng.u8(..) >> unused_bits).take(noise));
         }
-        if late { Fate::Late } else { Fate::OnTime }
+        let hole = if self.hits(self.plan.hole) { self.rng.usize(1..reply.len().max(2)) } else { usize::MAX };
+        (if late { Fate::Late } else { Fate::OnTime }, hole)
     }
 
     /// Draws when a late reply begins, counted from the end of its request, so that a frame that takes
@@ -250,7 +256,7 @@ mod tests {
 
     fn spoiled(plan: &str, seed: u64) -> (Fate, Vec<u8>) {
         let mut reply = REPLY.to_vec();
-        let fate = faults(plan, seed).spoil(&mut reply);
+        let (fate, _) = faults(plan, seed).spoil(&mut reply);
         (fate, reply)
     }
 
@@ -275,7 +281,7 @@ mod tests {
         assert_eq!(
             message("nose=5"),
             "there is no fault called \"nose\" (did you mean \"noise\"?); there are noise, lost, late, cut, flip, \
-             foreign, timeout-ms, lateness-ms"
+             foreign, hole, timeout-ms, lateness-ms"
         );
         assert!(message("earthquake=1").starts_with("there is no fault called \"earthquake\"; there are noise"));
         assert!(message("noise").contains("noise=5"));
@@ -342,7 +348,7 @@ mod tests {
     #[test]
     fn chances_are_per_mille() {
         let mut faults = faults("lost=20", 1);
-        let lost = (0..100_000).filter(|_| faults.spoil(&mut REPLY.to_vec()) == Fate::Lost).count();
+        let lost = (0..100_000).filter(|_| faults.spoil(&mut REPLY.to_vec()).0 == Fate::Lost).count();
         assert!((1_800..2_200).contains(&lost), "{lost}");
     }
 }

@@ -37,6 +37,7 @@ pub use bus::{BusOptions, Pacing, SimBus};
 pub use drive::SimDrive;
 pub use fault::FaultPlan;
 pub use options::{BadRequest, DriveOptions};
+pub use outbox::Delivery;
 pub use report::{BusReport, DriveReport};
 
 #[cfg(test)]
@@ -97,6 +98,7 @@ mod testing {
         pacing: Pacing::None,
         turnaround: Duration::ZERO,
         silence: None,
+        delivery: Delivery::Characters,
         faults: FaultPlan::NONE,
     };
 

@@ -5,6 +5,23 @@ use crate::domain::link::LinkSettings;
 use crate::domain::time::MonoTime;
 use std::time::Duration;
 
+/// How long an adapter keeps the rest of a transmission back behind a hole: the latency timer of common USB chips.
+pub const HOLE: Duration = Duration::from_millis(16);
+/// Characters that are handed on together of a transmission that nobody expects: fewer than any silence between frames
+/// has, so that whoever listens always knows that somebody talks.
+const UNEXPECTED_CHARS: usize = 3;
+
+/// In which pieces the master is handed what comes on a paced bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Delivery {
+    /// Each character by itself, at its end.
+    #[default]
+    Characters,
+    /// A reply that is on time as a whole, at its end; anything else three characters at a time. It tells a master that
+    /// waits for a reply nothing less, and costs a simulation a fraction.
+    Replies,
+}
+
 /// Bytes that a drive puts on the wire without a pause.
 #[derive(Debug)]
 pub(super) struct Transmission {
@@ -14,6 +31,8 @@ pub(super) struct Transmission {
     /// Whether the master may expect it: it begins right after the turnaround.
     pub on_time: bool,
     pub bytes: Vec<u8>,
+    /// From this byte on the adapter hands it on [`HOLE`] later than it came.
+    pub hole: usize,
     /// How many of the bytes were taken or swallowed by a collision.
     sent: usize,
 }
@@ -23,6 +42,9 @@ pub(super) struct Transmission {
 pub(super) struct Outbox {
     /// Nothing: characters take no time.
     pace: Option<LinkSettings>,
+    delivery: Delivery,
+    /// What the adapter handed on last; nothing behind it comes sooner.
+    handed_on: MonoTime,
     waiting: Vec<Transmission>,
     /// Emptied buffers, to be used again.
     spare: Vec<Vec<u8>>,
@@ -32,8 +54,8 @@ impl Outbox {
     /// Most transmissions that may wait. More mean that nobody takes them.
     pub const MAX_WAITING: usize = 64;
 
-    pub const fn new(pace: Option<LinkSettings>) -> Self {
-        Self { pace, waiting: Vec::new(), spare: Vec::new() }
+    pub const fn new(pace: Option<LinkSettings>, delivery: Delivery) -> Self {
+        Self { pace, delivery, handed_on: MonoTime::ZERO, waiting: Vec::new(), spare: Vec::new() }
     }
 
     pub const fn is_paced(&self) -> bool {
@@ -60,11 +82,12 @@ impl Outbox {
         self.spare.push(buffer);
     }
 
-    /// Adds `bytes` of `station` from `start` on; returns with how many others they collide.
-    pub fn add(&mut self, station: Station, start: MonoTime, on_time: bool, bytes: Vec<u8>) -> u64 {
+    /// Adds `bytes` of `station` from `start` on, handed on late from the byte at `hole`; returns with how many others
+    /// they collide.
+    pub fn add(&mut self, station: Station, start: MonoTime, on_time: bool, bytes: Vec<u8>, hole: usize) -> u64 {
         let end = start + self.time(bytes.len());
         let place = self.waiting.partition_point(|other| other.start <= start);
-        self.waiting.insert(place, Transmission { station, start, end, on_time, bytes, sent: 0 });
+        self.waiting.insert(place, Transmission { station, start, end, on_time, bytes, hole, sent: 0 });
         let Some(link) = self.pace else { return 0 };
         let mut collisions = 0;
         for other in (0..self.waiting.len()).filter(|other| *other != place) {
@@ -92,9 +115,10 @@ impl Outbox {
             if is_left && due > at {
                 break;
             }
-            let upto = if is_left && self.is_paced() { first.sent + 1 } else { first.bytes.len() };
+            let upto = if is_left { self.upto(first) } else { first.bytes.len() };
             if is_left {
                 sink(due, &first.bytes[first.sent..upto]);
+                self.handed_on = if self.is_paced() { due } else { self.handed_on };
             }
             last_end = last_end.max(self.mark_sent(upto));
         }
@@ -130,7 +154,20 @@ impl Outbox {
 
     /// When the next byte of `drive` has come.
     fn due(&self, drive: &Transmission) -> MonoTime {
-        drive.start + self.time(drive.sent + 1)
+        let end = drive.start + self.time(self.upto(drive));
+        if self.is_paced() && drive.sent >= drive.hole { end + HOLE } else { end.max(self.handed_on) }
+    }
+
+    /// Up to which byte `drive` is handed on next.
+    fn upto(&self, drive: &Transmission) -> usize {
+        let length = drive.bytes.len();
+        let upto = match self.delivery {
+            _ if !self.is_paced() => return length,
+            Delivery::Characters => drive.sent + 1,
+            Delivery::Replies if drive.on_time => length,
+            Delivery::Replies => (drive.sent + UNEXPECTED_CHARS).min(length),
+        };
+        if drive.sent < drive.hole { upto.min(drive.hole) } else { upto }
     }
 
     /// Counts `sent` bytes of the first transmission as sent; returns its end with the last one.
@@ -178,9 +215,9 @@ mod tests {
 
     #[test]
     fn two_drives_at_the_same_time_damage_each_other() {
-        let mut outbox = Outbox::new(Some(LINK));
-        assert_eq!(outbox.add(Station(2), ms(102), false, vec![5, 6, 7, 8]), 0);
-        assert_eq!(outbox.add(Station(1), ms(100), true, vec![1, 2, 3, 4]), 1);
+        let mut outbox = Outbox::new(Some(LINK), Delivery::Characters);
+        assert_eq!(outbox.add(Station(2), ms(102), false, vec![5, 6, 7, 8], usize::MAX), 0);
+        assert_eq!(outbox.add(Station(1), ms(100), true, vec![1, 2, 3, 4], usize::MAX), 1);
         let expected = [(101, 1), (102, 2), (103, 3 ^ 0x55), (104, 4 ^ 0x55), (105, 7), (106, 8)];
         assert_eq!(taken(&mut outbox, ms(200)), expected);
         assert_eq!(outbox.next_due(), None);
@@ -188,9 +225,9 @@ mod tests {
 
     #[test]
     fn one_that_is_switched_off_stops_after_its_last_whole_character() {
-        let mut outbox = Outbox::new(Some(LINK));
-        outbox.add(Station(1), ms(100), true, vec![1, 2, 3, 4]);
-        outbox.add(Station(1), ms(300), false, vec![9]);
+        let mut outbox = Outbox::new(Some(LINK), Delivery::Characters);
+        outbox.add(Station(1), ms(100), true, vec![1, 2, 3, 4], usize::MAX);
+        outbox.add(Station(1), ms(300), false, vec![9], usize::MAX);
         assert_eq!(taken(&mut outbox, ms(101)), [(101, 1)]);
         outbox.silence(MonoTime::from_micros(102_500), Station(1));
         assert_eq!(taken(&mut outbox, ms(400)), [(102, 2)]);

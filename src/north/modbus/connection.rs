@@ -270,7 +270,11 @@ impl Connection {
                 }
                 Ok(None) => return used,
                 Err(malformed) => {
+                    // Whether both came in one segment is chance: a stop that was whole before it is not lost by it.
+                    let mut stops = std::mem::take(&mut self.calls);
+                    stops.retain(|call| is_stop(call.unit, &call.ask));
                     self.end(CloseReason::Malformed(malformed));
+                    self.calls = stops;
                     return stream.len();
                 }
             }
@@ -377,6 +381,18 @@ mod tests {
     /// Any write of 0 stops.
     fn zero(_: u8, ask: &Ask) -> bool {
         matches!(ask, Ask::WriteWord { value: 0, .. })
+    }
+
+    #[test]
+    fn a_stop_in_front_of_what_is_no_modbus_is_not_lost() {
+        let run = message(1, 7, &[6, 0, 2, 0, 1]);
+        let stop = message(2, 7, &[6, 0, 2, 0, 0]);
+        let mut connection = connection();
+        connection.receive(T0, &[run, stop, vec![0, 3, 0, 7, 0, 2, 9]].concat(), &zero);
+        assert_eq!(connection.close_reason(), Some(CloseReason::Malformed(Malformed::Protocol(7))));
+        assert_eq!(connection.next_call().map(|call| call.ask), Some(Ask::WriteWord { address: 2, value: 0 }));
+        assert_eq!(connection.next_call(), None);
+        assert!(connection.output().is_empty(), "nobody is there to be told");
     }
 
     #[test]

@@ -1,0 +1,133 @@
+//! An observer that sees the wire, the north sides and the numbers of the configuration, and nothing of the gateway. It
+//! shares no code and no addresses with what it checks: CRC, cutters, registers and values are its own.
+//!
+//! | file | what it holds |
+//! | --- | --- |
+//! | `wire` | exchanges; O5, O6 |
+//! | `clients` | requests of clients and their answers; O3, O7 |
+//! | `orders` | what may be written and why; O1, O2, O4, O8 |
+//! | `messages` | commands and results over MQTT |
+//! | `picture` | what is served from memory; O13 |
+//! | `lease` | stops that have to leave, commanders that fall silent; L1, O11 |
+//! | `tables` | numbers typed from the vendors' manuals |
+//! | `crc`, `log` | the check of frames; the last events, for people |
+
+pub mod clients;
+pub mod crc;
+mod lease;
+pub mod log;
+pub mod messages;
+pub mod orders;
+mod picture;
+pub mod tables;
+pub mod wire;
+
+use clients::Client;
+use log::{Log, What};
+use messages::Messages;
+use orders::Book;
+use tables::Line;
+use wire::Wire;
+
+/// Something that must not be.
+#[derive(Clone, Debug)]
+pub struct Violation {
+    /// Which invariant.
+    pub rule: &'static str,
+    pub text: String,
+    /// At which moment (ns) and behind how many exchanges.
+    pub at: u64,
+    pub exchange: u64,
+    /// The last events in words.
+    pub events: String,
+}
+
+/// What was looked at.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Counts {
+    pub requests: u64,
+    pub answers: u64,
+    pub exceptions: u64,
+    pub words_checked: u64,
+    pub pictures: u64,
+    pub writes: u64,
+    pub replies: u64,
+    /// Sound replies of the right form that the drive gave in another exchange.
+    pub mistakable: u64,
+    pub messages: u64,
+    pub results: u64,
+}
+
+/// The observer.
+#[derive(Debug)]
+pub struct Checker {
+    pub line: Line,
+    pub log: Log,
+    pub wire: Wire,
+    pub clients: Vec<Client>,
+    pub books: Vec<Book>,
+    pub counts: Counts,
+    messages: Messages,
+    order_count: u64,
+    bound: u64,
+    now: u64,
+    checked_at: u64,
+    found: Option<Violation>,
+}
+
+/// How often what only time brings about is looked at, in ns.
+const LOOK_EVERY: u64 = 100_000_000;
+
+impl Checker {
+    pub fn new(line: Line, clients: usize) -> Self {
+        let mut checker = Self {
+            log: Log::new(),
+            wire: Wire::new(line.silence()),
+            clients: (0..clients).map(|_| Client::default()).collect(),
+            books: line.drives.iter().map(|_| Book::default()).collect(),
+            counts: Counts::default(),
+            messages: Messages::default(),
+            order_count: 0,
+            bound: 0,
+            now: 0,
+            checked_at: 0,
+            found: None,
+            line,
+        };
+        checker.bound = checker.bound();
+        checker
+    }
+
+    /// Time has come to `at`. What came before is settled.
+    pub fn time(&mut self, at: u64) {
+        if at > self.now {
+            self.now = at;
+            for drive in 0..self.books.len() {
+                self.settle_stops(drive);
+            }
+        }
+        if at >= self.checked_at + LOOK_EVERY {
+            self.checked_at = at;
+            self.check_waiting(at);
+            self.check_leases(at);
+        }
+    }
+
+    /// Something was done to drives or line that explains what follows.
+    pub fn note(&mut self, at: u64, who: usize, text: &str) {
+        self.log.add(at, What::World, who as u16, text.as_bytes());
+    }
+
+    /// Keeps the first violation.
+    fn object(&mut self, rule: &'static str, text: impl FnOnce() -> String) {
+        if self.found.is_none() {
+            let events = self.log.text();
+            self.found = Some(Violation { rule, text: text(), at: self.now, exchange: self.wire.count(), events });
+        }
+    }
+
+    /// The first violation, if there is one.
+    pub const fn violation(&self) -> Option<&Violation> {
+        self.found.as_ref()
+    }
+}

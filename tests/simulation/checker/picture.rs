@@ -1,0 +1,38 @@
+//! What is served from memory: O13.
+
+use super::Checker;
+
+/// A measurement is stale after this many of its poll periods.
+const PERIODS: u64 = 3;
+/// What an unsigned word of the uniform map reads that is not known.
+const ABSENT: u16 = 0xFFFF;
+/// The output frequency in the uniform map, 0.01 Hz.
+const OUTPUT: u16 = 4;
+
+impl Checker {
+    /// The output frequency, if it is among the words that a client got, is one that the drive gave lately.
+    pub(super) fn check_picture(&mut self, at: u64, drive: usize, address: u16, count: u16, pdu: &[u8]) {
+        if pdu.len() != 2 + 2 * usize::from(count) {
+            return self.object("O3", || format!("{count} words were asked for, {} bytes came", pdu.len()));
+        }
+        let Some(offset) = OUTPUT.checked_sub(address).filter(|offset| *offset < count) else { return };
+        let place = 2 + 2 * usize::from(offset);
+        let word = u16::from_be_bytes([pdu[place], pdu[place + 1]]);
+        self.shown(at, drive, word);
+    }
+
+    /// Somebody is shown `word` as the output frequency of `drive`.
+    pub(super) fn shown(&mut self, at: u64, drive: usize, word: u16) {
+        if word == ABSENT {
+            return;
+        }
+        self.counts.pictures += 1;
+        let age = PERIODS * self.line.drives[drive].poll;
+        let readings = &self.books[drive].readings;
+        let is_fresh = |(output, moment): &(u16, u64)| *output == word && *moment > 0 && at < moment + age;
+        if !readings.iter().any(is_fresh) {
+            let text = format!("{word} as the output of drive {drive}, which gave {readings:?} (ns)");
+            self.object("O13", || text);
+        }
+    }
+}

@@ -1,0 +1,269 @@
+//! The wire: frames of the gateway, what comes back, and O5 and O6.
+
+use super::Checker;
+use super::crc;
+use super::log::What;
+
+/// Exchanges that are kept.
+const KEPT: usize = 256;
+/// Most words of one reply that are kept.
+pub const WORDS: usize = 40;
+/// Most bytes that are kept of what was heard since the last frame.
+const HEARD: usize = 600;
+/// The shortest wait for a reply that the gateway may have: that for a drive known to be silent.
+const PROBE: u64 = 100_000_000;
+
+/// What the asked drive really gave.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Truth {
+    /// Nothing.
+    Silence,
+    /// Words; how many.
+    Words(u8),
+    /// What a write or a loop test is answered with; the word that the drive holds.
+    Holds(u16),
+    Exception(u8),
+}
+
+/// One exchange.
+#[derive(Clone, Copy, Debug)]
+pub struct Exchange {
+    /// First bit and last bit of our frame.
+    pub at: u64,
+    pub end: u64,
+    pub station: u8,
+    pub function: u8,
+    pub address: u16,
+    /// Words that are read or written.
+    pub count: u16,
+    /// The first word that is written, and the second of a block.
+    pub values: [u16; 2],
+    pub truth: Truth,
+    pub words: [u16; WORDS],
+    /// When a sound reply of the right form was heard.
+    pub heard_at: Option<u64>,
+    /// That reply was what the drive gave in this exchange.
+    pub is_true: bool,
+    /// The wait for the reply, in ns.
+    pub timeout: u64,
+}
+
+/// The wire so far.
+#[derive(Debug)]
+pub struct Wire {
+    silence: u64,
+    exchanges: Vec<Exchange>,
+    count: u64,
+    /// The port was opened or a byte was handed over last at this moment.
+    quiet_from: u64,
+    heard: Vec<u8>,
+    truth: Vec<u8>,
+    /// The exchange that was sent last still waits.
+    is_open: bool,
+    is_up: bool,
+    /// When something was heard last that was no reply as a whole.
+    pub noise_at: u64,
+    pub shortest_excess: u64,
+}
+
+impl Wire {
+    pub fn new(silence: u64) -> Self {
+        Self {
+            silence,
+            exchanges: Vec::with_capacity(KEPT),
+            count: 0,
+            quiet_from: 0,
+            heard: Vec::with_capacity(HEARD),
+            truth: Vec::with_capacity(300),
+            is_open: false,
+            is_up: false,
+            noise_at: 0,
+            shortest_excess: u64::MAX,
+        }
+    }
+
+    /// Exchanges so far.
+    pub const fn count(&self) -> u64 {
+        self.count
+    }
+
+    pub const fn is_up(&self) -> bool {
+        self.is_up
+    }
+
+    /// The exchange that was sent last.
+    pub fn newest(&self) -> Option<&Exchange> {
+        self.back(0)
+    }
+
+    /// The exchange that was sent `back` exchanges before the last.
+    pub fn back(&self, back: usize) -> Option<&Exchange> {
+        let number = (self.count as usize).checked_sub(back + 1)?;
+        if back >= KEPT { None } else { self.exchanges.get(number % KEPT) }
+    }
+
+    fn newest_mut(&mut self) -> Option<&mut Exchange> {
+        let place = (self.count as usize).checked_sub(1)? % KEPT;
+        self.exchanges.get_mut(place)
+    }
+
+    fn push(&mut self, exchange: Exchange) {
+        let place = self.count as usize % KEPT;
+        if place < self.exchanges.len() {
+            self.exchanges[place] = exchange;
+        } else {
+            self.exchanges.push(exchange);
+        }
+        self.count += 1;
+    }
+}
+
+impl Checker {
+    /// The port came or went at `at`.
+    pub fn port(&mut self, at: u64, is_up: bool) {
+        self.log.add(at, What::Port, 0, if is_up { b"up" } else { b"down" });
+        self.wire.is_up = is_up;
+        self.wire.is_open = false;
+        self.wire.quiet_from = at;
+        self.port_changed(at, is_up);
+    }
+
+    /// The gateway handed `frame` to the port at `at`, and the asked drive gave `truth` as its reply, perhaps nothing.
+    pub fn request(&mut self, at: u64, frame: &[u8], truth: &[u8]) {
+        self.log.add(at, What::Frame, 0, frame);
+        self.log.add(at, What::Truth, 0, truth);
+        self.time(at);
+        if !self.wire.is_up {
+            self.object("O1", || "a frame left while the port was closed".to_owned());
+        }
+        let gap = at.saturating_sub(self.wire.quiet_from);
+        if gap < self.wire.silence {
+            let asked = self.wire.silence;
+            self.object("O5", || format!("{gap} ns of silence before a frame, {asked} are asked for"));
+        }
+        self.wire.shortest_excess = self.wire.shortest_excess.min(gap.wrapping_sub(self.wire.silence));
+        self.may_open(at);
+        let Some(mut exchange) = self.read_frame(at, frame) else {
+            return self.object("O1", || format!("no sound frame: {frame:02X?}"));
+        };
+        (exchange.truth, exchange.words) = truth_of(&exchange, truth);
+        self.wire.quiet_from = exchange.end;
+        self.wire.heard.clear();
+        self.wire.truth.clear();
+        self.wire.truth.extend_from_slice(truth);
+        self.wire.is_open = true;
+        self.wire.push(exchange);
+        if matches!(exchange.function, 6 | 16) {
+            self.written(&exchange);
+        }
+    }
+
+    /// O6: the exchange before must be over: answered, damaged with silence behind it, or waited for.
+    fn may_open(&mut self, at: u64) {
+        let Some(last) = self.wire.newest().filter(|_| self.wire.is_open) else { return };
+        let waited = at.saturating_sub(last.end);
+        let is_damaged = !self.wire.heard.is_empty();
+        if last.heard_at.is_some() || is_damaged || waited >= last.timeout.min(PROBE) {
+            return;
+        }
+        let station = last.station;
+        self.object("O6", || format!("a frame {waited} ns after one to station {station} that is not answered"));
+    }
+
+    fn read_frame(&self, at: u64, frame: &[u8]) -> Option<Exchange> {
+        if !crc::is_right(frame) || frame.len() < 8 {
+            return None;
+        }
+        let word = |at: usize| u16::from_be_bytes([frame[at], frame[at + 1]]);
+        let (station, function) = (frame[0], frame[1]);
+        let drive = self.line.drives.iter().find(|drive| drive.station == station)?;
+        let (count, values) = match (function, frame.len()) {
+            (3, 8) => (word(4), [0; 2]),
+            (6 | 8, 8) => (1, [word(4), 0]),
+            (16, 11) if word(4) == 1 => (1, [word(7), 0]),
+            (16, 13) if word(4) == 2 => (2, [word(7), word(9)]),
+            _ => return None,
+        };
+        Some(Exchange {
+            at,
+            end: at + self.line.on_wire(frame.len()),
+            station,
+            function,
+            address: word(2),
+            count,
+            values,
+            truth: Truth::Silence,
+            words: [0; WORDS],
+            heard_at: None,
+            is_true: false,
+            timeout: drive.timeout,
+        })
+    }
+
+    /// The gateway was handed `bytes` at `at`.
+    pub fn heard(&mut self, at: u64, bytes: &[u8]) {
+        self.log.add(at, What::Heard, 0, bytes);
+        let wire = &mut self.wire;
+        wire.quiet_from = wire.quiet_from.max(at);
+        if wire.heard.len() + bytes.len() > HEARD {
+            wire.heard.clear();
+        }
+        wire.heard.extend_from_slice(bytes);
+        let open = wire.newest().filter(|last| wire.is_open && last.heard_at.is_none());
+        let Some(place) = open.and_then(|last| reply_in(last, &wire.heard)) else {
+            wire.noise_at = at;
+            return;
+        };
+        let is_true = wire.heard[place] == wire.truth[..];
+        if let Some(last) = wire.newest_mut() {
+            (last.heard_at, last.is_true) = (Some(at), is_true);
+        }
+        let last = *last_of(&self.wire);
+        self.answered(at, &last);
+    }
+}
+
+fn last_of(wire: &Wire) -> &Exchange {
+    wire.newest().expect("there is one")
+}
+
+/// Length of the normal reply to `exchange`.
+fn reply_bytes(exchange: &Exchange) -> usize {
+    if exchange.function == 3 { 5 + 2 * usize::from(exchange.count) } else { 8 }
+}
+
+/// Where a sound reply to `exchange` stands in `bytes`.
+fn reply_in(exchange: &Exchange, bytes: &[u8]) -> Option<std::ops::Range<usize>> {
+    let length = reply_bytes(exchange);
+    (0..bytes.len().saturating_sub(4)).find_map(|start| {
+        let rest = &bytes[start..];
+        if rest[0] != exchange.station {
+            return None;
+        }
+        let length = match rest[1] {
+            function if function == exchange.function => length,
+            function if function == exchange.function | 0x80 => 5,
+            _ => return None,
+        };
+        let is_sound = rest.len() >= length && crc::is_right(&rest[..length]);
+        is_sound.then_some(start..start + length)
+    })
+}
+
+/// What `frame`, which a drive gave, says in `exchange`.
+fn truth_of(exchange: &Exchange, frame: &[u8]) -> (Truth, [u16; WORDS]) {
+    let mut words = [0; WORDS];
+    let word = |at: usize| frame.get(at..at + 2).map_or(0, |it| u16::from_be_bytes([it[0], it[1]]));
+    let truth = match frame.get(1) {
+        None => Truth::Silence,
+        Some(function) if function & 0x80 != 0 => Truth::Exception(frame[2]),
+        Some(3) => {
+            let count = usize::from(exchange.count).min(WORDS);
+            words.iter_mut().take(count).enumerate().for_each(|(place, it)| *it = word(3 + 2 * place));
+            Truth::Words(count as u8)
+        }
+        Some(16) => Truth::Holds(exchange.values[0]),
+        Some(_) => Truth::Holds(word(4)),
+    };
+    (truth, words)
+}

@@ -1,0 +1,195 @@
+//! What one seed stands for: the line, its drives, its clients, and how much goes wrong.
+
+use super::checker::tables::{Action, Drive, Kind, Line};
+use fastrand::Rng;
+use std::cell::LazyCell;
+use std::sync::Arc;
+use std::time::Duration;
+use vfd_gateway::domain::command::Direction;
+use vfd_gateway::domain::control::{ControlAction, ControlSettings, FailSafe};
+use vfd_gateway::domain::frequency::Hertz;
+use vfd_gateway::domain::ids::{DriveIndex, Name, Station, UnitId};
+use vfd_gateway::domain::link::{EchoPolicy, Framing, LinkSettings, Parity};
+use vfd_gateway::drive::description::{DriveDescription, DriveRef, Ratings};
+use vfd_gateway::gateway::{DriveSetup, LineSetup};
+use vfd_gateway::line::timeouts::ReplyTimeouts;
+use vfd_gateway::line::timing::Timing;
+use vfd_gateway::profile::catalog::Catalog;
+use vfd_gateway::profile::model::Model;
+use vfd_gateway::sim::{BusOptions, Delivery, DriveOptions, FaultPlan, SimBus, SimDrive};
+use vfd_gateway::vendors;
+
+/// Addresses whose words carry the number of the exchange that asked for them; no drive here has any of them.
+pub const PROOF: u16 = 0x7000;
+/// How late a reply may come behind its time-out.
+const LATENESS: Duration = Duration::from_millis(500);
+
+thread_local! {
+    static MODELS: LazyCell<Catalog> =
+        LazyCell::new(|| Catalog::from_texts(vendors::texts().iter().copied()).expect("sound models"));
+}
+
+/// The model of a kind of drive.
+pub fn model_of(kind: Kind) -> Arc<Model> {
+    let id = match kind {
+        Kind::N700 => "hyundai-n700",
+        Kind::E510 => "teco-e510",
+        Kind::Fr500a => "frecon-fr500a",
+    };
+    MODELS.with(|models| Arc::clone(models.find(id).expect("a built-in model")))
+}
+
+/// What is drawn from a seed.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    pub line: Line,
+    pub link: LinkSettings,
+    pub faults: FaultPlan,
+    pub clients: usize,
+    pub has_mqtt: bool,
+    /// Mean time between two things that clients do, and between two troubles.
+    pub ask_every: Duration,
+    pub trouble_every: Duration,
+    /// Clients read nothing but proof words, without a pause.
+    pub only_reads: bool,
+}
+
+impl Plan {
+    /// The plan of `rng`'s seed.
+    pub fn draw(rng: &mut Rng) -> Self {
+        let baud = [9_600, 9_600, 19_200, 38_400][rng.usize(0..4)];
+        let parity = if rng.u8(0..4) == 0 { Parity::Even } else { Parity::None };
+        let link = LinkSettings { baud, parity, ..LinkSettings::DEFAULT };
+        let count = rng.usize(1..=4);
+        let same = rng.bool().then(|| Kind::ALL[rng.usize(0..3)]);
+        let drives = (0..count).map(|place| draw_drive(rng, place, same)).collect();
+        let line = Line { baud: baud.into(), char_bits: link.bits_per_char().into(), drives };
+        Self {
+            line,
+            link,
+            faults: draw_faults(rng),
+            clients: rng.usize(1..=4),
+            has_mqtt: rng.u8(0..4) == 0,
+            ask_every: Duration::from_millis(rng.u64(200..2_000)),
+            trouble_every: Duration::from_secs(rng.u64(5..60)),
+            only_reads: false,
+        }
+    }
+
+    /// The bus with its drives, before anything goes wrong.
+    pub fn bus(&self, rng: &mut Rng) -> SimBus {
+        let turnaround = Duration::from_micros(rng.u64(500..8_000));
+        let options = BusOptions { turnaround, delivery: Delivery::Replies, ..BusOptions::default() };
+        let mut bus = SimBus::new(self.link, options, rng.u64(..));
+        for drive in &self.line.drives {
+            let ramp = Duration::from_millis(rng.u64(500..8_000));
+            let options = DriveOptions {
+                acceleration: ramp,
+                deceleration: ramp,
+                proof_words: Some(PROOF..=PROOF + 0xFF),
+                ..DriveOptions::default()
+            };
+            bus.connect(Station(drive.station), SimDrive::new(model_of(drive.kind), options));
+        }
+        bus
+    }
+
+    /// What the gateway's line is made of.
+    pub fn setup(&self, first_epoch: u64) -> LineSetup {
+        let drives: Vec<DriveSetup> = self.line.drives.iter().map(setup_of).collect();
+        let models = drives.iter().map(|drive| drive.model.as_ref());
+        let timing = Timing::for_models(Framing::Rtu, self.link, models, Duration::ZERO);
+        LineSetup { timing, drives, echo: EchoPolicy::Strip, tells_traffic: false, first_epoch }
+    }
+
+    /// The drives as the north sides know them.
+    pub fn descriptions(&self) -> Vec<DriveDescription> {
+        (0..).zip(&self.line.drives).map(|(place, drive)| description_of(place, drive)).collect()
+    }
+}
+
+fn draw_faults(rng: &mut Rng) -> FaultPlan {
+    let roughness = [0, 2, 10, 40][rng.usize(0..4)];
+    let mut chance = || rng.u16(0..=roughness);
+    let (noise, lost, late, cut, flip, foreign, hole) =
+        (chance(), chance(), chance(), chance(), chance(), chance(), chance());
+    FaultPlan { noise, lost, late, cut, flip, foreign, hole, max_lateness: LATENESS, ..FaultPlan::NONE }
+}
+
+fn draw_drive(rng: &mut Rng, place: usize, same: Option<Kind>) -> Drive {
+    let kind = same.unwrap_or_else(|| Kind::ALL[rng.usize(0..3)]);
+    let number = place as u8 + 1;
+    let has_coast = kind != Kind::E510;
+    let mut action = || match rng.u8(0..4) {
+        0 => Action::Hold,
+        1 if has_coast => Action::Coast,
+        _ => Action::Stop,
+    };
+    let (on_lost, on_shutdown) = (action(), action());
+    Drive {
+        kind,
+        station: number + 1,
+        unit: number,
+        uniform: 100 + number,
+        poll: rng.u64(100..1_000) * 1_000_000,
+        timeout: 200_000_000,
+        has_control: rng.u8(0..8) > 0,
+        least: 500,
+        most: 5_000,
+        lost_after: rng.u64(2..8) * 1_000_000_000,
+        on_lost,
+        on_shutdown,
+    }
+}
+
+fn setup_of(drive: &Drive) -> DriveSetup {
+    DriveSetup {
+        station: Station(drive.station),
+        model: model_of(drive.kind),
+        poll: Duration::from_nanos(drive.poll),
+        timeouts: ReplyTimeouts::fixed(Duration::from_nanos(drive.timeout)),
+        max_lateness: LATENESS,
+        control: control_of(drive).map(Arc::new),
+    }
+}
+
+fn description_of(place: u16, drive: &Drive) -> DriveDescription {
+    DriveDescription {
+        place: DriveRef { line: 0, drive: DriveIndex(place) },
+        name: Name::new(&format!("d{place}")).expect("a name"),
+        line: Name::new("line").expect("a name"),
+        model: model_of(drive.kind),
+        unit: UnitId::new(drive.unit).expect("a unit"),
+        uniform_unit: UnitId::new(drive.uniform).expect("a unit"),
+        poll: Duration::from_nanos(drive.poll),
+        ratings: Ratings::default(),
+        control: control_of(drive).map(Arc::new),
+        dead_bands: Vec::new(),
+    }
+}
+
+fn control_of(drive: &Drive) -> Option<ControlSettings> {
+    let action = |action| match action {
+        Action::Stop => FailSafe::Stop,
+        Action::Coast => FailSafe::Coast,
+        Action::Hold => FailSafe::Hold,
+    };
+    drive.has_control.then(|| ControlSettings {
+        from_mqtt: true,
+        from_modbus_tcp: true,
+        least: Hertz::from_centihertz(drive.least),
+        most: Hertz::from_centihertz(drive.most),
+        directions: vec![Direction::Forward, Direction::Reverse],
+        reverse_below: Hertz::ZERO,
+        on_commander_lost: action(drive.on_lost),
+        lost_after: Duration::from_nanos(drive.lost_after),
+        on_shutdown: action(drive.on_shutdown),
+        accept_unverified: ControlAction::ALL.to_vec(),
+        allow_release: false,
+        strict: false,
+        restart_delay: Duration::from_secs(2),
+        stop_effect_timeout: Duration::from_secs(3),
+        stop_pending_for: Duration::from_secs(600),
+        native_write: vec![drive.kind.facts().listed],
+    })
+}

@@ -1,0 +1,199 @@
+//! What the daemon does between clients and the line: calls are answered from pictures, or handed to the line and
+//! answered when that has answered.
+
+use super::client::Client;
+use super::world::World;
+use std::sync::Arc;
+use std::time::Duration;
+use vfd_gateway::domain::command::{CommandAnswer, CommandRequest, Order};
+use vfd_gateway::domain::ids::{AskerId, DriveIndex, Ticket};
+use vfd_gateway::domain::native::{NativeAnswer, NativeRequest};
+use vfd_gateway::domain::report::LineReport;
+use vfd_gateway::drive::view::DriveView;
+use vfd_gateway::gateway::Input;
+use vfd_gateway::north::modbus::{Answer, Call, Ended, Ordered, Present, Taken, Uniform, Words, native, own};
+
+/// A command leaves within this time or never.
+const COMMAND_DEADLINE: Duration = Duration::from_secs(1);
+
+/// What unit 255 shows.
+struct Shown<'a> {
+    report: LineReport,
+    uniform: &'a [Uniform],
+    views: &'a [Arc<DriveView>],
+}
+
+impl own::Gateway for Shown<'_> {
+    fn lines(&self) -> usize {
+        1
+    }
+
+    fn line(&self, place: usize) -> Option<LineReport> {
+        (place == 0).then_some(self.report)
+    }
+
+    fn drives(&self) -> usize {
+        self.uniform.len()
+    }
+
+    fn drive(&self, place: usize) -> Option<(&Uniform, Arc<DriveView>)> {
+        Some((self.uniform.get(place)?, Arc::clone(self.views.get(place)?)))
+    }
+}
+
+impl World {
+    /// A client sends `bytes`, and what they ask is handed on.
+    pub fn client_sends(&mut self, who: usize, bytes: &[u8]) {
+        self.tally.client_events += 1;
+        self.checker.client_sent(self.now.as_nanos(), who, bytes);
+        self.look_at_views();
+        let (drives, uniform, views) = (&self.descriptions, &self.uniform, &self.views);
+        let is_stop = |unit: u8, ask: &vfd_gateway::north::modbus::Ask| {
+            let place = drives.iter().position(|it| it.unit.get() == unit);
+            let picture = drives.iter().position(|it| it.uniform_unit.get() == unit);
+            match (place, picture) {
+                (Some(place), _) => native::is_stop(&drives[place].model, ask),
+                (_, Some(place)) => uniform[place].is_stop(ask, &views[place]),
+                _ => own::is_stop(unit, ask),
+            }
+        };
+        self.clients[who].machine.receive(self.now, bytes, &is_stop);
+        while let Some(call) = self.clients[who].machine.next_call() {
+            self.serve(who, call);
+        }
+        self.flush(who);
+    }
+
+    fn serve(&mut self, who: usize, call: Call) {
+        let native_place = self.descriptions.iter().position(|it| it.unit.get() == call.unit);
+        if let Some(place) = native_place {
+            return self.ask_drive(who, place, call);
+        }
+        self.look_at_views();
+        let place = self.descriptions.iter().position(|it| it.uniform_unit.get() == call.unit);
+        let mut words = Words::default();
+        let present = self.present(who);
+        let taken = match place {
+            Some(place) => self.uniform[place].take(&call.ask, &self.views[place], &present, &mut words),
+            None if call.unit == own::UNIT || call.unit == own::BROADCAST => {
+                let shown = Shown { report: self.core.report(), uniform: &self.uniform, views: &self.views };
+                own::take(call.unit, &call.ask, &shown, &present, &mut words)
+            }
+            None => Taken::Exception(0x0A),
+        };
+        self.settle(who, &call, taken, &words, place);
+    }
+
+    fn ask_drive(&mut self, who: usize, place: usize, call: Call) {
+        let client = &mut self.clients[who];
+        let Call { ticket, ask, deadline, .. } = call;
+        match native::ask_of(ask) {
+            Ok(ask) => {
+                let drive = DriveIndex(place as u16);
+                let request =
+                    NativeRequest { asker: client.asker, ticket, drive, origin: client.origin, ask, deadline };
+                self.core.handle(self.now, Input::Native(request));
+            }
+            Err(code) => client.machine.answer(self.now, ticket, Answer::Exception(code)),
+        }
+    }
+
+    fn settle(&mut self, who: usize, call: &Call, taken: Taken, words: &Words, place: Option<usize>) {
+        let machine = &mut self.clients[who].machine;
+        let now = self.now;
+        match (taken.at_once(words, |answer| machine.answer(now, call.ticket, answer)), place) {
+            (Ok(()), _) => {}
+            (Err(Ordered::One(order)), Some(place)) => {
+                self.expect(who, call, vec![call.ticket]);
+                self.give(who, call.ticket, place, order);
+            }
+            (Err(_), _) => {
+                let controlled: Vec<usize> =
+                    (0..self.uniform.len()).filter(|place| self.uniform[*place].has_control()).collect();
+                if controlled.is_empty() {
+                    return machine.answer(now, call.ticket, Answer::Exception(1));
+                }
+                let tickets: Vec<Ticket> = controlled.iter().map(|_| machine.fresh_ticket()).collect();
+                self.expect(who, call, tickets.clone());
+                for (place, ticket) in controlled.into_iter().zip(tickets) {
+                    self.give(who, ticket, place, Order::Stop { setpoint: None });
+                }
+            }
+        }
+    }
+
+    fn give(&mut self, who: usize, ticket: Ticket, place: usize, order: Order) {
+        let Client { asker, origin, .. } = self.clients[who];
+        let command = CommandRequest {
+            asker,
+            ticket,
+            drive: DriveIndex(place as u16),
+            origin,
+            order,
+            start_before: self.now + COMMAND_DEADLINE,
+            issued: None,
+            epoch: None,
+        };
+        self.core.handle(self.now, Input::Command(command));
+    }
+
+    fn expect(&mut self, who: usize, call: &Call, tickets: Vec<Ticket>) {
+        self.clients[who].commands.expect(self.now, call.ticket, call.deadline, tickets, None, None);
+    }
+
+    fn present(&self, who: usize) -> Present {
+        Present { now: self.now, uptime_s: 0, owner: self.clients[who].origin.owner }
+    }
+
+    /// The line answers a native request.
+    pub fn hear_native(&mut self, answer: &NativeAnswer) {
+        let Some(who) = self.client_of(answer.asker) else { return };
+        self.clients[who].machine.answer(self.now, answer.ticket, native::answer_of(&answer.outcome));
+        self.flush(who);
+    }
+
+    /// The line reports on a command.
+    pub fn hear_command(&mut self, answer: &CommandAnswer) {
+        let Some(who) = self.client_of(answer.asker) else { return };
+        let Some(Ended { call, exception, .. }) = self.clients[who].commands.take(answer) else { return };
+        let answer = exception.map_or(Answer::Written, Answer::Exception);
+        self.clients[who].machine.answer(self.now, call, answer);
+        self.flush(who);
+    }
+
+    fn client_of(&self, asker: AskerId) -> Option<usize> {
+        self.clients.iter().position(|client| client.asker == asker)
+    }
+
+    /// Everything that a connection wants to say goes to its client; a connection that ends is replaced by a new one.
+    pub fn flush(&mut self, who: usize) {
+        let machine = &mut self.clients[who].machine;
+        let bytes = machine.output().len();
+        if bytes > 0 {
+            self.checker.client_got(self.now.as_nanos(), who, machine.output());
+            machine.wrote(bytes);
+        }
+        if machine.close_reason().is_some() {
+            self.reconnect(who, true);
+        }
+        self.north_wake = self.clients.iter().filter_map(|client| client.machine.next_wake()).min();
+    }
+
+    /// A client's connection ends and another takes its place.
+    pub fn reconnect(&mut self, who: usize, by_gateway: bool) {
+        let now = self.now.as_nanos();
+        self.checker.client_closed(now, who, by_gateway);
+        self.core.handle(self.now, Input::AskerGone(self.clients[who].asker));
+        self.askers += 1;
+        self.clients[who] = Client::new(who, self.askers, self.now);
+        self.checker.client_opened(now, who);
+    }
+
+    /// Connections do what is due.
+    pub fn tick_clients(&mut self) {
+        for who in 0..self.clients.len() {
+            self.clients[who].machine.tick(self.now);
+            self.flush(who);
+        }
+    }
+}

@@ -1,0 +1,259 @@
+//! That the checker objects to what is wrong, that a seed is a world, the seeds that found something, and a million
+//! exchanges.
+
+use crate::simulation::checker::tables::{Action, Drive, Kind, Line};
+use crate::simulation::checker::{Checker, crc};
+use crate::simulation::{WORLD, run, trials};
+
+/// Seeds whose worlds once showed a violation, of the gateway or of its picture in the checker, with what was found.
+const FOUND: [(u64, &str); 4] = [
+    (3, "an adapter's hole let a later reply come before an earlier one"),
+    (26, "a drive that is left running by hold is not stopped at the end"),
+    (40, "a node that babbles holds a declared action up"),
+    (141, "a stop in front of what is no Modbus TCP was lost"),
+];
+
+const MS: u64 = 1_000_000;
+/// Function 3 of one word from 0101, to station 2, and its reply of 30 Hz.
+const READ: [u8; 6] = [2, 3, 1, 1, 0, 1];
+const REPLY: [u8; 5] = [2, 3, 2, 0x0B, 0xB8];
+
+fn sealed(body: &[u8]) -> Vec<u8> {
+    [body, &crc::of(body).to_le_bytes()].concat()
+}
+
+/// One N700 as station 2, unit 1 and 101, with a lease of 3 s, and an observer of it.
+struct Trace {
+    checker: Checker,
+    now: u64,
+}
+
+impl Trace {
+    fn new() -> Self {
+        let drive = Drive {
+            kind: Kind::N700,
+            station: 2,
+            unit: 1,
+            uniform: 101,
+            poll: 500 * MS,
+            timeout: 200 * MS,
+            has_control: true,
+            least: 500,
+            most: 5_000,
+            lost_after: 3_000 * MS,
+            on_lost: Action::Stop,
+            on_shutdown: Action::Stop,
+        };
+        let line = Line { baud: 9_600, char_bits: 10, drives: vec![drive] };
+        let mut checker = Checker::new(line, 1);
+        checker.port(0, true);
+        checker.client_opened(0, 0);
+        Self { checker, now: 100 * MS }
+    }
+
+    /// Time passes.
+    fn pass(mut self, millis: u64) -> Self {
+        self.now += millis * MS;
+        self.checker.time(self.now);
+        self
+    }
+
+    /// A frame leaves; the drive gives `truth`, perhaps nothing.
+    fn sends(mut self, body: &[u8], truth: &[u8]) -> Self {
+        let truth = if truth.is_empty() { Vec::new() } else { sealed(truth) };
+        self.checker.request(self.now, &sealed(body), &truth);
+        self
+    }
+
+    /// 20 ms later the gateway hears a frame.
+    fn hears(mut self, body: &[u8]) -> Self {
+        self.now += 20 * MS;
+        self.checker.heard(self.now, &sealed(body));
+        self
+    }
+
+    /// A whole exchange, answered with `truth`, and 10 ms of silence.
+    fn exchange(self, body: &[u8], truth: &[u8]) -> Self {
+        self.sends(body, truth).hears(truth).pass(10)
+    }
+
+    fn asks(mut self, transaction: u8, unit: u8, pdu: &[u8]) -> Self {
+        let message = [&[0, transaction, 0, 0, 0, pdu.len() as u8 + 1, unit], pdu].concat();
+        self.checker.client_sent(self.now, 0, &message);
+        self
+    }
+
+    fn is_told(mut self, transaction: u8, unit: u8, pdu: &[u8]) -> Self {
+        let message = [&[0, transaction, 0, 0, 0, pdu.len() as u8 + 1, unit], pdu].concat();
+        self.checker.client_got(self.now, 0, &message);
+        self
+    }
+
+    /// RUN at 30 Hz is ordered, written and answered.
+    fn runs(self) -> Self {
+        let (setpoint, run) = ([2, 6, 0, 4, 0x0B, 0xB8], [2, 6, 0, 2, 0, 1]);
+        let trace = self.asks(1, 101, &RUN).exchange(&setpoint, &setpoint).exchange(&run, &run);
+        trace.is_told(1, 101, &[16, 1, 0, 0, 2])
+    }
+
+    #[track_caller]
+    fn is_right(self) {
+        assert!(self.checker.violation().is_none(), "{:?}", self.checker.violation());
+    }
+
+    #[track_caller]
+    fn violates(self, rule: &str) {
+        assert_eq!(self.checker.violation().map(|it| it.rule), Some(rule), "{:?}", self.checker.violation());
+    }
+}
+
+/// Function 10 hex: RUN forward and 30 Hz.
+const RUN: [u8; 10] = [16, 1, 0, 0, 2, 4, 0, 1, 0x0B, 0xB8];
+const STOP: [u8; 5] = [6, 1, 0, 0, 0];
+const STOP_FRAME: [u8; 6] = [2, 6, 0, 2, 0, 0];
+const RUN_FRAME: [u8; 6] = [2, 6, 0, 2, 0, 1];
+
+#[test]
+fn a_trace_without_a_fault_is_right() {
+    Trace::new().exchange(&READ, &REPLY).is_right();
+    Trace::new().runs().asks(2, 101, &STOP).exchange(&STOP_FRAME, &STOP_FRAME).is_told(2, 101, &STOP).is_right();
+}
+
+#[test]
+fn o1_a_write_belongs_to_one_order_in_time() {
+    Trace::new().sends(&RUN_FRAME, &RUN_FRAME).violates("O1");
+    Trace::new().asks(1, 101, &RUN).pass(1_001).sends(&RUN_FRAME, &RUN_FRAME).violates("O1");
+    Trace::new().runs().sends(&RUN_FRAME, &RUN_FRAME).violates("O1");
+    Trace::new().asks(1, 101, &RUN).sends(&[2, 6, 0, 2, 0, 2], &[]).violates("O1");
+    Trace::new().sends(&STOP_FRAME, &STOP_FRAME).violates("O1");
+    Trace::new().sends(&[2, 6, 2, 0x0C, 0, 9], &[]).violates("O1");
+}
+
+#[test]
+fn o2_nothing_moves_behind_a_stop() {
+    let stopped = || Trace::new().asks(1, 101, &RUN).asks(2, 101, &STOP).pass(1).exchange(&STOP_FRAME, &STOP_FRAME);
+    stopped().sends(&RUN_FRAME, &RUN_FRAME).violates("O2");
+    stopped().asks(3, 101, &RUN).sends(&RUN_FRAME, &RUN_FRAME).violates("O2");
+}
+
+#[test]
+fn o3_an_answer_is_what_the_drive_gave() {
+    let read = || Trace::new().asks(1, 1, &[3, 1, 1, 0, 1]).exchange(&READ, &REPLY);
+    read().is_told(1, 1, &[3, 2, 0x0B, 0xB8]).is_right();
+    read().is_told(1, 1, &[3, 2, 0x0B, 0xB9]).violates("O3");
+    read().is_told(2, 1, &[3, 2, 0x0B, 0xB8]).violates("O3");
+    read().is_told(1, 2, &[3, 2, 0x0B, 0xB8]).violates("O3");
+    read().is_told(1, 1, &[4, 2, 0x0B, 0xB8]).violates("O3");
+    read().is_told(1, 1, &[3, 2, 0x0B, 0xB8]).is_told(1, 1, &[3, 2, 0x0B, 0xB8]).violates("O3");
+    // Words of an exchange that was over before the question, and of one before the last.
+    Trace::new().exchange(&READ, &REPLY).asks(1, 1, &[3, 1, 1, 0, 1]).is_told(1, 1, &[3, 2, 0x0B, 0xB8]).violates("O3");
+    let late = [2, 3, 2, 0, 7];
+    let twice = read().sends(&READ, &late).hears(&REPLY);
+    twice.is_told(1, 1, &[3, 2, 0x0B, 0xB8]).violates("O3");
+}
+
+#[test]
+fn o4_only_the_drive_says_that_it_is_done() {
+    let asked = || Trace::new().asks(1, 1, &[6, 2, 0x0C, 0, 9]);
+    let write = [2, 6, 2, 0x0C, 0, 9];
+    asked().exchange(&write, &write).is_told(1, 1, &[6, 2, 0x0C, 0, 9]).is_right();
+    asked().sends(&write, &[]).hears(&write).is_told(1, 1, &[6, 2, 0x0C, 0, 9]).violates("O4");
+    asked().exchange(&write, &[2, 6, 2, 0x0C, 0, 5]).is_told(1, 1, &[6, 2, 0x0C, 0, 9]).violates("O4");
+    Trace::new().asks(1, 101, &RUN).is_told(1, 101, &[16, 1, 0, 0, 2]).violates("O4");
+}
+
+#[test]
+fn o5_there_is_silence_before_a_frame() {
+    let answered = || Trace::new().sends(&READ, &REPLY).hears(&REPLY);
+    // 4.5 characters are 4.69 ms.
+    answered().pass(5).sends(&READ, &REPLY).is_right();
+    answered().pass(4).sends(&READ, &REPLY).violates("O5");
+    Trace::new().hears(&[9, 3, 2, 0, 0]).pass(4).sends(&READ, &REPLY).violates("O5");
+}
+
+#[test]
+fn o6_one_exchange_is_open() {
+    Trace::new().sends(&READ, &[]).pass(250).sends(&READ, &REPLY).is_right();
+    Trace::new().sends(&READ, &REPLY).pass(50).sends(&READ, &REPLY).violates("O6");
+}
+
+#[test]
+fn o7_every_request_ends() {
+    Trace::new().asks(1, 1, &[3, 1, 1, 0, 1]).pass(4_900).is_right();
+    Trace::new().asks(1, 1, &[3, 1, 1, 0, 1]).pass(5_200).violates("O7");
+}
+
+#[test]
+fn o8_what_is_refused_leaves_no_trace() {
+    let write = [2, 6, 2, 0x0C, 0, 9];
+    let trace = Trace::new().asks(1, 1, &[6, 2, 0x0C, 0, 9]).exchange(&write, &write);
+    trace.is_told(1, 1, &[0x86, 6]).violates("O8");
+    Trace::new().asks(1, 1, &[6, 9, 9, 0, 9]).is_told(1, 1, &[6, 9, 9, 0, 9]).violates("O8");
+}
+
+#[test]
+fn o11_a_lost_commander_is_acted_for_in_time() {
+    let running = || Trace::new().runs().exchange(&READ, &REPLY);
+    running().pass(2_900).is_right();
+    running().pass(5_000).violates("O11");
+    running().pass(3_100).exchange(&STOP_FRAME, &STOP_FRAME).pass(5_000).is_right();
+    running().pass(1_000).sends(&STOP_FRAME, &STOP_FRAME).violates("O1");
+    let mut trace = running();
+    trace.checker.ended(trace.now);
+    trace.violates("O11");
+}
+
+#[test]
+fn o13_what_is_old_is_not_served() {
+    let shown = |millis| {
+        let trace = Trace::new().exchange(&READ, &REPLY).pass(millis).asks(1, 101, &[3, 0, 4, 0, 1]);
+        trace.is_told(1, 101, &[3, 2, 0x0B, 0xB8])
+    };
+    shown(1_400).is_right();
+    shown(1_600).violates("O13");
+    let absent = Trace::new().asks(1, 101, &[3, 0, 4, 0, 1]).is_told(1, 101, &[3, 2, 0xFF, 0xFF]);
+    absent.is_right();
+    Trace::new().asks(1, 101, &[3, 0, 4, 0, 1]).is_told(1, 101, &[3, 2, 0, 1]).violates("O13");
+}
+
+#[test]
+fn l1_a_stop_leaves() {
+    Trace::new().runs().asks(2, 101, &STOP).pass(2_000).violates("L1");
+}
+
+#[test]
+fn one_seed_is_one_world() {
+    let hashes = |seed| (0..2).map(|_| run(seed, 3_000).expect("no violation").1).collect::<Vec<_>>();
+    let (one, other) = (hashes(11), hashes(12));
+    assert_eq!((one[0], other[0]), (one[1], other[1]));
+    assert_ne!(one[0], other[0]);
+}
+
+#[test]
+fn what_was_found_stays_found() {
+    for (seed, what) in FOUND {
+        run(seed, WORLD).unwrap_or_else(|text| panic!("{what}: {text}"));
+    }
+}
+
+#[test]
+fn a_million_exchanges_hold_what_is_promised() {
+    let mut exchanges = 0;
+    for seed in 1_000.. {
+        match run(seed, WORLD) {
+            Ok((tally, _)) => exchanges += tally.exchanges,
+            Err(text) => panic!("{text}"),
+        }
+        if exchanges >= 1_000_000 {
+            break;
+        }
+    }
+}
+
+#[test]
+fn single_promises_hold() {
+    trials::late(1, 20_000).unwrap_or_else(|text| panic!("{text}"));
+    trials::gaps(1, 50_000).unwrap_or_else(|text| panic!("{text}"));
+    let (worst, pool) = trials::stops(1, 200).unwrap_or_else(|text| panic!("{text}"));
+    assert!(worst.as_millis() < 60 && pool > 100_000, "{worst:?}, {pool} reads on offer");
+}
