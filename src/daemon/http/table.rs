@@ -177,8 +177,11 @@ pub(super) const REPLIES: &[Metric<ReplyReport>] = &[
 pub(super) const REPLY_TIME: Name =
     plain("drive_reply_time", Some("seconds"), "From the end of a request to the start of its reply.");
 
+/// How a quantile is taken.
+type Quantile = (&'static str, fn(&ReplyReport) -> Duration);
+
 /// The quantiles of [`REPLY_TIME`].
-pub(super) const QUANTILES: [(&str, fn(&ReplyReport) -> Duration); 5] = [
+pub(super) const QUANTILES: [Quantile; 5] = [
     ("0.5", |reply| reply.p50),
     ("0.9", |reply| reply.p90),
     ("0.99", |reply| reply.p99),
