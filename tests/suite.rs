@@ -58,6 +58,8 @@ mod native_blocks;
 mod noisy_line;
 #[path = "scenarios/old_value_or_exception.rs"]
 mod old_value_or_exception;
+#[path = "scenarios/port_comes_and_goes.rs"]
+mod port_comes_and_goes;
 #[path = "scenarios/release_and_setup.rs"]
 mod release_and_setup;
 #[path = "scenarios/resets.rs"]

@@ -4,18 +4,21 @@
 //! not in the table of [`keys`]. `resolve` fills in what is left out and checks what lies between keys: `link`
 //! the lines against their models, `control` and `native` what may be commanded and written, `mqtt` the broker,
 //! `listen` the listeners, `units` who answers where, `commanders` whether commands can come at all. Neither stops
-//! at the first mistake. What only shows when a port is opened (whether it is a pseudo-terminal) is left to the daemon.
+//! at the first mistake. What only shows when a port is opened (whether it is a pseudo-terminal, whether its driver can
+//! turn the direction) is left to the daemon.
 
 mod broker;
 mod commanders;
 mod control;
 mod file;
+mod host;
 pub mod keys;
 mod link;
 mod listen;
 mod lists;
 mod mqtt;
 mod native;
+mod port;
 mod ratings;
 mod read;
 pub mod ready;
@@ -30,7 +33,7 @@ pub use native::{Listed, listed};
 pub use ratings::shown_in_per_cent;
 pub use ready::{
     BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings, HttpSettings, LineSettings,
-    ListenerSettings, MqttSettings, PasswordSource, Silence, TlsSettings, command_deadline,
+    ListenerSettings, MqttSettings, PasswordSource, PortAddress, Silence, TlsSettings, command_deadline,
 };
 
 use crate::domain::problem::Problem;
