@@ -183,7 +183,8 @@ impl LineTask<'_> {
 
     fn tell_of_loss(&mut self, fault: LineFault, error: &io::Error) {
         let line = &self.port.line;
-        if self.told.is_new(format!("{fault}: {error}")) {
+        // The same loss shows in several errors.
+        if self.told.is_new(fault.to_string()) {
             tracing::warn!(line, %fault, %error, "line down");
         } else {
             tracing::debug!(line, %fault, %error, "line down");

@@ -8,11 +8,14 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, ErrorKind, Read, Seek, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// What this program is called in its locks.
 const PROGRAM: &str = "vfd-gateway";
 /// More than any program writes into a lock file.
 const TEXT_MAX: u64 = 128;
+/// How long whoever has just taken a lock has to write his name, at each attempt.
+const TO_BE_NAMED: Duration = Duration::from_millis(2);
 /// Attempts at a file that others remove at the same moment.
 const ATTEMPTS: u32 = 4;
 
@@ -69,6 +72,7 @@ enum Taken {
 
 /// Takes the lock at `path`, or says who has it. An error means that this place will not do.
 fn take(path: &Path, line: &str) -> io::Result<Taken> {
+    let mut unnamed = false;
     for _ in 0..ATTEMPTS {
         let (mut file, is_ours_to_write) = match open(path) {
             Err(error) if error.kind() == ErrorKind::AlreadyExists => continue,
@@ -77,7 +81,15 @@ fn take(path: &Path, line: &str) -> io::Result<Taken> {
         let holder = Holder::read(&mut file)?;
         match flock(&file, FlockOperation::NonBlockingLockExclusive) {
             Ok(()) => {}
-            Err(rustix::io::Errno::WOULDBLOCK) => return Ok(Taken::Others(holder.named())),
+            Err(rustix::io::Errno::WOULDBLOCK) if holder.process.is_some() => {
+                return Ok(Taken::Others(holder.named()));
+            }
+            // Taken a moment ago: who has it is about to say so.
+            Err(rustix::io::Errno::WOULDBLOCK) => {
+                unnamed = true;
+                std::thread::sleep(TO_BE_NAMED);
+                continue;
+            }
             Err(error) => return Err(error.into()),
         }
         if !is_at(&file, path)? {
@@ -96,7 +108,10 @@ fn take(path: &Path, line: &str) -> io::Result<Taken> {
         file.write_all(format!("{:>10} {PROGRAM} {line}\n", std::process::id()).as_bytes())?;
         return Ok(Taken::Ours(file));
     }
-    Err(ErrorKind::ResourceBusy.into())
+    match unnamed {
+        true => Ok(Taken::Others(Holder::parse("").named())),
+        false => Err(ErrorKind::ResourceBusy.into()),
+    }
 }
 
 /// Opens or makes the file at `path`; whether it can be written. Never through a link, and never waiting, whatever
@@ -240,6 +255,22 @@ mod tests {
         let held = dir.lock(DEVICE, "hall-1").unwrap_err().to_string();
         assert!(held.contains(&format!("process {} (minicom)", std::process::id())), "{held}");
         assert_eq!(std::fs::read_to_string(dir.file()).unwrap(), text);
+    }
+
+    #[test]
+    fn who_has_taken_it_a_moment_ago_is_named() {
+        let dir = Dir::new();
+        let mut file = File::create_new(dir.file()).unwrap();
+        flock(&file, FlockOperation::NonBlockingLockExclusive).unwrap();
+        assert!(dir.lock(DEVICE, "hall-1").unwrap_err().to_string().contains("another program"), "who never says it");
+        let slow = std::thread::spawn(move || {
+            std::thread::sleep(TO_BE_NAMED / 2);
+            file.write_all(b"         1 vfd-gateway hall-2\n").unwrap();
+            std::thread::sleep(TO_BE_NAMED * 20);
+        });
+        let held = dir.lock(DEVICE, "hall-1").unwrap_err().to_string();
+        assert!(held.contains("line hall-2 of the vfd-gateway that is process 1"), "{held}");
+        slow.join().unwrap();
     }
 
     #[test]
