@@ -5,6 +5,8 @@
 //! | `reading` | ordinary clients read a drive through the gateway, and ordinary drives are read |
 //! | `refusing` | what may not be done is refused by the right exception and never reaches the line |
 //! | `coming_and_going` | unplugged adapters, signals, taken ports |
+//! | `unplugging` | an adapter that comes and goes leaks nothing and is back within a second; a device has one holder |
+//! | `network` | lines behind ser2net and other serial device servers |
 //! | `asking` | `health`, `read`, `write` and `watch` ask a running gateway |
 //! | `enabling` | `verify` and `enable` look at a drive and set what it needs before it obeys |
 //! | `checking` | what `check` and the other commands say, and their exit codes |
@@ -48,6 +50,8 @@ mod enabling;
 mod families;
 #[path = "process/losing.rs"]
 mod losing;
+#[path = "process/network.rs"]
+mod network;
 #[path = "process/overseeing.rs"]
 mod overseeing;
 #[path = "process/reading.rs"]
@@ -64,9 +68,13 @@ mod topics;
 mod trying;
 #[path = "process/uniform.rs"]
 mod uniform;
+#[path = "process/unplugging.rs"]
+mod unplugging;
 #[path = "process/vendors.rs"]
 mod vendors;
 
+#[path = "process/adapter.rs"]
+mod adapter;
 #[path = "process/mosquitto.rs"]
 mod mosquitto;
 #[path = "process/outsiders.rs"]

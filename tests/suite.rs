@@ -75,6 +75,8 @@ mod noisy_line;
 mod old_value_or_exception;
 #[path = "scenarios/polls.rs"]
 mod polls;
+#[path = "scenarios/port_comes_and_goes.rs"]
+mod port_comes_and_goes;
 #[path = "scenarios/release_and_setup.rs"]
 mod release_and_setup;
 #[path = "scenarios/resets.rs"]

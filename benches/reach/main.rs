@@ -1,7 +1,7 @@
 //! What the gateway reaches, measured and printed as a table: `cargo bench --bench reach`, about twenty minutes.
 //!
 //! A part of the table by name: `cargo bench --bench reach -- paced`. Parts: paced, unpaced, shared, fair, dead,
-//! late, stop, command, lost, retained, uniform, memory; most are shorter with `--quick`. Everything stays on
+//! late, stop, command, lost, retained, uniform, memory, unplug; most are shorter with `--quick`. Everything stays on
 //! this machine: pseudo-terminals and loopback. The brokers are processes started here: mosquitto if it is installed.
 
 #![allow(
@@ -13,6 +13,8 @@
 )]
 #![allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
 
+#[path = "../../tests/process/adapter.rs"]
+mod adapter;
 mod bare;
 mod bare_mqtt;
 mod brokers;
@@ -36,13 +38,14 @@ mod support;
 mod table;
 mod tapped;
 mod uniform;
+mod unplug;
 
 use table::Row;
 
 /// Measures one part of the table.
 type Part = fn() -> Vec<Row>;
 
-const PARTS: [(&str, Part); 12] = [
+const PARTS: [(&str, Part); 13] = [
     ("paced", paced::paced),
     ("unpaced", rows::unpaced),
     ("shared", rows::shared),
@@ -55,6 +58,7 @@ const PARTS: [(&str, Part); 12] = [
     ("retained", retained::retained),
     ("uniform", uniform::uniform),
     ("memory", memory::memory),
+    ("unplug", unplug::unplug),
 ];
 
 fn main() {

@@ -2,7 +2,7 @@
 
 use super::{plant, text};
 use std::collections::BTreeSet;
-use vfd_gateway::config::{self, Config};
+use vfd_gateway::config::{self, Config, PortAddress};
 
 pub fn run(bytes: &[u8]) {
     let Some(text) = text::of(bytes) else { return };
@@ -26,7 +26,7 @@ fn check(config: &Config) {
     assert!(!config.lines.is_empty());
     let mut names = BTreeSet::new();
     for line in &config.lines {
-        assert!(line.link.baud > 0 && !line.drives.is_empty() && line.port.is_absolute(), "{line:?}");
+        assert!(line.link.baud > 0 && !line.drives.is_empty() && is_usable(&line.port), "{line:?}");
         let stations: BTreeSet<_> = line.drives.iter().map(|drive| drive.station).collect();
         assert_eq!(stations.len(), line.drives.len(), "a station twice on {}", line.name);
         for drive in &line.drives {
@@ -45,5 +45,12 @@ fn check(config: &Config) {
             .flat_map(|drive| [drive.unit.get(), drive.uniform_unit.get()])
             .collect();
         assert_eq!(units.iter().collect::<BTreeSet<_>>().len(), units.len(), "a unit twice at {}", listener.listen);
+    }
+}
+
+fn is_usable(port: &PortAddress) -> bool {
+    match port {
+        PortAddress::Device(path) => path.is_absolute(),
+        PortAddress::Tcp { port, .. } => *port > 0,
     }
 }

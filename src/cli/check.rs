@@ -4,11 +4,11 @@ mod drive;
 
 use super::{Failure, input, print};
 use crate::config::words::LEASES;
-use crate::config::{Config, LineSettings, ListenerSettings, MqttSettings, line_plan};
-use crate::domain::link::{EchoPolicy, Framing};
+use crate::config::{Config, LineSettings, ListenerSettings, MqttSettings, PortAddress, line_plan};
+use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
 use crate::domain::report::StopBounds;
 use crate::line::budget::ASSUMED_TURNAROUND;
-use crate::profile::words::word_for;
+use crate::profile::words::{INTERFACES, word_for};
 use std::fmt::{Display, Write};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -74,12 +74,17 @@ fn list<T: Display>(values: &[T]) -> String {
 }
 
 fn describe_line(text: &mut String, line: &LineSettings, mqtt: Option<&MqttSettings>) -> std::fmt::Result {
-    let (timing, needs_pty) = line_plan::timing(line);
+    let (timing, needs_virtual) = line_plan::timing(line);
     let budget = line_plan::budget(line);
     let framing = if line.framing == Framing::Ascii { ", ASCII frames" } else { "" };
-    writeln!(text, "line {} on {}: {}{framing}", line.name, line.port.display(), line.link)?;
+    writeln!(text, "line {} on {}: {}{framing}", line.name, line.port, line.link)?;
+    writeln!(text, "  {}", of_port(line))?;
     write!(text, "  silence before each frame {}", ms(timing.silence))?;
-    writeln!(text, "{}", if needs_pty { " (shorter than the drives need: pseudo-terminal only)" } else { "" })?;
+    writeln!(
+        text,
+        "{}",
+        if needs_virtual { " (shorter than the drives need: pseudo-terminal or tcp:// only)" } else { "" }
+    )?;
     let echo = match line.echo {
         EchoPolicy::Refuse => "an echo of the adapter takes the line down",
         EchoPolicy::Strip => "an echo of the adapter is taken out",
@@ -118,6 +123,26 @@ fn stops(text: &mut String, line: &LineSettings) -> std::fmt::Result {
         writeln!(text, "  each further stop at the same time adds up to {}", ms(each_further))?;
     }
     Ok(())
+}
+
+/// What the line is reached through.
+fn of_port(line: &LineSettings) -> String {
+    let PortAddress::Device(_) = line.port else {
+        let lateness_s = line.port.max_lateness().as_secs();
+        return format!(
+            "network: frames go to a serial device server, whose line is set to {}; a reply may be {lateness_s} s late",
+            line.link
+        );
+    };
+    let interface = word_for(&INTERFACES, &line.interface);
+    let direction = match (line.interface, line.direction) {
+        (Interface::Rs232, _) => "",
+        (_, DirectionControl::Adapter) => ", direction turned by the adapter",
+        (_, DirectionControl::Kernel) => ", direction turned by the driver (TIOCSRS485)",
+        (_, DirectionControl::Rts) => ", direction turned by the gateway with RTS",
+    };
+    let latency = if line.low_latency { "asked for" } else { "left as it is" };
+    format!("serial device: {interface}{direction}; low latency {latency}")
 }
 
 fn ms(time: Duration) -> String {

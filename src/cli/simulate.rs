@@ -1,8 +1,9 @@
-//! `simulate`: drives on a pseudo-terminal, for people who have no hardware at hand.
+//! `simulate`: drives on a pseudo-terminal or a TCP port, for people who have no hardware at hand.
 
 use super::keyboard::Enter;
 use super::own_models::ModelDirs;
 use super::{Failure, input, print};
+use crate::daemon::line_end::{LineEnd, TcpEnd};
 use crate::daemon::pty::Pty;
 use crate::daemon::{run::told_to_end, simulator};
 use crate::domain::ids::Station;
@@ -11,6 +12,8 @@ use crate::domain::time::MonoTime;
 use crate::profile::model::Model;
 use crate::profile::words::{FRAMINGS, word_for};
 use crate::sim::{BadRequest, BusOptions, DriveOptions, FaultPlan, Pacing, SimBus, SimDrive};
+use std::fmt::Display;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -32,6 +35,9 @@ pub struct Args {
     /// A name for the pseudo-terminal, made as a symbolic link
     #[arg(long, value_name = "PATH")]
     link: Option<PathBuf>,
+    /// Listen there instead, as a serial device server does
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "link")]
+    tcp: Option<SocketAddr>,
     /// Speed in bit/s; default: the model's factory setting
     #[arg(long)]
     baud: Option<u32>,
@@ -104,25 +110,32 @@ pub fn simulate(args: &Args) -> Result<(), Failure> {
     {
         return Err(Failure::wrong(format!("station {twice} is named twice")));
     }
-    let mut pty = Pty::new().map_err(Failure::failed)?;
-    if let Some(link) = &args.link {
-        pty.link_as(link).map_err(|error| Failure::failed(format!("{}: {error}", link.display())))?;
-    }
-    let mut bus = bus_of(args, &Arc::new(model.on(framing)), framing, link);
-    let announcement = format!(
-        "{} at {link}{} on {}, station{} {}\n",
-        model.id,
-        if framing == Framing::Ascii { " ascii" } else { "" },
-        args.link.as_deref().unwrap_or(pty.path()).display(),
-        if args.stations.len() == 1 { "" } else { "s" },
-        args.stations.iter().map(u8::to_string).collect::<Vec<_>>().join(", ")
-    );
     let trips = Trips {
         every: args.trip_every.map(Duration::from_secs),
         next: None,
         enter: if args.trip_on_enter { Some(Enter::listen().map_err(Failure::failed)?) } else { None },
     };
-    play_until_told(&pty, &mut bus, &announcement, trips)
+    let mut bus = bus_of(args, &Arc::new(model.on(framing)), framing, link);
+    let announcement = |place: &dyn Display| {
+        format!(
+            "{} at {link}{} on {place}, station{} {}\n",
+            model.id,
+            if framing == Framing::Ascii { " ascii" } else { "" },
+            if args.stations.len() == 1 { "" } else { "s" },
+            args.stations.iter().map(u8::to_string).collect::<Vec<_>>().join(", ")
+        )
+    };
+    if let Some(address) = args.tcp {
+        let end = TcpEnd::listen(address).map_err(|error| Failure::failed(format!("{address}: {error}")))?;
+        let place = format!("tcp://{}", end.address().map_err(Failure::failed)?);
+        return play_until_told(end, &mut bus, &announcement(&place), trips);
+    }
+    let mut pty = Pty::new().map_err(Failure::failed)?;
+    if let Some(link) = &args.link {
+        pty.link_as(link).map_err(|error| Failure::failed(format!("{}: {error}", link.display())))?;
+    }
+    let place = args.link.as_deref().unwrap_or(pty.path()).display();
+    play_until_told(&pty, &mut bus, &announcement(&place), trips)
 }
 
 /// The settings of the line, if a drive of `model` can be set to its framing and data bits.
@@ -169,7 +182,12 @@ fn bus_of(args: &Args, model: &Arc<Model>, framing: Framing, link: LinkSettings)
     bus
 }
 
-fn play_until_told(pty: &Pty, bus: &mut SimBus, announcement: &str, mut trips: Trips) -> Result<(), Failure> {
+fn play_until_told(
+    line: impl LineEnd + Send,
+    bus: &mut SimBus,
+    announcement: &str,
+    mut trips: Trips,
+) -> Result<(), Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
     let told = {
         let _on_runtime = runtime.enter();
@@ -177,7 +195,7 @@ fn play_until_told(pty: &Pty, bus: &mut SimBus, announcement: &str, mut trips: T
     };
     print(announcement)?;
     let trip = |bus: &mut SimBus, now| trips.look(bus, now);
-    simulator::play_beside(pty, bus, trip, || runtime.block_on(told)).map_err(Failure::failed)?;
+    simulator::play_beside(line, bus, trip, || runtime.block_on(told)).map_err(Failure::failed)?;
     let report = bus.report();
     tracing::info!(requests = report.requests_heard, replies = report.replies_sent, "simulation ended");
     Ok(())

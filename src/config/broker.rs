@@ -1,7 +1,8 @@
 //! The broker's address as one text: which scheme, which host, which port, and nothing else in it.
 
+use super::host::{host_and_port, port_number};
 use crate::domain::problem::nearest;
-use std::net::{IpAddr, Ipv6Addr};
+use std::net::IpAddr;
 
 /// What an address may look like.
 const RIGHT: &str = "\"mqtts://broker.example:8883\", \"mqtt://127.0.0.1:1883\", or \"embedded\" for trying out";
@@ -70,32 +71,6 @@ pub(super) fn parse(text: &str) -> Result<Address, Wrong> {
         Some(digits) => port_number(digits).ok_or_else(|| wrong("has no usable port"))?,
     };
     Ok(Address::Tcp { host: host.to_owned(), port, tls })
-}
-
-/// Host and port of `rest`; nothing: there is no usable host.
-fn host_and_port(rest: &str) -> Option<(&str, Option<&str>)> {
-    if let Some(bracketed) = rest.strip_prefix('[') {
-        let (host, after) = bracketed.split_once(']')?;
-        host.parse::<Ipv6Addr>().ok()?;
-        return match after {
-            "" => Some((host, None)),
-            after => Some((host, Some(after.strip_prefix(':')?))),
-        };
-    }
-    let (host, port) = match rest.split_once(':') {
-        Some((host, port)) => (host, Some(port)),
-        None => (rest, None),
-    };
-    let is_name = |host: &str| {
-        (1..=253).contains(&host.len())
-            && host.bytes().all(|byte| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'.' | b'_'))
-    };
-    is_name(host).then_some((host, port))
-}
-
-fn port_number(digits: &str) -> Option<u16> {
-    let is_plain = digits.bytes().all(|byte| byte.is_ascii_digit());
-    digits.parse().ok().filter(|port| is_plain && *port != 0)
 }
 
 #[cfg(test)]

@@ -1,13 +1,13 @@
 //! The configuration as it is written: each value with its place, nothing filled in, nothing compared.
 
 use super::broker::Address;
-use super::ready::Silence;
+use super::ready::{PortAddress, Silence};
 use super::words::Way;
 use crate::domain::command::Direction;
 use crate::domain::control::{ControlAction, FailSafe};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{Name, Station, UnitId};
-use crate::domain::link::{EchoPolicy, Framing, Interface, Parity};
+use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, Parity};
 use crate::north::mqtt::{LeaseMode, Version};
 use crate::profile::reader::{Given, Needed, Place, Written};
 use crate::profile::register::RegisterFile;
@@ -44,7 +44,7 @@ impl GatewayFile {
 pub(super) struct LineFile {
     pub place: Place,
     pub name: Needed<Name>,
-    pub port: Needed<PathBuf>,
+    pub port: Needed<PortAddress>,
     pub baud: Given<u32>,
     pub data_bits: Given<u8>,
     pub parity: Given<Parity>,
@@ -52,6 +52,8 @@ pub(super) struct LineFile {
     pub framing: Given<Framing>,
     pub interface: Given<Interface>,
     pub echo: Given<EchoPolicy>,
+    pub direction: Given<DirectionControl>,
+    pub low_latency: Given<bool>,
     pub silence: Given<Silence>,
     pub min_request_gap: Given<Duration>,
     pub reply_timeout: Given<Option<Duration>>,

@@ -138,7 +138,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Gateway, "model_dirs", "list of absolute paths", Some("none"), "Directories whose `*.toml` files are models of your own."),
 
     key(Section::Line, "name", "name", None, "What the line is called; unique among the lines."),
-    key(Section::Line, "port", "absolute path", None, "The serial device, best by its id, or a pseudo-terminal."),
+    key(Section::Line, "port", "absolute path, or \"tcp://host:port\"", None, "The serial device, best by its id, or a pseudo-terminal; or a serial device server that passes the frames on."),
     key(Section::Line, "baud", "bit/s", FACTORY, "Speed; every drive of the line must be set to it."),
     key(Section::Line, "data_bits", "7 or 8", Some("8"), "Data bits of a character; 8 with RTU framing."),
     key(Section::Line, "parity", "\"none\", \"even\" or \"odd\"", FACTORY, "Parity bit of a character."),
@@ -146,7 +146,9 @@ pub const KEYS: &[Key] = &[
     key(Section::Line, "framing", "\"rtu\" or \"ascii\"", Some("\"rtu\""), "How frames are told apart; every model of the line must have it."),
     key(Section::Line, "interface", "\"rs485\" or \"rs232\"", Some("\"rs485\""), "What the line is physically; RS-232 carries exactly one drive."),
     key(Section::Line, "echo", "\"refuse\" or \"strip\"", Some("\"refuse\""), "What to do if the adapter sends back what is sent: the line is down, or our own bytes are taken out."),
-    key(Section::Line, "silence", "\"auto\", or \"0ms\" to \"1s\"", Some("\"auto\""), "Silence between frames; shorter than the models need only on a pseudo-terminal."),
+    key(Section::Line, "rs485", "\"adapter\", \"kernel\" or \"rts\"", Some("\"adapter\""), "Who turns the direction of an RS-485 adapter: itself, its driver (TIOCSRS485), or the gateway by RTS."),
+    key(Section::Line, "low_latency", "true or false", Some("true"), "Whether the driver is asked to hand over what it receives at once, where it can."),
+    key(Section::Line, "silence", "\"auto\", or \"0ms\" to \"1s\"", Some("\"auto\""), "Silence between frames; shorter than the models need only on a pseudo-terminal or `tcp://`."),
     key(Section::Line, "min_request_gap", "\"0ms\" to \"10s\"", Some("\"0ms\""), "Least time between the end of one exchange and the next request."),
     key(Section::Line, "reply_timeout", "\"auto\", or \"1ms\" to \"60s\"", Some("\"auto\""), "Longest wait for a reply, for drives that have none of their own."),
     key(Section::Line, "max_status_age", "\"100ms\" to \"1h\"", Some("\"5s\""), "How old the fast values may become where the drives are polled more often than the line can carry; beyond that the line is refused."),
@@ -159,7 +161,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Drive, "uniform_unit", "1 to 247", Some("`unit` + 100"), "The unit at which they reach the registers that are the same for all models."),
     key(Section::Drive, "poll", "\"10ms\" to \"1h\"", Some("\"500ms\""), "Period of the fast polls; slow ones take four times that."),
     key(Section::Drive, "reply_timeout", "\"auto\", or \"1ms\" to \"60s\"", Some("the line's"), "Longest wait for a reply of this drive."),
-    key(Section::Drive, "max_lateness", "\"10ms\" to \"60s\"", Some("the model's"), "How long after a time-out a late reply may still come."),
+    key(Section::Drive, "max_lateness", "\"10ms\" to \"60s\"", Some("the model's; on `tcp://` at least \"3s\""), "How long after a time-out a late reply may still come."),
     key(Section::Drive, "rated_current_a", "A, up to 100000", Some("shown in per cent"), "Rated current; for models that report the current in per cent of it."),
     key(Section::Drive, "rated_voltage_v", "V, up to 100000", Some("shown in per cent"), "Rated voltage; for models that report the voltage in per cent of it."),
     key(Section::Drive, "register", "tables", Some("none"), "Registers that the model does not list, stated by the operator."),
@@ -225,8 +227,6 @@ pub const KEYS: &[Key] = &[
 /// Every key that is known but refused.
 #[rustfmt::skip]
 pub const NOT_SERVED: &[NotServed] = &[
-    refused(Section::Line, "rs485", "leave it out; the adapter or its driver must turn the direction by itself"),
-
     refused(Section::Drive, "interlocks", "leave it out; what must not run together is wired or decided by the commander"),
     refused(Section::Drive, "lease", "leave it out; `lost_after` in `[line.drive.control]` says how long a lease lasts"),
     refused(Section::Drive, "max_status_age", "leave it out; the planned age of the values follows from `poll`"),

@@ -3,13 +3,15 @@
 //! `read` takes the values as they are written (`file`), each with its place, and refuses every key that is
 //! not in the table of [`keys`]. `resolve` fills in what is left out and checks what lies between keys: `link`
 //! the lines against their models, `control` and `native` what may be commanded and written, `mqtt` the broker,
-//! `line_plan` what the polls of a line cost, `listen` the listeners, `units` who answers where, `commanders` whether commands can come at all. Neither stops
-//! at the first mistake. What only shows when a port is opened (whether it is a pseudo-terminal) is left to the daemon.
+//! `line_plan` what the polls of a line cost, `listen` the listeners, `units` who answers where, `commanders` whether
+//! commands can come at all. Neither stops at the first mistake. What only shows when a port is opened (whether it is a
+//! pseudo-terminal, whether its driver can turn the direction) is left to the daemon.
 
 mod broker;
 mod commanders;
 mod control;
 mod file;
+mod host;
 pub mod keys;
 pub mod line_plan;
 mod link;
@@ -17,6 +19,7 @@ mod listen;
 mod lists;
 mod mqtt;
 mod native;
+mod port;
 mod ratings;
 mod read;
 pub mod ready;
@@ -31,7 +34,7 @@ pub use native::{Listed, listed};
 pub use ratings::shown_in_per_cent;
 pub use ready::{
     BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings, HttpSettings, LineSettings,
-    ListenerSettings, MqttSettings, PasswordSource, Silence, TlsSettings, command_deadline,
+    ListenerSettings, MqttSettings, PasswordSource, PortAddress, Silence, TlsSettings, command_deadline,
 };
 
 use crate::domain::problem::Problem;

@@ -2,7 +2,7 @@
 
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::{Name, Station, UnitId};
-use crate::domain::link::{EchoPolicy, Framing, Interface, LinkSettings};
+use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, LinkSettings};
 use crate::drive::description::Ratings;
 use crate::guard::COMMAND_DEADLINE;
 use crate::north::mqtt::{LeaseMode, Settings, Version};
@@ -43,12 +43,16 @@ pub struct GatewaySettings {
 pub struct LineSettings {
     /// Unique among the lines.
     pub name: Name,
-    /// The device. No other line has the same one, as far as the text tells.
-    pub port: PathBuf,
+    /// What the line is reached through. No other line has the same port, as far as the text tells.
+    pub port: PortAddress,
     /// Speed and character format; every model of the line has them.
     pub link: LinkSettings,
     /// What the line is physically; every model of the line has it.
     pub interface: Interface,
+    /// Who turns the direction; the adapter on RS-232 and on the network.
+    pub direction: DirectionControl,
+    /// Whether the driver of a device is asked to hand over what it receives at once.
+    pub low_latency: bool,
     /// How frames are told apart; every model of the line has it.
     pub framing: Framing,
     /// What to do if what is sent comes back.
@@ -65,13 +69,52 @@ pub struct LineSettings {
     pub drives: Vec<DriveSettings>,
 }
 
+/// What a line is reached through.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum PortAddress {
+    /// A serial device or a pseudo-terminal of this host: an absolute path.
+    Device(PathBuf),
+    /// A serial device server that passes the frames of its line on as they are.
+    Tcp {
+        /// Name in lower case, or address; an IPv6 address without brackets.
+        host: String,
+        /// Port, from 1.
+        port: u16,
+    },
+}
+
+impl PortAddress {
+    /// How long a late reply may still be under way over this port, whatever the drive does.
+    #[must_use]
+    pub const fn max_lateness(&self) -> Duration {
+        match self {
+            Self::Device(_) => Duration::ZERO,
+            Self::Tcp { .. } => TCP_LATENESS,
+        }
+    }
+}
+
+impl fmt::Display for PortAddress {
+    /// As the file writes it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Device(path) => path.display().fmt(f),
+            Self::Tcp { host, port } if host.contains(':') => write!(f, "tcp://[{host}]:{port}"),
+            Self::Tcp { host, port } => write!(f, "tcp://{host}:{port}"),
+        }
+    }
+}
+
+/// How long a network may hold a frame back before the connection is given up for lost.
+pub const TCP_LATENESS: Duration = Duration::from_secs(3);
+
 /// Silence between the frames of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Silence {
     /// As the models of the line need it.
     Auto,
-    /// This long. Shorter than the models need is for pseudo-terminals only: what a port is shows when it
-    /// is opened, so the daemon checks it there.
+    /// This long. Shorter than the models need is for pseudo-terminals and network connections only: what a device
+    /// is shows when it is opened, so the daemon checks it there.
     Fixed(Duration),
 }
 
@@ -92,7 +135,8 @@ pub struct DriveSettings {
     pub poll: Duration,
     /// Reply time-out, 1 ms to 60 s: the drive's own or else the line's; nothing: from the model.
     pub reply_timeout: Option<Duration>,
-    /// How long after a time-out a late reply may still come, 10 ms to 60 s: the drive's own or else the model's.
+    /// How long after a time-out a late reply may still come, 10 ms to 60 s: the drive's own, or else the
+    /// model's or the port's, whichever is longer.
     pub max_lateness: Duration,
     /// What may be commanded, the native registers that may be written included; nothing: read-only.
     pub control: Option<Arc<ControlSettings>>,

@@ -4,10 +4,10 @@ use super::file::{DriveFile, File, LineFile, ListenerFile};
 use super::link::{self, OnLine, Settled};
 use super::ready::{Config, DriveSettings, GatewaySettings, HttpSettings, LineSettings, ListenerSettings, Silence};
 use super::units::{self, Units};
-use super::{commanders, control, line_plan, listen, lists, mqtt, native, ratings};
+use super::{commanders, control, line_plan, listen, lists, mqtt, native, port, ratings};
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
-use crate::domain::link::{EchoPolicy, Framing, Interface};
+use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
 use crate::domain::problem::{Problem, nearest};
 use crate::drive::description::Ratings;
 use crate::profile::catalog::Catalog;
@@ -91,7 +91,7 @@ fn unique(file: &File, problems: &mut Vec<Problem>) {
     once(line_names, |name| format!("the name `{name}`"), "a name that no other line has", problems);
     once(drive_names, |name| format!("the name `{name}`"), "a name that no other drive of the gateway has", problems);
     let right = "a port of its own; drives on one bus belong to one line";
-    once(ports, |port| format!("the port {}", port.display()), right, problems);
+    once(ports, |port| format!("the port {port}"), right, problems);
     let model_dirs = file.gateway.model_dirs.usable().into_iter().flat_map(|dirs| &dirs.value);
     once(model_dirs, |dir| format!("the directory {}", dir.display()), "each directory once", problems);
 }
@@ -118,6 +118,7 @@ fn parts_of(line: &LineFile, models: Models<'_>, is_published: bool, problems: &
     let drives: Vec<_> = line.drives.iter().map(|drive| drive_parts(drive, models, is_published, problems)).collect();
     stations(line, &drives, problems);
     alone_on_rs232(line, problems);
+    port::check(line, problems);
     let mut on_line: Vec<OnLine> = Vec::new();
     for (drive, parts) in line.drives.iter().zip(&drives) {
         let Some(model) = &parts.model else { continue };
@@ -187,34 +188,43 @@ fn stations(line: &LineFile, parts: &[DriveParts], problems: &mut Vec<Problem>) 
 
 fn ready_line(line: &LineFile, parts: LineParts, units: &[Units]) -> Option<LineSettings> {
     let Settled { link, framing, interface } = parts.settled?;
-    let reply_timeout = line.reply_timeout.or(None)?;
+    let shared = Shared {
+        framing,
+        reply_timeout: line.reply_timeout.or(None)?,
+        max_lateness: line.port.as_ref()?.value.max_lateness(),
+    };
     let drives = line.drives.iter().zip(parts.drives).zip(units);
-    let drives = drives.map(|((drive, parts), units)| ready_drive(drive, parts, framing, *units, reply_timeout));
+    let drives = drives.map(|((drive, parts), units)| ready_drive(drive, parts, &shared, *units));
     Some(LineSettings {
         name: line.name.as_ref()?.value.clone(),
         port: line.port.as_ref()?.value.clone(),
         link,
         interface,
+        direction: line.direction.or(DirectionControl::Adapter)?,
+        low_latency: line.low_latency.or(true)?,
         framing,
         echo: line.echo.or(EchoPolicy::Refuse)?,
         silence: line.silence.or(Silence::Auto)?,
         min_request_gap: line.min_request_gap.or(Duration::ZERO)?,
-        reply_timeout,
+        reply_timeout: shared.reply_timeout,
         max_status_age: line.max_status_age.or(line_plan::DEFAULT_STATUS_AGE)?,
         drives: drives.collect::<Option<Vec<_>>>()?,
     })
 }
 
-fn ready_drive(
-    drive: &DriveFile,
-    parts: DriveParts,
+/// What the drives of a line have from it.
+struct Shared {
     framing: Framing,
-    units: Units,
-    line_timeout: Option<Duration>,
-) -> Option<DriveSettings> {
-    let model = match framing {
+    /// For drives that have none of their own.
+    reply_timeout: Option<Duration>,
+    /// The least that holds for drives that have none of their own.
+    max_lateness: Duration,
+}
+
+fn ready_drive(drive: &DriveFile, parts: DriveParts, line: &Shared, units: Units) -> Option<DriveSettings> {
+    let model = match line.framing {
         Framing::Rtu => parts.model?,
-        Framing::Ascii => Arc::new(parts.model?.on(framing)),
+        Framing::Ascii => Arc::new(parts.model?.on(line.framing)),
     };
     Some(DriveSettings {
         name: drive.name.as_ref()?.value.clone(),
@@ -222,8 +232,8 @@ fn ready_drive(
         unit: units.native?,
         uniform_unit: units.uniform?,
         poll: drive.poll.or(DEFAULT_POLL)?,
-        reply_timeout: drive.reply_timeout.or(line_timeout)?,
-        max_lateness: drive.max_lateness.or(model.timing.max_lateness.value)?,
+        reply_timeout: drive.reply_timeout.or(line.reply_timeout)?,
+        max_lateness: drive.max_lateness.or(model.timing.max_lateness.value.max(line.max_lateness))?,
         control: parts.control?,
         ratings: parts.ratings?,
         dead_bands: parts.dead_bands?,

@@ -2,6 +2,7 @@
 
 use crate::domain::command::Direction;
 use crate::domain::control::{ControlAction, FailSafe};
+use crate::domain::link::DirectionControl;
 use crate::north::mqtt::LeaseMode;
 
 /// A way by which commands come.
@@ -18,6 +19,10 @@ pub const WAYS: [(&str, Way); 2] = [("mqtt", Way::Mqtt), ("modbus-tcp", Way::Mod
 
 /// Directions.
 pub const DIRECTIONS: [(&str, Direction); 2] = [("forward", Direction::Forward), ("reverse", Direction::Reverse)];
+
+/// Who turns the direction of an RS-485 adapter.
+pub const DIRECTION_CONTROLS: [(&str, DirectionControl); 3] =
+    [("adapter", DirectionControl::Adapter), ("kernel", DirectionControl::Kernel), ("rts", DirectionControl::Rts)];
 
 /// What is done when nobody commands any more.
 pub const FAIL_SAFES: [(&str, FailSafe); 3] = [

@@ -3,6 +3,7 @@
 use super::line_thread::LinePort;
 use super::mqtt::{ConnectionSettings, Secret, TlsSettings, check_tls};
 use super::north::Mqtt;
+use super::port::PortSettings;
 use super::shared::Shared;
 use crate::config::{
     self, BrokerSettings, Config, DriveSettings, LineSettings, MqttSettings, PasswordSource, line_plan,
@@ -11,6 +12,7 @@ use crate::domain::ids::{DriveIndex, Name};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::gateway::{DriveSetup, LineSetup};
 use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// The pure side of a line, at a start of the gateway that no other start shares `first_epoch` with.
@@ -95,16 +97,29 @@ fn read_password(source: &PasswordSource) -> Result<Secret, String> {
     }
 }
 
-/// The port side of a line.
+/// The port side of a line of the gateway whose data is in `data_dir`.
 #[must_use]
-pub fn line_port(line: &LineSettings) -> LinePort {
+pub fn line_port(line: &LineSettings, data_dir: Option<&Path>) -> LinePort {
     LinePort {
         line: line.name.to_string(),
         drives: line.drives.iter().map(|drive| drive.name.to_string()).collect(),
-        path: line.port.clone(),
-        link: line.link,
-        needs_pty: line_plan::timing(line).1,
+        settings: PortSettings {
+            line: line.name.to_string(),
+            address: line.port.clone(),
+            link: line.link,
+            direction: line.direction,
+            low_latency: line.low_latency,
+            needs_virtual: line_plan::timing(line).1,
+            lock_dirs: lock_dirs(data_dir),
+        },
     }
+}
+
+/// Where the locks of serial devices are: where terminal programs look for them, else where a gateway without rights
+/// there may write.
+fn lock_dirs(data_dir: Option<&Path>) -> Vec<PathBuf> {
+    let of_session = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).filter(|dir| dir.is_absolute());
+    [PathBuf::from("/run/lock")].into_iter().chain(of_session).chain(data_dir.map(Path::to_owned)).collect()
 }
 
 fn drive_setup(drive: &DriveSettings) -> DriveSetup {

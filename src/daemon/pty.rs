@@ -20,12 +20,12 @@ pub struct Pty {
 }
 
 impl Pty {
-    /// A new pseudo-terminal.
+    /// A new pseudo-terminal, which no program that is started later has too: it would not end with this.
     ///
     /// # Errors
     /// The system's refusal.
     pub fn new() -> io::Result<Self> {
-        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
+        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
         grantpt(&master)?;
         unlockpt(&master)?;
         let name = ptsname(&master, Vec::new())?;
@@ -76,5 +76,25 @@ impl Drop for Pty {
             // Gone already is as good.
             let _ = std::fs::remove_file(link);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::process::{Command, Stdio};
+
+    #[test]
+    fn it_ends_with_its_owner_whoever_was_started_meanwhile() {
+        let pty = Pty::new().unwrap();
+        let flags = rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::NOCTTY;
+        let port = rustix::fs::open(pty.path(), flags, rustix::fs::Mode::empty()).unwrap();
+        let mut child = Command::new("sleep").arg("10").stdin(Stdio::null()).spawn().unwrap();
+        drop(pty);
+        let mut byte = [0];
+        let read = rustix::io::read(&port, &mut byte);
+        child.kill().unwrap();
+        child.wait().unwrap();
+        assert_eq!(read, Ok(0), "hung up");
     }
 }

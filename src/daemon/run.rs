@@ -149,8 +149,9 @@ fn embedded_broker(config: &Config) -> Result<Option<BrokerChild>, StartError> {
 fn start_lines(config: &Config, shared: &Arc<Shared>, sides: &NorthSides) -> Result<Vec<LineHandle>, StartError> {
     // Epochs rise far slower than this, so those of another start are others, and JSON still holds them exactly.
     let first_epoch = u64::try_from(clock::wall().unix_ms).unwrap_or(0) << 8;
+    let data_dir = config.gateway.data_dir.as_deref();
     let start = |(place, line)| {
-        let (port, setup) = (build::line_port(line), build::line_setup(line, first_epoch));
+        let (port, setup) = (build::line_port(line, data_dir), build::line_setup(line, first_epoch));
         let StopBounds { all_healthy, one_silent, .. } = setup.stop_bounds();
         tracing::info!(line = %line.name, ?all_healthy, ?one_silent, "a stop starts within these times");
         LineHandle::start(port, setup, Arc::clone(shared), place, sides.clone())

@@ -1,34 +1,31 @@
-//! Simulated drives on a pseudo-terminal, in real time: moves bytes between a [`Pty`] and a [`SimBus`].
+//! Simulated drives in real time: moves bytes between the end of a line and a [`SimBus`].
 
-use super::pty::Pty;
+use super::line_end::LineEnd;
 use super::timer::RawTimer;
 use super::{clock, sys};
 use crate::domain::time::MonoTime;
 use crate::sim::SimBus;
-use rustix::event::{PollFd, PollFlags, poll};
-use rustix::io::Errno;
 use std::io;
-use std::os::fd::AsFd;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// How often the loop looks whether it shall end.
 const LOOK_UP: Duration = Duration::from_millis(200);
 
-/// Plays `bus` on `pty` on a thread of its own as long as `work` lasts, and returns what that returns. `look` is somebody
+/// Plays `bus` at this end of a `line` on a thread of its own as long as `work` lasts, and returns what that returns. `look` is somebody
 /// who stands beside the drives; it is called in every round, at least a few times a second.
 ///
 /// # Errors
-/// What the pseudo-terminal or the timer reports.
+/// What the end of the line or the timer reports.
 pub fn play_beside<T>(
-    pty: &Pty,
+    line: impl LineEnd + Send,
     bus: &mut SimBus,
     look: impl FnMut(&mut SimBus, MonoTime) + Send,
     work: impl FnOnce() -> T,
 ) -> io::Result<T> {
     let end = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        let player = scope.spawn(|| play(pty, bus, &end, look));
+        let player = scope.spawn(|| play(line, bus, &end, look));
         // Also when the work panics: the scope waits for the player.
         let over = SetAtEnd(&end);
         let done = work();
@@ -46,13 +43,13 @@ impl Drop for SetAtEnd<'_> {
     }
 }
 
-/// Plays `bus` on `pty` until `end` is set. Meant for a thread of its own: it blocks. `look` is somebody who
+/// Plays `bus` at this end of a `line` until `end` is set. Meant for a thread of its own: it blocks. `look` is somebody who
 /// stands beside the drives; it is called in every round, at least a few times a second.
 ///
 /// # Errors
-/// What the pseudo-terminal or the timer reports.
+/// What the end of the line or the timer reports.
 pub fn play(
-    pty: &Pty,
+    mut line: impl LineEnd,
     bus: &mut SimBus,
     end: &AtomicBool,
     mut look: impl FnMut(&mut SimBus, MonoTime),
@@ -69,47 +66,20 @@ pub fn play(
         let now = clock::now();
         look(bus, now);
         bus.take_due(now, |_, bytes| out.extend_from_slice(bytes));
-        write_all(pty, &mut out)?;
-        match rustix::io::read(pty.master(), &mut buffer) {
-            Ok(bytes) => {
-                bus.receive(clock::now(), &buffer[..bytes]);
-                continue;
-            }
-            // EIO: nobody has the port open.
-            Err(Errno::AGAIN | Errno::INTR | Errno::IO) => {}
-            Err(error) => return Err(error.into()),
+        if !out.is_empty() {
+            line.write(&out)?;
+            out.clear();
+        }
+        if let Some(bytes) = line.read(&mut buffer)? {
+            bus.receive(clock::now(), &buffer[..bytes]);
+            continue;
         }
         let wake = bus.next_due().unwrap_or(now + LOOK_UP).min(now + LOOK_UP);
         if wake <= clock::now() {
             continue;
         }
         timer.arm(wake)?;
-        wait(pty, &mut timer)?;
-    }
-    Ok(())
-}
-
-fn wait(pty: &Pty, timer: &mut RawTimer) -> io::Result<()> {
-    let mut fds = [PollFd::from_borrowed_fd(pty.master().as_fd(), PollFlags::IN), PollFd::new(&*timer, PollFlags::IN)];
-    match poll(&mut fds, None) {
-        Ok(_) | Err(Errno::INTR) => {}
-        Err(error) => return Err(error.into()),
-    }
-    let fired = fds[1].revents().contains(PollFlags::IN);
-    if fired {
-        timer.acknowledge();
-    }
-    Ok(())
-}
-
-/// Writes what is due. What a full buffer does not take is lost, as on a wire that nobody listens to.
-fn write_all(pty: &Pty, out: &mut Vec<u8>) -> io::Result<()> {
-    if !out.is_empty() {
-        match rustix::io::write(pty.master(), out) {
-            Ok(_) | Err(Errno::AGAIN | Errno::INTR | Errno::IO) => {}
-            Err(error) => return Err(error.into()),
-        }
-        out.clear();
+        line.wait(&mut timer)?;
     }
     Ok(())
 }

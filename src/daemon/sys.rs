@@ -2,9 +2,11 @@
 
 #![allow(unsafe_code)]
 
+use super::port::{Rs485, SerialInfo};
 use super::timer::RawTimer;
 use std::io;
-use std::os::fd::AsRawFd;
+use std::net::TcpStream;
+use std::os::fd::{AsRawFd, BorrowedFd};
 use tokio::io::Interest;
 use tokio::io::unix::AsyncFd;
 
@@ -35,8 +37,71 @@ pub fn readable<T: OwnsDescriptor>(owner: T) -> io::Result<AsyncFd<T>> {
     Ok(unsafe { AsyncFd::register_with_interest(owner, Interest::READABLE) }?)
 }
 
+/// The descriptor of `owner`, for as long as that lives.
+pub fn borrowed<T: OwnsDescriptor>(owner: &T) -> BorrowedFd<'_> {
+    // SAFETY: who is `OwnsDescriptor` keeps its descriptor open for its lifetime, and here it is borrowed.
+    unsafe { BorrowedFd::borrow_raw(owner.as_raw_fd()) }
+}
+
 /// Types of which it is known that they own one descriptor from their making to their end.
 pub trait OwnsDescriptor: AsRawFd {}
 
 impl OwnsDescriptor for RawTimer {}
 impl OwnsDescriptor for mio_serial::SerialStream {}
+impl OwnsDescriptor for TcpStream {}
+
+/// The driver's settings for RS-485 (`TIOCGRS485`).
+///
+/// # Errors
+/// The driver's, `ENOTTY` above all: it has none.
+pub fn rs485(fd: BorrowedFd<'_>) -> io::Result<Rs485> {
+    let mut held = Rs485::default();
+    // SAFETY: the call writes one `struct serial_rs485`, which `held` is, and nothing else.
+    done(unsafe { libc::ioctl(fd.as_raw_fd(), libc::TIOCGRS485, &raw mut held) }).map(|()| held)
+}
+
+/// Gives the driver settings for RS-485 (`TIOCSRS485`). It may keep others: they are to be read back.
+///
+/// # Errors
+/// As [`rs485`].
+pub fn set_rs485(fd: BorrowedFd<'_>, wanted: &Rs485) -> io::Result<()> {
+    let mut settings = *wanted;
+    // SAFETY: the call reads one `struct serial_rs485`, which `settings` is, and writes there what the driver took.
+    done(unsafe { libc::ioctl(fd.as_raw_fd(), libc::TIOCSRS485, &raw mut settings) })
+}
+
+/// The driver's settings of a serial device (`TIOCGSERIAL`).
+///
+/// # Errors
+/// As [`rs485`].
+pub fn serial_info(fd: BorrowedFd<'_>) -> io::Result<SerialInfo> {
+    let mut held = SerialInfo::default();
+    // SAFETY: the call writes one `struct serial_struct`, which `held` is, and nothing else.
+    done(unsafe { libc::ioctl(fd.as_raw_fd(), libc::TIOCGSERIAL, &raw mut held) }).map(|()| held)
+}
+
+/// Gives the driver settings of a serial device (`TIOCSSERIAL`).
+///
+/// # Errors
+/// As [`rs485`], and `EPERM` for what only root may set.
+pub fn set_serial_info(fd: BorrowedFd<'_>, wanted: &SerialInfo) -> io::Result<()> {
+    // SAFETY: the call only reads one `struct serial_struct`, which `wanted` is.
+    done(unsafe { libc::ioctl(fd.as_raw_fd(), libc::TIOCSSERIAL, std::ptr::from_ref(wanted)) })
+}
+
+/// Whether the last bit has left the transmitter (`TIOCSERGETLSR`).
+///
+/// # Errors
+/// As [`rs485`].
+pub fn is_sent(fd: BorrowedFd<'_>) -> io::Result<bool> {
+    /// `TIOCSER_TEMT` (Linux, `asm-generic/ioctls.h`).
+    const TRANSMITTER_EMPTY: libc::c_uint = 1;
+    let mut status: libc::c_uint = 0;
+    // SAFETY: the call writes one `unsigned int`, which `status` is, and nothing else.
+    done(unsafe { libc::ioctl(fd.as_raw_fd(), libc::TIOCSERGETLSR, &raw mut status) })?;
+    Ok(status & TRANSMITTER_EMPTY != 0)
+}
+
+fn done(result: libc::c_int) -> io::Result<()> {
+    if result < 0 { Err(io::Error::last_os_error()) } else { Ok(()) }
+}

@@ -23,6 +23,18 @@ pub enum Interface {
     Rs232,
 }
 
+/// Who turns the direction of an RS-485 adapter: to send while a frame goes out, to receive otherwise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum DirectionControl {
+    /// The adapter by itself, as USB adapters and serial device servers do.
+    #[default]
+    Adapter,
+    /// The driver of the port, by the line RTS.
+    Kernel,
+    /// The gateway, by the line RTS.
+    Rts,
+}
+
 /// What a port is, as far as the time that characters take is concerned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PortKind {

@@ -53,6 +53,7 @@ fn check_accepts_the_example_and_says_what_it_costs() {
         "hall-1",
         "pump-1",
         "read-only",
+        "serial device: rs485, direction turned by the adapter; low latency asked for",
         "silence before each frame",
         "127.0.0.1:1502",
         "commands from mqtt, modbus-tcp: 5.00 to 50.00 Hz, forward, reverse",
@@ -65,6 +66,30 @@ fn check_accepts_the_example_and_says_what_it_costs() {
         "127.0.0.1/32 may write, 127.0.0.0/8 may stop",
     ] {
         assert!(said.contains(word), "no {word}:\n{said}");
+    }
+}
+
+#[test]
+fn check_says_what_a_line_is_reached_through() {
+    let place = Place::new();
+    for (keys, says) in [
+        (
+            "port = \"tcp://10.0.0.7:4001\"",
+            "network: frames go to a serial device server, whose line is set to 9600 8N1",
+        ),
+        ("port = \"tcp://10.0.0.7:4001\"\nsilence = \"0ms\"", "pseudo-terminal or tcp:// only"),
+        ("port = \"/dev/ttyS1\"\nrs485 = \"kernel\"", "rs485, direction turned by the driver (TIOCSRS485)"),
+        ("port = \"/dev/ttyS1\"\nrs485 = \"rts\"", "rs485, direction turned by the gateway with RTS"),
+        ("port = \"/dev/ttyS1\"\ninterface = \"rs232\"\nlow_latency = false", "rs232; low latency left as it is"),
+    ] {
+        let text = format!(
+            "[[line]]\nname = \"hall-1\"\n{keys}\n[[line.drive]]\nname = \"pump-1\"\nmodel = \"hyundai-n700\"\nstation = 1\n"
+        );
+        let file = place.write("port.toml", &text);
+        let output = vfd_gateway(&["check", "-c", file.to_str().unwrap()]);
+        let said = said(&output);
+        assert_eq!(output.status.code(), Some(0), "{said}");
+        assert!(said.contains(says), "{keys}: no {says}:\n{said}");
     }
 }
 

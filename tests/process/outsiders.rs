@@ -82,6 +82,33 @@ pub fn cable(one: &Path, other: &Path) -> Started {
     cable
 }
 
+/// ser2net before the line at `device`, on `port` of this machine, set up as the README shows in `file`. It returns once
+/// somebody may connect.
+pub fn ser2net(file: &Path, port: u16, device: &Path) -> Started {
+    let readme = std::fs::read_to_string(tests().with_file_name("README.md")).unwrap();
+    let (_, rest) = readme.split_once("```yaml\n").expect("the README shows a configuration of ser2net");
+    let shown = rest.split_once("```").unwrap().0;
+    assert!(shown.contains("tcp,4001") && shown.contains("/dev/ttyUSB0"), "{shown}");
+    let here = shown.replace("tcp,4001", &format!("tcp,127.0.0.1,{port}"));
+    std::fs::write(file, here.replace("/dev/ttyUSB0", device.to_str().unwrap())).unwrap();
+    // Debian keeps it where an ordinary user does not look.
+    const HERE: &str = "/usr/sbin/ser2net";
+    let mut command = Command::new(if Path::new(HERE).exists() { HERE } else { "ser2net" });
+    // In the foreground, and without its lock files, which are named like those of other tests' devices.
+    command.args(["-n", "-d", "-u", "-c"]).arg(file);
+    let server = Started::new(command);
+    until("ser2net listens", PATIENCE, || is_listened_to(port).then_some(()));
+    server
+}
+
+/// Whether somebody on this machine listens on `port`, without connecting.
+fn is_listened_to(port: u16) -> bool {
+    let table = std::fs::read_to_string("/proc/net/tcp").unwrap();
+    let (local, listening) = (format!(":{port:04X}"), "0A");
+    let mut rows = table.lines().map(|row| row.split_whitespace().collect::<Vec<_>>());
+    rows.any(|row| row.len() > 3 && row[1].ends_with(&local) && row[3] == listening)
+}
+
 fn run(command: &mut Command) -> Output {
     let name = command.get_program().to_string_lossy().into_owned();
     command.output().unwrap_or_else(|error| panic!("cannot start {name}: {error}; run tests/run, which installs it"))

@@ -65,7 +65,7 @@ fn play<T>(
             drive.trip(at, TRIP_CAUSE);
         }
     };
-    simulator::play_beside(pty, bus, trip, || play(others, enter, None, work))?
+    simulator::play_beside(&*pty, bus, trip, || play(others, enter, None, work))?
 }
 
 /// The gateway in front of the simulated lines; on other ports if the wanted ones are taken.

@@ -5,8 +5,9 @@ mod mqtt;
 mod network;
 
 use super::file::{DriveFile, File, GatewayFile, LineFile};
-use super::keys;
-use super::ready::Silence;
+use super::ready::{PortAddress, Silence};
+use super::words::DIRECTION_CONTROLS;
+use super::{keys, port};
 use crate::domain::ids::{Name, Station, UnitId};
 use crate::domain::problem::Problem;
 use crate::profile::reader::{Given, Needed, Reader, Written, document};
@@ -89,6 +90,8 @@ fn read_line(mut reader: Reader<'_, '_>) -> LineFile {
         framing: reader.optional("framing", &Kind::one_of(&FRAMINGS)),
         interface: reader.optional("interface", &Kind::one_of(&INTERFACES)),
         echo: reader.optional("echo", &Kind::one_of(&ECHO_POLICIES)),
+        direction: reader.optional("rs485", &Kind::one_of(&DIRECTION_CONTROLS)),
+        low_latency: reader.optional("low_latency", &Kind::flag()),
         silence: read_silence(&mut reader),
         min_request_gap: reader.optional("min_request_gap", &Kind::duration(REQUEST_GAP)),
         reply_timeout: reader.optional("reply_timeout", &Kind::duration(REPLY_TIMEOUT).or_word("auto")),
@@ -202,15 +205,13 @@ fn turned<T, U>(given: Given<T>, turn: impl Fn(T) -> Option<U>) -> Given<U> {
     }
 }
 
-fn read_port(reader: &mut Reader<'_, '_>) -> Needed<PathBuf> {
-    const RIGHT: &str = "an absolute path, as \"/dev/serial/by-id/...\" or \"/dev/ttyUSB0\"";
-    let port = reader.required("port", &Kind::text())?;
-    let path = PathBuf::from(&port.value);
-    let what = match port.value.split_once("://") {
-        Some((scheme, _)) => format!("a line over `{scheme}://` is not served by this version"),
-        None if path.is_absolute() => return Some(Written { value: path, place: port.place }),
-        None => format!("`{}` is no absolute path", port.value),
-    };
-    reader.problems().push(port.place.problem(what).right(RIGHT));
-    None
+fn read_port(reader: &mut Reader<'_, '_>) -> Needed<PortAddress> {
+    let written = reader.required("port", &Kind::text())?;
+    match port::parse(&written.value) {
+        Ok(value) => Some(Written { value, place: written.place }),
+        Err((what, right)) => {
+            reader.problems().push(written.place.problem(what).right(right));
+            None
+        }
+    }
 }

@@ -7,6 +7,7 @@ mod models;
 mod mqtt;
 mod native;
 mod network;
+mod ports;
 mod units;
 
 use super::*;
@@ -145,7 +146,7 @@ fn a_minimal_file_gets_its_defaults() {
     let config = good(MINIMAL);
     assert_eq!(config.gateway.name, None);
     let line = &config.lines[0];
-    assert_eq!((line.name.as_str(), line.port.as_path()), ("hall-1", Path::new("/dev/ttyUSB0")));
+    assert_eq!((line.name.as_str(), &line.port), ("hall-1", &PortAddress::Device("/dev/ttyUSB0".into())));
     assert_eq!(line.link, LinkSettings { baud: 9600, data_bits: 8, parity: Parity::None, stop_bits: 1 });
     assert_eq!((line.framing, line.interface, line.silence), (Framing::Rtu, Interface::Rs485, Silence::Auto));
     assert_eq!((line.min_request_gap, line.reply_timeout), (Duration::ZERO, None));
@@ -340,16 +341,6 @@ fn names_and_ports_stand_once() {
         "line[1].port: the port /dev//ttyUSB0 is taken by line[0].port; \
          a port of its own; drives on one bus belong to one line",
     );
-}
-
-#[test]
-fn a_port_is_an_absolute_path() {
-    let right = "an absolute path, as \"/dev/serial/by-id/...\" or \"/dev/ttyUSB0\"";
-    only(
-        &with(MINIMAL, "/dev/ttyUSB0", "tcp://10.0.0.7:4001"),
-        &format!("line[0].port: a line over `tcp://` is not served by this version; {right}"),
-    );
-    only(&with(MINIMAL, "/dev/ttyUSB0", "ttyUSB0"), &format!("line[0].port: `ttyUSB0` is no absolute path; {right}"));
 }
 
 #[test]

@@ -1,0 +1,125 @@
+//! What a line is reached through: the address of its port, and which keys go with which kind of port.
+
+use super::file::LineFile;
+use super::host::{host_and_port, port_number};
+use super::ready::PortAddress;
+use crate::domain::link::Interface;
+use crate::domain::problem::Problem;
+use crate::profile::reader::{Given, Place};
+use std::net::Ipv6Addr;
+use std::path::PathBuf;
+
+/// What a port may look like.
+const RIGHT: &str = "an absolute path, as \"/dev/serial/by-id/...\" or \"/dev/ttyUSB0\", or a serial device server, as \
+                     \"tcp://10.0.0.7:4001\"";
+
+/// Why a text is no port: what is wrong with it, and what would be right.
+pub(super) type Wrong = (String, String);
+
+/// The port that `text` writes.
+pub(super) fn parse(text: &str) -> Result<PortAddress, Wrong> {
+    let Some((scheme, rest)) = text.split_once("://") else {
+        return match PathBuf::from(text) {
+            path if path.is_absolute() => Ok(PortAddress::Device(path)),
+            _ => Err((format!("`{text}` is no absolute path"), RIGHT.to_owned())),
+        };
+    };
+    let wrong = |what: &str, right: &str| Err((format!("`{text}` {what}"), right.to_owned()));
+    match scheme {
+        "tcp" => {}
+        "modbus-tcp" => {
+            let right = "the serial line of these drives; or `tcp://` where a serial device server passes the frames of \
+                         the line on as they are, with their checksums";
+            return Err(("drives that speak Modbus TCP themselves are not served".to_owned(), right.to_owned()));
+        }
+        _ => return Err((format!("a line over `{scheme}://` is not served"), RIGHT.to_owned())),
+    }
+    if rest.contains(['/', '?', '#', '@']) {
+        return wrong("has more than a host and a port", RIGHT);
+    }
+    let Some((host, port)) = host_and_port(rest) else { return wrong("has no usable host", RIGHT) };
+    let Some(digits) = port else {
+        let bracketed = if host.contains(':') { format!("[{host}]") } else { host.to_owned() };
+        let right = format!("the port that the serial device server listens on, as \"tcp://{bracketed}:4001\"");
+        return wrong("names no port, and there is no usual one", &right);
+    };
+    let Some(port) = port_number(digits) else { return wrong("has no usable port", "a port from 1 to 65535") };
+    // One host has one spelling, so that a port that stands twice is seen.
+    let host = host.parse().map_or_else(|_| host.to_ascii_lowercase(), |ip: Ipv6Addr| ip.to_string());
+    Ok(PortAddress::Tcp { host, port })
+}
+
+/// Reports the keys of `line` that do not go with its port or its interface.
+pub(super) fn check(line: &LineFile, problems: &mut Vec<Problem>) {
+    let is_tcp = line.port.as_ref().is_some_and(|port| matches!(port.value, PortAddress::Tcp { .. }));
+    let is_rs232 = line.interface.usable().is_some_and(|interface| interface.value == Interface::Rs232);
+    let mut leave_out = |place: &Place, what: &str| problems.push(place.problem(what).right("leave it out"));
+    if let Given::Usable(rs485) = &line.direction {
+        if is_tcp {
+            leave_out(&rs485.place, "the direction is turned by the serial device server, not from here");
+        } else if is_rs232 {
+            leave_out(&rs485.place, "RS-232 has a wire for each direction, and nothing to turn");
+        }
+    }
+    if let Given::Usable(low_latency) = &line.low_latency
+        && is_tcp
+    {
+        leave_out(&low_latency.place, "a network connection has no driver whose latency could be set");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn tcp(host: &str, port: u16) -> PortAddress {
+        PortAddress::Tcp { host: host.to_owned(), port }
+    }
+
+    #[test]
+    fn devices_and_serial_device_servers_are_told_apart() {
+        let device = |path: &str| PortAddress::Device(Path::new(path).to_owned());
+        for (text, address) in [
+            ("/dev/ttyUSB0", device("/dev/ttyUSB0")),
+            ("/dev/serial/by-id/usb-a:b", device("/dev/serial/by-id/usb-a:b")),
+            ("tcp://10.0.0.7:4001", tcp("10.0.0.7", 4001)),
+            ("tcp://Hall-1.Example:1", tcp("hall-1.example", 1)),
+            ("tcp://[::1]:65535", tcp("::1", 65_535)),
+            ("tcp://[FD00:0::7]:4001", tcp("fd00::7", 4001)),
+        ] {
+            assert_eq!(parse(text), Ok(address), "{text}");
+        }
+        assert_eq!(tcp("fd00::7", 4001).to_string(), "tcp://[fd00::7]:4001");
+        assert_eq!(tcp("hall", 1).to_string(), "tcp://hall:1");
+    }
+
+    #[test]
+    fn whatever_else_is_refused_with_what_would_be_right() {
+        let usual = "/dev/ttyUSB0";
+        for (text, what, right) in [
+            ("", "`` is no absolute path", usual),
+            ("ttyUSB0", "`ttyUSB0` is no absolute path", usual),
+            ("10.0.0.7:4001", "is no absolute path", "tcp://"),
+            ("http://10.0.0.7:4001", "a line over `http://` is not served", "tcp://"),
+            ("TCP://10.0.0.7:4001", "a line over `TCP://` is not served", "tcp://"),
+            ("udp://10.0.0.7:4001", "a line over `udp://` is not served", "tcp://"),
+            ("modbus-tcp://10.0.0.7:502", "drives that speak Modbus TCP themselves are not served", "serial line"),
+            ("tcp://", "has no usable host", usual),
+            ("tcp://:4001", "has no usable host", usual),
+            ("tcp://a b:4001", "has no usable host", usual),
+            ("tcp://fd00::7:4001", "has no usable port", "1 to 65535"),
+            ("tcp://10.0.0.7", "names no port", "\"tcp://10.0.0.7:4001\""),
+            ("tcp://[::1]", "names no port", "\"tcp://[::1]:4001\""),
+            ("tcp://10.0.0.7:", "has no usable port", "1 to 65535"),
+            ("tcp://10.0.0.7:0", "has no usable port", "1 to 65535"),
+            ("tcp://10.0.0.7:65536", "has no usable port", "1 to 65535"),
+            ("tcp://10.0.0.7:+1", "has no usable port", "1 to 65535"),
+            ("tcp://10.0.0.7:4001/", "has more than a host and a port", "tcp://"),
+            ("tcp://me@10.0.0.7:4001", "has more than a host and a port", "tcp://"),
+        ] {
+            let (told, instead) = parse(text).expect_err(text);
+            assert!(told.contains(what) && instead.contains(right), "{text}: {told}; {instead}");
+        }
+    }
+}

@@ -1,0 +1,79 @@
+//! What comes from the north sides goes into the core, and what the core says is done.
+
+use super::super::answers::News;
+use super::super::clock;
+use super::super::inbox::Message;
+use super::super::port::Port;
+use super::{ENDING_MAX, LineTask};
+use crate::domain::ids::DriveIndex;
+use crate::drive::view::TripEventKind;
+use crate::gateway::{Effect, Input};
+use std::io;
+
+impl LineTask<'_> {
+    /// Gives the core all messages that have come.
+    pub(super) fn take_messages(&mut self) {
+        self.board.inbox().take(&mut self.round);
+        let now = clock::now();
+        for message in self.round.drain(..) {
+            let input = match message {
+                Message::Native(request) => Input::Native(request),
+                Message::Command(command) => Input::Command(command),
+                Message::AskerGone(asker) => Input::AskerGone(asker),
+                Message::PathAlive(owner) => Input::PathAlive(owner),
+                Message::PathOpened(owner) => Input::PathOpened(owner),
+                Message::Shutdown => {
+                    self.ending = Some(now + ENDING_MAX);
+                    Input::Shutdown
+                }
+            };
+            self.core.handle(now, input);
+        }
+    }
+
+    /// Carries out what the core says.
+    pub(super) fn act(&mut self, mut device: Option<&mut Port>) -> io::Result<()> {
+        while let Some(effect) = self.core.next_effect() {
+            match effect {
+                Effect::Transmit(frame) => {
+                    if let Some(device) = &mut device {
+                        device.write_frame(&frame)?;
+                    }
+                }
+                Effect::Reopen(fault) => self.to_reopen = Some(fault),
+                Effect::Answer(answer) => self.board.tell(News::Native(answer)),
+                Effect::Command(answer) => self.board.tell(News::Command(answer)),
+                Effect::Trip(drive, event) => {
+                    self.log_trip(drive, &event.kind);
+                    self.board.tell_trip(drive, event);
+                }
+                Effect::Note(drive, note) => {
+                    tracing::warn!(line = self.port.line, drive = self.name_of(drive), "{note}");
+                }
+                Effect::LineNote(note) => tracing::warn!(line = self.port.line, "{note}"),
+                Effect::Presence(drive, presence) => {
+                    tracing::info!(line = self.port.line, drive = self.name_of(drive), ?presence, "drive");
+                }
+                Effect::Traffic(record) => {
+                    tracing::trace!(line = self.port.line, kind = ?record.kind, bytes = ?record.bytes, "traffic");
+                }
+            }
+        }
+        self.board.show(&mut self.core);
+        Ok(())
+    }
+
+    fn log_trip(&self, drive: DriveIndex, kind: &TripEventKind) {
+        let (line, drive) = (&self.port.line, self.name_of(drive));
+        match kind {
+            TripEventKind::Tripped { trips, record } => {
+                tracing::warn!(line, drive, trips, code = record.code, "tripped")
+            }
+            TripEventKind::Cleared => tracing::info!(line, drive, "the trip is cleared"),
+        }
+    }
+
+    fn name_of(&self, drive: DriveIndex) -> &str {
+        self.port.drives.get(drive.get()).map_or("?", String::as_str)
+    }
+}

@@ -1,0 +1,265 @@
+//! The port is opened, lost and opened again.
+
+use super::super::clock;
+use super::super::port::{Opener, Port};
+use super::LineTask;
+use super::serving::{Left, Uptime};
+use crate::domain::report::LineFault;
+use crate::domain::time::MonoTime;
+use crate::gateway::Input;
+use rustix::io::Errno;
+use std::io;
+use std::pin::pin;
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+/// First wait before a port that could not be opened is tried again; doubled up to the longest.
+const REOPEN_FIRST: Duration = Duration::from_millis(100);
+/// Longest such wait: a replugged adapter is back within a second, the first exchanges over it included.
+const REOPEN_MAX: Duration = Duration::from_millis(400);
+/// Reasons that are remembered. More of them are forgotten and may be told again.
+const REASONS_MAX: usize = 16;
+
+/// How long to wait before the port is tried again: longer each time, until it proves good.
+#[derive(Debug)]
+pub(super) struct Attempts {
+    wait: Duration,
+}
+
+impl Default for Attempts {
+    fn default() -> Self {
+        Self { wait: REOPEN_FIRST }
+    }
+}
+
+impl Attempts {
+    fn next_wait(&mut self) -> Duration {
+        let longer = (self.wait * 2).min(REOPEN_MAX);
+        std::mem::replace(&mut self.wait, longer)
+    }
+}
+
+/// What the log was told about the port. However often a port comes and goes, each reason is told once, until the port
+/// has proved good.
+#[derive(Debug, Default)]
+pub(super) struct Told {
+    reasons: Vec<String>,
+    /// Why it was opened anew although it was there.
+    reopened: Option<LineFault>,
+}
+
+impl Told {
+    /// Whether `reason` is new.
+    fn is_new(&mut self, reason: String) -> bool {
+        if self.reasons.contains(&reason) {
+            return false;
+        }
+        if self.reasons.len() >= REASONS_MAX {
+            self.reasons.clear();
+        }
+        self.reasons.push(reason);
+        true
+    }
+
+    /// Whether nothing is told of that still goes on.
+    pub(super) fn is_empty(&self) -> bool {
+        self.reasons.is_empty() && self.reopened.is_none()
+    }
+
+    /// The port has been open for a while.
+    pub(super) fn has_lasted(&mut self) {
+        self.reasons.clear();
+    }
+
+    /// A drive has answered over the port.
+    pub(super) fn has_answered(&mut self) {
+        *self = Self::default();
+    }
+}
+
+/// What came first while there was no port.
+enum Meanwhile<T> {
+    Done(T),
+    TimeIsUp,
+    /// The thread was told to end.
+    Ended,
+}
+
+impl LineTask<'_> {
+    /// Opens the port and serves it, again and again, until the thread is told to end.
+    pub(super) async fn serve(mut self) -> io::Result<()> {
+        let mut opener = Opener::new(&self.port.settings);
+        while let Some(mut device) = self.open(&mut opener).await? {
+            let mut uptime = Uptime::new(clock::now(), &self.core);
+            self.announce(&mut uptime, &device);
+            self.core.handle(uptime.since, Input::PortUp(device.kind()));
+            let left = self.serve_port(&mut device, &mut uptime).await;
+            let fault = match left {
+                Ok(Left::Closed) => return Ok(()),
+                Ok(Left::ToReopen(fault)) => {
+                    self.tell_of_reopening(fault);
+                    fault
+                }
+                Err(ref error) => {
+                    let fault = fault_of(error);
+                    self.tell_of_loss(fault, error);
+                    fault
+                }
+            };
+            // Before the wait: what holds on to a device that is gone keeps its name from the one that comes.
+            drop(device);
+            self.core.handle(clock::now(), Input::PortDown(fault));
+            self.act(None)?;
+            let is_asked_for = left.is_ok();
+            // To have lasted proves nothing where the gateway itself gives the port up.
+            let was_good = uptime.has_answered || (!is_asked_for && uptime.has_lasted(clock::now()));
+            if was_good {
+                self.attempts = Attempts::default();
+            }
+            if (is_asked_for || !was_good) && self.pause().await? {
+                return Ok(());
+            }
+        }
+        Ok(())
+    }
+
+    /// Opens the port, again and again with growing waits; nothing if the thread was told to end.
+    async fn open(&mut self, opener: &mut Opener<'_>) -> io::Result<Option<Port>> {
+        loop {
+            let opened = {
+                let mut opening = pin!(opener.open());
+                self.meanwhile(MonoTime::NEVER, |cx| opening.as_mut().poll(cx)).await?
+            };
+            match opened {
+                Meanwhile::Done(Ok(device)) => return Ok(Some(device)),
+                Meanwhile::Done(Err(error)) => self.tell_of_refusal(&error.to_string()),
+                Meanwhile::TimeIsUp => {}
+                Meanwhile::Ended => return Ok(None),
+            }
+            if self.pause().await? {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// Waits before the port is tried again, the next time longer. Returns whether the thread was told to end.
+    async fn pause(&mut self) -> io::Result<bool> {
+        let again = clock::now() + self.attempts.next_wait();
+        let waited = self.meanwhile(again, |_| Poll::<()>::Pending).await?;
+        Ok(matches!(waited, Meanwhile::Ended))
+    }
+
+    /// Waits for `until` or for what `poll` gives, without a port: requests are answered, leases end, and stops are late
+    /// all the same.
+    async fn meanwhile<T>(
+        &mut self,
+        until: MonoTime,
+        mut poll: impl FnMut(&mut Context<'_>) -> Poll<T>,
+    ) -> io::Result<Meanwhile<T>> {
+        while clock::now() < until {
+            let due = self.core.next_wake().map_or(until, |wake| wake.at.min(until));
+            self.timer.arm(due)?;
+            if let Some(done) = self.wait(&mut poll).await {
+                return Ok(Meanwhile::Done(done));
+            }
+            self.take_messages();
+            self.core.handle(clock::now(), Input::Time);
+            self.act(None)?;
+            if self.is_over() {
+                return Ok(Meanwhile::Ended);
+            }
+        }
+        Ok(Meanwhile::TimeIsUp)
+    }
+
+    fn tell_of_refusal(&mut self, error: &str) {
+        let (line, port) = (&self.port.line, &self.port.settings.address);
+        if self.told.is_new(error.to_owned()) {
+            tracing::warn!(line, %port, error, "cannot open the port; trying again");
+        } else {
+            tracing::debug!(line, %port, error, "cannot open the port; trying again");
+        }
+    }
+
+    fn tell_of_loss(&mut self, fault: LineFault, error: &io::Error) {
+        let line = &self.port.line;
+        // The same loss shows in several errors.
+        if self.told.is_new(fault.to_string()) {
+            tracing::warn!(line, %fault, %error, "line down");
+        } else {
+            tracing::debug!(line, %fault, %error, "line down");
+        }
+    }
+
+    fn tell_of_reopening(&mut self, fault: LineFault) {
+        let line = &self.port.line;
+        if self.told.reopened.replace(fault) == Some(fault) {
+            tracing::debug!(line, %fault, "the port is opened anew");
+        } else {
+            tracing::warn!(line, %fault, "the port is opened anew, and again at times as long as this lasts");
+        }
+    }
+}
+
+/// What an error of an open port means. A device that is unplugged is told in several ways, by driver and moment.
+fn fault_of(error: &io::Error) -> LineFault {
+    use io::ErrorKind::{
+        BrokenPipe, ConnectionAborted, ConnectionReset, HostUnreachable, NetworkUnreachable, TimedOut, UnexpectedEof,
+        WouldBlock, WriteZero,
+    };
+    let code = error.raw_os_error().map(Errno::from_raw_os_error);
+    match error.kind() {
+        WriteZero | WouldBlock => LineFault::Stuck,
+        UnexpectedEof | ConnectionReset | ConnectionAborted | BrokenPipe | TimedOut | HostUnreachable
+        | NetworkUnreachable => LineFault::Gone,
+        _ if matches!(code, Some(Errno::IO | Errno::NXIO | Errno::NODEV)) => LineFault::Gone,
+        _ => LineFault::Failed,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_that_is_gone_is_gone_whatever_the_system_says() {
+        for errno in [Errno::IO, Errno::NXIO, Errno::NODEV, Errno::CONNRESET, Errno::TIMEDOUT, Errno::PIPE] {
+            assert_eq!(fault_of(&errno.into()), LineFault::Gone, "{errno:?}");
+        }
+        assert_eq!(fault_of(&io::ErrorKind::UnexpectedEof.into()), LineFault::Gone);
+        assert_eq!(fault_of(&Errno::AGAIN.into()), LineFault::Stuck);
+        assert_eq!(fault_of(&io::ErrorKind::WriteZero.into()), LineFault::Stuck);
+        assert_eq!(fault_of(&Errno::BADF.into()), LineFault::Failed);
+    }
+
+    #[test]
+    fn waits_grow_to_less_than_a_second() {
+        let mut attempts = Attempts::default();
+        let waits: Vec<_> = (0..6).map(|_| attempts.next_wait().as_millis()).collect();
+        assert_eq!(waits, [100, 200, 400, 400, 400, 400]);
+    }
+
+    #[test]
+    fn each_reason_is_told_once_until_the_port_proves_good() {
+        let mut told = Told::default();
+        for reason in ["gone", "no such file"] {
+            assert!(told.is_new(reason.to_owned()), "{reason}");
+        }
+        assert!(!told.is_new("gone".to_owned()) && !told.is_empty());
+        told.has_lasted();
+        assert!(told.is_empty() && told.is_new("gone".to_owned()));
+        for number in 0..1000 {
+            told.is_new(number.to_string());
+        }
+        assert!(told.reasons.len() <= REASONS_MAX);
+    }
+
+    #[test]
+    fn a_silent_adapter_that_stays_open_is_not_told_of_again() {
+        let mut told = Told { reopened: Some(LineFault::Mute), ..Told::default() };
+        told.has_lasted();
+        assert!(!told.is_empty());
+        told.has_answered();
+        assert!(told.is_empty());
+    }
+}

@@ -1,0 +1,174 @@
+//! An open port is served.
+
+use super::super::clock;
+use super::super::port::Port;
+use super::LineTask;
+use crate::domain::report::{LineFault, LineState};
+use crate::domain::time::MonoTime;
+use crate::gateway::{Input, LineCore, Wake, WakeReason};
+use std::future::poll_fn;
+use std::io;
+use std::pin::pin;
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+/// Reads of the port in one round. At 512 bytes each this is more than any port buffers.
+const READS_PER_ROUND: usize = 64;
+/// How long before the end of the silence the thread wakes up and then watches the clock: what waking up takes
+/// on an ordinary machine. It keeps gaps exact at the cost of this much processor time a frame.
+const WAKE_EARLY: Duration = Duration::from_micros(100);
+/// How long a line without character times looks for the reply before it sleeps. Such a reply comes sooner than a
+/// sleeping thread is woken; a paced one never does.
+const LOOK_BEFORE_SLEEP: Duration = Duration::from_micros(60);
+/// A port that was open for less than this was not really back: the next attempt waits longer.
+const STABLE_AFTER: Duration = Duration::from_secs(1);
+
+/// Why an open port was left.
+pub(super) enum Left {
+    /// The thread was told to end.
+    Closed,
+    /// The port shall be opened anew.
+    ToReopen(LineFault),
+}
+
+/// What a port has proved since it was opened.
+#[derive(Debug)]
+pub(super) struct Uptime {
+    /// When it was opened.
+    pub since: MonoTime,
+    /// Right replies until then.
+    replies: u64,
+    /// A drive has answered over it.
+    pub has_answered: bool,
+    /// The log was told that it is open.
+    is_announced: bool,
+}
+
+impl Uptime {
+    pub fn new(now: MonoTime, core: &LineCore) -> Self {
+        Self { since: now, replies: core.counters().replies, has_answered: false, is_announced: false }
+    }
+
+    /// Whether it has been open for a while.
+    pub fn has_lasted(&self, now: MonoTime) -> bool {
+        now.since(self.since) >= STABLE_AFTER
+    }
+}
+
+impl LineTask<'_> {
+    /// Tells the log that the port is open, unless what it was told of may still go on.
+    pub(super) fn announce(&self, uptime: &mut Uptime, device: &Port) {
+        if uptime.is_announced || !self.told.is_empty() || self.core.report().state == LineState::Down {
+            return;
+        }
+        uptime.is_announced = true;
+        let (line, settings) = (&self.port.line, &self.port.settings);
+        tracing::info!(line, port = %settings.address, link = %settings.link, "line up");
+        if let Some(remark) = device.remark() {
+            tracing::warn!(line, port = %settings.address, "{remark}");
+        }
+    }
+
+    fn look_after(&mut self, uptime: &mut Uptime, device: &Port) {
+        if uptime.has_answered {
+            return;
+        }
+        if self.core.counters().replies > uptime.replies {
+            uptime.has_answered = true;
+            self.told.has_answered();
+        } else if !uptime.is_announced && uptime.has_lasted(clock::now()) {
+            self.told.has_lasted();
+        }
+        self.announce(uptime, device);
+    }
+
+    /// Serves an open port until it is lost, should be opened anew, or the thread is told to end.
+    pub(super) async fn serve_port(&mut self, device: &mut Port, uptime: &mut Uptime) -> io::Result<Left> {
+        let mut buffer = [0; 512];
+        let mut has_more = false;
+        loop {
+            self.act(Some(device))?;
+            self.look_after(uptime, device);
+            if self.is_over() {
+                return Ok(Left::Closed);
+            }
+            if let Some(fault) = self.to_reopen.take() {
+                return Ok(Left::ToReopen(fault));
+            }
+            if let Some(wake) = self.core.next_wake() {
+                let ends_silence = wake.reason == WakeReason::SilentInterval;
+                self.timer.arm(if ends_silence { wake.at.before(WAKE_EARLY) } else { wake.at })?;
+            }
+            if !has_more && !self.reply_comes_at_once(device, &mut buffer)? {
+                self.wait(|cx| device.poll_readable(cx)).await.transpose()?;
+            }
+            self.watch_the_silence_end();
+            self.take_messages();
+            has_more = self.drain(device, &mut buffer)?;
+            self.core.handle(clock::now(), Input::Time);
+        }
+    }
+
+    /// On a line without character times: looks for the reply for a moment, letting others run meanwhile. Returns
+    /// whether something came.
+    fn reply_comes_at_once(&mut self, device: &mut Port, buffer: &mut [u8]) -> io::Result<bool> {
+        if self.is_paced || !self.core.is_occupied() {
+            return Ok(false);
+        }
+        let until = clock::now() + LOOK_BEFORE_SLEEP;
+        while clock::now() < until {
+            match device.read_now(buffer)? {
+                Some(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+                Some(bytes) => {
+                    self.core.handle(clock::now(), Input::Bytes(&buffer[..bytes]));
+                    return Ok(true);
+                }
+                None => std::thread::yield_now(),
+            }
+        }
+        Ok(false)
+    }
+
+    /// Watches the clock while the silence before the next frame is about to end.
+    fn watch_the_silence_end(&self) {
+        let Some(Wake { at, reason: WakeReason::SilentInterval }) = self.core.next_wake() else { return };
+        if at.since(clock::now()) <= WAKE_EARLY {
+            while clock::now() < at {
+                std::hint::spin_loop();
+            }
+        }
+    }
+
+    /// Waits until the timer fires, a message calls, or `poll` gives something, which is returned.
+    pub(super) async fn wait<T>(&mut self, mut poll: impl FnMut(&mut Context<'_>) -> Poll<T>) -> Option<T> {
+        if !self.board.inbox().may_sleep(!self.core.is_occupied()) {
+            return None;
+        }
+        let inbox = self.board.inbox();
+        let mut called = pin!(inbox.called());
+        poll_fn(|cx| {
+            let fired = self.timer.poll_fired(cx).is_ready();
+            let called = called.as_mut().poll(cx).is_ready();
+            match poll(cx) {
+                Poll::Ready(it) => Poll::Ready(Some(it)),
+                Poll::Pending if fired || called => Poll::Ready(None),
+                Poll::Pending => Poll::Pending,
+            }
+        })
+        .await
+    }
+
+    /// Reads until the port has nothing more, asking the port itself and not what the runtime remembers. A
+    /// node that never stops is left after a while, so that messages and deadlines have their turn; returns
+    /// whether that happened.
+    fn drain(&mut self, device: &mut Port, buffer: &mut [u8]) -> io::Result<bool> {
+        for _ in 0..READS_PER_ROUND {
+            let Some(bytes) = device.read_now(buffer)? else { return Ok(false) };
+            if bytes == 0 {
+                return Err(io::ErrorKind::UnexpectedEof.into());
+            }
+            self.core.handle(clock::now(), Input::Bytes(&buffer[..bytes]));
+        }
+        Ok(true)
+    }
+}

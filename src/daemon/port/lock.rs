@@ -1,0 +1,294 @@
+//! A lock file for each serial device, as terminal programs leave one: it names who uses the device.
+//!
+//! `/run/lock/LCK..ttyUSB0` holds the number of the process, the program and the line. Programs that know only the
+//! number find it there; gateways go by a lock on the file itself, which ends with its holder, however that ends.
+
+use rustix::fs::{FlockOperation, OFlags, flock};
+use std::fs::{File, OpenOptions};
+use std::io::{self, ErrorKind, Read, Seek, Write};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// What this program is called in its locks.
+const PROGRAM: &str = "vfd-gateway";
+/// More than any program writes into a lock file.
+const TEXT_MAX: u64 = 128;
+/// How long whoever has just taken a lock has to write his name, at each attempt.
+const TO_BE_NAMED: Duration = Duration::from_millis(2);
+/// Attempts at a file that others remove at the same moment.
+const ATTEMPTS: u32 = 4;
+
+/// A device that this process has for itself as long as this lives.
+#[derive(Debug)]
+pub(super) struct PortLock {
+    /// Held for its lock.
+    _file: File,
+    path: PathBuf,
+}
+
+/// Somebody else has the device.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "in use by {holder}, says the lock file {}: end that, or give this line a port of its own",
+    path.display()
+)]
+pub struct Held {
+    holder: String,
+    path: PathBuf,
+}
+
+/// Locks `device`, which no symbolic link leads to, for `line`, in the first directory of `dirs` that can be written.
+/// Nothing if there is none: then the device is kept from others by the system alone, which names nobody.
+pub(super) fn lock(device: &Path, line: &str, dirs: &[PathBuf]) -> Result<Option<PortLock>, Held> {
+    for dir in dirs {
+        let path = dir.join(file_name(device));
+        match take(&path, line) {
+            Ok(Taken::Ours(file)) => return Ok(Some(PortLock { _file: file, path })),
+            Ok(Taken::Others(holder)) => return Err(Held { holder, path }),
+            Err(error) => tracing::debug!(lock = %path.display(), %error, "no lock file here"),
+        }
+    }
+    Ok(None)
+}
+
+impl Drop for PortLock {
+    fn drop(&mut self) {
+        // Still locked, so nobody else has put one of his own there. Gone already is as good.
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+/// `LCK..ttyUSB0`, `LCK..pts_3`: as terminal programs call it.
+fn file_name(device: &Path) -> String {
+    let name = device.strip_prefix("/dev").unwrap_or(device).to_string_lossy();
+    format!("LCK..{}", name.trim_start_matches('/').replace('/', "_"))
+}
+
+enum Taken {
+    Ours(File),
+    Others(String),
+}
+
+/// Takes the lock at `path`, or says who has it. An error means that this place will not do.
+fn take(path: &Path, line: &str) -> io::Result<Taken> {
+    let mut unnamed = false;
+    for _ in 0..ATTEMPTS {
+        let (mut file, is_ours_to_write) = match open(path) {
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => continue,
+            opened => opened?,
+        };
+        let holder = Holder::read(&mut file)?;
+        match flock(&file, FlockOperation::NonBlockingLockExclusive) {
+            Ok(()) => {}
+            Err(rustix::io::Errno::WOULDBLOCK) if holder.process.is_some() => {
+                return Ok(Taken::Others(holder.named()));
+            }
+            // Taken a moment ago: who has it is about to say so.
+            Err(rustix::io::Errno::WOULDBLOCK) => {
+                unnamed = true;
+                std::thread::sleep(TO_BE_NAMED);
+                continue;
+            }
+            Err(error) => return Err(error.into()),
+        }
+        if !is_at(&file, path)? {
+            continue;
+        }
+        // A gateway would hold the lock on the file; of other programs the number is all there is.
+        if holder.program != PROGRAM && holder.is_alive() {
+            return Ok(Taken::Others(holder.named()));
+        }
+        if !is_ours_to_write {
+            std::fs::remove_file(path)?;
+            continue;
+        }
+        file.set_len(0)?;
+        file.rewind()?;
+        file.write_all(format!("{:>10} {PROGRAM} {line}\n", std::process::id()).as_bytes())?;
+        return Ok(Taken::Ours(file));
+    }
+    match unnamed {
+        true => Ok(Taken::Others(Holder::parse("").named())),
+        false => Err(ErrorKind::ResourceBusy.into()),
+    }
+}
+
+/// Opens or makes the file at `path`; whether it can be written. Never through a link, and never waiting, whatever
+/// somebody has put there.
+fn open(path: &Path) -> io::Result<(File, bool)> {
+    let flags = i32::try_from((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits()).unwrap_or(0);
+    let options = |may_write: bool| {
+        let mut options = OpenOptions::new();
+        options.read(true).write(may_write).custom_flags(flags).mode(0o644);
+        options
+    };
+    match options(true).open(path) {
+        Ok(file) => Ok((file, true)),
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            options(true).create_new(true).open(path).map(|file| (file, true))
+        }
+        Err(error) if error.kind() == ErrorKind::PermissionDenied => options(false).open(path).map(|it| (it, false)),
+        Err(error) => Err(error),
+    }
+}
+
+/// Whether `file` is still what stands at `path`: its holder removes it at the end.
+fn is_at(file: &File, path: &Path) -> io::Result<bool> {
+    let ours = file.metadata()?;
+    Ok(std::fs::symlink_metadata(path).is_ok_and(|there| (there.dev(), there.ino()) == (ours.dev(), ours.ino())))
+}
+
+/// What a lock file says.
+#[derive(Debug, PartialEq, Eq)]
+struct Holder {
+    process: Option<u32>,
+    program: String,
+    /// What the program adds: the line, the user.
+    more: String,
+}
+
+impl Holder {
+    fn read(file: &mut File) -> io::Result<Self> {
+        let mut bytes = Vec::new();
+        file.take(TEXT_MAX).read_to_end(&mut bytes)?;
+        Ok(Self::parse(&String::from_utf8_lossy(&bytes)))
+    }
+
+    fn parse(text: &str) -> Self {
+        let mut words = text.split_whitespace();
+        let process = words.next().and_then(|number| number.parse().ok());
+        let program = words.next().unwrap_or_default().to_owned();
+        Self { process, program, more: words.collect::<Vec<_>>().join(" ") }
+    }
+
+    fn is_alive(&self) -> bool {
+        self.process.is_some_and(|process| Path::new("/proc").join(process.to_string()).exists())
+    }
+
+    fn named(&self) -> String {
+        match (self.process, self.program.as_str()) {
+            (Some(process), PROGRAM) if process == std::process::id() => {
+                format!("line {} of this gateway", self.more)
+            }
+            (Some(process), PROGRAM) => format!("line {} of the {PROGRAM} that is process {process}", self.more),
+            (Some(process), "") => format!("process {process}"),
+            (Some(process), program) => format!("process {process} ({program})"),
+            (None, _) => "another program".to_owned(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    /// A directory that is gone afterwards.
+    struct Dir(PathBuf);
+
+    impl Dir {
+        fn new() -> Self {
+            static COUNT: AtomicU32 = AtomicU32::new(0);
+            let name = format!("vfd-lock-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+            let path = std::env::temp_dir().join(name);
+            std::fs::create_dir(&path).unwrap();
+            Self(path)
+        }
+
+        fn lock(&self, device: &str, line: &str) -> Result<Option<PortLock>, Held> {
+            lock(Path::new(device), line, std::slice::from_ref(&self.0))
+        }
+
+        fn file(&self) -> PathBuf {
+            self.0.join("LCK..ttyUSB0")
+        }
+    }
+
+    impl Drop for Dir {
+        fn drop(&mut self) {
+            let _ = std::fs::remove_dir_all(&self.0);
+        }
+    }
+
+    const DEVICE: &str = "/dev/ttyUSB0";
+
+    #[test]
+    fn files_are_called_as_terminal_programs_call_them() {
+        assert_eq!(file_name(Path::new(DEVICE)), "LCK..ttyUSB0");
+        assert_eq!(file_name(Path::new("/dev/pts/3")), "LCK..pts_3");
+        assert_eq!(file_name(Path::new("/srv/tty/one")), "LCK..srv_tty_one");
+    }
+
+    #[test]
+    fn a_device_has_one_holder_who_is_named() {
+        let dir = Dir::new();
+        let first = dir.lock(DEVICE, "hall-1").unwrap();
+        let text = std::fs::read_to_string(dir.file()).unwrap();
+        assert_eq!(text, format!("{:>10} vfd-gateway hall-1\n", std::process::id()));
+        let held = dir.lock(DEVICE, "hall-2").unwrap_err().to_string();
+        assert!(held.contains("line hall-1 of this gateway") && held.contains("LCK..ttyUSB0"), "{held}");
+        assert!(dir.lock("/dev/ttyUSB1", "hall-2").unwrap().is_some(), "another device");
+        drop(first);
+        assert!(!dir.file().exists());
+        assert!(dir.lock(DEVICE, "hall-2").unwrap().is_some());
+    }
+
+    #[test]
+    fn a_lock_of_the_dead_is_taken_over() {
+        let dir = Dir::new();
+        // No process has the number 0, and this one has let go of the file.
+        for text in ["         0 minicom me\n", &format!("{:>10} vfd-gateway old\n", std::process::id()), "", "rubbish"]
+        {
+            std::fs::write(dir.file(), text).unwrap();
+            let lock = dir.lock(DEVICE, "hall-1").unwrap();
+            assert!(std::fs::read_to_string(dir.file()).unwrap().ends_with("vfd-gateway hall-1\n"), "{text}");
+            drop(lock);
+        }
+    }
+
+    #[test]
+    fn a_terminal_program_that_lives_is_left_alone() {
+        let dir = Dir::new();
+        let text = format!("{:>10} minicom me\n", std::process::id());
+        std::fs::write(dir.file(), &text).unwrap();
+        let held = dir.lock(DEVICE, "hall-1").unwrap_err().to_string();
+        assert!(held.contains(&format!("process {} (minicom)", std::process::id())), "{held}");
+        assert_eq!(std::fs::read_to_string(dir.file()).unwrap(), text);
+    }
+
+    #[test]
+    fn who_has_taken_it_a_moment_ago_is_named() {
+        let dir = Dir::new();
+        let mut file = File::create_new(dir.file()).unwrap();
+        flock(&file, FlockOperation::NonBlockingLockExclusive).unwrap();
+        assert!(dir.lock(DEVICE, "hall-1").unwrap_err().to_string().contains("another program"), "who never says it");
+        let slow = std::thread::spawn(move || {
+            std::thread::sleep(TO_BE_NAMED / 2);
+            file.write_all(b"         1 vfd-gateway hall-2\n").unwrap();
+            std::thread::sleep(TO_BE_NAMED * 20);
+        });
+        let held = dir.lock(DEVICE, "hall-1").unwrap_err().to_string();
+        assert!(held.contains("line hall-2 of the vfd-gateway that is process 1"), "{held}");
+        slow.join().unwrap();
+    }
+
+    #[test]
+    fn where_nothing_can_be_written_the_next_directory_serves_or_none() {
+        let dir = Dir::new();
+        let nowhere = PathBuf::from("/nonexistent");
+        let second = lock(Path::new(DEVICE), "hall-1", &[nowhere.clone(), dir.0.clone()]).unwrap();
+        assert!(second.is_some() && dir.file().exists());
+        assert!(lock(Path::new(DEVICE), "hall-1", &[nowhere]).unwrap().is_none());
+    }
+
+    #[test]
+    fn a_link_in_its_place_leads_nowhere() {
+        let dir = Dir::new();
+        let victim = dir.0.join("victim");
+        std::fs::write(&victim, "mine").unwrap();
+        std::os::unix::fs::symlink(&victim, dir.file()).unwrap();
+        assert!(dir.lock(DEVICE, "hall-1").unwrap().is_none());
+        assert_eq!(std::fs::read_to_string(&victim).unwrap(), "mine");
+    }
+}

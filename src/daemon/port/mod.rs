@@ -1,0 +1,167 @@
+//! The port of a line: a serial device or a connection to a serial device server, read and written without ever
+//! blocking.
+
+mod driver;
+mod lock;
+mod serial;
+mod tcp;
+
+pub use driver::{Rs485, SerialInfo};
+
+use crate::config::PortAddress;
+use crate::domain::link::{DirectionControl, LinkSettings, PortKind};
+use serial::SerialPort;
+use std::io;
+use std::path::PathBuf;
+use std::task::{Context, Poll};
+use tcp::{Lookup, TcpPort};
+
+/// What is opened, and how.
+#[derive(Clone, Debug)]
+pub struct PortSettings {
+    /// Name of the line, for whoever finds its lock.
+    pub line: String,
+    /// Where it is.
+    pub address: PortAddress,
+    /// Speed and character format.
+    pub link: LinkSettings,
+    /// Who turns the direction.
+    pub direction: DirectionControl,
+    /// Whether the driver is asked to hand over what it receives at once.
+    pub low_latency: bool,
+    /// Whether no serial device will do, because the silence is shorter than the models need.
+    pub needs_virtual: bool,
+    /// Directories for the lock file of a device; the first that can be written is taken.
+    pub lock_dirs: Vec<PathBuf>,
+}
+
+/// Opens one port again and again.
+#[derive(Debug)]
+pub struct Opener<'a> {
+    settings: &'a PortSettings,
+    lookup: Lookup,
+}
+
+/// An open port.
+#[derive(Debug)]
+pub enum Port {
+    /// A device of this host.
+    Serial(SerialPort),
+    /// A connection to a serial device server.
+    Tcp(TcpPort),
+}
+
+/// Why a port could not be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// The system refused.
+    #[error("{0}")]
+    Refused(tokio_serial::Error),
+    /// Something could not be asked of the device.
+    #[error("{0}")]
+    Io(#[from] io::Error),
+    /// Somebody else uses the device.
+    #[error("{0}")]
+    Taken(#[from] lock::Held),
+    /// The device took other settings than it was given.
+    #[error("the device does not take {wanted}: it is set to {held}")]
+    Settings {
+        /// As configured.
+        wanted: LinkSettings,
+        /// As read back.
+        held: String,
+    },
+    /// The driver cannot turn the direction as it is configured.
+    #[error("{0}")]
+    Direction(String),
+    /// A shorter silence than the models need, on a serial device.
+    #[error(
+        "`silence` is shorter than the drives need; that is allowed only on a pseudo-terminal or `tcp://`, for tests"
+    )]
+    SilenceTooShort,
+    /// No connection to the serial device server.
+    #[error("{0}")]
+    NoConnection(String),
+}
+
+impl<'a> Opener<'a> {
+    /// Opens what `settings` describe.
+    #[must_use]
+    pub fn new(settings: &'a PortSettings) -> Self {
+        Self { settings, lookup: Lookup::default() }
+    }
+
+    /// Opens the port. A device is there at once; a connection takes seconds at most, in which others are served.
+    ///
+    /// # Errors
+    /// [`OpenError`] says what the system, the device or the configuration objects to.
+    pub async fn open(&mut self) -> Result<Port, OpenError> {
+        match &self.settings.address {
+            PortAddress::Device(path) => Ok(Port::Serial(SerialPort::open(path, self.settings)?)),
+            PortAddress::Tcp { host, port } => Ok(Port::Tcp(TcpPort::open(host, *port, &mut self.lookup).await?)),
+        }
+    }
+}
+
+impl Port {
+    /// What it is.
+    #[must_use]
+    pub const fn kind(&self) -> PortKind {
+        match self {
+            Self::Serial(port) => port.kind(),
+            Self::Tcp(_) => PortKind::Virtual,
+        }
+    }
+
+    /// What whoever runs the gateway should know about this port.
+    #[must_use]
+    pub fn remark(&self) -> Option<&str> {
+        match self {
+            Self::Serial(port) => port.remark(),
+            Self::Tcp(_) => None,
+        }
+    }
+
+    /// Ready once something has come since the last time. Whoever is told reads with [`Port::read_now`] until
+    /// there is nothing more; what comes after that is told anew.
+    pub fn poll_readable(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        match self {
+            Self::Serial(port) => port.poll_readable(cx),
+            Self::Tcp(port) => port.poll_readable(cx),
+        }
+    }
+
+    /// Reads what is there this very moment, whatever the runtime has noticed so far; nothing if the line is
+    /// quiet. Zero bytes mean that the device is gone.
+    ///
+    /// # Errors
+    /// As the device reports.
+    pub fn read_now(&mut self, buffer: &mut [u8]) -> io::Result<Option<usize>> {
+        let read = match self {
+            Self::Serial(port) => port.read(buffer),
+            Self::Tcp(port) => port.read(buffer),
+        };
+        match read {
+            Ok(bytes) => Ok(Some(bytes)),
+            Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Hands a whole frame over. The longest frame is far smaller than any port's buffer, so one that
+    /// does not fit means that the device takes no bytes.
+    ///
+    /// # Errors
+    /// As the device reports; `WriteZero` if it took only a part.
+    pub fn write_frame(&mut self, frame: &[u8]) -> io::Result<()> {
+        match self {
+            Self::Serial(port) => port.write_frame(frame),
+            Self::Tcp(port) => all_of(frame, port.write(frame)?),
+        }
+    }
+}
+
+/// Success if all of `frame` was taken.
+fn all_of(frame: &[u8], taken: usize) -> io::Result<()> {
+    if taken == frame.len() { Ok(()) } else { Err(io::ErrorKind::WriteZero.into()) }
+}
