@@ -11,8 +11,8 @@ pub const DEADLINE: u64 = 1_000_000_000;
 const ORDERS: usize = 48;
 /// After so long nothing of an order can follow.
 const FORGOTTEN: u64 = 60_000_000_000;
-/// Stops that may still go although the drive has shown an effect: an echo may be in doubt.
-const REPEATS: u32 = 4;
+/// A stop that the drive has answered this often since anybody asked for one goes no more: an echo may be in doubt.
+const REPEATS: u32 = 5;
 /// Within this time a reset that has begun is over.
 const RESET_TAKES: u64 = 10_000_000_000;
 /// How long after a stop its frame may be one more of the same.
@@ -62,8 +62,6 @@ struct Stop {
     echoed: bool,
     last_output: Option<u16>,
     zeros: u32,
-    /// Frames after the effect that the drive answered as it should.
-    repeats: u32,
 }
 
 /// What is known of one drive.
@@ -83,8 +81,10 @@ pub struct Book {
     /// The drive took RUN, and was not seen at rest since.
     pub is_running: bool,
     pub zeros: u32,
-    /// When anybody's stop came last.
+    /// When anybody's stop came last, whether a stop or a coast ever came, and how often one was answered since.
     last_stop_at: u64,
+    asked: [bool; 2],
+    echoes: u32,
     /// A stop came that perhaps changed nothing.
     may_stop: Option<(u64, u64)>,
     pub is_ending: bool,
@@ -171,7 +171,8 @@ impl Checker {
             if self.line.drives[drive].kind.facts().word_of(kind).is_none() {
                 return number;
             }
-            book.last_stop_at = at;
+            (book.last_stop_at, book.echoes) = (at, 0);
+            book.asked[usize::from(kind == Run::Coast)] = true;
             // Beside a stop that changes nothing, a setpoint counts.
             let is_only_setpoint = cyclic && kind == Run::Stop && wish.setpoint.is_some() && book.may_be_stopped(at);
             if !is_only_setpoint {
@@ -213,7 +214,7 @@ impl Checker {
     pub(super) fn stop_all(&mut self, at: u64) -> u64 {
         self.order_count += 1;
         for (book, _) in self.books.iter_mut().zip(&self.line.drives).filter(|(_, drive)| drive.has_control) {
-            (book.sign_at, book.last_stop_at) = (at, at);
+            (book.sign_at, book.last_stop_at, book.asked[0], book.echoes) = (at, at, true, 0);
             if book.may_be_stopped(at) {
                 book.may_stop.get_or_insert((self.order_count, at));
             } else {
@@ -371,14 +372,10 @@ impl Checker {
             return true;
         }
         let book = &mut self.books[drive];
-        if let Some((number, at)) = book.may_stop.take().filter(|(_, at)| Some(*at) > book.stop.was_accepted_at) {
+        if let Some((number, at)) = book.may_stop.filter(|(_, at)| Some(*at) > book.stop.was_accepted_at) {
+            book.may_stop = None;
             book.fresh.push((number, at, is_coast));
             self.settle_stops(drive);
-            return true;
-        }
-        let book = &mut self.books[drive];
-        let is_recent = book.stop.was_accepted_at.is_some_and(|accepted| exchange.at < accepted + REPEATED_FOR);
-        if is_recent && book.stop.repeats < REPEATS && book.stop.is_coast == is_coast {
             return true;
         }
         let is_lost = book.moved_at.is_some_and(|moved| exchange.at >= moved + it.lost_after) && it.on_lost == action;
@@ -389,9 +386,8 @@ impl Checker {
             self.settle_stops(drive);
             return true;
         }
-        // Until it is answered as it should be it may well go on at its rate.
-        is_lost
-            || (book.stop.repeats <= REPEATS && book.stop.is_coast == is_coast && book.stop.was_accepted_at.is_some())
+        // Until it is answered as it should be, and that is in no doubt, it goes on at its rate.
+        is_lost || (book.asked[usize::from(is_coast)] && book.echoes <= REPEATS)
     }
 
     /// The stop that ends a reset goes up to four times.
@@ -493,7 +489,7 @@ impl Checker {
             }
             (6, Truth::Holds(value)) if exchange.address == facts.run && value == exchange.values[0] => {
                 let is_stop = matches!(facts.run_of(value), Some(Run::Stop | Run::Coast));
-                book.stop.repeats += u32::from(is_stop && !book.stop.is_pending);
+                book.echoes += u32::from(is_stop);
                 book.stop.echoed |= is_stop;
             }
             _ => {}
