@@ -175,8 +175,9 @@ impl StopLatch {
     pub fn echoed(&mut self, now: MonoTime, doubt: bool) -> Option<Report> {
         self.look_at = now;
         if doubt {
-            // The look that follows settles what was missing, and the next echo is without doubt.
-            self.send_at = now + LOOK_EVERY;
+            // The look that follows settles what was missing. Only then it goes again, and that echo is without doubt:
+            // the stops of two drives that did not wait for their looks would keep both from ever being looked at.
+            self.is_unanswered = true;
             return None;
         }
         if self.is_acknowledged {

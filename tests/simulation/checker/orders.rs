@@ -362,9 +362,6 @@ impl Checker {
         if is_taken {
             book.run_taken = facts.run_of(value);
         }
-        if book.stop.is_pending && book.stop.is_coast == is_coast {
-            return true;
-        }
         if !is_coast
             && (self.explain_reset(drive, exchange.at, value, is_taken)
                 || self.repeats_end_of_reset(drive, exchange.at, value))
@@ -372,13 +369,20 @@ impl Checker {
             return true;
         }
         let book = &mut self.books[drive];
+        if book.stop.is_pending && book.stop.is_coast == is_coast {
+            return true;
+        }
         if let Some((number, at)) = book.may_stop.filter(|(_, at)| Some(*at) > book.stop.was_accepted_at) {
             book.may_stop = None;
             book.fresh.push((number, at, is_coast));
             self.settle_stops(drive);
             return true;
         }
-        let is_lost = book.moved_at.is_some_and(|moved| exchange.at >= moved + it.lost_after) && it.on_lost == action;
+        // An order that was accepted and never sent has taken the lease as well.
+        let waited =
+            book.orders.iter().filter(|it| it.wish.run.is_some() || it.wish.setpoint.is_some()).map(|it| it.at);
+        let is_over = |ordered: u64| exchange.at >= ordered + it.lost_after;
+        let is_lost = it.on_lost == action && book.moved_at.into_iter().chain(waited).any(is_over);
         let is_ending = book.is_ending && it.on_shutdown == action;
         let has_moved = book.moved_at > book.stop.was_accepted_at;
         if (is_lost && has_moved) || is_ending {
@@ -403,14 +407,17 @@ impl Checker {
     }
 
     /// A request that may have ordered something is answered with an exception.
-    pub(super) fn order_excepted(&mut self, _at: u64, drive: usize, number: u64, code: u8) {
+    pub(super) fn order_excepted(&mut self, at: u64, drive: usize, number: u64, code: u8) {
+        let lost_after = self.line.drives[drive].lost_after;
         let book = &mut self.books[drive];
         book.fresh.retain(|(it, ..)| *it != number || matches!(code, 4 | 0x0B));
         let Some(order) = book.orders.iter_mut().find(|it| it.number == number) else { return };
         let is_refused = matches!(code, 1 | 2 | 3 | 6);
         order.is_over |= is_refused || code == 4;
-        // What a stop has cut is told so, also when a frame of it is out.
-        if is_refused && order.sent > 0 && !order.is_void && book.last_stop_at < order.at && !book.is_ending {
+        // What a stop or the end of a lease has cut is told so, also when a frame of it is out.
+        let is_lost = at >= order.at + lost_after;
+        if is_refused && order.sent > 0 && !order.is_void && book.last_stop_at < order.at && !book.is_ending && !is_lost
+        {
             let text = format!("refused with {code:02X} after {} frames: {order:?}", order.sent);
             self.object("O8", || text);
         }
