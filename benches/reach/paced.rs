@@ -51,11 +51,13 @@ fn play(line: &Line) -> (usize, Vec<Row>) {
     let baud = line.link.baud;
     let rig = Rig::start(&Options { baud, ..Options::paced(1) });
     let bare = std::thread::spawn(|| bare::timer(500, true));
+    let hop = std::thread::spawn(|| bare::hop(1000));
     let ask = |client: usize, _| (1, PROOF + client as u16 * WORDS, WORDS);
     let load = clients::run(rig.address, CLIENTS, SECOND, line.time, ask);
     let alone = clients::run(rig.address, 1, SECOND, line.time / 5, ask);
     let outcome = rig.stop();
     let bare = bare.join().expect("the bare timer");
+    let hop = hop.join().expect("the bare hop");
     let model = n700();
     let timing = Timing::for_models(Framing::Rtu, line.link, [model.as_ref()], Duration::ZERO);
     let busy = |rate: f64| rate * budget::read_time(&timing, WORDS, TURNAROUND).as_secs_f64() * 100.0;
@@ -75,6 +77,10 @@ fn play(line: &Line) -> (usize, Vec<Row>) {
         Row::told(
             format!("paced {baud}: bare real-time timer in the same run, late p50 / p99 / max, ms"),
             format!("{:.3} / {:.3} / {:.3}", part_of(&bare, 0.5), part_of(&bare, 0.99), part_of(&bare, 1.0)),
+        ),
+        Row::told(
+            format!("paced {baud}: bare pseudo-terminal, one byte one way in the same run, p50 / p99 / max, ms"),
+            format!("{:.3} / {:.3} / {:.3}", part_of(&hop, 0.5), part_of(&hop, 0.99), part_of(&hop, 1.0)),
         ),
         Row::none(format!("paced {baud}: gaps shorter than the silence"), outcome.bus.gaps_too_short),
         Row::told(format!("paced {baud}: gaps measured"), gaps.len().to_string()),
