@@ -72,6 +72,25 @@ pub fn timer(count: usize, real_time: bool) -> Vec<f64> {
     late
 }
 
+/// How long one byte takes through a pseudo-terminal, written and read by the same real-time thread, in ms, sorted. A
+/// worker of the kernel carries it over, and that one has no real-time priority: each gap holds two such hops.
+pub fn hop(count: usize) -> Vec<f64> {
+    let _ = sys::ask_for_real_time();
+    let pty = Pty::new().expect("a pseudo-terminal");
+    let mut port = OpenOptions::new().read(true).write(true).open(pty.path()).expect("its other side");
+    let mut took: Vec<f64> = (0..count)
+        .map(|_| {
+            std::thread::sleep(LinkSettings::DEFAULT.chars(30.0));
+            let at = clock::now();
+            rustix::io::write(pty.master(), &REPLY[..1]).expect("written");
+            port.read_exact(&mut [0]).expect("read");
+            clock::now().since(at).as_secs_f64() * 1e3
+        })
+        .collect();
+    took.sort_by(f64::total_cmp);
+    took
+}
+
 /// A thread that answers every request of `clients` connections at once, from nothing, until they close.
 pub fn answerer(clients: usize) -> (SocketAddr, JoinHandle<()>) {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");

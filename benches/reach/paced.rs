@@ -14,6 +14,9 @@ const SECOND: Duration = Duration::from_secs(1);
 const TURNAROUND: Duration = Duration::from_millis(2);
 /// Words of each read.
 const WORDS: u16 = 8;
+/// Clients that read each its own registers, so that a read waits whenever the line is free and what is measured is the
+/// line. One client alone has to be woken, to ask and to be heard within the gap.
+const CLIENTS: usize = 4;
 
 /// A line that is played.
 struct Line {
@@ -34,7 +37,7 @@ pub fn paced() -> Vec<Row> {
     // Together more than 10,000 gaps.
     let mut all = 0;
     let mut rows = Vec::new();
-    for line in [line(9600, 99.0, 150), line(38_400, 97.0, 100)] {
+    for line in [line(9600, 99.0, 120), line(38_400, 97.0, 80)] {
         let (gaps, more) = play(&line);
         all += gaps;
         rows.extend(more);
@@ -48,19 +51,24 @@ fn play(line: &Line) -> (usize, Vec<Row>) {
     let baud = line.link.baud;
     let rig = Rig::start(&Options { baud, ..Options::paced(1) });
     let bare = std::thread::spawn(|| bare::timer(500, true));
-    let load = clients::run(rig.address, 1, SECOND, line.time, |_, _| (1, PROOF, WORDS));
+    let hop = std::thread::spawn(|| bare::hop(1000));
+    let ask = |client: usize, _| (1, PROOF + client as u16 * WORDS, WORDS);
+    let load = clients::run(rig.address, CLIENTS, SECOND, line.time, ask);
+    let alone = clients::run(rig.address, 1, SECOND, line.time / 5, ask);
     let outcome = rig.stop();
     let bare = bare.join().expect("the bare timer");
+    let hop = hop.join().expect("the bare hop");
     let model = n700();
     let timing = Timing::for_models(Framing::Rtu, line.link, [model.as_ref()], Duration::ZERO);
-    let busy = load.rate() * budget::read_time(&timing, WORDS, TURNAROUND).as_secs_f64() * 100.0;
+    let busy = |rate: f64| rate * budget::read_time(&timing, WORDS, TURNAROUND).as_secs_f64() * 100.0;
     // The first gap is the start, not the line.
     let mut gaps: Vec<f64> = outcome.bus.gaps().iter().skip(1).map(|gap| gap.as_secs_f64() * 1e3).collect();
     gaps.sort_by(f64::total_cmp);
     let silence = timing.silence.as_secs_f64() * 1e3;
     let beyond = |part| part_of(&gaps, part) - silence;
     let rows = vec![
-        Row::at_least(format!("paced {baud}: line busy, % of what its gap allows"), line.wanted, busy),
+        Row::at_least(format!("paced {baud}: line busy, % of what its gap allows"), line.wanted, busy(load.rate())),
+        Row::told(format!("paced {baud}: the same with one client that waits"), format!("{:.3}", busy(alone.rate()))),
         Row::at_most(format!("paced {baud}: gap p50 beyond {silence:.4} ms, in ms"), 0.3, beyond(0.5)),
         Row::told(
             format!("paced {baud}: gap min / p50 / p99 / max beyond that, ms"),
@@ -69,6 +77,10 @@ fn play(line: &Line) -> (usize, Vec<Row>) {
         Row::told(
             format!("paced {baud}: bare real-time timer in the same run, late p50 / p99 / max, ms"),
             format!("{:.3} / {:.3} / {:.3}", part_of(&bare, 0.5), part_of(&bare, 0.99), part_of(&bare, 1.0)),
+        ),
+        Row::told(
+            format!("paced {baud}: bare pseudo-terminal, one byte one way in the same run, p50 / p99 / max, ms"),
+            format!("{:.3} / {:.3} / {:.3}", part_of(&hop, 0.5), part_of(&hop, 0.99), part_of(&hop, 1.0)),
         ),
         Row::none(format!("paced {baud}: gaps shorter than the silence"), outcome.bus.gaps_too_short),
         Row::told(format!("paced {baud}: gaps measured"), gaps.len().to_string()),
