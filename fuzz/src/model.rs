@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::link::{Framing, LinkSettings};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::drive::plan::{PlaceOnLine, PollPlan};
+use vfd_gateway::drive::plan::{Pace, PlaceOnLine, PollPlan};
 use vfd_gateway::line::timeouts::ReplyTimeouts;
 use vfd_gateway::line::timing::Timing;
 use vfd_gateway::north::modbus::Uniform;
@@ -32,7 +32,7 @@ pub fn run(bytes: &[u8]) {
 fn work_with(model: &Arc<Model>, framing: Framing) {
     assert!((1..=125).contains(&model.read.max_words.value), "{:?}", model.read.max_words);
     let _ = Uniform::new(&plant::drive(model, 0, "pump", true));
-    let _ = PollPlan::new(model, Duration::from_secs(1), MonoTime::ZERO, PlaceOnLine::ALONE);
+    let _ = PollPlan::new(model, Pace::new(Duration::from_secs(1), 1.0), MonoTime::ZERO, PlaceOnLine::ALONE);
     let timing = Timing::for_models(framing, LinkSettings::DEFAULT, [model.as_ref()], Duration::ZERO);
     let timeouts = ReplyTimeouts::auto(&model.timing);
     assert!(timing.silence < Duration::from_secs(60) && !timeouts.read.is_zero(), "{timing:?} {timeouts:?}");

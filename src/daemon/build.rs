@@ -10,6 +10,7 @@ use crate::config::{
 };
 use crate::domain::ids::{DriveIndex, Name};
 use crate::drive::description::{DriveDescription, DriveRef};
+use crate::drive::plan::Pace;
 use crate::gateway::{DriveSetup, LineSetup};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -45,7 +46,7 @@ fn description(place: DriveRef, line: &LineSettings, drive: &DriveSettings, stre
         model: Arc::clone(&drive.model),
         unit: drive.unit,
         uniform_unit: drive.uniform_unit,
-        poll: drive.poll.mul_f64(stretch),
+        pace: Pace::new(drive.poll, stretch),
         ratings: drive.ratings,
         control: drive.control.clone(),
         dead_bands: drive.dead_bands.clone(),

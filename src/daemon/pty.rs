@@ -82,6 +82,8 @@ impl Drop for Pty {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rustix::event::{PollFd, PollFlags, poll};
+    use rustix::time::Timespec;
     use std::process::{Command, Stdio};
 
     #[test]
@@ -91,6 +93,9 @@ mod tests {
         let port = rustix::fs::open(pty.path(), flags, rustix::fs::Mode::empty()).unwrap();
         let mut child = Command::new("sleep").arg("10").stdin(Stdio::null()).spawn().unwrap();
         drop(pty);
+        // A program that another test is just starting holds it until it has begun.
+        let mut fds = [PollFd::new(&port, PollFlags::IN)];
+        poll(&mut fds, Some(&Timespec { tv_sec: 5, tv_nsec: 0 })).unwrap();
         let mut byte = [0];
         let read = rustix::io::read(&port, &mut byte);
         child.kill().unwrap();

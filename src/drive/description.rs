@@ -1,6 +1,6 @@
 //! What does not change about a drive while the gateway runs: names, units, model, limits.
 
-use super::plan::period;
+use super::plan::Pace;
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::{DriveIndex, Name, UnitId};
 use crate::profile::model::{Model, Register};
@@ -43,8 +43,8 @@ pub struct DriveDescription {
     pub unit: UnitId,
     /// Its uniform unit on Modbus TCP.
     pub uniform_unit: UnitId,
-    /// Period of its fast polls.
-    pub poll: Duration,
+    /// How often it is polled.
+    pub pace: Pace,
     /// Its rated values, where the model reports in per cent of them.
     pub ratings: Ratings,
     /// What may be commanded; nothing: the drive is read-only.
@@ -57,6 +57,6 @@ impl DriveDescription {
     /// The age from which a reading of `register` is stale; nothing if the register is not polled.
     #[must_use]
     pub fn stale_after(&self, register: &Register) -> Option<Duration> {
-        Some(period(register.poll?, self.poll) * STALE_PERIODS)
+        Some(self.pace.period(register.poll?) * STALE_PERIODS)
     }
 }

@@ -10,7 +10,7 @@ mod phases;
 #[cfg(test)]
 mod tests;
 
-pub use groups::{HOLE_MAX, PollGroup, SLOW_FACTOR, groups, period};
+pub use groups::{HOLE_MAX, Pace, PollGroup, SLOW_FACTOR, groups};
 pub use phases::PlaceOnLine;
 
 use crate::domain::time::MonoTime;
@@ -73,7 +73,7 @@ pub type Urgency = (Reverse<u64>, PollClass, MonoTime);
 /// The poll groups of one drive with the moments at which they are due.
 #[derive(Debug)]
 pub struct PollPlan {
-    poll: Duration,
+    pace: Pace,
     /// Answers of the drive so far, to whatever request.
     answers: u64,
     bridges: Bridges,
@@ -84,10 +84,10 @@ impl PollPlan {
     /// The plan of a drive of `model`. Everything is due at `start`, so that the drive is known soon; then each group
     /// has a rhythm of its own, so that the polls of a line do not fall due together.
     #[must_use]
-    pub fn new(model: &Model, poll: Duration, start: MonoTime, place: PlaceOnLine) -> Self {
+    pub fn new(model: &Model, pace: Pace, start: MonoTime, place: PlaceOnLine) -> Self {
         let groups = apart(model, |a, b| a == b);
         let plain: Vec<PollGroup> = groups.iter().map(|(group, _)| *group).collect();
-        let moments = phases::spread(model, &plain, poll, start, place);
+        let moments = phases::spread(model, &plain, pace, start, place);
         let entry = |((group, is_trusted), regular)| Entry {
             group,
             regular,
@@ -97,19 +97,19 @@ impl PollPlan {
             vain: Vain::default(),
         };
         let entries = groups.into_iter().zip(moments).map(entry).collect();
-        Self { poll, answers: 1, bridges: Bridges::default(), entries }
+        Self { pace, answers: 1, bridges: Bridges::default(), entries }
     }
 
     /// The port was opened at `now`. What has never been asked for and what tells how the drive is goes as soon as it
     /// can; everything else waits for its moment, so that it is not all due at once.
     pub fn port_opened(&mut self, now: MonoTime) {
         self.bridges = Bridges::default();
-        let poll = self.poll;
+        let pace = self.pace;
         for entry in self.entries.iter_mut().filter(|entry| entry.due < now) {
             if !entry.was_sent || entry.group.class == PollClass::Fast {
                 entry.due = now;
             } else {
-                entry.next_regular(poll, now);
+                entry.next_regular(pace, now);
             }
         }
     }
@@ -169,7 +169,7 @@ impl PollPlan {
     #[must_use]
     pub fn urgency(&self, group: PollGroup, due: MonoTime, now: MonoTime) -> Urgency {
         // What is asked for by the hour is not waited for by the hour.
-        let period = group.period(self.poll).min(period(PollClass::Slow, self.poll));
+        let period = group.period(self.pace).min(self.pace.period(PollClass::Slow));
         let waited = now.since(due).as_millis() / period.as_millis().max(1);
         (Reverse(u64::try_from(waited).unwrap_or(u64::MAX)), group.class, due)
     }
@@ -178,7 +178,7 @@ impl PollPlan {
     /// period, any after a whole one.
     #[must_use]
     pub fn is_aged(&self, group: PollGroup, due: MonoTime, now: MonoTime) -> bool {
-        let is_fast = group.class == PollClass::Fast && now.since(due) * 2 > group.period(self.poll);
+        let is_fast = group.class == PollClass::Fast && now.since(due) * 2 > group.period(self.pace);
         is_fast || self.urgency(group, due, now).0.0 > 0
     }
 
@@ -226,10 +226,10 @@ impl PollPlan {
     }
 
     fn sent(&mut self, index: usize, now: MonoTime) {
-        let poll = self.poll;
+        let pace = self.pace;
         if let Some(entry) = self.entries.get_mut(index) {
             entry.was_sent = true;
-            entry.next_regular(poll, now);
+            entry.next_regular(pace, now);
         }
     }
 }
@@ -237,9 +237,9 @@ impl PollPlan {
 impl Entry {
     /// It falls due at its next moment after `now`. Periods that were missed are left out, so that a line that fell
     /// behind does not try to catch up; the rhythm is kept.
-    fn next_regular(&mut self, poll: Duration, now: MonoTime) {
+    fn next_regular(&mut self, pace: Pace, now: MonoTime) {
         if now >= self.regular {
-            let period = self.group.period(poll).max(Duration::from_millis(1));
+            let period = self.group.period(pace);
             let missed = now.since(self.regular).as_nanos() / period.as_nanos();
             self.regular = self.regular + period * u32::try_from(missed + 1).unwrap_or(u32::MAX);
         }

@@ -11,7 +11,7 @@ use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::native::NativeAnswer;
 use crate::domain::report::{LineCounters, LineFault, LineReport, LineState, StopBounds};
 use crate::domain::time::MonoTime;
-use crate::drive::plan::{PlaceOnLine, PollPlan};
+use crate::drive::plan::{Pace, PlaceOnLine, PollPlan};
 use crate::drive::snapshot::{DriveSnapshot, Presence};
 use crate::drive::view::DriveView;
 use crate::line::barriers::{Barriers, Nonces};
@@ -102,13 +102,14 @@ impl LineCore {
     pub fn new(setup: LineSetup, now: MonoTime) -> Self {
         let count = setup.drives.len();
         let drives = u32::try_from(count).unwrap_or(u32::MAX);
+        let budget = setup.budget();
+        let pace = |poll| Pace::new(poll, budget.stretch);
         let plans = (0..)
             .zip(&setup.drives)
-            .map(|(index, drive)| PollPlan::new(&drive.model, drive.poll, now, PlaceOnLine { index, drives }));
+            .map(|(index, drive)| PollPlan::new(&drive.model, pace(drive.poll), now, PlaceOnLine { index, drives }));
         let works = (0..).zip(&setup.drives).map(|(index, drive)| {
             DriveWork::new(DriveIndex(index), &drive.model, drive.control.clone(), setup.first_epoch)
         });
-        let budget = setup.budget();
         Self {
             all_stop_at: broadcast::station_for_all(&setup),
             stop: setup.stop_bounds(),

@@ -109,7 +109,7 @@ fn planned(timing: &Timing, station: &PlannedStation<'_>) -> Vec<PlannedRead> {
     let wait = turnaround(times, Class::Read);
     let read = |group: PollGroup| {
         let cost = read_time(timing, group.count, wait) + longer(timing, station.model, reply_bytes(group.count));
-        let period = group.period(station.poll);
+        let period = group.period(plan::Pace::new(station.poll, 1.0));
         PlannedRead { group, period, cost, cost_if_delayed: cost + reply_delay(times) }
     };
     plan::groups(station.model).into_iter().map(read).collect()

@@ -12,6 +12,7 @@ pub mod diagnosis;
 pub mod echo;
 pub mod fault;
 pub mod histogram;
+mod own_echo;
 pub mod quality;
 pub mod reply_times;
 pub mod schedule;

@@ -1,5 +1,6 @@
 //! One exchange after the other on a half-duplex wire: wait for silence, send, wait for the one right reply.
 
+use super::own_echo::OwnEcho;
 use super::timing::Timing;
 use crate::domain::ids::Station;
 use crate::domain::link::PortKind;
@@ -60,18 +61,6 @@ struct Open {
     /// An exception that counts once silence follows it, where frames do not end by themselves: one flipped bit can
     /// turn a read's reply into an exception frame with bytes behind it, so the frame alone is no proof.
     exception: Option<u8>,
-}
-
-/// The copy of our last frame that the line may send back.
-#[derive(Debug, Default)]
-struct OwnEcho {
-    frame: Vec<u8>,
-    /// It may still come.
-    is_awaited: bool,
-    /// A copy of the frame is its echo: the right reply differs from it, or the line is known to echo.
-    is_sure: bool,
-    /// No drive's reply can have ended before this moment: a copy of the frame that has is an echo.
-    earliest_reply: MonoTime,
 }
 
 /// The wire of one line. At most one exchange is open on it.
@@ -168,7 +157,7 @@ impl Wire {
         let on_wire = self.timing.on_wire(sent_bytes) + self.timing.on_wire(reply_bytes);
         let earliest = if self.is_timed { now + on_wire * 9 / 10 } else { now };
         let is_sure = self.strips_echo || !exchange.request.is_repeated_by_its_reply();
-        self.await_echo(&out[start..], is_sure, earliest);
+        self.own_echo.await_copy_of(&out[start..], is_sure, earliest);
         self.open = Some(Open { exchange, expected, reply_due, give_up, exception: None });
     }
 
@@ -187,7 +176,7 @@ impl Wire {
         self.flush_idle_bytes();
         self.quiet_from = now + self.timing.on_wire(out.len() - start);
         self.held_until = self.quiet_from + turnaround;
-        self.await_echo(&out[start..], true, now);
+        self.own_echo.await_copy_of(&out[start..], true, now);
     }
 
     /// Takes bytes that were read at `now`. Returns how the open exchange ended, if it did.
@@ -216,7 +205,7 @@ impl Wire {
             } else if let Some(ending) = ending
                 && let Some(open) = self.open.take()
             {
-                self.own_echo.is_awaited = false;
+                self.own_echo.is_over();
                 ended = Some((open.exchange, ending));
             }
         }
@@ -298,7 +287,7 @@ impl Wire {
 
     fn finish(&mut self, ending: Ending) -> Option<(Exchange, Ending)> {
         let open = self.open.take()?;
-        self.own_echo.is_awaited = false;
+        self.own_echo.is_over();
         let rest = self.assembler.end();
         self.note(TrafficKind::Noise, rest);
         Some((open.exchange, ending))
@@ -322,31 +311,19 @@ impl Wire {
         }
     }
 
-    fn await_echo(&mut self, frame: &[u8], is_sure: bool, earliest_reply: MonoTime) {
-        let own = &mut self.own_echo;
-        own.frame.clear();
-        own.frame.extend_from_slice(frame);
-        (own.is_awaited, own.is_sure, own.earliest_reply) = (true, is_sure, earliest_reply);
-    }
-
     /// Takes the echo of our own frame out of what was received, with what came before it.
     fn take_echo(&mut self, now: MonoTime) {
-        let own = &mut self.own_echo;
-        if !own.is_awaited || !(own.is_sure || now < own.earliest_reply) {
-            return;
+        if let Some((noise, echo)) = self.own_echo.take_from(&mut self.assembler, now) {
+            self.note(TrafficKind::Noise, noise);
+            self.note(TrafficKind::Echo, echo);
         }
-        let Some(noise) = self.assembler.take_copy(&own.frame) else { return };
-        own.is_awaited = false;
-        let echo = own.frame.clone();
-        self.note(TrafficKind::Noise, noise);
-        self.note(TrafficKind::Echo, echo);
     }
 
     /// Whether the reply has come and is damaged. Anything else, also what another drive's late reply left of both, may
     /// be noise before a reply that is still to come.
     fn holds_damaged_reply(&self) -> bool {
         // What is as long as the reply may also be a damaged echo, and the reply still comes.
-        let may_be_echo = self.strips_echo && self.own_echo.is_awaited;
+        let may_be_echo = self.strips_echo && self.own_echo.is_awaited();
         let open = self.open.as_ref().filter(|open| open.exchange.line_is_clean && !may_be_echo);
         open.is_some_and(|open| self.assembler.holds_damaged(&open.expected))
     }

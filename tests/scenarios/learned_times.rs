@@ -225,7 +225,8 @@ fn a_stop_among_drives_that_answer_keeps_the_shorter_bound() {
         rig.read(1, drive, PROOF, 8);
         rig.pass(Duration::from_micros(random.u64(..100_000)));
         rig.command(MQTT, drive, STOP);
-        rig.pass(Duration::from_micros(random.u64(..1_000_000)));
+        // Stops at the same time wait for each other.
+        rig.pass(Duration::from_micros(random.u64(50_000..1_000_000)));
     }
     let report = rig.core.report();
     let waited = report.measured.longest_stop;

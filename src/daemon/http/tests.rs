@@ -41,7 +41,7 @@ pub(super) fn state(broker: bool) -> Arc<State> {
         model: Arc::clone(catalog.find("hyundai-n700").unwrap()),
         unit: UnitId::new(1).unwrap(),
         uniform_unit: UnitId::new(101).unwrap(),
-        poll: Duration::from_secs(1),
+        pace: crate::drive::plan::Pace::new(Duration::from_secs(1), 1.0),
         ratings: crate::drive::description::Ratings::default(),
         control: None,
         dead_bands: Vec::new(),

@@ -78,7 +78,7 @@ fn shared() -> Arc<Shared> {
         model: Arc::clone(model),
         unit: UnitId::new(1 + number).unwrap(),
         uniform_unit: UnitId::new(101 + number).unwrap(),
-        poll: Duration::from_secs(1),
+        pace: crate::drive::plan::Pace::new(Duration::from_secs(1), 1.0),
         ratings: crate::drive::description::Ratings::default(),
         control: number.is_multiple_of(2).then(|| Arc::new(settings())),
         dead_bands: Vec::new(),

@@ -9,14 +9,33 @@ pub const SLOW_FACTOR: u32 = 4;
 /// own: 8 characters of the request, 5 of the reply and at least 3.5 of silence, and the time that the drive takes.
 pub const HOLE_MAX: u16 = 8;
 
-/// Time between two polls of `class` on a drive whose poll period is `poll`.
-#[must_use]
-pub fn period(class: PollClass, poll: Duration) -> Duration {
-    match class {
-        PollClass::Fast => poll,
-        PollClass::Second => poll.max(Duration::from_secs(1)),
-        PollClass::Slow => poll * SLOW_FACTOR,
-        PollClass::Hourly => (poll * SLOW_FACTOR).max(Duration::from_secs(3600)),
+/// How often a drive is polled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pace {
+    /// Period of its fast polls, as it is wanted.
+    poll: Duration,
+    /// By how much the line stretches every period, from 1.
+    stretch: f64,
+}
+
+impl Pace {
+    /// The pace of a drive with fast polls every `poll` on a line that stretches every period by `stretch`; what is below
+    /// 1, or no number, counts as 1.
+    #[must_use]
+    pub fn new(poll: Duration, stretch: f64) -> Self {
+        Self { poll, stretch: stretch.clamp(1.0, 1e6).max(1.0) }
+    }
+
+    /// Time between two polls of `class`.
+    #[must_use]
+    pub fn period(&self, class: PollClass) -> Duration {
+        let wanted = match class {
+            PollClass::Fast => self.poll,
+            PollClass::Second => self.poll.max(Duration::from_secs(1)),
+            PollClass::Slow => self.poll * SLOW_FACTOR,
+            PollClass::Hourly => (self.poll * SLOW_FACTOR).max(Duration::from_secs(3600)),
+        };
+        wanted.mul_f64(self.stretch).max(Duration::from_millis(1))
     }
 }
 
@@ -32,10 +51,10 @@ pub struct PollGroup {
 }
 
 impl PollGroup {
-    /// Time between two reads of this group on a drive whose poll period is `poll`.
+    /// Time between two reads of this group on a drive that is polled at `pace`.
     #[must_use]
-    pub fn period(&self, poll: Duration) -> Duration {
-        period(self.class, poll)
+    pub fn period(&self, pace: Pace) -> Duration {
+        pace.period(self.class)
     }
 
     /// One read for both, if `model` takes one so long: its first register, its words, and those of them that lie between

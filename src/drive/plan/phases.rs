@@ -3,7 +3,7 @@
 //! A line has so many slots in a period as it has drives, and each drive has its own; the groups of one class stand side
 //! by side in it. Classes are moved against each other by parts of a slot. Groups that can share a read fall due together.
 
-use super::groups::{PollGroup, may_be_read_along};
+use super::groups::{Pace, PollGroup, may_be_read_along};
 use crate::domain::time::MonoTime;
 use crate::profile::model::{Model, PollClass};
 use std::time::Duration;
@@ -26,23 +26,23 @@ impl PlaceOnLine {
 pub(super) fn spread(
     model: &Model,
     groups: &[PollGroup],
-    poll: Duration,
+    pace: Pace,
     start: MonoTime,
     place: PlaceOnLine,
 ) -> Vec<MonoTime> {
     let mut moments: Vec<MonoTime> = Vec::with_capacity(groups.len());
     // How many of each class there were so far: those with a moment of their own, and those that follow others.
     let mut ranks = [[0_u32; 2]; 4];
-    let leads: Vec<Option<usize>> = (0..groups.len()).map(|at| lead_of(model, groups, at, poll)).collect();
+    let leads: Vec<Option<usize>> = (0..groups.len()).map(|at| lead_of(model, groups, at, pace)).collect();
     for (group, lead) in groups.iter().zip(&leads) {
         let rank = &mut ranks[class_number(group.class)][usize::from(lead.is_some())];
-        let moment = match lead.and_then(|lead| Some((*moments.get(lead)?, groups.get(lead)?.period(poll)))) {
+        let moment = match lead.and_then(|lead| Some((*moments.get(lead)?, groups.get(lead)?.period(pace)))) {
             Some((led_by, period)) => {
-                let turns = (group.period(poll).as_nanos() / period.as_nanos().max(1)).max(1);
+                let turns = (group.period(pace).as_nanos() / period.as_nanos().max(1)).max(1);
                 let turn = u128::from(place.index + *rank) % turns;
                 led_by + period * u32::try_from(turn).unwrap_or(0)
             }
-            None => start + own_moment(groups, &leads, group, poll, place, *rank),
+            None => start + own_moment(groups, &leads, group, pace, place, *rank),
         };
         *rank += 1;
         moments.push(moment);
@@ -55,7 +55,7 @@ fn own_moment(
     groups: &[PollGroup],
     leads: &[Option<usize>],
     group: &PollGroup,
-    poll: Duration,
+    pace: Pace,
     place: PlaceOnLine,
     rank: u32,
 ) -> Duration {
@@ -63,15 +63,17 @@ fn own_moment(
     let slots = |class| place.drives.max(1) * u32::try_from(of_class(class)).unwrap_or(1).max(1);
     let own = slots(group.class);
     let slot = place.index * (own / place.drives.max(1)) + rank;
-    let shift = poll / slots(PollClass::Fast) * u32::try_from(class_number(group.class)).unwrap_or(0) / 4;
-    group.period(poll) / own * slot + shift
+    let shift = pace.period(PollClass::Fast) / slots(PollClass::Fast)
+        * u32::try_from(class_number(group.class)).unwrap_or(0)
+        / 4;
+    group.period(pace) / own * slot + shift
 }
 
 /// The first group before the one at `at` that it can share a read with, if their periods go together.
-fn lead_of(model: &Model, groups: &[PollGroup], at: usize, poll: Duration) -> Option<usize> {
+fn lead_of(model: &Model, groups: &[PollGroup], at: usize, pace: Pace) -> Option<usize> {
     let group = groups.get(at)?;
     let leads = |lead: &PollGroup| {
-        let (long, short) = (group.period(poll).as_nanos(), lead.period(poll).as_nanos().max(1));
+        let (long, short) = (group.period(pace).as_nanos(), lead.period(pace).as_nanos().max(1));
         let is_polled = |address| groups.iter().any(|it| (it.address..it.address + it.count).contains(&address));
         long.is_multiple_of(short)
             && lead.with(group, model).is_some()

@@ -26,7 +26,7 @@ fn neighbours_that_are_due_together_go_together_whatever_their_class() {
     model.registers.extend([before, after]);
     model.registers.sort_by_key(|register| register.address);
     let at = MonoTime::from_millis;
-    let mut plan = PollPlan::new(&model, Duration::from_millis(100), at(0), PlaceOnLine::ALONE);
+    let mut plan = PollPlan::new(&model, Pace::new(Duration::from_millis(100), 1.0), at(0), PlaceOnLine::ALONE);
     let fast = |plan: &PollPlan| plan.iter().find(|(_, group, _)| group.address == 0x0101).map(|(index, ..)| index);
     let index = fast(&plan).unwrap();
     assert_eq!(plan.take(index, at(0), &model, |_, _| true), Some((0x0100, 3)), "all are due at the start");
@@ -42,7 +42,12 @@ fn neighbours_that_are_due_together_go_together_whatever_their_class() {
 #[test]
 fn a_line_that_fell_behind_keeps_its_phase_and_does_not_catch_up() {
     let at = MonoTime::from_millis;
-    let mut plan = PollPlan::new(&model(), Duration::from_millis(100), at(1000), PlaceOnLine { index: 1, drives: 4 });
+    let mut plan = PollPlan::new(
+        &model(),
+        Pace::new(Duration::from_millis(100), 1.0),
+        at(1000),
+        PlaceOnLine { index: 1, drives: 4 },
+    );
     let due = |plan: &PollPlan| plan.iter().next().map(|(_, _, due)| due).expect("a group");
     assert_eq!(due(&plan), at(1000), "known soon");
     plan.sent(0, at(1010));
@@ -63,7 +68,7 @@ fn what_is_not_proven_is_read_apart_until_it_is_answered_and_seldom_if_it_never_
     let unproven = Register { address: 0x0102, confidence: Confidence::Inferred, ..model.registers[output].clone() };
     model.registers.insert(output + 1, unproven);
     assert_eq!(groups(&model)[0].count, 2, "what a line is planned with");
-    let mut plan = PollPlan::new(&model, Duration::from_millis(100), at(0), PlaceOnLine::ALONE);
+    let mut plan = PollPlan::new(&model, Pace::new(Duration::from_millis(100), 1.0), at(0), PlaceOnLine::ALONE);
     assert_eq!(plan.take(0, at(0), &model, |_, _| true), Some((0x0101, 1)));
     assert_eq!(plan.take(1, at(0), &model, |_, _| true), Some((0x0102, 1)));
     for round in 1..=6_u64 {
@@ -125,7 +130,7 @@ fn what_is_planned_is_what_is_read() {
     for (id, text) in vendors::texts() {
         let model = check::model(text).expect("a sound model");
         let at = MonoTime::ZERO;
-        let mut plan = PollPlan::new(&model, Duration::from_secs(1), at, PlaceOnLine::ALONE);
+        let mut plan = PollPlan::new(&model, Pace::new(Duration::from_secs(1), 1.0), at, PlaceOnLine::ALONE);
         // Once it has answered for everything.
         plan.entries.iter_mut().for_each(|entry| entry.is_trusted = true);
         let is_polled = |address: &u16| model.register_at(*address).is_some_and(|it| it.poll.is_some());
@@ -149,7 +154,7 @@ fn what_is_planned_is_what_is_read() {
 fn a_refused_bridge_is_not_tried_again_until_the_port_is_opened() {
     let model = with_registers(&[(0x0101, SLOW), (0x0102, None), (0x0103, SLOW)]);
     let at = MonoTime::from_millis;
-    let mut plan = PollPlan::new(&model, Duration::from_millis(100), at(0), PlaceOnLine::ALONE);
+    let mut plan = PollPlan::new(&model, Pace::new(Duration::from_millis(100), 1.0), at(0), PlaceOnLine::ALONE);
     let take = |plan: &mut PollPlan, now| plan.take(0, at(now), &model, |_, _| true);
     assert_eq!(take(&mut plan, 0), Some((0x0101, 3)));
     plan.refused(0x0101, 3, at(10));
@@ -178,7 +183,7 @@ fn a_refused_bridge_is_not_tried_again_until_the_port_is_opened() {
 fn due_moments(model: &Model, drives: u32, from: u64) -> Vec<MonoTime> {
     let poll = Duration::from_secs(1);
     let place = |index| PlaceOnLine { index, drives };
-    let plan = |index| PollPlan::new(model, poll, MonoTime::from_millis(from), place(index));
+    let plan = |index| PollPlan::new(model, Pace::new(poll, 1.0), MonoTime::from_millis(from), place(index));
     let mut plans: Vec<PollPlan> = (0..drives).map(plan).collect();
     plans.iter_mut().flat_map(|plan| &mut plan.entries).for_each(|entry| entry.is_trusted = true);
     let end = MonoTime::from_millis(from + 40_000);
@@ -211,7 +216,7 @@ fn polls_of_a_full_line_do_not_fall_due_in_heaps() {
 fn a_line_that_was_down_does_not_have_all_its_polls_due_at_once() {
     let model = built_in("toshiba-vf-s15");
     let at = MonoTime::from_millis;
-    let mut plan = PollPlan::new(&model, Duration::from_secs(1), at(0), PlaceOnLine::ALONE);
+    let mut plan = PollPlan::new(&model, Pace::new(Duration::from_secs(1), 1.0), at(0), PlaceOnLine::ALONE);
     plan.port_opened(at(60_000));
     assert!(
         plan.iter().all(|(.., due)| due == at(60_000)),
@@ -229,7 +234,7 @@ fn a_line_that_was_down_does_not_have_all_its_polls_due_at_once() {
 
 #[test]
 fn whatever_waits_for_whole_periods_goes_first_whatever_its_class() {
-    let plan = PollPlan::new(&model(), Duration::from_secs(1), MonoTime::ZERO, PlaceOnLine::ALONE);
+    let plan = PollPlan::new(&model(), Pace::new(Duration::from_secs(1), 1.0), MonoTime::ZERO, PlaceOnLine::ALONE);
     let at = MonoTime::from_millis;
     let group = |class| PollGroup { address: 1, count: 1, class };
     let urgency = |class, due| plan.urgency(group(class), at(due), at(10_000));

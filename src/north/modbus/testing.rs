@@ -78,7 +78,7 @@ pub(super) fn description() -> DriveDescription {
         model: Arc::new(model()),
         unit: UnitId::new(1).unwrap(),
         uniform_unit: UnitId::new(101).unwrap(),
-        poll: Duration::from_secs(1),
+        pace: crate::drive::plan::Pace::new(Duration::from_secs(1), 1.0),
         ratings: crate::drive::description::Ratings::default(),
         control: Some(Arc::new(settings())),
         dead_bands: Vec::new(),

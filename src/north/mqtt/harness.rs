@@ -64,7 +64,7 @@ pub(super) fn drives() -> Vec<DriveDescription> {
         model: model.clone(),
         unit: UnitId::new(1).expect("a unit"),
         uniform_unit: UnitId::new(101).expect("a unit"),
-        poll: Duration::from_millis(500),
+        pace: crate::drive::plan::Pace::new(Duration::from_millis(500), 1.0),
         ratings: crate::drive::description::Ratings::default(),
         control: control.map(Arc::new),
         dead_bands: vec![("output_frequency".into(), 0.5)],
