@@ -77,7 +77,7 @@ impl Checker {
         let book = &mut self.books[drive];
         let is_next =
             |it: &Order| it.wish.run == Some(Run::Reset) && !it.is_over && words.get(it.reset_step) == Some(&value);
-        let is_fit = |it: &Order| it.sent > 0 || (!it.is_void && at < it.before);
+        let is_fit = |it: &Order| it.sent == 0 && !it.is_void && at < it.before;
         // One that has begun goes on; else it is the oldest that waits.
         let begun =
             book.orders.iter().rposition(|it| it.sent > 0 && !it.is_void && is_next(it) && at < it.at + RESET_TAKES);
