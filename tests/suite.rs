@@ -36,6 +36,7 @@ mod fuzz_targets;
 #[path = "properties/line_core.rs"]
 mod line_core;
 
+#[allow(dead_code, reason = "shared with the bench, which uses more of it")]
 mod simulation;
 #[path = "simulation/tests.rs"]
 mod simulation_tests;

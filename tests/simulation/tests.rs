@@ -85,7 +85,7 @@ impl Trace {
         self
     }
 
-    fn is_told(mut self, transaction: u8, unit: u8, pdu: &[u8]) -> Self {
+    fn told(mut self, transaction: u8, unit: u8, pdu: &[u8]) -> Self {
         let message = [&[0, transaction, 0, 0, 0, pdu.len() as u8 + 1, unit], pdu].concat();
         self.checker.client_got(self.now, 0, &message);
         self
@@ -95,11 +95,11 @@ impl Trace {
     fn runs(self) -> Self {
         let (setpoint, run) = ([2, 6, 0, 4, 0x0B, 0xB8], [2, 6, 0, 2, 0, 1]);
         let trace = self.asks(1, 101, &RUN).exchange(&setpoint, &setpoint).exchange(&run, &run);
-        trace.is_told(1, 101, &[16, 1, 0, 0, 2])
+        trace.told(1, 101, &[16, 1, 0, 0, 2])
     }
 
     #[track_caller]
-    fn is_right(self) {
+    fn holds(self) {
         assert!(self.checker.violation().is_none(), "{:?}", self.checker.violation());
     }
 
@@ -117,8 +117,8 @@ const RUN_FRAME: [u8; 6] = [2, 6, 0, 2, 0, 1];
 
 #[test]
 fn a_trace_without_a_fault_is_right() {
-    Trace::new().exchange(&READ, &REPLY).is_right();
-    Trace::new().runs().asks(2, 101, &STOP).exchange(&STOP_FRAME, &STOP_FRAME).is_told(2, 101, &STOP).is_right();
+    Trace::new().exchange(&READ, &REPLY).holds();
+    Trace::new().runs().asks(2, 101, &STOP).exchange(&STOP_FRAME, &STOP_FRAME).told(2, 101, &STOP).holds();
 }
 
 #[test]
@@ -141,47 +141,47 @@ fn o2_nothing_moves_behind_a_stop() {
 #[test]
 fn o3_an_answer_is_what_the_drive_gave() {
     let read = || Trace::new().asks(1, 1, &[3, 1, 1, 0, 1]).exchange(&READ, &REPLY);
-    read().is_told(1, 1, &[3, 2, 0x0B, 0xB8]).is_right();
-    read().is_told(1, 1, &[3, 2, 0x0B, 0xB9]).violates("O3");
-    read().is_told(2, 1, &[3, 2, 0x0B, 0xB8]).violates("O3");
-    read().is_told(1, 2, &[3, 2, 0x0B, 0xB8]).violates("O3");
-    read().is_told(1, 1, &[4, 2, 0x0B, 0xB8]).violates("O3");
-    read().is_told(1, 1, &[3, 2, 0x0B, 0xB8]).is_told(1, 1, &[3, 2, 0x0B, 0xB8]).violates("O3");
+    read().told(1, 1, &[3, 2, 0x0B, 0xB8]).holds();
+    read().told(1, 1, &[3, 2, 0x0B, 0xB9]).violates("O3");
+    read().told(2, 1, &[3, 2, 0x0B, 0xB8]).violates("O3");
+    read().told(1, 2, &[3, 2, 0x0B, 0xB8]).violates("O3");
+    read().told(1, 1, &[4, 2, 0x0B, 0xB8]).violates("O3");
+    read().told(1, 1, &[3, 2, 0x0B, 0xB8]).told(1, 1, &[3, 2, 0x0B, 0xB8]).violates("O3");
     // Words of an exchange that was over before the question, and of one before the last.
-    Trace::new().exchange(&READ, &REPLY).asks(1, 1, &[3, 1, 1, 0, 1]).is_told(1, 1, &[3, 2, 0x0B, 0xB8]).violates("O3");
+    Trace::new().exchange(&READ, &REPLY).asks(1, 1, &[3, 1, 1, 0, 1]).told(1, 1, &[3, 2, 0x0B, 0xB8]).violates("O3");
     let late = [2, 3, 2, 0, 7];
     let twice = read().sends(&READ, &late).hears(&REPLY);
-    twice.is_told(1, 1, &[3, 2, 0x0B, 0xB8]).violates("O3");
+    twice.told(1, 1, &[3, 2, 0x0B, 0xB8]).violates("O3");
 }
 
 #[test]
 fn o4_only_the_drive_says_that_it_is_done() {
     let asked = || Trace::new().asks(1, 1, &[6, 2, 0x0C, 0, 9]);
     let write = [2, 6, 2, 0x0C, 0, 9];
-    asked().exchange(&write, &write).is_told(1, 1, &[6, 2, 0x0C, 0, 9]).is_right();
-    asked().sends(&write, &[]).hears(&write).is_told(1, 1, &[6, 2, 0x0C, 0, 9]).violates("O4");
-    asked().exchange(&write, &[2, 6, 2, 0x0C, 0, 5]).is_told(1, 1, &[6, 2, 0x0C, 0, 9]).violates("O4");
-    Trace::new().asks(1, 101, &RUN).is_told(1, 101, &[16, 1, 0, 0, 2]).violates("O4");
+    asked().exchange(&write, &write).told(1, 1, &[6, 2, 0x0C, 0, 9]).holds();
+    asked().sends(&write, &[]).hears(&write).told(1, 1, &[6, 2, 0x0C, 0, 9]).violates("O4");
+    asked().exchange(&write, &[2, 6, 2, 0x0C, 0, 5]).told(1, 1, &[6, 2, 0x0C, 0, 9]).violates("O4");
+    Trace::new().asks(1, 101, &RUN).told(1, 101, &[16, 1, 0, 0, 2]).violates("O4");
 }
 
 #[test]
 fn o5_there_is_silence_before_a_frame() {
     let answered = || Trace::new().sends(&READ, &REPLY).hears(&REPLY);
     // 4.5 characters are 4.69 ms.
-    answered().pass(5).sends(&READ, &REPLY).is_right();
+    answered().pass(5).sends(&READ, &REPLY).holds();
     answered().pass(4).sends(&READ, &REPLY).violates("O5");
     Trace::new().hears(&[9, 3, 2, 0, 0]).pass(4).sends(&READ, &REPLY).violates("O5");
 }
 
 #[test]
 fn o6_one_exchange_is_open() {
-    Trace::new().sends(&READ, &[]).pass(250).sends(&READ, &REPLY).is_right();
+    Trace::new().sends(&READ, &[]).pass(250).sends(&READ, &REPLY).holds();
     Trace::new().sends(&READ, &REPLY).pass(50).sends(&READ, &REPLY).violates("O6");
 }
 
 #[test]
 fn o7_every_request_ends() {
-    Trace::new().asks(1, 1, &[3, 1, 1, 0, 1]).pass(4_900).is_right();
+    Trace::new().asks(1, 1, &[3, 1, 1, 0, 1]).pass(4_900).holds();
     Trace::new().asks(1, 1, &[3, 1, 1, 0, 1]).pass(5_200).violates("O7");
 }
 
@@ -189,16 +189,16 @@ fn o7_every_request_ends() {
 fn o8_what_is_refused_leaves_no_trace() {
     let write = [2, 6, 2, 0x0C, 0, 9];
     let trace = Trace::new().asks(1, 1, &[6, 2, 0x0C, 0, 9]).exchange(&write, &write);
-    trace.is_told(1, 1, &[0x86, 6]).violates("O8");
-    Trace::new().asks(1, 1, &[6, 9, 9, 0, 9]).is_told(1, 1, &[6, 9, 9, 0, 9]).violates("O8");
+    trace.told(1, 1, &[0x86, 6]).violates("O8");
+    Trace::new().asks(1, 1, &[6, 9, 9, 0, 9]).told(1, 1, &[6, 9, 9, 0, 9]).violates("O8");
 }
 
 #[test]
 fn o11_a_lost_commander_is_acted_for_in_time() {
     let running = || Trace::new().runs().exchange(&READ, &REPLY);
-    running().pass(2_900).is_right();
+    running().pass(2_900).holds();
     running().pass(5_000).violates("O11");
-    running().pass(3_100).exchange(&STOP_FRAME, &STOP_FRAME).pass(5_000).is_right();
+    running().pass(3_100).exchange(&STOP_FRAME, &STOP_FRAME).pass(5_000).holds();
     running().pass(1_000).sends(&STOP_FRAME, &STOP_FRAME).violates("O1");
     let mut trace = running();
     trace.checker.ended(trace.now);
@@ -209,13 +209,13 @@ fn o11_a_lost_commander_is_acted_for_in_time() {
 fn o13_what_is_old_is_not_served() {
     let shown = |millis| {
         let trace = Trace::new().exchange(&READ, &REPLY).pass(millis).asks(1, 101, &[3, 0, 4, 0, 1]);
-        trace.is_told(1, 101, &[3, 2, 0x0B, 0xB8])
+        trace.told(1, 101, &[3, 2, 0x0B, 0xB8])
     };
-    shown(1_400).is_right();
+    shown(1_400).holds();
     shown(1_600).violates("O13");
-    let absent = Trace::new().asks(1, 101, &[3, 0, 4, 0, 1]).is_told(1, 101, &[3, 2, 0xFF, 0xFF]);
-    absent.is_right();
-    Trace::new().asks(1, 101, &[3, 0, 4, 0, 1]).is_told(1, 101, &[3, 2, 0, 1]).violates("O13");
+    let absent = Trace::new().asks(1, 101, &[3, 0, 4, 0, 1]).told(1, 101, &[3, 2, 0xFF, 0xFF]);
+    absent.holds();
+    Trace::new().asks(1, 101, &[3, 0, 4, 0, 1]).told(1, 101, &[3, 2, 0, 1]).violates("O13");
 }
 
 #[test]

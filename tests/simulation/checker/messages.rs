@@ -1,8 +1,9 @@
 //! The side of the broker: what comes as a command and what is told of it. Topics and payloads are read here anew.
 
 use super::Checker;
+use super::book::Wish;
 use super::log::What;
-use super::orders::{DEADLINE, Wish};
+use super::orders::DEADLINE;
 use super::tables::Run;
 
 /// After a stop a plain RUN counts only behind this time.

@@ -5,13 +5,16 @@
 //! | --- | --- |
 //! | `wire` | exchanges; O5, O6 |
 //! | `clients` | requests of clients and their answers; O3, O7 |
-//! | `orders` | what may be written and why; O1, O2, O4, O8 |
+//! | `orders` | what is ordered and what is told of it; O4, O8 |
+//! | `written` | what is written and why; O1, O2 |
+//! | `book` | what is known of one drive |
 //! | `messages` | commands and results over MQTT |
 //! | `picture` | what is served from memory; O13 |
 //! | `lease` | stops that have to leave, commanders that fall silent; L1, O11 |
 //! | `tables` | numbers typed from the vendors' manuals |
 //! | `crc`, `log` | the check of frames; the last events, for people |
 
+pub mod book;
 pub mod clients;
 pub mod crc;
 mod lease;
@@ -21,11 +24,13 @@ pub mod orders;
 mod picture;
 pub mod tables;
 pub mod wire;
+mod written;
 
+use book::Book;
 use clients::Client;
 use log::{Log, What};
 use messages::Messages;
-use orders::Book;
+
 use tables::Line;
 use wire::Wire;
 

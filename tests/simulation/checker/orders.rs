@@ -1,8 +1,9 @@
-//! What is ordered of drives: O1, O2, O4 and O8. A book for each drive says what may stand on the wire and why.
+//! What is ordered of drives and what is told of it: O4 and O8. A book for each drive says what may be written.
 
 use super::Checker;
+use super::book::{Order, Stop, Wish};
 use super::clients::Ask;
-use super::tables::{Action, Facts, Run};
+use super::tables::{Facts, Run};
 use super::wire::{Exchange, Truth};
 
 /// A command without a deadline of its own leaves within this time or never.
@@ -11,92 +12,8 @@ pub const DEADLINE: u64 = 1_000_000_000;
 const ORDERS: usize = 48;
 /// After so long nothing of an order can follow.
 const FORGOTTEN: u64 = 60_000_000_000;
-/// A stop that the drive has answered this often since anybody asked for one goes no more: an echo may be in doubt.
-const REPEATS: u32 = 5;
-/// Within this time a reset that has begun is over.
-const RESET_TAKES: u64 = 10_000_000_000;
 /// How long after a stop its frame may be one more of the same.
 const REPEATED_FOR: u64 = 30_000_000_000;
-
-/// What one request orders.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Wish {
-    pub run: Option<Run>,
-    /// In 0.01 Hz.
-    pub setpoint: Option<u16>,
-    /// A listed register with its word.
-    pub register: Option<(u16, u16)>,
-}
-
-/// One order.
-#[derive(Clone, Copy, Debug)]
-pub struct Order {
-    pub number: u64,
-    pub wish: Wish,
-    pub at: u64,
-    /// Its first frame leaves before this moment or never.
-    pub before: u64,
-    /// Frames of it so far, and how many of them the drive took.
-    pub sent: u32,
-    pub taken: u32,
-    has_run: bool,
-    has_setpoint: bool,
-    has_register: bool,
-    /// Words of a reset that went out.
-    reset_step: usize,
-    /// A stop came after it, or was pending when it came.
-    pub is_void: bool,
-    is_over: bool,
-    /// It came over MQTT.
-    pub is_message: bool,
-}
-
-/// The stop of a drive.
-#[derive(Clone, Copy, Debug, Default)]
-struct Stop {
-    /// It was accepted, or the declared action began, and no effect was shown.
-    is_pending: bool,
-    was_accepted_at: Option<u64>,
-    is_coast: bool,
-    /// The drive took it, in an exchange that was heard.
-    echoed: bool,
-    last_output: Option<u16>,
-    zeros: u32,
-}
-
-/// What is known of one drive.
-#[derive(Debug, Default)]
-pub struct Book {
-    orders: Vec<Order>,
-    stop: Stop,
-    /// Stops that came at this very moment and may turn out to change nothing.
-    fresh: Vec<(u64, u64, bool)>,
-    /// What the drive took last.
-    run_taken: Option<Run>,
-    setpoint_taken: Option<u16>,
-    /// The last order of which a frame went out came at this moment.
-    pub moved_at: Option<u64>,
-    /// Anybody's last sign of life.
-    pub sign_at: u64,
-    /// The drive took RUN, and was not seen at rest since.
-    pub is_running: bool,
-    pub zeros: u32,
-    /// When anybody's stop came last, whether a stop or a coast ever came, and how often one was answered since.
-    last_stop_at: u64,
-    asked: [bool; 2],
-    echoes: u32,
-    /// A stop came that perhaps changed nothing.
-    may_stop: Option<(u64, u64)>,
-    pub is_ending: bool,
-    /// The last order of which a frame went out came over MQTT.
-    pub is_of_mqtt: bool,
-    /// When the last stop came that was a new one, and until when its frame must have left.
-    pub stopped_at: Option<u64>,
-    pub stop_due: Option<u64>,
-    /// True readings of the output frequency with their moments, newest last.
-    pub readings: [(u16, u64); 24],
-    pub reading: usize,
-}
 
 /// The wish in a write to a drive's own registers.
 pub fn of_native(facts: &Facts, pdu: &[u8]) -> Option<Wish> {
@@ -251,7 +168,6 @@ impl Checker {
                 was_accepted_at: Some(at),
                 is_coast,
                 last_output: book.stop.last_output,
-                ..Stop::default()
             };
             // What came after it and moves nothing goes on, and whether it came after is not always known.
             book.orders.iter_mut().for_each(|it| it.is_void |= it.wish.register.is_none());
@@ -271,139 +187,6 @@ impl Checker {
             let (_, at, _) = book.fresh.remove(place);
             book.may_stop.get_or_insert((number, at));
         }
-    }
-
-    /// A write of ours went out.
-    pub(super) fn written(&mut self, exchange: &Exchange) {
-        let Some(drive) = self.line.drives.iter().position(|it| it.station == exchange.station) else { return };
-        self.counts.writes += 1;
-        self.settle_stops(drive);
-        let facts = self.line.drives[drive].kind.facts();
-        let is_taken = matches!(exchange.truth, Truth::Holds(word) if word == exchange.values[0]);
-        for place in 0..exchange.count {
-            let (address, value) = (exchange.address.wrapping_add(place), exchange.values[usize::from(place)]);
-            let is_explained = if address == facts.run {
-                match facts.run_of(value) {
-                    Some(run @ (Run::Forward | Run::Reverse)) => {
-                        self.explain(exchange.at, drive, is_taken, run_part(run))
-                    }
-                    Some(Run::Stop | Run::Coast) => {
-                        let is_explained = self.explain_stop(exchange, drive, value, is_taken);
-                        self.books[drive].stop_due = None;
-                        is_explained
-                    }
-                    Some(Run::Reset) => self.explain_reset(drive, exchange.at, value, is_taken),
-                    None => false,
-                }
-            } else if address == facts.setpoint {
-                let is_explained = self.explain(exchange.at, drive, is_taken, setpoint_part(value));
-                if is_taken {
-                    self.books[drive].setpoint_taken = Some(value);
-                }
-                is_explained
-            } else {
-                self.explain(exchange.at, drive, is_taken, register_part(address, value))
-            };
-            if !is_explained {
-                let rule = if self.books[drive].stop.is_pending { "O2" } else { "O1" };
-                let text = format!(
-                    "{value:04X} to {address:04X} of drive {drive} belongs to no order: {:?}",
-                    self.books[drive]
-                );
-                self.object(rule, || text);
-            }
-        }
-    }
-
-    /// Finds the order that a written part belongs to.
-    fn explain(&mut self, at: u64, drive: usize, is_taken: bool, mut part: impl FnMut(&mut Order) -> bool) -> bool {
-        let book = &mut self.books[drive];
-        let is_fit = |it: &Order| !it.is_void && !it.is_over && (it.sent > 0 || at < it.before);
-        let Some(place) = book.orders.iter_mut().position(|it| is_fit(it) && part(it)) else { return false };
-        let order = &mut book.orders[place];
-        order.sent += 1;
-        order.taken += u32::from(is_taken);
-        book.is_of_mqtt = order.is_message;
-        let (moved_at, run) = (order.at, order.wish.run.filter(|_| order.has_run));
-        book.moved_at = book.moved_at.max(Some(moved_at));
-        if let Some(run) = run
-            && is_taken
-        {
-            (book.run_taken, book.is_running, book.zeros) = (Some(run), true, 0);
-        }
-        true
-    }
-
-    fn explain_reset(&mut self, drive: usize, at: u64, value: u16, is_taken: bool) -> bool {
-        let words = self.line.drives[drive].kind.facts().reset;
-        let book = &mut self.books[drive];
-        let is_next =
-            |it: &Order| it.wish.run == Some(Run::Reset) && !it.is_over && words.get(it.reset_step) == Some(&value);
-        let is_fit = |it: &Order| it.sent > 0 || (!it.is_void && at < it.before);
-        // One that has begun goes on; else it is the oldest that waits.
-        let begun =
-            book.orders.iter().rposition(|it| it.sent > 0 && !it.is_void && is_next(it) && at < it.at + RESET_TAKES);
-        let place = begun.or_else(|| book.orders.iter().position(|it| is_next(it) && is_fit(it)));
-        let Some(order) = place.and_then(|place| book.orders.get_mut(place)) else { return false };
-        order.reset_step += 1;
-        order.sent += 1;
-        order.taken += u32::from(is_taken);
-        book.is_running = false;
-        true
-    }
-
-    fn explain_stop(&mut self, exchange: &Exchange, drive: usize, value: u16, is_taken: bool) -> bool {
-        let it = self.line.drives[drive];
-        let facts = it.kind.facts();
-        let is_coast = facts.run_of(value) == Some(Run::Coast);
-        let action = if is_coast { Action::Coast } else { Action::Stop };
-        let book = &mut self.books[drive];
-        book.is_running = false;
-        if is_taken {
-            book.run_taken = facts.run_of(value);
-        }
-        if !is_coast
-            && (self.explain_reset(drive, exchange.at, value, is_taken)
-                || self.repeats_end_of_reset(drive, exchange.at, value))
-        {
-            return true;
-        }
-        let book = &mut self.books[drive];
-        if book.stop.is_pending && book.stop.is_coast == is_coast {
-            return true;
-        }
-        if let Some((number, at)) = book.may_stop.filter(|(_, at)| Some(*at) > book.stop.was_accepted_at) {
-            book.may_stop = None;
-            book.fresh.push((number, at, is_coast));
-            self.settle_stops(drive);
-            return true;
-        }
-        // An order that was accepted and never sent has taken the lease as well.
-        let waited =
-            book.orders.iter().filter(|it| it.wish.run.is_some() || it.wish.setpoint.is_some()).map(|it| it.at);
-        let is_over = |ordered: u64| exchange.at >= ordered + it.lost_after;
-        let is_lost = it.on_lost == action && book.moved_at.into_iter().chain(waited).any(is_over);
-        let is_ending = book.is_ending && it.on_shutdown == action;
-        let has_moved = book.moved_at > book.stop.was_accepted_at;
-        if (is_lost && has_moved) || is_ending {
-            book.fresh.push((u64::MAX, exchange.at, is_coast));
-            self.settle_stops(drive);
-            return true;
-        }
-        // Until it is answered as it should be, and that is in no doubt, it goes on at its rate.
-        is_lost || (book.asked[usize::from(is_coast)] && book.echoes <= REPEATS)
-    }
-
-    /// The stop that ends a reset goes up to four times.
-    fn repeats_end_of_reset(&mut self, drive: usize, at: u64, value: u16) -> bool {
-        let words = self.line.drives[drive].kind.facts().reset;
-        let book = &mut self.books[drive];
-        let is_last = |it: &&mut Order| {
-            it.wish.run == Some(Run::Reset) && it.reset_step == words.len() && at < it.at + RESET_TAKES
-        };
-        let Some(order) = book.orders.iter_mut().rev().find(is_last) else { return false };
-        order.sent += 1;
-        words.last() == Some(&value) && order.sent as usize <= words.len() + 3
     }
 
     /// A request that may have ordered something is answered with an exception.
@@ -501,66 +284,5 @@ impl Checker {
             }
             _ => {}
         }
-    }
-}
-
-impl Book {
-    /// A stop may be in force already: the drive took one, and no order to run could still be sent. What came at this
-    /// very moment may have been refused, which is not known before the end of the moment.
-    fn may_be_stopped(&self, at: u64) -> bool {
-        let may_come = |it: &Order| if it.sent > 0 { !it.has_run } else { at < it.before };
-        let starts = |it: &Order| matches!(it.wish.run, Some(Run::Forward | Run::Reverse));
-        let is_open = |it: &Order| !it.is_over && !it.is_void && starts(it) && it.at < at;
-        let is_ordered = self.orders.iter().any(|it| is_open(it) && may_come(it));
-        let is_stopped = !matches!(self.run_taken, Some(Run::Forward | Run::Reverse)) || self.zeros >= 2;
-        !self.stop.is_pending && is_stopped && !is_ordered
-    }
-
-    fn shows_output(&mut self, at: u64, output: u16) {
-        self.readings[self.reading % 24] = (output, at);
-        self.reading += 1;
-        self.zeros = if output == 0 { self.zeros + 1 } else { 0 };
-        self.is_running &= self.zeros < 2;
-        let stop = &mut self.stop;
-        stop.zeros = if output == 0 { stop.zeros + 1 } else { 0 };
-        let falls = stop.last_output.is_some_and(|last| output < last);
-        stop.last_output = Some(output);
-        if stop.zeros >= 2 {
-            // A drive that was out of sight is read first, and at standstill there is nothing to stop.
-            self.stop_due = None;
-        }
-        if stop.zeros >= 2 || (stop.echoed && (output == 0 || falls)) {
-            stop.is_pending = false;
-        }
-    }
-
-    fn shows_status(&mut self, is_running: bool) {
-        if !is_running && self.stop.echoed {
-            self.stop.is_pending = false;
-        }
-    }
-}
-
-fn run_part(run: Run) -> impl FnMut(&mut Order) -> bool {
-    move |it| {
-        let is_it = it.wish.run == Some(run) && !it.has_run;
-        it.has_run |= is_it;
-        is_it
-    }
-}
-
-fn setpoint_part(value: u16) -> impl FnMut(&mut Order) -> bool {
-    move |it| {
-        let is_it = it.wish.setpoint == Some(value) && !it.has_setpoint;
-        it.has_setpoint |= is_it;
-        is_it
-    }
-}
-
-fn register_part(address: u16, value: u16) -> impl FnMut(&mut Order) -> bool {
-    move |it| {
-        let is_it = it.wish.register == Some((address, value)) && !it.has_register;
-        it.has_register |= is_it;
-        is_it
     }
 }

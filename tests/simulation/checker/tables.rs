@@ -21,6 +21,9 @@ pub enum Run {
     Reset,
 }
 
+/// Whether a status word means running.
+type IsRunning = fn(u16) -> bool;
+
 /// What a manual says of a kind of drive.
 #[derive(Debug)]
 pub struct Facts {
@@ -35,15 +38,15 @@ pub struct Facts {
     pub setpoint: u16,
     /// The output frequency in 0.01 Hz.
     pub output: u16,
-    /// The status word, the bits that count, and whether masked words mean running.
-    pub status: Option<(u16, fn(u16) -> bool)>,
+    /// The status word, and what in it means running.
+    pub status: Option<(u16, IsRunning)>,
     /// The words that reset, in their order.
     pub reset: &'static [u16],
     /// Most words in one read.
     pub most_words: u16,
     /// A register that is written between others, where the configuration lists it.
     pub listed: u16,
-    /// A range that is read by clients.
+    /// A range that clients read: first register and most words.
     pub readable: (u16, u16),
 }
 

@@ -1,0 +1,120 @@
+//! What is known of one drive: its orders, its stop, what it took and what it showed.
+
+use super::tables::Run;
+
+/// What one request orders.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Wish {
+    pub run: Option<Run>,
+    /// In 0.01 Hz.
+    pub setpoint: Option<u16>,
+    /// A listed register with its word.
+    pub register: Option<(u16, u16)>,
+}
+
+/// One order.
+#[derive(Clone, Copy, Debug)]
+pub struct Order {
+    pub number: u64,
+    pub wish: Wish,
+    pub at: u64,
+    /// Its first frame leaves before this moment or never.
+    pub before: u64,
+    /// Frames of it so far, and how many of them the drive took.
+    pub sent: u32,
+    pub taken: u32,
+    pub has_run: bool,
+    pub has_setpoint: bool,
+    pub has_register: bool,
+    /// Words of a reset that went out.
+    pub reset_step: usize,
+    /// A stop came after it, or was pending when it came.
+    pub is_void: bool,
+    pub is_over: bool,
+    /// It came over MQTT.
+    pub is_message: bool,
+}
+
+/// The stop of a drive.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Stop {
+    /// It was accepted, or the declared action began, and no effect was shown.
+    pub is_pending: bool,
+    pub was_accepted_at: Option<u64>,
+    pub is_coast: bool,
+    /// The drive took it, in an exchange that was heard.
+    pub echoed: bool,
+    pub last_output: Option<u16>,
+    pub zeros: u32,
+}
+
+/// What is known of one drive.
+#[derive(Debug, Default)]
+pub struct Book {
+    pub orders: Vec<Order>,
+    pub stop: Stop,
+    /// Stops that came at this very moment and may turn out to change nothing.
+    pub fresh: Vec<(u64, u64, bool)>,
+    /// What the drive took last.
+    pub run_taken: Option<Run>,
+    pub setpoint_taken: Option<u16>,
+    /// The last order of which a frame went out came at this moment.
+    pub moved_at: Option<u64>,
+    /// Anybody's last sign of life.
+    pub sign_at: u64,
+    /// The drive took RUN, and was not seen at rest since.
+    pub is_running: bool,
+    pub zeros: u32,
+    /// When anybody's stop came last, whether a stop or a coast ever came, and how often one was answered since.
+    pub last_stop_at: u64,
+    pub asked: [bool; 2],
+    pub echoes: u32,
+    /// A stop came that perhaps changed nothing.
+    pub may_stop: Option<(u64, u64)>,
+    pub is_ending: bool,
+    /// The last order of which a frame went out came over MQTT.
+    pub is_of_mqtt: bool,
+    /// When the last stop came that was a new one, and until when its frame must have left.
+    pub stopped_at: Option<u64>,
+    pub stop_due: Option<u64>,
+    /// True readings of the output frequency with their moments, newest last.
+    pub readings: [(u16, u64); 24],
+    pub reading: usize,
+}
+
+impl Book {
+    /// A stop may be in force already: the drive took one, and no order to run could still be sent. What came at this
+    /// very moment may have been refused, which is not known before the end of the moment.
+    pub fn may_be_stopped(&self, at: u64) -> bool {
+        let may_come = |it: &Order| if it.sent > 0 { !it.has_run } else { at < it.before };
+        let starts = |it: &Order| matches!(it.wish.run, Some(Run::Forward | Run::Reverse));
+        let is_open = |it: &Order| !it.is_over && !it.is_void && starts(it) && it.at < at;
+        let is_ordered = self.orders.iter().any(|it| is_open(it) && may_come(it));
+        let is_stopped = !matches!(self.run_taken, Some(Run::Forward | Run::Reverse)) || self.zeros >= 2;
+        !self.stop.is_pending && is_stopped && !is_ordered
+    }
+
+    pub fn shows_output(&mut self, at: u64, output: u16) {
+        self.readings[self.reading % 24] = (output, at);
+        self.reading += 1;
+        self.zeros = if output == 0 { self.zeros + 1 } else { 0 };
+        self.is_running &= self.zeros < 2;
+        let stop = &mut self.stop;
+        stop.zeros = if output == 0 { stop.zeros + 1 } else { 0 };
+        let falls = stop.last_output.is_some_and(|last| output < last);
+        stop.last_output = Some(output);
+        if stop.zeros >= 2 {
+            // A drive that was out of sight is read first, and at standstill there is nothing to stop.
+            self.stop_due = None;
+        }
+        if stop.zeros >= 2 || (stop.echoed && (output == 0 || falls)) {
+            stop.is_pending = false;
+        }
+    }
+
+    pub fn shows_status(&mut self, is_running: bool) {
+        if !is_running && self.stop.echoed {
+            self.stop.is_pending = false;
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! What is written and why: O1 and O2. Each word belongs to one order, to a stop, or to a declared action.
+
+use super::Checker;
+use super::book::Order;
+use super::tables::{Action, Run};
+use super::wire::{Exchange, Truth};
+
+/// A stop that the drive has answered this often since anybody asked for one goes no more: an echo may be in doubt.
+const REPEATS: u32 = 5;
+/// Within this time a reset that has begun is over.
+const RESET_TAKES: u64 = 10_000_000_000;
+
+impl Checker {
+    /// A write of ours went out.
+    pub(super) fn written(&mut self, exchange: &Exchange) {
+        let Some(drive) = self.line.drives.iter().position(|it| it.station == exchange.station) else { return };
+        self.counts.writes += 1;
+        self.settle_stops(drive);
+        let facts = self.line.drives[drive].kind.facts();
+        let is_taken = matches!(exchange.truth, Truth::Holds(word) if word == exchange.values[0]);
+        for place in 0..exchange.count {
+            let (address, value) = (exchange.address.wrapping_add(place), exchange.values[usize::from(place)]);
+            let is_explained = if address == facts.run {
+                match facts.run_of(value) {
+                    Some(run @ (Run::Forward | Run::Reverse)) => {
+                        self.explain(exchange.at, drive, is_taken, run_part(run))
+                    }
+                    Some(Run::Stop | Run::Coast) => {
+                        let is_explained = self.explain_stop(exchange, drive, value, is_taken);
+                        self.books[drive].stop_due = None;
+                        is_explained
+                    }
+                    Some(Run::Reset) => self.explain_reset(drive, exchange.at, value, is_taken),
+                    None => false,
+                }
+            } else if address == facts.setpoint {
+                let is_explained = self.explain(exchange.at, drive, is_taken, setpoint_part(value));
+                if is_taken {
+                    self.books[drive].setpoint_taken = Some(value);
+                }
+                is_explained
+            } else {
+                self.explain(exchange.at, drive, is_taken, register_part(address, value))
+            };
+            if !is_explained {
+                let rule = if self.books[drive].stop.is_pending { "O2" } else { "O1" };
+                let text = format!(
+                    "{value:04X} to {address:04X} of drive {drive} belongs to no order: {:?}",
+                    self.books[drive]
+                );
+                self.object(rule, || text);
+            }
+        }
+    }
+
+    /// Finds the order that a written part belongs to.
+    fn explain(&mut self, at: u64, drive: usize, is_taken: bool, mut part: impl FnMut(&mut Order) -> bool) -> bool {
+        let book = &mut self.books[drive];
+        let is_fit = |it: &Order| !it.is_void && !it.is_over && (it.sent > 0 || at < it.before);
+        let Some(place) = book.orders.iter_mut().position(|it| is_fit(it) && part(it)) else { return false };
+        let order = &mut book.orders[place];
+        order.sent += 1;
+        order.taken += u32::from(is_taken);
+        book.is_of_mqtt = order.is_message;
+        let (moved_at, run) = (order.at, order.wish.run.filter(|_| order.has_run));
+        book.moved_at = book.moved_at.max(Some(moved_at));
+        if let Some(run) = run
+            && is_taken
+        {
+            (book.run_taken, book.is_running, book.zeros) = (Some(run), true, 0);
+        }
+        true
+    }
+
+    fn explain_reset(&mut self, drive: usize, at: u64, value: u16, is_taken: bool) -> bool {
+        let words = self.line.drives[drive].kind.facts().reset;
+        let book = &mut self.books[drive];
+        let is_next =
+            |it: &Order| it.wish.run == Some(Run::Reset) && !it.is_over && words.get(it.reset_step) == Some(&value);
+        let is_fit = |it: &Order| it.sent == 0 && !it.is_void && at < it.before;
+        // One that has begun goes on; else it is the oldest that waits.
+        let begun =
+            book.orders.iter().rposition(|it| it.sent > 0 && !it.is_void && is_next(it) && at < it.at + RESET_TAKES);
+        let place = begun.or_else(|| book.orders.iter().position(|it| is_next(it) && is_fit(it)));
+        let Some(order) = place.and_then(|place| book.orders.get_mut(place)) else { return false };
+        order.reset_step += 1;
+        order.sent += 1;
+        order.taken += u32::from(is_taken);
+        book.is_running = false;
+        true
+    }
+
+    fn explain_stop(&mut self, exchange: &Exchange, drive: usize, value: u16, is_taken: bool) -> bool {
+        let it = self.line.drives[drive];
+        let facts = it.kind.facts();
+        let is_coast = facts.run_of(value) == Some(Run::Coast);
+        let action = if is_coast { Action::Coast } else { Action::Stop };
+        let book = &mut self.books[drive];
+        book.is_running = false;
+        if is_taken {
+            book.run_taken = facts.run_of(value);
+        }
+        if !is_coast
+            && (self.explain_reset(drive, exchange.at, value, is_taken)
+                || self.repeats_end_of_reset(drive, exchange.at, value))
+        {
+            return true;
+        }
+        let book = &mut self.books[drive];
+        if book.stop.is_pending && book.stop.is_coast == is_coast {
+            return true;
+        }
+        if let Some((number, at)) = book.may_stop.filter(|(_, at)| Some(*at) > book.stop.was_accepted_at) {
+            book.may_stop = None;
+            book.fresh.push((number, at, is_coast));
+            self.settle_stops(drive);
+            return true;
+        }
+        // An order that was accepted and never sent has taken the lease as well.
+        let waited =
+            book.orders.iter().filter(|it| it.wish.run.is_some() || it.wish.setpoint.is_some()).map(|it| it.at);
+        let is_over = |ordered: u64| exchange.at >= ordered + it.lost_after;
+        let is_lost = it.on_lost == action && book.moved_at.into_iter().chain(waited).any(is_over);
+        let is_ending = book.is_ending && it.on_shutdown == action;
+        let has_moved = book.moved_at > book.stop.was_accepted_at;
+        if (is_lost && has_moved) || is_ending {
+            book.fresh.push((u64::MAX, exchange.at, is_coast));
+            self.settle_stops(drive);
+            return true;
+        }
+        // Until it is answered as it should be, and that is in no doubt, it goes on at its rate.
+        is_lost || (book.asked[usize::from(is_coast)] && book.echoes <= REPEATS)
+    }
+
+    /// The stop that ends a reset goes up to four times.
+    fn repeats_end_of_reset(&mut self, drive: usize, at: u64, value: u16) -> bool {
+        let words = self.line.drives[drive].kind.facts().reset;
+        let book = &mut self.books[drive];
+        let is_last = |it: &&mut Order| {
+            it.wish.run == Some(Run::Reset) && it.reset_step == words.len() && at < it.at + RESET_TAKES
+        };
+        let Some(order) = book.orders.iter_mut().rev().find(is_last) else { return false };
+        order.sent += 1;
+        words.last() == Some(&value) && order.sent as usize <= words.len() + 3
+    }
+}
+
+fn run_part(run: Run) -> impl FnMut(&mut Order) -> bool {
+    move |it| {
+        let is_it = it.wish.run == Some(run) && !it.has_run;
+        it.has_run |= is_it;
+        is_it
+    }
+}
+
+fn setpoint_part(value: u16) -> impl FnMut(&mut Order) -> bool {
+    move |it| {
+        let is_it = it.wish.setpoint == Some(value) && !it.has_setpoint;
+        it.has_setpoint |= is_it;
+        is_it
+    }
+}
+
+fn register_part(address: u16, value: u16) -> impl FnMut(&mut Order) -> bool {
+    move |it| {
+        let is_it = it.wish.register == Some((address, value)) && !it.has_register;
+        it.has_register |= is_it;
+        is_it
+    }
+}
