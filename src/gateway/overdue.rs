@@ -37,11 +37,12 @@ impl LineCore {
     }
 
     /// How long after the end of `request` nobody who needs a stop has to wait any more, if nothing was heard: every
-    /// reply that was seen had begun by then. Nothing while too few were.
+    /// reply that was seen would have come by then, also where an adapter hands it over only as a whole. Nothing while
+    /// too few were seen.
     pub(super) fn patience(&self, drive: DriveIndex, request: &Request) -> Option<Duration> {
-        let class = Class::of(request, &self.setup.drives[drive.get()].model);
-        let worst = self.measured.reply_times(drive).worst(class)?;
-        Some(worst + self.setup.timing.silence)
+        let setup = &self.setup.drives[drive.get()];
+        let worst = self.measured.reply_times(drive).worst(Class::of(request, &setup.model))?;
+        Some(worst + setup.reply_time(request, &self.setup.timing).0 + self.setup.timing.silence)
     }
 
     /// Until when the reply to an exchange that has ended at `now` may still come. The lateness is declared against the

@@ -48,6 +48,8 @@ pub struct Facts {
     pub listed: u16,
     /// A range that clients read: first register and most words.
     pub readable: (u16, u16),
+    /// The station that all hear and nobody answers.
+    pub broadcast: Option<u8>,
 }
 
 const N700: Facts = Facts {
@@ -62,6 +64,7 @@ const N700: Facts = Facts {
     most_words: 8,
     listed: 0x020C,
     readable: (0x0201, 2),
+    broadcast: Some(0xFF),
 };
 
 const E510: Facts = Facts {
@@ -76,6 +79,7 @@ const E510: Facts = Facts {
     most_words: 37,
     listed: 0x000E,
     readable: (0x2523, 5),
+    broadcast: None,
 };
 
 const FR500A: Facts = Facts {
@@ -90,6 +94,7 @@ const FR500A: Facts = Facts {
     most_words: 8,
     listed: 0x0300,
     readable: (0x3000, 6),
+    broadcast: Some(0),
 };
 
 impl Kind {
@@ -157,6 +162,14 @@ impl Line {
         let tenths = self.drives.iter().map(|drive| drive.kind.facts().gap_tenths).max().unwrap_or(35);
         let characters = (tenths * self.char_bits * 1_000_000_000 / (10 * self.baud)).max(pause);
         if self.baud > 19_200 { characters.max(1_750_000) } else { characters }
+    }
+
+    /// The station that stops all drives, where they are of one kind and each is under control.
+    pub fn broadcast(&self) -> Option<u8> {
+        let (first, others) = self.drives.split_first()?;
+        let are_alike = others.iter().all(|it| it.kind == first.kind) && !others.is_empty();
+        let may_be = are_alike && self.drives.iter().all(|it| it.has_control);
+        first.kind.facts().broadcast.filter(|_| may_be)
     }
 
     /// Time of `bytes` characters.

@@ -3,6 +3,7 @@
 use super::Checker;
 use super::crc;
 use super::log::What;
+use super::tables::Run;
 
 /// Exchanges that are kept.
 const KEPT: usize = 256;
@@ -10,6 +11,10 @@ const KEPT: usize = 256;
 pub const WORDS: usize = 40;
 /// Most bytes that are kept of what was heard since the last frame.
 const HEARD: usize = 600;
+/// How long the drives are left alone after a frame to all of them.
+const TURNAROUND: u64 = 100_000_000;
+/// Replies of a drive of which the slowest says how long a stop for another may have to wait for it.
+const REPLIES: usize = 64;
 /// The shortest wait for a reply that the gateway may have: that for a drive known to be silent.
 const PROBE: u64 = 100_000_000;
 
@@ -58,6 +63,10 @@ pub struct Wire {
     quiet_from: u64,
     heard: Vec<u8>,
     truth: Vec<u8>,
+    /// The drives are left alone until then.
+    held_until: u64,
+    /// How long the newest replies took to begin, for each station; and how many there were.
+    replies: Vec<(u8, [u64; REPLIES], usize)>,
     /// The exchange that was sent last still waits.
     is_open: bool,
     is_up: bool,
@@ -75,6 +84,8 @@ impl Wire {
             quiet_from: 0,
             heard: Vec::with_capacity(HEARD),
             truth: Vec::with_capacity(300),
+            held_until: 0,
+            replies: Vec::with_capacity(8),
             is_open: false,
             is_up: false,
             noise_at: 0,
@@ -100,6 +111,23 @@ impl Wire {
     pub fn back(&self, back: usize) -> Option<&Exchange> {
         let number = (self.count as usize).checked_sub(back + 1)?;
         if back >= KEPT { None } else { self.exchanges.get(number % KEPT) }
+    }
+
+    /// A reply of `station` began `after` the end of the request.
+    fn replied(&mut self, station: u8, after: u64) {
+        match self.replies.iter_mut().find(|it| it.0 == station) {
+            Some((_, times, count)) => {
+                times[*count % REPLIES] = after;
+                *count += 1;
+            }
+            None => self.replies.push((station, [after; REPLIES], 1)),
+        }
+    }
+
+    /// The slowest of the newest replies of `station`; nothing while there were few.
+    fn slowest_reply(&self, station: u8) -> Option<u64> {
+        let (_, times, count) = self.replies.iter().find(|it| it.0 == station)?;
+        if *count < REPLIES { None } else { times.iter().max().copied() }
     }
 
     fn newest_mut(&mut self) -> Option<&mut Exchange> {
@@ -141,8 +169,14 @@ impl Checker {
             let asked = self.wire.silence;
             self.object("O5", || format!("{gap} ns of silence before a frame, {asked} are asked for"));
         }
+        if at < self.wire.held_until {
+            self.object("O5", || "the drives are not left alone after a frame to all of them".to_owned());
+        }
         self.wire.shortest_excess = self.wire.shortest_excess.min(gap.wrapping_sub(self.wire.silence));
-        self.may_open(at);
+        self.may_open(at, frame);
+        if Some(frame[0]) == self.line.broadcast() {
+            return self.to_all(at, frame);
+        }
         let Some(mut exchange) = self.read_frame(at, frame) else {
             return self.object("O1", || format!("no sound frame: {frame:02X?}"));
         };
@@ -158,12 +192,49 @@ impl Checker {
         }
     }
 
-    /// O6: the exchange before must be over: answered, damaged with silence behind it, or waited for.
-    fn may_open(&mut self, at: u64) {
+    /// A frame that stops all drives: each must have a stop to wait for, and none answers.
+    fn to_all(&mut self, at: u64, frame: &[u8]) {
+        self.wire.is_open = false;
+        let end = at + self.line.on_wire(frame.len());
+        self.wire.quiet_from = end;
+        self.wire.held_until = end + TURNAROUND;
+        self.wire.heard.clear();
+        for drive in self.line.drives.clone() {
+            let own = [&[drive.station], &frame[1..frame.len() - 2]].concat();
+            let sound = [own.as_slice(), &crc::of(&own).to_le_bytes()].concat();
+            match self.read_frame(at, &sound) {
+                Some(exchange) if self.is_stop(&sound) => self.written(&exchange),
+                _ => self.object("O1", || format!("not for all: {frame:02X?}")),
+            }
+        }
+    }
+
+    /// Whether `frame` is a stop, whomever it is for.
+    fn is_stop(&self, frame: &[u8]) -> bool {
+        let word = |at: usize| u16::from_be_bytes([frame[at], frame[at + 1]]);
+        frame.len() == 8
+            && frame[1] == 6
+            && self
+                .line
+                .drives
+                .iter()
+                .map(|drive| drive.kind.facts())
+                .any(|facts| word(2) == facts.run && matches!(facts.run_of(word(4)), Some(Run::Stop | Run::Coast)))
+    }
+
+    /// O6: the exchange before must be over: answered, damaged with silence behind it, or waited for. A stop for another
+    /// drive waits only until the slowest reply would have come.
+    fn may_open(&mut self, at: u64, frame: &[u8]) {
         let Some(last) = self.wire.newest().filter(|_| self.wire.is_open) else { return };
         let waited = at.saturating_sub(last.end);
         let is_damaged = !self.wire.heard.is_empty();
         if last.heard_at.is_some() || is_damaged || waited >= last.timeout.min(PROBE) {
+            return;
+        }
+        let is_cut = frame[0] != last.station && self.is_stop(frame);
+        let reply = self.line.on_wire(reply_bytes(last));
+        let slowest = self.wire.slowest_reply(last.station).filter(|_| is_cut);
+        if slowest.is_some_and(|slowest| waited >= slowest + reply) {
             return;
         }
         let station = last.station;
@@ -219,6 +290,10 @@ impl Checker {
             (last.heard_at, last.is_true) = (Some(at), is_true);
         }
         let last = *last_of(&self.wire);
+        if is_true {
+            let reply = self.line.on_wire(self.wire.truth.len());
+            self.wire.replied(last.station, at.saturating_sub(last.end + reply));
+        }
         self.answered(at, &last);
     }
 }
