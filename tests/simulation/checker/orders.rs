@@ -227,7 +227,7 @@ impl Checker {
         let ends_reset = wish.run == Some(Run::Reset);
         // Where a write stayed without an answer, only what the drive shows afterwards counts.
         let shown = self.wire.newest().filter(|it| it.station == self.line.drives[drive].station && it.function == 3);
-        let shown = shown.filter(|it| it.is_true).map(|it| it.words[0]);
+        let shown = shown.filter(|it| it.heard_at.is_some()).map(|it| it.words[0]);
         let is_shown = match (wish.register, wish.setpoint) {
             (Some((_, word)), _) => shown == Some(word),
             (None, Some(word)) if !is_motion => shown == Some(word),
@@ -255,10 +255,6 @@ impl Checker {
     /// A reply was heard.
     pub(super) fn answered(&mut self, at: u64, exchange: &Exchange) {
         let Some(drive) = self.line.drives.iter().position(|it| it.station == exchange.station) else { return };
-        if !exchange.is_true {
-            self.counts.mistakable += 1;
-            return;
-        }
         let facts = self.line.drives[drive].kind.facts();
         self.counts.replies += 1;
         let book = &mut self.books[drive];

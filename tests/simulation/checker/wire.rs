@@ -45,10 +45,8 @@ pub struct Exchange {
     pub values: [u16; 2],
     pub truth: Truth,
     pub words: [u16; WORDS],
-    /// When a sound reply of the right form was heard.
+    /// When the reply was heard that the drive gave in this exchange.
     pub heard_at: Option<u64>,
-    /// That reply was what the drive gave in this exchange.
-    pub is_true: bool,
     /// The wait for the reply, in ns.
     pub timeout: u64,
 }
@@ -70,6 +68,8 @@ pub struct Wire {
     /// The exchange that was sent last still waits.
     is_open: bool,
     is_up: bool,
+    /// Something was heard that looks like the reply to the open exchange and is another one.
+    was_mistakable: bool,
     /// When something was heard last that was no reply as a whole.
     pub noise_at: u64,
     pub shortest_excess: u64,
@@ -88,6 +88,7 @@ impl Wire {
             replies: Vec::with_capacity(8),
             is_open: false,
             is_up: false,
+            was_mistakable: false,
             noise_at: 0,
             shortest_excess: u64::MAX,
         }
@@ -183,6 +184,7 @@ impl Checker {
         (exchange.truth, exchange.words) = truth_of(&exchange, truth);
         self.wire.quiet_from = exchange.end;
         self.wire.heard.clear();
+        self.wire.was_mistakable = false;
         self.wire.truth.clear();
         self.wire.truth.extend_from_slice(truth);
         self.wire.is_open = true;
@@ -227,7 +229,7 @@ impl Checker {
     fn may_open(&mut self, at: u64, frame: &[u8]) {
         let Some(last) = self.wire.newest().filter(|_| self.wire.is_open) else { return };
         let waited = at.saturating_sub(last.end);
-        let is_damaged = !self.wire.heard.is_empty();
+        let is_damaged = !self.wire.heard.is_empty() || self.wire.was_mistakable;
         if last.heard_at.is_some() || is_damaged || waited >= last.timeout.min(PROBE) {
             return;
         }
@@ -266,7 +268,6 @@ impl Checker {
             truth: Truth::Silence,
             words: [0; WORDS],
             heard_at: None,
-            is_true: false,
             timeout: drive.timeout,
         })
     }
@@ -274,27 +275,30 @@ impl Checker {
     /// The gateway was handed `bytes` at `at`.
     pub fn heard(&mut self, at: u64, bytes: &[u8]) {
         self.log.add(at, What::Heard, 0, bytes);
+        self.time(at);
         let wire = &mut self.wire;
         wire.quiet_from = wire.quiet_from.max(at);
         if wire.heard.len() + bytes.len() > HEARD {
             wire.heard.clear();
         }
         wire.heard.extend_from_slice(bytes);
-        let open = wire.newest().filter(|last| wire.is_open && last.heard_at.is_none());
-        let Some(place) = open.and_then(|last| reply_in(last, &wire.heard)) else {
-            wire.noise_at = at;
-            return;
-        };
-        let is_true = wire.heard[place] == wire.truth[..];
-        if let Some(last) = wire.newest_mut() {
-            (last.heard_at, last.is_true) = (Some(at), is_true);
-        }
-        let last = *last_of(&self.wire);
-        if is_true {
+        while let Some(last) = wire.newest().filter(|last| wire.is_open && last.heard_at.is_none()) {
+            let Some(place) = reply_in(last, &wire.heard) else { break };
+            if wire.heard[place.clone()] != wire.truth[..] {
+                // It looks like the reply and is none, so the reply may still come.
+                wire.heard.drain(..place.end);
+                (wire.was_mistakable, self.counts.mistakable) = (true, self.counts.mistakable + 1);
+                continue;
+            }
+            if let Some(last) = wire.newest_mut() {
+                last.heard_at = Some(at);
+            }
+            let last = *last_of(&self.wire);
             let reply = self.line.on_wire(self.wire.truth.len());
             self.wire.replied(last.station, at.saturating_sub(last.end + reply));
+            return self.answered(at, &last);
         }
-        self.answered(at, &last);
+        wire.noise_at = at;
     }
 }
 
