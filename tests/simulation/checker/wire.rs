@@ -11,6 +11,8 @@ const KEPT: usize = 256;
 pub const WORDS: usize = 40;
 /// Most bytes that are kept of what was heard since the last frame.
 const HEARD: usize = 600;
+/// Somebody who has talked for so long without a pause is talked over by a stop.
+const JAMMED: u64 = 500_000_000;
 /// How long the drives are left alone after a frame to all of them.
 const TURNAROUND: u64 = 100_000_000;
 /// Replies of a drive of which the slowest says how long a stop for another may have to wait for it.
@@ -61,6 +63,8 @@ pub struct Wire {
     quiet_from: u64,
     heard: Vec<u8>,
     truth: Vec<u8>,
+    /// Since then something was heard or sent without a silence in between.
+    talks_since: u64,
     /// The drives are left alone until then.
     held_until: u64,
     /// How long the newest replies took to begin, for each station; and how many there were.
@@ -84,6 +88,7 @@ impl Wire {
             quiet_from: 0,
             heard: Vec::with_capacity(HEARD),
             truth: Vec::with_capacity(300),
+            talks_since: 0,
             held_until: 0,
             replies: Vec::with_capacity(8),
             is_open: false,
@@ -166,14 +171,20 @@ impl Checker {
             self.object("O1", || "a frame left while the port was closed".to_owned());
         }
         let gap = at.saturating_sub(self.wire.quiet_from);
-        if gap < self.wire.silence {
+        let is_over_babble = self.is_stop(frame) && at >= self.wire.talks_since + JAMMED;
+        if gap < self.wire.silence && !is_over_babble {
             let asked = self.wire.silence;
             self.object("O5", || format!("{gap} ns of silence before a frame, {asked} are asked for"));
         }
         if at < self.wire.held_until {
             self.object("O5", || "the drives are not left alone after a frame to all of them".to_owned());
         }
-        self.wire.shortest_excess = self.wire.shortest_excess.min(gap.wrapping_sub(self.wire.silence));
+        if gap >= self.wire.silence {
+            self.wire.talks_since = at;
+        }
+        if !is_over_babble {
+            self.wire.shortest_excess = self.wire.shortest_excess.min(gap.wrapping_sub(self.wire.silence));
+        }
         self.may_open(at, frame);
         if Some(frame[0]) == self.line.broadcast() {
             return self.to_all(at, frame);
@@ -277,6 +288,9 @@ impl Checker {
         self.log.add(at, What::Heard, 0, bytes);
         self.time(at);
         let wire = &mut self.wire;
+        if at >= wire.quiet_from + wire.silence {
+            wire.talks_since = at;
+        }
         wire.quiet_from = wire.quiet_from.max(at);
         if wire.heard.len() + bytes.len() > HEARD {
             wire.heard.clear();
