@@ -187,7 +187,7 @@ impl Checker {
         }
         self.may_open(at, frame);
         if Some(frame[0]) == self.line.broadcast() {
-            return self.to_all(at, frame);
+            return self.told_to_all(at, frame);
         }
         let Some(mut exchange) = self.read_frame(at, frame) else {
             return self.object("O1", || format!("no sound frame: {frame:02X?}"));
@@ -206,7 +206,7 @@ impl Checker {
     }
 
     /// A frame that stops all drives: each must have a stop to wait for, and none answers.
-    fn to_all(&mut self, at: u64, frame: &[u8]) {
+    fn told_to_all(&mut self, at: u64, frame: &[u8]) {
         self.wire.is_open = false;
         let end = at + self.line.on_wire(frame.len());
         self.wire.quiet_from = end;
