@@ -55,6 +55,8 @@ pub struct Heard {
 struct Open {
     exchange: Exchange,
     expected: Expected,
+    /// The computed end of our own transmission, where characters take their time.
+    sent_until: MonoTime,
     reply_due: MonoTime,
     /// At this moment the exchange ends whatever is still coming in.
     give_up: MonoTime,
@@ -158,7 +160,8 @@ impl Wire {
         let earliest = if self.is_timed { now + on_wire * 9 / 10 } else { now };
         let is_sure = self.strips_echo || !exchange.request.is_repeated_by_its_reply();
         self.own_echo.await_copy_of(&out[start..], is_sure, earliest);
-        self.open = Some(Open { exchange, expected, reply_due, give_up, exception: None });
+        let sent_until = if self.is_timed { self.quiet_from } else { now };
+        self.open = Some(Open { exchange, expected, sent_until, reply_due, give_up, exception: None });
     }
 
     /// Hands a frame to `station`, which stands for all and answers nothing, to the port at `now`, and appends it to
@@ -305,6 +308,10 @@ impl Wire {
         if station != open.expected.station {
             return (TrafficKind::Foreign(Station(station)), None);
         }
+        if self.last_byte_at < open.sent_until {
+            // Nobody answers what he has not heard yet.
+            return (stray, None);
+        }
         match answer_in(&open.exchange, &pdu) {
             Some(ending) => (TrafficKind::Reply, Some(ending)),
             None => (stray, None),
@@ -413,13 +420,16 @@ mod tests {
     }
 
     #[test]
-    fn a_late_echo_that_overtakes_our_frame_does_not_shorten_the_silence_behind_it() {
+    fn what_overtakes_our_frame_neither_answers_it_nor_shortens_the_silence_behind_it() {
         let stop = Request::WriteSingle { address: 2, value: 0 };
-        let mut wire = sent(exchange(stop, true));
+        let mut wire = wire();
+        wire.port_opened(MonoTime::ZERO, PortKind::Serial);
+        wire.send(SENT, exchange(stop, true), &mut Vec::new());
         let own_end = SENT + Duration::from_nanos(8_333_334);
         let ended = wire.receive(own_end.before(Duration::from_millis(3)), &frame(1, &[6, 0, 2, 0, 0]));
-        assert!(ended.is_some(), "it looks like the answer");
+        assert_eq!(ended, None, "it only looks like the answer");
         assert_eq!(wire.may_send_from(), own_end + Duration::from_nanos(4_687_500));
+        assert!(wire.receive(own_end, &frame(1, &[6, 0, 2, 0, 0])).is_some());
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 /// Events that are kept.
-const KEPT: usize = 600;
+const KEPT: usize = 40;
 /// Bytes of an event that are kept.
 const BYTES: usize = 256;
 
