@@ -22,6 +22,8 @@ pub struct DriveGuard {
     intent: RunIntent,
     /// Whether the drive has acknowledged the intent. Until then an equal order is a new one.
     pub(super) run_acknowledged: bool,
+    /// The drive has taken this order to run, or may have: a later one that fails leaves it in force.
+    taken: Option<Direction>,
     /// The direction that was ordered last, whether or not it is in force: the motor may still turn.
     pub(super) turned: Option<Direction>,
     setpoint: Option<Setpoint>,
@@ -74,6 +76,7 @@ impl DriveGuard {
             lease: None,
             intent: RunIntent::Stop,
             run_acknowledged: false,
+            taken: None,
             turned: None,
             setpoint: None,
             armed: Vec::new(),
@@ -185,6 +188,7 @@ impl DriveGuard {
         self.armed.clear();
         self.intent = RunIntent::Stop;
         self.run_acknowledged = false;
+        self.taken = None;
     }
 
     /// Control was handed back to panel or terminals: nobody holds it here, and whoever starts again stops first.
@@ -207,12 +211,19 @@ impl DriveGuard {
     /// The drive acknowledged the order to run in `direction`.
     pub fn run_was_acknowledged(&mut self, direction: Direction) {
         self.run_acknowledged = self.intent == RunIntent::Run(direction);
+        self.taken = Some(direction);
     }
 
-    /// The order to run in `direction` was never sent, or the drive refused it.
+    /// The order to run in `direction` was sent and not answered: the drive may have taken it.
+    pub const fn run_is_unknown(&mut self, direction: Direction) {
+        self.taken = Some(direction);
+    }
+
+    /// The order to run in `direction` was never sent, or the drive refused it. What it has taken before stays in force:
+    /// a stop must not count as one that changes nothing.
     pub fn run_failed(&mut self, direction: Direction) {
         if self.intent == RunIntent::Run(direction) && !self.run_acknowledged {
-            self.intent = RunIntent::Stop;
+            self.intent = self.taken.map_or(RunIntent::Stop, RunIntent::Run);
         }
     }
 
