@@ -63,7 +63,7 @@ impl Checker {
         order.taken += u32::from(is_taken);
         // A register without a role takes no control.
         if order.wish.run.is_some() || order.wish.setpoint.is_some() {
-            book.is_of_mqtt = order.is_message;
+            book.is_of_mqtt |= order.is_message;
         }
         let (moved_at, run) = (order.at, order.wish.run.filter(|_| order.has_run));
         book.moved_at = book.moved_at.max(Some(moved_at));
