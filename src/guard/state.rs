@@ -22,8 +22,9 @@ pub struct DriveGuard {
     intent: RunIntent,
     /// Whether the drive has acknowledged the intent. Until then an equal order is a new one.
     pub(super) run_acknowledged: bool,
-    /// The direction in which the drive was last told to run and said yes, unless something has ended that.
-    obeyed: Option<Direction>,
+    /// The direction in which the drive was last told to run, and whether it said yes or may only have taken it, unless
+    /// something has ended that.
+    obeyed: Option<(Direction, bool)>,
     /// The direction that was ordered last, whether or not it is in force: the motor may still turn.
     pub(super) turned: Option<Direction>,
     setpoint: Option<Setpoint>,
@@ -214,8 +215,15 @@ impl DriveGuard {
     /// The drive acknowledged the order to run in `direction`.
     pub fn run_was_acknowledged(&mut self, direction: Direction) {
         if let RunIntent::Run(ordered) = self.intent {
-            self.obeyed = Some(direction);
+            self.obeyed = Some((direction, true));
             self.run_acknowledged = ordered == direction;
+        }
+    }
+
+    /// The order to run in `direction` was sent and not answered: the drive may have taken it.
+    pub const fn run_is_unknown(&mut self, direction: Direction) {
+        if matches!(self.intent, RunIntent::Run(_)) {
+            self.obeyed = Some((direction, false));
         }
     }
 
@@ -225,9 +233,9 @@ impl DriveGuard {
         if self.intent != RunIntent::Run(direction) || self.run_acknowledged {
             return;
         }
-        let stands = still_ordered.or(self.obeyed);
+        let stands = still_ordered.or(self.obeyed.map(|(direction, _)| direction));
         self.intent = stands.map_or(RunIntent::Stop, RunIntent::Run);
-        self.run_acknowledged = still_ordered.is_none() && self.obeyed.is_some();
+        self.run_acknowledged = still_ordered.is_none() && self.obeyed.is_some_and(|(_, is_sure)| is_sure);
         self.turned = stands.or(self.turned);
     }
 

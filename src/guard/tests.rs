@@ -98,6 +98,29 @@ fn what_a_model_cannot_do_is_refused_by_name_and_stop_never_stands_in_for_coast(
 }
 
 #[test]
+fn a_run_that_fails_behind_one_that_holds_does_not_make_a_stop_change_nothing() {
+    for is_sure in [true, false] {
+        let mut guard = guard_of(model(), control());
+        assert!(matches!(guard.review(&command(plc(1), STOP), &RESTING, NOW), Ok(Verdict::Stop(_))));
+        assert_eq!(reviewed(&mut guard, &command(plc(1), run(Direction::Forward))), Ok(()));
+        if is_sure {
+            guard.run_was_acknowledged(Direction::Forward);
+        } else {
+            guard.run_is_unknown(Direction::Forward);
+        }
+        // Another setpoint and RUN that was never sent.
+        let other = Go::new(Vec::new(), Some(Hertz::from_centihertz(3000)), Some(Direction::Forward)).unwrap();
+        let again = Origin { manner: Manner::Once, ..plc(1) };
+        let later = CommandRequest { issued: Some(NOW + Duration::from_millis(1)), ..command(again, Order::Go(other)) };
+        assert_eq!(reviewed(&mut guard, &later), Ok(()));
+        guard.run_failed(Direction::Forward, None);
+        assert_eq!(guard.intent(), RunIntent::Run(Direction::Forward), "the motor runs");
+        assert!(matches!(guard.review(&command(plc(1), STOP), &RESTING, NOW), Ok(Verdict::Stop(_))));
+        assert_eq!(guard.intent(), RunIntent::Stop);
+    }
+}
+
+#[test]
 fn strict_messages_must_say_what_they_have_seen() {
     let mut guard = guard_of(model(), ControlSettings { strict: true, ..control() });
     let plain = command(mqtt(), run(Direction::Forward));

@@ -163,6 +163,9 @@ impl DriveWork {
             Ending::Exception(code) => list.excepted(*code),
             Ending::Garbled | Ending::Silent => list.unanswered(),
         };
+        if matches!(ending, Ending::Garbled | Ending::Silent) {
+            written.iter().for_each(|part| self.part_in_doubt(*part));
+        }
         let refused = matches!(next, Next::Ends(Report { outcome: Outcome::Failed, .. }));
         if matches!(ending, Ending::Reply(_)) && !refused {
             written.into_iter().for_each(|part| self.part_taken(part, list.owner(), list.is_sure()));
@@ -187,6 +190,12 @@ impl DriveWork {
                 }
                 self.finish(&mut list, report, out);
             }
+        }
+    }
+
+    const fn part_in_doubt(&mut self, part: Part) {
+        if let Part::Run(direction) = part {
+            self.guard.run_is_unknown(direction);
         }
     }
 

@@ -72,7 +72,7 @@ pub struct Book {
     /// A stop came that perhaps changed nothing.
     pub may_stop: Option<(u64, u64)>,
     pub is_ending: bool,
-    /// The last order of which a frame went out came over MQTT.
+    /// An order came over MQTT since the last stop.
     pub is_of_mqtt: bool,
     /// When the last stop came that was a new one, and until when its frame must have left.
     pub stopped_at: Option<u64>,

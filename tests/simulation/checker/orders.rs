@@ -107,6 +107,8 @@ impl Checker {
                 book.orders.remove(0);
             }
         }
+        // Which of two equal orders a frame belongs to is not always known: whoever may hold the lease, holds it.
+        book.is_of_mqtt |= !cyclic && wish != Wish::default();
         let is_void = book.stop.is_pending && wish.register.is_none();
         let order = Order {
             number,
@@ -158,6 +160,7 @@ impl Checker {
                 book.stop_due = Some(at + self.bound);
             }
             // Another one of the same kind is the same, and what the drive has answered to it counts.
+            book.is_of_mqtt = false;
             let is_young = book.stop.was_accepted_at.is_some_and(|before| at < before + REPEATED_FOR);
             let has_moved = book.moved_at > book.stop.was_accepted_at;
             let is_same = is_young && !has_moved && book.stop.is_coast == is_coast;

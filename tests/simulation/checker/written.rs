@@ -61,7 +61,10 @@ impl Checker {
         let order = &mut book.orders[place];
         order.sent += 1;
         order.taken += u32::from(is_taken);
-        book.is_of_mqtt = order.is_message;
+        // A register without a role takes no control.
+        if order.wish.run.is_some() || order.wish.setpoint.is_some() {
+            book.is_of_mqtt |= order.is_message;
+        }
         let (moved_at, run) = (order.at, order.wish.run.filter(|_| order.has_run));
         book.moved_at = book.moved_at.max(Some(moved_at));
         if let Some(run) = run
