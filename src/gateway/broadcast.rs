@@ -4,16 +4,11 @@
 use super::core::LineCore;
 use super::event::Effect;
 use super::setup::LineSetup;
-use super::work::DriveWork;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::{TrafficKind, TrafficRecord};
+use crate::line::budget::BROADCAST_TURNAROUND;
 use crate::profile::model::Broadcast;
 use crate::wire::pdu::{Request, function};
-use std::time::Duration;
-
-/// How long a line is left alone after a broadcast, so that every drive has done what it says (Modbus over serial line
-/// V1.02, 2.4.1: typically 100 to 200 ms).
-pub const TURNAROUND: Duration = Duration::from_millis(100);
 
 /// The station that stops all drives of a line: documented for their model, which must be the same for all, and each
 /// must be under control. Nothing where one of that is missing, or where there is only one drive.
@@ -30,9 +25,14 @@ impl LineCore {
     /// Sends the stop that every drive of the line waits for as one frame, if there is such a stop. Whether it did.
     pub(super) fn stop_all(&mut self, now: MonoTime) -> bool {
         let Some((station, request)) = self.common_stop() else { return false };
-        self.works.iter_mut().for_each(DriveWork::stop_was_broadcast);
+        self.measured.sent(now.since(self.wire.may_send_from()));
+        for work in &mut self.works {
+            if let Some(accepted) = work.stop_was_broadcast() {
+                self.measured.stop_sent(accepted, now);
+            }
+        }
         let mut frame = Vec::with_capacity(16);
-        self.wire.broadcast(now, station, &request, TURNAROUND, &mut frame);
+        self.wire.broadcast(now, station, &request, BROADCAST_TURNAROUND, &mut frame);
         self.counters.requests += 1;
         self.counters.broadcasts += 1;
         if self.setup.tells_traffic {

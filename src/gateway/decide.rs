@@ -142,9 +142,10 @@ impl LineCore {
     fn pick_work(&mut self, now: MonoTime, last_rank: Rank) -> Option<Picked> {
         loop {
             let (drive, want) = self.most_urgent(now, last_rank)?;
+            let is_new_stop = want.rank == Rank::FirstStop && self.works[drive.get()].unsent_stop().is_some();
             if self.works[drive.get()].send(want.rank, now, &mut self.effects) {
                 self.others_turn = want.rank == Rank::Start;
-                if want.rank == Rank::FirstStop {
+                if is_new_stop {
                     self.measured.stop_sent(want.at, now);
                 }
                 return Some((drive, want.request, Purpose::Work(want.rank)));

@@ -13,7 +13,7 @@
 
 mod ask;
 mod barrier;
-pub mod broadcast;
+mod broadcast;
 mod core;
 mod decide;
 mod ended;

@@ -132,9 +132,11 @@ impl StopLatch {
         (self.is_first() && !self.was_broadcast).then(|| self.order.request())
     }
 
-    /// It went to all drives of the line in one frame. Nobody answers that, so its own frame still follows.
-    pub const fn was_broadcast(&mut self) {
+    /// It went to all drives of the line in one frame. Nobody answers that, so its own frame still follows. Returns when
+    /// it was accepted.
+    pub const fn was_broadcast(&mut self) -> MonoTime {
         self.was_broadcast = true;
+        self.accepted_at
     }
 
     /// Whether it has never been sent: such frames go before repeats.

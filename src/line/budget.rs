@@ -12,6 +12,10 @@ use std::time::Duration;
 /// who plan a line, not a limit of anything.
 pub const ASSUMED_TURNAROUND: Duration = Duration::from_millis(10);
 
+/// How long a line is left alone after a broadcast, so that every drive has done what it says (Modbus over serial line
+/// V1.02, 2.4.1: typically 100 to 200 ms).
+pub const BROADCAST_TURNAROUND: Duration = Duration::from_millis(100);
+
 /// PDU bytes of a read request, of a write and of a write's reply.
 const SHORT_PDU_BYTES: usize = 5;
 const WORD_BYTES: usize = 2;
@@ -118,8 +122,12 @@ fn planned(timing: &Timing, station: &PlannedStation<'_>) -> Vec<PlannedRead> {
 /// How long a stop for one drive of a line of `stations` may have to wait.
 #[must_use]
 pub fn stop_bounds<'a>(timing: &Timing, stations: impl IntoIterator<Item = PlannedStation<'a>>) -> StopBounds {
-    let mut bounds = StopBounds::default();
-    for station in stations {
+    let stations: Vec<_> = stations.into_iter().collect();
+    // One that is accepted right behind a stop for all waits until the drives have done that.
+    let after_broadcast = exchange_time(timing, SHORT_PDU_BYTES, BROADCAST_TURNAROUND, 0);
+    let least = if may_stop_at_once(&stations) { after_broadcast } else { Duration::ZERO };
+    let mut bounds = StopBounds { all_healthy: least, one_silent: least, each_further: Duration::ZERO };
+    for station in &stations {
         for (class, request, reply) in exchanges(station.model) {
             let longer = longer(timing, station.model, reply);
             let healthy = turnaround(&station.model.timing, class) + reply_delay(&station.model.timing);
@@ -138,6 +146,13 @@ pub fn stop_bounds<'a>(timing: &Timing, stations: impl IntoIterator<Item = Plann
         }
     }
     bounds
+}
+
+/// Whether one frame may stop all `stations`, as far as their models tell.
+fn may_stop_at_once(stations: &[PlannedStation<'_>]) -> bool {
+    let Some((first, others)) = stations.split_first() else { return false };
+    let hears_all = first.model.link.broadcast.as_ref().is_some_and(|it| it.station.confidence.is_proven());
+    hears_all && !others.is_empty() && others.iter().all(|other| other.model.id == first.model.id)
 }
 
 /// The longest time between two frames to a station that answers, while everything goes wrong once: a reply is missing

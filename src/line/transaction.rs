@@ -164,8 +164,8 @@ impl Wire {
         self.open = Some(Open { exchange, expected, sent_until, reply_due, give_up, exception: None });
     }
 
-    /// Hands a frame to `station`, which stands for all and answers nothing, to the port at `now`, and appends it to
-    /// `out`. The drives are left alone for `turnaround` after it. As for [`Wire::send`], the caller has waited.
+    /// Hands a frame to `station`, which stands for all and answers nothing, to the port at `now`, and puts it into the
+    /// empty `out`. The drives are left alone for `turnaround` after it. As for [`Wire::send`], the caller has waited.
     pub fn broadcast(
         &mut self,
         now: MonoTime,
@@ -174,12 +174,11 @@ impl Wire {
         turnaround: Duration,
         out: &mut Vec<u8>,
     ) {
-        let start = out.len();
         framing::encode(self.timing.framing, out, station, |pdu| request.encode(pdu));
         self.flush_idle_bytes();
-        self.quiet_from = now + self.timing.on_wire(out.len() - start);
+        self.quiet_from = now + self.timing.on_wire(out.len());
         self.held_until = self.quiet_from + turnaround;
-        self.own_echo.await_copy_of(&out[start..], true, now);
+        self.own_echo.await_copy_of(out, true, now);
     }
 
     /// Takes bytes that were read at `now`. Returns how the open exchange ended, if it did.
@@ -212,8 +211,8 @@ impl Wire {
                 ended = Some((open.exchange, ending));
             }
         }
-        let is_over = self.assembler.sees_ends() && self.holds_damaged_reply();
-        if is_over { self.finish(Ending::Garbled) } else { ended }
+        let is_damaged = self.assembler.sees_ends() && self.holds_damaged_reply();
+        if is_damaged { self.finish(Ending::Garbled) } else { ended }
     }
 
     /// Lets time pass up to `now`. Returns how the open exchange ended, if it did.

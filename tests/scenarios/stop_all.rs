@@ -4,7 +4,8 @@ use crate::support::{MQTT, Rig, RigOptions, STOP, Sent, model, run};
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Outcome, Owner, Reason};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::gateway::{Input, broadcast::TURNAROUND};
+use vfd_gateway::gateway::Input;
+use vfd_gateway::line::budget::BROADCAST_TURNAROUND;
 use vfd_gateway::sim::FaultPlan;
 
 const DRIVES: u8 = 3;
@@ -49,7 +50,7 @@ fn one_frame_stops_all_and_each_is_confirmed_by_its_own() {
     assert!(writes[0].frame.starts_with(&TO_ALL), "{:02X?}", writes[0].frame);
     assert_eq!(starts(&sent, &TO_ALL).count(), 1);
     // 8 characters of 10 bits at 9600 bit/s, and the turnaround.
-    let free = writes[0].at + Duration::from_nanos(8_333_334) + TURNAROUND;
+    let free = writes[0].at + Duration::from_nanos(8_333_334) + BROADCAST_TURNAROUND;
     let next = sent.iter().find(|sent| sent.at > writes[0].at).unwrap();
     assert_eq!(next.at, free, "the drives are left alone, and not for longer");
     for station in 1..=DRIVES {

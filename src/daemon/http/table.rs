@@ -62,14 +62,18 @@ pub(super) const GATEWAY: &[Metric<State>] = &[
         Some(state.started_at.unix_ms as f64 / 1000.0)
     })
     .in_unit("seconds"),
-    gauge("ready", "1 while all lines are open and the broker is reached, if one is configured.", |state| {
+    gauge("ready", "1 while all lines can be used and the broker is reached, if one is configured.", |state| {
         truth(state.is_ready())
     }),
 ];
 
 /// Each line; label `line`.
 pub(super) const LINE: &[Metric<LineReport>] = &[
-    gauge("line_up", "1 while the port of the line is open.", |line| truth(line.state == LineState::Up)),
+    gauge(
+        "line_up",
+        "1 while the line can be used: its port is open, and it is not jammed, echoing or mute.",
+        |line| truth(line.state == LineState::Up),
+    ),
     counter("line_requests", "Frames sent.", |line| Some(line.counters.requests)),
     counter("line_replies", "Right replies.", |line| Some(line.counters.replies)),
     counter("line_exceptions", "Exceptions that drives answered with.", |line| Some(line.counters.exceptions)),
@@ -91,7 +95,7 @@ pub(super) const LINE: &[Metric<LineReport>] = &[
         "1 while run orders and higher setpoints are refused for all drives of the line.",
         |line| truth(line.quality.is_suspended),
     ),
-    gauge("line_suspicion", "1 while something is probably wrong with the line; `health` says what.", |line| {
+    gauge("line_suspicion", "1 while something is probably wrong with the line; `health --json` says what.", |line| {
         truth(line.suspicion.is_some())
     }),
     counter("line_noise", "Bytes that made no frame.", |line: &LineReport| Some(line.counters.noise_bytes))
@@ -150,9 +154,11 @@ pub(super) const LINE: &[Metric<LineReport>] = &[
 
 /// Each drive as its line sees it; labels `line` and `drive`.
 pub(super) const STATION: &[Metric<StationReport>] = &[
-    gauge("drive_oldest_age", "The oldest that a fast value became in the last minute.", |station: &StationReport| {
-        seconds(station.oldest_age)
-    })
+    gauge(
+        "drive_oldest_age",
+        "The oldest that a fast value became in the last minute or two.",
+        |station: &StationReport| seconds(station.oldest_age),
+    )
     .in_unit("seconds"),
     gauge("drive_planned_age", "The oldest that one becomes by plan.", |station: &StationReport| {
         seconds(station.planned_age?)

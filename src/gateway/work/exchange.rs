@@ -97,11 +97,9 @@ impl DriveWork {
         self.latch.as_ref().and_then(StopLatch::unsent)
     }
 
-    /// Its stop went to all drives at once.
-    pub fn stop_was_broadcast(&mut self) {
-        if let Some(latch) = &mut self.latch {
-            latch.was_broadcast();
-        }
+    /// Its stop went to all drives at once. Returns when that was accepted.
+    pub fn stop_was_broadcast(&mut self) -> Option<MonoTime> {
+        self.latch.as_mut().map(StopLatch::was_broadcast)
     }
 
     fn is_latched(&self, request: &Request) -> bool {
