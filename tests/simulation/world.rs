@@ -74,6 +74,8 @@ pub struct World {
     pub again: Vec<usize>,
     /// Clients that were refused and ask again in a moment.
     refused: Vec<usize>,
+    /// The core wants the port opened anew.
+    to_reopen: Option<LineFault>,
 }
 
 impl Tally {
@@ -139,6 +141,7 @@ impl World {
             tally: Tally { worlds: 1, ..Tally::default() },
             again: Vec::new(),
             refused: if plan.only_reads { (0..plan.clients).collect() } else { Vec::new() },
+            to_reopen: None,
             core,
             bus,
             checker,
@@ -277,6 +280,10 @@ impl World {
             while let Some(effect) = self.core.next_effect() {
                 self.carry_out(effect);
             }
+            if let Some(fault) = self.to_reopen.take() {
+                self.reopen_port(fault);
+                continue;
+            }
             if self.again.is_empty() || self.is_over {
                 return;
             }
@@ -309,7 +316,8 @@ impl World {
                 self.mqtt_hears(&answer);
             }
             Effect::Trip(drive, event) => self.mqtt_trip(drive, &event),
-            Effect::Reopen(fault) => self.reopen_port(fault),
+            // As a line's thread does: once all that was said in this round is done.
+            Effect::Reopen(fault) => self.to_reopen = Some(fault),
             Effect::Note(..) | Effect::LineNote(_) | Effect::Presence(..) | Effect::Traffic(_) => {}
         }
     }
