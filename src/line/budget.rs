@@ -205,6 +205,7 @@ mod tests {
         let mut model = check::model(text).expect("a sound model");
         let first = model.registers.iter().position(|register| register.poll == Some(PollClass::Fast)).unwrap();
         model.registers = vec![model.registers.swap_remove(first)];
+        model.link.broadcast = None;
         model.timing.processing_max = None;
         model.timing.reply_delay_max = None;
         model.timing.reply_char_bits = None;
