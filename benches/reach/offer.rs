@@ -1,9 +1,9 @@
 //! Clients that always offer more reads than the gateway takes, all in one thread: what is refused is asked anew.
 
-use crate::pipeline::{Answers, Request};
+use crate::pipeline::{Answers, Request, taken};
 use rustix::event::epoll;
 use std::collections::VecDeque;
-use std::io::{ErrorKind, Read, Write};
+use std::io::{ErrorKind, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -80,23 +80,8 @@ fn turn(poll: &std::os::fd::OwnedFd, clients: &mut [Client], answers: &mut Answe
 
 impl Client {
     fn take(&mut self, answers: &mut Answers) {
-        let mut buffer = [0; 4096];
-        let read = match self.stream.read(&mut buffer) {
-            Ok(read) => read,
-            Err(error) if error.kind() == ErrorKind::WouldBlock => return,
-            Err(error) => panic!("the gateway closed the connection: {error}"),
-        };
-        assert!(read > 0, "the gateway closed the connection");
-        self.received.extend_from_slice(&buffer[..read]);
-        let mut used = 0;
-        while let [t0, t1, _, _, l0, l1, _, function, ..] = self.received[used..] {
-            let bytes = 6 + usize::from(u16::from_be_bytes([l0, l1]));
-            if self.received.len() < used + bytes {
-                break;
-            }
-            used += bytes;
-            let slot = u16::from_be_bytes([t0, t1]);
-            if function < 0x80 {
+        for (slot, is_right) in taken(&mut self.stream, &mut self.received) {
+            if is_right {
                 answers.right += 1;
                 self.out.extend_from_slice(&self.requests[usize::from(slot)]);
             } else {
@@ -104,7 +89,6 @@ impl Client {
                 self.refused.push_back((Instant::now(), slot));
             }
         }
-        self.received.drain(..used);
         self.send();
     }
 

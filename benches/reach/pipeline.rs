@@ -81,28 +81,36 @@ impl Pipeline {
 
 impl Client {
     fn take(&mut self, answers: &mut Answers) {
-        let mut buffer = [0; 4096];
-        let read = match self.stream.read(&mut buffer) {
-            Ok(read) => read,
-            Err(error) if error.kind() == ErrorKind::WouldBlock => return,
-            Err(error) => panic!("the gateway closed the connection: {error}"),
-        };
-        assert!(read > 0, "the gateway closed the connection");
-        self.received.extend_from_slice(&buffer[..read]);
-        let mut used = 0;
-        while let [t0, t1, _, _, l0, l1, _, function, ..] = self.received[used..] {
-            let bytes = 6 + usize::from(u16::from_be_bytes([l0, l1]));
-            if self.received.len() < used + bytes {
-                break;
-            }
-            used += bytes;
-            *(if function < 0x80 { &mut answers.right } else { &mut answers.exceptions }) += 1;
-            self.out.extend_from_slice(&self.requests[usize::from(u16::from_be_bytes([t0, t1]))]);
+        for (slot, is_right) in taken(&mut self.stream, &mut self.received) {
+            *(if is_right { &mut answers.right } else { &mut answers.exceptions }) += 1;
+            self.out.extend_from_slice(&self.requests[usize::from(slot)]);
         }
-        self.received.drain(..used);
         if !self.out.is_empty() {
             self.stream.write_all(&self.out).expect("room for the next requests");
             self.out.clear();
         }
     }
+}
+
+/// The whole answers that have come over `stream` behind what is in `received`: transaction, and whether they are right.
+pub(crate) fn taken(stream: &mut TcpStream, received: &mut Vec<u8>) -> Vec<(u16, bool)> {
+    let mut buffer = [0; 4096];
+    let read = match stream.read(&mut buffer) {
+        Ok(read) => read,
+        Err(error) if error.kind() == ErrorKind::WouldBlock => return Vec::new(),
+        Err(error) => panic!("the gateway closed the connection: {error}"),
+    };
+    assert!(read > 0, "the gateway closed the connection");
+    received.extend_from_slice(&buffer[..read]);
+    let (mut answers, mut used) = (Vec::new(), 0);
+    while let [t0, t1, _, _, l0, l1, _, function, ..] = received[used..] {
+        let bytes = 6 + usize::from(u16::from_be_bytes([l0, l1]));
+        if received.len() < used + bytes {
+            break;
+        }
+        used += bytes;
+        answers.push((u16::from_be_bytes([t0, t1]), function < 0x80));
+    }
+    received.drain(..used);
+    answers
 }

@@ -13,7 +13,7 @@ use vfd_gateway::domain::report::LineReport;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::description::DriveDescription;
 use vfd_gateway::drive::snapshot::Presence;
-use vfd_gateway::drive::view::{DriveView, RunState};
+use vfd_gateway::drive::view::{ControlView, DriveView, RunState};
 use vfd_gateway::north::modbus::own::{self, Gateway};
 use vfd_gateway::north::modbus::{
     Answer, Ask, Call, Commands, Connection, Ended, Limits, Ordered, Present, ReadBehind, Taken, Uniform, Words, native,
@@ -51,7 +51,7 @@ impl Units {
         let words = feed.words(32);
         let addresses = drive.model.registers.iter().filter(|it| it.poll.is_some()).map(|it| it.address);
         addresses.zip(words).for_each(|(address, word)| view.snapshot.take(address, &[word], MonoTime::ZERO));
-        view.control = drive.control.is_some().then_some(plant::IDLE);
+        view.control = drive.control.is_some().then(ControlView::default);
         Self { uniform: Uniform::new(&drive), drive, view: Arc::new(view) }
     }
 

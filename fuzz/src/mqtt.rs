@@ -13,7 +13,7 @@ use vfd_gateway::domain::ids::{AskerId, DriveIndex, Ticket};
 use vfd_gateway::domain::native::{NativeAnswer, NativeOutcome};
 use vfd_gateway::domain::report::LineReport;
 use vfd_gateway::domain::time::{MonoTime, WallTime};
-use vfd_gateway::drive::view::DriveView;
+use vfd_gateway::drive::view::{ControlView, DriveView};
 use vfd_gateway::north::mqtt::{
     Act, Broker, Event, LeaseMode, LineState, Message, Moment, Publication, Session, Settings, Version,
 };
@@ -83,7 +83,7 @@ impl Rig {
         let model = plant::model(1);
         let drives = vec![plant::drive(&model, 0, "pump", true), plant::drive(&model, 1, "fan", false)];
         let views = drives.iter().map(|drive| {
-            let control = drive.control.is_some().then_some(plant::IDLE);
+            let control = drive.control.is_some().then(ControlView::default);
             Arc::new(DriveView { line_is_up: true, control, ..DriveView::default() })
         });
         let lines = vec![LineState { name: plant::name("hall"), report: LineReport::default(), stations: Vec::new() }];

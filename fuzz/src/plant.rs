@@ -2,12 +2,11 @@
 
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
-use vfd_gateway::domain::command::{Direction, RunIntent};
+use vfd_gateway::domain::command::Direction;
 use vfd_gateway::domain::control::{ControlAction, ControlSettings, FailSafe};
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::{DriveIndex, Name, UnitId};
 use vfd_gateway::drive::description::{DriveDescription, DriveRef, Ratings};
-use vfd_gateway::drive::view::ControlView;
 use vfd_gateway::profile::catalog::Catalog;
 use vfd_gateway::profile::model::Model;
 use vfd_gateway::vendors;
@@ -31,23 +30,15 @@ pub fn name(text: &str) -> Name {
 
 /// Everything allowed from everywhere, 5 to 50 Hz, 3 s of lease, stops at the end.
 pub fn control() -> ControlSettings {
+    let limits = (Hertz::from_centihertz(500), Hertz::from_centihertz(5000));
     ControlSettings {
         from_mqtt: true,
         from_modbus_tcp: true,
-        least: Hertz::from_centihertz(500),
-        most: Hertz::from_centihertz(5000),
         directions: vec![Direction::Forward, Direction::Reverse],
-        reverse_below: Hertz::ZERO,
-        on_commander_lost: FailSafe::Stop,
-        lost_after: Duration::from_secs(3),
-        on_shutdown: FailSafe::Stop,
         accept_unverified: ControlAction::ALL.to_vec(),
         allow_release: true,
-        strict: false,
-        restart_delay: Duration::from_secs(2),
-        stop_effect_timeout: Duration::from_secs(3),
-        stop_pending_for: Duration::from_secs(600),
         native_write: vec![0x020C, 0x020E],
+        ..ControlSettings::new(limits, (FailSafe::Stop, Duration::from_secs(3)), FailSafe::Stop)
     }
 }
 
@@ -66,18 +57,3 @@ pub fn drive(model: &Arc<Model>, place: u16, called: &str, has_control: bool) ->
         dead_bands: Vec::new(),
     }
 }
-
-/// Control that nobody holds, with nothing ordered.
-pub const IDLE: ControlView = ControlView {
-    lease: None,
-    intent: RunIntent::Stop,
-    setpoint: None,
-    start_inhibited: false,
-    command_pending: false,
-    stop_pending: false,
-    not_effective: false,
-    failsafe: false,
-    epoch: 1,
-    last: None,
-    commands: 0,
-};

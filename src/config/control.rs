@@ -16,11 +16,8 @@ use crate::profile::values::duration_text;
 use std::sync::Arc;
 use std::time::Duration;
 
-const DEFAULT_RESTART_DELAY: Duration = Duration::from_secs(2);
-const DEFAULT_STOP_EFFECT: Duration = Duration::from_secs(3);
 /// Slowest fast poll of a drive that may be commanded (semantics: a status older than 5 s is refused).
 const SLOWEST_POLL: Duration = Duration::from_secs(5);
-const DEFAULT_STOP_PENDING: Duration = Duration::from_secs(600);
 
 /// The ready control section of `drive`, nothing inside where it has none; nothing at all: see `problems`.
 /// Without a `model`, which is then reported as unknown, only what does not hang on it is checked.
@@ -58,9 +55,9 @@ pub(super) fn settle(
         accept_unverified: lists::values(&file.accept_unverified).unwrap_or_default(),
         allow_release: file.allow_release.or(false)?,
         strict: file.strict.or(false)?,
-        restart_delay: file.restart_delay.or(DEFAULT_RESTART_DELAY)?,
-        stop_effect_timeout: file.stop_effect_timeout.or(DEFAULT_STOP_EFFECT)?,
-        stop_pending_for: file.stop_pending_for.or(DEFAULT_STOP_PENDING)?,
+        restart_delay: file.restart_delay.or(ControlSettings::RESTART_DELAY)?,
+        stop_effect_timeout: file.stop_effect_timeout.or(ControlSettings::STOP_EFFECT_TIMEOUT)?,
+        stop_pending_for: file.stop_pending_for.or(ControlSettings::STOP_PENDING_FOR)?,
         native_write: native_write?,
     })))
 }

@@ -92,3 +92,39 @@ pub struct ControlSettings {
     /// Native registers without a role that may be written.
     pub native_write: Vec<u16>,
 }
+
+impl ControlSettings {
+    /// How long plain RUN over MQTT is refused after a stop, where nothing else is said.
+    pub const RESTART_DELAY: Duration = Duration::from_secs(2);
+    /// When a stop without effect is an alarm, where nothing else is said.
+    pub const STOP_EFFECT_TIMEOUT: Duration = Duration::from_secs(3);
+    /// How long a stop waits for a drive that does not answer, where nothing else is said.
+    pub const STOP_PENDING_FOR: Duration = Duration::from_secs(600);
+
+    /// What must be said, and defaults for the rest: nobody commands yet, forward alone, on proven facts alone.
+    #[must_use]
+    pub fn new(
+        (least, most): (Hertz, Hertz),
+        (on_commander_lost, lost_after): (FailSafe, Duration),
+        on_shutdown: FailSafe,
+    ) -> Self {
+        Self {
+            from_mqtt: false,
+            from_modbus_tcp: false,
+            least,
+            most,
+            directions: vec![Direction::Forward],
+            reverse_below: Hertz::ZERO,
+            on_commander_lost,
+            lost_after,
+            on_shutdown,
+            accept_unverified: Vec::new(),
+            allow_release: false,
+            strict: false,
+            restart_delay: Self::RESTART_DELAY,
+            stop_effect_timeout: Self::STOP_EFFECT_TIMEOUT,
+            stop_pending_for: Self::STOP_PENDING_FOR,
+            native_write: Vec::new(),
+        }
+    }
+}

@@ -158,7 +158,9 @@ pub enum TripEventKind {
 }
 
 /// Who controls a drive and what is ordered.
-#[derive(Clone, Debug, PartialEq)]
+///
+/// The default is a drive that nobody has commanded yet.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ControlView {
     /// Who holds control, and until when without a sign of life.
     pub lease: Option<(Owner, MonoTime)>,

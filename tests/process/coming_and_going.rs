@@ -4,7 +4,11 @@ use super::outsiders::mbpoll;
 use super::raw::Raw;
 use super::rig::{Place, gateway, only_demo, simulate, start, start_before_a_reader_that_leaves};
 use super::started::{PATIENCE, until};
+use rustix::fs::OFlags;
+use std::fs::File;
 use std::net::{SocketAddr, TcpListener};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::Path;
 use std::time::Duration;
 
 /// Exception 0A: the line is down.
@@ -28,11 +32,19 @@ fn an_unplugged_adapter_is_0a_within_a_second_and_back_within_two() {
     }
 }
 
+/// The device that `link` leads to, open and left alone.
+fn terminal(link: &Path) -> File {
+    let not_ours = i32::try_from(OFlags::NOCTTY.bits()).unwrap();
+    File::options().read(true).custom_flags(not_ours).open(link).unwrap()
+}
+
 #[test]
 fn a_simulator_that_was_killed_is_replaced_under_the_same_name() {
     let place = Place::new();
     let port = place.file("line");
     let killed = simulate(&port);
+    // As long as this is open, nobody else gets the device that the link leads to.
+    let _reserved = terminal(&port);
     let gateway = gateway(&place, &port);
     gateway.wait_for_drive();
     drop(killed);

@@ -10,14 +10,20 @@ use std::time::Duration;
 /// A register that only a client reads.
 const F010: u16 = 0x0211;
 
-#[test]
-fn an_adapter_that_comes_and_goes_leaks_nothing_and_is_back_within_a_second() {
+/// A gateway that has heard the drive behind an adapter.
+fn plugged_in() -> (Place, Adapter, Gateway) {
     let place = Place::new();
     let port = place.file("line");
     let mut adapter = Adapter::new(&port);
     adapter.plug_in();
     let gateway = gateway(&place, &port);
     gateway.wait_for_drive();
+    (place, adapter, gateway)
+}
+
+#[test]
+fn an_adapter_that_comes_and_goes_leaks_nothing_and_is_back_within_a_second() {
+    let (_place, mut adapter, gateway) = plugged_in();
     let mut client = Raw::connect(gateway.address);
     assert_eq!(client.read(F010, 1), Ok(vec![3]));
     let descriptors = descriptors(&gateway);
@@ -44,12 +50,7 @@ fn an_adapter_that_comes_and_goes_leaks_nothing_and_is_back_within_a_second() {
 
 #[test]
 fn a_device_that_is_away_is_told_of_once() {
-    let place = Place::new();
-    let port = place.file("line");
-    let mut adapter = Adapter::new(&port);
-    adapter.plug_in();
-    let gateway = gateway(&place, &port);
-    gateway.wait_for_drive();
+    let (_place, mut adapter, gateway) = plugged_in();
     adapter.pull_out();
     gateway.program.wait_for("that the line is down", |line| (message(line)? == "line down").then_some(()));
     std::thread::sleep(Duration::from_secs(2));

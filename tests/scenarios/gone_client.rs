@@ -138,8 +138,8 @@ fn what_was_in_force_before_is_in_force_again() {
     assert_eq!(rig.commanded(plc(1), run(Forward, Some(2000))).1, Reason::Unchanged, "it is in force");
 }
 
-#[test]
-fn a_stop_behind_a_reversal_that_was_never_sent_goes_out() {
+/// A motor that runs forward and may be reversed as it is, on a line that is busy.
+fn busy_and_running() -> Rig {
     let mut settings = control();
     settings.reverse_below = Hertz::from_centihertz(5000);
     let mut rig = Rig::new(&RigOptions { control: Some(settings), ..RigOptions::controlled() });
@@ -147,6 +147,12 @@ fn a_stop_behind_a_reversal_that_was_never_sent_goes_out() {
     assert_eq!(rig.commanded(plc(1), run(Forward, Some(2000))).0, Outcome::Acknowledged);
     rig.pass(Duration::from_secs(2));
     busy(&mut rig);
+    rig
+}
+
+#[test]
+fn a_stop_behind_a_reversal_that_was_never_sent_goes_out() {
+    let mut rig = busy_and_running();
     let ticket = order(&mut rig, GONE, plc(1), run(Reverse, None));
     leaves(&mut rig);
     assert_eq!(rig.told(ticket), WITHDRAWN);
@@ -158,13 +164,7 @@ fn a_stop_behind_a_reversal_that_was_never_sent_goes_out() {
 
 #[test]
 fn the_same_holds_for_a_reversal_whose_time_has_passed() {
-    let mut settings = control();
-    settings.reverse_below = Hertz::from_centihertz(5000);
-    let mut rig = Rig::new(&RigOptions { control: Some(settings), ..RigOptions::controlled() });
-    rig.commanded(plc(1), STOP);
-    assert_eq!(rig.commanded(plc(1), run(Forward, Some(2000))).0, Outcome::Acknowledged);
-    rig.pass(Duration::from_secs(2));
-    busy(&mut rig);
+    let mut rig = busy_and_running();
     let now = rig.now;
     let late = rig.command_with(plc(1), 0, run(Reverse, None), |command| {
         command.start_before = now + Duration::from_millis(1);

@@ -177,19 +177,13 @@ fn control_of(drive: &Drive) -> Option<ControlSettings> {
     drive.has_control.then(|| ControlSettings {
         from_mqtt: true,
         from_modbus_tcp: true,
-        least: Hertz::from_centihertz(drive.least),
-        most: Hertz::from_centihertz(drive.most),
         directions: vec![Direction::Forward, Direction::Reverse],
-        reverse_below: Hertz::ZERO,
-        on_commander_lost: action(drive.on_lost),
-        lost_after: Duration::from_nanos(drive.lost_after),
-        on_shutdown: action(drive.on_shutdown),
         accept_unverified: ControlAction::ALL.to_vec(),
-        allow_release: false,
-        strict: false,
-        restart_delay: Duration::from_secs(2),
-        stop_effect_timeout: Duration::from_secs(3),
-        stop_pending_for: Duration::from_secs(600),
         native_write: vec![drive.kind.facts().listed],
+        ..ControlSettings::new(
+            (Hertz::from_centihertz(drive.least), Hertz::from_centihertz(drive.most)),
+            (action(drive.on_lost), Duration::from_nanos(drive.lost_after)),
+            action(drive.on_shutdown),
+        )
     })
 }

@@ -4,7 +4,7 @@ use super::super::inbox::{COMMANDS_MAX, INBOX_MAX};
 use super::super::router::Units;
 use super::super::shared::Shared;
 use super::*;
-use crate::domain::command::{CommandAnswer, Outcome, Reason, Report, RunIntent};
+use crate::domain::command::{CommandAnswer, Outcome, Reason, Report};
 use crate::domain::command::{CommandRequest, Order};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
@@ -53,19 +53,7 @@ fn settings() -> ControlSettings {
 }
 
 fn control() -> ControlView {
-    ControlView {
-        lease: None,
-        intent: RunIntent::Stop,
-        setpoint: Some(Hertz::from_millihertz(42_500)),
-        start_inhibited: false,
-        command_pending: false,
-        stop_pending: false,
-        not_effective: false,
-        failsafe: false,
-        epoch: 0,
-        last: None,
-        commands: 0,
-    }
+    ControlView { setpoint: Some(Hertz::from_millihertz(42_500)), ..ControlView::default() }
 }
 
 fn shared() -> Arc<Shared> {

@@ -1,6 +1,5 @@
 //! What the tests of this room share: a model with everything that a unit can show, and a drive of it.
 
-use crate::domain::command::RunIntent;
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::{DriveIndex, Name, UnitId};
 use crate::domain::time::MonoTime;
@@ -94,23 +93,6 @@ pub(super) fn settings() -> ControlSettings {
     }
 }
 
-/// Control that nobody holds, with nothing ordered.
-pub(super) fn control() -> ControlView {
-    ControlView {
-        lease: None,
-        intent: RunIntent::Stop,
-        setpoint: None,
-        start_inhibited: false,
-        command_pending: false,
-        stop_pending: false,
-        not_effective: false,
-        failsafe: false,
-        epoch: 0,
-        last: None,
-        commands: 0,
-    }
-}
-
 /// A drive that runs forward at its setpoint of 42.5 Hz, every word read at [`NOW`].
 pub(super) fn view() -> DriveView {
     let mut view = DriveView { line_is_up: true, run_state: RunState::Forward, ..DriveView::default() };
@@ -118,6 +100,6 @@ pub(super) fn view() -> DriveView {
     let words = [4250, 1234, 380, 5401, 7550, 985, (-7_i16).cast_unsigned(), 40_000, 3, 425];
     view.snapshot.take(0x0101, &words, NOW);
     view.trip.active = Some(false);
-    view.control = Some(control());
+    view.control = Some(ControlView::default());
     view
 }

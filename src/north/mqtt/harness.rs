@@ -226,19 +226,7 @@ impl Rig {
 }
 
 pub(super) fn idle_control() -> ControlView {
-    ControlView {
-        lease: None,
-        intent: crate::domain::command::RunIntent::Stop,
-        setpoint: None,
-        start_inhibited: false,
-        command_pending: false,
-        stop_pending: false,
-        not_effective: false,
-        failsafe: false,
-        epoch: 1,
-        last: None,
-        commands: 0,
-    }
+    ControlView { epoch: 1, ..ControlView::default() }
 }
 
 pub(super) fn message<'a>(topic: &'a str, payload: &'a [u8]) -> Message<'a> {

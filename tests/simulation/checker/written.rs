@@ -99,9 +99,22 @@ impl Checker {
         let is_coast = facts.run_of(value) == Some(Run::Coast);
         let action = if is_coast { Action::Coast } else { Action::Stop };
         let book = &mut self.books[drive];
-        book.is_running = false;
+        let was_running = std::mem::take(&mut book.is_running) && book.zeros == 0;
         if is_taken {
             book.run_taken = facts.run_of(value);
+        }
+        // An order that was accepted and never sent has taken the lease as well.
+        let waited =
+            book.orders.iter().filter(|it| it.wish.run.is_some() || it.wish.setpoint.is_some()).map(|it| it.at);
+        let is_over = |ordered: u64| exchange.at >= ordered + it.lost_after;
+        let is_lost = it.on_lost == action && book.moved_at.into_iter().chain(waited).any(is_over);
+        let is_ending = book.is_ending && it.on_shutdown == action;
+        let has_moved = book.moved_at > book.stop.was_accepted_at;
+        // A reset begins with a stop as well, but never while the motor turns.
+        if !book.stop.is_pending && ((is_lost && has_moved && was_running) || is_ending) {
+            book.fresh.push((u64::MAX, exchange.at, is_coast));
+            self.settle_stops(drive);
+            return true;
         }
         if !is_coast
             && (self.explain_reset(drive, exchange.at, value, is_taken)
@@ -119,20 +132,13 @@ impl Checker {
             self.settle_stops(drive);
             return true;
         }
-        // An order that was accepted and never sent has taken the lease as well.
-        let waited =
-            book.orders.iter().filter(|it| it.wish.run.is_some() || it.wish.setpoint.is_some()).map(|it| it.at);
-        let is_over = |ordered: u64| exchange.at >= ordered + it.lost_after;
-        let is_lost = it.on_lost == action && book.moved_at.into_iter().chain(waited).any(is_over);
-        let is_ending = book.is_ending && it.on_shutdown == action;
-        let has_moved = book.moved_at > book.stop.was_accepted_at;
-        if (is_lost && has_moved) || is_ending {
+        // Until it is answered as it should be, and that is in no doubt, it goes on at its rate.
+        let is_explained = is_lost || (book.asked[usize::from(is_coast)] && book.echoes <= REPEATS);
+        if is_explained && has_moved {
             book.fresh.push((u64::MAX, exchange.at, is_coast));
             self.settle_stops(drive);
-            return true;
         }
-        // Until it is answered as it should be, and that is in no doubt, it goes on at its rate.
-        is_lost || (book.asked[usize::from(is_coast)] && book.echoes <= REPEATS)
+        is_explained
     }
 
     /// The stop that ends a reset goes up to four times.

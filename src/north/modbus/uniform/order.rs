@@ -131,7 +131,6 @@ fn coils(first: u16, count: u16, value: impl Fn(u16) -> Option<bool>) -> Result<
 #[cfg(test)]
 mod tests {
     use super::super::super::request::parse;
-    use super::super::super::testing;
     use super::*;
 
     fn order(pdu: &[u8], control: Option<&ControlView>) -> Result<Option<Order>, u8> {
@@ -204,8 +203,7 @@ mod tests {
 
     #[test]
     fn a_mask_is_a_write_of_what_it_makes_of_the_word_read_back() {
-        let mut control = testing::control();
-        control.intent = RunIntent::Run(Direction::Forward);
+        let mut control = ControlView { intent: RunIntent::Run(Direction::Forward), ..ControlView::default() };
         let mask = |register: u16, and: u16, or: u16, control: &ControlView| {
             let mut pdu = vec![0x16];
             crate::wire::pdu::put_words(&mut pdu, &[register, and, or]);

@@ -7,7 +7,7 @@ use crate::domain::command::{Direction, Outcome, Owner, Reason, Report, RunInten
 use crate::domain::control::ControlAction;
 use crate::domain::time::MonoTime;
 use crate::drive::snapshot::Presence;
-use crate::drive::view::{RunState, TripRecord};
+use crate::drive::view::{ControlView, RunState, TripRecord};
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 
@@ -186,7 +186,7 @@ fn a_trip_is_shown_as_far_as_it_is_known() {
 #[test]
 fn control_is_shown_as_it_is() {
     let mut view = testing::view();
-    let mut control = testing::control();
+    let mut control = ControlView::default();
     (control.start_inhibited, control.not_effective, control.failsafe) = (true, true, true);
     (control.stop_pending, control.commands) = (true, 77);
     control.intent = RunIntent::Run(Direction::Reverse);
@@ -215,7 +215,7 @@ fn a_lease_is_shown_with_what_is_left_of_it_and_whose_it_is() {
         (Some((CLIENT, MonoTime::NEVER)), 65_534, 3),
     ] {
         let mut view = testing::view();
-        view.control = Some(crate::drive::view::ControlView { lease, ..testing::control() });
+        view.control = Some(ControlView { lease, ..ControlView::default() });
         assert_eq!((word(18, &view), word(258, &view), word(19, &view)), (left, left, class), "{lease:?}");
         assert_eq!(word(1, &view) & bit::LEASED != 0, class != 0);
     }
@@ -281,7 +281,7 @@ fn coils_read_back_the_direction_that_is_ordered() {
         (RunIntent::Coast, 0),
     ] {
         let mut view = testing::view();
-        view.control = Some(crate::drive::view::ControlView { intent, ..testing::control() });
+        view.control = Some(ControlView { intent, ..ControlView::default() });
         assert_eq!(take(&unit(), &[1, 0, 0, 0, 4], &view, NOW).0, Taken::Bits { bits, count: 4 });
     }
 }
