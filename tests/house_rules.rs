@@ -16,9 +16,9 @@ use std::fmt::Write;
 use std::path::Path;
 
 /// The rooms; each uses only those before it.
-const ROOMS: [&str; 13] = [
-    "domain", "wire", "profile", "vendors", "drive", "guard", "line", "gateway", "north", "config", "sim", "daemon",
-    "cli",
+const ROOMS: [&str; 14] = [
+    "domain", "wire", "profile", "vendors", "drive", "journal", "guard", "line", "gateway", "north", "config", "sim",
+    "daemon", "cli",
 ];
 /// What needs a clock, a file, a socket or a thread belongs here.
 const ROOMS_WITH_IO: [&str; 3] = ["daemon", "cli", "main"];
@@ -121,7 +121,7 @@ fn may_use(room: &str, used: &str) -> bool {
         return true;
     }
     match (room, used) {
-        ("north", "line") | ("sim", "drive" | "guard" | "line" | "gateway") => false,
+        ("north", "line") | ("sim", "drive" | "journal" | "guard" | "line" | "gateway") => false,
         (_, "vendors") => ["config", "sim", "cli"].contains(&room),
         _ => place(used) < place(room),
     }

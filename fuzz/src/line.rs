@@ -19,6 +19,7 @@ use vfd_gateway::domain::native::{NativeAsk, NativeRequest};
 use vfd_gateway::domain::report::{LineFault, LineState};
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup};
+use vfd_gateway::journal::Remembered;
 use vfd_gateway::line::timeouts::ReplyTimeouts;
 use vfd_gateway::line::timing::Timing;
 use vfd_gateway::profile::model::{Model, Role};
@@ -81,6 +82,7 @@ impl Watch {
             timeouts: ReplyTimeouts::fixed(Duration::from_millis(200)),
             max_lateness: Duration::from_millis(500),
             control: control.clone(),
+            remembered: Remembered::default(),
         });
         let link = LinkSettings::DEFAULT;
         let timing = Timing::for_models(framing, link, [model.as_ref()], Duration::ZERO);
@@ -90,6 +92,7 @@ impl Watch {
             echo: EchoPolicy::Strip,
             tells_traffic: true,
             first_epoch: 1,
+            keeps: false,
         };
         let now = MonoTime::from_millis(1);
         Self {
@@ -283,6 +286,7 @@ impl Watch {
                 | Effect::LineNote(_)
                 | Effect::Presence(..)
                 | Effect::Reopen(_)
+                | Effect::Keep(_)
                 | Effect::Traffic(_) => {}
             }
         }

@@ -12,6 +12,7 @@ use crate::domain::ids::{DriveIndex, Name};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::plan::Pace;
 use crate::gateway::{DriveSetup, LineSetup};
+use crate::journal::Remembered;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -21,7 +22,7 @@ use std::sync::Arc;
 pub fn line_setup(line: &LineSettings, first_epoch: u64) -> LineSetup {
     let drives = line.drives.iter().map(drive_setup).collect();
     let tells_traffic = tracing::enabled!(tracing::Level::TRACE);
-    LineSetup { timing: line_plan::timing(line).0, drives, echo: line.echo, tells_traffic, first_epoch }
+    LineSetup { timing: line_plan::timing(line).0, drives, echo: line.echo, tells_traffic, first_epoch, keeps: false }
 }
 
 /// What lines and north sides share.
@@ -131,5 +132,6 @@ fn drive_setup(drive: &DriveSettings) -> DriveSetup {
         timeouts: line_plan::reply_timeouts(drive),
         max_lateness: drive.max_lateness,
         control: drive.control.clone(),
+        remembered: Remembered::default(),
     }
 }

@@ -1,7 +1,7 @@
 //! Commands: who orders what of a drive, until when, and what became of it. One vocabulary for all ways in.
 
 use super::frequency::Hertz;
-use super::ids::{AskerId, DriveIndex, Ticket};
+use super::ids::{AskerId, CommanderName, DriveIndex, Ticket};
 use super::native::FRAMES_MAX;
 use super::time::MonoTime;
 use std::fmt;
@@ -48,6 +48,8 @@ pub enum Order {
     /// Set what the drive needs before it obeys the bus: the registers at these addresses, each to the word that its
     /// model demands.
     Setup(Vec<u16>),
+    /// Take control over from the one who holds it. It moves nothing.
+    Take,
     /// Only renew the lease. It is no attempt to write.
     Renew,
 }
@@ -107,6 +109,8 @@ pub enum Owner {
     ModbusTcp(IpAddr),
     /// Whoever may publish to the command topics.
     Mqtt,
+    /// Whoever may publish to the command topics of this commander.
+    MqttBy(CommanderName),
     /// Whoever may open the gateway's own socket on its host.
     Local,
 }
@@ -116,6 +120,7 @@ impl fmt::Display for Owner {
         match self {
             Self::ModbusTcp(address) => write!(f, "modbus-tcp {address}"),
             Self::Mqtt => f.write_str("mqtt"),
+            Self::MqttBy(name) => write!(f, "mqtt {name}"),
             Self::Local => f.write_str("local"),
         }
     }
@@ -382,6 +387,18 @@ reasons! {
     OutsideRange = 45, "outside_range", "the value is outside what the register takes";
     /// Too many exchanges of the line or the drive fail.
     LineQuality = 46, "line_quality", "too many exchanges of the line fail: only stops and lower frequencies are taken";
+    /// Started too often.
+    StartsTooOften = 47, "starts_too_often", "the time between two starts is not over yet";
+    /// The drive obeys somebody else.
+    LocalControl = 48, "local_control", "the drive obeys its panel or terminals, not the bus";
+    /// The drive's own watchdog is off, too long or unknown, and it is demanded.
+    Watchdog = 49, "watchdog", "the drive's own watchdog is not known to be on and short enough";
+    /// A stored register was written a moment ago.
+    WrittenTooOften = 50, "written_too_often", "this register is kept in a memory that wears out: write it less often";
+    /// The control section does not allow to take control over.
+    NoTake = 51, "no_take", "control cannot be taken over: its holder has to release it, or its lease to end";
+    /// The drive leaves the configuration.
+    Removed = 52, "removed", "the drive is leaving the configuration";
 }
 
 impl Reason {

@@ -77,6 +77,47 @@ impl fmt::Display for Name {
     }
 }
 
+/// The name of a commander that has command topics of its own: 1 to 32 letters, digits, `-`, `_` or `.`. It is copied with
+/// every command.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct CommanderName {
+    /// Zeros behind its end, which no name holds.
+    text: [u8; Self::MAX_CHARS],
+}
+
+impl CommanderName {
+    /// The longest name, in characters.
+    pub const MAX_CHARS: usize = 32;
+
+    /// The name `text`, or nothing if it is empty, too long or holds any other character.
+    #[must_use]
+    pub fn new(text: &str) -> Option<Self> {
+        let name = Name::new(text)?;
+        let mut text = [0; Self::MAX_CHARS];
+        text.get_mut(..name.as_str().len())?.copy_from_slice(name.as_str().as_bytes());
+        Some(Self { text })
+    }
+
+    /// The name as text.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        let end = self.text.iter().position(|byte| *byte == 0).unwrap_or(Self::MAX_CHARS);
+        self.text.get(..end).and_then(|text| std::str::from_utf8(text).ok()).unwrap_or_default()
+    }
+}
+
+impl fmt::Display for CommanderName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.as_str().fmt(f)
+    }
+}
+
+impl fmt::Debug for CommanderName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "CommanderName({:?})", self.as_str())
+    }
+}
+
 /// A drive's place on its line, in the order of the configuration, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct DriveIndex(pub u16);
@@ -113,6 +154,17 @@ mod tests {
         assert!(Name::new("pump-1_a.B").is_some());
         for bad in ["", "a/b", "a+", "#", "pump 1", "ü", &"x".repeat(65)] {
             assert!(Name::new(bad).is_none(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn commanders_have_short_names() {
+        for good in ["a", "plc-2", &"x".repeat(32)] {
+            let name = CommanderName::new(good).unwrap();
+            assert_eq!((name.as_str(), name.to_string()), (good, good.to_owned()));
+        }
+        for bad in ["", "a/b", "+", "\0", &"x".repeat(33)] {
+            assert!(CommanderName::new(bad).is_none(), "{bad}");
         }
     }
 

@@ -16,8 +16,10 @@ pub struct DriveView {
     pub run_state: RunState,
     /// What its status registers tell.
     pub status: StatusView,
-    /// Trips, counted and read.
+    /// Trips, counted and read, as they are now.
     pub trip: TripView,
+    /// Trips as far as they are kept.
+    pub trip_kept: KeptTrips,
     /// Control; nothing if the drive has no control section.
     pub control: Option<ControlView>,
 }
@@ -118,6 +120,19 @@ pub struct TripView {
     pub seen: u32,
     /// The newest trip that this process has seen.
     pub last: Option<TripRecord>,
+}
+
+/// What is kept of a drive's trips: what is shown of it outlives the gateway. Without a journal it is what is known now.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct KeptTrips {
+    /// Trips as the drive counted them then.
+    pub count: Option<u16>,
+    /// Trips that are kept, those of earlier lives of the gateway included.
+    pub total: u32,
+    /// The newest trip of this life.
+    pub last: Option<TripRecord>,
+    /// The vendor's number of the newest trip of all.
+    pub last_code: Option<u16>,
 }
 
 /// What was read after a trip.

@@ -13,7 +13,7 @@ use crate::domain::report::{LineCounters, LineFault, LineReport, LineState, Stop
 use crate::domain::time::MonoTime;
 use crate::drive::plan::{Pace, PlaceOnLine, PollPlan};
 use crate::drive::snapshot::{DriveSnapshot, Presence};
-use crate::drive::view::DriveView;
+use crate::drive::view::{DriveView, KeptTrips};
 use crate::line::barriers::{Barriers, Nonces};
 use crate::line::diagnosis::Diagnosis;
 use crate::line::echo::EchoWatch;
@@ -155,6 +155,7 @@ impl LineCore {
                     work.shut_down(now, &mut self.effects);
                 }
             }
+            Input::Kept(_) => {}
             Input::Time => self.on_time(now),
         }
     }
@@ -229,6 +230,7 @@ impl LineCore {
             run_state: work.run_state(self.is_offline(index)),
             status: work.status_view(),
             trip: work.trips().view().clone(),
+            trip_kept: KeptTrips::default(),
             control: work.control_view(),
         })
     }

@@ -10,6 +10,7 @@ use crate::domain::time::MonoTime;
 use crate::domain::traffic::TrafficRecord;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::TripEvent;
+use crate::journal::{Keep, RowNumber};
 
 /// Something that happened.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -33,6 +34,8 @@ pub enum Input<'a> {
     /// A client is gone: nobody waits for its answers any more, and what it has ordered and has not begun is not sent,
     /// stops excepted.
     AskerGone(AskerId),
+    /// Everything that was to be kept, up to this row, is: it outlives a kill of the process.
+    Kept(RowNumber),
     /// All that had happened has been told. Only now is decided what to do.
     Time,
 }
@@ -48,6 +51,8 @@ pub enum Effect {
     Answer(NativeAnswer),
     /// Give this report to the one who commanded.
     Command(CommandAnswer),
+    /// Keep this in the journal.
+    Keep(Keep),
     /// A drive has tripped, or its trip holds no more.
     Trip(DriveIndex, TripEvent),
     /// Something that people should read.

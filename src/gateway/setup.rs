@@ -4,6 +4,7 @@ use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
 use crate::domain::link::EchoPolicy;
 use crate::domain::report::StopBounds;
+use crate::journal::Remembered;
 use crate::line::budget::{self, Budget, PlannedStation};
 use crate::line::timeouts::{ReplyTimeouts, longer_reply};
 use crate::line::timing::Timing;
@@ -25,6 +26,8 @@ pub struct LineSetup {
     pub tells_traffic: bool,
     /// Where the epochs of its drives begin: another number at each start of the gateway.
     pub first_epoch: u64,
+    /// Whether there is a journal: what must be kept first is waited for.
+    pub keeps: bool,
 }
 
 impl LineSetup {
@@ -56,6 +59,8 @@ pub struct DriveSetup {
     pub max_lateness: Duration,
     /// What may be commanded; nothing: it is read-only from everywhere.
     pub control: Option<Arc<ControlSettings>>,
+    /// What is known of it from an earlier life of the gateway.
+    pub remembered: Remembered,
 }
 
 impl DriveSetup {

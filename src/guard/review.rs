@@ -67,6 +67,7 @@ impl DriveGuard {
                     Order::Reset => self.review_reset(command, &control, facts, now),
                     Order::Release => self.review_release(command, &control, facts, now),
                     Order::Setup(addresses) => self.review_setup(command, addresses, facts, now),
+                    Order::Take => Err(refused(Reason::NoTake)),
                     Order::Renew | Order::Stop { .. } | Order::Coast => {
                         self.renew(origin.owner, now);
                         Ok(Verdict::Unchanged)
@@ -315,7 +316,7 @@ fn may_come_from(control: &ControlSettings, owner: Owner, order: &Order) -> Resu
     let stops = matches!(order, Order::Stop { .. } | Order::Coast);
     let allowed = match owner {
         Owner::ModbusTcp(_) => control.from_modbus_tcp || stops,
-        Owner::Mqtt => control.from_mqtt,
+        Owner::Mqtt | Owner::MqttBy(_) => control.from_mqtt,
         Owner::Local => true,
     };
     if allowed { Ok(()) } else { Err(refused(Reason::NotFromHere)) }

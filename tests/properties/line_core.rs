@@ -12,6 +12,7 @@ use vfd_gateway::domain::native::{NativeAsk, NativeRequest};
 use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup, WakeReason};
+use vfd_gateway::journal::Remembered;
 use vfd_gateway::line::timeouts::ReplyTimeouts;
 use vfd_gateway::line::timing::Timing;
 use vfd_gateway::wire::framing;
@@ -80,6 +81,7 @@ impl Watch {
             timeouts: ReplyTimeouts::fixed(Duration::from_millis(200)),
             max_lateness: Duration::from_millis(500),
             control: None,
+            remembered: Remembered::default(),
         });
         let timing = Timing::for_models(framing, LinkSettings::DEFAULT, [model.as_ref()], Duration::ZERO);
         let setup = LineSetup {
@@ -88,6 +90,7 @@ impl Watch {
             echo: EchoPolicy::Strip,
             tells_traffic: true,
             first_epoch: 1,
+            keeps: false,
         };
         let now = MonoTime::from_millis(1);
         let core = LineCore::new(setup, now);
@@ -186,6 +189,7 @@ impl Watch {
                 | Effect::Note(..)
                 | Effect::LineNote(_)
                 | Effect::Reopen(_)
+                | Effect::Keep(_)
                 | Effect::Presence(..)
                 | Effect::Traffic(_) => {}
             }

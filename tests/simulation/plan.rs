@@ -12,6 +12,7 @@ use vfd_gateway::domain::ids::{DriveIndex, Name, Station, UnitId};
 use vfd_gateway::domain::link::{EchoPolicy, Framing, LinkSettings, Parity};
 use vfd_gateway::drive::description::{DriveDescription, DriveRef, Ratings};
 use vfd_gateway::gateway::{DriveSetup, LineSetup};
+use vfd_gateway::journal::Remembered;
 use vfd_gateway::line::timeouts::ReplyTimeouts;
 use vfd_gateway::line::timing::Timing;
 use vfd_gateway::profile::catalog::Catalog;
@@ -99,7 +100,7 @@ impl Plan {
         let drives: Vec<DriveSetup> = self.line.drives.iter().map(setup_of).collect();
         let models = drives.iter().map(|drive| drive.model.as_ref());
         let timing = Timing::for_models(Framing::Rtu, self.link, models, Duration::ZERO);
-        LineSetup { timing, drives, echo: EchoPolicy::Strip, tells_traffic: false, first_epoch }
+        LineSetup { timing, drives, echo: EchoPolicy::Strip, tells_traffic: false, first_epoch, keeps: false }
     }
 
     /// The drives as the north sides know them.
@@ -150,6 +151,7 @@ fn setup_of(drive: &Drive) -> DriveSetup {
         timeouts: ReplyTimeouts::fixed(Duration::from_nanos(drive.timeout)),
         max_lateness: LATENESS,
         control: control_of(drive).map(Arc::new),
+        remembered: Remembered::default(),
     }
 }
 

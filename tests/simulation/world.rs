@@ -318,7 +318,7 @@ impl World {
             Effect::Trip(drive, event) => self.mqtt_trip(drive, &event),
             // As a line's thread does: once all that was said in this round is done.
             Effect::Reopen(fault) => self.to_reopen = Some(fault),
-            Effect::Note(..) | Effect::LineNote(_) | Effect::Presence(..) | Effect::Traffic(_) => {}
+            Effect::Keep(_) | Effect::Note(..) | Effect::LineNote(_) | Effect::Presence(..) | Effect::Traffic(_) => {}
         }
     }
 

@@ -20,6 +20,7 @@ use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::domain::traffic::TrafficRecord;
 use vfd_gateway::drive::view::{DriveView, TripEvent};
 use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineNote, LineSetup, Note};
+use vfd_gateway::journal::{Keep, Remembered};
 use vfd_gateway::line::timeouts::ReplyTimeouts;
 use vfd_gateway::line::timing::Timing;
 use vfd_gateway::profile::catalog::Catalog;
@@ -208,6 +209,8 @@ pub struct Rig {
     pub line_notes: Vec<(MonoTime, LineNote)>,
     /// When the core wanted the port opened anew, and why.
     pub reopens: Vec<(MonoTime, LineFault)>,
+    /// What the line wants kept.
+    pub kept: Vec<Keep>,
     pub sent: Vec<Sent>,
     /// Keep every frame in `sent`, not just the last one.
     pub keeps_sent: bool,
@@ -236,12 +239,20 @@ impl Rig {
                 timeouts: ReplyTimeouts { learns: options.learns, ..ReplyTimeouts::fixed(options.reply_timeout) },
                 max_lateness: model.timing.max_lateness.value,
                 control: options.control.clone().map(Arc::new),
+                remembered: Remembered::default(),
             });
         }
         let timing = Timing::for_models(options.bus.framing, options.link, [model.as_ref()], Duration::ZERO);
         let now = MonoTime::from_millis(1);
         let mut core = LineCore::new(
-            LineSetup { timing, drives, echo: options.echo, tells_traffic: options.tells_traffic, first_epoch: 1 },
+            LineSetup {
+                timing,
+                drives,
+                echo: options.echo,
+                tells_traffic: options.tells_traffic,
+                first_epoch: 1,
+                keeps: false,
+            },
             now,
         );
         core.handle(now, Input::PortUp(port_kind(options)));
@@ -256,6 +267,7 @@ impl Rig {
             notes: Vec::new(),
             line_notes: Vec::new(),
             reopens: Vec::new(),
+            kept: Vec::new(),
             sent: Vec::new(),
             keeps_sent: true,
             loses_reply_to: None,
@@ -471,6 +483,7 @@ impl Rig {
                 Effect::Note(_, note) => self.notes.push((self.now, note)),
                 Effect::LineNote(note) => self.line_notes.push((self.now, note)),
                 Effect::Reopen(fault) => self.reopens.push((self.now, fault)),
+                Effect::Keep(keep) => self.kept.push(keep),
                 Effect::Presence(..) => {}
             }
         }

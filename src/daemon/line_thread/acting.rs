@@ -47,6 +47,7 @@ impl LineTask<'_> {
                     self.log_trip(drive, &event.kind);
                     self.board.tell_trip(drive, event);
                 }
+                Effect::Keep(_) => {}
                 Effect::Note(drive, note) => {
                     tracing::warn!(line = self.port.line, drive = self.name_of(drive), "{note}");
                 }

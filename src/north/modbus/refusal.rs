@@ -23,6 +23,7 @@ pub const fn exception_of(reason: Reason) -> u8 {
         | Reason::NotCapable
         | Reason::Unverified
         | Reason::NoRelease
+        | Reason::NoTake
         | Reason::Retained => exception::ILLEGAL_FUNCTION,
         Reason::NotListed => exception::ILLEGAL_DATA_ADDRESS,
         Reason::NotUnderstood
@@ -53,6 +54,11 @@ pub const fn exception_of(reason: Reason) -> u8 {
         | Reason::Reversal
         | Reason::Moving
         | Reason::LineQuality
+        | Reason::StartsTooOften
+        | Reason::LocalControl
+        | Reason::Watchdog
+        | Reason::WrittenTooOften
+        | Reason::Removed
         | Reason::QueueFull
         | Reason::Duplicate
         | Reason::Stopped

@@ -140,7 +140,7 @@ fn seconds_word(left: Duration) -> u16 {
 fn owner_class(owner: Owner, client: Owner) -> u16 {
     match owner {
         _ if owner == client => 3,
-        Owner::Mqtt => 1,
+        Owner::Mqtt | Owner::MqttBy(_) => 1,
         Owner::ModbusTcp(_) => 2,
         Owner::Local => 4,
     }
