@@ -3,6 +3,7 @@
 use super::frequency::Hertz;
 use super::ids::{AskerId, CommanderName, DriveIndex, Ticket};
 use super::native::FRAMES_MAX;
+pub use super::reason::Reason;
 use super::time::MonoTime;
 use std::fmt;
 use std::net::IpAddr;
@@ -260,155 +261,6 @@ impl Outcome {
     }
 }
 
-macro_rules! reasons {
-    ($($(#[$about:meta])* $name:ident = $number:literal, $word:literal, $text:literal;)*) => {
-        /// Why a command ended as it did: one table for Modbus TCP (uniform word 261) and MQTT.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-        #[repr(u16)]
-        pub enum Reason {
-            $($(#[$about])* $name = $number,)*
-        }
-
-        impl Reason {
-            /// All reasons, in the order of their numbers.
-            pub const ALL: &[Self] = &[$(Self::$name,)*];
-
-            /// The word as it stands in results.
-            #[must_use]
-            pub const fn word(self) -> &'static str {
-                match self {
-                    $(Self::$name => $word,)*
-                }
-            }
-
-            /// The reason in words for people.
-            #[must_use]
-            pub const fn text(self) -> &'static str {
-                match self {
-                    $(Self::$name => $text,)*
-                }
-            }
-        }
-    };
-}
-
-reasons! {
-    /// Nothing to say.
-    None = 0, "none", "nothing to say";
-    /// The drive has no control section.
-    ReadOnly = 1, "read_only", "the drive is read-only: it has no control section";
-    /// The drive's `from` does not name this way in.
-    NotFromHere = 2, "not_from_here", "the drive does not take commands from this side";
-    /// The listener does not let this client write or stop.
-    NotAllowed = 3, "not_allowed", "this client may not do this";
-    /// The payload or the value is none of those that are known.
-    NotUnderstood = 4, "not_understood", "the value is not one that is known here";
-    /// A number was expected.
-    NotANumber = 5, "not_a_number", "a number with a decimal point was expected, such as 42.5";
-    /// Outside the configured frequencies.
-    OutsideLimits = 6, "outside_limits", "the frequency is outside the limits of the drive's control section";
-    /// Finer than the register's steps.
-    BetweenSteps = 7, "between_steps", "the value is finer than the drive's steps or does not fit its register";
-    /// The direction is not in `directions`.
-    DirectionNotAllowed = 8, "direction_not_allowed", "the drive's control section does not allow this direction";
-    /// The model has no such command.
-    NotCapable = 9, "not_capable", "this drive model cannot do this";
-    /// The fact behind the command is not proven and not accepted.
-    Unverified = 10, "unverified", "the model marks this as unproven and the control section does not accept it";
-    /// The register is not in the list of writable ones.
-    NotListed = 11, "not_listed", "the register is not listed under the drive's native write";
-    /// A stop, trip, lost lease or start came before; stop first, then run.
-    StartInhibited = 12, "start_inhibited", "the start is inhibited: command stop, then run again";
-    /// An earlier stop is not effective yet.
-    StopPending = 13, "stop_pending", "a stop is not effective yet";
-    /// Somebody else holds control.
-    OtherOwner = 14, "other_owner", "somebody else holds control of the drive";
-    /// Too soon after a stop to know that it was sent after it.
-    RestartDelay = 15, "restart_delay", "too soon after a stop: send run again, or with `epoch` or `issued_at`";
-    /// The epoch is not the present one.
-    StaleEpoch = 16, "stale_epoch", "the epoch is not the drive's present one";
-    /// RUN without `epoch` or `issued_at` where they are demanded.
-    EpochNeeded = 17, "epoch_needed", "run is accepted only with `epoch` or `issued_at`";
-    /// The drive's setpoint could not be read, or is not within the limits.
-    SetpointUnknown = 18, "setpoint_unknown", "no setpoint within the limits is known: give a frequency first";
-    /// The drive is tripped.
-    Tripped = 19, "tripped", "the drive is tripped: reset it first";
-    /// Nothing to reset, or the motor may still turn.
-    NotTripped = 20, "not_tripped", "the drive is not tripped, or not known to stand still";
-    /// The motor turns the other way.
-    Reversal = 21, "reversal", "the motor turns the other way: stop it first";
-    /// Too many commands wait.
-    QueueFull = 22, "queue_full", "too many commands are waiting";
-    /// The line's port is closed.
-    LineDown = 23, "line_down", "the line is down";
-    /// The drive does not answer.
-    Offline = 24, "offline", "the drive does not answer";
-    /// A retained message is a replay.
-    Retained = 25, "retained", "a retained message is a replay, not a command";
-    /// The message is older than it may be.
-    Stale = 26, "stale", "the command was issued too long ago";
-    /// The id was used before for another command.
-    Duplicate = 27, "duplicate", "the id was used before";
-    /// Its deadline passed.
-    TooLate = 28, "too_late", "it could not be sent before its deadline";
-    /// A stop cut it.
-    Stopped = 29, "stopped", "a stop came after it";
-    /// A newer one replaced it.
-    Newer = 30, "newer", "a newer command took its place";
-    /// The drive answered a write with the value it kept.
-    KeptOldValue = 31, "kept_old_value", "the drive kept its old value";
-    /// The drive answered with an exception.
-    DriveException = 32, "drive_exception", "the drive answered with an exception";
-    /// The drive did not answer in time.
-    NoReply = 33, "no_reply", "the drive did not answer";
-    /// The value read back is another one.
-    NotReadBack = 34, "not_read_back", "the value read back is not the commanded one";
-    /// A stop without effect.
-    NotEffective = 35, "not_effective", "the drive acknowledged and shows no effect";
-    /// No such drive.
-    UnknownDrive = 36, "unknown_drive", "there is no such drive";
-    /// More frames than one request may need.
-    TooManyFrames = 37, "too_many_frames", "it would need more than 16 frames on the line";
-    /// Parts that exclude each other.
-    Conflict = 38, "conflict", "the parts of the command exclude each other";
-    /// The message is larger than any command.
-    TooLarge = 39, "too_large", "the message is larger than any command";
-    /// A cyclic order that was in force already.
-    Unchanged = 40, "unchanged", "nothing was to be changed";
-    /// The gateway ends.
-    ShuttingDown = 41, "shutting_down", "the gateway is ending";
-    /// Whoever gave it was lost before it was sent.
-    CommanderLost = 42, "commander_lost", "its commander was lost before it was sent";
-    /// The control section does not allow a release.
-    NoRelease = 43, "no_release", "the drive's control section does not allow a release";
-    /// The motor may turn.
-    Moving = 44, "moving", "the motor is not known to stand still";
-    /// The word is outside what the register takes.
-    OutsideRange = 45, "outside_range", "the value is outside what the register takes";
-    /// Too many exchanges of the line or the drive fail.
-    LineQuality = 46, "line_quality", "too many exchanges of the line fail: only stops and lower frequencies are taken";
-    /// Started too often.
-    StartsTooOften = 47, "starts_too_often", "the time between two starts is not over yet";
-    /// The drive obeys somebody else.
-    LocalControl = 48, "local_control", "the drive obeys its panel or terminals, not the bus";
-    /// The drive's own watchdog is off, too long or unknown, and it is demanded.
-    Watchdog = 49, "watchdog", "the drive's own watchdog is not known to be on and short enough";
-    /// A stored register was written a moment ago.
-    WrittenTooOften = 50, "written_too_often", "this register is kept in a memory that wears out: write it less often";
-    /// The control section does not allow to take control over.
-    NoTake = 51, "no_take", "control cannot be taken over: its holder has to release it, or its lease to end";
-    /// The drive leaves the configuration.
-    Removed = 52, "removed", "the drive is leaving the configuration";
-}
-
-impl Reason {
-    /// The number as it stands in uniform word 261.
-    #[must_use]
-    pub const fn number(self) -> u16 {
-        self as u16
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -427,14 +279,5 @@ mod tests {
         assert_eq!(Go::new(registers(Go::REGISTERS_MAX + 1), None, None), None);
         assert_eq!(Go::new(registers(Go::REGISTERS_MAX), None, run), None);
         assert_eq!(Go::new(registers(Go::REGISTERS_MAX - 1), setpoint, run), None);
-    }
-
-    #[test]
-    fn reasons_are_told_apart_by_number_and_word() {
-        for (index, reason) in (0..).zip(Reason::ALL) {
-            assert_eq!(reason.number(), index, "numbers follow each other");
-        }
-        let words: std::collections::BTreeSet<_> = Reason::ALL.iter().map(|reason| reason.word()).collect();
-        assert_eq!(words.len(), Reason::ALL.len());
     }
 }

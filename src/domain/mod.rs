@@ -7,6 +7,7 @@ pub mod ids;
 pub mod link;
 pub mod native;
 pub mod problem;
+pub mod reason;
 pub mod report;
 pub mod suspicion;
 pub mod time;
