@@ -118,10 +118,10 @@ fn one_device_under_two_names_serves_one_line_of_a_gateway() {
     let text = line("hall-1", &one, 1) + &line("hall-2", &other, 2) + "[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n";
     let file = place.write("two.toml", &text);
     let gateway = start(&["run", "-c", file.to_str().unwrap()]);
-    let (line, error) = gateway.wait_for("that the device is in use", |line| {
+    let (line, error) = gateway.wait_for("that the device is in use by another line of it", |line| {
         let fields = fields(line)?;
-        let is_refusal = fields["message"] == "cannot open the port; trying again";
-        is_refusal.then(|| Some((fields["line"].as_str()?.to_owned(), fields["error"].as_str()?.to_owned())))?
+        let error = fields["error"].as_str().filter(|error| error.contains("of this gateway"))?.to_owned();
+        Some((fields["line"].as_str()?.to_owned(), error))
     });
     let holder = if line == "hall-1" { "line hall-2 of this gateway" } else { "line hall-1 of this gateway" };
     assert!(error.contains(holder), "{line}: {error}");
