@@ -42,6 +42,8 @@ pub struct LineCore {
     pub(super) schedule: Schedule,
     pub(super) natives: Natives,
     pub(super) flight: Option<Flight>,
+    /// The drive for which a wait was just ended because others are to be stopped: their stops go before its own.
+    pub(super) cut_short: Option<DriveIndex>,
     /// Native reads and polls take turns: whether it is the polls' turn.
     pub(super) polls_turn: bool,
     /// Polls in a row that had grown too old to wait.
@@ -131,6 +133,7 @@ impl LineCore {
             schedule: Schedule::default(),
             natives: Natives::default(),
             flight: None,
+            cut_short: None,
             polls_turn: true,
             aged_polls: 0,
             counters: LineCounters::default(),

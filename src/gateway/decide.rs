@@ -21,8 +21,9 @@ const AGED_POLLS_MAX: u8 = 3;
 /// What goes on the wire next.
 pub(super) type Picked = (DriveIndex, Request, Purpose);
 
-/// What is least goes first: by rank, then drives that answer, then those that move, then in order of time.
-type Urgency = (Rank, bool, bool, MonoTime);
+/// What is least goes first: by rank, then drives for which no wait was just ended, then those that answer, then those
+/// that move, then in order of time.
+type Urgency = (Rank, bool, bool, bool, MonoTime);
 
 /// A poll that is due.
 #[derive(Clone, Copy)]
@@ -44,6 +45,7 @@ impl LineCore {
             return;
         }
         let Some((drive, request, purpose)) = self.pick(now) else { return };
+        self.cut_short = None;
         let (setup, station) = (&self.setup.drives[drive.get()], &self.stations[drive.get()]);
         let was_silent = station.is_known_silent();
         let timeout = self.wait_for(drive, &request);
@@ -162,7 +164,7 @@ impl LineCore {
                 if want.rank > last_rank || now < self.wanted_from(drive, &want) || self.needs_probe(&want) {
                     continue;
                 }
-                let key = (want.rank, is_silent, rests, want.at);
+                let key = (want.rank, self.cut_short == Some(drive), is_silent, rests, want.at);
                 if best.as_ref().is_none_or(|(best, ..)| key < *best) {
                     best = Some((key, drive, want));
                 }

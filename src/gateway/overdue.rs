@@ -73,6 +73,7 @@ impl LineCore {
             return;
         }
         if let Some((exchange, ending)) = self.wire.cut_short() {
+            self.cut_short = Some(drive);
             self.ended(now, exchange, ending);
         }
     }

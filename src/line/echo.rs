@@ -67,16 +67,27 @@ impl EchoWatch {
     pub fn heard(&mut self, kind: TrafficKind, bytes: &[u8]) {
         match kind {
             TrafficKind::Echo => {
-                self.came_back = true;
-                (self.known, self.clean_reads) = (LocalEcho::Found, 0);
+                (self.known, self.came_back) = (LocalEcho::Found, true);
+                self.is_supported();
             }
-            TrafficKind::Reply => self.was_answered = true,
+            TrafficKind::Reply => {
+                self.was_answered = true;
+                self.is_supported();
+            }
             // Twice the same: an echo and the drive's reply, or two drives of the same number. A read tells.
             _ if self.is_over && !self.differs && self.known != LocalEcho::Found && bytes == self.sent => {
                 self.known = LocalEcho::Unknown;
             }
             _ if !self.was_answered => self.others += bytes.len(),
             _ => {}
+        }
+    }
+
+    /// Reads have to tell anew that an echo is gone. The lone copy of a write does not ask for that: it may be the drive's
+    /// own reply, and a drive that is told to stop until it acknowledges that would never be heard.
+    const fn is_supported(&mut self) {
+        if self.came_back && (self.differs || self.was_answered) {
+            self.clean_reads = 0;
         }
     }
 
@@ -158,6 +169,23 @@ mod tests {
         }
         watch.port_opened();
         assert_eq!(watch.known(), LocalEcho::Unknown);
+    }
+
+    /// The copy of a write may be the drive's own reply, taken for an echo.
+    #[test]
+    fn only_a_write_that_comes_back_twice_supports_the_belief_in_an_echo() {
+        for (heard, expected) in
+            [(&[(Echo, &WRITE)][..], LocalEcho::Excluded), (&[(Echo, &WRITE), (Reply, &WRITE)], LocalEcho::Found)]
+        {
+            let mut watch = EchoWatch::default();
+            assert_eq!(exchange(&mut watch, &[(Echo, &READ), (Reply, &REPLY)]), LocalEcho::Found);
+            assert_eq!(exchange(&mut watch, &[(Reply, &REPLY)]), LocalEcho::Found);
+            watch.sent(&WRITE, false);
+            heard.iter().for_each(|(kind, bytes)| watch.heard(*kind, *bytes));
+            watch.ended();
+            assert_eq!(watch.known(), LocalEcho::Found);
+            assert_eq!(exchange(&mut watch, &[(Reply, &REPLY)]), expected, "{heard:02X?}");
+        }
     }
 
     #[test]

@@ -177,6 +177,27 @@ fn a_stop_does_not_wait_for_a_drive_that_is_dead() {
     }
 }
 
+/// Two drives are to be stopped, and one of them owes a reply: the wait for that is ended for the other.
+#[test]
+fn a_stop_that_ends_a_wait_goes_before_that_of_the_drive_that_was_waited_for() {
+    let mut rig = learned(3, BusOptions::default());
+    let now = rig.now;
+    rig.bus.set_powered(now, Station(1), false);
+    while rig.sent.last().is_none_or(|sent| sent.frame[0] != 1) {
+        rig.step(now + Duration::from_secs(5));
+    }
+    // Longer than any reply has taken, and shorter than it is waited for.
+    rig.pass(Duration::from_millis(28));
+    assert_eq!(rig.sent.last().unwrap().frame[0], 1);
+    rig.sent.clear();
+    rig.command_unsettled(MQTT, 0, STOP);
+    rig.command_unsettled(MQTT, 1, STOP);
+    rig.settle();
+    rig.pass(Duration::from_millis(100));
+    let stops: Vec<u8> = rig.sent.iter().filter(|sent| sent.pdu[0] == 6).map(|sent| sent.frame[0]).collect();
+    assert_eq!(stops, [2, 1]);
+}
+
 #[test]
 fn a_stop_waits_for_a_reply_that_comes_in() {
     for lead_us in (0..20_000).step_by(900) {

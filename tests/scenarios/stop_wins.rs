@@ -5,7 +5,7 @@ use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::native::NativeAsk;
-use vfd_gateway::gateway::Note;
+use vfd_gateway::gateway::{Input, Note};
 use vfd_gateway::sim::FaultPlan;
 
 const RUN: u16 = 0x0002;
@@ -112,6 +112,24 @@ fn a_late_echo_is_no_proof_of_a_stop() {
     assert_eq!(rig.outcome_of(ticket), (Outcome::Confirmed, Reason::None));
     rig.pass(Duration::from_secs(40));
     assert_eq!(rig.output(1), 0);
+}
+
+/// The late echo of the first stop comes while the second one goes out, as that of a line that echoes would.
+#[test]
+fn a_late_echo_that_looks_like_that_of_the_line_does_not_keep_a_stop_from_its_end() {
+    let mut rig = running();
+    rig.bus.set_faults("lost=1000".parse().unwrap());
+    let ticket = rig.command(MQTT, 0, STOP);
+    while rig.written(RUN).last_chunk() != Some(&[0, 0]) {
+        assert!(rig.step(rig.now + Duration::from_secs(5)));
+    }
+    rig.bus.set_faults(FaultPlan::NONE);
+    rig.pass(Duration::from_millis(2));
+    let frame = rig.sent.last().unwrap().frame.clone();
+    rig.core.handle(rig.now, Input::Bytes(&frame));
+    rig.settle();
+    assert_eq!(rig.core.counters().echoes, 1);
+    assert_eq!(rig.outcome_of(ticket), (Outcome::Confirmed, Reason::None));
 }
 
 #[test]

@@ -175,6 +175,27 @@ fn o5_there_is_silence_before_a_frame() {
     Trace::new().hears(&[9, 3, 2, 0, 0]).pass(4).sends(&READ, &REPLY).violates("O5");
 }
 
+/// Somebody talks without a pause, for 20 ms of silence at a time at the most.
+#[test]
+fn o5_a_stop_goes_over_whoever_talks_for_half_a_second() {
+    let talks = |trace: Trace, times: usize| {
+        (0..times).fold(trace, |mut trace, _| {
+            trace.now += 3 * MS;
+            trace.checker.heard(trace.now, &[0x55]);
+            trace
+        })
+    };
+    let asked = || talks(Trace::new().runs(), 10).asks(2, 101, &STOP);
+    talks(asked(), 100).sends(&STOP_FRAME, &[]).violates("O5");
+    let stopped = || talks(asked(), 170).sends(&STOP_FRAME, &[]);
+    talks(stopped(), 170).sends(&STOP_FRAME, &[]).holds();
+    // A silence in which nothing can go, because the first is waited for, and one in which something could.
+    talks(talks(stopped(), 20).pass(20), 140).sends(&STOP_FRAME, &[]).holds();
+    talks(talks(stopped(), 100).pass(20), 70).sends(&STOP_FRAME, &[]).violates("O5");
+    // Nobody but a stop.
+    talks(Trace::new().runs(), 200).sends(&READ, &REPLY).violates("O5");
+}
+
 #[test]
 fn o6_one_exchange_is_open() {
     Trace::new().sends(&READ, &[]).pass(250).sends(&READ, &REPLY).holds();

@@ -65,6 +65,8 @@ pub struct Wire {
     truth: Vec<u8>,
     /// Since then something was heard or sent without a silence in between.
     talks_since: u64,
+    /// The frame that was sent last went over somebody who talked, and is waited for until then.
+    waits_in_jam_until: u64,
     /// The drives are left alone until then.
     held_until: u64,
     /// How long the newest replies took to begin, for each station; and how many there were.
@@ -89,6 +91,7 @@ impl Wire {
             heard: Vec::with_capacity(HEARD),
             truth: Vec::with_capacity(300),
             talks_since: 0,
+            waits_in_jam_until: 0,
             held_until: 0,
             replies: Vec::with_capacity(8),
             is_open: false,
@@ -182,6 +185,7 @@ impl Checker {
         if gap >= self.wire.silence {
             self.wire.talks_since = at;
         }
+        self.wire.waits_in_jam_until = 0;
         if !is_over_babble {
             self.wire.shortest_excess = self.wire.shortest_excess.min(gap.wrapping_sub(self.wire.silence));
         }
@@ -194,6 +198,10 @@ impl Checker {
         };
         (exchange.truth, exchange.words) = truth_of(&exchange, truth);
         self.wire.quiet_from = exchange.end;
+        if is_over_babble && gap < self.wire.silence {
+            let reply = self.line.on_wire(reply_bytes(&exchange));
+            self.wire.waits_in_jam_until = exchange.end + exchange.timeout + reply;
+        }
         self.wire.heard.clear();
         self.wire.was_mistakable = false;
         self.wire.truth.clear();
@@ -288,7 +296,8 @@ impl Checker {
         self.log.add(at, What::Heard, 0, bytes);
         self.time(at);
         let wire = &mut self.wire;
-        if at >= wire.quiet_from + wire.silence {
+        // Nothing can go in a silence that falls into the wait for our own frame: whoever talked talks on.
+        if at >= (wire.quiet_from + wire.silence).max(wire.waits_in_jam_until) {
             wire.talks_since = at;
         }
         wire.quiet_from = wire.quiet_from.max(at);
