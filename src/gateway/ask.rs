@@ -2,12 +2,13 @@
 
 use super::core::LineCore;
 use super::waiter::Waiter;
-use crate::domain::command::{CommandRequest, Reason, Report};
+use crate::domain::command::{CommandRequest, Order, Reason, Report};
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::native::{FRAMES_MAX, NativeAnswer, NativeAsk, NativeOutcome, NativeRequest, Refusal};
 use crate::domain::time::MonoTime;
 use crate::drive::decode;
 use crate::guard::{COMMAND_DEADLINE, Facts};
+use crate::journal::Tried;
 use crate::line::schedule::{Asked, Full, Queued, ReadKey, WaiterId};
 use crate::profile::model::Model;
 use crate::wire::pdu::function;
@@ -35,7 +36,9 @@ impl LineCore {
 
     fn command(&mut self, now: MonoTime, command: &CommandRequest, mut waiter: Waiter) {
         let Some(work) = self.works.get(command.drive.get()) else {
-            self.effects.extend(waiter.answer(Report::refused(Reason::UnknownDrive), true));
+            let (report, tried) = (Report::refused(Reason::UnknownDrive), Tried::Order(command.order.clone()));
+            self.effects.attempt_ended(command.drive, command.origin.owner, tried, report);
+            self.effects.tell(&mut waiter, report, true);
             return;
         };
         let facts = Facts {
@@ -100,17 +103,23 @@ impl LineCore {
         values: &[u16],
     ) -> Result<(), NativeOutcome> {
         let NativeRequest { asker, ticket, drive, origin, deadline, .. } = *request;
-        let (Some(setup), Some(work)) = (self.setup.drives.get(drive.get()), self.works.get(drive.get())) else {
-            return Err(NativeOutcome::Refused(Refusal::NoSuchUnit));
-        };
-        if work.guard().control().is_none() {
-            return Err(refused(Refusal::Guard(Reason::ReadOnly)));
-        }
-        let order = decode::order(&setup.model, address, values).map_err(|reason| refused(Refusal::Guard(reason)))?;
+        let order = self.order_of(drive, address, values).map_err(|reason| {
+            let tried = Tried::Registers { address, values: values.to_vec() };
+            self.effects.attempt_ended(drive, origin.owner, tried, Report::refused(reason));
+            refused(if reason == Reason::UnknownDrive { Refusal::NoSuchUnit } else { Refusal::Guard(reason) })
+        })?;
         let start_before = deadline.min(now + COMMAND_DEADLINE);
         let command = CommandRequest { asker, ticket, drive, origin, order, start_before, issued: None, epoch: None };
         self.command(now, &command, Waiter::of_write(asker, ticket, drive));
         Ok(())
+    }
+
+    fn order_of(&self, drive: DriveIndex, address: u16, values: &[u16]) -> Result<Order, Reason> {
+        let (Some(setup), Some(work)) = (self.setup.drives.get(drive.get()), self.works.get(drive.get())) else {
+            return Err(Reason::UnknownDrive);
+        };
+        work.guard().control().ok_or(Reason::ReadOnly)?;
+        decode::order(&setup.model, address, values)
     }
 
     /// Whether a read of `drive` may wait now: the line is up, there is room, and the drive is not silent.

@@ -5,6 +5,7 @@ use super::event::{Effect, Input, Wake, WakeReason};
 use super::health::Health;
 use super::measured::Measured;
 use super::natives::Natives;
+use super::outbox::Outbox;
 use super::setup::LineSetup;
 use super::work::{DriveWork, Rank};
 use crate::domain::ids::{AskerId, DriveIndex};
@@ -13,14 +14,13 @@ use crate::domain::report::{LineCounters, LineFault, LineReport, LineState, Stop
 use crate::domain::time::MonoTime;
 use crate::drive::plan::{Pace, PlaceOnLine, PollPlan};
 use crate::drive::snapshot::{DriveSnapshot, Presence};
-use crate::drive::view::{DriveView, KeptTrips};
+use crate::drive::view::DriveView;
 use crate::line::barriers::{Barriers, Nonces};
 use crate::line::diagnosis::Diagnosis;
 use crate::line::echo::EchoWatch;
 use crate::line::schedule::{ReadJob, Schedule};
 use crate::line::station::StationState;
 use crate::line::transaction::Wire;
-use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// One line with its drives. See the [module](super) for how it is driven.
@@ -58,7 +58,7 @@ pub struct LineCore {
     /// Why the port was closed last.
     pub(super) fault: Option<LineFault>,
     pub(super) counters: LineCounters,
-    pub(super) effects: VecDeque<Effect>,
+    pub(super) effects: Outbox,
 }
 
 /// What the exchange on the wire was sent for.
@@ -109,15 +109,22 @@ impl LineCore {
         let plans = (0..)
             .zip(&setup.drives)
             .map(|(index, drive)| PollPlan::new(&drive.model, pace(drive.poll), now, PlaceOnLine { index, drives }));
+        let mut effects = Outbox::new(setup.keeps);
+        effects.set_time(now);
         let works = (0..).zip(&setup.drives).map(|(index, drive)| {
-            DriveWork::new(DriveIndex(index), &drive.model, drive.control.clone(), setup.first_epoch)
+            let mut work = DriveWork::new(DriveIndex(index), &drive.model, drive.control.clone(), setup.first_epoch);
+            if setup.keeps {
+                work.remember(&drive.remembered, now, &mut effects);
+            }
+            work
         });
+        let works: Vec<DriveWork> = works.collect();
         Self {
             all_stop_at: broadcast::station_for_all(&setup),
             stop: setup.stop_bounds(),
             planned_use_per_mille: (budget.use_of_line * 1000.0).round() as u32,
             measured: Measured::new(&budget),
-            works: works.collect(),
+            works,
             others_turn: false,
             fault: None,
             state: LineState::Down,
@@ -137,13 +144,14 @@ impl LineCore {
             polls_turn: true,
             aged_polls: 0,
             counters: LineCounters::default(),
-            effects: VecDeque::new(),
+            effects,
             setup,
         }
     }
 
     /// Takes an event that happened at `now`. Moments never go back.
     pub fn handle(&mut self, now: MonoTime, input: Input<'_>) {
+        self.effects.set_time(now);
         match input {
             Input::Bytes(bytes) => self.on_bytes(now, bytes),
             Input::PortUp(kind) => self.on_port_up(now, kind),
@@ -158,8 +166,11 @@ impl LineCore {
                     work.shut_down(now, &mut self.effects);
                 }
             }
-            Input::Kept(_) => {}
+            Input::Kept(row) => self.works.iter_mut().for_each(|work| work.kept(row)),
             Input::Time => self.on_time(now),
+        }
+        for work in &mut self.works {
+            work.keep_lease(&mut self.effects);
         }
     }
 
@@ -233,7 +244,7 @@ impl LineCore {
             run_state: work.run_state(self.is_offline(index)),
             status: work.status_view(),
             trip: work.trips().view().clone(),
-            trip_kept: KeptTrips::default(),
+            trip_kept: work.trips_kept().clone(),
             control: work.control_view(),
         })
     }
@@ -242,6 +253,12 @@ impl LineCore {
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
         !self.works.iter().any(DriveWork::must_go_on)
+    }
+
+    /// The line is left at `now`: whatever has no end yet gets one. A stop that is pending stays so.
+    pub fn leave(&mut self, now: MonoTime) {
+        self.effects.set_time(now);
+        self.works.iter_mut().for_each(|work| work.leave(&mut self.effects));
     }
 
     pub(super) fn is_offline(&self, drive: DriveIndex) -> bool {

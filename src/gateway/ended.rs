@@ -10,6 +10,7 @@ use crate::domain::native::NativeOutcome;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::{TrafficKind, TrafficRecord};
 use crate::drive::snapshot::Presence;
+use crate::journal::Entry;
 use crate::line::fault::{Fault, consequence};
 use crate::line::schedule::ReadJob;
 use crate::line::station::Missing;
@@ -248,6 +249,7 @@ impl LineCore {
         if *known != presence {
             *known = presence;
             self.effects.push_back(Effect::Presence(drive, presence));
+            self.effects.keep(drive, Entry::Presence(presence));
             let work = &mut self.works[drive.get()];
             if presence == Presence::Offline { work.out_of_sight(&mut self.effects) } else { work.mark_changed() }
         }

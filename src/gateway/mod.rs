@@ -23,6 +23,7 @@ mod list;
 mod measured;
 mod natives;
 mod note;
+mod outbox;
 mod overdue;
 mod port;
 mod probe;

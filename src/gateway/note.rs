@@ -16,6 +16,18 @@ pub enum Note {
         /// What is done.
         action: FailSafe,
     },
+    /// The commander of an earlier life of the gateway did not come back, or the gateway ended again before its time was
+    /// over: the declared action runs.
+    #[error("the gateway was started anew and its commander before that ({owner}) is not back: the declared action is {}", .action.word())]
+    Orphaned {
+        /// Who held control.
+        owner: Owner,
+        /// What is done.
+        action: FailSafe,
+    },
+    /// A run order went on without its row.
+    #[error("ALARM: the journal is slow; RUN goes on without its row")]
+    JournalSlow,
     /// A stop shows no effect.
     #[error("ALARM: a stop shows no effect; it is repeated")]
     NotEffective,

@@ -5,7 +5,7 @@
 //! show that the drive is not ordered to run any more, or the output frequency at zero, or twice at or below the one
 //! before and falling.
 
-use super::event::Effect;
+use super::outbox::Outbox;
 use super::waiter::Waiter;
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::control::ControlSettings;
@@ -93,30 +93,40 @@ impl StopLatch {
         }
     }
 
+    /// A stop of an earlier life of the gateway. As for a drive that was away, it is looked at first: at standstill the
+    /// stop is settled, otherwise it goes out.
+    #[must_use]
+    pub fn remembered(order: StopOrder, now: MonoTime) -> Self {
+        Self { sent: 1, look_at: now, missed_looks: LOOKS_BEFORE_AWAY, ..Self::new(order, None, now) }
+    }
+
     /// Another stop for the same drive. One of the same kind is this one: it goes on being sent at its own rate, however
-    /// many ask for it. One of another kind takes its place and goes out at once. Returns what the one who asked is to
-    /// be told at once.
-    pub fn also(&mut self, order: StopOrder, waiter: Option<Waiter>, now: MonoTime) -> Option<Effect> {
+    /// many ask for it. One of another kind takes its place and goes out at once. Returns whether it is of another kind.
+    pub fn also(&mut self, order: StopOrder, waiter: Option<Waiter>, now: MonoTime, out: &mut Outbox) -> bool {
         self.accepted_at = now;
-        if order != self.order {
+        let is_other = order != self.order;
+        if is_other {
             let waiters = std::mem::take(&mut self.waiters);
             let Self { awaited_since, was_told_late, .. } = *self;
             *self = Self { waiters, awaited_since, was_told_late, ..Self::new(order, None, now) };
         }
-        waiter.and_then(|mut waiter| self.join(&mut waiter))
+        if let Some(waiter) = waiter {
+            self.join(waiter, out);
+        }
+        is_other
     }
 
-    /// One more waits for it, if there is room. Returns what it is to be told at once, and whether that is all.
-    pub fn join(&mut self, waiter: &mut Waiter) -> Option<Effect> {
-        let acknowledged = Report::new(Outcome::Acknowledged, Reason::None);
+    /// One more waits for it, if there is room.
+    pub fn join(&mut self, mut waiter: Waiter, out: &mut Outbox) {
         if self.waiters.len() >= WAITERS_MAX {
-            return waiter.answer(Report::new(Outcome::Unknown, Reason::StopPending), true);
+            return out.tell(&mut waiter, Report::new(Outcome::Unknown, Reason::StopPending), true);
         }
-        let told = if self.is_acknowledged { waiter.answer(acknowledged, false) } else { None };
+        if self.is_acknowledged {
+            out.tell(&mut waiter, Report::new(Outcome::Acknowledged, Reason::None), false);
+        }
         if !waiter.is_done() {
-            self.waiters.push(*waiter);
+            self.waiters.push(waiter);
         }
-        told
     }
 
     /// What goes on the wire and from when.

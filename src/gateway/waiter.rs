@@ -4,9 +4,10 @@ use super::event::Effect;
 use crate::domain::command::{CommandAnswer, Outcome, Reason, Report};
 use crate::domain::ids::{AskerId, DriveIndex, Ticket};
 use crate::domain::native::{NativeAnswer, NativeOutcome, Refusal};
+use crate::journal::AttemptId;
 
 /// One commander that waits for a report.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Debug, PartialEq, Eq)]
 pub struct Waiter {
     asker: AskerId,
     ticket: Ticket,
@@ -16,19 +17,22 @@ pub struct Waiter {
     is_answered: bool,
     /// The number of its command among those of the drive; nothing while it is none.
     number: Option<u16>,
+    /// The attempt whose end is still to be kept.
+    attempt: Option<AttemptId>,
 }
 
 impl Waiter {
     /// Somebody who gave a command.
     #[must_use]
     pub const fn of_command(asker: AskerId, ticket: Ticket, drive: DriveIndex) -> Self {
-        Self { asker, ticket, drive, is_native: false, is_answered: false, number: None }
+        Self { asker, ticket, drive, is_native: false, is_answered: false, number: None, attempt: None }
     }
 
     /// Somebody who wrote to the drive's own registers.
     #[must_use]
     pub const fn of_write(asker: AskerId, ticket: Ticket, drive: DriveIndex) -> Self {
-        Self { is_native: true, ..Self::of_command(asker, ticket, drive) }
+        let is_native = true;
+        Self { asker, ticket, drive, is_native, is_answered: false, number: None, attempt: None }
     }
 
     /// The answer with `report`, if this waiter is still to be told it. A native writer is answered once: at the
@@ -63,10 +67,26 @@ impl Waiter {
         self.number = Some(number);
     }
 
-    /// Whether nothing will be told any more.
+    /// The drive that it commands.
+    #[must_use]
+    pub const fn drive(&self) -> DriveIndex {
+        self.drive
+    }
+
+    /// The end of this attempt is to be kept.
+    pub const fn set_attempt(&mut self, attempt: Option<AttemptId>) {
+        self.attempt = attempt;
+    }
+
+    /// The attempt whose end is still to be kept: once.
+    pub const fn take_attempt(&mut self) -> Option<AttemptId> {
+        self.attempt.take()
+    }
+
+    /// Whether nothing will be told any more, to whoever waits or to the journal.
     #[must_use]
     pub const fn is_done(&self) -> bool {
-        self.is_answered
+        self.is_answered && self.attempt.is_none()
     }
 }
 

@@ -6,6 +6,7 @@
 pub mod access;
 mod approved;
 mod at_rest;
+mod orphan;
 mod review;
 mod state;
 #[cfg(test)]

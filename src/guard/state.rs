@@ -1,11 +1,13 @@
 //! Who holds control of one drive, what is ordered, and who may start it.
 
 use super::approved::StopOrder;
+use super::orphan::Orphan;
 use crate::domain::command::{Direction, Owner, RunIntent};
 use crate::domain::control::{ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use crate::drive::steps;
+use crate::journal::Cause;
 use crate::profile::model::Model;
 use std::sync::Arc;
 
@@ -18,7 +20,7 @@ pub(super) const ARMED_MAX: usize = 64;
 pub struct DriveGuard {
     pub(super) model: Arc<Model>,
     pub(super) control: Option<Arc<ControlSettings>>,
-    lease: Option<Lease>,
+    pub(super) lease: Option<Lease>,
     intent: RunIntent,
     /// Whether the drive has acknowledged the intent. Until then an equal order is a new one.
     pub(super) run_acknowledged: bool,
@@ -47,6 +49,8 @@ pub struct DriveGuard {
 pub(super) struct Lease {
     pub owner: Owner,
     pub until: MonoTime,
+    /// It comes from an earlier life of the gateway, and its owner is awaited.
+    pub orphan: Option<Orphan>,
 }
 
 /// The last accepted setpoint.
@@ -64,6 +68,8 @@ pub struct Lost {
     pub owner: Option<Owner>,
     /// What is declared.
     pub action: FailSafe,
+    /// Why it runs.
+    pub cause: Cause,
     /// The frame for it; nothing with hold.
     pub order: Option<StopOrder>,
 }
@@ -149,7 +155,7 @@ impl DriveGuard {
     /// When something is due without any event: the end of the lease.
     #[must_use]
     pub fn next_wake(&self) -> Option<MonoTime> {
-        self.lease.map(|lease| lease.until)
+        self.lease.map(|lease| lease.until).filter(|until| *until != MonoTime::NEVER)
     }
 
     /// The owner gave a sign of life.
@@ -158,6 +164,7 @@ impl DriveGuard {
             && lease.owner == owner
         {
             lease.until = now + control.lost_after;
+            lease.orphan = lease.orphan.and_then(Orphan::taken_up);
         }
     }
 
@@ -173,7 +180,8 @@ impl DriveGuard {
             return None;
         }
         self.failsafe = true;
-        Some(self.lost(Some(lease.owner), action, now))
+        let cause = lease.orphan.map_or(Cause::CommanderLost, Orphan::cause);
+        Some(self.lost(Some(lease.owner), action, cause, now))
     }
 
     /// The gateway ends: nothing is accepted any more. Says what is declared for a drive that is under control.
@@ -184,7 +192,7 @@ impl DriveGuard {
         if owner.is_none() && !matches!(self.intent, RunIntent::Run(_)) {
             return None;
         }
-        Some(self.lost(owner, action, now))
+        Some(self.lost(owner, action, Cause::Shutdown, now))
     }
 
     /// Something happened after which nobody may simply go on: a trip, a lost lease, the drive away.
@@ -207,7 +215,7 @@ impl DriveGuard {
         if matches!(self.intent, RunIntent::Run(_)) {
             return;
         }
-        if self.lease.is_some_and(|lease| self.armed.contains(&lease.owner)) {
+        if self.lease.is_some_and(|lease| lease.orphan.is_some() || self.armed.contains(&lease.owner)) {
             self.lease = None;
         }
     }
@@ -272,7 +280,7 @@ impl DriveGuard {
     /// Accepts an order of `owner` to run, or a setpoint for a drive that may turn: control is leased.
     pub(super) fn take_lease(&mut self, owner: Owner, now: MonoTime) {
         if let Some(control) = &self.control {
-            self.lease = Some(Lease { owner, until: now + control.lost_after });
+            self.lease = Some(Lease { owner, until: now + control.lost_after, orphan: None });
         }
     }
 
@@ -321,7 +329,7 @@ impl DriveGuard {
         self.armed.push(owner);
     }
 
-    fn lost(&mut self, owner: Option<Owner>, action: FailSafe, now: MonoTime) -> Lost {
+    fn lost(&mut self, owner: Option<Owner>, action: FailSafe, cause: Cause, now: MonoTime) -> Lost {
         let order = match action {
             FailSafe::Hold => None,
             FailSafe::Stop | FailSafe::Coast => self.stop_order(action == FailSafe::Coast),
@@ -329,6 +337,6 @@ impl DriveGuard {
         if let Some(order) = &order {
             self.accept_stop(None, order.is_coast(), now);
         }
-        Lost { owner, action, order }
+        Lost { owner, action, cause, order }
     }
 }

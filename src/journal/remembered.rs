@@ -1,6 +1,7 @@
 //! What a line is told about its drives from an earlier life of the gateway.
 
 use crate::domain::command::Owner;
+pub use crate::drive::trips::TripBaseline;
 
 /// What is remembered of one drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -15,17 +16,6 @@ pub struct Remembered {
     pub lease: Option<RememberedLease>,
     /// A stop was not effective yet when the gateway ended.
     pub stop: Option<RememberedStop>,
-}
-
-/// Up to where the trips of a drive were told.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct TripBaseline {
-    /// The drive's own count; nothing where it does not count, or was not read yet.
-    pub count: Option<u16>,
-    /// Whether a trip held, if that was known.
-    pub held: Option<bool>,
-    /// The vendor's number of the trip that held last, if it was read.
-    pub code: Option<u16>,
 }
 
 /// A lease that nobody ended.

@@ -5,7 +5,9 @@
 //! * A drive that shows whether a trip holds, by a flag or by the trip's number: each time it begins to hold is a trip,
 //!   and so is another number while it holds.
 //!
-//! What held already when the drive was first seen is no news: its record is read and shown, and not told as an event.
+//! What was told is remembered beyond the life of the gateway, as a [`TripBaseline`]: what goes beyond it is told, also
+//! if it came while nobody looked. Where nothing can be remembered, what held already when the drive was first seen is no
+//! news: its record is read and shown, and not told as an event.
 
 mod places;
 #[cfg(test)]
@@ -20,6 +22,17 @@ use places::{Places, Seen, Source};
 /// that the trips are told with what there is: they must not wait for ever.
 const READS_MAX: u8 = 4;
 
+/// Up to where the trips of a drive were told.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TripBaseline {
+    /// The drive's own count; nothing where it does not count, or was not read yet.
+    pub count: Option<u16>,
+    /// Whether a trip held that was told, if that was known.
+    pub held: Option<bool>,
+    /// The vendor's number of the trip that held last, if it was read.
+    pub code: Option<u16>,
+}
+
 /// The trips of one drive.
 #[derive(Clone, Debug, Default)]
 pub struct TripWatch {
@@ -27,8 +40,12 @@ pub struct TripWatch {
     view: TripView,
     /// The count up to which everything was told.
     told: Option<u16>,
-    /// Whether a trip held when that was last known, also before the drive was out of sight.
+    /// Whether a trip held when that was last known and told, also before the drive was out of sight.
     held: Option<bool>,
+    /// The vendor's number of the trip that was told or shown last.
+    code: Option<u16>,
+    /// What was told outlives the gateway: what is not remembered was never told.
+    is_remembered: bool,
     reading: Option<Reading>,
     /// A reset was acknowledged; the next count tells whether it holds.
     reset_acknowledged: bool,
@@ -52,6 +69,20 @@ impl TripWatch {
     #[must_use]
     pub fn new(model: &Model) -> Self {
         Self { places: Places::of(model), ..Self::default() }
+    }
+
+    /// The same, where `baseline` is what was told so far.
+    #[must_use]
+    pub fn remembering(self, baseline: TripBaseline) -> Self {
+        let TripBaseline { count, held, code } = baseline;
+        let counts = self.is_counted();
+        Self { told: count.filter(|_| counts), held: held.filter(|_| !counts), code, is_remembered: true, ..self }
+    }
+
+    /// Up to where everything was told.
+    #[must_use]
+    pub const fn baseline(&self) -> TripBaseline {
+        TripBaseline { count: self.told, held: self.held, code: self.code }
     }
 
     /// What is known.
@@ -90,9 +121,8 @@ impl TripWatch {
 
     /// The drive turns its motor. One that only counts its trips is not tripped then.
     pub fn output_is_active(&mut self, now: MonoTime) -> Option<TripEvent> {
-        let is_counted = self.places.as_ref().is_some_and(|places| matches!(places.source, Source::Count(_)));
         // While a record is being read, a trip has just been counted: an older output proves nothing.
-        if is_counted && self.reading.is_none() { self.clear(now) } else { None }
+        if self.is_counted() && self.reading.is_none() { self.clear(now) } else { None }
     }
 
     /// The drive acknowledged a reset.
@@ -104,11 +134,8 @@ impl TripWatch {
     pub fn lost_sight(&mut self) {
         self.view.active = None;
         self.reset_acknowledged = false;
-        let was_news = self.reading.take().is_some_and(|reading| reading.is_news);
-        if was_news && self.told.is_none() {
-            // The trip was not told yet: it is news again when the drive is back and it still holds.
-            self.held = Some(false);
-        }
+        // A trip that was not told yet is news again when the drive is back and it still holds.
+        self.reading = None;
     }
 
     /// The read that was wanted was not answered well at `now`.
@@ -133,16 +160,17 @@ impl TripWatch {
 
     /// A trip holds or does not.
     fn take_held(&mut self, holds: bool, now: MonoTime) -> Option<TripEvent> {
-        let held_before = self.held.replace(holds);
         if holds {
             let is_new = self.view.active.replace(true) != Some(true);
-            return if is_new { self.begin(held_before == Some(false), now) } else { None };
+            let was_told = self.held.unwrap_or(!self.is_remembered);
+            return if is_new { self.begin(!was_told, now) } else { None };
         }
         if self.reading.as_ref().is_some_and(|reading| reading.is_news) {
             // It is gone before its record was read: it is told all the same, and its end with the next reading.
             return self.tell_what_there_is(now);
         }
         self.reading = None;
+        let held_before = self.held.replace(false);
         if self.view.active.is_none() && held_before == Some(true) {
             self.view.active = Some(true);
         }
@@ -151,20 +179,23 @@ impl TripWatch {
 
     /// Another number than the one that was told, while a trip holds, is another trip.
     fn take_code(&mut self, code: u16) {
-        let is_counted = self.told.is_some();
         let last = self.view.last.as_ref().and_then(|last| last.code);
         let is_other = last.is_some_and(|last| code != 0 && code != last);
-        if !is_counted && self.view.active == Some(true) && self.reading.is_none() && is_other {
+        if !self.is_counted() && self.view.active == Some(true) && self.reading.is_none() && is_other {
             self.reading = Some(Reading { is_news: true, ..Reading::default() });
         }
     }
 
     fn take_count(&mut self, count: u16, now: MonoTime) -> Option<TripEvent> {
-        self.view.count = Some(count);
+        let before = self.view.count.replace(count);
         let told = *self.told.get_or_insert(count);
         if count <= told {
             self.told = Some(count);
-            self.reading = None;
+            if self.reading.take().is_some() {
+                // It was counted anew before the record was read: what had risen until then is told all the same.
+                let trips = before.map_or(1, |before| before.saturating_sub(told).max(1));
+                return Some(self.tell(trips, TripRecord { at: now, code: None, words: Vec::new() }, now));
+            }
             return if self.reset_acknowledged { self.clear(now) } else { None };
         }
         self.view.active = Some(true);
@@ -198,20 +229,35 @@ impl TripWatch {
         // Of a record that may belong to another trip nothing is kept.
         let words = if is_whole || reading.count.is_none() { reading.words } else { Vec::new() };
         let code = words.iter().find(|(address, _)| Some(*address) == places.cause).map(|(_, word)| *word);
+        let is_other = matches!((code, self.code), (Some(code), Some(told)) if code != told && code != 0);
+        let is_news = reading.is_news || (is_other && self.held == Some(true));
         let record = TripRecord { at: now, code, words };
         let trips = match (reading.count, self.told) {
             (Some(_), Some(told)) => self.view.count.map_or(1, |count| count.saturating_sub(told).max(1)),
             _ => 1,
         };
-        if self.told.is_some() {
+        if self.is_counted() {
             self.told = self.view.count;
+        } else {
+            self.held = Some(true);
         }
+        if is_news {
+            return Some(self.tell(trips, record, now));
+        }
+        self.code = code.or(self.code);
+        self.view.last = Some(record);
+        None
+    }
+
+    fn tell(&mut self, trips: u16, record: TripRecord, now: MonoTime) -> TripEvent {
+        self.code = record.code;
         self.view.last = Some(record.clone());
-        if !reading.is_news {
-            return None;
-        }
         self.view.seen += u32::from(trips);
-        Some(TripEvent { kind: TripEventKind::Tripped { trips, record }, count: self.view.count, at: now })
+        TripEvent { kind: TripEventKind::Tripped { trips, record }, count: self.view.count, at: now }
+    }
+
+    fn is_counted(&self) -> bool {
+        self.places.as_ref().is_some_and(|places| matches!(places.source, Source::Count(_)))
     }
 
     fn clear(&mut self, now: MonoTime) -> Option<TripEvent> {

@@ -182,3 +182,79 @@ fn another_number_while_a_trip_holds_is_another_trip() {
     assert_eq!(watch.take(0x0113, &[9], at(4)), None);
     assert_eq!(trips(watch.take(0x0113, &[9, 0, 0, 530], at(5))), (1, Some(9)));
 }
+
+fn remembering(watch: TripWatch, count: Option<u16>, held: Option<bool>, code: Option<u16>) -> TripWatch {
+    watch.remembering(TripBaseline { count, held, code })
+}
+
+#[test]
+fn what_was_counted_while_nobody_looked_is_told_with_its_record() {
+    let mut watch = remembering(TripWatch::new(&model()), Some(3), None, None);
+    assert_eq!(watch.take(COUNT, &[5], at(0)), None);
+    assert_eq!(watch.wants(), Some((0x0113, 4)));
+    watch.take(0x0113, &RECORD, at(1));
+    assert_eq!(watch.baseline().count, Some(3), "not told yet");
+    assert_eq!(trips(watch.take(COUNT, &[5], at(2))), (2, Some(7)));
+    assert_eq!(watch.baseline(), TripBaseline { count: Some(5), held: None, code: Some(7) });
+    for (remembered, baseline) in [(Some(5), 5), (Some(9), 5), (None, 5)] {
+        let mut watch = remembering(TripWatch::new(&model()), remembered, None, None);
+        assert_eq!((watch.take(COUNT, &[5], at(0)), watch.wants()), (None, None));
+        assert_eq!(watch.baseline().count, Some(baseline), "a fall is a new baseline");
+    }
+}
+
+#[test]
+fn a_count_that_falls_before_the_record_was_read_takes_no_trip_with_it() {
+    let mut watch = watch(3);
+    watch.take(COUNT, &[5], at(1));
+    assert_eq!(trips(watch.take(COUNT, &[0], at(2))), (2, None));
+    assert_eq!((watch.baseline().count, watch.take(COUNT, &[0], at(3))), (Some(0), None));
+}
+
+#[test]
+fn a_trip_that_holds_at_start_is_told_unless_it_was_told_already() {
+    for (held, code, is_told) in [
+        (None, None, true),
+        (Some(false), None, true),
+        (Some(false), Some(7), true),
+        (Some(true), Some(7), false),
+        (Some(true), None, false),
+        (Some(true), Some(9), true),
+    ] {
+        let mut watch = remembering(flagged(), None, held, code);
+        assert_eq!(watch.take(STATUS, &[TRIPPED], at(0)), None);
+        assert_eq!(watch.baseline().held, held, "not told yet");
+        assert_eq!(watch.take(0x0113, &RECORD, at(1)).is_some(), is_told, "{held:?} {code:?}");
+        assert_eq!(watch.baseline(), TripBaseline { count: None, held: Some(true), code: Some(7) });
+        assert_eq!(watch.take(STATUS, &[0], at(2)).unwrap().kind, TripEventKind::Cleared);
+        assert_eq!(watch.baseline().held, Some(false));
+    }
+}
+
+#[test]
+fn the_end_of_a_trip_that_came_while_nobody_looked_is_told() {
+    let mut watch = remembering(flagged(), None, Some(true), Some(7));
+    assert_eq!(watch.take(STATUS, &[0], at(0)).unwrap().kind, TripEventKind::Cleared);
+    let mut watch = remembering(flagged(), None, Some(false), Some(7));
+    assert_eq!(watch.take(STATUS, &[0], at(0)), None);
+}
+
+#[test]
+fn another_trip_that_came_while_the_drive_was_away_is_told() {
+    let mut watch = flagged();
+    watch.take(STATUS, &[0], at(0));
+    watch.take(STATUS, &[TRIPPED], at(1));
+    assert!(watch.take(0x0113, &RECORD, at(2)).is_some());
+    watch.lost_sight();
+    watch.take(STATUS, &[TRIPPED], at(3));
+    assert_eq!(trips(watch.take(0x0113, &[9, 0, 0, 530], at(4))), (1, Some(9)));
+}
+
+#[test]
+fn what_another_kind_of_drive_was_remembered_for_does_not_count() {
+    let mut watch = remembering(flagged(), Some(3), Some(false), None);
+    assert_eq!(watch.baseline().count, None);
+    watch.take(STATUS, &[0], at(0));
+    let mut watch = remembering(TripWatch::new(&model()), Some(3), Some(true), None);
+    assert_eq!((watch.baseline().held, watch.take(COUNT, &[3], at(0))), (None, None));
+}

@@ -2,7 +2,7 @@
 
 use super::Rank;
 use super::{COMMANDS_MAX, DriveWork, Out};
-use crate::domain::command::{CommandRequest, Order, Outcome, Reason, Report};
+use crate::domain::command::{CommandRequest, Manner, Order, Outcome, Reason, Report};
 use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
 use crate::drive::steps::Part;
@@ -12,6 +12,7 @@ use crate::gateway::note::Note;
 use crate::gateway::stop::StopLatch;
 use crate::gateway::waiter::Waiter;
 use crate::guard::{Facts, Lost, StopOrder, Verdict};
+use crate::journal::{Entry, Tried};
 use std::collections::VecDeque;
 
 impl DriveWork {
@@ -20,22 +21,29 @@ impl DriveWork {
         self.has_changed = true;
         let is_full = self.waiting.len() >= COMMANDS_MAX
             && !matches!(command.order, Order::Stop { .. } | Order::Coast | Order::Renew);
+        let (owner, tried) = (command.origin.owner, || Tried::Order(command.order.clone()));
         let verdict =
             if is_full { Err(Report::refused(Reason::QueueFull)) } else { self.guard.review(command, &facts, now) };
         match verdict {
             Err(report) => {
                 if command.order != Order::Renew {
                     self.count(&mut waiter);
+                    out.attempt_ended(self.drive, owner, tried(), report);
                 }
                 self.tell(&mut waiter, report, true, out);
             }
             Ok(Verdict::Unchanged) => {
                 let report = Report::new(Outcome::Acknowledged, Reason::Unchanged);
-                out.extend(waiter.answer(report, true));
+                let repeats = command.origin.manner == Manner::Cyclic && command.order != Order::Take;
+                if !repeats && command.order != Order::Renew {
+                    out.attempt_ended(self.drive, owner, tried(), report);
+                }
+                out.tell(&mut waiter, report, true);
             }
             Ok(Verdict::JoinsStop) => self.join_stop(waiter, out),
             Ok(Verdict::Stop(order)) => {
                 self.count(&mut waiter);
+                out.attempt_taken(self.drive, owner, tried(), &mut waiter);
                 self.cut(now, out);
                 self.is_stopping = true;
                 self.stop(order, Some(waiter), now, out);
@@ -44,6 +52,8 @@ impl DriveWork {
                 let runs = matches!(approved.order(), Order::Go(go) if go.run().is_some());
                 self.is_stopping &= !runs;
                 self.count(&mut waiter);
+                out.attempt_taken(self.drive, owner, tried(), &mut waiter);
+                self.open_lease(runs, now, out);
                 self.push(List::new(approved, waiter), out);
             }
         }
@@ -66,9 +76,9 @@ impl DriveWork {
         self.waiting.push_back(list);
     }
 
-    pub(super) fn join_stop(&mut self, mut waiter: Waiter, out: Out<'_>) {
+    pub(super) fn join_stop(&mut self, waiter: Waiter, out: Out<'_>) {
         if let Some(latch) = &mut self.latch {
-            out.extend(latch.join(&mut waiter));
+            latch.join(waiter, out);
         }
     }
 
@@ -123,6 +133,8 @@ impl DriveWork {
 
     pub(super) fn fail_safe(&mut self, lost: Lost, now: MonoTime, out: Out<'_>) {
         self.has_changed = true;
+        let Lost { owner, action, cause, .. } = lost;
+        out.keep(self.drive, Entry::FailSafe { owner, action, cause });
         let Some(order) = lost.order else { return self.cut_motion(Reason::CommanderLost, out) };
         self.cut(now, out);
         self.is_stopping = true;
@@ -130,9 +142,16 @@ impl DriveWork {
     }
 
     fn stop(&mut self, order: StopOrder, waiter: Option<Waiter>, now: MonoTime, out: Out<'_>) {
-        match &mut self.latch {
-            Some(latch) => out.extend(latch.also(order, waiter, now)),
-            None => self.latch = Some(StopLatch::new(order, waiter, now)),
+        let coast = order.is_coast();
+        let is_new = match &mut self.latch {
+            Some(latch) => latch.also(order, waiter, now, out),
+            latch @ None => {
+                *latch = Some(StopLatch::new(order, waiter, now));
+                true
+            }
+        };
+        if is_new {
+            out.keep(self.drive, Entry::StopPending { coast });
         }
     }
 

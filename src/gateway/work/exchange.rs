@@ -22,7 +22,7 @@ impl DriveWork {
         let list = self.current.as_ref().or(self.waiting.front()).and_then(|list| {
             let rank = if list.is_new() { Rank::Start } else { Rank::Step };
             let (at, request) = list.request()?;
-            Some(Want { rank, at, request })
+            Some(Want { rank, at: at.max(self.opens_at(list)), request })
         });
         let look = self.latch.as_ref().filter(|latch| latch.look_at() < MonoTime::NEVER).and_then(|latch| {
             let (address, count) = self.looks.get(latch.looks() % self.looks.len().max(1)).copied()?;

@@ -2,11 +2,13 @@
 
 mod command;
 mod exchange;
+mod kept;
 mod pass;
+mod remembered;
 mod seen;
 
-use super::event::Effect;
 use super::list::List;
+use super::outbox::Outbox;
 use super::stop::StopLatch;
 use super::waiter::Waiter;
 use crate::domain::command::{Order, Owner, Reason, Report};
@@ -21,6 +23,7 @@ use crate::drive::view::{ControlView, RunState, StatusView};
 use crate::guard::{DriveGuard, Facts};
 use crate::profile::model::{Flag, Model, Role};
 use crate::wire::pdu::Request;
+use kept::{KeptDesk, Opening};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -66,6 +69,12 @@ pub struct DriveWork {
     /// What is on the wire for it, and whether its end still matters.
     flight: Option<Rank>,
     trips: TripWatch,
+    /// Its trips as far as they are kept.
+    kept: KeptDesk,
+    /// A run order that opened the lease waits for the row of that.
+    opening: Option<Opening>,
+    /// The owner of the lease as it was said last, and whether that one is awaited from an earlier life.
+    said_owner: Option<(Owner, bool)>,
     output: OutputWatch,
     output_register: Option<(u16, u32)>,
     status: StatusWatch,
@@ -82,7 +91,7 @@ pub struct DriveWork {
     has_changed: bool,
 }
 
-type Out<'a> = &'a mut VecDeque<Effect>;
+type Out<'a> = &'a mut Outbox;
 
 impl DriveWork {
     /// The work of a drive that was just found.
@@ -97,6 +106,9 @@ impl DriveWork {
             waiting: VecDeque::new(),
             flight: None,
             trips: TripWatch::new(model),
+            kept: KeptDesk::default(),
+            opening: None,
+            said_owner: None,
             output: OutputWatch::default(),
             output_register: output.map(|register| (register.address, register.scale)),
             status: StatusWatch::new(model),
@@ -241,7 +253,7 @@ impl DriveWork {
             self.last = Some(report);
         }
         self.has_changed = true;
-        out.extend(waiter.answer(report, is_final));
+        out.tell(waiter, report, is_final);
     }
 
     pub(super) fn count(&mut self, waiter: &mut Waiter) {

@@ -8,6 +8,7 @@ use crate::gateway::list::List;
 use crate::gateway::note::Note;
 use crate::gateway::stop::Turn;
 use crate::guard::Void;
+use crate::journal::{Cause, Entry};
 
 impl DriveWork {
     /// What time alone brings about.
@@ -17,11 +18,16 @@ impl DriveWork {
         let had_lease = self.guard.lease().is_some();
         if let Some(lost) = self.guard.expire(now, at_rest) {
             if let Some(owner) = lost.owner {
-                out.push_back(Effect::Note(self.drive, Note::CommanderLost { owner, action: lost.action }));
+                let action = lost.action;
+                let is_orphaned = matches!(lost.cause, Cause::Orphaned | Cause::CrashLoop);
+                let note =
+                    if is_orphaned { Note::Orphaned { owner, action } } else { Note::CommanderLost { owner, action } };
+                out.push_back(Effect::Note(self.drive, note));
             }
             self.fail_safe(lost, now, out);
         }
         self.has_changed |= had_lease && self.guard.lease().is_none();
+        self.pass_opening(now, out);
         self.pass_stop(now, is_offline, out);
         self.expire_lists(now, out);
     }
@@ -33,7 +39,8 @@ impl DriveWork {
         let stop = self.latch.as_ref().zip(control).map(|(latch, control)| latch.next_wake(control));
         let current = self.current.as_ref().filter(|list| !list.has_begun() && self.flight.is_none());
         let lists = current.into_iter().chain(&self.waiting).map(List::start_before).min();
-        [self.guard.next_wake(), stop, lists].into_iter().flatten().min()
+        let opening = self.opening.map(|opening| opening.until);
+        [self.guard.next_wake(), stop, lists, opening].into_iter().flatten().min()
     }
 
     pub(super) fn pass_stop(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
@@ -50,6 +57,7 @@ impl DriveWork {
         let waiters = std::mem::take(latch.waiters());
         if turn == Turn::Dropped {
             self.latch = None;
+            out.keep(self.drive, Entry::StopOver { is_effective: false });
         }
         for mut waiter in waiters {
             self.tell(&mut waiter, report, true, out);

@@ -6,6 +6,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::view::TripEvent;
 use crate::gateway::event::Effect;
 use crate::gateway::note::Note;
+use crate::journal::Entry;
 
 impl DriveWork {
     /// Words came from `address` on, for whatever reason they were read.
@@ -22,6 +23,9 @@ impl DriveWork {
         });
         if let Some(raw) = output {
             self.take_output(raw, now, out);
+        }
+        if self.is_moving() {
+            self.guard.found_running(now);
         }
         if self.is_at_standstill() && self.latch.is_none() {
             self.is_stopping = false;
@@ -45,6 +49,7 @@ impl DriveWork {
 
     pub(super) fn effective(&mut self, out: Out<'_>) {
         let Some(mut latch) = self.latch.take() else { return };
+        out.keep(self.drive, Entry::StopOver { is_effective: true });
         if latch.is_late() {
             out.push_back(Effect::Note(self.drive, Note::EffectiveAtLast));
         }
@@ -60,6 +65,9 @@ impl DriveWork {
             self.guard.inhibit();
             self.cut_motion(Reason::Tripped, out);
         }
-        out.extend(event.map(|event| Effect::Trip(self.drive, event)));
+        self.keep_trips(event.as_ref(), out);
+        if let Some(event) = event {
+            out.push_back(Effect::Trip(self.drive, event));
+        }
     }
 }

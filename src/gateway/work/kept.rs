@@ -1,0 +1,161 @@
+//! What is said to the journal, and what waits for it.
+
+use super::{DriveWork, Out};
+use crate::domain::command::{Order, Outcome, Reason, Report};
+use crate::domain::time::MonoTime;
+use crate::drive::trips::{TripBaseline, TripWatch};
+use crate::drive::view::{KeptTrips, TripEvent};
+use crate::gateway::event::Effect;
+use crate::gateway::list::List;
+use crate::gateway::note::Note;
+use crate::journal::{Entry, Remembered, RowNumber};
+use std::collections::VecDeque;
+use std::time::Duration;
+
+/// A run order that opens a lease waits for the row of that at most so long. Control goes before the journal.
+const WAIT_MAX: Duration = Duration::from_millis(20);
+/// Pictures of trips that wait for their rows. Where there are more, the newest two become one.
+const UNKEPT_MAX: usize = 16;
+
+/// A lease was opened by a run order.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Opening {
+    row: RowNumber,
+    /// Whether or not its row is kept, the run order goes then.
+    pub until: MonoTime,
+}
+
+/// Trips as far as they are kept.
+#[derive(Debug, Default)]
+pub(super) struct KeptDesk {
+    shown: KeptTrips,
+    /// What will be shown once these rows are kept.
+    unkept: VecDeque<(RowNumber, KeptTrips)>,
+    /// The baseline that was said last.
+    said: TripBaseline,
+    /// Trips of earlier lives, and the number of the newest of them.
+    total_before: u32,
+    code_before: Option<u16>,
+}
+
+impl KeptDesk {
+    /// What earlier lives have kept.
+    pub fn remember(&mut self, remembered: &Remembered) {
+        self.said = remembered.trips.unwrap_or_default();
+        (self.total_before, self.code_before) = (remembered.trips_total, remembered.last_code);
+        let (total, last_code) = (self.total_before, self.code_before);
+        self.shown = KeptTrips { count: self.said.count, total, last: None, last_code };
+    }
+
+    /// The picture that holds once `row` is kept; at once without one, unless others are awaited.
+    fn show(&mut self, row: Option<RowNumber>, picture: KeptTrips) {
+        let is_full = self.unkept.len() >= UNKEPT_MAX;
+        match (row, self.unkept.back_mut()) {
+            (None, None) => self.shown = picture,
+            (None, Some(newest)) => newest.1 = picture,
+            (Some(row), Some(newest)) if is_full => *newest = (row, picture),
+            (Some(row), _) => self.unkept.push_back((row, picture)),
+        }
+    }
+
+    /// Everything up to `row` is kept. Whether that changes what is shown.
+    fn kept(&mut self, row: RowNumber) -> bool {
+        let before = self.unkept.len();
+        while let Some((_, picture)) = self.unkept.pop_front_if(|(it, _)| *it <= row) {
+            self.shown = picture;
+        }
+        self.unkept.len() != before
+    }
+}
+
+impl DriveWork {
+    /// Its trips as far as they are kept.
+    #[must_use]
+    pub const fn trips_kept(&self) -> &KeptTrips {
+        &self.kept.shown
+    }
+
+    /// Everything up to `row` is kept.
+    pub fn kept(&mut self, row: RowNumber) {
+        self.has_changed |= self.kept.kept(row);
+        self.opening.take_if(|opening| opening.row <= row);
+    }
+
+    /// Says who holds control now, if that is another than before. Returns the row of that.
+    pub fn keep_lease(&mut self, out: Out<'_>) -> Option<RowNumber> {
+        let owner = self.guard.lease().map(|(owner, _)| (owner, self.guard.is_orphaned()));
+        if owner == self.said_owner {
+            return None;
+        }
+        self.said_owner = owner;
+        out.keep(self.drive, Entry::Lease(owner.map(|(owner, _)| owner)))
+    }
+
+    /// An order was accepted. One that `runs` waits for the row of the lease, if it has opened that.
+    pub(super) fn open_lease(&mut self, runs: bool, now: MonoTime, out: Out<'_>) {
+        let held_before = self.said_owner.map(|(owner, _)| owner);
+        let row = self.keep_lease(out);
+        let is_opened = self.guard.lease().map(|(owner, _)| owner) != held_before;
+        if let Some(row) = row.filter(|_| runs && is_opened) {
+            self.opening = Some(Opening { row, until: now + WAIT_MAX });
+        }
+    }
+
+    /// From when `list` may begin as far as the journal is concerned.
+    pub(super) fn opens_at(&self, list: &List) -> MonoTime {
+        let opening = self.opening.filter(|_| waits_for_row(list));
+        opening.map_or(MonoTime::ZERO, |opening| opening.until)
+    }
+
+    /// The journal was waited for long enough.
+    pub(super) fn pass_opening(&mut self, now: MonoTime, out: Out<'_>) {
+        let is_over = self.opening.take_if(|opening| now >= opening.until).is_some();
+        if is_over && self.current.iter().chain(&self.waiting).any(waits_for_row) {
+            out.push_back(Effect::Note(self.drive, Note::JournalSlow));
+        }
+    }
+
+    /// Says what is new about its trips: `event`, or only up to where they are told.
+    pub(super) fn keep_trips(&mut self, event: Option<&TripEvent>, out: Out<'_>) {
+        let baseline = self.trips.baseline();
+        let entry = match event {
+            Some(event) => Some(Entry::Trip(event.clone(), baseline)),
+            None => (baseline != self.kept.said).then_some(Entry::Baseline(baseline)),
+        };
+        self.kept.said = baseline;
+        let row = entry.and_then(|entry| out.keep(self.drive, entry));
+        if let Some(picture) = self.kept.new_picture(&self.trips, out.keeps()) {
+            self.kept.show(row, picture);
+        }
+    }
+
+    /// The line is left: what is under way ends here.
+    pub fn leave(&mut self, out: Out<'_>) {
+        for mut list in self.current.take().into_iter().chain(std::mem::take(&mut self.waiting)) {
+            let outcome = if list.has_begun() { Outcome::Unknown } else { Outcome::Refused };
+            self.tell(list.waiter(), Report::new(outcome, Reason::ShuttingDown), true, out);
+        }
+        let Some(latch) = &mut self.latch else { return };
+        let report = latch.late_report();
+        for mut waiter in std::mem::take(latch.waiters()) {
+            self.tell(&mut waiter, report, true, out);
+        }
+    }
+}
+
+impl KeptDesk {
+    /// What will be shown of `trips`, if that is something new. Without a journal it is what is known now.
+    fn new_picture(&self, trips: &TripWatch, keeps: bool) -> Option<KeptTrips> {
+        let (view, newest) = (trips.view(), self.unkept.back().map_or(&self.shown, |(_, picture)| picture));
+        let count = if keeps { self.said.count } else { view.count };
+        let total = self.total_before.saturating_add(view.seen);
+        let is_shown = newest.count == count && newest.total == total && newest.last == view.last;
+        let last_code = || view.last.as_ref().map_or(self.code_before, |last| last.code);
+        (!is_shown).then(|| KeptTrips { count, total, last: view.last.clone(), last_code: last_code() })
+    }
+}
+
+/// Whether it is an order to run that has not begun.
+fn waits_for_row(list: &List) -> bool {
+    list.is_new() && !list.has_begun() && matches!(list.order(), Order::Go(go) if go.run().is_some())
+}

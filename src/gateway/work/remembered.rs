@@ -1,0 +1,33 @@
+//! What a drive's work takes over from an earlier life of the gateway.
+
+use super::{DriveWork, Out};
+use crate::domain::time::MonoTime;
+use crate::gateway::event::Effect;
+use crate::gateway::note::Note;
+use crate::gateway::stop::StopLatch;
+use crate::journal::{Entry, Remembered};
+
+impl DriveWork {
+    /// Takes over at `now` what is remembered: up to where trips were told, who held control, and a stop that was
+    /// accepted and not seen to take effect. A run order is never among it.
+    pub fn remember(&mut self, remembered: &Remembered, now: MonoTime, out: Out<'_>) {
+        self.trips = std::mem::take(&mut self.trips).remembering(remembered.trips.unwrap_or_default());
+        self.kept.remember(remembered);
+        if let Some(lease) = remembered.lease {
+            self.said_owner = Some((lease.owner, true));
+            self.guard.remember_lease(lease);
+        }
+        let Some(stop) = remembered.stop else { return };
+        match self.guard.remember_stop(stop.coast, now) {
+            Some(order) => {
+                self.is_stopping = true;
+                self.latch = Some(StopLatch::remembered(order, now));
+            }
+            // Its control section is gone, or the drive is another one now.
+            None => {
+                out.push_back(Effect::Note(self.drive, Note::StopDropped));
+                out.keep(self.drive, Entry::StopOver { is_effective: false });
+            }
+        }
+    }
+}
