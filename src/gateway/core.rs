@@ -108,7 +108,8 @@ impl LineCore {
             .zip(&setup.drives)
             .map(|(index, drive)| PollPlan::new(&drive.model, pace(drive.poll), now, PlaceOnLine { index, drives }));
         let works = (0..).zip(&setup.drives).map(|(index, drive)| {
-            DriveWork::new(DriveIndex(index), &drive.model, drive.control.clone(), setup.first_epoch)
+            let range = setup.watchdog_range(usize::from(index));
+            DriveWork::new(DriveIndex(index), &drive.model, drive.control.clone(), setup.first_epoch).watched(range)
         });
         Self {
             all_stop_at: broadcast::station_for_all(&setup),
@@ -148,7 +149,7 @@ impl LineCore {
             Input::Native(request) => self.on_native(now, request),
             Input::AskerGone(asker) => self.on_asker_gone(asker),
             Input::Command(command) => self.on_command(now, &command),
-            Input::PathAlive(owner) => self.works.iter_mut().for_each(|work| work.renew(owner, now)),
+            Input::PathAlive(owner) => self.works.iter_mut().for_each(|work| work.path_alive(owner, now)),
             Input::PathOpened(_) => self.works.iter_mut().for_each(DriveWork::new_epoch),
             Input::Shutdown => {
                 for work in &mut self.works {
@@ -232,6 +233,7 @@ impl LineCore {
             trip: work.trips().view().clone(),
             trip_kept: KeptTrips::default(),
             control: work.control_view(),
+            watchdog: work.watchdog().view(),
         })
     }
 

@@ -6,6 +6,10 @@
 pub mod access;
 mod approved;
 mod at_rest;
+mod interlocks;
+mod motion;
+mod ownership;
+mod registers;
 mod review;
 mod state;
 #[cfg(test)]

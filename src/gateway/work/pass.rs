@@ -23,6 +23,7 @@ impl DriveWork {
         }
         self.has_changed |= had_lease && self.guard.lease().is_none();
         self.pass_stop(now, is_offline, out);
+        self.leave_to_watchdog(now, out);
         self.expire_lists(now, out);
     }
 
@@ -33,7 +34,7 @@ impl DriveWork {
         let stop = self.latch.as_ref().zip(control).map(|(latch, control)| latch.next_wake(control));
         let current = self.current.as_ref().filter(|list| !list.has_begun() && self.flight.is_none());
         let lists = current.into_iter().chain(&self.waiting).map(List::start_before).min();
-        [self.guard.next_wake(), stop, lists].into_iter().flatten().min()
+        [self.guard.next_wake(), stop, self.left_at(), lists].into_iter().flatten().min()
     }
 
     pub(super) fn pass_stop(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
