@@ -6,6 +6,8 @@
 pub mod access;
 mod approved;
 mod at_rest;
+#[cfg(test)]
+mod control_tests;
 mod interlocks;
 mod motion;
 mod ownership;

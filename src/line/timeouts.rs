@@ -138,6 +138,7 @@ mod tests {
     use super::*;
     use crate::domain::link::{Framing, LinkSettings, Parity};
     use crate::profile::check;
+    use crate::profile::model::Memory;
     use crate::profile::model::{Confidence, Fact, Role};
     use crate::vendors;
 
