@@ -64,6 +64,8 @@ mod families;
 mod field_faults;
 #[path = "scenarios/gone_client.rs"]
 mod gone_client;
+#[path = "scenarios/interlocks.rs"]
+mod interlocks;
 #[path = "scenarios/late_reply.rs"]
 mod late_reply;
 #[path = "scenarios/learned_times.rs"]
@@ -74,6 +76,8 @@ mod native_blocks;
 mod noisy_line;
 #[path = "scenarios/old_value_or_exception.rs"]
 mod old_value_or_exception;
+#[path = "scenarios/ownership.rs"]
+mod ownership;
 #[path = "scenarios/polls.rs"]
 mod polls;
 #[path = "scenarios/port_comes_and_goes.rs"]
@@ -94,3 +98,5 @@ mod stop_wins;
 mod trips;
 #[path = "scenarios/unproven.rs"]
 mod unproven;
+#[path = "scenarios/watchdog.rs"]
+mod watchdog;

@@ -50,7 +50,7 @@ fn change(item: &Value) -> [String; 3] {
 }
 
 /// Asks the person at the terminal.
-fn ask_for_consent() -> Result<(), Failure> {
+pub(super) fn ask_for_consent() -> Result<(), Failure> {
     if !io::stdin().is_terminal() {
         return Err(Failure::wrong("nothing was set: there is no terminal to ask on; add --yes"));
     }

@@ -90,7 +90,9 @@ fn report(health: &Value) -> String {
     for drive in items("drives") {
         let (name, line, model) = (word(drive, "name"), word(drive, "line"), word(drive, "model"));
         let (presence, run_state) = (word(drive, "presence"), word(drive, "run_state"));
-        let _ = writeln!(text, "drive {name} ({model} on {line}): {presence}, {run_state}");
+        let watchdog = drive["watchdog"].as_str().map(|state| format!(", its watchdog {}", state.replace('_', " ")));
+        let watchdog = watchdog.unwrap_or_default();
+        let _ = writeln!(text, "drive {name} ({model} on {line}): {presence}, {run_state}{watchdog}");
     }
     if let Some(connected) = health["mqtt"]["connected"].as_bool() {
         let _ = writeln!(text, "mqtt: {}", if connected { "connected" } else { "not connected" });

@@ -19,6 +19,7 @@ mod simulate;
 mod socket;
 mod verify;
 mod watch;
+mod watchdog;
 mod write;
 
 use clap::{Parser, Subcommand};
@@ -61,6 +62,8 @@ enum Command {
     Verify(verify::Args),
     /// Set on a drive what it needs before it obeys the bus, at standstill, after showing old and new
     Enable(enable::Args),
+    /// Show how a drive watches its communication, or set it at standstill, after showing old and new
+    Watchdog(watchdog::Args),
     /// Read registers or named values of a drive through a running gateway
     Read(read::Args),
     /// Write a register, a run command or a frequency of a drive through a running gateway
@@ -107,6 +110,7 @@ pub fn main() -> ExitCode {
         Command::Health(args) => health::health(&args),
         Command::Verify(args) => verify::verify(&args),
         Command::Enable(args) => enable::enable(&args),
+        Command::Watchdog(args) => watchdog::watchdog(&args),
         Command::Read(args) => read::read(&args),
         Command::Write(args) => write::write(&args),
         Command::Watch(args) => watch::watch(&args),

@@ -16,6 +16,7 @@ const PATIENCE: Duration = Duration::from_secs(30);
 /// One drive behind the gateway's socket.
 pub struct Drive {
     path: String,
+    watchdog_path: String,
     socket: PathBuf,
     runtime: tokio::runtime::Runtime,
 }
@@ -29,7 +30,8 @@ impl Drive {
         let name = Name::new(name).ok_or_else(|| Failure::wrong(format!("`{name}` is no name of a drive")))?;
         let socket = place.path()?;
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
-        Ok(Self { path: format!("/api/v1/drives/{name}/setup"), socket, runtime })
+        let path = |what: &str| format!("/api/v1/drives/{name}/{what}");
+        Ok(Self { path: path("setup"), watchdog_path: path("watchdog"), socket, runtime })
     }
 
     /// What is set on it now.
@@ -47,6 +49,15 @@ impl Drive {
     pub fn set(&self, addresses: &[u16]) -> Result<Value, Failure> {
         let body = json!({ "addresses": addresses });
         self.ask(Question { method: Method::POST, path: &self.path, body: Some(&body) })
+    }
+
+    /// Has its own watchdog set to `time`, or off without one, and returns what became of it.
+    ///
+    /// # Errors
+    /// There is no such drive, or the gateway does not answer.
+    pub fn set_watchdog(&self, time: Option<Duration>) -> Result<Value, Failure> {
+        let body = json!({ "time_ms": time.map(|time| u64::try_from(time.as_millis()).unwrap_or(u64::MAX)) });
+        self.ask(Question { method: Method::POST, path: &self.watchdog_path, body: Some(&body) })
     }
 
     fn ask(&self, question: Question<'_>) -> Result<Value, Failure> {
@@ -137,7 +148,26 @@ fn row(item: &Value) -> [String; 5] {
     [text(item, "what").to_owned(), text(item, "text").to_owned(), wanted, found, result]
 }
 
-fn watchdog(watchdog: &Value) -> String {
+/// The drive's own watchdog, for people.
+pub fn watchdog(watchdog: &Value) -> String {
+    let advice = match watchdog["judged"].as_str().filter(|_| watchdog["state"] == "on") {
+        Some("keeps_running") => "warning: with that the motor runs on without the gateway\n",
+        Some("too_short") => {
+            "warning: it is no longer than twice the longest gap between two frames, and may stop the motor although \
+             all is well; see `check`\n"
+        }
+        Some("too_long") => "warning: it takes longer than a commander may be silent; see `lost_after`\n",
+        _ => "",
+    };
+    let volatile = if watchdog["is_stored"] == false && watchdog["state"] == "on" {
+        "note: the drive keeps this in RAM and forgets it with its power\n"
+    } else {
+        ""
+    };
+    format!("{}{advice}{volatile}", watchdog_as_found(watchdog))
+}
+
+fn watchdog_as_found(watchdog: &Value) -> String {
     match watchdog["state"].as_str() {
         None => "the drive's own watchdog: none is known for this model\n".to_owned(),
         Some("off") => {

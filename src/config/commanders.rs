@@ -84,7 +84,7 @@ fn outlasts(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<P
         let problem = place.problem(format!("a lease of {lease} is not longer than `command_ttl`, {ttl}"));
         problems.push(problem.right(format!("more than \"{ttl}\", or a shorter `command_ttl`")));
     }
-    if mqtt.lease.or(DEFAULT_LEASE) != Some(LeaseMode::Session) {
+    if mqtt.lease.or(DEFAULT_LEASE).and_then(|default| control.lease.or(default)) != Some(LeaseMode::Session) {
         return;
     }
     let Some(least) = mqtt.probe_interval.or(DEFAULT_PROBE_INTERVAL).map(|probe| probe * MqttSettings::PROBES) else {

@@ -3,9 +3,10 @@
 use super::file::{ControlFile, DriveFile, LimitsFile};
 use super::lists;
 use super::native;
+use super::watchdog;
 use super::words::Way;
 use crate::domain::command::Direction;
-use crate::domain::control::{ControlAction, ControlSettings, FailSafe};
+use crate::domain::control::{ControlAction, ControlSettings, FailSafe, LeaseMode, Ownership};
 use crate::domain::frequency::Hertz;
 use crate::domain::problem::Problem;
 use crate::domain::units::UnitOfMeasure;
@@ -20,10 +21,11 @@ use std::time::Duration;
 const SLOWEST_POLL: Duration = Duration::from_secs(5);
 
 /// The ready control section of `drive`, nothing inside where it has none; nothing at all: see `problems`.
-/// Without a `model`, which is then reported as unknown, only what does not hang on it is checked.
+/// `default_lease` holds where the section says nothing of it. Without a `model`, which is then reported as unknown, only what does not hang on it is checked.
 pub(super) fn settle(
     drive: &DriveFile,
     model: Option<&Model>,
+    default_lease: LeaseMode,
     problems: &mut Vec<Problem>,
 ) -> Option<Option<Arc<ControlSettings>>> {
     let native_write = native::settle(drive, model, problems);
@@ -40,6 +42,7 @@ pub(super) fn settle(
     let limits = limits(file.limits.as_ref(), able, problems);
     if let Some(model) = able {
         actions(file, directions.as_deref(), model, problems);
+        watchdog::check(file, model, problems);
     }
     let (least, most) = limits?;
     Some(Some(Arc::new(ControlSettings {
@@ -59,6 +62,14 @@ pub(super) fn settle(
         stop_effect_timeout: file.stop_effect_timeout.or(ControlSettings::STOP_EFFECT_TIMEOUT)?,
         stop_pending_for: file.stop_pending_for.or(ControlSettings::STOP_PENDING_FOR)?,
         native_write: native_write?,
+        stored_write_interval: native::stored_write_interval(drive)?,
+        ownership: file.ownership.or(Ownership::One)?,
+        allow_take: file.allow_take.or(false)?,
+        lease: file.lease.or(default_lease)?,
+        min_start_interval: file.min_start_interval.or(Duration::ZERO)?,
+        require_watchdog: file.require_watchdog.or(false)?,
+        watchdog: file.watchdog.clone().optional()?,
+        failsafe_confirm_timeout: file.failsafe_confirm_timeout.or(ControlSettings::FAILSAFE_CONFIRM_TIMEOUT)?,
     })))
 }
 
@@ -80,8 +91,9 @@ fn ways(file: &ControlFile, problems: &mut Vec<Problem>) {
     lists::once(&from.value, problems);
     let strict = file.strict.usable().map(|strict| &strict.place);
     let delay = file.restart_delay.usable().map(|delay| &delay.place);
+    let lease = file.lease.usable().map(|lease| &lease.place);
     if !from.value.is_empty() && file.names(Way::Mqtt).is_none() {
-        for place in [strict, delay].into_iter().flatten() {
+        for place in [strict, delay, lease].into_iter().flatten() {
             let problem = place.problem("concerns commands over MQTT only, and `from` does not name \"mqtt\"");
             problems.push(problem.right("leave it out"));
         }

@@ -4,7 +4,7 @@ use super::broker::Address;
 use super::ready::{PortAddress, Silence};
 use super::words::Way;
 use crate::domain::command::Direction;
-use crate::domain::control::{ControlAction, FailSafe};
+use crate::domain::control::{ControlAction, FailSafe, Ownership};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{Name, Station, UnitId};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, Parity};
@@ -119,6 +119,13 @@ pub(super) struct ControlFile {
     pub restart_delay: Given<Duration>,
     pub stop_effect_timeout: Given<Duration>,
     pub stop_pending_for: Given<Duration>,
+    pub ownership: Given<Ownership>,
+    pub allow_take: Given<bool>,
+    pub lease: Given<LeaseMode>,
+    pub min_start_interval: Given<Duration>,
+    pub watchdog: Given<Duration>,
+    pub require_watchdog: Given<bool>,
+    pub failsafe_confirm_timeout: Given<Duration>,
 }
 
 impl ControlFile {
@@ -140,6 +147,7 @@ pub(super) struct LimitsFile {
 #[derive(Debug)]
 pub(super) struct NativeFile {
     pub write: Needed<Vec<Written<String>>>,
+    pub stored_write_interval: Given<Duration>,
 }
 
 /// `[mqtt]`

@@ -192,8 +192,16 @@ pub const KEYS: &[Key] = &[
     key(Section::Control, "restart_delay", "\"0s\" to \"1min\"", Some("\"2s\""), "Plain RUN over MQTT is refused for this long after a stop."),
     key(Section::Control, "stop_effect_timeout", "\"500ms\" to \"1min\"", Some("\"3s\""), "A stop that shows no effect for this long is an alarm."),
     key(Section::Control, "stop_pending_for", "\"1s\" to \"1h\"", Some("\"10min\""), "How long a stop waits for a drive that does not answer."),
+    key(Section::Control, "ownership", "\"one\" or \"any\"", Some("\"one\""), "Who may command while somebody holds control: only that one, or whoever has the rights."),
+    key(Section::Control, "allow_take", "true or false", Some("false"), "Whether control may be taken over from the one who holds it; the drive goes on as it is."),
+    key(Section::Control, "lease", "\"session\" or \"explicit\"", Some("that of `[mqtt]`"), "What keeps control over MQTT: the way through the broker, or only commands and the lease topic."),
+    key(Section::Control, "min_start_interval", "\"0s\" to \"1h\"", Some("\"0s\""), "Least time between two starts from standstill."),
+    key(Section::Control, "watchdog", "\"100ms\" to \"1h\"", Some("nobody says"), "The time to which the drive's own watchdog is said to be set: more than twice the longest gap between frames, at most `lost_after`."),
+    key(Section::Control, "require_watchdog", "true or false", Some("false"), "RUN only while the drive's own watchdog was read as on and in order; for models where that is proven."),
+    key(Section::Control, "failsafe_confirm_timeout", "\"1s\" to \"1min\"", Some("\"5s\""), "A declared stop without effect for this long is left to the drive's own watchdog, where that was read as on: nothing more is sent."),
 
     key(Section::Native, "write", "list of codes, names or addresses", None, "The registers that may be written; none that `control` is about."),
+    key(Section::Native, "stored_write_interval", "\"1s\" to \"24h\"", Some("\"10s\""), "Least time between two writes of a register that is stored, or not known to be RAM."),
 
     key(Section::Mqtt, "broker", "\"mqtt://host:port\", \"mqtts://host:port\" or \"embedded\"", None, "Where the broker is; ports 1883 and 8883 may be left out; embedded is for trying out."),
     key(Section::Mqtt, "user", "text", Some("anonymous"), "The gateway's user at the broker."),
@@ -227,14 +235,14 @@ pub const KEYS: &[Key] = &[
 /// Every key that is known but refused.
 #[rustfmt::skip]
 pub const NOT_SERVED: &[NotServed] = &[
-    refused(Section::Drive, "interlocks", "leave it out; what must not run together is wired or decided by the commander"),
-    refused(Section::Drive, "lease", "leave it out; `lost_after` in `[line.drive.control]` says how long a lease lasts"),
+    refused(Section::Drive, "interlocks", "leave it out; `reverse_below_hz`, `min_start_interval` and `require_watchdog` in `[line.drive.control]` are the interlocks; what must not run together is wired or decided by the commander"),
+    refused(Section::Drive, "lease", "leave it out; `lease` and `lost_after` stand in `[line.drive.control]`"),
     refused(Section::Drive, "max_status_age", "leave it out; the planned age of the values follows from `poll`"),
 
     refused(Section::Mqtt, "home_assistant", "leave it out; entities are set up by hand in Home Assistant"),
     refused(Section::Mqtt, "sparkplug", "leave it out; the topics are the gateway's own"),
 
-    refused(Section::ModbusTcp, "lease", "leave it out; commands and `renew` keep a lease, and reads with `reads_renew`"),
+    refused(Section::ModbusTcp, "lease", "leave it out; leases of Modbus TCP are explicit: commands and `renew` keep them, and reads with `reads_renew`"),
     refused(Section::ModbusTcp, "tls", "leave it out; connections are not encrypted, so `allow` only networks that you trust"),
 ];
 

@@ -56,11 +56,9 @@ pub fn stop_bounds(line: &LineSettings) -> StopBounds {
 /// twice that.
 #[must_use]
 pub fn longest_gap(line: &LineSettings, place: usize) -> Option<Duration> {
-    let (budget, mut stop) = (budget(line), stop_bounds(line));
-    let others = line.drives.iter().filter(|drive| drive.control.is_some()).count().saturating_sub(1);
-    stop.one_silent += stop.each_further * u32::try_from(others).unwrap_or(u32::MAX);
-    let station = station(line.drives.get(place)?);
-    Some(budget::longest_gap(&timing(line).0, budget.fast_age(place)?, &station, &stop))
+    let stations: Vec<_> = line.drives.iter().map(station).collect();
+    let commanded = line.drives.iter().filter(|drive| drive.control.is_some()).count();
+    budget::longest_gap_on_line(&timing(line).0, &stations, place, commanded)
 }
 
 /// A plan that does not fit is stretched; it is refused where that makes the fast values older than they may be.

@@ -27,6 +27,7 @@ mod resolve;
 #[cfg(test)]
 mod tests;
 mod units;
+mod watchdog;
 pub mod words;
 
 pub use control::why_not as why_not_controlled;

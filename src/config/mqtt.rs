@@ -1,8 +1,9 @@
 //! The broker connection: defaults, and which of its keys go together.
 
 use super::broker::Address;
-use super::file::MqttFile;
+use super::file::{File, MqttFile};
 use super::ready::{BrokerSettings, ClientCertificate, Credentials, MqttSettings, PasswordSource, TlsSettings};
+use super::words::Way;
 use crate::domain::problem::Problem;
 use crate::north::mqtt::{LeaseMode, Version};
 use crate::profile::reader::{Given, Place, Written};
@@ -18,14 +19,33 @@ pub(super) const DEFAULT_PROBE_INTERVAL: Duration = Duration::from_secs(1);
 pub(super) const DEFAULT_COMMAND_TTL: Duration = Duration::from_secs(1);
 pub(super) const DEFAULT_LEASE: LeaseMode = LeaseMode::Session;
 
+/// What keeps a lease of the MQTT side where a drive says nothing of it.
+pub(super) fn default_lease(file: &File) -> LeaseMode {
+    let mqtt = file.mqtt.usable().map(|mqtt| &mqtt.value);
+    mqtt.and_then(|mqtt| mqtt.lease.or(DEFAULT_LEASE)).unwrap_or(DEFAULT_LEASE)
+}
+
+/// What keeps the leases of the drives: the way through the broker if it keeps that of any one.
+pub(super) fn session_lease(file: &File, default: LeaseMode) -> LeaseMode {
+    let controls = file.lines.iter().flat_map(|line| &line.drives).filter_map(|drive| drive.control.usable());
+    let of_mqtt = controls.map(|control| &control.value).filter(|control| control.names(Way::Mqtt).is_some());
+    let leases: Vec<_> = of_mqtt.map(|control| control.lease.or(default).unwrap_or(default)).collect();
+    match leases.is_empty() {
+        true => default,
+        false if leases.contains(&LeaseMode::Session) => LeaseMode::Session,
+        false => LeaseMode::Explicit,
+    }
+}
+
 /// The ready settings; nothing: see `problems`.
-pub(super) fn settle(file: &MqttFile, problems: &mut Vec<Problem>) -> Option<MqttSettings> {
+/// `lease` is what keeps the leases of the drives.
+pub(super) fn settle(file: &MqttFile, lease: LeaseMode, problems: &mut Vec<Problem>) -> Option<MqttSettings> {
     password(file, problems);
     plain_password(file, problems);
     tls_files(file, problems);
     embedded(file, problems);
-    idle(file, problems);
-    let lease = file.lease.or(DEFAULT_LEASE)?;
+    idle(file, lease, problems);
+    file.lease.or(DEFAULT_LEASE)?;
     let alive_topic = file.alive_topic.or(Some(DEFAULT_ALIVE_TOPIC.to_owned()))?;
     Some(MqttSettings {
         broker: broker(file)?,
@@ -137,9 +157,9 @@ fn embedded(file: &MqttFile, problems: &mut Vec<Problem>) {
 }
 
 /// Keys that would do nothing beside others.
-fn idle(file: &MqttFile, problems: &mut Vec<Problem>) {
+fn idle(file: &MqttFile, lease: LeaseMode, problems: &mut Vec<Problem>) {
     let alive_topic = file.alive_topic.usable().filter(|topic| topic.value.is_some());
-    if let (Some(topic), Some(LeaseMode::Explicit)) = (alive_topic, file.lease.or(DEFAULT_LEASE)) {
+    if let (Some(topic), LeaseMode::Explicit) = (alive_topic, lease) {
         let problem = topic.place.problem("an explicit lease does not hang on any topic of others");
         problems.push(problem.right("leave it out, or lease = \"session\""));
     }

@@ -1,9 +1,11 @@
 //! Keys of a drive that name its registers: the native ones that may be written, and the dead bands.
 
 use super::file::DriveFile;
+use crate::domain::control::ControlSettings;
 use crate::domain::problem::{Problem, nearest};
 use crate::profile::model::{Model, Register, Role};
 use crate::profile::reader::{Given, Written};
+use std::time::Duration;
 
 /// The addresses that `drive` lets be written, in the order of the list; nothing: see `problems`.
 pub(super) fn settle(drive: &DriveFile, model: Option<&Model>, problems: &mut Vec<Problem>) -> Option<Vec<u16>> {
@@ -24,11 +26,25 @@ pub(super) fn settle(drive: &DriveFile, model: Option<&Model>, problems: &mut Ve
                 let what = format!("register `{}`, 0x{:04X}, is listed twice", listed.register.name, listed.address);
                 problems.push(written.place.problem(what));
             }
+            Ok(listed) if model.sets_watchdog(listed.address) => {
+                let problem =
+                    written.place.problem(format!("`{}` sets the drive's own watchdog", listed.register.name));
+                problems.push(problem.right("leave it out; `vfd-gateway watchdog` sets it, and nothing else does"));
+            }
             Ok(listed) => addresses.push(listed.address),
             Err(problem) => problems.push(problem),
         }
     }
     Some(addresses)
+}
+
+/// Least time between two writes of a stored register of `drive`; nothing: see the problems.
+pub(super) fn stored_write_interval(drive: &DriveFile) -> Option<Duration> {
+    match &drive.native {
+        Given::LeftOut => Some(ControlSettings::STORED_WRITE_INTERVAL),
+        Given::Unusable => None,
+        Given::Usable(native) => native.value.stored_write_interval.or(ControlSettings::STORED_WRITE_INTERVAL),
+    }
 }
 
 /// What an address of the list writes to.

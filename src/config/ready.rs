@@ -197,7 +197,7 @@ pub struct MqttSettings {
     pub heartbeat: Duration,
     /// The protocol's own sign of life, 5 s to 10 min, in whole seconds.
     pub keep_alive: Duration,
-    /// What keeps a lease of the MQTT side alive.
+    /// What keeps the leases of the MQTT side alive: the way through the broker, if that keeps one of a drive.
     pub lease: LeaseMode,
     /// A topic whose payload `offline` says that the commanders are gone; nothing: none, as with explicit leases.
     pub alive_topic: Option<String>,

@@ -4,8 +4,8 @@ use super::file::{DriveFile, File, LineFile, ListenerFile};
 use super::link::{self, OnLine, Settled};
 use super::ready::{Config, DriveSettings, GatewaySettings, HttpSettings, LineSettings, ListenerSettings, Silence};
 use super::units::{self, Units};
-use super::{commanders, control, line_plan, listen, lists, mqtt, native, port, ratings};
-use crate::domain::control::ControlSettings;
+use super::{commanders, control, line_plan, listen, lists, mqtt, native, port, ratings, watchdog};
+use crate::domain::control::{ControlSettings, LeaseMode};
 use crate::domain::ids::Station;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
 use crate::domain::problem::{Problem, nearest};
@@ -35,17 +35,25 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
     let are_all = models.are_all && !matches!(file.gateway.model_dirs, Given::Unusable);
     let models = Models { are_all, ..models };
     let is_published = !matches!(file.mqtt, Given::LeftOut);
-    let parts: Vec<LineParts> = file.lines.iter().map(|line| parts_of(line, models, is_published, problems)).collect();
+    let lease = mqtt::default_lease(file);
+    let of_mqtt = is_published.then_some(lease);
+    let parts: Vec<LineParts> = file.lines.iter().map(|line| parts_of(line, models, of_mqtt, problems)).collect();
     let served = listen::settle(file, problems);
     let units = units::settle(file, &served, problems);
-    let mqtt = whole(&file.mqtt, |file| mqtt::settle(file, problems));
+    let session_lease = mqtt::session_lease(file, lease);
+    let mqtt = whole(&file.mqtt, |file| mqtt::settle(file, session_lease, problems));
     commanders::check(file, &served, problems);
 
     let lines = file.lines.iter().zip(parts).zip(&units);
     let mut ready = Vec::new();
     for ((file, parts), units) in lines {
         let line = ready_line(file, parts, units);
-        ready.push(line.inspect(|line| line_plan::check(file, line, problems)));
+        ready.push(line.inspect(|line| {
+            line_plan::check(file, line, problems);
+            for (place, drive) in file.drives.iter().enumerate() {
+                watchdog::is_fed(drive, line, place, problems);
+            }
+        }));
     }
     let listeners = file.listeners.iter().zip(served).map(|(listener, served)| ready_listener(listener, served));
     Some(Config {
@@ -114,8 +122,9 @@ fn once<'a, T: Ord + 'a>(
 }
 
 /// Looks up the models of a line and checks what one line must keep, whatever the others do.
-fn parts_of(line: &LineFile, models: Models<'_>, is_published: bool, problems: &mut Vec<Problem>) -> LineParts {
-    let drives: Vec<_> = line.drives.iter().map(|drive| drive_parts(drive, models, is_published, problems)).collect();
+/// `lease` is what keeps a lease of the MQTT side; nothing: there is none.
+fn parts_of(line: &LineFile, models: Models<'_>, lease: Option<LeaseMode>, problems: &mut Vec<Problem>) -> LineParts {
+    let drives: Vec<_> = line.drives.iter().map(|drive| drive_parts(drive, models, lease, problems)).collect();
     stations(line, &drives, problems);
     alone_on_rs232(line, problems);
     port::check(line, problems);
@@ -130,11 +139,16 @@ fn parts_of(line: &LineFile, models: Models<'_>, is_published: bool, problems: &
     LineParts { drives, settled }
 }
 
-fn drive_parts(drive: &DriveFile, models: Models<'_>, is_published: bool, problems: &mut Vec<Problem>) -> DriveParts {
+fn drive_parts(
+    drive: &DriveFile,
+    models: Models<'_>,
+    lease: Option<LeaseMode>,
+    problems: &mut Vec<Problem>,
+) -> DriveParts {
     let model = model_of(drive, models, problems);
-    let control = control::settle(drive, model.as_deref(), problems);
+    let control = control::settle(drive, model.as_deref(), lease.unwrap_or_default(), problems);
     let ratings = ratings::settle(drive, model.as_deref(), problems);
-    let dead_bands = native::dead_bands(drive, model.as_deref(), is_published, problems);
+    let dead_bands = native::dead_bands(drive, model.as_deref(), lease.is_some(), problems);
     DriveParts { model, control, ratings, dead_bands }
 }
 

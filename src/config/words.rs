@@ -1,7 +1,7 @@
 //! The words of the configuration that no model file has: one table each, for reading and for showing.
 
 use crate::domain::command::Direction;
-use crate::domain::control::{ControlAction, FailSafe};
+use crate::domain::control::{ControlAction, FailSafe, Ownership};
 use crate::domain::link::DirectionControl;
 use crate::north::mqtt::LeaseMode;
 
@@ -41,6 +41,9 @@ pub const ACTIONS: [(&str, ControlAction); 4] = [
 
 /// Whether RUN over MQTT must say which stop it follows.
 pub(super) const COMMANDS: [(&str, bool); 2] = [("plain", false), ("strict", true)];
+
+/// Who may command while somebody holds control.
+pub const OWNERSHIPS: [(&str, Ownership); 2] = [("one", Ownership::One), ("any", Ownership::Any)];
 
 /// What keeps a lease of the MQTT side alive.
 pub const LEASES: [(&str, LeaseMode); 2] = [("session", LeaseMode::Session), ("explicit", LeaseMode::Explicit)];

@@ -1,6 +1,7 @@
 //! What the north sides read and the lines write: one picture of each drive, one report of each line.
 
 use super::inbox::Inbox;
+use crate::domain::command::Owner;
 use crate::domain::ids::Name;
 use crate::domain::link::Interface;
 use crate::domain::report::{LineReport, StationReport};
@@ -30,6 +31,14 @@ pub struct SharedDrive {
     pub view: ArcSwap<DriveView>,
     /// How its line sees it, a second old at most.
     pub station: ArcSwap<StationReport>,
+}
+
+impl SharedDrive {
+    /// Who holds control, as of the newest picture.
+    #[must_use]
+    pub fn holder(&self) -> Option<Owner> {
+        self.view.load().control.as_ref()?.lease.map(|(owner, _)| owner)
+    }
 }
 
 /// One line.

@@ -212,6 +212,16 @@ impl Report {
         Self { outcome, reason, held: None, exception: None }
     }
 
+    /// Why, in words for people. Who is refused because somebody else holds control is told who: `holder`, if that is
+    /// still known.
+    #[must_use]
+    pub fn message(&self, holder: Option<Owner>) -> String {
+        match holder.filter(|_| self.reason == Reason::OtherOwner) {
+            Some(holder) => format!("{holder} holds control of the drive"),
+            None => self.reason.text().to_owned(),
+        }
+    }
+
     /// A refusal.
     #[must_use]
     pub const fn refused(reason: Reason) -> Self {
@@ -264,6 +274,14 @@ impl Outcome {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn who_is_refused_is_told_who_holds_control() {
+        let refused = Report::refused(Reason::OtherOwner);
+        assert_eq!(refused.message(Some(Owner::Mqtt)), "mqtt holds control of the drive");
+        assert_eq!(refused.message(None), "somebody else holds control of the drive");
+        assert_eq!(Report::refused(Reason::Moving).message(Some(Owner::Mqtt)), Reason::Moving.text());
+    }
 
     #[test]
     fn an_order_that_sets_nothing_cannot_be_built() {

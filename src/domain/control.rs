@@ -56,6 +56,27 @@ impl ControlAction {
     }
 }
 
+/// Who may command while somebody holds control.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Ownership {
+    /// Only the one who holds it; everybody else is refused.
+    #[default]
+    One,
+    /// Whoever has the rights: control passes to the last one who commanded.
+    Any,
+}
+
+/// What keeps a lease of the MQTT side alive.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum LeaseMode {
+    /// The probe through the broker comes back, and the alive topic does not say `offline`; commands and the lease
+    /// topic as well.
+    #[default]
+    Session,
+    /// Only commands and the lease topic.
+    Explicit,
+}
+
 /// A drive's control section.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ControlSettings {
@@ -91,6 +112,22 @@ pub struct ControlSettings {
     pub stop_pending_for: Duration,
     /// Native registers without a role that may be written.
     pub native_write: Vec<u16>,
+    /// Who may command while somebody holds control.
+    pub ownership: Ownership,
+    /// Control may be taken over from the one who holds it.
+    pub allow_take: bool,
+    /// What keeps a lease of the MQTT side alive.
+    pub lease: LeaseMode,
+    /// Least time between two starts from standstill.
+    pub min_start_interval: Duration,
+    /// Least time between two writes of a register that is stored.
+    pub stored_write_interval: Duration,
+    /// RUN only while the drive's own watchdog is known to be on and in order.
+    pub require_watchdog: bool,
+    /// The time to which the drive's own watchdog is said to be set; nothing: nobody says.
+    pub watchdog: Option<Duration>,
+    /// A declared stop without effect is left to the drive's own watchdog after this time, where that can be relied on.
+    pub failsafe_confirm_timeout: Duration,
 }
 
 impl ControlSettings {
@@ -100,6 +137,11 @@ impl ControlSettings {
     pub const STOP_EFFECT_TIMEOUT: Duration = Duration::from_secs(3);
     /// How long a stop waits for a drive that does not answer, where nothing else is said.
     pub const STOP_PENDING_FOR: Duration = Duration::from_secs(600);
+
+    /// Least time between two writes of a stored register, where nothing else is said.
+    pub const STORED_WRITE_INTERVAL: Duration = Duration::from_secs(10);
+    /// When a declared stop without effect is left to the drive's own watchdog, where nothing else is said.
+    pub const FAILSAFE_CONFIRM_TIMEOUT: Duration = Duration::from_secs(5);
 
     /// What must be said, and defaults for the rest: nobody commands yet, forward alone, on proven facts alone.
     #[must_use]
@@ -125,6 +167,21 @@ impl ControlSettings {
             stop_effect_timeout: Self::STOP_EFFECT_TIMEOUT,
             stop_pending_for: Self::STOP_PENDING_FOR,
             native_write: Vec::new(),
+            ownership: Ownership::One,
+            allow_take: false,
+            lease: LeaseMode::Session,
+            min_start_interval: Duration::ZERO,
+            stored_write_interval: Self::STORED_WRITE_INTERVAL,
+            require_watchdog: false,
+            watchdog: None,
+            failsafe_confirm_timeout: Self::FAILSAFE_CONFIRM_TIMEOUT,
         }
+    }
+
+    /// The longest time to which the drive's own watchdog may be set: as long as a commander may be silent, or as it is
+    /// said to be.
+    #[must_use]
+    pub fn watchdog_at_most(&self) -> Duration {
+        self.watchdog.unwrap_or(self.lost_after)
     }
 }

@@ -13,3 +13,4 @@ pub mod steps;
 pub mod testing;
 pub mod trips;
 pub mod view;
+pub mod watchdog;

@@ -160,6 +160,13 @@ impl PollPlan {
         }
     }
 
+    /// What a person may have changed while the drive was out of sight is asked for as soon as it can.
+    pub fn drive_is_back(&mut self, now: MonoTime) {
+        for entry in self.entries.iter_mut().filter(|entry| entry.group.class == PollClass::Minutely) {
+            entry.due = entry.due.min(now);
+        }
+    }
+
     /// The number of each group, what it reads and when it is due.
     pub fn iter(&self) -> impl Iterator<Item = (usize, PollGroup, MonoTime)> + '_ {
         self.entries.iter().enumerate().map(|(index, entry)| (index, entry.group, entry.due))

@@ -1,6 +1,7 @@
 //! What the north sides see of one drive: a picture that is replaced as a whole whenever something changes.
 
 use super::snapshot::{DriveSnapshot, Presence};
+use super::watchdog::WatchdogView;
 use crate::domain::command::{Owner, Report, RunIntent};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
@@ -22,6 +23,8 @@ pub struct DriveView {
     pub trip_kept: KeptTrips,
     /// Control; nothing if the drive has no control section.
     pub control: Option<ControlView>,
+    /// The drive's own watchdog; nothing where the model has none.
+    pub watchdog: Option<WatchdogView>,
 }
 
 impl DriveView {

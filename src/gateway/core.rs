@@ -112,7 +112,9 @@ impl LineCore {
         let mut effects = Outbox::new(setup.keeps);
         effects.set_time(now);
         let works = (0..).zip(&setup.drives).map(|(index, drive)| {
-            let mut work = DriveWork::new(DriveIndex(index), &drive.model, drive.control.clone(), setup.first_epoch);
+            let range = setup.watchdog_range(usize::from(index));
+            let work = DriveWork::new(DriveIndex(index), &drive.model, drive.control.clone(), setup.first_epoch);
+            let mut work = work.watched(range);
             if setup.keeps {
                 work.remember(&drive.remembered, now, &mut effects);
             }
@@ -159,7 +161,7 @@ impl LineCore {
             Input::Native(request) => self.on_native(now, request),
             Input::AskerGone(asker) => self.on_asker_gone(asker),
             Input::Command(command) => self.on_command(now, &command),
-            Input::PathAlive(owner) => self.works.iter_mut().for_each(|work| work.renew(owner, now)),
+            Input::PathAlive(owner) => self.works.iter_mut().for_each(|work| work.path_alive(owner, now)),
             Input::PathOpened(_) => self.works.iter_mut().for_each(DriveWork::new_epoch),
             Input::Shutdown => {
                 for work in &mut self.works {
@@ -246,6 +248,7 @@ impl LineCore {
             trip: work.trips().view().clone(),
             trip_kept: work.trips_kept().clone(),
             control: work.control_view(),
+            watchdog: work.watchdog().view(),
         })
     }
 

@@ -77,7 +77,7 @@ impl LineCore {
             }
             (purpose, ending @ (Ending::Garbled | Ending::Silent)) => self.read_failed(purpose, &ending),
         }
-        self.forget_the_silent(drive);
+        self.forget_the_silent(now, drive);
         Some(done)
     }
 
@@ -198,9 +198,9 @@ impl LineCore {
     }
 
     /// Nobody waits for a drive that is known to be silent.
-    fn forget_the_silent(&mut self, drive: DriveIndex) {
+    fn forget_the_silent(&mut self, now: MonoTime, drive: DriveIndex) {
         if self.stations[drive.get()].is_known_silent() {
-            self.set_presence(drive, Presence::Offline);
+            self.set_presence(now, drive, Presence::Offline);
             self.barriers[drive.get()].lost();
             let waiting = self.schedule.take_reads_of(drive);
             self.end_all(waiting.into_iter().flat_map(|job| job.waiters).collect(), &NativeOutcome::NoReply);
@@ -222,7 +222,7 @@ impl LineCore {
             station.answered();
         }
         self.barriers[drive.get()].answered(now);
-        self.set_presence(drive, Presence::Online);
+        self.set_presence(now, drive, Presence::Online);
     }
 
     /// The drive was asked whether a barrier can be relied on.
@@ -244,12 +244,15 @@ impl LineCore {
         }
     }
 
-    fn set_presence(&mut self, drive: DriveIndex, presence: Presence) {
+    fn set_presence(&mut self, now: MonoTime, drive: DriveIndex, presence: Presence) {
         let known = &mut self.snapshots[drive.get()].presence;
         if *known != presence {
             *known = presence;
             self.effects.push_back(Effect::Presence(drive, presence));
             self.effects.keep(drive, Entry::Presence(presence));
+            if presence == Presence::Online {
+                self.plans[drive.get()].drive_is_back(now);
+            }
             let work = &mut self.works[drive.get()];
             if presence == Presence::Offline { work.out_of_sight(&mut self.effects) } else { work.mark_changed() }
         }

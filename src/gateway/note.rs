@@ -4,6 +4,7 @@ use crate::domain::command::Owner;
 use crate::domain::control::FailSafe;
 use crate::domain::report::LineFault;
 use crate::domain::suspicion::Suspicion;
+use crate::drive::watchdog::WatchdogState;
 
 /// Something that happened to a drive and that nobody asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -46,6 +47,22 @@ pub enum Note {
     /// Its exchanges are good again.
     #[error("the exchanges with the drive are good again: run orders are taken")]
     Resumed,
+    /// Control was taken over.
+    #[error("control was taken over by {by} from {}", holder(.from))]
+    Taken {
+        /// Who held it; nothing: nobody.
+        from: Option<Owner>,
+        /// Who holds it now.
+        by: Owner,
+    },
+    /// The drive's own watchdog is set to something else than was known.
+    #[error("{}", watchdog(*.0))]
+    Watchdog(WatchdogState),
+    /// A declared stop without effect is left to the drive's own watchdog.
+    #[error(
+        "ALARM: the declared stop shows no effect; nothing more is sent, so that the drive's own watchdog stops it"
+    )]
+    LeftToWatchdog,
     /// The gateway ends and the declared action runs.
     #[error("the gateway ends: the declared action is {}", .0.word())]
     ShuttingDown(FailSafe),
@@ -76,4 +93,22 @@ pub enum LineNote {
 
 fn suspected(suspicion: &Option<Suspicion>) -> String {
     suspicion.map_or("what was suspected is over".to_owned(), |suspicion| suspicion.to_string())
+}
+
+fn holder(owner: &Option<Owner>) -> String {
+    owner.map_or("nobody".to_owned(), |owner| owner.to_string())
+}
+
+const fn watchdog(state: WatchdogState) -> &'static str {
+    match state {
+        WatchdogState::Unknown => "the drive's own watchdog is not known",
+        WatchdogState::Off => "ALARM: the drive's own watchdog is off: without the gateway the motor would run on",
+        WatchdogState::KeepsRunning => "ALARM: the drive's own watchdog is set to let the motor run on",
+        WatchdogState::TooShort => {
+            "ALARM: the drive's own watchdog is no longer than twice the longest gap between two frames: it may stop the \
+             motor although all is well"
+        }
+        WatchdogState::TooLong => "ALARM: the drive's own watchdog takes longer than a commander may be silent",
+        WatchdogState::InOrder => "the drive's own watchdog is on and in order",
+    }
 }

@@ -4,6 +4,7 @@ use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
 use crate::domain::link::EchoPolicy;
 use crate::domain::report::StopBounds;
+use crate::drive::watchdog::WatchdogRange;
 use crate::journal::Remembered;
 use crate::line::budget::{self, Budget, PlannedStation};
 use crate::line::timeouts::{ReplyTimeouts, longer_reply};
@@ -35,6 +36,19 @@ impl LineSetup {
     #[must_use]
     pub fn stop_bounds(&self) -> StopBounds {
         budget::stop_bounds(&self.timing, self.drives.iter().map(DriveSetup::planned))
+    }
+
+    /// Between which times the own watchdog of the drive at `place` fits; on one that nobody commands, any.
+    #[must_use]
+    pub fn watchdog_range(&self, place: usize) -> WatchdogRange {
+        let stations: Vec<_> = self.drives.iter().map(DriveSetup::planned).collect();
+        let commanded = self.drives.iter().filter(|drive| drive.control.is_some()).count();
+        let control = self.drives.get(place).and_then(|drive| drive.control.as_ref());
+        let gap = || budget::longest_gap_on_line(&self.timing, &stations, place, commanded);
+        control.map_or(WatchdogRange::ANY, |control| WatchdogRange {
+            more_than: gap().unwrap_or_default() * 2,
+            at_most: control.watchdog_at_most(),
+        })
     }
 
     /// What the polls of the line cost.

@@ -57,6 +57,11 @@ pub struct StopLatch {
     /// Looks in a row without an answer.
     missed_looks: u8,
     was_told_late: bool,
+    /// When it was declared for a commander that was lost or a gateway that ends; nothing if somebody commanded it, or it
+    /// was left to the drive's own watchdog.
+    declared_at: Option<MonoTime>,
+    /// Neither it nor a look goes before this moment.
+    silent_until: MonoTime,
 }
 
 /// What became of the stop on an event.
@@ -90,6 +95,8 @@ impl StopLatch {
             looks: 0,
             missed_looks: 0,
             was_told_late: false,
+            declared_at: None,
+            silent_until: MonoTime::ZERO,
         }
     }
 
@@ -98,6 +105,22 @@ impl StopLatch {
     #[must_use]
     pub fn remembered(order: StopOrder, now: MonoTime) -> Self {
         Self { sent: 1, look_at: now, missed_looks: LOOKS_BEFORE_AWAY, ..Self::new(order, None, now) }
+    }
+
+    /// Nobody commanded it: it was declared at `now`.
+    pub const fn was_declared(&mut self, now: MonoTime) {
+        self.declared_at = Some(now);
+    }
+
+    /// When it was declared.
+    #[must_use]
+    pub const fn declared_at(&self) -> Option<MonoTime> {
+        self.declared_at
+    }
+
+    /// It is left to the drive's own watchdog until `moment`: neither it nor a look goes before.
+    pub const fn leave_until(&mut self, moment: MonoTime) {
+        (self.silent_until, self.declared_at) = (moment, None);
     }
 
     /// Another stop for the same drive. One of the same kind is this one: it goes on being sent at its own rate, however
@@ -109,6 +132,10 @@ impl StopLatch {
             let waiters = std::mem::take(&mut self.waiters);
             let Self { awaited_since, was_told_late, .. } = *self;
             *self = Self { waiters, awaited_since, was_told_late, ..Self::new(order, None, now) };
+        }
+        if waiter.is_some() && now < self.silent_until {
+            // Somebody stops it now: that goes before whatever was to come of silence.
+            (self.silent_until, self.send_at, self.declared_at) = (MonoTime::ZERO, now, Some(now));
         }
         if let Some(waiter) = waiter {
             self.join(waiter, out);
@@ -131,8 +158,8 @@ impl StopLatch {
 
     /// What goes on the wire and from when.
     #[must_use]
-    pub const fn frame(&self) -> (MonoTime, Request) {
-        let at = if self.is_away() && !self.is_first() { MonoTime::NEVER } else { self.send_at };
+    pub fn frame(&self) -> (MonoTime, Request) {
+        let at = if self.is_away() && !self.is_first() { MonoTime::NEVER } else { self.send_at.max(self.silent_until) };
         (at, self.order.request())
     }
 

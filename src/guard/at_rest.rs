@@ -78,7 +78,12 @@ impl DriveGuard {
     }
 
     /// What decides whom the motor obeys is changed while it stands still and nothing is ordered.
-    fn may_change_at_rest(&self, command: &CommandRequest, facts: &Facts, now: MonoTime) -> Result<(), Report> {
+    pub(super) fn may_change_at_rest(
+        &self,
+        command: &CommandRequest,
+        facts: &Facts,
+        now: MonoTime,
+    ) -> Result<(), Report> {
         if facts.stop_pending {
             return Err(refused(Reason::StopPending));
         }

@@ -6,7 +6,13 @@
 pub mod access;
 mod approved;
 mod at_rest;
+#[cfg(test)]
+mod control_tests;
+mod interlocks;
+mod motion;
 mod orphan;
+mod ownership;
+mod registers;
 mod review;
 mod state;
 #[cfg(test)]

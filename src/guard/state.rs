@@ -1,9 +1,10 @@
 //! Who holds control of one drive, what is ordered, and who may start it.
 
 use super::approved::StopOrder;
+use super::interlocks::Interlocks;
 use super::orphan::Orphan;
 use crate::domain::command::{Direction, Owner, RunIntent};
-use crate::domain::control::{ControlSettings, FailSafe};
+use crate::domain::control::{ControlSettings, FailSafe, LeaseMode};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use crate::drive::steps;
@@ -42,6 +43,7 @@ pub struct DriveGuard {
     /// Control was handed back, and nothing was ordered since.
     pub(super) is_released: bool,
     pub(super) is_ending: bool,
+    pub(super) interlocks: Interlocks,
 }
 
 /// Control is leased: it ends unless its owner gives signs of life.
@@ -96,6 +98,7 @@ impl DriveGuard {
             failsafe: false,
             is_released: false,
             is_ending: false,
+            interlocks: Interlocks::default(),
         }
     }
 
@@ -166,6 +169,18 @@ impl DriveGuard {
             lease.until = now + control.lost_after;
             lease.orphan = lease.orphan.and_then(Orphan::taken_up);
         }
+    }
+
+    /// The way from `owner` is open: a session lease lives on by that alone.
+    pub fn path_alive(&mut self, owner: Owner, now: MonoTime) {
+        if self.control.as_ref().is_some_and(|control| control.lease == LeaseMode::Session) {
+            self.renew(owner, now);
+        }
+    }
+
+    /// The motor was told to start, and said yes or may have heard it.
+    pub fn started(&mut self, now: MonoTime) {
+        self.interlocks.started(now);
     }
 
     /// Ends the lease if it has run out at `now`, and says what is declared for that; nothing if nothing has to be
@@ -263,10 +278,6 @@ impl DriveGuard {
             let ordered = still_ordered.map(|(by, value)| Setpoint { value, by, acknowledged: false });
             self.setpoint = ordered.or(self.held_setpoint);
         }
-    }
-
-    pub(super) fn lease_of(&self, owner: Owner) -> Option<Lease> {
-        self.lease.filter(|lease| lease.owner == owner)
     }
 
     pub(super) fn accepted_setpoint(&self) -> Option<Setpoint> {

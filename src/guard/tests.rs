@@ -15,9 +15,9 @@ use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 use std::time::Duration;
 
-const NOW: MonoTime = MonoTime::from_millis(100_000);
-const STOP: Order = Order::Stop { setpoint: None };
-const RESTING: Facts = Facts {
+pub(super) const NOW: MonoTime = MonoTime::from_millis(100_000);
+pub(super) const STOP: Order = Order::Stop { setpoint: None };
+pub(super) const RESTING: Facts = Facts {
     line_is_up: true,
     line_is_bad: false,
     is_offline: false,
@@ -25,18 +25,20 @@ const RESTING: Facts = Facts {
     tripped: Some(false),
     at_standstill: true,
     output: Some(Hertz::ZERO),
+    is_local: None,
+    is_watched: false,
 };
 
-fn plc(last: u8) -> Origin {
+pub(super) fn plc(last: u8) -> Origin {
     let owner = Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::new(10, 0, 0, last)));
     Origin { owner, rights: Rights { write: true, stop: true }, manner: Manner::Cyclic }
 }
 
-fn mqtt() -> Origin {
+pub(super) fn mqtt() -> Origin {
     Origin { owner: Owner::Mqtt, manner: Manner::Once, ..plc(0) }
 }
 
-fn command(origin: Origin, order: Order) -> CommandRequest {
+pub(super) fn command(origin: Origin, order: Order) -> CommandRequest {
     CommandRequest {
         asker: AskerId(1),
         ticket: Ticket(1),
@@ -49,15 +51,15 @@ fn command(origin: Origin, order: Order) -> CommandRequest {
     }
 }
 
-fn run(direction: Direction) -> Order {
+pub(super) fn run(direction: Direction) -> Order {
     Order::Go(Go::new(Vec::new(), Some(Hertz::from_centihertz(2000)), Some(direction)).unwrap())
 }
 
-fn guard_of(model: Model, control: ControlSettings) -> DriveGuard {
+pub(super) fn guard_of(model: Model, control: ControlSettings) -> DriveGuard {
     DriveGuard::new(Arc::new(model), Some(Arc::new(control)), 7)
 }
 
-fn reviewed(guard: &mut DriveGuard, command: &CommandRequest) -> Result<(), (Outcome, Reason)> {
+pub(super) fn reviewed(guard: &mut DriveGuard, command: &CommandRequest) -> Result<(), (Outcome, Reason)> {
     let verdict = guard.review(command, &RESTING, NOW);
     verdict.map(drop).map_err(|Report { outcome, reason, .. }| (outcome, reason))
 }
@@ -195,12 +197,12 @@ fn a_lease_that_runs_out_over_a_moving_drive_brings_the_declared_action() {
     }
 }
 
-fn register(address: u16, value: u16) -> Order {
+pub(super) fn register(address: u16, value: u16) -> Order {
     Order::Go(Go::new(vec![RegisterWrite { address, value }], None, None).unwrap())
 }
 
 /// What becomes of `order` of a local client with these facts.
-fn judged(guard: &mut DriveGuard, order: Order, facts: Facts) -> Result<Verdict, Reason> {
+pub(super) fn judged(guard: &mut DriveGuard, order: Order, facts: Facts) -> Result<Verdict, Reason> {
     let local = Origin { owner: Owner::Local, ..mqtt() };
     guard.review(&command(local, order), &facts, NOW).map_err(|report| report.reason)
 }

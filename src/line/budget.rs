@@ -165,6 +165,21 @@ pub fn longest_gap(timing: &Timing, age: Duration, station: &PlannedStation<'_>,
     age + wait + is_waited_out + BACK_OFF_FIRST + retry + stop.one_silent
 }
 
+/// The longest time between two frames to the one at `place` of `stations`, while it answers and everything that may
+/// hold them up does so once, stops for the `commanded` stations of the line included; nothing if it is not polled fast.
+/// Its own watchdog has to be set to more than twice that.
+#[must_use]
+pub fn longest_gap_on_line(
+    timing: &Timing,
+    stations: &[PlannedStation<'_>],
+    place: usize,
+    commanded: usize,
+) -> Option<Duration> {
+    let (budget, mut stop) = (of_plan(timing, stations.iter().copied()), stop_bounds(timing, stations.iter().copied()));
+    stop.one_silent += stop.each_further * u32::try_from(commanded.saturating_sub(1)).unwrap_or(u32::MAX);
+    Some(longest_gap(timing, budget.fast_age(place)?, stations.get(place)?, &stop))
+}
+
 /// Class, request and reply of the longest exchanges with a drive of `model`, in bytes of their PDUs.
 fn exchanges(model: &Model) -> impl Iterator<Item = (Class, usize, usize)> + '_ {
     let block = |block: &BlockWrite| (6 + WORD_BYTES * usize::from(block.count.value), SHORT_PDU_BYTES);

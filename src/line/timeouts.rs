@@ -3,7 +3,7 @@
 use super::budget::ASSUMED_TURNAROUND;
 use super::station::PROBE_TIMEOUT;
 use super::timing::Timing;
-use crate::profile::model::{self, Memory, Model};
+use crate::profile::model::{self, Model};
 use crate::wire::pdu::Request;
 use std::time::Duration;
 
@@ -31,22 +31,12 @@ impl Class {
     pub fn of(request: &Request, model: &Model) -> Self {
         let is_stored = match request {
             Request::ReadHolding { .. } | Request::Loopback { .. } | Request::Unserved { .. } => return Self::Read,
-            Request::WriteSingle { address, .. } => is_stored(model, *address),
+            Request::WriteSingle { address, .. } => model.is_stored(*address),
             Request::WriteMultiple { address, values } => {
-                (*address..=u16::MAX).zip(values).any(|(address, _)| is_stored(model, address))
+                (*address..=u16::MAX).zip(values).any(|(address, _)| model.is_stored(address))
             }
         };
         if is_stored { Self::StoredWrite } else { Self::Write }
-    }
-}
-
-/// Whether the register at `address` keeps what is written to it without power. Where nobody says so, only those that
-/// the gateway commands by do not: no drive is commanded through a memory that wears out.
-fn is_stored(model: &Model, address: u16) -> bool {
-    let Some(register) = model.register_at(address) else { return true };
-    match register.memory {
-        Some(memory) => memory == Memory::Stored,
-        None => !register.role.is_some_and(model::Role::is_guarded),
     }
 }
 
@@ -148,6 +138,7 @@ mod tests {
     use super::*;
     use crate::domain::link::{Framing, LinkSettings, Parity};
     use crate::profile::check;
+    use crate::profile::model::Memory;
     use crate::profile::model::{Confidence, Fact, Role};
     use crate::vendors;
 

@@ -2,6 +2,7 @@
 
 use crate::domain::command::Go;
 use serde_json::Value;
+use std::time::Duration;
 
 /// What a body looks like, for people.
 pub const EXAMPLE: &str = r#"{"addresses": [529, 530]}"#;
@@ -16,9 +17,31 @@ pub fn addresses(body: &[u8]) -> Option<Vec<u16>> {
     is_bounded.then(|| list.iter().map(address).collect())?
 }
 
+/// What the body of an order to set the drive's own watchdog looks like, for people.
+pub const WATCHDOG_EXAMPLE: &str = r#"{"time_ms": 5000}"#;
+
+/// The time that `body` names, or none inside for off; nothing unless it is an object with that and nothing else.
+#[must_use]
+pub fn watchdog_time(body: &[u8]) -> Option<Option<Duration>> {
+    let Value::Object(object) = serde_json::from_slice(body).ok()? else { return None };
+    match object.get("time_ms").filter(|_| object.len() == 1)? {
+        Value::Null => Some(None),
+        time => time.as_u64().filter(|millis| *millis > 0).map(|millis| Some(Duration::from_millis(millis))),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_body_names_one_time_or_none() {
+        assert_eq!(watchdog_time(WATCHDOG_EXAMPLE.as_bytes()), Some(Some(Duration::from_secs(5))));
+        assert_eq!(watchdog_time(br#"{"time_ms": null}"#), Some(None));
+        for wrong in ["", "5000", r#"{"time_ms": 0}"#, r#"{"time_ms": "5s"}"#, r#"{"time_ms": -1}"#, r#"{"time": 1}"#] {
+            assert_eq!(watchdog_time(wrong.as_bytes()), None, "{wrong}");
+        }
+    }
 
     #[test]
     fn a_body_names_addresses_and_nothing_else() {

@@ -171,7 +171,9 @@ pub fn duration_text(time: Duration) -> String {
 /// Units of time, with their milliseconds.
 const UNITS: [(&str, u128); 4] = [("ms", 1), ("s", 1_000), ("min", 60_000), ("h", 3_600_000)];
 
-fn parse_duration(text: &str) -> Option<Duration> {
+/// The time that `text` names, such as `500ms`; nothing if it is none.
+#[must_use]
+pub fn parse_duration(text: &str) -> Option<Duration> {
     let digits = text.find(|c: char| !c.is_ascii_digit())?;
     let (number, unit) = text.split_at(digits);
     let (_, size) = UNITS.into_iter().find(|(name, _)| *name == unit)?;

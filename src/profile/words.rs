@@ -35,10 +35,11 @@ pub const ACCESSES: [(&str, Access); 3] =
     [("read", Access::Read), ("write", Access::Write), ("read-write", Access::ReadWrite)];
 
 /// How often a register is polled.
-pub const POLL_CLASSES: [(&str, PollClass); 4] = [
+pub const POLL_CLASSES: [(&str, PollClass); 5] = [
     ("fast", PollClass::Fast),
     ("second", PollClass::Second),
     ("slow", PollClass::Slow),
+    ("minutely", PollClass::Minutely),
     ("hourly", PollClass::Hourly),
 ];
 

@@ -216,6 +216,8 @@ pub struct Rig {
     pub keeps_sent: bool,
     /// The next reply to a request of this function is lost.
     pub loses_reply_to: Option<u8>,
+    /// Frames with this PDU reach no drive.
+    pub swallows: Option<Vec<u8>>,
     framing: Framing,
     /// What is sent comes back at once, as from an adapter that hears itself.
     pub echoes: bool,
@@ -271,6 +273,7 @@ impl Rig {
             sent: Vec::new(),
             keeps_sent: true,
             loses_reply_to: None,
+            swallows: None,
             framing: options.bus.framing,
             echoes: options.echoes,
             last_ticket: 0,
@@ -506,7 +509,7 @@ impl Rig {
             self.bus.set_faults("lost=1000".parse().expect("a plan"));
             self.bus.receive(self.now, &frame);
             self.bus.set_faults(FaultPlan::NONE);
-        } else {
+        } else if self.swallows.as_ref() != Some(&pdu) {
             self.bus.receive(self.now, &frame);
         }
         if self.echoes {

@@ -2,16 +2,17 @@
 
 use super::super::model_facts::orders;
 use super::{list, ms};
-use crate::config::words::DIRECTIONS;
+use crate::config::words::{DIRECTIONS, LEASES};
 use crate::config::{DriveSettings, LineSettings, Listed, MqttSettings};
 use crate::config::{command_deadline, line_plan, listed, shown_in_per_cent};
-use crate::domain::control::ControlSettings;
+use crate::domain::control::{ControlSettings, FailSafe, Ownership};
 use crate::line::budget::{Budget, PlannedRead};
 use crate::line::timeouts::Class;
 use crate::profile::model::{Memory, Model, RunForm, SetupItem, Watchdog};
 use crate::profile::values::duration_text;
 use crate::profile::words::word_for;
 use std::fmt::{Result, Write};
+use std::time::Duration;
 
 /// Appends what the configuration means for the drive at `place` of `line`.
 pub(super) fn describe(
@@ -40,8 +41,7 @@ pub(super) fn describe(
         watchdog_of(text, watchdog, model)?;
     }
     if let Some(gap) = line_plan::longest_gap(line, place).filter(|_| drive.control.is_some()) {
-        writeln!(text, "    its frames are at most {} apart while it answers; its own watchdog, where it", ms(gap))?;
-        writeln!(text, "    is used, needs more than {}", ms(gap * 2))?;
+        watchdog_chain(text, drive, gap)?;
     }
     Ok(())
 }
@@ -100,6 +100,7 @@ fn commands(text: &mut String, control: &ControlSettings, model: &Model, mqtt: O
     )?;
     let deadline = duration_text(command_deadline(control, mqtt));
     writeln!(text, "    command deadline {deadline} < lease {lost_after}")?;
+    ownership(text, control)?;
     writeln!(
         text,
         "    commander lost after {lost_after}: {}; gateway ended: {}",
@@ -112,6 +113,21 @@ fn commands(text: &mut String, control: &ControlSettings, model: &Model, mqtt: O
             text,
             "    warning: every command, a stop too, takes control from panel and terminals (bits 0x{priority:04X})"
         )?;
+    }
+    Ok(())
+}
+
+/// Who may command while somebody holds control, and what keeps it.
+fn ownership(text: &mut String, control: &ControlSettings) -> Result {
+    let who = match control.ownership {
+        Ownership::One => "one commander at a time",
+        Ownership::Any => "whoever may command, the last one holds control",
+    };
+    let take = if control.allow_take { ", and it may be taken over" } else { "" };
+    let lease = format!("; {} lease over mqtt", word_for(&LEASES, &control.lease));
+    writeln!(text, "    {who}{take}{}", if control.from_mqtt { &lease } else { "" })?;
+    if control.min_start_interval > Duration::ZERO {
+        writeln!(text, "    at least {} between two starts", duration_text(control.min_start_interval))?;
     }
     Ok(())
 }
@@ -183,6 +199,34 @@ fn setup(text: &mut String, model: &Model, line: &LineSettings) -> Result {
     Ok(())
 }
 
+/// How often the drive is asked at the least, its watchdog and the lease, one within the other.
+fn watchdog_chain(text: &mut String, drive: &DriveSettings, gap: Duration) -> Result {
+    let Some(control) = &drive.control else { return Ok(()) };
+    writeln!(text, "    its frames are at most {} apart while it answers; its own watchdog, where it", ms(gap))?;
+    writeln!(text, "    is used, needs more than {}", ms(gap * 2))?;
+    let lost_after = duration_text(control.lost_after);
+    let confirm = duration_text(control.failsafe_confirm_timeout);
+    if let Some(time) = control.watchdog {
+        let time = duration_text(time);
+        writeln!(text, "    twice {} < watchdog {time} <= lease {lost_after}", ms(gap))?;
+    }
+    if control.require_watchdog {
+        writeln!(
+            text,
+            "    run only while its watchdog is on, more than {} and at most {}",
+            ms(gap * 2),
+            duration_text(control.watchdog_at_most())
+        )?;
+    }
+    if drive.model.watchdog_is_proven() {
+        writeln!(text, "    a declared stop without effect for {confirm} is left to its watchdog, if that is on")?;
+    }
+    if drive.model.watchdog.is_some() && control.on_commander_lost == FailSafe::Hold {
+        writeln!(text, "    warning: with hold its polls go on and keep its watchdog fed when the commander is gone")?;
+    }
+    Ok(())
+}
+
 fn watchdog_of(text: &mut String, watchdog: &Watchdog, model: &Model) -> Result {
     let called = |address: u16| {
         let register = model.register_at(address);
@@ -209,6 +253,12 @@ port = "/dev/ttyUSB0"
 name = "pump-1"
 model = "acme-everything"
 station = 1
+[[line.drive.register]]
+name = "ramp"
+title = "Ramp"
+address = 0x0110
+unit = "s"
+access = "read-write"
 [line.drive.control]
 from = ["modbus-tcp"]
 frequency_hz = { min = 5.0, max = 50.0 }
@@ -218,7 +268,7 @@ on_commander_lost = "stop"
 lost_after = "10s"
 on_shutdown = "hold"
 [line.drive.native]
-write = ["P.06", "0x8107"]
+write = ["ramp", "0x8110"]
 [[modbus_tcp]]
 listen = "127.0.0.1:1502"
 write = ["127.0.0.1/32"]
@@ -233,19 +283,21 @@ write = ["127.0.0.1/32"]
     current is shown in per cent only: give rated_current_a
     commands from modbus-tcp: 5.00 to 50.00 Hz, forward
     command deadline 1s < lease 10s
+    one commander at a time
     commander lost after 10s: stop; gateway ended: hold
     can be ordered: stop, frequency, forward, coast, release
     unproven and accepted: coast
     unproven and refused: reset (inferred)
     warning: every command, a stop too, takes control from panel and terminals (bits 0xC000)
     native registers that may be written:
-      loss_time (0x0106): stored, in a memory that endures a limited number of writes
-      loss_reaction (0x8107): stored, in a memory that endures a limited number of writes
+      ramp (0x0110): not known to be RAM: treated as stored
+      ramp (0x8110): stored, in a memory that endures a limited number of writes
     must be set on the drive, in this order:
       P.01: run commands from the bus (0x0101 = 2)
     the drive's own watchdog: P.06 (0x0106), 0 is off; what it does then: P.07 (0x0107)
     its frames are at most 3209 ms apart while it answers; its own watchdog, where it
     is used, needs more than 6417 ms
+    a declared stop without effect for 5s is left to its watchdog, if that is on
 
 ";
         let found = said(CONFIGURATION);

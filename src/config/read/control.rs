@@ -2,7 +2,7 @@
 
 use super::super::file::{ControlFile, LimitsFile, NativeFile};
 use super::super::keys::Section;
-use super::super::words::{ACTIONS, COMMANDS, DIRECTIONS, FAIL_SAFES, WAYS};
+use super::super::words::{ACTIONS, COMMANDS, DIRECTIONS, FAIL_SAFES, LEASES, OWNERSHIPS, WAYS};
 use super::refuse_not_served;
 use crate::domain::frequency::Hertz;
 use crate::domain::problem::Problem;
@@ -16,6 +16,10 @@ const HERTZ: RangeInclusive<f64> = 0.0..=10_000.0;
 const LOST_AFTER: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(3600);
 const RESTART_DELAY: RangeInclusive<Duration> = Duration::ZERO..=Duration::from_secs(60);
 const STOP_EFFECT: RangeInclusive<Duration> = Duration::from_millis(500)..=Duration::from_secs(60);
+const START_INTERVAL: RangeInclusive<Duration> = Duration::ZERO..=Duration::from_secs(3600);
+const WATCHDOG: RangeInclusive<Duration> = Duration::from_millis(100)..=Duration::from_secs(3600);
+const FAILSAFE_CONFIRM: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(60);
+const STORED_WRITE: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(24 * 3600);
 const STOP_PENDING: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(3600);
 
 /// `[line.drive.control]`
@@ -35,6 +39,13 @@ pub(super) fn read_control(mut reader: Reader<'_, '_>) -> ControlFile {
         restart_delay: reader.optional("restart_delay", &Kind::duration(RESTART_DELAY)),
         stop_effect_timeout: reader.optional("stop_effect_timeout", &Kind::duration(STOP_EFFECT)),
         stop_pending_for: reader.optional("stop_pending_for", &Kind::duration(STOP_PENDING)),
+        ownership: reader.optional("ownership", &Kind::one_of(&OWNERSHIPS)),
+        allow_take: reader.optional("allow_take", &Kind::flag()),
+        lease: reader.optional("lease", &Kind::one_of(&LEASES)),
+        min_start_interval: reader.optional("min_start_interval", &Kind::duration(START_INTERVAL)),
+        watchdog: reader.optional("watchdog", &Kind::duration(WATCHDOG)),
+        require_watchdog: reader.optional("require_watchdog", &Kind::flag()),
+        failsafe_confirm_timeout: reader.optional("failsafe_confirm_timeout", &Kind::duration(FAILSAFE_CONFIRM)),
     };
     reader.finish();
     control
@@ -43,7 +54,10 @@ pub(super) fn read_control(mut reader: Reader<'_, '_>) -> ControlFile {
 /// `[line.drive.native]`
 pub(super) fn read_native(mut reader: Reader<'_, '_>) -> NativeFile {
     refuse_not_served(&mut reader, Section::Native);
-    let native = NativeFile { write: reader.required_list("write", &Kind::text()) };
+    let native = NativeFile {
+        write: reader.required_list("write", &Kind::text()),
+        stored_write_interval: reader.optional("stored_write_interval", &Kind::duration(STORED_WRITE)),
+    };
     reader.finish();
     native
 }

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::domain::command::Direction;
-use crate::domain::control::{ControlAction, ControlSettings, FailSafe};
+use crate::domain::control::{ControlAction, ControlSettings, FailSafe, LeaseMode, Ownership};
 use crate::domain::frequency::Hertz;
 use crate::guard::COMMAND_DEADLINE;
 
@@ -49,6 +49,14 @@ fn a_control_section_gets_its_defaults() {
             stop_effect_timeout: seconds(3),
             stop_pending_for: seconds(600),
             native_write: vec![0x020C],
+            ownership: Ownership::One,
+            allow_take: false,
+            lease: LeaseMode::Session,
+            min_start_interval: Duration::ZERO,
+            stored_write_interval: seconds(10),
+            require_watchdog: false,
+            watchdog: None,
+            failsafe_confirm_timeout: seconds(5),
         }
     );
     assert_eq!(good(CONTROLLED).lines[0].drives[1].control, None, "read-only from everywhere");

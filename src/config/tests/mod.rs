@@ -7,8 +7,10 @@ mod models;
 mod mqtt;
 mod native;
 mod network;
+mod ownership;
 mod ports;
 mod units;
+mod watchdog;
 
 use super::*;
 use crate::domain::link::{Framing, Interface, LinkSettings, Parity};

@@ -51,6 +51,7 @@ fn drive(drive: &SharedDrive) -> Value {
         "uniform_unit": description.uniform_unit.get(),
         "presence": presence(&view),
         "run_state": run_state(&view).word(),
+        "watchdog": view.watchdog.map(|watchdog| watchdog.state.word()),
     })
 }
 

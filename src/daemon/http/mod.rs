@@ -18,6 +18,7 @@ pub mod state;
 mod table;
 #[cfg(test)]
 mod tests;
+mod watchdog;
 
 pub use connections::CONNECTIONS_MAX;
 pub use state::State;

@@ -1,17 +1,17 @@
 //! What only the program's own tools find, over the socket and never over TCP: what has to be set on a drive.
 
 use super::routes::json;
-use super::setup;
+use super::{setup, watchdog};
 use crate::daemon::local::LocalSide;
 use crate::daemon::shared::SharedDrive;
 use crate::domain::command::{Go, Outcome, Reason, Report};
-use crate::north::setup_body::{EXAMPLE, addresses};
+use crate::north::setup_body::{EXAMPLE, WATCHDOG_EXAMPLE, addresses, watchdog_time};
 use axum::Router;
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Path, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
-use axum::routing::get;
+use axum::routing::{get, post};
 use serde_json::Value;
 use std::sync::Arc;
 
@@ -22,6 +22,7 @@ const BODY_BYTES_MAX: usize = 4096;
 pub(super) fn router(side: Arc<LocalSide>) -> Router {
     Router::new()
         .route("/api/v1/drives/{name}/setup", get(look).post(set))
+        .route("/api/v1/drives/{name}/watchdog", post(set_watchdog))
         .layer(DefaultBodyLimit::max(BODY_BYTES_MAX))
         .with_state(side)
 }
@@ -58,6 +59,29 @@ async fn set(State(side): State<Arc<LocalSide>>, Path(name): Path<String>, body:
     }
 }
 
+async fn set_watchdog(State(side): State<Arc<LocalSide>>, Path(name): Path<String>, body: Bytes) -> Response {
+    let Some(time) = watchdog_time(&body) else {
+        let mut answer = refusal(&name, Reason::NotUnderstood);
+        answer["message"] = format!("a body such as {WATCHDOG_EXAMPLE} is expected, with null for off").into();
+        return (StatusCode::BAD_REQUEST, json(&answer)).into_response();
+    };
+    let Some(place) = side.place() else { return too_many(&name) };
+    if find(&side, &name).is_none() {
+        return unknown(&side, &name);
+    }
+    let carried_out = tokio::spawn(async move {
+        let _place = place;
+        match find(&side, &name) {
+            Some(drive) => watchdog::set(&side, drive, time).await,
+            None => refusal(&name, Reason::UnknownDrive),
+        }
+    });
+    match carried_out.await {
+        Ok(answer) => json(&answer).into_response(),
+        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, format!("{error}\n")).into_response(),
+    }
+}
+
 fn find<'s>(side: &'s LocalSide, name: &str) -> Option<&'s SharedDrive> {
     side.shared().drives.iter().find(|drive| drive.description.name.as_str() == name)
 }
@@ -73,5 +97,5 @@ fn too_many(name: &str) -> Response {
 }
 
 fn refusal(name: &str, reason: Reason) -> Value {
-    setup::outcome(name, Report::new(Outcome::Refused, reason), Vec::new())
+    setup::outcome(name, Report::new(Outcome::Refused, reason), None, Vec::new())
 }

@@ -36,7 +36,7 @@ pub(super) async fn look(side: &LocalSide, drive: &SharedDrive) -> Value {
         "model": model.id,
         "right": is_right && is_watched,
         "items": seen.iter().map(|(item, found)| shown_item(model, item, *found)).collect::<Vec<_>>(),
-        "watchdog": watchdog.map(|watchdog| shown_watchdog(model, watchdog, found_at)),
+        "watchdog": watchdog.map(|watchdog| shown_watchdog(drive, watchdog, found_at)),
         "takes_priority": takes_priority(model),
     })
 }
@@ -47,7 +47,7 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<u1
     let (name, place) = (&drive.description.name, drive.description.place);
     let items: Vec<_> = concerned(side, drive).filter(|item| is_among(item, &addresses)).collect();
     if !addresses.iter().all(|address| items.iter().any(|item| item.address == Some(*address))) {
-        return outcome(name.as_str(), Report::refused(Reason::NotCapable), Vec::new());
+        return outcome(name.as_str(), Report::refused(Reason::NotCapable), None, Vec::new());
     }
     let old = read(side, place, addresses.iter().copied()).await;
     let report = side.command(place, Order::Setup(addresses)).await;
@@ -59,16 +59,17 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<u1
         tracing::info!(drive = %name, by = %Owner::Local, what, old, new, outcome, reason, "set for bus control");
         changes.push(json!({ "what": what, "address": item.address, "old": old, "new": new }));
     }
-    outcome(name.as_str(), report, changes)
+    outcome(name.as_str(), report, drive.holder(), changes)
 }
 
 /// What became of an order for the drive called `name`.
-pub(super) fn outcome(name: &str, report: Report, changes: Vec<Value>) -> Value {
+/// Who is refused because of `holder` is told so.
+pub(super) fn outcome(name: &str, report: Report, holder: Option<Owner>, changes: Vec<Value>) -> Value {
     json!({
         "drive": name,
         "outcome": report.outcome.word(),
         "reason": report.reason.word(),
-        "message": report.reason.text(),
+        "message": report.message(holder),
         "held": report.held,
         "exception": report.exception,
         "changes": changes,
@@ -126,12 +127,14 @@ fn shown_item(model: &Model, item: &SetupItem, found: Option<&Found>) -> Value {
 }
 
 fn shown_watchdog<'f>(
-    model: &Model,
+    drive: &SharedDrive,
     watchdog: &Watchdog,
     found_at: impl Fn(u16) -> Option<&'f Found>,
 ) -> Map<String, Value> {
+    let model = &*drive.description.model;
     let register = model.register_at(watchdog.time);
     let found = found_at(watchdog.time);
+    let judged = drive.view.load().watchdog.map(|watchdog| watchdog.state.word());
     let state = match found {
         Some(Ok(word)) if *word == watchdog.off.value => "off",
         Some(Ok(_)) => "on",
@@ -146,6 +149,8 @@ fn shown_watchdog<'f>(
     shown.insert("what".to_owned(), what.into());
     shown.insert("state".to_owned(), state.into());
     shown.insert("action".to_owned(), action.into());
+    shown.insert("judged".to_owned(), judged.into());
+    shown.insert("is_stored".to_owned(), model.is_stored(watchdog.time).into());
     shown
 }
 

@@ -136,7 +136,7 @@ fn an_item_of_the_other_interface_is_left_out() {
 
 fn watched(model: &mut Model) {
     let off = Fact { value: 0, confidence: Confidence::Manual, source: "test".to_owned() };
-    model.watchdog = Some(Watchdog { time: F007, off, action: Some(F010) });
+    model.watchdog = Some(Watchdog { time: F007, off, action: Some(F010), keeps_running: Vec::new() });
 }
 
 #[test]

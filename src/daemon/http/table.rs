@@ -7,6 +7,7 @@ use super::state::State;
 use crate::daemon::totals::{ModbusTotals, MqttTotals};
 use crate::domain::report::{LineReport, LineState, ReplyReport, StationReport};
 use crate::drive::view::{ControlView, DriveView};
+use crate::drive::watchdog::WatchdogState;
 use prometheus_client::metrics::MetricType;
 use std::time::Duration;
 
@@ -207,6 +208,20 @@ pub(super) const DRIVE: &[Metric<DriveView>] = &[
     gauge("drive_trip_active", "1 while a trip holds; absent while that is not known.", |view| {
         truth(view.trip.active?)
     }),
+    gauge(
+        "drive_watchdog_in_order",
+        "1 while the drive's own watchdog is known to be on and to fit; for models with one.",
+        |view| truth(view.watchdog?.is_in_order()),
+    ),
+    gauge(
+        "drive_watchdog",
+        "Time of the drive's own watchdog, 0 while it is off; absent while that is not known.",
+        |view: &DriveView| {
+            let watchdog = view.watchdog.filter(|watchdog| watchdog.state != WatchdogState::Unknown)?;
+            seconds(watchdog.time.unwrap_or_default())
+        },
+    )
+    .in_unit("seconds"),
     gauge("drive_start_inhibited", "1 while RUN needs a stop and a new run command first.", |view| {
         of_control(view, |control| control.start_inhibited)
     }),

@@ -33,6 +33,7 @@ impl Pace {
             PollClass::Fast => self.poll,
             PollClass::Second => self.poll.max(Duration::from_secs(1)),
             PollClass::Slow => self.poll * SLOW_FACTOR,
+            PollClass::Minutely => (self.poll * SLOW_FACTOR).max(Duration::from_secs(60)),
             PollClass::Hourly => (self.poll * SLOW_FACTOR).max(Duration::from_secs(3600)),
         };
         wanted.mul_f64(self.stretch).max(Duration::from_millis(1))
@@ -97,7 +98,7 @@ pub fn groups(model: &Model) -> Vec<PollGroup> {
 /// The groups without any hole, with whether they are proven, as far as `may_join` lets neighbours share one.
 pub(super) fn apart(model: &Model, may_join: impl Fn(bool, bool) -> bool) -> Vec<(PollGroup, bool)> {
     let mut groups: Vec<(PollGroup, bool)> = Vec::new();
-    for class in [PollClass::Fast, PollClass::Second, PollClass::Slow, PollClass::Hourly] {
+    for class in [PollClass::Fast, PollClass::Second, PollClass::Slow, PollClass::Minutely, PollClass::Hourly] {
         for register in model.registers.iter().filter(|register| register.poll == Some(class)) {
             let (address, is_proven) = (register.address, is_documented(register));
             match groups.last_mut() {

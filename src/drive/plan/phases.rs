@@ -32,7 +32,7 @@ pub(super) fn spread(
 ) -> Vec<MonoTime> {
     let mut moments: Vec<MonoTime> = Vec::with_capacity(groups.len());
     // How many of each class there were so far: those with a moment of their own, and those that follow others.
-    let mut ranks = [[0_u32; 2]; 4];
+    let mut ranks = [[0_u32; 2]; 5];
     let leads: Vec<Option<usize>> = (0..groups.len()).map(|at| lead_of(model, groups, at, pace)).collect();
     for (group, lead) in groups.iter().zip(&leads) {
         let rank = &mut ranks[class_number(group.class)][usize::from(lead.is_some())];
@@ -87,6 +87,7 @@ const fn class_number(class: PollClass) -> usize {
         PollClass::Fast => 0,
         PollClass::Second => 1,
         PollClass::Slow => 2,
-        PollClass::Hourly => 3,
+        PollClass::Minutely => 3,
+        PollClass::Hourly => 4,
     }
 }

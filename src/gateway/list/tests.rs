@@ -44,6 +44,8 @@ fn list_by(model: &Model, order: Order, owner: Owner) -> List {
         tripped: Some(matches!(command.order, Order::Reset)),
         at_standstill: true,
         output: Some(Hertz::ZERO),
+        is_local: None,
+        is_watched: false,
     };
     let Ok(Verdict::Go(approved)) = guard.review(&command, &facts, NOW) else { panic!("approved") };
     List::new(approved, Waiter::of_command(AskerId(1), Ticket(1), DriveIndex(0)))

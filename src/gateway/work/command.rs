@@ -2,7 +2,7 @@
 
 use super::Rank;
 use super::{COMMANDS_MAX, DriveWork, Out};
-use crate::domain::command::{CommandRequest, Manner, Order, Outcome, Reason, Report};
+use crate::domain::command::{CommandRequest, Manner, Order, Outcome, Owner, Reason, Report};
 use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
 use crate::drive::steps::Part;
@@ -47,6 +47,11 @@ impl DriveWork {
                 self.cut(now, out);
                 self.is_stopping = true;
                 self.stop(order, Some(waiter), now, out);
+            }
+            Ok(Verdict::Taken(from)) => {
+                self.count(&mut waiter);
+                self.taken(from, command.origin.owner, out);
+                self.tell(&mut waiter, Report::new(Outcome::Acknowledged, Reason::None), true, out);
             }
             Ok(Verdict::Go(approved)) => {
                 let runs = matches!(approved.order(), Order::Go(go) if go.run().is_some());
@@ -102,7 +107,17 @@ impl DriveWork {
     /// The client behind `asker` is gone: its commands of which nothing was written are not sent. A stop is no list and
     /// stays. Returns how many they were.
     pub fn withdraw(&mut self, asker: AskerId, out: Out<'_>) -> u64 {
-        let goes = |list: &List| list.is_of(asker) && !list.has_begun();
+        self.withdraw_all(|list| list.is_of(asker), Reason::CommanderLost, out)
+    }
+
+    /// Control was taken over: what the one before has ordered and has not begun is not sent, the rest goes on.
+    fn taken(&mut self, from: Option<Owner>, by: Owner, out: Out<'_>) {
+        out.push_back(Effect::Note(self.drive, Note::Taken { from, by }));
+        self.withdraw_all(|list| Some(list.owner()) == from, Reason::OtherOwner, out);
+    }
+
+    fn withdraw_all(&mut self, goes: impl Fn(&List) -> bool, reason: Reason, out: Out<'_>) -> u64 {
+        let goes = |list: &List| goes(list) && !list.has_begun();
         let current = self.current.take_if(|list| goes(list));
         if current.is_some() && matches!(self.flight, Some(Rank::Step | Rank::Start)) {
             self.flight = None;
@@ -112,7 +127,7 @@ impl DriveWork {
         let mut count = 0;
         for mut list in current.into_iter().chain(gone) {
             count += 1;
-            self.finish(&mut list, Report::refused(Reason::CommanderLost), out);
+            self.finish(&mut list, Report::refused(reason), out);
         }
         count
     }
@@ -139,6 +154,9 @@ impl DriveWork {
         self.cut(now, out);
         self.is_stopping = true;
         self.stop(order, None, now, out);
+        if let Some(latch) = &mut self.latch {
+            latch.was_declared(now);
+        }
     }
 
     fn stop(&mut self, order: StopOrder, waiter: Option<Waiter>, now: MonoTime, out: Out<'_>) {

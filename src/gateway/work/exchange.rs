@@ -162,11 +162,11 @@ impl DriveWork {
             Ending::Garbled | Ending::Silent => list.unanswered(),
         };
         if matches!(ending, Ending::Garbled | Ending::Silent) {
-            written.iter().for_each(|part| self.part_in_doubt(*part));
+            written.iter().for_each(|part| self.part_in_doubt(*part, now));
         }
         let refused = matches!(next, Next::Ends(Report { outcome: Outcome::Failed, .. }));
         if matches!(ending, Ending::Reply(_)) && !refused {
-            written.into_iter().for_each(|part| self.part_taken(part, list.owner(), list.is_sure()));
+            written.into_iter().for_each(|part| self.part_taken(part, list.owner(), list.is_sure(), now));
         }
         if let (Next::Goes(report), Some(until)) = (next, list.rest_at(now)) {
             self.rest_until = Some(until);
@@ -191,16 +191,27 @@ impl DriveWork {
         }
     }
 
-    const fn part_in_doubt(&mut self, part: Part) {
+    fn part_in_doubt(&mut self, part: Part, now: MonoTime) {
         if let Part::Run(direction) = part {
+            self.starts(now);
             self.guard.run_is_unknown(direction);
         }
     }
 
-    fn part_taken(&mut self, part: Part, owner: Owner, is_sure: bool) {
+    /// RUN was sent: unless the motor turns already, it starts.
+    fn starts(&mut self, now: MonoTime) {
+        if !self.output.is_active() {
+            self.guard.started(now);
+        }
+    }
+
+    fn part_taken(&mut self, part: Part, owner: Owner, is_sure: bool, now: MonoTime) {
         match part {
             Part::Setpoint(value) => self.guard.setpoint_was_acknowledged(owner, value),
-            Part::Run(direction) => self.guard.run_was_acknowledged(direction),
+            Part::Run(direction) => {
+                self.starts(now);
+                self.guard.run_was_acknowledged(direction);
+            }
             Part::Reset { ends: true, .. } if is_sure => self.trips.reset_acknowledged(),
             Part::Register | Part::Reset { .. } | Part::Release => {}
         }

@@ -6,6 +6,7 @@ mod kept;
 mod pass;
 mod remembered;
 mod seen;
+mod watchdog;
 
 use super::list::List;
 use super::outbox::Outbox;
@@ -20,6 +21,7 @@ use crate::drive::run_state::OutputWatch;
 use crate::drive::status::StatusWatch;
 use crate::drive::trips::TripWatch;
 use crate::drive::view::{ControlView, RunState, StatusView};
+use crate::drive::watchdog::{WatchdogRange, WatchdogWatch};
 use crate::guard::{DriveGuard, Facts};
 use crate::profile::model::{Flag, Model, Role};
 use crate::wire::pdu::Request;
@@ -62,6 +64,7 @@ pub struct Want {
 #[derive(Debug)]
 pub struct DriveWork {
     drive: DriveIndex,
+    model: Arc<Model>,
     guard: DriveGuard,
     latch: Option<StopLatch>,
     current: Option<List>,
@@ -78,6 +81,7 @@ pub struct DriveWork {
     output: OutputWatch,
     output_register: Option<(u16, u32)>,
     status: StatusWatch,
+    watchdog: WatchdogWatch,
     /// The reads that show whether a stop takes effect, in turn.
     looks: Vec<(u16, u16)>,
     /// Up to this moment the drive hears nothing; taken by the line.
@@ -100,6 +104,7 @@ impl DriveWork {
         let output = model.register_for(Role::OutputFrequency);
         Self {
             drive,
+            model: Arc::clone(model),
             guard: DriveGuard::new(Arc::clone(model), control, epoch),
             latch: None,
             current: None,
@@ -112,6 +117,7 @@ impl DriveWork {
             output: OutputWatch::default(),
             output_register: output.map(|register| (register.address, register.scale)),
             status: StatusWatch::new(model),
+            watchdog: WatchdogWatch::new(Arc::clone(model), WatchdogRange::ANY),
             looks: looks(model),
             rest_until: None,
             is_stopping: false,
@@ -179,9 +185,9 @@ impl DriveWork {
         self.latch.is_some() || self.current.as_ref().is_some_and(resets)
     }
 
-    /// A sign of life of a commander.
-    pub fn renew(&mut self, owner: Owner, now: MonoTime) {
-        self.guard.renew(owner, now);
+    /// The way from a commander is open.
+    pub fn path_alive(&mut self, owner: Owner, now: MonoTime) {
+        self.guard.path_alive(owner, now);
         self.has_changed = true;
     }
 
@@ -196,6 +202,7 @@ impl DriveWork {
         self.has_changed = true;
         self.output.forget();
         self.status.forget();
+        self.watchdog.forget();
         self.trips.lost_sight();
         self.guard.inhibit();
         self.cut_motion(Reason::Offline, out);
@@ -213,6 +220,8 @@ impl DriveWork {
             tripped: self.trips.view().active,
             at_standstill: self.is_at_standstill(),
             output: self.output.raw().map(|raw| Hertz::from_word(raw, scale)),
+            is_local: self.status.view().is_local(),
+            is_watched: self.watchdog.view().is_some_and(|view| view.is_in_order()),
         }
     }
 

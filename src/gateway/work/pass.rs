@@ -29,6 +29,7 @@ impl DriveWork {
         self.has_changed |= had_lease && self.guard.lease().is_none();
         self.pass_opening(now, out);
         self.pass_stop(now, is_offline, out);
+        self.leave_to_watchdog(now, out);
         self.expire_lists(now, out);
     }
 
@@ -40,7 +41,7 @@ impl DriveWork {
         let current = self.current.as_ref().filter(|list| !list.has_begun() && self.flight.is_none());
         let lists = current.into_iter().chain(&self.waiting).map(List::start_before).min();
         let opening = self.opening.map(|opening| opening.until);
-        [self.guard.next_wake(), stop, lists, opening].into_iter().flatten().min()
+        [self.guard.next_wake(), stop, self.left_at(), lists, opening].into_iter().flatten().min()
     }
 
     pub(super) fn pass_stop(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {

@@ -31,6 +31,7 @@ impl DriveWork {
             self.is_stopping = false;
             self.guard.at_standstill();
         }
+        self.take_watchdog(address, words, out);
         let event = self.trips.take(address, words, now);
         self.trip(event, out);
     }

@@ -6,7 +6,7 @@ use super::pending::{Pending, What};
 use super::results::{Reply, Told, named, values};
 use super::session::Session;
 use super::types::Moment;
-use crate::domain::command::{CommandAnswer, Order, Outcome, Reason, Report};
+use crate::domain::command::{CommandAnswer, Order, Outcome, Owner, Reason, Report};
 use crate::domain::ids::{AskerId, Ticket};
 use crate::domain::native::{NativeAnswer, NativeOutcome};
 use crate::drive::snapshot::Reading;
@@ -15,12 +15,25 @@ use serde_json::{Map, Value};
 impl Session {
     /// Takes what became of a command so far. Answers to others, or to what is no longer waited for, are ignored.
     pub fn command_answer(&mut self, at: Moment, answer: &CommandAnswer) {
+        self.command_answer_naming(at, answer, |_| None);
+    }
+
+    /// The same, where `holder` tells who holds control of the drive at a place of the session's list: who is refused
+    /// because of that is told.
+    pub fn command_answer_naming(
+        &mut self,
+        at: Moment,
+        answer: &CommandAnswer,
+        holder: impl FnOnce(usize) -> Option<Owner>,
+    ) {
         self.clock.see(at);
         if answer.asker != AskerId::MQTT {
             return;
         }
         if answer.is_final {
-            if let Some(pending) = self.unanswered.take(answer.ticket) {
+            if let Some(mut pending) = self.unanswered.take(answer.ticket) {
+                let is_held = answer.report.reason == Reason::OtherOwner;
+                pending.holder = if is_held { holder(pending.drive) } else { None };
                 self.end(at, &pending, answer.report);
             }
         } else if let Some(pending) = self.unanswered.get(answer.ticket).cloned() {
@@ -78,6 +91,7 @@ impl Session {
         };
         let (id, remark) = (&pending.id, pending.remark.map(str::to_owned));
         let message = remark.or_else(|| self.limits_of(pending, report));
+        let message = message.or_else(|| pending.holder.map(|_| report.message(pending.holder)));
         self.tell(
             at,
             pending.drive,

@@ -190,6 +190,7 @@ impl Session {
             what: What::Order(wish.order),
             reply: asker.reply,
             remark: is_retained_stop.then_some(RETAINED_STOP),
+            holder: None,
             forget_at: self.forget_at(drive, request.start_before, is_a_stop),
         });
         self.queue(Act::Command(self.drives[drive].place, request), is_a_stop);
@@ -279,6 +280,7 @@ impl Session {
             what: What::Read(register),
             reply: asker.reply,
             remark: None,
+            holder: None,
             forget_at: deadline + ANSWERED_WITHIN,
         });
         let (asker, ask) = (AskerId::MQTT, NativeAsk::Read { address, count: 1 });

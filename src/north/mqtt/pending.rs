@@ -2,7 +2,7 @@
 
 use super::payload::is_stop;
 use super::results::Reply;
-use crate::domain::command::Order;
+use crate::domain::command::{Order, Owner};
 use crate::domain::ids::Ticket;
 use crate::domain::time::MonoTime;
 use serde_json::Value;
@@ -26,6 +26,8 @@ pub(super) struct Pending {
     pub(super) reply: Option<Reply>,
     /// What its results say besides.
     pub(super) remark: Option<&'static str>,
+    /// Who held control when it was refused because of that.
+    pub(super) holder: Option<Owner>,
     /// When it is given up: long after the line must have answered.
     pub(super) forget_at: MonoTime,
 }

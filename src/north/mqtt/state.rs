@@ -10,6 +10,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::Reading;
 use crate::drive::view::{ControlView, DriveView, RunState, TripRecord};
+use crate::drive::watchdog::WatchdogView;
 use crate::profile::model::{Confidence, Flag, Register};
 use crate::profile::scale::Scaled;
 use serde_json::{Map, Value, json};
@@ -194,6 +195,7 @@ fn has_changed(
         || shown_run_state(old) != shown_run_state(view)
         || trip(old) != trip(view)
         || old.status != view.status
+        || old.watchdog != view.watchdog
         || old.trip.last != view.trip.last
         || lasting(old) != lasting(view)
         || has_published_lease_ended(now, last, view)
@@ -226,10 +228,19 @@ fn document(now: &Present, drive: &DriveDescription, view: &DriveView) -> Value 
         "local": view.status.is_local(),
         "alarm": view.status.alarm,
         "ready": view.status.ready,
+        "watchdog": view.watchdog.as_ref().map(watchdog),
         "values": values,
         "trip": trip(now, drive, view),
         "control": view.control.as_ref().map(|it| control(now, it)),
         "capabilities": capabilities(drive),
+    })
+}
+
+fn watchdog(watchdog: &WatchdogView) -> Value {
+    json!({
+        "state": watchdog.state.word(),
+        "seconds": watchdog.time.map(|time| time.as_secs_f64()),
+        "proven": watchdog.is_proven,
     })
 }
 

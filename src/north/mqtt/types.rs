@@ -1,6 +1,7 @@
 //! What goes in and out of the MQTT session.
 
 use crate::domain::command::CommandRequest;
+pub use crate::domain::control::LeaseMode;
 use crate::domain::ids::Name;
 use crate::domain::native::NativeRequest;
 use crate::domain::report::{LineReport, StationReport};
@@ -41,16 +42,6 @@ pub enum Version {
     V4,
     /// MQTT 5.
     V5,
-}
-
-/// What keeps a lease of the MQTT side alive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum LeaseMode {
-    /// The probe through the broker comes back, and the alive topic does not say `offline`; commands and the lease
-    /// topic as well.
-    Session,
-    /// Only commands and the lease topic.
-    Explicit,
 }
 
 /// The present, on both clocks.

@@ -19,7 +19,7 @@ pub(super) use run::{FormWord, Order, RunFile};
 pub(super) use setup::{SetupFile, WatchdogFile};
 pub(super) use status::{CodeFile, StatusFile};
 
-use super::model::{Model, Quirks};
+use super::model::{Model, PollClass, Quirks, Register, Watchdog};
 use super::reader::{Given, Needed, Reader, Section, Written};
 use super::register::RegisterFile;
 use super::values::Kind;
@@ -88,6 +88,10 @@ impl ModelFile {
     pub fn ready(&self) -> Option<Model> {
         let mut registers = self.registers.iter().map(RegisterFile::register).collect::<Option<Vec<_>>>()?;
         registers.sort_by_key(|register| register.address);
+        let watchdog = made(&self.watchdog, |it| it.ready(&self.registers))?;
+        for register in &mut registers {
+            look_at_watchdog(watchdog.as_ref(), register);
+        }
         Some(Model {
             id: self.id.as_ref()?.value.clone(),
             vendor: self.vendor.as_ref()?.value.clone(),
@@ -105,10 +109,18 @@ impl ModelFile {
             status: each(&self.status, |it| it.ready(&self.registers))?,
             trip_codes: each(&self.trips, CodeFile::ready)?,
             setup: each(&self.setup, |it| it.ready(&self.registers))?,
-            watchdog: made(&self.watchdog, |it| it.ready(&self.registers))?,
+            watchdog,
             codes: made(&self.codes, CodesFile::ready)?,
             registers,
         })
+    }
+}
+
+/// What the drive's own watchdog is set to is looked at every minute, if the file does not want it sooner.
+fn look_at_watchdog(watchdog: Option<&Watchdog>, register: &mut Register) {
+    let is_part = |it: &Watchdog| it.time == register.address || it.action == Some(register.address);
+    if watchdog.is_some_and(is_part) && matches!(register.poll, None | Some(PollClass::Hourly)) {
+        register.poll = Some(PollClass::Minutely);
     }
 }
 

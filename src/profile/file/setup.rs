@@ -61,6 +61,7 @@ pub(in crate::profile) struct WatchdogFile {
     pub register: Needed<String>,
     off: Needed<u16>,
     pub action: Given<String>,
+    pub keeps_running: Given<Vec<Written<u16>>>,
     origin: Option<Origin>,
 }
 
@@ -70,6 +71,7 @@ impl WatchdogFile {
             register: reader.required("register", &Kind::text()),
             off: reader.required("off", &Kind::number(0..=u16::MAX)),
             action: reader.optional("action", &Kind::text()),
+            keeps_running: reader.list("keeps_running", &Kind::number(0..=u16::MAX)),
             origin: facts.origin(&mut reader),
         };
         reader.finish();
@@ -84,6 +86,11 @@ impl WatchdogFile {
             action: match self.action.clone().optional()? {
                 None => None,
                 Some(name) => Some(address_of(&name, registers)?),
+            },
+            keeps_running: match &self.keeps_running {
+                Given::LeftOut => Vec::new(),
+                Given::Unusable => return None,
+                Given::Usable(words) => words.value.iter().map(|word| word.value).collect(),
             },
         })
     }

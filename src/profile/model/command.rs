@@ -155,4 +155,6 @@ pub struct Watchdog {
     pub off: Fact<u16>,
     /// The register that holds what the drive does when the time is up, where there is one.
     pub action: Option<u16>,
+    /// The words there with which the motor runs on.
+    pub keeps_running: Vec<u16>,
 }

@@ -5,6 +5,7 @@ mod command;
 mod link;
 mod register;
 mod status;
+mod watchdog;
 
 pub use codes::CodeRule;
 pub use command::{BitMeaning, BlockWrite, RefusedWrite, RunBit, RunCommand, RunForm, SetupItem, Watchdog, WriteRules};
@@ -124,6 +125,17 @@ impl Model {
     pub fn stored_twin(&self, address: u16) -> Option<&Register> {
         let bit = 1_u16.checked_shl(u32::from(self.quirks.stored_alias_bit.as_ref()?.value))?;
         (address & bit != 0).then(|| self.register_at(address & !bit))?
+    }
+
+    /// Whether the register at `address` keeps what is written to it without power. Where nobody says so, only those that
+    /// the gateway commands by do not: no drive is commanded through a memory that wears out.
+    #[must_use]
+    pub fn is_stored(&self, address: u16) -> bool {
+        let Some(register) = self.register_at(address) else { return true };
+        match register.memory {
+            Some(memory) => memory == Memory::Stored,
+            None => !register.role.is_some_and(Role::is_guarded),
+        }
     }
 
     /// The register with `role`; the first one where several may have it.

@@ -104,6 +104,8 @@ pub enum PollClass {
     Second,
     /// At four times the poll period.
     Slow,
+    /// Once a minute: what a person may change on a drive that runs.
+    Minutely,
     /// Once an hour: what does not change while the drive has power.
     Hourly,
 }

@@ -67,6 +67,8 @@ pub(super) fn watchdog(model: &Model) -> Vec<Row> {
     let Some(watchdog) = &model.watchdog else { return Vec::new() };
     let time = format!("{}, off with {}", name_at(model, watchdog.time), watchdog.off.value);
     let mut rows = vec![row("time", time, &watchdog.off)];
-    rows.extend(watchdog.action.map(|action| vec!["reaction".to_owned(), name_at(model, action)]));
+    let words: Vec<_> = watchdog.keeps_running.iter().map(u16::to_string).collect();
+    let runs_on = if words.is_empty() { String::new() } else { format!(", runs on with {}", words.join(", ")) };
+    rows.extend(watchdog.action.map(|action| vec!["reaction".to_owned(), name_at(model, action) + &runs_on]));
     rows
 }

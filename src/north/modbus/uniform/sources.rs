@@ -28,9 +28,9 @@ pub(super) struct Sources {
     pub(super) has_control: bool,
 }
 
-/// What is polled by the hour does not change: its age tells nothing of the drive.
+/// What is polled so seldom is no measurement: its age tells nothing of the drive.
 fn is_live(register: &&Register) -> bool {
-    register.poll.is_some_and(|poll| poll != PollClass::Hourly)
+    register.poll.is_some_and(|poll| !matches!(poll, PollClass::Minutely | PollClass::Hourly))
 }
 
 impl Sources {

@@ -1,0 +1,57 @@
+//! What a control section says of the drive's own watchdog: whether there is one, and whether the times go together.
+
+use super::file::{ControlFile, DriveFile};
+use super::line_plan;
+use super::ready::LineSettings;
+use crate::domain::problem::Problem;
+use crate::profile::model::Model;
+use crate::profile::reader::Written;
+use crate::profile::values::duration_text;
+use std::time::Duration;
+
+/// Whoever relies on a watchdog has a model whose watchdog is known.
+pub(super) fn check(file: &ControlFile, model: &Model, problems: &mut Vec<Problem>) {
+    let place = |it: Option<&Written<Duration>>| it.map(|it| it.place.clone());
+    let required = file.require_watchdog.usable().filter(|required| required.value).map(|it| it.place.clone());
+    let relying = [required, place(file.watchdog.usable()), place(file.failsafe_confirm_timeout.usable())];
+    for place in relying.into_iter().flatten() {
+        if model.watchdog.is_none() {
+            let what = format!("no watchdog of its own is known for {}", model.id);
+            problems.push(place.problem(what).right("leave it out"));
+        } else if !model.watchdog_is_proven() {
+            let what = format!("the watchdog of {} is unproven, and nothing may rely on it", model.id);
+            problems.push(place.problem(what).right("leave it out"));
+        }
+    }
+    let Some(Written { value: time, place }) = file.watchdog.usable().filter(|_| model.watchdog_is_proven()) else {
+        return;
+    };
+    if model.watchdog_word(Some(*time)).is_none() {
+        let what = format!("the watchdog of {} cannot be set to {}", model.id, duration_text(*time));
+        problems.push(place.problem(what).right("a time in its steps and within its range"));
+    }
+    if let Some(lost_after) = file.lost_after.as_ref().filter(|lost_after| lost_after.value < *time) {
+        let (time, lease) = (duration_text(*time), duration_text(lost_after.value));
+        let problem = place.problem(format!("a watchdog of {time} takes longer than `lost_after`, {lease}"));
+        problems.push(problem.right(format!("at most \"{lease}\", or a longer `lost_after`")));
+    }
+}
+
+/// A watchdog is fed in time, whatever holds the frames to the drive up: those of `line` at `place`, as `drive` says it.
+pub(super) fn is_fed(drive: &DriveFile, line: &LineSettings, place: usize, problems: &mut Vec<Problem>) {
+    let written = drive.control.usable().and_then(|control| control.value.watchdog.usable());
+    let (Some(Written { value: time, place: at }), Some(gap)) = (written, line_plan::longest_gap(line, place)) else {
+        return;
+    };
+    let least = gap * 2;
+    if *time <= least {
+        let what = format!(
+            "a watchdog of {} may stop the motor although all is well: its frames may be {:.1} s apart",
+            duration_text(*time),
+            gap.as_secs_f64()
+        );
+        let right =
+            format!("more than {:.1} s, a shorter `poll`, `reply_timeout` or `max_lateness`", least.as_secs_f64());
+        problems.push(at.problem(what).right(right));
+    }
+}

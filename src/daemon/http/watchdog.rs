@@ -1,0 +1,39 @@
+//! The drive's own watchdog, set by `vfd-gateway watchdog` and by nothing else.
+
+use super::setup::outcome;
+use crate::daemon::clock;
+use crate::daemon::local::LocalSide;
+use crate::daemon::shared::SharedDrive;
+use crate::domain::command::{Go, Order, Outcome, Owner, Reason, RegisterWrite, Report};
+use serde_json::{Value, json};
+use std::time::Duration;
+
+/// Longest time for the read before.
+const READ_WITHIN: Duration = Duration::from_secs(5);
+
+/// Sets the watchdog of `drive` to exactly `time`, or off without one, and tells what became of it. What was there before
+/// is read first, because the log has to say it; a drive that does not show that is not set.
+pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, time: Option<Duration>) -> Value {
+    let (description, model) = (&drive.description, &*drive.description.model);
+    let (name, place) = (description.name.as_str(), description.place);
+    let refused = |reason| outcome(name, Report::refused(reason), None, Vec::new());
+    let Some(watchdog) = &model.watchdog else { return refused(Reason::NotCapable) };
+    let Some(value) = model.watchdog_word(time) else { return refused(Reason::OutsideRange) };
+    let address = watchdog.time;
+    let old = match side.read(place, address, clock::now() + READ_WITHIN).await {
+        Ok(old) => old,
+        Err(failed) => return outcome(name, Report { outcome: Outcome::Refused, ..failed }, None, Vec::new()),
+    };
+    let Some(go) = Go::new(vec![RegisterWrite { address, value }], None, None) else {
+        return refused(Reason::NotUnderstood);
+    };
+    let report = side.command(place, Order::Go(go)).await;
+    let register = model.register_at(address);
+    let what = register.map_or("-", |register| register.code.as_deref().unwrap_or(&register.name));
+    let (result, reason) = (report.outcome.word(), report.reason.word());
+    tracing::info!(
+        drive = name, by = %Owner::Local, what, old, new = value, outcome = result, reason, "watchdog of the drive set"
+    );
+    let change = json!({ "what": what, "address": address, "old": old, "new": value });
+    outcome(name, report, drive.holder(), vec![change])
+}

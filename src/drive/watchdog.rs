@@ -1,0 +1,228 @@
+//! What is known of a drive's own watchdog over its communication, and whether it fits what was configured.
+
+use crate::profile::model::Model;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// How the drive's own watchdog is set.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum WatchdogState {
+    /// It was not read yet, or the drive is out of sight.
+    #[default]
+    Unknown,
+    /// It is off.
+    Off,
+    /// It is on, and the motor runs on all the same.
+    KeepsRunning,
+    /// It may stop the drive although all is well: its time is not more than twice the longest gap between two frames.
+    TooShort,
+    /// It takes longer than its time may be.
+    TooLong,
+    /// It is on, and its time fits.
+    InOrder,
+}
+
+impl WatchdogState {
+    /// The word as it stands in payloads.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Unknown => "unknown",
+            Self::Off => "off",
+            Self::KeepsRunning => "keeps_running",
+            Self::TooShort => "too_short",
+            Self::TooLong => "too_long",
+            Self::InOrder => "in_order",
+        }
+    }
+}
+
+/// The drive's own watchdog as it is shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WatchdogView {
+    /// How it is set.
+    pub state: WatchdogState,
+    /// Its time, where it is on.
+    pub time: Option<Duration>,
+    /// Whether what the model says of it is proven.
+    pub is_proven: bool,
+}
+
+impl WatchdogView {
+    /// Whether it can be relied on to stop the motor in time.
+    #[must_use]
+    pub fn is_in_order(&self) -> bool {
+        self.is_proven && self.state == WatchdogState::InOrder
+    }
+}
+
+/// Between which times the watchdog fits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WatchdogRange {
+    /// Its time has to be more than this: twice the longest gap between two frames.
+    pub more_than: Duration,
+    /// And no more than this: a commander may be silent for as long.
+    pub at_most: Duration,
+}
+
+impl WatchdogRange {
+    /// Whatever it is set to fits.
+    pub const ANY: Self = Self { more_than: Duration::ZERO, at_most: Duration::MAX };
+
+    /// What a watchdog of `time` is.
+    #[must_use]
+    pub fn judge(&self, time: Duration) -> WatchdogState {
+        if time > self.at_most {
+            WatchdogState::TooLong
+        } else if time <= self.more_than {
+            WatchdogState::TooShort
+        } else {
+            WatchdogState::InOrder
+        }
+    }
+}
+
+/// The watchdog of one drive, as it was read last.
+#[derive(Clone, Debug)]
+pub struct WatchdogWatch {
+    model: Arc<Model>,
+    range: WatchdogRange,
+    time: Option<u16>,
+    action: Option<u16>,
+    /// Its time when it was last seen to stop the motor soon enough, also of a drive that is out of sight now.
+    last_time: Option<Duration>,
+}
+
+impl WatchdogWatch {
+    /// The watch of a drive of `model`, whose watchdog should lie in `range`. It knows nothing yet, and never will where
+    /// the model has none.
+    #[must_use]
+    pub const fn new(model: Arc<Model>, range: WatchdogRange) -> Self {
+        Self { model, range, time: None, action: None, last_time: None }
+    }
+
+    /// Takes the words that a read from `address` on has brought. Returns the state if that is another one now.
+    pub fn take(&mut self, address: u16, words: &[u16]) -> Option<WatchdogState> {
+        let watchdog = self.model.watchdog.as_ref()?;
+        let word_at = |wanted: u16| words.get(usize::from(wanted.checked_sub(address)?)).copied();
+        let (time, action) = (word_at(watchdog.time), watchdog.action.and_then(word_at));
+        if time.is_none() && action.is_none() {
+            return None;
+        }
+        let before = self.state();
+        (self.time, self.action) = (time.or(self.time), action.or(self.action));
+        let state = self.state();
+        let stops = matches!(state, WatchdogState::InOrder | WatchdogState::TooShort);
+        if state != WatchdogState::Unknown {
+            self.last_time = self.read_time().filter(|_| stops);
+        }
+        (state != before).then_some(state)
+    }
+
+    /// The drive is out of sight: its watchdog may be set to anything when it is back.
+    pub const fn forget(&mut self) {
+        (self.time, self.action) = (None, None);
+    }
+
+    /// What is shown of it; nothing where the model has none.
+    #[must_use]
+    pub fn view(&self) -> Option<WatchdogView> {
+        self.model.watchdog.as_ref()?;
+        let is_proven = self.model.watchdog_is_proven();
+        Some(WatchdogView { state: self.state(), time: self.read_time(), is_proven })
+    }
+
+    /// After how long without a frame the drive stops its motor by itself, as far as that was read and can be relied on.
+    #[must_use]
+    pub fn stops_after(&self) -> Option<Duration> {
+        self.last_time.filter(|_| self.model.watchdog_is_proven())
+    }
+
+    fn read_time(&self) -> Option<Duration> {
+        self.time.and_then(|word| self.model.watchdog_time(word))
+    }
+
+    fn state(&self) -> WatchdogState {
+        let (Some(watchdog), Some(word)) = (&self.model.watchdog, self.time) else { return WatchdogState::Unknown };
+        if word == watchdog.off.value {
+            return WatchdogState::Off;
+        }
+        let must_tell = watchdog.action.is_some() && !watchdog.keeps_running.is_empty();
+        match (self.action, self.read_time()) {
+            (None, _) if must_tell => WatchdogState::Unknown,
+            (Some(action), _) if watchdog.keeps_running.contains(&action) => WatchdogState::KeepsRunning,
+            (_, Some(time)) => self.range.judge(time),
+            (_, None) => WatchdogState::Unknown,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::units::UnitOfMeasure;
+    use crate::drive::testing::{fact, model};
+    use crate::profile::model::Watchdog;
+
+    const TIME: u16 = 0x0201;
+    const ACTION: u16 = 0x0204;
+
+    fn watched() -> Arc<Model> {
+        let mut model = model();
+        let keeps_running = vec![3];
+        model.watchdog = Some(Watchdog { time: TIME, off: fact(0), action: Some(ACTION), keeps_running });
+        for register in model.registers.iter_mut().filter(|register| register.address == TIME) {
+            (register.unit, register.scale) = (UnitOfMeasure::Second, 10);
+        }
+        Arc::new(model)
+    }
+
+    fn range() -> WatchdogRange {
+        WatchdogRange { more_than: Duration::from_secs(1), at_most: Duration::from_secs(3) }
+    }
+
+    #[test]
+    fn a_watchdog_is_in_order_between_its_times_alone() {
+        for (time, action, state) in [
+            (0, 0, WatchdogState::Off),
+            (10, 0, WatchdogState::TooShort),
+            (11, 0, WatchdogState::InOrder),
+            (30, 0, WatchdogState::InOrder),
+            (31, 0, WatchdogState::TooLong),
+            (20, 3, WatchdogState::KeepsRunning),
+            (0, 3, WatchdogState::Off),
+        ] {
+            let mut watch = WatchdogWatch::new(watched(), range());
+            assert_eq!(watch.view().unwrap().state, WatchdogState::Unknown);
+            assert_eq!(watch.take(TIME, &[time, 0, 0, action]), Some(state), "{time} {action}");
+            assert_eq!(watch.take(TIME, &[time, 0, 0, action]), None, "told once");
+            let stops = matches!(state, WatchdogState::InOrder | WatchdogState::TooShort);
+            assert_eq!(watch.stops_after().is_some(), stops, "{time} {action}");
+        }
+    }
+
+    #[test]
+    fn half_of_it_tells_nothing() {
+        let mut watch = WatchdogWatch::new(watched(), range());
+        assert_eq!(watch.take(TIME, &[20]), None, "it may keep the motor running");
+        assert_eq!(watch.take(0x0100, &[20]), None, "another register");
+        assert_eq!(watch.take(ACTION, &[1]), Some(WatchdogState::InOrder));
+    }
+
+    #[test]
+    fn a_drive_out_of_sight_has_a_watchdog_that_was_read_and_is_not_shown() {
+        let mut watch = WatchdogWatch::new(watched(), range());
+        watch.take(TIME, &[20, 0, 0, 1]);
+        watch.forget();
+        assert_eq!(watch.view().unwrap(), WatchdogView { is_proven: true, ..WatchdogView::default() });
+        assert_eq!(watch.stops_after(), Some(Duration::from_secs(2)));
+        watch.take(TIME, &[0, 0, 0, 1]);
+        assert_eq!(watch.stops_after(), None);
+    }
+
+    #[test]
+    fn a_model_without_one_shows_none() {
+        let mut watch = WatchdogWatch::new(Arc::new(model()), range());
+        assert_eq!((watch.take(0, &[1; 100]), watch.view()), (None, None));
+    }
+}

@@ -1,0 +1,56 @@
+//! The drive's own watchdog: what people are told of it, and the stop that is left to it.
+
+use super::{DriveWork, Out};
+use crate::domain::time::MonoTime;
+use crate::drive::watchdog::{WatchdogRange, WatchdogWatch};
+use crate::gateway::event::Effect;
+use crate::gateway::note::Note;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// How much longer than the time of its watchdog a drive hears nothing: its clock is not ours.
+const MARGIN: Duration = Duration::from_secs(1);
+
+impl DriveWork {
+    /// The same work, with a watchdog that should lie in `range`.
+    #[must_use]
+    pub fn watched(mut self, range: WatchdogRange) -> Self {
+        self.watchdog = WatchdogWatch::new(Arc::clone(&self.model), range);
+        self
+    }
+
+    /// What is known of the drive's own watchdog.
+    #[must_use]
+    pub const fn watchdog(&self) -> &WatchdogWatch {
+        &self.watchdog
+    }
+
+    pub(super) fn take_watchdog(&mut self, address: u16, words: &[u16], out: Out<'_>) {
+        let is_commanded = self.guard.control().is_some();
+        if let Some(state) = self.watchdog.take(address, words).filter(|_| is_commanded) {
+            out.push_back(Effect::Note(self.drive, Note::Watchdog(state)));
+        }
+    }
+
+    /// When a declared stop without effect is left to the drive's own watchdog; nothing if there is none to rely on.
+    pub(super) fn left_at(&self) -> Option<MonoTime> {
+        let declared = self.latch.as_ref()?.declared_at()?;
+        self.watchdog.stops_after()?;
+        Some(declared + self.guard.control()?.failsafe_confirm_timeout)
+    }
+
+    /// A declared stop shows no effect, and whatever goes to the drive keeps its watchdog from stopping it: it hears
+    /// nothing until that must have acted.
+    pub(super) fn leave_to_watchdog(&mut self, now: MonoTime, out: Out<'_>) {
+        let Some(after) = self.watchdog.stops_after().filter(|_| self.left_at().is_some_and(|at| at <= now)) else {
+            return;
+        };
+        let until = now + after + MARGIN;
+        if let Some(latch) = &mut self.latch {
+            latch.leave_until(until);
+        }
+        self.rest_until = Some(until);
+        self.has_changed = true;
+        out.push_back(Effect::Note(self.drive, Note::LeftToWatchdog));
+    }
+}

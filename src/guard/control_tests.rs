@@ -1,0 +1,224 @@
+//! Ownership, take-over and interlocks, rule by rule.
+
+use super::tests::{NOW, RESTING, STOP, command, guard_of, mqtt, plc, register, reviewed, run};
+use super::{DriveGuard, Facts, Verdict};
+use crate::domain::command::{CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason, Rights};
+use crate::domain::control::{ControlSettings, LeaseMode, Ownership};
+use crate::domain::frequency::Hertz;
+use crate::domain::time::MonoTime;
+use crate::domain::units::UnitOfMeasure;
+use crate::drive::testing::{control, fact, model};
+use crate::profile::model::{Memory, Model, RunForm, Watchdog};
+use std::time::Duration;
+
+const LEASE: Duration = Duration::from_secs(3);
+const RUNNING: Facts = Facts { at_standstill: false, output: Some(Hertz::from_centihertz(2000)), ..RESTING };
+const RAMP: u16 = 0x020C;
+const LOCAL: Owner = Owner::Local;
+
+fn setpoint(centihertz: u16) -> Order {
+    Order::Go(Go::new(Vec::new(), Some(Hertz::from_centihertz(centihertz)), None).unwrap())
+}
+
+/// A guard whose drive runs for the MQTT side.
+fn held(settings: ControlSettings) -> DriveGuard {
+    let mut guard = guard_of(model(), settings);
+    assert_eq!(reviewed(&mut guard, &command(mqtt(), run(Direction::Forward))), Ok(()));
+    guard.run_was_acknowledged(Direction::Forward);
+    guard
+}
+
+fn at(guard: &mut DriveGuard, origin: Origin, order: Order, facts: &Facts, now: MonoTime) -> Result<Verdict, Reason> {
+    let command = CommandRequest { start_before: now + Duration::from_secs(1), ..command(origin, order) };
+    guard.review(&command, facts, now).map_err(|report| report.reason)
+}
+
+fn holder(guard: &DriveGuard) -> Option<Owner> {
+    guard.lease().map(|(owner, _)| owner)
+}
+
+#[test]
+fn control_is_taken_only_where_that_is_allowed_and_by_those_who_may_command() {
+    let may_stop_only = Origin { rights: Rights { write: false, stop: true }, ..plc(1) };
+    for (allow_take, origin, told) in
+        [(false, plc(1), Some(Reason::NoTake)), (true, may_stop_only, Some(Reason::NotAllowed)), (true, plc(1), None)]
+    {
+        let mut guard = held(ControlSettings { allow_take, ..control() });
+        let (intent, stops) = (guard.intent(), guard.stops());
+        let verdict = at(&mut guard, origin, Order::Take, &RUNNING, NOW);
+        assert_eq!(verdict.as_ref().err().copied(), told);
+        if told.is_none() {
+            assert!(matches!(verdict, Ok(Verdict::Taken(Some(Owner::Mqtt)))), "{verdict:?}");
+        }
+        let owner = if told.is_none() { origin.owner } else { Owner::Mqtt };
+        assert_eq!(guard.lease(), Some((owner, NOW + LEASE)));
+        assert_eq!((guard.intent(), guard.stops()), (intent, stops), "the drive goes on as it is");
+    }
+}
+
+#[test]
+fn who_lost_control_to_another_is_refused_and_the_taker_commands() {
+    let mut guard = held(ControlSettings { allow_take: true, ..control() });
+    at(&mut guard, plc(1), Order::Take, &RUNNING, NOW).unwrap();
+    assert_eq!(at(&mut guard, mqtt(), setpoint(3000), &RUNNING, NOW).unwrap_err(), Reason::OtherOwner);
+    guard.path_alive(Owner::Mqtt, NOW + Duration::from_secs(1));
+    assert_eq!(guard.lease(), Some((plc(1).owner, NOW + LEASE)), "the old one renews nothing");
+    assert!(matches!(at(&mut guard, plc(1), run(Direction::Forward), &RUNNING, NOW), Ok(Verdict::Go(_))));
+    assert!(matches!(at(&mut guard, mqtt(), STOP, &RUNNING, NOW), Ok(Verdict::Stop(_))), "whoever may, stops");
+    assert_eq!(holder(&guard), None);
+}
+
+#[test]
+fn a_free_drive_is_taken_only_while_it_may_turn() {
+    let settings = ControlSettings { allow_take: true, ..control() };
+    let mut guard = guard_of(model(), settings.clone());
+    assert!(matches!(at(&mut guard, plc(1), Order::Take, &RESTING, NOW), Ok(Verdict::Unchanged)));
+    assert_eq!(holder(&guard), None, "there is nothing to hold");
+    assert!(matches!(at(&mut guard, plc(1), Order::Take, &RUNNING, NOW), Ok(Verdict::Taken(None))));
+    assert_eq!(holder(&guard), Some(plc(1).owner));
+    let later = NOW + Duration::from_secs(1);
+    assert!(matches!(at(&mut guard, plc(1), Order::Take, &RUNNING, later), Ok(Verdict::Unchanged)));
+    assert_eq!(guard.lease(), Some((plc(1).owner, later + LEASE)), "it is a sign of life");
+    let unlike = ControlSettings { allow_take: false, ..settings };
+    assert_eq!(at(&mut guard_of(model(), unlike), plc(1), Order::Take, &RESTING, NOW).unwrap_err(), Reason::NoTake);
+}
+
+#[test]
+fn where_anybody_may_command_control_goes_to_the_last_who_did() {
+    let mut guard = held(ControlSettings { ownership: Ownership::Any, ..control() });
+    assert!(matches!(at(&mut guard, plc(1), setpoint(3000), &RUNNING, NOW), Ok(Verdict::Go(_))));
+    assert_eq!(holder(&guard), Some(plc(1).owner));
+    guard.setpoint_was_acknowledged(plc(1).owner, Hertz::from_centihertz(3000));
+    // Two controllers that repeat the same do not take it from each other, and nothing goes to the line.
+    for last in [2, 3, 2, 3] {
+        let later = NOW + Duration::from_secs(u64::from(last));
+        assert!(matches!(at(&mut guard, plc(last), setpoint(3000), &RUNNING, later), Ok(Verdict::Unchanged)));
+        assert_eq!(guard.lease(), Some((plc(1).owner, later + LEASE)));
+    }
+    let reader = Origin { rights: Rights { write: false, stop: false }, ..plc(4) };
+    assert_eq!(at(&mut guard, reader, setpoint(1000), &RUNNING, NOW).unwrap_err(), Reason::NotAllowed);
+}
+
+#[test]
+fn a_path_that_is_open_keeps_session_leases_alone() {
+    for (lease, until) in [(LeaseMode::Session, NOW + LEASE + LEASE), (LeaseMode::Explicit, NOW + LEASE)] {
+        let mut guard = held(ControlSettings { lease, ..control() });
+        guard.path_alive(Owner::Mqtt, NOW + LEASE);
+        assert_eq!(guard.lease(), Some((Owner::Mqtt, until)), "{lease:?}");
+    }
+}
+
+#[test]
+fn a_motor_is_not_started_again_too_soon() {
+    let minute = Duration::from_secs(60);
+    let settings = ControlSettings { min_start_interval: minute, ..control() };
+    let order = || run(Direction::Forward);
+    let after = |facts: &Facts, time| {
+        let mut guard = held(settings.clone());
+        guard.started(NOW);
+        guard.inhibit();
+        at(&mut guard, mqtt(), order(), facts, NOW + time).map(drop)
+    };
+    assert_eq!(after(&RESTING, minute - Duration::from_millis(1)), Err(Reason::StartsTooOften));
+    assert_eq!(after(&RESTING, minute), Ok(()));
+    assert_eq!(after(&Facts { output: None, ..RUNNING }, Duration::ZERO), Err(Reason::StartsTooOften), "it may stand");
+    assert_eq!(after(&RUNNING, Duration::ZERO), Ok(()), "it turns: that is no start");
+    let mut never = guard_of(model(), settings.clone());
+    assert!(at(&mut never, mqtt(), order(), &RESTING, NOW).is_ok(), "it was never started");
+    let mut ordered = held(settings);
+    ordered.started(NOW);
+    assert!(at(&mut ordered, mqtt(), order(), &RESTING, NOW).is_ok(), "it is ordered to run, at 0 Hz");
+}
+
+#[test]
+fn a_drive_that_obeys_its_panel_is_not_commanded_but_stopped() {
+    let local = Facts { is_local: Some(true), ..RESTING };
+    for order in [run(Direction::Forward), setpoint(2000)] {
+        let judged = |facts: &Facts, model: Model| {
+            at(&mut guard_of(model, control()), mqtt(), order.clone(), facts, NOW).map(drop)
+        };
+        assert_eq!(judged(&local, model()), Err(Reason::LocalControl), "{order:?}");
+        assert_eq!(judged(&Facts { is_local: Some(false), ..RESTING }, model()), Ok(()));
+        assert_eq!(judged(&Facts { is_local: None, ..RESTING }, model()), Ok(()), "it cannot tell");
+        let mut overruling = model();
+        overruling.run.as_mut().unwrap().form = RunForm::Bits { bits: Vec::new(), priority: 0x8000 };
+        assert_eq!(judged(&local, overruling), Ok(()), "its commands overrule the panel");
+    }
+    let mut guard = guard_of(model(), control());
+    assert!(matches!(at(&mut guard, mqtt(), STOP, &local, NOW), Ok(Verdict::Stop(_))));
+    let ramp = at(&mut guard_of(model(), control()), mqtt(), register(RAMP, 50), &local, NOW);
+    assert!(ramp.is_ok(), "a parameter moves nothing");
+}
+
+#[test]
+fn run_waits_for_a_watchdog_where_one_is_required_and_a_setpoint_does_not() {
+    for (require_watchdog, is_watched, told) in
+        [(false, false, Ok(())), (true, true, Ok(())), (true, false, Err(Reason::Watchdog))]
+    {
+        let settings = ControlSettings { require_watchdog, ..control() };
+        let facts = Facts { is_watched, ..RESTING };
+        let mut guard = guard_of(model(), settings);
+        assert_eq!(at(&mut guard, mqtt(), setpoint(2000), &facts, NOW).map(drop), Ok(()));
+        assert_eq!(at(&mut guard, mqtt(), run(Direction::Forward), &facts, NOW).map(drop), told);
+    }
+}
+
+#[test]
+fn a_stored_register_is_written_seldom_and_others_as_often_as_one_likes() {
+    let interval = Duration::from_secs(10);
+    for (memory, told) in [
+        (Some(Memory::Stored), Err(Reason::WrittenTooOften)),
+        (None, Err(Reason::WrittenTooOften)),
+        (Some(Memory::Ram), Ok(())),
+    ] {
+        let mut kept = model();
+        kept.registers.iter_mut().find(|register| register.address == RAMP).unwrap().memory = memory;
+        let mut guard = guard_of(kept.clone(), ControlSettings { stored_write_interval: interval, ..control() });
+        let mut write = |value, time| at(&mut guard, mqtt(), register(RAMP, value), &RESTING, NOW + time).map(drop);
+        assert_eq!(write(50, Duration::ZERO), Ok(()));
+        assert_eq!(write(60, interval - Duration::from_millis(1)), told, "{memory:?}");
+        assert_eq!(write(60, interval * 2), Ok(()));
+        let twice = [50, 60].map(|value| crate::domain::command::RegisterWrite { address: RAMP, value });
+        let twice = Order::Go(Go::new(twice.to_vec(), None, None).unwrap());
+        assert_eq!(at(&mut guard_of(kept, control()), mqtt(), twice, &RESTING, NOW).map(drop), told, "in one order");
+    }
+}
+
+#[test]
+fn another_register_is_not_held_up() {
+    let mut guard = guard_of(model(), control());
+    assert!(at(&mut guard, mqtt(), register(RAMP, 50), &RESTING, NOW).is_ok());
+    assert!(at(&mut guard, mqtt(), register(0x020E, 50), &RESTING, NOW).is_ok());
+    assert_eq!(at(&mut guard, plc(1), register(RAMP, 50), &RESTING, NOW).unwrap_err(), Reason::WrittenTooOften);
+}
+
+#[test]
+fn the_watchdog_is_set_by_the_gateways_own_tool_at_standstill_alone() {
+    let mut watched = model();
+    for register in watched.registers.iter_mut().filter(|register| register.address == RAMP) {
+        (register.unit, register.scale, register.range) = (UnitOfMeasure::Second, 10, Some(0..=255));
+    }
+    watched.watchdog = Some(Watchdog { time: RAMP, off: fact(0), action: None, keeps_running: Vec::new() });
+    let local = Origin { owner: LOCAL, rights: Rights { write: true, stop: false }, manner: Manner::Once };
+    let judged = |origin, order, facts: &Facts| {
+        let mut guard = guard_of(watched.clone(), control());
+        at(&mut guard, origin, order, facts, NOW).map(|verdict| {
+            assert_eq!(holder(&guard), None, "it takes no control");
+            verdict
+        })
+    };
+    assert!(matches!(judged(local, register(RAMP, 50), &RESTING), Ok(Verdict::Go(_))));
+    for (origin, value, facts, reason) in [
+        (local, 50, RUNNING, Reason::Moving),
+        (local, 50, Facts { stop_pending: true, ..RESTING }, Reason::StopPending),
+        (local, 256, RESTING, Reason::OutsideRange),
+        (mqtt(), 50, RESTING, Reason::NotAllowed),
+        (plc(1), 50, RESTING, Reason::NotAllowed),
+    ] {
+        assert_eq!(judged(origin, register(RAMP, value), &facts).unwrap_err(), reason, "{origin:?} {value}");
+    }
+    let mut guard = guard_of(watched.clone(), control());
+    assert_eq!(reviewed(&mut guard, &command(mqtt(), run(Direction::Forward))), Ok(()));
+    let held = at(&mut guard, local, register(RAMP, 50), &RESTING, NOW).unwrap_err();
+    assert_eq!(held, Reason::OtherOwner, "{:?}", Outcome::Refused);
+}

@@ -1,0 +1,41 @@
+//! What is remembered of one drive so that it is neither started nor written too often.
+
+use crate::domain::command::RegisterWrite;
+use crate::domain::time::MonoTime;
+use crate::profile::model::Model;
+use std::time::Duration;
+
+/// The last start and the last writes of stored registers.
+#[derive(Debug, Default)]
+pub(super) struct Interlocks {
+    started_at: Option<MonoTime>,
+    /// When each stored register was last approved; no more than are listed as writable.
+    written: Vec<(u16, MonoTime)>,
+}
+
+impl Interlocks {
+    /// The motor was told to start, and said yes or may have heard it.
+    pub fn started(&mut self, now: MonoTime) {
+        self.started_at = Some(now);
+    }
+
+    /// Whether a start now would follow the last one sooner than after `interval`.
+    pub fn is_too_soon(&self, interval: Duration, now: MonoTime) -> bool {
+        self.started_at.is_some_and(|at| now.since(at) < interval)
+    }
+
+    /// `writes` were approved: those that are stored are remembered.
+    pub fn approved(&mut self, model: &Model, writes: &[RegisterWrite], now: MonoTime) {
+        for RegisterWrite { address, .. } in writes.iter().filter(|write| model.is_stored(write.address)) {
+            match self.written.iter_mut().find(|(written, _)| written == address) {
+                Some((_, at)) => *at = now,
+                None => self.written.push((*address, now)),
+            }
+        }
+    }
+
+    /// Whether the stored register at `address` was written within `interval`.
+    pub fn was_written_within(&self, interval: Duration, address: u16, now: MonoTime) -> bool {
+        self.written.iter().any(|(written, at)| *written == address && now.since(*at) < interval)
+    }
+}

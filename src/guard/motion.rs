@@ -1,0 +1,166 @@
+//! The review of what may move a motor: setpoint and RUN, and the interlocks before them.
+
+use super::review::{Facts, Verdict, no_steps, refused};
+use super::state::DriveGuard;
+use crate::domain::command::{
+    CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Reason, Report, RunIntent,
+};
+use crate::domain::control::{ControlAction, ControlSettings, Ownership};
+use crate::domain::frequency::Hertz;
+use crate::domain::time::MonoTime;
+use crate::drive::steps;
+use crate::profile::model::RunForm;
+
+impl DriveGuard {
+    pub(super) fn review_go(
+        &mut self,
+        command: &CommandRequest,
+        go: &Go,
+        control: &ControlSettings,
+        facts: &Facts,
+        now: MonoTime,
+    ) -> Result<Verdict, Report> {
+        let owner = command.origin.owner;
+        self.may_be_written(go.registers(), control, now)?;
+        if let Some(frequency) = go.frequency() {
+            is_within(frequency, control)?;
+        }
+        if let Some(direction) = go.run() {
+            self.may_turn(direction, control)?;
+        }
+        let Some(go) = self.what_changes(command.origin, go, control) else {
+            self.renew_unchanged(owner, control, now);
+            return Ok(Verdict::Unchanged);
+        };
+        if go.run().is_some() || go.frequency().is_some() {
+            self.may_move(command, &go, control, facts, now)?;
+        }
+        let steps = steps::of_go(&self.model, &go, control, self.setpoint()).map_err(no_steps)?;
+        let moves = go.run().is_some() || (go.frequency().is_some() && !facts.at_standstill);
+        if moves || self.counts_as_held_by(owner, control) {
+            self.take_lease(owner, now);
+        }
+        self.interlocks.approved(&self.model, go.registers(), now);
+        if let Some(frequency) = go.frequency() {
+            self.accept_setpoint(owner, frequency);
+        }
+        if let Some(direction) = go.run() {
+            self.accept_run(owner, direction);
+        }
+        Ok(Verdict::Go(self.approve(command, Order::Go(go), steps)))
+    }
+
+    /// The parts of a cyclic order that are not in force already; nothing if all are.
+    fn what_changes(&self, origin: Origin, go: &Go, control: &ControlSettings) -> Option<Go> {
+        if origin.manner == Manner::Once {
+            return Some(go.clone());
+        }
+        let holds = self.counts_as_held_by(origin.owner, control);
+        let is_his = |by| by == origin.owner || control.ownership == Ownership::Any;
+        let run = go
+            .run()
+            .filter(|direction| !(holds && self.run_acknowledged && self.intent() == RunIntent::Run(*direction)));
+        let frequency = go.frequency().filter(|frequency| {
+            !self
+                .accepted_setpoint()
+                .is_some_and(|last| last.acknowledged && last.value == *frequency && is_his(last.by))
+        });
+        Go::new(go.registers().to_vec(), frequency, run)
+    }
+
+    /// Rules for orders that may move a motor.
+    fn may_move(
+        &self,
+        command: &CommandRequest,
+        go: &Go,
+        control: &ControlSettings,
+        facts: &Facts,
+        now: MonoTime,
+    ) -> Result<(), Report> {
+        if facts.stop_pending {
+            return Err(refused(Reason::StopPending));
+        }
+        if command.epoch.is_some_and(|epoch| epoch != self.epoch()) {
+            return Err(refused(Reason::StaleEpoch));
+        }
+        if now >= command.start_before {
+            return Err(Report::new(Outcome::Expired, Reason::TooLate));
+        }
+        if facts.line_is_bad && (go.run().is_some() || self.is_higher(go)) {
+            return Err(refused(Reason::LineQuality));
+        }
+        if facts.is_local == Some(true) && !self.takes_priority() {
+            return Err(refused(Reason::LocalControl));
+        }
+        let Some(direction) = go.run() else { return Ok(()) };
+        if facts.tripped == Some(true) {
+            return Err(refused(Reason::Tripped));
+        }
+        if control.require_watchdog && !facts.is_watched {
+            return Err(refused(Reason::Watchdog));
+        }
+        self.may_start(command, control, now)?;
+        if self.is_a_start(direction, facts) && self.interlocks.is_too_soon(control.min_start_interval, now) {
+            return Err(refused(Reason::StartsTooOften));
+        }
+        let turns_the_other_way = self.turned.is_some_and(|turned| turned != direction) && !facts.at_standstill;
+        let too_fast = facts.output.is_none_or(|output| output > control.reverse_below);
+        if turns_the_other_way && too_fast {
+            return Err(refused(Reason::Reversal));
+        }
+        Ok(())
+    }
+
+    /// Whether RUN would set a motor going that is not known to turn, nor ordered to.
+    fn is_a_start(&self, direction: Direction, facts: &Facts) -> bool {
+        let is_ordered = self.run_acknowledged && self.intent() == RunIntent::Run(direction);
+        !is_ordered && facts.output.is_none_or(|output| output == Hertz::ZERO)
+    }
+
+    /// Whether every command takes control from panel and terminals, so that none is without effect there.
+    fn takes_priority(&self) -> bool {
+        let form = self.model.run.as_ref().map(|run| &run.form);
+        matches!(form, Some(RunForm::Bits { priority: 1.., .. }))
+    }
+
+    /// Whether the frequency of `go` is above the one in force, or may be.
+    fn is_higher(&self, go: &Go) -> bool {
+        go.frequency().is_some_and(|frequency| self.setpoint().is_none_or(|in_force| frequency > in_force))
+    }
+
+    /// The start inhibit. A cyclic commander shows by a stop that it knows; a message shows it by having been sent
+    /// after the last stop, which is believed after a while or by its epoch or moment of issue.
+    fn may_start(&self, command: &CommandRequest, control: &ControlSettings, now: MonoTime) -> Result<(), Report> {
+        if command.origin.manner == Manner::Cyclic {
+            return if self.is_armed(command.origin.owner) { Ok(()) } else { Err(refused(Reason::StartInhibited)) };
+        }
+        let issued_since = match (command.issued, self.stopped_at) {
+            (Some(issued), Some(stopped)) => issued > stopped,
+            (Some(_), None) => true,
+            (None, _) => false,
+        };
+        if command.epoch.is_some() || issued_since {
+            return Ok(());
+        }
+        if control.strict {
+            return Err(refused(Reason::EpochNeeded));
+        }
+        let too_soon = self.stopped_at.is_some_and(|stopped| now.since(stopped) < control.restart_delay);
+        if too_soon { Err(refused(Reason::RestartDelay)) } else { Ok(()) }
+    }
+
+    fn may_turn(&self, direction: Direction, control: &ControlSettings) -> Result<(), Report> {
+        if !control.directions.contains(&direction) {
+            return Err(refused(Reason::DirectionNotAllowed));
+        }
+        match direction {
+            Direction::Forward => Ok(()),
+            Direction::Reverse => self.may_do(ControlAction::Reverse, control),
+        }
+    }
+}
+
+fn is_within(frequency: Hertz, control: &ControlSettings) -> Result<(), Report> {
+    let within = (control.least..=control.most).contains(&frequency);
+    if within { Ok(()) } else { Err(refused(Reason::OutsideLimits)) }
+}

@@ -1,0 +1,72 @@
+//! Who may command, by who holds control: one at a time or anybody, and how control is taken over.
+
+use super::review::{Facts, Verdict, refused};
+use super::state::DriveGuard;
+use crate::domain::command::{Origin, Owner, Reason, Report, RunIntent};
+use crate::domain::control::{ControlSettings, Ownership};
+use crate::domain::time::MonoTime;
+
+impl DriveGuard {
+    /// What holds for every command but a stop.
+    pub(super) fn may_command(&self, origin: Origin, control: &ControlSettings, facts: &Facts) -> Result<(), Report> {
+        self.may_be_heard(origin)?;
+        let is_held_by_another = self.lease().is_some_and(|(owner, _)| owner != origin.owner);
+        let reason = if !facts.line_is_up {
+            Reason::LineDown
+        } else if facts.is_offline {
+            Reason::Offline
+        } else if is_held_by_another && control.ownership == Ownership::One {
+            Reason::OtherOwner
+        } else {
+            return Ok(());
+        };
+        Err(refused(reason))
+    }
+
+    /// Control passes to the one who takes it, and the drive goes on as it is. Where nobody holds it, only a motor that is
+    /// not known to stand still has something to be taken.
+    pub(super) fn review_take(
+        &mut self,
+        origin: Origin,
+        control: &ControlSettings,
+        facts: &Facts,
+        now: MonoTime,
+    ) -> Result<Verdict, Report> {
+        self.may_be_heard(origin)?;
+        if !control.allow_take {
+            return Err(refused(Reason::NoTake));
+        }
+        let holder = self.lease().map(|(owner, _)| owner);
+        if holder == Some(origin.owner) {
+            self.renew(origin.owner, now);
+            return Ok(Verdict::Unchanged);
+        }
+        let rests = facts.at_standstill && !matches!(self.intent(), RunIntent::Run(_));
+        if holder.is_none() && rests {
+            return Ok(Verdict::Unchanged);
+        }
+        self.take_lease(origin.owner, now);
+        Ok(Verdict::Taken(holder))
+    }
+
+    /// Whether an order of `owner` meets a lease that may be taken for its own.
+    pub(super) fn counts_as_held_by(&self, owner: Owner, control: &ControlSettings) -> bool {
+        let holder = self.lease().map(|(owner, _)| owner);
+        holder == Some(owner) || (holder.is_some() && control.ownership == Ownership::Any)
+    }
+
+    /// An order that changes nothing is a sign of life. Where anybody may command, it is one of whoever holds control: two
+    /// controllers that repeat the same orders do not take it from each other.
+    pub(super) fn renew_unchanged(&mut self, owner: Owner, control: &ControlSettings, now: MonoTime) {
+        let holder = self.lease().map(|(owner, _)| owner);
+        let counts = self.counts_as_held_by(owner, control);
+        self.renew(holder.filter(|_| counts).unwrap_or(owner), now);
+    }
+
+    fn may_be_heard(&self, origin: Origin) -> Result<(), Report> {
+        if !origin.rights.write {
+            return Err(refused(Reason::NotAllowed));
+        }
+        if self.is_ending { Err(refused(Reason::ShuttingDown)) } else { Ok(()) }
+    }
+}

@@ -1,0 +1,62 @@
+//! The review of writes to the drive's own registers: which may be written, how often those that are stored, and who
+//! sets the drive's watchdog.
+
+use super::review::{Facts, Verdict, no_steps, refused};
+use super::state::DriveGuard;
+use crate::domain::command::{CommandRequest, Go, Order, Origin, Owner, Reason, RegisterWrite, Report};
+use crate::domain::control::ControlSettings;
+use crate::domain::time::MonoTime;
+use crate::drive::{decode, steps};
+
+impl DriveGuard {
+    /// A register is listed, is no way around control whoever has listed it, and is not worn out.
+    pub(super) fn may_be_written(
+        &self,
+        writes: &[RegisterWrite],
+        control: &ControlSettings,
+        now: MonoTime,
+    ) -> Result<(), Report> {
+        let may = |write: &RegisterWrite| {
+            if !control.native_write.contains(&write.address) {
+                return Err(Reason::NotListed);
+            }
+            decode::register(&self.model, *write)?;
+            if self.model.sets_watchdog(write.address) {
+                return Err(Reason::NotAllowed);
+            }
+            let is_worn = self.interlocks.was_written_within(control.stored_write_interval, write.address, now);
+            if is_worn { Err(Reason::WrittenTooOften) } else { Ok(()) }
+        };
+        let is_repeated = |(at, write): (usize, &RegisterWrite)| {
+            self.model.is_stored(write.address) && writes.iter().take(at).any(|other| other.address == write.address)
+        };
+        writes.iter().try_for_each(|write| may(write).map_err(refused))?;
+        if writes.iter().enumerate().any(is_repeated) { Err(refused(Reason::WrittenTooOften)) } else { Ok(()) }
+    }
+
+    /// Whether `go` sets the time of the drive's own watchdog, by a tool at the gateway's own socket.
+    pub(super) fn sets_watchdog(&self, origin: Origin, go: &Go) -> bool {
+        let time = self.model.watchdog.as_ref().map(|watchdog| watchdog.time);
+        let is_alone = go.frequency().is_none() && go.run().is_none();
+        let is_time = matches!(go.registers(), [write] if Some(write.address) == time);
+        origin.owner == Owner::Local && is_alone && is_time
+    }
+
+    /// The drive's own watchdog is set like everything that decides when a motor stops: at standstill, with nothing
+    /// ordered, and read back.
+    pub(super) fn review_watchdog(
+        &mut self,
+        command: &CommandRequest,
+        go: &Go,
+        facts: &Facts,
+        now: MonoTime,
+    ) -> Result<Verdict, Report> {
+        for write in go.registers() {
+            decode::register(&self.model, *write).map_err(refused)?;
+        }
+        self.may_change_at_rest(command, facts, now)?;
+        let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
+        let steps = steps::of_go(&self.model, go, &control, None).map_err(no_steps)?;
+        Ok(Verdict::Go(self.approve(command, Order::Go(go.clone()), steps)))
+    }
+}
