@@ -1,6 +1,7 @@
 //! That the checker objects to what is wrong, that a seed is a world, the seeds that found something, and a million
 //! exchanges.
 
+use crate::simulation::checker::messages::Inbound;
 use crate::simulation::checker::tables::{Action, Drive, Kind, Line};
 use crate::simulation::checker::{Checker, crc};
 use crate::simulation::{WORLD, run, trials};
@@ -93,6 +94,26 @@ impl Trace {
         self
     }
 
+    /// The connection ends, and another takes its place.
+    fn leaves(mut self) -> Self {
+        self.checker.client_closed(self.now, 0, false);
+        self.checker.client_opened(self.now, 0);
+        self
+    }
+
+    /// A message comes for the drive.
+    fn message(mut self, input: &str, payload: &str) -> Self {
+        let topic = format!("vfd/plant/drive/d0/{input}");
+        let inbound = Inbound { topic: &topic, payload, retain: false, duplicate: false, wall_ms: 0 };
+        self.checker.message(self.now, inbound);
+        self
+    }
+
+    fn publishes(mut self, topic: &str, payload: &str) -> Self {
+        self.checker.published(self.now, &format!("vfd/plant/drive/d0/{topic}"), payload);
+        self
+    }
+
     /// RUN at 30 Hz is ordered, written and answered.
     fn runs(self) -> Self {
         let (setpoint, run) = ([2, 6, 0, 4, 0x0B, 0xB8], [2, 6, 0, 2, 0, 1]);
@@ -116,6 +137,9 @@ const RUN: [u8; 10] = [16, 1, 0, 0, 2, 4, 0, 1, 0x0B, 0xB8];
 const STOP: [u8; 5] = [6, 1, 0, 0, 0];
 const STOP_FRAME: [u8; 6] = [2, 6, 0, 2, 0, 0];
 const RUN_FRAME: [u8; 6] = [2, 6, 0, 2, 0, 1];
+const SETPOINT_FRAME: [u8; 6] = [2, 6, 0, 4, 0x0B, 0xB8];
+/// The reply to [`READ`] of a drive that stands still.
+const AT_REST: [u8; 5] = [2, 3, 2, 0, 0];
 
 #[test]
 fn a_trace_without_a_fault_is_right() {
@@ -131,6 +155,56 @@ fn o1_a_write_belongs_to_one_order_in_time() {
     Trace::new().asks(1, 101, &RUN).sends(&[2, 6, 0, 2, 0, 2], &[]).violates("O1");
     Trace::new().sends(&STOP_FRAME, &STOP_FRAME).violates("O1");
     Trace::new().sends(&[2, 6, 2, 0x0C, 0, 9], &[]).violates("O1");
+    // Nobody stands behind it any more, or it was refused.
+    Trace::new().asks(1, 101, &RUN).leaves().sends(&SETPOINT_FRAME, &[]).violates("O1");
+    Trace::new().message("run/set", "forward").sends(&RUN_FRAME, &RUN_FRAME).holds();
+    refused_by_message().sends(&RUN_FRAME, &RUN_FRAME).violates("O1");
+}
+
+/// A message that orders to run is refused.
+fn refused_by_message() -> Trace {
+    let trace = Trace::new().message("run/set", "forward");
+    trace.publishes("result", r#"{"id":"17-1","outcome":"refused","reason":"tripped"}"#)
+}
+
+/// Function 10 hex: STOP and 30 Hz. The stop changes nothing where no order to run counts.
+#[test]
+fn o2_a_setpoint_goes_beside_a_stop_that_changes_nothing() {
+    let both = [16, 1, 0, 0, 2, 4, 0, 0, 0x0B, 0xB8];
+    let sets = |trace: Trace| trace.pass(1).asks(2, 101, &both).exchange(&SETPOINT_FRAME, &SETPOINT_FRAME);
+    sets(Trace::new()).holds();
+    sets(refused_by_message()).holds();
+    sets(Trace::new().asks(1, 101, &RUN).leaves()).holds();
+    sets(Trace::new().runs()).violates("O2");
+    sets(Trace::new().message("run/set", "forward")).violates("O2");
+}
+
+/// A stop that comes once more is the same, and a register without a role moves nothing.
+#[test]
+fn o2_a_stop_counts_as_shown_whatever_register_was_written() {
+    let register = [2, 6, 2, 0x0C, 0, 9];
+    let stopped = |trace: Trace| trace.message("run/set", "stop").pass(1).exchange(&READ, &AT_REST);
+    let written = || stopped(Trace::new()).asks(1, 1, &register[1..]).pass(1).exchange(&register, &register);
+    let sets = |trace: Trace| trace.asks(2, 1, &SETPOINT_FRAME[1..]).sends(&SETPOINT_FRAME, &[]);
+    sets(stopped(written())).holds();
+    sets(written()).violates("O2");
+}
+
+/// Whoever commands stop again commands no new one; anybody else does.
+#[test]
+fn o1_an_order_behind_a_stop_that_it_does_not_know_is_stale() {
+    let shown = || {
+        let trace =
+            Trace::new().asks(1, 101, &STOP).pass(1).exchange(&STOP_FRAME, &STOP_FRAME).exchange(&READ, &AT_REST);
+        trace.publishes("state", r#"{"control":{"epoch":7,"intent":"stop"}}"#).pass(1)
+    };
+    let runs = |trace: Trace| {
+        let trace = trace.pass(1).exchange(&READ, &AT_REST).exchange(&READ, &AT_REST);
+        trace.message("command", r#"{"id":"o1","run":"forward","epoch":7}"#).sends(&RUN_FRAME, &RUN_FRAME)
+    };
+    runs(shown()).holds();
+    runs(shown().asks(2, 101, &STOP)).holds();
+    runs(shown().message("run/set", "stop")).violates("O1");
 }
 
 #[test]

@@ -55,6 +55,10 @@ pub struct Book {
     pub stop: Stop,
     /// Stops that came at this very moment and may turn out to change nothing.
     pub fresh: Vec<(u64, u64, bool)>,
+    /// The client's address, if it was one, behind the last stop, with whether that was a coast; and the number of the
+    /// last stop that may be one more of the same, which is no new one.
+    pub stopped_by: Option<(usize, bool)>,
+    pub repeat: Option<u64>,
     /// What the drive took last.
     pub run_taken: Option<Run>,
     pub setpoint_taken: Option<u16>,
@@ -92,6 +96,16 @@ impl Book {
         let is_ordered = self.orders.iter().any(|it| is_open(it) && may_come(it));
         let is_stopped = !matches!(self.run_taken, Some(Run::Forward | Run::Reverse)) || self.zeros >= 2;
         !self.stop.is_pending && is_stopped && !is_ordered
+    }
+
+    /// A stop comes, perhaps of a client. Whoever has commanded it last and nothing since repeats himself.
+    pub fn stop_comes(&mut self, number: u64, by: Option<usize>, is_coast: bool) {
+        let by = by.map(|by| (by, is_coast));
+        let has_moved = self.moved_at > self.stop.was_accepted_at;
+        if by.is_some() && by == self.stopped_by && !has_moved {
+            self.repeat = Some(number);
+        }
+        self.stopped_by = by;
     }
 
     pub fn shows_output(&mut self, at: u64, output: u16) {

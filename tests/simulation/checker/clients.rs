@@ -109,7 +109,7 @@ impl Checker {
             (Some(drive), ..) => self.order(at, who, drive, |facts| orders::of_native(facts, pdu)),
             (_, Some(drive), _) => self.order(at, who, drive, |_| orders::of_uniform(pdu)),
             (None, None, 5) if unit == 255 && word(1) == 0 && word(3) == 0xFF00 => {
-                Ask::StopAll { order: self.stop_all(at) }
+                Ask::StopAll { order: self.stop_all(at, who) }
             }
             (None, None, _) if unit == 255 || unit == 0 => Ask::Other,
             (None, None, _) => Ask::Nobody,

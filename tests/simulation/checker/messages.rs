@@ -19,6 +19,8 @@ pub struct Messages {
     /// Drive, epoch, and when it was first shown.
     epochs: Vec<(usize, u64, u64)>,
     opened_at: u64,
+    /// The last order without an id: when it came, for which drive, and its number.
+    plain: Option<(u64, usize, u64)>,
 }
 
 /// A message as it comes from the broker.
@@ -46,6 +48,7 @@ impl Checker {
         self.counts.messages += 1;
         self.time(at);
         self.sign_of_life(at);
+        self.messages.plain = None;
         let Some(rest) = it.topic.strip_prefix("vfd/plant/") else { return };
         if rest == "all/run/set" && it.payload.trim().eq_ignore_ascii_case("stop") {
             for drive in 0..self.books.len() {
@@ -72,8 +75,11 @@ impl Checker {
             return;
         }
         let stopped_at = self.books[drive].stopped_at;
-        let order = self.take_order(at, drive, Wish { run, setpoint, register: None }, at + DEADLINE, false);
+        let order = self.take_order(at, drive, Wish { run, setpoint, register: None }, at + DEADLINE, None);
         let runs = matches!(run, Some(Run::Forward | Run::Reverse));
+        if !stops {
+            self.messages.plain = Some((at, drive, order));
+        }
         if runs && stopped_at.is_some_and(|stopped| at < stopped + RESTART_DELAY) {
             self.void(drive, order);
         }
@@ -99,7 +105,7 @@ impl Checker {
         }
         let epoch = number_behind(it.payload, "\"epoch\":");
         let is_old = epoch.is_some_and(|epoch| self.is_old(drive, epoch));
-        let order = self.take_order(at, drive, Wish { run: run.or(reset), setpoint, register: None }, at + ttl, false);
+        let order = self.take_order(at, drive, Wish { run: run.or(reset), setpoint, register: None }, at + ttl, None);
         if is_old {
             self.void(drive, order);
         }
@@ -151,11 +157,16 @@ impl Checker {
 
     fn told(&mut self, at: u64, drive: usize, payload: &str) {
         self.counts.results += 1;
-        let Some(id) = number_behind(payload, "\"id\":\"o") else { return };
+        let outcome = text_behind(payload, "\"outcome\":\"");
+        let Some(id) = number_behind(payload, "\"id\":\"o") else {
+            // What is refused in the moment in which it comes is that.
+            let plain = self.messages.plain.take_if(|it| (it.0, it.1) == (at, drive) && outcome == Some("refused"));
+            return plain.into_iter().for_each(|(.., order)| self.order_excepted(at, drive, order, 6));
+        };
         let found = self.messages.ids.iter().find(|(it, of, _)| (*it, *of) == (id, drive));
         let Some((.., order)) = found.copied() else { return };
         let reason = text_behind(payload, "\"reason\":\"");
-        match text_behind(payload, "\"outcome\":\"") {
+        match outcome {
             // What was said before is said again, whatever has happened since.
             _ if payload.contains("\"repeat\":true") => {}
             // That is about the message and not about the order that had this id first.

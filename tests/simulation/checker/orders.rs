@@ -70,16 +70,17 @@ pub fn of_uniform(pdu: &[u8]) -> Option<Wish> {
 
 impl Checker {
     /// A client orders something of `drive`.
-    pub(super) fn order(&mut self, at: u64, _who: usize, drive: usize, wish: impl Fn(&Facts) -> Option<Wish>) -> Ask {
+    pub(super) fn order(&mut self, at: u64, who: usize, drive: usize, wish: impl Fn(&Facts) -> Option<Wish>) -> Ask {
         let it = &self.line.drives[drive];
         match wish(it.kind.facts()).filter(|_| it.has_control) {
-            Some(wish) => Ask::Order { drive, order: self.take_order(at, drive, wish, at + DEADLINE, true) },
+            Some(wish) => Ask::Order { drive, order: self.take_order(at, drive, wish, at + DEADLINE, Some(who / 2)) },
             None => Ask::Never,
         }
     }
 
-    /// Notes an order. One that is `cyclic` may turn out to change nothing.
-    pub(super) fn take_order(&mut self, at: u64, drive: usize, wish: Wish, before: u64, cyclic: bool) -> u64 {
+    /// Notes an order. One of a client, of which two have one address, may turn out to change nothing.
+    pub(super) fn take_order(&mut self, at: u64, drive: usize, wish: Wish, before: u64, by: Option<usize>) -> u64 {
+        let cyclic = by.is_some();
         self.order_count += 1;
         let number = self.order_count;
         let book = &mut self.books[drive];
@@ -90,6 +91,7 @@ impl Checker {
             }
             (book.last_stop_at, book.echoes) = (at, 0);
             book.asked[usize::from(kind == Run::Coast)] = true;
+            book.stop_comes(number, by, kind == Run::Coast);
             // Beside a stop that changes nothing, a setpoint counts.
             let is_only_setpoint = cyclic && kind == Run::Stop && wish.setpoint.is_some() && book.may_be_stopped(at);
             if !is_only_setpoint {
@@ -130,10 +132,11 @@ impl Checker {
     }
 
     /// A client orders all drives to stop. Of a drive that is stopped only its frame tells whether that changed something.
-    pub(super) fn stop_all(&mut self, at: u64) -> u64 {
+    pub(super) fn stop_all(&mut self, at: u64, who: usize) -> u64 {
         self.order_count += 1;
         for (book, _) in self.books.iter_mut().zip(&self.line.drives).filter(|(_, drive)| drive.has_control) {
             (book.sign_at, book.last_stop_at, book.asked[0], book.echoes) = (at, at, true, 0);
+            book.stop_comes(self.order_count, Some(who / 2), false);
             if book.may_be_stopped(at) {
                 book.may_stop.get_or_insert((self.order_count, at));
             } else {
@@ -152,7 +155,7 @@ impl Checker {
     pub(super) fn settle_stops(&mut self, drive: usize) {
         let book = &mut self.books[drive];
         for (number, at, is_coast) in book.fresh.drain(..) {
-            if !book.stop.is_pending && number < u64::MAX {
+            if !book.stop.is_pending && number < u64::MAX && book.repeat != Some(number) {
                 book.stopped_at = Some(at);
             }
             // Another one of the same kind may go on at its rate; that of a drive that was started since goes at once.
@@ -183,13 +186,15 @@ impl Checker {
         orders.iter_mut().filter(|it| it.number == number).for_each(|it| it.is_void = true);
     }
 
-    /// The one who ordered is gone before he was told. Only its frame tells whether a stop changed something.
+    /// The one who ordered is gone before he was told. Only its frame tells whether a stop changed something; of anything
+    /// else nothing may follow if nothing was sent.
     pub(super) fn nobody_is_told(&mut self, drive: usize, number: u64) {
         let book = &mut self.books[drive];
         if let Some(place) = book.fresh.iter().position(|(it, ..)| *it == number) {
             let (_, at, _) = book.fresh.remove(place);
             book.may_stop.get_or_insert((number, at));
         }
+        book.orders.iter_mut().filter(|it| it.number == number && it.sent == 0).for_each(|it| it.is_over = true);
     }
 
     /// A request that may have ordered something is answered with an exception.

@@ -61,12 +61,12 @@ impl Checker {
         let order = &mut book.orders[place];
         order.sent += 1;
         order.taken += u32::from(is_taken);
-        // A register without a role takes no control.
+        // A register without a role takes no control and moves nothing.
         if order.wish.run.is_some() || order.wish.setpoint.is_some() {
             book.is_of_mqtt |= order.is_message;
+            book.moved_at = book.moved_at.max(Some(order.at));
         }
-        let (moved_at, run) = (order.at, order.wish.run.filter(|_| order.has_run));
-        book.moved_at = book.moved_at.max(Some(moved_at));
+        let run = order.wish.run.filter(|_| order.has_run);
         if let Some(run) = run
             && is_taken
         {
