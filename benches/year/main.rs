@@ -7,6 +7,7 @@
 //! | `--what late` | 10,000,000 late replies, none of them taken for another request |
 //! | `--what gaps` | 10,000,000 frames, no silence before one too short |
 //! | `--what stop` | 10,000 stops while reads crowd, each to the nanosecond |
+//! | `--what kills` | 10,000 kills of the gateway at any moment |
 //! | `--exchanges N` | another number |
 //! | `--seed S` | the first seed, 1 |
 //! | `--shards K` | threads, one for each processor |
@@ -27,7 +28,7 @@ mod simulation;
 
 use simulation::trouble::Trouble;
 use simulation::world::Tally;
-use simulation::{WORLD, trials};
+use simulation::{WORLD, kills, trials};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -72,6 +73,10 @@ impl Job {
                 let tally = trials::gaps(seed, left.min(50_000))?;
                 (tally, tally.exchanges)
             }
+            "kills" => {
+                let tally = kills::kills(seed, left)?;
+                (tally, tally.kills)
+            }
             "stop" => {
                 let count = left.min(500);
                 let (worst, _) = trials::stops(seed, count)?;
@@ -99,7 +104,7 @@ fn main() {
     let what = text("--what").unwrap_or_else(|| "year".to_owned());
     let wanted = match what.as_str() {
         "late" | "gaps" => 10_000_000,
-        "stop" => 10_000,
+        "stop" | "kills" => 10_000,
         _ => 316_000_000,
     };
     let shards =
@@ -166,6 +171,7 @@ fn report(job: &Job, wall: Duration) {
         ("MQTT messages", tally.messages),
         ("MQTT results", tally.checked.results),
         ("clients gone", tally.clients_gone),
+        ("kills", tally.kills),
         ("late replies", tally.late),
         ("lost replies", tally.lost),
         ("collisions", tally.collisions),

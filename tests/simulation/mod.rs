@@ -8,12 +8,15 @@
 //! | `client`, `serve` | Modbus TCP clients, and what the daemon does for them |
 //! | `mqtt` | the MQTT session and a small broker |
 //! | `trouble` | what goes wrong beside replies |
+//! | `journal`, `kills` | what outlives the gateway, and its ends |
 //! | `trials` | single promises, counted |
 //! | `checker` | who looks on |
 //! | `tests` | that the checker objects, that a seed is a world, found seeds, a million exchanges |
 
 pub mod checker;
 mod client;
+mod journal;
+pub mod kills;
 mod mqtt;
 pub mod plan;
 mod serve;

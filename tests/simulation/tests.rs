@@ -3,7 +3,7 @@
 
 use crate::simulation::checker::tables::{Action, Drive, Kind, Line};
 use crate::simulation::checker::{Checker, crc};
-use crate::simulation::{WORLD, run, trials};
+use crate::simulation::{WORLD, kills, run, trials};
 
 /// Seeds whose worlds once showed a violation, of the gateway or of its picture in the checker, with what was found.
 const FOUND: [(u64, &str); 8] = [
@@ -251,6 +251,13 @@ fn a_million_exchanges_hold_what_is_promised() {
         if exchanges >= 1_000_000 {
             break;
         }
+    }
+}
+
+#[test]
+fn nothing_that_is_kept_is_lost_by_a_kill() {
+    for seed in 1..=25 {
+        kills::kills(seed, 20).unwrap_or_else(|text| panic!("{text}"));
     }
 }
 

@@ -39,6 +39,7 @@ fn reads(drives: u8, kind: Kind, clients: usize, faults: FaultPlan) -> Plan {
         ask_every: Duration::from_millis(1),
         trouble_every: Duration::from_secs(3_600),
         only_reads: true,
+        keeps: false,
     }
 }
 

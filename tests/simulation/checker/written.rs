@@ -107,6 +107,7 @@ impl Checker {
         let waited =
             book.orders.iter().filter(|it| it.wish.run.is_some() || it.wish.setpoint.is_some()).map(|it| it.at);
         let is_over = |ordered: u64| exchange.at >= ordered + it.lost_after;
+        let is_over = |ordered: u64| book.is_orphaned || is_over(ordered);
         let is_lost = it.on_lost == action && book.moved_at.into_iter().chain(waited).any(is_over);
         let is_ending = book.is_ending && it.on_shutdown == action;
         let has_moved = book.moved_at > book.stop.was_accepted_at;
