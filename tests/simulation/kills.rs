@@ -70,7 +70,8 @@ impl World {
         let calm = if self.tally.kills == 0 { Duration::from_secs(7) } else { Duration::ZERO };
         let at = self.now + calm + lives;
         self.doom = Some(Doom { at, left, effects: self.rng.u32(0..5), is_now: false });
-        if self.rng.u8(0..4) == 0
+        if left > 0
+            && self.rng.u8(0..4) == 0
             && let Some(journal) = &mut self.journal
         {
             let before = Duration::from_millis(self.rng.u64(0..2_000)).min(lives);

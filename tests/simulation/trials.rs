@@ -15,7 +15,7 @@ use vfd_gateway::gateway::Input;
 use vfd_gateway::sim::FaultPlan;
 
 /// A line of `drives` of `kind` whose clients read without a pause.
-fn reads(drives: u8, kind: Kind, clients: usize, faults: FaultPlan) -> Plan {
+pub(super) fn reads(drives: u8, kind: Kind, clients: usize, faults: FaultPlan) -> Plan {
     let drive = |place: u8| Drive {
         kind,
         station: place + 1,

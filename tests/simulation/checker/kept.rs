@@ -174,7 +174,6 @@ impl Book {
         self.awaits_sight = true;
         self.is_running &= known.is_leased;
         self.remembered_stop = known.stop.is_some();
-        self.is_of_mqtt = false;
         self.stop.is_pending = known.stop.is_some();
         self.stop.echoed = false;
         self.stop.zeros = 0;
@@ -186,6 +185,10 @@ impl Book {
 
     /// The drive is seen for the first time in this life: from now on what is declared must happen.
     pub(super) fn is_seen(&mut self, at: u64, runs: bool, bound: u64) {
+        if !runs && self.zeros > 0 {
+            // Found at standstill: nothing is left to do.
+            (self.awaits_sight, self.remembered_stop) = (false, false);
+        }
         if !self.awaits_sight || !runs {
             return;
         }

@@ -27,7 +27,8 @@ impl Checker {
                     }
                     Some(Run::Stop | Run::Coast) => {
                         let is_explained = self.explain_stop(exchange, drive, value, is_taken);
-                        self.books[drive].stop_due = None;
+                        let book = &mut self.books[drive];
+                        (book.stop_due, book.remembered_stop) = (None, false);
                         is_explained
                     }
                     Some(Run::Reset) => self.explain_reset(drive, exchange.at, value, is_taken),
