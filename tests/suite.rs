@@ -66,6 +66,8 @@ mod field_faults;
 mod gone_client;
 #[path = "scenarios/interlocks.rs"]
 mod interlocks;
+#[path = "scenarios/kept.rs"]
+mod kept;
 #[path = "scenarios/late_reply.rs"]
 mod late_reply;
 #[path = "scenarios/learned_times.rs"]
@@ -86,6 +88,8 @@ mod port_comes_and_goes;
 mod release_and_setup;
 #[path = "scenarios/resets.rs"]
 mod resets;
+#[path = "scenarios/restarts.rs"]
+mod restarts;
 #[path = "scenarios/setpoint_before_run.rs"]
 mod setpoint_before_run;
 #[path = "scenarios/sharing.rs"]

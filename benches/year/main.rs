@@ -7,6 +7,10 @@
 //! | `--what late` | 10,000,000 late replies, none of them taken for another request |
 //! | `--what gaps` | 10,000,000 frames, no silence before one too short |
 //! | `--what stop` | 10,000 stops while reads crowd, each to the nanosecond |
+//! | `--what kills` | 10,000 kills of the gateway at any moment |
+//! | `--what audit` | 1,000,000 attempts to write, each accounted for once |
+//! | `--what stale` | 1,000,000 stale, retained, doubled and reordered commands, none executed |
+//! | `--what holders` | 1,024 lease holders vanish, all of a line at once |
 //! | `--exchanges N` | another number |
 //! | `--seed S` | the first seed, 1 |
 //! | `--shards K` | threads, one for each processor |
@@ -27,7 +31,7 @@ mod simulation;
 
 use simulation::trouble::Trouble;
 use simulation::world::Tally;
-use simulation::{WORLD, trials};
+use simulation::{WORLD, audit, holders, kills, stale, trials};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -72,6 +76,17 @@ impl Job {
                 let tally = trials::gaps(seed, left.min(50_000))?;
                 (tally, tally.exchanges)
             }
+            "kills" => {
+                let tally = kills::kills(seed, left)?;
+                (tally, tally.kills)
+            }
+            "audit" => return audit::audit(seed, left.min(20_000)).map(|(_, attempts)| attempts),
+            "stale" => return stale::stale(seed, left.min(20_000)).map(|(bad, _)| bad),
+            "holders" => {
+                let (count, worst, bound) = holders::holders(seed)?;
+                println!("{count} holders: {worst:?} at most, {bound:?} printed");
+                return Ok(count);
+            }
             "stop" => {
                 let count = left.min(500);
                 let (worst, _) = trials::stops(seed, count)?;
@@ -99,7 +114,9 @@ fn main() {
     let what = text("--what").unwrap_or_else(|| "year".to_owned());
     let wanted = match what.as_str() {
         "late" | "gaps" => 10_000_000,
-        "stop" => 10_000,
+        "stop" | "kills" => 10_000,
+        "audit" | "stale" => 1_000_000,
+        "holders" => 1_024,
         _ => 316_000_000,
     };
     let shards =
@@ -166,6 +183,7 @@ fn report(job: &Job, wall: Duration) {
         ("MQTT messages", tally.messages),
         ("MQTT results", tally.checked.results),
         ("clients gone", tally.clients_gone),
+        ("kills", tally.kills),
         ("late replies", tally.late),
         ("lost replies", tally.lost),
         ("collisions", tally.collisions),

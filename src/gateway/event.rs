@@ -53,7 +53,8 @@ pub enum Effect {
     Command(CommandAnswer),
     /// Keep this in the journal.
     Keep(Keep),
-    /// A drive has tripped, or its trip holds no more.
+    /// A drive has tripped, or its trip holds no more. Where there is a journal, this is for the log alone: others are told
+    /// from there.
     Trip(DriveIndex, TripEvent),
     /// Something that people should read.
     Note(DriveIndex, Note),

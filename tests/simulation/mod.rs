@@ -8,15 +8,21 @@
 //! | `client`, `serve` | Modbus TCP clients, and what the daemon does for them |
 //! | `mqtt` | the MQTT session and a small broker |
 //! | `trouble` | what goes wrong beside replies |
-//! | `trials` | single promises, counted |
+//! | `journal`, `kills` | what outlives the gateway, and its ends |
+//! | `trials`, `audit`, `stale`, `holders` | single promises, counted |
 //! | `checker` | who looks on |
 //! | `tests` | that the checker objects, that a seed is a world, found seeds, a million exchanges |
 
+pub mod audit;
 pub mod checker;
 mod client;
+pub mod holders;
+mod journal;
+pub mod kills;
 mod mqtt;
 pub mod plan;
 mod serve;
+pub mod stale;
 pub mod trials;
 pub mod trouble;
 pub mod world;

@@ -113,6 +113,25 @@ impl World {
         self.mqtt = Some(side);
     }
 
+    /// Whether the broker delivers what is published.
+    pub fn is_subscribed(&self) -> bool {
+        self.mqtt.as_ref().is_some_and(|side| side.is_subscribed)
+    }
+
+    /// The wall clock, in ms.
+    pub fn wall(&self) -> i64 {
+        wall_ms(self.now)
+    }
+
+    /// A message for the first drive is delivered now.
+    pub fn deliver(&mut self, input: &str, payload: &str, retain: bool, duplicate: bool) {
+        let Some(mut side) = self.mqtt.take() else { return };
+        let topic = format!("vfd/plant/drive/d0/{input}");
+        self.comes(&mut side, Coming::Message { topic, payload: payload.to_owned(), retain, duplicate });
+        side.wake_at = self.now;
+        self.mqtt = Some(side);
+    }
+
     /// What commanders and the broker do.
     fn broker_turn(&mut self, side: &mut MqttSide) {
         if side.outage_at <= self.now {

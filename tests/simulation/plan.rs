@@ -53,6 +53,8 @@ pub struct Plan {
     pub trouble_every: Duration,
     /// Clients read nothing but proof words, without a pause.
     pub only_reads: bool,
+    /// There is a journal.
+    pub keeps: bool,
 }
 
 impl Plan {
@@ -74,6 +76,7 @@ impl Plan {
             ask_every: Duration::from_millis(rng.u64(200..2_000)),
             trouble_every: Duration::from_secs(rng.u64(5..60)),
             only_reads: false,
+            keeps: false,
         }
     }
 
@@ -100,7 +103,7 @@ impl Plan {
         let drives: Vec<DriveSetup> = self.line.drives.iter().map(setup_of).collect();
         let models = drives.iter().map(|drive| drive.model.as_ref());
         let timing = Timing::for_models(Framing::Rtu, self.link, models, Duration::ZERO);
-        LineSetup { timing, drives, echo: EchoPolicy::Strip, tells_traffic: false, first_epoch, keeps: false }
+        LineSetup { timing, drives, echo: EchoPolicy::Strip, tells_traffic: false, first_epoch, keeps: self.keeps }
     }
 
     /// The drives as the north sides know them.

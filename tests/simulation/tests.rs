@@ -4,7 +4,7 @@
 use crate::simulation::checker::messages::Inbound;
 use crate::simulation::checker::tables::{Action, Drive, Kind, Line};
 use crate::simulation::checker::{Checker, crc};
-use crate::simulation::{WORLD, run, trials};
+use crate::simulation::{WORLD, audit, holders, kills, run, stale, trials};
 
 /// Seeds whose worlds once showed a violation, of the gateway or of its picture in the checker, with what was found.
 const FOUND: [(u64, &str); 8] = [
@@ -346,6 +346,31 @@ fn a_million_exchanges_hold_what_is_promised() {
         if exchanges >= 1_000_000 {
             break;
         }
+    }
+}
+
+#[test]
+fn nothing_that_is_kept_is_lost_by_a_kill() {
+    for seed in 1..=25 {
+        kills::kills(seed, 20).unwrap_or_else(|text| panic!("{text}"));
+    }
+}
+
+#[test]
+fn attempts_are_accounted_for_and_what_is_stale_is_not_executed() {
+    for seed in 1..=3 {
+        let (rows, attempts) = audit::audit(seed, 5_000).unwrap_or_else(|text| panic!("{text}"));
+        assert!(rows > attempts * 9 / 10, "{rows} of {attempts}");
+        let (bad, valid) = stale::stale(seed, 5_000).unwrap_or_else(|text| panic!("{text}"));
+        assert!(bad >= 5_000 && valid > 300, "{bad} {valid}");
+    }
+}
+
+#[test]
+fn all_holders_of_a_line_vanish_at_once() {
+    for seed in 1..=3 {
+        let (count, worst, bound) = holders::holders(seed).unwrap_or_else(|text| panic!("{text}"));
+        assert!(count == 32 && worst <= bound, "{worst:?} {bound:?}");
     }
 }
 

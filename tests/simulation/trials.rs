@@ -15,7 +15,7 @@ use vfd_gateway::gateway::Input;
 use vfd_gateway::sim::FaultPlan;
 
 /// A line of `drives` of `kind` whose clients read without a pause.
-fn reads(drives: u8, kind: Kind, clients: usize, faults: FaultPlan) -> Plan {
+pub(super) fn reads(drives: u8, kind: Kind, clients: usize, faults: FaultPlan) -> Plan {
     let drive = |place: u8| Drive {
         kind,
         station: place + 1,
@@ -39,6 +39,7 @@ fn reads(drives: u8, kind: Kind, clients: usize, faults: FaultPlan) -> Plan {
         ask_every: Duration::from_millis(1),
         trouble_every: Duration::from_secs(3_600),
         only_reads: true,
+        keeps: false,
     }
 }
 

@@ -59,6 +59,9 @@ impl World {
             Trouble::Trip => {
                 let cause = self.rng.u16(1..13);
                 if let Some(drive) = self.bus.drive_mut(station) {
+                    if drive.is_powered() {
+                        self.checker.tripped(which.into());
+                    }
                     drive.trip(now, cause);
                 }
             }

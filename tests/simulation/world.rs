@@ -4,6 +4,8 @@
 use super::checker::Checker;
 use super::checker::Violation;
 use super::client::Client;
+use super::journal::Journal;
+use super::kills::Doom;
 use super::mqtt::MqttSide;
 use super::plan::Plan;
 use super::trouble::Trouble;
@@ -35,6 +37,7 @@ pub struct Tally {
     pub client_events: u64,
     pub clients_gone: u64,
     pub messages: u64,
+    pub kills: u64,
     pub troubles: [u64; Trouble::COUNT],
     pub late: u64,
     pub lost: u64,
@@ -76,6 +79,9 @@ pub struct World {
     refused: Vec<usize>,
     /// The core wants the port opened anew.
     to_reopen: Option<LineFault>,
+    /// What outlives the gateway, where it has a journal.
+    pub journal: Option<Journal>,
+    pub doom: Option<Doom>,
 }
 
 impl Tally {
@@ -89,6 +95,7 @@ impl Tally {
             (&mut self.client_events, other.client_events),
             (&mut self.clients_gone, other.clients_gone),
             (&mut self.messages, other.messages),
+            (&mut self.kills, other.kills),
             (&mut self.late, other.late),
             (&mut self.lost, other.lost),
             (&mut self.collisions, other.collisions),
@@ -123,7 +130,9 @@ impl World {
         let bus = plan.bus(&mut rng);
         let core = LineCore::new(plan.setup(rng.u64(1..1 << 40)), now);
         let descriptions = plan.descriptions();
-        let checker = Checker::new(plan.line.clone(), plan.clients);
+        let mut checker = Checker::new(plan.line.clone(), plan.clients);
+        checker.keeps = plan.keeps;
+        let journal = plan.keeps.then(|| Journal::new(plan.line.drives.len(), rng.u64(..)));
         let mut world = Self {
             uniform: descriptions.iter().map(Uniform::new).collect(),
             views: descriptions.iter().map(|_| Arc::new(DriveView::default())).collect(),
@@ -142,6 +151,8 @@ impl World {
             again: Vec::new(),
             refused: if plan.only_reads { (0..plan.clients).collect() } else { Vec::new() },
             to_reopen: None,
+            journal,
+            doom: None,
             core,
             bus,
             checker,
@@ -188,6 +199,8 @@ impl World {
         self.decide();
         let until = self.now + ENDING;
         while self.step(until) {}
+        self.core.leave(self.now);
+        self.decide();
         self.checker.ended(self.now.as_nanos());
         self.tally.exchanges = self.checker.wire.count();
         self.tally.virtual_ns = self.now.as_nanos();
@@ -207,7 +220,7 @@ impl World {
         let mqtt = self.mqtt.as_ref().map_or(never, |mqtt| mqtt.wake_at);
         let repair = self.repairs.first().map_or(never, |(at, ..)| *at);
         let world = if self.is_over { never } else { self.client_at.min(self.trouble_at) };
-        let next = wake.min(due).min(north).min(world).min(repair).min(mqtt);
+        let next = wake.min(due).min(north).min(world).min(repair).min(mqtt).min(self.kept_due());
         if next > until {
             self.now = until;
             return false;
@@ -222,6 +235,7 @@ impl World {
                 }
             });
         }
+        self.keep_due();
         if north.min(world).min(repair).min(mqtt) <= self.now {
             self.happen();
         }
@@ -278,7 +292,13 @@ impl World {
         loop {
             self.core.handle(self.now, Input::Time);
             while let Some(effect) = self.core.next_effect() {
+                if self.is_killed() {
+                    return self.kill();
+                }
                 self.carry_out(effect);
+            }
+            if self.dies() {
+                return self.kill();
             }
             if let Some(fault) = self.to_reopen.take() {
                 self.reopen_port(fault);
@@ -318,7 +338,8 @@ impl World {
             Effect::Trip(drive, event) => self.mqtt_trip(drive, &event),
             // As a line's thread does: once all that was said in this round is done.
             Effect::Reopen(fault) => self.to_reopen = Some(fault),
-            Effect::Keep(_) | Effect::Note(..) | Effect::LineNote(_) | Effect::Presence(..) | Effect::Traffic(_) => {}
+            Effect::Keep(keep) => self.keep(keep),
+            Effect::Note(..) | Effect::LineNote(_) | Effect::Presence(..) | Effect::Traffic(_) => {}
         }
     }
 

@@ -20,7 +20,7 @@ use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::domain::traffic::TrafficRecord;
 use vfd_gateway::drive::view::{DriveView, TripEvent};
 use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineNote, LineSetup, Note};
-use vfd_gateway::journal::{Keep, Remembered};
+use vfd_gateway::journal::{Entry, Keep, Remembered};
 use vfd_gateway::line::timeouts::ReplyTimeouts;
 use vfd_gateway::line::timing::Timing;
 use vfd_gateway::profile::catalog::Catalog;
@@ -116,6 +116,8 @@ pub struct RigOptions {
     pub tells_traffic: bool,
     /// What may be commanded of every drive.
     pub control: Option<ControlSettings>,
+    /// There is a journal.
+    pub keeps: bool,
     /// What every drive is.
     pub model: Arc<Model>,
     /// What every drive does with a request that it cannot serve.
@@ -174,6 +176,7 @@ impl Default for RigOptions {
             echoes: false,
             tells_traffic: false,
             control: None,
+            keeps: false,
             model: n700(),
             bad_request: BadRequest::default(),
             proof_words: Some(PROOF..=PROOF + 0xFF),
@@ -195,6 +198,7 @@ pub struct Sent {
 /// One line, its simulated drives, and a clock that jumps from event to event.
 pub struct Rig {
     pub core: LineCore,
+    pub setup: LineSetup,
     pub bus: SimBus,
     pub now: MonoTime,
     pub answers: Vec<(MonoTime, NativeAnswer)>,
@@ -246,20 +250,19 @@ impl Rig {
         }
         let timing = Timing::for_models(options.bus.framing, options.link, [model.as_ref()], Duration::ZERO);
         let now = MonoTime::from_millis(1);
-        let mut core = LineCore::new(
-            LineSetup {
-                timing,
-                drives,
-                echo: options.echo,
-                tells_traffic: options.tells_traffic,
-                first_epoch: 1,
-                keeps: false,
-            },
-            now,
-        );
+        let setup = LineSetup {
+            timing,
+            drives,
+            echo: options.echo,
+            tells_traffic: options.tells_traffic,
+            first_epoch: 1,
+            keeps: options.keeps,
+        };
+        let mut core = LineCore::new(setup.clone(), now);
         core.handle(now, Input::PortUp(port_kind(options)));
         let mut rig = Self {
             core,
+            setup,
             bus,
             now,
             answers: Vec::new(),
@@ -383,6 +386,33 @@ impl Rig {
         self.settle();
         self.core.handle(self.now, Input::PortUp(PortKind::Serial));
         self.settle();
+    }
+
+    /// The gateway is killed and starts anew at once. All that it still knows of each drive is `remembered`.
+    pub fn restart(&mut self, remembered: Remembered) {
+        self.setup.first_epoch += 1_000;
+        self.setup.drives.iter_mut().for_each(|drive| drive.remembered = remembered);
+        self.core = LineCore::new(self.setup.clone(), self.now);
+        self.core.handle(self.now, Input::PortUp(PortKind::Serial));
+        self.kept.clear();
+        self.notes.clear();
+        self.trips.clear();
+        self.sent.clear();
+        self.settle();
+    }
+
+    /// What the line wants kept beside comings and goings, in words that tests compare.
+    pub fn entries(&self) -> Vec<&Entry> {
+        self.kept.iter().map(|keep| &keep.entry).filter(|it| !matches!(it, Entry::Presence(_))).collect()
+    }
+
+    /// Everything that was to be kept so far is kept.
+    pub fn all_is_kept(&mut self) {
+        if let Some(newest) = self.kept.last() {
+            let row = newest.row;
+            self.core.handle(self.now, Input::Kept(row));
+            self.settle();
+        }
     }
 
     /// Lets `time` pass.

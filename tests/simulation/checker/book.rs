@@ -76,6 +76,10 @@ pub struct Book {
     /// A stop came that perhaps changed nothing.
     pub may_stop: Option<(u64, u64)>,
     pub is_ending: bool,
+    /// Its lease, or a stop, is of an earlier life of the gateway, and it was not seen running since.
+    pub is_orphaned: bool,
+    pub remembered_stop: bool,
+    pub awaits_sight: bool,
     /// An order came over MQTT since the last stop.
     pub is_of_mqtt: bool,
     /// When the last stop came that was a new one, and until when its frame must have left.

@@ -52,7 +52,13 @@ impl Checker {
             }
             // On a line that somebody jams there is no bound.
             let until = (book.sign_at + it.lost_after).max(self.wire.noise_at) + self.bound;
-            if book.is_running && book.zeros == 0 && it.on_lost != Action::Hold && !book.is_ending && at > until {
+            if book.is_running
+                && !book.awaits_sight
+                && book.zeros == 0
+                && it.on_lost != Action::Hold
+                && !book.is_ending
+                && at > until
+            {
                 let text = format!(
                     "drive {drive} runs on {} ms after its lease ended",
                     (at - book.sign_at - it.lost_after) / 1_000_000
@@ -74,5 +80,6 @@ impl Checker {
             }
         }
         self.check_waiting(at);
+        self.check_kept();
     }
 }

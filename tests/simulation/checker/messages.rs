@@ -115,6 +115,11 @@ impl Checker {
         self.messages.ids.push((id, drive, order));
     }
 
+    /// The gateway has forgotten which commands it had.
+    pub(super) fn messages_forgotten(&mut self) {
+        self.messages.ids.clear();
+    }
+
     /// Whether a stop came, or the way was opened anew, since `epoch` was shown.
     fn is_old(&self, drive: usize, epoch: u64) -> bool {
         let shown = self.messages.epochs.iter().find(|(of, it, _)| (*of, *it) == (drive, epoch)).map(|(.., at)| *at);

@@ -10,6 +10,7 @@
 //! | `book` | what is known of one drive |
 //! | `messages` | commands and results over MQTT |
 //! | `picture` | what is served from memory; O13 |
+//! | `kept` | what is kept, and what a restart may do; O9, O14 |
 //! | `lease` | stops that have to leave, commanders that fall silent; L1, O11 |
 //! | `tables` | numbers typed from the vendors' manuals |
 //! | `crc`, `log` | the check of frames; the last events, for people |
@@ -17,6 +18,7 @@
 pub mod book;
 pub mod clients;
 pub mod crc;
+pub mod kept;
 mod lease;
 pub mod log;
 pub mod messages;
@@ -73,6 +75,10 @@ pub struct Checker {
     pub books: Vec<Book>,
     pub counts: Counts,
     messages: Messages,
+    trips: Vec<kept::Trips>,
+    attempts: kept::Attempts,
+    /// There is a journal.
+    pub keeps: bool,
     order_count: u64,
     bound: u64,
     now: u64,
@@ -92,6 +98,9 @@ impl Checker {
             books: line.drives.iter().map(|_| Book::default()).collect(),
             counts: Counts::default(),
             messages: Messages::default(),
+            trips: line.drives.iter().map(|_| kept::Trips::default()).collect(),
+            attempts: kept::Attempts::default(),
+            keeps: false,
             order_count: 0,
             bound: 0,
             now: 0,
@@ -121,6 +130,11 @@ impl Checker {
     /// Something was done to drives or line that explains what follows.
     pub fn note(&mut self, at: u64, who: usize, text: &str) {
         self.log.add(at, What::World, who as u16, text.as_bytes());
+    }
+
+    /// Whoever carries out what the gateway says has seen something that must not be.
+    pub fn says(&mut self, rule: &'static str, text: &str) {
+        self.object(rule, || text.to_owned());
     }
 
     /// Keeps the first violation.

@@ -265,6 +265,10 @@ impl Checker {
         let Some(drive) = self.line.drives.iter().position(|it| it.station == exchange.station) else { return };
         let facts = self.line.drives[drive].kind.facts();
         self.counts.replies += 1;
+        if matches!((exchange.function, exchange.truth), (3, Truth::Words(_))) {
+            self.shows_trips(at, drive, exchange);
+        }
+        let bound = self.bound;
         let book = &mut self.books[drive];
         match (exchange.function, exchange.truth) {
             (3, Truth::Words(_)) => {
@@ -273,6 +277,7 @@ impl Checker {
                     Some(exchange.words[usize::from(offset)])
                 };
                 if let Some(output) = word(facts.output) {
+                    book.is_seen(at, output > 0, bound);
                     book.shows_output(at, output);
                 }
                 if let Some((register, is_running)) = facts.status

@@ -27,7 +27,8 @@ impl Checker {
                     }
                     Some(Run::Stop | Run::Coast) => {
                         let is_explained = self.explain_stop(exchange, drive, value, is_taken);
-                        self.books[drive].stop_due = None;
+                        let book = &mut self.books[drive];
+                        (book.stop_due, book.remembered_stop) = (None, false);
                         is_explained
                     }
                     Some(Run::Reset) => self.explain_reset(drive, exchange.at, value, is_taken),
@@ -107,6 +108,7 @@ impl Checker {
         let waited =
             book.orders.iter().filter(|it| it.wish.run.is_some() || it.wish.setpoint.is_some()).map(|it| it.at);
         let is_over = |ordered: u64| exchange.at >= ordered + it.lost_after;
+        let is_over = |ordered: u64| book.is_orphaned || is_over(ordered);
         let is_lost = it.on_lost == action && book.moved_at.into_iter().chain(waited).any(is_over);
         let is_ending = book.is_ending && it.on_shutdown == action;
         let has_moved = book.moved_at > book.stop.was_accepted_at;
