@@ -252,7 +252,15 @@ mod tests {
     use super::*;
 
     /// Keys that exclude another one, or that need what the example has not, so that it shows them in a comment only.
-    const EXCLUDED: [&str; 4] = ["password_env", "model_dirs", "rated_current_a", "rated_voltage_v"];
+    const EXCLUDED: [&str; 7] = [
+        "password_env",
+        "model_dirs",
+        "rated_current_a",
+        "rated_voltage_v",
+        "watchdog",
+        "require_watchdog",
+        "failsafe_confirm_timeout",
+    ];
 
     /// The tables of `section` in a parsed file.
     fn tables(file: &toml::Table, section: Section) -> Vec<toml::Table> {

@@ -138,10 +138,11 @@ fn registers_have_their_uses() {
     let ramps = [(Role::AccelerationTime, 0x000E), (Role::DecelerationTime, 0x000F)];
     assert_roles(&e510(), &[&both[..], &ramps].concat());
     assert_roles(&e510s(), &both);
-    let sparing = [0x0002, 0x0005, 0x0906, 0x0907];
+    let sparing = [0x0002, 0x0005];
     for (model, hourly) in [(e510(), [&sparing[..], &[0x0D00, 0x0D01]].concat()), (e510s(), sparing.to_vec())] {
         assert_eq!(polled(&model, PollClass::Fast), (0x2520..=0x2527).collect::<Vec<_>>());
         assert_eq!((polled(&model, PollClass::Second), polled(&model, PollClass::Slow)), (vec![], vec![]));
+        assert_eq!(polled(&model, PollClass::Minutely), [0x0906, 0x0907], "its watchdog");
         assert_eq!(polled(&model, PollClass::Hourly), hourly);
     }
 }
