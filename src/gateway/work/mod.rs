@@ -167,10 +167,13 @@ impl DriveWork {
         self.latch.is_some() || self.current.as_ref().is_some_and(resets)
     }
 
-    /// A sign of life of a commander.
-    pub fn renew(&mut self, owner: Owner, now: MonoTime) {
-        self.guard.renew(owner, now);
-        self.has_changed = true;
+    /// A sign of life of the way by which commanders come.
+    pub fn renew(&mut self, way: Owner, now: MonoTime) {
+        let holder = self.guard.lease().map(|(owner, _)| owner);
+        if let Some(holder) = holder.filter(|holder| holder.comes_by(way)) {
+            self.guard.renew(holder, now);
+            self.has_changed = true;
+        }
     }
 
     /// The way from commanders was opened anew.

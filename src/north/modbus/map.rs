@@ -166,7 +166,7 @@ const MAP: [MapRow; 75] = [
     word(25, "output power, finer", "0.01 kW"),
     word(26, "capabilities", "bit 0 forward, 1 reverse, 2 coast, 3 reset, 4 setpoint, 5 release"),
     word(27, "reserved", "0").words(5),
-    control(address::RUN, "run command", "0 stop, 1 forward, 2 reverse, 3 coast, 4 reset, 5 release").written(),
+    control(address::RUN, "run command", "0 stop, 1 forward, 2 reverse, 3 coast, 4 reset, 5 release, 6 take").written(),
     control(address::SETPOINT, "frequency setpoint", "0.01 Hz").written(),
     control(address::RENEW, "write any value: renew the lease; reads lease left", "s").written(),
     control(

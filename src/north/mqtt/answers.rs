@@ -1,12 +1,13 @@
 //! Answers of the lines: each becomes a result, and a read its value.
 
+use super::giving::Asker;
 use super::params::label;
 use super::payload::Refused;
 use super::pending::{Pending, What};
 use super::results::{Reply, Told, named, values};
 use super::session::Session;
 use super::types::Moment;
-use crate::domain::command::{CommandAnswer, Order, Outcome, Reason, Report};
+use crate::domain::command::{CommandAnswer, Order, Outcome, Owner, Reason, Report};
 use crate::domain::ids::{AskerId, Ticket};
 use crate::domain::native::{NativeAnswer, NativeOutcome};
 use crate::drive::snapshot::Reading;
@@ -47,16 +48,19 @@ impl Session {
         self.clock.see(at);
         let Some(pending) = self.unanswered.take(ticket) else { return };
         self.seen[pending.drive].forget(ticket);
-        self.end(at, &pending, Report::refused(Reason::QueueFull));
+        let report = Report::refused(Reason::QueueFull);
+        self.keep_pending(&pending, report);
+        self.end(at, &pending, report);
     }
 
     /// Gives up what should have been answered long ago.
     pub(super) fn drop_overdue(&mut self, at: Moment) {
         while let Some(pending) = self.unanswered.take_overdue(at.mono) {
             self.counters.unanswered += 1;
-            self.unqueue(pending.ticket);
             let outcome = if matches!(pending.what, What::Read(_)) { Outcome::Failed } else { Outcome::Unknown };
-            self.end(at, &pending, Report::new(outcome, Reason::NoReply));
+            let report = Report::new(outcome, Reason::NoReply);
+            self.withdraw(&pending, report);
+            self.end(at, &pending, report);
         }
     }
 
@@ -76,15 +80,13 @@ impl Session {
             What::Order(order) => values(&self.drives[pending.drive].model, order, &report),
             What::Read(_) => Map::new(),
         };
-        let (id, remark) = (&pending.id, pending.remark.map(str::to_owned));
-        let message = remark.or_else(|| self.limits_of(pending, report));
-        self.tell(
-            at,
-            pending.drive,
-            id,
-            pending.reply.as_ref(),
-            Stage { report, is_final, is_repeat: false, message, values },
-        );
+        let holder = self.holders.get(pending.drive).copied().flatten();
+        let holder = holder.filter(|holder| report.reason == Reason::OtherOwner && *holder != pending.by);
+        let remark = pending.remark.map(str::to_owned);
+        let message = remark.or_else(|| self.limits_of(pending, report)).or_else(|| other_owner(holder));
+        let asker = (pending.by, &pending.id, pending.reply.as_ref());
+        let stage = Stage { report, is_final, is_repeat: false, message, values, holder };
+        self.tell(at, pending.drive, asker, stage);
     }
 
     /// A frequency outside the limits is refused with the limits.
@@ -102,47 +104,34 @@ impl Session {
         let values = [named(found, word)].into_iter().collect();
         self.telemetry.take_param(pending.drive, register, Reading { raw: word, at: at.mono }, topic);
         let report = Report::new(Outcome::Confirmed, Reason::None);
-        let stage = Stage { report, is_final: true, is_repeat: false, message: None, values };
-        self.tell(at, pending.drive, &pending.id, pending.reply.as_ref(), stage);
+        let stage = Stage { report, is_final: true, is_repeat: false, message: None, values, holder: None };
+        self.tell(at, pending.drive, (pending.by, &pending.id, pending.reply.as_ref()), stage);
     }
 
     /// Tells the first outcome of a command that came again.
-    pub(super) fn tell_again(
-        &mut self,
-        at: Moment,
-        drive: usize,
-        id: &Value,
-        reply: Option<&Reply>,
-        order: &Order,
-        report: Report,
-    ) {
+    pub(super) fn tell_again(&mut self, at: Moment, drive: usize, asker: &Asker, order: &Order, report: Report) {
         let values = values(&self.drives[drive].model, order, &report);
-        let stage = Stage { report, is_final: true, is_repeat: true, message: None, values };
-        self.tell(at, drive, id, reply, stage);
+        let stage = Stage { report, is_final: true, is_repeat: true, message: None, values, holder: None };
+        self.tell(at, drive, (asker.by, &asker.id, asker.reply.as_ref()), stage);
     }
 
-    fn tell(&mut self, at: Moment, drive: usize, id: &Value, reply: Option<&Reply>, stage: Stage) {
-        let Stage { report, is_final, is_repeat, message, values } = stage;
+    fn tell(&mut self, at: Moment, drive: usize, (by, id, reply): (Owner, &Value, Option<&Reply>), stage: Stage) {
+        let Stage { report, is_final, is_repeat, message, values, holder } = stage;
         let (drive, at) = (self.drives[drive].name.as_str(), self.clock.text(at.mono));
         let topic = self.topics.drive(drive, "result");
         let message = message.as_deref();
-        let told = Told { id, drive, report, is_final, is_repeat, message, values, at };
+        let told = Told { id, drive, by, holder, report, is_final, is_repeat, message, values, at };
         self.counters.results_dropped += self.results.tell(topic, reply, told);
     }
 
     /// Tells why an input is refused, which no line ever saw.
-    pub(super) fn tell_refusal(
-        &mut self,
-        at: Moment,
-        drive: &str,
-        topic: String,
-        (id, reply): (&Value, Option<&Reply>),
-        refused: &Refused,
-    ) {
+    pub(super) fn tell_refusal(&mut self, at: Moment, drive: &str, topic: String, asker: &Asker, refused: &Refused) {
+        let Asker { by, id, reply } = asker;
         let (report, message) = (Report::refused(refused.reason), Some(refused.message.as_str()));
         let (values, at) = (Map::new(), self.clock.text(at.mono));
-        let told = Told { id, drive, report, is_final: true, is_repeat: false, message, values, at };
-        self.counters.results_dropped += self.results.tell(topic, reply, told);
+        let (by, holder, is_final, is_repeat) = (*by, None, true, false);
+        let told = Told { id, drive, by, holder, report, is_final, is_repeat, message, values, at };
+        self.counters.results_dropped += self.results.tell(topic, reply.as_ref(), told);
     }
 }
 
@@ -154,4 +143,11 @@ struct Stage {
     /// Instead of the reason's own words.
     message: Option<String>,
     values: Map<String, Value>,
+    /// Who holds control, if that is why it was refused.
+    holder: Option<Owner>,
+}
+
+/// Whoever is refused because somebody else holds control is told who that is.
+fn other_owner(holder: Option<Owner>) -> Option<String> {
+    holder.map(|holder| format!("{}: {holder}", Reason::OtherOwner.text()))
 }

@@ -11,6 +11,7 @@ use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{ControlView, DriveView, RunState};
+use crate::journal::Attempt;
 use crate::profile::check;
 use crate::profile::model::Model;
 use crate::vendors;
@@ -41,6 +42,7 @@ pub(super) fn settings(version: Version) -> Settings {
         probe_timeout: Duration::from_secs(10),
         command_ttl: Duration::from_secs(1),
         response_prefix: Some("vfd/answers".into()),
+        keep_telemetry: 0,
     }
 }
 
@@ -220,6 +222,8 @@ impl Rig {
 
     pub(super) fn report(&mut self, ticket: Ticket, report: Report, is_final: bool) -> Vec<Act> {
         let answer = CommandAnswer { asker: AskerId::MQTT, ticket, drive: DriveIndex(0), report, is_final };
+        let views: Vec<_> = self.views.iter().cloned().map(Arc::new).collect();
+        self.session.see(&views);
         self.session.command_answer(self.at(), &answer);
         self.acts()
     }
@@ -280,6 +284,11 @@ pub(super) fn commands(acts: &[Act]) -> Vec<&CommandRequest> {
 
 pub(super) fn orders(acts: &[Act]) -> Vec<&Order> {
     commands(acts).into_iter().map(|request| &request.order).collect()
+}
+
+/// Attempts that no line saw.
+pub(super) fn kept(acts: &[Act]) -> Vec<&Attempt> {
+    acts.iter().filter_map(|act| if let Act::Keep(_, attempt) = act { Some(attempt) } else { None }).collect()
 }
 
 pub(super) fn reads(acts: &[Act]) -> Vec<&NativeRequest> {

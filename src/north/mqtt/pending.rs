@@ -2,7 +2,7 @@
 
 use super::payload::is_stop;
 use super::results::Reply;
-use crate::domain::command::Order;
+use crate::domain::command::{Order, Owner};
 use crate::domain::ids::Ticket;
 use crate::domain::time::MonoTime;
 use serde_json::Value;
@@ -21,6 +21,8 @@ pub(super) struct Pending {
     pub(super) ticket: Ticket,
     /// Place of the drive in the session's list.
     pub(super) drive: usize,
+    /// Who asked.
+    pub(super) by: Owner,
     pub(super) id: Value,
     pub(super) what: What,
     pub(super) reply: Option<Reply>,

@@ -35,11 +35,13 @@ pub(super) enum Content {
 pub(super) struct Slot {
     topic: String,
     published: Option<(MonoTime, Content)>,
+    /// What was told last, be it by a publication or for later: it outlives the connection.
+    told: Option<Content>,
 }
 
 impl Slot {
     pub(super) const fn new(topic: String) -> Self {
-        Self { topic, published: None }
+        Self { topic, published: None, told: None }
     }
 
     /// Whether `content` is to be published now; from then on it counts as published. Words that `differ` does not
@@ -54,9 +56,29 @@ impl Slot {
             (Some((at, old)), new) => old != new || now.at.since(*at) >= now.heartbeat,
         };
         if is_due {
+            self.told = Some(content.clone());
             self.published = Some((now.at, content));
         }
         is_due
+    }
+
+    /// Whether `content` is something else than what was told last; from then on it counts as told. That a value is not
+    /// known any more is not.
+    pub(super) fn tell(&mut self, content: &Content, differ: impl Fn(u16, u16) -> bool) -> bool {
+        let is_new = match (&self.told, content) {
+            (_, Content::Cleared) => false,
+            (Some(Content::Word(old)), Content::Word(new)) => differ(*old, *new),
+            (old, new) => old.as_ref() != Some(new),
+        };
+        if is_new {
+            self.told = Some(content.clone());
+        }
+        is_new
+    }
+
+    /// The topic.
+    pub(super) fn topic(&self) -> &str {
+        &self.topic
     }
 
     /// Whether something stands on the topic.
