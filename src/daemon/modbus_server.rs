@@ -288,4 +288,6 @@ fn instant_of(now: MonoTime, at: MonoTime) -> Instant {
 }
 
 #[cfg(test)]
+mod audit_tests;
+#[cfg(test)]
 mod tests;

@@ -211,7 +211,7 @@ mod tests {
     use super::super::uniform::Uniform;
     use super::super::words::Words;
     use super::*;
-    use crate::domain::command::Owner;
+    use crate::domain::command::{Owner, Reason};
     use crate::domain::report::LineReport;
     use crate::drive::view::DriveView;
     use std::sync::Arc;
@@ -248,7 +248,7 @@ mod tests {
             MapUnit::Uniform => plant.0.take(ask, view, &present, &mut words),
             MapUnit::Own => own::take(own::UNIT, ask, plant, &present, &mut words),
         };
-        !matches!(taken, Taken::Exception(_))
+        !matches!(taken, Taken::Exception(_) | Taken::Refused(Reason::NotListed | Reason::NotCapable))
     }
 
     fn is_listed(unit: MapUnit, tables: &[MapTable], address: u16, is_written: bool) -> bool {

@@ -131,7 +131,7 @@ impl Rig {
         let now = self.now();
         let view = &mut self.views[index];
         (view.line_is_up, view.snapshot.presence, view.run_state) = (true, Presence::Online, RunState::Stopped);
-        (view.trip.active, view.trip.count) = (Some(false), Some(2));
+        (view.trip.active, view.trip_kept.count) = (Some(false), Some(2));
         view.snapshot.take(0x0101, &[output], now);
         view.snapshot.take(0x0112, &[2], now);
         view.snapshot.take(0x0201, &[4_000], now);

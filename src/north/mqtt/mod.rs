@@ -38,6 +38,8 @@ mod command_tests;
 #[cfg(test)]
 mod harness;
 #[cfg(test)]
+mod outage_tests;
+#[cfg(test)]
 mod session_tests;
 #[cfg(test)]
 mod telemetry_tests;
