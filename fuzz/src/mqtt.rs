@@ -20,7 +20,7 @@ use vfd_gateway::north::mqtt::{
 
 const BASE: &str = "vfd/plant/";
 const RESPONSES: &str = "vfd/answers";
-const TOPICS: [&str; 14] = [
+const TOPICS: [&str; 17] = [
     "vfd/plant/drive/pump/command",
     "vfd/plant/drive/pump/run/set",
     "vfd/plant/drive/pump/frequency/set",
@@ -35,6 +35,9 @@ const TOPICS: [&str; 14] = [
     "vfd/plant/probe",
     "home/status",
     "",
+    "vfd/plant/drive/pump/control/take",
+    "vfd/plant/by/plc-2/drive/pump/command",
+    "vfd/plant/by/plc 2/drive/pump/run/set",
 ];
 /// No command waits longer for its first frame.
 const TTL_MAX: Duration = Duration::from_secs(60);

@@ -195,7 +195,7 @@ fn times_and_versions_stay_in_their_range() {
         ("heartbeat = '500ms'", "heartbeat: 500ms is out of range; a time from \"1s\" to \"1h\""),
         ("keep_alive = '1s'", "keep_alive: 1s is out of range; a time from \"5s\" to \"10min\""),
         ("keep_alive = '5500ms'", "keep_alive: the protocol counts this time in whole seconds; \"5s\""),
-        ("keep_telemetry = 100001", "keep_telemetry: 100001 is not valid; a whole number from 0 to 100000"),
+        ("keep_telemetry = 100001", "keep_telemetry: 100001 is out of range; a whole number from 0 to 100000"),
         ("probe_interval = '100ms'", "probe_interval: 100ms is out of range; a time from \"200ms\" to \"1min\""),
         ("command_ttl = '2min'", "command_ttl: 2min is out of range; a time from \"100ms\" to \"1min\""),
         ("lease = 'sesion'", "lease: `sesion` is none of the words; \"session\""),

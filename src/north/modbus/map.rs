@@ -152,8 +152,8 @@ const MAP: [MapRow; 75] = [
     word(10, "torque", "0.1 %, signed"),
     word(11, "temperature", "0.1 degC, signed"),
     word(12, "age of the oldest polled value", "10 ms, 65535 more"),
-    word(13, "trips seen", "count, stays at 65534"),
-    word(14, "code of the last trip", "the vendor's number, 0 none"),
+    word(13, "trips that are kept", "count, stays at 65534"),
+    word(14, "code of the last of them", "the vendor's number, 0 none, 65535 not known"),
     word(15, "status bits that this drive can report", "mask of word 1"),
     word(16, "life counter", "s, wraps"),
     word(17, "alarms", "bit 0 a stop had no effect, 1 fail-safe ran, 2 stale data, 3 line down"),
@@ -200,7 +200,7 @@ const MAP: [MapRow; 75] = [
     drive(4, "trip code", "the vendor's number, 0 none"),
     drive(5, "output current", "0.1 A"),
     drive(6, "age of the oldest polled value", "10 ms, 65535 more"),
-    drive(7, "trips seen", "count, stays at 65534"),
+    drive(7, "trips that are kept", "count, stays at 65534"),
 ];
 
 #[cfg(test)]

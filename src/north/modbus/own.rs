@@ -30,7 +30,7 @@ pub(super) const DRIVES: u16 = 1000;
 /// Words of each drive.
 pub(super) const DRIVE_WORDS: u16 = 8;
 /// The words of a drive in terms of the uniform map: status bits, run state, output frequency, setpoint, trip code,
-/// current, age, trips seen.
+/// current, age, trips that are kept.
 const DRIVE_COLUMNS: [u16; DRIVE_WORDS as usize] = [1, 2, 4, 5, 3, 6, 12, 13];
 
 /// What a listener serves of the gateway. Lines and drives are numbered as in the configuration, whoever serves them,

@@ -62,18 +62,19 @@ impl Slot {
         is_due
     }
 
-    /// Whether `content` is something else than what was told last; from then on it counts as told. That a value is not
-    /// known any more is not.
+    /// Whether `content` is something else than what was told last; from then on it counts as told. The first content of
+    /// all is no change, nor is it one that a value is not known any more.
     pub(super) fn tell(&mut self, content: &Content, differ: impl Fn(u16, u16) -> bool) -> bool {
         let is_new = match (&self.told, content) {
-            (_, Content::Cleared) => false,
+            (_, Content::Cleared) => return false,
             (Some(Content::Word(old)), Content::Word(new)) => differ(*old, *new),
             (old, new) => old.as_ref() != Some(new),
         };
+        let is_first = self.told.is_none();
         if is_new {
             self.told = Some(content.clone());
         }
-        is_new
+        is_new && !is_first
     }
 
     /// The topic.
