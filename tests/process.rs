@@ -15,6 +15,7 @@
 //! | `topics` | the topic tree for subscribers, and trips |
 //! | `commanding` | commands over MQTT are answered and move the motor, and what is no command moves nothing |
 //! | `replays` | what a broker has kept moves nothing |
+//! | `owning` | commanders with names of their own on MQTT, and what the broker grants to each |
 //! | `stopping` | STOP by every way, and nobody goes on behind it |
 //! | `losing` | the commander, the broker or the gateway is gone, and the motor does not run on |
 //! | `uniform` | the uniform unit and the exceptions as Modbus clients see them |
@@ -54,6 +55,8 @@ mod losing;
 mod network;
 #[path = "process/overseeing.rs"]
 mod overseeing;
+#[path = "process/owning.rs"]
+mod owning;
 #[path = "process/reading.rs"]
 mod reading;
 #[path = "process/refusing.rs"]

@@ -20,7 +20,7 @@ use vfd_gateway::north::mqtt::{
 
 const BASE: &str = "vfd/plant/";
 const RESPONSES: &str = "vfd/answers";
-const TOPICS: [&str; 14] = [
+const TOPICS: [&str; 17] = [
     "vfd/plant/drive/pump/command",
     "vfd/plant/drive/pump/run/set",
     "vfd/plant/drive/pump/frequency/set",
@@ -35,6 +35,9 @@ const TOPICS: [&str; 14] = [
     "vfd/plant/probe",
     "home/status",
     "",
+    "vfd/plant/drive/pump/control/take",
+    "vfd/plant/by/plc-2/drive/pump/command",
+    "vfd/plant/by/plc 2/drive/pump/run/set",
 ];
 /// No command waits longer for its first frame.
 const TTL_MAX: Duration = Duration::from_secs(60);
@@ -62,6 +65,7 @@ fn settings(flags: u8) -> Settings {
         probe_timeout: Duration::from_secs(10),
         command_ttl: Duration::from_secs(1),
         response_prefix: Some(RESPONSES.into()),
+        keep_telemetry: 50,
     }
 }
 
@@ -151,6 +155,11 @@ impl Rig {
         let taken = acts.iter().filter(|act| matches!(act, Act::Command(..) | Act::Read(..))).count();
         let is_input = topic.starts_with("vfd/plant/drive/pump/") && !message.payload.is_empty();
         assert!(!is_input || ends + taken as u64 >= 1, "neither taken nor refused: {message:?}");
+        let kept = acts.iter().filter(|act| matches!(act, Act::Keep(..))).count();
+        let writes = is_input && !topic.ends_with("/get") && !topic.ends_with("/lease");
+        let ordered = acts.iter().filter(|act| matches!(act, Act::Command(..))).count();
+        assert!(!writes || ordered + kept == 1, "accounted for {} times: {message:?}", ordered + kept);
+        assert!(kept <= 1, "kept {kept} times: {message:?}");
         assert_eq!(after.messages_in, before.messages_in + 1);
     }
 
@@ -232,7 +241,9 @@ impl Rig {
                     assert!(before.is_none(), "a ticket twice");
                 }
                 Act::Read(_, request) => self.reads.push(request.ticket),
+                Act::Keep(_, attempt) => assert!(attempt.report.is_some(), "no end follows: {attempt:?}"),
                 Act::Subscribe(_) | Act::PathAlive | Act::PathOpened | Act::Reconnect(_) => {}
+                Act::EventTaken(_) | Act::WantEvents { .. } => {}
             }
             all.push(act);
             assert!(all.len() < ACTS_MAX, "no end of acts");

@@ -168,6 +168,7 @@ pub(super) struct MqttFile {
     pub probe_interval: Given<Duration>,
     pub command_ttl: Given<Duration>,
     pub response_prefix: Given<String>,
+    pub keep_telemetry: Given<u32>,
     pub ca_file: Given<PathBuf>,
     pub client_cert_file: Given<PathBuf>,
     pub client_key_file: Given<PathBuf>,

@@ -60,6 +60,7 @@ pub(super) fn settle(file: &MqttFile, lease: LeaseMode, problems: &mut Vec<Probl
         probe_interval: file.probe_interval.or(DEFAULT_PROBE_INTERVAL)?,
         command_ttl: file.command_ttl.or(DEFAULT_COMMAND_TTL)?,
         response_prefix: file.response_prefix.clone().optional()?,
+        keep_telemetry: file.keep_telemetry.or(0)?,
     })
 }
 

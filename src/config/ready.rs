@@ -207,6 +207,8 @@ pub struct MqttSettings {
     pub command_ttl: Duration,
     /// Topics under which a requester may ask for the response; nothing: response topics are ignored.
     pub response_prefix: Option<String>,
+    /// Most changes of telemetry that are kept while the broker is away, 0 to 100,000; 0: none.
+    pub keep_telemetry: u32,
 }
 
 impl MqttSettings {
@@ -233,6 +235,7 @@ impl MqttSettings {
             probe_timeout: self.probe_interval * Self::PROBES,
             command_ttl: self.command_ttl,
             response_prefix: self.response_prefix.clone(),
+            keep_telemetry: usize::try_from(self.keep_telemetry).unwrap_or(usize::MAX),
         }
     }
 }

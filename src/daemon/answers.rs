@@ -5,6 +5,7 @@ use crate::domain::ids::AskerId;
 use crate::domain::native::NativeAnswer;
 use crate::drive::description::DriveRef;
 use crate::drive::view::TripEvent;
+use crate::journal::StoredEvent;
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::Notify;
 
@@ -17,6 +18,13 @@ pub enum News {
     Command(CommandAnswer),
     /// A drive has tripped, or its trip holds no more. Only the MQTT side is told.
     Trip(DriveRef, TripEvent),
+    /// Events of the journal, which the MQTT side has asked for; none and more is a bell.
+    Events {
+        /// In rising order of their numbers.
+        events: Vec<StoredEvent>,
+        /// There are others behind these.
+        more: bool,
+    },
 }
 
 impl News {
@@ -26,7 +34,7 @@ impl News {
         match self {
             Self::Native(answer) => answer.asker,
             Self::Command(answer) => answer.asker,
-            Self::Trip(..) => AskerId::MQTT,
+            Self::Trip(..) | Self::Events { .. } => AskerId::MQTT,
         }
     }
 }

@@ -12,6 +12,7 @@ pub mod build;
 pub mod clock;
 pub mod http;
 pub mod inbox;
+pub mod keeping;
 pub mod line_end;
 pub mod line_thread;
 pub mod local;

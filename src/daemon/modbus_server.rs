@@ -1,10 +1,12 @@
 //! Modbus TCP listeners: sockets on one side, [`Connection`] machines on the other.
 
 mod calls;
+mod keeper;
 
 use super::answers::{AnswerBox, News};
 use super::clock;
 use super::inbox::Message;
+use super::keeping::Journal;
 use super::router::Router;
 use super::totals::ModbusTotals;
 use crate::config::ListenerSettings;
@@ -12,8 +14,9 @@ use crate::domain::command::{Manner, Origin, Owner, Rights};
 use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
 use crate::guard::access;
-use crate::north::modbus::{Commands, Connection, Counters, Limits, Words};
+use crate::north::modbus::{Commands, Connection, Counters, Kept, Limits, Words};
 use ipnet::IpNet;
+use keeper::Keeper;
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
 use std::future::poll_fn;
@@ -42,6 +45,7 @@ pub const CONNECTIONS_MAX: usize = 4096;
 #[derive(Debug, Default)]
 pub struct Server {
     totals: Arc<ModbusTotals>,
+    keeper: Rc<Keeper>,
     clients: RefCell<HashMap<AskerId, Rc<Client>>>,
     last: Cell<u64>,
 }
@@ -65,6 +69,7 @@ struct Client {
     /// When a read renewed a lease last, by the place of the drive.
     renewed: RefCell<HashMap<usize, MonoTime>>,
     router: Rc<Router>,
+    keeper: Rc<Keeper>,
     /// Rung when the machine was changed by somebody other than its own task.
     bell: Notify,
     totals: Arc<ModbusTotals>,
@@ -73,10 +78,10 @@ struct Client {
 }
 
 impl Server {
-    /// A server without listeners that counts into `totals`.
+    /// A server without listeners that counts into `totals`. What no line sees goes to `journal`.
     #[must_use]
-    pub fn new(totals: Arc<ModbusTotals>) -> Self {
-        Self { totals, ..Self::default() }
+    pub fn new(totals: Arc<ModbusTotals>, journal: Journal) -> Self {
+        Self { totals, keeper: Rc::new(Keeper::new(journal)), ..Self::default() }
     }
 
     /// Accepts connections of those whom `settings` allow until the task is dropped.
@@ -145,6 +150,7 @@ impl Server {
             commands: RefCell::default(),
             renewed: RefCell::default(),
             router,
+            keeper: Rc::clone(&self.keeper),
             bell: Notify::new(),
             totals: Arc::clone(&self.totals),
             counted: Cell::default(),
@@ -190,6 +196,7 @@ impl Client {
                 () = self.bell.notified() => Ok(()),
                 () = &mut wake => {
                     self.machine.borrow_mut().tick(clock::now());
+                    self.keep();
                     wake.as_mut().reset(Instant::now() + Duration::from_secs(3600));
                     self.flush()
                 }
@@ -219,7 +226,19 @@ impl Client {
             self.serve_call(now, &mut machine, call, &mut words);
         }
         drop(machine);
+        self.keep();
         self.flush()
+    }
+
+    /// Hands on what the machine says of attempts that no line saw.
+    fn keep(&self) {
+        while let Some(Kept { unit, tried, report }) = self.next_kept() {
+            self.keeper.keep(self.router.drive_of(unit), self.origin.owner, tried, report);
+        }
+    }
+
+    fn next_kept(&self) -> Option<Kept> {
+        self.machine.borrow_mut().next_kept()
     }
 
     /// Adds what is new to the totals.
@@ -268,5 +287,7 @@ fn instant_of(now: MonoTime, at: MonoTime) -> Instant {
     Instant::now() + at.since(now)
 }
 
+#[cfg(test)]
+mod audit_tests;
 #[cfg(test)]
 mod tests;

@@ -3,6 +3,7 @@
 use super::answers::{AnswerBox, NorthSides};
 use super::clock;
 use super::http::{self, State, socket::OwnSocket};
+use super::keeping::Journal;
 use super::local::LocalSide;
 use super::modbus_server::Server;
 use super::mqtt::speaker::Speaker;
@@ -85,6 +86,8 @@ impl North {
         socket: Option<OwnSocket>,
         mqtt: Option<Mqtt>,
     ) -> Self {
+        // Nothing keeps what the north sides say.
+        let journal: Journal = None;
         let modbus_totals = Arc::new(ModbusTotals::default());
         let mqtt_totals = mqtt.is_some().then(Arc::<MqttTotals>::default);
         let state = Arc::new(State {
@@ -103,10 +106,10 @@ impl North {
             tokio::task::spawn_local(Arc::clone(&side).distribute(sides.local));
             tokio::task::spawn_local(socket.serve(state, side));
         }
-        serve_modbus(config, bound.modbus, shared, sides.modbus, modbus_totals);
+        serve_modbus(config, bound.modbus, shared, sides.modbus, Server::new(modbus_totals, journal.clone()));
         let mqtt = mqtt.zip(mqtt_totals).zip(sides.mqtt).map(|(((connection, settings), totals), news)| {
             let at = mqtt::moment();
-            let speaker = Speaker::new(settings, Arc::clone(shared), news, totals, at);
+            let speaker = Speaker::new(settings, Arc::clone(shared), news, totals, journal, at);
             let (stop, stopped) = oneshot::channel();
             (stop, tokio::task::spawn_local(speak(connection, speaker, Arc::clone(shared), stopped)))
         });
@@ -129,10 +132,10 @@ fn serve_modbus(
     listeners: Vec<TcpListener>,
     shared: &Arc<Shared>,
     news: Arc<AnswerBox>,
-    totals: Arc<ModbusTotals>,
+    server: Server,
 ) {
     let units = Units::new(shared);
-    let server = Rc::new(Server::new(totals));
+    let server = Rc::new(server);
     for (listener, settings) in listeners.into_iter().zip(&config.listeners) {
         let router = Rc::new(Router::new(settings, units.clone()));
         tokio::task::spawn_local(Rc::clone(&server).listen(listener, settings.clone(), router));

@@ -7,6 +7,7 @@ use crate::config::ListenerSettings;
 use crate::domain::ids::DriveIndex;
 use crate::domain::report::LineReport;
 use crate::domain::time::MonoTime;
+use crate::drive::description::DriveRef;
 use crate::drive::view::DriveView;
 use crate::north::modbus::{Ask, Uniform, native, own};
 use std::rc::Rc;
@@ -107,6 +108,15 @@ impl Router {
             Route::Uniform(place) => Target::Uniform(self.drive_at(place)?),
             Route::Own => Target::Own,
         })
+    }
+
+    /// The drive that `unit` is; nothing if it is none.
+    #[must_use]
+    pub fn drive_of(&self, unit: u8) -> Option<DriveRef> {
+        match self.routes.get(usize::from(unit)).copied().flatten()? {
+            Route::Native(place) | Route::Uniform(place) => Some(self.drive_at(place)?.shared.description.place),
+            Route::Own => None,
+        }
     }
 
     /// Whether `ask` orders something to stop.

@@ -13,6 +13,7 @@ pub struct ModbusTotals {
     requests: AtomicU64,
     replies: AtomicU64,
     exceptions: [AtomicU64; Counters::EXCEPTION_CODES],
+    attempts_lost: AtomicU64,
 }
 
 impl ModbusTotals {
@@ -36,6 +37,7 @@ impl ModbusTotals {
     pub fn add(&self, before: &Counters, now: &Counters) {
         self.requests.fetch_add(now.requests.wrapping_sub(before.requests), Ordering::Relaxed);
         self.replies.fetch_add(now.replies.wrapping_sub(before.replies), Ordering::Relaxed);
+        self.attempts_lost.fetch_add(now.attempts_lost.wrapping_sub(before.attempts_lost), Ordering::Relaxed);
         for (total, (before, now)) in self.exceptions.iter().zip(before.exceptions.iter().zip(&now.exceptions)) {
             total.fetch_add(now.wrapping_sub(*before), Ordering::Relaxed);
         }
@@ -59,13 +61,14 @@ impl ModbusTotals {
         self.refused.load(Ordering::Relaxed)
     }
 
-    /// Requests, answers that are no exceptions, and exceptions by code, as in [`Counters`].
+    /// What all connections have counted.
     #[must_use]
     pub fn counters(&self) -> Counters {
         Counters {
             requests: self.requests.load(Ordering::Relaxed),
             replies: self.replies.load(Ordering::Relaxed),
             exceptions: std::array::from_fn(|code| self.exceptions[code].load(Ordering::Relaxed)),
+            attempts_lost: self.attempts_lost.load(Ordering::Relaxed),
         }
     }
 }

@@ -116,6 +116,15 @@ pub enum Owner {
     Local,
 }
 
+impl Owner {
+    /// Whether the commands of this owner come by the way of `way`, so that a sign of life of the way is one of the owner:
+    /// all commanders on MQTT share the way through the broker, which is that of [`Owner::Mqtt`].
+    #[must_use]
+    pub fn comes_by(self, way: Self) -> bool {
+        self == way || matches!((self, way), (Self::MqttBy(_), Self::Mqtt))
+    }
+}
+
 impl fmt::Display for Owner {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -286,6 +295,18 @@ mod tests {
     #[test]
     fn an_order_that_sets_nothing_cannot_be_built() {
         assert_eq!(Go::new(Vec::new(), None, None), None);
+    }
+
+    #[test]
+    fn every_commander_on_mqtt_comes_through_the_broker() {
+        let by = |name| Owner::MqttBy(CommanderName::new(name).unwrap());
+        for owner in [Owner::Mqtt, by("a"), by("b")] {
+            assert!(owner.comes_by(Owner::Mqtt), "{owner}");
+        }
+        for owner in [Owner::Local, Owner::ModbusTcp(IpAddr::from([10, 0, 0, 1]))] {
+            assert!(owner.comes_by(owner) && !owner.comes_by(Owner::Mqtt), "{owner}");
+        }
+        assert!(!by("a").comes_by(by("b")) && !Owner::Mqtt.comes_by(by("a")));
     }
 
     #[test]

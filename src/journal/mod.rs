@@ -3,6 +3,8 @@
 
 pub mod entry;
 pub mod remembered;
+pub mod stored;
 
 pub use entry::{Attempt, AttemptId, Cause, Entry, Keep, RowNumber, Tried};
 pub use remembered::{Remembered, RememberedLease, RememberedStop, TripBaseline};
+pub use stored::StoredEvent;

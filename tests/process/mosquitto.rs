@@ -18,13 +18,18 @@ pub struct Mosquitto {
 impl Mosquitto {
     /// Starts a broker that keeps its files in `directory`, retained messages over a restart too.
     pub fn start(directory: &Path) -> Self {
+        Self::start_with(directory, "")
+    }
+
+    /// Starts a broker with `more` in its configuration.
+    pub fn start_with(directory: &Path, more: &str) -> Self {
         let (port, data) = (free_port(), directory.join("mosquitto"));
         std::fs::create_dir(&data).unwrap();
         let file = directory.join("mosquitto.conf");
         // Started as root it would become another user, who may not write here.
         let text = format!(
             "listener {port} 127.0.0.1\nallow_anonymous true\nuser root\npersistence true\n\
-             persistence_location {}/\nlog_dest stderr\n",
+             persistence_location {}/\nlog_dest stderr\n{more}",
             data.display()
         );
         std::fs::write(&file, text).unwrap();
@@ -103,10 +108,19 @@ pub struct Message {
 impl Subscriber {
     /// Subscribes `filter`, and returns when the broker has granted that.
     pub fn new(broker: &Mosquitto, version: &str, filter: &str) -> Self {
+        Self::with(broker, version, filter, &[])
+    }
+
+    /// Subscribes `filter` for a client called `id`, for which the broker keeps what comes while it is away.
+    pub fn lasting(broker: &Mosquitto, id: &str, filter: &str) -> Self {
+        Self::with(broker, "mqttv311", filter, &["-c", "-i", id])
+    }
+
+    fn with(broker: &Mosquitto, version: &str, filter: &str, more: &[&str]) -> Self {
         let mut command = Command::new("stdbuf");
         command.args(["-oL", "mosquitto_sub", "-h", "127.0.0.1", "-p", &broker.port.to_string(), "-V", version]);
         // -d tells when the subscription is granted.
-        command.args(["-q", "1", "-d", "-F", "%j", "-t", filter]);
+        command.args(["-q", "1", "-d", "-F", "%j", "-t", filter]).args(more);
         let program = Started::new(command);
         program.wait_for("that it is subscribed", |line| line.starts_with("Subscribed (").then_some(()));
         Self { program }

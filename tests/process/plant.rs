@@ -37,6 +37,8 @@ pub struct Wish<'a> {
     pub mqtt: &'a str,
     /// How long a commander may be silent; [`LOST_AFTER`] without.
     pub lost_after: &'a str,
+    /// Who may publish and read what at the broker, as mosquitto reads it; anybody anything without.
+    pub access: &'a str,
     /// The drive has no control section.
     pub read_only: bool,
 }
@@ -69,7 +71,7 @@ impl Plant {
     pub fn prepared(wish: Wish<'_>, before: impl FnOnce(&Mosquitto)) -> Self {
         let place = Place::new();
         let port = place.file("line");
-        let broker = Mosquitto::start(&place.file(""));
+        let broker = broker(&place, wish.access);
         let drive = simulate(port.to_str().unwrap(), wish.simulate);
         before(&broker);
         std::fs::create_dir(place.file("data")).unwrap();
@@ -214,6 +216,14 @@ impl Plant {
         assert_eq!(results.last().unwrap()["outcome"], "confirmed", "{results:?}");
         assert_eq!(self.written()[seen..], [(FREQUENCY, 1234)]);
     }
+}
+
+fn broker(place: &Place, access: &str) -> Mosquitto {
+    if access.is_empty() {
+        return Mosquitto::start(&place.file(""));
+    }
+    let file = place.write("access", access);
+    Mosquitto::start_with(&place.file(""), &format!("acl_file {}\n", file.display()))
 }
 
 fn simulate(link: &str, more: &[&str]) -> Started {

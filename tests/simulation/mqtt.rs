@@ -58,6 +58,7 @@ impl MqttSide {
             probe_timeout: Duration::from_secs(3),
             command_ttl: Duration::from_secs(1),
             response_prefix: None,
+            keep_telemetry: 0,
         };
         let name = Name::new("line").expect("a name");
         let session = Session::new(settings, world.descriptions.clone(), vec![name], moment(world.now));
@@ -286,6 +287,7 @@ impl World {
             Act::PathAlive => self.core.handle(self.now, Input::PathAlive(Owner::Mqtt)),
             Act::PathOpened => self.core.handle(self.now, Input::PathOpened(Owner::Mqtt)),
             Act::Subscribe(_) | Act::Publish(_) | Act::Reconnect(_) => {}
+            Act::Keep(..) | Act::EventTaken(_) | Act::WantEvents { .. } => {}
         }
     }
 

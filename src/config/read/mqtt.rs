@@ -15,6 +15,8 @@ const HEARTBEAT: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::f
 const KEEP_ALIVE: RangeInclusive<Duration> = Duration::from_secs(5)..=Duration::from_secs(600);
 const PROBE_INTERVAL: RangeInclusive<Duration> = Duration::from_millis(200)..=Duration::from_secs(60);
 const COMMAND_TTL: RangeInclusive<Duration> = Duration::from_millis(100)..=Duration::from_secs(60);
+/// Most changes that may be kept: some ten megabytes.
+const KEEP_TELEMETRY_MAX: u32 = 100_000;
 
 /// Most bytes of a topic, a prefix or a client identifier of the file: far below what a broker takes.
 const MAX_BYTES: usize = 128;
@@ -45,6 +47,7 @@ pub(super) fn read_mqtt(mut reader: Reader<'_, '_>) -> MqttFile {
         probe_interval: reader.optional("probe_interval", &Kind::duration(PROBE_INTERVAL)),
         command_ttl: reader.optional("command_ttl", &Kind::duration(COMMAND_TTL)),
         response_prefix: reader.optional("response_prefix", &topics()),
+        keep_telemetry: reader.optional("keep_telemetry", &Kind::number(0..=KEEP_TELEMETRY_MAX)),
         ca_file: reader.optional("ca_file", &absolute_path()),
         client_cert_file: reader.optional("client_cert_file", &absolute_path()),
         client_key_file: reader.optional("client_key_file", &absolute_path()),

@@ -22,7 +22,10 @@ fn a_broker_is_all_that_must_be_named() {
     assert_eq!((found.prefix.as_str(), found.lease), ("vfd", LeaseMode::Session));
     assert_eq!((found.heartbeat, found.keep_alive), (Duration::from_secs(60), Duration::from_secs(15)));
     assert_eq!((found.probe_interval, found.command_ttl), (Duration::from_secs(1), Duration::from_secs(1)));
-    assert_eq!((found.alive_topic.as_deref(), &found.response_prefix), (Some("homeassistant/status"), &None));
+    assert_eq!(
+        (found.alive_topic.as_deref(), &found.response_prefix, found.keep_telemetry),
+        (Some("homeassistant/status"), &None, 0)
+    );
     let name = Name::new("plant-a").unwrap();
     assert_eq!(found.client_id(&name), "vfd-gateway-plant-a");
     let session = found.session(name.clone());
@@ -37,7 +40,7 @@ fn everything_that_is_written_is_taken() {
         "mqtts://[fd00::7]",
         "user = 'vfd'\npassword_file = '/run/secrets/mqtt'\nclient_id = 'gw'\nversion = 5\nprefix = 'plant/vfd'\n\
          heartbeat = '10s'\nkeep_alive = '30s'\nalive_topic = ''\nprobe_interval = '500ms'\ncommand_ttl = '2s'\n\
-         response_prefix = 'scada/answers'\nca_file = '/etc/ca.pem'\nclient_cert_file = '/etc/gw.pem'\n\
+         response_prefix = 'scada/answers'\nkeep_telemetry = 100000\nca_file = '/etc/ca.pem'\nclient_cert_file = '/etc/gw.pem'\n\
          client_key_file = '/etc/gw.key'",
     ));
     let (cert_file, key_file) = (PathBuf::from("/etc/gw.pem"), PathBuf::from("/etc/gw.key"));
@@ -192,6 +195,7 @@ fn times_and_versions_stay_in_their_range() {
         ("heartbeat = '500ms'", "heartbeat: 500ms is out of range; a time from \"1s\" to \"1h\""),
         ("keep_alive = '1s'", "keep_alive: 1s is out of range; a time from \"5s\" to \"10min\""),
         ("keep_alive = '5500ms'", "keep_alive: the protocol counts this time in whole seconds; \"5s\""),
+        ("keep_telemetry = 100001", "keep_telemetry: 100001 is out of range; a whole number from 0 to 100000"),
         ("probe_interval = '100ms'", "probe_interval: 100ms is out of range; a time from \"200ms\" to \"1min\""),
         ("command_ttl = '2min'", "command_ttl: 2min is out of range; a time from \"100ms\" to \"1min\""),
         ("lease = 'sesion'", "lease: `sesion` is none of the words; \"session\""),

@@ -213,7 +213,10 @@ fn metrics_show_lines_drives_and_only_fresh_values() {
     let text = || super::metrics::text(Arc::clone(&state), now).unwrap();
     seen(Duration::from_millis(2900));
     state.modbus.opened();
-    state.modbus.add(&Counters::default(), &Counters { requests: 3, replies: 2, exceptions: one_of_02() });
+    state.modbus.add(
+        &Counters::default(),
+        &Counters { requests: 3, replies: 2, exceptions: one_of_02(), ..Counters::default() },
+    );
     let fresh = text();
     for line in [
         "# TYPE vfd_gateway_line_requests counter",

@@ -4,11 +4,12 @@ use super::super::answers::News;
 use super::super::inbox::{Full, Inbox, Message};
 use super::super::router::{Drive, Target};
 use super::Client;
-use crate::domain::command::{CommandAnswer, CommandRequest, Order};
+use crate::domain::command::{CommandAnswer, CommandRequest, Order, Reason, Report};
 use crate::domain::ids::{DriveIndex, Ticket};
-use crate::domain::native::NativeRequest;
+use crate::domain::native::{NativeAsk, NativeRequest};
 use crate::domain::time::MonoTime;
 use crate::guard::COMMAND_DEADLINE;
+use crate::journal::Tried;
 use crate::north::modbus::{
     Answer, Ask, Call, Connection, Ended, Ordered, Present, ReadBehind, Taken, Words, native, own,
 };
@@ -21,16 +22,15 @@ const RENEW_EVERY: Duration = Duration::from_millis(100);
 impl Client {
     /// Answers a call at once, or hands it on.
     pub(super) fn serve_call(&self, now: MonoTime, machine: &mut Connection, call: Call, words: &mut Words) {
-        let ticket = call.ticket;
         match self.router.find(call.unit) {
             Some(Target::Native(inbox, drive)) => {
-                if let Err(code) = self.ask_drive(inbox, drive, call) {
-                    machine.answer(now, ticket, Answer::Exception(code));
+                if let Err((tried, reason)) = self.ask_drive(inbox, drive, &call) {
+                    machine.refuse(now, &call, tried, Report::refused(reason));
                 }
             }
             Some(Target::Uniform(drive)) => {
                 let taken = drive.unit.take(&call.ask, &drive.shared.view.load(), &self.present(now), words);
-                if self.reads_renew && !call.ask.writes() && !matches!(taken, Taken::Exception(_)) {
+                if self.reads_renew && !call.ask.writes() && !matches!(taken, Taken::Exception(_) | Taken::Refused(_)) {
                     self.renew(now, machine, drive);
                 }
                 self.settle(now, machine, &call, taken, words, Some(drive));
@@ -39,16 +39,22 @@ impl Client {
                 let taken = own::take(call.unit, &call.ask, self.router.as_ref(), &self.present(now), words);
                 self.settle(now, machine, &call, taken, words, None);
             }
-            None => machine.answer(now, ticket, Answer::Exception(exception::GATEWAY_PATH_UNAVAILABLE)),
+            None => machine.refuse(now, &call, tried_of(&call), Report::refused(Reason::UnknownDrive)),
         }
     }
 
-    /// Hands a native request to its line, or returns the exception that answers it.
-    fn ask_drive(&self, inbox: &Inbox, drive: DriveIndex, call: Call) -> Result<(), u8> {
-        let Call { ticket, ask, deadline, .. } = call;
-        let ask = native::ask_of(ask)?;
+    /// Hands a native request to its line, or returns what was tried and why it is refused.
+    fn ask_drive(&self, inbox: &Inbox, drive: DriveIndex, call: &Call) -> Result<(), (Option<Tried>, Reason)> {
+        let Call { ticket, deadline, .. } = *call;
+        let ask = native::ask_of(call.ask.clone()).map_err(|_| (tried_of(call), Reason::NotCapable))?;
+        let tried = match &ask {
+            NativeAsk::Write { address, values } => {
+                Some(Tried::Registers { address: *address, values: values.clone() })
+            }
+            NativeAsk::Read { .. } | NativeAsk::Loop { .. } => None,
+        };
         let request = NativeRequest { asker: self.asker, ticket, drive, origin: self.origin, ask, deadline };
-        inbox.put(Message::Native(request)).map_err(|Full| exception::SERVER_DEVICE_BUSY)
+        inbox.put(Message::Native(request)).map_err(|Full| (tried, Reason::QueueFull))
     }
 
     /// Answers a call at once, or gives the orders that have to be answered first.
@@ -61,6 +67,9 @@ impl Client {
         words: &Words,
         drive: Option<Drive<'_>>,
     ) {
+        if let Taken::Refused(reason) = taken {
+            return machine.refuse(now, call, tried_of(call), Report::refused(reason));
+        }
         match (taken.at_once(words, |answer| machine.answer(now, call.ticket, answer)), drive) {
             (Ok(()), _) => {}
             (Err(Ordered::One(order)), Some(drive)) => {
@@ -78,25 +87,33 @@ impl Client {
         }
     }
 
-    /// Gives an order to a drive, or returns why not.
+    /// Gives an order to a drive, or returns why not. What its line does not take is an attempt all the same; to renew
+    /// a lease is none.
     fn order(&self, now: MonoTime, ticket: Ticket, drive: Drive<'_>, order: Order) -> Result<(), Full> {
-        drive.inbox.put(Message::Command(CommandRequest {
+        let place = drive.shared.description.place;
+        let command = CommandRequest {
             asker: self.asker,
             ticket,
-            drive: drive.shared.description.place.drive,
+            drive: place.drive,
             origin: self.origin,
-            order,
+            order: order.clone(),
             start_before: now + COMMAND_DEADLINE,
             issued: None,
             epoch: None,
-        }))
+        };
+        drive.inbox.put(Message::Command(command)).inspect_err(|Full| {
+            if order != Order::Renew {
+                let (owner, report) = (self.origin.owner, Report::refused(Reason::QueueFull));
+                self.keeper.keep(Some(place), owner, Tried::Order(order), report);
+            }
+        })
     }
 
     /// Waits for the answers to what was ordered for `call`. If nothing was (no drive has control), it is never
     /// allowed; if nothing could be, the answer comes at once.
     fn expect(&self, now: MonoTime, machine: &mut Connection, call: &Call, given: Vec<(Ticket, Result<(), Full>)>) {
         if given.is_empty() {
-            return machine.answer(now, call.ticket, Answer::Exception(exception::ILLEGAL_FUNCTION));
+            return machine.refuse(now, call, tried_of(call), Report::refused(Reason::ReadOnly));
         }
         let has_full = given.iter().any(|(_, result)| result.is_err());
         let worst = has_full.then_some(exception::SERVER_DEVICE_BUSY);
@@ -115,7 +132,7 @@ impl Client {
                 self.machine.borrow_mut().answer(now, answer.ticket, native::answer_of(&answer.outcome));
             }
             News::Command(answer) => self.hear_command(now, answer),
-            News::Trip(..) => {}
+            News::Trip(..) | News::Events { .. } => {}
         }
     }
 
@@ -154,6 +171,11 @@ impl Client {
     fn present(&self, now: MonoTime) -> Present {
         Present { now, uptime_s: self.router.uptime_s(now), owner: self.origin.owner }
     }
+}
+
+/// What a call tries to write, in words; nothing if it does not.
+fn tried_of(call: &Call) -> Option<Tried> {
+    call.ask.writes().then(|| call.ask.tried(call.unit))
 }
 
 /// What is read once the order in `call` is answered.

@@ -1,6 +1,7 @@
 //! The server over real sockets, with the test in the place of the lines.
 
 use super::super::inbox::{COMMANDS_MAX, INBOX_MAX};
+use super::super::keeping::NorthJournal;
 use super::super::router::Units;
 use super::super::shared::Shared;
 use super::*;
@@ -15,6 +16,7 @@ use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{ControlView, DriveView};
+use crate::journal::Attempt;
 use crate::profile::catalog::Catalog;
 use crate::vendors;
 use crate::wire::mbap;
@@ -22,7 +24,7 @@ use std::net::Ipv4Addr;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::task::LocalSet;
 
-const EVERY_LINE: ListenerSettings = ListenerSettings {
+pub(super) const EVERY_LINE: ListenerSettings = ListenerSettings {
     listen: SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 0),
     allow: None,
     write: Vec::new(),
@@ -33,10 +35,10 @@ const EVERY_LINE: ListenerSettings = ListenerSettings {
 
 /// A server with two lines of two drives each, on units 1 to 4 and 101 to 104, of which the first of each line
 /// has control. Nobody serves the lines: the test looks into their inboxes.
-struct Plant {
-    shared: Arc<Shared>,
+pub(super) struct Plant {
+    pub(super) shared: Arc<Shared>,
     answers: Arc<AnswerBox>,
-    address: SocketAddr,
+    pub(super) address: SocketAddr,
 }
 
 fn name(text: &str) -> Name {
@@ -86,14 +88,42 @@ fn show(drive: &super::super::shared::SharedDrive, lease: Option<(Owner, MonoTim
     drive.view.store(Arc::new(view));
 }
 
+/// Keeps what no line saw.
+#[derive(Debug, Default)]
+pub(super) struct Kept(std::sync::Mutex<Vec<(Option<DriveRef>, Attempt)>>);
+
+impl NorthJournal for Kept {
+    fn keep(&self, drive: Option<DriveRef>, attempt: Attempt) {
+        self.0.lock().unwrap().push((drive, attempt));
+    }
+
+    fn event_taken(&self, _: u64) {}
+
+    fn want_events(&self, _: u64) {}
+}
+
+impl Kept {
+    pub(super) fn take(&self) -> Vec<(Option<DriveRef>, Attempt)> {
+        std::mem::take(&mut *self.0.lock().unwrap())
+    }
+}
+
 fn play<F: Future<Output = ()>>(settings: ListenerSettings, test: impl FnOnce(Plant, TcpStream) -> F) {
+    play_with(settings, None, test);
+}
+
+pub(super) fn play_with<F: Future<Output = ()>>(
+    settings: ListenerSettings,
+    journal: Journal,
+    test: impl FnOnce(Plant, TcpStream) -> F,
+) {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     runtime.block_on(LocalSet::new().run_until(async {
         let listener = TcpListener::bind(settings.listen).await.unwrap();
         let address = listener.local_addr().unwrap();
         let (shared, answers) = (shared(), Arc::new(AnswerBox::default()));
         let router = Rc::new(Router::new(&settings, Units::new(&shared)));
-        let server = Rc::new(Server::default());
+        let server = Rc::new(Server::new(Arc::default(), journal));
         tokio::task::spawn_local(Rc::clone(&server).listen(listener, settings, router));
         tokio::task::spawn_local(server.distribute(Arc::clone(&answers)));
         let stream = TcpStream::connect(address).await.unwrap();
@@ -101,7 +131,7 @@ fn play<F: Future<Output = ()>>(settings: ListenerSettings, test: impl FnOnce(Pl
     }));
 }
 
-async fn send(stream: &mut TcpStream, requests: &[(u16, u8, &[u8])]) {
+pub(super) async fn send(stream: &mut TcpStream, requests: &[(u16, u8, &[u8])]) {
     let mut out = Vec::new();
     for (transaction, unit, pdu) in requests {
         mbap::encode(&mut out, *transaction, *unit, |out| out.extend_from_slice(pdu));
@@ -118,7 +148,7 @@ async fn answer(stream: &mut TcpStream) -> (u16, u8, Vec<u8>) {
 }
 
 /// What is answered to one request.
-async fn ask(stream: &mut TcpStream, unit: u8, pdu: &[u8]) -> Vec<u8> {
+pub(super) async fn ask(stream: &mut TcpStream, unit: u8, pdu: &[u8]) -> Vec<u8> {
     send(stream, &[(7, unit, pdu)]).await;
     let (transaction, answering, pdu) = answer(stream).await;
     assert_eq!((transaction, answering), (7, unit));
@@ -127,7 +157,7 @@ async fn ask(stream: &mut TcpStream, unit: u8, pdu: &[u8]) -> Vec<u8> {
 
 impl Plant {
     /// Nothing waits for any line.
-    fn assert_untouched(&self) {
+    pub(super) fn assert_untouched(&self) {
         for line in &self.shared.lines {
             let mut batch = Vec::new();
             line.inbox.take(&mut batch);

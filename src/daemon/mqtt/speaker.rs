@@ -3,6 +3,7 @@
 use super::{Packet, Talk};
 use crate::daemon::answers::{AnswerBox, News};
 use crate::daemon::inbox::Message as LineMessage;
+use crate::daemon::keeping::{Journal, NorthJournal};
 use crate::daemon::shared::{Shared, SharedLine};
 use crate::daemon::totals::MqttTotals;
 use crate::domain::command::Owner;
@@ -20,6 +21,7 @@ pub struct Speaker {
     shared: Arc<Shared>,
     news: Arc<AnswerBox>,
     totals: Arc<MqttTotals>,
+    journal: Journal,
     /// The pictures as of the last look, in the order of [`Shared::drives`].
     views: Vec<Arc<DriveView>>,
     lines: Vec<LineState>,
@@ -27,24 +29,28 @@ pub struct Speaker {
 }
 
 impl Speaker {
-    /// Speaks for the drives and lines of `shared`, which answer through `news`.
+    /// Speaks for the drives and lines of `shared`, which answer through `news`. What no line sees goes to `journal`.
     #[must_use]
     pub fn new(
         settings: Settings,
         shared: Arc<Shared>,
         news: Arc<AnswerBox>,
         totals: Arc<MqttTotals>,
+        journal: Journal,
         at: Moment,
     ) -> Self {
         let drives = shared.drives.iter().map(|drive| drive.description.clone()).collect();
         let lines = shared.lines.iter().map(|line| line.name.clone()).collect();
         let session = Session::new(settings, drives, lines, at);
-        Self { session, shared, news, totals, views: Vec::new(), lines: Vec::new(), batch: Vec::new() }
+        Self { session, shared, news, totals, journal, views: Vec::new(), lines: Vec::new(), batch: Vec::new() }
     }
 
     /// Takes what the lines have answered and what they show.
     fn look(&mut self, at: Moment) {
         self.news.take(&mut self.batch);
+        // Pictures are shown before answers: these are no older than what was just taken.
+        self.views.clear();
+        self.views.extend(self.shared.drives.iter().map(|drive| drive.view.load_full()));
         for news in self.batch.drain(..) {
             match news {
                 News::Command(answer) => {
@@ -53,10 +59,9 @@ impl Speaker {
                 }
                 News::Native(answer) => self.session.native_answer(at, &answer),
                 News::Trip(place, event) => self.session.trip(at, place, &event),
+                News::Events { events, more } => self.session.stored_events(at, &events, more),
             }
         }
-        self.views.clear();
-        self.views.extend(self.shared.drives.iter().map(|drive| drive.view.load_full()));
         self.lines.clear();
         let line = |(place, line): (usize, &SharedLine)| LineState {
             name: line.name.clone(),
@@ -85,6 +90,9 @@ impl Speaker {
             }
             Act::PathAlive => self.tell_all(&|| LineMessage::PathAlive(Owner::Mqtt)),
             Act::PathOpened => self.tell_all(&|| LineMessage::PathOpened(Owner::Mqtt)),
+            Act::Keep(drive, attempt) => self.tell_journal(|journal| journal.keep(drive, attempt)),
+            Act::EventTaken(seq) => self.tell_journal(|journal| journal.event_taken(seq)),
+            Act::WantEvents { after } => self.tell_journal(|journal| journal.want_events(after)),
             Act::Subscribe(_) | Act::Publish(_) | Act::Reconnect(_) => {}
         }
     }
@@ -93,6 +101,12 @@ impl Speaker {
         let taken = self.shared.inbox(place).is_some_and(|inbox| inbox.put(message).is_ok());
         if !taken {
             self.session.refused_by_line(at, ticket);
+        }
+    }
+
+    fn tell_journal(&self, tell: impl FnOnce(&dyn NorthJournal)) {
+        if let Some(journal) = &self.journal {
+            tell(journal.as_ref());
         }
     }
 

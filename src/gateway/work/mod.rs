@@ -185,10 +185,13 @@ impl DriveWork {
         self.latch.is_some() || self.current.as_ref().is_some_and(resets)
     }
 
-    /// The way from a commander is open.
-    pub fn path_alive(&mut self, owner: Owner, now: MonoTime) {
-        self.guard.path_alive(owner, now);
-        self.has_changed = true;
+    /// The way by which commanders come is open.
+    pub fn path_alive(&mut self, way: Owner, now: MonoTime) {
+        let holder = self.guard.lease().map(|(owner, _)| owner);
+        if let Some(holder) = holder.filter(|holder| holder.comes_by(way)) {
+            self.guard.path_alive(holder, now);
+            self.has_changed = true;
+        }
     }
 
     /// The way from commanders was opened anew.

@@ -3,9 +3,12 @@
 
 use super::answer::{self, Answer, Form};
 use super::ask::Ask;
-use super::request;
+use super::kept::{self, Kept};
+use super::{refusal, request};
+use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::ids::Ticket;
 use crate::domain::time::MonoTime;
+use crate::journal::Tried;
 use crate::wire::exception;
 use crate::wire::mbap::{self, Malformed};
 use std::collections::VecDeque;
@@ -82,6 +85,8 @@ pub struct Counters {
     pub replies: u64,
     /// Exceptions by code; those without a place of their own (0, above 0B) stand at 0.
     pub exceptions: [u64; Self::EXCEPTION_CODES],
+    /// Attempts to write that nobody kept, because too many waited to be fetched.
+    pub attempts_lost: u64,
 }
 
 impl Counters {
@@ -123,6 +128,8 @@ pub struct Connection {
     active: MonoTime,
     close: Option<CloseReason>,
     counters: Counters,
+    /// Attempts to write that no line sees, oldest first.
+    kept: VecDeque<Kept>,
 }
 
 /// What the answer to a call needs.
@@ -143,6 +150,8 @@ impl Connection {
     /// Input that arrives while more bytes than this wait to be written ends the connection. It leaves room
     /// for the exceptions to some reads of the socket that were under way.
     pub const OUTPUT_MAX: usize = 64 * 1024;
+    /// Most attempts that wait to be fetched: as many requests as some reads of the socket bring.
+    pub const KEPT_MAX: usize = 256;
     /// What an empty buffer may go on holding, so that thousands of idle connections stay small.
     const KEEP_BYTES: usize = 512;
 
@@ -160,6 +169,7 @@ impl Connection {
             active: now,
             close: None,
             counters: Counters::default(),
+            kept: VecDeque::new(),
         }
     }
 
@@ -206,6 +216,36 @@ impl Connection {
         self.finish(now, &pending, answer);
     }
 
+    /// Refuses a call before any line sees it: it is answered with the exception for `report`, and kept if it `tried` to
+    /// write something.
+    pub fn refuse(&mut self, now: MonoTime, call: &Call, tried: Option<Tried>, report: Report) {
+        if let Some(tried) = tried {
+            self.keep(call.unit, tried, report);
+        }
+        let code = refusal::exception_for(&report).unwrap_or(exception::SERVER_DEVICE_FAILURE);
+        self.answer(now, call.ticket, Answer::Exception(code));
+    }
+
+    /// The next attempt to write that no line saw. Each is given once; at most [`KEPT_MAX`](Self::KEPT_MAX) wait.
+    pub fn next_kept(&mut self) -> Option<Kept> {
+        self.kept.pop_front()
+    }
+
+    fn keep(&mut self, unit: u8, tried: Tried, report: Report) {
+        if self.kept.len() < Self::KEPT_MAX {
+            self.kept.push_back(Kept { unit, tried, report });
+        } else {
+            self.counters.attempts_lost += 1;
+        }
+    }
+
+    /// Keeps what was never given out, if it writes.
+    fn keep_calls(&mut self, calls: impl Iterator<Item = Call>, report: Report) {
+        for call in calls.filter(|call| call.ask.writes()) {
+            self.keep(call.unit, call.ask.tried(call.unit), report);
+        }
+    }
+
     /// Whether the socket should be read: not while much output waits to be written, and not after the end.
     #[must_use]
     pub fn wants_input(&self) -> bool {
@@ -236,7 +276,10 @@ impl Connection {
             && oldest.deadline <= now
         {
             let expired = self.pending.remove(0);
-            self.calls.retain(|call| call.ticket != expired.ticket);
+            let calls = std::mem::take(&mut self.calls).into_iter();
+            let (late, calls): (VecDeque<_>, _) = calls.partition(|call| call.ticket == expired.ticket);
+            self.calls = calls;
+            self.keep_calls(late.into_iter(), Report::new(Outcome::Expired, Reason::TooLate));
             self.finish(now, &expired, Answer::Exception(exception::GATEWAY_TARGET_FAILED));
         }
         if self.body_due().is_some_and(|due| due <= now) {
@@ -271,8 +314,9 @@ impl Connection {
                 Ok(None) => return used,
                 Err(malformed) => {
                     // Whether both came in one segment is chance: a stop that was whole before it is not lost by it.
-                    let mut stops = std::mem::take(&mut self.calls);
-                    stops.retain(|call| is_stop(call.unit, &call.ask));
+                    let calls = std::mem::take(&mut self.calls).into_iter();
+                    let (stops, others) = calls.partition(|call| is_stop(call.unit, &call.ask));
+                    self.calls = others;
                     self.end(CloseReason::Malformed(malformed));
                     self.calls = stops;
                     return stream.len();
@@ -287,8 +331,18 @@ impl Connection {
         match request::parse(message.pdu) {
             Ok(ask) if self.pending.len() < self.limits.pending_max => self.call(now, message, ask, false),
             Ok(ask) if self.may_stop(message.unit) && is_stop(message.unit, &ask) => self.call(now, message, ask, true),
-            Ok(_) => self.refuse(message, exception::SERVER_DEVICE_BUSY),
-            Err(code) => self.refuse(message, code),
+            Ok(ask) => {
+                if ask.writes() {
+                    self.keep(message.unit, ask.tried(message.unit), Report::refused(Reason::QueueFull));
+                }
+                self.refuse_at_once(message, exception::SERVER_DEVICE_BUSY);
+            }
+            Err(code) => {
+                if let Some(tried) = kept::of_pdu(message.unit, message.pdu) {
+                    self.keep(message.unit, tried, Report::refused(kept::reason_of(code)));
+                }
+                self.refuse_at_once(message, code);
+            }
         }
     }
 
@@ -304,7 +358,7 @@ impl Connection {
         self.calls.push_back(Call { ticket, unit, ask, deadline });
     }
 
-    fn refuse(&mut self, message: &mbap::Message<'_>, code: u8) {
+    fn refuse_at_once(&mut self, message: &mbap::Message<'_>, code: u8) {
         self.counters.count_exception(code);
         mbap::encode(&mut self.output, message.transaction, message.unit, |out| {
             answer::encode_exception(out, message.pdu[0], code);
@@ -326,7 +380,8 @@ impl Connection {
         self.close = Some(reason);
         self.input = Vec::new();
         self.begun = None;
-        self.calls = VecDeque::new();
+        let calls = std::mem::take(&mut self.calls);
+        self.keep_calls(calls.into_iter(), Report::refused(Reason::CommanderLost));
         self.pending = Vec::new();
     }
 
@@ -405,7 +460,7 @@ mod tests {
         assert_eq!(connection.next_call(), None);
         connection.answer(after(10), call.ticket, Answer::Words(&[6000, 1]));
         assert_eq!(connection.output(), message(0x1234, 7, &[4, 4, 0x17, 0x70, 0, 1]));
-        assert_eq!(connection.counters(), &Counters { requests: 1, replies: 1, exceptions: [0; 12] });
+        assert_eq!(connection.counters(), &Counters { requests: 1, replies: 1, ..Counters::default() });
     }
 
     #[test]
@@ -639,6 +694,7 @@ mod tests {
                 let mut chunk = if *header { vec![0, 1, 0, 0, 0, 2, 1] } else { vec![] };
                 chunk.extend(bytes);
                 connection.receive(T0, &chunk, &never);
+                prop_assert!(connection.kept.len() <= Connection::KEPT_MAX);
                 prop_assert!(connection.input.len() < mbap::MAX_ADU_BYTES);
                 prop_assert!(connection.input.capacity() <= Connection::KEEP_BYTES);
                 prop_assert!(connection.pending.len() <= 16 && connection.calls.len() <= 16);

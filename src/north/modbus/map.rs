@@ -152,8 +152,8 @@ const MAP: [MapRow; 75] = [
     word(10, "torque", "0.1 %, signed"),
     word(11, "temperature", "0.1 degC, signed"),
     word(12, "age of the oldest polled value", "10 ms, 65535 more"),
-    word(13, "trips seen", "count, stays at 65534"),
-    word(14, "code of the last trip", "the vendor's number, 0 none"),
+    word(13, "trips that are kept", "count, stays at 65534"),
+    word(14, "code of the last of them", "the vendor's number, 0 none, 65535 not known"),
     word(15, "status bits that this drive can report", "mask of word 1"),
     word(16, "life counter", "s, wraps"),
     word(17, "alarms", "bit 0 a stop had no effect, 1 fail-safe ran, 2 stale data, 3 line down"),
@@ -166,7 +166,7 @@ const MAP: [MapRow; 75] = [
     word(25, "output power, finer", "0.01 kW"),
     word(26, "capabilities", "bit 0 forward, 1 reverse, 2 coast, 3 reset, 4 setpoint, 5 release"),
     word(27, "reserved", "0").words(5),
-    control(address::RUN, "run command", "0 stop, 1 forward, 2 reverse, 3 coast, 4 reset, 5 release").written(),
+    control(address::RUN, "run command", "0 stop, 1 forward, 2 reverse, 3 coast, 4 reset, 5 release, 6 take").written(),
     control(address::SETPOINT, "frequency setpoint", "0.01 Hz").written(),
     control(address::RENEW, "write any value: renew the lease; reads lease left", "s").written(),
     control(
@@ -200,7 +200,7 @@ const MAP: [MapRow; 75] = [
     drive(4, "trip code", "the vendor's number, 0 none"),
     drive(5, "output current", "0.1 A"),
     drive(6, "age of the oldest polled value", "10 ms, 65535 more"),
-    drive(7, "trips seen", "count, stays at 65534"),
+    drive(7, "trips that are kept", "count, stays at 65534"),
 ];
 
 #[cfg(test)]
@@ -211,7 +211,7 @@ mod tests {
     use super::super::uniform::Uniform;
     use super::super::words::Words;
     use super::*;
-    use crate::domain::command::Owner;
+    use crate::domain::command::{Owner, Reason};
     use crate::domain::report::LineReport;
     use crate::drive::view::DriveView;
     use std::sync::Arc;
@@ -248,7 +248,7 @@ mod tests {
             MapUnit::Uniform => plant.0.take(ask, view, &present, &mut words),
             MapUnit::Own => own::take(own::UNIT, ask, plant, &present, &mut words),
         };
-        !matches!(taken, Taken::Exception(_))
+        !matches!(taken, Taken::Exception(_) | Taken::Refused(Reason::NotListed | Reason::NotCapable))
     }
 
     fn is_listed(unit: MapUnit, tables: &[MapTable], address: u16, is_written: bool) -> bool {

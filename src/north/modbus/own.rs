@@ -6,6 +6,7 @@ use super::identity;
 use super::taken::{Present, Taken};
 use super::uniform::{self, ABSENT, Uniform};
 use super::words::Words;
+use crate::domain::command::Reason;
 use crate::domain::report::{LineReport, LineState};
 use crate::drive::view::DriveView;
 use crate::wire::exception;
@@ -29,7 +30,7 @@ pub(super) const DRIVES: u16 = 1000;
 /// Words of each drive.
 pub(super) const DRIVE_WORDS: u16 = 8;
 /// The words of a drive in terms of the uniform map: status bits, run state, output frequency, setpoint, trip code,
-/// current, age, trips seen.
+/// current, age, trips that are kept.
 const DRIVE_COLUMNS: [u16; DRIVE_WORDS as usize] = [1, 2, 4, 5, 3, 6, 12, 13];
 
 /// What a listener serves of the gateway. Lines and drives are numbered as in the configuration, whoever serves them,
@@ -59,7 +60,9 @@ pub fn take(unit: u8, ask: &Ask, gateway: &impl Gateway, present: &Present, word
         Ask::WriteCoils { address, values } if unit == UNIT => {
             coil(*address, values.count(), values.get(0) == Some(true))
         }
-        _ => Taken::Exception(exception::ILLEGAL_FUNCTION),
+        _ if !ask.writes() => Taken::Exception(exception::ILLEGAL_FUNCTION),
+        _ if unit == BROADCAST => Taken::Refused(Reason::NotAllowed),
+        _ => Taken::Refused(Reason::NotCapable),
     }
 }
 
@@ -78,7 +81,7 @@ fn coil(address: u16, count: u16, on: bool) -> Taken {
     match (address, count, on) {
         (STOP_ALL, 1, true) => Taken::StopAll,
         (STOP_ALL, 1, false) => Taken::Nothing,
-        _ => Taken::Exception(exception::ILLEGAL_DATA_ADDRESS),
+        _ => Taken::Refused(Reason::NotListed),
     }
 }
 
@@ -169,6 +172,7 @@ const fn low(counter: u64) -> u16 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::refusal::exception_of;
     use super::super::request::parse;
     use super::super::testing::{self, NOW};
     use super::*;
@@ -219,7 +223,11 @@ mod tests {
     fn asked(unit: u8, pdu: &[u8]) -> (Taken, Vec<u16>) {
         let present = Present { now: NOW, uptime_s: 0x0001_0007, owner: Owner::Mqtt };
         let mut words = Words::default();
-        let taken = take(unit, &parse(pdu).unwrap(), &Plant::new(), &present, &mut words);
+        let ask = parse(pdu).unwrap();
+        let taken = match take(unit, &ask, &Plant::new(), &present, &mut words) {
+            Taken::Refused(reason) if ask.writes() => Taken::Exception(exception_of(reason)),
+            taken => taken,
+        };
         (taken, words.as_slice().to_vec())
     }
 

@@ -1,8 +1,9 @@
 //! What a unit of the gateway's own makes of a request.
 
 use super::answer::Answer;
+use super::refusal::exception_of;
 use super::words::Words;
-use crate::domain::command::{Order, Owner};
+use crate::domain::command::{Order, Owner, Reason};
 use crate::domain::time::MonoTime;
 
 /// When a unit is asked, and by whom.
@@ -36,8 +37,10 @@ pub enum Taken {
     Order(Order),
     /// Order every drive to stop that is served and has control, and answer when all are answered.
     StopAll,
-    /// Answer with this exception.
+    /// A read of what is not there: answer with this exception.
     Exception(u8),
+    /// A write that is refused for this reason.
+    Refused(Reason),
 }
 
 impl Taken {
@@ -56,6 +59,7 @@ impl Taken {
             Self::Identity(bytes) => answer(Answer::Identity(&bytes)),
             Self::Nothing => answer(Answer::Written),
             Self::Exception(code) => answer(Answer::Exception(code)),
+            Self::Refused(reason) => answer(Answer::Exception(exception_of(reason))),
             Self::Order(order) => return Err(Ordered::One(order)),
             Self::StopAll => return Err(Ordered::StopAll),
         })
@@ -86,6 +90,7 @@ mod tests {
         assert_eq!(text(Taken::Identity(vec![7])).unwrap(), "Identity([7])");
         assert_eq!(text(Taken::Nothing).unwrap(), "Written");
         assert_eq!(text(Taken::Exception(2)).unwrap(), "Exception(2)");
+        assert_eq!(text(Taken::Refused(Reason::NotListed)).unwrap(), "Exception(2)");
         assert_eq!(text(Taken::Order(Order::Renew)), Err(Ordered::One(Order::Renew)));
         assert_eq!(text(Taken::StopAll), Err(Ordered::StopAll));
     }

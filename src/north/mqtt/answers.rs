@@ -1,5 +1,6 @@
 //! Answers of the lines: each becomes a result, and a read its value.
 
+use super::giving::Asker;
 use super::params::label;
 use super::payload::Refused;
 use super::pending::{Pending, What};
@@ -60,16 +61,19 @@ impl Session {
         self.clock.see(at);
         let Some(pending) = self.unanswered.take(ticket) else { return };
         self.seen[pending.drive].forget(ticket);
-        self.end(at, &pending, Report::refused(Reason::QueueFull));
+        let report = Report::refused(Reason::QueueFull);
+        self.keep_pending(&pending, report);
+        self.end(at, &pending, report);
     }
 
     /// Gives up what should have been answered long ago.
     pub(super) fn drop_overdue(&mut self, at: Moment) {
         while let Some(pending) = self.unanswered.take_overdue(at.mono) {
             self.counters.unanswered += 1;
-            self.unqueue(pending.ticket);
             let outcome = if matches!(pending.what, What::Read(_)) { Outcome::Failed } else { Outcome::Unknown };
-            self.end(at, &pending, Report::new(outcome, Reason::NoReply));
+            let report = Report::new(outcome, Reason::NoReply);
+            self.withdraw(&pending, report);
+            self.end(at, &pending, report);
         }
     }
 
@@ -89,16 +93,13 @@ impl Session {
             What::Order(order) => values(&self.drives[pending.drive].model, order, &report),
             What::Read(_) => Map::new(),
         };
-        let (id, remark) = (&pending.id, pending.remark.map(str::to_owned));
+        let holder = pending.holder;
+        let remark = pending.remark.map(str::to_owned);
         let message = remark.or_else(|| self.limits_of(pending, report));
-        let message = message.or_else(|| pending.holder.map(|_| report.message(pending.holder)));
-        self.tell(
-            at,
-            pending.drive,
-            id,
-            pending.reply.as_ref(),
-            Stage { report, is_final, is_repeat: false, message, values },
-        );
+        let message = message.or_else(|| holder.map(|_| report.message(holder)));
+        let asker = (pending.by, &pending.id, pending.reply.as_ref());
+        let stage = Stage { report, is_final, is_repeat: false, message, values, holder };
+        self.tell(at, pending.drive, asker, stage);
     }
 
     /// A frequency outside the limits is refused with the limits.
@@ -116,47 +117,34 @@ impl Session {
         let values = [named(found, word)].into_iter().collect();
         self.telemetry.take_param(pending.drive, register, Reading { raw: word, at: at.mono }, topic);
         let report = Report::new(Outcome::Confirmed, Reason::None);
-        let stage = Stage { report, is_final: true, is_repeat: false, message: None, values };
-        self.tell(at, pending.drive, &pending.id, pending.reply.as_ref(), stage);
+        let stage = Stage { report, is_final: true, is_repeat: false, message: None, values, holder: None };
+        self.tell(at, pending.drive, (pending.by, &pending.id, pending.reply.as_ref()), stage);
     }
 
     /// Tells the first outcome of a command that came again.
-    pub(super) fn tell_again(
-        &mut self,
-        at: Moment,
-        drive: usize,
-        id: &Value,
-        reply: Option<&Reply>,
-        order: &Order,
-        report: Report,
-    ) {
+    pub(super) fn tell_again(&mut self, at: Moment, drive: usize, asker: &Asker, order: &Order, report: Report) {
         let values = values(&self.drives[drive].model, order, &report);
-        let stage = Stage { report, is_final: true, is_repeat: true, message: None, values };
-        self.tell(at, drive, id, reply, stage);
+        let stage = Stage { report, is_final: true, is_repeat: true, message: None, values, holder: None };
+        self.tell(at, drive, (asker.by, &asker.id, asker.reply.as_ref()), stage);
     }
 
-    fn tell(&mut self, at: Moment, drive: usize, id: &Value, reply: Option<&Reply>, stage: Stage) {
-        let Stage { report, is_final, is_repeat, message, values } = stage;
+    fn tell(&mut self, at: Moment, drive: usize, (by, id, reply): (Owner, &Value, Option<&Reply>), stage: Stage) {
+        let Stage { report, is_final, is_repeat, message, values, holder } = stage;
         let (drive, at) = (self.drives[drive].name.as_str(), self.clock.text(at.mono));
         let topic = self.topics.drive(drive, "result");
         let message = message.as_deref();
-        let told = Told { id, drive, report, is_final, is_repeat, message, values, at };
+        let told = Told { id, drive, by, holder, report, is_final, is_repeat, message, values, at };
         self.counters.results_dropped += self.results.tell(topic, reply, told);
     }
 
     /// Tells why an input is refused, which no line ever saw.
-    pub(super) fn tell_refusal(
-        &mut self,
-        at: Moment,
-        drive: &str,
-        topic: String,
-        (id, reply): (&Value, Option<&Reply>),
-        refused: &Refused,
-    ) {
+    pub(super) fn tell_refusal(&mut self, at: Moment, drive: &str, topic: String, asker: &Asker, refused: &Refused) {
+        let Asker { by, id, reply } = asker;
         let (report, message) = (Report::refused(refused.reason), Some(refused.message.as_str()));
         let (values, at) = (Map::new(), self.clock.text(at.mono));
-        let told = Told { id, drive, report, is_final: true, is_repeat: false, message, values, at };
-        self.counters.results_dropped += self.results.tell(topic, reply, told);
+        let (by, holder, is_final, is_repeat) = (*by, None, true, false);
+        let told = Told { id, drive, by, holder, report, is_final, is_repeat, message, values, at };
+        self.counters.results_dropped += self.results.tell(topic, reply.as_ref(), told);
     }
 }
 
@@ -168,4 +156,6 @@ struct Stage {
     /// Instead of the reason's own words.
     message: Option<String>,
     values: Map<String, Value>,
+    /// Who holds control, if that is why it was refused.
+    holder: Option<Owner>,
 }

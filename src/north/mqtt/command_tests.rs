@@ -1,21 +1,23 @@
 //! What comes of messages: commands, refusals, results.
 
 use super::harness::{
-    EPOCH_MS, Rig, commands, message, on, orders, publications, reads, result, results, settings, told,
+    EPOCH_MS, Rig, commands, kept, message, on, orders, publications, reads, result, results, settings, told,
 };
-use super::types::{Act, Event, Message, Settings, Version};
+use super::types::{Act, Event, Message, Publication, Settings, Version};
 use crate::domain::command::{Direction, Go, Order, Outcome, Owner, Reason, RegisterWrite, Report};
 use crate::domain::frequency::Hertz;
-use crate::domain::ids::AskerId;
+use crate::domain::ids::{AskerId, CommanderName};
 use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, Refusal};
 use crate::domain::time::MonoTime;
+use crate::drive::view::ControlView;
+use crate::journal::Tried;
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::time::Duration;
 
 const STOP: Order = Order::Stop { setpoint: None };
 
-const INPUTS: [(&str, &[u8]); 9] = [
+const INPUTS: [(&str, &[u8]); 11] = [
     ("drive/pump/run/set", b"forward"),
     ("drive/pump/frequency/set", b"42.5"),
     ("drive/pump/trip/reset", b"reset"),
@@ -24,6 +26,8 @@ const INPUTS: [(&str, &[u8]); 9] = [
     ("drive/pump/param/F007/set", b"10.5"),
     ("drive/pump/param/F007/get", b"x"),
     ("drive/nosuch/run/set", b"stop"),
+    ("by/plc-2/drive/pump/run/set", b"forward"),
+    ("drive/pump/control/take", b"take"),
     ("all/run/set", b"start"),
 ];
 
@@ -38,12 +42,13 @@ fn refused(reason: &str) -> (String, String) {
 #[test]
 fn each_input_becomes_its_order() {
     let acceleration = RegisterWrite { address: 0x020C, value: 105 };
-    let table: [(&str, &[u8], Order); 8] = [
+    let table: [(&str, &[u8], Order); 9] = [
         ("run/set", b"forward", go(vec![], None, Some(Direction::Forward))),
         ("run/set", b" STOP ", STOP),
         ("run/set", b"coast", Order::Coast),
         ("frequency/set", b"42.5", go(vec![], Some(42_500), None)),
         ("trip/reset", b"reset", Order::Reset),
+        ("control/take", b"take", Order::Take),
         ("lease", b"", Order::Renew),
         ("param/acceleration_time/set", b"10.5", go(vec![acceleration], None, None)),
         ("command", br#"{"frequency_hz":5,"param":{"F007":10.5}}"#, go(vec![acceleration], Some(5_000), None)),
@@ -56,7 +61,117 @@ fn each_input_becomes_its_order() {
         let request = commands(&acts)[0];
         assert_eq!((request.asker, request.origin.owner), (AskerId::MQTT, Owner::Mqtt));
         assert_eq!(request.start_before, rig.now() + Duration::from_secs(1));
+        let acts = rig.send(&format!("by/plc-2/drive/pump/{input}"), payload);
+        assert_eq!(orders(&acts), [&order], "{input}");
+        let plc = Owner::MqttBy(CommanderName::new("plc-2").expect("a name"));
+        assert_eq!(commands(&acts)[0].origin.owner, plc);
     }
+}
+
+#[test]
+fn what_comes_under_a_name_is_answered_with_it_and_no_other_word_is_a_name() {
+    let mut rig = Rig::born(Version::V5);
+    let acts = rig.send("by/plc-2/drive/pump/run/set", b"forward");
+    let plc_1 = Owner::MqttBy(CommanderName::new("plc-1").expect("a name"));
+    let lease = Some((plc_1, MonoTime::from_millis(9_000)));
+    rig.views[0].control = Some(ControlView { lease, ..ControlView::default() });
+    let acts = rig.answer(commands(&acts)[0].ticket, Outcome::Refused, Reason::OtherOwner, true);
+    let told = &results(&acts)[0];
+    assert_eq!((&told["by"], &told["owner"]), (&json!("plc-2"), &json!("mqtt plc-1")));
+    assert_eq!(told["message"], "somebody else holds control of the drive: mqtt plc-1");
+    assert_eq!(on(&acts, "drive/pump/control/owner").as_deref(), Some("mqtt plc-1"));
+
+    let long = "x".repeat(33);
+    for name in ["", "a b", "\u{FC}", long.as_str()] {
+        let acts = rig.send(&format!("by/{name}/drive/pump/run/set"), b"stop");
+        assert_eq!((commands(&acts).len(), result(&acts)), (0, refused("not_understood")), "{name}");
+        assert_eq!((kept(&acts).len(), kept(&acts)[0].owner), (1, Owner::Mqtt));
+    }
+}
+
+#[test]
+fn ids_belong_to_their_commander() {
+    let mut rig = Rig::born(Version::V5);
+    let command = br#"{"id":7,"frequency_hz":42.5}"#;
+    for topic in ["drive/pump/command", "by/a/drive/pump/command", "by/b/drive/pump/command"] {
+        assert_eq!(commands(&rig.send(topic, command)).len(), 1, "{topic}");
+        assert_eq!(commands(&rig.send(topic, command)).len(), 0, "{topic} again");
+    }
+}
+
+/// What is tried by `order`, and who tried it.
+fn of_everybody(order: Order) -> (Tried, Owner) {
+    (Tried::Order(order), Owner::Mqtt)
+}
+
+#[test]
+fn what_comes_to_nothing_is_kept_with_who_what_and_why() {
+    let run = || go(vec![], None, Some(Direction::Forward));
+    let text = |text: &str| (Tried::Text(text.to_owned()), Owner::Mqtt);
+    let large = vec![b'1'; 9_000];
+    let table: [(&str, &[u8], (Tried, Owner), Reason); 7] = [
+        ("drive/pump/run/set", b"start", text("drive/pump/run/set: start"), Reason::NotUnderstood),
+        ("drive/pumb/run/set", b"stop", text("drive/pumb/run/set: stop"), Reason::UnknownDrive),
+        ("drive/a b/run/set", b"stop", text("drive/a b/run/set: stop"), Reason::UnknownDrive),
+        ("all/run/set", b"forward", text("all/run/set: forward"), Reason::NotUnderstood),
+        ("drive/pump/frequency/set", b"4,5", text("drive/pump/frequency/set: 4,5"), Reason::NotANumber),
+        ("drive/pump/command", br#"{"run":"forward","issued_at":1}"#, of_everybody(run()), Reason::Stale),
+        (
+            "by/plc-2/drive/pump/frequency/set",
+            &large,
+            (
+                Tried::Text(format!("by/plc-2/drive/pump/frequency/set: {}\u{2026}", "1".repeat(40))),
+                Owner::MqttBy(CommanderName::new("plc-2").expect("a name")),
+            ),
+            Reason::TooLarge,
+        ),
+    ];
+    for (topic, payload, (tried, owner), reason) in table {
+        let mut rig = Rig::born(Version::V5);
+        let acts = rig.send(topic, payload);
+        let place = acts.iter().find_map(|act| if let Act::Keep(drive, _) = act { Some(*drive) } else { None });
+        assert_eq!(place.flatten().is_some(), topic.contains("/pump/"), "{topic}");
+        let all = kept(&acts);
+        assert_eq!(all.len(), 1, "{topic}");
+        assert_eq!((&all[0].tried, all[0].owner), (&tried, owner), "{topic}");
+        assert_eq!(all[0].report, Some(Report::refused(reason)), "{topic}");
+    }
+    let mut rig = Rig::born(Version::V5);
+    let topic = "vfd/plant/drive/pump/run/set";
+    let acts = rig.deliver(&Message { duplicate: true, ..message(topic, b"forward") });
+    assert_eq!((&kept(&acts)[0].tried, kept(&acts)[0].owner), (&of_everybody(run()).0, Owner::Mqtt));
+    for (topic, payload) in [("drive/pump/lease", &b"x"[..]), ("drive/pump/param/F007/get", b"x")] {
+        let topic = format!("vfd/plant/{topic}");
+        let acts = rig.deliver(&Message { retain: true, ..message(&topic, payload) });
+        assert_eq!(kept(&acts).len(), 0, "no attempt to write: {topic}");
+        let acts = rig.deliver(&message(&topic, &large));
+        assert_eq!(kept(&acts).len(), 0, "no attempt to write: {topic}");
+    }
+}
+
+#[test]
+fn what_is_taken_back_or_not_taken_by_a_line_is_kept() {
+    let mut rig = Rig::born(Version::V5);
+    let run = go(vec![], None, Some(Direction::Forward));
+    rig.handle(Event::Message(message("vfd/plant/drive/pump/run/set", b"forward")));
+    rig.handle(Event::Message(message("vfd/plant/drive/pump/run/set", b"stop")));
+    let acts = rig.acts();
+    assert_eq!(orders(&acts), [&STOP]);
+    let cut = Report::new(Outcome::Superseded, Reason::Stopped);
+    assert_eq!((&kept(&acts)[0].tried, kept(&acts)[0].report), (&Tried::Order(run.clone()), Some(cut)));
+
+    let ticket = commands(&rig.send("drive/fan/run/set", b"forward"))[0].ticket;
+    rig.session.refused_by_line(rig.at(), ticket);
+    let acts = rig.acts();
+    assert_eq!(kept(&acts)[0].report, Some(Report::refused(Reason::QueueFull)));
+
+    rig.handle(Event::Message(message("vfd/plant/drive/fan/run/set", b"forward")));
+    rig.millis += 100_000;
+    rig.session.tick(rig.at());
+    let acts = rig.acts();
+    assert_eq!((commands(&acts).len(), kept(&acts).len()), (0, 1), "nobody fetched it");
+    rig.send("drive/fan/run/set", b"forward");
+    assert_eq!(kept(&rig.pass(100_000)).len(), 0, "a line had it");
 }
 
 #[test]
@@ -134,7 +249,7 @@ fn bad_payloads_give_one_result_and_no_command() {
     let acts = rig.send("drive/pumb/run/set", b"stop");
     assert_eq!(results(&acts)[0]["message"], "there is no drive `pumb`; is it `pump`?");
     for ignored in ["drive/a b/run/set", "drive//run/set", "drive/pump/run/state", "elsewhere"] {
-        assert_eq!(rig.send(ignored, b"stop"), [], "{ignored}");
+        assert_eq!(publications(&rig.send(ignored, b"stop")), [] as [&Publication; 0], "{ignored}");
     }
     assert_eq!(rig.session.counters().ignored, 4);
 }
@@ -183,7 +298,8 @@ fn a_repeat_gets_the_first_outcome_and_moves_nothing() {
     let mut rig = Rig::born(Version::V5);
     let command = br#"{"id":7,"frequency_hz":42.5}"#;
     let ticket = commands(&rig.send("drive/pump/command", command))[0].ticket;
-    assert_eq!(rig.send("drive/pump/command", command), [], "its outcome will come");
+    let acts = rig.send("drive/pump/command", command);
+    assert_eq!((acts.len(), kept(&acts).len()), (1, 1), "its outcome will come");
     rig.answer(ticket, Outcome::Confirmed, Reason::None, true);
     let acts = rig.send("drive/pump/command", command);
     assert_eq!(commands(&acts).len(), 0);
@@ -393,7 +509,10 @@ fn what_nobody_fetches_stays_bounded() {
         rig.millis += 1_000_000;
         rig.session.tick(rig.at());
     }
-    assert_eq!(rig.session.next_inward(), None, "all are given up");
+    let inward: Vec<_> = std::iter::from_fn(|| rig.session.next_inward()).collect();
+    assert!(inward.iter().all(|act| matches!(act, Act::Keep(..))), "all are given up");
+    assert_eq!(inward.len(), super::kept::WAITING_MAX);
+    assert!(rig.session.counters().attempts_lost > 0);
     assert!(publications(&rig.connect()).iter().filter(|it| it.topic.ends_with("/result")).count() <= 64);
     assert!(rig.session.counters().results_dropped > 0);
 }
@@ -436,6 +555,13 @@ proptest! {
         let acts = rig.deliver(&message);
         prop_assert!(commands(&acts).len() + reads(&acts).len() <= 1);
         prop_assert!(results(&acts).len() <= 1);
+        // Whatever tries to write is accounted for once: by an order, of which a line knows, or as kept.
+        let rest = topic.strip_prefix("vfd/plant/").unwrap_or_default();
+        let is_input = rest == "all/run/set" || INPUTS.iter().any(|(input, _)| *input == rest);
+        let is_attempt = is_input && !payload.is_empty() && !rest.ends_with("/get") && !rest.ends_with("/lease");
+        let accounts = orders(&acts).len() + kept(&acts).len();
+        prop_assert!(if is_attempt { accounts == 1 } else { kept(&acts).len() <= 1 }, "{} {:?}", accounts, acts);
+        prop_assert!(kept(&acts).iter().all(|attempt| attempt.report.is_some()));
         let is_stop = orders(&acts).iter().all(|order| matches!(order, Order::Stop { .. } | Order::Coast));
         prop_assert!(!retain || is_stop);
         prop_assert!(!acts.iter().any(|act| matches!(act, Act::Reconnect(_))));

@@ -1,6 +1,7 @@
 //! What the MQTT session counts.
 
-/// Counts of the MQTT session since start. All but [`Counters::events_waiting`] only rise.
+/// Counts of the MQTT session since start. All but [`Counters::events_waiting`], [`Counters::history_waiting`] and
+/// [`Counters::alive_refused`] only rise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Messages received.
@@ -27,6 +28,10 @@ pub struct Counters {
     pub events_waiting: u64,
     /// Trip events dropped because the outbox was full.
     pub events_dropped: u64,
+    /// Changes of telemetry that wait for the broker.
+    pub history_waiting: u64,
+    /// Changes of telemetry dropped because more were to be kept than configured.
+    pub history_dropped: u64,
     /// Results dropped because too many waited.
     pub results_dropped: u64,
     /// Response topics that were not allowed.
@@ -35,6 +40,8 @@ pub struct Counters {
     pub too_large: u64,
     /// 1 while the broker does not let us read the alive topic.
     pub alive_refused: u64,
+    /// Attempts to write that nobody kept, because too many waited to be fetched.
+    pub attempts_lost: u64,
     /// Commands and reads that were never answered.
     pub unanswered: u64,
 }

@@ -1,5 +1,6 @@
 //! The retained topics of one drive: what belongs on each, and which is to be published next.
 
+use super::history::Change;
 use super::slot::{Content, EXPIRY_HEARTBEATS, Present, Slot};
 use super::state::{self, StateSlot, fresh, shown_run_state, stale_at};
 use super::topics::Topics;
@@ -27,6 +28,8 @@ enum Kind {
     Rated(usize),
     /// The setpoint that was commanded, where the drive's own is not polled.
     Setpoint,
+    /// Who holds control.
+    Owner,
     TripActive,
     TripCode,
     TripText,
@@ -34,6 +37,21 @@ enum Kind {
     TripLast,
     /// A register that was asked for.
     Param(usize),
+}
+
+impl Kind {
+    /// Whether its changes are kept while no broker can be told.
+    const fn is_recorded(self) -> bool {
+        matches!(self, Self::RunState | Self::Polled(_) | Self::Rated(_) | Self::Setpoint)
+    }
+
+    /// The register that it shows.
+    const fn register(self) -> Option<usize> {
+        match self {
+            Self::Polled(register) | Self::Rated(register) | Self::Param(register) => Some(register),
+            _ => None,
+        }
+    }
 }
 
 /// The retained topics of one drive.
@@ -46,6 +64,8 @@ pub(super) struct DriveTopics {
     params: BTreeMap<usize, Reading>,
     /// The next slot of this walk; behind the last one comes the state.
     cursor: usize,
+    /// The picture that was looked at last while no broker could be told.
+    recorded: Option<Arc<DriveView>>,
     /// The picture with which this walk began.
     walking: Option<Arc<DriveView>>,
     /// The picture of the last walk that was finished, and until when another one of it finds nothing.
@@ -61,6 +81,7 @@ impl DriveTopics {
             bands: drive.model.registers.iter().map(|register| band(drive, register)).collect(),
             params: BTreeMap::new(),
             cursor: 0,
+            recorded: None,
             walking: None,
             walked: None,
         }
@@ -70,6 +91,7 @@ impl DriveTopics {
     pub(super) fn forget(&mut self) {
         self.slots.iter_mut().for_each(|(_, slot)| slot.forget());
         self.state.forget();
+        self.recorded = None;
         self.restart();
     }
 
@@ -135,11 +157,44 @@ impl DriveTopics {
             _ => None,
         };
         let payload = payload(&content, register);
-        let band = register.and_then(|it| place_of(&drive.model, it)).map_or(1.0, |place| self.bands[place]);
+        let band = band_of(&self.bands, kind);
         let has_moved = |old, new| register.is_some_and(|register| differ(register, band, old, new));
         let slot = &mut self.slots.get_mut(place)?.1;
         let qos = if kind == Kind::Availability { Qos::AtLeastOnce } else { Qos::AtMostOnce };
         slot.offer(now, content, has_moved).then(|| slot.publication(now, payload, qos))
+    }
+
+    /// What has changed of run state, frequencies and measurements since it was told, in the order in which it happened.
+    pub(super) fn record(
+        &mut self,
+        now: &Present,
+        place: usize,
+        drive: &DriveDescription,
+        view: &Arc<DriveView>,
+    ) -> Vec<Change> {
+        if self.recorded.as_ref().is_some_and(|recorded| Arc::ptr_eq(recorded, view)) {
+            return Vec::new();
+        }
+        self.recorded = Some(view.clone());
+        let kinds: Vec<_> = self.slots.iter().map(|(kind, _)| *kind).filter(|kind| kind.is_recorded()).collect();
+        let contents: Vec<_> = kinds.into_iter().map(|kind| (kind, self.content(kind, now, drive, view))).collect();
+        let mut changes = Vec::new();
+        for (kind, content) in contents {
+            let (Some(content), Some((_, slot))) = (content, self.slots.iter_mut().find(|(it, _)| *it == kind)) else {
+                continue;
+            };
+            let register = kind.register().and_then(|register| drive.model.registers.get(register));
+            let band = band_of(&self.bands, kind);
+            if !slot.tell(&content, |old, new| register.is_some_and(|register| differ(register, band, old, new))) {
+                continue;
+            }
+            let read_at = register.and_then(|it| view.snapshot.reading(it.address)).map(|reading| reading.at);
+            let topic = below_drive(slot.topic(), drive).to_owned();
+            let (at, register) = (read_at.unwrap_or(now.at), kind.register());
+            changes.push(Change { drive: place, topic, register, at, content });
+        }
+        changes.sort_by_key(|change| change.at);
+        changes
     }
 
     /// What belongs on a topic; nothing if it is to be left as it is.
@@ -157,15 +212,16 @@ impl DriveTopics {
                 text(drive.model.registers.get(register).and_then(|it| rated(drive, it, view, now.at)))
             }
             Kind::Setpoint => text(view.control.as_ref().and_then(|it| it.setpoint).map(|hertz| hertz.to_string())),
+            Kind::Owner => text(view.control.as_ref().and_then(|it| it.lease).map(|(owner, _)| owner.to_string())),
             Kind::TripActive => text(trip.and_then(|it| it.active).map(|active| active.to_string())),
-            Kind::TripCount => text(trip.and_then(|it| it.count).map(|count| count.to_string())),
+            Kind::TripCount => text(view.trip_kept.count.filter(|_| trip.is_some()).map(|count| count.to_string())),
             Kind::TripCode => text(code(view).filter(|_| trip.is_some()).map(|code| code.to_string())),
             Kind::TripText => {
                 text(code(view).filter(|_| trip.is_some()).and_then(|code| state::trip_text(drive, code)))
             }
             // Without a record of our own, what stands there from before is still true.
             Kind::TripLast => {
-                let record = state::record(drive, now.clock, view.trip.last.as_ref()?);
+                let record = state::record(drive, now.clock, view.trip_kept.last.as_ref()?);
                 Content::Text(Value::Object(record).to_string().into())
             }
             Kind::Param(register) => {
@@ -248,6 +304,17 @@ fn place_of(model: &Model, register: &Register) -> Option<usize> {
     model.registers.binary_search_by_key(&register.address, |it| it.address).ok()
 }
 
+/// The smallest change of a topic that is published, in steps.
+fn band_of(bands: &[f64], kind: Kind) -> f64 {
+    kind.register().and_then(|register| bands.get(register)).copied().unwrap_or(1.0)
+}
+
+/// The levels of `topic` below those of `drive`.
+fn below_drive<'t>(topic: &'t str, drive: &DriveDescription) -> &'t str {
+    let place = topic.find(&format!("/drive/{}/", drive.name)).map(|start| start + "/drive/".len());
+    place.and_then(|start| topic.get(start + drive.name.as_str().len() + 1..)).unwrap_or(topic)
+}
+
 /// The dead band of `register` in its steps; one step where none is configured.
 fn band(drive: &DriveDescription, register: &Register) -> f64 {
     let configured = drive.dead_bands.iter().find(|(name, _)| *name == register.name);
@@ -275,6 +342,9 @@ fn kinds(drive: &DriveDescription) -> Vec<(Kind, String)> {
     let has_setpoint = kinds.iter().any(|(_, rest)| rest == SETPOINT);
     if drive.control.is_some() && !has_setpoint {
         kinds.push((Kind::Setpoint, SETPOINT.into()));
+    }
+    if drive.control.is_some() {
+        kinds.push((Kind::Owner, "control/owner".into()));
     }
     let trips = [
         (Kind::TripActive, "active"),

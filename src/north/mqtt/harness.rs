@@ -11,6 +11,7 @@ use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{ControlView, DriveView, RunState};
+use crate::journal::Attempt;
 use crate::profile::check;
 use crate::profile::model::Model;
 use crate::vendors;
@@ -41,6 +42,7 @@ pub(super) fn settings(version: Version) -> Settings {
         probe_timeout: Duration::from_secs(10),
         command_ttl: Duration::from_secs(1),
         response_prefix: Some("vfd/answers".into()),
+        keep_telemetry: 0,
     }
 }
 
@@ -129,7 +131,7 @@ impl Rig {
         let now = self.now();
         let view = &mut self.views[index];
         (view.line_is_up, view.snapshot.presence, view.run_state) = (true, Presence::Online, RunState::Stopped);
-        (view.trip.active, view.trip.count) = (Some(false), Some(2));
+        (view.trip.active, view.trip_kept.count) = (Some(false), Some(2));
         view.snapshot.take(0x0101, &[output], now);
         view.snapshot.take(0x0112, &[2], now);
         view.snapshot.take(0x0201, &[4_000], now);
@@ -220,7 +222,9 @@ impl Rig {
 
     pub(super) fn report(&mut self, ticket: Ticket, report: Report, is_final: bool) -> Vec<Act> {
         let answer = CommandAnswer { asker: AskerId::MQTT, ticket, drive: DriveIndex(0), report, is_final };
-        self.session.command_answer(self.at(), &answer);
+        let (at, views) = (self.at(), &self.views);
+        let holder = |drive: usize| Some(views.get(drive)?.control.as_ref()?.lease?.0);
+        self.session.command_answer_naming(at, &answer, holder);
         self.acts()
     }
 }
@@ -280,6 +284,11 @@ pub(super) fn commands(acts: &[Act]) -> Vec<&CommandRequest> {
 
 pub(super) fn orders(acts: &[Act]) -> Vec<&Order> {
     commands(acts).into_iter().map(|request| &request.order).collect()
+}
+
+/// Attempts that no line saw.
+pub(super) fn kept(acts: &[Act]) -> Vec<&Attempt> {
+    acts.iter().filter_map(|act| if let Act::Keep(_, attempt) = act { Some(attempt) } else { None }).collect()
 }
 
 pub(super) fn reads(acts: &[Act]) -> Vec<&NativeRequest> {

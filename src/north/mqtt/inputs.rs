@@ -1,41 +1,28 @@
-//! Messages from the broker: what each asks for, whether it is taken, and the command that comes of it.
+//! Messages from the broker: what each asks for, and whether it is taken.
 
+use super::giving::Asker;
+use super::kept;
 use super::path::Returned;
-use super::payload::{self, Asked, Refused, Wish, is_stop};
-use super::pending::{Pending, What};
+use super::payload::{self, Asked, Refused, Wish, is_stop, short};
 use super::results::Reply;
 use super::seen::Known;
 use super::session::Session;
-use super::topics::{Inbound, Input};
+use super::topics::{Inbound, Input, Place};
 use super::types::{Act, LeaseMode, Message, Moment, Version};
-use crate::domain::command::{CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights};
-use crate::domain::ids::{AskerId, Name, Ticket};
-use crate::domain::native::{NativeAsk, NativeRequest};
+use crate::domain::command::{Order, Owner, Reason, Report};
+use crate::domain::ids::{CommanderName, Name};
 use crate::domain::problem::nearest;
-use crate::domain::time::MonoTime;
-use serde_json::Value;
+use crate::journal::Tried;
 use std::time::Duration;
 
-/// How long a read may take: a line that is busy with a silent drive included.
-const READ_WITHIN: Duration = Duration::from_secs(5);
-/// How much longer than its deadline a command may stay without its last answer.
-const ANSWERED_WITHIN: Duration = Duration::from_secs(60);
 /// How far ahead of ours the clock of a commander may be.
 const AHEAD_MAX: Duration = Duration::from_secs(60);
 /// The longest correlation data that is carried back.
 const CORRELATION_MAX_BYTES: usize = 1_024;
-const RETAINED_STOP: &str = "executed, but published with the retain flag: it would be refused as a replay later";
-
-const ORIGIN: Origin = Origin { owner: Owner::Mqtt, rights: Rights { write: true, stop: true }, manner: Manner::Once };
-
-/// Where the answer to a message goes, and under which id.
-struct Asker {
-    id: Value,
-    reply: Option<Reply>,
-}
 
 impl Session {
-    /// Takes a message. It gives at most one command, one for each drive if it is for all.
+    /// Takes a message. It gives at most one command, one for each drive if it is for all. A message that tries to write
+    /// and gives no command is kept as an attempt, once.
     pub(super) fn message(&mut self, at: Moment, message: &Message<'_>) {
         self.counters.messages_in += 1;
         match self.topics.parse(message.topic) {
@@ -46,13 +33,17 @@ impl Session {
                 self.are_commanders_gone = says.trim().eq_ignore_ascii_case("offline");
             }
             Some(Inbound::AllRun) => self.all_run(at, message),
-            Some(Inbound::Drive(name, input)) => self.drive_input(at, name, input, message),
+            Some(Inbound::Drive(place)) => self.drive_input(at, place, message),
         }
     }
 
     fn probe(&mut self, at: Moment, message: &Message<'_>) {
+        let was_open = self.path.is_open();
         if message.retain || self.path.returned(at.mono, message.payload) == Returned::Foreign {
             return;
+        }
+        if !was_open {
+            self.stored.opened();
         }
         let is_sign_of_life = self.settings.lease == LeaseMode::Session && !self.are_commanders_gone;
         if is_sign_of_life && !self.inward.contains(&Act::PathAlive) {
@@ -72,34 +63,49 @@ impl Session {
             Ok(()) if controlled.is_empty() => Refused::plain(Reason::ReadOnly),
             Ok(()) => {
                 for drive in controlled {
-                    let asker = Asker { id: self.next_id(), reply: reply.clone() };
+                    let asker = Asker { by: Owner::Mqtt, id: self.next_id(), reply: reply.clone() };
                     self.give(at, drive, asker, Wish::plain(Order::Stop { setpoint: None }), message);
                 }
                 return;
             }
         };
         let refused = if message.retain { self.live(message, false).err().unwrap_or(refused) } else { refused };
-        let (topic, asker) = (self.topics.gateway("all/result"), Asker { id: self.next_id(), reply });
-        self.refuse(at, "all", topic, &asker, &refused);
+        let asker = Asker { by: Owner::Mqtt, id: self.next_id(), reply };
+        let tried = kept::text(self.topics.below(message.topic), message.payload);
+        self.keep(None, Owner::Mqtt, Some(tried), Report::refused(refused.reason));
+        self.refuse(at, "all", self.topics.gateway("all/result"), &asker, &refused);
     }
 
-    fn drive_input(&mut self, at: Moment, name: &str, input: Input<'_>, message: &Message<'_>) {
-        if message.payload.is_empty() && (message.retain || !input.takes_empty()) {
+    fn drive_input(&mut self, at: Moment, place: Place<'_>, message: &Message<'_>) {
+        if message.payload.is_empty() && (message.retain || !place.input.takes_empty()) {
             return;
         }
-        let Some(drive) = self.drives.iter().position(|drive| drive.name.as_str() == name) else {
-            return self.unknown_drive(at, name, message);
+        let Some(drive) = self.drives.iter().position(|drive| drive.name.as_str() == place.drive) else {
+            return self.unknown_drive(at, place, message);
         };
-        let (id, asked) = payload::read(input, message.payload, &self.drives[drive].model);
+        let (id, asked) = payload::read(place.input, message.payload, &self.drives[drive].model);
         let is_a_stop = matches!(&asked, Ok(Asked::Order(wish)) if is_stop(&wish.order));
-        let taken = self.live(message, is_a_stop).and(asked).and_then(|asked| self.once(input, message, asked));
+        let tried = self.tried(place, &asked, message);
+        let owner = owner(place);
+        let by = *owner.as_ref().unwrap_or(&Owner::Mqtt);
+        let live = self.live(message, is_a_stop).and(owner.map(|_| ()));
+        let taken = live.and(asked).and_then(|asked| self.once(place.input, message, asked));
         let reply = self.reply_to(message);
-        let asker = Asker { id: id.unwrap_or_else(|| self.next_id()), reply };
+        let asker = Asker { by, id: id.unwrap_or_else(|| self.next_id()), reply };
         match taken {
-            Err(refused) => self.refuse_for(at, drive, &asker, &refused),
+            Err(refused) => self.refuse_for(at, drive, &asker, &refused, tried),
             Ok(Asked::Read(register)) => self.read(at, drive, asker, register, message),
             Ok(Asked::Order(wish)) if is_a_stop => self.give(at, drive, asker, wish, message),
             Ok(Asked::Order(wish)) => self.order(at, drive, asker, wish, message),
+        }
+    }
+
+    /// What a message tries to write; nothing if it does not.
+    fn tried(&self, place: Place<'_>, asked: &Result<Asked, Refused>, message: &Message<'_>) -> Option<Tried> {
+        match asked {
+            Ok(Asked::Order(wish)) => kept::of_order(&wish.order),
+            Ok(Asked::Read(_)) => None,
+            Err(_) => kept::of_text(place, self.topics.below(message.topic), message.payload),
         }
     }
 
@@ -121,43 +127,56 @@ impl Session {
         Ok(asked)
     }
 
-    fn unknown_drive(&mut self, at: Moment, name: &str, message: &Message<'_>) {
-        if Name::new(name).is_none() {
-            self.counters.ignored += 1;
-            return;
-        }
+    fn unknown_drive(&mut self, at: Moment, place: Place<'_>, message: &Message<'_>) {
+        let name = place.drive;
+        let by = owner(place).unwrap_or(Owner::Mqtt);
         let near = nearest(name, self.drives.iter().map(|drive| drive.name.as_str()));
         let hint = near.map_or_else(String::new, |near| format!("; is it `{near}`?"));
         let unknown = Refused::new(Reason::UnknownDrive, format!("there is no drive `{name}`{hint}"));
         let refused = self.live(message, false).err().unwrap_or(unknown);
-        let asker = Asker { id: self.next_id(), reply: self.reply_to(message) };
+        let tried = kept::of_text(place, self.topics.below(message.topic), message.payload);
+        self.keep(None, by, tried, Report::refused(refused.reason));
+        if Name::new(name).is_none() {
+            // There is no topic for an answer.
+            self.counters.ignored += 1;
+            return;
+        }
+        let asker = Asker { by, id: self.next_id(), reply: self.reply_to(message) };
         let topic = self.topics.drive(name, "result");
         self.refuse(at, name, topic, &asker, &refused);
     }
 
     /// An order that is held to deadline, ids and bounds.
     fn order(&mut self, at: Moment, drive: usize, asker: Asker, wish: Wish, message: &Message<'_>) {
+        let tried = kept::of_order(&wish.order);
         if wish.id.is_some() {
-            match self.seen[drive].look(at.mono, &asker.id, &wish.order, wish.epoch) {
+            let known = self.seen[drive].look(at.mono, (asker.by, &asker.id), &wish.order, wish.epoch);
+            let refused = Report::refused(Reason::Duplicate);
+            match known {
                 Known::New => {}
-                Known::UnderWay => return self.counters.duplicates += 1,
-                Known::Ended(report) => return self.repeat(at, drive, &asker, &wish, report),
-                Known::Other => return self.refuse_for(at, drive, &asker, &Refused::plain(Reason::Duplicate)),
+                Known::UnderWay => {
+                    self.counters.duplicates += 1;
+                    return self.keep(Some(drive), asker.by, tried, refused);
+                }
+                Known::Ended(report) => {
+                    self.keep(Some(drive), asker.by, tried, refused);
+                    return self.repeat(at, drive, &asker, &wish, report);
+                }
+                Known::Other => return self.refuse_for(at, drive, &asker, &Refused::plain(Reason::Duplicate), tried),
             }
         }
         if self.is_stale(at, &wish) {
-            return self.refuse_for(at, drive, &asker, &Refused::plain(Reason::Stale));
+            return self.refuse_for(at, drive, &asker, &Refused::plain(Reason::Stale), tried);
         }
         if !self.unanswered.has_room_for_command() {
-            return self.refuse_for(at, drive, &asker, &Refused::plain(Reason::QueueFull));
+            return self.refuse_for(at, drive, &asker, &Refused::plain(Reason::QueueFull), tried);
         }
         self.give(at, drive, asker, wish, message);
     }
 
     fn repeat(&mut self, at: Moment, drive: usize, asker: &Asker, wish: &Wish, report: Report) {
         self.counters.duplicates += 1;
-        let reply = asker.reply.as_ref();
-        self.tell_again(at, drive, &asker.id, reply, &wish.order, report);
+        self.tell_again(at, drive, asker, &wish.order, report);
     }
 
     fn is_stale(&self, at: Moment, wish: &Wish) -> bool {
@@ -168,127 +187,16 @@ impl Session {
         age_ms > millis(ttl) || age_ms < -millis(AHEAD_MAX)
     }
 
-    /// Hands an order to its drive.
-    fn give(&mut self, at: Moment, drive: usize, asker: Asker, wish: Wish, message: &Message<'_>) {
-        let is_a_stop = is_stop(&wish.order);
-        if is_a_stop {
-            self.clear_the_way(at, drive);
-        }
-        let ticket = self.next_ticket();
-        let is_new_id = || self.seen[drive].look(at.mono, &asker.id, &wish.order, wish.epoch) == Known::New;
-        if wish.id.is_some() && is_new_id() {
-            self.seen[drive].add(at.mono, asker.id.clone(), wish.order.clone(), wish.epoch, ticket);
-        }
-        let is_retained_stop = is_a_stop && message.retain;
-        self.counters.retained_stops += u64::from(is_retained_stop);
-        self.counters.commands += 1;
-        let request = self.request(at, drive, ticket, &wish, message.expiry);
-        self.unanswered.add(Pending {
-            ticket,
-            drive,
-            id: asker.id,
-            what: What::Order(wish.order),
-            reply: asker.reply,
-            remark: is_retained_stop.then_some(RETAINED_STOP),
-            holder: None,
-            forget_at: self.forget_at(drive, request.start_before, is_a_stop),
-        });
-        self.queue(Act::Command(self.drives[drive].place, request), is_a_stop);
-    }
-
-    fn request(
-        &self,
+    /// Refuses what was tried on a drive, before any line sees it.
+    pub(super) fn refuse_for(
+        &mut self,
         at: Moment,
         drive: usize,
-        ticket: Ticket,
-        wish: &Wish,
-        expiry: Option<Duration>,
-    ) -> CommandRequest {
-        let ttl = wish.ttl.unwrap_or(self.settings.command_ttl);
-        CommandRequest {
-            asker: AskerId::MQTT,
-            ticket,
-            drive: self.drives[drive].place.drive,
-            origin: ORIGIN,
-            order: wish.order.clone(),
-            start_before: at.mono + expiry.map_or(ttl, |expiry| expiry.min(ttl)),
-            issued: wish.issued_at.map(|issued_at| issued(at, issued_at)),
-            epoch: wish.epoch,
-        }
-    }
-
-    fn forget_at(&self, drive: usize, start_before: MonoTime, is_a_stop: bool) -> MonoTime {
-        let control = self.drives[drive].control.as_ref().filter(|_| is_a_stop);
-        start_before + control.map_or(Duration::ZERO, |it| it.stop_pending_for) + ANSWERED_WITHIN
-    }
-
-    /// Puts `act` behind what waits for the lines; a stop behind the stops that wait.
-    fn queue(&mut self, act: Act, is_a_stop: bool) {
-        let is_stop_act = |act: &Act| matches!(act, Act::Command(_, request) if is_stop(&request.order));
-        let stops = self.inward.iter().take_while(|act| is_stop_act(act) || **act == Act::PathOpened).count();
-        let place = if is_a_stop { stops } else { self.inward.len() };
-        self.inward.insert(place, act);
-    }
-
-    /// Before a stop: takes back what still waits here for its drive, and makes room if too many stops are unanswered.
-    fn clear_the_way(&mut self, at: Moment, drive: usize) {
-        let place = self.drives[drive].place;
-        let motion = |act: &Act| match act {
-            Act::Command(to, request) if *to == place => {
-                let is_motion = !is_stop(&request.order) && request.order != Order::Renew;
-                is_motion.then_some(request.ticket)
-            }
-            _ => None,
-        };
-        let cut: Vec<_> = self.inward.iter().filter_map(motion).collect();
-        for ticket in cut {
-            let pending = self.unanswered.take(ticket);
-            self.take_back(at, pending, Reason::Stopped);
-        }
-        let oldest = self.unanswered.take_surplus_stop(drive);
-        self.take_back(at, oldest, Reason::Newer);
-    }
-
-    /// Ends a command that gives way to a newer one.
-    fn take_back(&mut self, at: Moment, pending: Option<Pending>, reason: Reason) {
-        let Some(pending) = pending else { return };
-        self.unqueue(pending.ticket);
-        self.end(at, &pending, Report::new(Outcome::Superseded, reason));
-    }
-
-    /// Takes what has this ticket out of what waits for the lines.
-    pub(super) fn unqueue(&mut self, ticket: Ticket) {
-        self.inward.retain(|act| match act {
-            Act::Command(_, request) => request.ticket != ticket,
-            Act::Read(_, request) => request.ticket != ticket,
-            _ => true,
-        });
-    }
-
-    fn read(&mut self, at: Moment, drive: usize, asker: Asker, register: usize, message: &Message<'_>) {
-        if !self.unanswered.has_room_for_read() {
-            return self.refuse_for(at, drive, &asker, &Refused::plain(Reason::QueueFull));
-        }
-        let description = &self.drives[drive];
-        let Some(address) = description.model.registers.get(register).map(|it| it.address) else { return };
-        let (place, ticket) = (description.place, self.next_ticket());
-        let deadline = at.mono + message.expiry.map_or(READ_WITHIN, |expiry| expiry.min(READ_WITHIN));
-        self.unanswered.add(Pending {
-            ticket,
-            drive,
-            id: asker.id,
-            what: What::Read(register),
-            reply: asker.reply,
-            remark: None,
-            holder: None,
-            forget_at: deadline + ANSWERED_WITHIN,
-        });
-        let (asker, ask) = (AskerId::MQTT, NativeAsk::Read { address, count: 1 });
-        let request = NativeRequest { asker, ticket, drive: place.drive, origin: ORIGIN, ask, deadline };
-        self.queue(Act::Read(place, request), false);
-    }
-
-    fn refuse_for(&mut self, at: Moment, drive: usize, asker: &Asker, refused: &Refused) {
+        asker: &Asker,
+        refused: &Refused,
+        tried: Option<Tried>,
+    ) {
+        self.keep(Some(drive), asker.by, tried, Report::refused(refused.reason));
         let name = self.drives[drive].name.clone();
         let topic = self.topics.drive(name.as_str(), "result");
         self.refuse(at, name.as_str(), topic, asker, refused);
@@ -298,7 +206,7 @@ impl Session {
         self.counters.refused += 1;
         self.counters.refused_retained += u64::from(refused.reason == Reason::Retained);
         self.counters.duplicates += u64::from(refused.reason == Reason::Duplicate);
-        self.tell_refusal(at, drive, topic, (&asker.id, asker.reply.as_ref()), refused);
+        self.tell_refusal(at, drive, topic, asker, refused);
     }
 
     /// Where the requester wants the response, if that is allowed.
@@ -312,21 +220,16 @@ impl Session {
         }
         Some(Reply { topic: topic.to_owned(), correlation: message.correlation.map(<[u8]>::to_vec) })
     }
-
-    fn next_ticket(&mut self) -> Ticket {
-        self.last_ticket += 1;
-        Ticket(self.last_ticket)
-    }
-
-    /// An id for a commander that gave none.
-    fn next_id(&mut self) -> Value {
-        let Ticket(number) = self.next_ticket();
-        format!("{}-{number}", self.run).into()
-    }
 }
 
-/// When a command was issued, on our clock. Nothing is issued after it came.
-fn issued(at: Moment, issued_at: i64) -> MonoTime {
-    let age_ms = u64::try_from(at.wall.unix_ms.saturating_sub(issued_at)).unwrap_or(0);
-    at.mono.before(Duration::from_millis(age_ms))
+/// Who commands at `place`.
+///
+/// # Errors
+/// The name in the topic is none that a commander may have.
+fn owner(place: Place<'_>) -> Result<Owner, Refused> {
+    let Some(by) = place.by else { return Ok(Owner::Mqtt) };
+    CommanderName::new(by).map(Owner::MqttBy).ok_or_else(|| {
+        let right = format!("1 to {} letters, digits, `-`, `_` or `.`", CommanderName::MAX_CHARS);
+        Refused::new(Reason::NotUnderstood, format!("`{}` is no name of a commander; right is {right}", short(by)))
+    })
 }

@@ -2,16 +2,21 @@
 //! to be published, subscribed and commanded comes out.
 //!
 //! [`Session`] is the whole. Inside it, `path` follows the connection and its probe, `topics` knows every topic,
-//! `payload`, `command_json` and `params` read what commanders send, `inputs` and `answers` turn it into commands and
-//! results, `pending` and `seen` remember what is under way and what was, `results` and `outbox` hold what is to be
-//! told, and `telemetry` walks the pictures of the drives.
+//! `payload`, `command_json` and `params` read what commanders send, `inputs`, `giving` and `answers` turn it into
+//! commands and results, `kept` accounts for what comes to nothing, `pending` and `seen` remember what is under way and
+//! what was, `results`, `stored`, `outbox` and `history` hold what is to be told, and `telemetry` walks the pictures of
+//! the drives.
 
 mod answers;
 mod clock;
 mod command_json;
 mod counters;
 mod drive_topics;
+mod giving;
+mod history;
+mod in_flight;
 mod inputs;
+mod kept;
 mod line_topics;
 mod outbox;
 mod params;
@@ -23,6 +28,7 @@ mod seen;
 mod session;
 mod slot;
 mod state;
+mod stored;
 mod telemetry;
 mod topics;
 mod types;
@@ -31,6 +37,8 @@ mod types;
 mod command_tests;
 #[cfg(test)]
 mod harness;
+#[cfg(test)]
+mod outage_tests;
 #[cfg(test)]
 mod session_tests;
 #[cfg(test)]

@@ -85,6 +85,7 @@ fn plain(input: Input<'_>, payload: &[u8], model: &Model) -> Result<Asked, Refus
         Input::Run => run_order(text(payload, RUN_EXAMPLE)?)?,
         Input::Frequency => frequency_order(text(payload, "such as 42.5")?)?,
         Input::Reset => only(text(payload, "`reset`")?, "reset", Order::Reset)?,
+        Input::Take => only(text(payload, "`take`")?, "take", Order::Take)?,
         Input::Release => only(text(payload, "`release`")?, "release", Order::Release)?,
         Input::ParamSet(code) => param_order(model, code, payload)?,
         Input::Lease => Order::Renew,
@@ -219,6 +220,7 @@ mod tests {
         let reverse = Go::new(Vec::new(), None, Some(Direction::Reverse)).unwrap();
         assert_eq!(order(Input::Run, "reverse"), Ok(Order::Go(reverse)));
         assert_eq!(order(Input::Reset, "Reset "), Ok(Order::Reset));
+        assert_eq!(order(Input::Take, " Take"), Ok(Order::Take));
         assert_eq!(order(Input::Release, "RELEASE"), Ok(Order::Release));
         assert_eq!(order(Input::Lease, "anything"), Ok(Order::Renew));
         let frequency = Go::new(Vec::new(), Some(Hertz::from_millihertz(42_500)), None).unwrap();
@@ -238,6 +240,8 @@ mod tests {
             (Input::Frequency, "-5", Reason::OutsideLimits),
             (Input::Frequency, "5.00001", Reason::BetweenSteps),
             (Input::Reset, "true", Reason::NotUnderstood),
+            (Input::Take, "1", Reason::NotUnderstood),
+            (Input::Take, "", Reason::NotUnderstood),
             (Input::ParamSet("F007"), "1e1", Reason::NotANumber),
             (Input::ParamSet("F007"), "4,5", Reason::NotANumber),
             (Input::ParamSet("F007"), "1.25", Reason::BetweenSteps),

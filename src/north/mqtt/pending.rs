@@ -21,6 +21,8 @@ pub(super) struct Pending {
     pub(super) ticket: Ticket,
     /// Place of the drive in the session's list.
     pub(super) drive: usize,
+    /// Who asked.
+    pub(super) by: Owner,
     pub(super) id: Value,
     pub(super) what: What,
     pub(super) reply: Option<Reply>,

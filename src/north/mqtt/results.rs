@@ -2,7 +2,7 @@
 
 use super::params::label;
 use super::types::{Publication, Qos};
-use crate::domain::command::{Order, Outcome, Reason, Report};
+use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
 use crate::profile::model::{Model, Register, Role};
 use crate::profile::scale::Scaled;
 use serde_json::{Map, Value, json};
@@ -23,6 +23,10 @@ pub(super) struct Reply {
 pub(super) struct Told<'a> {
     pub(super) id: &'a Value,
     pub(super) drive: &'a str,
+    /// Who commanded.
+    pub(super) by: Owner,
+    /// Who holds control, if that is why it was refused.
+    pub(super) holder: Option<Owner>,
     pub(super) report: Report,
     pub(super) is_final: bool,
     /// It was said before: the command came again.
@@ -52,6 +56,9 @@ impl Told<'_> {
             }
         };
         add("message", self.message.or(own_words).map(Value::from));
+        let named = if let Owner::MqttBy(name) = self.by { Some(name.as_str().into()) } else { None };
+        add("by", named);
+        add("owner", self.holder.map(|owner| owner.to_string().into()));
         add("held", self.report.held.map(Value::from));
         add("exception", self.report.exception.map(Value::from));
         add("repeat", self.is_repeat.then_some(Value::Bool(true)));
@@ -119,11 +126,13 @@ pub(super) fn named(register: &Register, word: u16) -> (String, Value) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::ids::CommanderName;
 
     fn told(id: &Value) -> Told<'_> {
         let report = Report { held: Some(7), ..Report::new(Outcome::Failed, Reason::KeptOldValue) };
         let (message, values, at) = (None, Map::new(), "now".into());
-        Told { id, drive: "pump", report, is_final: true, is_repeat: false, message, values, at }
+        let (by, holder) = (Owner::Mqtt, None);
+        Told { id, drive: "pump", by, holder, report, is_final: true, is_repeat: false, message, values, at }
     }
 
     #[test]
@@ -131,6 +140,16 @@ mod tests {
         let text = String::from_utf8(told(&json!("a1")).payload()).unwrap();
         let expected = r#"{"at":"now","drive":"pump","final":true,"held":7,"id":"a1","message":"the drive kept its old value","outcome":"failed","reason":"kept_old_value"}"#;
         assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn a_result_names_its_commander_and_who_stood_in_its_way() {
+        let name = |name| Owner::MqttBy(CommanderName::new(name).unwrap());
+        let id = json!(1);
+        let (by, report) = (name("a"), Report::refused(Reason::OtherOwner));
+        let told = Told { by, holder: Some(name("b")), report, ..told(&id) };
+        let result: Value = serde_json::from_slice(&told.payload()).unwrap();
+        assert_eq!((&result["by"], &result["owner"]), (&json!("a"), &json!("mqtt b")));
     }
 
     #[test]

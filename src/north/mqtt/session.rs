@@ -2,12 +2,15 @@
 
 use super::clock::Clock;
 use super::counters::Counters;
+use super::history::History;
+use super::kept::Kept;
 use super::outbox::Outbox;
 use super::path::Path;
 use super::pending::Unanswered;
 use super::results::Results;
 use super::seen::Seen;
 use super::state::{object, record};
+use super::stored::Stored;
 use super::telemetry::Telemetry;
 use super::topics::Topics;
 use super::types::{Act, Broker, Event, Filter, LineState, Moment, Publication, Qos, Settings};
@@ -19,12 +22,16 @@ use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+/// Marks of a token: whose publication it is. Numbers stay far below.
+const STORED: u64 = 1 << 62;
+const HISTORY: u64 = 1 << 63;
+
 /// The MQTT side of the gateway as a machine without a socket or a clock. Its owner moves things between it, the
 /// broker and the lines:
 ///
 /// * what happens on the connection goes to [`handle`](Self::handle), answers of the lines to
 ///   [`command_answer`](Self::command_answer) and [`native_answer`](Self::native_answer), trips to
-///   [`trip`](Self::trip);
+///   [`trip`](Self::trip), or where a journal keeps them, to [`stored_events`](Self::stored_events);
 /// * [`tick`](Self::tick) is called when [`next_wake`](Self::next_wake) is due;
 /// * after each of these, and whenever a picture changed, [`next_act`](Self::next_act) is asked until it gives
 ///   nothing. While there is no room for publications, [`next_inward`](Self::next_inward) is asked instead.
@@ -43,11 +50,15 @@ pub struct Session {
     broker: Broker,
     /// What goes to the lines, in order. Bounded by what may be unanswered.
     pub(super) inward: VecDeque<Act>,
+    /// Attempts that no line sees, behind everything for the lines.
+    pub(super) kept: Kept,
     pub(super) unanswered: Unanswered,
     /// Used ids per drive.
     pub(super) seen: Vec<Seen>,
     pub(super) results: Results,
     outbox: Outbox,
+    pub(super) stored: Stored,
+    history: History,
     pub(super) telemetry: Telemetry,
     pub(super) counters: Counters,
     /// The alive topic says that the commanders are gone.
@@ -68,9 +79,12 @@ impl Session {
             seen: drives.iter().map(|_| Seen::default()).collect(),
             broker: Broker::default(),
             inward: VecDeque::new(),
+            kept: Kept::default(),
             unanswered: Unanswered::default(),
             results: Results::default(),
             outbox: Outbox::default(),
+            stored: Stored::default(),
+            history: History::new(settings.keep_telemetry),
             counters: Counters::default(),
             are_commanders_gone: false,
             last_ticket: 0,
@@ -120,13 +134,25 @@ impl Session {
     }
 
     fn acknowledged(&mut self, token: u64) {
-        self.outbox.acknowledged(token);
-        self.counters.events_waiting = self.outbox.len() as u64;
+        let number = token & !(STORED | HISTORY);
+        match token & (STORED | HISTORY) {
+            STORED => self.stored.acknowledged(number),
+            HISTORY => self.history.acknowledged(number),
+            _ => self.outbox.acknowledged(number),
+        }
+        self.count_events();
+    }
+
+    pub(super) fn count_events(&mut self) {
+        self.counters.events_waiting = (self.outbox.len() + self.stored.len()) as u64;
+        self.counters.history_waiting = self.history.len() as u64;
     }
 
     fn lost(&mut self) {
         self.path.lost();
         self.outbox.lost();
+        self.stored.lost();
+        self.history.lost();
         self.telemetry.forget();
         self.inward.retain(|act| !matches!(act, Act::PathAlive | Act::PathOpened));
     }
@@ -152,7 +178,7 @@ impl Session {
         }
         let topic = self.topics.drive(drive.name.as_str(), "trip/event");
         self.counters.events_dropped += u64::from(self.outbox.add(topic, body));
-        self.counters.events_waiting = self.outbox.len() as u64;
+        self.count_events();
     }
 
     /// Takes notice of time.
@@ -169,14 +195,15 @@ impl Session {
     /// When [`tick`](Self::tick) and [`next_act`](Self::next_act) are to be called if nothing happens before.
     #[must_use]
     pub fn next_wake(&self) -> Option<MonoTime> {
-        let telemetry = if self.path.is_open() { self.telemetry.wake() } else { None };
-        [self.path.wake(), self.unanswered.wake(), telemetry].into_iter().flatten().min()
+        let open = |wake: Option<MonoTime>| wake.filter(|_| self.path.is_open());
+        let (telemetry, history) = (open(self.telemetry.wake()), open(self.history.wake()));
+        [self.path.wake(), self.unanswered.wake(), telemetry, history].into_iter().flatten().min()
     }
 
-    /// The next thing for the lines: commands, reads, and signs of the way from the commanders. It needs no room on
-    /// the connection, so that a stop never waits for one.
+    /// The next thing for the lines: commands, reads, and signs of the way from the commanders; behind them what is to be
+    /// kept. It needs no room on the connection, so that a stop never waits for one.
     pub fn next_inward(&mut self) -> Option<Act> {
-        self.inward.pop_front()
+        self.inward.pop_front().or_else(|| self.kept.next()).or_else(|| self.stored.next_act())
     }
 
     /// The next thing to do. `views` stand in the order of the drives, `lines` in the order of the lines given to
@@ -188,6 +215,7 @@ impl Session {
         }
         self.clock.see(at);
         self.check_path(at.mono);
+        self.record(at.mono, views);
         if let Some(reason) = self.path.take_reconnect() {
             self.counters.reconnects += 1;
             return Some(Act::Reconnect(reason));
@@ -201,6 +229,16 @@ impl Session {
                 self.counters.messages_out += 1;
                 return Some(Act::Publish(publication));
             }
+        }
+    }
+
+    /// Keeps what nobody can be told, if that is wanted.
+    fn record(&mut self, at: MonoTime, views: &[Arc<DriveView>]) {
+        if !self.path.is_open() && self.history.is_on() {
+            let now = (at, self.clock);
+            let dropped = self.telemetry.record(now, &self.drives, views, &mut self.history);
+            self.counters.history_dropped += dropped;
+            self.count_events();
         }
     }
 
@@ -220,7 +258,14 @@ impl Session {
         if let Some((topic, payload, token)) = self.outbox.next() {
             return Some(passing(topic, payload, Qos::AtLeastOnce, Some(token)));
         }
-        self.telemetry.next(at, self.clock, &self.drives, views, lines)
+        if let Some((topic, payload, seq)) = self.stored.next() {
+            return Some(passing(topic, payload, Qos::AtLeastOnce, Some(STORED | seq)));
+        }
+        if let Some(publication) = self.telemetry.next(at, self.clock, &self.drives, views, lines) {
+            return Some(publication);
+        }
+        let (topic, payload, number) = self.history.next(at, &self.topics, self.clock, &self.drives)?;
+        Some(passing(topic, payload, Qos::AtLeastOnce, Some(HISTORY | number)))
     }
 
     /// `publication` as this broker takes it; nothing if it does not. What is too large would end the connection

@@ -35,11 +35,13 @@ pub(super) enum Content {
 pub(super) struct Slot {
     topic: String,
     published: Option<(MonoTime, Content)>,
+    /// What was told last, be it by a publication or for later: it outlives the connection.
+    told: Option<Content>,
 }
 
 impl Slot {
     pub(super) const fn new(topic: String) -> Self {
-        Self { topic, published: None }
+        Self { topic, published: None, told: None }
     }
 
     /// Whether `content` is to be published now; from then on it counts as published. Words that `differ` does not
@@ -54,9 +56,30 @@ impl Slot {
             (Some((at, old)), new) => old != new || now.at.since(*at) >= now.heartbeat,
         };
         if is_due {
+            self.told = Some(content.clone());
             self.published = Some((now.at, content));
         }
         is_due
+    }
+
+    /// Whether `content` is something else than what was told last; from then on it counts as told. The first content of
+    /// all is no change, nor is it one that a value is not known any more.
+    pub(super) fn tell(&mut self, content: &Content, differ: impl Fn(u16, u16) -> bool) -> bool {
+        let is_new = match (&self.told, content) {
+            (_, Content::Cleared) => return false,
+            (Some(Content::Word(old)), Content::Word(new)) => differ(*old, *new),
+            (old, new) => old.as_ref() != Some(new),
+        };
+        let is_first = self.told.is_none();
+        if is_new {
+            self.told = Some(content.clone());
+        }
+        is_new && !is_first
+    }
+
+    /// The topic.
+    pub(super) fn topic(&self) -> &str {
+        &self.topic
     }
 
     /// Whether something stands on the topic.

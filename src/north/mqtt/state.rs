@@ -189,14 +189,14 @@ fn has_changed(
         let has_moved = matches!(words, (Some(old), Some(new)) if differ(register, old.raw, new.raw));
         was != quality(drive, register, view, now.at) || has_moved
     };
-    let trip = |view: &DriveView| (view.trip.active, view.trip.count, view.trip.seen);
+    let trip = |view: &DriveView| (view.trip.active, view.trip.seen);
     drive.model.registers.iter().filter(|it| it.poll.is_some()).any(has_value_changed)
         || old.is_online() != view.is_online()
         || shown_run_state(old) != shown_run_state(view)
         || trip(old) != trip(view)
         || old.status != view.status
         || old.watchdog != view.watchdog
-        || old.trip.last != view.trip.last
+        || old.trip_kept != view.trip_kept
         || lasting(old) != lasting(view)
         || has_published_lease_ended(now, last, view)
 }
@@ -262,9 +262,10 @@ fn value(now: &Present, drive: &DriveDescription, register: &Register, view: &Dr
 fn trip(now: &Present, drive: &DriveDescription, view: &DriveView) -> Value {
     json!({
         "active": view.trip.active,
-        "count": view.trip.count,
+        "count": view.trip_kept.count,
         "seen": view.trip.seen,
-        "last": view.trip.last.as_ref().map(|it| record(drive, now.clock, it)),
+        "total": view.trip_kept.total,
+        "last": view.trip_kept.last.as_ref().map(|it| record(drive, now.clock, it)),
     })
 }
 

@@ -3,6 +3,7 @@
 
 use super::clock::Clock;
 use super::drive_topics::DriveTopics;
+use super::history::History;
 use super::line_topics::{LineTopics, info};
 use super::slot::{Content, EXPIRY_HEARTBEATS, Present, Slot};
 use super::topics::Topics;
@@ -64,6 +65,20 @@ impl Telemetry {
         if let Some(topics) = self.drives.get_mut(drive) {
             topics.take_param(register, reading, topic);
         }
+    }
+
+    /// Keeps in `history` what has changed while no broker can be told. Gives back how much gave way for it.
+    pub(super) fn record(
+        &mut self,
+        (at, clock): (MonoTime, Clock),
+        drives: &[DriveDescription],
+        views: &[Arc<DriveView>],
+        history: &mut History,
+    ) -> u64 {
+        let now = Present { at, clock, heartbeat: self.heartbeat, expiry: self.expiry };
+        let each = self.drives.iter_mut().zip(drives.iter().zip(views)).enumerate();
+        let changes = each.flat_map(|(place, (topics, (drive, view)))| topics.record(&now, place, drive, view));
+        changes.map(|change| u64::from(history.add(change))).sum()
     }
 
     /// The next publication; nothing if all topics show the pictures. `status` comes behind everything else, so

@@ -164,6 +164,9 @@ fn a_trip_is_shown_with_its_record_and_taken_back() {
     rig.views[0].trip.active = Some(true);
     rig.views[0].trip.last = Some(TripRecord { at, code: Some(9), words: vec![(0x0114, 4_215)] });
     let acts = rig.acts();
+    assert_eq!(on(&acts, "drive/pump/trip/last"), None, "it is not kept yet");
+    rig.views[0].trip_kept.last = rig.views[0].trip.last.clone();
+    let acts = [acts, rig.acts()].concat();
     assert_eq!(on(&acts, "drive/pump/trip/active").as_deref(), Some("true"));
     assert_eq!(on(&acts, "drive/pump/trip/code").as_deref(), Some("9"));
     assert_eq!(on(&acts, "drive/pump/trip/text").as_deref(), Some("code 9"));

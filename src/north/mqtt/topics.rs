@@ -21,8 +21,19 @@ pub(super) enum Inbound<'t> {
     Alive,
     /// STOP for all drives.
     AllRun,
-    /// An input of the drive with this name, which may not exist.
-    Drive(&'t str, Input<'t>),
+    /// An input of a drive.
+    Drive(Place<'t>),
+}
+
+/// Which input of which drive, and by whom.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Place<'t> {
+    /// The commander whose own topic it is, not checked; nothing: the topic of everybody.
+    pub(super) by: Option<&'t str>,
+    /// The name of the drive, which may not exist.
+    pub(super) drive: &'t str,
+    /// The input.
+    pub(super) input: Input<'t>,
 }
 
 /// An input of a drive.
@@ -31,6 +42,7 @@ pub(super) enum Input<'t> {
     Frequency,
     Run,
     Reset,
+    Take,
     Release,
     Command,
     Lease,
@@ -48,6 +60,11 @@ impl Input<'_> {
     pub(super) const fn only_reads(self) -> bool {
         matches!(self, Self::ParamGet(_))
     }
+
+    /// Whether it tries to write something. To read is no attempt, and to renew a lease is none.
+    pub(super) const fn is_attempt(self) -> bool {
+        !matches!(self, Self::ParamGet(_) | Self::Lease)
+    }
 }
 
 impl Topics {
@@ -58,19 +75,20 @@ impl Topics {
 
     /// What is subscribed: inputs only, so that no publication of ours comes back.
     pub(super) fn filters(&self) -> Vec<Filter> {
-        const INPUTS: [&str; 10] = [
-            "all/run/set",
-            "drive/+/run/set",
-            "drive/+/frequency/set",
-            "drive/+/trip/reset",
-            "drive/+/control/release",
-            "drive/+/command",
-            "drive/+/lease",
-            "drive/+/param/+/get",
-            "drive/+/param/+/set",
-            "probe",
+        /// Of everybody, and of each commander that has topics of its own.
+        const ORDERS: [&str; 8] = [
+            "run/set",
+            "frequency/set",
+            "trip/reset",
+            "control/take",
+            "control/release",
+            "command",
+            "lease",
+            "param/+/set",
         ];
-        let inputs = INPUTS.iter().map(|rest| Filter { path: self.gateway(rest), wants_retained: false });
+        let orders = ["", "by/+/"].into_iter().flat_map(|by| ORDERS.map(|rest| format!("{by}drive/+/{rest}")));
+        let others = ["all/run/set", "drive/+/param/+/get", "probe"].map(str::to_owned);
+        let inputs = orders.chain(others).map(|rest| Filter { path: self.gateway(&rest), wants_retained: false });
         // What the alive topic said while we were away holds.
         let alive = self.alive.clone().map(|path| Filter { path, wants_retained: true });
         inputs.chain(alive).collect()
@@ -79,6 +97,11 @@ impl Topics {
     /// A topic of the gateway as a whole.
     pub(super) fn gateway(&self, rest: &str) -> String {
         format!("{}{rest}", self.base)
+    }
+
+    /// The levels of `topic` below those of the gateway.
+    pub(super) fn below<'t>(&self, topic: &'t str) -> &'t str {
+        topic.strip_prefix(self.base.as_str()).unwrap_or(topic)
     }
 
     /// A topic of a line.
@@ -121,8 +144,15 @@ fn command(rest: &str) -> Option<Inbound<'_>> {
     if rest == "all/run/set" {
         return Some(Inbound::AllRun);
     }
-    let (name, input) = rest.strip_prefix("drive/")?.split_once('/')?;
-    Some(Inbound::Drive(name, drive_input(input)?))
+    let Some(rest) = rest.strip_prefix("by/") else { return Some(Inbound::Drive(place(None, rest)?)) };
+    let (by, rest) = rest.split_once('/')?;
+    let place = place(Some(by), rest)?;
+    (!place.input.only_reads()).then_some(Inbound::Drive(place))
+}
+
+fn place<'t>(by: Option<&'t str>, rest: &'t str) -> Option<Place<'t>> {
+    let (drive, input) = rest.strip_prefix("drive/")?.split_once('/')?;
+    Some(Place { by, drive, input: drive_input(input)? })
 }
 
 fn drive_input(rest: &str) -> Option<Input<'_>> {
@@ -130,6 +160,7 @@ fn drive_input(rest: &str) -> Option<Input<'_>> {
         "frequency/set" => Some(Input::Frequency),
         "run/set" => Some(Input::Run),
         "trip/reset" => Some(Input::Reset),
+        "control/take" => Some(Input::Take),
         "control/release" => Some(Input::Release),
         "command" => Some(Input::Command),
         "lease" => Some(Input::Lease),
@@ -156,6 +187,14 @@ mod tests {
         Topics::new(&settings(Version::V5))
     }
 
+    fn everybody(input: Input<'_>) -> Option<Inbound<'_>> {
+        Some(Inbound::Drive(Place { by: None, drive: "pump", input }))
+    }
+
+    fn own(input: Input<'_>) -> Option<Inbound<'_>> {
+        Some(Inbound::Drive(Place { by: Some("plc-2"), drive: "pump", input }))
+    }
+
     #[test]
     fn inputs_are_told_apart_and_nothing_else_is_one() {
         let topics = topics();
@@ -163,14 +202,27 @@ mod tests {
             ("vfd/plant/probe", Some(Inbound::Probe)),
             ("home/status", Some(Inbound::Alive)),
             ("vfd/plant/all/run/set", Some(Inbound::AllRun)),
-            ("vfd/plant/drive/pump/run/set", Some(Inbound::Drive("pump", Input::Run))),
-            ("vfd/plant/drive/pump/frequency/set", Some(Inbound::Drive("pump", Input::Frequency))),
-            ("vfd/plant/drive/pump/trip/reset", Some(Inbound::Drive("pump", Input::Reset))),
-            ("vfd/plant/drive/pump/control/release", Some(Inbound::Drive("pump", Input::Release))),
-            ("vfd/plant/drive/pump/command", Some(Inbound::Drive("pump", Input::Command))),
-            ("vfd/plant/drive/pump/lease", Some(Inbound::Drive("pump", Input::Lease))),
-            ("vfd/plant/drive/pump/param/F007/get", Some(Inbound::Drive("pump", Input::ParamGet("F007")))),
-            ("vfd/plant/drive/pump/param/F007/set", Some(Inbound::Drive("pump", Input::ParamSet("F007")))),
+            ("vfd/plant/drive/pump/run/set", everybody(Input::Run)),
+            ("vfd/plant/drive/pump/frequency/set", everybody(Input::Frequency)),
+            ("vfd/plant/drive/pump/trip/reset", everybody(Input::Reset)),
+            ("vfd/plant/drive/pump/control/release", everybody(Input::Release)),
+            ("vfd/plant/drive/pump/command", everybody(Input::Command)),
+            ("vfd/plant/drive/pump/lease", everybody(Input::Lease)),
+            ("vfd/plant/drive/pump/param/F007/get", everybody(Input::ParamGet("F007"))),
+            ("vfd/plant/drive/pump/param/F007/set", everybody(Input::ParamSet("F007"))),
+            ("vfd/plant/drive/pump/control/take", everybody(Input::Take)),
+            ("vfd/plant/by/plc-2/drive/pump/run/set", own(Input::Run)),
+            ("vfd/plant/by/plc-2/drive/pump/frequency/set", own(Input::Frequency)),
+            ("vfd/plant/by/plc-2/drive/pump/trip/reset", own(Input::Reset)),
+            ("vfd/plant/by/plc-2/drive/pump/control/take", own(Input::Take)),
+            ("vfd/plant/by/plc-2/drive/pump/control/release", own(Input::Release)),
+            ("vfd/plant/by/plc-2/drive/pump/command", own(Input::Command)),
+            ("vfd/plant/by/plc-2/drive/pump/lease", own(Input::Lease)),
+            ("vfd/plant/by/plc-2/drive/pump/param/F007/set", own(Input::ParamSet("F007"))),
+            ("vfd/plant/by/plc-2/drive/pump/param/F007/get", None),
+            ("vfd/plant/by/plc-2/all/run/set", None),
+            ("vfd/plant/by/plc-2/probe", None),
+            ("vfd/plant/by/a/b/drive/pump/run/set", None),
             ("vfd/plant/drive/pump/param/F007", None),
             ("vfd/plant/drive/pump/param/a/b/set", None),
             ("vfd/plant/drive/pump/run/state", None),
@@ -199,6 +251,7 @@ mod tests {
             ("vfd/plant/status", "vfd"),
             ("vfd/other/drive/pump/run/set", "vfd"),
             ("vfd/other/all/run/set", "vfd"),
+            ("vfd/other/by/plc-2/drive/pump/run/set", "vfd"),
             ("home/status", "home"),
         ] {
             assert!(!topics.may_respond_to(topic, allowed), "{topic}");

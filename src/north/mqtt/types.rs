@@ -7,6 +7,7 @@ use crate::domain::native::NativeRequest;
 use crate::domain::report::{LineReport, StationReport};
 use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::description::DriveRef;
+use crate::journal::Attempt;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -33,6 +34,8 @@ pub struct Settings {
     pub command_ttl: Duration,
     /// Topics under which a requester may ask for the response (MQTT 5); nothing: response topics are ignored.
     pub response_prefix: Option<String>,
+    /// Most changes of telemetry that are kept while the broker is away; 0: none.
+    pub keep_telemetry: usize,
 }
 
 /// Protocol version.
@@ -111,6 +114,17 @@ pub enum Act {
     PathAlive,
     /// Tell every line that the way was opened anew.
     PathOpened,
+    /// Keep this attempt to write, of which no line knows: it was refused, is a repeat, or was taken back before it was
+    /// handed to a line. Nothing for the drive: the message is for all, or for one that does not exist.
+    Keep(Option<DriveRef>, Attempt),
+    /// The broker has the stored event with this number.
+    EventTaken(u64),
+    /// The session wants the first stored events with higher numbers that no broker has: now if there are any, else as
+    /// soon as there is one. It is answered once, by [`Session::stored_events`](super::Session::stored_events).
+    WantEvents {
+        /// The highest number that it was given.
+        after: u64,
+    },
     /// Drop the connection and make a new one.
     Reconnect(&'static str),
 }

@@ -13,7 +13,7 @@ pub use status::{alarm, bit, capability};
 use super::ask::{Ask, BitTable, WordTable};
 use super::taken::{Present, Taken};
 use super::words::Words;
-use crate::domain::command::Order;
+use crate::domain::command::{Order, Reason};
 use crate::domain::frequency::Hertz;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
@@ -87,7 +87,7 @@ impl Uniform {
             Ask::ReadWriteWords { read_address, read_count, .. } => {
                 match self.read(*read_address, *read_count, view, present, words) {
                     Taken::Words => self.write(ask, view),
-                    refused => refused,
+                    _ => Taken::Refused(Reason::NotListed),
                 }
             }
             Ask::WriteCoil { .. }
@@ -120,12 +120,12 @@ impl Uniform {
 
     fn write(&self, ask: &Ask, view: &DriveView) -> Taken {
         if !self.has_control() {
-            return Taken::Exception(exception::ILLEGAL_FUNCTION);
+            return Taken::Refused(Reason::ReadOnly);
         }
         match order::order_in(ask, view.control.as_ref()) {
             Ok(Some(order)) => Taken::Order(order),
             Ok(None) => Taken::Nothing,
-            Err(code) => Taken::Exception(code),
+            Err(reason) => Taken::Refused(reason),
         }
     }
 

@@ -1,12 +1,10 @@
 //! What a write to a uniform unit orders.
 
 use super::super::ask::{Ask, Bits};
-use super::super::refusal::exception_of;
 use super::address;
 use crate::domain::command::{Direction, Go, Order, Reason, RunIntent};
 use crate::domain::frequency::Hertz;
 use crate::drive::view::ControlView;
-use crate::wire::exception;
 
 /// Values of the run command register.
 pub mod run {
@@ -22,6 +20,8 @@ pub mod run {
     pub const RESET: u16 = 4;
     /// Hand control back to panel or terminals.
     pub const RELEASE: u16 = 5;
+    /// Take control over from the one who holds it.
+    pub const TAKE: u16 = 6;
 }
 
 /// The order in `ask`; nothing if it orders nothing. `control` is what words 256 and 257 read.
@@ -33,9 +33,10 @@ pub mod run {
 ///   whatever stands beside it; and a request that stops does not reset.
 ///
 /// # Errors
-/// 01 if `ask` does not write; 02 outside of what can be written; 03 for a run value that is not known, both
-/// directions at once, or a reset beside RUN or a setpoint; 06 for a mask on a setpoint that is not known.
-pub(super) fn order_in(ask: &Ask, control: Option<&ControlView>) -> Result<Option<Order>, u8> {
+/// `not_capable` if `ask` does not write; `not_listed` outside of what can be written; `not_understood` for a run value
+/// that is not known; `conflict` for both directions at once, or a reset, release or take-over beside RUN or a setpoint;
+/// `setpoint_unknown` for a mask on a setpoint that is not known.
+pub(super) fn order_in(ask: &Ask, control: Option<&ControlView>) -> Result<Option<Order>, Reason> {
     match ask {
         Ask::WriteCoil { address, on } => coils(*address, 1, |_| Some(*on)),
         Ask::WriteCoils { address, values } => coils_of(*address, values),
@@ -43,19 +44,19 @@ pub(super) fn order_in(ask: &Ask, control: Option<&ControlView>) -> Result<Optio
         Ask::WriteWords { address, values } | Ask::ReadWriteWords { address, values, .. } => words(*address, values),
         Ask::MaskWord { address, and, or } => masked(*address, *and, *or, control),
         Ask::ReadBits { .. } | Ask::ReadWords { .. } | Ask::LoopTest { .. } | Ask::Identify { .. } => {
-            Err(exception::ILLEGAL_FUNCTION)
+            Err(Reason::NotCapable)
         }
     }
 }
 
-fn words(first: u16, values: &[u16]) -> Result<Option<Order>, u8> {
+fn words(first: u16, values: &[u16]) -> Result<Option<Order>, Reason> {
     let (mut command, mut setpoint) = (None, None);
     for (offset, value) in (0..).zip(values) {
         match first.checked_add(offset) {
             Some(address::RUN) => command = Some(*value),
             Some(address::SETPOINT) => setpoint = Some(Hertz::from_centihertz(*value)),
             Some(address::RENEW) => {}
-            _ => return Err(exception::ILLEGAL_DATA_ADDRESS),
+            _ => return Err(Reason::NotListed),
         }
     }
     let order = match command {
@@ -66,8 +67,9 @@ fn words(first: u16, values: &[u16]) -> Result<Option<Order>, u8> {
         Some(run::COAST) => Some(Order::Coast),
         Some(run::RESET) if setpoint.is_none() => Some(Order::Reset),
         Some(run::RELEASE) if setpoint.is_none() => Some(Order::Release),
-        Some(run::RESET | run::RELEASE) => return Err(exception_of(Reason::Conflict)),
-        Some(_) => return Err(exception_of(Reason::NotUnderstood)),
+        Some(run::TAKE) if setpoint.is_none() => Some(Order::Take),
+        Some(run::RESET | run::RELEASE | run::TAKE) => return Err(Reason::Conflict),
+        Some(_) => return Err(Reason::NotUnderstood),
     };
     Ok(order)
 }
@@ -77,14 +79,14 @@ fn go(setpoint: Option<Hertz>, direction: Option<Direction>) -> Option<Order> {
 }
 
 /// A mask counts as a write of what it makes of the word that is read back.
-fn masked(register: u16, and: u16, or: u16, control: Option<&ControlView>) -> Result<Option<Order>, u8> {
+fn masked(register: u16, and: u16, or: u16, control: Option<&ControlView>) -> Result<Option<Order>, Reason> {
     let old = match register {
         address::RUN => control.map_or(run::STOP, |control| run_word(control.intent)),
         // Nothing of the old word stays.
         address::SETPOINT if and == 0 => 0,
         address::SETPOINT => {
             let setpoint = control.and_then(|control| control.setpoint?.centihertz());
-            setpoint.ok_or(exception_of(Reason::SetpointUnknown))?
+            setpoint.ok_or(Reason::SetpointUnknown)?
         }
         _ => 0,
     };
@@ -101,14 +103,14 @@ pub(super) const fn run_word(intent: RunIntent) -> u16 {
     }
 }
 
-fn coils_of(first: u16, values: &Bits) -> Result<Option<Order>, u8> {
+fn coils_of(first: u16, values: &Bits) -> Result<Option<Order>, Reason> {
     coils(first, values.count(), |place| values.get(place))
 }
 
-fn coils(first: u16, count: u16, value: impl Fn(u16) -> Option<bool>) -> Result<Option<Order>, u8> {
-    let end = first.checked_add(count).ok_or(exception::ILLEGAL_DATA_ADDRESS)?;
+fn coils(first: u16, count: u16, value: impl Fn(u16) -> Option<bool>) -> Result<Option<Order>, Reason> {
+    let end = first.checked_add(count).ok_or(Reason::NotListed)?;
     if end > address::COILS {
-        return Err(exception::ILLEGAL_DATA_ADDRESS);
+        return Err(Reason::NotListed);
     }
     // Nothing: the request does not cover the coil.
     let coil = |coil: u16| coil.checked_sub(first).filter(|place| *place < count).and_then(&value);
@@ -118,7 +120,7 @@ fn coils(first: u16, count: u16, value: impl Fn(u16) -> Option<bool>) -> Result<
     }
     match (forward, reverse, reset) {
         (Some(true), Some(true), _) | (Some(true), _, Some(true)) | (_, Some(true), Some(true)) => {
-            Err(exception_of(Reason::Conflict))
+            Err(Reason::Conflict)
         }
         (Some(true), ..) => Ok(go(None, Some(Direction::Forward))),
         (_, Some(true), _) => Ok(go(None, Some(Direction::Reverse))),
@@ -130,11 +132,12 @@ fn coils(first: u16, count: u16, value: impl Fn(u16) -> Option<bool>) -> Result<
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::refusal::exception_of;
     use super::super::super::request::parse;
     use super::*;
 
     fn order(pdu: &[u8], control: Option<&ControlView>) -> Result<Option<Order>, u8> {
-        order_in(&parse(pdu).unwrap(), control)
+        order_in(&parse(pdu).unwrap(), control).map_err(exception_of)
     }
 
     fn block(function: u8, address: u16, values: &[u16]) -> Vec<u8> {
@@ -164,7 +167,8 @@ mod tests {
             (256, 3, Ok(Some(Order::Coast))),
             (256, 4, Ok(Some(Order::Reset))),
             (256, 5, Ok(Some(Order::Release))),
-            (256, 6, Err(3)),
+            (256, 6, Ok(Some(Order::Take))),
+            (256, 7, Err(3)),
             (256, 0xFFFF, Err(3)),
             (257, 4250, Ok(go(Some(HZ), None))),
             (257, 0, Ok(go(Some(Hertz::ZERO), None))),
@@ -192,6 +196,7 @@ mod tests {
             (256, &[4, 4250], Err(3)),
             (256, &[4, 4250, 9], Err(3)),
             (256, &[5, 4250], Err(3)),
+            (256, &[6, 4250], Err(3)),
             (257, &[4250, 9], Ok(go(Some(HZ), None))),
             (256, &[0, 0, 0, 0], Err(2)),
             (255, &[0, 0], Err(2)),
@@ -248,7 +253,7 @@ mod tests {
             (0xFFFF, false, Err(2)),
         ] {
             let ask = Ask::WriteCoil { address: coil, on };
-            assert_eq!(order_in(&ask, None), right, "{coil} {on}");
+            assert_eq!(order_in(&ask, None).map_err(exception_of), right, "{coil} {on}");
         }
     }
 

@@ -7,7 +7,7 @@ use crate::domain::command::{Direction, Outcome, Owner, Reason, Report, RunInten
 use crate::domain::control::ControlAction;
 use crate::domain::time::MonoTime;
 use crate::drive::snapshot::Presence;
-use crate::drive::view::{ControlView, RunState, TripRecord};
+use crate::drive::view::{ControlView, KeptTrips, RunState, TripRecord};
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 
@@ -162,24 +162,36 @@ fn at_setpoint_is_within_a_tenth_of_a_hertz() {
 #[test]
 fn a_trip_is_shown_as_far_as_it_is_known() {
     let record = |code| Some(TripRecord { at: NOW, code, words: Vec::new() });
-    for (active, last, now_word, last_word) in [
-        (Some(false), None, 0, 0),
-        (Some(false), record(Some(7)), 0, 7),
-        (Some(true), record(Some(7)), 7, 7),
-        (Some(true), record(None), ABSENT, ABSENT),
-        (Some(true), record(Some(0)), ABSENT, 0),
-        (Some(true), None, ABSENT, 0),
-        (None, record(Some(7)), ABSENT, 7),
+    for (active, last, now_word) in [
+        (Some(false), None, 0),
+        (Some(false), record(Some(7)), 0),
+        (Some(true), record(Some(7)), 7),
+        (Some(true), record(None), ABSENT),
+        (Some(true), record(Some(0)), ABSENT),
+        (Some(true), None, ABSENT),
+        (None, record(Some(7)), ABSENT),
     ] {
         let mut view = testing::view();
         (view.trip.active, view.trip.last) = (active, last);
-        assert_eq!((word(3, &view), word(14, &view)), (now_word, last_word), "{:?}", view.trip);
+        assert_eq!(word(3, &view), now_word, "{:?}", view.trip);
         assert_eq!(word(1, &view) & bit::TRIPPED != 0, active == Some(true));
+        assert_eq!((word(13, &view), word(14, &view)), (0, 0), "none of it is kept yet");
     }
-    for (seen, shown) in [(0, 0), (3, 3), (65_534, 65_534), (65_535, 65_534), (u32::MAX, 65_534)] {
+}
+
+#[test]
+fn trips_are_counted_as_they_are_kept() {
+    for (total, last_code, words) in [
+        (0, None, (0, 0)),
+        (3, Some(7), (3, 7)),
+        (3, None, (3, ABSENT)),
+        (65_534, Some(7), (65_534, 7)),
+        (65_535, Some(7), (65_534, 7)),
+        (u32::MAX, Some(7), (65_534, 7)),
+    ] {
         let mut view = testing::view();
-        view.trip.seen = seen;
-        assert_eq!(word(13, &view), shown);
+        view.trip_kept = KeptTrips { total, last_code, ..KeptTrips::default() };
+        assert_eq!((word(13, &view), word(14, &view)), words, "{total} {last_code:?}");
     }
 }
 
@@ -302,7 +314,7 @@ fn a_write_is_an_order_where_there_is_control_and_never_allowed_elsewhere() {
     for pdu in WRITES {
         let stop = Taken::Order(Order::Stop { setpoint: None });
         assert_eq!(take(&with, pdu, &testing::view(), NOW).0, stop, "{pdu:?}");
-        assert_eq!(take(&without, pdu, &testing::view(), NOW).0, Taken::Exception(1), "{pdu:?}");
+        assert_eq!(take(&without, pdu, &testing::view(), NOW).0, Taken::Refused(Reason::ReadOnly), "{pdu:?}");
         let ask = parse(pdu).unwrap();
         assert!(with.is_stop(&ask, &testing::view()) && !without.is_stop(&ask, &testing::view()));
     }
@@ -314,7 +326,7 @@ fn a_write_is_an_order_where_there_is_control_and_never_allowed_elsewhere() {
 #[test]
 fn a_write_that_cannot_also_read_orders_nothing() {
     let pdu = [0x17, 0, 32, 0, 1, 1, 0, 0, 1, 2, 0, 1];
-    assert_eq!(take(&unit(), &pdu, &testing::view(), NOW).0, Taken::Exception(2));
+    assert_eq!(take(&unit(), &pdu, &testing::view(), NOW).0, Taken::Refused(Reason::NotListed));
 }
 
 #[test]

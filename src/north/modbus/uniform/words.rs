@@ -35,7 +35,7 @@ impl Uniform {
             10 => signed(&sources.torque, view, now),
             11 => signed(&sources.temperature, view, now),
             12 => age_word(sources.oldest_age(view, now)),
-            13 => self.trips_seen(view),
+            13 => self.trips_kept(view),
             14 => self.last_trip(view),
             15 => self.reported,
             16 => life(present),
@@ -81,14 +81,15 @@ impl Uniform {
     }
 
     /// It stays at 65534 rather than to read as absent or as few.
-    fn trips_seen(&self, view: &DriveView) -> u16 {
-        if self.sources.has_trips { view.trip.seen.min(u32::from(ABSENT - 1)) as u16 } else { ABSENT }
+    fn trips_kept(&self, view: &DriveView) -> u16 {
+        if self.sources.has_trips { view.trip_kept.total.min(u32::from(ABSENT - 1)) as u16 } else { ABSENT }
     }
 
+    /// 0 without a trip; absent if its number could not be read.
     fn last_trip(&self, view: &DriveView) -> u16 {
-        match &view.trip.last {
-            None if self.sources.has_trips => 0,
-            last => last.as_ref().and_then(|last| last.code).unwrap_or(ABSENT),
+        match view.trip_kept.last_code {
+            None if self.sources.has_trips && view.trip_kept.total == 0 => 0,
+            last => last.unwrap_or(ABSENT),
         }
     }
 

@@ -1,0 +1,22 @@
+//! What the north sides hand to a journal, where there is one.
+
+use crate::drive::description::DriveRef;
+use crate::journal::Attempt;
+use std::fmt::Debug;
+use std::sync::Arc;
+
+/// A journal as the north sides see it. No call waits.
+pub trait NorthJournal: Debug + Send + Sync {
+    /// Keeps an attempt to write that no line saw; nothing for the drive: it was for all, or for none that exists. Its
+    /// report is there. Ids count within each side, and no end follows.
+    fn keep(&self, drive: Option<DriveRef>, attempt: Attempt);
+    /// The broker has the event with this number.
+    fn event_taken(&self, seq: u64);
+    /// The MQTT side wants the first events with higher numbers that no broker has. It is answered once, with
+    /// [`News::Events`](super::answers::News::Events): at once if there are any, else when there is one. A later want
+    /// takes the place of one that is not answered.
+    fn want_events(&self, after: u64);
+}
+
+/// The journal, if there is one. Without it, attempts are dropped and events are not asked for.
+pub type Journal = Option<Arc<dyn NorthJournal>>;

@@ -1,0 +1,120 @@
+//! Attempts to write that no line saw: they are answered with an exception here. What a line saw, the line accounts for.
+
+use super::ask::Ask;
+use super::function as client;
+use crate::domain::command::{Reason, Report};
+use crate::journal::Tried;
+use crate::wire::exception;
+use crate::wire::pdu::function;
+use std::fmt::Write;
+
+/// An attempt of one client that no line saw.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Kept {
+    /// The unit that was addressed.
+    pub unit: u8,
+    /// What was tried.
+    pub tried: Tried,
+    /// Why it came to nothing.
+    pub report: Report,
+}
+
+/// Words and bytes of one request that are shown.
+const SHOWN_MAX: usize = 16;
+
+impl Ask {
+    /// What is tried at `unit`, in words, where it is not known to be an order or registers of a drive.
+    #[must_use]
+    pub fn tried(&self, unit: u8) -> Tried {
+        let mut text = format!("unit {unit}: function {:02X}", self.function());
+        let at = |address: &u16| format!(" at {address}");
+        text += &match self {
+            Self::ReadBits { address, .. } | Self::ReadWords { address, .. } => at(address),
+            Self::LoopTest { .. } | Self::Identify { .. } => String::new(),
+            Self::WriteCoil { address, on } => format!("{}: {}", at(address), u8::from(*on)),
+            Self::WriteWord { address, value } => format!("{}: {value}", at(address)),
+            Self::WriteCoils { address, values } => {
+                let bits = (0..values.count()).filter_map(|place| values.get(place)).map(u16::from);
+                at(address) + &list(bits)
+            }
+            Self::WriteWords { address, values } | Self::ReadWriteWords { address, values, .. } => {
+                at(address) + &list(values.iter().copied())
+            }
+            Self::MaskWord { address, and, or } => format!("{}: and {and:04X}, or {or:04X}", at(address)),
+        };
+        Tried::Text(text)
+    }
+}
+
+/// What is tried by a request that is wrong in itself; nothing if its function does not write.
+pub(super) fn of_pdu(unit: u8, pdu: &[u8]) -> Option<Tried> {
+    let code = *pdu.first()?;
+    let writes = [
+        client::WRITE_COIL,
+        function::WRITE_SINGLE,
+        client::WRITE_COILS,
+        function::WRITE_MULTIPLE,
+        client::MASK_WRITE,
+        client::READ_WRITE,
+    ];
+    if !writes.contains(&code) {
+        return None;
+    }
+    let mut text = format!("unit {unit}: bytes");
+    for byte in pdu.iter().take(SHOWN_MAX) {
+        // Writing to a text does not fail.
+        let _ = write!(text, " {byte:02X}");
+    }
+    text += if pdu.len() > SHOWN_MAX { " \u{2026}" } else { "" };
+    Some(Tried::Text(text))
+}
+
+/// Why a request that is wrong in itself is answered with the exception `code`.
+pub(super) const fn reason_of(code: u8) -> Reason {
+    match code {
+        exception::ILLEGAL_DATA_ADDRESS => Reason::NotListed,
+        _ => Reason::NotUnderstood,
+    }
+}
+
+fn list(values: impl Iterator<Item = u16>) -> String {
+    let (mut text, mut count) = (String::from(":"), 0);
+    for value in values {
+        if count == SHOWN_MAX {
+            return text + " \u{2026}";
+        }
+        let _ = write!(text, " {value}");
+        count += 1;
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::request::parse;
+    use super::*;
+
+    #[test]
+    fn an_attempt_says_unit_function_address_and_values() {
+        for (pdu, right) in [
+            (&[5, 0, 2, 0xFF, 0][..], "unit 9: function 05 at 2: 1"),
+            (&[6, 1, 0, 0, 7], "unit 9: function 06 at 256: 7"),
+            (&[0x0F, 0, 0, 0, 3, 1, 0b101], "unit 9: function 0F at 0: 1 0 1"),
+            (&[0x10, 0, 4, 0, 2, 4, 0, 1, 0, 2], "unit 9: function 10 at 4: 1 2"),
+            (&[0x16, 0, 4, 0, 0xF2, 0, 0x25], "unit 9: function 16 at 4: and 00F2, or 0025"),
+            (&[0x17, 0, 0, 0, 1, 0, 8, 0, 1, 2, 0, 3], "unit 9: function 17 at 8: 3"),
+        ] {
+            assert_eq!(parse(pdu).unwrap().tried(9), Tried::Text(right.to_owned()));
+        }
+        let long = Ask::WriteWords { address: 0, values: vec![0xFFFF; 123] }.tried(9);
+        assert!(matches!(long, Tried::Text(text) if text.len() < 140));
+    }
+
+    #[test]
+    fn what_is_wrong_in_itself_is_shown_in_bytes() {
+        assert_eq!(of_pdu(7, &[6, 0, 1]), Some(Tried::Text("unit 7: bytes 06 00 01".to_owned())));
+        assert_eq!(of_pdu(7, &[3, 0, 1]), None);
+        assert_eq!(of_pdu(7, &[]), None);
+        assert!(matches!(of_pdu(7, &[0x10; 253]), Some(Tried::Text(text)) if text.len() < 70));
+    }
+}

@@ -1,0 +1,124 @@
+//! Telemetry of the time in which no broker could be told, published once it can.
+
+use super::clock::Clock;
+use super::in_flight::InFlight;
+use super::slot::Content;
+use super::topics::Topics;
+use crate::domain::time::MonoTime;
+use crate::drive::description::DriveDescription;
+use crate::profile::model::Register;
+use crate::profile::scale::Scaled;
+use serde_json::{Value, json};
+use std::time::Duration;
+
+/// At most so many are published in [`BURST_EVERY`]: behind an outage the present goes first, and a broker that just came
+/// back is not flooded.
+const BURST: u32 = 20;
+const BURST_EVERY: Duration = Duration::from_millis(100);
+
+/// A topic that shows something else than before.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Change {
+    /// Place of the drive in the session's list.
+    pub(super) drive: usize,
+    /// The topic below the drive's.
+    pub(super) topic: String,
+    /// The register whose value it is, by its place in the model.
+    pub(super) register: Option<usize>,
+    /// Since when.
+    pub(super) at: MonoTime,
+    /// What it shows.
+    pub(super) content: Content,
+}
+
+/// The changes that the broker does not have, oldest first.
+#[derive(Debug)]
+pub(super) struct History {
+    most: usize,
+    changes: InFlight<Change>,
+    last: u64,
+    /// When this burst began, and how many are gone in it.
+    burst: (MonoTime, u32),
+}
+
+impl History {
+    /// Keeps at most so many; 0: none.
+    pub(super) fn new(most: usize) -> Self {
+        Self { most, changes: InFlight::default(), last: 0, burst: (MonoTime::ZERO, 0) }
+    }
+
+    /// Whether anything is kept at all.
+    pub(super) const fn is_on(&self) -> bool {
+        self.most > 0
+    }
+
+    /// Keeps a change. True if an older one had to give way for it.
+    pub(super) fn add(&mut self, change: Change) -> bool {
+        self.last += 1;
+        self.changes.push(self.last, change);
+        self.changes.len() > self.most && self.changes.drop_oldest().is_some()
+    }
+
+    /// Topic, payload and number of the next change to be published on this connection, if it is time for one.
+    pub(super) fn next(
+        &mut self,
+        at: MonoTime,
+        topics: &Topics,
+        clock: Clock,
+        drives: &[DriveDescription],
+    ) -> Option<(String, Vec<u8>, u64)> {
+        if at.since(self.burst.0) >= BURST_EVERY {
+            self.burst = (at, 0);
+        }
+        if self.burst.1 >= BURST {
+            return None;
+        }
+        let (number, change) = self.changes.next()?;
+        self.burst.1 += 1;
+        let drive = drives.get(change.drive)?;
+        let topic = topics.drive(drive.name.as_str(), "history");
+        Some((topic, document(change, clock, drive).to_string().into_bytes(), number))
+    }
+
+    /// When the next one may go.
+    pub(super) fn wake(&self) -> Option<MonoTime> {
+        let (begun, gone) = self.burst;
+        self.changes.has_next().then(|| if gone < BURST { begun } else { begun + BURST_EVERY })
+    }
+
+    /// The broker has the change with this number.
+    pub(super) fn acknowledged(&mut self, number: u64) {
+        self.changes.acknowledged(number);
+    }
+
+    /// The connection is gone: what was in flight goes again.
+    pub(super) const fn lost(&mut self) {
+        self.changes.lost();
+    }
+
+    /// How many are not acknowledged.
+    pub(super) fn len(&self) -> usize {
+        self.changes.len()
+    }
+}
+
+fn document(change: &Change, clock: Clock, drive: &DriveDescription) -> Value {
+    let register = change.register.and_then(|place| drive.model.registers.get(place));
+    let value = match (&change.content, register) {
+        (Content::Word(word), Some(register)) => Some(json!(Scaled::from_word(*word, register).value())),
+        (Content::Text(text), _) => Some(text.parse::<f64>().map_or_else(|_| json!(text), |number| json!(number))),
+        (Content::Word(_) | Content::Cleared, _) => None,
+    };
+    let unit = register.filter(|_| matches!(change.content, Content::Word(_))).map(unit);
+    json!({
+        "at": clock.text(change.at),
+        "is_historical": true,
+        "topic": change.topic,
+        "value": value,
+        "unit": unit,
+    })
+}
+
+fn unit(register: &Register) -> &'static str {
+    register.unit.symbol()
+}

@@ -1,0 +1,86 @@
+//! Attempts to write that no line saw, on their way to the journal. What a line saw, the line accounts for.
+
+use super::payload::short;
+use super::session::Session;
+use super::topics::Place;
+use super::types::Act;
+use crate::domain::command::{Order, Owner, Report};
+use crate::drive::description::DriveRef;
+use crate::journal::{Attempt, AttemptId, Tried};
+use std::collections::VecDeque;
+
+/// Most attempts that wait to be fetched.
+pub(super) const WAITING_MAX: usize = 256;
+
+/// The attempts that nobody has fetched yet, oldest first.
+#[derive(Debug, Default)]
+pub(super) struct Kept {
+    waiting: VecDeque<(Option<DriveRef>, Attempt)>,
+    last: u64,
+}
+
+impl Kept {
+    /// Adds an attempt. False if there is no room for it.
+    fn add(&mut self, drive: Option<DriveRef>, owner: Owner, tried: Tried, report: Report) -> bool {
+        if self.waiting.len() >= WAITING_MAX {
+            return false;
+        }
+        self.last += 1;
+        self.waiting.push_back((drive, Attempt { id: AttemptId(self.last), owner, tried, report: Some(report) }));
+        true
+    }
+
+    pub(super) fn next(&mut self) -> Option<Act> {
+        self.waiting.pop_front().map(|(drive, attempt)| Act::Keep(drive, attempt))
+    }
+}
+
+impl Session {
+    /// Accounts for an attempt that no line sees; nothing was tried where `tried` is nothing. `drive` is its place in
+    /// the session's list.
+    pub(super) fn keep(&mut self, drive: Option<usize>, owner: Owner, tried: Option<Tried>, report: Report) {
+        let Some(tried) = tried else { return };
+        let place = drive.and_then(|drive| self.drives.get(drive)).map(|drive| drive.place);
+        self.counters.attempts_lost += u64::from(!self.kept.add(place, owner, tried, report));
+    }
+}
+
+/// What is tried by `order`. To renew a lease is no attempt.
+pub(super) fn of_order(order: &Order) -> Option<Tried> {
+    (*order != Order::Renew).then(|| Tried::Order(order.clone()))
+}
+
+/// What is tried at `place` by a payload that is no order.
+pub(super) fn of_text(place: Place<'_>, topic: &str, payload: &[u8]) -> Option<Tried> {
+    place.input.is_attempt().then(|| text(topic, payload))
+}
+
+/// A message that is no order, as it came, shortened: the last levels of its topic, and its payload.
+pub(super) fn text(topic: &str, payload: &[u8]) -> Tried {
+    const TOPIC_CHARS: usize = 80;
+    /// More than are shown, whatever is cut off within a character.
+    const PAYLOAD_BYTES: usize = 256;
+    let start = payload.get(..PAYLOAD_BYTES).unwrap_or(payload);
+    let skipped = topic.chars().count().saturating_sub(TOPIC_CHARS);
+    let topic: String = topic.chars().skip(skipped).collect();
+    let payload = String::from_utf8_lossy(start);
+    let visible = |c: char| if c.is_control() { ' ' } else { c };
+    Tried::Text(format!("{topic}: {}", short(&payload)).chars().map(visible).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_message_is_kept_as_it_came_but_short_and_on_one_line() {
+        let shown = |topic: &str, payload: &[u8]| match text(topic, payload) {
+            Tried::Text(text) => text,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(shown("drive/pump/run/set", b"start\n1"), "drive/pump/run/set: start 1");
+        assert_eq!(shown("a", &[0xFF, b'x']), "a: \u{FFFD}x");
+        let long = shown(&"t".repeat(60_000), "\u{FC}".repeat(60_000).as_bytes());
+        assert!(long.chars().count() < 140 && long.ends_with('\u{2026}'), "{long}");
+    }
+}

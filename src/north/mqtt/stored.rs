@@ -1,0 +1,173 @@
+//! Events that a journal keeps, on their way to the broker. What does not fit here stays in the journal: events are
+//! taken from it when there is room, in the order of their numbers, and it is told which the broker has.
+
+use super::in_flight::{IN_FLIGHT_MAX, InFlight};
+use super::session::Session;
+use super::types::{Act, Moment};
+use crate::journal::StoredEvent;
+use std::collections::VecDeque;
+
+/// Most events that are taken from the journal and not acknowledged.
+const WAITING_MAX: usize = 4 * IN_FLIGHT_MAX;
+
+/// The events that were taken from the journal.
+#[derive(Debug, Default)]
+pub(super) struct Stored {
+    /// Topic and payload of each.
+    waiting: InFlight<(String, Vec<u8>)>,
+    /// The highest number that was taken so far.
+    newest: u64,
+    /// The journal was asked for those behind that.
+    is_asked: bool,
+    /// The journal is to be asked.
+    wants: bool,
+    /// What the broker has and the journal does not know of yet. Each was waiting.
+    taken: VecDeque<u64>,
+}
+
+impl Stored {
+    /// A way to the broker is open.
+    pub(super) const fn opened(&mut self) {
+        self.wants = true;
+    }
+
+    /// The connection is gone: what was in flight goes again, and the journal is asked anew by the next one.
+    pub(super) const fn lost(&mut self) {
+        self.waiting.lost();
+        (self.wants, self.is_asked) = (false, false);
+    }
+
+    fn take(&mut self, events: &[StoredEvent], more: bool, topic: impl Fn(&StoredEvent) -> String) {
+        if events.is_empty() {
+            // A bell. Without more, what was asked for comes as soon as it is there.
+            self.wants |= more;
+            return;
+        }
+        self.wants = true;
+        // What was not asked for need not follow what was taken: it is asked for.
+        if !std::mem::take(&mut self.is_asked) {
+            return;
+        }
+        for event in events {
+            if self.waiting.len() >= WAITING_MAX {
+                return;
+            }
+            if event.seq > self.newest {
+                self.newest = event.seq;
+                self.waiting.push(event.seq, (topic(event), event.body.clone().into_bytes()));
+            }
+        }
+    }
+
+    /// Topic, payload and number of the next event to be sent on this connection.
+    pub(super) fn next(&mut self) -> Option<(String, Vec<u8>, u64)> {
+        let (seq, (topic, payload)) = self.waiting.next()?;
+        Some((topic.clone(), payload.clone(), seq))
+    }
+
+    /// The broker has the event with this number.
+    pub(super) fn acknowledged(&mut self, seq: u64) {
+        if self.waiting.acknowledged(seq) {
+            self.taken.push_back(seq);
+        }
+    }
+
+    /// What the journal is to be told.
+    pub(super) fn next_act(&mut self) -> Option<Act> {
+        if let Some(seq) = self.taken.pop_front() {
+            return Some(Act::EventTaken(seq));
+        }
+        let asks = self.wants && !self.is_asked && self.waiting.len() <= IN_FLIGHT_MAX;
+        if !asks {
+            return None;
+        }
+        (self.wants, self.is_asked) = (false, true);
+        Some(Act::WantEvents { after: self.newest })
+    }
+
+    /// How many are not acknowledged.
+    pub(super) fn len(&self) -> usize {
+        self.waiting.len()
+    }
+}
+
+impl Session {
+    /// Takes events of the journal, which are published at `trip/event` until the broker has them: then
+    /// [`Act::EventTaken`] is said of each. Together they are what [`Act::WantEvents`] asked for: the first of those
+    /// that no broker has and whose numbers are higher, in rising order.
+    ///
+    /// Nothing else is taken. A journal that has something nobody asked for yet rings with no events and `more`; a want
+    /// that cannot be answered yet stays open until it can.
+    pub fn stored_events(&mut self, at: Moment, events: &[StoredEvent], more: bool) {
+        self.clock.see(at);
+        let topics = &self.topics;
+        self.stored.take(events, more, |event| topics.drive(event.drive.as_str(), "trip/event"));
+        self.count_events();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::ids::Name;
+
+    fn event(seq: u64) -> StoredEvent {
+        StoredEvent { seq, drive: Name::new("pump").unwrap(), body: seq.to_string() }
+    }
+
+    /// The journal gives this many of its `kept` events from behind `after`.
+    fn answer(stored: &mut Stored, kept: &[u64], after: u64, most: usize) {
+        let behind: Vec<_> = kept.iter().filter(|seq| **seq > after).map(|seq| event(*seq)).collect();
+        let given = behind.get(..most.min(behind.len())).unwrap();
+        stored.take(given, given.len() < behind.len(), |_| String::new());
+    }
+
+    fn wanted(stored: &mut Stored) -> Option<u64> {
+        stored.next_act().map(|act| if let Act::WantEvents { after } = act { after } else { panic!("{act:?}") })
+    }
+
+    fn sent(stored: &mut Stored) -> Vec<u64> {
+        std::iter::from_fn(|| stored.next().map(|(_, _, seq)| seq)).collect()
+    }
+
+    #[test]
+    fn it_asks_when_there_is_room_and_never_twice_for_one_answer() {
+        let (mut stored, kept) = (Stored::default(), (1..=100).collect::<Vec<_>>());
+        assert_eq!(wanted(&mut stored), None, "no way is open");
+        stored.opened();
+        assert_eq!((wanted(&mut stored), wanted(&mut stored)), (Some(0), None));
+        answer(&mut stored, &kept, 0, 16);
+        assert_eq!(wanted(&mut stored), Some(16), "there is room for the next ones");
+        answer(&mut stored, &kept, 16, 100);
+        assert_eq!((stored.len(), stored.newest), (WAITING_MAX, 64), "the rest stays where it is");
+        assert_eq!(wanted(&mut stored), None, "no room");
+        assert_eq!(sent(&mut stored), (1..=16).collect::<Vec<_>>());
+        (1..=48).for_each(|seq| {
+            stored.acknowledged(seq);
+            sent(&mut stored);
+        });
+        let acts: Vec<_> = std::iter::from_fn(|| stored.next_act()).collect();
+        let taken = (1..=48).map(Act::EventTaken);
+        assert_eq!(acts, taken.chain([Act::WantEvents { after: 64 }]).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn what_was_not_asked_for_is_a_bell() {
+        let mut stored = Stored::default();
+        stored.take(&[event(7)], false, |_| String::new());
+        assert_eq!(stored.len(), 0);
+        stored.opened();
+        assert_eq!(wanted(&mut stored), Some(0));
+        stored.take(&[], false, |_| String::new());
+        assert_eq!(wanted(&mut stored), None, "the want stays open");
+        stored.take(&[event(7), event(9)], false, |_| String::new());
+        assert_eq!((stored.len(), wanted(&mut stored)), (2, Some(9)));
+        stored.take(&[event(7), event(9)], false, |_| String::new());
+        assert_eq!((stored.len(), wanted(&mut stored)), (2, Some(9)), "none twice");
+        stored.take(&[], true, |_| String::new());
+        stored.lost();
+        assert_eq!((wanted(&mut stored), sent(&mut stored)), (None, vec![7, 9]));
+        stored.opened();
+        assert_eq!(wanted(&mut stored), Some(9));
+    }
+}
