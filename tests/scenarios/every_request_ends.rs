@@ -1,8 +1,9 @@
 //! Every request ends in exactly one outcome, whatever happens to the port, the queue or the asker.
 
-use crate::support::{PROOF, Rig, RigOptions, STOP, plc};
+use crate::support::{PROOF, Rig, RigOptions, STOP, control, plc};
 use std::time::Duration;
 use vfd_gateway::domain::command::{Outcome, Reason};
+use vfd_gateway::domain::control::ControlSettings;
 use vfd_gateway::domain::ids::{AskerId, Station};
 use vfd_gateway::domain::link::PortKind;
 use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
@@ -79,7 +80,9 @@ fn full_queues_refuse_and_grow_no_further() {
 
 #[test]
 fn commands_beyond_the_bound_are_refused_and_a_stop_is_not() {
-    let mut rig = Rig::new(&RigOptions { poll: Duration::from_secs(3600), ..RigOptions::controlled() });
+    let often = ControlSettings { stored_write_interval: Duration::ZERO, ..control() };
+    let mut rig =
+        Rig::new(&RigOptions { poll: Duration::from_secs(3600), control: Some(often), ..RigOptions::controlled() });
     rig.pass(Duration::from_millis(100));
     rig.read(1, 0, PROOF, 8);
     for n in 0..COMMANDS_MAX as u64 + 3 {

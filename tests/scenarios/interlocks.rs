@@ -66,7 +66,7 @@ fn a_motor_is_started_no_sooner_than_after_the_interval() {
         }
         assert_eq!(rig.writes(), Vec::<Vec<u8>>::new(), "{}", model.id);
         let early = minute.saturating_sub(rig.now.since(started));
-        rig.live(early);
+        rig.live(early + SECOND);
         is_taken(&mut rig, run(FORWARD, Some(3000)));
         rig.live(SECOND * 6);
         assert!(rig.output(1) > 0, "{}", model.id);

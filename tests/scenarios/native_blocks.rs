@@ -98,7 +98,7 @@ fn several_registers_in_one_frame_are_written_only_where_the_model_knows_such_bl
 fn parameters_go_one_by_one_and_are_read_back() {
     for (id, address, values) in [
         ("teco-e510", 0x000E, [50, 60]),
-        ("teco-e510s", 0x0906, [50, 3]),
+        ("teco-e510s", 0x0908, [3, 50]),
         ("frecon-fr500a", 0x0300, [50, 60]),
         ("hyundai-n100plus", 0x0202, [50, 60]),
     ] {

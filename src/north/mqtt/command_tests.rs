@@ -99,6 +99,9 @@ fn ids_belong_to_their_commander() {
     }
 }
 
+/// A topic, a payload, what that tries and who, and why it comes to nothing.
+type Case<'a> = (&'a str, &'a [u8], (Tried, Owner), Reason);
+
 /// What is tried by `order`, and who tried it.
 fn of_everybody(order: Order) -> (Tried, Owner) {
     (Tried::Order(order), Owner::Mqtt)
@@ -109,7 +112,7 @@ fn what_comes_to_nothing_is_kept_with_who_what_and_why() {
     let run = || go(vec![], None, Some(Direction::Forward));
     let text = |text: &str| (Tried::Text(text.to_owned()), Owner::Mqtt);
     let large = vec![b'1'; 9_000];
-    let table: [(&str, &[u8], (Tried, Owner), Reason); 7] = [
+    let table: [Case<'_>; 7] = [
         ("drive/pump/run/set", b"start", text("drive/pump/run/set: start"), Reason::NotUnderstood),
         ("drive/pumb/run/set", b"stop", text("drive/pumb/run/set: stop"), Reason::UnknownDrive),
         ("drive/a b/run/set", b"stop", text("drive/a b/run/set: stop"), Reason::UnknownDrive),
