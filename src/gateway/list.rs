@@ -221,6 +221,15 @@ impl List {
         }
     }
 
+    /// The writes that were not answered and that the next read tells about.
+    #[must_use]
+    pub fn writes_in_question(&self) -> &[Write] {
+        match self.stage {
+            Stage::Resolve(index, _) => self.approved.steps().get(index).map_or(&[], writes_of),
+            Stage::Step(_) | Stage::ReadBack(..) | Stage::Done => &[],
+        }
+    }
+
     /// The drive answered at `now`.
     pub fn answered(&mut self, reply: &Reply, now: MonoTime) -> Next {
         match (self.stage, reply) {

@@ -271,6 +271,13 @@ impl DriveGuard {
         }
     }
 
+    /// A setpoint was sent and not answered: the drive may no longer hold the one before.
+    pub const fn setpoint_is_unknown(&mut self) {
+        if let Some(held) = &mut self.held_setpoint {
+            held.acknowledged = false;
+        }
+    }
+
     /// The setpoint `value` was never sent, or the drive refused it: what is still to be sent stands in its place, or
     /// else what the drive holds.
     pub fn setpoint_failed(&mut self, value: Hertz, still_ordered: Option<(Owner, Hertz)>) {

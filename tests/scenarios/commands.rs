@@ -9,6 +9,7 @@ use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::view::RunState;
 use vfd_gateway::gateway::{Input, Note};
+use vfd_gateway::sim::FaultPlan;
 
 use Direction::{Forward, Reverse};
 
@@ -192,6 +193,32 @@ fn a_lost_reply_is_told_as_unknown_and_settled_by_reading() {
         let ticket = rig.command(MQTT, 0, order.clone());
         assert_eq!(rig.outcome_of(ticket), last, "{order:?}");
         assert_eq!(rig.written(RUN).len() + rig.written(FREQUENCY).len(), 2, "no write is repeated");
+    }
+}
+
+/// The drive took 30 Hz without an answer that was heard. An order that is never sent does not bring back what the
+/// drive held before as something that is in force.
+#[test]
+fn after_a_lost_reply_the_setpoint_before_it_is_no_longer_in_force() {
+    for is_read in [true, false] {
+        let mut rig = rig();
+        assert_eq!(rig.commanded(plc(1), setpoint(4000)).0, Outcome::Confirmed);
+        if is_read {
+            rig.loses_reply_to = Some(6);
+        } else {
+            rig.bus.set_faults("lost=1000".parse().unwrap());
+        }
+        let lost = rig.command(plc(1), 0, setpoint(3000));
+        rig.pass(Duration::from_secs(2));
+        rig.bus.set_faults(FaultPlan::NONE);
+        rig.pass(Duration::from_secs(3));
+        assert_eq!(rig.outcome_of(lost).0, if is_read { Outcome::Confirmed } else { Outcome::Unknown });
+        let never_sent = if is_read { 3000 } else { 3500 };
+        rig.command_unsettled(plc(1), 0, setpoint(never_sent));
+        rig.reopen();
+        rig.pass(Duration::from_secs(3));
+        assert_eq!(rig.commanded(plc(1), setpoint(4000)).0, Outcome::Confirmed);
+        assert_eq!(rig.written(0x0004), [4000, 3000, 4000], "{is_read}");
     }
 }
 

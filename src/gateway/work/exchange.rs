@@ -156,6 +156,7 @@ impl DriveWork {
     pub(super) fn step_ended(&mut self, ending: &Ending, now: MonoTime, out: Out<'_>) {
         let Some(mut list) = self.current.take() else { return };
         let written: Vec<Part> = list.present_writes().iter().map(|write| write.part).collect();
+        let in_question: Vec<Part> = list.writes_in_question().iter().map(|write| write.part).collect();
         let mut next = match ending {
             Ending::Reply(reply) => list.answered(reply, now),
             Ending::Exception(code) => list.excepted(*code),
@@ -163,6 +164,9 @@ impl DriveWork {
         };
         if matches!(ending, Ending::Garbled | Ending::Silent) {
             written.iter().for_each(|part| self.part_in_doubt(*part, now));
+        }
+        if matches!(next, Next::Ends(Report { outcome: Outcome::Confirmed, .. })) {
+            in_question.into_iter().for_each(|part| self.part_taken(part, list.owner(), list.is_sure()));
         }
         let refused = matches!(next, Next::Ends(Report { outcome: Outcome::Failed, .. }));
         if matches!(ending, Ending::Reply(_)) && !refused {
@@ -192,9 +196,13 @@ impl DriveWork {
     }
 
     fn part_in_doubt(&mut self, part: Part, now: MonoTime) {
-        if let Part::Run(direction) = part {
-            self.starts(now);
-            self.guard.run_is_unknown(direction);
+        match part {
+            Part::Run(direction) => {
+                self.starts(now);
+                self.guard.run_is_unknown(direction);
+            }
+            Part::Setpoint(_) => self.guard.setpoint_is_unknown(),
+            Part::Register | Part::Reset { .. } | Part::Release => {}
         }
     }
 
