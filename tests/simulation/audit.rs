@@ -158,9 +158,8 @@ fn drain(world: &mut World, books: &mut Books) -> Result<(), String> {
         match effect {
             Effect::Transmit(frame) => world.bus.receive(world.now, &frame),
             Effect::Command(answer) if answer.is_final => {
-                if books.told.insert(answer.ticket.0, answer.report).is_some() {
-                    return Err(format!("{:?} is told twice", answer.ticket));
-                }
+                let before = books.told.insert(answer.ticket.0, answer.report);
+                before.map_or(Ok(()), |before| Err(format!("{:?} was told before: {before:?}", answer.ticket)))?;
             }
             Effect::Keep(keep) => match keep.entry {
                 Entry::Attempt(attempt) => {

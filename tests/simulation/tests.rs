@@ -1,6 +1,7 @@
 //! That the checker objects to what is wrong, that a seed is a world, the seeds that found something, and a million
 //! exchanges.
 
+use crate::simulation::checker::kept::{Kept, Known};
 use crate::simulation::checker::messages::Inbound;
 use crate::simulation::checker::tables::{Action, Drive, Kind, Line};
 use crate::simulation::checker::{Checker, crc};
@@ -313,6 +314,87 @@ fn o13_what_is_old_is_not_served() {
     let absent = Trace::new().asks(1, 101, &[3, 0, 4, 0, 1]).told(1, 101, &[3, 2, 0xFF, 0xFF]);
     absent.holds();
     Trace::new().asks(1, 101, &[3, 0, 4, 0, 1]).told(1, 101, &[3, 2, 0, 1]).violates("O13");
+}
+
+/// The count of trips is read: none, and one.
+const COUNT: [u8; 6] = [2, 3, 1, 0x12, 0, 1];
+const NO_TRIP: [u8; 5] = [2, 3, 2, 0, 0];
+const ONE_TRIP: [u8; 5] = [2, 3, 2, 0, 1];
+
+impl Trace {
+    fn tripped(self) -> Self {
+        let mut trace = self.exchange(&COUNT, &NO_TRIP).exchange(&COUNT, &ONE_TRIP);
+        trace.checker.keeps = true;
+        trace
+    }
+
+    fn keeps_a_trip(mut self) -> Self {
+        self.checker.kept(self.now, 0, Kept::Trips { trips: 1, count: Some(1) });
+        self
+    }
+
+    fn ends(mut self) -> Self {
+        self.checker.ended(self.now);
+        self
+    }
+
+    /// The gateway is killed and starts anew, and `known` is what it knows.
+    fn restarts(mut self, known: Known) -> Self {
+        self.checker.killed(self.now);
+        self.checker.port(self.now, false);
+        self.now += 1_000 * MS;
+        self.checker.restarted(self.now, &[known]);
+        self.checker.port(self.now, true);
+        self.now += 100 * MS;
+        self
+    }
+}
+
+#[test]
+fn o9_a_trip_is_kept_once_and_then_shown() {
+    Trace::new().tripped().keeps_a_trip().pass(11_000).exchange(&COUNT, &ONE_TRIP).ends().holds();
+    Trace::new().tripped().pass(11_000).exchange(&COUNT, &ONE_TRIP).ends().violates("O9");
+    Trace::new().tripped().keeps_a_trip().keeps_a_trip().violates("O9");
+    Trace::new().keeps_a_trip().violates("O9");
+    let mut trace = Trace::new().tripped();
+    trace.checker.trips_shown(0, 1);
+    trace.violates("O9");
+}
+
+#[test]
+fn o14_an_attempt_has_one_row_and_one_end() {
+    let with = |what: fn(&mut Checker)| {
+        let mut trace = Trace::new();
+        trace.checker.attempt(1, false);
+        what(&mut trace.checker);
+        trace.ends()
+    };
+    with(|checker| checker.attempt_ended(1)).holds();
+    with(|_| {}).violates("O14");
+    with(|checker| (checker.attempt_ended(1), checker.attempt_ended(1)).1).violates("O14");
+    with(|checker| checker.attempt(1, true)).violates("O14");
+    with(|checker| checker.attempt(3, true)).violates("O14");
+    with(|checker| checker.attempt_ended(2)).violates("O14");
+}
+
+#[test]
+fn a_restart_starts_nothing_and_ends_what_it_must() {
+    let (nothing, leased) = (Known::default(), Known { is_leased: true, stop: None });
+    let stopped = Known { is_leased: false, stop: Some(false) };
+    Trace::new().asks(1, 101, &RUN).restarts(nothing).sends(&RUN_FRAME, &RUN_FRAME).violates("O1");
+    Trace::new().runs().restarts(leased).sends(&RUN_FRAME, &RUN_FRAME).violates("O1");
+    Trace::new().runs().restarts(nothing).sends(&STOP_FRAME, &STOP_FRAME).violates("O1");
+    Trace::new().runs().restarts(nothing).exchange(&READ, &REPLY).pass(9_000).holds();
+    Trace::new().runs().restarts(leased).exchange(&READ, &REPLY).pass(9_000).violates("O11");
+    Trace::new().runs().restarts(leased).exchange(&READ, &REPLY).exchange(&STOP_FRAME, &STOP_FRAME).holds();
+    Trace::new().runs().restarts(stopped).exchange(&READ, &REPLY).pass(2_000).violates("L1");
+    Trace::new()
+        .runs()
+        .restarts(stopped)
+        .exchange(&READ, &REPLY)
+        .exchange(&STOP_FRAME, &STOP_FRAME)
+        .pass(2_000)
+        .holds();
 }
 
 #[test]

@@ -166,7 +166,7 @@ impl DriveWork {
             written.iter().for_each(|part| self.part_in_doubt(*part, now));
         }
         if matches!(next, Next::Ends(Report { outcome: Outcome::Confirmed, .. })) {
-            in_question.into_iter().for_each(|part| self.part_taken(part, list.owner(), list.is_sure()));
+            in_question.into_iter().for_each(|part| self.part_taken(part, list.owner(), list.is_sure(), now));
         }
         let refused = matches!(next, Next::Ends(Report { outcome: Outcome::Failed, .. }));
         if matches!(ending, Ending::Reply(_)) && !refused {
