@@ -1,11 +1,11 @@
 //! The way from the north side into a line thread.
 
 use crate::domain::command::{CommandRequest, Order, Owner};
-use crate::domain::ids::AskerId;
+use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::native::{NativeAsk, NativeRequest};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use tokio::sync::Notify;
+use tokio::sync::{Notify, oneshot};
 
 /// Messages that may wait for a line thread. The north side answers exception 06 when it is full.
 pub const INBOX_MAX: usize = 4096;
@@ -29,6 +29,17 @@ pub enum Message {
     PathOpened(Owner),
     /// The gateway ends: each drive gets its declared action.
     Shutdown,
+    /// It ends now: a stop that was sent once is not waited for.
+    Hurry,
+    /// The line ends by a change of the configuration, and takes no command any more but stops.
+    Leave {
+        /// Drives in use are stopped, and the answer waits for that.
+        stops: bool,
+        /// Told the drives that are in use.
+        tell: oneshot::Sender<Vec<DriveIndex>>,
+    },
+    /// It goes on after all.
+    Stay,
 }
 
 /// The inbox is full; the message was not taken.
@@ -51,11 +62,22 @@ impl Inbox {
     /// Puts a message in.
     ///
     /// # Errors
-    /// [`Full`] if too many wait.
+    /// [`Full`] if too many wait, or the line has ended.
     pub fn put(&self, message: Message) -> Result<(), Full> {
+        self.put_surely(message).map_err(|_| Full)
+    }
+
+    /// The same, and gives back what was not taken.
+    ///
+    /// # Errors
+    /// The message, if too many wait or the line has ended.
+    pub fn put_surely(&self, message: Message) -> Result<(), Message> {
+        if self.is_closed() {
+            return Err(message);
+        }
         let mut messages = self.lock();
         if messages.len() >= room_for(&message) {
-            return Err(Full);
+            return Err(message);
         }
         messages.push(message);
         drop(messages);
@@ -63,6 +85,11 @@ impl Inbox {
             self.bell.notify_one();
         }
         Ok(())
+    }
+
+    /// Has the line thread come round without a message.
+    pub fn ring(&self) {
+        self.bell.notify_one();
     }
 
     /// Drops everything that waits and puts `message` in its place.
@@ -114,7 +141,10 @@ const fn room_for(message: &Message) -> usize {
         Message::Native(NativeRequest { ask: NativeAsk::Read { .. }, .. }) => INBOX_MAX,
         Message::Command(CommandRequest { order: Order::Stop { .. } | Order::Coast, .. })
         | Message::AskerGone(_)
-        | Message::Shutdown => INBOX_MAX + COMMANDS_MAX + STOPS_MAX,
+        | Message::Shutdown
+        | Message::Hurry
+        | Message::Leave { .. }
+        | Message::Stay => INBOX_MAX + COMMANDS_MAX + STOPS_MAX,
         Message::Native(_) | Message::Command(_) | Message::PathAlive(_) | Message::PathOpened(_) => {
             INBOX_MAX + COMMANDS_MAX
         }

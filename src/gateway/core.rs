@@ -155,6 +155,12 @@ impl LineCore {
                     work.shut_down(now, &mut self.effects);
                 }
             }
+            Input::Leave { stops } => {
+                for work in &mut self.works {
+                    work.leave(now, stops, &mut self.effects);
+                }
+            }
+            Input::Stay => self.works.iter_mut().for_each(DriveWork::stay),
             Input::Kept(_) => {}
             Input::Time => self.on_time(now),
         }
@@ -239,6 +245,22 @@ impl LineCore {
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
         !self.works.iter().any(DriveWork::must_go_on)
+    }
+
+    /// Whether a stop waits that was never sent.
+    #[must_use]
+    pub fn has_unsent_stop(&self) -> bool {
+        self.works.iter().any(DriveWork::has_new_stop)
+    }
+
+    /// The drives that may be commanded and run, are under control, or have to be stopped still.
+    pub fn in_use(&self) -> impl Iterator<Item = DriveIndex> + '_ {
+        self.drives().filter(|drive| self.works.get(drive.get()).is_some_and(DriveWork::is_in_use))
+    }
+
+    /// The drives that this line has to see to still: a stop on its way, a reset that has begun, control.
+    pub fn bound(&self) -> impl Iterator<Item = DriveIndex> + '_ {
+        self.drives().filter(|drive| self.works.get(drive.get()).is_some_and(DriveWork::is_bound))
     }
 
     pub(super) fn is_offline(&self, drive: DriveIndex) -> bool {

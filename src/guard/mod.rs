@@ -6,6 +6,7 @@
 pub mod access;
 mod approved;
 mod at_rest;
+mod leaving;
 mod review;
 mod state;
 #[cfg(test)]

@@ -141,6 +141,8 @@ impl DriveGuard {
             Reason::NotAllowed
         } else if self.is_ending {
             Reason::ShuttingDown
+        } else if self.is_leaving {
+            Reason::Removed
         } else if !facts.line_is_up {
             Reason::LineDown
         } else if facts.is_offline {

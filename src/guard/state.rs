@@ -18,7 +18,7 @@ pub(super) const ARMED_MAX: usize = 64;
 pub struct DriveGuard {
     pub(super) model: Arc<Model>,
     pub(super) control: Option<Arc<ControlSettings>>,
-    lease: Option<Lease>,
+    pub(super) lease: Option<Lease>,
     intent: RunIntent,
     /// Whether the drive has acknowledged the intent. Until then an equal order is a new one.
     pub(super) run_acknowledged: bool,
@@ -40,6 +40,8 @@ pub struct DriveGuard {
     /// Control was handed back, and nothing was ordered since.
     pub(super) is_released: bool,
     pub(super) is_ending: bool,
+    /// The drive is about to leave the configuration.
+    pub(super) is_leaving: bool,
 }
 
 /// Control is leased: it ends unless its owner gives signs of life.
@@ -90,6 +92,7 @@ impl DriveGuard {
             failsafe: false,
             is_released: false,
             is_ending: false,
+            is_leaving: false,
         }
     }
 
@@ -321,7 +324,7 @@ impl DriveGuard {
         self.armed.push(owner);
     }
 
-    fn lost(&mut self, owner: Option<Owner>, action: FailSafe, now: MonoTime) -> Lost {
+    pub(super) fn lost(&mut self, owner: Option<Owner>, action: FailSafe, now: MonoTime) -> Lost {
         let order = match action {
             FailSafe::Hold => None,
             FailSafe::Stop | FailSafe::Coast => self.stop_order(action == FailSafe::Coast),

@@ -22,7 +22,8 @@ impl Client {
     /// Answers a call at once, or hands it on.
     pub(super) fn serve_call(&self, now: MonoTime, machine: &mut Connection, call: Call, words: &mut Words) {
         let ticket = call.ticket;
-        match self.router.find(call.unit) {
+        let router = self.router();
+        match router.find(call.unit) {
             Some(Target::Native(inbox, drive)) => {
                 if let Err(code) = self.ask_drive(inbox, drive, call) {
                     machine.answer(now, ticket, Answer::Exception(code));
@@ -30,13 +31,13 @@ impl Client {
             }
             Some(Target::Uniform(drive)) => {
                 let taken = drive.unit.take(&call.ask, &drive.shared.view.load(), &self.present(now), words);
-                if self.reads_renew && !call.ask.writes() && !matches!(taken, Taken::Exception(_)) {
+                if self.reads_renew.get() && !call.ask.writes() && !matches!(taken, Taken::Exception(_)) {
                     self.renew(now, machine, drive);
                 }
                 self.settle(now, machine, &call, taken, words, Some(drive));
             }
             Some(Target::Own) => {
-                let taken = own::take(call.unit, &call.ask, self.router.as_ref(), &self.present(now), words);
+                let taken = own::take(call.unit, &call.ask, router.as_ref(), &self.present(now), words);
                 self.settle(now, machine, &call, taken, words, None);
             }
             None => machine.answer(now, ticket, Answer::Exception(exception::GATEWAY_PATH_UNAVAILABLE)),
@@ -47,7 +48,7 @@ impl Client {
     fn ask_drive(&self, inbox: &Inbox, drive: DriveIndex, call: Call) -> Result<(), u8> {
         let Call { ticket, ask, deadline, .. } = call;
         let ask = native::ask_of(ask)?;
-        let request = NativeRequest { asker: self.asker, ticket, drive, origin: self.origin, ask, deadline };
+        let request = NativeRequest { asker: self.asker, ticket, drive, origin: self.origin.get(), ask, deadline };
         inbox.put(Message::Native(request)).map_err(|Full| exception::SERVER_DEVICE_BUSY)
     }
 
@@ -72,7 +73,7 @@ impl Client {
                     let ticket = machine.fresh_ticket();
                     (ticket, self.order(now, ticket, drive, Order::Stop { setpoint: None }))
                 };
-                let given = self.router.controlled().map(stop).collect();
+                let given = self.router().controlled().map(stop).collect();
                 self.expect(now, machine, call, given);
             }
         }
@@ -84,7 +85,7 @@ impl Client {
             asker: self.asker,
             ticket,
             drive: drive.shared.description.place.drive,
-            origin: self.origin,
+            origin: self.origin.get(),
             order,
             start_before: now + COMMAND_DEADLINE,
             issued: None,
@@ -125,7 +126,8 @@ impl Client {
         let Some(read) = read else {
             return machine.answer(now, call, exception.map_or(Answer::Written, Answer::Exception));
         };
-        let Some(Target::Uniform(drive)) = self.router.find(read.unit) else {
+        let router = self.router();
+        let Some(Target::Uniform(drive)) = router.find(read.unit) else {
             return machine.answer(now, call, Answer::Exception(exception::SERVER_DEVICE_FAILURE));
         };
         let mut words = Words::default();
@@ -139,7 +141,7 @@ impl Client {
     fn renew(&self, now: MonoTime, machine: &mut Connection, drive: Drive<'_>) {
         let view = drive.shared.view.load();
         let lease = view.control.as_ref().and_then(|control| control.lease);
-        if lease.is_none_or(|(owner, _)| owner != self.origin.owner) {
+        if lease.is_none_or(|(owner, _)| owner != self.origin.get().owner) {
             return;
         }
         let mut renewed = self.renewed.borrow_mut();
@@ -152,7 +154,7 @@ impl Client {
     }
 
     fn present(&self, now: MonoTime) -> Present {
-        Present { now, uptime_s: self.router.uptime_s(now), owner: self.origin.owner }
+        Present { now, uptime_s: self.router().uptime_s(now), owner: self.origin.get().owner }
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod command;
 mod exchange;
+mod leaving;
 mod pass;
 mod seen;
 

@@ -18,6 +18,9 @@ mod params;
 mod path;
 mod payload;
 mod pending;
+mod replaced;
+#[cfg(test)]
+mod replaced_tests;
 mod results;
 mod seen;
 mod session;

@@ -59,6 +59,11 @@ impl Slot {
         is_due
     }
 
+    /// The topic.
+    pub(super) fn topic(&self) -> &str {
+        &self.topic
+    }
+
     /// Whether something stands on the topic.
     pub(super) const fn is_filled(&self) -> bool {
         matches!(self.published, Some((_, Content::Text(_) | Content::Word(_))))
