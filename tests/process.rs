@@ -15,6 +15,7 @@
 //! | `topics` | the topic tree for subscribers, and trips |
 //! | `commanding` | commands over MQTT are answered and move the motor, and what is no command moves nothing |
 //! | `replays` | what a broker has kept moves nothing |
+//! | `reloading` | the configuration changes while the gateway runs, and the service manager is told |
 //! | `stopping` | STOP by every way, and nobody goes on behind it |
 //! | `losing` | the commander, the broker or the gateway is gone, and the motor does not run on |
 //! | `uniform` | the uniform unit and the exceptions as Modbus clients see them |
@@ -58,6 +59,8 @@ mod overseeing;
 mod reading;
 #[path = "process/refusing.rs"]
 mod refusing;
+#[path = "process/reloading.rs"]
+mod reloading;
 #[path = "process/replays.rs"]
 mod replays;
 #[path = "process/stopping.rs"]

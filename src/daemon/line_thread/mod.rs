@@ -151,6 +151,8 @@ impl LineHandle {
             // Whoever floods the line must not keep its drives running.
             self.line.inbox.clear_for(message);
         }
+        // A long wait for a reply must not hold this up.
+        self.line.inbox.ring();
     }
 }
 

@@ -313,7 +313,7 @@ async fn client(plant: &Plant, settings: ListenerSettings) -> (TcpStream, Rc<Lis
 fn a_connection_stays_over_a_change_and_gets_what_is_granted_now() {
     const READ: [u8; 5] = [3, 0, 0, 0, 1];
     const RUN: [u8; 5] = [6, 1, 0, 0, 1];
-    play(EVERY_LINE, |plant, _| async move {
+    play(EVERY_LINE, |plant, _other| async move {
         let (mut stream, listener, server) = client(&plant, EVERY_LINE).await;
         assert_eq!(ask(&mut stream, 101, &READ).await, [3, 2, 0, 1]);
         // Another plant: the second line alone, under the units of the first.

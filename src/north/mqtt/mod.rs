@@ -31,6 +31,8 @@ mod topics;
 mod types;
 
 #[cfg(test)]
+mod clock_steps;
+#[cfg(test)]
 mod command_tests;
 #[cfg(test)]
 mod harness;

@@ -7,9 +7,9 @@ use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::DriveView;
 use serde_json::Value;
 
-/// The drives of the harness with these names, `fan` on line 7 where it is another's.
+/// These drives and lines from now on. A drive that was there shows what it showed.
 fn replace(rig: &mut Rig, drives: Vec<DriveDescription>, lines: &[&str]) -> Vec<Act> {
-    let old: Vec<_> = super::harness::drives().into_iter().map(|it| it.name).collect();
+    let old: Vec<_> = rig.session.drives.iter().map(|it| it.name.clone()).collect();
     let view = |drive: &DriveDescription| {
         old.iter().position(|it| *it == drive.name).and_then(|at| rig.views.get(at)).cloned().unwrap_or_default()
     };
