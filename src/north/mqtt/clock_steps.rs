@@ -13,14 +13,17 @@ const YEAR_MS: i64 = 365 * 24 * HOUR_MS;
 /// A payload without what labels it.
 fn unlabelled(publication: &Publication) -> (String, String) {
     let text = String::from_utf8(publication.payload.clone()).expect("text");
-    let Ok(Value::Object(mut object)) = serde_json::from_str(&text) else { return (publication.topic.clone(), text) };
-    for label in ["at", "started"] {
+    let Ok(mut value) = serde_json::from_str(&text) else { return (publication.topic.clone(), text) };
+    take_labels(&mut value);
+    (publication.topic.clone(), value.to_string())
+}
+
+fn take_labels(value: &mut Value) {
+    let Value::Object(object) = value else { return };
+    for label in ["at", "started", "lease_until"] {
         object.remove(label);
     }
-    if let Some(last) = object.get_mut("trip").and_then(|trip| trip.get_mut("last")).and_then(Value::as_object_mut) {
-        last.remove("at");
-    }
-    (publication.topic.clone(), Value::Object(object).to_string())
+    object.values_mut().for_each(take_labels);
 }
 
 /// What is done, without labels. A trip that is shown with its moment is shown again when that is another one.
