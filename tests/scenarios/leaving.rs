@@ -74,9 +74,11 @@ fn a_stop_without_effect_keeps_the_drive_bound() {
     let mut rig = running();
     rig.bus.set_powered(rig.now, Station(1), false);
     rig.core.handle(rig.now, Input::Leave { stops: true });
+    rig.settle();
     rig.pass(Duration::from_secs(5));
     assert_eq!(bound(&rig), [PUMP]);
     rig.core.handle(rig.now, Input::Stay);
+    rig.settle();
     rig.bus.set_powered(rig.now, Station(1), true);
     rig.pass(Duration::from_secs(30));
     assert!(bound(&rig).is_empty(), "the stop was carried on");

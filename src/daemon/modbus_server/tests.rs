@@ -313,7 +313,7 @@ async fn client(plant: &Plant, settings: ListenerSettings) -> (TcpStream, Rc<Lis
 fn a_connection_stays_over_a_change_and_gets_what_is_granted_now() {
     const READ: [u8; 5] = [3, 0, 0, 0, 1];
     const RUN: [u8; 5] = [6, 1, 0, 0, 1];
-    play(EVERY_LINE, |plant, other| async move {
+    play(EVERY_LINE, |plant, first| async move {
         let (mut stream, listener, server) = client(&plant, EVERY_LINE).await;
         assert_eq!(ask(&mut stream, 101, &READ).await, [3, 2, 0, 1]);
         // Another plant: the second line alone, under the units of the first.
@@ -333,7 +333,7 @@ fn a_connection_stays_over_a_change_and_gets_what_is_granted_now() {
         }
         assert!(matches!(&batch[0], Message::Command(it) if it.origin.rights.write), "{batch:?}");
         plant.assert_untouched();
-        drop(other);
+        drop(first);
         // Whoever is not allowed any more is sent away.
         let settings = ListenerSettings { allow: Some(vec!["10.0.0.0/8".parse().unwrap()]), ..EVERY_LINE };
         listener.change(settings.clone(), Router::new(&settings, units));
