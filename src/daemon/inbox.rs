@@ -64,20 +64,12 @@ impl Inbox {
     /// # Errors
     /// [`Full`] if too many wait, or the line has ended.
     pub fn put(&self, message: Message) -> Result<(), Full> {
-        self.put_surely(message).map_err(|_| Full)
-    }
-
-    /// The same, and gives back what was not taken.
-    ///
-    /// # Errors
-    /// The message, if too many wait or the line has ended.
-    pub fn put_surely(&self, message: Message) -> Result<(), Message> {
         if self.is_closed() {
-            return Err(message);
+            return Err(Full);
         }
         let mut messages = self.lock();
         if messages.len() >= room_for(&message) {
-            return Err(message);
+            return Err(Full);
         }
         messages.push(message);
         drop(messages);
@@ -87,17 +79,20 @@ impl Inbox {
         Ok(())
     }
 
-    /// Has the line thread come round without a message.
-    pub fn ring(&self) {
+    /// Puts a message in that nobody else may keep out, and has the line thread look at once: where there is no room,
+    /// everything that waits gives way.
+    pub fn put_surely(&self, message: Message) {
+        let mut messages = self.lock();
+        if messages.len() >= room_for(&message) {
+            messages.clear();
+        }
+        messages.push(message);
+        drop(messages);
         self.bell.notify_one();
     }
 
-    /// Drops everything that waits and puts `message` in its place.
-    pub fn clear_for(&self, message: Message) {
-        let mut messages = self.lock();
-        messages.clear();
-        messages.push(message);
-        drop(messages);
+    /// Has the line thread come round without a message.
+    pub fn ring(&self) {
         self.bell.notify_one();
     }
 
@@ -189,6 +184,17 @@ mod tests {
         for _ in 0..STOPS_MAX {
             inbox.put(GONE).unwrap();
         }
+        assert_eq!(inbox.put(GONE), Err(Full));
+        inbox.put_surely(Message::Shutdown);
+        let mut batch = Vec::new();
+        inbox.take(&mut batch);
+        assert!(matches!(batch.as_slice(), [Message::Shutdown]), "whoever floods the line does not keep its end out");
+    }
+
+    #[test]
+    fn a_line_that_ends_takes_nothing_more() {
+        let inbox = Inbox::default();
+        inbox.close();
         assert_eq!(inbox.put(GONE), Err(Full));
     }
 }
