@@ -16,6 +16,7 @@
 //! | `commanding` | commands over MQTT are answered and move the motor, and what is no command moves nothing |
 //! | `replays` | what a broker has kept moves nothing |
 //! | `owning` | commanders with names of their own on MQTT, and what the broker grants to each |
+//! | `reloading` | the configuration changes while the gateway runs, and the service manager is told |
 //! | `stopping` | STOP by every way, and nobody goes on behind it |
 //! | `losing` | the commander, the broker or the gateway is gone, and the motor does not run on |
 //! | `uniform` | the uniform unit and the exceptions as Modbus clients see them |
@@ -61,6 +62,8 @@ mod owning;
 mod reading;
 #[path = "process/refusing.rs"]
 mod refusing;
+#[path = "process/reloading.rs"]
+mod reloading;
 #[path = "process/replays.rs"]
 mod replays;
 #[path = "process/stopping.rs"]

@@ -72,6 +72,8 @@ mod kept;
 mod late_reply;
 #[path = "scenarios/learned_times.rs"]
 mod learned_times;
+#[path = "scenarios/leaving.rs"]
+mod leaving;
 #[path = "scenarios/native_blocks.rs"]
 mod native_blocks;
 #[path = "scenarios/noisy_line.rs"]

@@ -113,7 +113,7 @@ pub fn serve(text: &str, told: &mpsc::Sender<SocketAddr>, stopped: tokio::sync::
     let catalog = Catalog::from_texts(vendors::texts().iter().copied()).expect("built-in models are sound");
     let config = config::load(text, &catalog).expect("the configuration is sound");
     let mut counters = LineCounters::default();
-    run::run(&config, async |running| {
+    run::run(&config, None, async |running| {
         told.send(running.listening[0]).expect("somebody waits");
         let _ = stopped.await;
         counters = running.counters()[0];

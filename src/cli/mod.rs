@@ -13,6 +13,7 @@ mod model_facts;
 mod models;
 mod own_models;
 mod read;
+mod reload;
 mod run;
 mod setup;
 mod simulate;
@@ -58,6 +59,8 @@ enum Command {
     Simulate(simulate::Args),
     /// Ask the running gateway whether it is ready, for container health checks too
     Health(health::Args),
+    /// Have the running gateway take its configuration file anew: whole, or not at all
+    Reload(reload::Args),
     /// Read from a drive whether it is set so that it obeys the bus; the settings themselves, not what was polled
     Verify(verify::Args),
     /// Set on a drive what it needs before it obeys the bus, at standstill, after showing old and new
@@ -84,6 +87,12 @@ pub struct Failure {
     code: u8,
 }
 
+impl Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
 impl Failure {
     /// Something failed while the command ran.
     fn failed(message: impl Display) -> Self {
@@ -108,6 +117,7 @@ pub fn main() -> ExitCode {
         Command::Models(args) => models::models(&args),
         Command::Simulate(args) => simulate::simulate(&args),
         Command::Health(args) => health::health(&args),
+        Command::Reload(args) => reload::reload(&args),
         Command::Verify(args) => verify::verify(&args),
         Command::Enable(args) => enable::enable(&args),
         Command::Watchdog(args) => watchdog::watchdog(&args),

@@ -1,9 +1,11 @@
 //! `run`: the daemon.
 
 use super::{Failure, input};
+use crate::daemon::reload::Load;
 use crate::daemon::run::{self as daemon, told_to_end};
 use rustix::system::uname;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Arguments of `run`.
 #[derive(Debug, clap::Args)]
@@ -16,8 +18,10 @@ pub struct Args {
 /// Runs the gateway until SIGINT or SIGTERM.
 pub fn run(args: &Args) -> Result<(), Failure> {
     let config = input::configuration(&args.config)?;
+    let file = args.config.clone();
+    let load: Load = Arc::new(move || input::configuration(&file).map_err(|failure| failure.to_string()));
     let mut end = Ok(());
-    let started = daemon::run(&config, async |running| {
+    let started = daemon::run(&config, Some(load), async |running| {
         let told = match told_to_end() {
             Ok(told) => told,
             Err(error) => {

@@ -1,7 +1,7 @@
 //! The configuration as it is written: each value with its place, nothing filled in, nothing compared.
 
 use super::broker::Address;
-use super::ready::{PortAddress, Silence};
+use super::ready::{PortAddress, Removal, Silence};
 use super::words::Way;
 use crate::domain::command::Direction;
 use crate::domain::control::{ControlAction, FailSafe, Ownership};
@@ -32,11 +32,13 @@ pub(super) struct GatewayFile {
     pub name: Given<Name>,
     pub data_dir: Given<PathBuf>,
     pub model_dirs: Given<Vec<Written<PathBuf>>>,
+    pub on_removal: Given<Removal>,
 }
 
 impl GatewayFile {
     /// What holds without the table.
-    pub const LEFT_OUT: Self = Self { name: Given::LeftOut, data_dir: Given::LeftOut, model_dirs: Given::LeftOut };
+    pub const LEFT_OUT: Self =
+        Self { name: Given::LeftOut, data_dir: Given::LeftOut, model_dirs: Given::LeftOut, on_removal: Given::LeftOut };
 }
 
 /// One `[[line]]`.

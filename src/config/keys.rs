@@ -135,6 +135,7 @@ pub const KEYS: &[Key] = &[
 
     key(Section::Gateway, "name", "name", Some("the host's name"), "What the gateway is called in its messages and topics."),
     key(Section::Gateway, "data_dir", "absolute path", Some("none"), "The directory in which the gateway's tools reach it."),
+    key(Section::Gateway, "on_removal", "\"refuse\" or \"stop\"", Some("\"refuse\""), "What a reload does about a drive that runs or is under control, if it would be removed or its line restarted: the reload is refused, or the drive stopped first."),
     key(Section::Gateway, "model_dirs", "list of absolute paths", Some("none"), "Directories whose `*.toml` files are models of your own."),
 
     key(Section::Line, "name", "name", None, "What the line is called; unique among the lines."),

@@ -8,6 +8,7 @@
 //! pseudo-terminal, whether its driver can turn the direction) is left to the daemon.
 
 mod broker;
+pub mod change;
 mod commanders;
 mod control;
 mod file;
@@ -35,7 +36,7 @@ pub use native::{Listed, listed};
 pub use ratings::shown_in_per_cent;
 pub use ready::{
     BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings, HttpSettings, LineSettings,
-    ListenerSettings, MqttSettings, PasswordSource, PortAddress, Silence, TlsSettings, command_deadline,
+    ListenerSettings, MqttSettings, PasswordSource, PortAddress, Removal, Silence, TlsSettings, command_deadline,
 };
 
 use crate::domain::problem::Problem;

@@ -36,6 +36,18 @@ pub struct GatewaySettings {
     pub name: Option<Name>,
     /// Where the gateway keeps what outlives it, and where its tools reach it; an absolute path.
     pub data_dir: Option<PathBuf>,
+    /// What a reload does about a drive in use that it would take away.
+    pub on_removal: Removal,
+}
+
+/// What a reload does about a drive that runs or is under control, if it would be removed or its line restarted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Removal {
+    /// The reload is refused.
+    #[default]
+    Refuse,
+    /// The drive is stopped first.
+    Stop,
 }
 
 /// One serial line.
@@ -214,6 +226,12 @@ pub struct MqttSettings {
 impl MqttSettings {
     /// Probes that may stay out before the connection is given up. A session lease outlives as many.
     pub const PROBES: u32 = 3;
+
+    /// Whether the broker is a child of this process.
+    #[must_use]
+    pub fn is_embedded(&self) -> bool {
+        self.broker == BrokerSettings::Embedded
+    }
 
     /// The client identifier of the gateway called `gateway`.
     #[must_use]

@@ -2,7 +2,9 @@
 
 use super::file::{DriveFile, File, LineFile, ListenerFile};
 use super::link::{self, OnLine, Settled};
-use super::ready::{Config, DriveSettings, GatewaySettings, HttpSettings, LineSettings, ListenerSettings, Silence};
+use super::ready::{
+    Config, DriveSettings, GatewaySettings, HttpSettings, LineSettings, ListenerSettings, Removal, Silence,
+};
 use super::units::{self, Units};
 use super::{commanders, control, line_plan, listen, lists, mqtt, native, port, ratings, watchdog};
 use crate::domain::control::{ControlSettings, LeaseMode};
@@ -60,6 +62,7 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
         gateway: GatewaySettings {
             name: file.gateway.name.clone().optional()?,
             data_dir: file.gateway.data_dir.clone().optional()?,
+            on_removal: file.gateway.on_removal.or(Removal::Refuse)?,
         },
         lines: ready.into_iter().collect::<Option<Vec<_>>>()?,
         listeners: listeners.collect::<Option<Vec<_>>>()?,

@@ -1,5 +1,6 @@
 //! The words of the configuration that no model file has: one table each, for reading and for showing.
 
+use super::ready::Removal;
 use crate::domain::command::Direction;
 use crate::domain::control::{ControlAction, FailSafe, Ownership};
 use crate::domain::link::DirectionControl;
@@ -30,6 +31,9 @@ pub const FAIL_SAFES: [(&str, FailSafe); 3] = [
     (FailSafe::Coast.word(), FailSafe::Coast),
     (FailSafe::Hold.word(), FailSafe::Hold),
 ];
+
+/// What a reload does about a drive in use that it would take away.
+pub const REMOVALS: [(&str, Removal); 2] = [("refuse", Removal::Refuse), ("stop", Removal::Stop)];
 
 /// Actions that may rest on an unproven fact.
 pub const ACTIONS: [(&str, ControlAction); 4] = [

@@ -6,6 +6,7 @@ use crate::domain::native::NativeAnswer;
 use crate::drive::description::DriveRef;
 use crate::drive::view::TripEvent;
 use crate::journal::StoredEvent;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::Notify;
 
@@ -57,11 +58,24 @@ pub struct NorthSides {
 pub struct AnswerBox {
     answers: Mutex<Vec<News>>,
     bell: Notify,
+    /// Nobody fetches them.
+    is_closed: AtomicBool,
 }
 
 impl AnswerBox {
+    /// From now on somebody fetches the answers, or nobody does: then none is kept.
+    pub fn set_open(&self, is_open: bool) {
+        self.is_closed.store(!is_open, Ordering::SeqCst);
+        if !is_open {
+            self.answers.lock().unwrap_or_else(PoisonError::into_inner).clear();
+        }
+    }
+
     /// Puts answers in, leaves `batch` empty, and wakes the north side once for all of them.
     pub fn put(&self, batch: &mut Vec<News>) {
+        if self.is_closed.load(Ordering::SeqCst) {
+            batch.clear();
+        }
         if batch.is_empty() {
             return;
         }

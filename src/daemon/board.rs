@@ -3,21 +3,19 @@
 use super::answers::{News, NorthSides};
 use super::clock;
 use super::inbox::Inbox;
-use super::shared::{Shared, SharedDrive};
+use super::shared::SharedLine;
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::drive::description::DriveRef;
 use crate::drive::view::TripEvent;
 use crate::gateway::LineCore;
 use std::sync::Arc;
+use tokio::sync::Notify;
 
-/// The side of [`Shared`] that one line writes.
+/// The side of a line that its thread writes.
 #[derive(Debug)]
-pub struct Board<'a> {
-    shared: &'a Shared,
-    line: &'a super::shared::SharedLine,
-    number: u16,
-    /// The line's drives in order.
-    drives: Vec<&'a SharedDrive>,
+pub struct Board {
+    line: Arc<SharedLine>,
+    changed: Arc<Notify>,
     north: NorthSides,
     /// News of this round.
     modbus: Vec<News>,
@@ -25,20 +23,22 @@ pub struct Board<'a> {
     local: Vec<News>,
 }
 
-impl<'a> Board<'a> {
-    /// The board of the line at `place`; nothing if there is no such line.
+impl Board {
+    /// The board of `line`, whose news go to `north`; `changed` is rung for them.
     #[must_use]
-    pub fn new(shared: &'a Shared, place: usize, north: NorthSides) -> Option<Self> {
-        let line = shared.lines.get(place)?;
-        let number = u16::try_from(place).ok()?;
-        let drives = shared.drives.iter().filter(|drive| drive.description.place.line == number).collect();
-        Some(Self { shared, line, number, drives, north, modbus: Vec::new(), mqtt: Vec::new(), local: Vec::new() })
+    pub const fn new(line: Arc<SharedLine>, changed: Arc<Notify>, north: NorthSides) -> Self {
+        Self { line, changed, north, modbus: Vec::new(), mqtt: Vec::new(), local: Vec::new() }
     }
 
     /// The way into the line.
     #[must_use]
-    pub fn inbox(&self) -> &'a Inbox {
+    pub fn inbox(&self) -> &Inbox {
         &self.line.inbox
+    }
+
+    /// The thread has come round once more.
+    pub fn count_round(&self) {
+        self.line.count_round();
     }
 
     /// Keeps `news` for the end of the round.
@@ -53,7 +53,7 @@ impl<'a> Board<'a> {
 
     /// Keeps what happened to the trips of `drive` for the end of the round.
     pub fn tell_trip(&mut self, drive: DriveIndex, event: TripEvent) {
-        self.tell(News::Trip(DriveRef { line: self.number, drive }, event));
+        self.tell(News::Trip(DriveRef { line: self.line.number, drive }, event));
     }
 
     /// Shows what has changed in this round. Pictures come before answers: whoever is told that a command was
@@ -62,13 +62,13 @@ impl<'a> Board<'a> {
         // The MQTT side hears of its answers by the same bell as of pictures.
         let mut has_changed = !self.mqtt.is_empty();
         for (drive, view) in core.changed_views() {
-            if let Some(shared) = self.drives.get(drive.get()) {
+            if let Some(shared) = self.line.drives.get(drive.get()) {
                 shared.view.store(view);
                 has_changed = true;
             }
         }
         if let Some((drive, station)) = core.next_station(clock::now())
-            && let Some(shared) = self.drives.get(drive.get())
+            && let Some(shared) = self.line.drives.get(drive.get())
         {
             shared.station.store(Arc::new(station));
         }
@@ -81,7 +81,7 @@ impl<'a> Board<'a> {
             mqtt.put(&mut self.mqtt);
         }
         if has_changed {
-            self.shared.changed.notify_one();
+            self.changed.notify_one();
         }
     }
 }

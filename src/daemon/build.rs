@@ -4,7 +4,7 @@ use super::line_thread::LinePort;
 use super::mqtt::{ConnectionSettings, Secret, TlsSettings, check_tls};
 use super::north::Mqtt;
 use super::port::PortSettings;
-use super::shared::Shared;
+use super::shared::{Shared, SharedLine};
 use crate::config::{
     self, BrokerSettings, Config, DriveSettings, LineSettings, MqttSettings, PasswordSource, line_plan,
 };
@@ -25,17 +25,22 @@ pub fn line_setup(line: &LineSettings, first_epoch: u64) -> LineSetup {
     LineSetup { timing: line_plan::timing(line).0, drives, echo: line.echo, tells_traffic, first_epoch, keeps: false }
 }
 
-/// What lines and north sides share.
+/// What lines and north sides share, with lines that nobody serves yet.
 #[must_use]
 pub fn shared(config: &Config) -> Shared {
-    let drives = (0..).zip(&config.lines).flat_map(|(number, line)| {
-        let stretch = line_plan::budget(line).stretch;
-        (0..).zip(&line.drives).map(move |(index, drive)| {
-            let place = DriveRef { line: number, drive: DriveIndex(index) };
-            description(place, line, drive, stretch)
-        })
+    let lines = (0..).zip(&config.lines).map(|(number, line)| Arc::new(shared_line(number, line)));
+    Shared::of(lines.collect(), Arc::default())
+}
+
+/// The same of one line, with a `number` that no other line of the process has.
+#[must_use]
+pub fn shared_line(number: u16, line: &LineSettings) -> SharedLine {
+    let stretch = line_plan::budget(line).stretch;
+    let drives = (0..).zip(&line.drives).map(|(index, drive)| {
+        let place = DriveRef { line: number, drive: DriveIndex(index) };
+        description(place, line, drive, stretch)
     });
-    Shared::new(config.lines.iter().map(|line| (line.name.clone(), line.interface)).collect(), drives.collect())
+    SharedLine::new(number, line.name.clone(), line.interface, drives)
 }
 
 /// Values age by the period that an over-full line really keeps.

@@ -1,11 +1,11 @@
 //! The way from the north side into a line thread.
 
 use crate::domain::command::{CommandRequest, Order, Owner};
-use crate::domain::ids::AskerId;
+use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::native::{NativeAsk, NativeRequest};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use tokio::sync::Notify;
+use tokio::sync::{Notify, oneshot};
 
 /// Messages that may wait for a line thread. The north side answers exception 06 when it is full.
 pub const INBOX_MAX: usize = 4096;
@@ -29,6 +29,17 @@ pub enum Message {
     PathOpened(Owner),
     /// The gateway ends: each drive gets its declared action.
     Shutdown,
+    /// It ends now: a stop that was sent once is not waited for.
+    Hurry,
+    /// The line ends by a change of the configuration, and takes no command any more but stops.
+    Leave {
+        /// Drives in use are stopped, and the answer waits for that.
+        stops: bool,
+        /// Told the drives that are in use.
+        tell: oneshot::Sender<Vec<DriveIndex>>,
+    },
+    /// It goes on after all.
+    Stay,
 }
 
 /// The inbox is full; the message was not taken.
@@ -51,8 +62,11 @@ impl Inbox {
     /// Puts a message in.
     ///
     /// # Errors
-    /// [`Full`] if too many wait.
+    /// [`Full`] if too many wait, or the line has ended.
     pub fn put(&self, message: Message) -> Result<(), Full> {
+        if self.is_closed() {
+            return Err(Full);
+        }
         let mut messages = self.lock();
         if messages.len() >= room_for(&message) {
             return Err(Full);
@@ -65,12 +79,20 @@ impl Inbox {
         Ok(())
     }
 
-    /// Drops everything that waits and puts `message` in its place.
-    pub fn clear_for(&self, message: Message) {
+    /// Puts a message in that nobody else may keep out, and has the line thread look at once: where there is no room,
+    /// everything that waits gives way.
+    pub fn put_surely(&self, message: Message) {
         let mut messages = self.lock();
-        messages.clear();
+        if messages.len() >= room_for(&message) {
+            messages.clear();
+        }
         messages.push(message);
         drop(messages);
+        self.bell.notify_one();
+    }
+
+    /// Has the line thread come round without a message.
+    pub fn ring(&self) {
         self.bell.notify_one();
     }
 
@@ -114,7 +136,10 @@ const fn room_for(message: &Message) -> usize {
         Message::Native(NativeRequest { ask: NativeAsk::Read { .. }, .. }) => INBOX_MAX,
         Message::Command(CommandRequest { order: Order::Stop { .. } | Order::Coast, .. })
         | Message::AskerGone(_)
-        | Message::Shutdown => INBOX_MAX + COMMANDS_MAX + STOPS_MAX,
+        | Message::Shutdown
+        | Message::Hurry
+        | Message::Leave { .. }
+        | Message::Stay => INBOX_MAX + COMMANDS_MAX + STOPS_MAX,
         Message::Native(_) | Message::Command(_) | Message::PathAlive(_) | Message::PathOpened(_) => {
             INBOX_MAX + COMMANDS_MAX
         }
@@ -159,6 +184,17 @@ mod tests {
         for _ in 0..STOPS_MAX {
             inbox.put(GONE).unwrap();
         }
+        assert_eq!(inbox.put(GONE), Err(Full));
+        inbox.put_surely(Message::Shutdown);
+        let mut batch = Vec::new();
+        inbox.take(&mut batch);
+        assert!(matches!(batch.as_slice(), [Message::Shutdown]), "whoever floods the line does not keep its end out");
+    }
+
+    #[test]
+    fn a_line_that_ends_takes_nothing_more() {
+        let inbox = Inbox::default();
+        inbox.close();
         assert_eq!(inbox.put(GONE), Err(Full));
     }
 }

@@ -3,7 +3,8 @@
 use super::answers::{AnswerBox, News};
 use super::clock;
 use super::inbox::{Full, Message};
-use super::shared::Shared;
+use super::reload::{Reloaded, Reloads};
+use super::shared::{Current, Shared};
 use crate::domain::command::{CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights};
 use crate::domain::ids::{AskerId, Ticket};
 use crate::domain::native::{NativeAsk, NativeOutcome, NativeRequest, Refusal};
@@ -31,7 +32,8 @@ const ORIGIN: Origin =
 /// The tools' way to all lines.
 #[derive(Debug)]
 pub struct LocalSide {
-    shared: Arc<Shared>,
+    current: Current,
+    reloads: Option<Reloads>,
     last: AtomicU64,
     waiting: Mutex<HashMap<Ticket, oneshot::Sender<News>>>,
     places: Arc<Semaphore>,
@@ -49,15 +51,26 @@ enum Missing {
 impl LocalSide {
     /// A side on which nobody waits.
     #[must_use]
-    pub fn new(shared: Arc<Shared>) -> Self {
+    pub fn new(current: impl Into<Current>, reloads: Option<Reloads>) -> Self {
         let places = Arc::new(Semaphore::new(TOOLS_MAX));
-        Self { shared, last: AtomicU64::new(0), waiting: Mutex::default(), places }
+        Self { current: current.into(), reloads, last: AtomicU64::new(0), waiting: Mutex::default(), places }
     }
 
     /// Lines and drives.
     #[must_use]
-    pub fn shared(&self) -> &Shared {
-        &self.shared
+    pub fn shared(&self) -> Arc<Shared> {
+        self.current.get()
+    }
+
+    /// Has the gateway take its configuration anew, and waits for what becomes of that.
+    ///
+    /// # Errors
+    /// Why everything stays as it was.
+    pub async fn reload(&self) -> Reloaded {
+        match &self.reloads {
+            Some(reloads) => reloads.ask().await,
+            None => Err(super::reload::Refusal::NoFile),
+        }
     }
 
     /// A place for one tool as long as it is served; nothing if [`TOOLS_MAX`] are.
@@ -132,7 +145,8 @@ impl LocalSide {
         let (give, answer) = oneshot::channel();
         self.lock().insert(ticket, give);
         let _waits = Waits { side: self, ticket };
-        let inbox = self.shared.inbox(place).ok_or(Missing::Silent)?;
+        let shared = self.shared();
+        let inbox = shared.inbox(place).ok_or(Missing::Silent)?;
         inbox.put(message(ticket)).map_err(|Full| Missing::Full)?;
         match timeout(within, answer).await {
             Ok(Ok(news)) => Ok(news),
@@ -169,7 +183,7 @@ mod tests {
 
     fn side() -> Arc<LocalSide> {
         let line = (Name::new("hall-1").unwrap(), Interface::Rs485);
-        Arc::new(LocalSide::new(Arc::new(Shared::new(vec![line], Vec::new()))))
+        Arc::new(LocalSide::new(Arc::new(Shared::new(vec![line], Vec::new())), None))
     }
 
     /// Runs `test` with the answers that `line` gives to each message that has come to the line.
@@ -179,7 +193,7 @@ mod tests {
         test: impl Future<Output = T>,
     ) -> T {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().start_paused(true).build().unwrap();
-        let (answers, shared) = (Arc::<AnswerBox>::default(), Arc::clone(&side.shared));
+        let (answers, shared) = (Arc::<AnswerBox>::default(), side.shared());
         tokio::task::LocalSet::new().block_on(&runtime, async {
             tokio::task::spawn_local(Arc::clone(side).distribute(Arc::clone(&answers)));
             tokio::task::spawn_local(async move {
@@ -259,7 +273,7 @@ mod tests {
     #[test]
     fn a_line_that_is_full_or_not_there_is_told_apart() {
         let side = side();
-        while side.shared.lines[0].inbox.put(Message::AskerGone(AskerId(1))).is_ok() {}
+        while side.shared().lines[0].inbox.put(Message::AskerGone(AskerId(1))).is_ok() {}
         let nowhere = DriveRef { line: 9, ..PLACE };
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
         let (full, missing) = runtime

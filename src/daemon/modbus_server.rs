@@ -2,6 +2,9 @@
 
 mod calls;
 mod keeper;
+mod listener;
+
+pub use listener::Listener;
 
 use super::answers::{AnswerBox, News};
 use super::clock;
@@ -9,13 +12,10 @@ use super::inbox::Message;
 use super::keeping::Journal;
 use super::router::Router;
 use super::totals::ModbusTotals;
-use crate::config::ListenerSettings;
-use crate::domain::command::{Manner, Origin, Owner, Rights};
+use crate::domain::command::{Manner, Origin, Owner};
 use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
-use crate::guard::access;
 use crate::north::modbus::{Commands, Connection, Counters, Kept, Limits, Words};
-use ipnet::IpNet;
 use keeper::Keeper;
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
@@ -50,25 +50,21 @@ pub struct Server {
     last: Cell<u64>,
 }
 
-/// What a listener grants to a client.
-#[derive(Clone, Copy, Debug)]
-struct Granted {
-    rights: Rights,
-    /// Its reads of a uniform unit renew its lease.
-    reads_renew: bool,
-}
-
 #[derive(Debug)]
 struct Client {
     asker: AskerId,
-    origin: Origin,
-    reads_renew: bool,
+    peer: IpAddr,
+    origin: Cell<Origin>,
+    reads_renew: Cell<bool>,
     stream: OwnedWriteHalf,
     machine: RefCell<Connection>,
     commands: RefCell<Commands>,
     /// When a read renewed a lease last, by the place of the drive.
     renewed: RefCell<HashMap<usize, MonoTime>>,
-    router: Rc<Router>,
+    listener: Rc<Listener>,
+    router: RefCell<Rc<Router>>,
+    /// It is allowed no more.
+    is_unwanted: Cell<bool>,
     keeper: Rc<Keeper>,
     /// Rung when the machine was changed by somebody other than its own task.
     bell: Notify,
@@ -84,11 +80,11 @@ impl Server {
         Self { totals, keeper: Rc::new(Keeper::new(journal)), ..Self::default() }
     }
 
-    /// Accepts connections of those whom `settings` allow until the task is dropped.
-    pub async fn listen(self: Rc<Self>, listener: TcpListener, settings: ListenerSettings, router: Rc<Router>) {
+    /// Accepts connections of those whom `listener` allows until the task is dropped.
+    pub async fn listen(self: Rc<Self>, socket: TcpListener, listener: Rc<Listener>) {
         loop {
-            match listener.accept().await {
-                Ok((stream, peer)) if !is_allowed(settings.allow.as_deref(), peer.ip()) => {
+            match socket.accept().await {
+                Ok((stream, peer)) if !listener.allows(peer.ip()) => {
                     tracing::warn!(%peer, "refused: not in `allow`");
                     self.totals.refused();
                     drop(stream);
@@ -98,15 +94,19 @@ impl Server {
                     self.totals.refused();
                     drop(stream);
                 }
-                Ok((stream, peer)) => {
-                    self.welcome(stream, peer, rights_of(&settings, peer.ip()), Rc::clone(&router));
-                }
+                Ok((stream, peer)) => self.welcome(stream, peer, Rc::clone(&listener)),
                 Err(error) => {
                     tracing::warn!(%error, "cannot accept a connection");
                     tokio::time::sleep(ACCEPT_PAUSE).await;
                 }
             }
         }
+    }
+
+    /// Gives every connection what its listener grants now, before its next request, and ends those that are not allowed
+    /// any more.
+    pub fn review(&self) {
+        self.clients.borrow().values().for_each(|client| client.review());
     }
 
     /// Hands the answers of the lines to their connections until the task is dropped.
@@ -132,7 +132,8 @@ impl Server {
         }
     }
 
-    fn welcome(self: &Rc<Self>, stream: TcpStream, peer: SocketAddr, granted: Granted, router: Rc<Router>) {
+    fn welcome(self: &Rc<Self>, stream: TcpStream, peer: SocketAddr, listener: Rc<Listener>) {
+        let granted = listener.grants(peer.ip());
         if let Err(error) = stream.set_nodelay(true) {
             tracing::debug!(%peer, %error, "cannot set TCP_NODELAY");
         }
@@ -143,13 +144,16 @@ impl Server {
         let owner = Owner::ModbusTcp(peer.ip().to_canonical());
         let client = Rc::new(Client {
             asker,
-            origin: Origin { owner, rights: granted.rights, manner: Manner::Cyclic },
-            reads_renew: granted.reads_renew,
+            peer: peer.ip(),
+            origin: Cell::new(Origin { owner, rights: granted.rights, manner: Manner::Cyclic }),
+            reads_renew: Cell::new(granted.reads_renew),
             stream,
             machine,
             commands: RefCell::default(),
             renewed: RefCell::default(),
-            router,
+            router: RefCell::new(listener.router()),
+            listener,
+            is_unwanted: Cell::new(false),
             keeper: Rc::clone(&self.keeper),
             bell: Notify::new(),
             totals: Arc::clone(&self.totals),
@@ -164,7 +168,7 @@ impl Server {
             server.clients.borrow_mut().remove(&asker);
             client.count();
             server.totals.closed();
-            for inbox in client.router.inboxes() {
+            for inbox in client.router().inboxes() {
                 // A full inbox loses nothing but early removal: the requests end at their deadlines.
                 let _ = inbox.put(Message::AskerGone(asker));
             }
@@ -201,6 +205,9 @@ impl Client {
                     self.flush()
                 }
             };
+            if self.is_unwanted.get() {
+                return "its listener is gone or does not allow it any more".to_owned();
+            }
             if let Err(error) = moved {
                 return error.to_string();
             }
@@ -218,10 +225,14 @@ impl Client {
         if bytes.is_empty() {
             return Err(io::ErrorKind::UnexpectedEof.into());
         }
+        if self.is_unwanted.get() {
+            return Ok(());
+        }
         let now = clock::now();
         let mut words = Words::default();
         let mut machine = self.machine.borrow_mut();
-        machine.receive(now, bytes, &|unit, ask| self.router.is_stop(unit, ask));
+        let router = self.router();
+        machine.receive(now, bytes, &|unit, ask| router.is_stop(unit, ask));
         while let Some(call) = machine.next_call() {
             self.serve_call(now, &mut machine, call, &mut words);
         }
@@ -233,12 +244,31 @@ impl Client {
     /// Hands on what the machine says of attempts that no line saw.
     fn keep(&self) {
         while let Some(Kept { unit, tried, report }) = self.next_kept() {
-            self.keeper.keep(self.router.drive_of(unit), self.origin.owner, tried, report);
+            self.keeper.keep(self.router().drive_of(unit), self.origin.get().owner, tried, report);
         }
     }
 
     fn next_kept(&self) -> Option<Kept> {
         self.machine.borrow_mut().next_kept()
+    }
+
+    fn router(&self) -> Rc<Router> {
+        Rc::clone(&self.router.borrow())
+    }
+
+    /// Takes what its listener grants now.
+    fn review(&self) {
+        if self.listener.allows(self.peer) {
+            let granted = self.listener.grants(self.peer);
+            self.origin.set(Origin { rights: granted.rights, ..self.origin.get() });
+            self.reads_renew.set(granted.reads_renew);
+            self.router.replace(self.listener.router());
+            // Places of drives may be others now.
+            self.renewed.borrow_mut().clear();
+        } else {
+            self.is_unwanted.set(true);
+            self.bell.notify_one();
+        }
     }
 
     /// Adds what is new to the totals.
@@ -272,15 +302,6 @@ async fn receive(source: &mut OwnedReadHalf, buffer: &mut [u8]) -> io::Result<us
         Poll::Ready(Ok(read.filled().len()))
     })
     .await
-}
-
-fn rights_of(listener: &ListenerSettings, peer: IpAddr) -> Granted {
-    let rights = access::rights_of(peer, &listener.write, listener.stop.as_deref());
-    Granted { rights, reads_renew: listener.reads_renew }
-}
-
-fn is_allowed(allow: Option<&[IpNet]>, peer: IpAddr) -> bool {
-    allow.is_none_or(|nets| access::is_in(peer, nets))
 }
 
 fn instant_of(now: MonoTime, at: MonoTime) -> Instant {

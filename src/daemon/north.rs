@@ -1,19 +1,21 @@
 //! The north sides of a running gateway: what listens, and who serves it.
 
-use super::answers::{AnswerBox, NorthSides};
+use super::answers::NorthSides;
 use super::clock;
 use super::http::{self, State, socket::OwnSocket};
 use super::keeping::Journal;
 use super::local::LocalSide;
-use super::modbus_server::Server;
+use super::modbus_server::{Listener, Server};
 use super::mqtt::speaker::Speaker;
 use super::mqtt::{self, ConnectionSettings, Counters};
+use super::reload::Reloads;
 use super::router::{Router, Units};
 use super::run::StartError;
-use super::shared::Shared;
+use super::shared::Current;
 use super::totals::{ModbusTotals, MqttTotals};
-use crate::config::Config;
-use crate::domain::ids::Name;
+use crate::config::change::Change;
+use crate::config::{Config, HttpSettings, ListenerSettings};
+use crate::domain::ids::{Name, Ticket};
 use crate::north::mqtt::Settings;
 use std::cell::RefCell;
 use std::io;
@@ -22,44 +24,52 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::TcpListener;
-use tokio::sync::oneshot;
-use tokio::task::JoinHandle;
+use tokio::sync::{Notify, oneshot};
+use tokio::task::{AbortHandle, JoinHandle};
 
 /// Most time for the last words to the broker.
 const FAREWELL_MAX: Duration = Duration::from_secs(2);
 
-/// What listens before anybody is served.
+/// Tickets of one conversation with a broker. None has as many.
+const TICKETS: u64 = 1 << 40;
+
+/// Addresses that are taken before anybody is served there.
 #[derive(Debug)]
 pub struct Bound {
-    modbus: Vec<TcpListener>,
+    /// In the order of the configuration; nothing where the socket is there already.
+    modbus: Vec<Option<TcpListener>>,
     http: Option<TcpListener>,
+    /// The HTTP listener is another one than before, or gone.
+    has_http_moved: bool,
 }
 
 impl Bound {
-    /// The addresses that were really taken: Modbus TCP in the order of the configuration, and HTTP.
+    /// The addresses that were taken: Modbus TCP in the order of the configuration, and HTTP.
     ///
     /// # Errors
     /// The system's refusal to tell.
     pub fn addresses(&self) -> io::Result<(Vec<SocketAddr>, Option<SocketAddr>)> {
-        let modbus = self.modbus.iter().map(TcpListener::local_addr).collect::<io::Result<_>>()?;
+        let modbus = self.modbus.iter().flatten().map(TcpListener::local_addr).collect::<io::Result<_>>()?;
         Ok((modbus, self.http.as_ref().map(TcpListener::local_addr).transpose()?))
     }
 }
 
-/// Takes all addresses of `config`, or none.
+/// Takes all addresses of `config`, or none. Listeners that `kept` gives a place have theirs already, and HTTP if it has not
+/// moved.
 ///
 /// # Errors
 /// The first one that cannot be taken.
-pub async fn bind(config: &Config) -> Result<Bound, StartError> {
+pub async fn bind(config: &Config, kept: &[Option<usize>], has_http_moved: bool) -> Result<Bound, StartError> {
     let mut modbus = Vec::with_capacity(config.listeners.len());
-    for listener in &config.listeners {
-        modbus.push(listen(listener.listen).await?);
+    for (place, listener) in config.listeners.iter().enumerate() {
+        let is_kept = kept.get(place).is_some_and(Option::is_some);
+        modbus.push(if is_kept { None } else { Some(listen(listener.listen).await?) });
     }
     let http = match &config.http {
-        Some(http) => Some(listen(http.listen).await?),
-        None => None,
+        Some(HttpSettings { listen: address }) if has_http_moved => Some(listen(*address).await?),
+        _ => None,
     };
-    Ok(Bound { modbus, http })
+    Ok(Bound { modbus, http, has_http_moved })
 }
 
 async fn listen(address: SocketAddr) -> Result<TcpListener, StartError> {
@@ -72,7 +82,32 @@ pub type Mqtt = (ConnectionSettings, Settings);
 /// The running north sides.
 #[derive(Debug)]
 pub struct North {
-    mqtt: Option<(oneshot::Sender<()>, JoinHandle<()>)>,
+    current: Current,
+    sides: NorthSides,
+    state: Arc<State>,
+    server: Rc<Server>,
+    units: Units,
+    /// In the order of the configuration.
+    listeners: Vec<Listening>,
+    http: Option<AbortHandle>,
+    mqtt: Option<Conversation>,
+    conversations: u64,
+    journal: Journal,
+}
+
+/// A Modbus TCP listener, and the task that accepts its connections.
+#[derive(Debug)]
+struct Listening {
+    listener: Rc<Listener>,
+    task: AbortHandle,
+}
+
+/// What is said to a broker.
+#[derive(Debug)]
+struct Conversation {
+    with: Mqtt,
+    stop: oneshot::Sender<()>,
+    task: JoinHandle<()>,
 }
 
 impl North {
@@ -80,74 +115,145 @@ impl North {
     pub fn start(
         config: &Config,
         name: &Name,
-        shared: &Arc<Shared>,
+        current: Current,
         sides: NorthSides,
         bound: Bound,
-        socket: Option<OwnSocket>,
+        socket: Option<(OwnSocket, Option<Reloads>)>,
         mqtt: Option<Mqtt>,
     ) -> Self {
         // Nothing keeps what the north sides say.
         let journal: Journal = None;
         let modbus_totals = Arc::new(ModbusTotals::default());
-        let mqtt_totals = mqtt.is_some().then(Arc::<MqttTotals>::default);
         let state = Arc::new(State {
             gateway: name.to_string(),
-            shared: Arc::clone(shared),
+            shared: current.clone(),
             modbus: Arc::clone(&modbus_totals),
-            mqtt: mqtt_totals.clone(),
+            mqtt: None.into(),
             started: clock::now(),
             started_at: clock::wall(),
         });
-        if let Some(listener) = bound.http {
-            tokio::task::spawn_local(http::serve(listener, Arc::clone(&state)));
+        if let Some((socket, reloads)) = socket {
+            let side = Arc::new(LocalSide::new(current.clone(), reloads));
+            tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&sides.local)));
+            tokio::task::spawn_local(socket.serve(Arc::clone(&state), side));
         }
-        if let Some(socket) = socket {
-            let side = Arc::new(LocalSide::new(Arc::clone(shared)));
-            tokio::task::spawn_local(Arc::clone(&side).distribute(sides.local));
-            tokio::task::spawn_local(socket.serve(state, side));
+        let server = Rc::new(Server::new(modbus_totals, journal.clone()));
+        tokio::task::spawn_local(Rc::clone(&server).distribute(Arc::clone(&sides.modbus)));
+        let units = Units::new(&current.get());
+        let listeners = Vec::new();
+        let mut north =
+            Self { current, sides, state, server, units, listeners, http: None, mqtt: None, conversations: 0, journal };
+        north.listen(config, &[], bound);
+        north.talk(mqtt);
+        north
+    }
+
+    /// Serves `config` from now on; what is shared is that of it already. Sockets and connections that go on are not touched.
+    pub fn switch(&mut self, config: &Config, change: &Change, bound: Bound, mqtt: Option<Mqtt>) {
+        self.units = self.units.changed_to(&self.current.get());
+        self.listen(config, &change.listeners, bound);
+        self.server.review();
+        if !self.talks_as(mqtt.as_ref()) {
+            self.talk(mqtt);
         }
-        serve_modbus(config, bound.modbus, shared, sides.modbus, Server::new(modbus_totals, journal.clone()));
-        let mqtt = mqtt.zip(mqtt_totals).zip(sides.mqtt).map(|(((connection, settings), totals), news)| {
-            let at = mqtt::moment();
-            let speaker = Speaker::new(settings, Arc::clone(shared), news, totals, journal, at);
-            let (stop, stopped) = oneshot::channel();
-            (stop, tokio::task::spawn_local(speak(connection, speaker, Arc::clone(shared), stopped)))
+    }
+
+    /// Whether this is what is said to the broker already.
+    #[must_use]
+    pub fn talks_as(&self, mqtt: Option<&Mqtt>) -> bool {
+        self.mqtt.as_ref().map(|conversation| &conversation.with) == mqtt
+    }
+
+    fn listen(&mut self, config: &Config, kept: &[Option<usize>], bound: Bound) {
+        let mut old: Vec<_> = std::mem::take(&mut self.listeners).into_iter().map(Some).collect();
+        for (place, (settings, socket)) in config.listeners.iter().zip(bound.modbus).enumerate() {
+            let kept = kept.get(place).copied().flatten().and_then(|at| old.get_mut(at)?.take());
+            self.listeners.extend(self.listening(settings, socket, kept));
+        }
+        for gone in old.into_iter().flatten() {
+            gone.task.abort();
+            gone.listener.close();
+        }
+        if bound.has_http_moved {
+            self.http.take().inspect(AbortHandle::abort);
+            let serve = |listener| tokio::task::spawn_local(http::serve(listener, Arc::clone(&self.state)));
+            self.http = bound.http.map(serve).map(|task| task.abort_handle());
+        }
+    }
+
+    fn listening(
+        &self,
+        settings: &ListenerSettings,
+        socket: Option<TcpListener>,
+        kept: Option<Listening>,
+    ) -> Option<Listening> {
+        let router = Router::new(settings, self.units.clone());
+        if let Some(kept) = kept {
+            kept.listener.change(settings.clone(), router);
+            return Some(kept);
+        }
+        let listener = Listener::new(settings.clone(), router);
+        let serve = Rc::clone(&self.server).listen(socket?, Rc::clone(&listener));
+        Some(Listening { listener, task: tokio::task::spawn_local(serve).abort_handle() })
+    }
+
+    /// Ends what is said to the broker, and begins anew as `mqtt` says. The old words come first: the broker knows both by
+    /// the same name.
+    fn talk(&mut self, mqtt: Option<Mqtt>) {
+        let before = self.mqtt.take();
+        let totals = mqtt.is_some().then(Arc::<MqttTotals>::default);
+        self.state.mqtt.store(totals.clone());
+        let news = self.sides.mqtt.clone();
+        if let Some(news) = &news {
+            news.set_open(mqtt.is_some());
+        }
+        let Some(((with, totals), news)) = mqtt.zip(totals).zip(news) else {
+            if let Some(before) = before {
+                tokio::task::spawn_local(before.end());
+            }
+            return;
+        };
+        self.conversations += 1;
+        let first_ticket = Ticket(self.conversations * TICKETS);
+        let (stop, stopped) = oneshot::channel();
+        let (current, (connection, settings)) = (self.current.clone(), with.clone());
+        let journal = self.journal.clone();
+        let task = tokio::task::spawn_local(async move {
+            if let Some(before) = before {
+                before.end().await;
+            }
+            let changed = Arc::clone(&current.load().changed);
+            let speaker = Speaker::new(settings, current, news, totals, journal, first_ticket, mqtt::moment());
+            speak(connection, speaker, changed, stopped).await;
         });
-        Self { mqtt }
+        self.mqtt = Some(Conversation { with, stop, task });
     }
 
     /// Says goodbye to the broker, if there is one, and waits for that for a moment.
     pub async fn farewell(self) {
-        let Some((stop, task)) = self.mqtt else { return };
-        // A task that has ended needs no stop.
-        let _ = stop.send(());
-        if tokio::time::timeout(FAREWELL_MAX, task).await.is_err() {
-            tracing::warn!("the broker did not take the last words");
+        if let Some(conversation) = self.mqtt {
+            conversation.end().await;
         }
     }
 }
 
-fn serve_modbus(
-    config: &Config,
-    listeners: Vec<TcpListener>,
-    shared: &Arc<Shared>,
-    news: Arc<AnswerBox>,
-    server: Server,
-) {
-    let units = Units::new(shared);
-    let server = Rc::new(server);
-    for (listener, settings) in listeners.into_iter().zip(&config.listeners) {
-        let router = Rc::new(Router::new(settings, units.clone()));
-        tokio::task::spawn_local(Rc::clone(&server).listen(listener, settings.clone(), router));
+impl Conversation {
+    async fn end(self) {
+        // A task that has ended needs no stop.
+        let _ = self.stop.send(());
+        let mut task = self.task;
+        if tokio::time::timeout(FAREWELL_MAX, &mut task).await.is_err() {
+            tracing::warn!("the broker did not take the last words");
+            task.abort();
+        }
     }
-    tokio::task::spawn_local(server.distribute(news));
 }
 
-async fn speak(connection: ConnectionSettings, speaker: Speaker, shared: Arc<Shared>, stopped: oneshot::Receiver<()>) {
+async fn speak(connection: ConnectionSettings, speaker: Speaker, changed: Arc<Notify>, stopped: oneshot::Receiver<()>) {
     let (speaker, counters) = (RefCell::new(speaker), Counters::default());
     let stop = async {
         // A dropped sender means the end as well.
         let _ = stopped.await;
     };
-    mqtt::converse(connection, &speaker, &shared.changed, &counters, stop).await;
+    mqtt::converse(connection, &speaker, &changed, &counters, stop).await;
 }

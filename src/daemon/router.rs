@@ -31,6 +31,12 @@ impl Units {
         let uniform = shared.drives.iter().map(|drive| Uniform::new(&drive.description)).collect();
         Self { shared: Arc::clone(shared), uniform, started: clock::now() }
     }
+
+    /// The same gateway's units after a change of its configuration.
+    #[must_use]
+    pub fn changed_to(&self, shared: &Arc<Shared>) -> Self {
+        Self { started: self.started, ..Self::new(shared) }
+    }
 }
 
 /// Where the units of one listener lead to.
@@ -41,6 +47,8 @@ pub struct Router {
     routes: [Option<Route>; UNITS],
     /// By line: whether this listener serves it.
     serves: Vec<bool>,
+    /// The same by drive.
+    serves_drive: Vec<bool>,
 }
 
 /// Where a unit leads to. The place is that of the drive in [`Shared::drives`].
@@ -80,10 +88,12 @@ impl Router {
     #[must_use]
     pub fn new(listener: &ListenerSettings, units: Units) -> Self {
         let serves: Vec<bool> = (0..units.shared.lines.len()).map(|line| listener.serves(line)).collect();
+        let lines = serves.iter().zip(&units.shared.lines);
+        let serves_drive: Vec<bool> = lines.flat_map(|(serves, line)| line.drives.iter().map(|_| *serves)).collect();
         let mut routes = [None; UNITS];
         let drives = || {
             let all = units.shared.drives.iter().enumerate();
-            all.filter(|(_, drive)| serves.get(usize::from(drive.description.place.line)) == Some(&true))
+            all.filter(|(place, _)| serves_drive.get(*place) == Some(&true))
         };
         let mut lead = |unit: u8, route: Route| {
             if let Some(entry) = routes.get_mut(usize::from(unit)) {
@@ -94,7 +104,7 @@ impl Router {
         drives().for_each(|(place, drive)| lead(drive.description.unit.get(), Route::Native(place)));
         lead(own::UNIT, Route::Own);
         lead(own::BROADCAST, Route::Own);
-        Self { units, routes, serves }
+        Self { units, routes, serves, serves_drive }
     }
 
     /// What answers for `unit`; nothing if nobody does.
@@ -157,13 +167,11 @@ impl Router {
     fn drive_at(&self, place: usize) -> Option<Drive<'_>> {
         let shared = self.units.shared.drives.get(place)?;
         let unit = self.units.uniform.get(place)?;
-        let inbox = self.units.shared.inbox(shared.description.place)?;
-        Some(Drive { place, unit, shared, inbox })
+        Some(Drive { place, unit, shared, inbox: &shared.inbox })
     }
 
     fn serves_drive(&self, place: usize) -> bool {
-        let line = self.units.shared.drives.get(place).map(|drive| usize::from(drive.description.place.line));
-        line.is_some_and(|line| self.serves.get(line) == Some(&true))
+        self.serves_drive.get(place) == Some(&true)
     }
 }
 
@@ -174,7 +182,7 @@ impl own::Gateway for Router {
 
     fn line(&self, place: usize) -> Option<LineReport> {
         let is_served = self.serves.get(place) == Some(&true);
-        self.units.shared.lines.get(place).filter(|_| is_served).map(super::shared::SharedLine::report)
+        self.units.shared.lines.get(place).filter(|_| is_served).map(|line| line.report())
     }
 
     fn drives(&self) -> usize {

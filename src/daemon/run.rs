@@ -2,18 +2,22 @@
 
 use super::answers::NorthSides;
 use super::http::socket::{OwnSocket, SocketError};
-use super::line_thread::LineHandle;
+use super::lines::Lines;
 use super::mqtt::broker_child::BrokerChild;
 use super::north::{self, North};
-use super::shared::Shared;
-use super::{build, clock};
-use crate::config::{BrokerSettings, Config};
+use super::reload::{Gateway, Load, Refusal, Reloaded, Reloads};
+use super::shared::Current;
+use super::{build, notify};
+use crate::config::{Config, MqttSettings};
 use crate::domain::ids::Name;
-use crate::domain::report::{LineCounters, StopBounds};
+use crate::domain::report::LineCounters;
 use rustix::system::uname;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
+use std::pin::pin;
 use std::sync::Arc;
+use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio::sync::{mpsc, oneshot};
 use tokio::task::LocalSet;
 
 /// Why the daemon could not start.
@@ -53,58 +57,157 @@ pub struct Running<'a> {
     /// The address of the embedded broker, if there is one.
     pub broker: Option<SocketAddr>,
     /// What lines and north sides share.
-    pub shared: &'a Shared,
+    pub shared: &'a Current,
 }
 
 impl Running<'_> {
     /// The counters of each line.
     #[must_use]
     pub fn counters(&self) -> Vec<LineCounters> {
-        self.shared.lines.iter().map(|line| line.report().counters).collect()
+        self.shared.load().lines.iter().map(|line| line.report().counters).collect()
     }
 }
 
-/// Runs the gateway of `config` until `until` is over. It is given what is running once everything listens.
+/// Runs the gateway of `config` until `until` is over. It is given what is running once everything listens. On SIGHUP, and
+/// when a tool asks for it, `load` gives the configuration anew, if there is one.
 ///
-/// At the end each drive under control gets its declared action first, then the north sides end.
+/// At the end each drive under control gets its declared action first, then the north sides end. A second signal ends the
+/// wait for the effect.
 ///
 /// # Errors
 /// [`StartError`]; nothing keeps running then.
-pub fn run<F>(config: &Config, until: F) -> Result<(), StartError>
+pub fn run<F>(config: &Config, load: Option<Load>, until: F) -> Result<(), StartError>
 where
     F: AsyncFnOnce(&Running<'_>),
 {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let local = LocalSet::new();
+    let ended = runtime.block_on(local.run_until(async {
+        let (reloads, asked) = Reloads::channel();
+        let (mut gateway, shown) = start(config, load.is_some().then(|| reloads.clone())).await?;
+        if load.is_some() {
+            tokio::task::spawn_local(reload_on_hangup(signal(SignalKind::hangup())?, reloads));
+        }
+        let watch = tokio::task::spawn_local(notify::watch(gateway.current.clone()));
+        notify::ready(&gateway.current);
+        let (name, current) = (gateway.name.clone(), gateway.current.clone());
+        let (listening, http, broker) = shown;
+        let running = Running { name: &name, listening, http, broker, shared: &current };
+        serve(&mut gateway, load.as_ref(), asked, until(&running)).await;
+        watch.abort();
+        Ok(end(gateway).await)
+    }));
+    drop(local);
+    drop(runtime);
+    ended.map(Lines::join)
+}
+
+type Addresses = (Vec<SocketAddr>, Option<SocketAddr>, Option<SocketAddr>);
+
+/// Takes all that the gateway needs, and begins.
+async fn start(config: &Config, reloads: Option<Reloads>) -> Result<(Gateway, Addresses), StartError> {
     let name = name_of(config);
+    let sides = NorthSides { mqtt: Some(Arc::default()), ..NorthSides::default() };
     let shared = Arc::new(build::shared(config));
-    let mqtt_side = config.mqtt.as_ref().map(|_| Arc::default());
-    let sides = NorthSides { mqtt: mqtt_side, ..NorthSides::default() };
-    let (bound, socket) = runtime.block_on(async {
-        let socket = config.gateway.data_dir.as_deref().map(OwnSocket::open).transpose()?;
-        Ok::<_, StartError>((north::bind(config).await?, socket))
-    })?;
+    let data_dir = config.gateway.data_dir.clone();
+    let socket = data_dir.as_deref().map(OwnSocket::open).transpose()?.map(|socket| (socket, reloads));
+    let bound = north::bind(config, &[], true).await?;
     let broker = embedded_broker(config)?;
     let broker_at = broker.as_ref().map(BrokerChild::address);
     let mqtt = config.mqtt.as_ref().map(|mqtt| build::broker(mqtt, &name, broker_at)).transpose();
     let mqtt = mqtt.map_err(StartError::Mqtt)?;
     let (listening, http) = bound.addresses()?;
-    let mut lines = start_lines(config, &shared, &sides)?;
-    let local = LocalSet::new();
-    runtime.block_on(local.run_until(async {
-        let north = North::start(config, &name, &shared, sides, bound, socket, mqtt);
-        until(&Running { name: &name, listening, http, broker: broker_at, shared: &shared }).await;
-        for line in &lines {
-            line.begin_shutdown();
+    let mut lines = Lines::new(sides.clone(), Arc::clone(&shared.changed), data_dir, shared.lines.len());
+    let mut handles = Vec::with_capacity(config.lines.len());
+    for (settings, line) in config.lines.iter().zip(&shared.lines) {
+        handles.push(lines.prepare(settings, Arc::clone(line)).await?);
+    }
+    let current = Current::from(shared);
+    let north = North::start(config, &name, current.clone(), sides, bound, socket, mqtt);
+    lines.begin(handles);
+    let gateway = Gateway { config: config.clone(), name, current, lines, north, broker };
+    Ok((gateway, (listening, http, broker_at)))
+}
+
+async fn reload_on_hangup(mut hangup: Signal, reloads: Reloads) {
+    while hangup.recv().await.is_some() {
+        // What becomes of it stands in the log.
+        let _ = reloads.ask().await;
+    }
+}
+
+/// Reloads when that is asked for, until `until` is over.
+async fn serve(
+    gateway: &mut Gateway,
+    load: Option<&Load>,
+    mut asked: mpsc::Receiver<oneshot::Sender<Reloaded>>,
+    until: impl Future<Output = ()>,
+) {
+    let mut until = pin!(until);
+    loop {
+        let tell = tokio::select! {
+            () = &mut until => return,
+            Some(tell) = asked.recv() => tell,
+        };
+        notify::reloading();
+        let done = tokio::select! {
+            () = &mut until => return,
+            done = reload(gateway, load) => done,
+        };
+        match &done {
+            Ok(told) => {
+                let changes: Vec<_> = told.iter().map(ToString::to_string).collect();
+                tracing::info!(changes = changes.join("; "), "configuration reloaded");
+            }
+            Err(refusal) => {
+                tracing::error!(reason = refusal.word(), "the configuration stays as it was: {refusal}");
+            }
         }
-        for line in &mut lines {
-            line.ended().await;
+        notify::ready(&gateway.current);
+        // Whoever has asked may be gone.
+        let _ = tell.send(done);
+    }
+}
+
+async fn reload(gateway: &mut Gateway, load: Option<&Load>) -> Reloaded {
+    match load {
+        Some(load) => gateway.reload(load).await,
+        None => Err(Refusal::NoFile),
+    }
+}
+
+/// The declared actions, the last words to the broker, and the end of the lines. A second signal cuts the waits short.
+async fn end(gateway: Gateway) -> Lines {
+    notify::stopping();
+    let alive = tokio::task::spawn_local(notify::keep_alive());
+    let Gateway { mut lines, north, broker, .. } = gateway;
+    lines.begin_shutdown();
+    let again = async {
+        match told_to_end() {
+            Ok(again) => again.await,
+            // Without it there is nothing to hear.
+            Err(_) => std::future::pending().await,
         }
-        north.farewell().await;
-    }));
-    drop(local);
-    drop(runtime);
-    lines.into_iter().for_each(LineHandle::join);
-    Ok(())
+    };
+    let mut again = pin!(again);
+    let is_hurried = tokio::select! {
+        () = lines.ended() => false,
+        () = &mut again => true,
+    };
+    if is_hurried {
+        tracing::warn!("told to end again: stops that were sent are not waited for");
+        lines.hurry();
+        // The broker tells by itself that the connection broke.
+        lines.ended().await;
+    } else {
+        tokio::select! {
+            () = north.farewell() => {}
+            () = &mut again => {}
+        }
+    }
+    alive.abort();
+    drop(broker);
+    lines
 }
 
 /// Catches SIGINT and SIGTERM from now on, and waits for the first of them. It is called on a runtime, before
@@ -113,7 +216,6 @@ where
 /// # Errors
 /// The system's refusal to install the handlers.
 pub fn told_to_end() -> io::Result<impl Future<Output = ()>> {
-    use tokio::signal::unix::{SignalKind, signal};
     let mut interrupt = signal(SignalKind::interrupt())?;
     let mut terminate = signal(SignalKind::terminate())?;
     Ok(async move {
@@ -135,27 +237,16 @@ fn name_of(config: &Config) -> Name {
     config.gateway.name.clone().or_else(host).unwrap_or_else(Name::fallback)
 }
 
-fn embedded_broker(config: &Config) -> Result<Option<BrokerChild>, StartError> {
-    let is_embedded = config.mqtt.as_ref().is_some_and(|mqtt| mqtt.broker == BrokerSettings::Embedded);
-    if !is_embedded {
+/// The embedded broker, if `config` wants it.
+///
+/// # Errors
+/// It does not start.
+pub(super) fn embedded_broker(config: &Config) -> Result<Option<BrokerChild>, StartError> {
+    if !config.mqtt.as_ref().is_some_and(MqttSettings::is_embedded) {
         return Ok(None);
     }
     let any = |port| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
     // The usual port if it is free, so that tools find it; else any.
     let broker = BrokerChild::start(any(1883)).or_else(|_| BrokerChild::start(any(0)));
     broker.map(Some).map_err(StartError::Broker)
-}
-
-fn start_lines(config: &Config, shared: &Arc<Shared>, sides: &NorthSides) -> Result<Vec<LineHandle>, StartError> {
-    // Epochs rise far slower than this, so those of another start are others, and JSON still holds them exactly.
-    let first_epoch = u64::try_from(clock::wall().unix_ms).unwrap_or(0) << 8;
-    let data_dir = config.gateway.data_dir.as_deref();
-    let start = |(place, line)| {
-        let (port, setup) = (build::line_port(line, data_dir), build::line_setup(line, first_epoch));
-        let StopBounds { all_healthy, one_silent, .. } = setup.stop_bounds();
-        tracing::info!(line = %line.name, ?all_healthy, ?one_silent, "a stop starts within these times");
-        LineHandle::start(port, setup, Arc::clone(shared), place, sides.clone())
-    };
-    let lines: io::Result<Vec<_>> = config.lines.iter().enumerate().map(start).collect();
-    Ok(lines?)
 }

@@ -7,19 +7,21 @@ use crate::domain::link::Interface;
 use crate::domain::report::{LineReport, StationReport};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::DriveView;
-use arc_swap::ArcSwap;
+use arc_swap::{ArcSwap, Guard};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::Notify;
 
-/// Everything that north sides and lines share.
+/// Everything that north sides and lines share, as of one configuration. A change of that makes another one, in which
+/// lines that go on are the same as before.
 #[derive(Debug)]
 pub struct Shared {
     /// The drives of all lines, in the order of the configuration.
-    pub drives: Vec<SharedDrive>,
+    pub drives: Vec<Arc<SharedDrive>>,
     /// The lines, in the order of the configuration.
-    pub lines: Vec<SharedLine>,
-    /// Rung whenever a picture or a line's state has changed. One task waits for it: the MQTT side.
-    pub changed: Notify,
+    pub lines: Vec<Arc<SharedLine>>,
+    /// Rung whenever a picture or a line's state has changed, or the configuration. One task waits for it: the MQTT side.
+    pub changed: Arc<Notify>,
 }
 
 /// One drive.
@@ -31,6 +33,8 @@ pub struct SharedDrive {
     pub view: ArcSwap<DriveView>,
     /// How its line sees it, a second old at most.
     pub station: ArcSwap<StationReport>,
+    /// The way to it.
+    pub inbox: Arc<Inbox>,
 }
 
 impl SharedDrive {
@@ -41,41 +45,51 @@ impl SharedDrive {
     }
 }
 
-/// One line.
+/// One line, from its start to its end.
 #[derive(Debug)]
 pub struct SharedLine {
+    /// By which places of drives name it; no other line of the process has it.
+    pub number: u16,
     /// Its name.
     pub name: Name,
     /// What it is physically.
     pub interface: Interface,
     /// The way in.
     pub inbox: Arc<Inbox>,
+    /// Its drives, in order.
+    pub drives: Vec<Arc<SharedDrive>>,
     report: Mutex<LineReport>,
+    rounds: AtomicU64,
 }
 
 impl Shared {
-    /// Drives that nobody has looked at yet, and lines that are down. `lines` names the lines in order.
+    /// Drives that nobody has looked at yet, and lines that are down. `lines` names the lines in order; they are numbered
+    /// from 0.
     #[must_use]
     pub fn new(lines: Vec<(Name, Interface)>, drives: Vec<DriveDescription>) -> Self {
-        let line = |(name, interface)| SharedLine { name, interface, inbox: Arc::default(), report: Mutex::default() };
-        let drive = |description| SharedDrive { description, view: ArcSwap::default(), station: ArcSwap::default() };
-        Self {
-            drives: drives.into_iter().map(drive).collect(),
-            lines: lines.into_iter().map(line).collect(),
-            changed: Notify::new(),
-        }
+        let line = |(number, (name, interface))| {
+            let on_line = drives.iter().filter(|drive| drive.place.line == number);
+            Arc::new(SharedLine::new(number, name, interface, on_line.cloned()))
+        };
+        Self::of((0..).zip(lines).map(line).collect(), Arc::default())
+    }
+
+    /// These lines with their drives.
+    #[must_use]
+    pub fn of(lines: Vec<Arc<SharedLine>>, changed: Arc<Notify>) -> Self {
+        Self { drives: lines.iter().flat_map(|line| line.drives.iter().cloned()).collect(), lines, changed }
     }
 
     /// How their line sees the drives of the line at `place`, in order.
     pub fn stations(&self, place: usize) -> impl Iterator<Item = Arc<StationReport>> + '_ {
-        let on_line = self.drives.iter().filter(move |drive| usize::from(drive.description.place.line) == place);
-        on_line.map(|drive| drive.station.load_full())
+        let drives = self.lines.get(place).into_iter().flat_map(|line| &line.drives);
+        drives.map(|drive| drive.station.load_full())
     }
 
     /// The line that the drive at `place` hangs on.
     #[must_use]
     pub fn line(&self, place: DriveRef) -> Option<&SharedLine> {
-        self.lines.get(usize::from(place.line))
+        self.lines.iter().find(|line| line.number == place.line).map(Arc::as_ref)
     }
 
     /// The inbox of the line that the drive at `place` hangs on.
@@ -86,6 +100,23 @@ impl Shared {
 }
 
 impl SharedLine {
+    /// A line that is down, with drives that nobody has looked at yet.
+    #[must_use]
+    pub fn new(
+        number: u16,
+        name: Name,
+        interface: Interface,
+        drives: impl IntoIterator<Item = DriveDescription>,
+    ) -> Self {
+        let inbox = Arc::<Inbox>::default();
+        let drive = |description| {
+            let (view, station) = (ArcSwap::default(), ArcSwap::default());
+            Arc::new(SharedDrive { description, view, station, inbox: Arc::clone(&inbox) })
+        };
+        let drives = drives.into_iter().map(drive).collect();
+        Self { number, name, interface, inbox, drives, report: Mutex::default(), rounds: AtomicU64::default() }
+    }
+
     /// The line as of its last round.
     #[must_use]
     pub fn report(&self) -> LineReport {
@@ -95,5 +126,45 @@ impl SharedLine {
     /// Takes the place of the last report.
     pub fn set_report(&self, report: LineReport) {
         *self.report.lock().unwrap_or_else(PoisonError::into_inner) = report;
+    }
+
+    /// The line's thread has come round once more.
+    pub fn count_round(&self) {
+        self.rounds.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// How often the line's thread came round, wrapping.
+    #[must_use]
+    pub fn rounds(&self) -> u64 {
+        self.rounds.load(Ordering::Relaxed)
+    }
+}
+
+/// What is shared at present: all at once another one when the configuration changes.
+#[derive(Clone, Debug)]
+pub struct Current(Arc<ArcSwap<Shared>>);
+
+impl Current {
+    /// A look that costs next to nothing; not to be kept.
+    #[must_use]
+    pub fn load(&self) -> Guard<Arc<Shared>> {
+        self.0.load()
+    }
+
+    /// The same to be kept.
+    #[must_use]
+    pub fn get(&self) -> Arc<Shared> {
+        self.0.load_full()
+    }
+
+    /// Puts `shared` in the place of what was there.
+    pub fn set(&self, shared: Arc<Shared>) {
+        self.0.store(shared);
+    }
+}
+
+impl From<Arc<Shared>> for Current {
+    fn from(shared: Arc<Shared>) -> Self {
+        Self(Arc::new(ArcSwap::new(shared)))
     }
 }

@@ -169,6 +169,12 @@ impl LineCore {
                 }
             }
             Input::Kept(row) => self.works.iter_mut().for_each(|work| work.kept(row)),
+            Input::Leave { stops } => {
+                for work in &mut self.works {
+                    work.leave(now, stops, &mut self.effects);
+                }
+            }
+            Input::Stay => self.works.iter_mut().for_each(DriveWork::stay),
             Input::Time => self.on_time(now),
         }
         for work in &mut self.works {
@@ -259,9 +265,25 @@ impl LineCore {
     }
 
     /// The line is left at `now`: whatever has no end yet gets one. A stop that is pending stays so.
-    pub fn leave(&mut self, now: MonoTime) {
+    pub fn end_attempts(&mut self, now: MonoTime) {
         self.effects.set_time(now);
-        self.works.iter_mut().for_each(|work| work.leave(&mut self.effects));
+        self.works.iter_mut().for_each(|work| work.end_attempts(&mut self.effects));
+    }
+
+    /// Whether a stop waits that was never sent.
+    #[must_use]
+    pub fn has_unsent_stop(&self) -> bool {
+        self.works.iter().any(DriveWork::has_new_stop)
+    }
+
+    /// The drives that may be commanded and run, are under control, or have to be stopped still.
+    pub fn in_use(&self) -> impl Iterator<Item = DriveIndex> + '_ {
+        self.drives().filter(|drive| self.works.get(drive.get()).is_some_and(DriveWork::is_in_use))
+    }
+
+    /// The drives that this line has to see to still: a stop on its way, a reset that has begun, control.
+    pub fn bound(&self) -> impl Iterator<Item = DriveIndex> + '_ {
+        self.drives().filter(|drive| self.works.get(drive.get()).is_some_and(DriveWork::is_bound))
     }
 
     pub(super) fn is_offline(&self, drive: DriveIndex) -> bool {

@@ -31,6 +31,14 @@ pub enum Input<'a> {
     PathOpened(Owner),
     /// The gateway ends: each drive gets the action that is declared for that.
     Shutdown,
+    /// The line ends by a change of the configuration: nothing is accepted from now on but stops. A drive in use is
+    /// stopped if that is wanted.
+    Leave {
+        /// It is.
+        stops: bool,
+    },
+    /// It goes on after all.
+    Stay,
     /// A client is gone: nobody waits for its answers any more, and what it has ordered and has not begun is not sent,
     /// stops excepted.
     AskerGone(AskerId),

@@ -66,6 +66,9 @@ pub enum Note {
     /// The gateway ends and the declared action runs.
     #[error("the gateway ends: the declared action is {}", .0.word())]
     ShuttingDown(FailSafe),
+    /// The drive leaves the configuration while it is in use.
+    #[error("the drive leaves the configuration, or its line starts anew: it is stopped first")]
+    Leaving,
 }
 
 /// Something that happened to a line while its port is open.

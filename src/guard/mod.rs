@@ -9,6 +9,7 @@ mod at_rest;
 #[cfg(test)]
 mod control_tests;
 mod interlocks;
+mod leaving;
 mod motion;
 mod orphan;
 mod ownership;

@@ -67,6 +67,9 @@ impl DriveGuard {
         if !origin.rights.write {
             return Err(refused(Reason::NotAllowed));
         }
-        if self.is_ending { Err(refused(Reason::ShuttingDown)) } else { Ok(()) }
+        if self.is_ending {
+            return Err(refused(Reason::ShuttingDown));
+        }
+        if self.is_leaving { Err(refused(Reason::Removed)) } else { Ok(()) }
     }
 }

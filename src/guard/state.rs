@@ -44,6 +44,8 @@ pub struct DriveGuard {
     pub(super) is_released: bool,
     pub(super) is_ending: bool,
     pub(super) interlocks: Interlocks,
+    /// The drive is about to leave the configuration.
+    pub(super) is_leaving: bool,
 }
 
 /// Control is leased: it ends unless its owner gives signs of life.
@@ -99,6 +101,7 @@ impl DriveGuard {
             is_released: false,
             is_ending: false,
             interlocks: Interlocks::default(),
+            is_leaving: false,
         }
     }
 
@@ -347,7 +350,7 @@ impl DriveGuard {
         self.armed.push(owner);
     }
 
-    fn lost(&mut self, owner: Option<Owner>, action: FailSafe, cause: Cause, now: MonoTime) -> Lost {
+    pub(super) fn lost(&mut self, owner: Option<Owner>, action: FailSafe, cause: Cause, now: MonoTime) -> Lost {
         let order = match action {
             FailSafe::Hold => None,
             FailSafe::Stop | FailSafe::Coast => self.stop_order(action == FailSafe::Coast),

@@ -22,7 +22,8 @@ impl Nonces {
     /// Data that begins elsewhere for another `seed`.
     #[must_use]
     pub const fn new(seed: u64) -> Self {
-        Self { next: seed as u16 }
+        let folded = seed ^ (seed >> 16) ^ (seed >> 32) ^ (seed >> 48);
+        Self { next: folded as u16 }
     }
 
     /// The word that comes next.

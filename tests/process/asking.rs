@@ -215,14 +215,14 @@ fn health_is_0_only_when_the_gateway_is_ready() {
     let (socket, url) = (place.file("vfd-gateway.sock"), format!("http://{address}"));
     let by_socket = ["health", "--socket", socket.to_str().unwrap()];
     for args in [by_socket, ["health", "--url", &url]] {
-        state.shared.lines[0].set_report(LineReport { state: LineState::Up, ..LineReport::default() });
+        state.shared.load().lines[0].set_report(LineReport { state: LineState::Up, ..LineReport::default() });
         let output = vfd_gateway(&args);
         assert_eq!(output.status.code(), Some(0), "{}", failure(&output).1);
         for line in ["gateway plant-a: ", "line hall-1: up", "drive pump-1 (hyundai-n700 on hall-1): unknown, unknown"]
         {
             assert!(out(&output).contains(line), "no {line} in {}", out(&output));
         }
-        state.shared.lines[0].set_report(LineReport::default());
+        state.shared.load().lines[0].set_report(LineReport::default());
         assert_fails(&vfd_gateway(&args), 1, &["not ready"]);
     }
     let output = vfd_gateway(&[&by_socket[..], &["--json"]].concat());
@@ -253,9 +253,9 @@ fn served(directory: &Path) -> (SocketAddr, Arc<State>) {
     let shared = Arc::new(build::shared(&config::load(text, &catalog).unwrap()));
     let state = Arc::new(State {
         gateway: "plant-a".to_owned(),
-        shared,
+        shared: shared.into(),
         modbus: Arc::default(),
-        mqtt: None,
+        mqtt: None::<Arc<_>>.into(),
         started: clock::now(),
         started_at: WallTime { unix_ms: 0 },
     });
@@ -267,7 +267,7 @@ fn served(directory: &Path) -> (SocketAddr, Arc<State>) {
             let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
             let socket = OwnSocket::open(&directory).unwrap();
             say.send(listener.local_addr().unwrap()).unwrap();
-            let side = Arc::new(LocalSide::new(Arc::clone(&served.shared)));
+            let side = Arc::new(LocalSide::new(served.shared.clone(), None));
             tokio::join!(http::serve(listener, Arc::clone(&served)), socket.serve(served, side));
         });
     });

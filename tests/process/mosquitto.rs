@@ -131,6 +131,12 @@ impl Subscriber {
         self.program.find_all(|line| message(line).filter(|it| it.topic.ends_with(topic)))
     }
 
+    /// Whether anything stands on a topic with `part` in it, as far as has come.
+    pub fn has(&self, part: &str) -> bool {
+        let stands = |line: &String| message(line).filter(|it| it.topic.contains(part) && !it.payload.is_empty());
+        !self.program.find_all(stands).is_empty()
+    }
+
     /// Waits for a message on a topic that ends with `topic` of which `found` makes something.
     pub fn wait_for<T>(&self, topic: &str, mut found: impl FnMut(&Message) -> Option<T>) -> T {
         let what = format!("what is waited for on {topic}");

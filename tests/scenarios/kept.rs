@@ -131,7 +131,7 @@ fn whatever_ends_an_attempt_is_its_end() {
         rig.kept
     );
     rig.command_unsettled(MQTT, 0, setpoint(2200));
-    rig.core.leave(rig.now);
+    rig.core.end_attempts(rig.now);
     rig.settle();
     assert_eq!(accounts(&rig).last(), Some(&Some((Outcome::Refused, Reason::ShuttingDown))));
 }

@@ -64,7 +64,7 @@ pub fn audit(seed: u64, count: u64) -> Result<(u64, u64), String> {
         }
     }
     pass(&mut world, &mut books, Duration::from_secs(60)).map_err(wrong)?;
-    world.core.leave(world.now);
+    world.core.end_attempts(world.now);
     drain(&mut world, &mut books).map_err(wrong)?;
     books.settle().map_err(wrong)?;
     Ok((books.rows, count))

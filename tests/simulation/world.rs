@@ -199,7 +199,7 @@ impl World {
         self.decide();
         let until = self.now + ENDING;
         while self.step(until) {}
-        self.core.leave(self.now);
+        self.core.end_attempts(self.now);
         self.decide();
         self.checker.ended(self.now.as_nanos());
         self.tally.exchanges = self.checker.wire.count();

@@ -90,7 +90,7 @@ fn serve(modbus: u16, http: u16, lines: &[Line], devices: &[PathBuf]) -> Result<
         .ok()
         .and_then(|catalog| config::load(&text, &catalog).ok())
         .ok_or_else(|| StartError::System(io::Error::other("the demo's own configuration is refused")))?;
-    daemon::run(&config, async |running| {
+    daemon::run(&config, None, async |running| {
         let told = match told_to_end() {
             Ok(told) => told,
             Err(error) => return tracing::error!(%error, "cannot wait for Ctrl-C"),

@@ -1,5 +1,6 @@
 //! The configuration as a whole: good files, every rule broken once, many rules broken at once, garbage.
 
+mod change;
 mod control;
 mod framing;
 mod line_plan;

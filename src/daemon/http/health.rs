@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 pub(super) fn readiness(state: &State) -> Value {
     json!({
         "ready": state.is_ready(),
-        "lines": state.shared.lines.iter().map(line).collect::<Vec<_>>(),
+        "lines": state.shared.load().lines.iter().map(|it| line(it)).collect::<Vec<_>>(),
         "mqtt": mqtt(state),
     })
 }
@@ -24,8 +24,8 @@ pub(super) fn health(state: &State, now: MonoTime) -> Value {
         "version": env!("CARGO_PKG_VERSION"),
         "uptime_seconds": now.since(state.started).as_secs(),
         "ready": state.is_ready(),
-        "lines": state.shared.lines.iter().map(line).collect::<Vec<_>>(),
-        "drives": state.shared.drives.iter().map(drive).collect::<Vec<_>>(),
+        "lines": state.shared.load().lines.iter().map(|it| line(it)).collect::<Vec<_>>(),
+        "drives": state.shared.load().drives.iter().map(|it| drive(it)).collect::<Vec<_>>(),
         "mqtt": mqtt(state),
     })
 }
@@ -70,5 +70,5 @@ pub(super) fn run_state(view: &DriveView) -> RunState {
 }
 
 fn mqtt(state: &State) -> Value {
-    state.mqtt.as_ref().map_or(Value::Null, |mqtt| json!({ "connected": mqtt.is_connected() }))
+    state.mqtt.load().as_ref().map_or(Value::Null, |mqtt| json!({ "connected": mqtt.is_connected() }))
 }

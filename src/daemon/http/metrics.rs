@@ -2,7 +2,7 @@
 
 use super::state::State;
 use super::table::{self, Metric, Name, Sample};
-use crate::daemon::shared::SharedDrive;
+use crate::daemon::shared::{Shared, SharedDrive};
 use crate::domain::report::REPLY_CLASSES;
 use crate::domain::time::MonoTime;
 use crate::drive::view::DriveView;
@@ -37,19 +37,19 @@ struct Scrape {
 
 impl Collector for Scrape {
     fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> fmt::Result {
-        let (state, shared) = (&self.state, &self.state.shared);
+        let (state, shared) = (&self.state, self.state.shared.get());
         let version = vec![("version", env!("CARGO_PKG_VERSION")), ("gateway", &state.gateway)];
         gauges(&mut encoder, &table::BUILD, [(version, 1.0)])?;
         each(&mut encoder, table::GATEWAY, || [(Vec::new(), state.as_ref())])?;
         let reports: Vec<_> = shared.lines.iter().map(|line| (line.name.as_str(), line.report())).collect();
         each(&mut encoder, table::LINE, || reports.iter().map(|(name, report)| (vec![("line", *name)], report)))?;
-        let drives: Vec<_> = shared.drives.iter().map(|drive| (drive, drive.view.load_full())).collect();
+        let drives: Vec<_> = shared.drives.iter().map(|drive| (drive.as_ref(), drive.view.load_full())).collect();
         each(&mut encoder, table::DRIVE, || drives.iter().map(|(drive, view)| (labels(drive), view.as_ref())))?;
-        self.stations(&mut encoder)?;
+        self.stations(&mut encoder, &shared)?;
         self.registers(&mut encoder, &drives)?;
         each(&mut encoder, table::MODBUS, || [(Vec::new(), state.modbus.as_ref())])?;
         self.exceptions(&mut encoder)?;
-        match &state.mqtt {
+        match state.mqtt.load().as_ref() {
             Some(mqtt) => each(&mut encoder, table::MQTT, || [(Vec::new(), mqtt.as_ref())]),
             None => Ok(()),
         }
@@ -75,8 +75,8 @@ impl Scrape {
     }
 
     /// How the lines see their drives.
-    fn stations(&self, encoder: &mut DescriptorEncoder<'_>) -> fmt::Result {
-        let stations: Vec<_> = self.state.shared.drives.iter().map(|it| (it, it.station.load_full())).collect();
+    fn stations(&self, encoder: &mut DescriptorEncoder<'_>, shared: &Shared) -> fmt::Result {
+        let stations: Vec<_> = shared.drives.iter().map(|it| (it.as_ref(), it.station.load_full())).collect();
         each(encoder, table::STATION, || stations.iter().map(|(drive, station)| (labels(drive), station.as_ref())))?;
         let replies = || {
             stations.iter().flat_map(|(drive, station)| {

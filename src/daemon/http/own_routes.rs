@@ -2,7 +2,9 @@
 
 use super::routes::json;
 use super::{setup, watchdog};
+use crate::config::change::Told;
 use crate::daemon::local::LocalSide;
+use crate::daemon::reload::Refusal;
 use crate::daemon::shared::SharedDrive;
 use crate::domain::command::{Go, Outcome, Reason, Report};
 use crate::north::setup_body::{EXAMPLE, WATCHDOG_EXAMPLE, addresses, watchdog_time};
@@ -23,6 +25,7 @@ pub(super) fn router(side: Arc<LocalSide>) -> Router {
     Router::new()
         .route("/api/v1/drives/{name}/setup", get(look).post(set))
         .route("/api/v1/drives/{name}/watchdog", post(set_watchdog))
+        .route("/api/v1/reload", post(reload))
         .layer(DefaultBodyLimit::max(BODY_BYTES_MAX))
         .with_state(side)
 }
@@ -30,7 +33,7 @@ pub(super) fn router(side: Arc<LocalSide>) -> Router {
 async fn look(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> Response {
     let Some(_place) = side.place() else { return too_many(&name) };
     match find(&side, &name) {
-        Some(drive) => json(&setup::look(&side, drive).await).into_response(),
+        Some(drive) => json(&setup::look(&side, &drive).await).into_response(),
         None => unknown(&side, &name),
     }
 }
@@ -49,13 +52,28 @@ async fn set(State(side): State<Arc<LocalSide>>, Path(name): Path<String>, body:
     let carried_out = tokio::spawn(async move {
         let _place = place;
         match find(&side, &name) {
-            Some(drive) => setup::set(&side, drive, addresses).await,
+            Some(drive) => setup::set(&side, &drive, addresses).await,
             None => refusal(&name, Reason::UnknownDrive),
         }
     });
     match carried_out.await {
         Ok(answer) => json(&answer).into_response(),
         Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, format!("{error}\n")).into_response(),
+    }
+}
+
+async fn reload(State(side): State<Arc<LocalSide>>) -> Response {
+    // Whoever goes away does not take it back.
+    match tokio::spawn(async move { side.reload().await }).await {
+        Ok(done) => {
+            let status = match &done {
+                Ok(_) => StatusCode::OK,
+                Err(Refusal::Configuration(_)) => StatusCode::UNPROCESSABLE_ENTITY,
+                Err(_) => StatusCode::CONFLICT,
+            };
+            (status, json(&reload_answer(&done))).into_response()
+        }
+        Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
     }
 }
 
@@ -72,7 +90,7 @@ async fn set_watchdog(State(side): State<Arc<LocalSide>>, Path(name): Path<Strin
     let carried_out = tokio::spawn(async move {
         let _place = place;
         match find(&side, &name) {
-            Some(drive) => watchdog::set(&side, drive, time).await,
+            Some(drive) => watchdog::set(&side, &drive, time).await,
             None => refusal(&name, Reason::UnknownDrive),
         }
     });
@@ -82,8 +100,25 @@ async fn set_watchdog(State(side): State<Arc<LocalSide>>, Path(name): Path<Strin
     }
 }
 
-fn find<'s>(side: &'s LocalSide, name: &str) -> Option<&'s SharedDrive> {
-    side.shared().drives.iter().find(|drive| drive.description.name.as_str() == name)
+/// What became of a reload.
+fn reload_answer(done: &Result<Vec<Told>, Refusal>) -> Value {
+    match done {
+        Ok(told) => {
+            let change =
+                |it: &Told| serde_json::json!({ "part": it.part.word(), "name": it.name, "change": it.how.word() });
+            serde_json::json!({ "reloaded": true, "changes": told.iter().map(change).collect::<Vec<_>>() })
+        }
+        Err(refusal) => serde_json::json!({
+            "reloaded": false,
+            "reason": refusal.word(),
+            "drives": refusal.drives(),
+            "message": refusal.to_string(),
+        }),
+    }
+}
+
+fn find(side: &LocalSide, name: &str) -> Option<Arc<SharedDrive>> {
+    side.shared().drives.iter().find(|drive| drive.description.name.as_str() == name).cloned()
 }
 
 fn unknown(side: &LocalSide, name: &str) -> Response {

@@ -24,12 +24,13 @@ const F007: u16 = 0x020C;
 
 /// The tools' side of one drive on a line of `interface`, whose model is changed by `change`.
 fn side(interface: Interface, change: impl FnOnce(&mut Model)) -> Arc<LocalSide> {
-    let SharedDrive { description, .. } = &state(false).shared.drives[0];
+    let shared = state(false).shared.get();
+    let SharedDrive { description, .. } = shared.drives[0].as_ref();
     let mut model = (*description.model).clone();
     change(&mut model);
     let description = DriveDescription { model: Arc::new(model), ..description.clone() };
     let line = (Name::new("hall-1").unwrap(), interface);
-    Arc::new(LocalSide::new(Arc::new(Shared::new(vec![line], vec![description]))))
+    Arc::new(LocalSide::new(Arc::new(Shared::new(vec![line], vec![description])), None))
 }
 
 /// What the drive holds, and what was ordered of it. Every order is carried out.

@@ -1,9 +1,10 @@
 //! What the HTTP side knows: what the lines show, and counts that the other north sides keep for it.
 
-use crate::daemon::shared::Shared;
+use crate::daemon::shared::Current;
 use crate::daemon::totals::{ModbusTotals, MqttTotals};
 use crate::domain::report::LineState;
 use crate::domain::time::{MonoTime, WallTime};
+use arc_swap::ArcSwapOption;
 use std::sync::Arc;
 
 /// What the HTTP side knows. It is made once, when the gateway starts.
@@ -12,11 +13,11 @@ pub struct State {
     /// The gateway's name.
     pub gateway: String,
     /// Lines and drives.
-    pub shared: Arc<Shared>,
+    pub shared: Current,
     /// Counts of the Modbus TCP side.
     pub modbus: Arc<ModbusTotals>,
     /// State and counts of the MQTT side; nothing if no broker is configured.
-    pub mqtt: Option<Arc<MqttTotals>>,
+    pub mqtt: ArcSwapOption<MqttTotals>,
     /// When the gateway started.
     pub started: MonoTime,
     /// The same moment for people.
@@ -28,7 +29,7 @@ impl State {
     /// one.
     #[must_use]
     pub fn is_ready(&self) -> bool {
-        let lines_are_up = self.shared.lines.iter().all(|line| line.report().state == LineState::Up);
-        lines_are_up && self.mqtt.as_ref().is_none_or(|mqtt| mqtt.is_connected())
+        let lines_are_up = self.shared.load().lines.iter().all(|line| line.report().state == LineState::Up);
+        lines_are_up && self.mqtt.load().as_ref().is_none_or(|mqtt| mqtt.is_connected())
     }
 }

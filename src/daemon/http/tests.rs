@@ -48,17 +48,17 @@ pub(super) fn state(broker: bool) -> Arc<State> {
     };
     Arc::new(State {
         gateway: "plant-a".to_owned(),
-        shared: Arc::new(Shared::new(vec![(name("hall-1"), Interface::Rs485)], vec![description])),
+        shared: Arc::new(Shared::new(vec![(name("hall-1"), Interface::Rs485)], vec![description])).into(),
         modbus: Arc::new(ModbusTotals::default()),
-        mqtt: broker.then(Arc::default),
+        mqtt: broker.then(Arc::default).into(),
         started: clock::now(),
         started_at: WallTime { unix_ms: 1_700_000_000_500 },
     })
 }
 
 fn show(state: &State, report: LineReport, view: DriveView) {
-    state.shared.lines[0].set_report(report);
-    state.shared.drives[0].view.store(Arc::new(view));
+    state.shared.load().lines[0].set_report(report);
+    state.shared.load().drives[0].view.store(Arc::new(view));
 }
 
 const UP: LineReport = LineReport {
@@ -157,7 +157,7 @@ fn alive_and_ready_differ() {
         assert!(body.contains("the device is gone"), "{body}");
         show(&state, UP, DriveView::default());
         assert_eq!(ask(address, "GET", "/readyz").await.0, 503, "the broker is not reached");
-        state.mqtt.as_ref().unwrap().set(true, &Default::default());
+        state.mqtt.load_full().as_ref().unwrap().set(true, &Default::default());
         let (status, body) = ask(address, "GET", "/readyz").await;
         let body: serde_json::Value = serde_json::from_str(&body).unwrap();
         assert_eq!((status, &body["ready"], &body["lines"][0]["state"]), (200, &true.into(), &"up".into()));
@@ -265,7 +265,7 @@ fn metrics_show_what_was_planned_beside_what_was_measured() {
         retries: 2,
         silent: 3,
     };
-    state.shared.drives[0].station.store(Arc::new(station));
+    state.shared.load().drives[0].station.store(Arc::new(station));
     let text = super::metrics::text(Arc::clone(&state), clock::now()).unwrap();
     for line in [
         "vfd_gateway_line_planned_use_ratio{line=\"hall-1\"} 0.125",
@@ -389,7 +389,7 @@ fn the_socket_is_its_owners_alone_and_goes_with_the_gateway() {
         assert_eq!(socket.path(), path);
         assert_eq!(path.metadata().unwrap().permissions().mode() & 0o777, 0o600);
         let state = state(false);
-        let side = Arc::new(LocalSide::new(Arc::clone(&state.shared)));
+        let side = Arc::new(LocalSide::new(state.shared.clone(), None));
         tokio::task::spawn_local(socket.serve(Arc::clone(&state), side));
         let connect = async || UnixStream::connect(&path).await.unwrap();
         assert_eq!(answer(connect().await, "GET", "/healthz", "").await.0, 200);

@@ -13,6 +13,7 @@ use std::io;
 impl LineTask<'_> {
     /// Gives the core all messages that have come.
     pub(super) fn take_messages(&mut self) {
+        self.board.count_round();
         self.board.inbox().take(&mut self.round);
         let now = clock::now();
         for message in self.round.drain(..) {
@@ -26,8 +27,34 @@ impl LineTask<'_> {
                     self.ending = Some(now + ENDING_MAX);
                     Input::Shutdown
                 }
+                Message::Hurry => {
+                    self.is_hurried = true;
+                    continue;
+                }
+                Message::Leave { stops, tell } => {
+                    self.core.handle(now, Input::Leave { stops });
+                    if stops {
+                        self.leaving = Some(tell);
+                    } else {
+                        // Whoever has gone away will say that the line stays.
+                        let _ = tell.send(self.core.in_use().collect());
+                    }
+                    continue;
+                }
+                Message::Stay => {
+                    self.leaving = None;
+                    Input::Stay
+                }
             };
             self.core.handle(now, input);
+        }
+    }
+
+    /// Tells whoever waits for it that no drive holds the line any more.
+    fn tell_of_leaving(&mut self) {
+        if self.leaving.is_some() && self.core.bound().next().is_none() {
+            // Whoever has gone away will say that the line stays.
+            let _ = self.leaving.take().map(|tell| tell.send(Vec::new()));
         }
     }
 
@@ -61,6 +88,7 @@ impl LineTask<'_> {
             }
         }
         self.board.show(&mut self.core);
+        self.tell_of_leaving();
         Ok(())
     }
 

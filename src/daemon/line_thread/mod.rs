@@ -12,18 +12,20 @@ use super::board::Board;
 use super::clock;
 use super::inbox::Message;
 use super::port::PortSettings;
-use super::shared::Shared;
+use super::shared::SharedLine;
 use super::sys;
 use super::timer::Timer;
+use crate::domain::ids::DriveIndex;
 use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
-use crate::gateway::{LineCore, LineSetup};
+use crate::gateway::{Input, LineCore, LineSetup};
 use opening::{Attempts, Told};
 use std::io;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
-use tokio::sync::oneshot;
+use tokio::sync::{Notify, oneshot};
+use tokio::time::{Instant, timeout_at};
 
 /// Most time that the declared actions at the end of the gateway may take. Drives whose stop shows no effect until then
 /// are named in the log and left.
@@ -40,82 +42,134 @@ pub struct LinePort {
     pub settings: PortSettings,
 }
 
-/// A running line thread.
+/// The thread of a line. It waits for [`begin`](Self::begin) before it opens anything, and ends if that never comes.
 #[derive(Debug)]
 pub struct LineHandle {
-    shared: Arc<Shared>,
-    place: usize,
+    line: Arc<SharedLine>,
+    begin: Option<oneshot::Sender<()>>,
+    /// Told when all is there that the thread needs.
+    ready: oneshot::Receiver<()>,
     /// Closed when the thread ends.
     ended: oneshot::Receiver<()>,
+    has_ended: bool,
     thread: JoinHandle<()>,
 }
 
+/// The other ends of what a [`LineHandle`] holds.
+struct Waits {
+    begin: oneshot::Receiver<()>,
+    ready: oneshot::Sender<()>,
+}
+
 impl LineHandle {
-    /// Starts the thread of the line at `place` of `shared`.
+    /// Starts the thread of `line`, which rings `changed` whenever it shows something new.
     ///
     /// # Errors
     /// The system's refusal to start a thread.
-    pub fn start(
+    pub fn prepare(
         port: LinePort,
         setup: LineSetup,
-        shared: Arc<Shared>,
-        place: usize,
+        line: Arc<SharedLine>,
+        changed: Arc<Notify>,
         north: NorthSides,
     ) -> io::Result<Self> {
-        let ours = Arc::clone(&shared);
+        let (begin, begun) = oneshot::channel();
+        let (is_ready, ready) = oneshot::channel();
         let (ends, ended) = oneshot::channel();
+        let board = Board::new(Arc::clone(&line), changed, north);
         let thread = std::thread::Builder::new().name(format!("line {}", port.line)).spawn(move || {
-            if let Err(error) = run(&port, setup, &ours, place, north) {
+            if let Err(error) = run(&port, setup, board, Waits { begin: begun, ready: is_ready }) {
                 tracing::error!(line = port.line, %error, "the line thread could not be set up");
             }
             drop(ends);
         })?;
-        Ok(Self { shared, place, ended, thread })
+        Ok(Self { line, begin: Some(begin), ready, ended, has_ended: false, thread })
+    }
+
+    /// What the line shares.
+    #[must_use]
+    pub const fn line(&self) -> &Arc<SharedLine> {
+        &self.line
+    }
+
+    /// Waits until the thread has all that it needs to begin. If not, the log says why.
+    pub async fn is_ready(&mut self) -> bool {
+        (&mut self.ready).await.is_ok()
+    }
+
+    /// Has the port opened and the line served.
+    pub fn begin(&mut self) {
+        // A thread that has ended already has told why.
+        let _ = self.begin.take().map(|begin| begin.send(()));
+    }
+
+    /// From now on no command is taken but stops; with `stops`, drives in use are stopped. Answered with the drives that
+    /// are in use, or with `stops` once all of them may be left. Nothing comes if the thread has ended.
+    #[must_use]
+    pub fn leave(&self, stops: bool) -> oneshot::Receiver<Vec<DriveIndex>> {
+        let (tell, told) = oneshot::channel();
+        self.tell(Message::Leave { stops, tell });
+        told
+    }
+
+    /// The line goes on after all.
+    pub fn stay(&self) {
+        self.tell(Message::Stay);
     }
 
     /// Has the declared action carried out for every drive that is under control; then the thread ends.
     pub fn begin_shutdown(&self) {
-        if let Some(line) = self.shared.lines.get(self.place)
-            && line.inbox.put(Message::Shutdown).is_err()
-        {
-            // Whoever floods the line must not keep its drives running.
-            line.inbox.clear_for(Message::Shutdown);
-        }
+        self.tell(Message::Shutdown);
     }
 
-    /// Waits for the end of the thread.
-    pub async fn ended(&mut self) {
+    /// Has the thread end as soon as each stop was sent once.
+    pub fn hurry(&self) {
+        self.tell(Message::Hurry);
+    }
+
+    /// Has the thread end now, and answers what was asked of it with an error.
+    pub fn close(&self) {
+        self.line.inbox.close();
+    }
+
+    /// Waits for the end of the thread. Returns whether it has come.
+    pub async fn ended_by(&mut self, until: Instant) -> bool {
         // An error is what the end of the thread looks like.
-        let _ = (&mut self.ended).await;
+        self.has_ended = self.has_ended || timeout_at(until, &mut self.ended).await.is_ok();
+        self.has_ended
     }
 
-    /// Ends the thread, if it has not ended yet, and waits for that.
+    /// Joins the thread if it is known to have ended. One that hangs ends with the process.
     pub fn join(self) {
-        if let Some(line) = self.shared.lines.get(self.place) {
-            line.inbox.close();
-        }
-        if self.thread.join().is_err() {
+        if self.has_ended && self.thread.join().is_err() {
             tracing::error!("a line thread had panicked");
         }
     }
+
+    fn tell(&self, message: Message) {
+        self.line.inbox.put_surely(message);
+    }
 }
 
-fn run(port: &LinePort, setup: LineSetup, shared: &Shared, place: usize, north: NorthSides) -> io::Result<()> {
+fn run(port: &LinePort, setup: LineSetup, board: Board, waits: Waits) -> io::Result<()> {
     // Without character times there is no moment to hit, and preempting everybody only costs throughput.
     if setup.timing.paced
         && let Err(error) = sys::ask_for_real_time()
     {
         tracing::info!(line = port.line, %error, "no real-time priority: gaps may be longer under load, never shorter");
     }
-    let board = Board::new(shared, place, north).ok_or_else(|| io::Error::other("no such line"))?;
     let is_paced = setup.timing.paced;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let ended = runtime.block_on(async {
-        let core = LineCore::new(setup, clock::now());
         let timer = Timer::new()?;
+        // Whoever does not wait for it has given the line up, which shows below.
+        let _ = waits.ready.send(());
+        if waits.begin.await.is_err() {
+            return Ok(());
+        }
         let line = LineTask {
             port,
-            core,
+            core: LineCore::new(setup, clock::now()),
             timer,
             is_paced,
             attempts: Attempts::default(),
@@ -123,6 +177,8 @@ fn run(port: &LinePort, setup: LineSetup, shared: &Shared, place: usize, north: 
             round: Vec::new(),
             board,
             ending: None,
+            is_hurried: false,
+            leaving: None,
             to_reopen: None,
         };
         line.serve().await
@@ -145,9 +201,13 @@ struct LineTask<'a> {
     round: Vec<Message>,
     /// The gateway ends: until then the thread waits for its stops to show their effect.
     ending: Option<MonoTime>,
+    /// Nobody waits for the effect of a stop any more.
+    is_hurried: bool,
+    /// Whoever waits until the drives may be left.
+    leaving: Option<oneshot::Sender<Vec<DriveIndex>>>,
     /// The core wants the port opened anew.
     to_reopen: Option<LineFault>,
-    board: Board<'a>,
+    board: Board,
 }
 
 impl LineTask<'_> {
@@ -158,6 +218,17 @@ impl LineTask<'_> {
         if is_late && !self.core.is_at_rest() {
             tracing::error!(line = self.port.line, "a stop shows no effect; the gateway ends all the same");
         }
-        is_late || self.core.is_at_rest()
+        is_late || self.core.is_at_rest() || self.is_hurried && !self.core.has_unsent_stop()
+    }
+
+    /// The last words of a line that ends while the gateway goes on: whoever asked something is told that there is nobody
+    /// any more.
+    fn take_leave(&mut self) -> io::Result<()> {
+        if self.ending.is_some() {
+            return Ok(());
+        }
+        self.take_messages();
+        self.core.handle(clock::now(), Input::PortDown(LineFault::Gone));
+        self.act(None)
     }
 }

@@ -88,6 +88,11 @@ enum Meanwhile<T> {
 impl LineTask<'_> {
     /// Opens the port and serves it, again and again, until the thread is told to end.
     pub(super) async fn serve(mut self) -> io::Result<()> {
+        self.serve_ports().await?;
+        self.take_leave()
+    }
+
+    async fn serve_ports(&mut self) -> io::Result<()> {
         let mut opener = Opener::new(&self.port.settings);
         while let Some(mut device) = self.open(&mut opener).await? {
             let mut uptime = Uptime::new(clock::now(), &self.core);

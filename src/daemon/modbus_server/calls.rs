@@ -22,7 +22,8 @@ const RENEW_EVERY: Duration = Duration::from_millis(100);
 impl Client {
     /// Answers a call at once, or hands it on.
     pub(super) fn serve_call(&self, now: MonoTime, machine: &mut Connection, call: Call, words: &mut Words) {
-        match self.router.find(call.unit) {
+        let router = self.router();
+        match router.find(call.unit) {
             Some(Target::Native(inbox, drive)) => {
                 if let Err((tried, reason)) = self.ask_drive(inbox, drive, &call) {
                     machine.refuse(now, &call, tried, Report::refused(reason));
@@ -30,13 +31,14 @@ impl Client {
             }
             Some(Target::Uniform(drive)) => {
                 let taken = drive.unit.take(&call.ask, &drive.shared.view.load(), &self.present(now), words);
-                if self.reads_renew && !call.ask.writes() && !matches!(taken, Taken::Exception(_) | Taken::Refused(_)) {
+                let is_read = !call.ask.writes() && !matches!(taken, Taken::Exception(_) | Taken::Refused(_));
+                if self.reads_renew.get() && is_read {
                     self.renew(now, machine, drive);
                 }
                 self.settle(now, machine, &call, taken, words, Some(drive));
             }
             Some(Target::Own) => {
-                let taken = own::take(call.unit, &call.ask, self.router.as_ref(), &self.present(now), words);
+                let taken = own::take(call.unit, &call.ask, router.as_ref(), &self.present(now), words);
                 self.settle(now, machine, &call, taken, words, None);
             }
             None => machine.refuse(now, &call, tried_of(&call), Report::refused(Reason::UnknownDrive)),
@@ -53,7 +55,7 @@ impl Client {
             }
             NativeAsk::Read { .. } | NativeAsk::Loop { .. } => None,
         };
-        let request = NativeRequest { asker: self.asker, ticket, drive, origin: self.origin, ask, deadline };
+        let request = NativeRequest { asker: self.asker, ticket, drive, origin: self.origin.get(), ask, deadline };
         inbox.put(Message::Native(request)).map_err(|Full| (tried, Reason::QueueFull))
     }
 
@@ -81,7 +83,7 @@ impl Client {
                     let ticket = machine.fresh_ticket();
                     (ticket, self.order(now, ticket, drive, Order::Stop { setpoint: None }))
                 };
-                let given = self.router.controlled().map(stop).collect();
+                let given = self.router().controlled().map(stop).collect();
                 self.expect(now, machine, call, given);
             }
         }
@@ -95,7 +97,7 @@ impl Client {
             asker: self.asker,
             ticket,
             drive: place.drive,
-            origin: self.origin,
+            origin: self.origin.get(),
             order: order.clone(),
             start_before: now + COMMAND_DEADLINE,
             issued: None,
@@ -103,7 +105,7 @@ impl Client {
         };
         drive.inbox.put(Message::Command(command)).inspect_err(|Full| {
             if order != Order::Renew {
-                let (owner, report) = (self.origin.owner, Report::refused(Reason::QueueFull));
+                let (owner, report) = (self.origin.get().owner, Report::refused(Reason::QueueFull));
                 self.keeper.keep(Some(place), owner, Tried::Order(order), report);
             }
         })
@@ -142,7 +144,8 @@ impl Client {
         let Some(read) = read else {
             return machine.answer(now, call, exception.map_or(Answer::Written, Answer::Exception));
         };
-        let Some(Target::Uniform(drive)) = self.router.find(read.unit) else {
+        let router = self.router();
+        let Some(Target::Uniform(drive)) = router.find(read.unit) else {
             return machine.answer(now, call, Answer::Exception(exception::SERVER_DEVICE_FAILURE));
         };
         let mut words = Words::default();
@@ -156,7 +159,7 @@ impl Client {
     fn renew(&self, now: MonoTime, machine: &mut Connection, drive: Drive<'_>) {
         let view = drive.shared.view.load();
         let lease = view.control.as_ref().and_then(|control| control.lease);
-        if lease.is_none_or(|(owner, _)| owner != self.origin.owner) {
+        if lease.is_none_or(|(owner, _)| owner != self.origin.get().owner) {
             return;
         }
         let mut renewed = self.renewed.borrow_mut();
@@ -169,7 +172,7 @@ impl Client {
     }
 
     fn present(&self, now: MonoTime) -> Present {
-        Present { now, uptime_s: self.router.uptime_s(now), owner: self.origin.owner }
+        Present { now, uptime_s: self.router().uptime_s(now), owner: self.origin.get().owner }
     }
 }
 

@@ -5,8 +5,9 @@ use super::super::keeping::NorthJournal;
 use super::super::router::Units;
 use super::super::shared::Shared;
 use super::*;
+use crate::config::ListenerSettings;
 use crate::domain::command::{CommandAnswer, Outcome, Reason, Report};
-use crate::domain::command::{CommandRequest, Order};
+use crate::domain::command::{CommandRequest, Order, Rights};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::DriveIndex;
@@ -122,9 +123,9 @@ pub(super) fn play_with<F: Future<Output = ()>>(
         let listener = TcpListener::bind(settings.listen).await.unwrap();
         let address = listener.local_addr().unwrap();
         let (shared, answers) = (shared(), Arc::new(AnswerBox::default()));
-        let router = Rc::new(Router::new(&settings, Units::new(&shared)));
+        let router = Router::new(&settings, Units::new(&shared));
         let server = Rc::new(Server::new(Arc::default(), journal));
-        tokio::task::spawn_local(Rc::clone(&server).listen(listener, settings, router));
+        tokio::task::spawn_local(Rc::clone(&server).listen(listener, Listener::new(settings, router)));
         tokio::task::spawn_local(server.distribute(Arc::clone(&answers)));
         let stream = TcpStream::connect(address).await.unwrap();
         test(Plant { shared, answers, address }, stream).await;
@@ -322,14 +323,64 @@ fn a_full_inbox_is_busy_except_for_stops() {
     });
 }
 
-/// A client that is granted this, behind the listener.
-async fn granted(plant: &Plant, granted: Granted) -> TcpStream {
-    let listener = TcpListener::bind(EVERY_LINE.listen).await.unwrap();
-    let stream = TcpStream::connect(listener.local_addr().unwrap()).await.unwrap();
-    let (accepted, peer) = listener.accept().await.unwrap();
-    let router = Rc::new(Router::new(&EVERY_LINE, Units::new(&plant.shared)));
-    Rc::new(Server::default()).welcome(accepted, peer, granted, router);
-    stream
+/// The settings of a listener at which everybody here may write, and whose reads renew.
+fn renewing() -> ListenerSettings {
+    ListenerSettings { write: vec!["127.0.0.0/8".parse().unwrap()], reads_renew: true, ..EVERY_LINE }
+}
+
+/// A client behind a listener with these settings, and all that can be done to it.
+async fn client(plant: &Plant, settings: ListenerSettings) -> (TcpStream, Rc<Listener>, Rc<Server>) {
+    let socket = TcpListener::bind(settings.listen).await.unwrap();
+    let stream = TcpStream::connect(socket.local_addr().unwrap()).await.unwrap();
+    let (accepted, peer) = socket.accept().await.unwrap();
+    let router = Router::new(&settings, Units::new(&plant.shared));
+    let (listener, server) = (Listener::new(settings, router), Rc::new(Server::default()));
+    server.welcome(accepted, peer, Rc::clone(&listener));
+    (stream, listener, server)
+}
+
+#[test]
+fn a_connection_stays_over_a_change_and_gets_what_is_granted_now() {
+    const READ: [u8; 5] = [3, 0, 0, 0, 1];
+    const RUN: [u8; 5] = [6, 1, 0, 0, 1];
+    play(EVERY_LINE, |plant, first| async move {
+        let (mut stream, listener, server) = client(&plant, EVERY_LINE).await;
+        assert_eq!(ask(&mut stream, 101, &READ).await, [3, 2, 0, 1]);
+        // Another plant: the second line alone, under the units of the first.
+        let other = shared();
+        let moved = Shared::of(vec![Arc::clone(&other.lines[1])], Arc::default());
+        let units = Units::new(&plant.shared).changed_to(&Arc::new(moved));
+        let settings = ListenerSettings { write: vec!["127.0.0.0/8".parse().unwrap()], ..EVERY_LINE };
+        listener.change(settings.clone(), Router::new(&settings, units.clone()));
+        server.review();
+        assert_eq!(ask(&mut stream, 101, &READ).await, [0x83, 0x0A], "the unit is gone");
+        assert_eq!(ask(&mut stream, 103, &READ).await, [3, 2, 0, 1]);
+        send(&mut stream, &[(9, 103, &RUN)]).await;
+        let mut batch = Vec::new();
+        while batch.is_empty() {
+            tokio::time::sleep(Duration::from_millis(1)).await;
+            other.lines[1].inbox.take(&mut batch);
+        }
+        assert!(matches!(&batch[0], Message::Command(it) if it.origin.rights.write), "{batch:?}");
+        plant.assert_untouched();
+        drop(first);
+        // Whoever is not allowed any more is sent away.
+        let settings = ListenerSettings { allow: Some(vec!["10.0.0.0/8".parse().unwrap()]), ..EVERY_LINE };
+        listener.change(settings.clone(), Router::new(&settings, units));
+        server.review();
+        assert_eq!(stream.read(&mut [0; 8]).await.unwrap(), 0);
+    });
+}
+
+#[test]
+fn who_is_connected_to_a_listener_that_is_gone_is_sent_away() {
+    play(EVERY_LINE, |plant, mut other| async move {
+        let (mut stream, listener, server) = client(&plant, EVERY_LINE).await;
+        listener.close();
+        server.review();
+        assert_eq!(stream.read(&mut [0; 8]).await.unwrap(), 0);
+        assert_eq!(ask(&mut other, 101, &[3, 0, 0, 0, 1]).await, [3, 2, 0, 1], "another listener's stay");
+    });
 }
 
 #[test]
@@ -337,7 +388,7 @@ fn reads_renew_only_where_that_is_granted_and_only_the_lease_of_the_client() {
     const READ: [u8; 5] = [3, 0, 19, 0, 1];
     play(EVERY_LINE, |plant, mut plain| async move {
         let rights = Rights { write: true, stop: true };
-        let mut renewing = granted(&plant, Granted { rights, reads_renew: true }).await;
+        let (mut renewing, ..) = client(&plant, renewing()).await;
         show(&plant.shared.drives[0], Some((Owner::Mqtt, MonoTime::NEVER)));
         assert_eq!(ask(&mut renewing, 101, &READ).await, [3, 2, 0, 1], "of MQTT");
         show(&plant.shared.drives[0], Some((Owner::ModbusTcp(plant.address.ip()), MonoTime::NEVER)));

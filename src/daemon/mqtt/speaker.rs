@@ -4,12 +4,12 @@ use super::{Packet, Talk};
 use crate::daemon::answers::{AnswerBox, News};
 use crate::daemon::inbox::Message as LineMessage;
 use crate::daemon::keeping::{Journal, NorthJournal};
-use crate::daemon::shared::{Shared, SharedLine};
+use crate::daemon::shared::{Current, Shared, SharedLine};
 use crate::daemon::totals::MqttTotals;
 use crate::domain::command::Owner;
-use crate::domain::ids::Ticket;
+use crate::domain::ids::{Name, Ticket};
 use crate::domain::time::MonoTime;
-use crate::drive::description::DriveRef;
+use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::DriveView;
 use crate::north::mqtt::{Act, Event, LineState, Moment, Publication, Session, Settings};
 use std::sync::Arc;
@@ -18,6 +18,8 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub struct Speaker {
     session: Session,
+    current: Current,
+    /// What the session speaks of.
     shared: Arc<Shared>,
     news: Arc<AnswerBox>,
     totals: Arc<MqttTotals>,
@@ -29,28 +31,29 @@ pub struct Speaker {
 }
 
 impl Speaker {
-    /// Speaks for the drives and lines of `shared`, which answer through `news`. What no line sees goes to `journal`.
+    /// Speaks for the drives and lines of `current`, which answer through `news`. What no line sees goes to `journal`.
+    /// Tickets count on from `first_ticket`, so that no answer to somebody who spoke before is taken for one to this
+    /// session.
     #[must_use]
     pub fn new(
         settings: Settings,
-        shared: Arc<Shared>,
+        current: Current,
         news: Arc<AnswerBox>,
         totals: Arc<MqttTotals>,
         journal: Journal,
+        first_ticket: Ticket,
         at: Moment,
     ) -> Self {
-        let drives = shared.drives.iter().map(|drive| drive.description.clone()).collect();
-        let lines = shared.lines.iter().map(|line| line.name.clone()).collect();
-        let session = Session::new(settings, drives, lines, at);
-        Self { session, shared, news, totals, journal, views: Vec::new(), lines: Vec::new(), batch: Vec::new() }
+        let shared = current.get();
+        let mut session = Session::new(settings, drives_of(&shared), lines_of(&shared), at);
+        session.count_tickets_from(first_ticket);
+        let (views, lines, batch) = (Vec::new(), Vec::new(), Vec::new());
+        Self { session, current, shared, news, totals, journal, views, lines, batch }
     }
 
-    /// Takes what the lines have answered and what they show.
-    fn look(&mut self, at: Moment) {
+    /// Takes what the lines have answered.
+    fn take_news(&mut self, at: Moment) {
         self.news.take(&mut self.batch);
-        // Pictures are shown before answers: these are no older than what was just taken.
-        self.views.clear();
-        self.views.extend(self.shared.drives.iter().map(|drive| drive.view.load_full()));
         for news in self.batch.drain(..) {
             match news {
                 News::Command(answer) => {
@@ -62,8 +65,31 @@ impl Speaker {
                 News::Events { events, more } => self.session.stored_events(at, &events, more),
             }
         }
+    }
+
+    /// Speaks of other drives from now on, if the configuration has changed. What the old ones have answered comes first.
+    fn follow(&mut self, at: Moment) {
+        let is_the_same = Arc::ptr_eq(&self.current.load(), &self.shared);
+        if is_the_same {
+            return;
+        }
+        self.take_news(at);
+        self.shared = self.current.get();
+        self.session.replace(at, drives_of(&self.shared), lines_of(&self.shared));
+        self.look_at_views();
+    }
+
+    fn look(&mut self, at: Moment) {
+        self.take_news(at);
+        self.follow(at);
+        self.look_at_views();
+    }
+
+    fn look_at_views(&mut self) {
+        self.views.clear();
+        self.views.extend(self.shared.drives.iter().map(|drive| drive.view.load_full()));
         self.lines.clear();
-        let line = |(place, line): (usize, &SharedLine)| LineState {
+        let line = |(place, line): (usize, &Arc<SharedLine>)| LineState {
             name: line.name.clone(),
             report: line.report(),
             stations: self.shared.stations(place).collect(),
@@ -122,12 +148,21 @@ impl Speaker {
     }
 }
 
+fn drives_of(shared: &Shared) -> Vec<DriveDescription> {
+    shared.drives.iter().map(|drive| drive.description.clone()).collect()
+}
+
+fn lines_of(shared: &Shared) -> Vec<Name> {
+    shared.lines.iter().map(|line| line.name.clone()).collect()
+}
+
 impl Talk for Speaker {
     fn will(&self) -> Publication {
         self.session.will()
     }
 
     fn handle(&mut self, at: Moment, event: Event<'_>) {
+        self.follow(at);
         let is_answer = matches!(event, Event::Subscribed(_));
         self.session.handle(at, event);
         if is_answer && self.session.counters().alive_refused > 0 {

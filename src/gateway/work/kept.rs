@@ -130,7 +130,7 @@ impl DriveWork {
     }
 
     /// The line is left: what is under way ends here.
-    pub fn leave(&mut self, out: Out<'_>) {
+    pub fn end_attempts(&mut self, out: Out<'_>) {
         for mut list in self.current.take().into_iter().chain(std::mem::take(&mut self.waiting)) {
             let outcome = if list.has_begun() { Outcome::Unknown } else { Outcome::Refused };
             self.tell(list.waiter(), Report::new(outcome, Reason::ShuttingDown), true, out);

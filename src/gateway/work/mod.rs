@@ -3,6 +3,7 @@
 mod command;
 mod exchange;
 mod kept;
+mod leaving;
 mod pass;
 mod remembered;
 mod seen;

@@ -87,6 +87,11 @@ impl DriveTopics {
         }
     }
 
+    /// All its topics.
+    pub(super) fn topics(&self) -> impl Iterator<Item = &str> {
+        self.slots.iter().map(|(_, slot)| slot.topic()).chain([self.state.topic()])
+    }
+
     /// Forgets what was published, so that everything is published again.
     pub(super) fn forget(&mut self) {
         self.slots.iter_mut().for_each(|(_, slot)| slot.forget());

@@ -81,6 +81,8 @@ pub(super) struct Rig {
     shown: Vec<Arc<DriveView>>,
     pub(super) lines: Vec<LineState>,
     pub(super) millis: u64,
+    /// By how much the wall clock was set, in milliseconds.
+    pub(super) wall_set_by: i64,
     pub(super) broker: Broker,
 }
 
@@ -102,6 +104,7 @@ impl Rig {
             shown: Vec::new(),
             lines,
             millis: 1_000,
+            wall_set_by: 0,
             broker: Broker { maximum_packet_bytes: None, retains: true },
         };
         rig.views[0].control = Some(idle_control());
@@ -119,7 +122,7 @@ impl Rig {
     pub(super) fn at(&self) -> Moment {
         let millis = self.millis;
         let since = i64::try_from(millis).expect("a moment") - 1_000;
-        Moment { mono: MonoTime::from_millis(millis), wall: WallTime { unix_ms: EPOCH_MS + since } }
+        Moment { mono: MonoTime::from_millis(millis), wall: WallTime { unix_ms: EPOCH_MS + since + self.wall_set_by } }
     }
 
     pub(super) fn now(&self) -> MonoTime {

@@ -34,6 +34,16 @@ impl LineTopics {
         Self { status: Slot::new(topic("status")), stats_topic: topic("stats"), drives, stats: None, is_held: false }
     }
 
+    /// All its topics.
+    pub(super) fn topics(&self) -> impl Iterator<Item = &str> {
+        [self.status.topic(), self.stats_topic.as_str()].into_iter()
+    }
+
+    /// Whether both show the same line with the same drives.
+    pub(super) fn is_of_the_same(&self, other: &Self) -> bool {
+        self.stats_topic == other.stats_topic && self.drives == other.drives
+    }
+
     pub(super) fn forget(&mut self) {
         self.status.forget();
         self.stats = None;

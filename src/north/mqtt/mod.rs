@@ -23,6 +23,9 @@ mod params;
 mod path;
 mod payload;
 mod pending;
+mod replaced;
+#[cfg(test)]
+mod replaced_tests;
 mod results;
 mod seen;
 mod session;
@@ -33,6 +36,8 @@ mod telemetry;
 mod topics;
 mod types;
 
+#[cfg(test)]
+mod clock_steps;
 #[cfg(test)]
 mod command_tests;
 #[cfg(test)]

@@ -79,6 +79,19 @@ impl Unanswered {
         Some(self.all.remove(place))
     }
 
+    /// Takes one of a drive that has no place any more by `moved`.
+    pub(super) fn take_gone(&mut self, moved: &[Option<usize>]) -> Option<Pending> {
+        let place = self.all.iter().position(|it| moved.get(it.drive).copied().flatten().is_none())?;
+        Some(self.all.remove(place))
+    }
+
+    /// Drives stand in other places now.
+    pub(super) fn move_drives(&mut self, moved: &[Option<usize>]) {
+        for pending in &mut self.all {
+            pending.drive = moved.get(pending.drive).copied().flatten().unwrap_or(pending.drive);
+        }
+    }
+
     /// Takes one that is given up by `at`.
     pub(super) fn take_overdue(&mut self, at: MonoTime) -> Option<Pending> {
         let place = self.all.iter().position(|it| it.forget_at <= at)?;

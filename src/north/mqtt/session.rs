@@ -46,6 +46,7 @@ pub struct Session {
     /// Distinguishes this process from others of the same gateway: when it was started, in milliseconds since 1970.
     pub(super) run: String,
     pub(super) clock: Clock,
+    pub(super) started: MonoTime,
     pub(super) path: Path,
     broker: Broker,
     /// What goes to the lines, in order. Bounded by what may be unanswered.
@@ -93,6 +94,7 @@ impl Session {
             drives,
             run,
             clock,
+            started: started.mono,
         }
     }
 

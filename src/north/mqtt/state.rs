@@ -134,6 +134,10 @@ impl StateSlot {
         Self { topic, published: None, is_held: false }
     }
 
+    pub(super) fn topic(&self) -> &str {
+        &self.topic
+    }
+
     pub(super) fn forget(&mut self) {
         self.published = None;
     }

@@ -5,7 +5,7 @@ use super::clock::Clock;
 use super::drive_topics::DriveTopics;
 use super::history::History;
 use super::line_topics::{LineTopics, info};
-use super::slot::{Content, EXPIRY_HEARTBEATS, Present, Slot};
+use super::slot::{Content, EXPIRY_HEARTBEATS, Present, Slot, retained};
 use super::topics::Topics;
 use super::types::{LineState, Publication, Qos, Settings, Version};
 use crate::domain::ids::Name;
@@ -13,8 +13,13 @@ use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::Reading;
 use crate::drive::view::DriveView;
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
+
+/// Most topics of removed drives and lines that are cleared again and again: those of a hundred drives. Further ones stay
+/// as they are.
+const GONE_MAX: usize = 4096;
 
 /// All retained topics of the gateway.
 #[derive(Debug)]
@@ -27,6 +32,11 @@ pub(super) struct Telemetry {
     status: Slot,
     lines: Vec<LineTopics>,
     drives: Vec<DriveTopics>,
+    /// Topics of what the gateway has no more. They are cleared, after each connection anew: a broker may bring an old
+    /// state back.
+    gone: Vec<String>,
+    /// How many of them are cleared on this connection.
+    cleared: usize,
     /// What is walked: 0 the information, then the lines, then the drives.
     place: usize,
 }
@@ -48,13 +58,65 @@ impl Telemetry {
             status: Slot::new(topics.gateway("status")),
             lines: lines.iter().map(|name| LineTopics::new(topics, name, drives)).collect(),
             drives: drives.iter().map(|drive| DriveTopics::new(topics, drive)).collect(),
+            gone: Vec::new(),
+            cleared: 0,
             place: 0,
         }
     }
 
+    /// The gateway has other drives and lines from now on; `old` and `new` stand in the order of the pictures. What goes on
+    /// keeps what was published of it.
+    pub(super) fn replace(
+        &mut self,
+        settings: &Settings,
+        topics: &Topics,
+        (old, new): (&[DriveDescription], &[DriveDescription]),
+        lines: &[Name],
+        started: &str,
+    ) {
+        let before = self.topics();
+        (self.info, self.is_info_published) = (info(settings, new, lines, started), false);
+        let (mut old_lines, mut old_drives) = (std::mem::take(&mut self.lines), std::mem::take(&mut self.drives));
+        self.lines = lines
+            .iter()
+            .map(|name| {
+                let fresh = LineTopics::new(topics, name, new);
+                let same = old_lines.iter().position(|it| it.is_of_the_same(&fresh));
+                same.map(|at| old_lines.swap_remove(at)).unwrap_or(fresh)
+            })
+            .collect();
+        let mut known: Vec<_> = old.iter().zip(old_drives.drain(..)).collect();
+        self.drives = new
+            .iter()
+            .map(|drive| {
+                let same = known.iter().position(|(it, _)| *it == drive);
+                same.map_or_else(|| DriveTopics::new(topics, drive), |at| known.swap_remove(at).1)
+            })
+            .collect();
+        let now: BTreeSet<_> = self.topics().into_iter().collect();
+        self.gone.extend(before);
+        self.gone.retain(|topic| !now.contains(topic));
+        self.gone.sort_unstable();
+        self.gone.dedup();
+        self.gone.truncate(GONE_MAX);
+        (self.place, self.cleared) = (0, 0);
+    }
+
+    /// All retained topics of lines and drives.
+    fn topics(&self) -> Vec<String> {
+        let lines = self.lines.iter().flat_map(LineTopics::topics);
+        lines.chain(self.drives.iter().flat_map(DriveTopics::topics)).map(str::to_owned).collect()
+    }
+
+    fn clear_next(&mut self, now: &Present) -> Option<Publication> {
+        let topic = self.gone.get(self.cleared)?.clone();
+        self.cleared += 1;
+        Some(retained(now, topic, Vec::new(), Qos::AtLeastOnce))
+    }
+
     /// Everything is to be published again: a birth.
     pub(super) fn forget(&mut self) {
-        (self.is_info_published, self.place) = (false, 0);
+        (self.is_info_published, self.place, self.cleared) = (false, 0, 0);
         self.status.forget();
         self.lines.iter_mut().for_each(LineTopics::forget);
         self.drives.iter_mut().for_each(DriveTopics::forget);
@@ -92,6 +154,9 @@ impl Telemetry {
         lines: &[LineState],
     ) -> Option<Publication> {
         let now = Present { at, clock, heartbeat: self.heartbeat, expiry: self.expiry };
+        if let Some(clearing) = self.clear_next(&now) {
+            return Some(clearing);
+        }
         let places = 1 + self.lines.len() + self.drives.len();
         for _ in 0..places {
             let found = self.at_place(&now, drives, views, lines);

@@ -1,0 +1,54 @@
+//! `reload`: has the running gateway take its configuration file anew.
+
+use super::{Failure, print, socket};
+use axum::http::{Method, StatusCode};
+use serde_json::Value;
+use std::time::Duration;
+
+/// Longer than a reload takes: the stops of drives that leave, and the ends of their lines.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// Arguments of `reload`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    place: socket::Place,
+    /// Print the answer as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Asks for a reload, and prints what has changed or why nothing has.
+pub fn reload(args: &Args) -> Result<(), Failure> {
+    let socket = args.place.path()?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    let question = socket::Question { method: Method::POST, path: "/api/v1/reload", body: None };
+    let answer = runtime.block_on(socket::ask(&socket, question, PATIENCE));
+    let (status, answer) = answer.map_err(|error| Failure::failed(format!("{}: {error}", socket.display())))?;
+    if args.json {
+        print(&format!("{answer}\n"))?;
+    } else if status.is_success() {
+        print(&told(&answer))?;
+    }
+    let message = answer["message"].as_str().unwrap_or_default();
+    match status {
+        StatusCode::OK => Ok(()),
+        StatusCode::UNPROCESSABLE_ENTITY => {
+            Err(Failure::wrong(format!("{message}\nthe configuration stays as it was")))
+        }
+        _ => Err(Failure::failed(format!("the configuration stays as it was: {message}"))),
+    }
+}
+
+fn told(answer: &Value) -> String {
+    let changes = answer["changes"].as_array().map(Vec::as_slice).unwrap_or_default();
+    if changes.is_empty() {
+        return "reloaded; nothing is different\n".to_owned();
+    }
+    let line = |change: &Value| {
+        let text = |key: &str| change[key].as_str().unwrap_or_default().to_owned();
+        let name = change["name"].as_str().map(|name| format!(" {name}")).unwrap_or_default();
+        format!("{}{name}: {}\n", text("part"), text("change"))
+    };
+    changes.iter().map(line).collect()
+}

@@ -1,0 +1,88 @@
+//! What a reload would do, as a table: a text is changed, and the difference told.
+
+use super::{CONTROLLED, TWO_LINES, good, with};
+use crate::config::change::Change;
+
+/// A second line with a drive of its own.
+const THIRD: &str = "[[line]]\nname = \"hall-0\"\nport = \"/dev/ttyUSB9\"\n[[line.drive]]\nname = \"pump-0\"\n\
+                     model = \"hyundai-n700\"\nstation = 1\nunit = 9\n";
+
+fn between(old: &str, new: &str) -> Change {
+    Change::between(&good(old), &good(new))
+}
+
+fn told(change: &Change) -> Vec<String> {
+    change.told.iter().map(ToString::to_string).collect()
+}
+
+#[test]
+fn what_differs_is_told_and_nothing_else() {
+    let table: &[(&str, &str, &[&str])] = &[
+        ("hall-1\"", "hall-1\"", &[]),
+        ("[gateway]", "[gateway]\non_removal = \"stop\"", &["gateway: changed"]),
+        ("[gateway]", "[gateway]\non_removal = \"refuse\"", &[]),
+        ("lost_after = \"30s\"", "lost_after = \"20s\"", &["line hall-1: changed", "drive pump-1: changed"]),
+        ("/dev/ttyUSB0\"", "/dev/ttyUSB1\"", &["line hall-1: changed"]),
+        ("/dev/ttyUSB0\"", "/dev/ttyUSB0\"\nbaud = 19200", &["line hall-1: changed"]),
+        (
+            "name = \"pump-2\"",
+            "name = \"pump-3\"",
+            &["line hall-1: changed", "drive pump-3: added", "drive pump-2: removed"],
+        ),
+        (
+            "name = \"hall-1\"",
+            "name = \"hall-2\"",
+            &["line hall-2: added", "line hall-1: removed", "drive pump-1: changed", "drive pump-2: changed"],
+        ),
+        ("broker = \"mqtt://127.0.0.1\"", "broker = \"mqtt://127.0.0.2\"", &["mqtt: changed"]),
+        (
+            "127.0.0.1:1502",
+            "127.0.0.1:1503",
+            &["modbus_tcp 127.0.0.1:1503: added", "modbus_tcp 127.0.0.1:1502: removed"],
+        ),
+        ("write = [\"127.0.0.1/32\"]", "write = [\"127.0.0.0/8\"]", &["modbus_tcp 127.0.0.1:1502: changed"]),
+        ("[http]\nlisten = \"127.0.0.1:8080\"\n", "", &["http: removed"]),
+        ("127.0.0.1:8080", "127.0.0.1:8081", &["http: changed"]),
+    ];
+    for (old, new, right) in table {
+        let change = between(CONTROLLED, &with(CONTROLLED, old, new));
+        assert_eq!(told(&change), *right, "{old} -> {new}");
+        let back = between(&with(CONTROLLED, old, new), CONTROLLED);
+        assert_eq!(back.told.is_empty(), right.is_empty(), "{new} -> {old}");
+    }
+}
+
+#[test]
+fn a_line_goes_on_wherever_it_stands_in_the_file() {
+    let both = between(TWO_LINES, &format!("{THIRD}{TWO_LINES}"));
+    assert_eq!((both.continues, both.ended), (vec![None, Some(0), Some(1)], vec![]));
+    let back = between(&format!("{THIRD}{TWO_LINES}"), TWO_LINES);
+    assert_eq!((back.continues, back.ended), (vec![Some(1), Some(2)], vec![0]));
+    let changed = with(TWO_LINES, "name = \"pump-2\"", "poll = \"2s\"\nname = \"pump-2\"");
+    let changed = between(TWO_LINES, &changed);
+    assert_eq!((&changed.continues, &changed.ended), (&vec![Some(0), None], &vec![1]));
+    assert_eq!(told(&changed), ["line hall-2: changed", "drive pump-2: changed"]);
+    let old = good(TWO_LINES);
+    assert_eq!(changed.leaving(&old).collect::<Vec<_>>(), [(1, "pump-2")]);
+}
+
+#[test]
+fn a_listener_keeps_its_socket_by_its_address_and_its_lines_by_their_names() {
+    let listed = with(TWO_LINES, "[[modbus_tcp]]", "[[modbus_tcp]]\nlines = [\"hall-1\", \"hall-2\"]");
+    let moved = between(&listed, &format!("{THIRD}{listed}"));
+    assert_eq!(moved.listeners, [Some(0)]);
+    assert!(!told(&moved).iter().any(|it| it.starts_with("modbus_tcp")), "{:?}", moved.told);
+    let one_less = with(&listed, "\"hall-1\", \"hall-2\"", "\"hall-2\"");
+    assert_eq!(told(&between(&listed, &one_less)), ["modbus_tcp 127.0.0.1:1502: changed"]);
+    let added = format!("[[modbus_tcp]]\nlisten = \"127.0.0.1:1600\"\n{TWO_LINES}");
+    assert_eq!(between(TWO_LINES, &added).listeners, [None, Some(0)]);
+}
+
+#[test]
+fn name_and_directory_take_a_restart() {
+    let named = with(CONTROLLED, "plant-a", "plant-b");
+    assert_eq!(between(CONTROLLED, &named).needs_restart, ["gateway.name"]);
+    let placed = with(CONTROLLED, "[gateway]", "[gateway]\ndata_dir = \"/var/lib/other\"");
+    assert_eq!(between(CONTROLLED, &placed).needs_restart, ["gateway.data_dir"]);
+    assert!(between(CONTROLLED, CONTROLLED).needs_restart.is_empty());
+}

@@ -1,0 +1,163 @@
+//! The threads of all lines: made ready, begun, asked to leave, ended.
+
+use super::answers::NorthSides;
+use super::build;
+use super::line_thread::LineHandle;
+use super::shared::SharedLine;
+use crate::config::LineSettings;
+use crate::domain::report::StopBounds;
+use std::hash::{BuildHasher, RandomState};
+use std::io;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::Notify;
+use tokio::time::{Instant, timeout_at};
+
+/// Most time for a line's thread to end: what its last stops may take, and a write that a port holds up.
+const ENDS_WITHIN: Duration = Duration::from_secs(7);
+/// Most time for a line's thread to say whether its drives are in use. It looks into its inbox between two exchanges.
+const SAYS_WITHIN: Duration = Duration::from_secs(3);
+/// Most time for the stops of drives that leave to show their effect.
+const STOPS_WITHIN: Duration = Duration::from_secs(5);
+
+/// The threads of all lines.
+#[derive(Debug)]
+pub struct Lines {
+    handles: Vec<LineHandle>,
+    sides: NorthSides,
+    changed: Arc<Notify>,
+    data_dir: Option<PathBuf>,
+    last_number: u16,
+}
+
+impl Lines {
+    /// None yet. They will answer to `sides`, and ring `changed`. Lines are `numbered` from 0 already.
+    #[must_use]
+    pub fn new(sides: NorthSides, changed: Arc<Notify>, data_dir: Option<PathBuf>, numbered: usize) -> Self {
+        let last_number = u16::try_from(numbered).unwrap_or(u16::MAX);
+        Self { handles: Vec::new(), sides, changed, data_dir, last_number }
+    }
+
+    /// A number that no line has.
+    pub fn next_number(&mut self) -> u16 {
+        loop {
+            self.last_number = self.last_number.wrapping_add(1);
+            if self.handles.iter().all(|handle| handle.line().number != self.last_number) {
+                return self.last_number;
+            }
+        }
+    }
+
+    /// The thread of `line`, with all that it needs. It opens nothing before it is told to begin.
+    ///
+    /// # Errors
+    /// The system refuses something that it needs.
+    pub async fn prepare(&self, settings: &LineSettings, line: Arc<SharedLine>) -> io::Result<LineHandle> {
+        let port = build::line_port(settings, self.data_dir.as_deref());
+        let setup = build::line_setup(settings, first_epoch());
+        let StopBounds { all_healthy, one_silent, .. } = setup.stop_bounds();
+        tracing::info!(line = %settings.name, ?all_healthy, ?one_silent, "a stop starts within these times");
+        let mut handle = LineHandle::prepare(port, setup, line, Arc::clone(&self.changed), self.sides.clone())?;
+        if handle.is_ready().await {
+            Ok(handle)
+        } else {
+            Err(io::Error::other(format!("the thread of line {} could not be set up", settings.name)))
+        }
+    }
+
+    /// Has these lines begin.
+    pub fn begin(&mut self, mut handles: Vec<LineHandle>) {
+        handles.iter_mut().for_each(LineHandle::begin);
+        self.handles.append(&mut handles);
+    }
+
+    /// Asks the lines with these numbers to take no command any more, and whether any of their drives is in use; with
+    /// `stops`, those are stopped. Returns the names of drives that are in use, or that show no effect of the stop.
+    pub async fn leave(&self, numbers: &[u16], stops: bool) -> Vec<String> {
+        let asked: Vec<_> = self.among(numbers).map(|handle| (handle, handle.leave(stops))).collect();
+        let until = Instant::now() + if stops { STOPS_WITHIN } else { SAYS_WITHIN };
+        let mut names = Vec::new();
+        for (handle, told) in asked {
+            let drives = &handle.line().drives;
+            match timeout_at(until, told).await {
+                Ok(Ok(places)) => {
+                    let named = places.iter().filter_map(|place| drives.get(place.get()));
+                    names.extend(named.map(|drive| drive.description.name.to_string()));
+                }
+                // The thread has ended by a fault: there is nothing to leave.
+                Ok(Err(_)) => {}
+                Err(_) => {
+                    let bound = drives.iter().filter(|drive| {
+                        let view = drive.view.load();
+                        view.control.as_ref().is_some_and(|it| it.stop_pending || it.lease.is_some())
+                    });
+                    names.extend(bound.map(|drive| drive.description.name.to_string()));
+                    if names.is_empty() {
+                        names.extend(drives.iter().map(|drive| drive.description.name.to_string()));
+                    }
+                }
+            }
+        }
+        names
+    }
+
+    /// Has the lines with these numbers go on after all.
+    pub fn stay(&self, numbers: &[u16]) {
+        self.among(numbers).for_each(LineHandle::stay);
+    }
+
+    /// Ends the lines with these numbers at once.
+    pub async fn end(&mut self, numbers: &[u16]) {
+        let is_meant = |handle: &LineHandle| numbers.contains(&handle.line().number);
+        let (mut ended, kept): (Vec<_>, Vec<_>) = std::mem::take(&mut self.handles).into_iter().partition(is_meant);
+        self.handles = kept;
+        ended.iter().for_each(LineHandle::close);
+        wait_for(&mut ended).await;
+        ended.into_iter().for_each(LineHandle::join);
+    }
+
+    /// Has the declared action carried out for every drive that is under control, on all lines.
+    pub fn begin_shutdown(&self) {
+        self.handles.iter().for_each(LineHandle::begin_shutdown);
+    }
+
+    /// Has all lines end as soon as each stop was sent once.
+    pub fn hurry(&self) {
+        self.handles.iter().for_each(LineHandle::hurry);
+    }
+
+    /// Waits until all lines have ended, within a bound.
+    pub async fn ended(&mut self) {
+        wait_for(&mut self.handles).await;
+    }
+
+    /// Joins the threads that have ended.
+    pub fn join(self) {
+        self.handles.into_iter().for_each(LineHandle::join);
+    }
+
+    fn among<'h>(&'h self, numbers: &'h [u16]) -> impl Iterator<Item = &'h LineHandle> {
+        self.handles.iter().filter(|handle| numbers.contains(&handle.line().number))
+    }
+}
+
+/// Waits until all these threads have ended. What hangs is left behind: it must not keep the gateway from what else it has
+/// to do.
+async fn wait_for(handles: &mut [LineHandle]) {
+    let until = Instant::now() + ENDS_WITHIN;
+    for handle in handles {
+        if !handle.ended_by(until).await {
+            tracing::error!(line = %handle.line().name, "the line's thread hangs and is left behind");
+        }
+    }
+}
+
+/// Where the epochs of a line's drives begin. Those of an earlier start must be others, whatever the wall clock was then and
+/// is now; JSON still holds them exactly, and there is room for all stops of a life.
+fn first_epoch() -> u64 {
+    const BITS: u32 = 52;
+    const STOPS_BITS: u32 = 20;
+    let random = RandomState::new().hash_one(std::process::id());
+    (random >> (64 - (BITS - STOPS_BITS))) << STOPS_BITS
+}

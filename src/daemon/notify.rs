@@ -1,0 +1,142 @@
+//! What the service manager is told: ready, reloading, stopping, a short status, and signs of life. Without one nothing is
+//! said.
+
+use super::shared::{Current, SharedLine};
+use crate::domain::ids::Name;
+use crate::domain::report::LineState;
+use sd_notify::NotifyState;
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::time::{Instant, sleep_until};
+
+/// How often the status is looked at. It is sent when it has changed.
+const STATUS_EVERY: Duration = Duration::from_secs(5);
+
+/// The gateway serves.
+pub fn ready(current: &Current) {
+    say(&[NotifyState::Ready, NotifyState::Status(&status(current))]);
+}
+
+/// A reload begins; [`ready`] ends it.
+pub fn reloading() {
+    match NotifyState::monotonic_usec_now() {
+        Ok(now) => say(&[NotifyState::Reloading, now, NotifyState::Status("reloading")]),
+        // The service manager would take the one without the other for a fault.
+        Err(error) => tracing::warn!(%error, "the service manager is not told of the reload"),
+    }
+}
+
+/// The gateway ends.
+pub fn stopping() {
+    say(&[NotifyState::Stopping, NotifyState::Status("stopping: drives get what is declared for that")]);
+}
+
+/// Gives signs of life at half of the time that the service manager grants, as long as the lines' threads give theirs, and
+/// tells the status. It runs where the north side runs: if that hangs, there are none. It never ends.
+pub async fn watch(current: Current) {
+    let granted = sd_notify::watchdog_enabled().filter(|time| !time.is_zero());
+    let (mut pulse, mut told) = (Pulse::default(), String::new());
+    let (mut beat, mut look) = (Instant::now(), Instant::now());
+    loop {
+        let now = Instant::now();
+        if let Some(granted) = granted.filter(|_| now >= beat) {
+            beat = now + granted / 2;
+            match pulse.feel(&current.load().lines) {
+                Ok(()) => say(&[NotifyState::Watchdog]),
+                Err(hung) => tracing::error!(?hung, "lines' threads hang: the service manager gets no sign of life"),
+            }
+        }
+        if now >= look {
+            look = now + STATUS_EVERY;
+            let status = status(&current);
+            if status != told {
+                say(&[NotifyState::Status(&status)]);
+                told = status;
+            }
+        }
+        sleep_until(if granted.is_some() { beat.min(look) } else { look }).await;
+    }
+}
+
+/// Gives signs of life without a look at the lines, as long as they end one after the other.
+pub async fn keep_alive() {
+    let Some(granted) = sd_notify::watchdog_enabled().filter(|time| !time.is_zero()) else { return };
+    loop {
+        say(&[NotifyState::Watchdog]);
+        tokio::time::sleep(granted / 2).await;
+    }
+}
+
+fn say(words: &[NotifyState<'_>]) {
+    if let Err(error) = sd_notify::notify(words) {
+        tracing::debug!(%error, "the service manager does not hear");
+    }
+}
+
+fn status(current: &Current) -> String {
+    let shared = current.load();
+    let up = shared.lines.iter().filter(|line| line.report().state == LineState::Up).count();
+    let online = shared.drives.iter().filter(|drive| drive.view.load().is_online()).count();
+    format!("{up} of {} lines up, {online} of {} drives online", shared.lines.len(), shared.drives.len())
+}
+
+/// Whether the threads of all lines come round.
+#[derive(Debug, Default)]
+struct Pulse {
+    /// The rounds of each line as of the last time, by its number.
+    rounds: HashMap<u16, u64>,
+}
+
+impl Pulse {
+    /// Has all threads come round, one that sleeps too, and finds the lines whose threads have not since the last time.
+    fn feel(&mut self, lines: &[Arc<SharedLine>]) -> Result<(), Vec<Name>> {
+        let stands = |line: &&Arc<SharedLine>| self.rounds.get(&line.number) == Some(&line.rounds());
+        let hung: Vec<_> = lines.iter().filter(stands).map(|line| line.name.clone()).collect();
+        self.rounds = lines.iter().map(|line| (line.number, line.rounds())).collect();
+        lines.iter().for_each(|line| line.inbox.ring());
+        if hung.is_empty() { Ok(()) } else { Err(hung) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::link::Interface;
+
+    fn line(number: u16, name: &str) -> Arc<SharedLine> {
+        Arc::new(SharedLine::new(number, Name::new(name).unwrap(), Interface::Rs485, []))
+    }
+
+    #[test]
+    fn a_line_whose_thread_does_not_come_round_ends_the_signs_of_life() {
+        let (good, bad) = (line(1, "good"), line(2, "bad"));
+        let lines = [Arc::clone(&good), Arc::clone(&bad)];
+        let mut pulse = Pulse::default();
+        assert_eq!(pulse.feel(&lines), Ok(()), "nothing is known yet");
+        good.count_round();
+        bad.count_round();
+        assert_eq!(pulse.feel(&lines), Ok(()));
+        good.count_round();
+        assert_eq!(pulse.feel(&lines), Err(vec![Name::new("bad").unwrap()]));
+        // A reload has put another in its place, which has its time.
+        let lines = [good, line(3, "bad")];
+        lines[0].count_round();
+        assert_eq!(pulse.feel(&lines), Ok(()));
+        lines[1].count_round();
+        assert_eq!(pulse.feel(&lines), Err(vec![Name::new("good").unwrap()]));
+        lines.iter().for_each(|line| line.count_round());
+        assert_eq!(pulse.feel(&lines), Ok(()), "what comes round again is alive again");
+    }
+
+    #[test]
+    fn a_thread_that_sleeps_is_called() {
+        let line = line(1, "idle");
+        assert!(line.inbox.may_sleep(true));
+        let mut called = std::pin::pin!(line.inbox.called());
+        let mut cx = std::task::Context::from_waker(std::task::Waker::noop());
+        assert!(called.as_mut().poll(&mut cx).is_pending());
+        assert_eq!(Pulse::default().feel(&[Arc::clone(&line)]), Ok(()));
+        assert!(called.as_mut().poll(&mut cx).is_ready());
+    }
+}

@@ -1,0 +1,244 @@
+//! The configuration is taken anew while the gateway runs: whole, or not at all.
+//!
+//! Everything that can fail is done first: the file is loaded and checked, addresses are taken, secrets and certificates read,
+//! threads started. Then the drives whose lines end are looked at, and only then anything changes.
+
+use super::build;
+use super::line_thread::LineHandle;
+use super::lines::Lines;
+use super::mqtt::broker_child::BrokerChild;
+use super::north::{self, Bound, Mqtt, North};
+use super::run::embedded_broker;
+use super::shared::{Current, Shared};
+use crate::config::change::{Change, Part, Told};
+use crate::config::{Config, MqttSettings, Removal};
+use crate::domain::ids::Name;
+use std::fmt;
+use std::sync::Arc;
+use tokio::sync::{mpsc, oneshot};
+
+/// Reloads that may wait; a person asks for one.
+const WAITING_MAX: usize = 4;
+
+/// Loads the configuration, or tells all its problems, for people.
+pub type Load = Arc<dyn Fn() -> Result<Config, String> + Send + Sync>;
+
+/// What becomes of a reload.
+pub type Reloaded = Result<Vec<Told>, Refusal>;
+
+/// Why everything stays as it was.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Refusal {
+    /// The file has problems.
+    #[error("{0}")]
+    Configuration(String),
+    /// Drives are in use that would be taken away.
+    #[error(
+        "{} in use: stop what would be removed or have its line restarted, or set `on_removal = \"stop\"` in [gateway]",
+        Named(.0)
+    )]
+    InUse(Vec<String>),
+    /// Drives were stopped before they would be taken away, and it shows no effect.
+    #[error("{} stopped, and it shows no effect: nothing is removed, the stop goes on", Named(.0))]
+    NoEffect(Vec<String>),
+    /// Only a restart changes this.
+    #[error("{} cannot be changed while the gateway runs; restart it", .0.join(" and "))]
+    NeedsRestart(Vec<&'static str>),
+    /// Something of the new configuration cannot be had.
+    #[error("{0}")]
+    System(String),
+    /// Others wait already.
+    #[error("other reloads wait already")]
+    Busy,
+    /// The gateway has no file.
+    #[error("this gateway runs without a file of its own")]
+    NoFile,
+    /// The gateway ends.
+    #[error("the gateway is ending")]
+    Ending,
+}
+
+impl Refusal {
+    /// A word for programs.
+    #[must_use]
+    pub const fn word(&self) -> &'static str {
+        match self {
+            Self::Configuration(_) => "configuration",
+            Self::InUse(_) => "in_use",
+            Self::NoEffect(_) => "not_effective",
+            Self::NeedsRestart(_) => "needs_restart",
+            Self::System(_) => "system",
+            Self::Busy => "queue_full",
+            Self::NoFile => "no_file",
+            Self::Ending => "shutting_down",
+        }
+    }
+
+    /// The drives that it is about.
+    #[must_use]
+    pub fn drives(&self) -> &[String] {
+        match self {
+            Self::InUse(drives) | Self::NoEffect(drives) => drives,
+            _ => &[],
+        }
+    }
+}
+
+/// Names with their verb.
+struct Named<'n>(&'n [String]);
+
+impl fmt::Display for Named<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (noun, verb) = if self.0.len() == 1 { ("drive", "is") } else { ("drives", "are") };
+        write!(f, "{noun} {} {verb}", self.0.join(", "))
+    }
+}
+
+/// The way to ask for a reload.
+#[derive(Clone, Debug)]
+pub struct Reloads(mpsc::Sender<oneshot::Sender<Reloaded>>);
+
+impl Reloads {
+    /// The way, and its other end.
+    #[must_use]
+    pub fn channel() -> (Self, mpsc::Receiver<oneshot::Sender<Reloaded>>) {
+        let (ask, asked) = mpsc::channel(WAITING_MAX);
+        (Self(ask), asked)
+    }
+
+    /// Has the configuration taken anew, and waits for what becomes of that.
+    ///
+    /// # Errors
+    /// Why everything stays as it was.
+    pub async fn ask(&self) -> Reloaded {
+        let (tell, told) = oneshot::channel();
+        self.0.try_send(tell).map_err(|error| match error {
+            mpsc::error::TrySendError::Full(_) => Refusal::Busy,
+            mpsc::error::TrySendError::Closed(_) => Refusal::Ending,
+        })?;
+        told.await.unwrap_or(Err(Refusal::Ending))
+    }
+}
+
+/// Everything of a running gateway that a reload changes.
+#[derive(Debug)]
+pub struct Gateway {
+    /// What is in force.
+    pub config: Config,
+    /// Its name.
+    pub name: Name,
+    /// What lines and north sides share.
+    pub current: Current,
+    /// The lines' threads.
+    pub lines: Lines,
+    /// The north sides.
+    pub north: North,
+    /// The embedded broker, if there is one.
+    pub broker: Option<BrokerChild>,
+}
+
+/// All that a new configuration needs, held ready. What is not used is given back when it is dropped.
+struct Prepared {
+    shared: Arc<Shared>,
+    handles: Vec<LineHandle>,
+    bound: Bound,
+    mqtt: Option<Mqtt>,
+    broker: Option<BrokerChild>,
+}
+
+impl Gateway {
+    /// Takes the configuration anew.
+    ///
+    /// # Errors
+    /// Why everything stays as it was; but drives that were to be stopped first may be.
+    pub async fn reload(&mut self, load: &Load) -> Reloaded {
+        let new = loaded(load).await?;
+        let change = Change::between(&self.config, &new);
+        if !change.needs_restart.is_empty() {
+            return Err(Refusal::NeedsRestart(change.needs_restart));
+        }
+        let prepared = self.prepare(&new, &change).await?;
+        let mut told = change.told.clone();
+        if !self.north.talks_as(prepared.mqtt.as_ref()) && told.iter().all(|it| it.part != Part::Mqtt) {
+            told.push(Told::mqtt_changed());
+        }
+        let ending = self.numbers(&change);
+        self.have_leave(&ending, new.gateway.on_removal).await?;
+        self.switch(new, &change, &ending, prepared).await;
+        Ok(told)
+    }
+
+    async fn prepare(&mut self, new: &Config, change: &Change) -> Result<Prepared, Refusal> {
+        let system = |error: &dyn fmt::Display| Refusal::System(error.to_string());
+        let has_http_moved = self.config.http != new.http;
+        let bound = north::bind(new, &change.listeners, has_http_moved).await.map_err(|error| system(&error))?;
+        let broker = if self.broker.is_some() { None } else { embedded_broker(new).map_err(|error| system(&error))? };
+        let broker_at = self.broker.as_ref().or(broker.as_ref()).map(BrokerChild::address);
+        let mqtt = match new.mqtt.clone() {
+            Some(mqtt) => Some(self.broker_side(mqtt, broker_at).await?),
+            None => None,
+        };
+        let old = self.current.get();
+        let (mut lines, mut handles) = (Vec::with_capacity(new.lines.len()), Vec::new());
+        for (settings, continues) in new.lines.iter().zip(&change.continues) {
+            if let Some(line) = continues.and_then(|at| old.lines.get(at)) {
+                lines.push(Arc::clone(line));
+                continue;
+            }
+            let line = Arc::new(build::shared_line(self.lines.next_number(), settings));
+            lines.push(Arc::clone(&line));
+            handles.push(self.lines.prepare(settings, line).await.map_err(|error| system(&error))?);
+        }
+        let shared = Arc::new(Shared::of(lines, Arc::clone(&old.changed)));
+        Ok(Prepared { shared, handles, bound, mqtt, broker })
+    }
+
+    /// Secrets and certificates are read beside the runtime: they may be on something slow.
+    async fn broker_side(&self, mqtt: MqttSettings, embedded: Option<std::net::SocketAddr>) -> Result<Mqtt, Refusal> {
+        let name = self.name.clone();
+        let read = tokio::task::spawn_blocking(move || build::broker(&mqtt, &name, embedded)).await;
+        let read = read.map_err(|error| Refusal::System(error.to_string()))?;
+        read.map_err(|error| Refusal::System(format!("mqtt: {error}")))
+    }
+
+    /// The numbers of the lines that end.
+    fn numbers(&self, change: &Change) -> Vec<u16> {
+        let lines = &self.current.load().lines;
+        change.ended.iter().filter_map(|at| lines.get(*at)).map(|line| line.number).collect()
+    }
+
+    /// From here on nobody starts a drive whose line ends. If one is in use, it is stopped or everything stays.
+    async fn have_leave(&self, ending: &[u16], removal: Removal) -> Result<(), Refusal> {
+        let stops = removal == Removal::Stop;
+        let names = self.lines.leave(ending, stops).await;
+        if names.is_empty() {
+            return Ok(());
+        }
+        self.lines.stay(ending);
+        Err(if stops { Refusal::NoEffect(names) } else { Refusal::InUse(names) })
+    }
+
+    /// Nothing here can fail.
+    async fn switch(&mut self, new: Config, change: &Change, ending: &[u16], prepared: Prepared) {
+        let Prepared { shared, handles, bound, mqtt, broker } = prepared;
+        // Before the new ones begin: they may have the same ports.
+        self.lines.end(ending).await;
+        let changed = Arc::clone(&shared.changed);
+        self.current.set(shared);
+        self.lines.begin(handles);
+        self.north.switch(&new, change, bound, mqtt);
+        let is_embedded = new.mqtt.as_ref().is_some_and(MqttSettings::is_embedded);
+        self.broker = self.broker.take().or(broker).filter(|_| is_embedded);
+        self.config = new;
+        changed.notify_one();
+    }
+}
+
+/// Files may be on something slow, so they are read beside the runtime.
+async fn loaded(load: &Load) -> Result<Config, Refusal> {
+    let load = Arc::clone(load);
+    match tokio::task::spawn_blocking(move || load()).await {
+        Ok(loaded) => loaded.map_err(Refusal::Configuration),
+        Err(error) => Err(Refusal::System(error.to_string())),
+    }
+}

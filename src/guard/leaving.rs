@@ -1,0 +1,33 @@
+//! A drive leaves the configuration, or its line is started anew: nobody commands it any more, and a motor that runs by
+//! our order is stopped first.
+
+use super::state::{DriveGuard, Lost};
+use crate::domain::command::RunIntent;
+use crate::domain::control::FailSafe;
+use crate::domain::time::MonoTime;
+use crate::journal::Cause;
+
+impl DriveGuard {
+    /// Nothing is accepted from now on but stops, until [`Self::stay`].
+    pub const fn leave(&mut self) {
+        self.is_leaving = true;
+    }
+
+    /// The drive stays after all.
+    pub const fn stay(&mut self) {
+        self.is_leaving = false;
+    }
+
+    /// Whether somebody holds control, or the drive is ordered to run.
+    #[must_use]
+    pub const fn is_held(&self) -> bool {
+        self.lease.is_some() || matches!(self.intent(), RunIntent::Run(_))
+    }
+
+    /// Ends the control of whoever holds it with a stop; nothing without a control section.
+    pub fn stop_to_leave(&mut self, now: MonoTime) -> Option<Lost> {
+        self.control.as_ref()?;
+        let owner = self.lease.take().map(|lease| lease.owner);
+        Some(self.lost(owner, FailSafe::Stop, Cause::Removed, now))
+    }
+}

@@ -1,0 +1,44 @@
+//! The configuration has changed while the connection stays: other drives, other lines.
+
+use super::pending::What;
+use super::seen::Seen;
+use super::session::Session;
+use super::types::Moment;
+use crate::domain::command::{Outcome, Reason, Report};
+use crate::domain::ids::{Name, Ticket};
+use crate::drive::description::DriveDescription;
+
+impl Session {
+    /// Tickets count on from this one.
+    pub const fn count_tickets_from(&mut self, first: Ticket) {
+        self.last_ticket = first.0;
+    }
+
+    /// The gateway has these drives and lines from now on. A drive goes on if its place and name are the same; what was asked
+    /// of the others has no answer any more. Topics of what is gone are cleared.
+    pub fn replace(&mut self, at: Moment, drives: Vec<DriveDescription>, lines: Vec<Name>) {
+        self.clock.see(at);
+        let goes_on =
+            |old: &DriveDescription| drives.iter().position(|it| it.place == old.place && it.name == old.name);
+        let moved: Vec<_> = self.drives.iter().map(goes_on).collect();
+        while let Some(pending) = self.unanswered.take_gone(&moved) {
+            let outcome = if matches!(pending.what, What::Read(_)) { Outcome::Failed } else { Outcome::Unknown };
+            let report = Report::new(outcome, Reason::Removed);
+            self.withdraw(&pending, report);
+            self.end(at, &pending, report);
+        }
+        self.unanswered.move_drives(&moved);
+        let mut seen = std::mem::take(&mut self.seen);
+        // Ids outlive a new start of the drive's line: what came once is not done twice.
+        let known = |name: &Name| self.drives.iter().position(|it| it.name == *name);
+        self.seen = drives
+            .iter()
+            .map(|drive| {
+                known(&drive.name).and_then(|at| seen.get_mut(at)).map(std::mem::take).unwrap_or_else(Seen::default)
+            })
+            .collect();
+        let started = self.clock.text(self.started);
+        self.telemetry.replace(&self.settings, &self.topics, (&self.drives, &drives), &lines, &started);
+        self.drives = drives;
+    }
+}

@@ -1,0 +1,96 @@
+//! The session over a change of the configuration, on a connection that stays.
+
+use super::harness::{Rig, commands, drives, name, on, publications, reads, result, told};
+use super::types::{Act, Version};
+use crate::domain::command::{Outcome, Reason};
+use crate::drive::description::{DriveDescription, DriveRef};
+use crate::drive::view::DriveView;
+use serde_json::Value;
+
+/// These drives and lines from now on. A drive that was there shows what it showed.
+fn replace(rig: &mut Rig, drives: Vec<DriveDescription>, lines: &[&str]) -> Vec<Act> {
+    let old: Vec<_> = rig.session.drives.iter().map(|it| it.name.clone()).collect();
+    let view = |drive: &DriveDescription| {
+        old.iter().position(|it| *it == drive.name).and_then(|at| rig.views.get(at)).cloned().unwrap_or_default()
+    };
+    let views: Vec<DriveView> = drives.iter().map(view).collect();
+    rig.views = views;
+    let line = rig.lines[0].clone();
+    rig.lines = lines.iter().map(|it| super::types::LineState { name: name(it), ..line.clone() }).collect();
+    rig.session.replace(rig.at(), drives, lines.iter().map(|it| name(it)).collect());
+    rig.acts()
+}
+
+fn on_another_line(mut drive: DriveDescription, called: &str) -> DriveDescription {
+    drive.place = DriveRef { line: 7, ..drive.place };
+    (drive.name, drive.line) = (name(called), name("yard"));
+    drive
+}
+
+#[test]
+fn topics_of_what_is_gone_are_cleared_and_what_stays_is_not_said_again() {
+    let mut rig = Rig::born(Version::V5);
+    let [pump, fan] = <[_; 2]>::try_from(drives()).unwrap();
+    let added = on_another_line(fan, "mill");
+    let acts = replace(&mut rig, vec![added, pump.clone()], &["yard"]);
+    let told = told(&acts);
+    let (cleared, said): (Vec<_>, Vec<_>) = told.iter().partition(|(_, payload)| payload.is_empty());
+    for topic in
+        ["drive/fan/availability", "drive/fan/state", "drive/fan/trip/last", "line/hall/status", "line/hall/stats"]
+    {
+        assert!(cleared.iter().any(|(it, _)| it == topic), "{topic} in {cleared:?}");
+    }
+    for topic in ["info", "drive/mill/availability", "drive/mill/state", "line/yard/status"] {
+        assert!(said.iter().any(|(it, _)| it == topic), "{topic} in {said:?}");
+    }
+    assert!(!told.iter().any(|(topic, _)| topic.starts_with("drive/pump/")), "{told:?}");
+    assert!(publications(&acts).iter().all(|it| it.retain));
+    let info: Value = serde_json::from_str(&on(&acts, "info").unwrap()).unwrap();
+    let names: Vec<_> = info["drives"].as_array().unwrap().iter().map(|it| it["name"].clone()).collect();
+    assert_eq!(names, ["mill", "pump"]);
+    // A drive that comes back is said again, and cleared no more, on the next connection either.
+    let [pump, fan] = <[_; 2]>::try_from(drives()).unwrap();
+    let acts = replace(&mut rig, vec![pump, fan], &["hall"]);
+    assert_eq!(on(&acts, "drive/fan/availability").as_deref(), Some("offline"));
+    rig.handle(super::types::Event::Lost);
+    let again = rig.connect();
+    assert_eq!(on(&again, "drive/fan/availability").as_deref(), Some("offline"));
+    assert_eq!(on(&again, "drive/mill/availability").as_deref(), Some(""), "cleared on each connection");
+    assert_eq!(on(&again, "drive/pump/availability").as_deref(), Some("online"));
+}
+
+#[test]
+fn answers_find_their_drive_in_its_new_place() {
+    let mut rig = Rig::born(Version::V5);
+    let acts = rig.send("drive/pump/command", br#"{"id": "one", "run": "stop"}"#);
+    let ticket = commands(&acts)[0].ticket;
+    let [pump, fan] = <[_; 2]>::try_from(drives()).unwrap();
+    replace(&mut rig, vec![on_another_line(fan, "mill"), pump], &["yard", "hall"]);
+    let acts = rig.answer(ticket, Outcome::Confirmed, Reason::None, true);
+    assert_eq!(result(&acts), ("confirmed".to_owned(), "none".to_owned()));
+    assert!(on(&acts, "drive/pump/result").is_some());
+    let acts = rig.send("drive/pump/run/set", b"stop");
+    assert_eq!(commands(&acts)[0].drive, drives()[0].place.drive);
+}
+
+#[test]
+fn what_was_asked_of_a_drive_that_is_gone_is_answered_at_once() {
+    let mut rig = Rig::born(Version::V5);
+    let stop = rig.send("drive/pump/command", br#"{"id": "one", "run": "stop"}"#);
+    let read = rig.send("drive/fan/param/F007/get", b"");
+    assert_eq!((commands(&stop).len(), reads(&read).len()), (1, 1));
+    // The line was started anew: the same drives in other places.
+    let again: Vec<_> = drives()
+        .into_iter()
+        .map(|drive| DriveDescription { place: DriveRef { line: 9, ..drive.place }, ..drive })
+        .collect();
+    let acts = replace(&mut rig, again, &["hall"]);
+    let results = super::harness::results(&acts);
+    let ends: Vec<_> = results.iter().map(|it| (it["outcome"].clone(), it["reason"].clone())).collect();
+    assert_eq!(ends, [("unknown".into(), "removed".into()), ("failed".into(), "removed".into())], "{results:?}");
+    let late = rig.answer(commands(&stop)[0].ticket, Outcome::Confirmed, Reason::None, true);
+    assert!(super::harness::results(&late).is_empty(), "nobody waits for it any more");
+    // The id is remembered over the new start.
+    let acts = rig.send("drive/pump/command", br#"{"id": "one", "run": "forward"}"#);
+    assert!(commands(&acts).is_empty());
+}
