@@ -7,15 +7,14 @@ use super::path::Path;
 use super::pending::Unanswered;
 use super::results::Results;
 use super::seen::Seen;
-use super::state::{object, record};
 use super::telemetry::Telemetry;
 use super::topics::Topics;
 use super::types::{Act, Broker, Event, Filter, LineState, Moment, Publication, Qos, Settings};
 use crate::domain::ids::Name;
 use crate::domain::time::MonoTime;
 use crate::drive::description::{DriveDescription, DriveRef};
-use crate::drive::view::{DriveView, TripEvent, TripEventKind};
-use serde_json::{Value, json};
+use crate::drive::view::{DriveView, TripEvent};
+use crate::journal::trip;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -135,21 +134,8 @@ impl Session {
     pub fn trip(&mut self, at: Moment, place: DriveRef, event: &TripEvent) {
         self.clock.see(at);
         let Some(drive) = self.drives.iter().find(|drive| drive.place == place) else { return };
-        let mut body = object(json!({
-            "session": self.run,
-            "drive": drive.name.as_str(),
-            "at": self.clock.text(event.at),
-            "count": event.count,
-        }));
-        match &event.kind {
-            TripEventKind::Cleared => body.extend([("kind".to_owned(), Value::from("cleared"))]),
-            TripEventKind::Tripped { trips, record: newest } => {
-                // The moment of the event is the one by which it is told apart.
-                let words = record(drive, self.clock, newest).into_iter().filter(|(key, _)| key != "at");
-                body.extend(words);
-                body.extend([("kind".to_owned(), "tripped".into()), ("trips".to_owned(), (*trips).into())]);
-            }
-        }
+        let mut body = trip::event(drive, &|at| self.clock.text(at), event);
+        body.insert("session".to_owned(), self.run.as_str().into());
         let topic = self.topics.drive(drive.name.as_str(), "trip/event");
         self.counters.events_dropped += u64::from(self.outbox.add(topic, body));
         self.counters.events_waiting = self.outbox.len() as u64;
