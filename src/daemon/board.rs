@@ -2,12 +2,15 @@
 
 use super::answers::{News, NorthSides};
 use super::clock;
-use super::inbox::Inbox;
+use super::inbox::{Inbox, Message};
+use super::journal::Journal;
+use super::kept::Kept;
 use super::shared::{Shared, SharedDrive};
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::drive::description::DriveRef;
 use crate::drive::view::TripEvent;
 use crate::gateway::LineCore;
+use crate::journal::Keep;
 use std::sync::Arc;
 
 /// The side of [`Shared`] that one line writes.
@@ -19,6 +22,7 @@ pub struct Board<'a> {
     /// The line's drives in order.
     drives: Vec<&'a SharedDrive>,
     north: NorthSides,
+    journal: Option<Kept>,
     /// News of this round.
     modbus: Vec<News>,
     mqtt: Vec<News>,
@@ -28,11 +32,16 @@ pub struct Board<'a> {
 impl<'a> Board<'a> {
     /// The board of the line at `place`; nothing if there is no such line.
     #[must_use]
-    pub fn new(shared: &'a Shared, place: usize, north: NorthSides) -> Option<Self> {
+    pub fn new(shared: &'a Shared, place: usize, north: NorthSides, journal: Option<&Arc<Journal>>) -> Option<Self> {
         let line = shared.lines.get(place)?;
         let number = u16::try_from(place).ok()?;
-        let drives = shared.drives.iter().filter(|drive| drive.description.place.line == number).collect();
-        Some(Self { shared, line, number, drives, north, modbus: Vec::new(), mqtt: Vec::new(), local: Vec::new() })
+        let drives: Vec<_> = shared.drives.iter().filter(|drive| drive.description.place.line == number).collect();
+        let journal = journal.map(|journal| {
+            let descriptions = drives.iter().map(|drive| drive.description.clone()).collect();
+            Kept::new(journal.line(line.name.clone(), descriptions, Arc::clone(&line.inbox)))
+        });
+        let (modbus, mqtt, local) = Default::default();
+        Some(Self { shared, line, number, drives, north, journal, modbus, mqtt, local })
     }
 
     /// The way into the line.
@@ -41,8 +50,28 @@ impl<'a> Board<'a> {
         &self.line.inbox
     }
 
+    /// Takes notice of what is asked of the line.
+    pub fn note(&mut self, message: &Message) {
+        if let Some(journal) = &mut self.journal {
+            let drives = &self.drives;
+            journal.note(message, |drive| drives.get(drive.get()).map(|drive| &drive.description.model));
+        }
+    }
+
+    /// Keeps what the line says, if there is a journal.
+    pub fn keep(&mut self, keep: Keep) {
+        if let Some(journal) = &mut self.journal {
+            journal.keep(keep);
+        }
+    }
+
     /// Keeps `news` for the end of the round.
     pub fn tell(&mut self, news: News) {
+        let news = match &mut self.journal {
+            Some(journal) => journal.hold(news),
+            None => Some(news),
+        };
+        let Some(news) = news else { return };
         match news.asker() {
             AskerId::LOCAL => self.local.push(news),
             AskerId::MQTT if self.north.mqtt.is_some() => self.mqtt.push(news),
@@ -51,8 +80,11 @@ impl<'a> Board<'a> {
         }
     }
 
-    /// Keeps what happened to the trips of `drive` for the end of the round.
+    /// Keeps what happened to the trips of `drive` for the end of the round. With a journal they come from there.
     pub fn tell_trip(&mut self, drive: DriveIndex, event: TripEvent) {
+        if self.journal.is_some() {
+            return;
+        }
         self.tell(News::Trip(DriveRef { line: self.number, drive }, event));
     }
 
@@ -73,12 +105,26 @@ impl<'a> Board<'a> {
             shared.station.store(Arc::new(station));
         }
         let report = core.report();
-        has_changed |= report.state != self.line.report().state;
+        if report.state != self.line.report().state {
+            has_changed = true;
+            self.journal.iter().for_each(|journal| journal.source().state(&report));
+        }
         self.line.set_report(report);
         self.north.modbus.put(&mut self.modbus);
         self.north.local.put(&mut self.local);
         if let Some(mqtt) = &self.north.mqtt {
             mqtt.put(&mut self.mqtt);
+        }
+        for held in self.journal.iter_mut().flat_map(Kept::held) {
+            match (held.news.asker(), &self.north.mqtt) {
+                (AskerId::LOCAL, _) => self.north.local.hold(held),
+                (AskerId::MQTT, Some(mqtt)) => {
+                    mqtt.hold(held);
+                    has_changed = true;
+                }
+                (AskerId::MQTT, None) => {}
+                _ => self.north.modbus.hold(held),
+            }
         }
         if has_changed {
             self.shared.changed.notify_one();

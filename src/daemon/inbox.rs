@@ -3,6 +3,7 @@
 use crate::domain::command::{CommandRequest, Order, Owner};
 use crate::domain::ids::AskerId;
 use crate::domain::native::{NativeAsk, NativeRequest};
+use crate::journal::RowNumber;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use tokio::sync::Notify;
@@ -29,6 +30,8 @@ pub enum Message {
     PathOpened(Owner),
     /// The gateway ends: each drive gets its declared action.
     Shutdown,
+    /// The journal has kept the line's rows up to this one.
+    Kept(RowNumber),
 }
 
 /// The inbox is full; the message was not taken.
@@ -114,6 +117,7 @@ const fn room_for(message: &Message) -> usize {
         Message::Native(NativeRequest { ask: NativeAsk::Read { .. }, .. }) => INBOX_MAX,
         Message::Command(CommandRequest { order: Order::Stop { .. } | Order::Coast, .. })
         | Message::AskerGone(_)
+        | Message::Kept(_)
         | Message::Shutdown => INBOX_MAX + COMMANDS_MAX + STOPS_MAX,
         Message::Native(_) | Message::Command(_) | Message::PathAlive(_) | Message::PathOpened(_) => {
             INBOX_MAX + COMMANDS_MAX

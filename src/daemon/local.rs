@@ -76,7 +76,7 @@ impl LocalSide {
                 let ticket = match &news {
                     News::Native(answer) => answer.ticket,
                     News::Command(answer) if answer.is_final => answer.ticket,
-                    News::Command(_) | News::Trip(..) => continue,
+                    News::Command(_) | News::Trip(..) | News::Events { .. } => continue,
                 };
                 if let Some(asked) = waiting.remove(&ticket) {
                     // Who has gone away waits for nothing.

@@ -12,6 +12,8 @@ pub mod build;
 pub mod clock;
 pub mod http;
 pub mod inbox;
+pub mod journal;
+pub mod kept;
 pub mod line_end;
 pub mod line_thread;
 pub mod local;

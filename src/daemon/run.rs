@@ -2,6 +2,7 @@
 
 use super::answers::NorthSides;
 use super::http::socket::{OwnSocket, SocketError};
+use super::journal::Journal;
 use super::line_thread::LineHandle;
 use super::mqtt::broker_child::BrokerChild;
 use super::north::{self, North};
@@ -14,7 +15,11 @@ use rustix::system::uname;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::task::LocalSet;
+
+/// Most time for the journal's last rows.
+const JOURNAL_MAX: Duration = Duration::from_secs(2);
 
 /// Why the daemon could not start.
 #[derive(Debug, thiserror::Error)]
@@ -88,10 +93,17 @@ where
     let mqtt = config.mqtt.as_ref().map(|mqtt| build::broker(mqtt, &name, broker_at)).transpose();
     let mqtt = mqtt.map_err(StartError::Mqtt)?;
     let (listening, http) = bound.addresses()?;
-    let mut lines = start_lines(config, &shared, &sides)?;
+    let (journal, memory) = match build::journal(config) {
+        Some(settings) => {
+            let (journal, memory) = Journal::start(&settings, sides.clone(), Arc::clone(&shared))?;
+            (Some(journal), Some(memory))
+        }
+        None => (None, None),
+    };
+    let mut lines = start_lines(config, &shared, &sides, journal.as_ref(), memory.as_ref())?;
     let local = LocalSet::new();
     runtime.block_on(local.run_until(async {
-        let north = North::start(config, &name, &shared, sides, bound, socket, mqtt);
+        let north = North::start(config, &name, &shared, sides, bound, socket, mqtt, journal.clone());
         until(&Running { name: &name, listening, http, broker: broker_at, shared: &shared }).await;
         for line in &lines {
             line.begin_shutdown();
@@ -100,6 +112,9 @@ where
             line.ended().await;
         }
         north.farewell().await;
+        if let Some(journal) = &journal {
+            journal.close(JOURNAL_MAX).await;
+        }
     }));
     drop(local);
     drop(runtime);
@@ -146,15 +161,21 @@ fn embedded_broker(config: &Config) -> Result<Option<BrokerChild>, StartError> {
     broker.map(Some).map_err(StartError::Broker)
 }
 
-fn start_lines(config: &Config, shared: &Arc<Shared>, sides: &NorthSides) -> Result<Vec<LineHandle>, StartError> {
+fn start_lines(
+    config: &Config,
+    shared: &Arc<Shared>,
+    sides: &NorthSides,
+    journal: Option<&Arc<Journal>>,
+    memory: Option<&build::Memory>,
+) -> Result<Vec<LineHandle>, StartError> {
     // Epochs rise far slower than this, so those of another start are others, and JSON still holds them exactly.
     let first_epoch = u64::try_from(clock::wall().unix_ms).unwrap_or(0) << 8;
     let data_dir = config.gateway.data_dir.as_deref();
     let start = |(place, line)| {
-        let (port, setup) = (build::line_port(line, data_dir), build::line_setup(line, first_epoch));
+        let (port, setup) = (build::line_port(line, data_dir), build::line_setup(line, first_epoch, memory));
         let StopBounds { all_healthy, one_silent, .. } = setup.stop_bounds();
         tracing::info!(line = %line.name, ?all_healthy, ?one_silent, "a stop starts within these times");
-        LineHandle::start(port, setup, Arc::clone(shared), place, sides.clone())
+        LineHandle::start(port, setup, Arc::clone(shared), place, sides.clone(), journal.cloned())
     };
     let lines: io::Result<Vec<_>> = config.lines.iter().enumerate().map(start).collect();
     Ok(lines?)

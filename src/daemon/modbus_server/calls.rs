@@ -115,7 +115,7 @@ impl Client {
                 self.machine.borrow_mut().answer(now, answer.ticket, native::answer_of(&answer.outcome));
             }
             News::Command(answer) => self.hear_command(now, answer),
-            News::Trip(..) => {}
+            News::Trip(..) | News::Events { .. } => {}
         }
     }
 

@@ -50,6 +50,7 @@ impl Speaker {
                 News::Command(answer) => self.session.command_answer(at, &answer),
                 News::Native(answer) => self.session.native_answer(at, &answer),
                 News::Trip(place, event) => self.session.trip(at, place, &event),
+                News::Events { .. } => {}
             }
         }
         self.views.clear();
@@ -130,7 +131,7 @@ impl Talk for Speaker {
     }
 
     fn next_wake(&self) -> Option<MonoTime> {
-        self.session.next_wake()
+        [self.session.next_wake(), self.news.next_release()].into_iter().flatten().min()
     }
 
     fn next_packet(&mut self, at: Moment) -> Option<Packet> {
