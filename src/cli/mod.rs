@@ -7,6 +7,7 @@ mod demo;
 mod enable;
 mod health;
 mod input;
+mod journal;
 mod keyboard;
 mod log;
 mod model_facts;
@@ -57,6 +58,8 @@ enum Command {
     Simulate(simulate::Args),
     /// Ask the running gateway whether it is ready, for container health checks too
     Health(health::Args),
+    /// Show what the gateway has kept: trips, commands and refusals, comings and goings. It may run meanwhile
+    Journal(journal::Args),
     /// Read from a drive whether it is set so that it obeys the bus; the settings themselves, not what was polled
     Verify(verify::Args),
     /// Set on a drive what it needs before it obeys the bus, at standstill, after showing old and new
@@ -105,6 +108,7 @@ pub fn main() -> ExitCode {
         Command::Models(args) => models::models(&args),
         Command::Simulate(args) => simulate::simulate(&args),
         Command::Health(args) => health::health(&args),
+        Command::Journal(args) => journal::journal(&args),
         Command::Verify(args) => verify::verify(&args),
         Command::Enable(args) => enable::enable(&args),
         Command::Read(args) => read::read(&args),
