@@ -268,7 +268,7 @@ fn found(connection: &Connection) -> Result<Found, Error> {
 pub fn rescued(path: &Path) -> BTreeMap<Name, Remembered> {
     let mut found = Found::default();
     // What was read before an error is sound all the same.
-    let _ = reader::connect(path).and_then(|connection| remembered(&connection, &mut found));
+    let _ = reader::salvage(path).and_then(|connection| remembered(&connection, &mut found));
     found.memory
 }
 

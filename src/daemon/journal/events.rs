@@ -71,7 +71,7 @@ fn event_of(seen: &Seen) -> Option<StoredEvent> {
 /// number of all.
 #[must_use]
 pub fn rescued(path: &Path) -> (Vec<Row>, u64) {
-    let Ok(connection) = reader::connect(path) else { return (Vec::new(), 0) };
+    let Ok(connection) = reader::salvage(path) else { return (Vec::new(), 0) };
     let mut rows: Vec<Row> = Vec::new();
     while rows.len() < RESCUED_MAX {
         let after = rows.last().map_or(0, |row| row.number);

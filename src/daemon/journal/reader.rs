@@ -65,6 +65,17 @@ pub fn connect(path: &Path) -> Result<Connection, Error> {
     })
 }
 
+/// Opens the damaged database at `path` for reading what is left of it.
+///
+/// # Errors
+/// SQLite's.
+pub fn salvage(path: &Path) -> Result<Connection, Error> {
+    let connection = Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_ONLY)?;
+    // SQLite reads a file that was cut short only for those who say that they repair it.
+    connection.pragma_update(None, "writable_schema", true)?;
+    Ok(connection)
+}
+
 fn escaped(path: &Path) -> String {
     path.display().to_string().replace('%', "%25").replace('?', "%3f").replace('#', "%23")
 }

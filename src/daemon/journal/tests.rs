@@ -9,7 +9,7 @@ use crate::daemon::inbox::Message;
 use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
 use crate::domain::ids::DriveIndex;
 use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
-use crate::journal::{AttemptId, Entry, RememberedStop, StoredEvent, Table, Tried, TripBaseline};
+use crate::journal::{AttemptId, Entry, RememberedStop, Row, StoredEvent, Table, Tried, TripBaseline};
 use crate::profile::catalog::Catalog;
 use crate::vendors;
 use std::sync::LazyLock;
@@ -156,8 +156,6 @@ fn sound(rows: Vec<Seen>) -> Vec<Row> {
     rows.into_iter().map(|seen| if let Seen::Sound(row) = seen { row } else { panic!("{seen:?}") }).collect()
 }
 
-use crate::journal::Row;
-
 #[test]
 fn a_trip_outlives_a_kill_once_and_its_number_goes_on() {
     let first = Place::new();
@@ -248,7 +246,9 @@ fn an_attempt_is_one_row_over_groups_and_lives() {
 fn a_full_journal_loses_the_oldest_commands_and_keeps_the_trips() {
     let place = Place::new();
     let mut rig = Rig::with(&place, 1_000_000);
-    (1..=20).for_each(|count| drop(rig.trip(count)));
+    (1..=20).for_each(|count| {
+        rig.trip(count);
+    });
     for number in 0..20_000 {
         let row = rig.refuse(number);
         if number % 500 == 0 {
@@ -271,8 +271,12 @@ fn a_full_journal_loses_the_oldest_commands_and_keeps_the_trips() {
 fn a_flipped_byte_costs_one_row() {
     let place = Place::new();
     let mut rig = Rig::start(&place);
-    (0..3).for_each(|number| drop(rig.refuse(number)));
-    (1..=3).for_each(|count| drop(rig.trip(count)));
+    (0..3).for_each(|number| {
+        rig.refuse(number);
+    });
+    (1..=3).for_each(|count| {
+        rig.trip(count);
+    });
     rig.close();
     let mut bytes = std::fs::read(place.file()).unwrap();
     for text in [&b"no 1\""[..], &b"\"code\":2"[..]] {
@@ -322,8 +326,12 @@ fn what_cannot_be_a_journal_is_moved_aside_and_never_overwritten() {
 fn a_truncated_journal_gives_what_nobody_had_taken_to_the_next() {
     let place = Place::new();
     let mut rig = Rig::start(&place);
-    (1..=3).for_each(|count| drop(rig.trip(count)));
-    (0..4000).for_each(|number| drop(rig.refuse(number)));
+    (1..=3).for_each(|count| {
+        rig.trip(count);
+    });
+    (0..4000).for_each(|number| {
+        rig.refuse(number);
+    });
     rig.close();
     let file = std::fs::OpenOptions::new().write(true).open(place.file()).unwrap();
     file.set_len(file.metadata().unwrap().len() / 2).unwrap();
