@@ -50,6 +50,8 @@ mod documents;
 mod enabling;
 #[path = "process/families.rs"]
 mod families;
+#[path = "process/journal.rs"]
+mod journal;
 #[path = "process/losing.rs"]
 mod losing;
 #[path = "process/network.rs"]

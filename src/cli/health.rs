@@ -97,5 +97,12 @@ fn report(health: &Value) -> String {
     if let Some(connected) = health["mqtt"]["connected"].as_bool() {
         let _ = writeln!(text, "mqtt: {}", if connected { "connected" } else { "not connected" });
     }
+    if let Some(state) = health["journal"]["state"].as_str() {
+        let reason = health["journal"]["reason"].as_str().map(|reason| format!(": {reason}")).unwrap_or_default();
+        let _ = writeln!(text, "journal: {state}{reason}");
+        if let Some(aside) = health["journal"]["moved_aside"].as_str() {
+            let _ = writeln!(text, "journal: a damaged one was moved aside to {aside}");
+        }
+    }
     text
 }

@@ -7,6 +7,7 @@ mod demo;
 mod enable;
 mod health;
 mod input;
+mod journal;
 mod keyboard;
 mod log;
 mod model_facts;
@@ -61,6 +62,8 @@ enum Command {
     Health(health::Args),
     /// Have the running gateway take its configuration file anew: whole, or not at all
     Reload(reload::Args),
+    /// Show what the gateway has kept: trips, commands and refusals, comings and goings. It may run meanwhile
+    Journal(journal::Args),
     /// Read from a drive whether it is set so that it obeys the bus; the settings themselves, not what was polled
     Verify(verify::Args),
     /// Set on a drive what it needs before it obeys the bus, at standstill, after showing old and new
@@ -118,6 +121,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(args) => simulate::simulate(&args),
         Command::Health(args) => health::health(&args),
         Command::Reload(args) => reload::reload(&args),
+        Command::Journal(args) => journal::journal(&args),
         Command::Verify(args) => verify::verify(&args),
         Command::Enable(args) => enable::enable(&args),
         Command::Watchdog(args) => watchdog::watchdog(&args),

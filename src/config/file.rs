@@ -20,6 +20,7 @@ use std::time::Duration;
 #[derive(Debug)]
 pub(super) struct File {
     pub gateway: GatewayFile,
+    pub journal: Given<JournalFile>,
     pub lines: Vec<LineFile>,
     pub mqtt: Given<MqttFile>,
     pub listeners: Vec<ListenerFile>,
@@ -39,6 +40,14 @@ impl GatewayFile {
     /// What holds without the table.
     pub const LEFT_OUT: Self =
         Self { name: Given::LeftOut, data_dir: Given::LeftOut, model_dirs: Given::LeftOut, on_removal: Given::LeftOut };
+}
+
+/// `[journal]`
+#[derive(Debug)]
+pub(super) struct JournalFile {
+    pub place: Place,
+    /// In bytes.
+    pub max_size: Given<u64>,
 }
 
 /// One `[[line]]`.

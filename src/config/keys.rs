@@ -7,6 +7,8 @@ pub enum Section {
     Root,
     /// `[gateway]`
     Gateway,
+    /// `[journal]`
+    Journal,
     /// `[[line]]`
     Line,
     /// `[[line.drive]]`
@@ -27,9 +29,10 @@ pub enum Section {
 
 impl Section {
     /// All sections, outer before inner.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Root,
         Self::Gateway,
+        Self::Journal,
         Self::Line,
         Self::Drive,
         Self::Register,
@@ -46,6 +49,7 @@ impl Section {
         match self {
             Self::Root => "",
             Self::Gateway => "gateway",
+            Self::Journal => "journal",
             Self::Line => "line",
             Self::Drive => "line.drive",
             Self::Register => "line.drive.register",
@@ -61,7 +65,7 @@ impl Section {
     #[must_use]
     pub fn header(self) -> String {
         match self {
-            Self::Root | Self::Gateway | Self::Control | Self::Native | Self::Mqtt | Self::Http => {
+            Self::Root | Self::Gateway | Self::Journal | Self::Control | Self::Native | Self::Mqtt | Self::Http => {
                 format!("[{}]", self.path())
             }
             Self::Line | Self::Drive | Self::Register | Self::ModbusTcp => format!("[[{}]]", self.path()),
@@ -128,6 +132,7 @@ const FACTORY: Option<&str> = Some("the factory setting that the models of the l
 #[rustfmt::skip]
 pub const KEYS: &[Key] = &[
     key(Section::Root, "gateway", "table", Some("empty"), "The gateway as a whole."),
+    key(Section::Root, "journal", "table", Some("empty"), "What is kept of trips, commands and comings and goings."),
     key(Section::Root, "line", "tables, at least one", None, "One serial bus each."),
     key(Section::Root, "mqtt", "table", Some("no broker"), "The connection to an MQTT broker."),
     key(Section::Root, "modbus_tcp", "tables", Some("none"), "One Modbus TCP listener each."),
@@ -137,6 +142,8 @@ pub const KEYS: &[Key] = &[
     key(Section::Gateway, "data_dir", "absolute path", Some("none"), "The directory in which the gateway's tools reach it."),
     key(Section::Gateway, "on_removal", "\"refuse\" or \"stop\"", Some("\"refuse\""), "What a reload does about a drive that runs or is under control, if it would be removed or its line restarted: the reload is refused, or the drive stopped first."),
     key(Section::Gateway, "model_dirs", "list of absolute paths", Some("none"), "Directories whose `*.toml` files are models of your own."),
+
+    key(Section::Journal, "max_size", "\"1MB\" to \"16GB\"", Some("\"64MB\""), "How large the journal's file may grow; then the oldest rows go, trips last."),
 
     key(Section::Line, "name", "name", None, "What the line is called; unique among the lines."),
     key(Section::Line, "port", "absolute path, or \"tcp://host:port\"", None, "The serial device, best by its id, or a pseudo-terminal; or a serial device server that passes the frames on."),

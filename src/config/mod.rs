@@ -35,8 +35,9 @@ pub use control::why_not as why_not_controlled;
 pub use native::{Listed, listed};
 pub use ratings::shown_in_per_cent;
 pub use ready::{
-    BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings, HttpSettings, LineSettings,
-    ListenerSettings, MqttSettings, PasswordSource, PortAddress, Removal, Silence, TlsSettings, command_deadline,
+    BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings, HttpSettings,
+    JournalSettings, LineSettings, ListenerSettings, MqttSettings, PasswordSource, PortAddress, Removal, Silence,
+    TlsSettings, command_deadline,
 };
 
 use crate::domain::problem::Problem;

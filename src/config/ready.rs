@@ -19,6 +19,8 @@ use std::time::Duration;
 pub struct Config {
     /// What concerns the gateway as a whole.
     pub gateway: GatewaySettings,
+    /// What is kept beyond the life of the process, where there is a data directory.
+    pub journal: JournalSettings,
     /// The serial lines, in the order of the file; at least one.
     pub lines: Vec<LineSettings>,
     /// The Modbus TCP listeners, in the order of the file; may be none.
@@ -48,6 +50,19 @@ pub enum Removal {
     Refuse,
     /// The drive is stopped first.
     Stop,
+}
+
+/// The journal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct JournalSettings {
+    /// Bytes to which its file may grow, 1,000,000 to 16,000,000,000.
+    pub max_bytes: u64,
+}
+
+impl Default for JournalSettings {
+    fn default() -> Self {
+        Self { max_bytes: 64_000_000 }
+    }
 }
 
 /// One serial line.

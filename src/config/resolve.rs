@@ -1,9 +1,10 @@
 //! From the configuration as written to ready values: defaults, models, and the rules between keys.
 
-use super::file::{DriveFile, File, LineFile, ListenerFile};
+use super::file::{DriveFile, File, JournalFile, LineFile, ListenerFile};
 use super::link::{self, OnLine, Settled};
 use super::ready::{
-    Config, DriveSettings, GatewaySettings, HttpSettings, LineSettings, ListenerSettings, Removal, Silence,
+    Config, DriveSettings, GatewaySettings, HttpSettings, JournalSettings, LineSettings, ListenerSettings, Removal,
+    Silence,
 };
 use super::units::{self, Units};
 use super::{commanders, control, line_plan, listen, lists, mqtt, native, port, ratings, watchdog};
@@ -58,7 +59,9 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
         }));
     }
     let listeners = file.listeners.iter().zip(served).map(|(listener, served)| ready_listener(listener, served));
+    let journal = whole(&file.journal, |journal| ready_journal(journal, file, problems));
     Some(Config {
+        journal: journal?.unwrap_or_default(),
         gateway: GatewaySettings {
             name: file.gateway.name.clone().optional()?,
             data_dir: file.gateway.data_dir.clone().optional()?,
@@ -69,6 +72,15 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
         mqtt: mqtt?,
         http: whole(&file.http, |http| Some(HttpSettings { listen: http.listen.as_ref()?.value }))?,
     })
+}
+
+/// Without a directory there is nowhere to keep anything.
+fn ready_journal(journal: &JournalFile, file: &File, problems: &mut Vec<Problem>) -> Option<JournalSettings> {
+    if matches!(file.gateway.data_dir, Given::LeftOut) {
+        let problem = journal.place.problem("there is no journal without a data directory");
+        problems.push(problem.right("`data_dir` in `[gateway]`, or no `[journal]`"));
+    }
+    Some(JournalSettings { max_bytes: journal.max_size.or(JournalSettings::default().max_bytes)? })
 }
 
 /// What `settle` makes of a table, nothing inside where it is left out; nothing at all: see the problems.

@@ -2,12 +2,15 @@
 
 use super::answers::{News, NorthSides};
 use super::clock;
-use super::inbox::Inbox;
+use super::inbox::{Inbox, Message};
+use super::journal::Journal;
+use super::kept::Kept;
 use super::shared::SharedLine;
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::drive::description::DriveRef;
 use crate::drive::view::TripEvent;
 use crate::gateway::LineCore;
+use crate::journal::Keep;
 use std::sync::Arc;
 use tokio::sync::Notify;
 
@@ -17,6 +20,7 @@ pub struct Board {
     line: Arc<SharedLine>,
     changed: Arc<Notify>,
     north: NorthSides,
+    journal: Option<Kept>,
     /// News of this round.
     modbus: Vec<News>,
     mqtt: Vec<News>,
@@ -26,8 +30,12 @@ pub struct Board {
 impl Board {
     /// The board of `line`, whose news go to `north`; `changed` is rung for them.
     #[must_use]
-    pub const fn new(line: Arc<SharedLine>, changed: Arc<Notify>, north: NorthSides) -> Self {
-        Self { line, changed, north, modbus: Vec::new(), mqtt: Vec::new(), local: Vec::new() }
+    pub fn new(line: Arc<SharedLine>, changed: Arc<Notify>, north: NorthSides, journal: Option<&Arc<Journal>>) -> Self {
+        let journal = journal.map(|journal| {
+            let drives = line.drives.iter().map(|drive| drive.description.clone()).collect();
+            Kept::new(journal.line(line.name.clone(), drives, Arc::clone(&line.inbox)))
+        });
+        Self { line, changed, north, journal, modbus: Vec::new(), mqtt: Vec::new(), local: Vec::new() }
     }
 
     /// The way into the line.
@@ -41,8 +49,28 @@ impl Board {
         self.line.count_round();
     }
 
+    /// Takes notice of what is asked of the line.
+    pub fn note(&mut self, message: &Message) {
+        if let Some(journal) = &mut self.journal {
+            let drives = &self.line.drives;
+            journal.note(message, |drive| drives.get(drive.get()).map(|drive| &drive.description.model));
+        }
+    }
+
+    /// Keeps what the line says, if there is a journal.
+    pub fn keep(&mut self, keep: Keep) {
+        if let Some(journal) = &mut self.journal {
+            journal.keep(keep);
+        }
+    }
+
     /// Keeps `news` for the end of the round.
     pub fn tell(&mut self, news: News) {
+        let news = match &mut self.journal {
+            Some(journal) => journal.hold(news),
+            None => Some(news),
+        };
+        let Some(news) = news else { return };
         match news.asker() {
             AskerId::LOCAL => self.local.push(news),
             AskerId::MQTT if self.north.mqtt.is_some() => self.mqtt.push(news),
@@ -51,8 +79,11 @@ impl Board {
         }
     }
 
-    /// Keeps what happened to the trips of `drive` for the end of the round.
+    /// Keeps what happened to the trips of `drive` for the end of the round. With a journal they come from there.
     pub fn tell_trip(&mut self, drive: DriveIndex, event: TripEvent) {
+        if self.journal.is_some() {
+            return;
+        }
         self.tell(News::Trip(DriveRef { line: self.line.number, drive }, event));
     }
 
@@ -73,12 +104,26 @@ impl Board {
             shared.station.store(Arc::new(station));
         }
         let report = core.report();
-        has_changed |= report.state != self.line.report().state;
+        if report.state != self.line.report().state {
+            has_changed = true;
+            self.journal.iter().for_each(|journal| journal.source().state(&report));
+        }
         self.line.set_report(report);
         self.north.modbus.put(&mut self.modbus);
         self.north.local.put(&mut self.local);
         if let Some(mqtt) = &self.north.mqtt {
             mqtt.put(&mut self.mqtt);
+        }
+        for held in self.journal.iter_mut().flat_map(Kept::held) {
+            match (held.news.asker(), &self.north.mqtt) {
+                (AskerId::LOCAL, _) => self.north.local.hold(held),
+                (AskerId::MQTT, Some(mqtt)) => {
+                    mqtt.hold(held);
+                    has_changed = true;
+                }
+                (AskerId::MQTT, None) => {}
+                _ => self.north.modbus.hold(held),
+            }
         }
         if has_changed {
             self.changed.notify_one();

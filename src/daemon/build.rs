@@ -1,5 +1,6 @@
 //! From the configuration to what the line threads need.
 
+use super::journal;
 use super::line_thread::LinePort;
 use super::mqtt::{ConnectionSettings, Secret, TlsSettings, check_tls};
 use super::north::Mqtt;
@@ -13,16 +14,45 @@ use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::plan::Pace;
 use crate::gateway::{DriveSetup, LineSetup};
 use crate::journal::Remembered;
+use std::collections::BTreeMap;
+use std::fmt::{self, Write as _};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The pure side of a line, at a start of the gateway that no other start shares `first_epoch` with.
+/// What a journal remembers of each drive, by its name.
+pub type Memory = BTreeMap<Name, Remembered>;
+
+/// The pure side of a line, at a start of the gateway that no other start shares `first_epoch` with. Whether there is
+/// a journal: `keeps`. What that remembers is not known yet.
 #[must_use]
-pub fn line_setup(line: &LineSettings, first_epoch: u64) -> LineSetup {
+pub fn line_setup(line: &LineSettings, first_epoch: u64, keeps: bool) -> LineSetup {
     let drives = line.drives.iter().map(drive_setup).collect();
     let tells_traffic = tracing::enabled!(tracing::Level::TRACE);
-    LineSetup { timing: line_plan::timing(line).0, drives, echo: line.echo, tells_traffic, first_epoch, keeps: false }
+    LineSetup { timing: line_plan::timing(line).0, drives, echo: line.echo, tells_traffic, first_epoch, keeps }
+}
+
+/// How the journal of a gateway with a data directory is set up.
+#[must_use]
+pub fn journal(config: &Config) -> Option<journal::Settings> {
+    let directory = config.gateway.data_dir.clone()?;
+    Some(journal::Settings { directory, max_bytes: config.journal.max_bytes, configuration: digest(config) })
+}
+
+/// What tells this configuration from others.
+fn digest(config: &Config) -> String {
+    struct Digest(crc::Digest<'static, u64>);
+    impl fmt::Write for Digest {
+        fn write_str(&mut self, text: &str) -> fmt::Result {
+            self.0.update(text.as_bytes());
+            Ok(())
+        }
+    }
+    static TABLE: crc::Crc<u64> = crc::Crc::<u64>::new(&crc::CRC_64_XZ);
+    let mut digest = Digest(TABLE.digest());
+    // It never fails: nothing is written anywhere.
+    let _ = write!(digest, "{config:?}");
+    format!("{:016x}", digest.0.finalize())
 }
 
 /// What lines and north sides share, with lines that nobody serves yet.

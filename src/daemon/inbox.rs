@@ -3,6 +3,7 @@
 use crate::domain::command::{CommandRequest, Order, Owner};
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::native::{NativeAsk, NativeRequest};
+use crate::journal::RowNumber;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use tokio::sync::{Notify, oneshot};
@@ -40,6 +41,8 @@ pub enum Message {
     },
     /// It goes on after all.
     Stay,
+    /// The journal has kept the line's rows up to this one.
+    Kept(RowNumber),
 }
 
 /// The inbox is full; the message was not taken.
@@ -136,6 +139,7 @@ const fn room_for(message: &Message) -> usize {
         Message::Native(NativeRequest { ask: NativeAsk::Read { .. }, .. }) => INBOX_MAX,
         Message::Command(CommandRequest { order: Order::Stop { .. } | Order::Coast, .. })
         | Message::AskerGone(_)
+        | Message::Kept(_)
         | Message::Shutdown
         | Message::Hurry
         | Message::Leave { .. }

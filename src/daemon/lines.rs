@@ -1,7 +1,8 @@
 //! The threads of all lines: made ready, begun, asked to leave, ended.
 
 use super::answers::NorthSides;
-use super::build;
+use super::build::{self, Memory};
+use super::journal::Journal;
 use super::line_thread::LineHandle;
 use super::shared::SharedLine;
 use crate::config::LineSettings;
@@ -28,15 +29,23 @@ pub struct Lines {
     sides: NorthSides,
     changed: Arc<Notify>,
     data_dir: Option<PathBuf>,
+    journal: Option<Arc<Journal>>,
     last_number: u16,
 }
 
 impl Lines {
-    /// None yet. They will answer to `sides`, and ring `changed`. Lines are `numbered` from 0 already.
+    /// None yet. They will answer to `sides`, ring `changed`, and say to `journal` what is to be kept. Lines are `numbered`
+    /// from 0 already.
     #[must_use]
-    pub fn new(sides: NorthSides, changed: Arc<Notify>, data_dir: Option<PathBuf>, numbered: usize) -> Self {
+    pub fn new(
+        sides: NorthSides,
+        changed: Arc<Notify>,
+        data_dir: Option<PathBuf>,
+        journal: Option<Arc<Journal>>,
+        numbered: usize,
+    ) -> Self {
         let last_number = u16::try_from(numbered).unwrap_or(u16::MAX);
-        Self { handles: Vec::new(), sides, changed, data_dir, last_number }
+        Self { handles: Vec::new(), sides, changed, data_dir, journal, last_number }
     }
 
     /// A number that no line has.
@@ -55,10 +64,17 @@ impl Lines {
     /// The system refuses something that it needs.
     pub async fn prepare(&self, settings: &LineSettings, line: Arc<SharedLine>) -> io::Result<LineHandle> {
         let port = build::line_port(settings, self.data_dir.as_deref());
-        let setup = build::line_setup(settings, first_epoch());
+        let setup = build::line_setup(settings, first_epoch(), self.journal.is_some());
         let StopBounds { all_healthy, one_silent, .. } = setup.stop_bounds();
         tracing::info!(line = %settings.name, ?all_healthy, ?one_silent, "a stop starts within these times");
-        let mut handle = LineHandle::prepare(port, setup, line, Arc::clone(&self.changed), self.sides.clone())?;
+        let mut handle = LineHandle::prepare(
+            port,
+            setup,
+            line,
+            Arc::clone(&self.changed),
+            self.sides.clone(),
+            self.journal.as_ref(),
+        )?;
         if handle.is_ready().await {
             Ok(handle)
         } else {
@@ -66,9 +82,9 @@ impl Lines {
         }
     }
 
-    /// Has these lines begin.
-    pub fn begin(&mut self, mut handles: Vec<LineHandle>) {
-        handles.iter_mut().for_each(LineHandle::begin);
+    /// Has these lines begin, with what the journal remembers of their drives.
+    pub fn begin(&mut self, mut handles: Vec<LineHandle>, memory: &Memory) {
+        handles.iter_mut().for_each(|handle| handle.begin(memory));
         self.handles.append(&mut handles);
     }
 

@@ -3,7 +3,8 @@
 use super::answers::NorthSides;
 use super::clock;
 use super::http::{self, State, socket::OwnSocket};
-use super::keeping::Journal;
+use super::journal::Journal;
+use super::keeping;
 use super::local::LocalSide;
 use super::modbus_server::{Listener, Server};
 use super::mqtt::speaker::Speaker;
@@ -92,7 +93,7 @@ pub struct North {
     http: Option<AbortHandle>,
     mqtt: Option<Conversation>,
     conversations: u64,
-    journal: Journal,
+    journal: Option<Arc<Journal>>,
 }
 
 /// A Modbus TCP listener, and the task that accepts its connections.
@@ -120,15 +121,15 @@ impl North {
         bound: Bound,
         socket: Option<(OwnSocket, Option<Reloads>)>,
         mqtt: Option<Mqtt>,
+        journal: Option<Arc<Journal>>,
     ) -> Self {
-        // Nothing keeps what the north sides say.
-        let journal: Journal = None;
         let modbus_totals = Arc::new(ModbusTotals::default());
         let state = Arc::new(State {
             gateway: name.to_string(),
             shared: current.clone(),
             modbus: Arc::clone(&modbus_totals),
             mqtt: None.into(),
+            journal: journal.clone(),
             started: clock::now(),
             started_at: clock::wall(),
         });
@@ -137,7 +138,7 @@ impl North {
             tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&sides.local)));
             tokio::task::spawn_local(socket.serve(Arc::clone(&state), side));
         }
-        let server = Rc::new(Server::new(modbus_totals, journal.clone()));
+        let server = Rc::new(Server::new(modbus_totals, keeping::side(journal.as_ref(), &current)));
         tokio::task::spawn_local(Rc::clone(&server).distribute(Arc::clone(&sides.modbus)));
         let units = Units::new(&current.get());
         let listeners = Vec::new();
@@ -217,7 +218,7 @@ impl North {
         let first_ticket = Ticket(self.conversations * TICKETS);
         let (stop, stopped) = oneshot::channel();
         let (current, (connection, settings)) = (self.current.clone(), with.clone());
-        let journal = self.journal.clone();
+        let journal = keeping::side(self.journal.as_ref(), &self.current);
         let task = tokio::task::spawn_local(async move {
             if let Some(before) = before {
                 before.end().await;

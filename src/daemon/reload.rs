@@ -3,7 +3,8 @@
 //! Everything that can fail is done first: the file is loaded and checked, addresses are taken, secrets and certificates read,
 //! threads started. Then the drives whose lines end are looked at, and only then anything changes.
 
-use super::build;
+use super::build::{self, Memory};
+use super::journal::Journal;
 use super::line_thread::LineHandle;
 use super::lines::Lines;
 use super::mqtt::broker_child::BrokerChild;
@@ -15,10 +16,14 @@ use crate::config::{Config, MqttSettings, Removal};
 use crate::domain::ids::Name;
 use std::fmt;
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::sync::{mpsc, oneshot};
 
 /// Reloads that may wait; a person asks for one.
 const WAITING_MAX: usize = 4;
+
+/// Most time for the journal to say what it remembers.
+const MEMORY_WITHIN: Duration = Duration::from_secs(1);
 
 /// Loads the configuration, or tells all its problems, for people.
 pub type Load = Arc<dyn Fn() -> Result<Config, String> + Send + Sync>;
@@ -135,6 +140,8 @@ pub struct Gateway {
     pub north: North,
     /// The embedded broker, if there is one.
     pub broker: Option<BrokerChild>,
+    /// The journal, if there is one.
+    pub journal: Option<Arc<Journal>>,
 }
 
 /// All that a new configuration needs, held ready. What is not used is given back when it is dropped.
@@ -218,6 +225,16 @@ impl Gateway {
         Err(if stops { Refusal::NoEffect(names) } else { Refusal::InUse(names) })
     }
 
+    /// What the journal remembers by now of all drives.
+    async fn memory(&self) -> Memory {
+        let Some(journal) = &self.journal else { return Memory::new() };
+        let memory = journal.memory(MEMORY_WITHIN).await;
+        if memory.is_none() {
+            tracing::error!("ALARM: the journal does not answer: lines that begin now know nothing of their drives");
+        }
+        memory.unwrap_or_default()
+    }
+
     /// Nothing here can fail.
     async fn switch(&mut self, new: Config, change: &Change, ending: &[u16], prepared: Prepared) {
         let Prepared { shared, handles, bound, mqtt, broker } = prepared;
@@ -225,7 +242,7 @@ impl Gateway {
         self.lines.end(ending).await;
         let changed = Arc::clone(&shared.changed);
         self.current.set(shared);
-        self.lines.begin(handles);
+        self.lines.begin(handles, &self.memory().await);
         self.north.switch(&new, change, bound, mqtt);
         let is_embedded = new.mqtt.as_ref().is_some_and(MqttSettings::is_embedded);
         self.broker = self.broker.take().or(broker).filter(|_| is_embedded);

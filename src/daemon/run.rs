@@ -2,6 +2,7 @@
 
 use super::answers::NorthSides;
 use super::http::socket::{OwnSocket, SocketError};
+use super::journal::Journal;
 use super::lines::Lines;
 use super::mqtt::broker_child::BrokerChild;
 use super::north::{self, North};
@@ -16,9 +17,13 @@ use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::pin::pin;
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::LocalSet;
+
+/// Most time for the journal's last rows.
+const JOURNAL_MAX: Duration = Duration::from_secs(2);
 
 /// Why the daemon could not start.
 #[derive(Debug, thiserror::Error)]
@@ -117,15 +122,23 @@ async fn start(config: &Config, reloads: Option<Reloads>) -> Result<(Gateway, Ad
     let mqtt = config.mqtt.as_ref().map(|mqtt| build::broker(mqtt, &name, broker_at)).transpose();
     let mqtt = mqtt.map_err(StartError::Mqtt)?;
     let (listening, http) = bound.addresses()?;
-    let mut lines = Lines::new(sides.clone(), Arc::clone(&shared.changed), data_dir, shared.lines.len());
+    let changed = Arc::clone(&shared.changed);
+    let (journal, memory) = match build::journal(config) {
+        Some(settings) => {
+            let (journal, memory) = Journal::start(&settings, sides.clone(), Arc::clone(&changed))?;
+            (Some(journal), memory)
+        }
+        None => (None, build::Memory::new()),
+    };
+    let mut lines = Lines::new(sides.clone(), changed, data_dir, journal.clone(), shared.lines.len());
     let mut handles = Vec::with_capacity(config.lines.len());
     for (settings, line) in config.lines.iter().zip(&shared.lines) {
         handles.push(lines.prepare(settings, Arc::clone(line)).await?);
     }
     let current = Current::from(shared);
-    let north = North::start(config, &name, current.clone(), sides, bound, socket, mqtt);
-    lines.begin(handles);
-    let gateway = Gateway { config: config.clone(), name, current, lines, north, broker };
+    let north = North::start(config, &name, current.clone(), sides, bound, socket, mqtt, journal.clone());
+    lines.begin(handles, &memory);
+    let gateway = Gateway { config: config.clone(), name, current, lines, north, broker, journal };
     Ok((gateway, (listening, http, broker_at)))
 }
 
@@ -180,7 +193,7 @@ async fn reload(gateway: &mut Gateway, load: Option<&Load>) -> Reloaded {
 async fn end(gateway: Gateway) -> Lines {
     notify::stopping();
     let alive = tokio::task::spawn_local(notify::keep_alive());
-    let Gateway { mut lines, north, broker, .. } = gateway;
+    let Gateway { mut lines, north, broker, journal, .. } = gateway;
     lines.begin_shutdown();
     let again = async {
         match told_to_end() {
@@ -204,6 +217,9 @@ async fn end(gateway: Gateway) -> Lines {
             () = north.farewell() => {}
             () = &mut again => {}
         }
+    }
+    if let Some(journal) = &journal {
+        journal.close(JOURNAL_MAX).await;
     }
     alive.abort();
     drop(broker);

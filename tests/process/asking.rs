@@ -252,6 +252,7 @@ fn served(directory: &Path) -> (SocketAddr, Arc<State>) {
     let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
     let shared = Arc::new(build::shared(&config::load(text, &catalog).unwrap()));
     let state = Arc::new(State {
+        journal: None,
         gateway: "plant-a".to_owned(),
         shared: shared.into(),
         modbus: Arc::default(),

@@ -4,7 +4,7 @@ mod control;
 mod mqtt;
 mod network;
 
-use super::file::{DriveFile, File, GatewayFile, LineFile};
+use super::file::{DriveFile, File, GatewayFile, JournalFile, LineFile};
 use super::ready::{PortAddress, Silence};
 use super::words::{DIRECTION_CONTROLS, REMOVALS};
 use super::{keys, port};
@@ -28,6 +28,7 @@ const STATUS_AGE: RangeInclusive<Duration> = Duration::from_millis(100)..=Durati
 const DEAD_BAND: RangeInclusive<f64> = 0.000_001..=100_000.0;
 /// A rated current in A or voltage in V.
 const RATED: RangeInclusive<f64> = 0.001..=100_000.0;
+const JOURNAL_BYTES: RangeInclusive<u64> = 1_000_000..=16_000_000_000;
 const POLL: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(3600);
 
 /// The configuration as it is written; nothing: `text` is no TOML, and `problems` says where.
@@ -42,6 +43,7 @@ pub(super) fn read(text: &str, problems: &mut Vec<Problem>) -> Option<File> {
     };
     let file = File {
         gateway,
+        journal: inner(&mut reader, "journal", read_journal),
         lines: each(&mut reader, "line", read_line),
         mqtt: inner(&mut reader, "mqtt", mqtt::read_mqtt),
         listeners: each(&mut reader, "modbus_tcp", network::read_listener),
@@ -65,6 +67,26 @@ fn read_gateway(mut reader: Reader<'_, '_>) -> GatewayFile {
     };
     reader.finish();
     gateway
+}
+
+fn read_journal(mut reader: Reader<'_, '_>) -> JournalFile {
+    refuse_not_served(&mut reader, keys::Section::Journal);
+    let size = Kind::parsed("a size from \"1MB\" to \"16GB\"", size_bytes);
+    let journal = JournalFile { place: reader.place().clone(), max_size: reader.optional("max_size", &size) };
+    reader.finish();
+    journal
+}
+
+/// A size with its unit in bytes, if a journal may have it.
+fn size_bytes(text: &str) -> Option<u64> {
+    let (number, unit) = text.split_at(text.find(|c: char| !c.is_ascii_digit())?);
+    let unit = match unit {
+        "MB" => 1_000_000,
+        "GB" => 1_000_000_000,
+        _ => return None,
+    };
+    let bytes = number.parse::<u64>().ok()?.checked_mul(unit)?;
+    JOURNAL_BYTES.contains(&bytes).then_some(bytes)
 }
 
 /// The directories of `text` that hold models; none where it is no TOML, or where one of them is wrong.

@@ -37,6 +37,9 @@ listen = "127.0.0.1:1502"
 pub(super) const CONTROLLED: &str = r#"
 [gateway]
 name = "plant-a"
+data_dir = "/var/lib/vfd-gateway"
+[journal]
+max_size = "10MB"
 [[line]]
 name = "hall-1"
 port = "/dev/ttyUSB0"

@@ -27,6 +27,7 @@ pub(super) fn health(state: &State, now: MonoTime) -> Value {
         "lines": state.shared.load().lines.iter().map(|it| line(it)).collect::<Vec<_>>(),
         "drives": state.shared.load().drives.iter().map(|it| drive(it)).collect::<Vec<_>>(),
         "mqtt": mqtt(state),
+        "journal": journal(state),
     })
 }
 
@@ -71,4 +72,20 @@ pub(super) fn run_state(view: &DriveView) -> RunState {
 
 fn mqtt(state: &State) -> Value {
     state.mqtt.load().as_ref().map_or(Value::Null, |mqtt| json!({ "connected": mqtt.is_connected() }))
+}
+
+fn journal(state: &State) -> Value {
+    let Some(journal) = &state.journal else { return Value::Null };
+    let report = journal.report();
+    json!({
+        "state": report.state.word(),
+        "reason": report.reason,
+        "moved_aside": report.moved_aside,
+        "rows": report.rows,
+        "lost": report.lost,
+        "waiting": report.waiting,
+        "size_bytes": report.size_bytes,
+        "commit_ms": report.commit_time.as_secs_f64() * 1000.0,
+        "commit_ms_max": report.commit_time_max.as_secs_f64() * 1000.0,
+    })
 }

@@ -49,10 +49,13 @@ impl Collector for Scrape {
         self.registers(&mut encoder, &drives)?;
         each(&mut encoder, table::MODBUS, || [(Vec::new(), state.modbus.as_ref())])?;
         self.exceptions(&mut encoder)?;
-        match state.mqtt.load().as_ref() {
-            Some(mqtt) => each(&mut encoder, table::MQTT, || [(Vec::new(), mqtt.as_ref())]),
-            None => Ok(()),
+        if let Some(mqtt) = state.mqtt.load().as_ref() {
+            each(&mut encoder, table::MQTT, || [(Vec::new(), mqtt.as_ref())])?;
         }
+        if let Some(report) = state.journal.as_ref().map(|journal| journal.report()) {
+            each(&mut encoder, table::JOURNAL, || [(Vec::new(), &report)])?;
+        }
+        Ok(())
     }
 }
 

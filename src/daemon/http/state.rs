@@ -1,5 +1,6 @@
 //! What the HTTP side knows: what the lines show, and counts that the other north sides keep for it.
 
+use crate::daemon::journal::Journal;
 use crate::daemon::shared::Current;
 use crate::daemon::totals::{ModbusTotals, MqttTotals};
 use crate::domain::report::LineState;
@@ -18,6 +19,8 @@ pub struct State {
     pub modbus: Arc<ModbusTotals>,
     /// State and counts of the MQTT side; nothing if no broker is configured.
     pub mqtt: ArcSwapOption<MqttTotals>,
+    /// The journal; nothing if there is no data directory.
+    pub journal: Option<Arc<Journal>>,
     /// When the gateway started.
     pub started: MonoTime,
     /// The same moment for people.

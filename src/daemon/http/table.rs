@@ -4,6 +4,7 @@
 
 use super::health;
 use super::state::State;
+use crate::daemon::journal::{JournalReport, JournalState};
 use crate::daemon::totals::{ModbusTotals, MqttTotals};
 use crate::domain::report::{LineReport, LineState, ReplyReport, StationReport};
 use crate::drive::view::{ControlView, DriveView};
@@ -273,6 +274,28 @@ pub(super) const MQTT: &[Metric<MqttTotals>] = &[
     counter("mqtt_received", "Messages from the broker.", |mqtt| Some(mqtt.counts()[1])),
     counter("mqtt_published", "Messages to the broker.", |mqtt| Some(mqtt.counts()[2])),
     counter("mqtt_refused_retained", "Commands refused because they were retained.", |mqtt| Some(mqtt.counts()[3])),
+];
+
+/// The journal, if there is a data directory.
+pub(super) const JOURNAL: &[Metric<JournalReport>] = &[
+    gauge("journal_ok", "1 while rows can be written to the journal; else the newest are in memory.", |journal| {
+        truth(journal.state == JournalState::Ok)
+    }),
+    counter("journal_rows", "Rows written.", |journal| Some(journal.rows)),
+    counter("journal_lost", "Attempts, trips and other rows that could not be kept.", |journal| Some(journal.lost)),
+    counter("journal_commits", "Groups of rows written.", |journal| Some(journal.commits)),
+    counter("journal_failures", "Times the journal could not be opened or written.", |journal| Some(journal.failures)),
+    gauge("journal_waiting", "Rows that wait to be written.", |journal| Some(journal.waiting as f64)),
+    gauge("journal_size", "Size of the journal's file.", |journal: &JournalReport| Some(journal.size_bytes as f64))
+        .in_unit("bytes"),
+    gauge("journal_commit_time", "How long the last group took to write.", |journal: &JournalReport| {
+        seconds(journal.commit_time)
+    })
+    .in_unit("seconds"),
+    gauge("journal_commit_time_longest", "How long the slowest group took to write.", |journal: &JournalReport| {
+        seconds(journal.commit_time_max)
+    })
+    .in_unit("seconds"),
 ];
 
 fn seconds(time: Duration) -> Option<f64> {

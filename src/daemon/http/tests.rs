@@ -47,6 +47,7 @@ pub(super) fn state(broker: bool) -> Arc<State> {
         dead_bands: Vec::new(),
     };
     Arc::new(State {
+        journal: None,
         gateway: "plant-a".to_owned(),
         shared: Arc::new(Shared::new(vec![(name("hall-1"), Interface::Rs485)], vec![description])).into(),
         modbus: Arc::new(ModbusTotals::default()),

@@ -17,6 +17,7 @@ impl LineTask<'_> {
         self.board.inbox().take(&mut self.round);
         let now = clock::now();
         for message in self.round.drain(..) {
+            self.board.note(&message);
             let input = match message {
                 Message::Native(request) => Input::Native(request),
                 Message::Command(command) => Input::Command(command),
@@ -45,6 +46,7 @@ impl LineTask<'_> {
                     self.leaving = None;
                     Input::Stay
                 }
+                Message::Kept(row) => Input::Kept(row),
             };
             self.core.handle(now, input);
         }
@@ -74,7 +76,7 @@ impl LineTask<'_> {
                     self.log_trip(drive, &event.kind);
                     self.board.tell_trip(drive, event);
                 }
-                Effect::Keep(_) => {}
+                Effect::Keep(keep) => self.board.keep(keep),
                 Effect::Note(drive, note) => {
                     tracing::warn!(line = self.port.line, drive = self.name_of(drive), "{note}");
                 }

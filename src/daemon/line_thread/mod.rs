@@ -9,16 +9,19 @@ mod serving;
 
 use super::answers::NorthSides;
 use super::board::Board;
+use super::build::Memory;
 use super::clock;
 use super::inbox::Message;
+use super::journal::Journal;
 use super::port::PortSettings;
-use super::shared::SharedLine;
+use super::shared::{SharedDrive, SharedLine};
 use super::sys;
 use super::timer::Timer;
 use crate::domain::ids::DriveIndex;
 use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
 use crate::gateway::{Input, LineCore, LineSetup};
+use crate::journal::Remembered;
 use opening::{Attempts, Told};
 use std::io;
 use std::sync::Arc;
@@ -46,7 +49,7 @@ pub struct LinePort {
 #[derive(Debug)]
 pub struct LineHandle {
     line: Arc<SharedLine>,
-    begin: Option<oneshot::Sender<()>>,
+    begin: Option<oneshot::Sender<Vec<Remembered>>>,
     /// Told when all is there that the thread needs.
     ready: oneshot::Receiver<()>,
     /// Closed when the thread ends.
@@ -57,7 +60,7 @@ pub struct LineHandle {
 
 /// The other ends of what a [`LineHandle`] holds.
 struct Waits {
-    begin: oneshot::Receiver<()>,
+    begin: oneshot::Receiver<Vec<Remembered>>,
     ready: oneshot::Sender<()>,
 }
 
@@ -72,11 +75,12 @@ impl LineHandle {
         line: Arc<SharedLine>,
         changed: Arc<Notify>,
         north: NorthSides,
+        journal: Option<&Arc<Journal>>,
     ) -> io::Result<Self> {
         let (begin, begun) = oneshot::channel();
         let (is_ready, ready) = oneshot::channel();
         let (ends, ended) = oneshot::channel();
-        let board = Board::new(Arc::clone(&line), changed, north);
+        let board = Board::new(Arc::clone(&line), changed, north, journal);
         let thread = std::thread::Builder::new().name(format!("line {}", port.line)).spawn(move || {
             if let Err(error) = run(&port, setup, board, Waits { begin: begun, ready: is_ready }) {
                 tracing::error!(line = port.line, %error, "the line thread could not be set up");
@@ -97,10 +101,12 @@ impl LineHandle {
         (&mut self.ready).await.is_ok()
     }
 
-    /// Has the port opened and the line served.
-    pub fn begin(&mut self) {
+    /// Has the port opened and the line served, with what the journal remembers of its drives.
+    pub fn begin(&mut self, memory: &Memory) {
+        let of = |drive: &Arc<SharedDrive>| memory.get(&drive.description.name).copied().unwrap_or_default();
+        let remembered = self.line.drives.iter().map(of).collect();
         // A thread that has ended already has told why.
-        let _ = self.begin.take().map(|begin| begin.send(()));
+        let _ = self.begin.take().map(|begin| begin.send(remembered));
     }
 
     /// From now on no command is taken but stops; with `stops`, drives in use are stopped. Answered with the drives that
@@ -151,7 +157,7 @@ impl LineHandle {
     }
 }
 
-fn run(port: &LinePort, setup: LineSetup, board: Board, waits: Waits) -> io::Result<()> {
+fn run(port: &LinePort, mut setup: LineSetup, board: Board, waits: Waits) -> io::Result<()> {
     // Without character times there is no moment to hit, and preempting everybody only costs throughput.
     if setup.timing.paced
         && let Err(error) = sys::ask_for_real_time()
@@ -164,8 +170,9 @@ fn run(port: &LinePort, setup: LineSetup, board: Board, waits: Waits) -> io::Res
         let timer = Timer::new()?;
         // Whoever does not wait for it has given the line up, which shows below.
         let _ = waits.ready.send(());
-        if waits.begin.await.is_err() {
-            return Ok(());
+        let Ok(remembered) = waits.begin.await else { return Ok(()) };
+        for (drive, remembered) in setup.drives.iter_mut().zip(remembered) {
+            drive.remembered = remembered;
         }
         let line = LineTask {
             port,
@@ -225,10 +232,12 @@ impl LineTask<'_> {
     /// any more.
     fn take_leave(&mut self) -> io::Result<()> {
         if self.ending.is_some() {
-            return Ok(());
+            self.core.end_attempts(clock::now());
+            return self.act(None);
         }
         self.take_messages();
         self.core.handle(clock::now(), Input::PortDown(LineFault::Gone));
+        self.core.end_attempts(clock::now());
         self.act(None)
     }
 }

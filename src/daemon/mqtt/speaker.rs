@@ -182,7 +182,7 @@ impl Talk for Speaker {
     }
 
     fn next_wake(&self) -> Option<MonoTime> {
-        self.session.next_wake()
+        [self.session.next_wake(), self.news.next_release()].into_iter().flatten().min()
     }
 
     fn next_packet(&mut self, at: Moment) -> Option<Packet> {

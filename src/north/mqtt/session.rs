@@ -9,7 +9,6 @@ use super::path::Path;
 use super::pending::Unanswered;
 use super::results::Results;
 use super::seen::Seen;
-use super::state::{object, record};
 use super::stored::Stored;
 use super::telemetry::Telemetry;
 use super::topics::Topics;
@@ -17,8 +16,8 @@ use super::types::{Act, Broker, Event, Filter, LineState, Moment, Publication, Q
 use crate::domain::ids::Name;
 use crate::domain::time::MonoTime;
 use crate::drive::description::{DriveDescription, DriveRef};
-use crate::drive::view::{DriveView, TripEvent, TripEventKind};
-use serde_json::{Value, json};
+use crate::drive::view::{DriveView, TripEvent};
+use crate::journal::trip;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -163,21 +162,8 @@ impl Session {
     pub fn trip(&mut self, at: Moment, place: DriveRef, event: &TripEvent) {
         self.clock.see(at);
         let Some(drive) = self.drives.iter().find(|drive| drive.place == place) else { return };
-        let mut body = object(json!({
-            "session": self.run,
-            "drive": drive.name.as_str(),
-            "at": self.clock.text(event.at),
-            "count": event.count,
-        }));
-        match &event.kind {
-            TripEventKind::Cleared => body.extend([("kind".to_owned(), Value::from("cleared"))]),
-            TripEventKind::Tripped { trips, record: newest } => {
-                // The moment of the event is the one by which it is told apart.
-                let words = record(drive, self.clock, newest).into_iter().filter(|(key, _)| key != "at");
-                body.extend(words);
-                body.extend([("kind".to_owned(), "tripped".into()), ("trips".to_owned(), (*trips).into())]);
-            }
-        }
+        let mut body = trip::event(drive, &|at| self.clock.text(at), event);
+        body.insert("session".to_owned(), self.run.as_str().into());
         let topic = self.topics.drive(drive.name.as_str(), "trip/event");
         self.counters.events_dropped += u64::from(self.outbox.add(topic, body));
         self.count_events();

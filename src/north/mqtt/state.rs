@@ -11,6 +11,9 @@ use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::Reading;
 use crate::drive::view::{ControlView, DriveView, RunState, TripRecord};
 use crate::drive::watchdog::WatchdogView;
+use crate::journal::trip;
+pub(super) use crate::journal::trip::text as trip_text;
+use crate::journal::trip::unit;
 use crate::profile::model::{Confidence, Flag, Register};
 use crate::profile::scale::Scaled;
 use serde_json::{Map, Value, json};
@@ -65,36 +68,7 @@ fn quality(drive: &DriveDescription, register: &Register, view: &DriveView, at: 
 
 /// What a trip record says, by the names of its registers.
 pub(super) fn record(drive: &DriveDescription, clock: Clock, record: &TripRecord) -> Map<String, Value> {
-    let value = |(address, word): &(u16, u16)| match drive.model.register_at(*address) {
-        Some(register) => (register.name.clone(), with_unit(register, *word)),
-        None => (format!("0x{address:04X}"), json!({ "value": word, "unit": null })),
-    };
-    let values: Map<_, _> = record.words.iter().map(value).collect();
-    let text = record.code.and_then(|code| trip_text(drive, code));
-    object(json!({ "at": clock.text(record.at), "code": record.code, "text": text, "values": values }))
-}
-
-/// The vendor's words for trip `code`, marked where they are a hint only; nothing for 0, which is no trip.
-pub(super) fn trip_text(drive: &DriveDescription, code: u16) -> Option<String> {
-    match drive.model.trip_text(code) {
-        _ if code == 0 => None,
-        Some(known) if known.confidence.is_proven() => Some(known.text.clone()),
-        Some(known) => Some(format!("{} ({})", known.text, known.confidence.word())),
-        None => Some(format!("code {code}")),
-    }
-}
-
-fn with_unit(register: &Register, word: u16) -> Value {
-    json!({ "value": Scaled::from_word(word, register).value(), "unit": unit(register) })
-}
-
-fn unit(register: &Register) -> Option<&'static str> {
-    Some(register.unit.symbol()).filter(|symbol| *symbol != "-")
-}
-
-/// The members of a JSON object.
-pub(super) fn object(value: Value) -> Map<String, Value> {
-    if let Value::Object(object) = value { object } else { Map::new() }
+    trip::record(drive, &|at| clock.text(at), record)
 }
 
 /// What a drive's control section and model allow to be commanded, as words.
@@ -234,7 +208,7 @@ fn document(now: &Present, drive: &DriveDescription, view: &DriveView) -> Value 
         "ready": view.status.ready,
         "watchdog": view.watchdog.as_ref().map(watchdog),
         "values": values,
-        "trip": trip(now, drive, view),
+        "trip": trip_state(now, drive, view),
         "control": view.control.as_ref().map(|it| control(now, it)),
         "capabilities": capabilities(drive),
     })
@@ -263,7 +237,7 @@ fn value(now: &Present, drive: &DriveDescription, register: &Register, view: &Dr
     })
 }
 
-fn trip(now: &Present, drive: &DriveDescription, view: &DriveView) -> Value {
+fn trip_state(now: &Present, drive: &DriveDescription, view: &DriveView) -> Value {
     json!({
         "active": view.trip.active,
         "count": view.trip_kept.count,

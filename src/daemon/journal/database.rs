@@ -1,0 +1,300 @@
+//! The journal's database: opened, written in groups, cut when it is full.
+
+use super::events;
+use super::reader;
+use super::schema::{self, Made};
+use crate::domain::ids::Name;
+use crate::journal::audit::Change;
+use crate::journal::policy::{self, Share};
+use crate::journal::row::memory_crc;
+use crate::journal::{Book, Remembered, Row, StoredEvent, Table};
+use rusqlite::{CachedStatement, Connection, Error, ErrorCode, OpenFlags, Transaction, params};
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::time::Duration;
+
+/// How long a write waits for somebody else's, such as a person with a tool of SQLite's own.
+const BUSY_WAIT: Duration = Duration::from_millis(100);
+/// Most cuts after one write: a journal that is much too large shrinks by and by.
+const CUTS_MAX: usize = 4;
+/// The log is emptied by the writer itself beyond this size.
+const LOG_BYTES_MAX: u64 = 16 * 1024 * 1024;
+/// Pages that go back to the file system at once.
+const PAGES_FREED: u32 = 256;
+
+/// Why a database cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Broken {
+    /// What is in it can never be used.
+    Damaged(String),
+    /// The system refuses. That may pass.
+    Refused(String),
+}
+
+impl From<Error> for Broken {
+    fn from(error: Error) -> Self {
+        match error.sqlite_error_code() {
+            Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase) => Self::Damaged(error.to_string()),
+            _ => Self::Refused(error.to_string()),
+        }
+    }
+}
+
+/// An open database.
+#[derive(Debug)]
+pub struct Database {
+    connection: Connection,
+    /// Tells the numbers of this file from those of another one.
+    session: String,
+    last_event: u64,
+    last_availability: u64,
+    /// Rows of the audit that were there before this life of the gateway.
+    audit_base: u64,
+    is_synced: bool,
+    most_bytes: u64,
+}
+
+/// What was found in a database.
+#[derive(Debug, Default)]
+pub struct Found {
+    /// What is remembered of each drive.
+    pub memory: BTreeMap<Name, Remembered>,
+    /// Drives of which what is remembered is damaged.
+    pub damaged: Vec<String>,
+    /// The configuration with which the gateway ran last.
+    pub configuration: Option<String>,
+    /// Trip events wait to be taken.
+    pub has_events: bool,
+}
+
+impl Database {
+    /// Opens the database at `path`, or makes it, of at most `most_bytes`. A new one is called `session`.
+    ///
+    /// # Errors
+    /// [`Broken`].
+    pub fn open(path: &Path, session: &str, most_bytes: u64) -> Result<(Self, Found), Broken> {
+        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_CREATE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+        let mut connection = Connection::open_with_flags(path, flags)?;
+        connection.busy_timeout(BUSY_WAIT)?;
+        match schema::make(&mut connection, session)? {
+            Made::New | Made::Found => {}
+            Made::Foreign => return Err(Broken::Damaged("it is a database of another program".to_owned())),
+            Made::Newer(version) => {
+                let what = format!("version {version} of its tables is newer than this program's, {}", schema::VERSION);
+                return Err(Broken::Damaged(what));
+            }
+        }
+        connection.pragma_update(None, "synchronous", "NORMAL")?;
+        let highest = |sql: &str| connection.query_row(sql, [], |row| row.get::<_, Option<u64>>(0));
+        let given = highest("SELECT max(seq) FROM sqlite_sequence WHERE name = 'event'")?;
+        let there = highest("SELECT max(number) FROM event")?;
+        let audit_base = highest("SELECT max(number) FROM audit")?.unwrap_or(0);
+        let last_availability = highest("SELECT max(number) FROM availability")?.unwrap_or(0);
+        let last_event = given.max(there).unwrap_or(0);
+        let session = meta(&connection, "session")?.unwrap_or_else(|| session.to_owned());
+        let found = found(&connection)?;
+        let database =
+            Self { connection, session, last_event, last_availability, audit_base, is_synced: false, most_bytes };
+        Ok((database, found))
+    }
+
+    /// Begins to count the audit where another file of this life of the gateway did.
+    pub const fn count_audit_from(&mut self, base: u64) {
+        self.audit_base = base;
+    }
+
+    /// Rows of the audit that were there before this life of the gateway.
+    #[must_use]
+    pub const fn audit_base(&self) -> u64 {
+        self.audit_base
+    }
+
+    /// Writes what waits in `book` and the numbers of events that were `taken`, all or nothing. With a trip in it, it is
+    /// on the disk afterwards; else it outlives the process. Returns the events with their numbers.
+    ///
+    /// # Errors
+    /// SQLite's; nothing was written, as far as that is known.
+    pub fn write(&mut self, book: &Book, taken: &BTreeSet<u64>) -> Result<Vec<StoredEvent>, Error> {
+        if self.is_synced != book.has_trip() {
+            let mode = if book.has_trip() { "FULL" } else { "NORMAL" };
+            self.connection.pragma_update(None, "synchronous", mode)?;
+            self.is_synced = book.has_trip();
+        }
+        let (mut last_event, mut last_availability) = (self.last_event, self.last_availability);
+        let transaction = self.connection.transaction()?;
+        let mut stored = Vec::new();
+        for event in book.events() {
+            last_event += 1;
+            let (row, event) = events::stored(event, last_event, &self.session);
+            put(&transaction, Table::Event, &row)?;
+            stored.push(event);
+        }
+        for row in book.availability() {
+            last_availability += 1;
+            put(&transaction, Table::Availability, &Row { number: last_availability, ..row.clone() })?;
+        }
+        for (number, change) in book.audit.waiting() {
+            match change {
+                Change::Put(record) => put(&transaction, Table::Audit, &record.row(self.audit_base))?,
+                Change::Remove => {
+                    let mut remove = transaction.prepare_cached("DELETE FROM audit WHERE number = ?")?;
+                    remove.execute([self.audit_base + number])?;
+                }
+            }
+        }
+        for (name, memory) in book.memory() {
+            let (name, body) = (name.as_str(), memory.to_json());
+            let mut put = transaction.prepare_cached("INSERT OR REPLACE INTO drive VALUES (?, ?, ?)")?;
+            put.execute(params![name, body, memory_crc(name, &body)])?;
+        }
+        events::mark(&transaction, taken, events::TAKEN)?;
+        transaction.commit()?;
+        (self.last_event, self.last_availability) = (last_event, last_availability);
+        Ok(stored)
+    }
+
+    /// Notes with which configuration the gateway runs now.
+    ///
+    /// # Errors
+    /// SQLite's.
+    pub fn set_configuration(&self, digest: &str) -> Result<(), Error> {
+        self.connection.execute("INSERT OR REPLACE INTO meta VALUES ('configuration', ?)", [digest]).map(drop)
+    }
+
+    /// At most `most` events behind `after` that were not taken, and whether there are more.
+    ///
+    /// # Errors
+    /// SQLite's.
+    pub fn events(&self, after: u64, most: usize) -> Result<(Vec<StoredEvent>, bool), Error> {
+        events::waiting(&self.connection, after, most)
+    }
+
+    /// Takes over what is not taken yet from a database that was moved aside, as far as it can be read.
+    ///
+    /// # Errors
+    /// SQLite's, of this database.
+    pub fn take_over(&mut self, old: &Path) -> Result<usize, Error> {
+        let (rows, highest) = events::rescued(old);
+        let transaction = self.connection.transaction()?;
+        for row in &rows {
+            put(&transaction, Table::Event, row)?;
+        }
+        transaction.commit()?;
+        self.last_event = self.last_event.max(highest);
+        Ok(rows.len())
+    }
+
+    /// Cuts what gives way if the journal is nearly full. Returns the size of its file in bytes.
+    ///
+    /// # Errors
+    /// SQLite's.
+    pub fn cut(&mut self) -> Result<u64, Error> {
+        let number =
+            |connection: &Connection, name: &str| connection.pragma_query_value(None, name, |row| row.get::<_, u64>(0));
+        let page = number(&self.connection, "page_size")?;
+        for _ in 0..CUTS_MAX {
+            let pages = number(&self.connection, "page_count")?;
+            let used = pages.saturating_sub(number(&self.connection, "freelist_count")?);
+            if !policy::is_full(used * page, self.most_bytes) {
+                if pages * page > self.most_bytes {
+                    self.connection.execute_batch(&format!("PRAGMA incremental_vacuum({PAGES_FREED})"))?;
+                }
+                break;
+            }
+            let rows = |table: Table| {
+                let count = format!("SELECT max(number) - min(number) + 1 FROM {}", table.name());
+                self.connection.query_row(&count, [], |row| row.get::<_, Option<u64>>(0))
+            };
+            let mut shares = Table::ALL.map(|table| Share { table, rows: 0 });
+            for share in &mut shares {
+                share.rows = rows(share.table)?.unwrap_or(0);
+            }
+            let Some(cut) = policy::cut(shares, self.most_bytes) else { break };
+            let table = cut.table.name();
+            let sql = format!("DELETE FROM {table} WHERE number < (SELECT min(number) FROM {table}) + ?");
+            self.connection.execute(&sql, [cut.rows])?;
+        }
+        Ok(number(&self.connection, "page_count")? * page)
+    }
+
+    /// Empties the write-ahead log if it has grown though it was emptied beside: somebody reads without an end, or writes
+    /// come without a pause.
+    ///
+    /// # Errors
+    /// SQLite's.
+    pub fn empty_log(&self) -> Result<(), Error> {
+        let log = self.connection.path().map(|path| format!("{path}-wal"));
+        let bytes = log.and_then(|log| std::fs::metadata(log).ok()).map_or(0, |log| log.len());
+        if bytes > LOG_BYTES_MAX { self.checkpoint() } else { Ok(()) }
+    }
+
+    /// Empties the write-ahead log into the file, as far as readers allow.
+    ///
+    /// # Errors
+    /// SQLite's.
+    pub fn checkpoint(&self) -> Result<(), Error> {
+        self.connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()))
+    }
+}
+
+fn put(transaction: &Transaction<'_>, table: Table, row: &Row) -> Result<(), Error> {
+    let mut put: CachedStatement<'_> = transaction.prepare_cached(match table {
+        Table::Event => "INSERT OR REPLACE INTO event (number, at, kind, name, body, crc) VALUES (?, ?, ?, ?, ?, ?)",
+        Table::Audit => "INSERT OR REPLACE INTO audit VALUES (?, ?, ?, ?, ?, ?)",
+        Table::Availability => "INSERT OR REPLACE INTO availability VALUES (?, ?, ?, ?, ?, ?)",
+    })?;
+    put.execute(params![row.number, row.at.unix_ms, row.kind, row.name, row.body, row.crc(table)]).map(drop)
+}
+
+fn meta(connection: &Connection, key: &str) -> Result<Option<String>, Error> {
+    match connection.query_row("SELECT value FROM meta WHERE key = ?", [key], |row| row.get(0)) {
+        Ok(value) => Ok(Some(value)),
+        Err(Error::QueryReturnedNoRows) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+fn found(connection: &Connection) -> Result<Found, Error> {
+    let mut found = Found { configuration: meta(connection, "configuration")?, ..Found::default() };
+    found.has_events =
+        connection.query_row("SELECT EXISTS (SELECT 1 FROM event WHERE taken = 0)", [], |row| row.get(0))?;
+    remembered(connection, &mut found)?;
+    Ok(found)
+}
+
+/// What the damaged file at `path` remembers of the drives, as far as it can be read and is sound.
+#[must_use]
+pub fn rescued(path: &Path) -> BTreeMap<Name, Remembered> {
+    let mut found = Found::default();
+    // What was read before an error is sound all the same.
+    let _ = reader::salvage(path).and_then(|connection| remembered(&connection, &mut found));
+    found.memory
+}
+
+fn remembered(connection: &Connection, found: &mut Found) -> Result<(), Error> {
+    let mut select = connection.prepare("SELECT name, body, crc FROM drive")?;
+    let mut rows = select.query([])?;
+    while let Some(row) = rows.next()? {
+        let name: Option<String> = row.get(0).ok();
+        let sound = || {
+            let (name, body) = (name.as_deref()?, row.get::<_, String>(1).ok()?);
+            let is_sound = row.get::<_, u32>(2).ok()? == memory_crc(name, &body);
+            Some((Name::new(name)?, Remembered::from_json(&body).filter(|_| is_sound)?))
+        };
+        match sound() {
+            Some((name, memory)) => drop(found.memory.insert(name, memory)),
+            None => found.damaged.push(name.unwrap_or_else(|| "?".to_owned())),
+        }
+    }
+    Ok(())
+}
+
+/// `body` with its number and the name of the file that gave it.
+#[must_use]
+pub fn numbered(body: &serde_json::Map<String, Value>, number: u64, session: &str) -> String {
+    let mut body = body.clone();
+    body.insert("seq".to_owned(), number.into());
+    body.insert("session".to_owned(), session.into());
+    Value::Object(body).to_string()
+}

@@ -1,0 +1,88 @@
+//! Trip events in the database: given a number, read again until they are taken, rescued from a damaged file.
+
+use super::database::numbered;
+use super::reader::{self, Seen};
+use crate::domain::ids::Name;
+use crate::journal::{NewEvent, Row, StoredEvent, Table};
+use rusqlite::{Connection, Error};
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// Whoever is told of events has this one.
+pub const TAKEN: u8 = 1;
+/// This one is damaged: it is shown as such and cannot be told.
+const DAMAGED: u8 = 2;
+/// Most events that are rescued from a damaged file.
+const RESCUED_MAX: usize = 1024;
+
+/// `event` with its number, as a row and as it is told.
+#[must_use]
+pub fn stored(event: &NewEvent, number: u64, session: &str) -> (Row, StoredEvent) {
+    let body = numbered(&event.body, number, session);
+    let name = event.drive.as_str().to_owned();
+    let row = Row { number, at: event.at, kind: event.kind.to_owned(), name: Some(name), body: body.clone() };
+    (row, StoredEvent { seq: number, drive: event.drive.clone(), body })
+}
+
+/// Marks the events with these numbers.
+///
+/// # Errors
+/// SQLite's.
+pub fn mark(connection: &Connection, numbers: &BTreeSet<u64>, mark: u8) -> Result<(), Error> {
+    for number in numbers {
+        connection.prepare_cached("UPDATE event SET taken = ? WHERE number = ?")?.execute((mark, number))?;
+    }
+    Ok(())
+}
+
+/// At most `most` events behind `after` that were not taken, and whether there are more. Damaged ones are passed over
+/// for good.
+///
+/// # Errors
+/// SQLite's.
+pub fn waiting(connection: &Connection, after: u64, most: usize) -> Result<(Vec<StoredEvent>, bool), Error> {
+    loop {
+        let rows = unread(connection, after, most + 1)?;
+        let damaged: BTreeSet<u64> = rows.iter().filter(|seen| event_of(seen).is_none()).map(Seen::number).collect();
+        if damaged.is_empty() {
+            let has_more = rows.len() > most;
+            return Ok((rows.iter().take(most).filter_map(event_of).collect(), has_more));
+        }
+        tracing::error!(numbers = ?damaged, "ALARM: trip events in the journal are damaged and cannot be published");
+        mark(connection, &damaged, DAMAGED)?;
+    }
+}
+
+fn unread(connection: &Connection, after: u64, most: usize) -> Result<Vec<Seen>, Error> {
+    let mut select = connection.prepare_cached(
+        "SELECT number, at, kind, name, body, crc FROM event WHERE taken = 0 AND number > ? ORDER BY number LIMIT ?",
+    )?;
+    let rows = select.query_map((after, most), |row| reader::seen(Table::Event, row))?;
+    rows.collect()
+}
+
+fn event_of(seen: &Seen) -> Option<StoredEvent> {
+    let Seen::Sound(row) = seen else { return None };
+    let drive = Name::new(row.name.as_deref()?)?;
+    Some(StoredEvent { seq: row.number, drive, body: row.body.clone() })
+}
+
+/// The sound events of the damaged file at `path` that were not taken, as far as they can be read, and the highest
+/// number of all.
+#[must_use]
+pub fn rescued(path: &Path) -> (Vec<Row>, u64) {
+    let Ok(connection) = reader::salvage(path) else { return (Vec::new(), 0) };
+    let mut rows: Vec<Row> = Vec::new();
+    while rows.len() < RESCUED_MAX {
+        let after = rows.last().map_or(0, |row| row.number);
+        let Ok(seen) = unread(&connection, after, 16) else { break };
+        let before = rows.len();
+        rows.extend(seen.into_iter().filter_map(|seen| if let Seen::Sound(row) = seen { Some(row) } else { None }));
+        if rows.len() == before {
+            break;
+        }
+    }
+    let highest = connection.query_row("SELECT max(number) FROM event", [], |row| row.get::<_, Option<u64>>(0));
+    let newest = rows.last().map(|row| row.number);
+    (rows, highest.ok().flatten().max(newest).unwrap_or(0))
+}

@@ -1,0 +1,204 @@
+//! The journal on the disk: an SQLite database that one thread writes in groups.
+//!
+//! Lines and north sides put what is to be kept into the `inbox` and never wait. The `writer` takes all that lies there,
+//! writes it in one transaction, and tells each line up to which of its rows everything is kept. What cannot be written
+//! waits in its `Book`, which is bounded; control goes on. `teller` hands trip events to the MQTT side. `upkeep` looks
+//! whether the file is sound and empties its log, beside the writer.
+
+mod aside;
+mod database;
+mod events;
+mod inbox;
+pub mod reader;
+mod schema;
+pub mod status;
+mod store;
+mod teller;
+mod upkeep;
+mod writer;
+
+#[cfg(test)]
+mod tests;
+
+pub use status::{JournalReport, JournalState};
+
+use super::answers::NorthSides;
+use super::clock;
+use super::inbox::Inbox as LineInbox;
+use crate::domain::ids::Name;
+use crate::domain::report::LineReport;
+use crate::domain::time::MonoTime;
+use crate::drive::description::DriveDescription;
+use crate::journal::{Attempt, Keep, Remembered, RowNumber, row};
+use inbox::{Inbox, Post};
+use status::Status;
+use std::collections::BTreeMap;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use store::Store;
+use tokio::sync::{Notify, oneshot};
+
+/// The journal's file in the data directory.
+pub const FILE_NAME: &str = "journal.db";
+
+/// How the journal is set up.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// The data directory.
+    pub directory: PathBuf,
+    /// Most bytes of the file.
+    pub max_bytes: u64,
+    /// What tells this configuration from others.
+    pub configuration: String,
+}
+
+/// The journal of a running gateway.
+#[derive(Debug)]
+pub struct Journal {
+    inbox: Arc<Inbox>,
+    status: Arc<Status>,
+    sources: AtomicU64,
+    /// Closed when the writer has ended.
+    ended: Mutex<Option<oneshot::Receiver<()>>>,
+}
+
+impl Journal {
+    /// Opens the journal, reads what is remembered of each drive, and starts to write. It always comes about: what cannot
+    /// be used is moved aside, and where nothing can be opened the newest rows are in memory until that is over. The
+    /// directory must be this process's alone.
+    ///
+    /// # Errors
+    /// The system's refusal to start a thread.
+    pub fn start(
+        settings: &Settings,
+        sides: NorthSides,
+        changed: Arc<Notify>,
+    ) -> io::Result<(Arc<Self>, BTreeMap<Name, Remembered>)> {
+        let (inbox, status) = (Arc::<Inbox>::default(), Arc::<Status>::default());
+        let (store, found) = Store::open(&settings.directory.join(FILE_NAME), settings.max_bytes, &status);
+        let memory = found.memory.clone();
+        let (ends, ended) = oneshot::channel();
+        let upkeep = upkeep::start(settings.directory.join(FILE_NAME), Arc::clone(&inbox))?;
+        let writer = writer::Writer::new(store, found, Arc::clone(&inbox), Arc::clone(&status), sides, changed, upkeep);
+        let configuration = settings.configuration.clone();
+        std::thread::Builder::new().name("journal".to_owned()).spawn(move || {
+            writer.run(&configuration);
+            drop(ends);
+        })?;
+        let journal = Self { inbox, status, sources: AtomicU64::new(0), ended: Mutex::new(Some(ended)) };
+        Ok((Arc::new(journal), memory))
+    }
+
+    /// A line that has just started: its rows are numbered from 1. `inbox` is told what is kept.
+    #[must_use]
+    pub fn line(self: &Arc<Self>, name: Name, drives: Vec<DriveDescription>, inbox: Arc<LineInbox>) -> Source {
+        let origin = Origin { id: self.next_source(), line: name, drives, inbox, kept: AtomicU64::new(0) };
+        Source { journal: Arc::clone(self), origin: Arc::new(origin) }
+    }
+
+    /// A north side that refuses by itself: its number for [`refused`](Self::refused).
+    #[must_use]
+    pub fn next_source(&self) -> u64 {
+        self.sources.fetch_add(1, Ordering::Relaxed)
+    }
+
+    /// Keeps an attempt that the north side `source` refused, on `drive` if one was named.
+    pub fn refused(&self, source: u64, drive: Option<&Name>, at: MonoTime, attempt: Attempt) {
+        self.inbox.put(Post::Attempt(source, drive.cloned(), at, attempt));
+    }
+
+    /// The MQTT side has room for the events behind `after`; they come as news.
+    pub fn want_events(&self, after: u64) {
+        self.inbox.put(Post::WantEvents(after));
+    }
+
+    /// The broker has the event `seq`: it is not told again.
+    pub fn event_taken(&self, seq: u64) {
+        self.inbox.put(Post::EventTaken(seq));
+    }
+
+    /// What is remembered of each drive by now; nothing if the journal does not answer within `within`.
+    pub async fn memory(&self, within: Duration) -> Option<BTreeMap<Name, Remembered>> {
+        let (tell, told) = oneshot::channel();
+        self.inbox.put(Post::Memory(tell));
+        tokio::time::timeout(within, told).await.ok()?.ok()
+    }
+
+    /// How it is doing.
+    #[must_use]
+    pub fn report(&self) -> JournalReport {
+        self.status.report()
+    }
+
+    /// Writes what is left, and waits for that at most for `within`: a disk that hangs must not hold up the end.
+    pub async fn close(&self, within: Duration) {
+        self.inbox.put(Post::Note(row::ended(clock::wall())));
+        self.inbox.put(Post::Close);
+        let ended = self.ended.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let Some(ended) = ended else { return };
+        if tokio::time::timeout(within, ended).await.is_err() {
+            tracing::error!("the journal did not write its last rows in time");
+        }
+    }
+}
+
+/// A line in one of its lives.
+#[derive(Debug)]
+pub struct Origin {
+    id: u64,
+    line: Name,
+    /// In order.
+    drives: Vec<DriveDescription>,
+    inbox: Arc<LineInbox>,
+    /// Up to here all its rows are kept.
+    kept: AtomicU64,
+}
+
+impl Origin {
+    /// Whether the row `number` and all before it are kept.
+    #[must_use]
+    pub fn has_kept(&self, number: RowNumber) -> bool {
+        self.kept.load(Ordering::SeqCst) >= number.0
+    }
+}
+
+/// A line's way to the journal.
+#[derive(Clone, Debug)]
+pub struct Source {
+    journal: Arc<Journal>,
+    origin: Arc<Origin>,
+}
+
+impl Source {
+    /// Keeps what the line says.
+    pub fn keep(&self, keep: Keep) {
+        self.journal.inbox.put(Post::Keep(Arc::clone(&self.origin), keep));
+    }
+
+    /// Notes that the line can be used, or not any more.
+    pub fn state(&self, report: &LineReport) {
+        let note = row::line(clock::wall(), self.origin.line.as_str(), report.state, report.fault);
+        self.journal.inbox.put(Post::Note(note));
+    }
+
+    /// What its rows are told apart by, and whether they are kept.
+    #[must_use]
+    pub fn origin(&self) -> &Arc<Origin> {
+        &self.origin
+    }
+
+    /// Whether it makes sense to wait for a row: the journal can write.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        self.journal.status.is_ok()
+    }
+}
+
+/// Where the journal of the data directory `directory` is.
+#[must_use]
+pub fn file_in(directory: &Path) -> PathBuf {
+    directory.join(FILE_NAME)
+}

@@ -1,0 +1,137 @@
+//! Reads the journal beside the gateway that writes it: rows in their order, damaged ones shown as such.
+
+use crate::domain::time::WallTime;
+use crate::journal::{Row, Table};
+use rusqlite::{Connection, Error, OpenFlags};
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Rows that are read at once. No transaction is open between, so that a reader who pauses holds up nothing.
+const PAGE: usize = 1000;
+/// How long a read waits for the writer.
+const BUSY_WAIT: Duration = Duration::from_secs(2);
+
+/// A row as it was found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Seen {
+    /// It is as it was written.
+    Sound(Row),
+    /// It is not. Only its number is known.
+    Damaged(u64),
+}
+
+impl Seen {
+    /// Its number.
+    #[must_use]
+    pub const fn number(&self) -> u64 {
+        match self {
+            Self::Sound(row) => row.number,
+            Self::Damaged(number) => *number,
+        }
+    }
+}
+
+/// The columns number, at, kind, name, body, crc of a row of `table`.
+///
+/// # Errors
+/// There is no number.
+pub fn seen(table: Table, row: &rusqlite::Row<'_>) -> Result<Seen, Error> {
+    let number: u64 = row.get(0)?;
+    let read = || {
+        let unix_ms = row.get(1).ok()?;
+        let (kind, name, body) = (row.get(2).ok()?, row.get(3).ok()?, row.get(4).ok()?);
+        Row { number, at: WallTime { unix_ms }, kind, name, body }.checked(table, row.get(5).ok()?)
+    };
+    Ok(read().map_or(Seen::Damaged(number), Seen::Sound))
+}
+
+/// Opens the database at `path` for reading.
+///
+/// # Errors
+/// SQLite's.
+pub fn connect(path: &Path) -> Result<Connection, Error> {
+    let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_URI | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    let open = |target: &Path| {
+        let connection = Connection::open_with_flags(target, flags)?;
+        connection.busy_timeout(BUSY_WAIT)?;
+        connection.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()))?;
+        Ok(connection)
+    };
+    let log = PathBuf::from(format!("{}-wal", path.display()));
+    open(path).or_else(|error| {
+        // Without a gateway there is no log, and in a directory that is not ours SQLite could not make one.
+        if log.exists() { Err(error) } else { open(Path::new(&format!("file:{}?immutable=1", escaped(path)))) }
+    })
+}
+
+/// Opens the damaged database at `path` for reading what is left of it.
+///
+/// # Errors
+/// SQLite's.
+pub fn salvage(path: &Path) -> Result<Connection, Error> {
+    let connection = Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_ONLY)?;
+    // SQLite reads a file that was cut short only for those who say that they repair it.
+    connection.pragma_update(None, "writable_schema", true)?;
+    Ok(connection)
+}
+
+fn escaped(path: &Path) -> String {
+    path.display().to_string().replace('%', "%25").replace('?', "%3f").replace('#', "%23")
+}
+
+/// The rows of one table, oldest first, from a number on.
+#[derive(Debug)]
+pub struct Rows<'c> {
+    connection: &'c Connection,
+    table: Table,
+    last: u64,
+    page: VecDeque<Seen>,
+}
+
+impl<'c> Rows<'c> {
+    /// The rows behind number `after`.
+    #[must_use]
+    pub const fn after(connection: &'c Connection, table: Table, after: u64) -> Self {
+        Self { connection, table, last: after, page: VecDeque::new() }
+    }
+
+    fn read(&mut self) -> Result<(), Error> {
+        let sql = format!(
+            "SELECT number, at, kind, name, body, crc FROM {} WHERE number > ? ORDER BY number LIMIT ?",
+            self.table.name()
+        );
+        let mut select = self.connection.prepare_cached(&sql)?;
+        let rows = select.query_map((self.last, PAGE), |row| seen(self.table, row))?;
+        for row in rows {
+            let row = row?;
+            self.last = row.number();
+            self.page.push_back(row);
+        }
+        Ok(())
+    }
+}
+
+impl Iterator for Rows<'_> {
+    type Item = Result<Seen, Error>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.page.is_empty()
+            && let Err(error) = self.read()
+        {
+            return Some(Err(error));
+        }
+        self.page.pop_front().map(Ok)
+    }
+}
+
+/// Problems that a check of the whole file finds, as SQLite words them; none: it is sound.
+///
+/// # Errors
+/// SQLite's: it could not be checked.
+pub fn check(path: &Path) -> Result<Vec<String>, Error> {
+    let connection = connect(path)?;
+    let mut check = connection.prepare("PRAGMA quick_check(10)")?;
+    let found: Vec<String> = check.query_map([], |row| row.get(0))?.collect::<Result<_, _>>()?;
+    Ok(found.into_iter().filter(|line| line != "ok").collect())
+}

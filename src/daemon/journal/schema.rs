@@ -1,0 +1,75 @@
+//! The tables of the journal's database, how a new one is made and an older one brought up to date.
+
+use rusqlite::{Connection, Error, TransactionBehavior};
+
+/// The version of the tables, as `user_version` says it.
+pub const VERSION: i64 = 1;
+/// "VFDG": the database is a journal of ours.
+const APPLICATION: i64 = 0x5646_4447;
+/// Bytes of the write-ahead log that stay when it is emptied.
+const LOG_BYTES_KEPT: u64 = 1024 * 1024;
+
+/// Statements that bring the tables from each version to the next, oldest first.
+const STEPS: [&str; VERSION as usize] = ["
+    CREATE TABLE event (
+        number INTEGER PRIMARY KEY AUTOINCREMENT, at INTEGER NOT NULL, kind TEXT NOT NULL, name TEXT,
+        body TEXT NOT NULL, crc INTEGER NOT NULL, taken INTEGER NOT NULL DEFAULT 0);
+    CREATE INDEX event_waiting ON event (number) WHERE taken = 0;
+    CREATE TABLE audit (
+        number INTEGER PRIMARY KEY, at INTEGER NOT NULL, kind TEXT NOT NULL, name TEXT,
+        body TEXT NOT NULL, crc INTEGER NOT NULL);
+    CREATE TABLE availability (
+        number INTEGER PRIMARY KEY, at INTEGER NOT NULL, kind TEXT NOT NULL, name TEXT,
+        body TEXT NOT NULL, crc INTEGER NOT NULL);
+    CREATE TABLE drive (name TEXT PRIMARY KEY, body TEXT NOT NULL, crc INTEGER NOT NULL) WITHOUT ROWID;
+    CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+"];
+
+/// What a file turned out to be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Made {
+    /// It was empty and has its tables now.
+    New,
+    /// It had them, or has them now in their newest version.
+    Found,
+    /// It is a database of another program.
+    Foreign,
+    /// Its tables are of a later version of this program.
+    Newer(i64),
+}
+
+/// Makes or brings up to date the tables of `connection`.
+///
+/// # Errors
+/// SQLite's.
+pub fn make(connection: &mut Connection, session: &str) -> Result<Made, Error> {
+    let number = |name: &str| connection.pragma_query_value(None, name, |row| row.get::<_, i64>(0));
+    let (version, application) = (number("user_version")?, number("application_id")?);
+    let tables: i64 = connection.query_row("SELECT count(*) FROM sqlite_schema", [], |row| row.get(0))?;
+    let is_new = version == 0 && tables == 0;
+    if !is_new && application != APPLICATION {
+        return Ok(Made::Foreign);
+    }
+    if version > VERSION {
+        return Ok(Made::Newer(version));
+    }
+    if is_new {
+        // Only before the first table: afterwards it would need the whole file to be written anew.
+        connection.pragma_update(None, "auto_vacuum", "INCREMENTAL")?;
+    }
+    connection.pragma_update_and_check(None, "journal_mode", "WAL", |_| Ok(()))?;
+    connection.pragma_update_and_check(None, "journal_size_limit", LOG_BYTES_KEPT, |_| Ok(()))?;
+    // By a thread of its own, so that no row waits for it.
+    connection.pragma_update_and_check(None, "wal_autocheckpoint", 0, |_| Ok(()))?;
+    if version < VERSION {
+        let transaction = connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
+        for step in STEPS.iter().skip(usize::try_from(version).unwrap_or(0)) {
+            transaction.execute_batch(step)?;
+        }
+        transaction.execute("INSERT OR IGNORE INTO meta VALUES ('session', ?)", [session])?;
+        transaction.pragma_update(None, "application_id", APPLICATION)?;
+        transaction.pragma_update(None, "user_version", VERSION)?;
+        transaction.commit()?;
+    }
+    Ok(if is_new { Made::New } else { Made::Found })
+}

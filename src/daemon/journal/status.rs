@@ -1,0 +1,82 @@
+//! How the journal is doing, for health and metrics.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// Whether rows are kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum JournalState {
+    /// They are.
+    #[default]
+    Ok,
+    /// They cannot be written at present. The newest are kept in memory and written when that is over.
+    Failed,
+    /// No database could be opened since the start: the newest are in memory only.
+    Memory,
+}
+
+impl JournalState {
+    /// The word as it is shown.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Failed => "failed",
+            Self::Memory => "memory",
+        }
+    }
+}
+
+/// How the journal is doing.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct JournalReport {
+    /// Whether rows are kept.
+    pub state: JournalState,
+    /// Why not.
+    pub reason: Option<String>,
+    /// A damaged journal was moved aside since the start: where it lies.
+    pub moved_aside: Option<String>,
+    /// Rows written since the start.
+    pub rows: u64,
+    /// Attempts, events and other rows that could not be kept, since the start.
+    pub lost: u64,
+    /// Rows that wait to be written.
+    pub waiting: u64,
+    /// Groups of rows written since the start.
+    pub commits: u64,
+    /// Attempts to write that failed since the start.
+    pub failures: u64,
+    /// Bytes of the file.
+    pub size_bytes: u64,
+    /// How long the last group took.
+    pub commit_time: Duration,
+    /// How long the slowest one took.
+    pub commit_time_max: Duration,
+}
+
+/// The report that the writer changes and others read.
+#[derive(Debug, Default)]
+pub struct Status(Mutex<JournalReport>);
+
+impl Status {
+    /// As it is now.
+    #[must_use]
+    pub fn report(&self) -> JournalReport {
+        self.lock().clone()
+    }
+
+    /// Whether rows are kept.
+    #[must_use]
+    pub fn is_ok(&self) -> bool {
+        self.lock().state == JournalState::Ok
+    }
+
+    /// Changes it.
+    pub fn change(&self, change: impl FnOnce(&mut JournalReport)) {
+        change(&mut self.lock());
+    }
+
+    fn lock(&self) -> MutexGuard<'_, JournalReport> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,413 @@
+//! The journal on a real disk: kept, found again, cut, moved aside, and while it cannot be written.
+
+use super::reader::{self, Rows, Seen};
+use super::*;
+use crate::config::{self, Config};
+use crate::daemon::answers::News;
+use crate::daemon::build;
+use crate::daemon::inbox::Message;
+use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
+use crate::domain::ids::DriveIndex;
+use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
+use crate::journal::{AttemptId, Entry, RememberedStop, Row, StoredEvent, Table, Tried, TripBaseline};
+use crate::profile::catalog::Catalog;
+use crate::vendors;
+use std::sync::LazyLock;
+use std::sync::atomic::AtomicU32;
+use std::time::Instant;
+
+const PATIENCE: Duration = Duration::from_secs(10);
+
+static CONFIG: LazyLock<Config> = LazyLock::new(|| {
+    let text = "[[line]]\nname = \"hall-1\"\nport = \"/dev/ttyUSB0\"\n[[line.drive]]\nname = \"pump-1\"\n\
+                model = \"hyundai-n700\"\nstation = 1\n[[modbus_tcp]]\nlisten = \"127.0.0.1:1502\"\n";
+    let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+    config::load(text, &catalog).unwrap()
+});
+
+/// A directory that is gone afterwards.
+struct Place(PathBuf);
+
+impl Place {
+    fn new() -> Self {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let name = format!("vfd-journal-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+        let path = std::env::temp_dir().join(name);
+        std::fs::create_dir(&path).unwrap();
+        Self(path)
+    }
+
+    fn file(&self) -> PathBuf {
+        file_in(&self.0)
+    }
+
+    fn rows(&self, table: Table) -> Vec<Seen> {
+        let connection = reader::connect(&self.file()).unwrap();
+        Rows::after(&connection, table, 0).map(Result::unwrap).collect()
+    }
+
+    fn aside(&self) -> Vec<String> {
+        let names = std::fs::read_dir(&self.0).unwrap().map(|it| it.unwrap().file_name().into_string().unwrap());
+        names.filter(|name| name.contains("damaged") && !name.ends_with("-wal") && !name.ends_with("-shm")).collect()
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// A journal with one line and an MQTT side, both played by hand.
+struct Rig {
+    journal: Arc<Journal>,
+    memory: BTreeMap<Name, Remembered>,
+    source: Source,
+    inbox: Arc<LineInbox>,
+    sides: NorthSides,
+    row: u64,
+}
+
+impl Rig {
+    fn start(place: &Place) -> Self {
+        Self::with(place, 64_000_000)
+    }
+
+    fn with(place: &Place, max_bytes: u64) -> Self {
+        let shared = Arc::new(build::shared(&CONFIG));
+        let sides = NorthSides { mqtt: Some(Arc::default()), ..NorthSides::default() };
+        let settings = Settings { directory: place.0.clone(), max_bytes, configuration: "one".to_owned() };
+        let (journal, memory) = Journal::start(&settings, sides.clone(), Arc::clone(&shared.changed)).unwrap();
+        let inbox = Arc::<LineInbox>::default();
+        let drives = vec![shared.drives[0].description.clone()];
+        let source = journal.line(Name::new("hall-1").unwrap(), drives, Arc::clone(&inbox));
+        Self { journal, memory, source, inbox, sides, row: 0 }
+    }
+
+    fn keep(&mut self, entry: Entry) -> RowNumber {
+        self.row += 1;
+        let keep = Keep { row: RowNumber(self.row), drive: DriveIndex(0), at: clock::now(), entry };
+        self.source.keep(keep);
+        RowNumber(self.row)
+    }
+
+    fn trip(&mut self, count: u16) -> RowNumber {
+        let record = TripRecord { at: clock::now(), code: Some(count), words: Vec::new() };
+        let kind = TripEventKind::Tripped { trips: 1, record };
+        let event = TripEvent { kind, count: Some(count), at: clock::now() };
+        self.keep(Entry::Trip(event, TripBaseline { count: Some(count), held: Some(true), code: None }))
+    }
+
+    fn refuse(&mut self, number: u64) -> RowNumber {
+        let (tried, report) = (Tried::Text(format!("no {number}")), Some(Report::refused(Reason::NotUnderstood)));
+        self.keep(Entry::Attempt(Attempt { id: AttemptId(number), owner: Owner::Mqtt, tried, report }))
+    }
+
+    fn wait_for(&self, row: RowNumber) {
+        until("the row is kept", || self.source.origin().has_kept(row).then_some(()));
+    }
+
+    /// The events that the MQTT side is told, until there are so many.
+    fn events(&self, count: usize) -> (Vec<StoredEvent>, bool) {
+        let (mut batch, mut told, mut last) = (Vec::new(), Vec::new(), false);
+        until("the events are told", || {
+            self.sides.mqtt.as_ref().unwrap().take(&mut batch);
+            for news in batch.drain(..) {
+                let News::Events { events, more } = news else { panic!("{news:?}") };
+                told.extend(events);
+                last = more;
+            }
+            (told.len() >= count).then_some(())
+        });
+        (told, last)
+    }
+
+    /// As a kill would leave it: nothing is closed, and the file is not touched any more.
+    fn abandon(self, place: &Place) -> Place {
+        let copy = Place::new();
+        for name in ["journal.db", "journal.db-wal"] {
+            std::fs::copy(place.0.join(name), copy.0.join(name)).unwrap();
+        }
+        copy
+    }
+
+    fn close(self) {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
+        runtime.block_on(self.journal.close(PATIENCE));
+    }
+}
+
+fn until<T>(what: &str, mut done: impl FnMut() -> Option<T>) -> T {
+    let end = Instant::now() + PATIENCE;
+    loop {
+        if let Some(it) = done() {
+            return it;
+        }
+        assert!(Instant::now() < end, "not in time: {what}");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+fn name() -> Name {
+    Name::new("pump-1").unwrap()
+}
+
+fn sound(rows: Vec<Seen>) -> Vec<Row> {
+    rows.into_iter().map(|seen| if let Seen::Sound(row) = seen { row } else { panic!("{seen:?}") }).collect()
+}
+
+#[test]
+fn a_trip_outlives_a_kill_once_and_its_number_goes_on() {
+    let first = Place::new();
+    let mut rig = Rig::start(&first);
+    assert_eq!(rig.memory.get(&name()), None);
+    let row = rig.trip(1);
+    rig.wait_for(row);
+    let told = until("the line is told", || {
+        let mut batch = Vec::new();
+        rig.inbox.take(&mut batch);
+        batch.into_iter().find_map(|message| if let Message::Kept(row) = message { Some(row) } else { None })
+    });
+    assert_eq!(told, row);
+    let (events, more) = rig.events(1);
+    assert_eq!((events[0].seq, events[0].drive.as_str(), more), (1, "pump-1", false));
+    let body: serde_json::Value = serde_json::from_str(&events[0].body).unwrap();
+    assert_eq!((&body["seq"], &body["code"], &body["kind"]), (&1.into(), &1.into(), &"tripped".into()));
+
+    let second = rig.abandon(&first);
+    let mut rig = Rig::start(&second);
+    let memory = rig.memory[&name()];
+    assert_eq!((memory.trips_total, memory.last_code, memory.trips.unwrap().count), (1, Some(1), Some(1)));
+    assert_eq!(rig.events(0), (Vec::new(), true), "what nobody has taken waits to be asked for");
+    let row = rig.trip(2);
+    rig.wait_for(row);
+    rig.journal.want_events(0);
+    let (again, more) = rig.events(2);
+    assert_eq!((again[0].clone(), again[1].seq, more), (events[0].clone(), 2, false));
+    rig.journal.event_taken(1);
+    rig.close();
+    let mut rig = Rig::start(&second);
+    rig.journal.want_events(0);
+    assert_eq!(rig.events(1).0, [again[1].clone()], "what was taken is not told again");
+    let row = rig.trip(3);
+    rig.wait_for(row);
+    assert_eq!(rig.events(1).0[0].seq, 3);
+    rig.close();
+    assert_eq!(second.rows(Table::Event).len(), 3);
+}
+
+#[test]
+fn what_is_remembered_of_a_drive_is_found_again() {
+    let place = Place::new();
+    let mut rig = Rig::start(&place);
+    rig.keep(Entry::Lease(Some(Owner::Mqtt)));
+    let row = rig.keep(Entry::StopPending { coast: true });
+    rig.wait_for(row);
+    let place = rig.abandon(&place);
+    for was_orphaned in [false, true] {
+        let rig = Rig::start(&place);
+        let memory = rig.memory[&name()];
+        assert_eq!(memory.lease.map(|lease| (lease.owner, lease.was_orphaned)), Some((Owner::Mqtt, was_orphaned)));
+        assert_eq!(memory.stop, Some(RememberedStop { coast: true }));
+        rig.close();
+    }
+    let mut rig = Rig::start(&place);
+    rig.keep(Entry::Lease(None));
+    let row = rig.keep(Entry::StopOver { is_effective: true });
+    rig.wait_for(row);
+    rig.close();
+    let rig = Rig::start(&place);
+    assert_eq!((rig.memory[&name()].lease, rig.memory[&name()].stop), (None, None));
+    let states: Vec<_> = sound(place.rows(Table::Availability)).into_iter().map(|row| row.body).collect();
+    assert!(states.iter().filter(|body| body.contains("started")).count() >= 4, "{states:?}");
+}
+
+#[test]
+fn an_attempt_is_one_row_over_groups_and_lives() {
+    let place = Place::new();
+    for life in 0..2_u64 {
+        let mut rig = Rig::start(&place);
+        let tried = Tried::Order(Order::Reset);
+        let attempt = Attempt { id: AttemptId(1), owner: Owner::Local, tried, report: None };
+        let row = rig.keep(Entry::Attempt(attempt));
+        rig.wait_for(row);
+        assert!(sound(place.rows(Table::Audit))[life as usize].body.contains("\"outcome\":null"));
+        let report = Report::new(Outcome::Confirmed, Reason::None);
+        let row = rig.keep(Entry::Ended { attempt: AttemptId(1), report });
+        rig.wait_for(row);
+        rig.close();
+        let rows = sound(place.rows(Table::Audit));
+        assert_eq!(rows.iter().map(|row| row.number).collect::<Vec<_>>(), (1..=life + 1).collect::<Vec<_>>());
+        assert!(rows[life as usize].body.contains("\"outcome\":\"confirmed\""), "{rows:?}");
+    }
+}
+
+#[test]
+fn a_full_journal_loses_the_oldest_commands_and_keeps_the_trips() {
+    let place = Place::new();
+    let mut rig = Rig::with(&place, 1_000_000);
+    (1..=20).for_each(|count| {
+        rig.trip(count);
+    });
+    for number in 0..20_000 {
+        let row = rig.refuse(number);
+        if number % 500 == 0 {
+            rig.wait_for(row);
+        }
+    }
+    let row = rig.refuse(20_000);
+    rig.wait_for(row);
+    let report = rig.journal.report();
+    assert!((500_000..1_300_000).contains(&report.size_bytes), "{report:?}");
+    assert_eq!((report.state, report.lost), (JournalState::Ok, 0));
+    rig.close();
+    let audit = sound(place.rows(Table::Audit));
+    assert!(audit[0].number > 10_000 && audit.last().unwrap().number == 20_001, "{:?}", audit[0]);
+    assert_eq!(place.rows(Table::Event).len(), 20);
+    assert!(place.aside().is_empty());
+}
+
+#[test]
+fn a_flipped_byte_costs_one_row() {
+    let place = Place::new();
+    let mut rig = Rig::start(&place);
+    (0..3).for_each(|number| {
+        rig.refuse(number);
+    });
+    (1..=3).for_each(|count| {
+        rig.trip(count);
+    });
+    rig.close();
+    let mut bytes = std::fs::read(place.file()).unwrap();
+    for text in [&b"no 1\""[..], &b"\"code\":2"[..]] {
+        let at = bytes.windows(text.len()).position(|it| it == text).unwrap();
+        bytes[at + 3] ^= 1;
+    }
+    std::fs::write(place.file(), bytes).unwrap();
+    let audit = place.rows(Table::Audit);
+    assert!(matches!(audit[..], [Seen::Sound(_), Seen::Damaged(2), Seen::Sound(_)]), "{audit:?}");
+    let rig = Rig::start(&place);
+    rig.journal.want_events(0);
+    let seqs: Vec<_> = rig.events(2).0.into_iter().map(|event| event.seq).collect();
+    assert_eq!(seqs, [1, 3], "a damaged event cannot be told");
+    assert_eq!(rig.journal.report().state, JournalState::Ok);
+    rig.close();
+    assert!(place.aside().is_empty());
+}
+
+#[test]
+fn what_cannot_be_a_journal_is_moved_aside_and_never_overwritten() {
+    let newer = |place: &Place| {
+        Rig::start(place).close();
+        rusqlite::Connection::open(place.file()).unwrap().pragma_update(None, "user_version", 99).unwrap();
+    };
+    let foreign = |place: &Place| {
+        rusqlite::Connection::open(place.file()).unwrap().execute_batch("CREATE TABLE theirs (a)").unwrap();
+    };
+    let garbage = |place: &Place| std::fs::write(place.file(), "this is no database at all".repeat(500)).unwrap();
+    let directory = |place: &Place| std::fs::create_dir(place.file()).unwrap();
+    let makes: [&dyn Fn(&Place); 4] = [&newer, &foreign, &garbage, &directory];
+    for make in makes {
+        let place = Place::new();
+        make(&place);
+        let mut rig = Rig::start(&place);
+        let row = rig.trip(1);
+        rig.wait_for(row);
+        let report = rig.journal.report();
+        assert_eq!((report.state, report.moved_aside.is_some()), (JournalState::Ok, true), "{report:?}");
+        rig.close();
+        assert_eq!((place.aside().len(), place.rows(Table::Event).len()), (1, 1));
+        let said = sound(place.rows(Table::Availability));
+        assert!(said.iter().any(|row| row.body.contains("begun_anew")), "{said:?}");
+    }
+}
+
+#[test]
+fn a_truncated_journal_gives_what_nobody_had_taken_to_the_next() {
+    let place = Place::new();
+    let mut rig = Rig::start(&place);
+    (1..=3).for_each(|count| {
+        rig.trip(count);
+    });
+    (0..4000).for_each(|number| {
+        rig.refuse(number);
+    });
+    rig.close();
+    let file = std::fs::OpenOptions::new().write(true).open(place.file()).unwrap();
+    file.set_len(file.metadata().unwrap().len() / 2).unwrap();
+    let mut rig = Rig::start(&place);
+    let row = rig.trip(4);
+    rig.wait_for(row);
+    // If the start did not meet the damage, the check of the whole file does.
+    until("it is moved aside", || rig.journal.report().moved_aside);
+    assert_eq!(rig.memory[&name()].trips_total, 3);
+    rig.journal.want_events(0);
+    let seqs: Vec<_> = rig.events(4).0.into_iter().map(|event| event.seq).collect();
+    assert_eq!(seqs[seqs.len() - 4..], [1, 2, 3, 4]);
+    let row = rig.trip(5);
+    rig.wait_for(row);
+    rig.close();
+    assert_eq!(sound(place.rows(Table::Event)).iter().map(|row| row.number).collect::<Vec<_>>(), [1, 2, 3, 4, 5]);
+}
+
+#[test]
+fn too_many_damaged_ones_are_not_added_to_and_control_goes_on() {
+    let place = Place::new();
+    for number in 0..8 {
+        std::fs::write(place.0.join(format!("journal.db.damaged-{number}")), "").unwrap();
+    }
+    std::fs::write(place.file(), "this is no database at all".repeat(500)).unwrap();
+    let mut rig = Rig::start(&place);
+    rig.trip(1);
+    let report = rig.journal.report();
+    assert_eq!(report.state, JournalState::Memory);
+    assert!(report.reason.unwrap().contains("8 damaged journals"));
+    assert!(!rig.source.is_sound());
+    std::fs::remove_file(place.0.join("journal.db.damaged-0")).unwrap();
+    until("it recovers by itself", || (rig.journal.report().state == JournalState::Ok).then_some(()));
+    assert_eq!(rig.events(1).0[0].seq, 1, "what waited in memory is written");
+    rig.close();
+    assert_eq!(place.aside().len(), 8);
+}
+
+#[test]
+fn a_journal_that_cannot_be_written_keeps_the_newest_and_goes_on_by_itself() {
+    let place = Place::new();
+    let mut rig = Rig::start(&place);
+    let row = rig.trip(1);
+    rig.wait_for(row);
+    // Somebody else holds it.
+    let other = rusqlite::Connection::open(place.file()).unwrap();
+    other.execute_batch("BEGIN IMMEDIATE").unwrap();
+    let row = rig.trip(2);
+    until("it says so", || (rig.journal.report().state == JournalState::Failed).then_some(()));
+    assert!(!rig.source.origin().has_kept(row));
+    assert!(rig.journal.report().reason.unwrap().contains("locked"));
+    assert_eq!(rig.events(1).0.len(), 1, "what is not on the disk is not told");
+    other.execute_batch("COMMIT").unwrap();
+    rig.wait_for(row);
+    assert_eq!((rig.events(1).0[0].seq, rig.journal.report().state), (2, JournalState::Ok));
+    rig.close();
+}
+
+#[test]
+fn nobody_is_told_more_than_he_has_room_for() {
+    let place = Place::new();
+    let mut rig = Rig::start(&place);
+    for count in 1..=40 {
+        let row = rig.trip(count);
+        rig.wait_for(row);
+    }
+    let (events, more) = rig.events(16);
+    assert_eq!((events.len(), more), (16, true));
+    for (after, first, last, has_more) in [(16, 17, 32, true), (32, 33, 40, false)] {
+        (after - 15..=after).for_each(|seq| rig.journal.event_taken(seq));
+        rig.journal.want_events(after);
+        let (events, more) = rig.events(8);
+        assert_eq!((events[0].seq, events.last().unwrap().seq, more), (first, last, has_more));
+    }
+    let row = rig.trip(41);
+    rig.wait_for(row);
+    assert_eq!(rig.events(1).0[0].seq, 41, "who has caught up is told at once");
+    rig.close();
+}

@@ -1,0 +1,58 @@
+//! What is done to the database beside the writer: the check of the whole file once after the start, and its log emptied
+//! into it from time to time.
+
+use super::inbox::{Inbox, Post};
+use super::reader;
+use rusqlite::{Connection, Error, OpenFlags};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::{RecvTimeoutError, SyncSender, sync_channel};
+use std::time::Duration;
+
+/// The check begins when what the gateway is there for has begun.
+const CHECK_AFTER: Duration = Duration::from_secs(2);
+
+/// Starts the thread. It empties the log whenever something is sent, and ends when the sender is dropped.
+///
+/// # Errors
+/// The system's refusal to start a thread.
+pub fn start(path: PathBuf, inbox: Arc<Inbox>) -> io::Result<SyncSender<()>> {
+    let (ask, asked) = sync_channel(1);
+    std::thread::Builder::new().name("journal upkeep".to_owned()).spawn(move || {
+        let mut wait = Some(CHECK_AFTER);
+        loop {
+            let next = match wait {
+                Some(wait) => asked.recv_timeout(wait),
+                None => asked.recv().map_err(|_| RecvTimeoutError::Disconnected),
+            };
+            match next {
+                Ok(()) => {
+                    // The writer empties the log itself if this never succeeds.
+                    if let Err(error) = checkpoint(&path) {
+                        tracing::debug!(%error, "the journal's log could not be emptied");
+                    }
+                }
+                Err(RecvTimeoutError::Disconnected) => return,
+                Err(RecvTimeoutError::Timeout) => {
+                    wait = None;
+                    check(&path, &inbox);
+                }
+            }
+        }
+    })?;
+    Ok(ask)
+}
+
+fn check(path: &Path, inbox: &Inbox) {
+    match reader::check(path) {
+        Ok(problems) if problems.is_empty() => tracing::debug!("the journal is sound"),
+        Ok(problems) => inbox.put(Post::Checked(problems)),
+        Err(error) => tracing::debug!(%error, "the journal could not be checked"),
+    }
+}
+
+fn checkpoint(path: &Path) -> Result<(), Error> {
+    let connection = Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_WRITE)?;
+    connection.query_row("PRAGMA wal_checkpoint(PASSIVE)", [], |_| Ok(()))
+}

@@ -1,0 +1,243 @@
+//! The thread that writes: all that waits in one transaction, then everybody is told.
+
+use super::Origin;
+use super::database::{Database, Found};
+use super::inbox::{Inbox, Post};
+use super::status::Status;
+use super::store::Store;
+use super::teller::Teller;
+use crate::daemon::answers::NorthSides;
+use crate::daemon::clock;
+use crate::daemon::inbox::Message;
+use crate::domain::time::{MonoTime, WallTime};
+use crate::journal::{Book, Keep, RowNumber, row};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::SyncSender;
+use std::time::Duration;
+use tokio::sync::Notify;
+
+/// A line whose inbox was full is told again after this time.
+const TELL_AGAIN: Duration = Duration::from_millis(5);
+/// Groups and rows after which the log is emptied: about 1 MB of it.
+const EMPTY_AFTER: (u64, u64) = (64, 2048);
+/// Rows after which is looked whether the journal is full.
+const CUT_AFTER: u64 = 64;
+/// Most marks of taken events that wait to be written. A lost one is told again after the next start.
+const TAKEN_MAX: usize = 1024;
+
+/// Writes the journal.
+pub struct Writer {
+    store: Store,
+    book: Book,
+    inbox: Arc<Inbox>,
+    status: Arc<Status>,
+    sides: NorthSides,
+    changed: Arc<Notify>,
+    teller: Teller,
+    upkeep: SyncSender<()>,
+    taken: BTreeSet<u64>,
+    /// The newest row of each line that is in the book, and that it is to be told of.
+    rows: BTreeMap<u64, (Arc<Origin>, RowNumber)>,
+    to_tell: BTreeMap<u64, (Arc<Origin>, RowNumber)>,
+    /// Groups and rows since the log was emptied.
+    since_emptied: (u64, u64),
+    /// Rows since it was looked whether the journal is full.
+    since_cut: u64,
+    /// What was lost since the journal last said so.
+    lost: u64,
+    configuration: Option<String>,
+}
+
+impl Writer {
+    /// A writer that goes on where `found` ends.
+    pub fn new(
+        store: Store,
+        found: Found,
+        inbox: Arc<Inbox>,
+        status: Arc<Status>,
+        sides: NorthSides,
+        changed: Arc<Notify>,
+        upkeep: SyncSender<()>,
+    ) -> Self {
+        for drive in &found.damaged {
+            tracing::error!(drive, "ALARM: what the journal remembers of the drive is damaged: it begins anew");
+        }
+        let teller = Teller::new(sides.mqtt.clone(), Arc::clone(&changed), found.has_events);
+        Self {
+            store,
+            book: Book::new(found.memory),
+            inbox,
+            status,
+            sides,
+            changed,
+            teller,
+            upkeep,
+            taken: BTreeSet::new(),
+            rows: BTreeMap::new(),
+            to_tell: BTreeMap::new(),
+            since_emptied: (0, 0),
+            // At once, so that the size is known.
+            since_cut: CUT_AFTER,
+            lost: 0,
+            configuration: found.configuration,
+        }
+    }
+
+    /// Writes until the gateway ends.
+    pub fn run(mut self, configuration: &str) {
+        self.begin(configuration);
+        let mut batch = Vec::new();
+        loop {
+            self.write();
+            self.teller.serve(&mut self.store);
+            self.tell_lines();
+            let (lost, is_closed) = self.inbox.take(&mut batch, self.wait());
+            self.lose(lost);
+            if is_closed && batch.is_empty() {
+                break;
+            }
+            let now = (clock::now(), clock::wall());
+            for post in batch.drain(..) {
+                self.take(now, post);
+            }
+        }
+        if let Some(Err(error)) = self.store.database().map(|database| database.checkpoint()) {
+            tracing::debug!(%error, "the journal's log stays");
+        }
+    }
+
+    /// The start of the gateway is a row of its own, and what an earlier life has left is marked as found.
+    fn begin(&mut self, configuration: &str) {
+        let has_changed = self.configuration.as_deref().is_some_and(|last| last != configuration);
+        self.book.note(row::started(clock::wall(), env!("CARGO_PKG_VERSION"), configuration, has_changed));
+        self.book.orphan_leases();
+        if let Some(Err(error)) = self.store.database().map(|database| database.set_configuration(configuration)) {
+            self.store.troubled(error);
+        }
+    }
+
+    fn wait(&self) -> Option<Duration> {
+        let now = clock::now();
+        let retry = self.store.retry_at().map(|at| at.since(now));
+        let tell = (!self.to_tell.is_empty()).then_some(TELL_AGAIN);
+        [retry, tell].into_iter().flatten().min()
+    }
+
+    fn lose(&mut self, rows: u64) {
+        if rows > 0 {
+            self.lost += rows;
+            self.status.change(|report| report.lost += rows);
+        }
+    }
+
+    fn take(&mut self, (now, wall): (MonoTime, WallTime), post: Post) {
+        let label = |at: MonoTime| label(now, wall, at);
+        match post {
+            Post::Keep(origin, Keep { row, drive, at, entry }) => {
+                if let Some(drive) = origin.drives.get(drive.get()) {
+                    self.book.take(origin.id, drive, at, entry, &label);
+                }
+                self.rows.insert(origin.id, (origin, row));
+            }
+            Post::Attempt(source, drive, at, attempt) => {
+                self.book.attempt(source, drive.as_ref(), at, &attempt, &label);
+            }
+            Post::Note(row) => self.book.note(row),
+            Post::WantEvents(after) => self.teller.want(after),
+            Post::EventTaken(seq) => {
+                self.teller.taken(seq);
+                if self.taken.len() < TAKEN_MAX {
+                    self.taken.insert(seq);
+                }
+            }
+            Post::Checked(problems) => self.store.give_up(&problems.join("; ")),
+            Post::Memory(tell) => {
+                // Whoever has asked may have given up.
+                let _ = tell.send(self.book.all_memory().clone());
+            }
+            Post::Close => {}
+        }
+    }
+
+    fn write(&mut self) {
+        let lost = self.book.take_lost();
+        self.lose(lost);
+        let has_nothing = self.book.is_empty() && self.taken.is_empty() && !self.store.has_news();
+        if has_nothing && self.store.retry_at().is_none() {
+            // A row that says nothing new, such as a lease that is as it was, is kept already.
+            return self.note_kept();
+        }
+        self.status.change(|report| report.waiting = self.book.len() as u64);
+        if self.lost > 0 && self.store.retry_at().is_none() {
+            self.book.note(row::lost(clock::wall(), std::mem::take(&mut self.lost)));
+        }
+        let begun = clock::now();
+        let Some(events) = self.store.write(&mut self.book, &self.taken) else { return };
+        let took = clock::now().since(begun);
+        let rows = self.book.written() as u64;
+        self.taken.clear();
+        self.status.change(|report| {
+            report.rows += rows;
+            report.waiting = 0;
+            report.commits += 1;
+            report.commit_time = took;
+            report.commit_time_max = report.commit_time_max.max(took);
+        });
+        self.note_kept();
+        self.tell_lines();
+        self.wake_answers();
+        self.teller.kept(events);
+        self.look_after(rows);
+    }
+
+    fn note_kept(&mut self) {
+        for (id, (origin, row)) in std::mem::take(&mut self.rows) {
+            origin.kept.store(row.0, Ordering::SeqCst);
+            self.to_tell.insert(id, (origin, row));
+        }
+    }
+
+    fn tell_lines(&mut self) {
+        self.to_tell
+            .retain(|_, (origin, row)| origin.inbox.put(Message::Kept(*row)).is_err() && !origin.inbox.is_closed());
+    }
+
+    fn wake_answers(&self) {
+        self.sides.modbus.release();
+        self.sides.local.release();
+        if self.sides.mqtt.as_ref().is_some_and(|mqtt| mqtt.release()) {
+            self.changed.notify_one();
+        }
+    }
+
+    /// Cuts what gives way, and has the log emptied from time to time.
+    fn look_after(&mut self, rows: u64) {
+        self.since_cut += rows;
+        if self.since_cut >= CUT_AFTER {
+            self.since_cut = 0;
+            match self.store.database().map(Database::cut) {
+                Some(Ok(bytes)) => self.status.change(|report| report.size_bytes = bytes),
+                Some(Err(error)) => self.store.troubled(error),
+                None => {}
+            }
+        }
+        let (commits, all) = &mut self.since_emptied;
+        (*commits, *all) = (*commits + 1, *all + rows);
+        if *commits >= EMPTY_AFTER.0 || *all >= EMPTY_AFTER.1 {
+            self.since_emptied = (0, 0);
+            // One that is at it already will do.
+            let _ = self.upkeep.try_send(());
+            if let Some(Err(error)) = self.store.database().map(|database| database.empty_log()) {
+                self.store.troubled(error);
+            }
+        }
+    }
+}
+
+/// The wall-clock moment of `at`, by both clocks as of now.
+fn label(now: MonoTime, wall: WallTime, at: MonoTime) -> WallTime {
+    let millis = |from: MonoTime, to: MonoTime| i64::try_from(to.since(from).as_millis()).unwrap_or(i64::MAX);
+    WallTime { unix_ms: wall.unix_ms.saturating_sub(millis(at, now)).saturating_add(millis(now, at)) }
+}

@@ -1,0 +1,96 @@
+//! What a line has to do with the journal: its rows go there, and final answers wait a moment for theirs.
+
+use super::answers::{Held, News};
+use super::clock;
+use super::inbox::Message;
+use super::journal::Source;
+use crate::domain::command::Order;
+use crate::domain::ids::{AskerId, DriveIndex, Ticket};
+use crate::domain::native::NativeAsk;
+use crate::drive::decode;
+use crate::journal::{Keep, RowNumber};
+use crate::profile::model::Model;
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Longest time that an answer waits for its row. The timers of the north sides may add a millisecond or two.
+const HOLD: Duration = Duration::from_millis(18);
+/// Most requests whose answers are to wait. Far more than may be unanswered; beyond it answers wait for nothing.
+const ASKED_MAX: usize = 8192;
+
+/// The rows of one line, and its answers that wait for them.
+#[derive(Debug)]
+pub struct Kept {
+    source: Source,
+    /// The newest row that the line said.
+    newest: RowNumber,
+    /// Requests that write, stops excepted: an answer to a stop waits for nothing.
+    asked: HashSet<(AskerId, Ticket)>,
+    held: Vec<Held>,
+}
+
+impl Kept {
+    /// A line that has said nothing yet.
+    #[must_use]
+    pub fn new(source: Source) -> Self {
+        Self { source, newest: RowNumber::default(), asked: HashSet::new(), held: Vec::new() }
+    }
+
+    /// The line's way to the journal.
+    #[must_use]
+    pub const fn source(&self) -> &Source {
+        &self.source
+    }
+
+    /// Keeps what the line says.
+    pub fn keep(&mut self, keep: Keep) {
+        self.newest = keep.row;
+        self.source.keep(keep);
+    }
+
+    /// Takes notice of what is asked of the line. `model` is that of a drive on it.
+    pub fn note<'m>(&mut self, message: &Message, model: impl FnOnce(DriveIndex) -> Option<&'m Arc<Model>>) {
+        let waits = match message {
+            Message::Command(it) if !is_stop(&it.order) => Some((it.asker, it.ticket)),
+            Message::Native(it) => match &it.ask {
+                NativeAsk::Write { address, values } => {
+                    let order = model(it.drive).and_then(|model| decode::order(model, *address, values).ok());
+                    (!order.as_ref().is_some_and(is_stop)).then_some((it.asker, it.ticket))
+                }
+                NativeAsk::Read { .. } | NativeAsk::Loop { .. } => None,
+            },
+            Message::AskerGone(gone) => {
+                self.asked.retain(|(asker, _)| asker != gone);
+                None
+            }
+            _ => None,
+        };
+        self.asked.extend(waits.filter(|_| self.asked.len() < ASKED_MAX));
+    }
+
+    /// Holds `news` back if it has to wait for a row; else it is given back.
+    pub fn hold(&mut self, news: News) -> Option<News> {
+        let key = match &news {
+            News::Native(answer) => (answer.asker, answer.ticket),
+            News::Command(answer) if answer.is_final => (answer.asker, answer.ticket),
+            _ => return Some(news),
+        };
+        let waits = self.asked.remove(&key) && !self.source.origin().has_kept(self.newest) && self.source.is_sound();
+        if !waits {
+            return Some(news);
+        }
+        let origin = Arc::clone(self.source.origin());
+        self.held.push(Held { origin, row: self.newest, until: clock::now() + HOLD, news });
+        None
+    }
+
+    /// Answers that wait.
+    pub fn held(&mut self) -> impl Iterator<Item = Held> + use<> {
+        std::mem::take(&mut self.held).into_iter()
+    }
+}
+
+const fn is_stop(order: &Order) -> bool {
+    matches!(order, Order::Stop { .. } | Order::Coast)
+}

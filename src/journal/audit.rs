@@ -1,0 +1,182 @@
+//! The audit on its way into the journal: each attempt in exactly one row, which is written when it is made and once
+//! more when its end is known.
+
+use super::entry::AttemptId;
+use super::merge::{Key, Merges};
+use super::record::Record;
+use crate::domain::command::Report;
+use crate::domain::time::MonoTime;
+use std::collections::{BTreeMap, HashMap, VecDeque};
+
+/// Most rows that wait to be written.
+pub const WAITING_MAX: usize = 4096;
+/// How many of them may be stops before one of those gives way.
+pub const STOPS_MAX: usize = 1024;
+/// Most attempts whose end is waited for. A line has far fewer; what is forgotten stays in the journal without its end.
+pub const OPEN_MAX: usize = 65_536;
+
+/// An attempt by where it was made: a line or a north side in one of its lives, and its number there.
+pub type Place = (u64, AttemptId);
+
+/// What becomes of one row.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Change {
+    /// It is as this record says.
+    Put(Record),
+    /// It is counted in another one.
+    Remove,
+}
+
+#[derive(Debug)]
+struct Waiting {
+    change: Change,
+    /// How many of its count are in the journal already.
+    kept: u64,
+    /// Where its end is waited for.
+    place: Option<Place>,
+}
+
+/// Rows that wait to be written, and attempts whose end is not known.
+#[derive(Debug, Default)]
+pub struct Audit {
+    /// The number of the newest row.
+    newest: u64,
+    /// The newest that was there when all was kept.
+    kept: u64,
+    waiting: BTreeMap<u64, Waiting>,
+    stops_waiting: usize,
+    open: HashMap<Place, Record>,
+    /// Oldest first. One that has ended may still stand here.
+    order: VecDeque<Place>,
+    merges: Merges,
+    lost: u64,
+}
+
+impl Audit {
+    /// Takes what was tried or done. `place` is where an end will be told.
+    pub fn add(&mut self, now: MonoTime, mut record: Record, place: Option<Place>) {
+        if let Some(key) = Key::of(&record) {
+            return self.add_shared(now, key, record);
+        }
+        record.number = self.next_number();
+        if let Some(place) = place {
+            self.open.insert(place, record.clone());
+            self.order.push_back(place);
+            self.forget_oldest();
+        }
+        self.put(record, 0, place);
+    }
+
+    /// What became of the attempt at `place` is known.
+    pub fn end(&mut self, now: MonoTime, place: Place, report: Report) {
+        let Some(record) = self.open.remove(&place) else { return };
+        let record = Record { report: Some(report), ..record };
+        let kept = u64::from(record.number <= self.kept);
+        let Some(key) = Key::of(&record) else { return self.put(record, kept, None) };
+        match self.merges.join(&key, &record, now) {
+            Some((shared, shared_kept)) => {
+                self.remove(record.number, kept > 0);
+                // What is kept of this one moves into the other.
+                self.put(shared, shared_kept, None);
+            }
+            None => {
+                self.put(record.clone(), kept, None);
+                self.merges.begin(key, record, now);
+            }
+        }
+    }
+
+    fn add_shared(&mut self, now: MonoTime, key: Key, mut record: Record) {
+        if let Some((shared, kept)) = self.merges.join(&key, &record, now) {
+            return self.put(shared, kept, None);
+        }
+        record.number = self.next_number();
+        self.put(record.clone(), 0, None);
+        self.merges.begin(key, record, now);
+    }
+
+    const fn next_number(&mut self) -> u64 {
+        self.newest += 1;
+        self.newest
+    }
+
+    fn put(&mut self, record: Record, kept: u64, place: Option<Place>) {
+        let (number, is_stop) = (record.number, record.is_stop);
+        let change = Change::Put(record);
+        if self.waiting.insert(number, Waiting { change, kept, place }).is_none() {
+            self.stops_waiting += usize::from(is_stop);
+        }
+        while self.waiting.len() > WAITING_MAX {
+            self.give_way();
+        }
+    }
+
+    fn remove(&mut self, number: u64, is_in_journal: bool) {
+        if is_in_journal {
+            self.waiting.insert(number, Waiting { change: Change::Remove, kept: 0, place: None });
+        } else {
+            self.waiting.remove(&number);
+        }
+    }
+
+    /// The oldest row gives way; a stop only if there are too many of them.
+    fn give_way(&mut self) {
+        let may_go = |waiting: &Waiting| match &waiting.change {
+            Change::Put(record) => self.stops_waiting > STOPS_MAX || !record.is_stop,
+            Change::Remove => false,
+        };
+        let number = self.waiting.iter().find(|(_, waiting)| may_go(waiting)).map(|(number, _)| *number);
+        let number = number.or_else(|| self.waiting.keys().next().copied());
+        let Some(gone) = number.and_then(|number| self.waiting.remove(&number)) else { return };
+        if let Change::Put(record) = gone.change {
+            self.stops_waiting -= usize::from(record.is_stop).min(self.stops_waiting);
+            self.lost += record.count.saturating_sub(gone.kept);
+            self.merges.end(&record);
+        }
+        if let Some(place) = gone.place.filter(|_| gone.kept == 0) {
+            self.open.remove(&place);
+        }
+    }
+
+    fn forget_oldest(&mut self) {
+        while self.order.len() > OPEN_MAX {
+            if let Some(place) = self.order.pop_front() {
+                self.open.remove(&place);
+            }
+        }
+        // What ended long ago must not push out what is still open.
+        if self.order.len() > 2 * self.open.len() + 64 {
+            self.order.retain(|place| self.open.contains_key(place));
+        }
+    }
+
+    /// What waits to be written, by the numbers of the rows.
+    pub fn waiting(&self) -> impl Iterator<Item = (u64, &Change)> {
+        self.waiting.iter().map(|(number, waiting)| (*number, &waiting.change))
+    }
+
+    /// How many rows wait to be written.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.waiting.len()
+    }
+
+    /// Whether none waits.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.waiting.is_empty()
+    }
+
+    /// Attempts that could not be kept, since this was asked last.
+    pub const fn take_lost(&mut self) -> u64 {
+        std::mem::replace(&mut self.lost, 0)
+    }
+
+    /// All that waited is written.
+    pub fn written(&mut self) {
+        self.waiting.clear();
+        self.stops_waiting = 0;
+        self.kept = self.newest;
+        self.merges.kept();
+    }
+}

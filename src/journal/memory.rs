@@ -1,0 +1,115 @@
+//! What is remembered of a drive: how entries change it, and how it is written.
+
+use super::entry::Entry;
+use super::remembered::{Remembered, RememberedLease, RememberedStop, TripBaseline};
+use super::words;
+use crate::drive::view::TripEventKind;
+use serde_json::{Value, json};
+
+impl Remembered {
+    /// Takes notice of `entry`.
+    pub fn take(&mut self, entry: &Entry) {
+        match entry {
+            Entry::Trip(event, baseline) => {
+                self.trips = Some(*baseline);
+                if let TripEventKind::Tripped { trips, record } = &event.kind {
+                    self.trips_total = self.trips_total.saturating_add((*trips).into());
+                    self.last_code = record.code;
+                }
+            }
+            Entry::Baseline(baseline) => self.trips = Some(*baseline),
+            Entry::Lease(owner) => {
+                self.lease = owner.map(|owner| RememberedLease { owner, was_orphaned: false });
+            }
+            Entry::StopPending { coast } => self.stop = Some(RememberedStop { coast: *coast }),
+            Entry::StopOver { .. } => self.stop = None,
+            Entry::Attempt(_) | Entry::Ended { .. } | Entry::FailSafe { .. } | Entry::Presence(_) => {}
+        }
+    }
+
+    /// As it is written.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        json!({
+            "trips": self.trips.map(|it| json!({ "count": it.count, "held": it.held, "code": it.code })),
+            "trips_total": self.trips_total,
+            "last_code": self.last_code,
+            "lease": self.lease.map(|it| json!({ "owner": it.owner.to_string(), "was_orphaned": it.was_orphaned })),
+            "stop": self.stop.map(|stop| if stop.coast { "coast" } else { "stop" }),
+        })
+        .to_string()
+    }
+
+    /// What was written as `text`; nothing if that is not understood.
+    #[must_use]
+    pub fn from_json(text: &str) -> Option<Self> {
+        let value: Value = serde_json::from_str(text).ok()?;
+        let word = |of: &Value| of.as_u64().and_then(|number| u16::try_from(number).ok());
+        let trips = |it: &Value| TripBaseline {
+            count: word(&it["count"]),
+            held: it["held"].as_bool(),
+            code: word(&it["code"]),
+        };
+        let lease = |it: &Value| {
+            let owner = words::owner(it["owner"].as_str()?)?;
+            Some(RememberedLease { owner, was_orphaned: it["was_orphaned"].as_bool()? })
+        };
+        let there = |key: &str| Some(&value[key]).filter(|it| !it.is_null());
+        Some(Self {
+            trips: there("trips").map(trips),
+            trips_total: u32::try_from(value["trips_total"].as_u64()?).ok()?,
+            last_code: word(&value["last_code"]),
+            lease: match there("lease") {
+                Some(written) => Some(lease(written)?),
+                None => None,
+            },
+            stop: there("stop").map(|stop| RememberedStop { coast: stop == "coast" }),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::command::Owner;
+    use crate::domain::time::MonoTime;
+    use crate::drive::view::{TripEvent, TripRecord};
+
+    #[test]
+    fn what_is_written_is_read_back() {
+        let lease = RememberedLease { owner: Owner::ModbusTcp("10.0.0.7".parse().unwrap()), was_orphaned: true };
+        let whole = Remembered {
+            trips: Some(TripBaseline { count: Some(65_535), held: Some(false), code: None }),
+            trips_total: u32::MAX,
+            last_code: Some(12),
+            lease: Some(lease),
+            stop: Some(RememberedStop { coast: true }),
+        };
+        let stop = Some(RememberedStop { coast: false });
+        for memory in [Remembered::default(), whole, Remembered { stop, ..Remembered::default() }] {
+            assert_eq!(Remembered::from_json(&memory.to_json()), Some(memory));
+        }
+        for text in ["", "{}", "{\"trips_total\":-1}", "{\"trips_total\":0,\"lease\":{\"owner\":\"x\"}}"] {
+            assert_eq!(Remembered::from_json(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn entries_change_it() {
+        let mut memory = Remembered::default();
+        let baseline = TripBaseline { count: Some(7), held: Some(true), code: Some(3) };
+        let record = TripRecord { at: MonoTime::ZERO, code: Some(3), words: Vec::new() };
+        let event = |kind| TripEvent { kind, count: Some(7), at: MonoTime::ZERO };
+        memory.take(&Entry::Trip(event(TripEventKind::Tripped { trips: 2, record }), baseline));
+        memory.take(&Entry::Trip(event(TripEventKind::Cleared), TripBaseline { held: Some(false), ..baseline }));
+        assert_eq!((memory.trips_total, memory.last_code), (2, Some(3)));
+        assert_eq!(memory.trips.unwrap().held, Some(false));
+        memory.take(&Entry::Lease(Some(Owner::Mqtt)));
+        memory.take(&Entry::StopPending { coast: false });
+        assert_eq!(memory.lease, Some(RememberedLease { owner: Owner::Mqtt, was_orphaned: false }));
+        assert!(memory.stop.is_some());
+        memory.take(&Entry::StopOver { is_effective: true });
+        memory.take(&Entry::Lease(None));
+        assert_eq!((memory.lease, memory.stop), (None, None));
+    }
+}

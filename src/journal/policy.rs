@@ -1,0 +1,92 @@
+//! What gives way when the journal has reached its size: the audit before comings and goings, those before trips, each
+//! from its oldest end.
+
+use super::row::Table;
+
+/// Room in bytes that is reckoned for a row.
+const ROW_BYTES: u64 = 512;
+/// The part of the size that each table keeps for its newest rows as long as another one can give way.
+const LEAST_PART: u64 = 16;
+/// Least number of rows that go at once, so that a full journal is not cut at every row.
+const CUT_MIN: u64 = 64;
+
+/// How many rows a table has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Share {
+    /// The table.
+    pub table: Table,
+    /// Its rows.
+    pub rows: u64,
+}
+
+/// The oldest rows of one table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cut {
+    /// The table.
+    pub table: Table,
+    /// How many.
+    pub rows: u64,
+}
+
+/// Whether a journal with `used` bytes in rows is so near to `most` that something has to go.
+#[must_use]
+pub const fn is_full(used: u64, most: u64) -> bool {
+    used > most / 8 * 7
+}
+
+/// What goes first from tables with these rows, of a journal of at most `most` bytes. Nothing if there is nothing.
+#[must_use]
+pub fn cut(shares: [Share; 3], most: u64) -> Option<Cut> {
+    let least = most / LEAST_PART / ROW_BYTES;
+    let in_order = || Table::ALL.into_iter().filter_map(|table| shares.into_iter().find(|share| share.table == table));
+    let above = in_order().find(|share| share.rows > least).map(|share| (share, least));
+    let (share, floor) = above.or_else(|| in_order().find(|share| share.rows > 0).map(|share| (share, 0)))?;
+    let rows = (share.rows / 16).max(CUT_MIN).min(share.rows - floor);
+    Some(Cut { table: share.table, rows })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MB: u64 = 1_000_000;
+
+    fn shares(audit: u64, availability: u64, event: u64) -> [Share; 3] {
+        let rows = [(Table::Event, event), (Table::Audit, audit), (Table::Availability, availability)];
+        rows.map(|(table, rows)| Share { table, rows })
+    }
+
+    #[test]
+    fn trips_are_kept_longest_and_nothing_is_pushed_out_whole() {
+        let least = MB / 16 / 512;
+        let table = [
+            (shares(100_000, 100_000, 100_000), Some((Table::Audit, 6250))),
+            (shares(least + 1, 100_000, 100_000), Some((Table::Audit, 1))),
+            (shares(least, 100_000, 100_000), Some((Table::Availability, 6250))),
+            (shares(least, least, 100_000), Some((Table::Event, 6250))),
+            (shares(least, least, least + 70), Some((Table::Event, 64))),
+            (shares(least, least, least), Some((Table::Audit, 64))),
+            (shares(0, 3, 100), Some((Table::Availability, 3))),
+            (shares(0, 0, 100), Some((Table::Event, 64))),
+            (shares(0, 3, 0), Some((Table::Availability, 3))),
+            (shares(0, 0, 0), None),
+        ];
+        for (shares, cut) in table {
+            let right = cut.map(|(table, rows)| Cut { table, rows });
+            assert_eq!(super::cut(shares, MB), right, "{shares:?}");
+        }
+    }
+
+    #[test]
+    fn it_always_comes_to_an_end() {
+        let mut now = shares(3_000, 70, 5_000);
+        let mut cuts = 0;
+        while let Some(cut) = super::cut(now, 1000 * MB) {
+            let share = now.iter_mut().find(|share| share.table == cut.table).unwrap();
+            assert!(cut.rows > 0 && cut.rows <= share.rows);
+            share.rows -= cut.rows;
+            cuts += 1;
+        }
+        assert!(cuts < 1000 && now.iter().all(|share| share.rows == 0));
+    }
+}

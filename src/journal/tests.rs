@@ -1,0 +1,298 @@
+//! What waits to be written: each attempt in one row, equal ones together, the newest when there is no room.
+
+use super::audit::{Audit, Change, OPEN_MAX, WAITING_MAX};
+use super::book::{Book, EVENTS_MAX};
+use super::merge::SHARES_MAX;
+use super::record::Record;
+use super::*;
+use crate::domain::command::{Go, Order, Outcome, Owner, Reason, Report};
+use crate::domain::control::FailSafe;
+use crate::domain::frequency::Hertz;
+use crate::domain::ids::{DriveIndex, Name, UnitId};
+use crate::domain::time::{MonoTime, WallTime};
+use crate::drive::description::{DriveDescription, DriveRef, Ratings};
+use crate::drive::plan::Pace;
+use crate::drive::snapshot::Presence;
+use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
+use crate::profile::check;
+use crate::profile::model::Model;
+use crate::vendors;
+use serde_json::Value;
+use std::collections::{BTreeMap, HashMap};
+use std::sync::{Arc, LazyLock};
+use std::time::Duration;
+
+fn at(millis: u64) -> MonoTime {
+    MonoTime::from_millis(millis)
+}
+
+fn label(at: MonoTime) -> WallTime {
+    WallTime { unix_ms: (at.as_nanos() / 1_000_000) as i64 }
+}
+
+static MODEL: LazyLock<Arc<Model>> = LazyLock::new(|| Arc::new(check::model(vendors::texts()[0].1).unwrap()));
+
+fn drive(called: &str) -> DriveDescription {
+    let name = |text| Name::new(text).unwrap();
+    DriveDescription {
+        place: DriveRef { line: 0, drive: DriveIndex(0) },
+        name: name(called),
+        line: name("hall"),
+        model: Arc::clone(&MODEL),
+        unit: UnitId::new(1).unwrap(),
+        uniform_unit: UnitId::new(101).unwrap(),
+        pace: Pace::new(Duration::from_millis(500), 1.0),
+        ratings: Ratings::default(),
+        control: None,
+        dead_bands: Vec::new(),
+    }
+}
+
+fn attempt(id: u64, order: Order, report: Option<Report>) -> Attempt {
+    Attempt { id: AttemptId(id), owner: Owner::Mqtt, tried: Tried::Order(order), report }
+}
+
+fn setpoint(hertz: u32) -> Order {
+    let frequency = Some(Hertz::from_millihertz(hertz * 1000));
+    Order::Go(Go::new(Vec::new(), frequency, None).unwrap())
+}
+
+fn stop() -> Order {
+    Order::Stop { setpoint: None }
+}
+
+/// A book and what a journal would hold of its audit.
+#[derive(Default)]
+struct Rig {
+    book: Book,
+    rows: BTreeMap<u64, Record>,
+}
+
+impl Rig {
+    fn tell(&mut self, millis: u64, entry: Entry) {
+        self.book.take(1, &drive("pump-1"), at(millis), entry, &label);
+    }
+
+    fn write(&mut self) {
+        for (number, change) in self.book.audit.waiting() {
+            match change {
+                Change::Put(record) => drop(self.rows.insert(number, record.clone())),
+                Change::Remove => assert!(self.rows.remove(&number).is_some(), "row {number} was never there"),
+            }
+        }
+        self.book.written();
+    }
+
+    /// What was tried, what became of it, and how often.
+    fn shown(&self) -> Vec<(String, Option<Outcome>, u64)> {
+        self.rows.values().map(|it| (it.tried.clone(), it.report.map(|it| it.outcome), it.count)).collect()
+    }
+
+    fn counted(&self) -> u64 {
+        self.rows.values().map(|record| record.count).sum()
+    }
+}
+
+#[test]
+fn an_attempt_is_one_row_whether_its_end_comes_before_or_after_the_first_write() {
+    for writes_between in [false, true] {
+        let mut rig = Rig::default();
+        rig.tell(0, Entry::Attempt(attempt(1, setpoint(30), None)));
+        if writes_between {
+            rig.write();
+            assert_eq!(rig.shown(), [("30.00 Hz".to_owned(), None, 1)]);
+        }
+        let report = Report::new(Outcome::Confirmed, Reason::None);
+        rig.tell(5, Entry::Ended { attempt: AttemptId(1), report });
+        // Told twice by mistake, or never begun: nothing to say about it.
+        rig.tell(6, Entry::Ended { attempt: AttemptId(1), report });
+        rig.tell(6, Entry::Ended { attempt: AttemptId(2), report });
+        rig.write();
+        assert_eq!(rig.shown(), [("30.00 Hz".to_owned(), Some(Outcome::Confirmed), 1)]);
+    }
+}
+
+#[test]
+fn equal_refusals_share_a_row_for_a_second() {
+    let mut rig = Rig::default();
+    let refused = |reason| Some(Report::refused(reason));
+    for millis in [0, 1, 999, 1000, 1001] {
+        rig.tell(millis, Entry::Attempt(attempt(millis, setpoint(60), refused(Reason::OutsideLimits))));
+        if millis == 1 {
+            rig.write();
+        }
+    }
+    rig.tell(1001, Entry::Attempt(attempt(7, setpoint(61), refused(Reason::OutsideLimits))));
+    rig.tell(1001, Entry::Attempt(attempt(8, setpoint(60), refused(Reason::Tripped))));
+    rig.write();
+    let counts: Vec<_> = rig.shown().into_iter().map(|(tried, _, count)| (tried, count)).collect();
+    let right = [("60.00 Hz", 3), ("60.00 Hz", 2), ("61.00 Hz", 1), ("60.00 Hz", 1)];
+    assert_eq!(counts, right.map(|(tried, count)| (tried.to_owned(), count)));
+}
+
+#[test]
+fn a_slider_that_is_dragged_is_one_row_a_second() {
+    for write_each in [1, 3, 1000] {
+        let mut rig = Rig::default();
+        for number in 0..100_u64 {
+            rig.tell(number, Entry::Attempt(attempt(number, setpoint(number as u32), None)));
+            if number % write_each == 0 {
+                rig.write();
+            }
+            if number > 0 {
+                let report = Report::new(Outcome::Superseded, Reason::Newer);
+                rig.tell(number, Entry::Ended { attempt: AttemptId(number - 1), report });
+            }
+        }
+        let report = Report::new(Outcome::Confirmed, Reason::None);
+        rig.tell(101, Entry::Ended { attempt: AttemptId(99), report });
+        rig.write();
+        let superseded = ("98.00 Hz".to_owned(), Some(Outcome::Superseded), 99);
+        assert_eq!(rig.shown(), [superseded, ("99.00 Hz".to_owned(), Some(Outcome::Confirmed), 1)], "{write_each}");
+    }
+}
+
+#[test]
+fn others_and_other_orders_share_no_row() {
+    let mut rig = Rig::default();
+    let superseded = Report::new(Outcome::Superseded, Reason::Newer);
+    let run = Go::new(Vec::new(), None, Some(crate::domain::command::Direction::Forward)).unwrap();
+    for (number, order) in [(1, stop()), (2, stop()), (3, Order::Go(run.clone())), (4, Order::Go(run))] {
+        rig.tell(0, Entry::Attempt(attempt(number, order, None)));
+        rig.tell(0, Entry::Ended { attempt: AttemptId(number), report: superseded });
+    }
+    let refused = Some(Report::refused(Reason::Tripped));
+    for (owner, source) in [(Owner::Mqtt, 2), (Owner::Local, 3)] {
+        let attempt = Attempt { owner, ..attempt(1, stop(), refused) };
+        rig.book.attempt(source, None, at(0), &attempt, &label);
+    }
+    rig.write();
+    assert_eq!(rig.rows.len(), 6);
+    assert!(rig.rows.values().all(|record| record.count == 1));
+}
+
+#[test]
+fn while_nothing_can_be_written_the_newest_is_kept_and_the_rest_is_counted() {
+    let mut rig = Rig::default();
+    let attempts = 3 * WAITING_MAX as u64;
+    rig.tell(0, Entry::Attempt(attempt(0, stop(), None)));
+    for number in 1..=attempts {
+        // Neither equal nor within a second, so that each is a row of its own.
+        let tried = Tried::Text(format!("no {number}"));
+        let report = Some(Report::refused(Reason::NotUnderstood));
+        rig.tell(0, Entry::Attempt(Attempt { tried, ..attempt(number, stop(), report) }));
+    }
+    rig.tell(1, Entry::Ended { attempt: AttemptId(0), report: Report::new(Outcome::Confirmed, Reason::None) });
+    let lost = rig.book.take_lost();
+    rig.write();
+    assert_eq!(rig.rows.len(), WAITING_MAX);
+    assert_eq!(lost + rig.counted(), attempts + 1, "each is there or counted as lost");
+    assert_eq!(rig.shown()[0], ("stop".to_owned(), Some(Outcome::Confirmed), 1), "a stop gives way last");
+    assert_eq!(rig.shown()[WAITING_MAX - 1].0, format!("no {attempts}"));
+    assert_eq!(rig.book.take_lost(), 0);
+}
+
+#[test]
+fn what_is_counted_together_and_gives_way_is_lost_once() {
+    let mut rig = Rig::default();
+    let equal = |id| Entry::Attempt(attempt(id, setpoint(60), Some(Report::refused(Reason::Tripped))));
+    (0..10).for_each(|id| rig.tell(0, equal(id)));
+    rig.write();
+    (10..15).for_each(|id| rig.tell(1, equal(id)));
+    for number in 0..WAITING_MAX as u64 {
+        let tried = Tried::Text(format!("no {number}"));
+        let report = Some(Report::refused(Reason::NotUnderstood));
+        rig.tell(2, Entry::Attempt(Attempt { tried, ..attempt(number, stop(), report) }));
+    }
+    assert_eq!(rig.book.take_lost(), 5, "ten are in the journal");
+    (15..17).for_each(|id| rig.tell(3, equal(id)));
+    let lost = rig.book.take_lost();
+    rig.write();
+    assert_eq!(rig.counted() + lost + 5, 17 + WAITING_MAX as u64);
+}
+
+#[test]
+fn what_is_open_and_what_is_shared_is_bounded() {
+    let mut audit = Audit::default();
+    for number in 0..OPEN_MAX as u64 + 10 {
+        let record = Record::of_attempt(label(at(0)), None, &attempt(number, setpoint(1), None));
+        audit.add(at(0), record, Some((1, AttemptId(number))));
+        audit.written();
+    }
+    let report = Report::new(Outcome::Confirmed, Reason::None);
+    audit.end(at(0), (1, AttemptId(9)), report);
+    assert!(audit.is_empty(), "the oldest are forgotten");
+    audit.end(at(0), (1, AttemptId(10)), report);
+    assert_eq!(audit.len(), 1);
+    let mut rig = Rig::default();
+    for round in 0..2 {
+        for number in 0..SHARES_MAX as u64 + 1 {
+            let tried = Tried::Text(format!("no {number}"));
+            let report = Some(Report::refused(Reason::NotUnderstood));
+            rig.tell(round, Entry::Attempt(Attempt { tried, ..attempt(number, stop(), report) }));
+        }
+    }
+    assert!(rig.book.audit.len() > SHARES_MAX + 1, "the oldest is shared no more");
+}
+
+#[test]
+fn a_trip_is_worded_once_and_changes_what_is_remembered() {
+    let mut rig = Rig::default();
+    let record = TripRecord { at: at(90), code: Some(1), words: vec![(0x0111, 250), (0xEEEE, 7)] };
+    let baseline = TripBaseline { count: Some(3), held: Some(true), code: Some(1) };
+    let tripped = TripEvent { kind: TripEventKind::Tripped { trips: 2, record }, count: Some(3), at: at(100) };
+    rig.tell(100, Entry::Trip(tripped, baseline));
+    assert!(rig.book.has_trip());
+    let event = rig.book.events().next().unwrap();
+    assert_eq!((event.kind, event.drive.as_str(), event.at), ("tripped", "pump-1", label(at(100))));
+    let body = Value::Object(event.body.clone());
+    assert_eq!(
+        (&body["at"], &body["trips"], &body["code"]),
+        (&"1970-01-01T00:00:00.100Z".into(), &2.into(), &1.into())
+    );
+    assert_eq!(body["values"]["0xEEEE"]["value"], 7);
+    let memory: HashMap<_, _> = rig.book.memory().collect();
+    let memory = memory[&Name::new("pump-1").unwrap()];
+    assert_eq!((memory.trips_total, memory.last_code, memory.trips), (2, Some(1), Some(baseline)));
+    rig.write();
+    assert!(rig.book.is_empty() && !rig.book.has_trip());
+    for _ in 0..=EVENTS_MAX {
+        let event = TripEvent { kind: TripEventKind::Cleared, count: None, at: at(0) };
+        rig.tell(0, Entry::Trip(event, baseline));
+    }
+    assert_eq!((rig.book.events().count(), rig.book.take_lost()), (EVENTS_MAX, 1));
+}
+
+#[test]
+fn what_nobody_commanded_and_who_came_and_went_are_rows_too() {
+    let mut rig = Rig::default();
+    let (owner, action) = (Some(Owner::Mqtt), FailSafe::Stop);
+    rig.tell(0, Entry::FailSafe { owner, action, cause: Cause::CommanderLost });
+    rig.tell(0, Entry::StopPending { coast: false });
+    rig.tell(0, Entry::StopOver { is_effective: false });
+    rig.tell(0, Entry::Presence(Presence::Offline));
+    rig.tell(0, Entry::Presence(Presence::Unknown));
+    let rows: Vec<_> = rig.book.availability().map(|row| (row.kind.as_str(), row.body.as_str())).collect();
+    assert_eq!(rows, [("drive", r#"{"state":"offline"}"#)]);
+    rig.write();
+    let rows: Vec<_> = rig.rows.values().map(|record| record.row(10)).collect();
+    let shown: Vec<_> = rows.iter().map(|row| (row.number, row.kind.as_str(), row.body.as_str())).collect();
+    let failsafe = r#"{"by":"mqtt","cause":"commander_lost","count":1,"tried":"stop"}"#;
+    let given_up = r#"{"by":null,"count":1,"tried":"stop"}"#;
+    assert_eq!(shown, [(11, "failsafe", failsafe), (12, "stop_given_up", given_up)]);
+}
+
+#[test]
+fn a_lease_of_an_earlier_life_is_marked_once() {
+    let name = Name::new("pump-1").unwrap();
+    let lease = Some(RememberedLease { owner: Owner::Mqtt, was_orphaned: false });
+    let memory = BTreeMap::from([(name.clone(), Remembered { lease, ..Remembered::default() })]);
+    let mut book = Book::new(memory);
+    book.orphan_leases();
+    assert!(book.memory().all(|(_, memory)| memory.lease.unwrap().was_orphaned));
+    assert_eq!(book.written(), 1);
+    book.orphan_leases();
+    assert!(book.is_empty());
+    book.touch_all();
+    assert_eq!(book.len(), 1);
+}

@@ -1,0 +1,77 @@
+//! Trips in words: what is published of an event, and what a record says by the names of its registers.
+
+use crate::domain::time::MonoTime;
+use crate::drive::description::DriveDescription;
+use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
+use crate::profile::model::Register;
+use crate::profile::scale::Scaled;
+use serde_json::{Map, Value, json};
+
+/// How a moment is written.
+type Label<'l> = dyn Fn(MonoTime) -> String + 'l;
+
+/// What is published of `event`, without its number.
+#[must_use]
+pub fn event(drive: &DriveDescription, label: &Label<'_>, event: &TripEvent) -> Map<String, Value> {
+    let mut body = Map::new();
+    let mut say = |key: &str, value: Value| body.insert(key.to_owned(), value);
+    if let TripEventKind::Tripped { trips, record: newest } = &event.kind {
+        record(drive, label, newest).into_iter().for_each(|(key, value)| drop(say(&key, value)));
+        say("trips", (*trips).into());
+    }
+    say("kind", kind(&event.kind).into());
+    say("drive", drive.name.as_str().into());
+    // Not the record's own: the moment of the event is the one by which it is told apart.
+    say("at", label(event.at).into());
+    say("count", event.count.into());
+    body
+}
+
+/// The word for what happened.
+#[must_use]
+pub const fn kind(kind: &TripEventKind) -> &'static str {
+    match kind {
+        TripEventKind::Tripped { .. } => "tripped",
+        TripEventKind::Cleared => "cleared",
+    }
+}
+
+/// What a trip record says, by the names of its registers.
+#[must_use]
+pub fn record(drive: &DriveDescription, label: &Label<'_>, record: &TripRecord) -> Map<String, Value> {
+    let value = |(address, word): &(u16, u16)| match drive.model.register_at(*address) {
+        Some(register) => (register.name.clone(), with_unit(register, *word)),
+        None => (format!("0x{address:04X}"), json!({ "value": word, "unit": null })),
+    };
+    let values: Map<_, _> = record.words.iter().map(value).collect();
+    let text = record.code.and_then(|code| text(drive, code));
+    [
+        ("at".to_owned(), label(record.at).into()),
+        ("code".to_owned(), record.code.into()),
+        ("text".to_owned(), text.into()),
+        ("values".to_owned(), values.into()),
+    ]
+    .into_iter()
+    .collect()
+}
+
+/// The vendor's words for trip `code`, marked where they are a hint only; nothing for 0, which is no trip.
+#[must_use]
+pub fn text(drive: &DriveDescription, code: u16) -> Option<String> {
+    match drive.model.trip_text(code) {
+        _ if code == 0 => None,
+        Some(known) if known.confidence.is_proven() => Some(known.text.clone()),
+        Some(known) => Some(format!("{} ({})", known.text, known.confidence.word())),
+        None => Some(format!("code {code}")),
+    }
+}
+
+/// The symbol of a register's unit, if it has one.
+#[must_use]
+pub fn unit(register: &Register) -> Option<&'static str> {
+    Some(register.unit.symbol()).filter(|symbol| *symbol != "-")
+}
+
+fn with_unit(register: &Register, word: u16) -> Value {
+    json!({ "value": Scaled::from_word(word, register).value(), "unit": unit(register) })
+}

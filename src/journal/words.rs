@@ -1,0 +1,132 @@
+//! Orders, owners and drives' memories as text, for people and for JSON.
+
+use super::entry::Tried;
+use crate::domain::command::{Direction, Go, Order, Owner};
+use crate::domain::frequency::Hertz;
+use crate::domain::ids::CommanderName;
+
+/// Most characters of a text that was not understood.
+const TEXT_CHARS_MAX: usize = 200;
+
+/// What somebody tried to write, in words: `30.00 Hz, run forward`, `0x000C = 100`.
+#[must_use]
+pub fn tried(tried: &Tried) -> String {
+    match tried {
+        Tried::Order(order) => self::order(order),
+        Tried::Registers { address, values } => {
+            let addresses = std::iter::successors(Some(*address), |address| Some(address.wrapping_add(1)));
+            joined(addresses.zip(values).map(|(address, value)| register(address, *value)))
+        }
+        Tried::Text(text) => text.chars().take(TEXT_CHARS_MAX).collect(),
+    }
+}
+
+fn order(order: &Order) -> String {
+    match order {
+        Order::Stop { setpoint: None } => "stop".to_owned(),
+        Order::Stop { setpoint: Some(setpoint) } => format!("stop, {}", hertz(*setpoint)),
+        Order::Coast => "coast".to_owned(),
+        Order::Reset => "reset".to_owned(),
+        Order::Go(go) => self::go(go),
+        Order::Release => "release".to_owned(),
+        Order::Setup(addresses) => {
+            format!("setup {}", joined(addresses.iter().map(|address| format!("0x{address:04X}"))))
+        }
+        Order::Take => "take".to_owned(),
+        Order::Renew => "renew".to_owned(),
+    }
+}
+
+fn go(go: &Go) -> String {
+    let registers = go.registers().iter().map(|write| register(write.address, write.value));
+    let run = go.run().map(|direction| match direction {
+        Direction::Forward => "run forward".to_owned(),
+        Direction::Reverse => "run reverse".to_owned(),
+    });
+    joined(registers.chain(go.frequency().map(hertz)).chain(run))
+}
+
+fn hertz(frequency: Hertz) -> String {
+    format!("{frequency} Hz")
+}
+
+fn register(address: u16, value: u16) -> String {
+    format!("0x{address:04X} = {value}")
+}
+
+fn joined(parts: impl Iterator<Item = String>) -> String {
+    parts.collect::<Vec<_>>().join(", ")
+}
+
+/// Whether it takes energy off the motor: such an attempt has room of its own.
+#[must_use]
+pub const fn is_stop(tried: &Tried) -> bool {
+    matches!(tried, Tried::Order(Order::Stop { .. } | Order::Coast))
+}
+
+/// Whether it is a setpoint and nothing else: controllers send one after the other.
+#[must_use]
+pub fn is_setpoint(tried: &Tried) -> bool {
+    let Tried::Order(Order::Go(go)) = tried else { return false };
+    go.registers().is_empty() && go.frequency().is_some() && go.run().is_none()
+}
+
+/// The owner that is written as `text`; nothing if none is.
+#[must_use]
+pub fn owner(text: &str) -> Option<Owner> {
+    match text.split_once(' ') {
+        None if text == "mqtt" => Some(Owner::Mqtt),
+        None if text == "local" => Some(Owner::Local),
+        Some(("modbus-tcp", address)) => address.parse().ok().map(Owner::ModbusTcp),
+        Some(("mqtt", name)) => CommanderName::new(name).map(Owner::MqttBy),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::command::RegisterWrite;
+
+    #[test]
+    fn orders_have_words() {
+        let go = |registers, frequency, run| Tried::Order(Order::Go(Go::new(registers, frequency, run).unwrap()));
+        let thirty = Some(Hertz::from_millihertz(30_000));
+        let table = [
+            (Tried::Order(Order::Stop { setpoint: None }), "stop"),
+            (Tried::Order(Order::Stop { setpoint: thirty }), "stop, 30.00 Hz"),
+            (go(Vec::new(), thirty, Some(Direction::Reverse)), "30.00 Hz, run reverse"),
+            (go(vec![RegisterWrite { address: 12, value: 100 }], None, None), "0x000C = 100"),
+            (Tried::Registers { address: 0xFFFF, values: vec![1, 2] }, "0xFFFF = 1, 0x0000 = 2"),
+            (Tried::Order(Order::Setup(vec![1, 0x0211])), "setup 0x0001, 0x0211"),
+            (Tried::Text("ü".repeat(300)), &"ü".repeat(200)),
+        ];
+        for (tried, text) in table {
+            assert_eq!(super::tried(&tried), text);
+        }
+    }
+
+    #[test]
+    fn only_a_setpoint_alone_is_one() {
+        let go = |run| Tried::Order(Order::Go(Go::new(Vec::new(), Some(Hertz::ZERO), run).unwrap()));
+        assert!(is_setpoint(&go(None)) && !is_setpoint(&go(Some(Direction::Forward))));
+        assert!(!is_setpoint(&Tried::Order(Order::Stop { setpoint: Some(Hertz::ZERO) })));
+    }
+
+    #[test]
+    fn owners_are_read_back() {
+        let by = CommanderName::new("plc-2").unwrap();
+        for owner in [
+            Owner::Mqtt,
+            Owner::Local,
+            Owner::MqttBy(by),
+            Owner::ModbusTcp("10.0.0.7".parse().unwrap()),
+            Owner::ModbusTcp("fd00::1".parse().unwrap()),
+        ] {
+            assert_eq!(super::owner(&owner.to_string()), Some(owner));
+        }
+        for text in ["", "mqtt ", "mqtt a/b", "modbus-tcp x", "page x", "mqtt a b"] {
+            assert_eq!(super::owner(text), None, "{text}");
+        }
+    }
+}
