@@ -3,7 +3,6 @@
 use super::answers::{News, NorthSides};
 use super::clock;
 use super::inbox::{Inbox, Message};
-use super::journal::Journal;
 use super::kept::Kept;
 use super::shared::{Shared, SharedDrive};
 use crate::domain::ids::{AskerId, DriveIndex};
@@ -32,11 +31,11 @@ pub struct Board<'a> {
 impl<'a> Board<'a> {
     /// The board of the line at `place`; nothing if there is no such line.
     #[must_use]
-    pub fn new(shared: &'a Shared, place: usize, north: NorthSides, journal: Option<&Arc<Journal>>) -> Option<Self> {
+    pub fn new(shared: &'a Shared, place: usize, north: NorthSides) -> Option<Self> {
         let line = shared.lines.get(place)?;
         let number = u16::try_from(place).ok()?;
         let drives: Vec<_> = shared.drives.iter().filter(|drive| drive.description.place.line == number).collect();
-        let journal = journal.map(|journal| {
+        let journal = north.journal.as_ref().map(|journal| {
             let descriptions = drives.iter().map(|drive| drive.description.clone()).collect();
             Kept::new(journal.line(line.name.clone(), descriptions, Arc::clone(&line.inbox)))
         });

@@ -3,7 +3,6 @@
 use super::answers::{AnswerBox, NorthSides};
 use super::clock;
 use super::http::{self, State, socket::OwnSocket};
-use super::journal::Journal;
 use super::local::LocalSide;
 use super::modbus_server::Server;
 use super::mqtt::speaker::Speaker;
@@ -85,7 +84,6 @@ impl North {
         bound: Bound,
         socket: Option<OwnSocket>,
         mqtt: Option<Mqtt>,
-        journal: Option<Arc<Journal>>,
     ) -> Self {
         let modbus_totals = Arc::new(ModbusTotals::default());
         let mqtt_totals = mqtt.is_some().then(Arc::<MqttTotals>::default);
@@ -94,7 +92,7 @@ impl North {
             shared: Arc::clone(shared),
             modbus: Arc::clone(&modbus_totals),
             mqtt: mqtt_totals.clone(),
-            journal,
+            journal: sides.journal.clone(),
             started: clock::now(),
             started_at: clock::wall(),
         });

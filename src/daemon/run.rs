@@ -93,17 +93,12 @@ where
     let mqtt = config.mqtt.as_ref().map(|mqtt| build::broker(mqtt, &name, broker_at)).transpose();
     let mqtt = mqtt.map_err(StartError::Mqtt)?;
     let (listening, http) = bound.addresses()?;
-    let (journal, memory) = match build::journal(config) {
-        Some(settings) => {
-            let (journal, memory) = Journal::start(&settings, sides.clone(), Arc::clone(&shared))?;
-            (Some(journal), Some(memory))
-        }
-        None => (None, None),
-    };
-    let mut lines = start_lines(config, &shared, &sides, journal.as_ref(), memory.as_ref())?;
+    let (sides, memory) = with_journal(config, sides, &shared)?;
+    let journal = sides.journal.clone();
+    let mut lines = start_lines(config, &shared, &sides, memory.as_ref())?;
     let local = LocalSet::new();
     runtime.block_on(local.run_until(async {
-        let north = North::start(config, &name, &shared, sides, bound, socket, mqtt, journal.clone());
+        let north = North::start(config, &name, &shared, sides, bound, socket, mqtt);
         until(&Running { name: &name, listening, http, broker: broker_at, shared: &shared }).await;
         for line in &lines {
             line.begin_shutdown();
@@ -161,11 +156,21 @@ fn embedded_broker(config: &Config) -> Result<Option<BrokerChild>, StartError> {
     broker.map(Some).map_err(StartError::Broker)
 }
 
+/// `sides` with the journal, if there is a data directory, and what it remembers of the drives.
+fn with_journal(
+    config: &Config,
+    sides: NorthSides,
+    shared: &Arc<Shared>,
+) -> io::Result<(NorthSides, Option<build::Memory>)> {
+    let Some(settings) = build::journal(config) else { return Ok((sides, None)) };
+    let (journal, memory) = Journal::start(&settings, sides.clone(), Arc::clone(shared))?;
+    Ok((NorthSides { journal: Some(journal), ..sides }, Some(memory)))
+}
+
 fn start_lines(
     config: &Config,
     shared: &Arc<Shared>,
     sides: &NorthSides,
-    journal: Option<&Arc<Journal>>,
     memory: Option<&build::Memory>,
 ) -> Result<Vec<LineHandle>, StartError> {
     // Epochs rise far slower than this, so those of another start are others, and JSON still holds them exactly.
@@ -175,7 +180,7 @@ fn start_lines(
         let (port, setup) = (build::line_port(line, data_dir), build::line_setup(line, first_epoch, memory));
         let StopBounds { all_healthy, one_silent, .. } = setup.stop_bounds();
         tracing::info!(line = %line.name, ?all_healthy, ?one_silent, "a stop starts within these times");
-        LineHandle::start(port, setup, Arc::clone(shared), place, sides.clone(), journal.cloned())
+        LineHandle::start(port, setup, Arc::clone(shared), place, sides.clone())
     };
     let lines: io::Result<Vec<_>> = config.lines.iter().enumerate().map(start).collect();
     Ok(lines?)

@@ -11,7 +11,6 @@ use super::answers::NorthSides;
 use super::board::Board;
 use super::clock;
 use super::inbox::Message;
-use super::journal::Journal;
 use super::port::PortSettings;
 use super::shared::Shared;
 use super::sys;
@@ -62,12 +61,11 @@ impl LineHandle {
         shared: Arc<Shared>,
         place: usize,
         north: NorthSides,
-        journal: Option<Arc<Journal>>,
     ) -> io::Result<Self> {
         let ours = Arc::clone(&shared);
         let (ends, ended) = oneshot::channel();
         let thread = std::thread::Builder::new().name(format!("line {}", port.line)).spawn(move || {
-            if let Err(error) = run(&port, setup, &ours, place, north, journal.as_ref()) {
+            if let Err(error) = run(&port, setup, &ours, place, north) {
                 tracing::error!(line = port.line, %error, "the line thread could not be set up");
             }
             drop(ends);
@@ -102,21 +100,14 @@ impl LineHandle {
     }
 }
 
-fn run(
-    port: &LinePort,
-    setup: LineSetup,
-    shared: &Shared,
-    place: usize,
-    north: NorthSides,
-    journal: Option<&Arc<Journal>>,
-) -> io::Result<()> {
+fn run(port: &LinePort, setup: LineSetup, shared: &Shared, place: usize, north: NorthSides) -> io::Result<()> {
     // Without character times there is no moment to hit, and preempting everybody only costs throughput.
     if setup.timing.paced
         && let Err(error) = sys::ask_for_real_time()
     {
         tracing::info!(line = port.line, %error, "no real-time priority: gaps may be longer under load, never shorter");
     }
-    let board = Board::new(shared, place, north, journal).ok_or_else(|| io::Error::other("no such line"))?;
+    let board = Board::new(shared, place, north).ok_or_else(|| io::Error::other("no such line"))?;
     let is_paced = setup.timing.paced;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let ended = runtime.block_on(async {
