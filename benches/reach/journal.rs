@@ -41,7 +41,9 @@ pub fn journal() -> Vec<Row> {
     let (ours, theirs) = (Times::new(ours), Times::new(theirs));
     let begun = clock::now();
     for _ in 0..groups {
-        (1..GROUP).for_each(|_| drop(writer.put(Writer::refusal)));
+        for _ in 1..GROUP {
+            writer.put(Writer::refusal);
+        }
         writer.kept(Writer::refusal);
     }
     let rate = (groups * GROUP) as f64 / clock::now().since(begun).as_secs_f64();

@@ -1,7 +1,7 @@
 //! The way back from the line threads to the north side.
 
 use super::clock;
-use super::journal::Origin;
+use super::journal::{Journal, Origin};
 use crate::domain::command::CommandAnswer;
 use crate::domain::ids::AskerId;
 use crate::domain::native::NativeAnswer;
@@ -44,7 +44,7 @@ impl News {
     }
 }
 
-/// The north sides that lines answer to.
+/// The north sides that lines answer to, and where both keep what is to be kept.
 #[derive(Clone, Debug, Default)]
 pub struct NorthSides {
     /// Modbus TCP connections.
@@ -53,6 +53,8 @@ pub struct NorthSides {
     pub mqtt: Option<Arc<AnswerBox>>,
     /// The program's own tools.
     pub local: Arc<AnswerBox>,
+    /// The journal; nothing if there is no data directory.
+    pub journal: Option<Arc<Journal>>,
 }
 
 /// Answers of all lines that the north side has not fetched yet. Its bound is that of the requests: each

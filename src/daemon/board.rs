@@ -3,7 +3,6 @@
 use super::answers::{News, NorthSides};
 use super::clock;
 use super::inbox::{Inbox, Message};
-use super::journal::Journal;
 use super::kept::Kept;
 use super::shared::SharedLine;
 use crate::domain::ids::{AskerId, DriveIndex};
@@ -30,8 +29,8 @@ pub struct Board {
 impl Board {
     /// The board of `line`, whose news go to `north`; `changed` is rung for them.
     #[must_use]
-    pub fn new(line: Arc<SharedLine>, changed: Arc<Notify>, north: NorthSides, journal: Option<&Arc<Journal>>) -> Self {
-        let journal = journal.map(|journal| {
+    pub fn new(line: Arc<SharedLine>, changed: Arc<Notify>, north: NorthSides) -> Self {
+        let journal = north.journal.as_ref().map(|journal| {
             let drives = line.drives.iter().map(|drive| drive.description.clone()).collect();
             Kept::new(journal.line(line.name.clone(), drives, Arc::clone(&line.inbox)))
         });

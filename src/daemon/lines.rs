@@ -2,7 +2,6 @@
 
 use super::answers::NorthSides;
 use super::build::{self, Memory};
-use super::journal::Journal;
 use super::line_thread::LineHandle;
 use super::shared::SharedLine;
 use crate::config::LineSettings;
@@ -29,23 +28,15 @@ pub struct Lines {
     sides: NorthSides,
     changed: Arc<Notify>,
     data_dir: Option<PathBuf>,
-    journal: Option<Arc<Journal>>,
     last_number: u16,
 }
 
 impl Lines {
-    /// None yet. They will answer to `sides`, ring `changed`, and say to `journal` what is to be kept. Lines are `numbered`
-    /// from 0 already.
+    /// None yet. They will answer to `sides`, and ring `changed`. Lines are `numbered` from 0 already.
     #[must_use]
-    pub fn new(
-        sides: NorthSides,
-        changed: Arc<Notify>,
-        data_dir: Option<PathBuf>,
-        journal: Option<Arc<Journal>>,
-        numbered: usize,
-    ) -> Self {
+    pub fn new(sides: NorthSides, changed: Arc<Notify>, data_dir: Option<PathBuf>, numbered: usize) -> Self {
         let last_number = u16::try_from(numbered).unwrap_or(u16::MAX);
-        Self { handles: Vec::new(), sides, changed, data_dir, journal, last_number }
+        Self { handles: Vec::new(), sides, changed, data_dir, last_number }
     }
 
     /// A number that no line has.
@@ -64,17 +55,10 @@ impl Lines {
     /// The system refuses something that it needs.
     pub async fn prepare(&self, settings: &LineSettings, line: Arc<SharedLine>) -> io::Result<LineHandle> {
         let port = build::line_port(settings, self.data_dir.as_deref());
-        let setup = build::line_setup(settings, first_epoch(), self.journal.is_some());
+        let setup = build::line_setup(settings, first_epoch(), self.sides.journal.is_some());
         let StopBounds { all_healthy, one_silent, .. } = setup.stop_bounds();
         tracing::info!(line = %settings.name, ?all_healthy, ?one_silent, "a stop starts within these times");
-        let mut handle = LineHandle::prepare(
-            port,
-            setup,
-            line,
-            Arc::clone(&self.changed),
-            self.sides.clone(),
-            self.journal.as_ref(),
-        )?;
+        let mut handle = LineHandle::prepare(port, setup, line, Arc::clone(&self.changed), self.sides.clone())?;
         if handle.is_ready().await {
             Ok(handle)
         } else {

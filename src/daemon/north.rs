@@ -3,7 +3,6 @@
 use super::answers::NorthSides;
 use super::clock;
 use super::http::{self, State, socket::OwnSocket};
-use super::journal::Journal;
 use super::keeping;
 use super::local::LocalSide;
 use super::modbus_server::{Listener, Server};
@@ -93,7 +92,6 @@ pub struct North {
     http: Option<AbortHandle>,
     mqtt: Option<Conversation>,
     conversations: u64,
-    journal: Option<Arc<Journal>>,
 }
 
 /// A Modbus TCP listener, and the task that accepts its connections.
@@ -121,7 +119,6 @@ impl North {
         bound: Bound,
         socket: Option<(OwnSocket, Option<Reloads>)>,
         mqtt: Option<Mqtt>,
-        journal: Option<Arc<Journal>>,
     ) -> Self {
         let modbus_totals = Arc::new(ModbusTotals::default());
         let state = Arc::new(State {
@@ -129,7 +126,7 @@ impl North {
             shared: current.clone(),
             modbus: Arc::clone(&modbus_totals),
             mqtt: None.into(),
-            journal: journal.clone(),
+            journal: sides.journal.clone(),
             started: clock::now(),
             started_at: clock::wall(),
         });
@@ -138,12 +135,12 @@ impl North {
             tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&sides.local)));
             tokio::task::spawn_local(socket.serve(Arc::clone(&state), side));
         }
-        let server = Rc::new(Server::new(modbus_totals, keeping::side(journal.as_ref(), &current)));
+        let server = Rc::new(Server::new(modbus_totals, keeping::side(sides.journal.as_ref(), &current)));
         tokio::task::spawn_local(Rc::clone(&server).distribute(Arc::clone(&sides.modbus)));
         let units = Units::new(&current.get());
         let listeners = Vec::new();
         let mut north =
-            Self { current, sides, state, server, units, listeners, http: None, mqtt: None, conversations: 0, journal };
+            Self { current, sides, state, server, units, listeners, http: None, mqtt: None, conversations: 0 };
         north.listen(config, &[], bound);
         north.talk(mqtt);
         north
@@ -218,7 +215,7 @@ impl North {
         let first_ticket = Ticket(self.conversations * TICKETS);
         let (stop, stopped) = oneshot::channel();
         let (current, (connection, settings)) = (self.current.clone(), with.clone());
-        let journal = keeping::side(self.journal.as_ref(), &self.current);
+        let journal = keeping::side(self.sides.journal.as_ref(), &self.current);
         let task = tokio::task::spawn_local(async move {
             if let Some(before) = before {
                 before.end().await;

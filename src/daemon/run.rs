@@ -19,7 +19,7 @@ use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::signal::unix::{Signal, SignalKind, signal};
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::{Notify, mpsc, oneshot};
 use tokio::task::LocalSet;
 
 /// Most time for the journal's last rows.
@@ -123,20 +123,15 @@ async fn start(config: &Config, reloads: Option<Reloads>) -> Result<(Gateway, Ad
     let mqtt = mqtt.map_err(StartError::Mqtt)?;
     let (listening, http) = bound.addresses()?;
     let changed = Arc::clone(&shared.changed);
-    let (journal, memory) = match build::journal(config) {
-        Some(settings) => {
-            let (journal, memory) = Journal::start(&settings, sides.clone(), Arc::clone(&changed))?;
-            (Some(journal), memory)
-        }
-        None => (None, build::Memory::new()),
-    };
-    let mut lines = Lines::new(sides.clone(), changed, data_dir, journal.clone(), shared.lines.len());
+    let (sides, memory) = with_journal(config, sides, &changed)?;
+    let journal = sides.journal.clone();
+    let mut lines = Lines::new(sides.clone(), changed, data_dir, shared.lines.len());
     let mut handles = Vec::with_capacity(config.lines.len());
     for (settings, line) in config.lines.iter().zip(&shared.lines) {
         handles.push(lines.prepare(settings, Arc::clone(line)).await?);
     }
     let current = Current::from(shared);
-    let north = North::start(config, &name, current.clone(), sides, bound, socket, mqtt, journal.clone());
+    let north = North::start(config, &name, current.clone(), sides, bound, socket, mqtt);
     lines.begin(handles, &memory);
     let gateway = Gateway { config: config.clone(), name, current, lines, north, broker, journal };
     Ok((gateway, (listening, http, broker_at)))
@@ -265,4 +260,11 @@ pub(super) fn embedded_broker(config: &Config) -> Result<Option<BrokerChild>, St
     // The usual port if it is free, so that tools find it; else any.
     let broker = BrokerChild::start(any(1883)).or_else(|_| BrokerChild::start(any(0)));
     broker.map(Some).map_err(StartError::Broker)
+}
+
+/// `sides` with the journal, if there is a data directory, and what it remembers of the drives.
+fn with_journal(config: &Config, sides: NorthSides, changed: &Arc<Notify>) -> io::Result<(NorthSides, build::Memory)> {
+    let Some(settings) = build::journal(config) else { return Ok((sides, build::Memory::new())) };
+    let (journal, memory) = Journal::start(&settings, sides.clone(), Arc::clone(changed))?;
+    Ok((NorthSides { journal: Some(journal), ..sides }, memory))
 }

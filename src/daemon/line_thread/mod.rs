@@ -12,7 +12,6 @@ use super::board::Board;
 use super::build::Memory;
 use super::clock;
 use super::inbox::Message;
-use super::journal::Journal;
 use super::port::PortSettings;
 use super::shared::{SharedDrive, SharedLine};
 use super::sys;
@@ -75,12 +74,11 @@ impl LineHandle {
         line: Arc<SharedLine>,
         changed: Arc<Notify>,
         north: NorthSides,
-        journal: Option<&Arc<Journal>>,
     ) -> io::Result<Self> {
         let (begin, begun) = oneshot::channel();
         let (is_ready, ready) = oneshot::channel();
         let (ends, ended) = oneshot::channel();
-        let board = Board::new(Arc::clone(&line), changed, north, journal);
+        let board = Board::new(Arc::clone(&line), changed, north);
         let thread = std::thread::Builder::new().name(format!("line {}", port.line)).spawn(move || {
             if let Err(error) = run(&port, setup, board, Waits { begin: begun, ready: is_ready }) {
                 tracing::error!(line = port.line, %error, "the line thread could not be set up");
