@@ -4,6 +4,7 @@
 use super::answer::{self, Answer, Form};
 use super::ask::Ask;
 use super::kept::{self, Kept};
+use super::limits::Limits;
 use super::{refusal, request};
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::ids::Ticket;
@@ -12,36 +13,6 @@ use crate::journal::Tried;
 use crate::wire::exception;
 use crate::wire::mbap::{self, Malformed};
 use std::collections::VecDeque;
-use std::time::Duration;
-
-/// What one client may use.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limits {
-    /// Most requests in flight. One more is answered with exception 06, unless it is a stop: that finds one more
-    /// place for each unit, because a stop never waits for anything else. Default 16: the most that the Modbus
-    /// messaging on TCP/IP implementation guide V1.0b expects a server to take from one client.
-    pub pending_max: usize,
-    /// Within this time of its first byte a message must be whole. Default 5 s: more than the repeats of a
-    /// bad network need, little enough that half a message does not hold a connection.
-    pub body_timeout: Duration,
-    /// A connection without a request and with nothing pending is closed after this time. Default 10 min:
-    /// longer than the slowest usual poll, short enough that the sockets of vanished clients come back.
-    pub idle_timeout: Duration,
-    /// The deadline of each call, from the moment its last byte arrived. Default 5 s: clients usually give
-    /// up after 1 to 5 s, and an answer that nobody awaits should not occupy a line.
-    pub answer_within: Duration,
-}
-
-impl Default for Limits {
-    fn default() -> Self {
-        Self {
-            pending_max: 16,
-            body_timeout: Duration::from_secs(5),
-            idle_timeout: Duration::from_secs(600),
-            answer_within: Duration::from_secs(5),
-        }
-    }
-}
 
 /// A request for a unit. It ends with one [`Connection::answer`], or with exception 0B at its deadline.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -406,6 +377,7 @@ mod tests {
     use super::*;
     use crate::north::modbus::ask::WordTable;
     use proptest::prelude::*;
+    use std::time::Duration;
 
     const T0: MonoTime = MonoTime::from_millis(1_000);
 
