@@ -295,8 +295,8 @@ write = ["127.0.0.1/32"]
     must be set on the drive, in this order:
       P.01: run commands from the bus (0x0101 = 2)
     the drive's own watchdog: P.06 (0x0106), 0 is off; what it does then: P.07 (0x0107)
-    its frames are at most 3209 ms apart while it answers; its own watchdog, where it
-    is used, needs more than 6417 ms
+    its frames are at most 3211 ms apart while it answers; its own watchdog, where it
+    is used, needs more than 6422 ms
     a declared stop without effect for 5s is left to its watchdog, if that is on
 
 ";
