@@ -101,6 +101,12 @@ impl Trace {
         self
     }
 
+    fn reopens(mut self) -> Self {
+        self.checker.port(self.now, false);
+        self.checker.port(self.now, true);
+        self.pass(10)
+    }
+
     /// A message comes for the drive.
     fn message(mut self, input: &str, payload: &str) -> Self {
         let topic = format!("vfd/plant/drive/d0/{input}");
@@ -157,8 +163,20 @@ fn o1_a_write_belongs_to_one_order_in_time() {
     Trace::new().sends(&[2, 6, 2, 0x0C, 0, 9], &[]).violates("O1");
     // Nobody stands behind it any more, or it was refused.
     Trace::new().asks(1, 101, &RUN).leaves().sends(&SETPOINT_FRAME, &[]).violates("O1");
+    Trace::new().asks(1, 101, &RUN).reopens().sends(&SETPOINT_FRAME, &[]).violates("O1");
     Trace::new().message("run/set", "forward").sends(&RUN_FRAME, &RUN_FRAME).holds();
     refused_by_message().sends(&RUN_FRAME, &RUN_FRAME).violates("O1");
+}
+
+#[test]
+fn o1_a_reset_is_gone_through_in_its_order_and_ends_with_the_port() {
+    let reset = |trace: Trace| trace.asks(2, 101, &[6, 1, 0, 0, 4]).exchange(&STOP_FRAME, &STOP_FRAME);
+    let word = [2, 6, 0, 2, 0, 4];
+    let begun = || reset(Trace::new()).exchange(&word, &word);
+    begun().exchange(&STOP_FRAME, &STOP_FRAME).holds();
+    begun().exchange(&word, &word).violates("O1");
+    reset(begun().reopens()).exchange(&word, &word).exchange(&STOP_FRAME, &STOP_FRAME).holds();
+    begun().reopens().exchange(&STOP_FRAME, &STOP_FRAME).violates("O1");
 }
 
 /// A message that orders to run is refused.
