@@ -7,7 +7,7 @@ use crate::simulation::checker::{Checker, crc};
 use crate::simulation::{WORLD, run, trials};
 
 /// Seeds whose worlds once showed a violation, of the gateway or of its picture in the checker, with what was found.
-const FOUND: [(u64, &str); 8] = [
+const FOUND: [(u64, &str); 11] = [
     (3, "an adapter's hole let a later reply come before an earlier one"),
     (26, "a drive that is left running by hold is not stopped at the end"),
     (40, "a node that babbles holds a declared action up"),
@@ -16,6 +16,9 @@ const FOUND: [(u64, &str); 8] = [
     (7454, "a second copy of a reply, held back by an adapter, overtook our frame and was taken for its answer"),
     (11_267, "a RUN that expired behind one that held made a stop change nothing"),
     (141, "a stop in front of what is no Modbus TCP was lost"),
+    (300_200, "a wait that was ended for a stop was followed by the stop of the drive that was waited for"),
+    (300_219, "the late echo of a stop looked like that of a line that echoes, and the stop never came to its end"),
+    (300_953, "a setpoint that the drive had taken unheard gave way to the one before it, which was told as in force"),
 ];
 
 const MS: u64 = 1_000_000;
