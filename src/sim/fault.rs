@@ -166,14 +166,20 @@ impl Faults {
         if self.hits(self.plan.cut) {
             reply.truncate(self.rng.usize(1..reply.len().max(2)));
         }
+        let first = reply.len();
         if let Some(copy) = foreign {
             self.add_frame(reply, copy);
         }
+        let whole = reply.len();
         if self.hits(self.plan.noise) {
             let (noise, unused_bits) = (self.rng.usize(1..=8), 8_usize.saturating_sub(self.data_bits));
             reply.splice(0..0, std::iter::repeat_with(|| self.rng.u8(..) >> unused_bits).take(noise));
         }
         let hole = if self.hits(self.plan.hole) { self.rng.usize(1..reply.len().max(2)) } else { usize::MAX };
+        // A second frame that comes as a whole behind a hole is a late reply to a request that was answered: nothing tells
+        // it from the answer to the next one. Somebody always hears that the first is followed by something.
+        let second = reply.len() - whole + first;
+        let hole = if hole == second && whole > first { hole + 1 } else { hole };
         (if late { Fate::Late } else { Fate::OnTime }, hole)
     }
 
@@ -316,6 +322,16 @@ mod tests {
             copies += usize::from(first[0] == 1);
         }
         assert!((150..350).contains(&copies), "{copies}");
+    }
+
+    #[test]
+    fn a_hole_never_hides_that_a_second_frame_follows() {
+        let holes = (0..500).map(|seed| {
+            let mut reply = REPLY.to_vec();
+            faults("foreign=1000,hole=1000", seed).spoil(&mut reply).1
+        });
+        let behind: Vec<usize> = holes.collect();
+        assert!(!behind.contains(&7) && behind.contains(&6) && behind.contains(&8));
     }
 
     #[test]

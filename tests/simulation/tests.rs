@@ -8,7 +8,7 @@ use crate::simulation::checker::{Checker, crc};
 use crate::simulation::{WORLD, audit, holders, kills, run, stale, trials};
 
 /// Seeds whose worlds once showed a violation, of the gateway or of its picture in the checker, with what was found.
-const FOUND: [(u64, &str); 8] = [
+const FOUND: [(u64, &str); 11] = [
     (3, "an adapter's hole let a later reply come before an earlier one"),
     (26, "a drive that is left running by hold is not stopped at the end"),
     (40, "a node that babbles holds a declared action up"),
@@ -17,6 +17,9 @@ const FOUND: [(u64, &str); 8] = [
     (7454, "a second copy of a reply, held back by an adapter, overtook our frame and was taken for its answer"),
     (11_267, "a RUN that expired behind one that held made a stop change nothing"),
     (141, "a stop in front of what is no Modbus TCP was lost"),
+    (300_200, "a wait that was ended for a stop was followed by the stop of the drive that was waited for"),
+    (300_219, "the late echo of a stop looked like that of a line that echoes, and the stop never came to its end"),
+    (300_953, "a setpoint that the drive had taken unheard gave way to the one before it, which was told as in force"),
 ];
 
 const MS: u64 = 1_000_000;
@@ -102,6 +105,12 @@ impl Trace {
         self
     }
 
+    fn reopens(mut self) -> Self {
+        self.checker.port(self.now, false);
+        self.checker.port(self.now, true);
+        self.pass(10)
+    }
+
     /// A message comes for the drive.
     fn message(mut self, input: &str, payload: &str) -> Self {
         let topic = format!("vfd/plant/drive/d0/{input}");
@@ -158,8 +167,20 @@ fn o1_a_write_belongs_to_one_order_in_time() {
     Trace::new().sends(&[2, 6, 2, 0x0C, 0, 9], &[]).violates("O1");
     // Nobody stands behind it any more, or it was refused.
     Trace::new().asks(1, 101, &RUN).leaves().sends(&SETPOINT_FRAME, &[]).violates("O1");
+    Trace::new().asks(1, 101, &RUN).reopens().sends(&SETPOINT_FRAME, &[]).violates("O1");
     Trace::new().message("run/set", "forward").sends(&RUN_FRAME, &RUN_FRAME).holds();
     refused_by_message().sends(&RUN_FRAME, &RUN_FRAME).violates("O1");
+}
+
+#[test]
+fn o1_a_reset_is_gone_through_in_its_order_and_ends_with_the_port() {
+    let reset = |trace: Trace| trace.asks(2, 101, &[6, 1, 0, 0, 4]).exchange(&STOP_FRAME, &STOP_FRAME);
+    let word = [2, 6, 0, 2, 0, 4];
+    let begun = || reset(Trace::new()).exchange(&word, &word);
+    begun().exchange(&STOP_FRAME, &STOP_FRAME).holds();
+    begun().exchange(&word, &word).violates("O1");
+    reset(begun().reopens()).exchange(&word, &word).exchange(&STOP_FRAME, &STOP_FRAME).holds();
+    begun().reopens().exchange(&STOP_FRAME, &STOP_FRAME).violates("O1");
 }
 
 /// A message that orders to run is refused.

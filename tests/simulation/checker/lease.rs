@@ -29,9 +29,11 @@ impl Checker {
         self.books.iter_mut().for_each(|book| book.is_ending = true);
     }
 
-    pub(super) fn port_changed(&mut self, at: u64, _is_up: bool) {
+    pub(super) fn port_changed(&mut self, at: u64, is_up: bool) {
         // A declared action has to wait for the port: its time counts from there.
         for book in &mut self.books {
+            // Without a port every order ends, how far it may have come.
+            book.orders.iter_mut().for_each(|it| it.is_over |= !is_up);
             book.sign_at = book.sign_at.max(at);
             book.stop_due = book.stop_due.map(|_| at + self.bound);
         }
