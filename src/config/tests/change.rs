@@ -82,7 +82,7 @@ fn a_listener_keeps_its_socket_by_its_address_and_its_lines_by_their_names() {
 fn name_and_directory_take_a_restart() {
     let named = with(CONTROLLED, "plant-a", "plant-b");
     assert_eq!(between(CONTROLLED, &named).needs_restart, ["gateway.name"]);
-    let placed = with(CONTROLLED, "[gateway]", "[gateway]\ndata_dir = \"/var/lib/other\"");
+    let placed = with(CONTROLLED, "/var/lib/vfd-gateway", "/var/lib/other");
     assert_eq!(between(CONTROLLED, &placed).needs_restart, ["gateway.data_dir"]);
     assert!(between(CONTROLLED, CONTROLLED).needs_restart.is_empty());
 }

@@ -78,7 +78,7 @@ fn what_comes_under_a_name_is_answered_with_it_and_no_other_word_is_a_name() {
     let acts = rig.answer(commands(&acts)[0].ticket, Outcome::Refused, Reason::OtherOwner, true);
     let told = &results(&acts)[0];
     assert_eq!((&told["by"], &told["owner"]), (&json!("plc-2"), &json!("mqtt plc-1")));
-    assert_eq!(told["message"], "somebody else holds control of the drive: mqtt plc-1");
+    assert_eq!(told["message"], "mqtt plc-1 holds control of the drive");
     assert_eq!(on(&acts, "drive/pump/control/owner").as_deref(), Some("mqtt plc-1"));
 
     let long = "x".repeat(33);

@@ -142,7 +142,8 @@ proptest! {
             play(&mut rig, &mut journal, step);
         }
         play(&mut rig, &mut journal, Step::Connects);
-        for _ in 0..journal.kept.len() + 10 {
+        // What was on its way from before the last connect comes first.
+        for _ in 0..2 * journal.kept.len() + 20 {
             for step in [Step::JournalAnswers, Step::NewsArrive, Step::BrokerAcknowledges(0)] {
                 play(&mut rig, &mut journal, step);
             }
