@@ -131,10 +131,16 @@ impl Change {
     }
 }
 
-/// The name is in every topic and every record, and the directory holds what was recorded under it.
+/// The name is in every topic and every record, and the directory holds what was recorded under it, in a journal of its
+/// size.
 fn needs_restart(old: &Config, new: &Config) -> Vec<&'static str> {
+    let has_other_journal = old.journal != new.journal;
     let (old, new) = (&old.gateway, &new.gateway);
-    let differ = [("gateway.name", old.name != new.name), ("gateway.data_dir", old.data_dir != new.data_dir)];
+    let differ = [
+        ("gateway.name", old.name != new.name),
+        ("gateway.data_dir", old.data_dir != new.data_dir),
+        ("journal.max_size", has_other_journal),
+    ];
     differ.into_iter().filter(|(_, differs)| *differs).map(|(key, _)| key).collect()
 }
 

@@ -84,5 +84,7 @@ fn name_and_directory_take_a_restart() {
     assert_eq!(between(CONTROLLED, &named).needs_restart, ["gateway.name"]);
     let placed = with(CONTROLLED, "/var/lib/vfd-gateway", "/var/lib/other");
     assert_eq!(between(CONTROLLED, &placed).needs_restart, ["gateway.data_dir"]);
+    let larger = with(CONTROLLED, "10MB", "20MB");
+    assert_eq!(between(CONTROLLED, &larger).needs_restart, ["journal.max_size"]);
     assert!(between(CONTROLLED, CONTROLLED).needs_restart.is_empty());
 }
