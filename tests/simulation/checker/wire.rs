@@ -296,8 +296,9 @@ impl Checker {
         self.log.add(at, What::Heard, 0, bytes);
         self.time(at);
         let wire = &mut self.wire;
-        // Nothing can go in a silence that falls into the wait for our own frame: whoever talked talks on.
-        if at >= (wire.quiet_from + wire.silence).max(wire.waits_in_jam_until) {
+        // Nothing can go in a silence that falls into the wait for our own frame, nor in one that ends in the moment in which
+        // it is long enough: whoever talked talks on.
+        if at > (wire.quiet_from + wire.silence).max(wire.waits_in_jam_until) {
             wire.talks_since = at;
         }
         wire.quiet_from = wire.quiet_from.max(at);
