@@ -46,6 +46,12 @@ impl Place {
         Rows::after(&connection, table, 0).map(Result::unwrap).collect()
     }
 
+    /// Waits until everything is in the file itself: the log may still be emptied after the writer's end.
+    fn wait_for_file(&self) {
+        let log = self.0.join("journal.db-wal");
+        until("the log is emptied", || std::fs::metadata(&log).map_or(true, |log| log.len() == 0).then_some(()));
+    }
+
     fn aside(&self) -> Vec<String> {
         let names = std::fs::read_dir(&self.0).unwrap().map(|it| it.unwrap().file_name().into_string().unwrap());
         names.filter(|name| name.contains("damaged") && !name.ends_with("-wal") && !name.ends_with("-shm")).collect()
@@ -137,6 +143,7 @@ impl Rig {
     }
 }
 
+#[track_caller]
 fn until<T>(what: &str, mut done: impl FnMut() -> Option<T>) -> T {
     let end = Instant::now() + PATIENCE;
     loop {
@@ -278,6 +285,7 @@ fn a_flipped_byte_costs_one_row() {
         rig.trip(count);
     });
     rig.close();
+    place.wait_for_file();
     let mut bytes = std::fs::read(place.file()).unwrap();
     for text in [&b"no 1\""[..], &b"\"code\":2"[..]] {
         let at = bytes.windows(text.len()).position(|it| it == text).unwrap();
@@ -333,6 +341,7 @@ fn a_truncated_journal_gives_what_nobody_had_taken_to_the_next() {
         rig.refuse(number);
     });
     rig.close();
+    place.wait_for_file();
     let file = std::fs::OpenOptions::new().write(true).open(place.file()).unwrap();
     file.set_len(file.metadata().unwrap().len() / 2).unwrap();
     let mut rig = Rig::start(&place);
