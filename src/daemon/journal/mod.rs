@@ -28,8 +28,7 @@ use super::inbox::Inbox as LineInbox;
 use super::shared::Shared;
 use crate::domain::ids::Name;
 use crate::domain::report::LineReport;
-use crate::domain::time::MonoTime;
-use crate::drive::description::DriveDescription;
+use crate::drive::description::{DriveDescription, DriveRef};
 use crate::journal::{Attempt, Keep, Remembered, RowNumber, row};
 use inbox::{Inbox, Post};
 use status::Status;
@@ -100,25 +99,14 @@ impl Journal {
         Source { journal: Arc::clone(self), origin: Arc::new(origin) }
     }
 
-    /// A north side that refuses by itself: its number for [`refused`](Self::refused).
+    /// A north side that refuses by itself, with the drives of `shared`.
     #[must_use]
-    pub fn next_source(&self) -> u64 {
+    pub fn north(self: &Arc<Self>, shared: Arc<Shared>) -> NorthSource {
+        NorthSource { journal: Arc::clone(self), shared, id: self.next_source() }
+    }
+
+    fn next_source(&self) -> u64 {
         self.sources.fetch_add(1, Ordering::Relaxed)
-    }
-
-    /// Keeps an attempt that the north side `source` refused, on `drive` if one was named.
-    pub fn refused(&self, source: u64, drive: Option<&Name>, at: MonoTime, attempt: Attempt) {
-        self.inbox.put(Post::Attempt(source, drive.cloned(), at, attempt));
-    }
-
-    /// The MQTT side has room for the events behind `after`; they come as news.
-    pub fn want_events(&self, after: u64) {
-        self.inbox.put(Post::WantEvents(after));
-    }
-
-    /// The broker has the event `seq`: it is not told again.
-    pub fn event_taken(&self, seq: u64) {
-        self.inbox.put(Post::EventTaken(seq));
     }
 
     /// How it is doing.
@@ -188,6 +176,34 @@ impl Source {
     #[must_use]
     pub fn is_sound(&self) -> bool {
         self.journal.status.is_ok()
+    }
+}
+
+/// A north side's way to the journal. No call waits.
+#[derive(Clone, Debug)]
+pub struct NorthSource {
+    journal: Arc<Journal>,
+    shared: Arc<Shared>,
+    id: u64,
+}
+
+impl NorthSource {
+    /// Keeps an attempt that no line saw; nothing for the drive: it was for all, or for none that exists.
+    pub fn keep(&self, drive: Option<DriveRef>, attempt: Attempt) {
+        let find = |place| self.shared.drives.iter().find(|drive| drive.description.place == place);
+        let name = drive.and_then(find).map(|drive| drive.description.name.clone());
+        self.journal.inbox.put(Post::Attempt(self.id, name, clock::now(), attempt));
+    }
+
+    /// The broker has the event `seq`: it is not told again.
+    pub fn event_taken(&self, seq: u64) {
+        self.journal.inbox.put(Post::EventTaken(seq));
+    }
+
+    /// The MQTT side wants the first events behind `after` that no broker has. It is answered once by
+    /// [`News::Events`](super::answers::News::Events), when there are any. A later want takes the place of this one.
+    pub fn want_events(&self, after: u64) {
+        self.journal.inbox.put(Post::WantEvents(after));
     }
 }
 
