@@ -25,10 +25,12 @@ const GROUP: u64 = 2000;
 pub fn journal() -> Vec<Row> {
     let (trips, groups) = if crate::is_quick() { (200, 10) } else { (2000, 50) };
     let place = Place::new();
-    let setup = Setup { device: Path::new("/dev/null"), drives: 1, unpaced: false, poll: "1h", mqtt: None, listen: 0 };
+    let setup =
+        Setup { device: Path::new("/dev/null"), drives: 1, unpaced: false, poll: "250ms", mqtt: None, listen: 0 };
     let shared = Arc::new(build::shared(&setup.config()));
     let settings = Settings { directory: place.path().to_owned(), max_bytes: 64_000_000, configuration: String::new() };
-    let (journal, _) = Journal::start(&settings, NorthSides::default(), Arc::clone(&shared.changed)).expect("a journal");
+    let (journal, _) =
+        Journal::start(&settings, NorthSides::default(), Arc::clone(&shared.changed)).expect("a journal");
     let line = &shared.lines[0];
     let drives = vec![shared.drives[0].description.clone()];
     let mut writer = Writer { source: journal.line(line.name.clone(), drives, Arc::clone(&line.inbox)), row: 0 };

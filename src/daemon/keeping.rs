@@ -1,7 +1,6 @@
 //! What the north sides hand to a journal, where there is one.
 
-use super::clock;
-use super::journal;
+use super::journal::{self, NorthSource};
 use super::shared::Current;
 use crate::drive::description::DriveRef;
 use crate::journal::Attempt;
@@ -24,34 +23,22 @@ pub trait NorthJournal: Debug + Send + Sync {
 /// The journal, if there is one. Without it, attempts are dropped and events are not asked for.
 pub type Journal = Option<Arc<dyn NorthJournal>>;
 
-/// The way of one north side, whose attempts are counted from 1, to the journal.
-#[derive(Debug)]
-struct Side {
-    journal: Arc<journal::Journal>,
-    current: Current,
-    source: u64,
-}
-
-/// The way of another north side to `journal`; `current` knows the names of drives.
+/// The way of another north side, whose attempts are counted from 1, to `journal`; `current` knows the names of drives.
 #[must_use]
 pub fn side(journal: Option<&Arc<journal::Journal>>, current: &Current) -> Journal {
-    let journal = Arc::clone(journal?);
-    let source = journal.next_source();
-    Some(Arc::new(Side { journal, current: current.clone(), source }))
+    Some(Arc::new(journal?.north(current.clone())))
 }
 
-impl NorthJournal for Side {
+impl NorthJournal for NorthSource {
     fn keep(&self, drive: Option<DriveRef>, attempt: Attempt) {
-        let shared = self.current.load();
-        let known = drive.and_then(|place| shared.drives.iter().find(|it| it.description.place == place));
-        self.journal.refused(self.source, known.map(|it| &it.description.name), clock::now(), attempt);
+        Self::keep(self, drive, attempt);
     }
 
     fn event_taken(&self, seq: u64) {
-        self.journal.event_taken(seq);
+        Self::event_taken(self, seq);
     }
 
     fn want_events(&self, after: u64) {
-        self.journal.want_events(after);
+        Self::want_events(self, after);
     }
 }

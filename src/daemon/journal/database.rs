@@ -9,7 +9,6 @@ use crate::journal::policy::{self, Share};
 use crate::journal::row::memory_crc;
 use crate::journal::{Book, Remembered, Row, StoredEvent, Table};
 use rusqlite::{CachedStatement, Connection, Error, ErrorCode, OpenFlags, Transaction, params};
-use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::time::Duration;
@@ -64,8 +63,6 @@ pub struct Found {
     pub damaged: Vec<String>,
     /// The configuration with which the gateway ran last.
     pub configuration: Option<String>,
-    /// Trip events wait to be taken.
-    pub has_events: bool,
 }
 
 impl Database {
@@ -111,11 +108,11 @@ impl Database {
     }
 
     /// Writes what waits in `book` and the numbers of events that were `taken`, all or nothing. With a trip in it, it is
-    /// on the disk afterwards; else it outlives the process. Returns the events with their numbers.
+    /// on the disk afterwards; else it outlives the process.
     ///
     /// # Errors
     /// SQLite's; nothing was written, as far as that is known.
-    pub fn write(&mut self, book: &Book, taken: &BTreeSet<u64>) -> Result<Vec<StoredEvent>, Error> {
+    pub fn write(&mut self, book: &Book, taken: &BTreeSet<u64>) -> Result<(), Error> {
         if self.is_synced != book.has_trip() {
             let mode = if book.has_trip() { "FULL" } else { "NORMAL" };
             self.connection.pragma_update(None, "synchronous", mode)?;
@@ -123,12 +120,9 @@ impl Database {
         }
         let (mut last_event, mut last_availability) = (self.last_event, self.last_availability);
         let transaction = self.connection.transaction()?;
-        let mut stored = Vec::new();
         for event in book.events() {
             last_event += 1;
-            let (row, event) = events::stored(event, last_event, &self.session);
-            put(&transaction, Table::Event, &row)?;
-            stored.push(event);
+            put(&transaction, Table::Event, &events::row(event, last_event, &self.session))?;
         }
         for row in book.availability() {
             last_availability += 1;
@@ -151,7 +145,7 @@ impl Database {
         events::mark(&transaction, taken, events::TAKEN)?;
         transaction.commit()?;
         (self.last_event, self.last_availability) = (last_event, last_availability);
-        Ok(stored)
+        Ok(())
     }
 
     /// Notes with which configuration the gateway runs now.
@@ -257,8 +251,6 @@ fn meta(connection: &Connection, key: &str) -> Result<Option<String>, Error> {
 
 fn found(connection: &Connection) -> Result<Found, Error> {
     let mut found = Found { configuration: meta(connection, "configuration")?, ..Found::default() };
-    found.has_events =
-        connection.query_row("SELECT EXISTS (SELECT 1 FROM event WHERE taken = 0)", [], |row| row.get(0))?;
     remembered(connection, &mut found)?;
     Ok(found)
 }
@@ -288,13 +280,4 @@ fn remembered(connection: &Connection, found: &mut Found) -> Result<(), Error> {
         }
     }
     Ok(())
-}
-
-/// `body` with its number and the name of the file that gave it.
-#[must_use]
-pub fn numbered(body: &serde_json::Map<String, Value>, number: u64, session: &str) -> String {
-    let mut body = body.clone();
-    body.insert("seq".to_owned(), number.into());
-    body.insert("session".to_owned(), session.into());
-    Value::Object(body).to_string()
 }

@@ -1,10 +1,10 @@
 //! Trip events in the database: given a number, read again until they are taken, rescued from a damaged file.
 
-use super::database::numbered;
 use super::reader::{self, Seen};
 use crate::domain::ids::Name;
 use crate::journal::{NewEvent, Row, StoredEvent, Table};
 use rusqlite::{Connection, Error};
+use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -15,13 +15,14 @@ const DAMAGED: u8 = 2;
 /// Most events that are rescued from a damaged file.
 const RESCUED_MAX: usize = 1024;
 
-/// `event` with its number, as a row and as it is told.
+/// `event` as a row with its number, which is told with it, and so is the file that gave it.
 #[must_use]
-pub fn stored(event: &NewEvent, number: u64, session: &str) -> (Row, StoredEvent) {
-    let body = numbered(&event.body, number, session);
-    let name = event.drive.as_str().to_owned();
-    let row = Row { number, at: event.at, kind: event.kind.to_owned(), name: Some(name), body: body.clone() };
-    (row, StoredEvent { seq: number, drive: event.drive.clone(), body })
+pub fn row(event: &NewEvent, number: u64, session: &str) -> Row {
+    let mut body = event.body.clone();
+    body.insert("seq".to_owned(), number.into());
+    body.insert("session".to_owned(), session.into());
+    let (kind, name) = (event.kind.to_owned(), event.drive.as_str().to_owned());
+    Row { number, at: event.at, kind, name: Some(name), body: Value::Object(body).to_string() }
 }
 
 /// Marks the events with these numbers.

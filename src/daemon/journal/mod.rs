@@ -25,10 +25,10 @@ pub use status::{JournalReport, JournalState};
 use super::answers::NorthSides;
 use super::clock;
 use super::inbox::Inbox as LineInbox;
+use super::shared::Current;
 use crate::domain::ids::Name;
 use crate::domain::report::LineReport;
-use crate::domain::time::MonoTime;
-use crate::drive::description::DriveDescription;
+use crate::drive::description::{DriveDescription, DriveRef};
 use crate::journal::{Attempt, Keep, Remembered, RowNumber, row};
 use inbox::{Inbox, Post};
 use status::Status;
@@ -99,25 +99,14 @@ impl Journal {
         Source { journal: Arc::clone(self), origin: Arc::new(origin) }
     }
 
-    /// A north side that refuses by itself: its number for [`refused`](Self::refused).
+    /// A north side that refuses by itself; `current` knows the names of drives.
     #[must_use]
-    pub fn next_source(&self) -> u64 {
+    pub fn north(self: &Arc<Self>, current: Current) -> NorthSource {
+        NorthSource { journal: Arc::clone(self), current, id: self.next_source() }
+    }
+
+    fn next_source(&self) -> u64 {
         self.sources.fetch_add(1, Ordering::Relaxed)
-    }
-
-    /// Keeps an attempt that the north side `source` refused, on `drive` if one was named.
-    pub fn refused(&self, source: u64, drive: Option<&Name>, at: MonoTime, attempt: Attempt) {
-        self.inbox.put(Post::Attempt(source, drive.cloned(), at, attempt));
-    }
-
-    /// The MQTT side has room for the events behind `after`; they come as news.
-    pub fn want_events(&self, after: u64) {
-        self.inbox.put(Post::WantEvents(after));
-    }
-
-    /// The broker has the event `seq`: it is not told again.
-    pub fn event_taken(&self, seq: u64) {
-        self.inbox.put(Post::EventTaken(seq));
     }
 
     /// What is remembered of each drive by now; nothing if the journal does not answer within `within`.
@@ -194,6 +183,35 @@ impl Source {
     #[must_use]
     pub fn is_sound(&self) -> bool {
         self.journal.status.is_ok()
+    }
+}
+
+/// A north side's way to the journal. No call waits.
+#[derive(Clone, Debug)]
+pub struct NorthSource {
+    journal: Arc<Journal>,
+    current: Current,
+    id: u64,
+}
+
+impl NorthSource {
+    /// Keeps an attempt that no line saw; nothing for the drive: it was for all, or for none that exists.
+    pub fn keep(&self, drive: Option<DriveRef>, attempt: Attempt) {
+        let shared = self.current.load();
+        let find = |place| shared.drives.iter().find(|drive| drive.description.place == place);
+        let name = drive.and_then(find).map(|drive| drive.description.name.clone());
+        self.journal.inbox.put(Post::Attempt(self.id, name, clock::now(), attempt));
+    }
+
+    /// The broker has the event `seq`: it is not told again.
+    pub fn event_taken(&self, seq: u64) {
+        self.journal.inbox.put(Post::EventTaken(seq));
+    }
+
+    /// The MQTT side wants the first events behind `after` that no broker has. It is answered once by
+    /// [`News::Events`](super::answers::News::Events), when there are any. A later want takes the place of this one.
+    pub fn want_events(&self, after: u64) {
+        self.journal.inbox.put(Post::WantEvents(after));
     }
 }
 

@@ -7,7 +7,7 @@ pub const VERSION: i64 = 1;
 /// "VFDG": the database is a journal of ours.
 const APPLICATION: i64 = 0x5646_4447;
 /// Bytes of the write-ahead log that stay when it is emptied.
-const LOG_BYTES_KEPT: u64 = 1024 * 1024;
+const LOG_BYTES_KEPT: u64 = 4 * 1024 * 1024;
 
 /// Statements that bring the tables from each version to the next, oldest first.
 const STEPS: [&str; VERSION as usize] = ["

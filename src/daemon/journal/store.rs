@@ -6,7 +6,7 @@ use super::database::{Broken, Database, Found, rescued};
 use super::status::{JournalState, Status};
 use crate::daemon::clock;
 use crate::domain::time::MonoTime;
-use crate::journal::{Book, Row, StoredEvent, row};
+use crate::journal::{Book, Row, row};
 use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -141,36 +141,36 @@ impl Store {
         self.has_begun_anew || !self.notes.is_empty()
     }
 
-    /// Writes what waits. Nothing: it cannot, and is not tried before [`retry_at`](Self::retry_at).
-    pub fn write(&mut self, book: &mut Book, taken: &BTreeSet<u64>) -> Option<Vec<StoredEvent>> {
+    /// Writes what waits. False: it cannot, and is not tried before [`retry_at`](Self::retry_at).
+    pub fn write(&mut self, book: &mut Book, taken: &BTreeSet<u64>) -> bool {
         if self.retry_at().is_some_and(|at| clock::now() < at) {
-            return None;
+            return false;
         }
         // Once more if it proves damaged: the next one is new.
         for _ in 0..2 {
             if self.database.is_none() && self.connect().is_none() {
-                return None;
+                return false;
             }
             if std::mem::take(&mut self.has_begun_anew) {
                 book.touch_all();
             }
             self.notes.drain(..).for_each(|note| book.note(note));
-            let database = self.database.as_mut()?;
+            let Some(database) = self.database.as_mut() else { return false };
             match database.write(book, taken) {
-                Ok(stored) => {
+                Ok(()) => {
                     self.works();
-                    return Some(stored);
+                    return true;
                 }
                 Err(error) => match Broken::from(error) {
                     Broken::Refused(reason) => {
                         self.failed(reason);
-                        return None;
+                        return false;
                     }
                     Broken::Damaged(reason) => self.give_up(&reason),
                 },
             }
         }
-        None
+        false
     }
 
     /// The file is damaged: another one takes its place.

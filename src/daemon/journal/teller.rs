@@ -1,13 +1,11 @@
-//! Trip events on their way to the MQTT side: told as they come as long as it keeps up, else when it asks.
+//! Trip events on their way to the MQTT side: it asks when it has room, and is answered once when there are any.
 
 use super::store::Store;
 use crate::daemon::answers::{AnswerBox, News};
-use crate::journal::StoredEvent;
-use std::collections::BTreeSet;
 use std::sync::Arc;
 use tokio::sync::Notify;
 
-/// Most events that the MQTT side is given before it has taken some.
+/// Most events in one answer.
 const TOLD_MAX: usize = 16;
 
 /// Tells events to the MQTT side.
@@ -16,67 +14,43 @@ pub struct Teller {
     /// Where to; nothing: there is no MQTT side, and events wait for one.
     mqtt: Option<Arc<AnswerBox>>,
     changed: Arc<Notify>,
-    /// Told and not taken.
-    told: BTreeSet<u64>,
-    /// Everything before the next event was told.
-    is_caught_up: bool,
-    /// What was asked for while nothing could be read.
+    /// Events behind this one are wanted.
     wanted: Option<u64>,
+    /// There may be some that were not there when it was looked last.
+    is_due: bool,
 }
 
 impl Teller {
-    /// Nobody was told anything; `has_events` wait.
+    /// Nobody has asked.
     #[must_use]
-    pub fn new(mqtt: Option<Arc<AnswerBox>>, changed: Arc<Notify>, has_events: bool) -> Self {
-        let teller = Self { mqtt, changed, told: BTreeSet::new(), is_caught_up: !has_events, wanted: None };
-        if has_events {
-            teller.tell(Vec::new(), true);
-        }
-        teller
+    pub const fn new(mqtt: Option<Arc<AnswerBox>>, changed: Arc<Notify>) -> Self {
+        Self { mqtt, changed, wanted: None, is_due: false }
     }
 
-    /// These events are kept now.
-    pub fn kept(&mut self, mut events: Vec<StoredEvent>) {
-        if events.is_empty() || !self.is_caught_up {
-            return;
-        }
-        let room = TOLD_MAX.saturating_sub(self.told.len());
-        let more = events.len() > room;
-        events.truncate(room);
-        self.is_caught_up = !more;
-        self.told.extend(events.iter().map(|event| event.seq));
-        self.tell(events, more);
-    }
-
-    /// The MQTT side has room for the events behind `after`.
+    /// The MQTT side has room for the events behind `after`. This takes the place of what was wanted before.
     pub const fn want(&mut self, after: u64) {
-        self.wanted = Some(after);
+        (self.wanted, self.is_due) = (Some(after), true);
     }
 
-    /// The MQTT side has this event off its hands.
-    pub fn taken(&mut self, seq: u64) {
-        self.told.remove(&seq);
+    /// Events were kept.
+    pub const fn kept(&mut self) {
+        self.is_due = true;
     }
 
-    /// Answers what was asked for, once it can be read.
+    /// Answers what was asked for, once there is something.
     pub fn serve(&mut self, store: &mut Store) {
-        let Some(after) = self.wanted else { return };
+        let (Some(after), true, Some(mqtt)) = (self.wanted, self.is_due, &self.mqtt) else { return };
         let Some(database) = store.database() else { return };
         match database.events(after, TOLD_MAX) {
             Ok((events, more)) => {
-                self.wanted = None;
-                self.is_caught_up = !more;
-                self.told = events.iter().map(|event| event.seq).collect();
-                self.tell(events, more);
+                self.is_due = false;
+                if !events.is_empty() {
+                    self.wanted = None;
+                    mqtt.put(&mut vec![News::Events { events, more }]);
+                    self.changed.notify_one();
+                }
             }
             Err(error) => store.troubled(error),
-        }
-    }
-
-    fn tell(&self, events: Vec<StoredEvent>, more: bool) {
-        if let Some(mqtt) = &self.mqtt {
-            mqtt.put(&mut vec![News::Events { events, more }]);
-            self.changed.notify_one();
         }
     }
 }

@@ -20,8 +20,8 @@ use tokio::sync::Notify;
 
 /// A line whose inbox was full is told again after this time.
 const TELL_AGAIN: Duration = Duration::from_millis(5);
-/// Groups and rows after which the log is emptied: about 1 MB of it.
-const EMPTY_AFTER: (u64, u64) = (64, 2048);
+/// Groups and rows after which the log is emptied: some MB of it. Seldom, since a trip of that moment shares the disk.
+const EMPTY_AFTER: (u64, u64) = (256, 4096);
 /// Rows after which is looked whether the journal is full.
 const CUT_AFTER: u64 = 64;
 /// Most marks of taken events that wait to be written. A lost one is told again after the next start.
@@ -64,7 +64,7 @@ impl Writer {
         for drive in &found.damaged {
             tracing::error!(drive, "ALARM: what the journal remembers of the drive is damaged: it begins anew");
         }
-        let teller = Teller::new(sides.mqtt.clone(), Arc::clone(&changed), found.has_events);
+        let teller = Teller::new(sides.mqtt.clone(), Arc::clone(&changed));
         Self {
             store,
             book: Book::new(found.memory),
@@ -147,7 +147,6 @@ impl Writer {
             Post::Note(row) => self.book.note(row),
             Post::WantEvents(after) => self.teller.want(after),
             Post::EventTaken(seq) => {
-                self.teller.taken(seq);
                 if self.taken.len() < TAKEN_MAX {
                     self.taken.insert(seq);
                 }
@@ -174,7 +173,10 @@ impl Writer {
             self.book.note(row::lost(clock::wall(), std::mem::take(&mut self.lost)));
         }
         let begun = clock::now();
-        let Some(events) = self.store.write(&mut self.book, &self.taken) else { return };
+        let has_trip = self.book.has_trip();
+        if !self.store.write(&mut self.book, &self.taken) {
+            return;
+        }
         let took = clock::now().since(begun);
         let rows = self.book.written() as u64;
         self.taken.clear();
@@ -188,7 +190,9 @@ impl Writer {
         self.note_kept();
         self.tell_lines();
         self.wake_answers();
-        self.teller.kept(events);
+        if has_trip {
+            self.teller.kept();
+        }
         self.look_after(rows);
     }
 
