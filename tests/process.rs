@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | `reading` | ordinary clients read a drive through the gateway, and ordinary drives are read |
 //! | `refusing` | what may not be done is refused by the right exception and never reaches the line |
+//! | `crashing` | the gateway is killed at any moment, and what must hold over that |
 //! | `coming_and_going` | unplugged adapters, signals, taken ports |
 //! | `unplugging` | an adapter that comes and goes leaks nothing and is back within a second; a device has one holder |
 //! | `network` | lines behind ser2net and other serial device servers |
@@ -44,6 +45,8 @@ mod checking;
 mod coming_and_going;
 #[path = "process/commanding.rs"]
 mod commanding;
+#[path = "process/crashing.rs"]
+mod crashing;
 #[path = "process/documents.rs"]
 mod documents;
 #[path = "process/enabling.rs"]

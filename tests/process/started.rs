@@ -94,6 +94,11 @@ impl Started {
         self.output.lines.lock().unwrap().join("\n")
     }
 
+    /// Whether the program has ended.
+    pub fn has_ended(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_some()
+    }
+
     /// Asks the program to end.
     pub fn terminate(&self) {
         self.signal("TERM");
