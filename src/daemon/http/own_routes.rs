@@ -16,6 +16,7 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use serde_json::Value;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Longest body in bytes: addresses of some registers.
 const BODY_BYTES_MAX: usize = 4096;
@@ -39,27 +40,48 @@ async fn look(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> R
 }
 
 async fn set(State(side): State<Arc<LocalSide>>, Path(name): Path<String>, body: Bytes) -> Response {
-    let Some(addresses) = addresses(&body) else {
-        let mut answer = refusal(&name, Reason::NotUnderstood);
-        answer["message"] = format!("a body such as {EXAMPLE} is expected, with 1 to {}", Go::REGISTERS_MAX).into();
-        return (StatusCode::BAD_REQUEST, json(&answer)).into_response();
-    };
-    let Some(place) = side.place() else { return too_many(&name) };
-    if find(&side, &name).is_none() {
-        return unknown(&side, &name);
+    match addresses(&body) {
+        Some(addresses) => carry_out(side, name, Wish::Setup(addresses)).await,
+        None => not_understood(&name, format!("a body such as {EXAMPLE} is expected, with 1 to {}", Go::REGISTERS_MAX)),
     }
+}
+
+async fn set_watchdog(State(side): State<Arc<LocalSide>>, Path(name): Path<String>, body: Bytes) -> Response {
+    match watchdog_time(&body) {
+        Some(time) => carry_out(side, name, Wish::Watchdog(time)).await,
+        None => not_understood(&name, format!("a body such as {WATCHDOG_EXAMPLE} is expected, with null for off")),
+    }
+}
+
+/// What a tool wants set on a drive.
+enum Wish {
+    /// The registers at these addresses, as the drive's model demands.
+    Setup(Vec<u16>),
+    /// The drive's own watchdog, to this time or off.
+    Watchdog(Option<Duration>),
+}
+
+async fn carry_out(side: Arc<LocalSide>, name: String, wish: Wish) -> Response {
+    let Some(place) = side.place() else { return too_many(&name) };
+    let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
     // Whoever goes away does not take the order back, and what becomes of it stands in the log.
     let carried_out = tokio::spawn(async move {
         let _place = place;
-        match find(&side, &name) {
-            Some(drive) => setup::set(&side, &drive, addresses).await,
-            None => refusal(&name, Reason::UnknownDrive),
+        match wish {
+            Wish::Setup(addresses) => setup::set(&side, &drive, addresses).await,
+            Wish::Watchdog(time) => watchdog::set(&side, &drive, time).await,
         }
     });
     match carried_out.await {
         Ok(answer) => json(&answer).into_response(),
         Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, format!("{error}\n")).into_response(),
     }
+}
+
+fn not_understood(name: &str, message: String) -> Response {
+    let mut answer = refusal(name, Reason::NotUnderstood);
+    answer["message"] = message.into();
+    (StatusCode::BAD_REQUEST, json(&answer)).into_response()
 }
 
 async fn reload(State(side): State<Arc<LocalSide>>) -> Response {
@@ -74,29 +96,6 @@ async fn reload(State(side): State<Arc<LocalSide>>) -> Response {
             (status, json(&reload_answer(&done))).into_response()
         }
         Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
-    }
-}
-
-async fn set_watchdog(State(side): State<Arc<LocalSide>>, Path(name): Path<String>, body: Bytes) -> Response {
-    let Some(time) = watchdog_time(&body) else {
-        let mut answer = refusal(&name, Reason::NotUnderstood);
-        answer["message"] = format!("a body such as {WATCHDOG_EXAMPLE} is expected, with null for off").into();
-        return (StatusCode::BAD_REQUEST, json(&answer)).into_response();
-    };
-    let Some(place) = side.place() else { return too_many(&name) };
-    if find(&side, &name).is_none() {
-        return unknown(&side, &name);
-    }
-    let carried_out = tokio::spawn(async move {
-        let _place = place;
-        match find(&side, &name) {
-            Some(drive) => watchdog::set(&side, &drive, time).await,
-            None => refusal(&name, Reason::UnknownDrive),
-        }
-    });
-    match carried_out.await {
-        Ok(answer) => json(&answer).into_response(),
-        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, format!("{error}\n")).into_response(),
     }
 }
 
