@@ -92,6 +92,7 @@ impl Watch {
             echo: EchoPolicy::Strip,
             tells_traffic: true,
             first_epoch: 1,
+            asked_before: false,
             keeps: false,
         };
         let now = MonoTime::from_millis(1);

@@ -29,7 +29,15 @@ pub type Memory = BTreeMap<Name, Remembered>;
 pub fn line_setup(line: &LineSettings, first_epoch: u64, keeps: bool) -> LineSetup {
     let drives = line.drives.iter().map(drive_setup).collect();
     let tells_traffic = tracing::enabled!(tracing::Level::TRACE);
-    LineSetup { timing: line_plan::timing(line).0, drives, echo: line.echo, tells_traffic, first_epoch, keeps }
+    LineSetup {
+        timing: line_plan::timing(line).0,
+        drives,
+        echo: line.echo,
+        tells_traffic,
+        first_epoch,
+        asked_before: true,
+        keeps,
+    }
 }
 
 /// How the journal of a gateway with a data directory is set up.

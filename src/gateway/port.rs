@@ -25,10 +25,21 @@ impl LineCore {
         self.echo.port_opened();
         self.measured.port_opened(now);
         self.health.port_opened();
+        if self.counters.port_ups == 1 && self.setup.asked_before {
+            self.fear_earlier_questions(now);
+        }
         self.stations.iter_mut().for_each(|station| station.line_opened(now));
         self.barriers.iter_mut().for_each(Barriers::port_opened);
         self.plans.iter_mut().for_each(|plan| plan.port_opened(now));
         self.works.iter_mut().for_each(DriveWork::mark_changed);
+    }
+
+    /// What was asked last before the line was opened at `now` may be any question that its drives serve.
+    fn fear_earlier_questions(&mut self, now: MonoTime) {
+        for (station, drive) in self.stations.iter_mut().zip(&self.setup.drives) {
+            let longest = drive.timeouts.read.max(drive.timeouts.write).max(drive.timeouts.stored_write);
+            station.asked_before(now + longest + drive.max_lateness);
+        }
     }
 
     /// Everything that waits is answered: what was on the wire as not answered, the rest as not sent.

@@ -27,6 +27,9 @@ pub struct LineSetup {
     pub tells_traffic: bool,
     /// Where the epochs of its drives begin: another number at each start of the gateway.
     pub first_epoch: u64,
+    /// Whether somebody may have asked its drives just before it is opened, so that a reply is still to come: an
+    /// earlier life of the gateway, or a tool.
+    pub asked_before: bool,
     /// Whether there is a journal: what must be kept first is waited for.
     pub keeps: bool,
 }

@@ -39,6 +39,8 @@ pub struct StationState {
     /// How long it hears nothing after it was switched on.
     deaf_after_power_up: Duration,
     missing: Vec<Missing>,
+    /// Until then a reply may come to something that was asked before this memory began.
+    asked_before_until: MonoTime,
     silent_in_a_row: u32,
     /// Waits in a row that grew.
     back_offs: u32,
@@ -58,6 +60,7 @@ impl StationState {
             refused: model.write.refused.value,
             deaf_after_power_up: deaf.map_or(Duration::ZERO, |fact| fact.value),
             missing: Vec::new(),
+            asked_before_until: MonoTime::ZERO,
             silent_in_a_row: 0,
             back_offs: 0,
             ask_again_at: MonoTime::ZERO,
@@ -75,7 +78,8 @@ impl StationState {
     /// From when on no late reply can come, if nothing else stays out. A moment that has passed means now.
     #[must_use]
     pub fn clean_at(&self) -> MonoTime {
-        self.missing.iter().map(|missing| missing.until).max().unwrap_or(MonoTime::ZERO)
+        let known = self.missing.iter().map(|missing| missing.until).max();
+        known.unwrap_or(MonoTime::ZERO).max(self.asked_before_until)
     }
 
     /// When a late answer can no longer be mistaken for the answer to `request`. A moment that has passed
@@ -86,13 +90,19 @@ impl StationState {
             return self.missing.iter().map(|missing| missing.until).min().unwrap_or(MonoTime::ZERO);
         }
         let mistakable = self.missing.iter().filter(|missing| self.is_mistakable(&missing.request, request));
-        mistakable.map(|missing| missing.until).max().unwrap_or(MonoTime::ZERO)
+        let known = mistakable.map(|missing| missing.until).max().unwrap_or(MonoTime::ZERO);
+        match request {
+            // Its data are fresh: no earlier question had them.
+            Request::Loopback { .. } => known,
+            _ => known.max(self.asked_before_until),
+        }
     }
 
     /// Whether an exception, or a write's reply with another value, could be a late one of `function`.
     #[must_use]
     pub fn misses_function(&self, function: u8, now: MonoTime) -> bool {
-        self.missing.iter().any(|missing| now < missing.until && missing.request.function() == function)
+        let misses = |missing: &Missing| now < missing.until && missing.request.function() == function;
+        now < self.asked_before_until || self.missing.iter().any(misses)
     }
 
     /// Before this moment the station is not asked, because it has been silent.
@@ -111,6 +121,11 @@ impl StationState {
     #[must_use]
     pub fn may_be_asked_from(&self) -> MonoTime {
         self.ask_again_at.max(self.rests_until)
+    }
+
+    /// Somebody may have asked it before this memory began; the reply can come until `moment`.
+    pub fn asked_before(&mut self, moment: MonoTime) {
+        self.asked_before_until = moment;
     }
 
     /// It is known to be deaf until `moment`.
@@ -177,6 +192,7 @@ impl StationState {
     /// order they are asked, so nothing of what is missing can follow.
     pub fn answered(&mut self) {
         self.missing.clear();
+        self.asked_before_until = MonoTime::ZERO;
         self.is_there();
     }
 

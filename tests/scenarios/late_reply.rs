@@ -3,6 +3,7 @@
 use crate::support::{PROOF, Rig, RigOptions};
 use std::time::Duration;
 use vfd_gateway::domain::native::NativeOutcome;
+use vfd_gateway::journal::Remembered;
 use vfd_gateway::sim::{BusOptions, FaultPlan};
 
 fn late(per_mille: u16, drives: u8, seed: u64) -> Rig {
@@ -49,6 +50,18 @@ fn a_late_reply_to_a_short_probe_is_waited_for_as_long_as_any_other() {
         // So much comes late that the stations are mostly probed.
         let mut rig = late(800, 2, seed);
         walk(&mut rig, 2, 5_000);
+    }
+}
+
+#[test]
+fn a_late_reply_from_before_a_kill_answers_nothing() {
+    for seed in 0..20 {
+        let mut rig = late(500, 2, seed);
+        for life in 0..20 {
+            let late_before = rig.bus.report().replies_late;
+            walk(&mut rig, 2, late_before + 1 + life % 3);
+            rig.restart(Remembered::default());
+        }
     }
 }
 

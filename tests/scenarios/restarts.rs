@@ -58,7 +58,7 @@ fn an_orphaned_lease_gives_its_owner_time_and_then_the_declared_action_runs() {
         let control = rig.view(0).control.unwrap();
         assert_eq!((control.lease.unwrap().0, control.start_inhibited), (Owner::Mqtt, true));
         assert_eq!(rig.commanded(plc(1), setpoint(2000)), (Outcome::Refused, Reason::OtherOwner));
-        rig.pass(Duration::from_millis(600));
+        rig.pass(Duration::from_millis(1_500));
         assert_eq!(rig.written(RUN), words, "{action:?}");
         assert_eq!((failsafes(&rig), leases(&rig)), (vec![Cause::Orphaned], vec![None]));
         let note = Note::Orphaned { owner: Owner::Mqtt, action };
@@ -87,7 +87,7 @@ fn its_owner_takes_an_orphaned_lease_up_by_a_sign_of_life() {
 fn in_a_crash_loop_the_declared_action_runs_at_once() {
     let mut rig = running();
     rig.restart(leased(true));
-    rig.pass(Duration::from_millis(400));
+    rig.pass(Duration::from_millis(1_200));
     assert_eq!((rig.written(RUN), failsafes(&rig)), (vec![0], vec![Cause::CrashLoop]));
     // An owner that is back before the drive is seen has not lost it.
     let mut rig = running();

@@ -140,9 +140,9 @@ impl World {
         (0..self.clients.len()).for_each(|who| self.checker.client_closed(at, who, true));
         self.is_port_up = false;
         self.checker.port(at, false);
-        // Longer than a reply of the life before may be late.
-        self.sleep(Duration::from_millis(self.rng.clone().u64(900..3_000)));
+        self.sleep(Duration::from_millis(self.rng.clone().u64(1..3_000)));
         let mut setup = self.plan.setup(self.rng.u64(1 << 41..1 << 50));
+        setup.asked_before = true;
         for (drive, remembered) in setup.drives.iter_mut().zip(&remembered) {
             drive.remembered = *remembered;
         }

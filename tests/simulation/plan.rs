@@ -103,7 +103,15 @@ impl Plan {
         let drives: Vec<DriveSetup> = self.line.drives.iter().map(setup_of).collect();
         let models = drives.iter().map(|drive| drive.model.as_ref());
         let timing = Timing::for_models(Framing::Rtu, self.link, models, Duration::ZERO);
-        LineSetup { timing, drives, echo: EchoPolicy::Strip, tells_traffic: false, first_epoch, keeps: self.keeps }
+        LineSetup {
+            timing,
+            drives,
+            echo: EchoPolicy::Strip,
+            tells_traffic: false,
+            first_epoch,
+            asked_before: false,
+            keeps: self.keeps,
+        }
     }
 
     /// The drives as the north sides know them.

@@ -256,6 +256,7 @@ impl Rig {
             echo: options.echo,
             tells_traffic: options.tells_traffic,
             first_epoch: 1,
+            asked_before: false,
             keeps: options.keeps,
         };
         let mut core = LineCore::new(setup.clone(), now);
@@ -391,6 +392,7 @@ impl Rig {
     /// The gateway is killed and starts anew at once. All that it still knows of each drive is `remembered`.
     pub fn restart(&mut self, remembered: Remembered) {
         self.setup.first_epoch += 1_000;
+        self.setup.asked_before = true;
         self.setup.drives.iter_mut().for_each(|drive| drive.remembered = remembered);
         self.core = LineCore::new(self.setup.clone(), self.now);
         self.core.handle(self.now, Input::PortUp(PortKind::Serial));
