@@ -3,7 +3,7 @@
 use super::answers::{News, NorthSides};
 use super::clock;
 use super::inbox::{Inbox, Message};
-use super::kept::Kept;
+use super::line_rows::LineRows;
 use super::shared::SharedLine;
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::drive::description::DriveRef;
@@ -19,7 +19,7 @@ pub struct Board {
     line: Arc<SharedLine>,
     changed: Arc<Notify>,
     north: NorthSides,
-    journal: Option<Kept>,
+    journal: Option<LineRows>,
     /// News of this round.
     modbus: Vec<News>,
     mqtt: Vec<News>,
@@ -32,7 +32,7 @@ impl Board {
     pub fn new(line: Arc<SharedLine>, changed: Arc<Notify>, north: NorthSides) -> Self {
         let journal = north.journal.as_ref().map(|journal| {
             let drives = line.drives.iter().map(|drive| drive.description.clone()).collect();
-            Kept::new(journal.line(line.name.clone(), drives, Arc::clone(&line.inbox)))
+            LineRows::new(journal.line(line.name.clone(), drives, Arc::clone(&line.inbox)))
         });
         Self { line, changed, north, journal, modbus: Vec::new(), mqtt: Vec::new(), local: Vec::new() }
     }
@@ -113,7 +113,7 @@ impl Board {
         if let Some(mqtt) = &self.north.mqtt {
             mqtt.put(&mut self.mqtt);
         }
-        for held in self.journal.iter_mut().flat_map(Kept::held) {
+        for held in self.journal.iter_mut().flat_map(LineRows::held) {
             match (held.news.asker(), &self.north.mqtt) {
                 (AskerId::LOCAL, _) => self.north.local.hold(held),
                 (AskerId::MQTT, Some(mqtt)) => {

@@ -9,7 +9,7 @@ pub use listener::Listener;
 use super::answers::{AnswerBox, News};
 use super::clock;
 use super::inbox::Message;
-use super::keeping::Journal;
+use super::north_journal::Journal;
 use super::router::Router;
 use super::totals::ModbusTotals;
 use crate::domain::command::{Manner, Origin, Owner};

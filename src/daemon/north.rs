@@ -3,11 +3,11 @@
 use super::answers::NorthSides;
 use super::clock;
 use super::http::{self, State, socket::OwnSocket};
-use super::keeping;
 use super::local::LocalSide;
 use super::modbus_server::{Listener, Server};
 use super::mqtt::speaker::Speaker;
 use super::mqtt::{self, ConnectionSettings, Counters};
+use super::north_journal;
 use super::reload::Reloads;
 use super::router::{Router, Units};
 use super::run::StartError;
@@ -135,7 +135,7 @@ impl North {
             tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&sides.local)));
             tokio::task::spawn_local(socket.serve(Arc::clone(&state), side));
         }
-        let server = Rc::new(Server::new(modbus_totals, keeping::side(sides.journal.as_ref(), &current)));
+        let server = Rc::new(Server::new(modbus_totals, north_journal::side(sides.journal.as_ref(), &current)));
         tokio::task::spawn_local(Rc::clone(&server).distribute(Arc::clone(&sides.modbus)));
         let units = Units::new(&current.get());
         let listeners = Vec::new();
@@ -215,7 +215,7 @@ impl North {
         let first_ticket = Ticket(self.conversations * TICKETS);
         let (stop, stopped) = oneshot::channel();
         let (current, (connection, settings)) = (self.current.clone(), with.clone());
-        let journal = keeping::side(self.sides.journal.as_ref(), &self.current);
+        let journal = north_journal::side(self.sides.journal.as_ref(), &self.current);
         let task = tokio::task::spawn_local(async move {
             if let Some(before) = before {
                 before.end().await;

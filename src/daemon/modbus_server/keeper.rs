@@ -1,6 +1,6 @@
 //! Attempts of all clients that no line saw, on their way to the journal.
 
-use crate::daemon::keeping::Journal;
+use crate::daemon::north_journal::Journal;
 use crate::domain::command::{Owner, Report};
 use crate::drive::description::DriveRef;
 use crate::journal::{Attempt, AttemptId, Tried};

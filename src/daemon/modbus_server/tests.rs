@@ -1,7 +1,7 @@
 //! The server over real sockets, with the test in the place of the lines.
 
 use super::super::inbox::{COMMANDS_MAX, INBOX_MAX};
-use super::super::keeping::NorthJournal;
+use super::super::north_journal::NorthJournal;
 use super::super::router::Units;
 use super::super::shared::Shared;
 use super::*;

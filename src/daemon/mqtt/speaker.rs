@@ -3,7 +3,7 @@
 use super::{Packet, Talk};
 use crate::daemon::answers::{AnswerBox, News};
 use crate::daemon::inbox::Message as LineMessage;
-use crate::daemon::keeping::{Journal, NorthJournal};
+use crate::daemon::north_journal::{Journal, NorthJournal};
 use crate::daemon::shared::{Current, Shared, SharedLine};
 use crate::daemon::totals::MqttTotals;
 use crate::domain::command::Owner;

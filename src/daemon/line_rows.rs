@@ -21,7 +21,7 @@ const ASKED_MAX: usize = 8192;
 
 /// The rows of one line, and its answers that wait for them.
 #[derive(Debug)]
-pub struct Kept {
+pub struct LineRows {
     source: Source,
     /// The newest row that the line said.
     newest: RowNumber,
@@ -30,7 +30,7 @@ pub struct Kept {
     held: Vec<Held>,
 }
 
-impl Kept {
+impl LineRows {
     /// A line that has said nothing yet.
     #[must_use]
     pub fn new(source: Source) -> Self {
