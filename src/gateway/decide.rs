@@ -9,8 +9,8 @@ use crate::domain::time::MonoTime;
 use crate::domain::traffic::{TrafficKind, TrafficRecord};
 use crate::drive::plan::{PollGroup, Urgency as PollUrgency};
 use crate::line::barriers::TRY_PATIENCE;
+use crate::line::exchange::Exchange;
 use crate::line::schedule::ReadKey;
-use crate::line::transaction::Exchange;
 use crate::wire::pdu::Request;
 use std::time::Duration;
 
@@ -37,8 +37,7 @@ impl LineCore {
     /// Opens the next exchange if the wire is free and has been silent for long enough. On a jammed line nothing but a
     /// stop goes, over whoever talks.
     pub(super) fn decide(&mut self, now: MonoTime) {
-        let must_wait = now < self.wire.may_send_from() && !self.health.is_jammed();
-        if !self.is_open || self.wire.is_busy() || must_wait {
+        if !self.is_open || self.wire.is_busy() || now < self.free_from() {
             return;
         }
         if self.stop_all(now) {
@@ -228,6 +227,11 @@ impl LineCore {
         (drive, Request::ReadHolding { address, count }, Purpose::Poll { address })
     }
 
+    /// From when a frame may go. Over babble no silence is waited for.
+    fn free_from(&self) -> MonoTime {
+        if self.health.is_jammed() { self.wire.held_until() } else { self.wire.may_send_from() }
+    }
+
     /// When the next frame could go, if anything waits or will be due.
     pub(super) fn work_wake(&self) -> Option<Wake> {
         if !self.is_open {
@@ -237,7 +241,8 @@ impl LineCore {
         if self.health.is_jammed() {
             // The first silence ends the jam; a stop does not wait for it.
             let stop = self.wanted_at(Rank::RepeatedStop).unwrap_or(MonoTime::NEVER);
-            return Some(Wake { at: stop.min(silence), reason: WakeReason::SilentInterval });
+            let at = stop.max(self.wire.held_until()).min(silence);
+            return Some(Wake { at, reason: WakeReason::SilentInterval });
         }
         let work = self.work_at()?;
         Some(if work > silence {

@@ -3,8 +3,8 @@
 use super::core::{Flight, LineCore};
 use crate::domain::ids::{DriveIndex, Station};
 use crate::domain::time::MonoTime;
+use crate::line::exchange::{Ending, Exchange};
 use crate::line::timeouts::Class;
-use crate::line::transaction::{Ending, Exchange};
 use crate::wire::framing;
 use crate::wire::pdu::Request;
 use std::time::Duration;

@@ -10,6 +10,7 @@ pub mod barriers;
 pub mod budget;
 pub mod diagnosis;
 pub mod echo;
+pub mod exchange;
 pub mod fault;
 pub mod histogram;
 mod own_echo;

@@ -1,7 +1,8 @@
 //! The wire of an ASCII line: what ends an exchange there, and what does not.
 
+use super::exchange::{Ending, Exchange};
 use super::timing::testing::ASCII;
-use super::transaction::{Ending, Exchange, Wire};
+use super::transaction::Wire;
 use crate::domain::ids::Station;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::TrafficKind;

@@ -124,6 +124,7 @@ impl SimBus {
         }
         self.nodes.retain(|node| node.station != station);
         self.outbox.silence(MonoTime::ZERO, station);
+        self.faults.connect(station.0);
         self.nodes.push(Node { station, drive, exchanges: 0, busy_until: MonoTime::ZERO, late_until: MonoTime::ZERO });
     }
 

@@ -145,11 +145,18 @@ pub(super) struct Faults {
     /// Bits of a character that can be wrong.
     data_bits: usize,
     rng: Rng,
+    /// Those on the bus. A sound frame in the name of one could not be told from its own.
+    stations: Vec<u8>,
 }
 
 impl Faults {
     pub fn new(plan: FaultPlan, framing: Framing, data_bits: u8, seed: u64) -> Self {
-        Self { plan, framing, data_bits: data_bits.into(), rng: Rng::with_seed(seed) }
+        Self { plan, framing, data_bits: data_bits.into(), rng: Rng::with_seed(seed), stations: Vec::new() }
+    }
+
+    /// `station` is on the bus.
+    pub fn connect(&mut self, station: u8) {
+        self.stations.push(station);
     }
 
     /// Draws the faults of one whole `reply` frame and puts them into it. The second is the byte from which on it is
@@ -216,8 +223,8 @@ impl Faults {
     fn add_frame(&mut self, reply: &mut Vec<u8>, mut copy: Vec<u8>) {
         if self.rng.bool() {
             reply.append(&mut copy);
-        } else if let Some((station, pdu)) = framing::decode(self.framing, &copy) {
-            let station = other_station(station, self.rng.u8(1..=247));
+        } else if let Some((_, pdu)) = framing::decode(self.framing, &copy) {
+            let station = other_station(&self.stations, self.rng.u8(1..=247));
             let mut foreign = Vec::with_capacity(copy.len());
             framing::encode(self.framing, &mut foreign, station, |out| out.extend_from_slice(&pdu));
             reply.splice(0..0, foreign);
@@ -225,15 +232,10 @@ impl Faults {
     }
 }
 
-/// `drawn`, or its neighbour if it is `station` itself. Both are 1 to 247.
-const fn other_station(station: u8, drawn: u8) -> u8 {
-    if drawn != station {
-        drawn
-    } else if station < 247 {
-        station + 1
-    } else {
-        1
-    }
+/// `drawn`, or the next one that is not among `taken`. All are 1 to 247.
+fn other_station(taken: &[u8], drawn: u8) -> u8 {
+    let all = (drawn..=247).chain(1..drawn);
+    all.into_iter().find(|station| !taken.contains(station)).unwrap_or(drawn)
 }
 
 fn number(name: &str, value: &str, max: u16) -> Result<u16, PlanError> {
@@ -267,7 +269,9 @@ mod tests {
     }
 
     fn faults(plan: &str, seed: u64) -> Faults {
-        Faults::new(plan.parse().unwrap(), Framing::Rtu, 8, seed)
+        let mut faults = Faults::new(plan.parse().unwrap(), Framing::Rtu, 8, seed);
+        faults.connect(REPLY[0]);
+        faults
     }
 
     #[test]

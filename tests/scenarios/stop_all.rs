@@ -1,6 +1,6 @@
 //! A stop for every drive of a line goes to all at once where the model has a broadcast, and is confirmed one by one.
 
-use crate::support::{MQTT, Rig, RigOptions, STOP, Sent, model, run};
+use crate::support::{MQTT, PROOF, Rig, RigOptions, STOP, Sent, model, run};
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Outcome, Owner, Reason};
 use vfd_gateway::domain::time::MonoTime;
@@ -57,6 +57,29 @@ fn one_frame_stops_all_and_each_is_confirmed_by_its_own() {
         assert_eq!(starts(&sent, &[station, 6, 0, 2, 0, 0]).count(), 1, "station {station}");
     }
     assert_eq!(rig.core.counters().broadcasts, 1);
+}
+
+#[test]
+fn over_babble_too_the_drives_are_left_alone_after_the_broadcast() {
+    let mut rig = running(&line());
+    // Something waits, so that the babble jams the line.
+    let begun = rig.now;
+    rig.read(1, 0, PROOF, 1);
+    while rig.now.since(begun) < Duration::from_secs(5) {
+        rig.now = rig.now + Duration::from_millis(1);
+        if rig.now.since(begun) == Duration::from_millis(2500) {
+            rig.sent.clear();
+            (0..DRIVES.into()).for_each(|index| _ = rig.command_unsettled(MQTT, index, STOP));
+        }
+        rig.core.handle(rig.now, Input::PathAlive(MQTT.owner));
+        rig.core.handle(rig.now, Input::Bytes(&[0x55]));
+        rig.settle();
+    }
+    assert_eq!(rig.core.counters().jams, 1);
+    let all = starts(&rig.sent, &TO_ALL).next().expect("a broadcast");
+    let next = rig.sent.iter().find(|sent| !sent.frame.starts_with(&TO_ALL)).expect("their own stops");
+    let alone = Duration::from_nanos(8_333_334) + BROADCAST_TURNAROUND;
+    assert!(next.at >= all + alone, "{:?} after the broadcast", next.at.since(all));
 }
 
 #[test]

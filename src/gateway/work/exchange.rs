@@ -8,7 +8,7 @@ use crate::gateway::event::Effect;
 use crate::gateway::list::Next;
 use crate::gateway::note::Note;
 use crate::gateway::stop::StopLatch;
-use crate::line::transaction::Ending;
+use crate::line::exchange::Ending;
 use crate::wire::pdu::{Reply, Request};
 
 impl DriveWork {

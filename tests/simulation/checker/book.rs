@@ -90,16 +90,34 @@ pub struct Book {
     pub reading: usize,
 }
 
+/// A list that has not come to its run word by so long after its deadline never does.
+const LIST_TAKES: u64 = 500_000_000;
+
+impl Order {
+    /// It orders to run, and what it began with went out, but its run word did not and never will.
+    fn is_given_up(&self, at: u64) -> bool {
+        self.sent > 0 && !self.has_run && at >= self.before + LIST_TAKES
+    }
+
+    fn starts(&self) -> bool {
+        matches!(self.wish.run, Some(Run::Forward | Run::Reverse))
+    }
+}
+
 impl Book {
     /// A stop may be in force already: the drive took one, and no order to run could still be sent. What came at this
     /// very moment may have been refused, which is not known before the end of the moment.
     pub fn may_be_stopped(&self, at: u64) -> bool {
-        let may_come = |it: &Order| if it.sent > 0 { !it.has_run } else { at < it.before };
-        let starts = |it: &Order| matches!(it.wish.run, Some(Run::Forward | Run::Reverse));
-        let is_open = |it: &Order| !it.is_over && !it.is_void && starts(it) && it.at < at;
+        let may_come = |it: &Order| if it.sent > 0 { !it.has_run && !it.is_given_up(at) } else { at < it.before };
+        let is_open = |it: &Order| !it.is_over && !it.is_void && it.starts() && it.at < at;
         let is_ordered = self.orders.iter().any(|it| is_open(it) && may_come(it));
         let is_stopped = !matches!(self.run_taken, Some(Run::Forward | Run::Reverse)) || self.zeros >= 2;
         !self.stop.is_pending && is_stopped && !is_ordered
+    }
+
+    /// Nothing may follow from a list that counts as given up.
+    pub fn void_given_up(&mut self, at: u64) {
+        self.orders.iter_mut().filter(|it| it.starts() && it.is_given_up(at)).for_each(|it| it.is_void = true);
     }
 
     /// A stop comes, perhaps of a client. Whoever has commanded it last and nothing since repeats himself.

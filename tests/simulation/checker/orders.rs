@@ -102,6 +102,7 @@ impl Checker {
                 return number;
             }
             book.may_stop.get_or_insert((number, at));
+            book.void_given_up(at);
         }
         if book.orders.len() >= ORDERS {
             book.orders.retain(|it| !it.is_over && at < it.at + FORGOTTEN);
@@ -138,6 +139,7 @@ impl Checker {
             (book.sign_at, book.last_stop_at, book.asked[0], book.echoes) = (at, at, true, 0);
             book.stop_comes(self.order_count, Some(who / 2), false);
             if book.may_be_stopped(at) {
+                book.void_given_up(at);
                 book.may_stop.get_or_insert((self.order_count, at));
             } else {
                 book.fresh.push((self.order_count, at, false));

@@ -319,7 +319,11 @@ impl Checker {
             }
             let last = *last_of(&self.wire);
             let reply = self.line.on_wire(self.wire.truth.len());
-            self.wire.replied(last.station, at.saturating_sub(last.end + reply));
+            let after = at.saturating_sub(last.end + reply);
+            // Nobody has to learn from what came too late.
+            if after <= last.timeout {
+                self.wire.replied(last.station, after);
+            }
             return self.answered(at, &last);
         }
         wire.noise_at = at;
@@ -344,6 +348,7 @@ fn reply_in(exchange: &Exchange, bytes: &[u8]) -> Option<std::ops::Range<usize>>
             return None;
         }
         let length = match rest[1] {
+            3 if rest.get(2).is_some_and(|bytes| usize::from(*bytes) != length - 5) => return None,
             function if function == exchange.function => length,
             function if function == exchange.function | 0x80 => 5,
             _ => return None,

@@ -1,0 +1,62 @@
+//! One exchange: what is asked, how it ends, and which answer ends it.
+
+use crate::domain::ids::Station;
+use crate::domain::traffic::TrafficKind;
+use crate::wire::pdu::{Reply, Request, function};
+use std::time::Duration;
+
+/// A request on its way to one station.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Exchange {
+    /// The station that is asked.
+    pub station: Station,
+    /// What it is asked.
+    pub request: Request,
+    /// Longest wait from the end of the request to the start of the reply.
+    pub timeout: Duration,
+    /// An exception, or a write's reply with another value, could be the late answer to an earlier request
+    /// of the same function: neither is taken for the answer to this one.
+    pub in_doubt: bool,
+    /// No station of the line misses a reply. Otherwise damaged bytes prove nothing: they may be what two late
+    /// replies have made of each other, and the reply to this exchange may still come.
+    pub line_is_clean: bool,
+}
+
+/// How an exchange ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// With the right reply.
+    Reply(Reply),
+    /// With an exception of the drive's own.
+    Exception(u8),
+    /// With a damaged reply of the right length.
+    Garbled,
+    /// Without any frame of the station in time.
+    Silent,
+}
+
+/// Something that was heard on the wire. Bytes are given for whoever watches the traffic.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Heard {
+    /// What it was.
+    pub kind: TrafficKind,
+    /// The bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// How `pdu`, sent by the asked station, ends the exchange; nothing if it does not answer it.
+pub(super) fn answer_in(exchange: &Exchange, pdu: &[u8]) -> Option<Ending> {
+    if let [code, exception] = pdu
+        && *code == exchange.request.function() | function::EXCEPTION_BIT
+    {
+        let answers = !exchange.in_doubt && exchange.request.is_answered_by(*exception);
+        return answers.then_some(Ending::Exception(*exception));
+    }
+    let reply = exchange.request.reply_in(pdu)?;
+    match (&exchange.request, &reply) {
+        (Request::WriteSingle { value, .. }, Reply::Holds { value: held }) if exchange.in_doubt && value != held => {
+            None
+        }
+        _ => Some(Ending::Reply(reply)),
+    }
+}
