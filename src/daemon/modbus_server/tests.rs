@@ -32,6 +32,7 @@ pub(super) const EVERY_LINE: ListenerSettings = ListenerSettings {
     stop: None,
     reads_renew: false,
     lines: None,
+    tls: None,
 };
 
 /// A server with two lines of two drives each, on units 1 to 4 and 101 to 104, of which the first of each line
@@ -125,7 +126,7 @@ pub(super) fn play_with<F: Future<Output = ()>>(
         let (shared, answers) = (shared(), Arc::new(AnswerBox::default()));
         let router = Router::new(&settings, Units::new(&shared));
         let server = Rc::new(Server::new(Arc::default(), journal));
-        tokio::task::spawn_local(Rc::clone(&server).listen(listener, Listener::new(settings, router)));
+        tokio::task::spawn_local(Rc::clone(&server).listen(listener, Listener::new(settings, router, None)));
         tokio::task::spawn_local(server.distribute(Arc::clone(&answers)));
         let stream = TcpStream::connect(address).await.unwrap();
         test(Plant { shared, answers, address }, stream).await;
@@ -334,7 +335,7 @@ async fn client(plant: &Plant, settings: ListenerSettings) -> (TcpStream, Rc<Lis
     let stream = TcpStream::connect(socket.local_addr().unwrap()).await.unwrap();
     let (accepted, peer) = socket.accept().await.unwrap();
     let router = Router::new(&settings, Units::new(&plant.shared));
-    let (listener, server) = (Listener::new(settings, router), Rc::new(Server::default()));
+    let (listener, server) = (Listener::new(settings, router, None), Rc::new(Server::default()));
     server.welcome(accepted, peer, Rc::clone(&listener));
     (stream, listener, server)
 }
@@ -351,7 +352,7 @@ fn a_connection_stays_over_a_change_and_gets_what_is_granted_now() {
         let moved = Shared::of(vec![Arc::clone(&other.lines[1])], Arc::default());
         let units = Units::new(&plant.shared).changed_to(&Arc::new(moved));
         let settings = ListenerSettings { write: vec!["127.0.0.0/8".parse().unwrap()], ..EVERY_LINE };
-        listener.change(settings.clone(), Router::new(&settings, units.clone()));
+        listener.change(settings.clone(), Router::new(&settings, units.clone()), None);
         server.review();
         assert_eq!(ask(&mut stream, 101, &READ).await, [0x83, 0x0A], "the unit is gone");
         assert_eq!(ask(&mut stream, 103, &READ).await, [3, 2, 0, 1]);
@@ -366,7 +367,7 @@ fn a_connection_stays_over_a_change_and_gets_what_is_granted_now() {
         drop(first);
         // Whoever is not allowed any more is sent away.
         let settings = ListenerSettings { allow: Some(vec!["10.0.0.0/8".parse().unwrap()]), ..EVERY_LINE };
-        listener.change(settings.clone(), Router::new(&settings, units));
+        listener.change(settings.clone(), Router::new(&settings, units), None);
         server.review();
         assert_eq!(stream.read(&mut [0; 8]).await.unwrap(), 0);
     });
