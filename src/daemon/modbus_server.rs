@@ -63,7 +63,7 @@ pub struct Server {
 struct Client {
     asker: AskerId,
     peer: IpAddr,
-    proven: Option<Proven>,
+    proven: Option<Box<Proven>>,
     origin: Cell<Origin>,
     /// Its requests are answered at all.
     may_ask: Cell<bool>,
@@ -166,8 +166,8 @@ impl Server {
             match shaken {
                 Ok(Shaken { source, stream, certificate }) => {
                     tracing::info!(%peer, name = %certificate.name, role = &*certificate.role, "secure connection");
-                    let proven = Proven { certificate, to: security };
-                    server.admit(source, Stream::Secured(Box::new(stream)), peer, Some(proven), listener);
+                    let proven = Some(Box::new(Proven { certificate, to: security }));
+                    server.admit(source, Stream::Secured(Box::new(stream)), peer, proven, listener);
                 }
                 Err(reason) => server.shake_failed(peer, &reason),
             }
@@ -188,7 +188,7 @@ impl Server {
         mut source: OwnedReadHalf,
         stream: Stream,
         peer: SocketAddr,
-        proven: Option<Proven>,
+        proven: Option<Box<Proven>>,
         listener: Rc<Listener>,
     ) {
         self.last.set(self.last.get() + 1);
@@ -384,5 +384,7 @@ fn instant_of(now: MonoTime, at: MonoTime) -> Instant {
 mod audit_tests;
 #[cfg(test)]
 mod issuing;
+#[cfg(test)]
+mod secured_tests;
 #[cfg(test)]
 mod tests;

@@ -22,7 +22,7 @@ use crate::profile::catalog::Catalog;
 use crate::vendors;
 use crate::wire::mbap;
 use std::net::Ipv4Addr;
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::io::{AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::task::LocalSet;
 
 pub(super) const EVERY_LINE: ListenerSettings = ListenerSettings {
@@ -39,7 +39,7 @@ pub(super) const EVERY_LINE: ListenerSettings = ListenerSettings {
 /// has control. Nobody serves the lines: the test looks into their inboxes.
 pub(super) struct Plant {
     pub(super) shared: Arc<Shared>,
-    answers: Arc<AnswerBox>,
+    pub(super) answers: Arc<AnswerBox>,
     pub(super) address: SocketAddr,
 }
 
@@ -60,7 +60,7 @@ fn control() -> ControlView {
     ControlView { setpoint: Some(Hertz::from_millihertz(42_500)), ..ControlView::default() }
 }
 
-fn shared() -> Arc<Shared> {
+pub(super) fn shared() -> Arc<Shared> {
     let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
     let model = catalog.find("hyundai-n700").unwrap();
     let drives = (0..4_u8).map(|number| DriveDescription {
@@ -133,7 +133,7 @@ pub(super) fn play_with<F: Future<Output = ()>>(
     }));
 }
 
-pub(super) async fn send(stream: &mut TcpStream, requests: &[(u16, u8, &[u8])]) {
+pub(super) async fn send(stream: &mut (impl AsyncWrite + Unpin), requests: &[(u16, u8, &[u8])]) {
     let mut out = Vec::new();
     for (transaction, unit, pdu) in requests {
         mbap::encode(&mut out, *transaction, *unit, |out| out.extend_from_slice(pdu));
@@ -141,7 +141,7 @@ pub(super) async fn send(stream: &mut TcpStream, requests: &[(u16, u8, &[u8])]) 
     stream.write_all(&out).await.unwrap();
 }
 
-async fn answer(stream: &mut TcpStream) -> (u16, u8, Vec<u8>) {
+pub(super) async fn answer(stream: &mut (impl AsyncRead + Unpin)) -> (u16, u8, Vec<u8>) {
     let mut head = [0; mbap::HEADER_BYTES];
     stream.read_exact(&mut head).await.unwrap();
     let mut pdu = vec![0; usize::from(u16::from_be_bytes([head[4], head[5]])) - 1];
@@ -150,7 +150,7 @@ async fn answer(stream: &mut TcpStream) -> (u16, u8, Vec<u8>) {
 }
 
 /// What is answered to one request.
-pub(super) async fn ask(stream: &mut TcpStream, unit: u8, pdu: &[u8]) -> Vec<u8> {
+pub(super) async fn ask(stream: &mut (impl AsyncRead + AsyncWrite + Unpin), unit: u8, pdu: &[u8]) -> Vec<u8> {
     send(stream, &[(7, unit, pdu)]).await;
     let (transaction, answering, pdu) = answer(stream).await;
     assert_eq!((transaction, answering), (7, unit));
@@ -168,7 +168,7 @@ impl Plant {
     }
 
     /// The commands that `line` has got, once there are `count`.
-    async fn commands(&self, line: usize, count: usize) -> Vec<CommandRequest> {
+    pub(super) async fn commands(&self, line: usize, count: usize) -> Vec<CommandRequest> {
         let mut got = Vec::new();
         while got.len() < count {
             tokio::task::yield_now().await;
@@ -182,7 +182,7 @@ impl Plant {
         got
     }
 
-    fn tell(&self, command: &CommandRequest, report: Report, is_final: bool) {
+    pub(super) fn tell(&self, command: &CommandRequest, report: Report, is_final: bool) {
         let CommandRequest { asker, ticket, drive, .. } = *command;
         let answer = CommandAnswer { asker, ticket, drive, report, is_final };
         self.answers.put(&mut vec![News::Command(answer)]);
