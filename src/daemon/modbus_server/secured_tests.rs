@@ -181,7 +181,7 @@ fn both_versions_are_served_and_nothing_is_resumed() {
                 let mut stream = secured.connect(&config).await;
                 assert_eq!(ask(&mut stream, 101, &READ).await, [3, 2, 0, 1]);
                 let session = stream.get_ref().1;
-                assert_eq!(session.protocol_version(), Some(version.version()));
+                assert_eq!(session.protocol_version(), Some(version.version));
                 assert_eq!(
                     session.handshake_kind(),
                     Some(HandshakeKind::Full),
