@@ -18,6 +18,7 @@
 //! | `replays` | what a broker has kept moves nothing |
 //! | `owning` | commanders with names of their own on MQTT, and what the broker grants to each |
 //! | `reloading` | the configuration changes while the gateway runs, and the service manager is told |
+//! | `secured` | Modbus Security: certificates on both sides, and what each role may |
 //! | `stopping` | STOP by every way, and nobody goes on behind it |
 //! | `losing` | the commander, the broker or the gateway is gone, and the motor does not run on |
 //! | `uniform` | the uniform unit and the exceptions as Modbus clients see them |
@@ -71,6 +72,8 @@ mod refusing;
 mod reloading;
 #[path = "process/replays.rs"]
 mod replays;
+#[path = "process/secured.rs"]
+mod secured;
 #[path = "process/stopping.rs"]
 mod stopping;
 #[path = "process/topics.rs"]

@@ -1,15 +1,16 @@
 //! Whether those who are to command a drive can reach it, and whether a lease lasts longer than a command.
 
 use super::file::{ControlFile, DriveFile, File, LineFile, ListenerFile, MqttFile};
+use super::listen::may_be_written;
+use super::listener_tls;
 use super::mqtt::{DEFAULT_COMMAND_TTL, DEFAULT_LEASE, DEFAULT_PROBE_INTERVAL};
 use super::ready::MqttSettings;
-use super::words::Way;
+use super::words::{RoleRight, Way};
 use crate::domain::problem::Problem;
 use crate::guard::COMMAND_DEADLINE;
 use crate::north::mqtt::LeaseMode;
 use crate::profile::reader::{Given, Written};
 use crate::profile::values::duration_text;
-use ipnet::IpNet;
 use std::collections::BTreeSet;
 
 /// Compares every control section with `[mqtt]` and the listeners. `served` holds, per listener of `file`, the
@@ -48,21 +49,12 @@ fn modbus_reaches(
     let Some(place) = control.names(Way::ModbusTcp) else { return };
     // A listener that serves nothing has a wrong list, which is reported by itself.
     let may_reach = |(listener, lines): (&ListenerFile, &BTreeSet<usize>)| {
-        (lines.is_empty() || lines.contains(&index)) && may_hold_any(&listener.write)
+        (lines.is_empty() || lines.contains(&index)) && may_be_written(listener)
     };
     if !listeners.iter().zip(served).any(may_reach) {
         let what =
             format!("commands from \"modbus-tcp\" cannot come: no listener of {} lets anybody write", line.label());
         problems.push(place.problem(what).right("`write = [\"10.0.0.10/32\"]` in a `[[modbus_tcp]]`, or leave it out"));
-    }
-}
-
-/// Whether the list, once it is right, holds a network.
-fn may_hold_any(networks: &Given<Vec<Written<IpNet>>>) -> bool {
-    match networks {
-        Given::LeftOut => false,
-        Given::Unusable => true,
-        Given::Usable(networks) => !networks.value.is_empty(),
     }
 }
 
@@ -113,10 +105,19 @@ fn rights_matter(listener: &ListenerFile, drives: &[&DriveFile], problems: &mut 
             })
     };
     let right = "`from = [\"modbus-tcp\"]` in the `[line.drive.control]` of a drive, or leave it out";
-    for (list, matters, what) in [
-        (&listener.write, any(&takes_from_here), "no drive that is served here takes commands from \"modbus-tcp\""),
-        (&listener.stop, any(&|_| true), "no drive that is served here has a control section"),
-    ] {
+    let (commands, stops) = (any(&takes_from_here), any(&|_| true));
+    let no_commands = "no drive that is served here takes commands from \"modbus-tcp\"";
+    let no_stops = "no drive that is served here has a control section";
+    for role_right in listener_tls::rights(listener) {
+        let (matters, what) = match role_right.value {
+            RoleRight::Write => (commands, no_commands),
+            RoleRight::Stop => (stops, no_stops),
+        };
+        if !matters {
+            problems.push(role_right.place.problem(what).right(right));
+        }
+    }
+    for (list, matters, what) in [(&listener.write, commands, no_commands), (&listener.stop, stops, no_stops)] {
         if let Some(list) = list.usable().filter(|list| !matters && !list.value.is_empty()) {
             problems.push(list.place.problem(what).right(right));
         }

@@ -2,7 +2,7 @@
 
 use super::broker::Address;
 use super::ready::{PortAddress, Removal, Silence};
-use super::words::Way;
+use super::words::{RoleRight, Way};
 use crate::domain::command::Direction;
 use crate::domain::control::{ControlAction, FailSafe, Ownership};
 use crate::domain::frequency::Hertz;
@@ -201,6 +201,23 @@ pub(super) struct ListenerFile {
     pub write: Given<Vec<Written<IpNet>>>,
     pub stop: Given<Vec<Written<IpNet>>>,
     pub reads_renew: Given<bool>,
+    pub tls: Given<ListenerTlsFile>,
+}
+
+/// `[modbus_tcp.tls]`
+#[derive(Debug)]
+pub(super) struct ListenerTlsFile {
+    pub cert_file: Needed<PathBuf>,
+    pub key_file: Needed<PathBuf>,
+    pub client_ca_file: Needed<PathBuf>,
+    pub roles: Needed<Vec<RoleFile>>,
+}
+
+/// A role, and what it may do.
+#[derive(Clone, Debug)]
+pub(super) struct RoleFile {
+    pub name: String,
+    pub rights: Written<Vec<Written<RoleRight>>>,
 }
 
 impl ListenerFile {

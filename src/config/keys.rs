@@ -23,13 +23,15 @@ pub enum Section {
     Mqtt,
     /// `[[modbus_tcp]]`
     ModbusTcp,
+    /// `[modbus_tcp.tls]`
+    ModbusTls,
     /// `[http]`
     Http,
 }
 
 impl Section {
     /// All sections, outer before inner.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Root,
         Self::Gateway,
         Self::Journal,
@@ -40,6 +42,7 @@ impl Section {
         Self::Native,
         Self::Mqtt,
         Self::ModbusTcp,
+        Self::ModbusTls,
         Self::Http,
     ];
 
@@ -57,6 +60,7 @@ impl Section {
             Self::Native => "line.drive.native",
             Self::Mqtt => "mqtt",
             Self::ModbusTcp => "modbus_tcp",
+            Self::ModbusTls => "modbus_tcp.tls",
             Self::Http => "http",
         }
     }
@@ -65,10 +69,8 @@ impl Section {
     #[must_use]
     pub fn header(self) -> String {
         match self {
-            Self::Root | Self::Gateway | Self::Journal | Self::Control | Self::Native | Self::Mqtt | Self::Http => {
-                format!("[{}]", self.path())
-            }
             Self::Line | Self::Drive | Self::Register | Self::ModbusTcp => format!("[[{}]]", self.path()),
+            _ => format!("[{}]", self.path()),
         }
     }
 }
@@ -234,9 +236,16 @@ pub const KEYS: &[Key] = &[
     key(Section::ModbusTcp, "listen", "address:port", None, "Where clients connect."),
     key(Section::ModbusTcp, "allow", "list of networks", Some("anyone, which is this host: only a loopback address may go without"), "Who may connect."),
     key(Section::ModbusTcp, "lines", "list of line names", Some("all lines"), "The lines whose drives are served here."),
-    key(Section::ModbusTcp, "write", "list of networks inside `allow`", Some("[]: nobody"), "Who may command and write, where the drive allows it."),
+    key(Section::ModbusTcp, "write", "list of networks inside `allow`", Some("[]: nobody; with `tls` whoever may connect, as their roles say"), "Who may command and write, where the drive allows it."),
     key(Section::ModbusTcp, "stop", "list of networks inside `allow`", Some("`write`"), "Who may stop; it must hold whoever may write."),
     key(Section::ModbusTcp, "reads_renew", "true or false", Some("false"), "Whether reads of the one who controls a drive count as a sign of life."),
+
+    key(Section::ModbusTcp, "tls", "table", Some("none: connections are not encrypted"), "Modbus Security: TLS with certificates on both sides; whoever has none that counts is not let in."),
+
+    key(Section::ModbusTls, "cert_file", "absolute path", None, "The gateway's certificate, with those between it and its authority."),
+    key(Section::ModbusTls, "key_file", "absolute path", None, "The key of that certificate."),
+    key(Section::ModbusTls, "client_ca_file", "absolute path", None, "The authorities whose clients are let in; no others are."),
+    key(Section::ModbusTls, "roles", "table: role = list of \"write\", \"stop\"", None, "What each role may do besides reading; a role that is not listed may nothing. \"\" is the role of certificates without one."),
 
     key(Section::Http, "listen", "address:port on loopback", None, "Where /metrics, /healthz and /readyz are served; there is no sign-in, so to this host only."),
 ];
@@ -252,7 +261,6 @@ pub const NOT_SERVED: &[NotServed] = &[
     refused(Section::Mqtt, "sparkplug", "leave it out; the topics are the gateway's own"),
 
     refused(Section::ModbusTcp, "lease", "leave it out; leases of Modbus TCP are explicit: commands and `renew` keep them, and reads with `reads_renew`"),
-    refused(Section::ModbusTcp, "tls", "leave it out; connections are not encrypted, so `allow` only networks that you trust"),
 ];
 
 #[cfg(test)]
@@ -302,6 +310,7 @@ mod tests {
         let (before, after) = match section {
             Section::Root => return format!("{line}\n{CONTROLLED}"),
             Section::Register => ("[line.drive.native]", "[[line.drive.register]]\n"),
+            Section::ModbusTls => ("[http]", "[modbus_tcp.tls]\n"),
             _ => return with(CONTROLLED, &section.header(), &format!("{}\n{line}", section.header())),
         };
         with(CONTROLLED, before, &format!("{after}{line}\n{before}"))
@@ -329,8 +338,8 @@ mod tests {
             let what = format!("{}; {}", key.refusal(), key.instead);
             assert!(found.len() == 1 && found[0].ends_with(&what), "{found:?}");
         }
-        let tls = not_served(Section::ModbusTcp).find(|key| key.name == "tls").unwrap();
-        assert_eq!(tls.refusal(), "`tls` is not served by this version; a key that would do nothing is refused");
+        let lease = not_served(Section::ModbusTcp).find(|key| key.name == "lease").unwrap();
+        assert_eq!(lease.refusal(), "`lease` is not served by this version; a key that would do nothing is refused");
     }
 
     #[test]

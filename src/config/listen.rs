@@ -2,6 +2,8 @@
 //! who may connect may write.
 
 use super::file::{File, HttpFile, ListenerFile};
+use super::listener_tls;
+use super::words::RoleRight;
 use crate::domain::problem::{Problem, nearest};
 use crate::profile::reader::{Given, Written};
 use ipnet::IpNet;
@@ -14,6 +16,7 @@ pub(super) fn settle(file: &File, problems: &mut Vec<Problem>) -> Vec<BTreeSet<u
     for listener in &file.listeners {
         guarded(listener, problems);
         rights(listener, problems);
+        listener_tls::check(listener, problems);
     }
     if let Given::Usable(http) = &file.http {
         stays_here(&http.value, problems);
@@ -101,14 +104,18 @@ fn rights(listener: &ListenerFile, problems: &mut Vec<Problem>) {
             problems.push(network.place.problem(what).right(format!("\"{}\" in `stop` as well", network.value)));
         }
     }
-    let nobody_writes = match &listener.write {
-        Given::LeftOut => true,
-        Given::Unusable => false,
-        Given::Usable(write) => write.value.is_empty(),
-    };
-    if let Some(renew) = listener.reads_renew.usable().filter(|renew| renew.value && nobody_writes) {
+    if let Some(renew) = listener.reads_renew.usable().filter(|renew| renew.value && !may_be_written(listener)) {
         let problem = renew.place.problem("nobody may write here, so there is no lease to renew");
         problems.push(problem.right("`write` with those who may, or leave it out"));
+    }
+}
+
+/// Whether somebody may write here, as far as `write` and the roles tell.
+pub(super) fn may_be_written(listener: &ListenerFile) -> bool {
+    match &listener.write {
+        Given::LeftOut => listener_tls::may(listener, RoleRight::Write),
+        Given::Unusable => true,
+        Given::Usable(write) => !write.value.is_empty(),
     }
 }
 

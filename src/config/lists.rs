@@ -1,6 +1,6 @@
 //! Lists of words, whatever the words mean.
 
-use super::words::{ACTIONS, DIRECTIONS, WAYS, Way};
+use super::words::{ACTIONS, DIRECTIONS, ROLE_RIGHTS, RoleRight, WAYS, Way};
 use crate::domain::command::Direction;
 use crate::domain::control::ControlAction;
 use crate::domain::problem::Problem;
@@ -15,6 +15,12 @@ pub(super) trait Word {
 impl Word for Way {
     fn word(&self) -> &'static str {
         word_for(&WAYS, self)
+    }
+}
+
+impl Word for RoleRight {
+    fn word(&self) -> &'static str {
+        word_for(&ROLE_RIGHTS, self)
     }
 }
 

@@ -3,7 +3,7 @@
 //! `read` takes the values as they are written (`file`), each with its place, and refuses every key that is
 //! not in the table of [`keys`]. `resolve` fills in what is left out and checks what lies between keys: `link`
 //! the lines against their models, `control` and `native` what may be commanded and written, `mqtt` the broker,
-//! `line_plan` what the polls of a line cost, `listen` the listeners, `units` who answers where, `commanders` whether
+//! `line_plan` what the polls of a line cost, `listen` the listeners with their roles (`listener_tls`), `units` who answers where, `commanders` whether
 //! commands can come at all. Neither stops at the first mistake. What only shows when a port is opened (whether it is a
 //! pseudo-terminal, whether its driver can turn the direction) is left to the daemon.
 
@@ -17,6 +17,7 @@ pub mod keys;
 pub mod line_plan;
 mod link;
 mod listen;
+mod listener_tls;
 mod lists;
 mod mqtt;
 mod native;
@@ -36,8 +37,8 @@ pub use native::{Listed, listed};
 pub use ratings::shown_in_per_cent;
 pub use ready::{
     BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings, HttpSettings,
-    JournalSettings, LineSettings, ListenerSettings, MqttSettings, PasswordSource, PortAddress, Removal, Silence,
-    TlsSettings, command_deadline,
+    JournalSettings, LineSettings, ListenerSettings, ListenerTls, MqttSettings, PasswordSource, PortAddress, Removal,
+    Silence, TlsSettings, command_deadline,
 };
 
 use crate::domain::problem::Problem;

@@ -1,5 +1,6 @@
 //! The configuration ready to use: every default filled in, every rule kept. Only [`super::load`] makes one.
 
+use crate::domain::command::Rights;
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::{Name, Station, UnitId};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, LinkSettings};
@@ -8,6 +9,7 @@ use crate::guard::COMMAND_DEADLINE;
 use crate::north::mqtt::{LeaseMode, Settings, Version};
 use crate::profile::model::Model;
 use ipnet::IpNet;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -182,12 +184,28 @@ pub struct ListenerSettings {
     pub allow: Option<Vec<IpNet>>,
     /// The lines it serves, as indices into [`Config::lines`]; nothing: all.
     pub lines: Option<Vec<usize>>,
-    /// Who may write; nobody unless configured. Each lies in `allow` where there is one.
+    /// From where may be written. Each lies in `allow` where there is one. With TLS the role must grant it as well.
     pub write: Vec<IpNet>,
-    /// Who may stop; nothing: whoever may write. It holds whoever may write.
+    /// From where may be stopped; nothing: from where may be written, which it holds.
     pub stop: Option<Vec<IpNet>>,
     /// Whether reads of a drive's owner renew its lease.
     pub reads_renew: bool,
+    /// Modbus Security; nothing: connections are not encrypted.
+    pub tls: Option<ListenerTls>,
+}
+
+/// TLS with certificates on both sides. Absolute paths.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ListenerTls {
+    /// The gateway's certificate with its chain.
+    pub cert_file: PathBuf,
+    /// Its key.
+    pub key_file: PathBuf,
+    /// The authorities whose clients are let in.
+    pub client_ca_file: PathBuf,
+    /// What each role may do besides reading, by its text; at least one. Whoever has another role may nothing. The empty
+    /// text is the role of a certificate without one.
+    pub roles: BTreeMap<String, Rights>,
 }
 
 impl ListenerSettings {

@@ -7,7 +7,7 @@ use super::ready::{
     Silence,
 };
 use super::units::{self, Units};
-use super::{commanders, control, line_plan, listen, lists, mqtt, native, port, ratings, watchdog};
+use super::{commanders, control, line_plan, listen, listener_tls, lists, mqtt, native, port, ratings, watchdog};
 use crate::domain::control::{ControlSettings, LeaseMode};
 use crate::domain::ids::Station;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
@@ -276,12 +276,19 @@ fn ready_listener(listener: &ListenerFile, served: BTreeSet<usize>) -> Option<Li
         Given::LeftOut => None,
         given => Some(lists::values(given)?),
     };
+    let allow = listener.allow.clone().optional()?;
+    let tls = listener_tls::settle(listener)?;
+    let write = match (&listener.write, &tls) {
+        (Given::LeftOut, Some(tls)) => listener_tls::networks(allow.as_deref(), tls),
+        (write, _) => lists::values(write)?,
+    };
     Some(ListenerSettings {
         listen: listener.listen.as_ref()?.value,
-        allow: listener.allow.clone().optional()?,
+        allow,
         lines,
-        write: lists::values(&listener.write)?,
+        write,
         stop,
         reads_renew: listener.reads_renew.or(false)?,
+        tls,
     })
 }

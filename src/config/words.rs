@@ -18,6 +18,18 @@ pub enum Way {
 /// Ways by which commands come.
 pub const WAYS: [(&str, Way); 2] = [("mqtt", Way::Mqtt), ("modbus-tcp", Way::ModbusTcp)];
 
+/// What a role of Modbus Security may do besides reading.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RoleRight {
+    /// Command and write.
+    Write,
+    /// Stop.
+    Stop,
+}
+
+/// Rights of roles.
+pub const ROLE_RIGHTS: [(&str, RoleRight); 2] = [("write", RoleRight::Write), ("stop", RoleRight::Stop)];
+
 /// Directions.
 pub const DIRECTIONS: [(&str, Direction); 2] = [("forward", Direction::Forward), ("reverse", Direction::Reverse)];
 

@@ -23,6 +23,7 @@ pub mod mqtt;
 pub mod north;
 pub mod north_journal;
 pub mod notify;
+pub mod pem_files;
 pub mod port;
 pub mod pty;
 pub mod reload;

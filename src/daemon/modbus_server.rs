@@ -1,10 +1,15 @@
 //! Modbus TCP listeners: sockets on one side, [`Connection`] machines on the other.
 
 mod calls;
+mod certificate;
+mod handshake;
 mod keeper;
 mod listener;
+mod security;
+mod stream;
 
 pub use listener::Listener;
+pub use security::Security;
 
 use super::answers::{AnswerBox, News};
 use super::clock;
@@ -12,10 +17,12 @@ use super::inbox::Message;
 use super::north_journal::Journal;
 use super::router::Router;
 use super::totals::ModbusTotals;
-use crate::domain::command::{Manner, Origin, Owner};
+use crate::domain::command::{Manner, Origin, Owner, Rights};
 use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
 use crate::north::modbus::{Commands, Connection, Counters, Kept, Limits, Words};
+use certificate::Certificate;
+use handshake::{Handshakes, Shaken, shake};
 use keeper::Keeper;
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
@@ -27,8 +34,9 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::task::{Poll, ready};
 use std::time::Duration;
+use stream::Stream;
 use tokio::io::{AsyncRead, ReadBuf};
-use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
+use tokio::net::tcp::OwnedReadHalf;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Notify;
 use tokio::time::Instant;
@@ -47,6 +55,7 @@ pub struct Server {
     totals: Arc<ModbusTotals>,
     keeper: Rc<Keeper>,
     clients: RefCell<HashMap<AskerId, Rc<Client>>>,
+    handshakes: Handshakes,
     last: Cell<u64>,
 }
 
@@ -54,9 +63,12 @@ pub struct Server {
 struct Client {
     asker: AskerId,
     peer: IpAddr,
+    proven: Option<Box<Proven>>,
     origin: Cell<Origin>,
+    /// Its requests are answered at all.
+    may_ask: Cell<bool>,
     reads_renew: Cell<bool>,
-    stream: OwnedWriteHalf,
+    stream: Stream,
     machine: RefCell<Connection>,
     commands: RefCell<Commands>,
     /// When a read renewed a lease last, by the place of the drive.
@@ -71,6 +83,13 @@ struct Client {
     totals: Arc<ModbusTotals>,
     /// What of the machine's counts is in the totals already.
     counted: Cell<Counters>,
+}
+
+/// How a client has proven itself.
+#[derive(Debug)]
+struct Proven {
+    certificate: Certificate,
+    to: Rc<Security>,
 }
 
 impl Server {
@@ -89,7 +108,7 @@ impl Server {
                     self.totals.refused();
                     drop(stream);
                 }
-                Ok((stream, peer)) if self.clients.borrow().len() >= CONNECTIONS_MAX => {
+                Ok((stream, peer)) if self.clients.borrow().len() + self.handshakes.len() >= CONNECTIONS_MAX => {
                     tracing::warn!(%peer, "refused: too many connections");
                     self.totals.refused();
                     drop(stream);
@@ -125,7 +144,7 @@ impl Server {
             }
             drop(clients);
             for client in touched.drain(..) {
-                if client.flush().is_err() || !client.machine.borrow().output().is_empty() {
+                if client.flush().is_err() || client.has_output() {
                     client.bell.notify_one();
                 }
             }
@@ -133,20 +152,59 @@ impl Server {
     }
 
     fn welcome(self: &Rc<Self>, stream: TcpStream, peer: SocketAddr, listener: Rc<Listener>) {
-        let granted = listener.grants(peer.ip());
         if let Err(error) = stream.set_nodelay(true) {
             tracing::debug!(%peer, %error, "cannot set TCP_NODELAY");
         }
+        let (source, socket) = stream.into_split();
+        let Some(security) = listener.security() else {
+            return self.admit(source, Stream::Plain(socket), peer, None, listener);
+        };
+        let (server, number) = (Rc::clone(self), self.handshakes.number());
+        let task = tokio::task::spawn_local(async move {
+            let shaken = shake(source, socket, &security).await;
+            server.handshakes.ended(number);
+            match shaken {
+                Ok(Shaken { source, stream, certificate }) => {
+                    tracing::info!(%peer, name = %certificate.name, role = &*certificate.role, "secure connection");
+                    let proven = Some(Box::new(Proven { certificate, to: security }));
+                    server.admit(source, Stream::Secured(Box::new(stream)), peer, proven, listener);
+                }
+                Err(reason) => server.shake_failed(peer, &reason),
+            }
+        });
+        if let Some(oldest) = self.handshakes.began(number, peer, task.abort_handle()) {
+            self.shake_failed(oldest, "it gives way, too many are under way");
+        }
+    }
+
+    fn shake_failed(&self, peer: SocketAddr, reason: &str) {
+        self.totals.handshake_failed();
+        self.handshakes.tell(peer, reason);
+    }
+
+    /// Serves a client, `proven` where its listener asks for that.
+    fn admit(
+        self: &Rc<Self>,
+        mut source: OwnedReadHalf,
+        stream: Stream,
+        peer: SocketAddr,
+        proven: Option<Box<Proven>>,
+        listener: Rc<Listener>,
+    ) {
         self.last.set(self.last.get() + 1);
         let asker = AskerId(self.last.get());
         let machine = RefCell::new(Connection::new(Limits::default(), clock::now()));
-        let (mut source, stream) = stream.into_split();
-        let owner = Owner::ModbusTcp(peer.ip().to_canonical());
+        let owner = match &proven {
+            None => Owner::ModbusTcp(peer.ip().to_canonical()),
+            Some(proven) => Owner::ModbusSecurity(proven.certificate.name),
+        };
         let client = Rc::new(Client {
             asker,
             peer: peer.ip(),
-            origin: Cell::new(Origin { owner, rights: granted.rights, manner: Manner::Cyclic }),
-            reads_renew: Cell::new(granted.reads_renew),
+            proven,
+            origin: Cell::new(Origin { owner, rights: Rights::NONE, manner: Manner::Cyclic }),
+            may_ask: Cell::new(false),
+            reads_renew: Cell::new(false),
             stream,
             machine,
             commands: RefCell::default(),
@@ -159,11 +217,14 @@ impl Server {
             totals: Arc::clone(&self.totals),
             counted: Cell::default(),
         });
+        // The listener may have become another one during a handshake.
+        client.review();
         self.totals.opened();
         self.clients.borrow_mut().insert(asker, Rc::clone(&client));
         let server = Rc::clone(self);
         tokio::task::spawn_local(async move {
             let end = client.serve(&mut source).await;
+            client.stream.close();
             tracing::debug!(%peer, end = %end, "connection closed");
             server.clients.borrow_mut().remove(&asker);
             client.count();
@@ -182,11 +243,16 @@ impl Client {
         let wake = tokio::time::sleep(Duration::from_secs(3600));
         tokio::pin!(wake);
         let mut buffer = [0; READ_BYTES];
+        // A secure connection may have brought requests behind its handshake.
+        if let Err(error) = self.take(&[]) {
+            return error.to_string();
+        }
         loop {
-            let (next_wake, wants_input, has_output) = {
+            let (next_wake, wants_input) = {
                 let machine = self.machine.borrow();
-                (machine.next_wake(), machine.wants_input(), !machine.output().is_empty())
+                (machine.next_wake(), machine.wants_input())
             };
+            let has_output = self.has_output();
             let now = clock::now();
             if let Some(at) = next_wake {
                 let at = instant_of(now, at);
@@ -195,7 +261,10 @@ impl Client {
                 }
             }
             let moved = tokio::select! {
-                read = receive(source, &mut buffer), if wants_input => read.and_then(|read| self.take(&buffer[..read])),
+                read = receive(source, &mut buffer), if wants_input => match read {
+                    Ok(0) => Err(io::ErrorKind::UnexpectedEof.into()),
+                    read => read.and_then(|read| self.take(&buffer[..read])),
+                },
                 ready = self.stream.writable(), if has_output => ready.and_then(|()| self.flush()),
                 () = self.bell.notified() => Ok(()),
                 () = &mut wake => {
@@ -222,12 +291,15 @@ impl Client {
 
     /// Takes received bytes, answers what can be answered at once, orders the rest.
     fn take(&self, bytes: &[u8]) -> io::Result<()> {
-        if bytes.is_empty() {
-            return Err(io::ErrorKind::UnexpectedEof.into());
-        }
         if self.is_unwanted.get() {
             return Ok(());
         }
+        let opened = self.stream.open(bytes, |plain| self.serve_bytes(plain));
+        self.keep();
+        opened.and_then(|()| self.flush())
+    }
+
+    fn serve_bytes(&self, bytes: &[u8]) {
         let now = clock::now();
         let mut words = Words::default();
         let mut machine = self.machine.borrow_mut();
@@ -236,9 +308,6 @@ impl Client {
         while let Some(call) = machine.next_call() {
             self.serve_call(now, &mut machine, call, &mut words);
         }
-        drop(machine);
-        self.keep();
-        self.flush()
     }
 
     /// Hands on what the machine says of attempts that no line saw.
@@ -258,8 +327,13 @@ impl Client {
 
     /// Takes what its listener grants now.
     fn review(&self) {
-        if self.listener.allows(self.peer) {
-            let granted = self.listener.grants(self.peer);
+        let (role, security) = match &self.proven {
+            None => (None, None),
+            Some(proven) => (Some(&*proven.certificate.role), Some(&*proven.to)),
+        };
+        if self.listener.allows(self.peer) && self.listener.goes_on(security) {
+            let granted = self.listener.grants(self.peer, role);
+            self.may_ask.set(granted.may_ask);
             self.origin.set(Origin { rights: granted.rights, ..self.origin.get() });
             self.reads_renew.set(granted.reads_renew);
             self.router.replace(self.listener.router());
@@ -277,16 +351,14 @@ impl Client {
         self.totals.add(&self.counted.replace(now), &now);
     }
 
+    fn has_output(&self) -> bool {
+        !self.machine.borrow().output().is_empty() || self.stream.wants_write()
+    }
+
     /// Writes as much as the socket takes.
     fn flush(&self) -> io::Result<()> {
         let mut machine = self.machine.borrow_mut();
-        while !machine.output().is_empty() {
-            match self.stream.try_write(machine.output()) {
-                Ok(bytes) => machine.wrote(bytes),
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
-                Err(error) => return Err(error),
-            }
-        }
+        self.stream.flush(&mut machine)?;
         drop(machine);
         self.count();
         Ok(())
@@ -310,5 +382,9 @@ fn instant_of(now: MonoTime, at: MonoTime) -> Instant {
 
 #[cfg(test)]
 mod audit_tests;
+#[cfg(test)]
+mod issuing;
+#[cfg(test)]
+mod secured_tests;
 #[cfg(test)]
 mod tests;

@@ -4,7 +4,7 @@ use super::answers::NorthSides;
 use super::clock;
 use super::http::{self, State, socket::OwnSocket};
 use super::local::LocalSide;
-use super::modbus_server::{Listener, Server};
+use super::modbus_server::{Listener, Security, Server};
 use super::mqtt::speaker::Speaker;
 use super::mqtt::{self, ConnectionSettings, Counters};
 use super::north_journal;
@@ -38,6 +38,8 @@ const TICKETS: u64 = 1 << 40;
 pub struct Bound {
     /// In the order of the configuration; nothing where the socket is there already.
     modbus: Vec<Option<TcpListener>>,
+    /// What has been read for those with TLS, in the same order.
+    security: Vec<Option<Security>>,
     http: Option<TcpListener>,
     /// The HTTP listener is another one than before, or gone.
     has_http_moved: bool,
@@ -54,11 +56,11 @@ impl Bound {
     }
 }
 
-/// Takes all addresses of `config`, or none. Listeners that `kept` gives a place have theirs already, and HTTP if it has not
+/// Takes all addresses of `config`, or none, and reads the certificates of all its listeners. Listeners that `kept` gives a place have theirs already, and HTTP if it has not
 /// moved.
 ///
 /// # Errors
-/// The first one that cannot be taken.
+/// The first address that cannot be taken, or listener whose certificates cannot be used.
 pub async fn bind(config: &Config, kept: &[Option<usize>], has_http_moved: bool) -> Result<Bound, StartError> {
     let mut modbus = Vec::with_capacity(config.listeners.len());
     for (place, listener) in config.listeners.iter().enumerate() {
@@ -69,7 +71,21 @@ pub async fn bind(config: &Config, kept: &[Option<usize>], has_http_moved: bool)
         Some(HttpSettings { listen: address }) if has_http_moved => Some(listen(*address).await?),
         _ => None,
     };
-    Ok(Bound { modbus, http, has_http_moved })
+    Ok(Bound { modbus, security: security(config).await?, http, has_http_moved })
+}
+
+/// Certificates are read beside the runtime: they may be on something slow.
+async fn security(config: &Config) -> Result<Vec<Option<Security>>, StartError> {
+    let listeners = config.listeners.clone();
+    let read = tokio::task::spawn_blocking(move || {
+        let read = listeners.iter().map(|listener| {
+            let Some(tls) = &listener.tls else { return Ok(None) };
+            let address = listener.listen;
+            Security::read(tls).map(Some).map_err(|what| StartError::ModbusTls { address, what })
+        });
+        read.collect()
+    });
+    read.await.unwrap_or_else(|error| Err(StartError::System(io::Error::other(error))))
 }
 
 async fn listen(address: SocketAddr) -> Result<TcpListener, StartError> {
@@ -164,9 +180,10 @@ impl North {
 
     fn listen(&mut self, config: &Config, kept: &[Option<usize>], bound: Bound) {
         let mut old: Vec<_> = std::mem::take(&mut self.listeners).into_iter().map(Some).collect();
-        for (place, (settings, socket)) in config.listeners.iter().zip(bound.modbus).enumerate() {
+        let sockets = bound.modbus.into_iter().zip(bound.security);
+        for (place, (settings, (socket, security))) in config.listeners.iter().zip(sockets).enumerate() {
             let kept = kept.get(place).copied().flatten().and_then(|at| old.get_mut(at)?.take());
-            self.listeners.extend(self.listening(settings, socket, kept));
+            self.listeners.extend(self.listening(settings, socket, security, kept));
         }
         for gone in old.into_iter().flatten() {
             gone.task.abort();
@@ -183,14 +200,15 @@ impl North {
         &self,
         settings: &ListenerSettings,
         socket: Option<TcpListener>,
+        security: Option<Security>,
         kept: Option<Listening>,
     ) -> Option<Listening> {
         let router = Router::new(settings, self.units.clone());
         if let Some(kept) = kept {
-            kept.listener.change(settings.clone(), router);
+            kept.listener.change(settings.clone(), router, security);
             return Some(kept);
         }
-        let listener = Listener::new(settings.clone(), router);
+        let listener = Listener::new(settings.clone(), router, security);
         let serve = Rc::clone(&self.server).listen(socket?, Rc::clone(&listener));
         Some(Listening { listener, task: tokio::task::spawn_local(serve).abort_handle() })
     }

@@ -36,6 +36,14 @@ pub enum StartError {
         /// The system's reason.
         error: io::Error,
     },
+    /// The certificates of a listener cannot be used.
+    #[error("modbus_tcp {address}: {what}")]
+    ModbusTls {
+        /// The listener, as configured.
+        address: SocketAddr,
+        /// All that is wrong with its files.
+        what: String,
+    },
     /// The socket for the program's own commands could not be made.
     #[error(transparent)]
     Socket(#[from] SocketError),

@@ -108,6 +108,8 @@ pub struct RegisterWrite {
 pub enum Owner {
     /// A Modbus TCP client by its address. All its connections are the same owner.
     ModbusTcp(IpAddr),
+    /// A Modbus TCP client by the subject of its certificate, wherever it connects from.
+    ModbusSecurity(CommanderName),
     /// Whoever may publish to the command topics.
     Mqtt,
     /// Whoever may publish to the command topics of this commander.
@@ -129,6 +131,7 @@ impl fmt::Display for Owner {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::ModbusTcp(address) => write!(f, "modbus-tcp {address}"),
+            Self::ModbusSecurity(name) => write!(f, "modbus-security {name}"),
             Self::Mqtt => f.write_str("mqtt"),
             Self::MqttBy(name) => write!(f, "mqtt {name}"),
             Self::Local => f.write_str("local"),
@@ -143,6 +146,11 @@ pub struct Rights {
     pub write: bool,
     /// It may stop.
     pub stop: bool,
+}
+
+impl Rights {
+    /// It may only read.
+    pub const NONE: Self = Self { write: false, stop: false };
 }
 
 /// How orders repeat.
@@ -303,7 +311,8 @@ mod tests {
         for owner in [Owner::Mqtt, by("a"), by("b")] {
             assert!(owner.comes_by(Owner::Mqtt), "{owner}");
         }
-        for owner in [Owner::Local, Owner::ModbusTcp(IpAddr::from([10, 0, 0, 1]))] {
+        let certified = Owner::ModbusSecurity(CommanderName::new("a").unwrap());
+        for owner in [Owner::Local, Owner::ModbusTcp(IpAddr::from([10, 0, 0, 1])), certified] {
             assert!(owner.comes_by(owner) && !owner.comes_by(Owner::Mqtt), "{owner}");
         }
         assert!(!by("a").comes_by(by("b")) && !Owner::Mqtt.comes_by(by("a")));

@@ -77,8 +77,8 @@ impl fmt::Display for Name {
     }
 }
 
-/// The name of a commander that has command topics of its own: 1 to 32 letters, digits, `-`, `_` or `.`. It is copied with
-/// every command.
+/// The name of a commander that has command topics or a certificate of its own: 1 to 32 letters, digits, `-`, `_` or `.`.
+/// It is copied with every command.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct CommanderName {
     /// Zeros behind its end, which no name holds.

@@ -168,7 +168,7 @@ pub(super) fn no_steps(no: NoSteps) -> Report {
 fn may_come_from(control: &ControlSettings, owner: Owner, order: &Order) -> Result<(), Report> {
     let stops = matches!(order, Order::Stop { .. } | Order::Coast);
     let allowed = match owner {
-        Owner::ModbusTcp(_) => control.from_modbus_tcp || stops,
+        Owner::ModbusTcp(_) | Owner::ModbusSecurity(_) => control.from_modbus_tcp || stops,
         Owner::Mqtt | Owner::MqttBy(_) => control.from_mqtt,
         Owner::Local => true,
     };

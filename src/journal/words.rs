@@ -78,6 +78,7 @@ pub fn owner(text: &str) -> Option<Owner> {
         None if text == "mqtt" => Some(Owner::Mqtt),
         None if text == "local" => Some(Owner::Local),
         Some(("modbus-tcp", address)) => address.parse().ok().map(Owner::ModbusTcp),
+        Some(("modbus-security", name)) => CommanderName::new(name).map(Owner::ModbusSecurity),
         Some(("mqtt", name)) => CommanderName::new(name).map(Owner::MqttBy),
         _ => None,
     }
@@ -122,10 +123,13 @@ mod tests {
             Owner::MqttBy(by),
             Owner::ModbusTcp("10.0.0.7".parse().unwrap()),
             Owner::ModbusTcp("fd00::1".parse().unwrap()),
+            Owner::ModbusSecurity(by),
+            // A name may look like an address; it is no owner's but that of the certificate.
+            Owner::ModbusSecurity(CommanderName::new("10.0.0.7").unwrap()),
         ] {
             assert_eq!(super::owner(&owner.to_string()), Some(owner));
         }
-        for text in ["", "mqtt ", "mqtt a/b", "modbus-tcp x", "page x", "mqtt a b"] {
+        for text in ["", "mqtt ", "mqtt a/b", "modbus-tcp x", "modbus-security a b", "page x", "mqtt a b"] {
             assert_eq!(super::owner(text), None, "{text}");
         }
     }

@@ -266,6 +266,18 @@ impl<'a, 'p> Reader<'a, 'p> {
             .collect()
     }
 
+    /// The lists of all keys; otherwise as [`Self::all`].
+    pub fn all_lists<T>(mut self, kind: &Kind<'_, T>) -> Vec<(String, Written<Vec<Written<T>>>)> {
+        let table = self.section.table;
+        let mut lists = Vec::new();
+        for (key, value) in table {
+            let place = self.section.place.inner(key.get_ref(), value.span());
+            let list = self.read_list((place, value.get_ref()), kind);
+            lists.extend(list.map(|list| (key.get_ref().to_string(), list)));
+        }
+        lists
+    }
+
     /// Refuses the key `key`, which the reader knows but does not take. Nothing happens where it is not there.
     pub fn refuse(&mut self, key: &'static str, what: impl Into<String>, right: impl Into<String>) {
         self.refused.push(key);

@@ -1,15 +1,19 @@
 """Plays an ordinary Modbus TCP client and prints what it got, one JSON object per line.
 
-    client.py PORT REQUEST...
+    client.py PORT [--tls DIRECTORY NAME SOURCE] REQUEST...
+
+With `--tls` it comes from the address SOURCE with the certificate NAME.pem, whose key is NAME.key, and trusts ca.pem.
+One request `-` takes requests line by line from its input.
 
 A request is `read:UNIT:ADDRESS:COUNT`, with `read_input`, `coils` or `discrete` for the other tables,
 `write:UNIT:ADDRESS:VALUE[,VALUE]`, `coil:UNIT:ADDRESS:0|1` or `loop:UNIT:0:WORD`.
 """
 
 import json
+import ssl
 import sys
 
-from pymodbus.client import ModbusTcpClient
+from pymodbus.client import ModbusTcpClient, ModbusTlsClient
 
 
 def ask(client, request):
@@ -35,23 +39,37 @@ def ask(client, request):
     raise SystemExit(f"no such request: {request}")
 
 
-def main():
+def connect(port, args):
     # No repeats: a test wants to see the first answer, whatever it is.
-    client = ModbusTcpClient("127.0.0.1", port=int(sys.argv[1]), timeout=6, retries=0)
+    options = {"port": port, "timeout": 6, "retries": 0}
+    if args[:1] != ["--tls"]:
+        return ModbusTcpClient("127.0.0.1", **options), args
+    _, directory, name, source, *requests = args
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    # The library does not say to TLS what the host is called; whose certificate it is, is verified all the same.
+    context.check_hostname = False
+    context.load_verify_locations(f"{directory}/ca.pem")
+    context.load_cert_chain(f"{directory}/{name}.pem", f"{directory}/{name}.key")
+    return ModbusTlsClient("127.0.0.1", sslctx=context, source_address=(source, 0), **options), requests
+
+
+def main():
+    client, requests = connect(int(sys.argv[1]), sys.argv[2:])
     if not client.connect():
         raise SystemExit("cannot connect")
-    for request in sys.argv[2:]:
+    for request in (line.strip() for line in sys.stdin) if requests == ["-"] else requests:
         answer = ask(client, request)
         if answer.isError():
-            print(json.dumps({"exception": answer.exception_code}))
+            told = {"exception": answer.exception_code}
         elif request.startswith(("coil", "discrete")):
             # The library fills the last byte up.
             count = int(request.split(":")[3]) if not request.startswith("coil:") else 1
-            print(json.dumps({"bits": list(answer.bits)[:count]}))
+            told = {"bits": list(answer.bits)[:count]}
         elif request.startswith("loop"):
-            print(json.dumps({"words": [int.from_bytes(answer.message, "big")]}))
+            told = {"words": [int.from_bytes(answer.message, "big")]}
         else:
-            print(json.dumps({"words": list(answer.registers)}))
+            told = {"words": list(answer.registers)}
+        print(json.dumps(told), flush=True)
     client.close()
 
 

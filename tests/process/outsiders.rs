@@ -3,7 +3,7 @@
 use super::started::{PATIENCE, Started, until};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 /// One call of mbpoll.
 pub struct Mbpoll {
@@ -45,6 +45,31 @@ pub fn pymodbus_client(address: SocketAddr, requests: &[&str]) -> Vec<serde_json
     let output = run(Command::new(python()).arg(script("client.py")).arg(address.port().to_string()).args(requests));
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// A pymodbus client with TLS from the address `source`, whose requests are typed; see `client.py`.
+pub fn pymodbus_tls_client(address: SocketAddr, directory: &Path, name: &str, source: &str) -> Started {
+    let mut command = Command::new(python());
+    command.arg(script("client.py")).arg(address.port().to_string()).arg("--tls").arg(directory);
+    Started::at_a_keyboard({
+        command.args([name, source, "-"]);
+        command
+    })
+}
+
+/// Makes certificates as the README shows; see `make-certificates.sh`.
+pub fn make_certificates(directory: &Path, args: &[&str]) {
+    let script = tests().with_file_name("deploy").join("modbus-security/make-certificates.sh");
+    let output = run(Command::new(script).arg(directory).args(args));
+    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// What `openssl s_client` says with `args` of the server at `address`, and whether it is content. Its input ends at once.
+pub fn openssl_client(address: SocketAddr, args: &[&str]) -> (bool, String) {
+    let mut command = Command::new("openssl");
+    command.args(["s_client", "-connect", &address.to_string()]).args(args).stdin(Stdio::null());
+    let Output { status, stdout, stderr } = run(&mut command);
+    (status.success(), [stdout, stderr].map(|it| String::from_utf8_lossy(&it).into_owned()).concat())
 }
 
 /// The responses that a requester with MQTT 5 gets from paho-mqtt; see `requester.py`.

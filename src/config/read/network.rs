@@ -1,10 +1,11 @@
 //! The tables of what clients connect to: `[[modbus_tcp]]` and `[http]`.
 
-use super::super::file::{HttpFile, ListenerFile};
+use super::super::file::{HttpFile, ListenerFile, ListenerTlsFile, RoleFile};
 use super::super::keys::Section;
-use super::refuse_not_served;
+use super::super::words::ROLE_RIGHTS;
+use super::{absolute_path, inner, refuse_not_served};
 use crate::domain::problem::Problem;
-use crate::profile::reader::{Given, Reader, Written};
+use crate::profile::reader::{Given, Needed, Reader, Written};
 use crate::profile::values::Kind;
 use ipnet::IpNet;
 use std::net::{IpAddr, SocketAddr};
@@ -20,9 +21,30 @@ pub(super) fn read_listener(mut reader: Reader<'_, '_>) -> ListenerFile {
         write: read_networks(&mut reader, "write"),
         stop: read_networks(&mut reader, "stop"),
         reads_renew: reader.optional("reads_renew", &Kind::flag()),
+        tls: inner(&mut reader, "tls", read_tls),
     };
     reader.finish();
     listener
+}
+
+/// `[modbus_tcp.tls]`
+fn read_tls(mut reader: Reader<'_, '_>) -> ListenerTlsFile {
+    refuse_not_served(&mut reader, Section::ModbusTls);
+    let tls = ListenerTlsFile {
+        cert_file: reader.required("cert_file", &absolute_path()),
+        key_file: reader.required("key_file", &absolute_path()),
+        client_ca_file: reader.required("client_ca_file", &absolute_path()),
+        roles: read_roles(&mut reader),
+    };
+    reader.finish();
+    tls
+}
+
+fn read_roles(reader: &mut Reader<'_, '_>) -> Needed<Vec<RoleFile>> {
+    let section = reader.required_table("roles")?;
+    let place = section.place.clone();
+    let roles = reader.open(section).all_lists(&Kind::one_of(&ROLE_RIGHTS)).into_iter();
+    Some(Written { value: roles.map(|(name, rights)| RoleFile { name, rights }).collect(), place })
 }
 
 /// `[http]`

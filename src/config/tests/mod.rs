@@ -4,6 +4,7 @@ mod change;
 mod control;
 mod framing;
 mod line_plan;
+mod listener_tls;
 mod models;
 mod mqtt;
 mod native;

@@ -22,6 +22,9 @@ const RENEW_EVERY: Duration = Duration::from_millis(100);
 impl Client {
     /// Answers a call at once, or hands it on.
     pub(super) fn serve_call(&self, now: MonoTime, machine: &mut Connection, call: Call, words: &mut Words) {
+        if !self.may_ask.get() {
+            return machine.refuse(now, &call, tried_of(&call), Report::refused(Reason::NotAllowed));
+        }
         let router = self.router();
         match router.find(call.unit) {
             Some(Target::Native(inbox, drive)) => {

@@ -1,6 +1,7 @@
 //! What a listener grants, and where its units lead to: both change while its connections stay.
 
 use super::super::router::Router;
+use super::security::Security;
 use crate::config::ListenerSettings;
 use crate::domain::command::Rights;
 use crate::guard::access;
@@ -14,27 +15,37 @@ pub struct Listener {
     /// Nothing: it is gone.
     settings: RefCell<Option<ListenerSettings>>,
     router: RefCell<Rc<Router>>,
+    /// Nothing: connections are not encrypted.
+    security: RefCell<Option<Rc<Security>>>,
 }
 
 /// What a listener grants to a client.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Granted {
+    /// Requests are answered at all.
+    pub may_ask: bool,
     pub rights: Rights,
     /// Its reads of a uniform unit renew its lease.
     pub reads_renew: bool,
 }
 
 impl Listener {
-    /// A listener with these settings, whose units lead where `router` says.
+    /// A listener with these settings, whose units lead where `router` says. `security` is what has been read for the
+    /// settings' TLS.
     #[must_use]
-    pub fn new(settings: ListenerSettings, router: Router) -> Rc<Self> {
-        Rc::new(Self { settings: RefCell::new(Some(settings)), router: RefCell::new(Rc::new(router)) })
+    pub fn new(settings: ListenerSettings, router: Router, security: Option<Security>) -> Rc<Self> {
+        Rc::new(Self {
+            settings: RefCell::new(Some(settings)),
+            router: RefCell::new(Rc::new(router)),
+            security: RefCell::new(security.map(Rc::new)),
+        })
     }
 
     /// Its settings are others now.
-    pub fn change(&self, settings: ListenerSettings, router: Router) {
+    pub fn change(&self, settings: ListenerSettings, router: Router, security: Option<Security>) {
         self.settings.replace(Some(settings));
         self.router.replace(Rc::new(router));
+        self.security.replace(security.map(Rc::new));
     }
 
     /// It is gone: nobody is allowed any more.
@@ -46,18 +57,42 @@ impl Listener {
         Rc::clone(&self.router.borrow())
     }
 
+    /// What new connections are made secure by; nothing: they are not.
+    pub(super) fn security(&self) -> Option<Rc<Security>> {
+        self.security.borrow().clone()
+    }
+
+    /// Whether a connection that was made secure by `security`, or by nothing, may go on: not if it could not be made
+    /// any more.
+    pub(super) fn goes_on(&self, security: Option<&Security>) -> bool {
+        match (self.security.borrow().as_deref(), security) {
+            (None, None) => true,
+            (Some(now), Some(then)) => now.trusts_as(then),
+            _ => false,
+        }
+    }
+
     pub(super) fn allows(&self, peer: IpAddr) -> bool {
         let settings = self.settings.borrow();
         let allows = |it: &ListenerSettings| it.allow.as_deref().is_none_or(|nets| access::is_in(peer, nets));
         settings.as_ref().is_some_and(allows)
     }
 
-    pub(super) fn grants(&self, peer: IpAddr) -> Granted {
+    /// What a client at `peer` gets, by the `role` of its certificate where it has shown one.
+    pub(super) fn grants(&self, peer: IpAddr, role: Option<&str>) -> Granted {
         let settings = self.settings.borrow();
-        let nothing = Granted { rights: Rights { write: false, stop: false }, reads_renew: false };
-        settings.as_ref().map_or(nothing, |it| Granted {
-            rights: access::rights_of(peer, &it.write, it.stop.as_deref()),
-            reads_renew: it.reads_renew,
-        })
+        let rights = settings.as_ref().and_then(|it| {
+            let by_address = access::rights_of(peer, &it.write, it.stop.as_deref());
+            match (&it.tls, role) {
+                (None, None) => Some(by_address),
+                (Some(tls), Some(role)) => access::rights_in_role(by_address, role, &tls.roles),
+                _ => None,
+            }
+        });
+        Granted {
+            may_ask: rights.is_some(),
+            rights: rights.unwrap_or(Rights::NONE),
+            reads_renew: settings.as_ref().is_some_and(|it| it.reads_renew),
+        }
     }
 }

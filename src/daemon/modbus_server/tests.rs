@@ -22,7 +22,7 @@ use crate::profile::catalog::Catalog;
 use crate::vendors;
 use crate::wire::mbap;
 use std::net::Ipv4Addr;
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::io::{AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::task::LocalSet;
 
 pub(super) const EVERY_LINE: ListenerSettings = ListenerSettings {
@@ -32,13 +32,14 @@ pub(super) const EVERY_LINE: ListenerSettings = ListenerSettings {
     stop: None,
     reads_renew: false,
     lines: None,
+    tls: None,
 };
 
 /// A server with two lines of two drives each, on units 1 to 4 and 101 to 104, of which the first of each line
 /// has control. Nobody serves the lines: the test looks into their inboxes.
 pub(super) struct Plant {
     pub(super) shared: Arc<Shared>,
-    answers: Arc<AnswerBox>,
+    pub(super) answers: Arc<AnswerBox>,
     pub(super) address: SocketAddr,
 }
 
@@ -59,7 +60,7 @@ fn control() -> ControlView {
     ControlView { setpoint: Some(Hertz::from_millihertz(42_500)), ..ControlView::default() }
 }
 
-fn shared() -> Arc<Shared> {
+pub(super) fn shared() -> Arc<Shared> {
     let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
     let model = catalog.find("hyundai-n700").unwrap();
     let drives = (0..4_u8).map(|number| DriveDescription {
@@ -125,14 +126,14 @@ pub(super) fn play_with<F: Future<Output = ()>>(
         let (shared, answers) = (shared(), Arc::new(AnswerBox::default()));
         let router = Router::new(&settings, Units::new(&shared));
         let server = Rc::new(Server::new(Arc::default(), journal));
-        tokio::task::spawn_local(Rc::clone(&server).listen(listener, Listener::new(settings, router)));
+        tokio::task::spawn_local(Rc::clone(&server).listen(listener, Listener::new(settings, router, None)));
         tokio::task::spawn_local(server.distribute(Arc::clone(&answers)));
         let stream = TcpStream::connect(address).await.unwrap();
         test(Plant { shared, answers, address }, stream).await;
     }));
 }
 
-pub(super) async fn send(stream: &mut TcpStream, requests: &[(u16, u8, &[u8])]) {
+pub(super) async fn send(stream: &mut (impl AsyncWrite + Unpin), requests: &[(u16, u8, &[u8])]) {
     let mut out = Vec::new();
     for (transaction, unit, pdu) in requests {
         mbap::encode(&mut out, *transaction, *unit, |out| out.extend_from_slice(pdu));
@@ -140,7 +141,7 @@ pub(super) async fn send(stream: &mut TcpStream, requests: &[(u16, u8, &[u8])]) 
     stream.write_all(&out).await.unwrap();
 }
 
-async fn answer(stream: &mut TcpStream) -> (u16, u8, Vec<u8>) {
+pub(super) async fn answer(stream: &mut (impl AsyncRead + Unpin)) -> (u16, u8, Vec<u8>) {
     let mut head = [0; mbap::HEADER_BYTES];
     stream.read_exact(&mut head).await.unwrap();
     let mut pdu = vec![0; usize::from(u16::from_be_bytes([head[4], head[5]])) - 1];
@@ -149,7 +150,7 @@ async fn answer(stream: &mut TcpStream) -> (u16, u8, Vec<u8>) {
 }
 
 /// What is answered to one request.
-pub(super) async fn ask(stream: &mut TcpStream, unit: u8, pdu: &[u8]) -> Vec<u8> {
+pub(super) async fn ask(stream: &mut (impl AsyncRead + AsyncWrite + Unpin), unit: u8, pdu: &[u8]) -> Vec<u8> {
     send(stream, &[(7, unit, pdu)]).await;
     let (transaction, answering, pdu) = answer(stream).await;
     assert_eq!((transaction, answering), (7, unit));
@@ -167,7 +168,7 @@ impl Plant {
     }
 
     /// The commands that `line` has got, once there are `count`.
-    async fn commands(&self, line: usize, count: usize) -> Vec<CommandRequest> {
+    pub(super) async fn commands(&self, line: usize, count: usize) -> Vec<CommandRequest> {
         let mut got = Vec::new();
         while got.len() < count {
             tokio::task::yield_now().await;
@@ -181,7 +182,7 @@ impl Plant {
         got
     }
 
-    fn tell(&self, command: &CommandRequest, report: Report, is_final: bool) {
+    pub(super) fn tell(&self, command: &CommandRequest, report: Report, is_final: bool) {
         let CommandRequest { asker, ticket, drive, .. } = *command;
         let answer = CommandAnswer { asker, ticket, drive, report, is_final };
         self.answers.put(&mut vec![News::Command(answer)]);
@@ -334,7 +335,7 @@ async fn client(plant: &Plant, settings: ListenerSettings) -> (TcpStream, Rc<Lis
     let stream = TcpStream::connect(socket.local_addr().unwrap()).await.unwrap();
     let (accepted, peer) = socket.accept().await.unwrap();
     let router = Router::new(&settings, Units::new(&plant.shared));
-    let (listener, server) = (Listener::new(settings, router), Rc::new(Server::default()));
+    let (listener, server) = (Listener::new(settings, router, None), Rc::new(Server::default()));
     server.welcome(accepted, peer, Rc::clone(&listener));
     (stream, listener, server)
 }
@@ -351,7 +352,7 @@ fn a_connection_stays_over_a_change_and_gets_what_is_granted_now() {
         let moved = Shared::of(vec![Arc::clone(&other.lines[1])], Arc::default());
         let units = Units::new(&plant.shared).changed_to(&Arc::new(moved));
         let settings = ListenerSettings { write: vec!["127.0.0.0/8".parse().unwrap()], ..EVERY_LINE };
-        listener.change(settings.clone(), Router::new(&settings, units.clone()));
+        listener.change(settings.clone(), Router::new(&settings, units.clone()), None);
         server.review();
         assert_eq!(ask(&mut stream, 101, &READ).await, [0x83, 0x0A], "the unit is gone");
         assert_eq!(ask(&mut stream, 103, &READ).await, [3, 2, 0, 1]);
@@ -366,7 +367,7 @@ fn a_connection_stays_over_a_change_and_gets_what_is_granted_now() {
         drop(first);
         // Whoever is not allowed any more is sent away.
         let settings = ListenerSettings { allow: Some(vec!["10.0.0.0/8".parse().unwrap()]), ..EVERY_LINE };
-        listener.change(settings.clone(), Router::new(&settings, units));
+        listener.change(settings.clone(), Router::new(&settings, units), None);
         server.review();
         assert_eq!(stream.read(&mut [0; 8]).await.unwrap(), 0);
     });

@@ -1,24 +1,18 @@
 //! TLS towards the broker: whom to trust, and how to prove ourselves.
 
 use super::settings::TlsSettings;
+use crate::daemon::pem_files::{FileError, certificates, key as key_of};
 use rustls::crypto::ring;
-use rustls::pki_types::pem::{self, PemObject};
-use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use rustls::{ClientConfig, RootCertStore};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 /// Why there is no TLS.
 #[derive(Debug, thiserror::Error)]
 pub enum TlsError {
     /// A PEM file cannot be read or holds something else.
-    #[error("{}: {error}", file.display())]
-    File {
-        /// The file.
-        file: PathBuf,
-        /// What is wrong with it.
-        error: pem::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// Nobody is trusted.
     #[error("{0}: no authority to trust is found")]
     NoAuthority(String),
@@ -44,10 +38,7 @@ pub fn config(settings: &TlsSettings) -> Result<Arc<ClientConfig>, TlsError> {
         .with_root_certificates(roots);
     let config = match &settings.client_cert {
         None => config.with_no_client_auth(),
-        Some((chain, key)) => {
-            let key = PrivateKeyDer::from_pem_file(key).map_err(|error| bad_file(key, error))?;
-            config.with_client_auth_cert(certificates(chain)?, key)?
-        }
+        Some((chain, key)) => config.with_client_auth_cert(certificates(chain)?, key_of(key)?)?,
     };
     Ok(Arc::new(config))
 }
@@ -70,16 +61,6 @@ fn roots(ca_file: Option<&Path>) -> Result<RootCertStore, TlsError> {
         return Err(TlsError::NoAuthority(place));
     }
     Ok(roots)
-}
-
-fn certificates(file: &Path) -> Result<Vec<CertificateDer<'static>>, TlsError> {
-    CertificateDer::pem_file_iter(file)
-        .and_then(Iterator::collect::<Result<Vec<_>, _>>)
-        .map_err(|error| bad_file(file, error))
-}
-
-fn bad_file(file: &Path, error: pem::Error) -> TlsError {
-    TlsError::File { file: file.to_path_buf(), error }
 }
 
 #[cfg(test)]

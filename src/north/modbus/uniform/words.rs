@@ -142,7 +142,7 @@ fn owner_class(owner: Owner, client: Owner) -> u16 {
     match owner {
         _ if owner == client => 3,
         Owner::Mqtt | Owner::MqttBy(_) => 1,
-        Owner::ModbusTcp(_) => 2,
+        Owner::ModbusTcp(_) | Owner::ModbusSecurity(_) => 2,
         Owner::Local => 4,
     }
 }

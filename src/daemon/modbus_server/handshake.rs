@@ -1,0 +1,164 @@
+//! TLS handshakes: beside the accepting of connections, bounded in number and in time.
+
+use super::certificate::Certificate;
+use super::security::Security;
+use super::stream::SecuredStream;
+use super::{READ_BYTES, receive};
+use crate::daemon::clock;
+use crate::domain::time::MonoTime;
+use rustls::{CertificateError, Error};
+use std::cell::{Cell, RefCell};
+use std::collections::VecDeque;
+use std::io;
+use std::net::SocketAddr;
+use std::time::Duration;
+use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
+use tokio::task::AbortHandle;
+
+/// Most time for a handshake.
+pub(super) const HANDSHAKE_MAX: Duration = Duration::from_secs(5);
+/// Most handshakes at once over all listeners. Then the oldest gives way: one that stalls holds up nobody.
+pub(super) const HANDSHAKES_MAX: usize = 64;
+/// Failures are told at most this often; the others are counted.
+const TELL_EVERY: Duration = Duration::from_secs(1);
+
+/// A client that has proven itself.
+pub(super) struct Shaken {
+    pub source: OwnedReadHalf,
+    pub stream: SecuredStream,
+    pub certificate: Certificate,
+}
+
+/// Makes a connection secure.
+///
+/// # Errors
+/// Why not, in words.
+pub(super) async fn shake(
+    mut source: OwnedReadHalf,
+    socket: OwnedWriteHalf,
+    security: &Security,
+) -> Result<Shaken, String> {
+    let session = security.session().map_err(|error| error.to_string())?;
+    let stream = SecuredStream::new(socket, session);
+    match tokio::time::timeout(HANDSHAKE_MAX, finish(&mut source, &stream)).await {
+        Ok(done) => done.map_err(|error| reason(&error))?,
+        Err(_) => return Err(format!("it is not finished after {} s", HANDSHAKE_MAX.as_secs())),
+    }
+    let certificate = stream.with_certificate(Certificate::read);
+    let certificate = certificate.ok_or("the client shows no certificate")?.map_err(|error| error.to_string())?;
+    Ok(Shaken { source, stream, certificate })
+}
+
+async fn finish(source: &mut OwnedReadHalf, stream: &SecuredStream) -> io::Result<()> {
+    let mut buffer = [0; READ_BYTES];
+    while !stream.is_ready() {
+        tokio::select! {
+            read = receive(source, &mut buffer) => match read? {
+                0 => return Err(io::ErrorKind::UnexpectedEof.into()),
+                read => stream.shake(buffer.get(..read).unwrap_or_default())?,
+            },
+            ready = stream.writable(), if stream.wants_write() => {
+                ready?;
+                stream.shake(&[])?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Why a handshake failed, in words for people.
+fn reason(error: &io::Error) -> String {
+    let tls = error.get_ref().and_then(|inner| inner.downcast_ref::<Error>());
+    let Some(tls) = tls else {
+        return match error.kind() {
+            io::ErrorKind::UnexpectedEof => "the client left before it was finished".to_owned(),
+            _ => error.to_string(),
+        };
+    };
+    let text = match tls {
+        Error::NoCertificatesPresented => "the client shows no certificate",
+        Error::InvalidCertificate(wrong) => return certificate_reason(wrong),
+        Error::InvalidMessage(_) => "what the client sends is no TLS",
+        Error::AlertReceived(alert) => return format!("the client refuses: {alert:?}"),
+        Error::PeerIncompatible(lacks) => {
+            return format!("the client has no version or cipher in common with the gateway: {lacks:?}");
+        }
+        other => return other.to_string(),
+    };
+    text.to_owned()
+}
+
+fn certificate_reason(wrong: &CertificateError) -> String {
+    let text = match wrong {
+        CertificateError::UnknownIssuer => "its certificate is of no authority in `client_ca_file`",
+        CertificateError::Expired | CertificateError::ExpiredContext { .. } => "its certificate has expired",
+        CertificateError::NotValidYet | CertificateError::NotValidYetContext { .. } => {
+            "its certificate is not valid yet; compare the clocks"
+        }
+        CertificateError::InvalidPurpose | CertificateError::InvalidPurposeContext { .. } => {
+            "its certificate is not for clients (extended key usage)"
+        }
+        CertificateError::Other(other) if format!("{other:?}").contains("UnsupportedCriticalExtension") => {
+            "its certificate has a critical extension that is not known here; the role extension must not be critical"
+        }
+        CertificateError::Other(other) => return other.to_string(),
+        other => return format!("its certificate is refused: {other}"),
+    };
+    text.to_owned()
+}
+
+/// The handshakes that are under way, and what is told of those that fail.
+#[derive(Debug, Default)]
+pub(super) struct Handshakes {
+    last: Cell<u64>,
+    under_way: RefCell<VecDeque<UnderWay>>,
+    told: Cell<Option<MonoTime>>,
+    untold: Cell<u64>,
+}
+
+#[derive(Debug)]
+struct UnderWay {
+    number: u64,
+    peer: SocketAddr,
+    task: AbortHandle,
+}
+
+impl Handshakes {
+    /// A number for a new one.
+    pub fn number(&self) -> u64 {
+        self.last.set(self.last.get() + 1);
+        self.last.get()
+    }
+
+    /// How many are under way.
+    pub fn len(&self) -> usize {
+        self.under_way.borrow().len()
+    }
+
+    /// One has begun. If there are too many, the oldest is ended; its peer is returned.
+    pub fn began(&self, number: u64, peer: SocketAddr, task: AbortHandle) -> Option<SocketAddr> {
+        let mut under_way = self.under_way.borrow_mut();
+        let is_full = under_way.len() >= HANDSHAKES_MAX;
+        let oldest = if is_full { under_way.pop_front() } else { None };
+        under_way.push_back(UnderWay { number, peer, task });
+        oldest.map(|oldest| {
+            oldest.task.abort();
+            oldest.peer
+        })
+    }
+
+    /// One is over.
+    pub fn ended(&self, number: u64) {
+        self.under_way.borrow_mut().retain(|it| it.number != number);
+    }
+
+    /// Tells that one failed, unless another was told just now.
+    pub fn tell(&self, peer: SocketAddr, reason: &str) {
+        let now = clock::now();
+        if self.told.get().is_some_and(|told| now.since(told) < TELL_EVERY) {
+            return self.untold.set(self.untold.get() + 1);
+        }
+        self.told.set(Some(now));
+        tracing::warn!(%peer, reason, others = self.untold.replace(0), "TLS handshake failed");
+    }
+}

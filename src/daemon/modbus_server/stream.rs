@@ -1,0 +1,204 @@
+//! The way between a client's socket and its machine: plain, or through TLS.
+
+use super::READ_BYTES;
+use crate::north::modbus::Connection;
+use rustls::ServerConnection;
+use std::cell::RefCell;
+use std::io::{self, IoSlice, Read, Write};
+use tokio::net::tcp::OwnedWriteHalf;
+
+/// The way to a client. What comes from it is read elsewhere, as it is on the network.
+#[derive(Debug)]
+pub(super) enum Stream {
+    /// As it is.
+    Plain(OwnedWriteHalf),
+    /// Through TLS.
+    Secured(Box<SecuredStream>),
+}
+
+/// A socket with the TLS session that goes over it.
+#[derive(Debug)]
+pub(super) struct SecuredStream {
+    socket: OwnedWriteHalf,
+    session: RefCell<ServerConnection>,
+}
+
+impl Stream {
+    /// Gives `take` what `bytes` of the network say, in pieces, and what was left from before.
+    ///
+    /// # Errors
+    /// The client ended the session, or the bytes are none of it.
+    pub fn open(&self, bytes: &[u8], mut take: impl FnMut(&[u8])) -> io::Result<()> {
+        match self {
+            Self::Plain(_) => {
+                take(bytes);
+                Ok(())
+            }
+            Self::Secured(secured) => secured.open(bytes, take),
+        }
+    }
+
+    /// Writes as much of the output of `machine` as the socket takes.
+    ///
+    /// # Errors
+    /// The socket's.
+    pub fn flush(&self, machine: &mut Connection) -> io::Result<()> {
+        match self {
+            Self::Plain(socket) => {
+                while !machine.output().is_empty() {
+                    match socket.try_write(machine.output()) {
+                        Ok(bytes) => machine.wrote(bytes),
+                        Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
+                        Err(error) => return Err(error),
+                    }
+                }
+                Ok(())
+            }
+            Self::Secured(secured) => secured.flush(machine),
+        }
+    }
+
+    /// Whether something waits for the socket beside the output of the machine.
+    pub fn wants_write(&self) -> bool {
+        match self {
+            Self::Plain(_) => false,
+            Self::Secured(secured) => secured.session.borrow().wants_write(),
+        }
+    }
+
+    /// Waits until the socket takes something.
+    ///
+    /// # Errors
+    /// The socket's.
+    pub async fn writable(&self) -> io::Result<()> {
+        match self {
+            Self::Plain(socket) => socket.writable().await,
+            Self::Secured(secured) => secured.socket.writable().await,
+        }
+    }
+
+    /// Tells the client that nothing follows, as far as the socket takes that at once.
+    pub fn close(&self) {
+        if let Self::Secured(secured) = self {
+            secured.session.borrow_mut().send_close_notify();
+            // The connection ends in any case.
+            let _ = secured.send();
+        }
+    }
+}
+
+impl SecuredStream {
+    /// A stream with a session that has not begun.
+    pub fn new(socket: OwnedWriteHalf, session: ServerConnection) -> Self {
+        Self { socket, session: RefCell::new(session) }
+    }
+
+    /// Brings the handshake further by `bytes` of the network, and sends what follows as far as the socket takes it.
+    ///
+    /// # Errors
+    /// Why the handshake failed: a [`rustls::Error`] within, or the socket's.
+    pub fn shake(&self, mut bytes: &[u8]) -> io::Result<()> {
+        let mut session = self.session.borrow_mut();
+        let mut result = Ok(());
+        while result.is_ok() && !bytes.is_empty() {
+            result = feed(&mut session, &mut bytes);
+        }
+        drop(session);
+        // After a failure this is the alert that tells the client why.
+        let sent = self.send();
+        result.and(sent)
+    }
+
+    /// Whether the handshake is over, and all that belongs to it is sent.
+    pub fn is_ready(&self) -> bool {
+        let session = self.session.borrow();
+        !session.is_handshaking() && !session.wants_write()
+    }
+
+    /// Whether something waits for the socket.
+    pub fn wants_write(&self) -> bool {
+        self.session.borrow().wants_write()
+    }
+
+    /// Waits until the socket takes something.
+    ///
+    /// # Errors
+    /// The socket's.
+    pub async fn writable(&self) -> io::Result<()> {
+        self.socket.writable().await
+    }
+
+    /// What `look` makes of the certificate with which the client has proven itself.
+    pub fn with_certificate<T>(&self, look: impl FnOnce(&[u8]) -> T) -> Option<T> {
+        let session = self.session.borrow();
+        session.peer_certificates()?.first().map(|der| look(der))
+    }
+
+    fn open(&self, mut bytes: &[u8], mut take: impl FnMut(&[u8])) -> io::Result<()> {
+        let mut session = self.session.borrow_mut();
+        let mut plain = [0; READ_BYTES];
+        loop {
+            match session.reader().read(&mut plain) {
+                Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+                Ok(read) => take(plain.get(..read).unwrap_or_default()),
+                Err(error) if error.kind() != io::ErrorKind::WouldBlock => return Err(error),
+                Err(_) if bytes.is_empty() => return Ok(()),
+                Err(_) => feed(&mut session, &mut bytes)?,
+            }
+        }
+    }
+
+    /// Little is encrypted ahead, so that a client that does not read costs no more memory than one without TLS.
+    fn flush(&self, machine: &mut Connection) -> io::Result<()> {
+        loop {
+            if !machine.output().is_empty() {
+                let taken = self.session.borrow_mut().writer().write(machine.output())?;
+                machine.wrote(taken);
+            }
+            self.send()?;
+            if machine.output().is_empty() || self.wants_write() {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Sends what is encrypted, as far as the socket takes it.
+    fn send(&self) -> io::Result<()> {
+        let mut session = self.session.borrow_mut();
+        while session.wants_write() {
+            match session.write_tls(&mut Socket(&self.socket)) {
+                Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
+                Ok(_) => {}
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Takes some of `bytes` into the session.
+fn feed(session: &mut ServerConnection, bytes: &mut &[u8]) -> io::Result<()> {
+    if session.read_tls(bytes)? == 0 {
+        return Err(io::ErrorKind::UnexpectedEof.into());
+    }
+    let processed = session.process_new_packets();
+    processed.map(|_| ()).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
+}
+
+/// A socket that is written to without waiting.
+struct Socket<'s>(&'s OwnedWriteHalf);
+
+impl Write for Socket<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.try_write(bytes)
+    }
+
+    fn write_vectored(&mut self, slices: &[IoSlice<'_>]) -> io::Result<usize> {
+        self.0.try_write_vectored(slices)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}

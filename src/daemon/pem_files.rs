@@ -1,0 +1,43 @@
+//! Certificates and keys in PEM files.
+
+use rustls::pki_types::pem::{self, PemObject};
+use rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use std::path::{Path, PathBuf};
+
+/// A PEM file cannot be read or holds something else.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}: {what}", file.display())]
+pub struct FileError {
+    /// The file.
+    pub file: PathBuf,
+    /// What is wrong with it.
+    pub what: String,
+}
+
+/// All certificates of `file`, at least one.
+///
+/// # Errors
+/// It cannot be read, something in it is no PEM, or it has no certificate.
+pub fn certificates(file: &Path) -> Result<Vec<CertificateDer<'static>>, FileError> {
+    let read = CertificateDer::pem_file_iter(file).and_then(Iterator::collect::<Result<Vec<_>, _>>);
+    let found = read.and_then(|found| if found.is_empty() { Err(pem::Error::NoItemsFound) } else { Ok(found) });
+    found.map_err(|error| wrong(file, error, "there is no certificate in it"))
+}
+
+/// The first key of `file`.
+///
+/// # Errors
+/// It cannot be read, or has no key that is not encrypted.
+pub fn key(file: &Path) -> Result<PrivateKeyDer<'static>, FileError> {
+    PrivateKeyDer::from_pem_file(file)
+        .map_err(|error| wrong(file, error, "there is no private key in it, or it is encrypted"))
+}
+
+fn wrong(file: &Path, error: pem::Error, nothing: &str) -> FileError {
+    let what = match error {
+        pem::Error::NoItemsFound => nothing.to_owned(),
+        pem::Error::Io(error) => error.to_string(),
+        error => error.to_string(),
+    };
+    FileError { file: file.to_path_buf(), what }
+}
