@@ -1,6 +1,8 @@
 //! Modbus TCP listeners: sockets on one side, [`Connection`] machines on the other.
 
+mod accepting;
 mod calls;
+mod hall;
 mod keeper;
 mod listener;
 
@@ -8,6 +10,7 @@ pub use listener::Listener;
 
 use super::answers::{AnswerBox, News};
 use super::clock;
+use super::descriptors::Spare;
 use super::inbox::Message;
 use super::north_journal::Journal;
 use super::router::Router;
@@ -15,7 +18,9 @@ use super::totals::ModbusTotals;
 use crate::domain::command::{Manner, Origin, Owner};
 use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
-use crate::north::modbus::{Commands, Connection, Counters, Kept, Limits, Words};
+use crate::north::modbus::{Commands, Connection, Counters, Kept, Limits, Places, Words};
+use accepting::Told;
+use hall::{Dismissal, Hall, Seat};
 use keeper::Keeper;
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
@@ -23,23 +28,20 @@ use std::future::poll_fn;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
 use std::pin::Pin;
-use std::rc::Rc;
+use std::rc::{Rc, Weak};
 use std::sync::Arc;
 use std::task::{Poll, ready};
 use std::time::Duration;
 use tokio::io::{AsyncRead, ReadBuf};
+use tokio::net::TcpStream;
 use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
-use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Notify;
+use tokio::task::yield_now;
 use tokio::time::Instant;
 
-/// Wait after a connection could not be accepted, for want of descriptors for instance.
-const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 /// Bytes read from a socket at once: the longest message and some, or a burst of short ones. Small, because each
-/// connection has a buffer.
+/// connection has a buffer, and because whoever has sent more waits until all others had their turn.
 const READ_BYTES: usize = 512;
-/// Most connections at once over all listeners.
-pub const CONNECTIONS_MAX: usize = 4096;
 
 /// The connections of all listeners. It lives on the main thread.
 #[derive(Debug, Default)]
@@ -47,24 +49,31 @@ pub struct Server {
     totals: Arc<ModbusTotals>,
     keeper: Rc<Keeper>,
     clients: RefCell<HashMap<AskerId, Rc<Client>>>,
+    hall: Rc<Hall>,
+    spare: Spare,
+    told: Told,
     last: Cell<u64>,
 }
 
 #[derive(Debug)]
 struct Client {
     asker: AskerId,
+    seat: Seat,
     peer: IpAddr,
     origin: Cell<Origin>,
     reads_renew: Cell<bool>,
     stream: OwnedWriteHalf,
     machine: RefCell<Connection>,
     commands: RefCell<Commands>,
+    /// Until then something of it may wait at a line: reads until their deadlines, those who wait for a stop for longer.
+    known_until: Cell<MonoTime>,
     /// When a read renewed a lease last, by the place of the drive.
     renewed: RefCell<HashMap<usize, MonoTime>>,
     listener: Rc<Listener>,
     router: RefCell<Rc<Router>>,
-    /// It is allowed no more.
-    is_unwanted: Cell<bool>,
+    /// Why it is to end now, if it is.
+    dismissed: Cell<Option<Dismissal>>,
+    server: Weak<Server>,
     keeper: Rc<Keeper>,
     /// Rung when the machine was changed by somebody other than its own task.
     bell: Notify,
@@ -80,27 +89,11 @@ impl Server {
         Self { totals, keeper: Rc::new(Keeper::new(journal)), ..Self::default() }
     }
 
-    /// Accepts connections of those whom `listener` allows until the task is dropped.
-    pub async fn listen(self: Rc<Self>, socket: TcpListener, listener: Rc<Listener>) {
-        loop {
-            match socket.accept().await {
-                Ok((stream, peer)) if !listener.allows(peer.ip()) => {
-                    tracing::warn!(%peer, "refused: not in `allow`");
-                    self.totals.refused();
-                    drop(stream);
-                }
-                Ok((stream, peer)) if self.clients.borrow().len() >= CONNECTIONS_MAX => {
-                    tracing::warn!(%peer, "refused: too many connections");
-                    self.totals.refused();
-                    drop(stream);
-                }
-                Ok((stream, peer)) => self.welcome(stream, peer, Rc::clone(&listener)),
-                Err(error) => {
-                    tracing::warn!(%error, "cannot accept a connection");
-                    tokio::time::sleep(ACCEPT_PAUSE).await;
-                }
-            }
-        }
+    /// The same server with at most so many connections.
+    #[must_use]
+    pub fn with_places(self, most: usize) -> Self {
+        self.hall.places.replace(Places::new(most));
+        self
     }
 
     /// Gives every connection what its listener grants now, before its next request, and ends those that are not allowed
@@ -132,28 +125,28 @@ impl Server {
         }
     }
 
-    fn welcome(self: &Rc<Self>, stream: TcpStream, peer: SocketAddr, listener: Rc<Listener>) {
+    fn welcome(self: &Rc<Self>, stream: TcpStream, peer: SocketAddr, listener: Rc<Listener>, seat: Seat) {
         let granted = listener.grants(peer.ip());
-        if let Err(error) = stream.set_nodelay(true) {
-            tracing::debug!(%peer, %error, "cannot set TCP_NODELAY");
-        }
-        self.last.set(self.last.get() + 1);
-        let asker = AskerId(self.last.get());
-        let machine = RefCell::new(Connection::new(Limits::default(), clock::now()));
+        let asker = seat.asker;
+        let limits = Limits { idle_timeout: granted.idle_timeout, ..Limits::default() };
+        let machine = RefCell::new(Connection::new(limits, clock::now()));
         let (mut source, stream) = stream.into_split();
         let owner = Owner::ModbusTcp(peer.ip().to_canonical());
         let client = Rc::new(Client {
             asker,
+            seat,
             peer: peer.ip(),
             origin: Cell::new(Origin { owner, rights: granted.rights, manner: Manner::Cyclic }),
             reads_renew: Cell::new(granted.reads_renew),
             stream,
             machine,
             commands: RefCell::default(),
+            known_until: Cell::new(MonoTime::ZERO),
             renewed: RefCell::default(),
             router: RefCell::new(listener.router()),
             listener,
-            is_unwanted: Cell::new(false),
+            dismissed: Cell::default(),
+            server: Rc::downgrade(self),
             keeper: Rc::clone(&self.keeper),
             bell: Notify::new(),
             totals: Arc::clone(&self.totals),
@@ -168,9 +161,11 @@ impl Server {
             server.clients.borrow_mut().remove(&asker);
             client.count();
             server.totals.closed();
-            for inbox in client.router().inboxes() {
-                // A full inbox loses nothing but early removal: the requests end at their deadlines.
-                let _ = inbox.put(Message::AskerGone(asker));
+            if clock::now() < client.known_until.get() {
+                for inbox in client.router().inboxes() {
+                    // A full inbox loses nothing but early removal: the requests end at their deadlines.
+                    let _ = inbox.put(Message::AskerGone(asker));
+                }
             }
         });
     }
@@ -194,8 +189,12 @@ impl Client {
                     wake.as_mut().reset(at);
                 }
             }
+            let mut has_more = false;
             let moved = tokio::select! {
-                read = receive(source, &mut buffer), if wants_input => read.and_then(|read| self.take(&buffer[..read])),
+                read = receive(source, &mut buffer), if wants_input => read.and_then(|read| {
+                    has_more = read == READ_BYTES;
+                    self.take(&buffer[..read])
+                }),
                 ready = self.stream.writable(), if has_output => ready.and_then(|()| self.flush()),
                 () = self.bell.notified() => Ok(()),
                 () = &mut wake => {
@@ -205,8 +204,8 @@ impl Client {
                     self.flush()
                 }
             };
-            if self.is_unwanted.get() {
-                return "its listener is gone or does not allow it any more".to_owned();
+            if let Some(why) = self.dismissed.get() {
+                return why.to_string();
             }
             if let Err(error) = moved {
                 return error.to_string();
@@ -217,6 +216,9 @@ impl Client {
                 let _ = self.flush();
                 return reason.to_string();
             }
+            if has_more {
+                yield_now().await;
+            }
         }
     }
 
@@ -225,7 +227,7 @@ impl Client {
         if bytes.is_empty() {
             return Err(io::ErrorKind::UnexpectedEof.into());
         }
-        if self.is_unwanted.get() {
+        if self.dismissed.get().is_some() {
             return Ok(());
         }
         let now = clock::now();
@@ -265,16 +267,35 @@ impl Client {
             self.router.replace(self.listener.router());
             // Places of drives may be others now.
             self.renewed.borrow_mut().clear();
-        } else {
-            self.is_unwanted.set(true);
+            self.machine.borrow_mut().set_idle_timeout(granted.idle_timeout);
             self.bell.notify_one();
+        } else {
+            self.dismiss(Dismissal::Unwanted);
         }
     }
 
-    /// Adds what is new to the totals.
+    /// Its task ends it at its next turn.
+    fn dismiss(&self, why: Dismissal) {
+        self.dismissed.set(Some(why));
+        self.bell.notify_one();
+    }
+
+    /// Adds what is new to the totals, and says whether it is active and what it leaves unread.
     fn count(&self) {
-        let now = *self.machine.borrow().counters();
-        self.totals.add(&self.counted.replace(now), &now);
+        let (now, unread) = {
+            let machine = self.machine.borrow();
+            (*machine.counters(), machine.output().len())
+        };
+        let before = self.counted.replace(now);
+        if now.requests != before.requests {
+            self.seat.active();
+        }
+        self.totals.add(&before, &now);
+        if self.seat.leaves_unread(unread)
+            && let Some(server) = self.server.upgrade()
+        {
+            server.shed();
+        }
     }
 
     /// Writes as much as the socket takes.
@@ -310,5 +331,7 @@ fn instant_of(now: MonoTime, at: MonoTime) -> Instant {
 
 #[cfg(test)]
 mod audit_tests;
+#[cfg(test)]
+mod hall_tests;
 #[cfg(test)]
 mod tests;

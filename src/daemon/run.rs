@@ -116,7 +116,7 @@ async fn start(config: &Config, reloads: Option<Reloads>) -> Result<(Gateway, Ad
     let shared = Arc::new(build::shared(config));
     let data_dir = config.gateway.data_dir.clone();
     let socket = data_dir.as_deref().map(OwnSocket::open).transpose()?.map(|socket| (socket, reloads));
-    let bound = north::bind(config, &[], true).await?;
+    let bound = north::bind(config, &[], true)?;
     let broker = embedded_broker(config)?;
     let broker_at = broker.as_ref().map(BrokerChild::address);
     let mqtt = config.mqtt.as_ref().map(|mqtt| build::broker(mqtt, &name, broker_at)).transpose();

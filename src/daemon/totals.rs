@@ -10,6 +10,7 @@ pub struct ModbusTotals {
     connections: AtomicU64,
     accepted: AtomicU64,
     refused: AtomicU64,
+    closed_early: AtomicU64,
     requests: AtomicU64,
     replies: AtomicU64,
     exceptions: [AtomicU64; Counters::EXCEPTION_CODES],
@@ -26,6 +27,11 @@ impl ModbusTotals {
     /// A connection was turned away: not allowed, or one too many.
     pub fn refused(&self) {
         self.refused.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// A connection was told to end to make room, or because it left too much unread.
+    pub fn closed_early(&self) {
+        self.closed_early.fetch_add(1, Ordering::Relaxed);
     }
 
     /// A connection that had been [`Self::opened`] ended. What it counted must have been added before.
@@ -59,6 +65,12 @@ impl ModbusTotals {
     #[must_use]
     pub fn turned_away(&self) -> u64 {
         self.refused.load(Ordering::Relaxed)
+    }
+
+    /// Connections that had to end so far to make room, or because they left too much unread.
+    #[must_use]
+    pub fn dismissed(&self) -> u64 {
+        self.closed_early.load(Ordering::Relaxed)
     }
 
     /// What all connections have counted.

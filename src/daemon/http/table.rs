@@ -255,6 +255,9 @@ pub(super) const MODBUS: &[Metric<ModbusTotals>] = &[
     gauge("modbus_connections", "Modbus TCP connections that are open.", |modbus| Some(modbus.connections() as f64)),
     counter("modbus_accepted", "Modbus TCP connections accepted.", |modbus| Some(modbus.accepted())),
     counter("modbus_refused", "Modbus TCP connections turned away.", |modbus| Some(modbus.turned_away())),
+    counter("modbus_closed_early", "Modbus TCP connections closed for want of room or memory.", |modbus| {
+        Some(modbus.dismissed())
+    }),
     counter("modbus_requests", "Modbus TCP requests.", |modbus| Some(modbus.counters().requests)),
     counter("modbus_replies", "Modbus TCP answers that are no exceptions.", |modbus| Some(modbus.counters().replies)),
 ];

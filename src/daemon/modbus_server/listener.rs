@@ -4,9 +4,11 @@ use super::super::router::Router;
 use crate::config::ListenerSettings;
 use crate::domain::command::Rights;
 use crate::guard::access;
-use std::cell::RefCell;
+use crate::north::modbus::RoomId;
+use std::cell::{OnceCell, RefCell};
 use std::net::IpAddr;
 use std::rc::Rc;
+use std::time::Duration;
 
 /// A listener as it is configured at present.
 #[derive(Debug)]
@@ -14,6 +16,7 @@ pub struct Listener {
     /// Nothing: it is gone.
     settings: RefCell<Option<ListenerSettings>>,
     router: RefCell<Rc<Router>>,
+    room: OnceCell<RoomId>,
 }
 
 /// What a listener grants to a client.
@@ -22,13 +25,16 @@ pub(super) struct Granted {
     pub rights: Rights,
     /// Its reads of a uniform unit renew its lease.
     pub reads_renew: bool,
+    /// A connection without a request is closed after this time; nothing: never.
+    pub idle_timeout: Option<Duration>,
 }
 
 impl Listener {
     /// A listener with these settings, whose units lead where `router` says.
     #[must_use]
     pub fn new(settings: ListenerSettings, router: Router) -> Rc<Self> {
-        Rc::new(Self { settings: RefCell::new(Some(settings)), router: RefCell::new(Rc::new(router)) })
+        let (settings, router) = (RefCell::new(Some(settings)), RefCell::new(Rc::new(router)));
+        Rc::new(Self { settings, router, room: OnceCell::new() })
     }
 
     /// Its settings are others now.
@@ -54,10 +60,28 @@ impl Listener {
 
     pub(super) fn grants(&self, peer: IpAddr) -> Granted {
         let settings = self.settings.borrow();
-        let nothing = Granted { rights: Rights { write: false, stop: false }, reads_renew: false };
+        let nothing = Granted { rights: Rights { write: false, stop: false }, reads_renew: false, idle_timeout: None };
         settings.as_ref().map_or(nothing, |it| Granted {
             rights: access::rights_of(peer, &it.write, it.stop.as_deref()),
             reads_renew: it.reads_renew,
+            idle_timeout: it.idle_timeout,
         })
+    }
+
+    /// The room of its connections, which `add` makes once.
+    pub(super) fn room(&self, add: impl FnOnce() -> RoomId) -> RoomId {
+        *self.room.get_or_init(add)
+    }
+
+    pub(super) fn has_priority(&self, peer: IpAddr) -> bool {
+        self.settings.borrow().as_ref().is_some_and(|it| access::is_in(peer, &it.priority))
+    }
+
+    pub(super) fn connections_max(&self) -> Option<usize> {
+        self.settings.borrow().as_ref().and_then(|it| it.connections_max)
+    }
+
+    pub(super) fn keep_alive(&self) -> Option<Duration> {
+        self.settings.borrow().as_ref().and_then(|it| it.keep_alive)
     }
 }

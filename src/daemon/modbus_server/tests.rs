@@ -23,6 +23,7 @@ use crate::vendors;
 use crate::wire::mbap;
 use std::net::Ipv4Addr;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpListener;
 use tokio::task::LocalSet;
 
 pub(super) const EVERY_LINE: ListenerSettings = ListenerSettings {
@@ -32,6 +33,11 @@ pub(super) const EVERY_LINE: ListenerSettings = ListenerSettings {
     stop: None,
     reads_renew: false,
     lines: None,
+    units: None,
+    connections_max: None,
+    priority: Vec::new(),
+    idle_timeout: None,
+    keep_alive: None,
 };
 
 /// A server with two lines of two drives each, on units 1 to 4 and 101 to 104, of which the first of each line
@@ -335,7 +341,7 @@ async fn client(plant: &Plant, settings: ListenerSettings) -> (TcpStream, Rc<Lis
     let (accepted, peer) = socket.accept().await.unwrap();
     let router = Router::new(&settings, Units::new(&plant.shared));
     let (listener, server) = (Listener::new(settings, router), Rc::new(Server::default()));
-    server.welcome(accepted, peer, Rc::clone(&listener));
+    server.admit(accepted, peer, &listener);
     (stream, listener, server)
 }
 

@@ -1,0 +1,1 @@
+//! Places and unread answers over real sockets.
