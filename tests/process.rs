@@ -5,6 +5,7 @@
 //! | `reading` | ordinary clients read a drive through the gateway, and ordinary drives are read |
 //! | `refusing` | what may not be done is refused by the right exception and never reaches the line |
 //! | `crashing` | the gateway is killed at any moment, and what must hold over that |
+//! | `crowding` | more clients than there is room for: who gives way, and that priority finds a place |
 //! | `coming_and_going` | unplugged adapters, signals, taken ports |
 //! | `unplugging` | an adapter that comes and goes leaks nothing and is back within a second; a device has one holder |
 //! | `network` | lines behind ser2net and other serial device servers |
@@ -48,6 +49,8 @@ mod coming_and_going;
 mod commanding;
 #[path = "process/crashing.rs"]
 mod crashing;
+#[path = "process/crowding.rs"]
+mod crowding;
 #[path = "process/documents.rs"]
 mod documents;
 #[path = "process/enabling.rs"]

@@ -1,8 +1,9 @@
 //! What the gateway reaches, measured and printed as a table: `cargo bench --bench reach`, about twenty minutes.
 //!
 //! A part of the table by name: `cargo bench --bench reach -- paced`. Parts: paced, unpaced, shared, fair, dead,
-//! late, stop, command, lost, retained, uniform, journal, memory, unplug; most are shorter with `--quick`. Everything stays on
-//! this machine: pseudo-terminals and loopback. The brokers are processes started here: mosquitto if it is installed.
+//! late, stop, command, lost, retained, uniform, crowd, setpoints, journal, memory, unplug; most are shorter with
+//! `--quick`. Everything stays on this machine: pseudo-terminals and loopback. The brokers are processes started here:
+//! mosquitto if it is installed.
 
 #![allow(
     clippy::unwrap_used,
@@ -21,6 +22,8 @@ mod brokers;
 mod clients;
 mod command;
 mod commander;
+mod crowd;
+mod crowded;
 mod journal;
 mod lost;
 mod memory;
@@ -32,6 +35,7 @@ mod relay;
 mod retained;
 mod rig;
 mod rows;
+mod setpoints;
 mod stop;
 #[path = "../../tests/support/mod.rs"]
 #[allow(dead_code, reason = "shared with the tests, which use more of it")]
@@ -46,7 +50,7 @@ use table::Row;
 /// Measures one part of the table.
 type Part = fn() -> Vec<Row>;
 
-const PARTS: [(&str, Part); 14] = [
+const PARTS: [(&str, Part); 16] = [
     ("paced", paced::paced),
     ("unpaced", rows::unpaced),
     ("shared", rows::shared),
@@ -58,6 +62,8 @@ const PARTS: [(&str, Part); 14] = [
     ("lost", lost::lost),
     ("retained", retained::retained),
     ("uniform", uniform::uniform),
+    ("crowd", crowded::crowd),
+    ("setpoints", setpoints::setpoints),
     ("journal", journal::journal),
     ("memory", memory::memory),
     ("unplug", unplug::unplug),

@@ -48,7 +48,7 @@ pub fn memory() -> Vec<Row> {
     ]
 }
 
-fn wait_for(address: SocketAddr) {
+pub fn wait_for(address: SocketAddr) {
     for _ in 0..500 {
         if TcpStream::connect(address).is_ok() {
             return;
@@ -58,7 +58,7 @@ fn wait_for(address: SocketAddr) {
     panic!("the gateway does not listen");
 }
 
-fn resident_kb(program: &Child) -> u64 {
+pub fn resident_kb(program: &Child) -> u64 {
     let status = std::fs::read_to_string(format!("/proc/{}/status", program.id())).expect("its status");
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("its size");
     line.trim().trim_end_matches(" kB").parse().expect("a number")

@@ -5,6 +5,7 @@ use super::listen::may_be_written;
 use super::listener_tls;
 use super::mqtt::{DEFAULT_COMMAND_TTL, DEFAULT_LEASE, DEFAULT_PROBE_INTERVAL};
 use super::ready::MqttSettings;
+use super::units::Units;
 use super::words::{RoleRight, Way};
 use crate::domain::problem::Problem;
 use crate::guard::COMMAND_DEADLINE;
@@ -14,21 +15,37 @@ use crate::profile::values::duration_text;
 use std::collections::BTreeSet;
 
 /// Compares every control section with `[mqtt]` and the listeners. `served` holds, per listener of `file`, the
-/// indices of the lines it serves.
-pub(super) fn check(file: &File, served: &[BTreeSet<usize>], problems: &mut Vec<Problem>) {
+/// indices of the lines it serves, and `units` the units of each drive of each line.
+pub(super) fn check(file: &File, served: &[BTreeSet<usize>], units: &[Vec<Units>], problems: &mut Vec<Problem>) {
+    let at = |line: usize, drive: usize| units.get(line)?.get(drive).copied();
     for (index, line) in file.lines.iter().enumerate() {
-        for drive in &line.drives {
+        for (place, drive) in line.drives.iter().enumerate() {
             let Some(control) = drive.control.usable() else { continue };
             mqtt_reaches(&control.value, &file.mqtt, problems);
-            modbus_reaches(&control.value, line, index, &file.listeners, served, problems);
+            // A listener that serves nothing has a wrong list, which is reported by itself.
+            let mut serving = file.listeners.iter().zip(served).filter(|(listener, lines)| {
+                (lines.is_empty() || lines.contains(&index)) && answers(listener, at(index, place))
+            });
+            let is_reached = serving.any(|(listener, _)| may_be_written(listener));
+            modbus_reaches(&control.value, line, is_reached, problems);
             outlasts(&control.value, file.mqtt.usable().map(|mqtt| &mqtt.value), problems);
         }
     }
     for (listener, lines) in file.listeners.iter().zip(served) {
-        let drives: Vec<&DriveFile> =
-            lines.iter().filter_map(|line| file.lines.get(*line)).flat_map(|line| &line.drives).collect();
-        rights_matter(listener, &drives, problems);
+        let drives = lines.iter().filter_map(|line| Some((*line, file.lines.get(*line)?)));
+        let drives = drives.flat_map(|(index, line)| {
+            let drives = line.drives.iter().enumerate();
+            drives.filter(move |(place, _)| answers(listener, at(index, *place))).map(|(_, drive)| drive)
+        });
+        rights_matter(listener, &drives.collect::<Vec<_>>(), problems);
     }
+}
+
+/// Whether a drive with these units answers at the listener, once all is right.
+fn answers(listener: &ListenerFile, units: Option<Units>) -> bool {
+    let Some(listed) = listener.units.usable() else { return true };
+    let Some(Units { native: Some(native), uniform: Some(uniform) }) = units else { return true };
+    listed.value.iter().any(|unit| unit.value == native || unit.value == uniform)
 }
 
 fn mqtt_reaches(control: &ControlFile, mqtt: &Given<MqttFile>, problems: &mut Vec<Problem>) {
@@ -38,20 +55,9 @@ fn mqtt_reaches(control: &ControlFile, mqtt: &Given<MqttFile>, problems: &mut Ve
     }
 }
 
-fn modbus_reaches(
-    control: &ControlFile,
-    line: &LineFile,
-    index: usize,
-    listeners: &[ListenerFile],
-    served: &[BTreeSet<usize>],
-    problems: &mut Vec<Problem>,
-) {
+fn modbus_reaches(control: &ControlFile, line: &LineFile, is_reached: bool, problems: &mut Vec<Problem>) {
     let Some(place) = control.names(Way::ModbusTcp) else { return };
-    // A listener that serves nothing has a wrong list, which is reported by itself.
-    let may_reach = |(listener, lines): (&ListenerFile, &BTreeSet<usize>)| {
-        (lines.is_empty() || lines.contains(&index)) && may_be_written(listener)
-    };
-    if !listeners.iter().zip(served).any(may_reach) {
+    if !is_reached {
         let what =
             format!("commands from \"modbus-tcp\" cannot come: no listener of {} lets anybody write", line.label());
         problems.push(place.problem(what).right("`write = [\"10.0.0.10/32\"]` in a `[[modbus_tcp]]`, or leave it out"));

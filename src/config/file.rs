@@ -201,6 +201,11 @@ pub(super) struct ListenerFile {
     pub write: Given<Vec<Written<IpNet>>>,
     pub stop: Given<Vec<Written<IpNet>>>,
     pub reads_renew: Given<bool>,
+    pub units: Given<Vec<Written<UnitId>>>,
+    pub connections_max: Given<u32>,
+    pub priority: Given<Vec<Written<IpNet>>>,
+    pub idle_timeout: Given<Duration>,
+    pub keep_alive: Given<Duration>,
     pub tls: Given<ListenerTlsFile>,
 }
 

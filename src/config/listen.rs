@@ -3,12 +3,20 @@
 
 use super::file::{File, HttpFile, ListenerFile};
 use super::listener_tls;
+use super::units::Units;
 use super::words::RoleRight;
+use crate::domain::ids::UnitId;
 use crate::domain::problem::{Problem, nearest};
 use crate::profile::reader::{Given, Written};
 use ipnet::IpNet;
 use std::collections::BTreeSet;
 use std::net::{IpAddr, SocketAddr};
+use std::time::Duration;
+
+/// How long a client is silent until it is asked whether it is still there, unless it is said.
+pub(super) const DEFAULT_KEEP_ALIVE: Duration = Duration::from_secs(60);
+/// Shorter times than this are a slip: only 0 is none.
+const TIMEOUT_LEAST: Duration = Duration::from_secs(1);
 
 /// The indices of the lines that each listener serves; empty where its list cannot be used.
 pub(super) fn settle(file: &File, problems: &mut Vec<Problem>) -> Vec<BTreeSet<usize>> {
@@ -17,6 +25,7 @@ pub(super) fn settle(file: &File, problems: &mut Vec<Problem>) -> Vec<BTreeSet<u
         guarded(listener, problems);
         rights(listener, problems);
         listener_tls::check(listener, problems);
+        times(listener, problems);
     }
     if let Given::Usable(http) = &file.http {
         stays_here(&http.value, problems);
@@ -91,9 +100,9 @@ fn guarded(listener: &ListenerFile, problems: &mut Vec<Problem>) {
     }
 }
 
-/// Whoever may write can connect and may stop, and reads renew only what somebody may hold.
+/// Whoever may write can connect and may stop, whoever has priority can connect, and reads renew only what somebody may hold.
 fn rights(listener: &ListenerFile, problems: &mut Vec<Problem>) {
-    for list in [&listener.write, &listener.stop].into_iter().filter_map(Given::usable) {
+    for list in [&listener.write, &listener.stop, &listener.priority].into_iter().filter_map(Given::usable) {
         for network in &list.value {
             can_connect(listener, network, problems);
         }
@@ -116,6 +125,44 @@ pub(super) fn may_be_written(listener: &ListenerFile) -> bool {
         Given::LeftOut => listener_tls::may(listener, RoleRight::Write),
         Given::Unusable => true,
         Given::Usable(write) => !write.value.is_empty(),
+    }
+}
+
+/// The system counts the one time in whole seconds, and no time at all is 0.
+fn times(listener: &ListenerFile, problems: &mut Vec<Problem>) {
+    if let Some(written) = listener.keep_alive.usable().filter(|written| written.value.subsec_nanos() != 0) {
+        let problem = written.place.problem("the system counts this time in whole seconds");
+        problems.push(problem.right(format!("\"{}s\"", written.value.as_secs().max(1))));
+    }
+    let timeout = listener.idle_timeout.usable();
+    if let Some(written) = timeout.filter(|it| !it.value.is_zero() && it.value < TIMEOUT_LEAST) {
+        let problem = written.place.problem("clients that ask once a second would be closed in between");
+        problems.push(problem.right("at least \"1s\", or \"0s\" for none"));
+    }
+}
+
+/// Each unit that is listed is one of a drive that is served there.
+pub(super) fn units_exist(file: &File, served: &[BTreeSet<usize>], units: &[Vec<Units>], problems: &mut Vec<Problem>) {
+    for (listener, lines) in file.listeners.iter().zip(served) {
+        let Some(listed) = listener.units.usable() else { continue };
+        if listed.value.is_empty() {
+            let problem = listed.place.problem("an empty list of units serves no drive");
+            problems.push(problem.right("units of drives, or leave it out to serve all"));
+        }
+        let drives = lines.iter().filter_map(|line| units.get(*line)).flatten();
+        let known: Option<BTreeSet<UnitId>> = drives.flat_map(|it| [it.native, it.uniform]).collect();
+        // Where one is not known, another problem says so.
+        let Some(known) = known.filter(|_| !lines.is_empty()) else { continue };
+        let mut seen = BTreeSet::new();
+        for unit in &listed.value {
+            if !seen.insert(unit.value) {
+                problems.push(unit.place.problem(format!("unit {} is listed twice", unit.value)));
+            } else if !known.contains(&unit.value) {
+                let there: Vec<_> = known.iter().map(UnitId::to_string).collect();
+                let problem = unit.place.problem(format!("no drive that is served here has unit {}", unit.value));
+                problems.push(problem.right(format!("of {}; 255 is always served", there.join(", "))));
+            }
+        }
     }
 }
 

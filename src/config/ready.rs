@@ -190,6 +190,16 @@ pub struct ListenerSettings {
     pub stop: Option<Vec<IpNet>>,
     /// Whether reads of a drive's owner renew its lease.
     pub reads_renew: bool,
+    /// The units that answer here, besides 255 and 0; nothing: all of its lines.
+    pub units: Option<Vec<UnitId>>,
+    /// Most connections at once, those with priority not counted; nothing: as many as there are places.
+    pub connections_max: Option<usize>,
+    /// Whose connections never give way to others. Each lies in `allow` where there is one.
+    pub priority: Vec<IpNet>,
+    /// A connection without a request is closed after this time, 1 s to 24 h; nothing: never.
+    pub idle_timeout: Option<Duration>,
+    /// Whether a silent client is still there is asked after this time, 1 s to 2 h in whole seconds; nothing: never.
+    pub keep_alive: Option<Duration>,
     /// Modbus Security; nothing: connections are not encrypted.
     pub tls: Option<ListenerTls>,
 }
@@ -213,6 +223,12 @@ impl ListenerSettings {
     #[must_use]
     pub fn serves(&self, line: usize) -> bool {
         self.lines.as_ref().is_none_or(|lines| lines.contains(&line))
+    }
+
+    /// Whether `unit` of such a line answers here.
+    #[must_use]
+    pub fn answers_at(&self, unit: UnitId) -> bool {
+        self.units.as_ref().is_none_or(|units| units.contains(&unit))
     }
 }
 

@@ -13,6 +13,7 @@ use crate::domain::ids::Station;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
 use crate::domain::problem::{Problem, nearest};
 use crate::drive::description::Ratings;
+use crate::north::modbus::Limits;
 use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;
 use crate::profile::reader::{Given, Place, Written};
@@ -45,7 +46,8 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
     let units = units::settle(file, &served, problems);
     let session_lease = mqtt::session_lease(file, lease);
     let mqtt = whole(&file.mqtt, |file| mqtt::settle(file, session_lease, problems));
-    commanders::check(file, &served, problems);
+    listen::units_exist(file, &served, &units, problems);
+    commanders::check(file, &served, &units, problems);
 
     let lines = file.lines.iter().zip(parts).zip(&units);
     let mut ready = Vec::new();
@@ -289,6 +291,14 @@ fn ready_listener(listener: &ListenerFile, served: BTreeSet<usize>) -> Option<Li
         write,
         stop,
         reads_renew: listener.reads_renew.or(false)?,
+        units: match &listener.units {
+            Given::LeftOut => None,
+            given => Some(lists::values(given)?),
+        },
+        connections_max: listener.connections_max.clone().optional()?.map(|most| most as usize),
+        priority: lists::values(&listener.priority)?,
+        idle_timeout: Some(listener.idle_timeout.or(Limits::IDLE_TIMEOUT)?).filter(|time| !time.is_zero()),
+        keep_alive: Some(listener.keep_alive.or(listen::DEFAULT_KEEP_ALIVE)?).filter(|time| !time.is_zero()),
         tls,
     })
 }

@@ -14,6 +14,8 @@ pub const INBOX_MAX: usize = 4096;
 pub const COMMANDS_MAX: usize = 512;
 /// Further room for stops and what else must not be lost: no flood of commands keeps them out.
 pub const STOPS_MAX: usize = 1024;
+/// Of that, the room for clients that left: thousands may leave at once, and keep no stop out.
+pub const GONE_MAX: usize = STOPS_MAX / 2;
 
 /// Something for a line from the north side.
 #[derive(Debug)]
@@ -138,12 +140,12 @@ const fn room_for(message: &Message) -> usize {
     match message {
         Message::Native(NativeRequest { ask: NativeAsk::Read { .. }, .. }) => INBOX_MAX,
         Message::Command(CommandRequest { order: Order::Stop { .. } | Order::Coast, .. })
-        | Message::AskerGone(_)
         | Message::Kept(_)
         | Message::Shutdown
         | Message::Hurry
         | Message::Leave { .. }
         | Message::Stay => INBOX_MAX + COMMANDS_MAX + STOPS_MAX,
+        Message::AskerGone(_) => INBOX_MAX + COMMANDS_MAX + GONE_MAX,
         Message::Native(_) | Message::Command(_) | Message::PathAlive(_) | Message::PathOpened(_) => {
             INBOX_MAX + COMMANDS_MAX
         }
@@ -185,10 +187,14 @@ mod tests {
             inbox.put(Message::PathAlive(Owner::Mqtt)).unwrap();
         }
         assert_eq!(inbox.put(Message::PathAlive(Owner::Mqtt)), Err(Full));
-        for _ in 0..STOPS_MAX {
+        for _ in 0..GONE_MAX {
             inbox.put(GONE).unwrap();
         }
-        assert_eq!(inbox.put(GONE), Err(Full));
+        assert_eq!(inbox.put(GONE), Err(Full), "however many clients leave, stops find room");
+        for _ in GONE_MAX..STOPS_MAX {
+            inbox.put(Message::Stay).unwrap();
+        }
+        assert_eq!(inbox.put(Message::Stay), Err(Full));
         inbox.put_surely(Message::Shutdown);
         let mut batch = Vec::new();
         inbox.take(&mut batch);

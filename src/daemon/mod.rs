@@ -10,6 +10,7 @@ pub mod answers;
 pub mod board;
 pub mod build;
 pub mod clock;
+pub mod descriptors;
 pub mod http;
 pub mod inbox;
 pub mod journal;

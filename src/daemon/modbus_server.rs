@@ -1,7 +1,9 @@
 //! Modbus TCP listeners: sockets on one side, [`Connection`] machines on the other.
 
+mod accepting;
 mod calls;
 mod certificate;
+mod hall;
 mod handshake;
 mod keeper;
 mod listener;
@@ -13,6 +15,7 @@ pub use security::Security;
 
 use super::answers::{AnswerBox, News};
 use super::clock;
+use super::descriptors::Spare;
 use super::inbox::Message;
 use super::north_journal::Journal;
 use super::router::Router;
@@ -20,8 +23,10 @@ use super::totals::ModbusTotals;
 use crate::domain::command::{Manner, Origin, Owner, Rights};
 use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
-use crate::north::modbus::{Commands, Connection, Counters, Kept, Limits, Words};
+use crate::north::modbus::{Commands, Connection, Counters, Kept, Limits, Places, Words};
+use accepting::Told;
 use certificate::Certificate;
+use hall::{Dismissal, Hall, Seat};
 use handshake::{Handshakes, Shaken, shake};
 use keeper::Keeper;
 use std::cell::{Cell, RefCell};
@@ -30,24 +35,21 @@ use std::future::poll_fn;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
 use std::pin::Pin;
-use std::rc::Rc;
+use std::rc::{Rc, Weak};
 use std::sync::Arc;
 use std::task::{Poll, ready};
 use std::time::Duration;
 use stream::Stream;
 use tokio::io::{AsyncRead, ReadBuf};
+use tokio::net::TcpStream;
 use tokio::net::tcp::OwnedReadHalf;
-use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Notify;
+use tokio::task::yield_now;
 use tokio::time::Instant;
 
-/// Wait after a connection could not be accepted, for want of descriptors for instance.
-const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 /// Bytes read from a socket at once: the longest message and some, or a burst of short ones. Small, because each
-/// connection has a buffer.
+/// connection has a buffer, and because whoever has sent more waits until all others had their turn.
 const READ_BYTES: usize = 512;
-/// Most connections at once over all listeners.
-pub const CONNECTIONS_MAX: usize = 4096;
 
 /// The connections of all listeners. It lives on the main thread.
 #[derive(Debug, Default)]
@@ -56,12 +58,16 @@ pub struct Server {
     keeper: Rc<Keeper>,
     clients: RefCell<HashMap<AskerId, Rc<Client>>>,
     handshakes: Handshakes,
+    hall: Rc<Hall>,
+    spare: Spare,
+    told: Told,
     last: Cell<u64>,
 }
 
 #[derive(Debug)]
 struct Client {
     asker: AskerId,
+    seat: Seat,
     peer: IpAddr,
     proven: Option<Box<Proven>>,
     origin: Cell<Origin>,
@@ -71,12 +77,15 @@ struct Client {
     stream: Stream,
     machine: RefCell<Connection>,
     commands: RefCell<Commands>,
+    /// Until then something of it may wait at a line: reads until their deadlines, those who wait for a stop for longer.
+    known_until: Cell<MonoTime>,
     /// When a read renewed a lease last, by the place of the drive.
     renewed: RefCell<HashMap<usize, MonoTime>>,
     listener: Rc<Listener>,
     router: RefCell<Rc<Router>>,
-    /// It is allowed no more.
-    is_unwanted: Cell<bool>,
+    /// Why it is to end now, if it is.
+    dismissed: Cell<Option<Dismissal>>,
+    server: Weak<Server>,
     keeper: Rc<Keeper>,
     /// Rung when the machine was changed by somebody other than its own task.
     bell: Notify,
@@ -99,27 +108,11 @@ impl Server {
         Self { totals, keeper: Rc::new(Keeper::new(journal)), ..Self::default() }
     }
 
-    /// Accepts connections of those whom `listener` allows until the task is dropped.
-    pub async fn listen(self: Rc<Self>, socket: TcpListener, listener: Rc<Listener>) {
-        loop {
-            match socket.accept().await {
-                Ok((stream, peer)) if !listener.allows(peer.ip()) => {
-                    tracing::warn!(%peer, "refused: not in `allow`");
-                    self.totals.refused();
-                    drop(stream);
-                }
-                Ok((stream, peer)) if self.clients.borrow().len() + self.handshakes.len() >= CONNECTIONS_MAX => {
-                    tracing::warn!(%peer, "refused: too many connections");
-                    self.totals.refused();
-                    drop(stream);
-                }
-                Ok((stream, peer)) => self.welcome(stream, peer, Rc::clone(&listener)),
-                Err(error) => {
-                    tracing::warn!(%error, "cannot accept a connection");
-                    tokio::time::sleep(ACCEPT_PAUSE).await;
-                }
-            }
-        }
+    /// The same server with at most so many connections.
+    #[must_use]
+    pub fn with_places(self, most: usize) -> Self {
+        self.hall.places.replace(Places::new(most));
+        self
     }
 
     /// Gives every connection what its listener grants now, before its next request, and ends those that are not allowed
@@ -151,48 +144,46 @@ impl Server {
         }
     }
 
-    fn welcome(self: &Rc<Self>, stream: TcpStream, peer: SocketAddr, listener: Rc<Listener>) {
-        if let Err(error) = stream.set_nodelay(true) {
-            tracing::debug!(%peer, %error, "cannot set TCP_NODELAY");
-        }
+    /// Serves a client, once it has proven itself where its listener asks for that.
+    fn welcome(self: &Rc<Self>, stream: TcpStream, peer: SocketAddr, listener: Rc<Listener>, seat: Seat) {
         let (source, socket) = stream.into_split();
         let Some(security) = listener.security() else {
-            return self.admit(source, Stream::Plain(socket), peer, None, listener);
+            return self.begin(source, Stream::Plain(socket), peer, None, listener, seat);
         };
-        let (server, number) = (Rc::clone(self), self.handshakes.number());
+        let (server, asker) = (Rc::clone(self), seat.asker);
         let task = tokio::task::spawn_local(async move {
             let shaken = shake(source, socket, &security).await;
-            server.handshakes.ended(number);
+            server.handshakes.ended(asker);
             match shaken {
                 Ok(Shaken { source, stream, certificate }) => {
                     tracing::info!(%peer, name = %certificate.name, role = &*certificate.role, "secure connection");
                     let proven = Some(Box::new(Proven { certificate, to: security }));
-                    server.admit(source, Stream::Secured(Box::new(stream)), peer, proven, listener);
+                    server.begin(source, Stream::Secured(Box::new(stream)), peer, proven, listener, seat);
                 }
                 Err(reason) => server.shake_failed(peer, &reason),
             }
         });
-        if let Some(oldest) = self.handshakes.began(number, peer, task.abort_handle()) {
+        if let Some(oldest) = self.handshakes.began(asker, peer, task.abort_handle()) {
             self.shake_failed(oldest, "it gives way, too many are under way");
         }
     }
 
     fn shake_failed(&self, peer: SocketAddr, reason: &str) {
         self.totals.handshake_failed();
-        self.handshakes.tell(peer, reason);
+        self.told.say(&format!("TLS handshake with {peer} failed: {reason}"));
     }
 
     /// Serves a client, `proven` where its listener asks for that.
-    fn admit(
+    fn begin(
         self: &Rc<Self>,
         mut source: OwnedReadHalf,
         stream: Stream,
         peer: SocketAddr,
         proven: Option<Box<Proven>>,
         listener: Rc<Listener>,
+        seat: Seat,
     ) {
-        self.last.set(self.last.get() + 1);
-        let asker = AskerId(self.last.get());
+        let asker = seat.asker;
         let machine = RefCell::new(Connection::new(Limits::default(), clock::now()));
         let owner = match &proven {
             None => Owner::ModbusTcp(peer.ip().to_canonical()),
@@ -200,6 +191,7 @@ impl Server {
         };
         let client = Rc::new(Client {
             asker,
+            seat,
             peer: peer.ip(),
             proven,
             origin: Cell::new(Origin { owner, rights: Rights::NONE, manner: Manner::Cyclic }),
@@ -208,10 +200,12 @@ impl Server {
             stream,
             machine,
             commands: RefCell::default(),
+            known_until: Cell::new(MonoTime::ZERO),
             renewed: RefCell::default(),
             router: RefCell::new(listener.router()),
             listener,
-            is_unwanted: Cell::new(false),
+            dismissed: Cell::default(),
+            server: Rc::downgrade(self),
             keeper: Rc::clone(&self.keeper),
             bell: Notify::new(),
             totals: Arc::clone(&self.totals),
@@ -229,9 +223,11 @@ impl Server {
             server.clients.borrow_mut().remove(&asker);
             client.count();
             server.totals.closed();
-            for inbox in client.router().inboxes() {
-                // A full inbox loses nothing but early removal: the requests end at their deadlines.
-                let _ = inbox.put(Message::AskerGone(asker));
+            if clock::now() < client.known_until.get() {
+                for inbox in client.router().inboxes() {
+                    // A full inbox loses nothing but early removal: the requests end at their deadlines.
+                    let _ = inbox.put(Message::AskerGone(asker));
+                }
             }
         });
     }
@@ -260,10 +256,14 @@ impl Client {
                     wake.as_mut().reset(at);
                 }
             }
+            let mut has_more = false;
             let moved = tokio::select! {
                 read = receive(source, &mut buffer), if wants_input => match read {
                     Ok(0) => Err(io::ErrorKind::UnexpectedEof.into()),
-                    read => read.and_then(|read| self.take(&buffer[..read])),
+                    read => read.and_then(|read| {
+                        has_more = read == READ_BYTES;
+                        self.take(&buffer[..read])
+                    }),
                 },
                 ready = self.stream.writable(), if has_output => ready.and_then(|()| self.flush()),
                 () = self.bell.notified() => Ok(()),
@@ -274,8 +274,8 @@ impl Client {
                     self.flush()
                 }
             };
-            if self.is_unwanted.get() {
-                return "its listener is gone or does not allow it any more".to_owned();
+            if let Some(why) = self.dismissed.get() {
+                return why.to_string();
             }
             if let Err(error) = moved {
                 return error.to_string();
@@ -286,12 +286,15 @@ impl Client {
                 let _ = self.flush();
                 return reason.to_string();
             }
+            if has_more {
+                yield_now().await;
+            }
         }
     }
 
     /// Takes received bytes, answers what can be answered at once, orders the rest.
     fn take(&self, bytes: &[u8]) -> io::Result<()> {
-        if self.is_unwanted.get() {
+        if self.dismissed.get().is_some() {
             return Ok(());
         }
         let opened = self.stream.open(bytes, |plain| self.serve_bytes(plain));
@@ -339,16 +342,35 @@ impl Client {
             self.router.replace(self.listener.router());
             // Places of drives may be others now.
             self.renewed.borrow_mut().clear();
-        } else {
-            self.is_unwanted.set(true);
+            self.machine.borrow_mut().set_idle_timeout(granted.idle_timeout);
             self.bell.notify_one();
+        } else {
+            self.dismiss(Dismissal::Unwanted);
         }
     }
 
-    /// Adds what is new to the totals.
+    /// Its task ends it at its next turn.
+    fn dismiss(&self, why: Dismissal) {
+        self.dismissed.set(Some(why));
+        self.bell.notify_one();
+    }
+
+    /// Adds what is new to the totals, and says whether it is active and what it leaves unread.
     fn count(&self) {
-        let now = *self.machine.borrow().counters();
-        self.totals.add(&self.counted.replace(now), &now);
+        let (now, unread) = {
+            let machine = self.machine.borrow();
+            (*machine.counters(), machine.output().len())
+        };
+        let before = self.counted.replace(now);
+        if now.requests != before.requests {
+            self.seat.active();
+        }
+        self.totals.add(&before, &now);
+        if self.seat.leaves_unread(unread)
+            && let Some(server) = self.server.upgrade()
+        {
+            server.shed();
+        }
     }
 
     fn has_output(&self) -> bool {
@@ -382,6 +404,8 @@ fn instant_of(now: MonoTime, at: MonoTime) -> Instant {
 
 #[cfg(test)]
 mod audit_tests;
+#[cfg(test)]
+mod hall_tests;
 #[cfg(test)]
 mod issuing;
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use super::answers::NorthSides;
 use super::clock;
+use super::descriptors;
 use super::http::{self, State, socket::OwnSocket};
 use super::local::LocalSide;
 use super::modbus_server::{Listener, Security, Server};
@@ -23,12 +24,16 @@ use std::net::SocketAddr;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::net::TcpListener;
+use tokio::net::{TcpListener, TcpSocket};
 use tokio::sync::{Notify, oneshot};
 use tokio::task::{AbortHandle, JoinHandle};
 
 /// Most time for the last words to the broker.
 const FAREWELL_MAX: Duration = Duration::from_secs(2);
+
+/// Connections that wait to be accepted: those of most of a second in a burst of 5000 a second. The system may grant fewer
+/// (`net.core.somaxconn`).
+const BACKLOG: u32 = 4096;
 
 /// Tickets of one conversation with a broker. None has as many.
 const TICKETS: u64 = 1 << 40;
@@ -65,10 +70,10 @@ pub async fn bind(config: &Config, kept: &[Option<usize>], has_http_moved: bool)
     let mut modbus = Vec::with_capacity(config.listeners.len());
     for (place, listener) in config.listeners.iter().enumerate() {
         let is_kept = kept.get(place).is_some_and(Option::is_some);
-        modbus.push(if is_kept { None } else { Some(listen(listener.listen).await?) });
+        modbus.push(if is_kept { None } else { Some(listen(listener.listen)?) });
     }
     let http = match &config.http {
-        Some(HttpSettings { listen: address }) if has_http_moved => Some(listen(*address).await?),
+        Some(HttpSettings { listen: address }) if has_http_moved => Some(listen(*address)?),
         _ => None,
     };
     Ok(Bound { modbus, security: security(config).await?, http, has_http_moved })
@@ -88,8 +93,26 @@ async fn security(config: &Config) -> Result<Vec<Option<Security>>, StartError> 
     read.await.unwrap_or_else(|error| Err(StartError::System(io::Error::other(error))))
 }
 
-async fn listen(address: SocketAddr) -> Result<TcpListener, StartError> {
-    TcpListener::bind(address).await.map_err(|error| StartError::Listen { address, error })
+fn listen(address: SocketAddr) -> Result<TcpListener, StartError> {
+    let open = || {
+        let socket = if address.is_ipv4() { TcpSocket::new_v4()? } else { TcpSocket::new_v6()? };
+        // Connections of a gateway that has just ended do not keep the address.
+        socket.set_reuseaddr(true)?;
+        socket.bind(address)?;
+        socket.listen(BACKLOG)
+    };
+    open().map_err(|error| StartError::Listen { address, error })
+}
+
+/// The places for connections; what a listener wants beyond that is told.
+fn places(config: &Config) -> usize {
+    let most = descriptors::room_for_connections();
+    tracing::info!(most, "room for clients of Modbus TCP");
+    for listener in config.listeners.iter().filter(|it| it.connections_max.is_some_and(|max| max > most)) {
+        let address = listener.listen;
+        tracing::warn!(%address, most, "the limit of open files leaves room for fewer clients than `connections_max`");
+    }
+    most
 }
 
 /// How the broker is reached and what is said there.
@@ -151,7 +174,8 @@ impl North {
             tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&sides.local)));
             tokio::task::spawn_local(socket.serve(Arc::clone(&state), side));
         }
-        let server = Rc::new(Server::new(modbus_totals, north_journal::side(sides.journal.as_ref(), &current)));
+        let server = Server::new(modbus_totals, north_journal::side(sides.journal.as_ref(), &current));
+        let server = Rc::new(server.with_places(places(config)));
         tokio::task::spawn_local(Rc::clone(&server).distribute(Arc::clone(&sides.modbus)));
         let units = Units::new(&current.get());
         let listeners = Vec::new();

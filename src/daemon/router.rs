@@ -4,7 +4,7 @@ use super::clock;
 use super::inbox::Inbox;
 use super::shared::{Shared, SharedDrive};
 use crate::config::ListenerSettings;
-use crate::domain::ids::DriveIndex;
+use crate::domain::ids::{DriveIndex, UnitId};
 use crate::domain::report::LineReport;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveRef;
@@ -47,7 +47,7 @@ pub struct Router {
     routes: [Option<Route>; UNITS],
     /// By line: whether this listener serves it.
     serves: Vec<bool>,
-    /// The same by drive.
+    /// By drive: whether one of its units answers here.
     serves_drive: Vec<bool>,
 }
 
@@ -89,14 +89,20 @@ impl Router {
     pub fn new(listener: &ListenerSettings, units: Units) -> Self {
         let serves: Vec<bool> = (0..units.shared.lines.len()).map(|line| listener.serves(line)).collect();
         let lines = serves.iter().zip(&units.shared.lines);
-        let serves_drive: Vec<bool> = lines.flat_map(|(serves, line)| line.drives.iter().map(|_| *serves)).collect();
+        let answers = |drive: &SharedDrive| {
+            let drive = &drive.description;
+            listener.answers_at(drive.unit) || listener.answers_at(drive.uniform_unit)
+        };
+        let drives = lines.flat_map(|(serves, line)| line.drives.iter().map(|drive| *serves && answers(drive)));
+        let serves_drive: Vec<bool> = drives.collect();
         let mut routes = [None; UNITS];
         let drives = || {
             let all = units.shared.drives.iter().enumerate();
             all.filter(|(place, _)| serves_drive.get(*place) == Some(&true))
         };
         let mut lead = |unit: u8, route: Route| {
-            if let Some(entry) = routes.get_mut(usize::from(unit)) {
+            let is_listed = UnitId::new(unit).is_none_or(|unit| listener.answers_at(unit));
+            if let Some(entry) = routes.get_mut(usize::from(unit)).filter(|_| is_listed) {
                 *entry = Some(route);
             }
         };

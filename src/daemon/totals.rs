@@ -11,6 +11,7 @@ pub struct ModbusTotals {
     accepted: AtomicU64,
     refused: AtomicU64,
     handshakes_failed: AtomicU64,
+    closed_early: AtomicU64,
     requests: AtomicU64,
     replies: AtomicU64,
     exceptions: [AtomicU64; Counters::EXCEPTION_CODES],
@@ -32,6 +33,11 @@ impl ModbusTotals {
     /// A connection did not become secure.
     pub fn handshake_failed(&self) {
         self.handshakes_failed.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// A connection was told to end to make room, or because it left too much unread.
+    pub fn closed_early(&self) {
+        self.closed_early.fetch_add(1, Ordering::Relaxed);
     }
 
     /// A connection that had been [`Self::opened`] ended. What it counted must have been added before.
@@ -71,6 +77,12 @@ impl ModbusTotals {
     #[must_use]
     pub fn handshakes_failed(&self) -> u64 {
         self.handshakes_failed.load(Ordering::Relaxed)
+    }
+
+    /// Connections that had to end so far to make room, or because they left too much unread.
+    #[must_use]
+    pub fn dismissed(&self) -> u64 {
+        self.closed_early.load(Ordering::Relaxed)
     }
 
     /// What all connections have counted.

@@ -13,12 +13,18 @@ pub struct Raw {
     transaction: u16,
 }
 
+impl From<TcpStream> for Raw {
+    fn from(stream: TcpStream) -> Self {
+        stream.set_read_timeout(Some(ANSWER_WITHIN)).unwrap();
+        Self { stream, transaction: 0x4100 }
+    }
+}
+
 impl Raw {
     pub fn connect(address: SocketAddr) -> Self {
         let stream = TcpStream::connect(address).unwrap();
-        stream.set_read_timeout(Some(ANSWER_WITHIN)).unwrap();
         stream.set_nodelay(true).unwrap();
-        Self { stream, transaction: 0x4100 }
+        Self::from(stream)
     }
 
     /// Sends bytes as they are. The gateway may have closed the connection already.
@@ -28,17 +34,26 @@ impl Raw {
 
     /// Sends `pdu` to `unit` and returns the PDU of the answer, whose header must be that of the request.
     pub fn ask(&mut self, unit: u8, pdu: &[u8]) -> Vec<u8> {
+        self.try_ask(unit, pdu).unwrap()
+    }
+
+    /// Whether there is an answer to `pdu`; else the gateway has closed the connection.
+    pub fn is_answered(&mut self, unit: u8, pdu: &[u8]) -> bool {
+        self.try_ask(unit, pdu).is_ok()
+    }
+
+    fn try_ask(&mut self, unit: u8, pdu: &[u8]) -> std::io::Result<Vec<u8>> {
         self.transaction += 1;
         let [high, low] = self.transaction.to_be_bytes();
         let length = u8::try_from(pdu.len() + 1).unwrap();
-        self.stream.write_all(&[&[high, low, 0, 0, 0, length, unit], pdu].concat()).unwrap();
+        self.stream.write_all(&[&[high, low, 0, 0, 0, length, unit], pdu].concat())?;
         let mut header = [0; 7];
-        self.stream.read_exact(&mut header).unwrap();
+        self.stream.read_exact(&mut header)?;
         assert_eq!(header[..4], [high, low, 0, 0], "transaction and protocol");
         assert_eq!(header[6], unit, "unit");
         let mut answer = vec![0; usize::from(u16::from_be_bytes([header[4], header[5]])) - 1];
-        self.stream.read_exact(&mut answer).unwrap();
-        answer
+        self.stream.read_exact(&mut answer)?;
+        Ok(answer)
     }
 
     /// Reads `count` words at `address` of unit 1: the words, or the code of the exception.

@@ -109,11 +109,11 @@ fn those_who_wait_for_one_stop_are_bounded_and_the_stop_goes_all_the_same() {
 /// Every queue from a socket to the wire stands with its bound in the table of ARCHITECTURE.md.
 #[test]
 fn the_table_of_bounds_names_every_queue_as_it_is() {
-    use vfd_gateway::daemon::{inbox, modbus_server};
+    use vfd_gateway::daemon::inbox;
     let text = include_str!("../../ARCHITECTURE.md");
     let (_, table) = text.split_once("## Bounds").expect("a table of bounds");
     let rows = [
-        ("Modbus TCP connections", modbus_server::CONNECTIONS_MAX),
+        ("Modbus TCP connections", vfd_gateway::north::modbus::Places::MOST),
         ("requests of a connection", vfd_gateway::north::modbus::Limits::default().pending_max),
         ("messages for a line: reads", inbox::INBOX_MAX),
         ("then writes, commands, signs of life", inbox::COMMANDS_MAX),

@@ -3,12 +3,20 @@
 use super::super::file::{HttpFile, ListenerFile, ListenerTlsFile, RoleFile};
 use super::super::keys::Section;
 use super::super::words::ROLE_RIGHTS;
-use super::{absolute_path, inner, refuse_not_served};
+use super::{absolute_path, inner, refuse_not_served, turned};
+use crate::domain::ids::UnitId;
 use crate::domain::problem::Problem;
+use crate::north::modbus::Places;
 use crate::profile::reader::{Given, Needed, Reader, Written};
 use crate::profile::values::Kind;
 use ipnet::IpNet;
 use std::net::{IpAddr, SocketAddr};
+use std::ops::RangeInclusive;
+use std::time::Duration;
+
+const CONNECTIONS: RangeInclusive<u32> = 1..=Places::MOST as u32;
+const IDLE_TIMEOUT: RangeInclusive<Duration> = Duration::ZERO..=Duration::from_secs(24 * 3600);
+const KEEP_ALIVE: RangeInclusive<Duration> = Duration::ZERO..=Duration::from_secs(2 * 3600);
 
 /// One `[[modbus_tcp]]`.
 pub(super) fn read_listener(mut reader: Reader<'_, '_>) -> ListenerFile {
@@ -21,6 +29,11 @@ pub(super) fn read_listener(mut reader: Reader<'_, '_>) -> ListenerFile {
         write: read_networks(&mut reader, "write"),
         stop: read_networks(&mut reader, "stop"),
         reads_renew: reader.optional("reads_renew", &Kind::flag()),
+        units: read_units(&mut reader),
+        connections_max: reader.optional("connections_max", &Kind::number(CONNECTIONS)),
+        priority: read_networks(&mut reader, "priority"),
+        idle_timeout: reader.optional("idle_timeout", &Kind::duration(IDLE_TIMEOUT)),
+        keep_alive: reader.optional("keep_alive", &Kind::duration(KEEP_ALIVE)),
         tls: inner(&mut reader, "tls", read_tls),
     };
     reader.finish();
@@ -74,6 +87,14 @@ fn read_allow(reader: &mut Reader<'_, '_>) -> Given<Vec<IpNet>> {
     }
     let value = list.value.into_iter().map(|network| network.value).collect();
     Given::Usable(Written { value, place: list.place })
+}
+
+/// No number that the kind lets through is no unit.
+fn read_units(reader: &mut Reader<'_, '_>) -> Given<Vec<Written<UnitId>>> {
+    turned(reader.list("units", &Kind::number(UnitId::MIN..=UnitId::MAX)), |units| {
+        let unit = |it: Written<u8>| Some(Written { value: UnitId::new(it.value)?, place: it.place });
+        units.into_iter().map(unit).collect()
+    })
 }
 
 /// The list of networks `key`; it is unusable as soon as one of them is wrong.

@@ -107,3 +107,78 @@ fn the_data_directory_is_an_absolute_path() {
     assert_eq!(good(MINIMAL).gateway.data_dir, None);
     only(&text("vfd"), "gateway.data_dir: `vfd` will not do; an absolute path");
 }
+
+#[test]
+fn connections_are_as_the_listener_says() {
+    let listener = &good(MINIMAL).listeners[0];
+    assert_eq!((listener.connections_max, &listener.priority, &listener.units), (None, &Vec::new(), &None));
+    let ten_minutes = Duration::from_secs(600);
+    assert_eq!((listener.idle_timeout, listener.keep_alive), (Some(ten_minutes), Some(Duration::from_secs(60))));
+    let text = "connections_max = 20000\npriority = ['127.0.0.1/32']\nidle_timeout = '1h'\nkeep_alive = '2s'";
+    let listener = &good(&listener_with(text)).listeners[0];
+    assert_eq!((listener.connections_max, listener.priority.len()), (Some(20_000), 1));
+    let times = (Some(Duration::from_secs(3600)), Some(Duration::from_secs(2)));
+    assert_eq!((listener.idle_timeout, listener.keep_alive), times);
+    let none = &good(&listener_with("idle_timeout = '0s'\nkeep_alive = '0s'")).listeners[0];
+    assert_eq!((none.idle_timeout, none.keep_alive), (None, None));
+}
+
+#[test]
+fn a_limit_that_makes_no_sense_is_refused() {
+    for (line, right) in [
+        ("connections_max = 0", "connections_max: 0 is out of range; a whole number from 1 to 65536"),
+        ("connections_max = 65537", "connections_max: 65537 is out of range; a whole number from 1 to 65536"),
+        (
+            "idle_timeout = '500ms'",
+            "idle_timeout: clients that ask once a second would be closed in between; at least \"1s\", or \"0s\" for none",
+        ),
+        ("keep_alive = '1500ms'", "keep_alive: the system counts this time in whole seconds; \"1s\""),
+        ("keep_alive = '200ms'", "keep_alive: the system counts this time in whole seconds; \"1s\""),
+        (
+            "priority = ['10.0.0.10/32']",
+            "priority[0]: 10.0.0.10/32 cannot reach 127.0.0.1:1502, which is this host only; \"127.0.0.1/32\"",
+        ),
+    ] {
+        only(&listener_with(line), &format!("modbus_tcp[0].{right}"));
+    }
+    assert!(problems(&listener_with("idle_timeout = '25h'"))[0].contains("a time from \"0s\" to \"24h\""));
+    assert!(problems(&listener_with("keep_alive = '3h'"))[0].contains("a time from \"0s\" to \"2h\""));
+    let allowed = "allow = ['10.0.0.0/24']\npriority = ['10.0.0.0/16']";
+    only(
+        &listener_with(allowed),
+        "modbus_tcp[0].priority[0]: 10.0.0.0/16 is in no network of `allow`; a network inside \"10.0.0.0/24\"",
+    );
+}
+
+#[test]
+fn units_that_are_served_are_units_of_drives() {
+    let numbers = |text: &str| -> Vec<u8> {
+        good(text).listeners[0].units.as_ref().unwrap().iter().map(|unit| unit.get()).collect()
+    };
+    assert_eq!(numbers(&listener_with("units = [101, 1]")), [101, 1]);
+    only(
+        &listener_with("units = [1, 255]"),
+        "modbus_tcp[0].units[1]: 255 is out of range; a whole number from 1 to 247",
+    );
+    only(
+        &listener_with("units = []"),
+        "modbus_tcp[0].units: an empty list of units serves no drive; units of drives, or leave it out to serve all",
+    );
+    only(&listener_with("units = [1, 1]"), "modbus_tcp[0].units[1]: unit 1 is listed twice");
+    let listed = format!("{TWO_LINES}lines = ['hall-1']\nunits = [2, 101]\n");
+    only(&listed, "modbus_tcp[0].units[0]: no drive that is served here has unit 2; of 1, 101; 255 is always served");
+    assert_eq!(problems(&listener_with("units = [7, 8]")).len(), 2, "all at once");
+}
+
+#[test]
+fn whoever_is_to_command_a_drive_reaches_one_of_its_units() {
+    for unit in [1, 101] {
+        good(&rights(&format!("write = ['127.0.0.1/32']\nunits = [{unit}]")));
+    }
+    let found = problems(&rights("write = ['127.0.0.1/32']\nunits = [2]"));
+    assert_eq!(found.len(), 2, "{found:?}");
+    assert!(found[0].starts_with(
+        "line[0].drive[0].control.from[1]: commands from \"modbus-tcp\" cannot come: no listener of line `hall-1` lets"
+    ));
+    assert!(found[1].starts_with("modbus_tcp[0].write: no drive that is served here takes commands"), "{found:?}");
+}

@@ -258,6 +258,9 @@ pub(super) const MODBUS: &[Metric<ModbusTotals>] = &[
     counter("modbus_handshakes_failed", "TLS handshakes of Modbus TCP that failed.", |modbus| {
         Some(modbus.handshakes_failed())
     }),
+    counter("modbus_closed_early", "Modbus TCP connections closed for want of room or memory.", |modbus| {
+        Some(modbus.dismissed())
+    }),
     counter("modbus_requests", "Modbus TCP requests.", |modbus| Some(modbus.counters().requests)),
     counter("modbus_replies", "Modbus TCP answers that are no exceptions.", |modbus| Some(modbus.counters().replies)),
 ];

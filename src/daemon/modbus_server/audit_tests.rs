@@ -64,7 +64,7 @@ fn what_a_full_inbox_does_not_take_is_kept_as_the_order_that_it_was() {
     play_with(EVERY_LINE, journal, async |plant: Plant, mut stream: TcpStream| {
         let inbox = &plant.shared.lines[0].inbox;
         for _ in 0..INBOX_MAX + COMMANDS_MAX + STOPS_MAX {
-            let _ = inbox.put(Message::AskerGone(AskerId(99)));
+            let _ = inbox.put(Message::Stay);
         }
         assert_eq!(ask(&mut stream, 101, &[6, 1, 0, 0, 0]).await, [0x86, 6]);
         assert_eq!(ask(&mut stream, 1, &[6, 0, 2, 0, 0]).await, [0x86, 6]);

@@ -59,7 +59,10 @@ impl Client {
             NativeAsk::Read { .. } | NativeAsk::Loop { .. } => None,
         };
         let request = NativeRequest { asker: self.asker, ticket, drive, origin: self.origin.get(), ask, deadline };
-        inbox.put(Message::Native(request)).map_err(|Full| (tried, Reason::QueueFull))
+        let until = if tried.is_some() { MonoTime::NEVER } else { deadline };
+        inbox.put(Message::Native(request)).map_err(|Full| (tried, Reason::QueueFull))?;
+        self.known_until.set(self.known_until.get().max(until));
+        Ok(())
     }
 
     /// Answers a call at once, or gives the orders that have to be answered first.
@@ -106,6 +109,7 @@ impl Client {
             issued: None,
             epoch: None,
         };
+        self.known_until.set(MonoTime::NEVER);
         drive.inbox.put(Message::Command(command)).inspect_err(|Full| {
             if order != Order::Renew {
                 let (owner, report) = (self.origin.get().owner, Report::refused(Reason::QueueFull));

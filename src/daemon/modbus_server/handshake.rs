@@ -4,10 +4,9 @@ use super::certificate::Certificate;
 use super::security::Security;
 use super::stream::SecuredStream;
 use super::{READ_BYTES, receive};
-use crate::daemon::clock;
-use crate::domain::time::MonoTime;
+use crate::domain::ids::AskerId;
 use rustls::{CertificateError, Error};
-use std::cell::{Cell, RefCell};
+use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::io;
 use std::net::SocketAddr;
@@ -19,8 +18,6 @@ use tokio::task::AbortHandle;
 pub(super) const HANDSHAKE_MAX: Duration = Duration::from_secs(5);
 /// Most handshakes at once over all listeners. Then the oldest gives way: one that stalls holds up nobody.
 pub(super) const HANDSHAKES_MAX: usize = 64;
-/// Failures are told at most this often; the others are counted.
-const TELL_EVERY: Duration = Duration::from_secs(1);
 
 /// A client that has proven itself.
 pub(super) struct Shaken {
@@ -107,40 +104,32 @@ fn certificate_reason(wrong: &CertificateError) -> String {
     text.to_owned()
 }
 
-/// The handshakes that are under way, and what is told of those that fail.
+/// The handshakes that are under way.
 #[derive(Debug, Default)]
 pub(super) struct Handshakes {
-    last: Cell<u64>,
     under_way: RefCell<VecDeque<UnderWay>>,
-    told: Cell<Option<MonoTime>>,
-    untold: Cell<u64>,
 }
 
 #[derive(Debug)]
 struct UnderWay {
-    number: u64,
+    asker: AskerId,
     peer: SocketAddr,
     task: AbortHandle,
 }
 
 impl Handshakes {
-    /// A number for a new one.
-    pub fn number(&self) -> u64 {
-        self.last.set(self.last.get() + 1);
-        self.last.get()
-    }
-
     /// How many are under way.
+    #[cfg(test)]
     pub fn len(&self) -> usize {
         self.under_way.borrow().len()
     }
 
     /// One has begun. If there are too many, the oldest is ended; its peer is returned.
-    pub fn began(&self, number: u64, peer: SocketAddr, task: AbortHandle) -> Option<SocketAddr> {
+    pub fn began(&self, asker: AskerId, peer: SocketAddr, task: AbortHandle) -> Option<SocketAddr> {
         let mut under_way = self.under_way.borrow_mut();
         let is_full = under_way.len() >= HANDSHAKES_MAX;
         let oldest = if is_full { under_way.pop_front() } else { None };
-        under_way.push_back(UnderWay { number, peer, task });
+        under_way.push_back(UnderWay { asker, peer, task });
         oldest.map(|oldest| {
             oldest.task.abort();
             oldest.peer
@@ -148,17 +137,14 @@ impl Handshakes {
     }
 
     /// One is over.
-    pub fn ended(&self, number: u64) {
-        self.under_way.borrow_mut().retain(|it| it.number != number);
+    pub fn ended(&self, asker: AskerId) {
+        self.under_way.borrow_mut().retain(|it| it.asker != asker);
     }
 
-    /// Tells that one failed, unless another was told just now.
-    pub fn tell(&self, peer: SocketAddr, reason: &str) {
-        let now = clock::now();
-        if self.told.get().is_some_and(|told| now.since(told) < TELL_EVERY) {
-            return self.untold.set(self.untold.get() + 1);
-        }
-        self.told.set(Some(now));
-        tracing::warn!(%peer, reason, others = self.untold.replace(0), "TLS handshake failed");
+    /// The one of this client is to end now. Returns whether there is one.
+    pub fn dismiss(&self, asker: AskerId) -> bool {
+        let mut under_way = self.under_way.borrow_mut();
+        let place = under_way.iter().position(|it| it.asker == asker);
+        place.and_then(|place| under_way.remove(place)).inspect(|it| it.task.abort()).is_some()
     }
 }

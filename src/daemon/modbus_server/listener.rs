@@ -5,9 +5,11 @@ use super::security::Security;
 use crate::config::ListenerSettings;
 use crate::domain::command::Rights;
 use crate::guard::access;
-use std::cell::RefCell;
+use crate::north::modbus::RoomId;
+use std::cell::{OnceCell, RefCell};
 use std::net::IpAddr;
 use std::rc::Rc;
+use std::time::Duration;
 
 /// A listener as it is configured at present.
 #[derive(Debug)]
@@ -17,6 +19,7 @@ pub struct Listener {
     router: RefCell<Rc<Router>>,
     /// Nothing: connections are not encrypted.
     security: RefCell<Option<Rc<Security>>>,
+    room: OnceCell<RoomId>,
 }
 
 /// What a listener grants to a client.
@@ -27,6 +30,8 @@ pub(super) struct Granted {
     pub rights: Rights,
     /// Its reads of a uniform unit renew its lease.
     pub reads_renew: bool,
+    /// A connection without a request is closed after this time; nothing: never.
+    pub idle_timeout: Option<Duration>,
 }
 
 impl Listener {
@@ -38,6 +43,7 @@ impl Listener {
             settings: RefCell::new(Some(settings)),
             router: RefCell::new(Rc::new(router)),
             security: RefCell::new(security.map(Rc::new)),
+            room: OnceCell::new(),
         })
     }
 
@@ -93,6 +99,24 @@ impl Listener {
             may_ask: rights.is_some(),
             rights: rights.unwrap_or(Rights::NONE),
             reads_renew: settings.as_ref().is_some_and(|it| it.reads_renew),
+            idle_timeout: settings.as_ref().and_then(|it| it.idle_timeout),
         }
+    }
+
+    /// The room of its connections, which `add` makes once.
+    pub(super) fn room(&self, add: impl FnOnce() -> RoomId) -> RoomId {
+        *self.room.get_or_init(add)
+    }
+
+    pub(super) fn has_priority(&self, peer: IpAddr) -> bool {
+        self.settings.borrow().as_ref().is_some_and(|it| access::is_in(peer, &it.priority))
+    }
+
+    pub(super) fn connections_max(&self) -> Option<usize> {
+        self.settings.borrow().as_ref().and_then(|it| it.connections_max)
+    }
+
+    pub(super) fn keep_alive(&self) -> Option<Duration> {
+        self.settings.borrow().as_ref().and_then(|it| it.keep_alive)
     }
 }

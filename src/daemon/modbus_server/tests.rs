@@ -23,6 +23,7 @@ use crate::vendors;
 use crate::wire::mbap;
 use std::net::Ipv4Addr;
 use tokio::io::{AsyncReadExt, AsyncWrite, AsyncWriteExt};
+use tokio::net::TcpListener;
 use tokio::task::LocalSet;
 
 pub(super) const EVERY_LINE: ListenerSettings = ListenerSettings {
@@ -33,6 +34,11 @@ pub(super) const EVERY_LINE: ListenerSettings = ListenerSettings {
     reads_renew: false,
     lines: None,
     tls: None,
+    units: None,
+    connections_max: None,
+    priority: Vec::new(),
+    idle_timeout: None,
+    keep_alive: None,
 };
 
 /// A server with two lines of two drives each, on units 1 to 4 and 101 to 104, of which the first of each line
@@ -336,7 +342,7 @@ async fn client(plant: &Plant, settings: ListenerSettings) -> (TcpStream, Rc<Lis
     let (accepted, peer) = socket.accept().await.unwrap();
     let router = Router::new(&settings, Units::new(&plant.shared));
     let (listener, server) = (Listener::new(settings, router, None), Rc::new(Server::default()));
-    server.welcome(accepted, peer, Rc::clone(&listener));
+    server.admit(accepted, peer, &listener);
     (stream, listener, server)
 }
 
@@ -403,5 +409,64 @@ fn reads_renew_only_where_that_is_granted_and_only_the_lease_of_the_client() {
         let commands = plant.commands(0, 1).await;
         assert_eq!((commands.len(), &commands[0].order), (1, &Order::Renew), "once for both");
         assert_eq!(commands[0].origin.rights, rights);
+    });
+}
+
+/// `pdu` with so many more bytes.
+fn longer(pdu: &[u8], bytes: usize) -> Vec<u8> {
+    [pdu, &vec![0; bytes]].concat()
+}
+
+#[test]
+fn what_is_wrong_in_itself_has_its_exception_at_every_unit_and_reaches_no_line() {
+    // Of functions that all units have, and of those that native units have not.
+    let of_all: Vec<(Vec<u8>, u8)> = vec![
+        (vec![3, 0, 0, 0, 0], 3),
+        (vec![3, 0, 0, 0, 126], 3),
+        (vec![3, 0xFF, 0xFF, 0, 2], 2),
+        (vec![4, 0, 0, 0, 126], 3),
+        (vec![4, 0xFF, 0x84, 0, 125], 2),
+        (vec![6, 1, 0, 0], 3),
+        (vec![8, 0, 1, 0, 0], 1),
+        (vec![8, 0, 10, 0, 0], 1),
+        (longer(&[0x10, 1, 0, 0, 124, 248], 248), 3),
+        (longer(&[0x10, 1, 0, 0, 2, 3], 4), 3),
+        (longer(&[0x10, 1, 0, 0, 2, 4], 3), 3),
+        (longer(&[0x10, 0xFF, 0xFF, 0, 2, 4], 4), 2),
+        (vec![7], 1),
+        (vec![0x14, 7, 6, 0, 1, 0, 0, 0, 1], 1),
+        (vec![0x18, 0, 0], 1),
+        (vec![0x41], 1),
+    ];
+    let of_some: Vec<(Vec<u8>, u8)> = vec![
+        (vec![1, 0, 0, 7, 0xD1], 3),
+        (vec![1, 0, 0, 0, 0], 3),
+        (vec![1, 0xFF, 0xFF, 0, 2], 2),
+        (vec![2, 0, 0, 7, 0xD1], 3),
+        (vec![5, 0, 0, 0, 1], 3),
+        (vec![5, 0, 0, 0xFF, 1], 3),
+        (longer(&[0x0F, 0, 0, 7, 0xB1, 247], 247), 3),
+        (longer(&[0x0F, 0, 0, 0, 9, 1], 1), 3),
+        (longer(&[0x0F, 0xFF, 0xFF, 0, 2, 1], 1), 2),
+        (vec![0x16, 1, 0, 0, 0, 0], 3),
+        (longer(&[0x17, 0, 0, 0, 1, 1, 0, 0, 122, 244], 244), 3),
+        (longer(&[0x17, 0, 0, 0, 126, 1, 0, 0, 1, 2], 2), 3),
+        (longer(&[0x17, 0xFF, 0xFF, 0, 2, 1, 0, 0, 1, 2], 2), 2),
+        (longer(&[0x17, 0, 0, 0, 1, 0xFF, 0xFF, 0, 2, 4], 4), 2),
+        (vec![0x2B, 0x0E, 1], 3),
+        (vec![0x2B, 0x0D, 1, 0], 1),
+    ];
+    play(renewing(), |plant, mut stream| async move {
+        for (pdu, code) in &of_all {
+            for unit in [1, 101, 255] {
+                assert_eq!(ask(&mut stream, unit, pdu).await, [pdu[0] | 0x80, *code], "{unit}: {pdu:02X?}");
+            }
+        }
+        for (pdu, code) in &of_some {
+            for unit in [101, 255] {
+                assert_eq!(ask(&mut stream, unit, pdu).await, [pdu[0] | 0x80, *code], "{unit}: {pdu:02X?}");
+            }
+        }
+        plant.assert_untouched();
     });
 }

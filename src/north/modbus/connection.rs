@@ -13,6 +13,7 @@ use crate::journal::Tried;
 use crate::wire::exception;
 use crate::wire::mbap::{self, Malformed};
 use std::collections::VecDeque;
+use std::time::Duration;
 
 /// A request for a unit. It ends with one [`Connection::answer`], or with exception 0B at its deadline.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -217,6 +218,17 @@ impl Connection {
         }
     }
 
+    /// After how long without a request it is closed from now on; nothing: never.
+    pub const fn set_idle_timeout(&mut self, idle_timeout: Option<Duration>) {
+        self.limits.idle_timeout = idle_timeout;
+    }
+
+    /// Whether the client waits for an answer.
+    #[must_use]
+    pub const fn is_busy(&self) -> bool {
+        !self.pending.is_empty()
+    }
+
     /// Whether the socket should be read: not while much output waits to be written, and not after the end.
     #[must_use]
     pub fn wants_input(&self) -> bool {
@@ -362,7 +374,7 @@ impl Connection {
 
     fn idle_due(&self) -> Option<MonoTime> {
         let idle = self.close.is_none() && self.begun.is_none() && self.pending.is_empty();
-        idle.then(|| self.active + self.limits.idle_timeout)
+        self.limits.idle_timeout.filter(|_| idle).map(|timeout| self.active + timeout)
     }
 }
 
@@ -377,7 +389,6 @@ mod tests {
     use super::*;
     use crate::north::modbus::ask::WordTable;
     use proptest::prelude::*;
-    use std::time::Duration;
 
     const T0: MonoTime = MonoTime::from_millis(1_000);
 
@@ -617,6 +628,23 @@ mod tests {
         connection.tick(after(20_599_999));
         assert_eq!(connection.close_reason(), None);
         connection.tick(after(20_600_000));
+        assert_eq!(connection.close_reason(), Some(CloseReason::Idle));
+    }
+
+    #[test]
+    fn the_idle_timeout_may_change_and_may_be_none() {
+        let mut connection = connection();
+        connection.set_idle_timeout(None);
+        assert_eq!(connection.next_wake(), None);
+        connection.tick(MonoTime::NEVER);
+        assert_eq!(connection.close_reason(), None);
+        connection.receive(after(1_000), &read(1), &never);
+        assert!(connection.is_busy());
+        connection.answer(after(2_000), Ticket(0), ONE);
+        assert!(!connection.is_busy(), "though the answer is not read yet");
+        connection.set_idle_timeout(Some(Duration::from_secs(3)));
+        assert_eq!(connection.next_wake(), Some(after(5_000)));
+        connection.tick(after(5_000));
         assert_eq!(connection.close_reason(), Some(CloseReason::Idle));
     }
 

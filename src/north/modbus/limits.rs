@@ -12,12 +12,17 @@ pub struct Limits {
     /// Within this time of its first byte a message must be whole. Default 5 s: more than the repeats of a
     /// bad network need, little enough that half a message does not hold a connection.
     pub body_timeout: Duration,
-    /// A connection without a request and with nothing pending is closed after this time. Default 10 min:
-    /// longer than the slowest usual poll, short enough that the sockets of vanished clients come back.
-    pub idle_timeout: Duration,
+    /// A connection without a request and with nothing pending is closed after this time; nothing: never. Default
+    /// 10 min: longer than the slowest usual poll, short enough that the sockets of vanished clients come back.
+    pub idle_timeout: Option<Duration>,
     /// The deadline of each call, from the moment its last byte arrived. Default 5 s: clients usually give
     /// up after 1 to 5 s, and an answer that nobody awaits should not occupy a line.
     pub answer_within: Duration,
+}
+
+impl Limits {
+    /// The idle time-out unless another is wanted.
+    pub const IDLE_TIMEOUT: Duration = Duration::from_secs(600);
 }
 
 impl Default for Limits {
@@ -25,7 +30,7 @@ impl Default for Limits {
         Self {
             pending_max: 16,
             body_timeout: Duration::from_secs(5),
-            idle_timeout: Duration::from_secs(600),
+            idle_timeout: Some(Self::IDLE_TIMEOUT),
             answer_within: Duration::from_secs(5),
         }
     }

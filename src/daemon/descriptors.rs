@@ -1,0 +1,89 @@
+//! How many files the process may have open, and for how many connections that leaves room.
+
+use crate::north::modbus::Places;
+use rustix::event::{EventfdFlags, eventfd};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use std::cell::RefCell;
+use std::os::fd::OwnedFd;
+
+/// Files that are no connections of Modbus TCP: two HTTP listeners of 64 connections each, six for each of some thirty
+/// lines, journal, broker, sockets, and some to spare.
+const KEPT: u64 = 384;
+
+/// Raises the limit of open files as far as the system allows and connections need. Returns for how many connections it
+/// leaves room.
+#[must_use]
+pub fn room_for_connections() -> usize {
+    let limit = getrlimit(Resource::Nofile);
+    let useful = Places::MOST as u64 + KEPT;
+    let wanted = limit.maximum.unwrap_or(u64::MAX).min(useful);
+    let before = limit.current.unwrap_or(u64::MAX);
+    if before >= wanted {
+        return connections(before);
+    }
+    match setrlimit(Resource::Nofile, Rlimit { current: Some(wanted), ..limit }) {
+        Ok(()) => connections(wanted),
+        Err(error) => {
+            tracing::warn!(%error, limit = before, "the limit of open files cannot be raised");
+            connections(before)
+        }
+    }
+}
+
+/// The connections that `files` leave room for: all but those that are kept, or half of them where that is more.
+fn connections(files: u64) -> usize {
+    let connections = files.saturating_sub(KEPT).max(files / 2);
+    usize::try_from(connections).unwrap_or(usize::MAX).min(Places::MOST)
+}
+
+/// A descriptor that stands for nothing. Given back when there are no others, it lets one more connection in, whose peer
+/// can then be told apart from others.
+#[derive(Debug, Default)]
+pub struct Spare(RefCell<Option<OwnedFd>>);
+
+impl Spare {
+    /// Gives it back to the system; whether it was there.
+    pub fn release(&self) -> bool {
+        self.0.take().is_some()
+    }
+
+    /// Takes it again, unless it is there; whether it is now.
+    pub fn refill(&self) -> bool {
+        let mut spare = self.0.borrow_mut();
+        if spare.is_none() {
+            *spare = eventfd(0, EventfdFlags::CLOEXEC).ok();
+        }
+        spare.is_some()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn connections_leave_files_for_all_else() {
+        for (files, right) in
+            [(40, 20), (64, 32), (768, 384), (1024, 640), (20_000, 19_616), (524_288, 65_536), (u64::MAX, 65_536)]
+        {
+            assert_eq!(connections(files), right, "{files}");
+        }
+    }
+
+    #[test]
+    fn the_limit_is_raised_and_told() {
+        let room = room_for_connections();
+        let limit = getrlimit(Resource::Nofile);
+        assert_eq!(room, connections(limit.current.unwrap_or(u64::MAX)));
+        let useful = Places::MOST as u64 + KEPT;
+        assert!(limit.current.is_none_or(|it| it >= limit.maximum.unwrap_or(u64::MAX).min(useful)), "{limit:?}");
+    }
+
+    #[test]
+    fn a_spare_descriptor_is_given_back_once() {
+        let spare = Spare::default();
+        assert!(!spare.release());
+        assert!(spare.refill() && spare.refill());
+        assert!(spare.release() && !spare.release());
+    }
+}

@@ -1,0 +1,146 @@
+//! How connections are accepted, also when the system has no descriptors left.
+
+use super::{Listener, Server};
+use rustix::io::Errno;
+use rustix::net::sockopt;
+use std::cell::Cell;
+use std::future::poll_fn;
+use std::io;
+use std::net::SocketAddr;
+use std::rc::Rc;
+use std::task::Poll;
+use std::time::Duration;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::task::yield_now;
+use tokio::time::{Instant, sleep};
+
+/// Wait after a connection could not be accepted and nothing could be done about it.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
+/// Connections that are accepted before those who are connected have their turn.
+const BATCH: u32 = 32;
+/// Turns in which a connection that is closed gives its descriptor back.
+const CLOSING_TURNS: u32 = 4;
+/// Probes of a silent client.
+const PROBES: u32 = 3;
+/// Newcomers that are turned away are told in the log this often.
+const TELL_EVERY: Duration = Duration::from_secs(1);
+
+impl Server {
+    /// Accepts connections of those whom `listener` allows until the task is dropped.
+    pub async fn listen(self: Rc<Self>, socket: TcpListener, listener: Rc<Listener>) {
+        self.spare.refill();
+        let mut accepted = 0;
+        loop {
+            match socket.accept().await {
+                Ok((stream, peer)) => self.admit(stream, peer, &listener),
+                Err(error) if is_scarcity(&error) => self.squeeze(&socket, &listener, &error).await,
+                // The client went away while it waited.
+                Err(error) if error.kind() == io::ErrorKind::ConnectionAborted => {}
+                Err(error) => {
+                    self.told.say(&format!("cannot accept a connection: {error}"));
+                    sleep(ACCEPT_PAUSE).await;
+                }
+            }
+            accepted += 1;
+            if accepted == BATCH {
+                accepted = 0;
+                yield_now().await;
+            }
+        }
+    }
+
+    /// Lets in whoever is allowed and finds a place.
+    pub(super) fn admit(self: &Rc<Self>, stream: TcpStream, peer: SocketAddr, listener: &Rc<Listener>) {
+        if !listener.allows(peer.ip()) {
+            self.refuse(peer, "not in `allow`");
+        } else if let Some(seat) = self.seat(peer.ip(), listener) {
+            tune(&stream, peer, listener.keep_alive());
+            self.welcome(stream, peer, Rc::clone(listener), seat);
+        } else {
+            self.refuse(peer, "all places are taken, and nobody may be closed");
+        }
+    }
+
+    /// Lets in the next one though the system has no descriptors left: with the one that is kept for that, and instead of
+    /// the client that was silent for longest. Waits until there is one to spare again, or for a moment.
+    async fn squeeze(self: &Rc<Self>, socket: &TcpListener, listener: &Rc<Listener>, error: &io::Error) {
+        self.told
+            .say(&format!("cannot accept a connection, so the client that was silent for longest gives way: {error}"));
+        if self.spare.release() {
+            let accepted = poll_fn(|cx| match socket.poll_accept(cx) {
+                Poll::Ready(accepted) => Poll::Ready(accepted.ok()),
+                Poll::Pending => Poll::Ready(None),
+            });
+            if let Some((stream, peer)) = accepted.await {
+                let is_let_in = !listener.allows(peer.ip()) || self.make_room() || listener.has_priority(peer.ip());
+                if is_let_in {
+                    self.admit(stream, peer, listener);
+                } else {
+                    self.refuse(peer, "there are no descriptors, and nobody may be closed");
+                }
+            }
+        } else {
+            self.make_room();
+        }
+        for _ in 0..CLOSING_TURNS {
+            yield_now().await;
+            if self.spare.refill() {
+                return;
+            }
+        }
+        sleep(ACCEPT_PAUSE).await;
+        self.spare.refill();
+    }
+
+    fn refuse(&self, peer: SocketAddr, why: &str) {
+        self.totals.refused();
+        self.told.say(&format!("refused {peer}: {why}"));
+    }
+}
+
+/// Whether the system lacks what every connection needs.
+fn is_scarcity(error: &io::Error) -> bool {
+    let scarce = [Errno::MFILE, Errno::NFILE, Errno::NOBUFS, Errno::NOMEM];
+    error.raw_os_error().is_some_and(|code| scarce.iter().any(|errno| errno.raw_os_error() == code))
+}
+
+/// Small answers leave at once, and a client that is gone is noticed: within twice `keep_alive` of its last sign of life,
+/// or of the first byte that it did not confirm.
+fn tune(stream: &TcpStream, peer: SocketAddr, keep_alive: Option<Duration>) {
+    let set = || -> rustix::io::Result<()> {
+        sockopt::set_tcp_nodelay(stream, true)?;
+        let Some(idle) = keep_alive else { return Ok(()) };
+        let seconds = u32::try_from(idle.as_secs()).unwrap_or(u32::MAX);
+        let (every, probes) = ((seconds / 4).max(1), seconds.clamp(1, PROBES));
+        sockopt::set_socket_keepalive(stream, true)?;
+        sockopt::set_tcp_keepidle(stream, idle)?;
+        sockopt::set_tcp_keepintvl(stream, Duration::from_secs(every.into()))?;
+        sockopt::set_tcp_keepcnt(stream, probes)?;
+        sockopt::set_tcp_user_timeout(stream, seconds.saturating_add(every * probes).saturating_mul(1000))
+    };
+    if let Err(error) = set() {
+        tracing::debug!(%peer, %error, "the socket keeps its own settings");
+    }
+}
+
+/// Says what may happen thousands of times a second, at most once a second.
+#[derive(Debug, Default)]
+pub(super) struct Told {
+    last: Cell<Option<Instant>>,
+    unsaid: Cell<u64>,
+}
+
+impl Told {
+    pub(super) fn say(&self, what: &str) {
+        let now = Instant::now();
+        if self.last.get().is_some_and(|last| now.duration_since(last) < TELL_EVERY) {
+            self.unsaid.set(self.unsaid.get() + 1);
+            return;
+        }
+        self.last.set(Some(now));
+        match self.unsaid.take() {
+            0 => tracing::warn!("{what}"),
+            more => tracing::warn!(more, "{what}"),
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! What all connections share: their places, and the memory that unread answers take.
+
+use super::{Client, Listener, Server};
+use crate::domain::ids::AskerId;
+use crate::north::modbus::{Entry, Newcomer, Place, Places};
+use std::cell::{Cell, RefCell};
+use std::fmt;
+use std::net::IpAddr;
+use std::rc::Rc;
+
+/// Most bytes of answers that all clients together have not read. What one may leave is bounded by its connection; this
+/// bounds thousands of them.
+pub(super) const UNREAD_MAX: usize = 32 * 1024 * 1024;
+/// Down to this many bytes the greediest are closed then, so that it is not done anew for each answer.
+const UNREAD_KEPT: usize = UNREAD_MAX / 4 * 3;
+
+/// Why the server ends a connection that has done nothing wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Dismissal {
+    Unwanted,
+    MadeRoom,
+    Unread,
+}
+
+impl fmt::Display for Dismissal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Unwanted => "its listener is gone or does not allow it any more",
+            Self::MadeRoom => "it was silent for longest when another needed its place",
+            Self::Unread => "it left the most answers unread when all clients together left too many",
+        })
+    }
+}
+
+/// What all connections share.
+#[derive(Debug, Default)]
+pub(super) struct Hall {
+    pub(super) places: RefCell<Places>,
+    /// Bytes that wait for clients to read them.
+    unread: Cell<usize>,
+}
+
+/// The place of one connection. It is given back when this is dropped.
+#[derive(Debug)]
+pub(super) struct Seat {
+    hall: Rc<Hall>,
+    pub(super) asker: AskerId,
+    place: Cell<Place>,
+    unread: Cell<usize>,
+}
+
+impl Seat {
+    /// The connection has asked something.
+    pub(super) fn active(&self) {
+        self.place.set(self.hall.places.borrow_mut().active(self.place.get()));
+    }
+
+    /// So many bytes wait for the client now. Returns whether too many wait for all clients together.
+    pub(super) fn leaves_unread(&self, bytes: usize) -> bool {
+        let before = self.unread.replace(bytes);
+        let all = self.hall.unread.get().saturating_sub(before).saturating_add(bytes);
+        self.hall.unread.set(all);
+        all > UNREAD_MAX
+    }
+}
+
+impl Drop for Seat {
+    fn drop(&mut self) {
+        self.leaves_unread(0);
+        self.hall.places.borrow_mut().leave(self.place.get());
+    }
+}
+
+impl Server {
+    /// A place for a newcomer, if need be that of the client that was silent for longest; nothing if there is none.
+    pub(super) fn seat(&self, peer: IpAddr, listener: &Listener) -> Option<Seat> {
+        self.last.set(self.last.get() + 1);
+        let asker = AskerId(self.last.get());
+        let newcomer = {
+            let mut places = self.hall.places.borrow_mut();
+            let room = listener.room(|| places.add_room());
+            let (room_max, has_priority) = (listener.connections_max(), listener.has_priority(peer));
+            Newcomer { asker, room, room_max, has_priority }
+        };
+        let entry = self.hall.places.borrow_mut().enter(newcomer, &|asker| self.is_busy(asker));
+        let place = match entry {
+            Entry::Free(place) => place,
+            Entry::InsteadOf(place, gone) => {
+                self.dismiss(gone, Dismissal::MadeRoom);
+                place
+            }
+            Entry::Full => return None,
+        };
+        let (hall, place) = (Rc::clone(&self.hall), Cell::new(place));
+        Some(Seat { hall, asker, place, unread: Cell::default() })
+    }
+
+    /// Closes the client that was silent for longest; whether there is one that may be closed.
+    pub(super) fn make_room(&self) -> bool {
+        let gone = self.hall.places.borrow_mut().make_room(&|asker| self.is_busy(asker));
+        gone.inspect(|gone| self.dismiss(*gone, Dismissal::MadeRoom)).is_some()
+    }
+
+    /// Closes those who left the most answers unread until few enough bytes wait; those with priority come last.
+    pub(super) fn shed(&self) {
+        let clients = self.clients.borrow();
+        let mut greedy: Vec<_> = clients.values().filter(|client| client.seat.unread.get() > 0).collect();
+        let has_priority = |client: &Client| client.seat.place.get() == Place::Priority;
+        greedy.sort_by_key(|client| (has_priority(client), std::cmp::Reverse(client.seat.unread.get())));
+        for client in greedy {
+            if self.hall.unread.get() <= UNREAD_KEPT {
+                break;
+            }
+            client.seat.leaves_unread(0);
+            client.dismiss(Dismissal::Unread);
+            self.totals.closed_early();
+        }
+    }
+
+    fn is_busy(&self, asker: AskerId) -> bool {
+        self.clients.borrow().get(&asker).is_some_and(|client| client.machine.borrow().is_busy())
+    }
+
+    fn dismiss(&self, asker: AskerId, why: Dismissal) {
+        if let Some(client) = self.clients.borrow().get(&asker) {
+            client.dismiss(why);
+            self.totals.closed_early();
+        } else if self.handshakes.dismiss(asker) {
+            self.totals.closed_early();
+        }
+    }
+}

@@ -1,0 +1,369 @@
+//! Who has a place among the connections, and who gives way when all are taken. It knows no socket.
+
+use crate::domain::ids::AskerId;
+use std::collections::BTreeMap;
+
+/// The ordinary connections of one listener.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct RoomId(u64);
+
+/// The place of one connection; it is given back by [`Places::leave`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// One that may have to give way.
+    Ordinary {
+        /// Whose it is.
+        room: RoomId,
+        /// Where it stands among the others: the least was silent for longest.
+        turn: u64,
+    },
+    /// One that never gives way.
+    Priority,
+}
+
+/// What a newcomer wants.
+#[derive(Clone, Copy, Debug)]
+pub struct Newcomer {
+    /// Its number, which no other connection has.
+    pub asker: AskerId,
+    /// Its listener's room.
+    pub room: RoomId,
+    /// Most ordinary connections there; nothing: as many as there are places.
+    pub room_max: Option<usize>,
+    /// It never gives way.
+    pub has_priority: bool,
+}
+
+/// What becomes of a newcomer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Entry {
+    /// It has a place.
+    Free(Place),
+    /// It has the place of this connection, which is to be closed.
+    InsteadOf(Place, AskerId),
+    /// All places are taken, and nobody may be closed.
+    Full,
+}
+
+/// Whether a connection waits for an answer. Such a one does not give way.
+pub type IsBusy<'a> = &'a dyn Fn(AskerId) -> bool;
+
+/// The places of all connections. Each call costs the logarithm of their number.
+#[derive(Debug)]
+pub struct Places {
+    most: usize,
+    last_room: u64,
+    last_turn: u64,
+    /// The ordinary ones by turn; rooms without any are not there.
+    rooms: BTreeMap<RoomId, BTreeMap<u64, AskerId>>,
+    ordinary: usize,
+    priority: usize,
+}
+
+impl Places {
+    /// Most connections, whatever the system grants: what one takes is a few kilobytes.
+    pub const MOST: usize = 65_536;
+    /// Places that are kept free for priority, or a quarter of all where there are few.
+    pub const RESERVED: usize = 16;
+    /// Most connections that are asked whether they are busy before a newcomer is refused. A busy one has asked within
+    /// the deadline of a request, so those that were silent for longer stand before it.
+    const LOOKS_MAX: usize = 64;
+
+    /// `most` places, none of them taken.
+    #[must_use]
+    pub const fn new(most: usize) -> Self {
+        Self { most, last_room: 0, last_turn: 0, rooms: BTreeMap::new(), ordinary: 0, priority: 0 }
+    }
+
+    /// How many places there are.
+    #[must_use]
+    pub const fn most(&self) -> usize {
+        self.most
+    }
+
+    /// A room for the ordinary connections of another listener.
+    pub const fn add_room(&mut self) -> RoomId {
+        self.last_room += 1;
+        RoomId(self.last_room)
+    }
+
+    /// Gives a newcomer a place, if need be that of the connection that was silent for longest: of its own room where that
+    /// is full, else of all.
+    pub fn enter(&mut self, newcomer: Newcomer, is_busy: IsBusy<'_>) -> Entry {
+        let gone = if newcomer.has_priority {
+            let has_room = self.ordinary + self.priority < self.most;
+            if has_room { None } else { Some(self.make_room(is_busy)) }
+        } else if newcomer.room_max.is_some_and(|max| self.in_room(newcomer.room) >= max) {
+            Some(self.silent_in(newcomer.room, is_busy).and_then(|turn| self.remove(newcomer.room, turn)))
+        } else {
+            let has_room = self.ordinary + self.priority.max(self.reserved()) < self.most;
+            if has_room { None } else { Some(self.make_room(is_busy)) }
+        };
+        match gone {
+            None => Entry::Free(self.take(newcomer)),
+            Some(None) => Entry::Full,
+            Some(Some(gone)) => Entry::InsteadOf(self.take(newcomer), gone),
+        }
+    }
+
+    /// Takes the place of the ordinary connection that was silent for longest, which is to be closed; nothing if none may be.
+    pub fn make_room(&mut self, is_busy: IsBusy<'_>) -> Option<AskerId> {
+        let silent = self.rooms.keys().filter_map(|room| Some((self.silent_in(*room, is_busy)?, *room)));
+        let (turn, room) = silent.min()?;
+        self.remove(room, turn)
+    }
+
+    /// The connection at `place` has asked something: it gives way after all others. Returns its place from now on.
+    #[must_use]
+    pub fn active(&mut self, place: Place) -> Place {
+        let Place::Ordinary { room, turn } = place else { return place };
+        let Some(order) = self.rooms.get_mut(&room) else { return place };
+        let Some(asker) = order.remove(&turn) else { return place };
+        self.last_turn += 1;
+        order.insert(self.last_turn, asker);
+        Place::Ordinary { room, turn: self.last_turn }
+    }
+
+    /// The connection at `place` has ended. One that had to give way has no place any more, which does no harm.
+    pub fn leave(&mut self, place: Place) {
+        match place {
+            Place::Ordinary { room, turn } => {
+                self.remove(room, turn);
+            }
+            Place::Priority => self.priority = self.priority.saturating_sub(1),
+        }
+    }
+
+    fn reserved(&self) -> usize {
+        Self::RESERVED.min(self.most / 4)
+    }
+
+    fn in_room(&self, room: RoomId) -> usize {
+        self.rooms.get(&room).map_or(0, BTreeMap::len)
+    }
+
+    fn take(&mut self, newcomer: Newcomer) -> Place {
+        if newcomer.has_priority {
+            self.priority += 1;
+            return Place::Priority;
+        }
+        self.last_turn += 1;
+        self.ordinary += 1;
+        self.rooms.entry(newcomer.room).or_default().insert(self.last_turn, newcomer.asker);
+        Place::Ordinary { room: newcomer.room, turn: self.last_turn }
+    }
+
+    /// The turn of the one in `room` that was silent for longest and waits for nothing.
+    fn silent_in(&self, room: RoomId, is_busy: IsBusy<'_>) -> Option<u64> {
+        let first = self.rooms.get(&room)?.iter().take(Self::LOOKS_MAX);
+        first.into_iter().find(|(_, asker)| !is_busy(**asker)).map(|(turn, _)| *turn)
+    }
+
+    fn remove(&mut self, room: RoomId, turn: u64) -> Option<AskerId> {
+        let order = self.rooms.get_mut(&room)?;
+        let asker = order.remove(&turn)?;
+        if order.is_empty() {
+            self.rooms.remove(&room);
+        }
+        self.ordinary -= 1;
+        Some(asker)
+    }
+}
+
+impl Default for Places {
+    fn default() -> Self {
+        Self::new(Self::MOST)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn newcomer(number: u64, room: RoomId) -> Newcomer {
+        Newcomer { asker: AskerId(number), room, room_max: None, has_priority: false }
+    }
+
+    fn nobody(_: AskerId) -> bool {
+        false
+    }
+
+    fn place(entry: Entry) -> Place {
+        match entry {
+            Entry::Free(place) | Entry::InsteadOf(place, _) => place,
+            Entry::Full => panic!("no place"),
+        }
+    }
+
+    fn gone(entry: Entry) -> Option<u64> {
+        if let Entry::InsteadOf(_, asker) = entry { Some(asker.0) } else { None }
+    }
+
+    #[test]
+    fn the_one_that_was_silent_for_longest_gives_way() {
+        let mut places = Places::new(4);
+        let room = places.add_room();
+        let first: Vec<_> = (0..3).map(|number| place(places.enter(newcomer(number, room), &nobody))).collect();
+        let last = places.active(first[0]);
+        assert_eq!(gone(places.enter(newcomer(3, room), &nobody)), Some(1), "the first has asked since");
+        places.leave(last);
+        assert!(matches!(places.enter(newcomer(4, room), &nobody), Entry::Free(_)));
+        places.leave(first[1]);
+        assert_eq!(places.active(first[1]), first[1], "who gave way has no place");
+        assert_eq!(gone(places.enter(newcomer(5, room), &nobody)), Some(2), "and gives back none");
+    }
+
+    #[test]
+    fn who_waits_for_an_answer_does_not_give_way() {
+        let mut places = Places::new(4);
+        let room = places.add_room();
+        for number in 0..3 {
+            places.enter(newcomer(number, room), &nobody);
+        }
+        assert_eq!(gone(places.enter(newcomer(3, room), &|asker| asker.0 != 1)), Some(1));
+        assert_eq!(places.enter(newcomer(4, room), &|_| true), Entry::Full);
+        assert_eq!(places.make_room(&|_| true), None);
+        assert_eq!(places.make_room(&nobody), Some(AskerId(0)));
+    }
+
+    #[test]
+    fn priority_has_places_of_its_own_and_never_gives_way() {
+        let mut places = Places::new(100);
+        let room = places.add_room();
+        let entries = (0..100).map(|number| places.enter(newcomer(number, room), &nobody));
+        assert_eq!(entries.filter(|it| matches!(it, Entry::Free(_))).count(), 84);
+        let urgent = |number| Newcomer { has_priority: true, ..newcomer(number, room) };
+        for number in 100..116 {
+            assert_eq!(places.enter(urgent(number), &|_| true), Entry::Free(Place::Priority), "though all others wait");
+        }
+        assert_eq!(places.enter(urgent(116), &|_| true), Entry::Full);
+        for number in 117..201 {
+            assert_eq!(gone(places.enter(urgent(number), &nobody)), Some(number - 101), "an ordinary one");
+        }
+        assert_eq!(places.enter(urgent(201), &nobody), Entry::Full);
+        assert_eq!(places.enter(newcomer(202, room), &nobody), Entry::Full);
+        places.leave(Place::Priority);
+        assert_eq!(places.enter(urgent(203), &nobody), Entry::Free(Place::Priority));
+    }
+
+    #[test]
+    fn a_full_room_makes_room_itself_and_full_places_wherever_silence_was_longest() {
+        let mut places = Places::new(8);
+        let (small, other) = (places.add_room(), places.add_room());
+        let of_small = |number| Newcomer { room_max: Some(2), ..newcomer(number, small) };
+        for number in 0..4 {
+            places.enter(newcomer(number, other), &nobody);
+        }
+        places.enter(of_small(4), &nobody);
+        places.enter(of_small(5), &nobody);
+        assert_eq!(gone(places.enter(of_small(6), &nobody)), Some(4));
+        assert_eq!(gone(places.enter(newcomer(7, other), &nobody)), Some(0));
+        let urgent = Newcomer { has_priority: true, ..of_small(8) };
+        assert_eq!(places.enter(urgent, &nobody), Entry::Free(Place::Priority), "its room does not count it");
+        assert_eq!(gone(places.enter(Newcomer { room_max: Some(0), ..newcomer(9, small) }, &nobody)), Some(5));
+    }
+
+    #[test]
+    fn twenty_thousand_find_a_place() {
+        let mut places = Places::new(20_000);
+        let room = places.add_room();
+        let mut last = None;
+        for number in 0..40_000 {
+            let entry = places.enter(newcomer(number, room), &nobody);
+            assert_eq!(gone(entry), number.checked_sub(20_000 - Places::RESERVED as u64));
+            last = Some(places.active(place(entry)));
+        }
+        places.leave(last.unwrap());
+        assert_eq!(places.ordinary, 20_000 - Places::RESERVED - 1);
+    }
+
+    #[derive(Clone, Debug)]
+    enum Event {
+        Enter { room: usize, has_priority: bool, busy: u64 },
+        Ask(prop::sample::Index),
+        Leave(prop::sample::Index),
+        Short { busy: u64 },
+    }
+
+    fn event() -> impl Strategy<Value = Event> {
+        let busy = || prop_oneof![3 => Just(0), 1 => any::<u64>(), 1 => Just(u64::MAX)];
+        prop_oneof![
+            6 => (0..2_usize, prop::bool::weighted(0.2), busy())
+                .prop_map(|(room, has_priority, busy)| Event::Enter { room, has_priority, busy }),
+            4 => any::<prop::sample::Index>().prop_map(Event::Ask),
+            2 => any::<prop::sample::Index>().prop_map(Event::Leave),
+            1 => busy().prop_map(|busy| Event::Short { busy }),
+        ]
+    }
+
+    /// One that is connected, as the test knows it: a list is in the order of their silence, longest first.
+    #[derive(Clone, Copy, Debug)]
+    struct Known {
+        asker: u64,
+        room: usize,
+        place: Place,
+    }
+
+    proptest! {
+        #[test]
+        fn places_are_as_many_as_there_are_and_the_right_one_gives_way(
+            most in 1..24_usize,
+            events in prop::collection::vec(event(), 0..120),
+        ) {
+            let mut places = Places::new(most);
+            let rooms = [places.add_room(), places.add_room()];
+            let maxima = [Some(5), None];
+            let reserved = Places::RESERVED.min(most / 4);
+            let mut known: Vec<Known> = Vec::new();
+            for (number, event) in (0_u64..).zip(events) {
+                let is_priority = |it: &Known| it.place == Place::Priority;
+                let priority = known.iter().filter(|it| is_priority(it)).count();
+                let ordinary = known.len() - priority;
+                let may_go = |it: &Known, room: Option<usize>, busy: u64| {
+                    !is_priority(it) && room.is_none_or(|room| room == it.room) && busy >> (it.asker % 64) & 1 == 0
+                };
+                match event {
+                    Event::Enter { room, has_priority, busy } => {
+                        let in_room = known.iter().filter(|it| !is_priority(it) && it.room == room).count();
+                        let is_room_full = !has_priority && maxima[room].is_some_and(|max| in_room >= max);
+                        let kept = if has_priority { priority } else { priority.max(reserved) };
+                        let is_full = is_room_full || ordinary + kept >= most;
+                        let whose = is_room_full.then_some(room);
+                        let right = known.iter().position(|it| may_go(it, whose, busy)).filter(|_| is_full);
+                        let newcomer = Newcomer { asker: AskerId(number), room: rooms[room], room_max: maxima[room], has_priority };
+                        let entry = places.enter(newcomer, &|asker| busy >> (asker.0 % 64) & 1 == 1);
+                        prop_assert_eq!(entry == Entry::Full, is_full && right.is_none());
+                        prop_assert_eq!(gone(entry), right.map(|at| known[at].asker));
+                        if let Some(at) = right {
+                            let gone = known.remove(at);
+                            // Its task ends later, or asked a last time.
+                            prop_assert_eq!(places.active(gone.place), gone.place);
+                            places.leave(gone.place);
+                        }
+                        if entry != Entry::Full {
+                            known.push(Known { asker: number, room, place: place(entry) });
+                        }
+                    }
+                    Event::Ask(which) if !known.is_empty() => {
+                        let mut asking = known.remove(which.index(known.len()));
+                        asking.place = places.active(asking.place);
+                        known.push(asking);
+                    }
+                    Event::Leave(which) if !known.is_empty() => {
+                        places.leave(known.remove(which.index(known.len())).place);
+                    }
+                    Event::Short { busy } => {
+                        let right = known.iter().position(|it| may_go(it, None, busy));
+                        let gone = places.make_room(&|asker| busy >> (asker.0 % 64) & 1 == 1);
+                        prop_assert_eq!(gone.map(|it| it.0), right.map(|at| known.remove(at).asker));
+                    }
+                    Event::Ask(_) | Event::Leave(_) => {}
+                }
+                prop_assert!(known.len() <= most);
+                prop_assert_eq!(places.ordinary + places.priority, known.len());
+                prop_assert_eq!(places.rooms.values().map(BTreeMap::len).sum::<usize>(), places.ordinary);
+            }
+        }
+    }
+}
