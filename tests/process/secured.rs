@@ -237,14 +237,14 @@ fn openssl_finds_1_2_and_1_3_and_nothing_weaker() {
         let (is_content, text) = secured.openssl(Some("panel"), &[version]);
         assert!(is_content && text.contains("Verify return code: 0 (ok)") && text.contains(name), "{text}");
     }
-    for (args, alert) in [
-        (&["-tls1_1", "-cipher", "DEFAULT@SECLEVEL=0"][..], "alert protocol version"),
-        (&["-tls1_2", "-cipher", "AES128-GCM-SHA256:AES256-GCM-SHA384"], "alert handshake failure"),
-        (&["-tls1_2", "-cipher", "ECDHE-ECDSA-AES128-SHA256:ECDHE-ECDSA-AES128-SHA"], "alert handshake failure"),
-        (&["-tls1_2", "-cipher", "ECDHE-ECDSA-AES128-CCM:ECDHE-ECDSA-AES128-CCM8"], "alert handshake failure"),
+    for args in [
+        ["-tls1_1", "-cipher", "DEFAULT@SECLEVEL=0"],
+        ["-tls1_2", "-cipher", "AES128-GCM-SHA256:AES256-GCM-SHA384"],
+        ["-tls1_2", "-cipher", "ECDHE-ECDSA-AES128-SHA256:ECDHE-ECDSA-AES128-SHA"],
+        ["-tls1_2", "-cipher", "ECDHE-ECDSA-AES128-CCM:ECDHE-ECDSA-AES128-CCM8"],
     ] {
-        let (is_content, text) = secured.openssl(Some("panel"), args);
-        assert!(!is_content && text.contains(alert), "{args:?}: {text}");
+        let (is_content, text) = secured.openssl(Some("panel"), &args);
+        assert!(!is_content && text.contains("alert handshake failure"), "{args:?}: {text}");
     }
 }
 

@@ -87,7 +87,10 @@ fn reason(error: &io::Error) -> String {
 
 fn certificate_reason(wrong: &CertificateError) -> String {
     let text = match wrong {
-        CertificateError::UnknownIssuer => "its certificate is of no authority in `client_ca_file`",
+        // An authority of the same name with another key gives the second.
+        CertificateError::UnknownIssuer | CertificateError::BadSignature => {
+            "its certificate is not signed by an authority in `client_ca_file`"
+        }
         CertificateError::Expired | CertificateError::ExpiredContext { .. } => "its certificate has expired",
         CertificateError::NotValidYet | CertificateError::NotValidYetContext { .. } => {
             "its certificate is not valid yet; compare the clocks"

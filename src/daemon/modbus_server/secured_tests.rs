@@ -20,7 +20,7 @@ use tokio::task::LocalSet;
 use tokio_rustls::TlsConnector;
 use tokio_rustls::client::TlsStream;
 
-/// Two words of the uniform unit, the first of which is 1: the state of the drive is known.
+/// The first word of a uniform unit: 1, the state of the drive is known.
 const READ: [u8; 5] = [3, 0, 0, 0, 1];
 const RUN: [u8; 5] = [6, 1, 0, 0, 1];
 const EVERY_VERSION: &[&SupportedProtocolVersion] = &[&version::TLS12, &version::TLS13];
@@ -148,6 +148,7 @@ fn the_role_says_what_the_owner_may() {
 #[test]
 fn a_role_that_is_not_listed_gets_01_for_everything() {
     play(async |secured: Secured| {
+        let mut connected = Vec::new();
         for role in ["intern", "Operator", ""] {
             let mut stream = secured.client("somebody", role).await;
             for (unit, pdu) in [(101, &READ[..]), (1, &[3, 1, 1, 0, 1]), (255, &[0x2B, 0x0E, 4, 0]), (101, &RUN)] {
@@ -157,6 +158,7 @@ fn a_role_that_is_not_listed_gets_01_for_everything() {
             let [(_, attempt)] = &kept[..] else { panic!("{kept:?}") };
             assert_eq!(attempt.owner.to_string(), "modbus-security somebody");
             assert_eq!(attempt.report, Some(Report::refused(Reason::NotAllowed)));
+            connected.push(stream);
         }
         secured.plant.assert_untouched();
     });
@@ -210,7 +212,7 @@ fn whoever_does_not_prove_itself_is_told_why() {
         let purpose = ExtendedKeyUsagePurpose::ServerAuth;
         for (client, right) in [
             (None, "the client shows no certificate"),
-            (Some(Authority::new().client("scada", "operator")), "of no authority in `client_ca_file`"),
+            (Some(Authority::new().client("scada", "operator")), "not signed by an authority in `client_ca_file`"),
             (Some(issue(&|it| (it.not_before, it.not_after) = (day(2019), day(2020)))), "has expired"),
             (Some(issue(&|it| (it.not_before, it.not_after) = (day(2090), day(2091)))), "is not valid yet"),
             (Some(issue(&|it| it.extended_key_usages = vec![purpose.clone()])), "is not for clients"),
@@ -283,7 +285,7 @@ fn a_client_that_reads_late_gets_everything_in_order() {
         let ask = async {
             for first in (0..REQUESTS).step_by(100) {
                 let requests: Vec<(u16, u8, &[u8])> =
-                    (first..first + 100).map(|number| (number, 101, &[3, 0, 0, 0, 36][..])).collect();
+                    (first..first + 100).map(|number| (number, 101, &[3, 0, 0, 0, 16][..])).collect();
                 send(&mut sink, &requests).await;
             }
         };
@@ -291,7 +293,7 @@ fn a_client_that_reads_late_gets_everything_in_order() {
             tokio::time::sleep(Duration::from_millis(200)).await;
             for number in 0..REQUESTS {
                 let (transaction, unit, pdu) = answer(&mut source).await;
-                assert_eq!((transaction, unit, &pdu[..4]), (number, 101, &[3, 72, 0, 1][..]));
+                assert_eq!((transaction, unit, &pdu[..4]), (number, 101, &[3, 32, 0, 1][..]));
             }
         };
         tokio::join!(ask, read);
