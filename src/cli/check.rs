@@ -55,7 +55,13 @@ fn of_listener(listener: &ListenerSettings) -> String {
         (false, _) => format!("{write} may write, {stop} may stop"),
     };
     let renew = if listener.reads_renew { "; reads renew a lease" } else { "" };
-    format!("Modbus TCP on {}: {rights}{renew}", listener.listen)
+    let units = listener.units.as_ref().map_or_else(String::new, |units| format!("; units {} only", list(units)));
+    let most = listener.connections_max.map_or_else(String::new, |most| format!("; at most {most} clients"));
+    let priority = match &listener.priority[..] {
+        [] => String::new(),
+        networks => format!("; {} never give way to others", list(networks)),
+    };
+    format!("Modbus TCP on {}: {rights}{renew}{units}{most}{priority}", listener.listen)
 }
 
 fn of_mqtt(mqtt: &MqttSettings, config: &Config) -> String {
@@ -172,5 +178,17 @@ mod tests {
             std::fs::write(&path, &found).unwrap();
         }
         assert_eq!(found, std::fs::read_to_string(&path).unwrap(), "{path}");
+    }
+
+    #[test]
+    fn a_listener_is_told_with_its_limits() {
+        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+        let text = include_str!("../../tests/golden/config/several_vendors.toml");
+        let limits = "units = [1]\nconnections_max = 9\npriority = [\"127.0.0.1/32\"]\n[[modbus_tcp]]";
+        let listener = format!("[[modbus_tcp]]\nlisten = \"127.0.0.1:1\"\n{limits}");
+        let text = text.replacen("[[modbus_tcp]]", &listener, 1);
+        let found = super::report(&config::load(&text, &catalog).unwrap());
+        let told = "127.0.0.1:1: read-only; units 1 only; at most 9 clients; 127.0.0.1/32 never give way to others\n";
+        assert!(found.contains(told), "{found}");
     }
 }

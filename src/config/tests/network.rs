@@ -141,8 +141,8 @@ fn a_limit_that_makes_no_sense_is_refused() {
     ] {
         only(&listener_with(line), &format!("modbus_tcp[0].{right}"));
     }
-    assert!(problems(&listener_with("idle_timeout = '25h'"))[0].contains("a time from \"0s\" to \"24h\""));
-    assert!(problems(&listener_with("keep_alive = '3h'"))[0].contains("a time from \"0s\" to \"2h\""));
+    assert!(problems(&listener_with("idle_timeout = '25h'"))[0].contains("a time from \"0ms\" to \"24h\""));
+    assert!(problems(&listener_with("keep_alive = '3h'"))[0].contains("a time from \"0ms\" to \"2h\""));
     let allowed = "allow = ['10.0.0.0/24']\npriority = ['10.0.0.0/16']";
     only(
         &listener_with(allowed),
@@ -164,7 +164,7 @@ fn units_that_are_served_are_units_of_drives() {
         &listener_with("units = []"),
         "modbus_tcp[0].units: an empty list of units serves no drive; units of drives, or leave it out to serve all",
     );
-    only(&listener_with("units = [1, 1]"), "modbus_tcp[0].units[1]: unit 1 is listed twice");
+    only(&listener_with("units = [1, 1]"), "modbus_tcp[0].units[1]: unit 1 is listed twice; -");
     let listed = format!("{TWO_LINES}lines = ['hall-1']\nunits = [2, 101]\n");
     only(&listed, "modbus_tcp[0].units[0]: no drive that is served here has unit 2; of 1, 101; 255 is always served");
     assert_eq!(problems(&listener_with("units = [7, 8]")).len(), 2, "all at once");

@@ -67,7 +67,7 @@ impl Crowd {
 fn play<F: Future<Output = ()>>(places: usize, settings: ListenerSettings, test: impl FnOnce(Crowd) -> F) {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     let end = Duration::from_secs(20);
-    let played = runtime.block_on(LocalSet::new().run_until(tokio::time::timeout(end, async {
+    let play = async {
         let socket = TcpListener::bind(settings.listen).await.unwrap();
         let address = socket.local_addr().unwrap();
         let (shared, totals) = (shared(), Arc::new(ModbusTotals::default()));
@@ -75,8 +75,9 @@ fn play<F: Future<Output = ()>>(places: usize, settings: ListenerSettings, test:
         let server = Rc::new(Server::new(Arc::clone(&totals), None).with_places(places));
         tokio::task::spawn_local(Rc::clone(&server).listen(socket, Listener::new(settings, router, None)));
         test(Crowd { server, shared, totals, address }).await;
-    })));
-    played.expect("it ends in time");
+    };
+    let played = async { tokio::time::timeout(end, play).await };
+    runtime.block_on(LocalSet::new().run_until(played)).expect("it ends in time");
 }
 
 fn with_priority() -> ListenerSettings {
