@@ -20,6 +20,7 @@ mod listen;
 mod lists;
 mod mqtt;
 mod native;
+mod points;
 mod port;
 mod ratings;
 mod read;
