@@ -1,7 +1,7 @@
 //! What the gateway reaches, measured and printed as a table: `cargo bench --bench reach`, about twenty minutes.
 //!
 //! A part of the table by name: `cargo bench --bench reach -- paced`. Parts: paced, unpaced, shared, fair, dead,
-//! late, stop, command, lost, retained, uniform, journal, memory, unplug; most are shorter with `--quick`. Everything stays on
+//! late, stop, command, lost, retained, telemetry, uniform, journal, memory, unplug; most are shorter with `--quick`. Everything stays on
 //! this machine: pseudo-terminals and loopback. The brokers are processes started here: mosquitto if it is installed.
 
 #![allow(
@@ -38,6 +38,7 @@ mod stop;
 mod support;
 mod table;
 mod tapped;
+mod telemetry;
 mod uniform;
 mod unplug;
 
@@ -46,7 +47,7 @@ use table::Row;
 /// Measures one part of the table.
 type Part = fn() -> Vec<Row>;
 
-const PARTS: [(&str, Part); 14] = [
+const PARTS: [(&str, Part); 15] = [
     ("paced", paced::paced),
     ("unpaced", rows::unpaced),
     ("shared", rows::shared),
@@ -57,6 +58,7 @@ const PARTS: [(&str, Part); 14] = [
     ("command", command::command),
     ("lost", lost::lost),
     ("retained", retained::retained),
+    ("telemetry", telemetry::telemetry),
     ("uniform", uniform::uniform),
     ("journal", journal::journal),
     ("memory", memory::memory),
