@@ -35,6 +35,13 @@ fn of_output<T>(it: T) -> Vec<(String, T)> {
     vec![("output_frequency".to_owned(), it)]
 }
 
+/// All that is done up to the next poll, which finds nothing new, so many milliseconds later.
+fn polled_after(rig: &mut Rig, millis: u64) -> Vec<Act> {
+    let acts = rig.pass(millis);
+    rig.poll(0, 3_000);
+    [acts, rig.acts()].concat()
+}
+
 /// Topics on which something stands in the end.
 fn filled(acts: &[Act]) -> Vec<String> {
     told(acts).into_iter().filter(|(_, payload)| !payload.is_empty()).map(|(topic, _)| topic).collect()
@@ -132,9 +139,7 @@ fn a_point_with_a_heartbeat_of_its_own_comes_by_that_and_expires_by_it() {
         let mut rig = with_points(version, points.clone());
         let mut times = 0;
         for _ in 0..118 {
-            rig.pass(500);
-            rig.poll(0, 3_000);
-            let acts = rig.acts();
+            let acts = polled_after(&mut rig, 500);
             times += told(&acts).iter().filter(|(topic, _)| topic == "drive/pump/frequency/output").count();
             let expiry =
                 |topic: &str| publications(&acts).iter().find(|it| it.topic.ends_with(topic)).map(|it| it.expiry);
@@ -152,9 +157,7 @@ fn a_longer_heartbeat_of_its_own_is_kept_too() {
     let mut rig = with_points(Version::V5, points);
     let mut seen = Vec::new();
     for second in 0..130 {
-        rig.pass(1_000);
-        rig.poll(0, 3_000);
-        let acts = rig.acts();
+        let acts = polled_after(&mut rig, 1_000);
         for it in publications(&acts).iter().filter(|it| it.topic.ends_with("pump/frequency/output")) {
             seen.push((second, it.expiry));
         }
