@@ -25,6 +25,7 @@
 //! | `uniform` | the uniform unit and the exceptions as Modbus clients see them |
 //! | `overseeing` | metrics, alive, ready, the health check |
 //! | `vendors` | drives of other vendors, in ASCII too, played by a program that nobody here wrote, obey and are understood |
+//! | `node_red` | the flow of `deploy/node-red`, in Node-RED as it stands, shows a drive and moves it |
 //! | `trying` | the demo does what it prints |
 //!
 //! The other files are helpers. These tests are few and slow; what needs no process is tested elsewhere.
@@ -63,6 +64,8 @@ mod journal;
 mod losing;
 #[path = "process/network.rs"]
 mod network;
+#[path = "process/node_red.rs"]
+mod node_red;
 #[path = "process/overseeing.rs"]
 mod overseeing;
 #[path = "process/owning.rs"]

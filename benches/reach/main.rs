@@ -1,9 +1,9 @@
 //! What the gateway reaches, measured and printed as a table: `cargo bench --bench reach`, about twenty minutes.
 //!
 //! A part of the table by name: `cargo bench --bench reach -- paced`. Parts: paced, unpaced, shared, fair, dead,
-//! late, stop, command, lost, retained, uniform, crowd, setpoints, journal, memory, unplug; most are shorter with
-//! `--quick`. Everything stays on this machine: pseudo-terminals and loopback. The brokers are processes started here:
-//! mosquitto if it is installed.
+//! late, stop, command, lost, retained, telemetry, uniform, crowd, setpoints, journal, memory, unplug; most are shorter
+//! with `--quick`. Everything stays on this machine: pseudo-terminals and loopback. The brokers are processes started
+//! here: mosquitto if it is installed.
 
 #![allow(
     clippy::unwrap_used,
@@ -42,6 +42,7 @@ mod stop;
 mod support;
 mod table;
 mod tapped;
+mod telemetry;
 mod uniform;
 mod unplug;
 
@@ -50,7 +51,7 @@ use table::Row;
 /// Measures one part of the table.
 type Part = fn() -> Vec<Row>;
 
-const PARTS: [(&str, Part); 16] = [
+const PARTS: [(&str, Part); 17] = [
     ("paced", paced::paced),
     ("unpaced", rows::unpaced),
     ("shared", rows::shared),
@@ -61,6 +62,7 @@ const PARTS: [(&str, Part); 16] = [
     ("command", command::command),
     ("lost", lost::lost),
     ("retained", retained::retained),
+    ("telemetry", telemetry::telemetry),
     ("uniform", uniform::uniform),
     ("crowd", crowded::crowd),
     ("setpoints", setpoints::setpoints),

@@ -15,7 +15,7 @@ use vfd_gateway::domain::report::LineReport;
 use vfd_gateway::domain::time::{MonoTime, WallTime};
 use vfd_gateway::drive::view::{ControlView, DriveView};
 use vfd_gateway::north::mqtt::{
-    Act, Broker, Event, LeaseMode, LineState, Message, Moment, Publication, Session, Settings, Version,
+    Act, Broker, Event, LeaseMode, LineState, Message, Moment, Publication, Session, Settings, Tree, Version,
 };
 
 const BASE: &str = "vfd/plant/";
@@ -66,6 +66,7 @@ fn settings(flags: u8) -> Settings {
         command_ttl: Duration::from_secs(1),
         response_prefix: Some(RESPONSES.into()),
         keep_telemetry: 50,
+        publish: Tree::ALL.to_vec(),
     }
 }
 

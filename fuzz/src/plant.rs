@@ -6,7 +6,7 @@ use vfd_gateway::domain::command::Direction;
 use vfd_gateway::domain::control::{ControlAction, ControlSettings, FailSafe};
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::{DriveIndex, Name, UnitId};
-use vfd_gateway::drive::description::{DriveDescription, DriveRef, Ratings};
+use vfd_gateway::drive::description::{DriveDescription, DriveRef, Points, Ratings};
 use vfd_gateway::profile::catalog::Catalog;
 use vfd_gateway::profile::model::Model;
 use vfd_gateway::vendors;
@@ -54,6 +54,6 @@ pub fn drive(model: &Arc<Model>, place: u16, called: &str, has_control: bool) ->
         pace: vfd_gateway::drive::plan::Pace::new(Duration::from_millis(500), 1.0),
         ratings: Ratings::default(),
         control: has_control.then(|| Arc::new(control())),
-        dead_bands: Vec::new(),
+        points: Points::default(),
     }
 }

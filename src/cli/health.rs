@@ -96,6 +96,9 @@ fn report(health: &Value) -> String {
     }
     if let Some(connected) = health["mqtt"]["connected"].as_bool() {
         let _ = writeln!(text, "mqtt: {}", if connected { "connected" } else { "not connected" });
+        if let Some(refused) = health["mqtt"]["events_refused"].as_u64().filter(|refused| *refused > 0) {
+            let _ = writeln!(text, "mqtt: the broker would not take {refused} trip events; the log says why");
+        }
     }
     if let Some(state) = health["journal"]["state"].as_str() {
         let reason = health["journal"]["reason"].as_str().map(|reason| format!(": {reason}")).unwrap_or_default();

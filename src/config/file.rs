@@ -8,7 +8,7 @@ use crate::domain::control::{ControlAction, FailSafe, Ownership};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{Name, Station, UnitId};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, Parity};
-use crate::north::mqtt::{LeaseMode, Version};
+use crate::north::mqtt::{LeaseMode, Tree, Version};
 use crate::profile::reader::{Given, Needed, Place, Written};
 use crate::profile::register::RegisterFile;
 use ipnet::IpNet;
@@ -100,6 +100,8 @@ pub(super) struct DriveFile {
     pub rated_voltage: Given<u32>,
     pub registers: Vec<RegisterFile>,
     pub dead_bands: Given<Vec<(String, Written<f64>)>>,
+    pub heartbeats: Given<Vec<(String, Written<Duration>)>>,
+    pub decimals: Given<Vec<(String, Written<u8>)>>,
     pub control: Given<ControlFile>,
     pub native: Given<NativeFile>,
 }
@@ -180,6 +182,7 @@ pub(super) struct MqttFile {
     pub command_ttl: Given<Duration>,
     pub response_prefix: Given<String>,
     pub keep_telemetry: Given<u32>,
+    pub publish: Given<Vec<Written<Tree>>>,
     pub ca_file: Given<PathBuf>,
     pub client_cert_file: Given<PathBuf>,
     pub client_key_file: Given<PathBuf>,

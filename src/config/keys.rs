@@ -176,6 +176,8 @@ pub const KEYS: &[Key] = &[
     key(Section::Drive, "rated_voltage_v", "V, up to 100000", Some("shown in per cent"), "Rated voltage; for models that report the voltage in per cent of it."),
     key(Section::Drive, "register", "tables", Some("none"), "Registers that the model does not list, stated by the operator."),
     key(Section::Drive, "dead_bands", "table: polled register = number", Some("none"), "Smaller changes, in the register's unit, are not published over MQTT before the heartbeat."),
+    key(Section::Drive, "heartbeats", "table: polled register = \"1s\" to \"1h\"", Some("`heartbeat` of `[mqtt]`"), "A value that does not change is published again after this time, on the topic of its own."),
+    key(Section::Drive, "decimals", "table: polled register = whole number", Some("all that the register has"), "Digits behind the decimal point of what is published over MQTT, from 0; rounded, but never to zero."),
     key(Section::Drive, "control", "table", Some("read-only from everywhere"), "Who may command the drive, what, and what happens when nobody does any more."),
     key(Section::Drive, "native", "table", Some("none"), "Registers of the vendor that may be written; needs `control`."),
 
@@ -229,6 +231,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Mqtt, "command_ttl", "\"100ms\" to \"1min\"", Some("\"1s\""), "How long a command that says nothing else may wait."),
     key(Section::Mqtt, "response_prefix", "levels of a topic", Some("no responses"), "Topics under which a requester may ask for the response; MQTT 5 only."),
     key(Section::Mqtt, "keep_telemetry", "0 to 100000", Some("0: none"), "How many changes of run state, frequencies and measurements are kept while the broker is away."),
+    key(Section::Mqtt, "publish", "list of \"state\", \"values\", \"param\", \"line\", \"info\"", Some("all of them"), "What is published beside that which always is."),
     key(Section::Mqtt, "ca_file", "absolute path", Some("what the system trusts"), "The authority that signed the broker's certificate; with `mqtts://` only."),
     key(Section::Mqtt, "client_cert_file", "absolute path", Some("none"), "The gateway's own certificate; with `mqtts://` only."),
     key(Section::Mqtt, "client_key_file", "absolute path", Some("none"), "The key of that certificate."),

@@ -4,6 +4,7 @@ use super::words::{ACTIONS, DIRECTIONS, ROLE_RIGHTS, RoleRight, WAYS, Way};
 use crate::domain::command::Direction;
 use crate::domain::control::ControlAction;
 use crate::domain::problem::Problem;
+use crate::north::mqtt::Tree;
 use crate::profile::reader::{Given, Written};
 use crate::profile::words::word_for;
 
@@ -33,6 +34,12 @@ impl Word for Direction {
 impl Word for ControlAction {
     fn word(&self) -> &'static str {
         word_for(&ACTIONS, self)
+    }
+}
+
+impl Word for Tree {
+    fn word(&self) -> &'static str {
+        Self::word(*self)
     }
 }
 

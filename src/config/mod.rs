@@ -21,6 +21,7 @@ mod listener_tls;
 mod lists;
 mod mqtt;
 mod native;
+mod points;
 mod port;
 mod ratings;
 mod read;

@@ -2,10 +2,11 @@
 
 use super::broker::Address;
 use super::file::{File, MqttFile};
+use super::lists;
 use super::ready::{BrokerSettings, ClientCertificate, Credentials, MqttSettings, PasswordSource, TlsSettings};
 use super::words::Way;
 use crate::domain::problem::Problem;
-use crate::north::mqtt::{LeaseMode, Version};
+use crate::north::mqtt::{LeaseMode, Tree, Version};
 use crate::profile::reader::{Given, Place, Written};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -45,6 +46,9 @@ pub(super) fn settle(file: &MqttFile, lease: LeaseMode, problems: &mut Vec<Probl
     tls_files(file, problems);
     embedded(file, problems);
     idle(file, lease, problems);
+    if let Given::Usable(list) = &file.publish {
+        lists::once(&list.value, problems);
+    }
     file.lease.or(DEFAULT_LEASE)?;
     let alive_topic = file.alive_topic.or(Some(DEFAULT_ALIVE_TOPIC.to_owned()))?;
     Some(MqttSettings {
@@ -61,7 +65,16 @@ pub(super) fn settle(file: &MqttFile, lease: LeaseMode, problems: &mut Vec<Probl
         command_ttl: file.command_ttl.or(DEFAULT_COMMAND_TTL)?,
         response_prefix: file.response_prefix.clone().optional()?,
         keep_telemetry: file.keep_telemetry.or(0)?,
+        publish: publish(file)?,
     })
+}
+
+/// What is published; nothing: see the problems.
+pub(super) fn publish(file: &MqttFile) -> Option<Vec<Tree>> {
+    match &file.publish {
+        Given::LeftOut => Some(Tree::ALL.to_vec()),
+        list => lists::values(list),
+    }
 }
 
 fn broker(file: &MqttFile) -> Option<BrokerSettings> {

@@ -1,4 +1,4 @@
-//! Keys of a drive that name its registers: the native ones that may be written, and the dead bands.
+//! The registers of a drive that may be written natively.
 
 use super::file::DriveFile;
 use crate::domain::control::ControlSettings;
@@ -124,32 +124,4 @@ fn named<'m>(written: &Written<String>, model: &'m Model) -> Result<Listed<'m>, 
             None => problem.right("a name or a code of the model, or an address as \"0x020C\""),
         }
     })
-}
-
-/// The dead bands of `drive`, by the names of registers that are polled. `is_published`: whether anything would be
-/// sent less often for them.
-pub(super) fn dead_bands(
-    drive: &DriveFile,
-    model: Option<&Model>,
-    is_published: bool,
-    problems: &mut Vec<Problem>,
-) -> Option<Vec<(String, f64)>> {
-    let Written { value: bands, place } = match &drive.dead_bands {
-        Given::LeftOut => return Some(Vec::new()),
-        Given::Unusable => return None,
-        Given::Usable(bands) => bands,
-    };
-    if !is_published {
-        let problem = place.problem("a dead band is about what goes to a broker, and there is no `[mqtt]`");
-        problems.push(problem.right("leave it out"));
-    }
-    let polled: Vec<&str> = model?.registers.iter().filter(|it| it.poll.is_some()).map(|it| it.name.as_str()).collect();
-    for (name, written) in bands.iter().filter(|(name, _)| !polled.contains(&name.as_str())) {
-        let problem = written.place.problem(format!("no register `{name}` is polled"));
-        problems.push(match nearest(name, polled.iter().copied()) {
-            Some(near) => problem.right(format!("`{near}`")),
-            None => problem.right(format!("one of {}", polled.join(", "))),
-        });
-    }
-    Some(bands.iter().map(|(name, written)| (name.clone(), written.value)).collect())
 }

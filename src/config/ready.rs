@@ -4,9 +4,9 @@ use crate::domain::command::Rights;
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::{Name, Station, UnitId};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, LinkSettings};
-use crate::drive::description::Ratings;
+use crate::drive::description::{Points, Ratings};
 use crate::guard::COMMAND_DEADLINE;
-use crate::north::mqtt::{LeaseMode, Settings, Version};
+use crate::north::mqtt::{LeaseMode, Settings, Tree, Version};
 use crate::profile::model::Model;
 use ipnet::IpNet;
 use std::collections::BTreeMap;
@@ -171,8 +171,8 @@ pub struct DriveSettings {
     pub control: Option<Arc<ControlSettings>>,
     /// Rated values, for models that report in per cent of them.
     pub ratings: Ratings,
-    /// Least change that is published, by the name of a polled register, in its unit.
-    pub dead_bands: Vec<(String, f64)>,
+    /// How its polled registers are published over MQTT.
+    pub points: Points,
 }
 
 /// One Modbus TCP listener.
@@ -270,6 +270,8 @@ pub struct MqttSettings {
     pub response_prefix: Option<String>,
     /// Most changes of telemetry that are kept while the broker is away, 0 to 100,000; 0: none.
     pub keep_telemetry: u32,
+    /// What is published beside that which always is, each once.
+    pub publish: Vec<Tree>,
 }
 
 impl MqttSettings {
@@ -303,6 +305,7 @@ impl MqttSettings {
             command_ttl: self.command_ttl,
             response_prefix: self.response_prefix.clone(),
             keep_telemetry: usize::try_from(self.keep_telemetry).unwrap_or(usize::MAX),
+            publish: self.publish.clone(),
         }
     }
 }

@@ -7,12 +7,12 @@ use super::ready::{
     Silence,
 };
 use super::units::{self, Units};
-use super::{commanders, control, line_plan, listen, listener_tls, lists, mqtt, native, port, ratings, watchdog};
+use super::{commanders, control, line_plan, listen, listener_tls, lists, mqtt, points, port, ratings, watchdog};
 use crate::domain::control::{ControlSettings, LeaseMode};
 use crate::domain::ids::Station;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
 use crate::domain::problem::{Problem, nearest};
-use crate::drive::description::Ratings;
+use crate::drive::description::{Points, Ratings};
 use crate::north::modbus::Limits;
 use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;
@@ -48,6 +48,7 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
     let mqtt = whole(&file.mqtt, |file| mqtt::settle(file, session_lease, problems));
     listen::units_exist(file, &served, &units, problems);
     commanders::check(file, &served, &units, problems);
+    points::idle(file, problems);
 
     let lines = file.lines.iter().zip(parts).zip(&units);
     let mut ready = Vec::new();
@@ -105,7 +106,7 @@ struct DriveParts {
     model: Option<Arc<Model>>,
     control: Option<Option<Arc<ControlSettings>>>,
     ratings: Option<Ratings>,
-    dead_bands: Option<Vec<(String, f64)>>,
+    points: Option<Points>,
 }
 
 /// Names of lines, names of drives and ports stand once.
@@ -165,8 +166,8 @@ fn drive_parts(
     let model = model_of(drive, models, problems);
     let control = control::settle(drive, model.as_deref(), lease.unwrap_or_default(), problems);
     let ratings = ratings::settle(drive, model.as_deref(), problems);
-    let dead_bands = native::dead_bands(drive, model.as_deref(), lease.is_some(), problems);
-    DriveParts { model, control, ratings, dead_bands }
+    let points = points::settle(drive, model.as_deref(), lease.is_some(), problems);
+    DriveParts { model, control, ratings, points }
 }
 
 fn alone_on_rs232(line: &LineFile, problems: &mut Vec<Problem>) {
@@ -267,7 +268,7 @@ fn ready_drive(drive: &DriveFile, parts: DriveParts, line: &Shared, units: Units
         max_lateness: drive.max_lateness.or(model.timing.max_lateness.value.max(line.max_lateness))?,
         control: parts.control?,
         ratings: parts.ratings?,
-        dead_bands: parts.dead_bands?,
+        points: parts.points?,
         model,
     })
 }

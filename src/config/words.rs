@@ -4,7 +4,7 @@ use super::ready::Removal;
 use crate::domain::command::Direction;
 use crate::domain::control::{ControlAction, FailSafe, Ownership};
 use crate::domain::link::DirectionControl;
-use crate::north::mqtt::LeaseMode;
+use crate::north::mqtt::{LeaseMode, Tree};
 
 /// A way by which commands come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,6 +53,15 @@ pub const ACTIONS: [(&str, ControlAction); 4] = [
     (ControlAction::Reset.word(), ControlAction::Reset),
     (ControlAction::Coast.word(), ControlAction::Coast),
     (ControlAction::Release.word(), ControlAction::Release),
+];
+
+/// Parts of what is published over MQTT.
+pub const TREES: [(&str, Tree); 5] = [
+    (Tree::State.word(), Tree::State),
+    (Tree::Values.word(), Tree::Values),
+    (Tree::Param.word(), Tree::Param),
+    (Tree::Line.word(), Tree::Line),
+    (Tree::Info.word(), Tree::Info),
 ];
 
 /// Whether RUN over MQTT must say which stop it follows.

@@ -93,7 +93,7 @@ fn description(place: DriveRef, line: &LineSettings, drive: &DriveSettings, stre
         pace: Pace::new(drive.poll, stretch),
         ratings: drive.ratings,
         control: drive.control.clone(),
-        dead_bands: drive.dead_bands.clone(),
+        points: drive.points.clone(),
     }
 }
 

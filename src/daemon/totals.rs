@@ -105,6 +105,8 @@ pub struct MqttTotals {
     received: AtomicU64,
     published: AtomicU64,
     refused_retained: AtomicU64,
+    events_waiting: AtomicU64,
+    events_refused: AtomicU64,
 }
 
 impl MqttTotals {
@@ -118,6 +120,8 @@ impl MqttTotals {
         self.received.store(counters.messages_in, Ordering::Relaxed);
         self.published.store(counters.messages_out, Ordering::Relaxed);
         self.refused_retained.store(counters.refused_retained, Ordering::Relaxed);
+        self.events_waiting.store(counters.events_waiting, Ordering::Relaxed);
+        self.events_refused.store(counters.events_refused, Ordering::Relaxed);
     }
 
     /// Whether the way through the broker is open.
@@ -130,5 +134,17 @@ impl MqttTotals {
     #[must_use]
     pub fn counts(&self) -> [u64; 4] {
         [&self.connects, &self.received, &self.published, &self.refused_retained].map(|it| it.load(Ordering::Relaxed))
+    }
+
+    /// Trip events that the broker does not have yet, as far as they are on their way to it.
+    #[must_use]
+    pub fn events_waiting(&self) -> u64 {
+        self.events_waiting.load(Ordering::Relaxed)
+    }
+
+    /// Trip events that the broker would not take.
+    #[must_use]
+    pub fn events_refused(&self) -> u64 {
+        self.events_refused.load(Ordering::Relaxed)
     }
 }

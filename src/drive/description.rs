@@ -28,6 +28,18 @@ pub struct Ratings {
     pub voltage_mv: Option<u32>,
 }
 
+/// How the polled registers of a drive are published, each by its name.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Points {
+    /// Smallest change that is published, in the register's unit; of one that is not here: a step.
+    pub dead_bands: Vec<(String, f64)>,
+    /// After this time a value that has not changed is published again; of one that is not here: after the heartbeat of
+    /// all topics.
+    pub heartbeats: Vec<(String, Duration)>,
+    /// Digits behind the decimal point, none that the register has not; of one that is not here: all that it has.
+    pub decimals: Vec<(String, u8)>,
+}
+
 /// One drive as the configuration names it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DriveDescription {
@@ -49,8 +61,8 @@ pub struct DriveDescription {
     pub ratings: Ratings,
     /// What may be commanded; nothing: the drive is read-only.
     pub control: Option<Arc<ControlSettings>>,
-    /// Smallest change that is published, by register name, in the register's unit.
-    pub dead_bands: Vec<(String, f64)>,
+    /// How its polled registers are published.
+    pub points: Points,
 }
 
 impl DriveDescription {

@@ -3,6 +3,7 @@
 use super::description::Ratings;
 use crate::domain::units::UnitOfMeasure;
 use crate::profile::model::{Register, Role};
+use crate::profile::scale::Decimal;
 
 /// How the words of a register in per cent become amperes or volts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,11 +36,11 @@ impl Rated {
         (i64::from(word) * i64::from(self.rated_milli), i64::from(self.scale) * 100 * 1000)
     }
 
-    /// The value of `word` in the unit, to the nearest hundredth.
+    /// The value of `word` in the unit, with so many digits behind the point.
     #[must_use]
-    pub fn hundredths(self, word: u16) -> i64 {
+    pub fn to_digits(self, word: u16, digits: u8) -> Decimal {
         let (numerator, denominator) = self.fraction(word);
-        (200 * numerator + denominator) / (2 * denominator)
+        Decimal::nearest(numerator, denominator, digits)
     }
 }
 
@@ -57,9 +58,10 @@ mod tests {
         let ratings = Ratings { current_ma: Some(10_000), voltage_mv: Some(400_000) };
         let current = Rated::of(&register(Role::OutputCurrent, UnitOfMeasure::Percent), &ratings).unwrap();
         // The worked example of the vendor whose drives report so: 0x1A8A is 67.94 %, 6.79 A on a 10 A drive.
-        assert_eq!((current.hundredths(0x1A8A), current.unit), (679, UnitOfMeasure::Ampere));
+        assert_eq!((current.to_digits(0x1A8A, 2).to_string(), current.unit), ("6.79".into(), UnitOfMeasure::Ampere));
         let voltage = Rated::of(&register(Role::OutputVoltage, UnitOfMeasure::Percent), &ratings).unwrap();
-        assert_eq!((voltage.hundredths(0x24FD), voltage.unit), (37_876, UnitOfMeasure::Volt));
+        assert_eq!((voltage.to_digits(0x24FD, 2).to_string(), voltage.unit), ("378.76".into(), UnitOfMeasure::Volt));
+        assert_eq!(current.to_digits(1, 1).to_string(), "0.1", "what flows is not shown as nothing");
     }
 
     #[test]

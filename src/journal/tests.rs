@@ -10,7 +10,7 @@ use crate::domain::control::FailSafe;
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{DriveIndex, Name, UnitId};
 use crate::domain::time::{MonoTime, WallTime};
-use crate::drive::description::{DriveDescription, DriveRef, Ratings};
+use crate::drive::description::{DriveDescription, DriveRef, Points, Ratings};
 use crate::drive::plan::Pace;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
@@ -44,7 +44,7 @@ fn drive(called: &str) -> DriveDescription {
         pace: Pace::new(Duration::from_millis(500), 1.0),
         ratings: Ratings::default(),
         control: None,
-        dead_bands: Vec::new(),
+        points: Points::default(),
     }
 }
 

@@ -18,6 +18,12 @@ impl Scaled {
         Self { raw, scale: register.scale }
     }
 
+    /// The value with so many digits behind the point.
+    #[must_use]
+    pub fn to_digits(self, digits: u8) -> Decimal {
+        Decimal::nearest(self.raw.into(), self.scale.into(), digits)
+    }
+
     /// The value in the register's unit, as the nearest binary number.
     #[must_use]
     pub fn value(self) -> f64 {
@@ -40,6 +46,51 @@ impl fmt::Display for Scaled {
         }
         write!(f, "{sign}{whole}.{part:0width$}", width = decimals as usize)
     }
+}
+
+/// A number with a fixed count of digits behind its decimal point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Decimal {
+    steps: i64,
+    digits: u8,
+}
+
+impl Decimal {
+    /// `numerator / denominator`, which is above 0, to the nearest number with so many digits. What is not zero does not
+    /// become zero: a motor that turns slowly must not look as if it stood.
+    #[must_use]
+    pub fn nearest(numerator: i64, denominator: i64, digits: u8) -> Self {
+        let (numerator, denominator) = (i128::from(numerator) * 10_i128.pow(digits.into()), i128::from(denominator));
+        let away = (numerator.abs() * 2 + denominator) / (denominator * 2);
+        let steps = numerator.signum() * away.max(numerator.abs().min(1));
+        Self { steps: i64::try_from(steps).unwrap_or(if steps < 0 { i64::MIN } else { i64::MAX }), digits }
+    }
+
+    /// The number, as the nearest binary one.
+    #[must_use]
+    pub fn value(self) -> f64 {
+        self.steps as f64 / 10_f64.powi(self.digits.into())
+    }
+}
+
+impl fmt::Display for Decimal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let sign = if self.steps < 0 { "-" } else { "" };
+        let (size, one) = (self.steps.unsigned_abs(), 10_u64.saturating_pow(self.digits.into()));
+        match self.digits {
+            0 => write!(f, "{sign}{size}"),
+            digits => write!(f, "{sign}{}.{:0width$}", size / one, size % one, width = digits.into()),
+        }
+    }
+}
+
+/// Digits behind the point of a value of `scale` steps per unit. One that is no power of ten may need any number of them:
+/// then it is the most that make sense.
+#[must_use]
+pub fn digits_of(scale: u32) -> u8 {
+    const MOST: u8 = 4;
+    let digits = scale.checked_ilog10().unwrap_or(0);
+    if 10_u32.pow(digits) == scale { u8::try_from(digits).unwrap_or(MOST) } else { MOST }
 }
 
 /// Why a value has no raw word.
@@ -117,6 +168,43 @@ mod tests {
         ];
         for (word, scale, signed, text) in table {
             assert_eq!(Scaled::from_word(word, &register(scale, signed)).to_string(), text);
+        }
+    }
+
+    #[test]
+    fn rounding_goes_to_the_nearest_and_never_to_zero() {
+        let table = [
+            (4_250, 100, 1, "42.5"),
+            (4_254, 100, 1, "42.5"),
+            (4_255, 100, 1, "42.6"),
+            (-4_255, 100, 1, "-42.6"),
+            (4_950, 100, 0, "50"),
+            (4, 100, 1, "0.1"),
+            (-4, 100, 1, "-0.1"),
+            (-1, 100, 0, "-1"),
+            (0, 100, 1, "0.0"),
+            (995, 100, 1, "10.0"),
+            (3, 4, 1, "0.8"),
+            (i64::MAX, 1, 0, "9223372036854775807"),
+        ];
+        for (numerator, denominator, digits, text) in table {
+            let decimal = Decimal::nearest(numerator, denominator, digits);
+            assert_eq!(decimal.to_string(), text);
+            let shown: f64 = text.parse().unwrap();
+            assert!((decimal.value() - shown).abs() <= shown.abs() * f64::EPSILON, "{text}");
+        }
+        assert_eq!([1, 10, 100, 1000, 4, 7].map(digits_of), [0, 1, 2, 3, 4, 4]);
+    }
+
+    #[test]
+    fn with_all_its_digits_a_value_is_what_it_was() {
+        for (scale, signed) in [(1, false), (10, true), (100, false), (1000, true)] {
+            let register = register(scale, signed);
+            for word in 0..=u16::MAX {
+                let scaled = Scaled::from_word(word, &register);
+                let decimal = scaled.to_digits(digits_of(scale));
+                assert_eq!((decimal.to_string(), decimal.value()), (scaled.to_string(), scaled.value()));
+            }
         }
     }
 

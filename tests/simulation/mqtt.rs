@@ -11,7 +11,7 @@ use vfd_gateway::drive::description::DriveRef;
 use vfd_gateway::drive::view::TripEvent;
 use vfd_gateway::gateway::Input;
 use vfd_gateway::north::mqtt::{
-    Act, Broker, Event, LeaseMode, LineState, Message, Moment, Publication, Session, Settings, Version,
+    Act, Broker, Event, LeaseMode, LineState, Message, Moment, Publication, Session, Settings, Tree, Version,
 };
 
 /// The wall clock at the start of a world.
@@ -59,6 +59,7 @@ impl MqttSide {
             command_ttl: Duration::from_secs(1),
             response_prefix: None,
             keep_telemetry: 0,
+            publish: Tree::ALL.to_vec(),
         };
         let name = Name::new("line").expect("a name");
         let session = Session::new(settings, world.descriptions.clone(), vec![name], moment(world.now));

@@ -10,7 +10,7 @@ use vfd_gateway::domain::control::{ControlAction, ControlSettings, FailSafe};
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::{DriveIndex, Name, Station, UnitId};
 use vfd_gateway::domain::link::{EchoPolicy, Framing, LinkSettings, Parity};
-use vfd_gateway::drive::description::{DriveDescription, DriveRef, Ratings};
+use vfd_gateway::drive::description::{DriveDescription, DriveRef, Points, Ratings};
 use vfd_gateway::gateway::{DriveSetup, LineSetup};
 use vfd_gateway::journal::Remembered;
 use vfd_gateway::line::timeouts::ReplyTimeouts;
@@ -177,7 +177,7 @@ fn description_of(place: u16, drive: &Drive) -> DriveDescription {
         pace: vfd_gateway::drive::plan::Pace::new(Duration::from_nanos(drive.poll), 1.0),
         ratings: Ratings::default(),
         control: control_of(drive).map(Arc::new),
-        dead_bands: Vec::new(),
+        points: Points::default(),
     }
 }
 

@@ -26,6 +26,8 @@ const MAX_LATENESS: RangeInclusive<Duration> = Duration::from_millis(10)..=Durat
 const STATUS_AGE: RangeInclusive<Duration> = Duration::from_millis(100)..=Duration::from_secs(3600);
 /// A dead band; no register has finer steps than the least, nor values beyond the greatest.
 const DEAD_BAND: RangeInclusive<f64> = 0.000_001..=100_000.0;
+/// Digits behind a decimal point; no register has more.
+const DECIMALS: RangeInclusive<u8> = 0..=9;
 /// A rated current in A or voltage in V.
 const RATED: RangeInclusive<f64> = 0.001..=100_000.0;
 const JOURNAL_BYTES: RangeInclusive<u64> = 1_000_000..=16_000_000_000;
@@ -145,6 +147,8 @@ fn read_drive(mut reader: Reader<'_, '_>) -> DriveFile {
         rated_voltage: read_rated(&mut reader, "rated_voltage_v"),
         registers: read_registers(&mut reader),
         dead_bands: inner(&mut reader, "dead_bands", |reader| reader.all(&Kind::decimal(DEAD_BAND))),
+        heartbeats: inner(&mut reader, "heartbeats", |reader| reader.all(&Kind::duration(mqtt::HEARTBEAT))),
+        decimals: inner(&mut reader, "decimals", |reader| reader.all(&Kind::number(DECIMALS))),
         control: inner(&mut reader, "control", control::read_control),
         native: inner(&mut reader, "native", control::read_native),
     };

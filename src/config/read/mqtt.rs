@@ -3,7 +3,7 @@
 use super::super::broker::{self, Address};
 use super::super::file::MqttFile;
 use super::super::keys::Section;
-use super::super::words::LEASES;
+use super::super::words::{LEASES, TREES};
 use super::{absolute_path, refuse_not_served, turned};
 use crate::north::mqtt::Version;
 use crate::profile::reader::{Given, Needed, Reader, Written};
@@ -11,7 +11,8 @@ use crate::profile::values::Kind;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
-const HEARTBEAT: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(3600);
+/// How often a value that does not change may be published again.
+pub(super) const HEARTBEAT: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(3600);
 const KEEP_ALIVE: RangeInclusive<Duration> = Duration::from_secs(5)..=Duration::from_secs(600);
 const PROBE_INTERVAL: RangeInclusive<Duration> = Duration::from_millis(200)..=Duration::from_secs(60);
 const COMMAND_TTL: RangeInclusive<Duration> = Duration::from_millis(100)..=Duration::from_secs(60);
@@ -48,6 +49,7 @@ pub(super) fn read_mqtt(mut reader: Reader<'_, '_>) -> MqttFile {
         command_ttl: reader.optional("command_ttl", &Kind::duration(COMMAND_TTL)),
         response_prefix: reader.optional("response_prefix", &topics()),
         keep_telemetry: reader.optional("keep_telemetry", &Kind::number(0..=KEEP_TELEMETRY_MAX)),
+        publish: reader.list("publish", &Kind::one_of(&TREES)),
         ca_file: reader.optional("ca_file", &absolute_path()),
         client_cert_file: reader.optional("client_cert_file", &absolute_path()),
         client_key_file: reader.optional("client_key_file", &absolute_path()),

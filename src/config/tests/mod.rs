@@ -10,6 +10,7 @@ mod mqtt;
 mod native;
 mod network;
 mod ownership;
+mod points;
 mod ports;
 mod units;
 mod watchdog;
@@ -179,7 +180,7 @@ fn the_example_file_resolves() {
     assert_eq!((pump_2.unit.get(), pump_2.reply_timeout), (2, None));
     assert_eq!(config.listeners[0].lines, Some(vec![0]));
     assert_eq!((pump_1.uniform_unit.get(), pump_2.uniform_unit.get()), (101, 102));
-    assert_eq!(pump_1.dead_bands, [("output_frequency".to_owned(), 0.05)]);
+    assert_eq!(pump_1.points.dead_bands, [("output_frequency".to_owned(), 0.05)]);
     assert_eq!(pump_1.control.as_ref().unwrap().native_write, [0x020C, 0x020E]);
     assert_eq!(pump_2.control, None);
     assert_eq!(config.mqtt.unwrap().broker.to_string(), "mqtts://broker.example:8883");

@@ -1,4 +1,4 @@
-//! Keys that name registers: which may be written natively, and the dead bands.
+//! Which registers may be written natively.
 
 use super::*;
 
@@ -85,36 +85,5 @@ fn who_may_write_is_said_by_control() {
     only(
         &with(CONTROLLED, "write = [\"F007\"]", ""),
         &format!("{AT}.write: `write` is missing; a list, each text, not empty"),
-    );
-}
-
-#[test]
-fn dead_bands_are_those_of_polled_registers() {
-    let bands = |table: &str| with(CONTROLLED, "station = 1\n", &format!("station = 1\ndead_bands = {table}\n"));
-    let config = good(&bands("{ output_frequency = 0.05, trip_count = 1 }"));
-    let mut found = config.lines[0].drives[0].dead_bands.clone();
-    found.sort_by(|one, other| one.0.cmp(&other.0));
-    assert_eq!(found, [("output_frequency".to_owned(), 0.05), ("trip_count".to_owned(), 1.0)]);
-    let at = "line[0].drive[0].dead_bands";
-    only(
-        &bands("{ output_freqency = 0.05 }"),
-        &format!("{at}.output_freqency: no register `output_freqency` is polled; `output_frequency`"),
-    );
-    only(
-        &bands("{ acceleration_time = 1 }"),
-        &format!(
-            "{at}.acceleration_time: no register `acceleration_time` is polled; \
-             one of output_frequency, trip_count, frequency_setting, frequency_source, run_source"
-        ),
-    );
-    for wrong in ["0", "-0.1", "inf"] {
-        only(
-            &bands(&format!("{{ output_frequency = {wrong} }}")),
-            &format!("{at}.output_frequency: {wrong} is out of range; a number from 0.000001 to 100000"),
-        );
-    }
-    only(
-        &drive_with("dead_bands = { output_frequency = 0.05 }"),
-        &format!("{at}: a dead band is about what goes to a broker, and there is no `[mqtt]`; leave it out"),
     );
 }

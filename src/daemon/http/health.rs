@@ -71,7 +71,13 @@ pub(super) fn run_state(view: &DriveView) -> RunState {
 }
 
 fn mqtt(state: &State) -> Value {
-    state.mqtt.load().as_ref().map_or(Value::Null, |mqtt| json!({ "connected": mqtt.is_connected() }))
+    state.mqtt.load().as_ref().map_or(Value::Null, |mqtt| {
+        json!({
+            "connected": mqtt.is_connected(),
+            "events_waiting": mqtt.events_waiting(),
+            "events_refused": mqtt.events_refused(),
+        })
+    })
 }
 
 fn journal(state: &State) -> Value {

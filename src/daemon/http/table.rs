@@ -280,6 +280,8 @@ pub(super) const MQTT: &[Metric<MqttTotals>] = &[
     counter("mqtt_received", "Messages from the broker.", |mqtt| Some(mqtt.counts()[1])),
     counter("mqtt_published", "Messages to the broker.", |mqtt| Some(mqtt.counts()[2])),
     counter("mqtt_refused_retained", "Commands refused because they were retained.", |mqtt| Some(mqtt.counts()[3])),
+    gauge("mqtt_events_waiting", "Trip events on their way to the broker.", |mqtt| Some(mqtt.events_waiting() as f64)),
+    counter("mqtt_events_refused", "Trip events that the broker would not take.", |mqtt| Some(mqtt.events_refused())),
 ];
 
 /// The journal, if there is a data directory.

@@ -14,7 +14,7 @@ use crate::domain::link::Interface;
 use crate::domain::report::{LineCounters, LineFault, LineMeasured, LineQuality, LineReport, LineState, StopBounds};
 use crate::domain::report::{ReplyReport, StationReport};
 use crate::domain::time::{MonoTime, WallTime};
-use crate::drive::description::{DriveDescription, DriveRef};
+use crate::drive::description::{DriveDescription, DriveRef, Points};
 use crate::drive::snapshot::{DriveSnapshot, Presence};
 use crate::drive::view::{ControlView, DriveView, RunState};
 use crate::north::modbus::Counters;
@@ -44,7 +44,7 @@ pub(super) fn state(broker: bool) -> Arc<State> {
         pace: crate::drive::plan::Pace::new(Duration::from_secs(1), 1.0),
         ratings: crate::drive::description::Ratings::default(),
         control: None,
-        dead_bands: Vec::new(),
+        points: Points::default(),
     };
     Arc::new(State {
         journal: None,

@@ -14,7 +14,7 @@ use crate::domain::ids::DriveIndex;
 use crate::domain::ids::{Name, UnitId};
 use crate::domain::link::Interface;
 use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome};
-use crate::drive::description::{DriveDescription, DriveRef};
+use crate::drive::description::{DriveDescription, DriveRef, Points};
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{ControlView, DriveView};
 use crate::journal::Attempt;
@@ -79,7 +79,7 @@ pub(super) fn shared() -> Arc<Shared> {
         pace: crate::drive::plan::Pace::new(Duration::from_secs(1), 1.0),
         ratings: crate::drive::description::Ratings::default(),
         control: number.is_multiple_of(2).then(|| Arc::new(settings())),
-        dead_bands: Vec::new(),
+        points: Points::default(),
     });
     let line = |text| (name(text), Interface::Rs485);
     let shared = Shared::new(vec![line("hall-1"), line("hall-2")], drives.collect());

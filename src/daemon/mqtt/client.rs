@@ -10,7 +10,7 @@ use super::settings::{ConnectionSettings, TlsSettings};
 use super::window::Window;
 use super::{Packet, Talk, moment, tls};
 use crate::daemon::clock;
-use crate::north::mqtt::{Event, Filter, Publication};
+use crate::north::mqtt::{Event, Filter, Publication, Refusal};
 use rustls::ClientConfig;
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
@@ -198,8 +198,12 @@ impl<T: Talk> Client<'_, T> {
             match packet {
                 Packet::Reconnect(reason) => return Some(reason),
                 Packet::Publish(publication) => {
-                    if link.publish(publication, self.counters).is_err() {
-                        return Some("the queue of the client library is full against all counting");
+                    let token = publication.token;
+                    match link.publish(publication, self.counters) {
+                        Err(NotQueued) => return Some("the queue of the client library is full against all counting"),
+                        // Nobody will answer for it.
+                        Ok(false) => token.into_iter().for_each(|it| self.tell(Event::Refused(it, Refusal::Never))),
+                        Ok(true) => {}
                     }
                 }
                 Packet::Subscribe(filters) => link.subscribe(filters),
@@ -224,10 +228,13 @@ impl<T: Talk> Client<'_, T> {
                     self.tell(Event::Acknowledged(token));
                 }
             }
-            Incident::Refused(identifier, reason) => {
+            Incident::Refused(identifier, refusal, reason) => {
                 count(&self.counters.refused);
                 let token = window.and_then(|window| window.settle(identifier));
                 tracing::warn!(reason, ?token, "the broker refuses a publication");
+                if let Some(token) = token {
+                    self.tell(Event::Refused(token, refusal));
+                }
             }
             Incident::PublicationLeft(identifier) => {
                 count(&self.counters.published);
@@ -317,8 +324,8 @@ impl<T: Talk> Client<'_, T> {
 }
 
 impl Link {
-    /// Queues a publication, or drops one that cannot be sent.
-    fn publish(&mut self, mut publication: Publication, counters: &Counters) -> Result<(), NotQueued> {
+    /// Queues a publication, or drops one that cannot be sent: false.
+    fn publish(&mut self, mut publication: Publication, counters: &Counters) -> Result<bool, NotQueued> {
         if let Err(unfit) = self.sender.check(&publication, &self.terms) {
             count(&counters.dropped);
             let (topic, bytes) = (&publication.topic, publication.payload.len());
@@ -328,14 +335,14 @@ impl Link {
                 }
                 Unfit::Topic => tracing::warn!(topic, "not a topic; dropped"),
             }
-            return Ok(());
+            return Ok(false);
         }
         // A broker that keeps no messages ends the connection of those who ask it to.
         publication.retain &= self.terms.broker.retains;
         let (qos, token) = (publication.qos, publication.token);
         self.sender.publish(publication)?;
         self.window.queue_publication(qos, token);
-        Ok(())
+        Ok(true)
     }
 
     fn subscribe(&mut self, filters: Vec<Filter>) {

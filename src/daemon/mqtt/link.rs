@@ -5,7 +5,7 @@
 
 use super::settings::ConnectionSettings;
 use super::{v4, v5};
-use crate::north::mqtt::{Broker, Filter, Message, Publication, Version};
+use crate::north::mqtt::{Broker, Filter, Message, Publication, Refusal, Version};
 use bytes::Bytes;
 use rumqttc::{NetworkOptions, TlsConfiguration, Transport};
 use rustls::ClientConfig;
@@ -36,8 +36,8 @@ pub enum Incident {
     Message(Received),
     /// The broker took the publication with this identifier.
     Acknowledged(u16),
-    /// The broker answered that it does not take the publication with this identifier, and why.
-    Refused(u16, String),
+    /// The broker answered that it does not take the publication with this identifier, what that means, and why.
+    Refused(u16, Refusal, String),
     /// A publication went out of the queue with this identifier; 0: it is not acknowledged.
     PublicationLeft(u16),
     /// A subscription or DISCONNECT went out of the queue.

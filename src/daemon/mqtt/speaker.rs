@@ -164,7 +164,11 @@ impl Talk for Speaker {
     fn handle(&mut self, at: Moment, event: Event<'_>) {
         self.follow(at);
         let is_answer = matches!(event, Event::Subscribed(_));
+        let given_up = self.session.counters().events_refused;
         self.session.handle(at, event);
+        if self.session.counters().events_refused > given_up {
+            tracing::error!("the broker will not take a trip event; it is not told to any subscriber");
+        }
         if is_answer && self.session.counters().alive_refused > 0 {
             tracing::warn!(
                 "the broker does not let us read the alive topic; only the probe tells whether commanders are there"

@@ -1,8 +1,10 @@
 //! The client against a broker that misbehaves in the ways that were seen.
 
+mod refusing;
+
 use super::stub::{CONNECT, DISCONNECT, PUBLISH, Peer, SUBSCRIBE, Stub};
 use super::*;
-use crate::north::mqtt::{Broker, Filter, Qos, Version};
+use crate::north::mqtt::{Broker, Filter, Qos, Refusal, Version};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -19,6 +21,7 @@ enum Told {
     Subscribed(Vec<bool>),
     Message(Text),
     Acknowledged(u64),
+    Refused(u64, Refusal),
     Lost,
 }
 
@@ -68,6 +71,7 @@ impl Talk for Script {
                 correlation: message.correlation.map(ToOwned::to_owned),
             }),
             Event::Acknowledged(token) => Told::Acknowledged(token),
+            Event::Refused(token, refusal) => Told::Refused(token, refusal),
             Event::Lost => Told::Lost,
         });
     }

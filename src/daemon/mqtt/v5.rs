@@ -3,7 +3,7 @@
 use super::link::{self, Broken, Incident, NotQueued, Received, Terms};
 use super::settings::{ConnectionSettings, Secret};
 use super::window::QUEUE_MAX;
-use crate::north::mqtt::{Broker, Filter as Wanted, Publication, Qos};
+use crate::north::mqtt::{Broker, Filter as Wanted, Publication, Qos, Refusal};
 use rumqttc::v5::mqttbytes::v5::{
     ConnAck, Filter, LastWill, LastWillProperties, Packet, PubAckReason, Publish, PublishProperties, RetainForwardRule,
     SubscribeReasonCode,
@@ -101,9 +101,19 @@ fn heard(packet: Packet) -> Incident {
         Packet::Publish(publish) => received(publish).map_or(Incident::Heard, Incident::Message),
         Packet::PubAck(answer) => match answer.reason {
             PubAckReason::Success | PubAckReason::NoMatchingSubscribers => Incident::Acknowledged(answer.pkid),
-            reason => Incident::Refused(answer.pkid, format!("{reason:?}")),
+            reason => Incident::Refused(answer.pkid, refusal(reason), format!("{reason:?}")),
         },
         _ => Incident::Heard,
+    }
+}
+
+const fn refusal(reason: PubAckReason) -> Refusal {
+    match reason {
+        PubAckReason::QuotaExceeded => Refusal::Full,
+        PubAckReason::NotAuthorized | PubAckReason::TopicNameInvalid | PubAckReason::PayloadFormatInvalid => {
+            Refusal::Never
+        }
+        _ => Refusal::Failed,
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::{DriveIndex, Name, UnitId};
 use crate::domain::time::MonoTime;
-use crate::drive::description::{DriveDescription, DriveRef};
+use crate::drive::description::{DriveDescription, DriveRef, Points};
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{ControlView, DriveView, RunState};
 use crate::profile::catalog::Catalog;
@@ -80,7 +80,7 @@ pub(super) fn description() -> DriveDescription {
         pace: crate::drive::plan::Pace::new(Duration::from_secs(1), 1.0),
         ratings: crate::drive::description::Ratings::default(),
         control: Some(Arc::new(settings())),
-        dead_bands: Vec::new(),
+        points: Points::default(),
     }
 }
 

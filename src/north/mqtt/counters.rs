@@ -28,9 +28,12 @@ pub struct Counters {
     pub events_waiting: u64,
     /// Trip events dropped because the outbox was full.
     pub events_dropped: u64,
+    /// Trip events given up because the broker would not take them.
+    pub events_refused: u64,
     /// Changes of telemetry that wait for the broker.
     pub history_waiting: u64,
-    /// Changes of telemetry dropped because more were to be kept than configured.
+    /// Changes of telemetry dropped because more were to be kept than configured, or because the broker would not
+    /// take them.
     pub history_dropped: u64,
     /// Results dropped because too many waited.
     pub results_dropped: u64,

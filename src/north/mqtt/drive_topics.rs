@@ -1,25 +1,25 @@
 //! The retained topics of one drive: what belongs on each, and which is to be published next.
 
 use super::history::Change;
+use super::points::Points;
 use super::slot::{Content, EXPIRY_HEARTBEATS, Present, Slot};
 use super::state::{self, StateSlot, fresh, shown_run_state, stale_at};
 use super::topics::Topics;
-use super::types::{Publication, Qos};
+use super::types::{Publication, Qos, Settings, Tree};
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
 use crate::drive::rated::Rated;
 use crate::drive::snapshot::Reading;
 use crate::drive::view::DriveView;
-use crate::profile::model::{Model, Register, Role};
-use crate::profile::scale::Scaled;
-use serde_json::Value;
+use crate::profile::model::{Register, Role};
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// What a topic shows. Numbers are places of registers in the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+pub(super) enum Kind {
     Availability,
     RunState,
     /// A polled register.
@@ -45,8 +45,17 @@ impl Kind {
         matches!(self, Self::RunState | Self::Polled(_) | Self::Rated(_) | Self::Setpoint)
     }
 
+    /// What it is a part of; nothing: it is always published.
+    const fn tree(self) -> Option<Tree> {
+        match self {
+            Self::Availability => None,
+            Self::Param(_) => Some(Tree::Param),
+            _ => Some(Tree::Values),
+        }
+    }
+
     /// The register that it shows.
-    const fn register(self) -> Option<usize> {
+    pub(super) const fn register(self) -> Option<usize> {
         match self {
             Self::Polled(register) | Self::Rated(register) | Self::Param(register) => Some(register),
             _ => None,
@@ -59,8 +68,8 @@ impl Kind {
 pub(super) struct DriveTopics {
     slots: Vec<(Kind, Slot)>,
     state: StateSlot,
-    /// Smallest change of each register of the model that is published, in steps.
-    bands: Vec<f64>,
+    points: Points,
+    publish: Vec<Tree>,
     params: BTreeMap<usize, Reading>,
     /// The next slot of this walk; behind the last one comes the state.
     cursor: usize,
@@ -73,12 +82,13 @@ pub(super) struct DriveTopics {
 }
 
 impl DriveTopics {
-    pub(super) fn new(topics: &Topics, drive: &DriveDescription) -> Self {
+    pub(super) fn new(settings: &Settings, topics: &Topics, drive: &DriveDescription) -> Self {
         let slot = |(kind, rest): (Kind, String)| (kind, Slot::new(topics.drive(drive.name.as_str(), &rest)));
         Self {
             slots: kinds(drive).into_iter().map(slot).collect(),
             state: StateSlot::new(topics.drive(drive.name.as_str(), "state")),
-            bands: drive.model.registers.iter().map(|register| band(drive, register)).collect(),
+            points: Points::new(drive),
+            publish: settings.publish.clone(),
             params: BTreeMap::new(),
             cursor: 0,
             recorded: None,
@@ -87,9 +97,23 @@ impl DriveTopics {
         }
     }
 
-    /// All its topics.
+    /// All its topics that are published.
     pub(super) fn topics(&self) -> impl Iterator<Item = &str> {
-        self.slots.iter().map(|(_, slot)| slot.topic()).chain([self.state.topic()])
+        self.all_topics().filter(|(tree, _)| self.publishes(*tree)).map(|(_, topic)| topic)
+    }
+
+    /// Those that are not.
+    pub(super) fn left_out(&self) -> impl Iterator<Item = &str> {
+        self.all_topics().filter(|(tree, _)| !self.publishes(*tree)).map(|(_, topic)| topic)
+    }
+
+    fn all_topics(&self) -> impl Iterator<Item = (Option<Tree>, &str)> {
+        let slots = self.slots.iter().map(|(kind, slot)| (kind.tree(), slot.topic()));
+        slots.chain([(Some(Tree::State), self.state.topic())])
+    }
+
+    fn publishes(&self, tree: Option<Tree>) -> bool {
+        tree.is_none_or(|tree| self.publish.contains(&tree))
     }
 
     /// Forgets what was published, so that everything is published again.
@@ -106,6 +130,9 @@ impl DriveTopics {
 
     /// Takes a register that was read on demand; it is published even if nothing changed.
     pub(super) fn take_param(&mut self, register: usize, reading: Reading, topic: String) {
+        if !self.publishes(Some(Tree::Param)) {
+            return;
+        }
         self.params.insert(register, reading);
         let known = self.slots.iter_mut().find(|(kind, _)| *kind == Kind::Param(register));
         match known {
@@ -133,12 +160,11 @@ impl DriveTopics {
                 return Some(publication);
             }
         }
-        let (model, bands) = (&drive.model, &self.bands);
-        let differ = |register: &Register, old, new| {
-            place_of(model, register).is_some_and(|place| differ(register, bands[place], old, new))
-        };
-        if let Some(publication) = self.state.offer(now, drive, view, differ) {
-            return Some(publication);
+        if self.publishes(Some(Tree::State)) {
+            let state = self.state.offer(now, drive, view, &self.points);
+            if state.is_some() {
+                return state;
+            }
         }
         let until = self.until(now, drive, view);
         let is_of_this_picture = self.walking.take().is_some_and(|walking| Arc::ptr_eq(&walking, view));
@@ -157,16 +183,17 @@ impl DriveTopics {
     ) -> Option<Publication> {
         let kind = self.slots.get(place)?.0;
         let content = self.content(kind, now, drive, view)?;
-        let register = match kind {
-            Kind::Polled(register) | Kind::Param(register) => drive.model.registers.get(register),
-            _ => None,
-        };
-        let payload = payload(&content, register);
-        let band = band_of(&self.bands, kind);
-        let has_moved = |old, new| register.is_some_and(|register| differ(register, band, old, new));
+        if !self.publishes(kind.tree()) {
+            self.slots.get_mut(place)?.1.see(content);
+            return None;
+        }
+        let now = now.beating(self.points.heartbeat(kind));
+        let points = &self.points;
         let slot = &mut self.slots.get_mut(place)?.1;
+        let payload = points.shown(kind, &content, drive).unwrap_or_default().into_bytes();
         let qos = if kind == Kind::Availability { Qos::AtLeastOnce } else { Qos::AtMostOnce };
-        slot.offer(now, content, has_moved).then(|| slot.publication(now, payload, qos))
+        let differ = |old, new| points.differ_on(kind, drive, old, new);
+        slot.offer(&now, content, differ).then(|| slot.publication(&now, payload, qos))
     }
 
     /// What has changed of run state, frequencies and measurements since it was told, in the order in which it happened.
@@ -188,15 +215,16 @@ impl DriveTopics {
             let (Some(content), Some((_, slot))) = (content, self.slots.iter_mut().find(|(it, _)| *it == kind)) else {
                 continue;
             };
-            let register = kind.register().and_then(|register| drive.model.registers.get(register));
-            let band = band_of(&self.bands, kind);
-            if !slot.tell(&content, |old, new| register.is_some_and(|register| differ(register, band, old, new))) {
+            if !slot.tell(&content, |old, new| self.points.differ_on(kind, drive, old, new)) {
                 continue;
             }
+            let register = kind.register().and_then(|register| drive.model.registers.get(register));
             let read_at = register.and_then(|it| view.snapshot.reading(it.address)).map(|reading| reading.at);
-            let topic = below_drive(slot.topic(), drive).to_owned();
-            let (at, register) = (read_at.unwrap_or(now.at), kind.register());
-            changes.push(Change { drive: place, topic, register, at, content });
+            let (at, topic) = (read_at.unwrap_or(now.at), below_drive(slot.topic(), drive).to_owned());
+            let text = self.points.shown(kind, &content, drive).unwrap_or_default();
+            let value = text.parse::<f64>().map_or_else(|_| json!(text), |number| json!(number));
+            let unit = register.filter(|_| matches!(kind, Kind::Polled(_))).map(|it| it.unit.symbol());
+            changes.push(Change { drive: place, topic, at, value, unit });
         }
         changes.sort_by_key(|change| change.at);
         changes
@@ -210,11 +238,8 @@ impl DriveTopics {
         Some(match kind {
             Kind::Availability => Content::Text(if view.is_online() { "online" } else { "offline" }.into()),
             Kind::RunState => Content::Text(shown_run_state(view).word().into()),
-            Kind::Polled(register) => {
+            Kind::Polled(register) | Kind::Rated(register) => {
                 word(drive.model.registers.get(register).and_then(|it| fresh(drive, it, view, now.at)))
-            }
-            Kind::Rated(register) => {
-                text(drive.model.registers.get(register).and_then(|it| rated(drive, it, view, now.at)))
             }
             Kind::Setpoint => text(view.control.as_ref().and_then(|it| it.setpoint).map(|hertz| hertz.to_string())),
             Kind::Owner => text(view.control.as_ref().and_then(|it| it.lease).map(|(owner, _)| owner.to_string())),
@@ -238,7 +263,8 @@ impl DriveTopics {
 
     /// Until when nothing is due while the picture stays as it is.
     fn until(&self, now: &Present, drive: &DriveDescription, view: &DriveView) -> MonoTime {
-        let heartbeats = self.slots.iter().map(|(_, slot)| slot.due(now.heartbeat));
+        let heartbeat = |kind| now.beating(self.points.heartbeat(kind)).heartbeat;
+        let heartbeats = self.slots.iter().map(|(kind, slot)| slot.due(heartbeat(*kind)));
         let ends = self.slots.iter().filter_map(|(kind, slot)| self.ends_at(*kind, slot, now, drive, view));
         // The state shows staleness of every polled register, also of those without a topic of their own.
         let polled = drive.model.registers.iter().filter(|it| it.poll.is_some());
@@ -274,12 +300,6 @@ impl DriveTopics {
     }
 }
 
-/// A value in per cent of a rated one, in the unit of that, with two decimals; nothing if it is stale.
-fn rated(drive: &DriveDescription, register: &Register, view: &DriveView, at: MonoTime) -> Option<String> {
-    let hundredths = Rated::of(register, &drive.ratings)?.hundredths(fresh(drive, register, view, at)?.raw);
-    Some(format!("{}.{:02}", hundredths / 100, hundredths % 100))
-}
-
 /// A value that was asked for once is shown for as long as a broker may keep it.
 fn param_stale_at(now: &Present, reading: &Reading) -> MonoTime {
     reading.at + now.heartbeat * EXPIRY_HEARTBEATS
@@ -297,41 +317,10 @@ fn code(view: &DriveView) -> Option<u16> {
     if view.trip.active? { view.trip.last.as_ref()?.code } else { Some(0) }
 }
 
-fn payload(content: &Content, register: Option<&Register>) -> Vec<u8> {
-    match (content, register) {
-        (Content::Text(text), _) => text.as_bytes().to_vec(),
-        (Content::Word(word), Some(register)) => Scaled::from_word(*word, register).to_string().into_bytes(),
-        (Content::Word(_) | Content::Cleared, _) => Vec::new(),
-    }
-}
-
-fn place_of(model: &Model, register: &Register) -> Option<usize> {
-    model.registers.binary_search_by_key(&register.address, |it| it.address).ok()
-}
-
-/// The smallest change of a topic that is published, in steps.
-fn band_of(bands: &[f64], kind: Kind) -> f64 {
-    kind.register().and_then(|register| bands.get(register)).copied().unwrap_or(1.0)
-}
-
 /// The levels of `topic` below those of `drive`.
 fn below_drive<'t>(topic: &'t str, drive: &DriveDescription) -> &'t str {
     let place = topic.find(&format!("/drive/{}/", drive.name)).map(|start| start + "/drive/".len());
     place.and_then(|start| topic.get(start + drive.name.as_str().len() + 1..)).unwrap_or(topic)
-}
-
-/// The dead band of `register` in its steps; one step where none is configured.
-fn band(drive: &DriveDescription, register: &Register) -> f64 {
-    let configured = drive.dead_bands.iter().find(|(name, _)| *name == register.name);
-    configured.map_or(1.0, |(_, band)| band * f64::from(register.scale))
-}
-
-/// Whether two words of `register` differ by at least `band` steps.
-fn differ(register: &Register, band: f64, old: u16, new: u16) -> bool {
-    // A band in decimal is seldom a whole number of steps to the last bit.
-    const ROUNDING: f64 = 1e-6;
-    let raw = |word: u16| if register.signed { i32::from(word.cast_signed()) } else { i32::from(word) };
-    old != new && f64::from((raw(old) - raw(new)).abs()) + ROUNDING >= band
 }
 
 fn kinds(drive: &DriveDescription) -> Vec<(Kind, String)> {

@@ -1,14 +1,14 @@
 //! What the tests of the session share: a broker that is played by hand, two drives of a real model, and pictures.
 
 use super::session::Session;
-use super::types::{Act, Broker, Event, LeaseMode, LineState, Message, Moment, Publication, Settings, Version};
+use super::types::{Act, Broker, Event, LeaseMode, LineState, Message, Moment, Publication, Settings, Tree, Version};
 use crate::domain::command::{CommandAnswer, CommandRequest, Direction, Order, Outcome, Reason, Report};
 use crate::domain::control::{ControlSettings, FailSafe};
 use crate::domain::ids::{AskerId, DriveIndex, Name, Ticket, UnitId};
 use crate::domain::native::NativeRequest;
 use crate::domain::report::{self, LineReport};
 use crate::domain::time::{MonoTime, WallTime};
-use crate::drive::description::{DriveDescription, DriveRef};
+use crate::drive::description::{DriveDescription, DriveRef, Points};
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{ControlView, DriveView, RunState};
 use crate::journal::Attempt;
@@ -43,6 +43,7 @@ pub(super) fn settings(version: Version) -> Settings {
         command_ttl: Duration::from_secs(1),
         response_prefix: Some("vfd/answers".into()),
         keep_telemetry: 0,
+        publish: Tree::ALL.to_vec(),
     }
 }
 
@@ -69,7 +70,7 @@ pub(super) fn drives() -> Vec<DriveDescription> {
         pace: crate::drive::plan::Pace::new(Duration::from_millis(500), 1.0),
         ratings: crate::drive::description::Ratings::default(),
         control: control.map(Arc::new),
-        dead_bands: vec![("output_frequency".into(), 0.5)],
+        points: Points { dead_bands: vec![("output_frequency".into(), 0.5)], ..Points::default() },
     };
     vec![drive(0, "pump", Some(control())), drive(1, "fan", None)]
 }

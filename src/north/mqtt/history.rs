@@ -2,12 +2,10 @@
 
 use super::clock::Clock;
 use super::in_flight::InFlight;
-use super::slot::Content;
 use super::topics::Topics;
+use super::types::Refusal;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
-use crate::profile::model::Register;
-use crate::profile::scale::Scaled;
 use serde_json::{Value, json};
 use std::time::Duration;
 
@@ -23,12 +21,12 @@ pub(super) struct Change {
     pub(super) drive: usize,
     /// The topic below the drive's.
     pub(super) topic: String,
-    /// The register whose value it is, by its place in the model.
-    pub(super) register: Option<usize>,
     /// Since when.
     pub(super) at: MonoTime,
-    /// What it shows.
-    pub(super) content: Content,
+    /// What it shows: a number, or a word.
+    pub(super) value: Value,
+    /// The unit, where the topic's name does not say it.
+    pub(super) unit: Option<&'static str>,
 }
 
 /// The changes that the broker does not have, oldest first.
@@ -73,17 +71,18 @@ impl History {
         if self.burst.1 >= BURST {
             return None;
         }
-        let (number, change) = self.changes.next()?;
+        let (number, change) = self.changes.next(at)?;
         self.burst.1 += 1;
         let drive = drives.get(change.drive)?;
         let topic = topics.drive(drive.name.as_str(), "history");
-        Some((topic, document(change, clock, drive).to_string().into_bytes(), number))
+        Some((topic, document(change, clock).to_string().into_bytes(), number))
     }
 
     /// When the next one may go.
     pub(super) fn wake(&self) -> Option<MonoTime> {
         let (begun, gone) = self.burst;
-        self.changes.has_next().then(|| if gone < BURST { begun } else { begun + BURST_EVERY })
+        let burst = if gone < BURST { begun } else { begun + BURST_EVERY };
+        self.changes.wake().map(|wake| wake.max(burst))
     }
 
     /// The broker has the change with this number.
@@ -91,8 +90,13 @@ impl History {
         self.changes.acknowledged(number);
     }
 
+    /// The broker refuses the change with this number. True if it is given up.
+    pub(super) fn refused(&mut self, at: MonoTime, number: u64, refusal: Refusal) -> bool {
+        self.changes.refused(at, number, refusal).is_some()
+    }
+
     /// The connection is gone: what was in flight goes again.
-    pub(super) const fn lost(&mut self) {
+    pub(super) fn lost(&mut self) {
         self.changes.lost();
     }
 
@@ -102,23 +106,12 @@ impl History {
     }
 }
 
-fn document(change: &Change, clock: Clock, drive: &DriveDescription) -> Value {
-    let register = change.register.and_then(|place| drive.model.registers.get(place));
-    let value = match (&change.content, register) {
-        (Content::Word(word), Some(register)) => Some(json!(Scaled::from_word(*word, register).value())),
-        (Content::Text(text), _) => Some(text.parse::<f64>().map_or_else(|_| json!(text), |number| json!(number))),
-        (Content::Word(_) | Content::Cleared, _) => None,
-    };
-    let unit = register.filter(|_| matches!(change.content, Content::Word(_))).map(unit);
+fn document(change: &Change, clock: Clock) -> Value {
     json!({
         "at": clock.text(change.at),
         "is_historical": true,
         "topic": change.topic,
-        "value": value,
-        "unit": unit,
+        "value": change.value,
+        "unit": change.unit,
     })
-}
-
-fn unit(register: &Register) -> &'static str {
-    register.unit.symbol()
 }

@@ -5,7 +5,7 @@
 //! `payload`, `command_json` and `params` read what commanders send, `inputs`, `giving` and `answers` turn it into
 //! commands and results, `kept` accounts for what comes to nothing, `pending` and `seen` remember what is under way and
 //! what was, `results`, `stored`, `outbox` and `history` hold what is to be told, and `telemetry` walks the pictures of
-//! the drives.
+//! the drives, where `points` says of each register which change of it is news.
 
 mod answers;
 mod clock;
@@ -23,6 +23,7 @@ mod params;
 mod path;
 mod payload;
 mod pending;
+mod points;
 mod replaced;
 #[cfg(test)]
 mod replaced_tests;
@@ -45,6 +46,10 @@ mod harness;
 #[cfg(test)]
 mod outage_tests;
 #[cfg(test)]
+mod publish_tests;
+#[cfg(test)]
+mod refused_tests;
+#[cfg(test)]
 mod session_tests;
 #[cfg(test)]
 mod telemetry_tests;
@@ -52,5 +57,6 @@ mod telemetry_tests;
 pub use counters::Counters;
 pub use session::Session;
 pub use types::{
-    Act, Broker, Event, Filter, LeaseMode, LineState, Message, Moment, Publication, Qos, Settings, Version,
+    Act, Broker, Event, Filter, LeaseMode, LineState, Message, Moment, Publication, Qos, Refusal, Settings, Tree,
+    Version,
 };

@@ -1,6 +1,8 @@
 //! Trip events on their way to the broker where no journal keeps them: in order, each until the broker acknowledged it.
 
 use super::in_flight::InFlight;
+use super::types::Refusal;
+use crate::domain::time::MonoTime;
 use serde_json::{Map, Value};
 
 /// Most events that are kept.
@@ -40,8 +42,8 @@ impl Outbox {
     }
 
     /// Topic, payload and number of the next event to be sent on this connection.
-    pub(super) fn next(&mut self) -> Option<(String, Vec<u8>, u64)> {
-        let (seq, entry) = self.entries.next()?;
+    pub(super) fn next(&mut self, at: MonoTime) -> Option<(String, Vec<u8>, u64)> {
+        let (seq, entry) = self.entries.next(at)?;
         let mut body = entry.body.clone();
         body.insert("seq".to_owned(), seq.into());
         if entry.lost > 0 {
@@ -55,8 +57,18 @@ impl Outbox {
         self.entries.acknowledged(seq);
     }
 
+    /// The broker refuses the event with this number. True if it is given up.
+    pub(super) fn refused(&mut self, at: MonoTime, seq: u64, refusal: Refusal) -> bool {
+        self.entries.refused(at, seq, refusal).is_some()
+    }
+
+    /// When one that was refused goes again.
+    pub(super) fn wake(&self) -> Option<MonoTime> {
+        self.entries.again_at()
+    }
+
     /// The connection is gone: what was in flight goes again.
-    pub(super) const fn lost(&mut self) {
+    pub(super) fn lost(&mut self) {
         self.entries.lost();
     }
 
@@ -75,11 +87,11 @@ mod tests {
     fn the_oldest_gives_way_and_the_next_one_says_so() {
         let mut outbox = Outbox::default();
         (0..KEPT_MAX).for_each(|_| assert!(!outbox.add("t".into(), Map::new())));
-        assert_eq!(std::iter::from_fn(|| outbox.next()).count(), IN_FLIGHT_MAX);
+        assert_eq!(std::iter::from_fn(|| outbox.next(MonoTime::ZERO)).count(), IN_FLIGHT_MAX);
         assert!(outbox.add("t".into(), Map::new()) && outbox.add("t".into(), Map::new()));
         assert_eq!(outbox.len(), KEPT_MAX);
         outbox.acknowledged(1);
-        let (_, payload, seq) = outbox.next().unwrap();
+        let (_, payload, seq) = outbox.next(MonoTime::ZERO).unwrap();
         assert_eq!((seq, &payload[..]), (19, &br#"{"lost":2,"seq":19}"#[..]));
     }
 }

@@ -12,7 +12,7 @@ use super::seen::Seen;
 use super::stored::Stored;
 use super::telemetry::Telemetry;
 use super::topics::Topics;
-use super::types::{Act, Broker, Event, Filter, LineState, Moment, Publication, Qos, Settings};
+use super::types::{Act, Broker, Event, Filter, LineState, Moment, Publication, Qos, Refusal, Settings};
 use crate::domain::ids::Name;
 use crate::domain::time::MonoTime;
 use crate::drive::description::{DriveDescription, DriveRef};
@@ -111,6 +111,7 @@ impl Session {
             Event::Subscribed(granted) => self.subscribed(at, &granted),
             Event::Message(message) => self.message(at, &message),
             Event::Acknowledged(token) => self.acknowledged(token),
+            Event::Refused(token, refusal) => self.refused(at.mono, token, refusal),
             Event::Lost => self.lost(),
         }
     }
@@ -140,6 +141,17 @@ impl Session {
             STORED => self.stored.acknowledged(number),
             HISTORY => self.history.acknowledged(number),
             _ => self.outbox.acknowledged(number),
+        }
+        self.count_events();
+    }
+
+    fn refused(&mut self, at: MonoTime, token: u64, refusal: Refusal) {
+        let number = token & !(STORED | HISTORY);
+        let counters = &mut self.counters;
+        match token & (STORED | HISTORY) {
+            STORED => counters.events_refused += u64::from(self.stored.refused(at, number, refusal)),
+            HISTORY => counters.history_dropped += u64::from(self.history.refused(at, number, refusal)),
+            _ => counters.events_refused += u64::from(self.outbox.refused(at, number, refusal)),
         }
         self.count_events();
     }
@@ -185,7 +197,8 @@ impl Session {
     pub fn next_wake(&self) -> Option<MonoTime> {
         let open = |wake: Option<MonoTime>| wake.filter(|_| self.path.is_open());
         let (telemetry, history) = (open(self.telemetry.wake()), open(self.history.wake()));
-        [self.path.wake(), self.unanswered.wake(), telemetry, history].into_iter().flatten().min()
+        let (outbox, stored) = (open(self.outbox.wake()), open(self.stored.wake()));
+        [self.path.wake(), self.unanswered.wake(), telemetry, history, outbox, stored].into_iter().flatten().min()
     }
 
     /// The next thing for the lines: commands, reads, and signs of the way from the commanders; behind them what is to be
@@ -243,10 +256,10 @@ impl Session {
         if !self.path.is_open() {
             return None;
         }
-        if let Some((topic, payload, token)) = self.outbox.next() {
+        if let Some((topic, payload, token)) = self.outbox.next(at) {
             return Some(passing(topic, payload, Qos::AtLeastOnce, Some(token)));
         }
-        if let Some((topic, payload, seq)) = self.stored.next() {
+        if let Some((topic, payload, seq)) = self.stored.next(at) {
             return Some(passing(topic, payload, Qos::AtLeastOnce, Some(STORED | seq)));
         }
         if let Some(publication) = self.telemetry.next(at, self.clock, &self.drives, views, lines) {

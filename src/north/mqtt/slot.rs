@@ -15,8 +15,15 @@ pub(super) struct Present {
     pub(super) at: MonoTime,
     pub(super) clock: Clock,
     pub(super) heartbeat: Duration,
-    /// How long the broker may keep telemetry (MQTT 5).
-    pub(super) expiry: Option<Duration>,
+    /// Whether the broker may be told how long to keep telemetry (MQTT 5).
+    pub(super) expires: bool,
+}
+
+impl Present {
+    /// The same with a heartbeat of its own, if there is one.
+    pub(super) fn beating(self, heartbeat: Option<Duration>) -> Self {
+        Self { heartbeat: heartbeat.unwrap_or(self.heartbeat), ..self }
+    }
 }
 
 /// What stands on a topic.
@@ -95,6 +102,11 @@ impl Slot {
         }
     }
 
+    /// Takes notice of what would be told if the topic were published.
+    pub(super) fn see(&mut self, content: Content) {
+        self.told = Some(content);
+    }
+
     /// Forgets what was published, so that it is published again.
     pub(super) fn forget(&mut self) {
         self.published = None;
@@ -108,6 +120,6 @@ impl Slot {
 
 /// A retained publication of telemetry.
 pub(super) fn retained(now: &Present, topic: String, payload: Vec<u8>, qos: Qos) -> Publication {
-    let expiry = now.expiry.filter(|_| !payload.is_empty());
+    let expiry = (now.expires && !payload.is_empty()).then(|| now.heartbeat * EXPIRY_HEARTBEATS);
     Publication { topic, payload, retain: true, qos, expiry, correlation: None, token: None }
 }

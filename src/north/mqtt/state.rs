@@ -1,6 +1,7 @@
 //! The `state` of a drive: everything that is known of it, in one retained JSON document.
 
 use super::clock::Clock;
+use super::points::Points;
 use super::slot::{Present, retained};
 use super::types::{Publication, Qos};
 use crate::domain::command::{Direction, Owner, RunIntent};
@@ -15,7 +16,6 @@ use crate::journal::trip;
 pub(super) use crate::journal::trip::text as trip_text;
 use crate::journal::trip::unit;
 use crate::profile::model::{Confidence, Flag, Register};
-use crate::profile::scale::Scaled;
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
 use std::time::Duration;
@@ -116,19 +116,18 @@ impl StateSlot {
         self.published = None;
     }
 
-    /// The publication of `view`, if one is due. `differ` tells whether two words of a register differ by as much
-    /// as is published.
+    /// The publication of `view`, if one is due.
     pub(super) fn offer(
         &mut self,
         now: &Present,
         drive: &DriveDescription,
         view: &Arc<DriveView>,
-        differ: impl Fn(&Register, u16, u16) -> bool,
+        points: &Points,
     ) -> Option<Publication> {
         self.is_held = false;
         if let Some(last) = &self.published {
             let age = now.at.since(last.at);
-            let has_changed = || has_changed(now, drive, last, view, differ);
+            let has_changed = || has_changed(now, drive, last, view, points);
             if age < now.heartbeat && !has_changed() {
                 return None;
             }
@@ -138,7 +137,7 @@ impl StateSlot {
             }
         }
         self.published = Some(Published { at: now.at, view: view.clone() });
-        let payload = document(now, drive, view).to_string().into_bytes();
+        let payload = document(now, drive, view, points).to_string().into_bytes();
         Some(retained(now, self.topic.clone(), payload, Qos::AtMostOnce))
     }
 
@@ -153,22 +152,16 @@ impl StateSlot {
     }
 }
 
-fn has_changed(
-    now: &Present,
-    drive: &DriveDescription,
-    last: &Published,
-    view: &DriveView,
-    differ: impl Fn(&Register, u16, u16) -> bool,
-) -> bool {
+fn has_changed(now: &Present, drive: &DriveDescription, last: &Published, view: &DriveView, points: &Points) -> bool {
     let old = last.view.as_ref();
-    let has_value_changed = |register: &Register| {
+    let has_value_changed = |(place, register): (usize, &Register)| {
         let was = quality(drive, register, old, last.at);
         let words = (old.snapshot.reading(register.address), view.snapshot.reading(register.address));
-        let has_moved = matches!(words, (Some(old), Some(new)) if differ(register, old.raw, new.raw));
+        let has_moved = matches!(words, (Some(old), Some(new)) if points.differ(&drive.model, place, old.raw, new.raw));
         was != quality(drive, register, view, now.at) || has_moved
     };
     let trip = |view: &DriveView| (view.trip.active, view.trip.seen);
-    drive.model.registers.iter().filter(|it| it.poll.is_some()).any(has_value_changed)
+    polled(drive).any(has_value_changed)
         || old.is_online() != view.is_online()
         || shown_run_state(old) != shown_run_state(view)
         || trip(old) != trip(view)
@@ -195,9 +188,17 @@ fn has_published_lease_ended(now: &Present, last: &Published, view: &DriveView) 
     old != new && old.is_some_and(|until| until <= now.at)
 }
 
-fn document(now: &Present, drive: &DriveDescription, view: &DriveView) -> Value {
-    let polled = drive.model.registers.iter().filter(|it| it.poll.is_some());
-    let values: Map<_, _> = polled.map(|it| (it.name.clone(), value(now, drive, it, view))).collect();
+/// The polled registers with their places in the model.
+fn polled(drive: &DriveDescription) -> impl Iterator<Item = (usize, &Register)> {
+    drive.model.registers.iter().enumerate().filter(|(_, register)| register.poll.is_some())
+}
+
+fn document(now: &Present, drive: &DriveDescription, view: &DriveView, points: &Points) -> Value {
+    let value = |(place, register): (usize, &Register)| {
+        let number = |it: Reading| points.value(place, register, it.raw);
+        (register.name.clone(), value(now, drive, register, view, number))
+    };
+    let values: Map<_, _> = polled(drive).map(value).collect();
     json!({
         "at": now.clock.text(now.at),
         "online": view.is_online(),
@@ -227,10 +228,16 @@ fn run_state_confidence(drive: &DriveDescription) -> &'static str {
     drive.model.status_flag(Flag::Running).map_or(Confidence::Inferred, |flag| flag.confidence).word()
 }
 
-fn value(now: &Present, drive: &DriveDescription, register: &Register, view: &DriveView) -> Value {
+fn value(
+    now: &Present,
+    drive: &DriveDescription,
+    register: &Register,
+    view: &DriveView,
+    number: impl Fn(Reading) -> f64,
+) -> Value {
     let reading = view.snapshot.reading(register.address);
     json!({
-        "value": reading.map(|it| Scaled::from_word(it.raw, register).value()),
+        "value": reading.map(number),
         "unit": unit(register),
         "at": reading.map(|it| now.clock.text(it.at)),
         "quality": quality(drive, register, view, now.at).word(),

@@ -3,7 +3,8 @@
 
 use super::in_flight::{IN_FLIGHT_MAX, InFlight};
 use super::session::Session;
-use super::types::{Act, Moment};
+use super::types::{Act, Moment, Refusal};
+use crate::domain::time::MonoTime;
 use crate::journal::StoredEvent;
 use std::collections::VecDeque;
 
@@ -21,7 +22,7 @@ pub(super) struct Stored {
     is_asked: bool,
     /// The journal is to be asked.
     wants: bool,
-    /// What the broker has and the journal does not know of yet. Each was waiting.
+    /// What the broker has or will not take, and the journal does not know of yet. Each was waiting.
     taken: VecDeque<u64>,
 }
 
@@ -32,7 +33,7 @@ impl Stored {
     }
 
     /// The connection is gone: what was in flight goes again, and the journal is asked anew by the next one.
-    pub(super) const fn lost(&mut self) {
+    pub(super) fn lost(&mut self) {
         self.waiting.lost();
         (self.wants, self.is_asked) = (false, false);
     }
@@ -60,8 +61,8 @@ impl Stored {
     }
 
     /// Topic, payload and number of the next event to be sent on this connection.
-    pub(super) fn next(&mut self) -> Option<(String, Vec<u8>, u64)> {
-        let (seq, (topic, payload)) = self.waiting.next()?;
+    pub(super) fn next(&mut self, at: MonoTime) -> Option<(String, Vec<u8>, u64)> {
+        let (seq, (topic, payload)) = self.waiting.next(at)?;
         Some((topic.clone(), payload.clone(), seq))
     }
 
@@ -70,6 +71,21 @@ impl Stored {
         if self.waiting.acknowledged(seq) {
             self.taken.push_back(seq);
         }
+    }
+
+    /// The broker refuses the event with this number. True if it is given up: it stays in the journal, as one that is not
+    /// to be told any more.
+    pub(super) fn refused(&mut self, at: MonoTime, seq: u64, refusal: Refusal) -> bool {
+        let is_given_up = self.waiting.refused(at, seq, refusal).is_some();
+        if is_given_up {
+            self.taken.push_back(seq);
+        }
+        is_given_up
+    }
+
+    /// When one that was refused goes again.
+    pub(super) fn wake(&self) -> Option<MonoTime> {
+        self.waiting.again_at()
     }
 
     /// What the journal is to be told.
@@ -127,7 +143,7 @@ mod tests {
     }
 
     fn sent(stored: &mut Stored) -> Vec<u64> {
-        std::iter::from_fn(|| stored.next().map(|(_, _, seq)| seq)).collect()
+        std::iter::from_fn(|| stored.next(MonoTime::ZERO).map(|(_, _, seq)| seq)).collect()
     }
 
     #[test]

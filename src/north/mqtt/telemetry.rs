@@ -5,9 +5,9 @@ use super::clock::Clock;
 use super::drive_topics::DriveTopics;
 use super::history::History;
 use super::line_topics::{LineTopics, info};
-use super::slot::{Content, EXPIRY_HEARTBEATS, Present, Slot, retained};
+use super::slot::{Content, Present, Slot, retained};
 use super::topics::Topics;
-use super::types::{LineState, Publication, Qos, Settings, Version};
+use super::types::{LineState, Publication, Qos, Settings, Tree, Version};
 use crate::domain::ids::Name;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
@@ -25,15 +25,17 @@ const GONE_MAX: usize = 4096;
 #[derive(Debug)]
 pub(super) struct Telemetry {
     heartbeat: Duration,
-    expiry: Option<Duration>,
+    /// Whether the broker may be told how long to keep telemetry.
+    expires: bool,
     info_topic: String,
     info: Vec<u8>,
+    is_info_wanted: bool,
     is_info_published: bool,
     status: Slot,
     lines: Vec<LineTopics>,
     drives: Vec<DriveTopics>,
-    /// Topics of what the gateway has no more. They are cleared, after each connection anew: a broker may bring an old
-    /// state back.
+    /// Topics of what the gateway has no more or does not publish. They are cleared, after each connection anew: a broker
+    /// may bring an old state back.
     gone: Vec<String>,
     /// How many of them are cleared on this connection.
     cleared: usize,
@@ -49,19 +51,22 @@ impl Telemetry {
         lines: &[Name],
         started: &str,
     ) -> Self {
-        Self {
+        let mut telemetry = Self {
             heartbeat: settings.heartbeat,
-            expiry: (settings.version == Version::V5).then(|| settings.heartbeat * EXPIRY_HEARTBEATS),
+            expires: settings.version == Version::V5,
             info_topic: topics.gateway("info"),
             info: info(settings, drives, lines, started),
+            is_info_wanted: settings.publish.contains(&Tree::Info),
             is_info_published: false,
             status: Slot::new(topics.gateway("status")),
-            lines: lines.iter().map(|name| LineTopics::new(topics, name, drives)).collect(),
-            drives: drives.iter().map(|drive| DriveTopics::new(topics, drive)).collect(),
+            lines: line_topics(settings, topics, drives, lines),
+            drives: drives.iter().map(|drive| DriveTopics::new(settings, topics, drive)).collect(),
             gone: Vec::new(),
             cleared: 0,
             place: 0,
-        }
+        };
+        telemetry.clear_all_but_own(telemetry.left_out(settings, topics, drives, lines));
+        telemetry
     }
 
     /// The gateway has other drives and lines from now on; `old` and `new` stand in the order of the pictures. What goes on
@@ -77,10 +82,9 @@ impl Telemetry {
         let before = self.topics();
         (self.info, self.is_info_published) = (info(settings, new, lines, started), false);
         let (mut old_lines, mut old_drives) = (std::mem::take(&mut self.lines), std::mem::take(&mut self.drives));
-        self.lines = lines
-            .iter()
-            .map(|name| {
-                let fresh = LineTopics::new(topics, name, new);
+        self.lines = line_topics(settings, topics, new, lines)
+            .into_iter()
+            .map(|fresh| {
                 let same = old_lines.iter().position(|it| it.is_of_the_same(&fresh));
                 same.map(|at| old_lines.swap_remove(at)).unwrap_or(fresh)
             })
@@ -90,16 +94,40 @@ impl Telemetry {
             .iter()
             .map(|drive| {
                 let same = known.iter().position(|(it, _)| *it == drive);
-                same.map_or_else(|| DriveTopics::new(topics, drive), |at| known.swap_remove(at).1)
+                same.map_or_else(|| DriveTopics::new(settings, topics, drive), |at| known.swap_remove(at).1)
             })
             .collect();
-        let now: BTreeSet<_> = self.topics().into_iter().collect();
-        self.gone.extend(before);
-        self.gone.retain(|topic| !now.contains(topic));
+        let left_out = self.left_out(settings, topics, new, lines);
+        self.clear_all_but_own(before.into_iter().chain(left_out));
+        self.place = 0;
+    }
+
+    /// Retained topics that are not published though there is something to stand on them. Registers that were asked for
+    /// are not among them: which were is not known.
+    fn left_out(
+        &self,
+        settings: &Settings,
+        topics: &Topics,
+        drives: &[DriveDescription],
+        lines: &[Name],
+    ) -> Vec<String> {
+        let of_drives = self.drives.iter().flat_map(DriveTopics::left_out).map(str::to_owned);
+        let is_line_left_out = self.lines.is_empty();
+        let lines = lines.iter().filter(|_| is_line_left_out).map(|name| LineTopics::new(topics, name, drives));
+        let of_lines = lines.flat_map(|line| line.topics().map(str::to_owned).collect::<Vec<_>>());
+        let info = (!settings.publish.contains(&Tree::Info)).then(|| self.info_topic.clone());
+        of_drives.chain(of_lines).chain(info).collect()
+    }
+
+    /// Adds `topics` to those that are cleared.
+    fn clear_all_but_own(&mut self, topics: impl IntoIterator<Item = String>) {
+        self.gone.extend(topics);
+        let own: BTreeSet<_> = self.topics().into_iter().collect();
+        self.gone.retain(|topic| !own.contains(topic));
         self.gone.sort_unstable();
         self.gone.dedup();
         self.gone.truncate(GONE_MAX);
-        (self.place, self.cleared) = (0, 0);
+        self.cleared = 0;
     }
 
     /// All retained topics of lines and drives.
@@ -137,7 +165,7 @@ impl Telemetry {
         views: &[Arc<DriveView>],
         history: &mut History,
     ) -> u64 {
-        let now = Present { at, clock, heartbeat: self.heartbeat, expiry: self.expiry };
+        let now = Present { at, clock, heartbeat: self.heartbeat, expires: self.expires };
         let each = self.drives.iter_mut().zip(drives.iter().zip(views)).enumerate();
         let changes = each.flat_map(|(place, (topics, (drive, view)))| topics.record(&now, place, drive, view));
         changes.map(|change| u64::from(history.add(change))).sum()
@@ -153,7 +181,7 @@ impl Telemetry {
         views: &[Arc<DriveView>],
         lines: &[LineState],
     ) -> Option<Publication> {
-        let now = Present { at, clock, heartbeat: self.heartbeat, expiry: self.expiry };
+        let now = Present { at, clock, heartbeat: self.heartbeat, expires: self.expires };
         if let Some(clearing) = self.clear_next(&now) {
             return Some(clearing);
         }
@@ -185,7 +213,7 @@ impl Telemetry {
     }
 
     fn take_info(&mut self) -> Option<Publication> {
-        if std::mem::replace(&mut self.is_info_published, true) {
+        if !self.is_info_wanted || std::mem::replace(&mut self.is_info_published, true) {
             return None;
         }
         let (topic, payload) = (self.info_topic.clone(), self.info.clone());
@@ -200,4 +228,10 @@ impl Telemetry {
         let all = lines.chain(drives).chain([self.status.due(self.heartbeat)]);
         all.min().filter(|wake| *wake != MonoTime::NEVER)
     }
+}
+
+/// The topics of the lines; none if they are not published.
+fn line_topics(settings: &Settings, topics: &Topics, drives: &[DriveDescription], lines: &[Name]) -> Vec<LineTopics> {
+    let is_wanted = settings.publish.contains(&Tree::Line);
+    lines.iter().filter(|_| is_wanted).map(|name| LineTopics::new(topics, name, drives)).collect()
 }

@@ -36,6 +36,40 @@ pub struct Settings {
     pub response_prefix: Option<String>,
     /// Most changes of telemetry that are kept while the broker is away; 0: none.
     pub keep_telemetry: usize,
+    /// What is published beside that which always is: availability, status, results, events of trips, the probe.
+    pub publish: Vec<Tree>,
+}
+
+/// A part of what is published that can be left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Tree {
+    /// `state` of each drive: everything that is known of it, as JSON.
+    State,
+    /// Topics with one value each: run state, frequencies, measurements, the present trip, who holds control.
+    Values,
+    /// Registers that were asked for.
+    Param,
+    /// Status and counters of the lines.
+    Line,
+    /// What the gateway has.
+    Info,
+}
+
+impl Tree {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::State, Self::Values, Self::Param, Self::Line, Self::Info];
+
+    /// The word for it.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::State => "state",
+            Self::Values => "values",
+            Self::Param => "param",
+            Self::Line => "line",
+            Self::Info => "info",
+        }
+    }
 }
 
 /// Protocol version.
@@ -76,8 +110,21 @@ pub enum Event<'a> {
     Message(Message<'a>),
     /// The broker acknowledged the publication with this token.
     Acknowledged(u64),
+    /// The broker does not take the publication with this token (MQTT 5).
+    Refused(u64, Refusal),
     /// The connection is gone.
     Lost,
+}
+
+/// What it means that a broker does not take a publication.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Refusal {
+    /// It takes no more for now, whatever it is.
+    Full,
+    /// It failed to take this one.
+    Failed,
+    /// It will not take this one: it is not allowed, or its topic or payload is wrong for that broker.
+    Never,
 }
 
 /// A message from the broker.
@@ -117,7 +164,7 @@ pub enum Act {
     /// Keep this attempt to write, of which no line knows: it was refused, is a repeat, or was taken back before it was
     /// handed to a line. Nothing for the drive: the message is for all, or for one that does not exist.
     Keep(Option<DriveRef>, Attempt),
-    /// The broker has the stored event with this number.
+    /// The broker has the stored event with this number, or will not take it: it is not to be told again.
     EventTaken(u64),
     /// The session wants the first stored events with higher numbers that no broker has: now if there are any, else as
     /// soon as there is one. It is answered once, by [`Session::stored_events`](super::Session::stored_events).

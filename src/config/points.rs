@@ -1,0 +1,88 @@
+//! How the polled registers of a drive are published over MQTT: dead bands, heartbeats and decimals.
+
+use super::file::{DriveFile, File};
+use super::mqtt;
+use crate::domain::problem::{Problem, nearest};
+use crate::drive::description::Points;
+use crate::north::mqtt::Tree;
+use crate::profile::model::{Model, Register};
+use crate::profile::reader::{Given, Written};
+use crate::profile::scale::digits_of;
+
+/// The tables of `drive`, by the names of registers that are polled; nothing: see `problems`. `is_published`: whether
+/// there is a broker to publish to.
+pub(super) fn settle(
+    drive: &DriveFile,
+    model: Option<&Model>,
+    is_published: bool,
+    problems: &mut Vec<Problem>,
+) -> Option<Points> {
+    let dead_bands = named(&drive.dead_bands, "a dead band", model, is_published, problems);
+    let heartbeats = named(&drive.heartbeats, "a heartbeat", model, is_published, problems);
+    let decimals = named(&drive.decimals, "the count of decimals", model, is_published, problems);
+    if let (Given::Usable(table), Some(model)) = (&drive.decimals, model) {
+        too_fine(&table.value, model, problems);
+    }
+    Some(Points { dead_bands: dead_bands?, heartbeats: heartbeats?, decimals: decimals? })
+}
+
+/// The values of one table.
+fn named<T: Copy>(
+    given: &Given<Vec<(String, Written<T>)>>,
+    what: &str,
+    model: Option<&Model>,
+    is_published: bool,
+    problems: &mut Vec<Problem>,
+) -> Option<Vec<(String, T)>> {
+    let Written { value: table, place } = match given {
+        Given::LeftOut => return Some(Vec::new()),
+        Given::Unusable => return None,
+        Given::Usable(table) => table,
+    };
+    if !is_published {
+        let problem = place.problem(format!("{what} is about what goes to a broker, and there is no `[mqtt]`"));
+        problems.push(problem.right("leave it out"));
+    }
+    let polled: Vec<&str> = polled(model?).map(|it| it.name.as_str()).collect();
+    for (name, written) in table.iter().filter(|(name, _)| !polled.contains(&name.as_str())) {
+        let problem = written.place.problem(format!("no register `{name}` is polled"));
+        problems.push(match nearest(name, polled.iter().copied()) {
+            Some(near) => problem.right(format!("`{near}`")),
+            None => problem.right(format!("one of {}", polled.join(", "))),
+        });
+    }
+    Some(table.iter().map(|(name, written)| (name.clone(), written.value)).collect())
+}
+
+fn polled(model: &Model) -> impl Iterator<Item = &Register> {
+    model.registers.iter().filter(|it| it.poll.is_some())
+}
+
+/// Digits that a register has not would only look exact.
+fn too_fine(table: &[(String, Written<u8>)], model: &Model, problems: &mut Vec<Problem>) {
+    for (name, written) in table {
+        let register = polled(model).find(|it| it.name == *name);
+        let Some(most) = register.map(|it| digits_of(it.scale)).filter(|most| written.value > *most) else { continue };
+        let problem = written.place.problem(format!("`{name}` is not finer than {most} decimals"));
+        problems.push(problem.right(if most == 0 { "leave it out".to_owned() } else { format!("0 to {most}") }));
+    }
+}
+
+/// Tables that would do nothing, because what they are about is not published.
+pub(super) fn idle(file: &File, problems: &mut Vec<Problem>) {
+    let Some(written) = file.mqtt.usable().map(|written| &written.value) else { return };
+    let Some(publish) = mqtt::publish(written) else { return };
+    let has_values = publish.contains(&Tree::Values);
+    let is_any_shown = has_values || publish.contains(&Tree::State) || written.keep_telemetry.or(0) != Some(0);
+    for drive in file.lines.iter().flat_map(|line| &line.drives) {
+        let tables = [
+            (drive.dead_bands.usable().map(|it| &it.place), is_any_shown),
+            (drive.decimals.usable().map(|it| &it.place), is_any_shown),
+            (drive.heartbeats.usable().map(|it| &it.place), has_values),
+        ];
+        for place in tables.into_iter().filter(|(_, is_used)| !is_used).filter_map(|(place, _)| place) {
+            let problem = place.problem("it is about topics that `publish` in `[mqtt]` leaves out");
+            problems.push(problem.right("leave it out, or add \"values\" there"));
+        }
+    }
+}

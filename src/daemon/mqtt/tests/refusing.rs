@@ -1,0 +1,99 @@
+//! A broker that takes less than it is offered: refusals of single publications, and its own bound on open ones.
+
+use super::super::stub::Published;
+use super::*;
+
+/// PUBACK with a reason, as only MQTT 5 has it.
+async fn answer(peer: &mut Peer, identifier: u16, reason: u8) {
+    let [high, low] = identifier.to_be_bytes();
+    peer.send(0x40, &[high, low, reason, 0]).await;
+}
+
+#[tokio::test]
+async fn a_refused_publication_is_told_with_what_it_means() {
+    let version = Version::V5;
+    let reasons = [
+        (0x80, Refusal::Failed),
+        (0x83, Refusal::Failed),
+        (0x87, Refusal::Never),
+        (0x90, Refusal::Never),
+        (0x97, Refusal::Full),
+        (0x99, Refusal::Never),
+    ];
+    let count = reasons.len() as u64;
+    let (stub, rig) = (Stub::new(version).await, Rig::greeting((0..=count).map(with_token).collect()));
+    let told = rig
+        .run(&stub, version, async {
+            let mut peer = stub.welcome().await;
+            for (reason, _) in reasons {
+                let identifier = peer.published().await.identifier;
+                answer(&mut peer, identifier, reason).await;
+            }
+            // That nobody subscribes to it is no refusal.
+            let identifier = peer.published().await.identifier;
+            answer(&mut peer, identifier, 0x10).await;
+            rig.told_at_least(reasons.len() + 2).await
+        })
+        .await;
+    let mut expected: Vec<_> = (0..).zip(reasons).map(|(token, (_, refusal))| Told::Refused(token, refusal)).collect();
+    expected.push(Told::Acknowledged(count));
+    assert_eq!(told[1..], expected);
+    assert_eq!(rig.counters.refused.get(), count);
+}
+
+#[tokio::test]
+async fn a_publication_with_a_token_that_cannot_be_sent_is_told_as_refused() {
+    for version in VERSIONS {
+        let wild = Publication { qos: Qos::AtLeastOnce, token: Some(3), ..text("a/#", "") };
+        let (stub, rig) = (Stub::new(version).await, Rig::greeting(vec![Packet::Publish(wild), with_token(4)]));
+        let told = rig.run(&stub, version, async {
+            let mut peer = stub.welcome().await;
+            let identifier = peer.published().await.identifier;
+            peer.acknowledge(identifier).await;
+            rig.told_at_least(3).await
+        });
+        assert_eq!(told.await[1..], [Told::Refused(3, Refusal::Never), Told::Acknowledged(4)], "{version:?}");
+    }
+}
+
+/// Whatever is published until the client has been quiet for a moment.
+async fn until_quiet(peer: &mut Peer) -> Vec<Published> {
+    let mut all = Vec::new();
+    while let Ok(published) = timeout(Duration::from_millis(200), peer.published()).await {
+        all.push(published);
+    }
+    all
+}
+
+#[tokio::test]
+async fn no_more_is_open_than_the_broker_takes_at_once() {
+    let version = Version::V5;
+    let (stub, rig) = (Stub::new(version).await, Rig::greeting((0..20).map(with_token).collect()));
+    let told = rig
+        .run(&stub, version, async {
+            // Receive maximum 3.
+            let mut peer = stub.welcome_on(&[0x21, 0, 3]).await;
+            let mut open = until_quiet(&mut peer).await;
+            assert_eq!(open.len(), 3, "{open:?}");
+            // A refusal frees its place as an acknowledgement does.
+            let first = open.remove(0);
+            answer(&mut peer, first.identifier, 0x97).await;
+            let next = until_quiet(&mut peer).await;
+            assert_eq!(next.len(), 1, "{next:?}");
+            open.extend(next);
+            let mut count = 4;
+            while count < 20 {
+                let first = open.remove(0);
+                peer.acknowledge(first.identifier).await;
+                open.push(timeout(Duration::from_secs(5), peer.published()).await.expect("the next one"));
+                count += 1;
+            }
+            for it in open {
+                peer.acknowledge(it.identifier).await;
+            }
+            rig.told_at_least(21).await
+        })
+        .await;
+    assert_eq!(told[1], Told::Refused(0, Refusal::Full));
+    assert_eq!(acknowledged(&told), (1..20).collect::<Vec<_>>());
+}
