@@ -15,7 +15,7 @@ use vfd_gateway::domain::report::LineReport;
 use vfd_gateway::domain::time::{MonoTime, WallTime};
 use vfd_gateway::drive::view::{ControlView, DriveView};
 use vfd_gateway::north::mqtt::{
-    Act, Broker, Event, LeaseMode, LineState, Message, Moment, Publication, Session, Settings, Version,
+    Act, Broker, Event, HomeAssistant, LeaseMode, LineState, Message, Moment, Publication, Session, Settings, Version,
 };
 
 const BASE: &str = "vfd/plant/";
@@ -66,6 +66,11 @@ fn settings(flags: u8) -> Settings {
         command_ttl: Duration::from_secs(1),
         response_prefix: Some(RESPONSES.into()),
         keep_telemetry: 50,
+        home_assistant: (flags & 4 != 0).then(|| HomeAssistant {
+            discovery: flags & 8 == 0,
+            prefix: "home".into(),
+            devices: flags & 16 != 0,
+        }),
     }
 }
 

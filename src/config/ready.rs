@@ -5,7 +5,7 @@ use crate::domain::ids::{Name, Station, UnitId};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, LinkSettings};
 use crate::drive::description::Ratings;
 use crate::guard::COMMAND_DEADLINE;
-use crate::north::mqtt::{LeaseMode, Settings, Version};
+use crate::north::mqtt::{HomeAssistant, LeaseMode, Settings, Version};
 use crate::profile::model::Model;
 use ipnet::IpNet;
 use std::fmt;
@@ -236,6 +236,8 @@ pub struct MqttSettings {
     pub response_prefix: Option<String>,
     /// Most changes of telemetry that are kept while the broker is away, 0 to 100,000; 0: none.
     pub keep_telemetry: u32,
+    /// Discovery by Home Assistant; nothing: nothing is said to it.
+    pub home_assistant: Option<HomeAssistant>,
 }
 
 impl MqttSettings {
@@ -269,6 +271,7 @@ impl MqttSettings {
             command_ttl: self.command_ttl,
             response_prefix: self.response_prefix.clone(),
             keep_telemetry: usize::try_from(self.keep_telemetry).unwrap_or(usize::MAX),
+            home_assistant: self.home_assistant.clone(),
         }
     }
 }

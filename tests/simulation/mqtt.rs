@@ -59,6 +59,7 @@ impl MqttSide {
             command_ttl: Duration::from_secs(1),
             response_prefix: None,
             keep_telemetry: 0,
+            home_assistant: None,
         };
         let name = Name::new("line").expect("a name");
         let session = Session::new(settings, world.descriptions.clone(), vec![name], moment(world.now));

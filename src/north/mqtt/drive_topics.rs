@@ -19,7 +19,7 @@ use std::sync::Arc;
 
 /// What a topic shows. Numbers are places of registers in the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+pub(super) enum Kind {
     Availability,
     RunState,
     /// A polled register.
@@ -334,7 +334,8 @@ fn differ(register: &Register, band: f64, old: u16, new: u16) -> bool {
     old != new && f64::from((raw(old) - raw(new)).abs()) + ROUNDING >= band
 }
 
-fn kinds(drive: &DriveDescription) -> Vec<(Kind, String)> {
+/// What is shown of `drive`, each with its topic below the drive's.
+pub(super) fn kinds(drive: &DriveDescription) -> Vec<(Kind, String)> {
     let mut kinds = vec![(Kind::Availability, "availability".into()), (Kind::RunState, "run/state".into())];
     let polled = |(_, register): &(usize, &Register)| register.poll.is_some();
     let values = drive.model.registers.iter().enumerate().filter(polled);

@@ -43,6 +43,7 @@ pub(super) fn settings(version: Version) -> Settings {
         command_ttl: Duration::from_secs(1),
         response_prefix: Some("vfd/answers".into()),
         keep_telemetry: 0,
+        home_assistant: None,
     }
 }
 

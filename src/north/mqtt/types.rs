@@ -36,6 +36,19 @@ pub struct Settings {
     pub response_prefix: Option<String>,
     /// Most changes of telemetry that are kept while the broker is away; 0: none.
     pub keep_telemetry: usize,
+    /// Discovery by Home Assistant; nothing: nothing is said to it, and nothing taken back.
+    pub home_assistant: Option<HomeAssistant>,
+}
+
+/// Discovery by Home Assistant.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct HomeAssistant {
+    /// Whether anything is announced; if not, what was announced before is taken back.
+    pub discovery: bool,
+    /// First level or levels of the topics that Home Assistant looks at, without a slash at either end.
+    pub prefix: String,
+    /// Each device is announced as a whole, not each entity for itself.
+    pub devices: bool,
 }
 
 /// Protocol version.
