@@ -19,6 +19,7 @@
 //! | `owning` | commanders with names of their own on MQTT, and what the broker grants to each |
 //! | `reloading` | the configuration changes while the gateway runs, and the service manager is told |
 //! | `stopping` | STOP by every way, and nobody goes on behind it |
+//! | `home_assistant` | Home Assistant finds the drives, commands them, and stops them by dying |
 //! | `losing` | the commander, the broker or the gateway is gone, and the motor does not run on |
 //! | `uniform` | the uniform unit and the exceptions as Modbus clients see them |
 //! | `overseeing` | metrics, alive, ready, the health check |
@@ -53,6 +54,8 @@ mod documents;
 mod enabling;
 #[path = "process/families.rs"]
 mod families;
+#[path = "process/home_assistant.rs"]
+mod home_assistant;
 #[path = "process/journal.rs"]
 mod journal;
 #[path = "process/losing.rs"]
@@ -86,6 +89,8 @@ mod vendors;
 
 #[path = "process/adapter.rs"]
 mod adapter;
+#[path = "process/hass.rs"]
+mod hass;
 #[path = "process/mosquitto.rs"]
 mod mosquitto;
 #[path = "process/outsiders.rs"]

@@ -227,7 +227,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Mqtt, "command_ttl", "\"100ms\" to \"1min\"", Some("\"1s\""), "How long a command that says nothing else may wait."),
     key(Section::Mqtt, "response_prefix", "levels of a topic", Some("no responses"), "Topics under which a requester may ask for the response; MQTT 5 only."),
     key(Section::Mqtt, "keep_telemetry", "0 to 100000", Some("0: none"), "How many changes of run state, frequencies and measurements are kept while the broker is away."),
-    key(Section::Mqtt, "home_assistant", "{ discovery = true or false, prefix = levels of a topic, devices = true or false }", Some("no discovery; `prefix = \"homeassistant\"`, `devices = false`"), "Whether lines and drives are announced to Home Assistant, where it looks for that, and each device as a whole or each entity for itself."),
+    key(Section::Mqtt, "home_assistant", "{ discovery = true or false, prefix = levels of a topic, devices = true or false }", Some("nothing is announced"), "Whether drives and lines are announced to Home Assistant; where it looks, \"homeassistant\" if left out; and whether each device is announced as a whole instead of each entity, false if left out."),
     key(Section::Mqtt, "ca_file", "absolute path", Some("what the system trusts"), "The authority that signed the broker's certificate; with `mqtts://` only."),
     key(Section::Mqtt, "client_cert_file", "absolute path", Some("none"), "The gateway's own certificate; with `mqtts://` only."),
     key(Section::Mqtt, "client_key_file", "absolute path", Some("none"), "The key of that certificate."),

@@ -26,7 +26,7 @@ fn catalog() -> Catalog {
 
 fn drive(model: &str, control: Option<ControlSettings>) -> DriveDescription {
     let [_, fan] = <[_; 2]>::try_from(drives()).unwrap();
-    let model = Arc::new(catalog().find(model).unwrap().clone());
+    let model = catalog().find(model).unwrap().clone();
     DriveDescription { name: name("pump-1"), model, control: control.map(Arc::new), ..fan }
 }
 
