@@ -230,8 +230,8 @@ fn discovery_by_home_assistant_is_taken_and_checked() {
     let levels = "levels of a topic without `+`, `#`, a first `$`, or a slash at either end: \"vfd\", \"plant/vfd\"";
     for (written, problem) in [
         ("{}", "mqtt.home_assistant.discovery: `discovery` is missing; true or false".to_owned()),
-        ("{ discovery = true, prefix = 'a/#' }", format!("mqtt.home_assistant.prefix: `a/#` is not allowed; {levels}")),
-        ("{ discovery = true, prefix = 'a/' }", format!("mqtt.home_assistant.prefix: `a/` is not allowed; {levels}")),
+        ("{ discovery = true, prefix = 'a/#' }", format!("mqtt.home_assistant.prefix: `a/#` will not do; {levels}")),
+        ("{ discovery = true, prefix = 'a/' }", format!("mqtt.home_assistant.prefix: `a/` will not do; {levels}")),
         (
             "{ discovery = true, prefix = 'vfd/plant' }",
             "mqtt.home_assistant.prefix: `vfd/plant` lies among the gateway's own topics; the discovery prefix that Home \

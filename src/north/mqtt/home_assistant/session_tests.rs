@@ -5,6 +5,7 @@ use crate::domain::command::{Outcome, Reason};
 use crate::domain::ids::{DriveIndex, Name};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::north::mqtt::harness::{Rig, commands, drives, message, name, publications, settings};
+use crate::north::mqtt::session::Session;
 use crate::north::mqtt::types::{Act, Event, HomeAssistant, LeaseMode, Message, Publication, Qos, Settings, Version};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -31,10 +32,9 @@ impl Home {
 
     /// Another life of the gateway at the same broker.
     fn again(&mut self, settings: Settings, drives: Vec<DriveDescription>) {
-        self.rig = Self::new(settings).rig;
-        let lines = vec![name("hall")];
+        self.rig = Self::new(settings.clone()).rig;
         self.rig.views.truncate(drives.len());
-        self.rig.session.replace(self.rig.at(), drives, lines);
+        self.rig.session = Session::new(settings, drives, vec![name("hall")], self.rig.at());
     }
 
     /// Plays the broker for these acts and for what follows from them at once. Gives back what was announced.
@@ -125,7 +125,7 @@ fn everything_is_announced_once_and_retained() {
             assert!(home.kept.contains_key(topic), "{topic}");
         }
         assert!(!home.topics().iter().any(|it| it.contains("/button/") && it.contains("drive_fan")));
-        assert_eq!(home.pass(600_000), [], "and then nothing");
+        assert_eq!(home.pass(130_000), [], "and then nothing");
     }
 }
 
