@@ -66,10 +66,10 @@ fn settings(flags: u8) -> Settings {
         command_ttl: Duration::from_secs(1),
         response_prefix: Some(RESPONSES.into()),
         keep_telemetry: 50,
-        home_assistant: (flags & 4 != 0).then(|| HomeAssistant {
-            discovery: flags & 8 == 0,
+        home_assistant: (flags & 16 != 0).then(|| HomeAssistant {
+            discovery: flags & 32 == 0,
             prefix: "home".into(),
-            devices: flags & 16 != 0,
+            devices: flags & 64 != 0,
         }),
     }
 }
@@ -259,7 +259,8 @@ impl Rig {
     fn check_publication(&self, it: &Publication) {
         let is_ours = it.topic.starts_with(BASE);
         let is_response = it.topic.strip_prefix(RESPONSES).is_some_and(|rest| rest.starts_with('/'));
-        assert!(is_ours || is_response && !it.retain, "{it:?}");
+        let is_announcement = it.topic.starts_with("home/") && it.topic.contains("/vfd-gateway-plant/");
+        assert!(is_ours || is_announcement || is_response && !it.retain, "{it:?}");
         let orders = ["/set", "/get", "/command", "/lease", "/trip/reset", "/control/release"];
         assert!(!is_ours || !orders.iter().any(|end| it.topic.ends_with(end)), "{it:?}");
         let most = self.broker.maximum_packet_bytes.unwrap_or(usize::MAX);
