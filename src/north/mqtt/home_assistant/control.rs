@@ -82,6 +82,6 @@ fn last_command(topic: &str) -> [Entity; 2] {
             .class("enum")
             .with("options", words)
             .with("json_attributes_topic", topic),
-        sensor("last_reason", "Last command's reason", "{{ value_json.reason }}"),
+        sensor("last_reason", "Last command reason", "{{ value_json.reason }}"),
     ]
 }
