@@ -24,11 +24,11 @@ fn plant(more: &str) -> Plant {
 fn announced(broker: &Mosquitto) -> BTreeMap<String, Value> {
     until("everything is announced", PATIENCE, || {
         let subscriber = Subscriber::new(broker, "mqttv311", "homeassistant/#");
-        subscriber.wait_for("/config", |_| Some(()));
-        std::thread::sleep(Duration::from_millis(200));
-        let all = subscriber.on("/config");
-        assert!(all.iter().all(|it| it.retain));
-        let parsed = all.into_iter().map(|it| (it.topic, serde_json::from_str(&it.payload).unwrap()));
+        // What is retained comes before this.
+        broker.publish("homeassistant/marker", "here");
+        subscriber.wait_for("/marker", |_| Some(()));
+        let retained = subscriber.on("/config").into_iter().filter(|it| it.retain);
+        let parsed = retained.map(|it| (it.topic, serde_json::from_str(&it.payload).unwrap()));
         let found: BTreeMap<_, Value> = parsed.collect();
         found.keys().any(|topic| topic.ends_with("/drive_pump-1_last_reason/config")).then_some(found)
     })

@@ -14,6 +14,8 @@ const RUNNING: &str =
     "{{ None if value in ('', 'unknown') else value in ('forward', 'reverse', 'running', 'stopping') }}";
 const WATCHDOG: &str = "{% set dog = value_json.watchdog if value else None %}\
                         {{ None if not dog or dog.state == 'unknown' else dog.state != 'in_order' }}";
+/// A topic that is cleared while nobody holds it could not say so to those who come later.
+const OWNER: &str = "{{ (value_json.control.owner or 'nobody') if value else 'unknown' }}";
 const TRIP_EVENT: &str = "{{ dict(value_json, event_type=value_json.kind) | to_json }}";
 
 /// The entities of `drive`, in the order in which they are announced.
@@ -51,10 +53,6 @@ fn shown(drive: &DriveDescription, kind: Kind, rest: &str, topic: String) -> Vec
             unit.map(|unit| value(rest, topic, unit, Some(2))).into_iter().collect()
         }
         Kind::Setpoint => vec![value(rest, topic, UnitOfMeasure::Hertz, None)],
-        Kind::Owner => {
-            let owner = sensor("owner", "Control held by").made_of(topic, "{{ value or 'nobody' }}");
-            vec![owner.diagnostic()]
-        }
         Kind::TripActive if tells_trips => {
             let problem = Entity::new(Component::BinarySensor, "tripped", "Tripped", Needs::Drive);
             vec![problem.showing(topic).words("true", "false").class("problem")]
@@ -65,9 +63,9 @@ fn shown(drive: &DriveDescription, kind: Kind, rest: &str, topic: String) -> Vec
             let count = sensor("trip_count", "Trips").showing(topic).diagnostic();
             vec![count.with("state_class", "total_increasing")]
         }
-        // The event tells of it, and a parameter is asked for by those who know it.
+        // The event tells of it, the state of who holds control, and a parameter is asked for by those who know it.
         Kind::TripActive | Kind::TripCode | Kind::TripText | Kind::TripCount | Kind::TripLast => Vec::new(),
-        Kind::Availability | Kind::Param(_) => Vec::new(),
+        Kind::Availability | Kind::Owner | Kind::Param(_) => Vec::new(),
     }
 }
 
@@ -132,6 +130,8 @@ fn told_by_state(drive: &DriveDescription, topic: &str) -> Vec<Entity> {
         entities.push(control("start_inhibited", "Start inhibited"));
         entities.push(control("not_effective", "Stop without effect").class("problem"));
         entities.push(control("failsafe", "Fail-safe action ran").class("problem"));
+        let owner = Entity::new(Component::Sensor, "owner", "Control held by", Needs::Drive);
+        entities.push(owner.made_of(topic.to_owned(), OWNER).diagnostic());
     }
     entities
 }
