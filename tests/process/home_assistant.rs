@@ -136,6 +136,7 @@ fn its_own_schemas_and_templates_take_what_is_announced() {
     plant.order("command", r#"{"id": "a2", "run": "stop"}"#);
     subscriber.results("a2");
     subscriber.wait_for_payload("run/state", "stopped");
+    subscriber.wait_for("pump-1/state", |it| it.payload.contains(r#""local":false"#).then_some(()));
     let mut child = Command::new(&python)
         .arg(script)
         .stdin(Stdio::piped())
