@@ -144,6 +144,14 @@ fn its_own_schemas_and_templates_take_what_is_announced() {
         .spawn()
         .unwrap_or_else(|error| panic!("{}: {error}; run tests/run, which installs it", python.display()));
     let mut input = child.stdin.take().unwrap();
+    // Those of every kind of drive first.
+    for kind in ["gateway", "read_only", "forward", "both_ways"] {
+        let file = format!("{}/tests/golden/home_assistant/{kind}.json", env!("CARGO_MANIFEST_DIR"));
+        let golden: BTreeMap<String, Value> = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
+        for (topic, document) in golden {
+            writeln!(input, "{}", json!({ "topic": topic, "payload": document.to_string(), "state": null })).unwrap();
+        }
+    }
     for (topic, document) in &announced {
         let state = document.get("state_topic").and_then(Value::as_str).unwrap_or("-");
         let last = subscriber.on(state).into_iter().next_back().map(|it| it.payload);
@@ -154,7 +162,7 @@ fn its_own_schemas_and_templates_take_what_is_announced() {
     let output = child.wait_with_output().unwrap();
     assert!(output.status.success());
     let shown: BTreeMap<String, Value> = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(shown.len(), announced.len());
+    assert!(shown.len() > announced.len());
     let of_state = |object: &str| shown[object]["state"].as_str().unwrap_or_else(|| panic!("{object}"));
     for (object, right) in [
         ("drive_pump-1_connected", "online"),
