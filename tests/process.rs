@@ -21,6 +21,7 @@
 //! | `reloading` | the configuration changes while the gateway runs, and the service manager is told |
 //! | `secured` | Modbus Security: certificates on both sides, and what each role may |
 //! | `stopping` | STOP by every way, and nobody goes on behind it |
+//! | `home_assistant` | Home Assistant finds the drives, commands them, and stops them by dying |
 //! | `losing` | the commander, the broker or the gateway is gone, and the motor does not run on |
 //! | `uniform` | the uniform unit and the exceptions as Modbus clients see them |
 //! | `overseeing` | metrics, alive, ready, the health check |
@@ -58,6 +59,8 @@ mod documents;
 mod enabling;
 #[path = "process/families.rs"]
 mod families;
+#[path = "process/home_assistant.rs"]
+mod home_assistant;
 #[path = "process/journal.rs"]
 mod journal;
 #[path = "process/losing.rs"]
@@ -95,6 +98,8 @@ mod vendors;
 
 #[path = "process/adapter.rs"]
 mod adapter;
+#[path = "process/hass.rs"]
+mod hass;
 #[path = "process/mosquitto.rs"]
 mod mosquitto;
 #[path = "process/outsiders.rs"]

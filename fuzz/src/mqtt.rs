@@ -15,7 +15,8 @@ use vfd_gateway::domain::report::LineReport;
 use vfd_gateway::domain::time::{MonoTime, WallTime};
 use vfd_gateway::drive::view::{ControlView, DriveView};
 use vfd_gateway::north::mqtt::{
-    Act, Broker, Event, LeaseMode, LineState, Message, Moment, Publication, Session, Settings, Tree, Version,
+    Act, Broker, Event, HomeAssistant, LeaseMode, LineState, Message, Moment, Publication, Session, Settings, Tree,
+    Version,
 };
 
 const BASE: &str = "vfd/plant/";
@@ -67,6 +68,11 @@ fn settings(flags: u8) -> Settings {
         response_prefix: Some(RESPONSES.into()),
         keep_telemetry: 50,
         publish: Tree::ALL.to_vec(),
+        home_assistant: (flags & 16 != 0).then(|| HomeAssistant {
+            discovery: flags & 32 == 0,
+            prefix: "home".into(),
+            devices: flags & 64 != 0,
+        }),
     }
 }
 
@@ -255,7 +261,8 @@ impl Rig {
     fn check_publication(&self, it: &Publication) {
         let is_ours = it.topic.starts_with(BASE);
         let is_response = it.topic.strip_prefix(RESPONSES).is_some_and(|rest| rest.starts_with('/'));
-        assert!(is_ours || is_response && !it.retain, "{it:?}");
+        let is_announcement = it.topic.starts_with("home/") && it.topic.contains("/vfd-gateway-plant/");
+        assert!(is_ours || is_announcement || is_response && !it.retain, "{it:?}");
         let orders = ["/set", "/get", "/command", "/lease", "/trip/reset", "/control/release"];
         assert!(!is_ours || !orders.iter().any(|end| it.topic.ends_with(end)), "{it:?}");
         let most = self.broker.maximum_packet_bytes.unwrap_or(usize::MAX);

@@ -183,9 +183,18 @@ pub(super) struct MqttFile {
     pub response_prefix: Given<String>,
     pub keep_telemetry: Given<u32>,
     pub publish: Given<Vec<Written<Tree>>>,
+    pub home_assistant: Given<HomeAssistantFile>,
     pub ca_file: Given<PathBuf>,
     pub client_cert_file: Given<PathBuf>,
     pub client_key_file: Given<PathBuf>,
+}
+
+/// `home_assistant` of `[mqtt]`
+#[derive(Clone, Debug)]
+pub(super) struct HomeAssistantFile {
+    pub discovery: Needed<bool>,
+    pub prefix: Given<String>,
+    pub devices: Given<bool>,
 }
 
 /// `[http]`

@@ -232,6 +232,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Mqtt, "response_prefix", "levels of a topic", Some("no responses"), "Topics under which a requester may ask for the response; MQTT 5 only."),
     key(Section::Mqtt, "keep_telemetry", "0 to 100000", Some("0: none"), "How many changes of run state, frequencies and measurements are kept while the broker is away."),
     key(Section::Mqtt, "publish", "list of \"state\", \"values\", \"param\", \"line\", \"info\"", Some("all of them"), "What is published beside that which always is."),
+    key(Section::Mqtt, "home_assistant", "{ discovery = true or false, prefix = levels of a topic, devices = true or false }", Some("nothing is announced"), "Whether drives and lines are announced to Home Assistant; where it looks, \"homeassistant\" if left out; and whether each device is announced as a whole instead of each entity, false if left out."),
     key(Section::Mqtt, "ca_file", "absolute path", Some("what the system trusts"), "The authority that signed the broker's certificate; with `mqtts://` only."),
     key(Section::Mqtt, "client_cert_file", "absolute path", Some("none"), "The gateway's own certificate; with `mqtts://` only."),
     key(Section::Mqtt, "client_key_file", "absolute path", Some("none"), "The key of that certificate."),
@@ -265,7 +266,6 @@ pub const NOT_SERVED: &[NotServed] = &[
     refused(Section::Drive, "lease", "leave it out; `lease` and `lost_after` stand in `[line.drive.control]`"),
     refused(Section::Drive, "max_status_age", "leave it out; the planned age of the values follows from `poll`"),
 
-    refused(Section::Mqtt, "home_assistant", "leave it out; entities are set up by hand in Home Assistant"),
     refused(Section::Mqtt, "sparkplug", "leave it out; the topics are the gateway's own"),
 
     refused(Section::ModbusTcp, "lease", "leave it out; leases of Modbus TCP are explicit: commands and `renew` keep them, and reads with `reads_renew`"),

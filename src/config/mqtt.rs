@@ -1,17 +1,19 @@
 //! The broker connection: defaults, and which of its keys go together.
 
 use super::broker::Address;
-use super::file::{File, MqttFile};
+use super::file::{File, HomeAssistantFile, MqttFile};
 use super::lists;
 use super::ready::{BrokerSettings, ClientCertificate, Credentials, MqttSettings, PasswordSource, TlsSettings};
 use super::words::Way;
 use crate::domain::problem::Problem;
-use crate::north::mqtt::{LeaseMode, Tree, Version};
+use crate::north::mqtt::{HomeAssistant, LeaseMode, Tree, Version};
 use crate::profile::reader::{Given, Place, Written};
 use std::path::PathBuf;
 use std::time::Duration;
 
 const DEFAULT_PREFIX: &str = "vfd";
+/// Where Home Assistant looks for what there is.
+const DEFAULT_DISCOVERY_PREFIX: &str = "homeassistant";
 /// Where Home Assistant says that it is there.
 const DEFAULT_ALIVE_TOPIC: &str = "homeassistant/status";
 const DEFAULT_HEARTBEAT: Duration = Duration::from_secs(60);
@@ -49,6 +51,7 @@ pub(super) fn settle(file: &MqttFile, lease: LeaseMode, problems: &mut Vec<Probl
     if let Given::Usable(list) = &file.publish {
         lists::once(&list.value, problems);
     }
+    discovery_prefix(file, problems);
     file.lease.or(DEFAULT_LEASE)?;
     let alive_topic = file.alive_topic.or(Some(DEFAULT_ALIVE_TOPIC.to_owned()))?;
     Some(MqttSettings {
@@ -66,7 +69,16 @@ pub(super) fn settle(file: &MqttFile, lease: LeaseMode, problems: &mut Vec<Probl
         response_prefix: file.response_prefix.clone().optional()?,
         keep_telemetry: file.keep_telemetry.or(0)?,
         publish: publish(file)?,
+        home_assistant: home_assistant(file)?,
     })
+}
+
+fn home_assistant(file: &MqttFile) -> Option<Option<HomeAssistant>> {
+    let Some(HomeAssistantFile { discovery, prefix, devices }) = file.home_assistant.clone().optional()? else {
+        return Some(None);
+    };
+    let (discovery, devices) = (discovery?.value, devices.or(false)?);
+    Some(Some(HomeAssistant { discovery, prefix: prefix.or(DEFAULT_DISCOVERY_PREFIX.to_owned())?, devices }))
 }
 
 /// What is published; nothing: see the problems.
@@ -167,6 +179,19 @@ fn embedded(file: &MqttFile, problems: &mut Vec<Problem>) {
     }
     for place in [place(&file.user), place(&file.password_file), place(&file.password_env)].into_iter().flatten() {
         problems.push(place.problem("the embedded broker knows no users").right("leave it out"));
+    }
+}
+
+/// What is announced, and what Home Assistant says of itself, does not stand among the gateway's own topics.
+fn discovery_prefix(file: &MqttFile, problems: &mut Vec<Problem>) {
+    let Some(home_assistant) = file.home_assistant.usable() else { return };
+    let (Some(prefix), Some(own)) = (home_assistant.value.prefix.usable(), file.prefix.or(DEFAULT_PREFIX.to_owned()))
+    else {
+        return;
+    };
+    if prefix.value.strip_prefix(&own).is_some_and(|rest| rest.starts_with('/')) {
+        let problem = prefix.place.problem(format!("`{}` lies among the gateway's own topics", prefix.value));
+        problems.push(problem.right(format!("the discovery prefix that Home Assistant is set to: \"{DEFAULT_DISCOVERY_PREFIX}\" unless it was changed there")));
     }
 }
 

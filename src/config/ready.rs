@@ -6,7 +6,7 @@ use crate::domain::ids::{Name, Station, UnitId};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, LinkSettings};
 use crate::drive::description::{Points, Ratings};
 use crate::guard::COMMAND_DEADLINE;
-use crate::north::mqtt::{LeaseMode, Settings, Tree, Version};
+use crate::north::mqtt::{HomeAssistant, LeaseMode, Settings, Tree, Version};
 use crate::profile::model::Model;
 use ipnet::IpNet;
 use std::collections::BTreeMap;
@@ -272,6 +272,8 @@ pub struct MqttSettings {
     pub keep_telemetry: u32,
     /// What is published beside that which always is, each once.
     pub publish: Vec<Tree>,
+    /// Discovery by Home Assistant; nothing: nothing is said to it.
+    pub home_assistant: Option<HomeAssistant>,
 }
 
 impl MqttSettings {
@@ -306,6 +308,7 @@ impl MqttSettings {
             response_prefix: self.response_prefix.clone(),
             keep_telemetry: usize::try_from(self.keep_telemetry).unwrap_or(usize::MAX),
             publish: self.publish.clone(),
+            home_assistant: self.home_assistant.clone(),
         }
     }
 }

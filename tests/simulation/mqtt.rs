@@ -60,6 +60,7 @@ impl MqttSide {
             response_prefix: None,
             keep_telemetry: 0,
             publish: Tree::ALL.to_vec(),
+            home_assistant: None,
         };
         let name = Name::new("line").expect("a name");
         let session = Session::new(settings, world.descriptions.clone(), vec![name], moment(world.now));

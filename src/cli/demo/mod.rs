@@ -109,6 +109,7 @@ name = "demo"
 {}
 [mqtt]
 broker = "embedded"
+home_assistant = {{ discovery = true }}
 
 [[modbus_tcp]]
 listen = "127.0.0.1:{modbus}"

@@ -1,10 +1,10 @@
 //! The table `[mqtt]`.
 
 use super::super::broker::{self, Address};
-use super::super::file::MqttFile;
+use super::super::file::{HomeAssistantFile, MqttFile};
 use super::super::keys::Section;
 use super::super::words::{LEASES, TREES};
-use super::{absolute_path, refuse_not_served, turned};
+use super::{absolute_path, inner, refuse_not_served, turned};
 use crate::north::mqtt::Version;
 use crate::profile::reader::{Given, Needed, Reader, Written};
 use crate::profile::values::Kind;
@@ -50,12 +50,23 @@ pub(super) fn read_mqtt(mut reader: Reader<'_, '_>) -> MqttFile {
         response_prefix: reader.optional("response_prefix", &topics()),
         keep_telemetry: reader.optional("keep_telemetry", &Kind::number(0..=KEEP_TELEMETRY_MAX)),
         publish: reader.list("publish", &Kind::one_of(&TREES)),
+        home_assistant: inner(&mut reader, "home_assistant", read_home_assistant),
         ca_file: reader.optional("ca_file", &absolute_path()),
         client_cert_file: reader.optional("client_cert_file", &absolute_path()),
         client_key_file: reader.optional("client_key_file", &absolute_path()),
     };
     reader.finish();
     mqtt
+}
+
+fn read_home_assistant(mut reader: Reader<'_, '_>) -> HomeAssistantFile {
+    let home_assistant = HomeAssistantFile {
+        discovery: reader.required("discovery", &Kind::flag()),
+        prefix: reader.optional("prefix", &topics()),
+        devices: reader.optional("devices", &Kind::flag()),
+    };
+    reader.finish();
+    home_assistant
 }
 
 fn read_broker(reader: &mut Reader<'_, '_>) -> Needed<Address> {

@@ -22,6 +22,7 @@ fn a_broker_is_all_that_must_be_named() {
     assert_eq!((found.prefix.as_str(), found.lease), ("vfd", LeaseMode::Session));
     assert_eq!((found.heartbeat, found.keep_alive), (Duration::from_secs(60), Duration::from_secs(15)));
     assert_eq!((found.probe_interval, found.command_ttl), (Duration::from_secs(1), Duration::from_secs(1)));
+    assert_eq!(found.home_assistant, None);
     assert_eq!(
         (found.alive_topic.as_deref(), &found.response_prefix, found.keep_telemetry),
         (Some("homeassistant/status"), &None, 0)
@@ -217,4 +218,29 @@ proptest! {
             Err(problems) => prop_assert!(problems.len() == 1 && problems[0].key == "mqtt.broker"),
         }
     }
+}
+
+#[test]
+fn discovery_by_home_assistant_is_taken_and_checked() {
+    let found = |written: &str| mqtt(&over("embedded", &format!("home_assistant = {written}"))).home_assistant.unwrap();
+    let plain = found("{ discovery = true }");
+    assert_eq!((plain.discovery, plain.prefix.as_str(), plain.devices), (true, "homeassistant", false));
+    let all = found("{ discovery = false, prefix = 'ha/new', devices = true }");
+    assert_eq!((all.discovery, all.prefix.as_str(), all.devices), (false, "ha/new", true));
+    let levels = "levels of a topic without `+`, `#`, a first `$`, or a slash at either end: \"vfd\", \"plant/vfd\"";
+    for (written, problem) in [
+        ("{}", "mqtt.home_assistant.discovery: `discovery` is missing; true or false".to_owned()),
+        ("{ discovery = true, prefix = 'a/#' }", format!("mqtt.home_assistant.prefix: `a/#` will not do; {levels}")),
+        ("{ discovery = true, prefix = 'a/' }", format!("mqtt.home_assistant.prefix: `a/` will not do; {levels}")),
+        (
+            "{ discovery = true, prefix = 'vfd/plant' }",
+            "mqtt.home_assistant.prefix: `vfd/plant` lies among the gateway's own topics; the discovery prefix that Home \
+             Assistant is set to: \"homeassistant\" unless it was changed there"
+                .to_owned(),
+        ),
+    ] {
+        only(&over("embedded", &format!("home_assistant = {written}")), &problem);
+    }
+    let two = problems(&over("embedded", "home_assistant = { discovery = 1, device = true }"));
+    assert_eq!(two.len(), 2, "{two:?}");
 }

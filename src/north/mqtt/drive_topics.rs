@@ -323,7 +323,8 @@ fn below_drive<'t>(topic: &'t str, drive: &DriveDescription) -> &'t str {
     place.and_then(|start| topic.get(start + drive.name.as_str().len() + 1..)).unwrap_or(topic)
 }
 
-fn kinds(drive: &DriveDescription) -> Vec<(Kind, String)> {
+/// What is shown of `drive`, each with its topic below the drive's.
+pub(super) fn kinds(drive: &DriveDescription) -> Vec<(Kind, String)> {
     let mut kinds = vec![(Kind::Availability, "availability".into()), (Kind::RunState, "run/state".into())];
     let polled = |(_, register): &(usize, &Register)| register.poll.is_some();
     let values = drive.model.registers.iter().enumerate().filter(polled);

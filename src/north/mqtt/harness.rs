@@ -44,6 +44,7 @@ pub(super) fn settings(version: Version) -> Settings {
         response_prefix: Some("vfd/answers".into()),
         keep_telemetry: 0,
         publish: Tree::ALL.to_vec(),
+        home_assistant: None,
     }
 }
 

@@ -1,6 +1,7 @@
 //! Messages from the broker: what each asks for, and whether it is taken.
 
 use super::giving::Asker;
+use super::home_assistant::Plant;
 use super::kept;
 use super::path::Returned;
 use super::payload::{self, Asked, Refused, Wish, is_stop, short};
@@ -25,8 +26,10 @@ impl Session {
     /// and gives no command is kept as an attempt, once.
     pub(super) fn message(&mut self, at: Moment, message: &Message<'_>) {
         self.counters.messages_in += 1;
+        let plant = Plant::of(&self.settings, &self.topics, &self.lines, &self.drives);
+        let is_discovery = plant.is_some_and(|plant| self.discovery.take(at.mono, message, &plant));
         match self.topics.parse(message.topic) {
-            None => self.counters.ignored += 1,
+            None => self.counters.ignored += u64::from(!is_discovery),
             Some(Inbound::Probe) => self.probe(at, message),
             Some(Inbound::Alive) => {
                 let says = std::str::from_utf8(message.payload).unwrap_or_default();
@@ -44,6 +47,9 @@ impl Session {
         }
         if !was_open {
             self.stored.opened();
+            if self.settings.home_assistant.is_some() {
+                self.discovery.opened(at.mono);
+            }
         }
         let is_sign_of_life = self.settings.lease == LeaseMode::Session && !self.are_commanders_gone;
         if is_sign_of_life && !self.inward.contains(&Act::PathAlive) {

@@ -4,8 +4,9 @@
 //! [`Session`] is the whole. Inside it, `path` follows the connection and its probe, `topics` knows every topic,
 //! `payload`, `command_json` and `params` read what commanders send, `inputs`, `giving` and `answers` turn it into
 //! commands and results, `kept` accounts for what comes to nothing, `pending` and `seen` remember what is under way and
-//! what was, `results`, `stored`, `outbox` and `history` hold what is to be told, and `telemetry` walks the pictures of
-//! the drives, where `points` says of each register which change of it is news.
+//! what was, `results`, `stored`, `outbox` and `history` hold what is to be told, `telemetry` walks the pictures of the
+//! drives, where `points` says of each register which change of it is news, and `home_assistant` says what there is to
+//! show of them.
 
 mod answers;
 mod clock;
@@ -14,6 +15,7 @@ mod counters;
 mod drive_topics;
 mod giving;
 mod history;
+mod home_assistant;
 mod in_flight;
 mod inputs;
 mod kept;
@@ -57,6 +59,6 @@ mod telemetry_tests;
 pub use counters::Counters;
 pub use session::Session;
 pub use types::{
-    Act, Broker, Event, Filter, LeaseMode, LineState, Message, Moment, Publication, Qos, Refusal, Settings, Tree,
-    Version,
+    Act, Broker, Event, Filter, HomeAssistant, LeaseMode, LineState, Message, Moment, Publication, Qos, Refusal,
+    Settings, Tree, Version,
 };

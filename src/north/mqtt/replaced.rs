@@ -1,5 +1,6 @@
 //! The configuration has changed while the connection stays: other drives, other lines.
 
+use super::home_assistant::Plant;
 use super::pending::What;
 use super::seen::Seen;
 use super::session::Session;
@@ -39,6 +40,11 @@ impl Session {
             .collect();
         let started = self.clock.text(self.started);
         self.telemetry.replace(&self.settings, &self.topics, (&self.drives, &drives), &lines, &started);
-        self.drives = drives;
+        let old = Plant::of(&self.settings, &self.topics, &self.lines, &self.drives);
+        let new = Plant::of(&self.settings, &self.topics, &lines, &drives);
+        if let (Some(old), Some(new)) = (old, new) {
+            self.discovery.replace(&old, &new);
+        }
+        (self.drives, self.lines) = (drives, lines);
     }
 }

@@ -3,6 +3,7 @@
 use super::clock::Clock;
 use super::counters::Counters;
 use super::history::History;
+use super::home_assistant::{Discovery, Plant};
 use super::kept::Kept;
 use super::outbox::Outbox;
 use super::path::Path;
@@ -22,6 +23,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// Marks of a token: whose publication it is. Numbers stay far below.
+const DISCOVERY: u64 = 1 << 61;
 const STORED: u64 = 1 << 62;
 const HISTORY: u64 = 1 << 63;
 
@@ -42,6 +44,7 @@ pub struct Session {
     pub(super) settings: Settings,
     pub(super) topics: Topics,
     pub(super) drives: Vec<DriveDescription>,
+    pub(super) lines: Vec<Name>,
     /// Distinguishes this process from others of the same gateway: when it was started, in milliseconds since 1970.
     pub(super) run: String,
     pub(super) clock: Clock,
@@ -60,6 +63,7 @@ pub struct Session {
     pub(super) stored: Stored,
     history: History,
     pub(super) telemetry: Telemetry,
+    pub(super) discovery: Discovery,
     pub(super) counters: Counters,
     /// The alive topic says that the commanders are gone.
     pub(super) are_commanders_gone: bool,
@@ -85,12 +89,14 @@ impl Session {
             outbox: Outbox::default(),
             stored: Stored::default(),
             history: History::new(settings.keep_telemetry),
+            discovery: Discovery::default(),
             counters: Counters::default(),
             are_commanders_gone: false,
             last_ticket: 0,
             settings,
             topics,
             drives,
+            lines,
             run,
             clock,
             started: started.mono,
@@ -123,12 +129,14 @@ impl Session {
     }
 
     fn subscribed(&mut self, at: Moment, granted: &[bool]) {
-        let filters = self.topics.filters();
+        let filters = self.filters();
         let is_whole = granted.len() == filters.len();
-        // The alive topic belongs to somebody else. Without it the probe alone tells whether the way is open.
+        // What others say is not needed. Without the alive topic the probe alone tells whether the way is open.
         let is_needed = |filter: &Filter| !filter.wants_retained;
         let is_granted = is_whole && filters.iter().zip(granted).all(|(it, granted)| *granted || !is_needed(it));
-        self.counters.alive_refused = u64::from(is_whole && granted.contains(&false) && is_granted);
+        let alive = filters.iter().position(|it| Some(it.path.as_str()) == self.settings.alive_topic.as_deref());
+        let is_alive_refused = alive.and_then(|place| granted.get(place)) == Some(&false);
+        self.counters.alive_refused = u64::from(is_whole && is_alive_refused && is_granted);
         if self.path.subscribed(at.mono, is_granted) {
             // Before any command that came on this connection and is still here.
             self.inward.push_front(Act::PathOpened);
@@ -136,8 +144,9 @@ impl Session {
     }
 
     fn acknowledged(&mut self, token: u64) {
-        let number = token & !(STORED | HISTORY);
-        match token & (STORED | HISTORY) {
+        let number = token & !(DISCOVERY | STORED | HISTORY);
+        match token & (DISCOVERY | STORED | HISTORY) {
+            DISCOVERY => self.discovery.acknowledged(number),
             STORED => self.stored.acknowledged(number),
             HISTORY => self.history.acknowledged(number),
             _ => self.outbox.acknowledged(number),
@@ -167,6 +176,7 @@ impl Session {
         self.stored.lost();
         self.history.lost();
         self.telemetry.forget();
+        self.discovery.lost();
         self.inward.retain(|act| !matches!(act, Act::PathAlive | Act::PathOpened));
     }
 
@@ -197,8 +207,10 @@ impl Session {
     pub fn next_wake(&self) -> Option<MonoTime> {
         let open = |wake: Option<MonoTime>| wake.filter(|_| self.path.is_open());
         let (telemetry, history) = (open(self.telemetry.wake()), open(self.history.wake()));
-        let (outbox, stored) = (open(self.outbox.wake()), open(self.stored.wake()));
-        [self.path.wake(), self.unanswered.wake(), telemetry, history, outbox, stored].into_iter().flatten().min()
+        let (outbox, stored, discovery) =
+            (open(self.outbox.wake()), open(self.stored.wake()), open(self.discovery.wake()));
+        let told = [telemetry, history, outbox, stored, discovery];
+        [self.path.wake(), self.unanswered.wake()].into_iter().chain(told).flatten().min()
     }
 
     /// The next thing for the lines: commands, reads, and signs of the way from the commanders; behind them what is to be
@@ -222,7 +234,7 @@ impl Session {
             return Some(Act::Reconnect(reason));
         }
         if self.path.take_subscription(at.mono) {
-            return Some(Act::Subscribe(self.topics.filters()));
+            return Some(Act::Subscribe(self.filters()));
         }
         loop {
             let publication = self.next_publication(at.mono, views, lines)?;
@@ -265,20 +277,28 @@ impl Session {
         if let Some(publication) = self.telemetry.next(at, self.clock, &self.drives, views, lines) {
             return Some(publication);
         }
-        let (topic, payload, number) = self.history.next(at, &self.topics, self.clock, &self.drives)?;
-        Some(passing(topic, payload, Qos::AtLeastOnce, Some(HISTORY | number)))
+        if let Some((topic, payload, number)) = self.history.next(at, &self.topics, self.clock, &self.drives) {
+            return Some(passing(topic, payload, Qos::AtLeastOnce, Some(HISTORY | number)));
+        }
+        let plant = Plant::of(&self.settings, &self.topics, &self.lines, &self.drives)?;
+        let (publication, number) = self.discovery.next(at, &plant)?;
+        Some(Publication { token: Some(DISCOVERY | number), ..publication })
+    }
+
+    /// What is subscribed.
+    fn filters(&self) -> Vec<Filter> {
+        let plant = Plant::of(&self.settings, &self.topics, &self.lines, &self.drives);
+        self.topics.filters().into_iter().chain(plant.into_iter().flat_map(|it| it.subscriptions())).collect()
     }
 
     /// `publication` as this broker takes it; nothing if it does not. What is too large would end the connection
     /// again and again.
     fn admitted(&mut self, mut publication: Publication) -> Option<Publication> {
-        if self.broker.maximum_packet_bytes.is_some_and(|most| packet_bytes(&publication) > most) {
-            self.counters.too_large += 1;
-            publication.token.into_iter().for_each(|token| self.acknowledged(token));
-            return None;
-        }
+        let is_too_large = self.broker.maximum_packet_bytes.is_some_and(|most| packet_bytes(&publication) > most);
         let is_clearing = publication.retain && publication.payload.is_empty();
-        if is_clearing && !self.broker.retains {
+        if is_too_large || is_clearing && !self.broker.retains {
+            self.counters.too_large += u64::from(is_too_large);
+            publication.token.into_iter().for_each(|token| self.acknowledged(token));
             return None;
         }
         publication.retain &= self.broker.retains;

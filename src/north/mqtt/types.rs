@@ -38,6 +38,19 @@ pub struct Settings {
     pub keep_telemetry: usize,
     /// What is published beside that which always is: availability, status, results, events of trips, the probe.
     pub publish: Vec<Tree>,
+    /// Discovery by Home Assistant; nothing: nothing is said to it, and nothing taken back.
+    pub home_assistant: Option<HomeAssistant>,
+}
+
+/// Discovery by Home Assistant.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct HomeAssistant {
+    /// Whether anything is announced; if not, what was announced before is taken back.
+    pub discovery: bool,
+    /// First level or levels of the topics that Home Assistant looks at, without a slash at either end.
+    pub prefix: String,
+    /// Each device is announced as a whole, not each entity for itself.
+    pub devices: bool,
 }
 
 /// A part of what is published that can be left out.

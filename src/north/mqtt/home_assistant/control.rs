@@ -1,0 +1,87 @@
+//! How a drive is commanded from Home Assistant: only where commands over MQTT are taken, and only what is allowed.
+
+use super::entity::{Component, Entity, Needs};
+use crate::domain::command::Outcome;
+use crate::domain::control::ControlSettings;
+use crate::drive::description::DriveDescription;
+use crate::north::mqtt::state::capabilities;
+use crate::north::mqtt::topics::Topics;
+use crate::profile::model::Role;
+
+/// RUN says when it was ordered, where the drive takes no other.
+const WITH_MOMENT: &str = r#"{"run": "{{ value }}", "issued_at": {{ (now().timestamp() * 1000) | int }}}"#;
+
+const OUTCOMES: [Outcome; 7] = [
+    Outcome::Refused,
+    Outcome::Expired,
+    Outcome::Superseded,
+    Outcome::Failed,
+    Outcome::Unknown,
+    Outcome::Acknowledged,
+    Outcome::Confirmed,
+];
+
+/// What commands `drive`, and what became of the last command; nothing where commands over MQTT are not taken.
+pub(super) fn entities(topics: &Topics, drive: &DriveDescription) -> Vec<Entity> {
+    let Some(control) = drive.control.as_deref().filter(|control| control.from_mqtt) else { return Vec::new() };
+    let topic = |rest: &str| topics.drive(drive.name.as_str(), rest);
+    let can = capabilities(drive);
+    let mut entities: Vec<_> = setpoint(drive, control, &topic).into_iter().collect();
+    for (run, name) in [("forward", "Forward"), ("reverse", "Reverse")] {
+        if can.contains(&run) {
+            let button = button(run, name, Needs::Drive, run);
+            entities.push(if control.strict {
+                button.with("command_topic", topic("command")).with("command_template", WITH_MOMENT)
+            } else {
+                button.with("command_topic", topic("run/set"))
+            });
+        }
+    }
+    for (run, name) in [("stop", "Stop"), ("coast", "Coast")] {
+        if can.contains(&run) {
+            // A stop is taken, and kept, for a drive that does not answer too. And it may come late.
+            let button = button(run, name, Needs::Gateway, run).with("qos", 1);
+            entities.push(button.with("command_topic", topic("run/set")));
+        }
+    }
+    if can.contains(&"reset") {
+        entities.push(button("reset", "Reset trip", Needs::Drive, "reset").with("command_topic", topic("trip/reset")));
+    }
+    entities.extend(last_command(&topic("result")));
+    entities
+}
+
+fn button(key: &str, name: &str, needs: Needs, payload: &str) -> Entity {
+    Entity::new(Component::Button, key, name, needs).with("payload_press", payload)
+}
+
+/// The setpoint within its limits. One of the drive's own that lies outside is shown by the sensor alone: here it would
+/// be an error.
+fn setpoint(drive: &DriveDescription, control: &ControlSettings, topic: &dyn Fn(&str) -> String) -> Option<Entity> {
+    let (least, most) = (control.least.as_f64(), control.most.as_f64());
+    let scale = drive.model.register_for(Role::FrequencyCommand)?.scale;
+    if least >= most {
+        return None;
+    }
+    let template = format!("{{{{ value if {least} <= (value | float(-1)) <= {most} else None }}}}");
+    let number = Entity::new(Component::Number, "set_frequency", "Set frequency", Needs::Drive);
+    let number = number.made_of(topic("frequency/setpoint"), template).with("command_topic", topic("frequency/set"));
+    let number = number.with("min", least).with("max", most).with("step", 1.0 / f64::from(scale)).with("mode", "box");
+    Some(number.with("unit_of_measurement", "Hz").class("frequency"))
+}
+
+/// The result is not kept by the broker: both are unknown until there is one.
+fn last_command(topic: &str) -> [Entity; 2] {
+    let sensor = |key: &str, name: &str, template: &str| {
+        let entity = Entity::new(Component::Sensor, key, name, Needs::Gateway);
+        entity.made_of(topic.to_owned(), template).diagnostic()
+    };
+    let words: Vec<_> = OUTCOMES.iter().map(|outcome| outcome.word()).collect();
+    [
+        sensor("last_command", "Last command", "{{ value_json.outcome }}")
+            .class("enum")
+            .with("options", words)
+            .with("json_attributes_topic", topic),
+        sensor("last_reason", "Last command reason", "{{ value_json.reason }}"),
+    ]
+}

@@ -1,0 +1,141 @@
+//! What a drive shows in Home Assistant: a sensor for each topic with a value, and what its state tells besides.
+
+use super::control;
+use super::entity::{Component, Entity, Needs, json_at, title};
+use crate::domain::units::UnitOfMeasure;
+use crate::drive::description::DriveDescription;
+use crate::drive::rated::Rated;
+use crate::north::mqtt::drive_topics::{Kind, kinds};
+use crate::north::mqtt::topics::Topics;
+use crate::profile::model::{Flag, Model, Register, Role};
+
+const RUN_STATES: [&str; 7] = ["unknown", "stopped", "forward", "reverse", "running", "stopping", "tripped"];
+const RUNNING: &str =
+    "{{ None if value in ('', 'unknown') else value in ('forward', 'reverse', 'running', 'stopping') }}";
+const WATCHDOG: &str = "{% set dog = value_json.watchdog if value else None %}\
+                        {{ None if not dog or dog.state == 'unknown' else dog.state != 'in_order' }}";
+/// A topic that is cleared while nobody holds it could not say so to those who come later.
+const OWNER: &str = "{{ (value_json.control.owner or 'nobody') if value else 'unknown' }}";
+const TRIP_EVENT: &str = "{{ dict(value_json, event_type=value_json.kind) | to_json }}";
+
+/// The entities of `drive`, in the order in which they are announced.
+pub(super) fn entities(topics: &Topics, drive: &DriveDescription) -> Vec<Entity> {
+    let topic = |rest: &str| topics.drive(drive.name.as_str(), rest);
+    let mut entities = vec![connected(topic("availability"))];
+    for (kind, rest) in kinds(drive) {
+        entities.extend(shown(drive, kind, &rest, topic(&rest)));
+    }
+    entities.extend(told_by_state(drive, &topic("state")));
+    if drive.model.trip_register().is_some() {
+        let event = Entity::new(Component::Event, "trip", "Trip", Needs::Drive);
+        let event = event.made_of(topic("trip/event"), TRIP_EVENT);
+        entities.push(event.with("event_types", vec!["tripped", "cleared"]).with("qos", 1));
+    }
+    entities.extend(control::entities(topics, drive));
+    entities
+}
+
+fn connected(topic: String) -> Entity {
+    let entity = Entity::new(Component::BinarySensor, "connected", "Connected", Needs::Gateway);
+    entity.showing(topic).words("online", "offline").class("connectivity").diagnostic()
+}
+
+/// What stands on the topic that shows `kind`.
+fn shown(drive: &DriveDescription, kind: Kind, rest: &str, topic: String) -> Vec<Entity> {
+    let model = &drive.model;
+    let sensor = |key: &str, name: &str| Entity::new(Component::Sensor, key, name, Needs::Drive);
+    let tells_trips = model.trip_register().is_some();
+    match kind {
+        Kind::RunState => run_state(&topic).into(),
+        Kind::Polled(place) => model.registers.get(place).map(|it| measured(it, rest, topic)).into_iter().collect(),
+        Kind::Rated(place) => {
+            let unit = model.registers.get(place).and_then(|it| Rated::of(it, &drive.ratings)).map(|it| it.unit);
+            unit.map(|unit| value(rest, topic, unit, Some(2))).into_iter().collect()
+        }
+        Kind::Setpoint => vec![value(rest, topic, UnitOfMeasure::Hertz, None)],
+        Kind::TripActive if tells_trips => {
+            let problem = Entity::new(Component::BinarySensor, "tripped", "Tripped", Needs::Drive);
+            vec![problem.showing(topic).words("true", "false").class("problem")]
+        }
+        Kind::TripCode if tells_trips => vec![sensor("trip_code", "Trip code").telling(topic).diagnostic()],
+        Kind::TripText if tells_trips => vec![sensor("trip_text", "Trip text").telling(topic).diagnostic()],
+        Kind::TripCount if model.register_for(Role::TripCount).is_some() => {
+            let count = sensor("trip_count", "Trips").showing(topic).diagnostic();
+            vec![count.with("state_class", "total_increasing")]
+        }
+        // The event tells of it, the state of who holds control, and a parameter is asked for by those who know it.
+        Kind::TripActive | Kind::TripCode | Kind::TripText | Kind::TripCount | Kind::TripLast => Vec::new(),
+        Kind::Availability | Kind::Owner | Kind::Param(_) => Vec::new(),
+    }
+}
+
+fn run_state(topic: &str) -> [Entity; 2] {
+    let state = Entity::new(Component::Sensor, "run_state", "Run state", Needs::Drive);
+    let running = Entity::new(Component::BinarySensor, "running", "Running", Needs::Drive);
+    [
+        state.telling(topic.to_owned()).class("enum").with("options", RUN_STATES.to_vec()),
+        running.made_of(topic.to_owned(), RUNNING).words("True", "False").class("running"),
+    ]
+}
+
+/// A polled register. One that holds codes or bits is for those who look for it.
+fn measured(register: &Register, rest: &str, topic: String) -> Entity {
+    let decimals = register.scale.ilog10();
+    let decimals = (10_u32.checked_pow(decimals) == Some(register.scale)).then_some(decimals);
+    let entity = value(rest, topic, register.unit, decimals);
+    match register.role {
+        Some(Role::RunHours) => entity.with("state_class", "total_increasing"),
+        _ => entity,
+    }
+}
+
+/// A value on the topic `rest` below the drive's.
+fn value(rest: &str, topic: String, unit: UnitOfMeasure, decimals: Option<u32>) -> Entity {
+    let (key, name) = match rest {
+        "frequency/output" => ("output_frequency".to_owned(), "Output frequency".to_owned()),
+        "frequency/setpoint" => ("setpoint".to_owned(), "Setpoint".to_owned()),
+        rest => {
+            let name = rest.rsplit('/').next().unwrap_or(rest);
+            (format!("measure_{name}"), title(name))
+        }
+    };
+    let entity = Entity::new(Component::Sensor, key, name, Needs::Drive);
+    match unit {
+        UnitOfMeasure::None => entity.telling(topic).diagnostic().with("enabled_by_default", false),
+        unit => entity.showing(topic).measured_in(unit, decimals).with("state_class", "measurement"),
+    }
+}
+
+/// What only the drive's JSON document tells.
+fn told_by_state(drive: &DriveDescription, topic: &str) -> Vec<Entity> {
+    let sensor = |key: &str, name: &str, template: String| {
+        let entity = Entity::new(Component::BinarySensor, key, name, Needs::Drive);
+        entity.made_of(topic.to_owned(), template).words("True", "False").diagnostic()
+    };
+    let mut entities = Vec::new();
+    if has(&drive.model, &[Flag::BusRun, Flag::BusFrequency]) {
+        entities.push(sensor("local", "Local control", json_at("local")));
+    }
+    if has(&drive.model, &[Flag::Alarm]) {
+        entities.push(sensor("alarm", "Alarm of the drive", json_at("alarm")).class("problem"));
+    }
+    if has(&drive.model, &[Flag::Ready]) {
+        entities.push(sensor("ready", "Ready", json_at("ready")));
+    }
+    if drive.model.watchdog.is_some() {
+        entities.push(sensor("watchdog", "Watchdog of the drive", WATCHDOG.to_owned()).class("problem"));
+    }
+    if drive.control.is_some() {
+        let control = |key: &str, name: &str| sensor(key, name, json_at(&format!("control.{key}")));
+        entities.push(control("start_inhibited", "Start inhibited"));
+        entities.push(control("not_effective", "Stop without effect").class("problem"));
+        entities.push(control("failsafe", "Fail-safe action ran").class("problem"));
+        let owner = Entity::new(Component::Sensor, "owner", "Control held by", Needs::Drive);
+        entities.push(owner.made_of(topic.to_owned(), OWNER).diagnostic());
+    }
+    entities
+}
+
+fn has(model: &Model, flags: &[Flag]) -> bool {
+    flags.iter().any(|flag| model.status_flag(*flag).is_some())
+}

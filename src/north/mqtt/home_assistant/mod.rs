@@ -1,0 +1,220 @@
+//! Discovery by Home Assistant: what the gateway has is announced, again when Home Assistant is born, and taken back when it
+//! is gone.
+//!
+//! [`Plant`] makes the announcements, [`Discovery`] decides which one goes next. It keeps no announcement, only where it
+//! stands, and what is to be taken back. What an earlier life of the gateway has announced it learns from the broker,
+//! which sends what it has retained under the gateway's own node. Without that, only what this life has announced is
+//! taken back.
+
+mod control;
+mod drive;
+mod entity;
+mod gateway;
+mod ids;
+mod plant;
+
+#[cfg(test)]
+mod documents_tests;
+#[cfg(test)]
+mod session_tests;
+
+pub(super) use plant::Plant;
+
+use super::types::{Filter, Message, Publication, Qos};
+use crate::domain::time::MonoTime;
+use plant::Found;
+use std::collections::BTreeSet;
+use std::ops::Bound;
+use std::time::Duration;
+
+/// At most so many are published in [`BURST_EVERY`]: behind a birth everything else goes first.
+const BURST: u32 = 10;
+const BURST_EVERY: Duration = Duration::from_millis(100);
+/// At most so many are on their way, so that a slow broker has room for others.
+const IN_FLIGHT_MAX: usize = 8;
+/// Most that is remembered to be taken back: the entities of a hundred drives.
+const GONE_MAX: usize = 4096;
+/// After so long without another one the broker has sent what it has retained.
+const QUIET: Duration = Duration::from_secs(1);
+/// Longer nobody waits for that.
+const QUIET_MAX: Duration = Duration::from_secs(10);
+/// Gateways do not all answer a birth at once.
+const JITTER_MAX_MS: u64 = 5_000;
+/// Says that the entity is announced in another way from now on, and keeps what people have made of it.
+const MIGRATES: &[u8] = br#"{"migrate_discovery": true}"#;
+
+/// What is announced to Home Assistant, and what of it is to be done next.
+#[derive(Debug, Default)]
+pub(super) struct Discovery {
+    /// What waits to be taken back before anything is announced.
+    gone: BTreeSet<String>,
+    /// What is announced in another way from now on: it is told so before, and taken back afterwards.
+    moving: BTreeSet<String>,
+    /// What of that was told, in order, so far.
+    told: Option<String>,
+    /// The next announcement, device and entity; nothing: all are out.
+    walk: Option<(usize, usize)>,
+    /// The way to the broker; nothing while there is none.
+    way: Option<Way>,
+    /// When a birth is to be answered.
+    again_at: Option<MonoTime>,
+    /// When this burst began, and how many are gone in it.
+    burst: (MonoTime, u32),
+    last: u64,
+    /// What the broker has not acknowledged.
+    in_flight: BTreeSet<u64>,
+}
+
+/// A way to the broker that is open.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    opened_at: MonoTime,
+    /// Until then what was announced before may come.
+    quiet_at: MonoTime,
+}
+
+impl Discovery {
+    /// The way to the broker is open.
+    pub(super) fn opened(&mut self, at: MonoTime) {
+        self.way = Some(Way { opened_at: at, quiet_at: at + QUIET });
+        (self.walk, self.again_at, self.told) = (Some((0, 0)), None, None);
+    }
+
+    /// The connection is gone: all is announced on the next one.
+    pub(super) fn lost(&mut self) {
+        self.way = None;
+        self.in_flight.clear();
+    }
+
+    /// The broker has the announcement with this number.
+    pub(super) fn acknowledged(&mut self, number: u64) {
+        self.in_flight.remove(&number);
+    }
+
+    /// Takes a message. False if it is none of Home Assistant or about an announcement of ours.
+    pub(super) fn take(&mut self, at: MonoTime, message: &Message<'_>, plant: &Plant<'_>) -> bool {
+        if plant.is_birth_topic(message.topic) {
+            let is_birth = message.payload.trim_ascii().eq_ignore_ascii_case(b"online");
+            if is_birth && plant.is_on() {
+                self.birth(at, plant);
+            }
+            return true;
+        }
+        let Some((component, object)) = plant.parse(message.topic) else { return false };
+        if let Some(way) = self.way.as_mut().filter(|way| at < way.quiet_at) {
+            way.quiet_at = (at + QUIET).min(way.opened_at + QUIET_MAX);
+        }
+        if message.payload.is_empty() || message.payload == MIGRATES {
+            return true;
+        }
+        match plant.look(component, object, message.payload) {
+            Found::Wanted => {}
+            Found::Gone => self.take_back(message.topic),
+            Found::OtherWay => self.move_over(message.topic),
+        }
+        true
+    }
+
+    /// What is announced before it begins to be is announced anyway.
+    fn birth(&mut self, at: MonoTime, plant: &Plant<'_>) {
+        if self.way.is_some_and(|way| at >= way.quiet_at) {
+            let wait = Duration::from_millis(digest(&plant.node()) % (JITTER_MAX_MS + 1));
+            self.again_at.get_or_insert(at + wait);
+        }
+    }
+
+    fn take_back(&mut self, topic: &str) {
+        if self.gone.len() + self.moving.len() < GONE_MAX && self.gone.insert(topic.to_owned()) {
+            // Something else may be announced at the same topic.
+            self.walk = Some((0, 0));
+        }
+    }
+
+    fn move_over(&mut self, topic: &str) {
+        if self.gone.len() + self.moving.len() < GONE_MAX && self.moving.insert(topic.to_owned()) {
+            (self.walk, self.told) = (Some((0, 0)), None);
+        }
+    }
+
+    /// The gateway has other drives and lines from now on.
+    pub(super) fn replace(&mut self, old: &Plant<'_>, new: &Plant<'_>) {
+        let wanted = new.all();
+        self.gone.extend(old.all().difference(&wanted).map(|(topic, _)| topic.clone()));
+        while self.gone.len() > GONE_MAX {
+            self.gone.pop_last();
+        }
+        self.walk = Some((0, 0));
+    }
+
+    /// The next publication, if it is time for one, with its number.
+    pub(super) fn next(&mut self, at: MonoTime, plant: &Plant<'_>) -> Option<(Publication, u64)> {
+        if self.again_at.is_some_and(|again_at| at >= again_at) {
+            (self.walk, self.again_at) = (Some((0, 0)), None);
+        }
+        if self.wake()? > at {
+            return None;
+        }
+        let publication = self.announcement(plant)?;
+        if at.since(self.burst.0) >= BURST_EVERY {
+            self.burst = (at, 0);
+        }
+        self.burst.1 += 1;
+        self.last += 1;
+        self.in_flight.insert(self.last);
+        Some((publication, self.last))
+    }
+
+    fn announcement(&mut self, plant: &Plant<'_>) -> Option<Publication> {
+        if let Some(topic) = self.gone.pop_first() {
+            return Some(publication(topic, Vec::new(), true));
+        }
+        if let Some(topic) = self.untold().cloned() {
+            self.told = Some(topic.clone());
+            return Some(publication(topic, MIGRATES.to_vec(), false));
+        }
+        while let Some((device, entity)) = self.walk.filter(|(device, _)| plant.is_on() && plant.has_device(*device)) {
+            if let Some((topic, payload)) = plant.announcement((device, entity)) {
+                self.walk = Some((device, entity + 1));
+                return Some(publication(topic, payload, true));
+            }
+            self.walk = Some((device + 1, 0));
+        }
+        self.walk = None;
+        self.moving.pop_first().map(|topic| publication(topic, Vec::new(), true))
+    }
+
+    /// The first of what moves that was not told so.
+    fn untold(&self) -> Option<&String> {
+        match &self.told {
+            Some(told) => self.moving.range::<String, _>((Bound::Excluded(told), Bound::Unbounded)).next(),
+            None => self.moving.first(),
+        }
+    }
+
+    /// When something is to be published; nothing while there is nothing, or no room on the way.
+    pub(super) fn wake(&self) -> Option<MonoTime> {
+        let way = self.way.filter(|_| self.in_flight.len() < IN_FLIGHT_MAX)?;
+        let has_work = self.walk.is_some() || !self.gone.is_empty() || !self.moving.is_empty();
+        let (begun, gone) = self.burst;
+        let room_at = if gone < BURST { begun } else { begun + BURST_EVERY };
+        let work_at = has_work.then(|| room_at.max(way.quiet_at));
+        [work_at, self.again_at].into_iter().flatten().min()
+    }
+}
+
+impl Plant<'_> {
+    /// What is subscribed. Not being granted one of them is no failure.
+    pub(super) fn subscriptions(&self) -> Vec<Filter> {
+        self.filters().into_iter().map(|path| Filter { path, wants_retained: true }).collect()
+    }
+}
+
+const fn publication(topic: String, payload: Vec<u8>, retain: bool) -> Publication {
+    let (qos, expiry, correlation, token) = (Qos::AtLeastOnce, None, None, None);
+    Publication { topic, payload, retain, qos, expiry, correlation, token }
+}
+
+/// A number that follows from a text (FNV-1a).
+fn digest(text: &str) -> u64 {
+    text.bytes().fold(0xCBF2_9CE4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3))
+}

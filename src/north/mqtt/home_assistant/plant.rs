@@ -1,0 +1,266 @@
+//! Everything that is announced to Home Assistant, made when it is asked for: nothing of it is kept.
+
+use super::entity::{Entity, Needs};
+use super::{drive, gateway, ids};
+use crate::domain::ids::Name;
+use crate::drive::description::DriveDescription;
+use crate::north::mqtt::topics::Topics;
+use crate::north::mqtt::types::{HomeAssistant, Settings};
+use serde_json::{Map, Value, json};
+use std::collections::BTreeSet;
+
+/// The component of an announcement that holds a whole device.
+pub(super) const DEVICE: &str = "device";
+
+/// What is known of the gateway.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::north::mqtt) struct Plant<'a> {
+    settings: &'a HomeAssistant,
+    /// Where the commanders say that they are there.
+    alive: Option<&'a str>,
+    topics: &'a Topics,
+    gateway: &'a Name,
+    lines: &'a [Name],
+    drives: &'a [DriveDescription],
+}
+
+/// A device of Home Assistant.
+#[derive(Clone, Copy, Debug)]
+enum Device<'a> {
+    Gateway,
+    Drive(&'a DriveDescription),
+}
+
+impl Device<'_> {
+    fn object(self) -> String {
+        match self {
+            Self::Gateway => ids::GATEWAY.to_owned(),
+            Self::Drive(drive) => ids::drive(&drive.name),
+        }
+    }
+}
+
+/// What an announcement under our node is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Found {
+    /// It belongs there.
+    Wanted,
+    /// Something that is announced in the other way now, by device or by entity.
+    OtherWay,
+    /// Something that is not there any more.
+    Gone,
+}
+
+/// Where something is announced, and the keys of what it holds if that is a device.
+type Announced = (String, Vec<String>);
+
+impl<'a> Plant<'a> {
+    /// Nothing if Home Assistant is not spoken to.
+    pub(in crate::north::mqtt) fn of(
+        settings: &'a Settings,
+        topics: &'a Topics,
+        lines: &'a [Name],
+        drives: &'a [DriveDescription],
+    ) -> Option<Self> {
+        let (alive, gateway) = (settings.alive_topic.as_deref(), &settings.gateway);
+        settings.home_assistant.as_ref().map(|settings| Self { settings, alive, topics, gateway, lines, drives })
+    }
+
+    /// Whether anything is announced at all.
+    pub(super) const fn is_on(&self) -> bool {
+        self.settings.discovery
+    }
+
+    /// What is subscribed: where Home Assistant says that it is there, and what was announced before. The alive topic is
+    /// subscribed anyway.
+    pub(super) fn filters(&self) -> Vec<String> {
+        let birth = self.birth();
+        let birth = Some(birth).filter(|birth| self.is_on() && self.alive != Some(birth));
+        birth.into_iter().chain([ids::filter(&self.settings.prefix, &self.node())]).collect()
+    }
+
+    /// Whether Home Assistant says at `topic` that it is there.
+    pub(super) fn is_birth_topic(&self, topic: &str) -> bool {
+        self.alive == Some(topic) || self.birth() == topic
+    }
+
+    fn birth(&self) -> String {
+        format!("{}/status", self.settings.prefix)
+    }
+
+    /// Component and object of an announcement under our node.
+    pub(super) fn parse<'t>(&self, topic: &'t str) -> Option<(&'t str, &'t str)> {
+        ids::parse(topic, &self.settings.prefix, &self.node())
+    }
+
+    /// The announcement at `place`: the number of the device, and of the entity among its own. Nothing behind the last
+    /// entity of a device, which has one announcement if it is announced as a whole.
+    pub(super) fn announcement(&self, (device, entity): (usize, usize)) -> Option<(String, Vec<u8>)> {
+        let device = self.device(device)?;
+        let entities = self.entities(device);
+        let (component, object, document) = if self.settings.devices {
+            if entity > 0 {
+                return None;
+            }
+            (DEVICE, device.object(), self.whole(device, entities))
+        } else {
+            let entity = entities.into_iter().nth(entity)?;
+            let (component, object) = (entity.component.word(), ids::entity(&device.object(), &entity.key));
+            (component, object, Value::Object(self.single(device, entity)))
+        };
+        Some((self.topic(component, &object), document.to_string().into_bytes()))
+    }
+
+    /// Whether there is a device with this number: the gateway, then the drives.
+    pub(super) fn has_device(&self, device: usize) -> bool {
+        self.device(device).is_some()
+    }
+
+    /// What an announcement with `payload` is.
+    pub(super) fn look(&self, component: &str, object: &str, payload: &[u8]) -> Found {
+        if !self.settings.discovery {
+            return Found::Gone;
+        }
+        if component == DEVICE {
+            let device = self.devices().find(|device| device.object() == object);
+            return match device {
+                None => Found::Gone,
+                Some(_) if !self.settings.devices => Found::OtherWay,
+                Some(device) if keys_of(payload) == keys(&self.entities(device)) => Found::Wanted,
+                Some(_) => Found::Gone,
+            };
+        }
+        let device = self.devices().find_map(|device| {
+            let key = object.strip_prefix(&device.object())?.strip_prefix('_')?;
+            self.entities(device).into_iter().find(|entity| entity.key == key && entity.component.word() == component)
+        });
+        match device {
+            None => Found::Gone,
+            Some(_) if self.settings.devices => Found::OtherWay,
+            Some(_) => Found::Wanted,
+        }
+    }
+
+    /// All that is announced.
+    pub(super) fn all(&self) -> BTreeSet<Announced> {
+        if !self.settings.discovery {
+            return BTreeSet::new();
+        }
+        let of_device = |device: Device<'a>| -> Vec<Announced> {
+            let (object, entities) = (device.object(), self.entities(device));
+            if self.settings.devices {
+                return vec![(self.topic(DEVICE, &object), keys(&entities).into_iter().collect())];
+            }
+            let topic = |it: &Entity| self.topic(it.component.word(), &ids::entity(&object, &it.key));
+            entities.iter().map(|entity| (topic(entity), Vec::new())).collect()
+        };
+        self.devices().flat_map(of_device).collect()
+    }
+
+    /// What distinguishes this gateway's announcements from others.
+    pub(super) fn node(&self) -> String {
+        ids::node(self.gateway)
+    }
+
+    fn topic(&self, component: &str, object: &str) -> String {
+        ids::topic(&self.settings.prefix, component, &self.node(), object)
+    }
+
+    fn device(&self, place: usize) -> Option<Device<'a>> {
+        match place.checked_sub(1) {
+            None => Some(Device::Gateway),
+            Some(drive) => self.drives.get(drive).map(Device::Drive),
+        }
+    }
+
+    fn devices(&self) -> impl Iterator<Item = Device<'a>> {
+        [Device::Gateway].into_iter().chain(self.drives.iter().map(Device::Drive))
+    }
+
+    fn entities(&self, device: Device<'_>) -> Vec<Entity> {
+        match device {
+            Device::Gateway => gateway::entities(self.topics, self.lines),
+            Device::Drive(drive) => drive::entities(self.topics, drive),
+        }
+    }
+
+    /// An entity for itself.
+    fn single(&self, device: Device<'_>, entity: Entity) -> Map<String, Value> {
+        let mut config = self.config(device, entity);
+        config.insert("device".to_owned(), self.about(device));
+        config.insert("origin".to_owned(), origin());
+        config
+    }
+
+    /// A device with all its entities.
+    fn whole(&self, device: Device<'_>, entities: Vec<Entity>) -> Value {
+        let component = |entity: Entity| {
+            let (key, platform) = (entity.key.clone(), entity.component.word());
+            let mut config = self.config(device, entity);
+            config.insert("platform".to_owned(), platform.into());
+            (key, Value::Object(config))
+        };
+        let components: Map<_, _> = entities.into_iter().map(component).collect();
+        json!({ "device": self.about(device), "origin": origin(), "components": components })
+    }
+
+    /// What an entity is, without its device.
+    fn config(&self, device: Device<'_>, entity: Entity) -> Map<String, Value> {
+        let (Entity { key, needs, mut config, .. }, node) = (entity, self.node());
+        config.insert("unique_id".to_owned(), ids::unique(&node, &ids::entity(&device.object(), &key)).into());
+        let gateway = || json!({ "topic": self.topics.gateway("status") });
+        let availability = match (needs, device) {
+            (Needs::Nothing, _) => return config,
+            (Needs::Drive, Device::Drive(drive)) => {
+                let drive = self.topics.drive(drive.name.as_str(), "availability");
+                json!([gateway(), { "topic": drive }])
+            }
+            (Needs::Gateway | Needs::Drive, _) => json!([gateway()]),
+        };
+        config.insert("availability".to_owned(), availability);
+        config.insert("availability_mode".to_owned(), "all".into());
+        config
+    }
+
+    fn about(&self, device: Device<'_>) -> Value {
+        let node = self.node();
+        let id = |object: &str| ids::unique(&node, object);
+        match device {
+            Device::Gateway => json!({
+                "identifiers": [id(ids::GATEWAY)],
+                "name": self.gateway.as_str(),
+                "manufacturer": env!("CARGO_PKG_NAME"),
+                "model": "Gateway for variable-frequency drives",
+                "sw_version": env!("CARGO_PKG_VERSION"),
+            }),
+            Device::Drive(drive) => json!({
+                "identifiers": [id(&device.object())],
+                "name": drive.name.as_str(),
+                "manufacturer": drive.model.vendor,
+                "model": drive.model.title,
+                "via_device": id(ids::GATEWAY),
+            }),
+        }
+    }
+}
+
+/// Who announces. The URL is there if the package has one.
+fn origin() -> Value {
+    let mut origin = json!({ "name": env!("CARGO_PKG_NAME"), "sw_version": env!("CARGO_PKG_VERSION") });
+    let url = env!("CARGO_PKG_REPOSITORY");
+    if !url.is_empty() {
+        origin["support_url"] = url.into();
+    }
+    origin
+}
+
+fn keys(entities: &[Entity]) -> BTreeSet<String> {
+    entities.iter().map(|entity| entity.key.clone()).collect()
+}
+
+/// The keys of what an announced device holds; none of what is no such document.
+fn keys_of(payload: &[u8]) -> BTreeSet<String> {
+    let document: Option<Value> = serde_json::from_slice(payload).ok();
+    let components = document.as_ref().and_then(|it| it.get("components")?.as_object());
+    components.into_iter().flat_map(|it| it.keys().cloned()).collect()
+}

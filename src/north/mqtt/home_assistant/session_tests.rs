@@ -1,0 +1,375 @@
+//! When the session announces what there is, and when it takes it back.
+
+use super::{BURST, BURST_EVERY, IN_FLIGHT_MAX, MIGRATES};
+use crate::domain::command::{Outcome, Reason};
+use crate::domain::ids::{DriveIndex, Name};
+use crate::drive::description::{DriveDescription, DriveRef};
+use crate::north::mqtt::harness::{Rig, commands, drives, message, name, publications, settings};
+use crate::north::mqtt::session::Session;
+use crate::north::mqtt::types::{Act, Event, HomeAssistant, LeaseMode, Message, Publication, Qos, Settings, Version};
+use std::collections::{BTreeMap, BTreeSet};
+
+const NODE: &str = "vfd-gateway-plant";
+
+fn speaking(version: Version) -> Settings {
+    let home_assistant = Some(HomeAssistant { discovery: true, prefix: "ha".into(), devices: false });
+    Settings { home_assistant, ..settings(version) }
+}
+
+/// A gateway at a broker that keeps what is retained, gives it back to who subscribes it, and acknowledges at once.
+struct Home {
+    rig: Rig,
+    kept: BTreeMap<String, Vec<u8>>,
+    granted: bool,
+}
+
+impl Home {
+    fn new(settings: Settings) -> Self {
+        let mut rig = Rig::with(settings);
+        rig.poll(0, 3_000);
+        Self { rig, kept: BTreeMap::new(), granted: true }
+    }
+
+    /// Another life of the gateway at the same broker.
+    fn again(&mut self, settings: Settings, drives: Vec<DriveDescription>) {
+        self.rig = Self::new(settings.clone()).rig;
+        self.rig.views.truncate(drives.len());
+        self.rig.session = Session::new(settings, drives, vec![name("hall")], self.rig.at());
+    }
+
+    /// Plays the broker for these acts and for what follows from them at once. Gives back what was announced.
+    fn play(&mut self, acts: Vec<Act>) -> Vec<Publication> {
+        let mut announced = Vec::new();
+        let mut acts = acts;
+        while !acts.is_empty() {
+            for publication in publications(&acts).into_iter().filter(|it| it.topic.starts_with("ha/")) {
+                announced.push(publication.clone());
+                self.take(publication);
+            }
+            acts = self.rig.acts();
+        }
+        announced
+    }
+
+    fn take(&mut self, it: &Publication) {
+        if it.retain && it.payload.is_empty() {
+            self.kept.remove(&it.topic);
+        } else if it.retain {
+            self.kept.insert(it.topic.clone(), it.payload.clone());
+        }
+        if let Some(token) = it.token {
+            self.rig.handle(Event::Acknowledged(token));
+        }
+        // It is subscribed, so it comes back.
+        if self.granted {
+            self.rig.handle(Event::Message(Message { retain: it.retain, ..message(&it.topic, &it.payload) }));
+        }
+    }
+
+    /// Connects, and gives back what is announced up to the end.
+    fn connect(&mut self) -> Vec<Publication> {
+        self.rig.handle(Event::Connected(self.rig.broker));
+        let acts = self.rig.acts();
+        let [Act::Subscribe(filters)] = &acts[..] else { panic!("{acts:?}") };
+        let own = |path: &str| path.starts_with("ha/");
+        assert_eq!(filters.iter().filter(|it| own(&it.path) && it.wants_retained).count(), 2, "{filters:?}");
+        let granted = filters.iter().map(|it| self.granted || !own(&it.path)).collect();
+        self.rig.handle(Event::Subscribed(granted));
+        for (topic, payload) in self.kept.clone() {
+            if self.granted && topic.contains(NODE) {
+                self.rig.handle(Event::Message(Message { retain: true, ..message(&topic, &payload) }));
+            }
+        }
+        let acts = self.rig.acts();
+        let mut announced = self.play(acts);
+        announced.extend(self.pass(60_000));
+        announced
+    }
+
+    /// Time passes.
+    fn pass(&mut self, millis: u64) -> Vec<Publication> {
+        let mut announced = Vec::new();
+        for _ in 0..millis / 50 {
+            let acts = self.rig.pass(50);
+            announced.extend(self.play(acts));
+        }
+        announced
+    }
+
+    fn topics(&self) -> BTreeSet<String> {
+        self.kept.keys().cloned().collect()
+    }
+}
+
+fn cleared(announced: &[Publication]) -> BTreeSet<String> {
+    announced.iter().filter(|it| it.payload.is_empty()).map(|it| it.topic.clone()).collect()
+}
+
+fn told(announced: &[Publication]) -> BTreeSet<String> {
+    announced.iter().filter(|it| !it.payload.is_empty() && it.retain).map(|it| it.topic.clone()).collect()
+}
+
+#[test]
+fn everything_is_announced_once_and_retained() {
+    for version in [Version::V4, Version::V5] {
+        let mut home = Home::new(speaking(version));
+        let announced = home.connect();
+        assert_eq!(told(&announced).len(), announced.len(), "each once, none taken back");
+        assert!(announced.iter().all(|it| it.retain && it.qos == Qos::AtLeastOnce && it.expiry.is_none()));
+        for topic in [
+            "ha/sensor/vfd-gateway-plant/drive_pump_output_frequency/config",
+            "ha/button/vfd-gateway-plant/drive_pump_stop/config",
+            "ha/sensor/vfd-gateway-plant/drive_fan_run_state/config",
+            "ha/binary_sensor/vfd-gateway-plant/gateway_line_hall_up/config",
+        ] {
+            assert!(home.kept.contains_key(topic), "{topic}");
+        }
+        assert!(!home.topics().iter().any(|it| it.contains("/button/") && it.contains("drive_fan")));
+        assert_eq!(home.pass(130_000), [], "and then nothing");
+    }
+}
+
+#[test]
+fn without_the_table_nothing_is_said_and_nothing_subscribed() {
+    let mut rig = Rig::new(Version::V5);
+    rig.poll(0, 3_000);
+    let acts = rig.connect();
+    let all = format!("{acts:?}");
+    assert!(!all.contains(NODE), "{all}");
+}
+
+#[test]
+fn a_birth_brings_all_of_it_again_after_a_while_of_its_own() {
+    let mut home = Home::new(speaking(Version::V4));
+    let all = told(&home.connect());
+    for (topic, payload) in [("ha/status", &b"online"[..]), ("home/status", b" ONLINE")] {
+        home.rig.handle(Event::Message(message(topic, payload)));
+        let wait = super::digest(NODE) % (super::JITTER_MAX_MS + 1);
+        assert!((50..4_900).contains(&wait), "{wait}");
+        assert_eq!(home.pass(wait - wait % 50), []);
+        let again = home.pass(60_000);
+        assert_eq!((told(&again), again.len()), (all.clone(), all.len()), "{topic}");
+    }
+    for (topic, payload) in [("ha/status", &b"offline"[..]), ("ha/other", b"online")] {
+        home.rig.handle(Event::Message(message(topic, payload)));
+        assert_eq!(home.pass(60_000), []);
+    }
+    // Many births are one.
+    for _ in 0..100 {
+        home.rig.handle(Event::Message(message("ha/status", b"online")));
+    }
+    assert_eq!(home.pass(60_000).len(), all.len());
+}
+
+#[test]
+fn a_birth_topic_beside_the_alive_topic_ends_no_lease() {
+    let mut home = Home::new(Settings { lease: LeaseMode::Session, ..speaking(Version::V5) });
+    home.connect();
+    home.rig.handle(Event::Message(message("ha/status", b"offline")));
+    assert!(home.rig.pass(20_000).contains(&Act::PathAlive));
+    home.rig.handle(Event::Message(message("home/status", b"offline")));
+    home.rig.acts();
+    assert!(!home.rig.pass(20_000).contains(&Act::PathAlive));
+}
+
+#[test]
+fn what_an_earlier_life_announced_is_taken_back() {
+    for version in [Version::V4, Version::V5] {
+        let mut home = Home::new(speaking(version));
+        home.connect();
+        let before = home.topics();
+        let foreign = "ha/sensor/vfd-gateway-plant2/drive_fan_run_state/config";
+        home.kept.insert(foreign.into(), b"{}".to_vec());
+        let [pump, _] = <[_; 2]>::try_from(drives()).unwrap();
+        let pump = DriveDescription { control: None, ..pump };
+        home.again(speaking(version), vec![pump]);
+        let announced = home.connect();
+        let gone: BTreeSet<_> = before.difference(&home.topics()).cloned().collect();
+        assert_eq!(cleared(&announced), gone);
+        assert!(gone.contains("ha/button/vfd-gateway-plant/drive_pump_stop/config"));
+        assert!(gone.iter().any(|it| it.contains("drive_fan")));
+        assert!(home.topics().iter().all(|it| !it.contains("/button/") && !it.contains("plant/drive_fan")));
+        assert!(home.kept.contains_key(foreign), "what belongs to others stays");
+    }
+}
+
+#[test]
+fn a_gateway_that_may_not_look_announces_all_the_same_and_takes_nothing_back() {
+    let mut home = Home::new(speaking(Version::V5));
+    home.connect();
+    let before = home.topics();
+    let [pump, _] = <[_; 2]>::try_from(drives()).unwrap();
+    home.again(speaking(Version::V5), vec![pump]);
+    home.granted = false;
+    let announced = home.connect();
+    assert!(!told(&announced).is_empty());
+    assert_eq!((cleared(&announced).len(), home.topics()), (0, before));
+    assert_eq!(home.rig.session.counters().alive_refused, 0, "the alive topic was granted");
+}
+
+#[test]
+fn a_reload_takes_back_what_is_gone_and_shows_what_is_new() {
+    let mut home = Home::new(speaking(Version::V5));
+    home.granted = false;
+    home.connect();
+    let before = home.topics();
+    let [pump, fan] = <[_; 2]>::try_from(drives()).unwrap();
+    let mill =
+        DriveDescription { place: DriveRef { line: 7, drive: DriveIndex(0) }, name: Name::new("mill").unwrap(), ..fan };
+    home.rig.session.replace(home.rig.at(), vec![pump, mill], vec![name("hall"), name("yard")]);
+    let line = home.rig.lines[0].clone();
+    home.rig.lines.push(line);
+    let announced = home.pass(60_000);
+    let gone: BTreeSet<_> = before.difference(&home.topics()).cloned().collect();
+    assert_eq!(cleared(&announced), gone);
+    assert!(!gone.is_empty() && gone.iter().all(|it| it.contains("drive_fan")), "{gone:?}");
+    for part in ["drive_mill_run_state", "gateway_line_yard_up"] {
+        assert!(home.topics().iter().any(|it| it.contains(part)), "{part}");
+    }
+}
+
+#[test]
+fn discovery_that_is_switched_off_takes_everything_back() {
+    for devices in [false, true] {
+        let with = |discovery| {
+            let home_assistant = Some(HomeAssistant { discovery, prefix: "ha".into(), devices });
+            Settings { home_assistant, ..settings(Version::V4) }
+        };
+        let mut home = Home::new(with(true));
+        home.connect();
+        assert!(!home.kept.is_empty());
+        home.again(with(false), drives());
+        // The birth topic tells nothing that is wanted.
+        home.rig.handle(Event::Connected(home.rig.broker));
+        let acts = home.rig.acts();
+        let [Act::Subscribe(filters)] = &acts[..] else { panic!("{acts:?}") };
+        home.rig.handle(Event::Subscribed(vec![true; filters.len()]));
+        for (topic, payload) in home.kept.clone() {
+            home.rig.handle(Event::Message(Message { retain: true, ..message(&topic, &payload) }));
+        }
+        home.pass(60_000);
+        assert_eq!(home.topics(), BTreeSet::new());
+        home.rig.handle(Event::Message(message("ha/status", b"online")));
+        assert_eq!(home.pass(60_000), []);
+    }
+}
+
+#[test]
+fn the_way_of_announcing_changes_in_the_order_that_keeps_what_people_made_of_it() {
+    for devices in [true, false] {
+        let with = |devices| {
+            let home_assistant = Some(HomeAssistant { discovery: true, prefix: "ha".into(), devices });
+            Settings { home_assistant, ..settings(Version::V5) }
+        };
+        let mut home = Home::new(with(!devices));
+        let old = told(&home.connect());
+        home.again(with(devices), drives());
+        let announced = home.connect();
+        let step = |it: &Publication| match (it.retain, it.payload.is_empty()) {
+            (false, _) => 0,
+            (true, false) => 1,
+            (true, true) => 2,
+        };
+        assert!(announced.is_sorted_by_key(step));
+        let hints: BTreeSet<_> =
+            announced.iter().filter(|it| it.payload == MIGRATES).map(|it| it.topic.clone()).collect();
+        assert_eq!((hints, cleared(&announced)), (old.clone(), old.clone()));
+        assert!(home.topics().is_disjoint(&old) && !home.kept.is_empty());
+        assert_eq!(home.topics().iter().all(|it| it.starts_with("ha/device/")), devices);
+        assert_eq!(home.pass(60_000), []);
+    }
+}
+
+#[test]
+fn a_device_that_holds_less_than_before_is_taken_back_first() {
+    let home_assistant = Some(HomeAssistant { discovery: true, prefix: "ha".into(), devices: true });
+    let with = || Settings { home_assistant: home_assistant.clone(), ..settings(Version::V4) };
+    let topic = "ha/device/vfd-gateway-plant/drive_pump/config";
+    let less = || {
+        let [pump, fan] = <[_; 2]>::try_from(drives()).unwrap();
+        vec![DriveDescription { control: None, ..pump }, fan]
+    };
+    let steps = |announced: &[Publication]| -> Vec<bool> {
+        announced.iter().filter(|it| it.topic == topic).map(|it| it.payload.is_empty()).collect()
+    };
+    // Over a restart.
+    let mut home = Home::new(with());
+    home.connect();
+    home.again(with(), less());
+    assert_eq!(steps(&home.connect()), [true, false]);
+    assert!(!String::from_utf8(home.kept[topic].clone()).unwrap().contains("run/set"));
+    // Over a reload.
+    let mut home = Home::new(with());
+    home.connect();
+    home.rig.session.replace(home.rig.at(), less(), vec![name("hall")]);
+    assert_eq!(steps(&home.pass(60_000)), [true, false]);
+}
+
+#[test]
+fn announcements_are_paced_and_everything_else_goes_first() {
+    let mut home = Home::new(speaking(Version::V5));
+    home.rig.handle(Event::Connected(home.rig.broker));
+    let acts = home.rig.acts();
+    let [Act::Subscribe(filters)] = &acts[..] else { panic!("{acts:?}") };
+    home.rig.handle(Event::Subscribed(vec![true; filters.len()]));
+    let birth = home.rig.acts();
+    assert!(publications(&birth).iter().all(|it| !it.topic.starts_with("ha/")), "first what the gateway shows");
+    // A broker that acknowledges nothing.
+    let acts = home.rig.pass(1_500);
+    let announced: Vec<_> = publications(&acts).into_iter().filter(|it| it.topic.starts_with("ha/")).cloned().collect();
+    assert_eq!(announced.len(), IN_FLIGHT_MAX);
+    let rest = home.rig.pass(5_000);
+    assert!(publications(&rest).iter().all(|it| !it.topic.starts_with("ha/")));
+    // One that does.
+    for it in &announced {
+        home.rig.handle(Event::Acknowledged(it.token.unwrap()));
+    }
+    let mut most = 0;
+    loop {
+        let acts = home.rig.pass(u64::try_from(BURST_EVERY.as_millis()).unwrap());
+        let announced = home.play(acts);
+        if announced.is_empty() {
+            break;
+        }
+        most = most.max(announced.len());
+    }
+    assert!((1..=2 * BURST as usize).contains(&most), "{most}");
+    // In the middle of them a command and its result, and a value that changes, wait for nothing.
+    home.rig.handle(Event::Message(message("ha/status", b"online")));
+    let acts = home.rig.pass(5_000);
+    home.play(acts);
+    home.rig.poll(0, 4_000);
+    let acts = home.rig.send("drive/pump/run/set", b"stop");
+    let ticket = commands(&acts)[0].ticket;
+    let acts = [acts, home.rig.answer(ticket, Outcome::Confirmed, Reason::None, true)].concat();
+    let topics: Vec<_> = publications(&acts).iter().map(|it| it.topic.as_str()).collect();
+    let first = topics.iter().position(|it| it.starts_with("ha/")).unwrap_or(topics.len());
+    assert!(
+        topics[first..].iter().all(|it| it.starts_with("ha/"))
+            || topics[first..].contains(&"vfd/plant/drive/pump/result")
+    );
+}
+
+#[test]
+fn a_flood_under_our_node_is_bounded() {
+    let mut home = Home::new(speaking(Version::V4));
+    home.granted = false;
+    home.connect();
+    for number in 0..2 * super::GONE_MAX {
+        let topic = format!("ha/sensor/{NODE}/x{number}/config");
+        home.rig.handle(Event::Message(message(&topic, b"{}")));
+    }
+    assert_eq!(home.rig.session.discovery.gone.len(), super::GONE_MAX);
+}
+
+#[test]
+fn a_broker_that_keeps_nothing_is_told_all_the_same() {
+    let mut home = Home::new(speaking(Version::V5));
+    (home.rig.broker.retains, home.granted) = (false, false);
+    let announced = home.connect();
+    assert!(!announced.is_empty() && announced.iter().all(|it| !it.retain));
+    home.rig.session.replace(home.rig.at(), Vec::new(), vec![name("hall")]);
+    home.rig.views.clear();
+    home.pass(10_000);
+    assert!(home.rig.session.discovery.gone.is_empty());
+}
