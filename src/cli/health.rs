@@ -95,7 +95,12 @@ fn report(health: &Value) -> String {
         let _ = writeln!(text, "drive {name} ({model} on {line}): {presence}, {run_state}{watchdog}");
     }
     if let Some(connected) = health["mqtt"]["connected"].as_bool() {
-        let _ = writeln!(text, "mqtt: {}", if connected { "connected" } else { "not connected" });
+        let rival = if health["mqtt"]["contested"] == true {
+            "; another client has the same client identifier: give each its own, with `client_id`"
+        } else {
+            ""
+        };
+        let _ = writeln!(text, "mqtt: {}{rival}", if connected { "connected" } else { "not connected" });
     }
     if let Some(state) = health["journal"]["state"].as_str() {
         let reason = health["journal"]["reason"].as_str().map(|reason| format!(": {reason}")).unwrap_or_default();

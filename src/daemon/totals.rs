@@ -81,6 +81,8 @@ pub struct MqttTotals {
     received: AtomicU64,
     published: AtomicU64,
     refused_retained: AtomicU64,
+    takeovers: AtomicU64,
+    contested: AtomicBool,
 }
 
 impl MqttTotals {
@@ -94,6 +96,24 @@ impl MqttTotals {
         self.received.store(counters.messages_in, Ordering::Relaxed);
         self.published.store(counters.messages_out, Ordering::Relaxed);
         self.refused_retained.store(counters.refused_retained, Ordering::Relaxed);
+    }
+
+    /// A connection ended because another client has our identifier, or that has not happened for a while.
+    pub fn contested(&self, contested: bool) {
+        self.takeovers.fetch_add(u64::from(contested), Ordering::Relaxed);
+        self.contested.store(contested, Ordering::Relaxed);
+    }
+
+    /// Whether another client wants our identifier.
+    #[must_use]
+    pub fn is_contested(&self) -> bool {
+        self.contested.load(Ordering::Relaxed)
+    }
+
+    /// Connections that ended because another client has our identifier.
+    #[must_use]
+    pub fn takeovers(&self) -> u64 {
+        self.takeovers.load(Ordering::Relaxed)
     }
 
     /// Whether the way through the broker is open.

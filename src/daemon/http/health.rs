@@ -71,7 +71,8 @@ pub(super) fn run_state(view: &DriveView) -> RunState {
 }
 
 fn mqtt(state: &State) -> Value {
-    state.mqtt.load().as_ref().map_or(Value::Null, |mqtt| json!({ "connected": mqtt.is_connected() }))
+    let Some(mqtt) = state.mqtt.load_full() else { return Value::Null };
+    json!({ "connected": mqtt.is_connected(), "contested": mqtt.is_contested() })
 }
 
 fn journal(state: &State) -> Value {

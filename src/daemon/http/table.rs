@@ -273,6 +273,12 @@ pub(super) const MQTT: &[Metric<MqttTotals>] = &[
     counter("mqtt_connects", "Times the broker was reached.", |mqtt| Some(mqtt.counts()[0])),
     counter("mqtt_received", "Messages from the broker.", |mqtt| Some(mqtt.counts()[1])),
     counter("mqtt_published", "Messages to the broker.", |mqtt| Some(mqtt.counts()[2])),
+    gauge("mqtt_contested", "1 while another client wants our identifier at the broker.", |mqtt| {
+        truth(mqtt.is_contested())
+    }),
+    counter("mqtt_takeovers", "Connections that ended because another client has our identifier.", |mqtt| {
+        Some(mqtt.takeovers())
+    }),
     counter("mqtt_refused_retained", "Commands refused because they were retained.", |mqtt| Some(mqtt.counts()[3])),
 ];
 

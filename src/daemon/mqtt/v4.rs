@@ -1,6 +1,6 @@
 //! MQTT 3.1.1: between the client library's words and ours.
 
-use super::link::{self, Broken, Incident, NotQueued, Received, Terms};
+use super::link::{self, Broken, Cause, Incident, NotQueued, Received, Terms};
 use super::settings::{ConnectionSettings, Secret};
 use super::window::QUEUE_MAX;
 use crate::north::mqtt::{Filter, Publication, Qos};
@@ -70,7 +70,15 @@ pub fn broken(error: &ConnectionError) -> Broken {
             | ConnectionError::NetworkTimeout
             | ConnectionError::MqttState(StateError::Io(_) | StateError::Deserialization(BytesError::Io(_)))
     );
-    Broken { reason: error.to_string(), is_fresh }
+    let cause = match error {
+        ConnectionError::Io(_)
+        | ConnectionError::NetworkTimeout
+        | ConnectionError::MqttState(
+            StateError::Io(_) | StateError::ConnectionAborted | StateError::Deserialization(BytesError::Io(_)),
+        ) => Cause::Gone,
+        _ => Cause::Other,
+    };
+    Broken { reason: error.to_string(), is_fresh, cause }
 }
 
 fn heard(packet: Packet) -> Incident {
