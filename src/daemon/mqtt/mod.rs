@@ -10,6 +10,7 @@ pub mod broker_child;
 pub mod client;
 mod counters;
 mod link;
+mod reason;
 mod retry;
 mod settings;
 pub mod speaker;
