@@ -95,7 +95,7 @@ fn what_is_published_with_the_retain_flag_is_refused_live_as_far_as_the_version_
 
 #[test]
 fn a_command_whose_message_has_expired_before_its_turn_is_not_carried_out() {
-    let plant = Plant::with(Wish { mqtt: "command_ttl = \"20s\"", ..Wish::default() });
+    let plant = Plant::with(Wish { mqtt: "command_ttl = \"20s\"", lost_after: "30s", ..Wish::default() });
     let subscriber = plant.subscriber();
     // The drive is silent and the gateway gives it up, so that what comes has to wait for it.
     plant.silence_the_drive();

@@ -58,7 +58,7 @@ def main():
         answer = ask(client, request)
         if answer.isError():
             print(json.dumps({"exception": answer.exception_code}))
-        elif request.startswith("flags"):
+        elif request.startswith("flags") or (request.startswith("write") and "," in request):
             print(json.dumps({"count": answer.count}))
         elif request.startswith("mask"):
             print(json.dumps({"masks": [answer.and_mask, answer.or_mask]}))

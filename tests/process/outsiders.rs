@@ -93,11 +93,11 @@ pub fn requester(port: u16, topic: &str, payload: &str, response: &str, correlat
     String::from_utf8(output.stdout).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
-/// The last result of a command that paho-mqtt sends with MQTT `version` 4 (3.1.1) or 5; see `paho.py`.
+/// The last result of a command that paho-mqtt sends with MQTT `version` 4 (3.1.1) or 5; see `commander.py`.
 pub fn paho(port: u16, version: &str, topic: &str, payload: &str, retain: bool) -> serde_json::Value {
     let retain = if retain { "retain" } else { "live" };
     let mut command = Command::new(python());
-    let output = run(command.arg(script("paho.py")).args([&port.to_string(), version, topic, payload, retain]));
+    let output = run(command.arg(script("commander.py")).args([&port.to_string(), version, topic, payload, retain]));
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap()
 }

@@ -12,10 +12,9 @@ const FIGHT: Duration = Duration::from_secs(12);
 
 #[test]
 fn a_rival_is_named_in_the_log_and_in_health_and_is_not_fought_with() {
-    for (version, of_rival, said) in [
-        ("version = 5", "mqttv5", "another client has taken our identifier"),
-        ("version = 4", "mqttv311", "probably another client has the same identifier"),
-    ] {
+    // Some versions of mosquitto tell with MQTT 5 who was thrown out, Debian's 2.0.11 does not.
+    let said = "another client has";
+    for (version, of_rival) in [("version = 5", "mqttv5"), ("version = 4", "mqttv311")] {
         let plant = Plant::with(Wish { mqtt: version, ..Wish::default() });
         assert_eq!(plant.metric("vfd_gateway_mqtt_takeovers_total"), 0.0);
         let rival = Rival::new(&plant.broker, of_rival, "vfd-gateway-plant");

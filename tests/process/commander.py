@@ -1,6 +1,6 @@
 """Sends one command as paho-mqtt does, and prints its last result as a JSON object.
 
-    paho.py PORT 4|5 TOPIC PAYLOAD retain|live
+    commander.py PORT 4|5 TOPIC PAYLOAD retain|live
 
 4 is MQTT 3.1.1. The result is the first one that comes after the command and is the last of its command.
 """
