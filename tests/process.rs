@@ -20,7 +20,8 @@
 //! | `half_open` | a way to the broker that swallows one direction is down |
 //! | `rivals` | another client with the gateway's identifier is named, and not fought with |
 //! | `encrypted` | TLS to the broker with certificates, user and password; what is said when it is refused |
-//! | `brokers` | brokers other than mosquitto; strict, retained and expired commands of other clients |
+//! | `brokers` | brokers other than mosquitto; strict and retained commands of other clients |
+//! | `liars` | a broker that answers a subscription wrongly or not at all, or loses the probe, is given up and asked again |
 //! | `owning` | commanders with names of their own on MQTT, and what the broker grants to each |
 //! | `reloading` | the configuration changes while the gateway runs, and the service manager is told |
 //! | `stopping` | STOP by every way, and nobody goes on behind it |
@@ -69,6 +70,8 @@ mod families;
 mod half_open;
 #[path = "process/journal.rs"]
 mod journal;
+#[path = "process/liars.rs"]
+mod liars;
 #[path = "process/losing.rs"]
 mod losing;
 #[path = "process/network.rs"]

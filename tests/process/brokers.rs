@@ -3,8 +3,20 @@
 use super::mosquitto::{Mosquitto, Subscriber, free_port};
 use super::outsiders::{aedes, paho};
 use super::plant::{FREQUENCY, Plant, RUN, Wish};
-use super::started::{PATIENCE, until};
-use serde_json::{Value, json};
+use super::rig::{Place, start};
+use super::started::{PATIENCE, Started, until};
+use serde_json::json;
+
+/// A gateway without a drive that answers, at the broker at `port`, with `keys` of `[mqtt]`.
+pub fn gateway_at(place: &Place, port: u16, keys: &str) -> Started {
+    let text = format!(
+        "[gateway]\nname = \"plant\"\n\n[[line]]\nname = \"test\"\nport = \"{}\"\n\n[[line.drive]]\nname = \"pump-1\"\n\
+         model = \"hyundai-n700\"\nstation = 1\n\n[mqtt]\nbroker = \"mqtt://127.0.0.1:{port}\"\n{keys}\n",
+        place.file("line").display()
+    );
+    let file = place.write("gateway.toml", &text);
+    start(&["run", "-c", file.to_str().unwrap()])
+}
 
 #[test]
 fn the_whole_round_goes_through_aedes() {
@@ -43,14 +55,8 @@ fn the_whole_round_goes_through_aedes() {
 fn aedes_refuses_mqtt_5_and_the_gateway_says_so_and_stays() {
     let port = free_port();
     let broker = aedes(port);
-    let place = super::rig::Place::new();
-    let text = format!(
-        "[[line]]\nname = \"test\"\nport = \"{}\"\n\n[[line.drive]]\nname = \"pump-1\"\nmodel = \"hyundai-n700\"\n\
-         station = 1\n\n[mqtt]\nbroker = \"mqtt://127.0.0.1:{port}\"\n",
-        place.file("line").display()
-    );
-    let file = place.write("gateway.toml", &text);
-    let mut gateway = super::rig::start(&["run", "-c", file.to_str().unwrap()]);
+    let place = Place::new();
+    let mut gateway = gateway_at(&place, port, "");
     gateway.wait_for("that there is no connection", |line| line.contains("no connection to the broker").then_some(()));
     until("it has tried again", PATIENCE, || {
         (broker.find_all(|line| line.contains("refused").then_some(())).len() >= 2).then_some(())
@@ -91,31 +97,4 @@ fn what_is_published_with_the_retain_flag_is_refused_live_as_far_as_the_version_
         assert_eq!((&result["outcome"], &result["reason"]), (&"refused".into(), &"retained".into()), "{of_client}");
     }
     plant.assert_nothing_was_written_since(0);
-}
-
-#[test]
-fn a_command_whose_message_has_expired_before_its_turn_is_not_carried_out() {
-    let plant = Plant::with(Wish { mqtt: "command_ttl = \"20s\"", lost_after: "30s", ..Wish::default() });
-    let subscriber = plant.subscriber();
-    // The drive is silent and the gateway gives it up, so that what comes has to wait for it.
-    plant.silence_the_drive();
-    subscriber.wait_for_payload("pump-1/availability", "offline");
-    let topic = Plant::topic("command");
-    let command = r#"{"id": "short", "frequency_hz": 30}"#;
-    plant.broker.publish_with(&[
-        "-V",
-        "mqttv5",
-        "-D",
-        "publish",
-        "message-expiry-interval",
-        "1",
-        "-t",
-        &topic,
-        "-m",
-        command,
-    ]);
-    let told: Vec<Value> = subscriber.results("short");
-    let last = told.last().unwrap();
-    assert_ne!(last["outcome"], "confirmed", "{last}");
-    assert!(last["outcome"] == "refused" || last["outcome"] == "expired" || last["outcome"] == "unknown", "{last}");
 }

@@ -70,7 +70,8 @@ fn restart_once(plant: &mut Plant, restart: usize) -> Duration {
         (state["at"].as_str()? > since.as_str()).then_some(())
     });
     let took = begun.elapsed();
-    assert!(took < BACK_WITHIN, "restart {restart}: {took:?}");
+    let said = || plant.gateway.find_all(|line| line.contains("broker").then(|| line.clone())).join("\n");
+    assert!(took < BACK_WITHIN, "restart {restart}, broker up at {since}: {took:?}\n{}", said());
     // The subscriptions are back when a command is carried out.
     let (id, hertz) = (format!("after-{restart}"), f64::from(setpoint(restart)) / 100.0);
     plant.order("command", &format!(r#"{{"id": "{id}", "frequency_hz": {hertz}}}"#));

@@ -279,7 +279,7 @@ impl<T: Talk> Client<'_, T> {
                 client_id,
                 ?wait,
                 "the broker closes each connection soon after accepting it: probably another client has the same \
-                 identifier; give each its own, with `client_id` in [mqtt]"
+                 identifier (`client_id` in [mqtt]), else the broker does not take something that we send; ask its log"
             ),
         }
         self.talk.borrow_mut().contested(Some(rival));
