@@ -19,7 +19,9 @@ pub const SETTLED_LIFE: Duration = Duration::from_secs(60);
 pub enum Ended {
     /// There was no broker.
     Away,
-    /// It broke, this long after the broker had accepted it; zero: the broker did not.
+    /// The broker closed it, this long after it had accepted it. It is probably just starting again.
+    Closed(Duration),
+    /// It broke otherwise, this long after the broker had accepted it; zero: the broker did not.
     Broken(Duration),
     /// It ended after so long, because another client has the same identifier.
     Contested(Duration),
@@ -42,10 +44,10 @@ impl BackOff {
 
     /// The wait after a connection that ended so.
     pub fn wait_after(&mut self, ended: Ended) -> Duration {
-        let (Ended::Broken(life) | Ended::Contested(life)) = ended else {
+        let (Ended::Closed(life) | Ended::Broken(life) | Ended::Contested(life)) = ended else {
             // That the broker was away explains the ends before.
             self.broken = FIRST;
-            return self.jittered(|it| &mut it.away, AWAY_MAX);
+            return self.doubling(|it| &mut it.away, AWAY_MAX);
         };
         self.away = FIRST;
         if life >= GOOD_LIFE {
@@ -55,15 +57,20 @@ impl BackOff {
             self.contested = CONTESTED_FIRST;
         }
         match ended {
-            Ended::Contested(_) => self.jittered(|it| &mut it.contested, CONTESTED_MAX),
-            _ => self.jittered(|it| &mut it.broken, BROKEN_MAX),
+            Ended::Contested(_) => self.doubling(|it| &mut it.contested, CONTESTED_MAX),
+            Ended::Closed(_) => self.with_jitter(FIRST),
+            _ => self.doubling(|it| &mut it.broken, BROKEN_MAX),
         }
     }
 
-    fn jittered(&mut self, of: fn(&mut Self) -> &mut Duration, longest: Duration) -> Duration {
+    fn doubling(&mut self, of: fn(&mut Self) -> &mut Duration, longest: Duration) -> Duration {
         let next = of(self);
         let wait = *next;
         *next = (wait * 2).min(longest);
+        self.with_jitter(wait)
+    }
+
+    fn with_jitter(&mut self, wait: Duration) -> Duration {
         wait.mul_f64(0.75 + self.random.f64() / 2.0)
     }
 }
@@ -95,6 +102,14 @@ mod tests {
         assert_waits(&mut back_off, Ended::Away, &[200, 400, 800, 1000, 1000]);
         assert_waits(&mut back_off, Ended::Broken(SECOND), &[200]);
         assert_waits(&mut back_off, Ended::Away, &[200]);
+    }
+
+    #[test]
+    fn a_broker_that_closes_connections_is_asked_for_at_once_whenever_it_does() {
+        let mut back_off = BackOff::new(4);
+        assert_waits(&mut back_off, Ended::Broken(SECOND), &[200, 400]);
+        assert_waits(&mut back_off, Ended::Closed(SECOND), &[200, 200, 200]);
+        assert_waits(&mut back_off, Ended::Broken(SECOND), &[800]);
     }
 
     #[test]

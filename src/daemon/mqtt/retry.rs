@@ -9,8 +9,8 @@ use std::time::Duration;
 
 /// A connection that is closed sooner than this may have been closed for a rival that came back.
 const SHORT_LIFE: Duration = Duration::from_secs(5);
-/// So many short lives, one behind the other, are no accident.
-const SHORT_LIVES: u32 = 3;
+/// So many short lives, one behind the other and without a moment in which the broker was away, are no accident.
+const SHORT_LIVES: u32 = 5;
 
 /// How a client with our identifier showed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,6 +51,7 @@ impl Retry {
         let ended = match (rival, life) {
             (Some(_), _) => Ended::Contested(life.unwrap_or_default()),
             (None, None) if broken.cause == Cause::Gone => Ended::Away,
+            (None, Some(life)) if broken.cause == Cause::Gone => Ended::Closed(life),
             (None, _) => Ended::Broken(life.unwrap_or_default()),
         };
         if ended == Ended::Away {
@@ -106,10 +107,11 @@ mod tests {
     }
 
     #[test]
-    fn three_short_lives_in_a_row_are_suspicious_until_one_lived_for_a_minute() {
+    fn five_short_lives_in_a_row_are_suspicious_until_one_lived_for_a_minute() {
         let mut retry = Retry::new(2);
-        for _ in 0..2 {
-            assert_eq!(ends(&mut retry, Cause::Gone, Some(4)).rival, None);
+        for _ in 1..SHORT_LIVES {
+            let next = ends(&mut retry, Cause::Gone, Some(4));
+            assert!(next.rival.is_none() && next.wait < SECOND, "the broker may be starting again: {next:?}");
         }
         assert_eq!(ends(&mut retry, Cause::Gone, Some(0)).rival, Some(Rival::Suspected));
         assert_eq!(ends(&mut retry, Cause::Gone, Some(59)).rival, Some(Rival::Suspected), "they take turns");
@@ -121,7 +123,7 @@ mod tests {
     fn a_broker_that_restarts_or_a_connection_that_breaks_otherwise_is_no_rival() {
         let mut retry = Retry::new(3);
         for _ in 0..10 {
-            for _ in 0..2 {
+            for _ in 1..SHORT_LIVES {
                 assert_eq!(ends(&mut retry, Cause::Gone, Some(1)).rival, None);
             }
             let away = ends(&mut retry, Cause::Gone, None);
