@@ -17,6 +17,12 @@
 //! | `topics` | the topic tree for subscribers, and trips |
 //! | `commanding` | commands over MQTT are answered and move the motor, and what is no command moves nothing |
 //! | `replays` | what a broker has kept moves nothing |
+//! | `restarting` | the broker restarts with a run command kept on every topic |
+//! | `half_open` | a way to the broker that swallows one direction is down |
+//! | `rivals` | another client with the gateway's identifier is named, and not fought with |
+//! | `encrypted` | TLS to the broker with certificates, user and password; what is said when it is refused |
+//! | `brokers` | brokers other than mosquitto; strict and retained commands of other clients |
+//! | `liars` | a broker that answers a subscription wrongly or not at all, or loses the probe, is given up and asked again |
 //! | `owning` | commanders with names of their own on MQTT, and what the broker grants to each |
 //! | `reloading` | the configuration changes while the gateway runs, and the service manager is told |
 //! | `secured` | Modbus Security: certificates on both sides, and what each role may |
@@ -24,6 +30,7 @@
 //! | `home_assistant` | Home Assistant finds the drives, commands them, and stops them by dying |
 //! | `losing` | the commander, the broker or the gateway is gone, and the motor does not run on |
 //! | `uniform` | the uniform unit and the exceptions as Modbus clients see them |
+//! | `clients` | Modbus clients that nobody here wrote: all their functions, limits, many requests at once |
 //! | `overseeing` | metrics, alive, ready, the health check |
 //! | `vendors` | drives of other vendors, in ASCII too, played by a program that nobody here wrote, obey and are understood |
 //! | `node_red` | the flow of `deploy/node-red`, in Node-RED as it stands, shows a drive and moves it |
@@ -43,8 +50,12 @@
 mod adding;
 #[path = "process/asking.rs"]
 mod asking;
+#[path = "process/brokers.rs"]
+mod brokers;
 #[path = "process/checking.rs"]
 mod checking;
+#[path = "process/clients.rs"]
+mod clients;
 #[path = "process/coming_and_going.rs"]
 mod coming_and_going;
 #[path = "process/commanding.rs"]
@@ -57,12 +68,18 @@ mod crowding;
 mod documents;
 #[path = "process/enabling.rs"]
 mod enabling;
+#[path = "process/encrypted.rs"]
+mod encrypted;
 #[path = "process/families.rs"]
 mod families;
+#[path = "process/half_open.rs"]
+mod half_open;
 #[path = "process/home_assistant.rs"]
 mod home_assistant;
 #[path = "process/journal.rs"]
 mod journal;
+#[path = "process/liars.rs"]
+mod liars;
 #[path = "process/losing.rs"]
 mod losing;
 #[path = "process/network.rs"]
@@ -81,6 +98,10 @@ mod refusing;
 mod reloading;
 #[path = "process/replays.rs"]
 mod replays;
+#[path = "process/restarting.rs"]
+mod restarting;
+#[path = "process/rivals.rs"]
+mod rivals;
 #[path = "process/secured.rs"]
 mod secured;
 #[path = "process/stopping.rs"]

@@ -95,7 +95,12 @@ fn report(health: &Value) -> String {
         let _ = writeln!(text, "drive {name} ({model} on {line}): {presence}, {run_state}{watchdog}");
     }
     if let Some(connected) = health["mqtt"]["connected"].as_bool() {
-        let _ = writeln!(text, "mqtt: {}", if connected { "connected" } else { "not connected" });
+        let rival = if health["mqtt"]["contested"] == true {
+            "; another client has the same client identifier: give each its own, with `client_id`"
+        } else {
+            ""
+        };
+        let _ = writeln!(text, "mqtt: {}{rival}", if connected { "connected" } else { "not connected" });
         if let Some(refused) = health["mqtt"]["events_refused"].as_u64().filter(|refused| *refused > 0) {
             let _ = writeln!(text, "mqtt: the broker would not take {refused} trip events; the log says why");
         }

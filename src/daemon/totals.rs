@@ -107,6 +107,8 @@ pub struct MqttTotals {
     refused_retained: AtomicU64,
     events_waiting: AtomicU64,
     events_refused: AtomicU64,
+    takeovers: AtomicU64,
+    contested: AtomicBool,
 }
 
 impl MqttTotals {
@@ -122,6 +124,24 @@ impl MqttTotals {
         self.refused_retained.store(counters.refused_retained, Ordering::Relaxed);
         self.events_waiting.store(counters.events_waiting, Ordering::Relaxed);
         self.events_refused.store(counters.events_refused, Ordering::Relaxed);
+    }
+
+    /// A connection ended because another client has our identifier, or that has not happened for a while.
+    pub fn contested(&self, contested: bool) {
+        self.takeovers.fetch_add(u64::from(contested), Ordering::Relaxed);
+        self.contested.store(contested, Ordering::Relaxed);
+    }
+
+    /// Whether another client wants our identifier.
+    #[must_use]
+    pub fn is_contested(&self) -> bool {
+        self.contested.load(Ordering::Relaxed)
+    }
+
+    /// Connections that ended because another client has our identifier.
+    #[must_use]
+    pub fn takeovers(&self) -> u64 {
+        self.takeovers.load(Ordering::Relaxed)
     }
 
     /// Whether the way through the broker is open.

@@ -6,7 +6,9 @@ With `--tls` it comes from the address SOURCE with the certificate NAME.pem, who
 One request `-` takes requests line by line from its input.
 
 A request is `read:UNIT:ADDRESS:COUNT`, with `read_input`, `coils` or `discrete` for the other tables,
-`write:UNIT:ADDRESS:VALUE[,VALUE]`, `coil:UNIT:ADDRESS:0|1` or `loop:UNIT:0:WORD`.
+`write:UNIT:ADDRESS:VALUE[,VALUE]`, `coil:UNIT:ADDRESS:0|1`, `flags:UNIT:ADDRESS:0|1[,0|1]` (function 0F),
+`mask:UNIT:ADDRESS:AND,OR`, `both:UNIT:ADDRESS:COUNT,WRITE_ADDRESS,VALUE[,VALUE]` (function 17 hex),
+`identity:UNIT:ACCESS:OBJECT` or `loop:UNIT:0:WORD`.
 """
 
 import json
@@ -31,8 +33,20 @@ def ask(client, request):
         return client.write_coil(address, rest == "1", device_id=unit)
     if verb == "loop":
         return client.diag_query_data(int(rest, 0).to_bytes(2, "big"), device_id=unit)
+    values = [int(value, 0) for value in rest.split(",")]
+    if verb == "flags":
+        return client.write_coils(address, [value == 1 for value in values], device_id=unit)
+    if verb == "mask":
+        and_mask, or_mask = values
+        return client.mask_write_register(address=address, and_mask=and_mask, or_mask=or_mask, device_id=unit)
+    if verb == "both":
+        count, write_address, *words = values
+        return client.readwrite_registers(
+            read_address=address, read_count=count, write_address=write_address, values=words, device_id=unit
+        )
+    if verb == "identity":
+        return client.read_device_information(read_code=address, object_id=values[0], device_id=unit)
     if verb == "write":
-        values = [int(value) for value in rest.split(",")]
         if len(values) == 1:
             return client.write_register(address, values[0], device_id=unit)
         return client.write_registers(address, values, device_id=unit)
@@ -61,6 +75,12 @@ def main():
         answer = ask(client, request)
         if answer.isError():
             told = {"exception": answer.exception_code}
+        elif request.startswith("flags") or (request.startswith("write") and "," in request):
+            told = {"count": answer.count}
+        elif request.startswith("mask"):
+            told = {"masks": [answer.and_mask, answer.or_mask]}
+        elif request.startswith("identity"):
+            told = {"identity": {str(at): text.decode() for at, text in answer.information.items()}}
         elif request.startswith(("coil", "discrete")):
             # The library fills the last byte up.
             count = int(request.split(":")[3]) if not request.startswith("coil:") else 1

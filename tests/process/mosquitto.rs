@@ -38,6 +38,11 @@ impl Mosquitto {
         broker
     }
 
+    /// The tools alone, for another broker at `port`.
+    pub fn tools_for(port: u16) -> Self {
+        Self { running: None, file: PathBuf::new(), port }
+    }
+
     /// Starts it where it was, once it has ended.
     pub fn start_again(&mut self) {
         let mut command = Command::new(mosquitto());
@@ -153,6 +158,30 @@ impl Subscriber {
         let result = |it: &Message| serde_json::from_str(&it.payload).ok().filter(|it: &Value| it["id"] == id);
         self.wait_for("/result", |it| result(it).filter(|it| it["final"] == true));
         self.on("/result").iter().filter_map(result).collect()
+    }
+}
+
+/// A client of the broker that has somebody else's identifier, and comes back whenever it is thrown out.
+pub struct Rival {
+    program: Started,
+}
+
+impl Rival {
+    pub fn new(broker: &Mosquitto, version: &str, id: &str) -> Self {
+        let again =
+            "while :; do mosquitto_sub -h 127.0.0.1 -p \"$1\" -V \"$2\" -i \"$3\" -t rival & wait; sleep 0.3; done";
+        let mut command = Command::new("sh");
+        // What it has started ends with it.
+        let guarded = format!("trap 'kill $!; exit' TERM; {again}");
+        command.args(["-c", &guarded, "sh", &broker.port.to_string(), version, id]);
+        Self { program: Started::new(command) }
+    }
+}
+
+impl Drop for Rival {
+    fn drop(&mut self) {
+        self.program.terminate();
+        self.program.end_within(PATIENCE);
     }
 }
 

@@ -72,6 +72,43 @@ pub fn openssl_client(address: SocketAddr, args: &[&str]) -> (bool, String) {
     (status.success(), [stdout, stderr].map(|it| String::from_utf8_lossy(&it).into_owned()).concat())
 }
 
+/// What a client from npm, `modbus-serial` or `jsmodbus`, gets as answers to `requests`; see `npm/client.js`.
+pub fn npm_client(name: &str, address: SocketAddr, requests: &[&str]) -> Vec<serde_json::Value> {
+    let output = run(node(name).arg(address.port().to_string()).args(requests));
+    assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// aedes as the broker at `port`; see `npm/aedes.js`. It returns once somebody may connect.
+pub fn aedes(port: u16) -> Started {
+    let mut command = node("aedes");
+    command.arg(port.to_string());
+    let broker = Started::new(command);
+    broker.wait_for("that it listens", |line| line.contains("\"listens\"").then_some(()));
+    broker
+}
+
+fn node(name: &str) -> Command {
+    let folder = tests().join("process/npm");
+    assert!(folder.join("node_modules").exists(), "{} has no packages; run tests/run", folder.display());
+    let mut command = Command::new("node");
+    command.arg(folder.join(format!("{name}.js")));
+    command
+}
+
+/// libmodbus against `unit`, compiled into `directory` with the test client that comes with it; see `libmodbus.c`.
+pub fn libmodbus(directory: &Path, address: SocketAddr, unit: u8) -> Output {
+    const EXAMPLES: &str = "/usr/share/doc/libmodbus-dev/examples";
+    assert!(Path::new(EXAMPLES).join("unit-test-client.c").exists(), "{EXAMPLES} is missing; run tests/run");
+    let program = directory.join("libmodbus");
+    let mut compiler = Command::new("cc");
+    // Its own client is compiled as it is, warnings and all.
+    compiler.args(["-w", "-I/usr/include/modbus", "-I", EXAMPLES, "-o"]).arg(&program);
+    let output = run(compiler.arg(script("libmodbus.c")).arg("-lmodbus"));
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    run(Command::new(program).args([address.port().to_string(), unit.to_string()]))
+}
+
 /// The responses that a requester with MQTT 5 gets from paho-mqtt; see `requester.py`.
 pub fn requester(port: u16, topic: &str, payload: &str, response: &str, correlation: &str) -> Vec<serde_json::Value> {
     let mut command = Command::new(python());
@@ -79,6 +116,15 @@ pub fn requester(port: u16, topic: &str, payload: &str, response: &str, correlat
     let output = run(&mut command);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// The last result of a command that paho-mqtt sends with MQTT `version` 4 (3.1.1) or 5; see `commander.py`.
+pub fn paho(port: u16, version: &str, topic: &str, payload: &str, retain: bool) -> serde_json::Value {
+    let retain = if retain { "retain" } else { "live" };
+    let mut command = Command::new(python());
+    let output = run(command.arg(script("commander.py")).args([&port.to_string(), version, topic, payload, retain]));
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
 }
 
 /// A drive played by pymodbus at `station` on `port`; see `drive.py`.

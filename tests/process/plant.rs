@@ -41,6 +41,16 @@ pub struct Wish<'a> {
     pub access: &'a str,
     /// The drive has no control section.
     pub read_only: bool,
+    /// More keys of the drive's control section.
+    pub control: &'a str,
+    /// Given the broker's port, starts something before it, and names the port that the gateway is to use.
+    pub through: Option<&'a dyn Fn(u16) -> u16>,
+}
+
+impl Wish<'_> {
+    /// The usual plant.
+    pub const NONE: Self =
+        Self { simulate: &[], mqtt: "", lost_after: "", access: "", read_only: false, control: "", through: None };
 }
 
 /// All of it. What is dropped first ends first.
@@ -76,7 +86,9 @@ impl Plant {
         before(&broker);
         std::fs::create_dir(place.file("data")).unwrap();
         let http = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
-        let text = configuration(&place, broker.address().port(), http, &wish);
+        let port = broker.address().port();
+        let port = wish.through.map_or(port, |through| through(port));
+        let text = configuration(&place, port, http, &wish);
         let file = place.write("gateway.toml", &text);
         let (gateway, modbus) = run(&file);
         let plant = Self { gateway, modbus, http, drive, broker, file, place };
@@ -102,6 +114,13 @@ impl Plant {
     /// Waits until the gateway has noticed that its broker is gone.
     pub fn wait_until_not_ready(&self) {
         until("the gateway is not ready", PATIENCE, || self.get("/readyz").filter(|(status, _)| *status == 503));
+    }
+
+    /// The value of a metric that has no labels.
+    pub fn metric(&self, name: &str) -> f64 {
+        let (_, text) = self.get("/metrics").expect("HTTP answers");
+        let value = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' ')?.parse().ok());
+        value.unwrap_or_else(|| panic!("no {name} in {text}"))
     }
 
     /// Status and body of `path`; nothing as long as nobody answers.
@@ -250,7 +269,7 @@ fn configuration(place: &Place, broker: u16, http: SocketAddr, wish: &Wish<'_>) 
     let mqtt = wish.mqtt;
     let (control, write) = match wish.read_only {
         true => (String::new(), ""),
-        false => (control(lost_after), "write = [\"127.0.0.1/32\"]"),
+        false => (control(lost_after, wish.control), "write = [\"127.0.0.1/32\"]"),
     };
     let (port, data) = (place.file("line"), place.file("data"));
     format!(
@@ -288,7 +307,7 @@ listen = "{http}"
     )
 }
 
-fn control(lost_after: &str) -> String {
+fn control(lost_after: &str, more: &str) -> String {
     format!(
         r#"
 [line.drive.control]
@@ -298,6 +317,7 @@ directions = ["forward", "reverse"]
 on_commander_lost = "stop"
 lost_after = "{lost_after}"
 on_shutdown = "stop"
+{more}
 "#
     )
 }

@@ -11,7 +11,7 @@ use std::process::Output;
 use std::time::Duration;
 
 /// Long enough that no lease ends while the test looks.
-const PATIENT: Wish<'_> = Wish { lost_after: "60s", simulate: &[], mqtt: "", read_only: false, access: "" };
+const PATIENT: Wish<'_> = Wish { lost_after: "60s", ..Wish::NONE };
 /// Who holds control, in the uniform map; 0 is nobody.
 const OWNER: u16 = 19;
 /// The owner is the one who asks.

@@ -3,7 +3,7 @@
 use super::plant::{Plant, RUN, Wish};
 
 /// Every input and a payload that would act if it were live.
-const COMMANDS: &[(&str, &str)] = &[
+pub const COMMANDS: &[(&str, &str)] = &[
     ("drive/pump-1/frequency/set", "42.5"),
     ("drive/pump-1/run/set", "forward"),
     ("drive/pump-1/command", r#"{"id": "kept", "run": "forward", "frequency_hz": 20}"#),

@@ -9,7 +9,7 @@ use super::started::{PATIENCE, until};
 const OWNER: u16 = 19;
 
 /// Long enough that no lease ends while the test looks.
-const PATIENT: Wish<'_> = Wish { lost_after: "30s", simulate: &[], mqtt: "", access: "", read_only: false };
+const PATIENT: Wish<'_> = Wish { lost_after: "30s", ..Wish::NONE };
 
 #[test]
 fn whoever_may_stop_stops_a_drive_that_was_started_over_mqtt() {

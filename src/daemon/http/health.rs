@@ -74,6 +74,7 @@ fn mqtt(state: &State) -> Value {
     state.mqtt.load().as_ref().map_or(Value::Null, |mqtt| {
         json!({
             "connected": mqtt.is_connected(),
+            "contested": mqtt.is_contested(),
             "events_waiting": mqtt.events_waiting(),
             "events_refused": mqtt.events_refused(),
         })

@@ -279,6 +279,12 @@ pub(super) const MQTT: &[Metric<MqttTotals>] = &[
     counter("mqtt_connects", "Times the broker was reached.", |mqtt| Some(mqtt.counts()[0])),
     counter("mqtt_received", "Messages from the broker.", |mqtt| Some(mqtt.counts()[1])),
     counter("mqtt_published", "Messages to the broker.", |mqtt| Some(mqtt.counts()[2])),
+    gauge("mqtt_contested", "1 while another client wants our identifier at the broker.", |mqtt| {
+        truth(mqtt.is_contested())
+    }),
+    counter("mqtt_takeovers", "Connections that ended because another client has our identifier.", |mqtt| {
+        Some(mqtt.takeovers())
+    }),
     counter("mqtt_refused_retained", "Commands refused because they were retained.", |mqtt| Some(mqtt.counts()[3])),
     gauge("mqtt_events_waiting", "Trip events on their way to the broker.", |mqtt| Some(mqtt.events_waiting() as f64)),
     counter("mqtt_events_refused", "Trip events that the broker would not take.", |mqtt| Some(mqtt.events_refused())),

@@ -235,6 +235,8 @@ fn metrics_show_lines_drives_and_only_fresh_values() {
         "vfd_gateway_modbus_requests_total 3",
         "vfd_gateway_modbus_exceptions_total{code=\"02\"} 1",
         "vfd_gateway_mqtt_connected 0.0",
+        "vfd_gateway_mqtt_contested 0.0",
+        "vfd_gateway_mqtt_takeovers_total 0",
         "vfd_gateway_process_start_time_seconds 1700000000.5",
         "# EOF",
     ] {
@@ -441,4 +443,9 @@ fn the_broker_is_counted_once_a_connection() {
         mqtt.set(connected, &counters);
     }
     assert_eq!(mqtt.counts(), [2, 5, 6, 7]);
+    for contested in [true, true, false] {
+        mqtt.contested(contested);
+        assert_eq!(mqtt.is_contested(), contested);
+    }
+    assert_eq!(mqtt.takeovers(), 2);
 }

@@ -3,30 +3,74 @@
 use std::time::Duration;
 
 const FIRST: Duration = Duration::from_millis(200);
-const LONGEST: Duration = Duration::from_secs(3);
+/// A broker that is not there costs a packet or two to ask for, and is missed as soon as it is back.
+const AWAY_MAX: Duration = Duration::from_secs(1);
+const BROKEN_MAX: Duration = Duration::from_secs(3);
+/// The first wait for another client with the same identifier: it may have been there only once.
+const CONTESTED_FIRST: Duration = Duration::from_secs(1);
+const CONTESTED_MAX: Duration = Duration::from_secs(30);
 /// A connection that lived this long was a good one: the next wait is the first again.
 const GOOD_LIFE: Duration = Duration::from_secs(5);
+/// The same where another client wants the identifier: longer than the two take turns.
+pub const SETTLED_LIFE: Duration = Duration::from_secs(60);
 
-/// Waits that double from 0.2 s to 10 s, each with a jitter of a quarter, so that gateways do not come back in step.
+/// How a connection ended, as far as the next wait depends on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// There was no broker.
+    Away,
+    /// The broker closed it, this long after it had accepted it. It is probably just starting again.
+    Closed(Duration),
+    /// It broke otherwise, this long after the broker had accepted it; zero: the broker did not.
+    Broken(Duration),
+    /// It ended after so long, because another client has the same identifier.
+    Contested(Duration),
+}
+
+/// Waits that double, each kind for itself, with a jitter of a quarter, so that gateways do not come back in step.
 #[derive(Debug)]
 pub struct BackOff {
-    next: Duration,
+    away: Duration,
+    broken: Duration,
+    contested: Duration,
     random: fastrand::Rng,
 }
 
 impl BackOff {
-    /// Begins with the shortest wait.
+    /// Begins with the shortest waits.
     pub fn new(seed: u64) -> Self {
-        Self { next: FIRST, random: fastrand::Rng::with_seed(seed) }
+        Self { away: FIRST, broken: FIRST, contested: CONTESTED_FIRST, random: fastrand::Rng::with_seed(seed) }
     }
 
-    /// The wait after a connection that lived for `life`.
-    pub fn wait_after(&mut self, life: Duration) -> Duration {
+    /// The wait after a connection that ended so.
+    pub fn wait_after(&mut self, ended: Ended) -> Duration {
+        let (Ended::Closed(life) | Ended::Broken(life) | Ended::Contested(life)) = ended else {
+            // That the broker was away explains the ends before.
+            self.broken = FIRST;
+            return self.doubling(|it| &mut it.away, AWAY_MAX);
+        };
+        self.away = FIRST;
         if life >= GOOD_LIFE {
-            self.next = FIRST;
+            self.broken = FIRST;
         }
-        let wait = self.next;
-        self.next = (wait * 2).min(LONGEST);
+        if life >= SETTLED_LIFE {
+            self.contested = CONTESTED_FIRST;
+        }
+        match ended {
+            Ended::Contested(_) => self.doubling(|it| &mut it.contested, CONTESTED_MAX),
+            Ended::Closed(_) => self.with_jitter(FIRST),
+            _ => self.doubling(|it| &mut it.broken, BROKEN_MAX),
+        }
+    }
+
+    fn doubling(&mut self, of: fn(&mut Self) -> &mut Duration, longest: Duration) -> Duration {
+        let next = of(self);
+        let wait = *next;
+        *next = (wait * 2).min(longest);
+        self.with_jitter(wait)
+    }
+
+    fn with_jitter(&mut self, wait: Duration) -> Duration {
         wait.mul_f64(0.75 + self.random.f64() / 2.0)
     }
 }
@@ -35,18 +79,45 @@ impl BackOff {
 mod tests {
     use super::*;
 
-    fn is_about(wait: Duration, millis: u64) -> bool {
-        let middle = Duration::from_millis(millis);
-        wait >= middle * 3 / 4 && wait <= middle * 5 / 4
+    const SECOND: Duration = Duration::from_secs(1);
+
+    fn assert_waits(back_off: &mut BackOff, ended: Ended, all_millis: &[u64]) {
+        for millis in all_millis {
+            let (wait, middle) = (back_off.wait_after(ended), Duration::from_millis(*millis));
+            assert!(wait >= middle * 3 / 4 && wait <= middle * 5 / 4, "{ended:?}: {wait:?} for {millis} ms");
+        }
     }
 
     #[test]
     fn waits_double_up_to_a_limit_and_start_anew_after_a_good_life() {
         let mut back_off = BackOff::new(1);
-        for millis in [200, 400, 800, 1600, 3000, 3000] {
-            let wait = back_off.wait_after(Duration::from_secs(4));
-            assert!(is_about(wait, millis), "{wait:?} for {millis} ms");
-        }
-        assert!(is_about(back_off.wait_after(Duration::from_secs(5)), 200));
+        assert_waits(&mut back_off, Ended::Broken(SECOND * 4), &[200, 400, 800, 1600, 3000, 3000]);
+        assert_waits(&mut back_off, Ended::Broken(SECOND * 5), &[200]);
+    }
+
+    #[test]
+    fn a_broker_that_is_away_is_asked_for_every_second_and_explains_what_broke_before() {
+        let mut back_off = BackOff::new(2);
+        assert_waits(&mut back_off, Ended::Broken(SECOND), &[200, 400, 800]);
+        assert_waits(&mut back_off, Ended::Away, &[200, 400, 800, 1000, 1000]);
+        assert_waits(&mut back_off, Ended::Broken(SECOND), &[200]);
+        assert_waits(&mut back_off, Ended::Away, &[200]);
+    }
+
+    #[test]
+    fn a_broker_that_closes_connections_is_asked_for_at_once_whenever_it_does() {
+        let mut back_off = BackOff::new(4);
+        assert_waits(&mut back_off, Ended::Broken(SECOND), &[200, 400]);
+        assert_waits(&mut back_off, Ended::Closed(SECOND), &[200, 200, 200]);
+        assert_waits(&mut back_off, Ended::Broken(SECOND), &[800]);
+    }
+
+    #[test]
+    fn who_fights_for_the_identifier_waits_longer_until_a_connection_lived_for_a_minute() {
+        let mut back_off = BackOff::new(3);
+        assert_waits(&mut back_off, Ended::Contested(SECOND), &[1000, 2000, 4000, 8000]);
+        assert_waits(&mut back_off, Ended::Away, &[200]);
+        assert_waits(&mut back_off, Ended::Contested(SECOND * 59), &[16_000, 30_000, 30_000]);
+        assert_waits(&mut back_off, Ended::Contested(SECOND * 60), &[1000]);
     }
 }

@@ -4,18 +4,17 @@
 //! will, after a wait that grows. Only this task touches the connection, and it never waits for room in its queue:
 //! as long as that is full, the talk is not asked for more.
 
-use super::backoff::BackOff;
-use super::link::{self, Events, Incident, NotQueued, Received, Sender, Terms, Unfit};
-use super::settings::{ConnectionSettings, TlsSettings};
+use super::counters::{Counters, count};
+use super::link::{self, Broken, Events, Incident, NotQueued, Received, Sender, Terms, Unfit};
+use super::retry::{Retry, Rival};
+use super::settings::ConnectionSettings;
 use super::window::Window;
 use super::{Packet, Talk, moment, tls};
 use crate::daemon::clock;
 use crate::north::mqtt::{Event, Filter, Publication, Refusal};
-use rustls::ClientConfig;
-use std::cell::{Cell, RefCell};
+use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::pin::{Pin, pin};
-use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::Notify;
 use tokio::time::{Instant, sleep_until, timeout};
@@ -30,23 +29,6 @@ const CONNECT_MARGIN: Duration = Duration::from_secs(2);
 /// A sleep that something else ends.
 const LONG: Duration = Duration::from_secs(3600);
 
-/// What the connection has gone through since the start.
-#[derive(Debug, Default)]
-pub struct Counters {
-    /// Connections that the broker accepted.
-    pub connected: Cell<u64>,
-    /// Attempts that failed, and connections that broke.
-    pub broken: Cell<u64>,
-    /// Messages that came.
-    pub received: Cell<u64>,
-    /// Publications that went out.
-    pub published: Cell<u64>,
-    /// Publications that the broker refused (MQTT 5).
-    pub refused: Cell<u64>,
-    /// Publications that were too large for the broker or had an impossible topic.
-    pub dropped: Cell<u64>,
-}
-
 /// Talks with the broker until `stop`; then says farewell and ends. Whoever changes what the talk looks at rings
 /// `bell`. Dropped instead of stopped, it leaves the broker to publish the will.
 pub async fn converse<T: Talk>(
@@ -57,21 +39,24 @@ pub async fn converse<T: Talk>(
     stop: impl Future<Output = ()>,
 ) {
     let mut stop = pin!(stop);
-    let mut client = Client { settings, talk, bell, counters, link: None };
-    let mut back_off = BackOff::new(clock::now().as_nanos() ^ u64::from(std::process::id()));
+    let retry = Retry::new(clock::now().as_nanos() ^ u64::from(std::process::id()));
+    let mut client = Client { settings, talk, bell, counters, retry, link: None };
     let mut last_reason = String::new();
     loop {
-        let begun = Instant::now();
         let had = counters.connected.get();
-        let End::Broken(reason) = client.connection(stop.as_mut()).await else { return };
+        let End::Broken(broken, life) = client.connection(stop.as_mut()).await else { return };
         count(&counters.broken);
-        let wait = back_off.wait_after(begun.elapsed());
+        let next = client.retry.after(&broken, life);
+        let (reason, wait) = (broken.reason, next.wait);
         if counters.connected.get() > had || reason != last_reason {
             tracing::warn!(reason, "no connection to the broker; trying again");
         } else {
             tracing::debug!(reason, ?wait, "no connection to the broker; trying again");
         }
         last_reason = reason;
+        if let Some(rival) = next.rival {
+            client.contested(rival, wait);
+        }
         if let Outcome::Stopped = client.attend(pin!(tokio::time::sleep(wait)), far(), stop.as_mut()).await {
             return;
         }
@@ -83,12 +68,14 @@ struct Client<'a, T> {
     talk: &'a RefCell<T>,
     bell: &'a Notify,
     counters: &'a Counters,
+    retry: Retry,
     /// The accepted connection.
     link: Option<Link>,
 }
 
 /// What is known about an accepted connection.
 struct Link {
+    since: Instant,
     sender: Sender,
     window: Window,
     terms: Terms,
@@ -97,7 +84,8 @@ struct Link {
 /// How a connection ended.
 enum End {
     Stopped,
-    Broken(String),
+    /// And how long after the broker had accepted it; nothing: it had not.
+    Broken(Broken, Option<Duration>),
 }
 
 /// What ended a wait.
@@ -112,12 +100,12 @@ enum Outcome<O> {
 impl<T: Talk> Client<'_, T> {
     /// One connection, from the first byte to the last.
     async fn connection<S: Future<Output = ()>>(&mut self, mut stop: Pin<&mut S>) -> End {
-        let tls = match self.attend(pin!(read_tls(self.settings.tls.clone())), far(), stop.as_mut()).await {
+        let tls = match self.attend(pin!(tls::read(self.settings.tls.clone())), far(), stop.as_mut()).await {
             Outcome::Done(Ok(tls)) => tls,
-            Outcome::Done(Err(reason)) => return End::Broken(reason),
+            Outcome::Done(Err(reason)) => return End::Broken(Broken::because(reason), None),
             Outcome::Stopped => return End::Stopped,
-            Outcome::GivenUp(reason) => return End::Broken(reason.to_owned()),
-            Outcome::Overdue => return End::Broken("the TLS files cannot be read in time".to_owned()),
+            Outcome::GivenUp(reason) => return End::Broken(Broken::because(reason), None),
+            Outcome::Overdue => return End::Broken(Broken::because("the TLS files cannot be read in time"), None),
         };
         let will = self.talk.borrow().will();
         let (sender, mut events) = link::open(&self.settings, will, tls);
@@ -131,9 +119,9 @@ impl<T: Talk> Client<'_, T> {
             };
             let incident = match outcome {
                 Outcome::Done(Ok(incident)) => incident,
-                Outcome::Done(Err(broken)) => return self.abandon(&mut events, broken.reason, broken.is_fresh),
-                Outcome::GivenUp(reason) => return self.abandon(&mut events, reason.to_owned(), false),
-                Outcome::Overdue => return self.abandon(&mut events, "the broker is silent".to_owned(), false),
+                Outcome::Done(Err(broken)) => return self.abandon(&mut events, broken),
+                Outcome::GivenUp(reason) => return self.abandon(&mut events, Broken::because(reason)),
+                Outcome::Overdue => return self.abandon(&mut events, Broken::because("the broker is silent")),
                 Outcome::Stopped => return self.farewell(&mut events).await,
             };
             if incident.is_heard() {
@@ -141,11 +129,13 @@ impl<T: Talk> Client<'_, T> {
             }
             if let Incident::Connected(terms) = incident {
                 patience = self.patience(&terms);
-                self.link = sender.take().map(|sender| Link { sender, window: Window::default(), terms });
+                let (since, window) = (Instant::now(), Window::default());
+                self.link = sender.take().map(|sender| Link { since, sender, window, terms });
             }
             self.take(incident);
+            self.settle();
             if let Some(reason) = self.send() {
-                return self.abandon(&mut events, reason.to_owned(), false);
+                return self.abandon(&mut events, Broken::because(reason));
             }
         }
     }
@@ -262,20 +252,54 @@ impl<T: Talk> Client<'_, T> {
 
     /// Gives the connection up. Acknowledgements that were received are true at any age; messages count only if
     /// they are fresh, since a command gets its deadline when it is handed over.
-    fn abandon(&mut self, events: &mut Events, reason: String, is_fresh: bool) -> End {
-        let was_accepted = self.link.is_some();
+    fn abandon(&mut self, events: &mut Events, broken: Broken) -> End {
+        let life = self.life();
         for incident in events.rest() {
             match incident {
-                Incident::Message(_) if !is_fresh => tracing::warn!("a message of unknown age is dropped"),
+                Incident::Message(_) if !broken.is_fresh => tracing::warn!("a message of unknown age is dropped"),
                 Incident::Connected(_) => {}
                 incident => self.take(incident),
             }
         }
         self.link = None;
-        if was_accepted {
+        if life.is_some() {
             self.tell(Event::Lost);
         }
-        End::Broken(reason)
+        End::Broken(broken, life)
+    }
+
+    /// How long ago the broker accepted the connection.
+    fn life(&self) -> Option<Duration> {
+        self.link.as_ref().map(|link| link.since.elapsed())
+    }
+
+    /// The connection ended because another client has our identifier.
+    fn contested(&self, rival: Rival, wait: Duration) {
+        let client_id = self.settings.client_id.as_str();
+        match rival {
+            Rival::Told => tracing::warn!(
+                client_id,
+                ?wait,
+                "another client has taken our identifier at the broker; give each its own, with `client_id` in [mqtt]"
+            ),
+            Rival::Suspected => tracing::warn!(
+                client_id,
+                ?wait,
+                "the broker closes each connection soon after accepting it: probably another client has the same \
+                 identifier (`client_id` in [mqtt]), else the broker does not take something that we send; ask its log"
+            ),
+        }
+        self.talk.borrow_mut().contested(Some(rival));
+    }
+
+    /// Tells when the identifier has been ours alone for long enough.
+    fn settle(&mut self) {
+        if let Some(life) = self.life()
+            && self.retry.is_settled(life)
+        {
+            tracing::info!("no other client has taken our identifier for a minute");
+            self.talk.borrow_mut().contested(None);
+        }
     }
 
     /// The last words, DISCONNECT, and the broker's closing of the connection; all in bounded time.
@@ -361,21 +385,6 @@ impl Link {
     }
 }
 
-/// Reads the TLS files away from the main thread: they may be many and slow.
-async fn read_tls(settings: Option<TlsSettings>) -> Result<Option<Arc<ClientConfig>>, String> {
-    let Some(settings) = settings else { return Ok(None) };
-    let read = tokio::task::spawn_blocking(move || tls::config(&settings)).await;
-    match read {
-        Ok(Ok(config)) => Ok(Some(config)),
-        Ok(Err(error)) => Err(error.to_string()),
-        Err(error) => Err(error.to_string()),
-    }
-}
-
 fn far() -> Instant {
     Instant::now() + LONG
-}
-
-fn count(counter: &Cell<u64>) {
-    counter.set(counter.get() + 1);
 }

@@ -106,6 +106,26 @@ pub struct Broken {
     pub reason: String,
     /// Whether what was read just before is as young as that. It is not if writing had stalled for an unknown time.
     pub is_fresh: bool,
+    /// What it tells of the broker.
+    pub cause: Cause,
+}
+
+/// What the end of a connection tells of the broker.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// It is not there, or has closed the connection without a word.
+    Gone,
+    /// It says that another client has our identifier.
+    TakenOver,
+    /// Nothing.
+    Other,
+}
+
+impl Broken {
+    /// Given up by this side.
+    pub fn because(reason: impl Into<String>) -> Self {
+        Self { reason: reason.into(), is_fresh: false, cause: Cause::Other }
+    }
 }
 
 /// Why a publication is not sent.
@@ -227,7 +247,7 @@ async fn guarded<F: Future>(future: F) -> Result<F::Output, Broken> {
     poll_fn(|cx| match catch_unwind(AssertUnwindSafe(|| future.as_mut().poll(cx))) {
         Ok(Poll::Pending) => Poll::Pending,
         Ok(Poll::Ready(output)) => Poll::Ready(Ok(output)),
-        Err(_) => Poll::Ready(Err(Broken { reason: "the client library panicked".to_owned(), is_fresh: false })),
+        Err(_) => Poll::Ready(Err(Broken::because("the client library panicked"))),
     })
     .await
 }

@@ -8,7 +8,10 @@ mod backoff;
 pub mod broker;
 pub mod broker_child;
 pub mod client;
+mod counters;
 mod link;
+mod reason;
+mod retry;
 mod settings;
 pub mod speaker;
 mod tls;
@@ -21,7 +24,9 @@ mod stub;
 #[cfg(test)]
 mod tests;
 
-pub use client::{Counters, converse};
+pub use client::converse;
+pub use counters::Counters;
+pub use retry::Rival;
 pub use settings::{ConnectionSettings, Secret, TlsSettings};
 pub use tls::{TlsError, check as check_tls};
 
@@ -46,6 +51,9 @@ pub trait Talk {
     /// The next thing for the broker. It is asked only while there is room for it; what it gives while there is no
     /// connection is dropped.
     fn next_packet(&mut self, at: Moment) -> Option<Packet>;
+    /// Another client has our identifier at the broker, and the connection ended for that; nothing: it has not been so
+    /// for a minute.
+    fn contested(&mut self, rival: Option<Rival>);
     /// The last words before an orderly end.
     fn farewell(&mut self, at: Moment) -> Vec<Publication>;
 }

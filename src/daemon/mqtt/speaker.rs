@@ -1,6 +1,6 @@
 //! The MQTT session with everything it looks at: pictures, lines, answers.
 
-use super::{Packet, Talk};
+use super::{Packet, Rival, Talk};
 use crate::daemon::answers::{AnswerBox, News};
 use crate::daemon::inbox::Message as LineMessage;
 use crate::daemon::north_journal::{Journal, NorthJournal};
@@ -198,6 +198,10 @@ impl Talk for Speaker {
                 inward => self.carry_out(at, inward),
             }
         }
+    }
+
+    fn contested(&mut self, rival: Option<Rival>) {
+        self.totals.contested(rival.is_some());
     }
 
     fn farewell(&mut self, at: Moment) -> Vec<Publication> {

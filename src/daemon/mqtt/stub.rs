@@ -7,6 +7,7 @@ use tokio::net::{TcpListener, TcpStream};
 
 pub const CONNECT: u8 = 1;
 pub const PUBLISH: u8 = 3;
+pub const PUBACK: u8 = 4;
 pub const SUBSCRIBE: u8 = 8;
 pub const DISCONNECT: u8 = 14;
 
@@ -41,7 +42,12 @@ pub struct Published {
 
 impl Stub {
     pub async fn new(version: Version) -> Self {
-        Self { listener: TcpListener::bind("127.0.0.1:0").await.unwrap(), version }
+        Self::at("127.0.0.1:0".parse().unwrap(), version).await
+    }
+
+    /// Listens where another one has listened before.
+    pub async fn at(address: SocketAddr, version: Version) -> Self {
+        Self { listener: TcpListener::bind(address).await.unwrap(), version }
     }
 
     pub fn address(&self) -> SocketAddr {
@@ -127,6 +133,16 @@ impl Peer {
         self.add_properties(&mut body, properties);
         body.extend(payload);
         self.send(0x30, &body).await;
+    }
+
+    /// Publishes at quality of service 1, marked as a repeat.
+    pub async fn publish_again(&mut self, topic: &str, identifier: u16) {
+        let mut body = Vec::new();
+        body.extend(u16::try_from(topic.len()).unwrap().to_be_bytes());
+        body.extend(topic.as_bytes());
+        body.extend(identifier.to_be_bytes());
+        self.add_properties(&mut body, &[]);
+        self.send(0x30 | 0x08 | 0x02, &body).await;
     }
 
     pub async fn acknowledge(&mut self, identifier: u16) {

@@ -2,7 +2,7 @@
 
 mod refusing;
 
-use super::stub::{CONNECT, DISCONNECT, PUBLISH, Peer, SUBSCRIBE, Stub};
+use super::stub::{CONNECT, DISCONNECT, PUBACK, PUBLISH, Peer, SUBSCRIBE, Stub};
 use super::*;
 use crate::north::mqtt::{Broker, Filter, Qos, Refusal, Version};
 use std::cell::RefCell;
@@ -23,6 +23,7 @@ enum Told {
     Acknowledged(u64),
     Refused(u64, Refusal),
     Lost,
+    Contested(Option<Rival>),
 }
 
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -30,6 +31,7 @@ struct Text {
     topic: String,
     payload: Vec<u8>,
     retain: bool,
+    duplicate: bool,
     expiry: Option<Duration>,
     response_topic: Option<String>,
     correlation: Option<Vec<u8>>,
@@ -66,6 +68,7 @@ impl Talk for Script {
                 topic: message.topic.to_owned(),
                 payload: message.payload.to_vec(),
                 retain: message.retain,
+                duplicate: message.duplicate,
                 expiry: message.expiry,
                 response_topic: message.response_topic.map(ToOwned::to_owned),
                 correlation: message.correlation.map(ToOwned::to_owned),
@@ -88,6 +91,10 @@ impl Talk for Script {
         let connected = self.told.iter().rev().find(|told| matches!(told, Told::Connected(_) | Told::Lost));
         let flood = self.flood.filter(|_| matches!(connected, Some(Told::Connected(_))));
         self.packets.pop_front().or_else(|| flood.map(|bytes| Packet::Publish(text("flood", &"x".repeat(bytes)))))
+    }
+
+    fn contested(&mut self, rival: Option<Rival>) {
+        self.told.push(Told::Contested(rival));
     }
 
     fn farewell(&mut self, _at: Moment) -> Vec<Publication> {
@@ -324,9 +331,7 @@ async fn a_refused_filter_is_told_in_its_place() {
             })
             .await;
         assert_eq!(told[1], Told::Subscribed(vec![true, false]), "{version:?}");
-        // QoS 1; with MQTT 5 the retain flag as published, and no retained messages.
-        let expected = if version == Version::V4 { 0x01 } else { 0x01 | 0x08 | 0x20 };
-        assert_eq!(options, expected, "{version:?}");
+        assert_eq!(options, options_of(version), "{version:?}");
     }
 }
 
@@ -473,6 +478,7 @@ async fn the_properties_of_mqtt_5_go_both_ways() {
         topic: "ask".to_owned(),
         payload: b"!".to_vec(),
         retain: false,
+        duplicate: false,
         expiry: Some(Duration::from_secs(9)),
         response_topic: Some("r".to_owned()),
         correlation: Some(vec![1, 2]),
@@ -525,6 +531,151 @@ async fn acknowledge_all(peer: &mut Peer, count: u64) {
         let published = peer.published().await;
         assert_eq!(published.payload, token.to_string().into_bytes());
         peer.acknowledge(published.identifier).await;
+    }
+}
+
+fn rivals(told: &[Told]) -> Vec<Option<Rival>> {
+    told.iter().filter_map(|told| if let Told::Contested(rival) = told { Some(*rival) } else { None }).collect()
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_broker_that_names_a_rival_is_not_fought_over() {
+    let version = Version::V5;
+    let (stub, rig) = (Stub::new(version).await, Rig::default());
+    let mut connections = 0_usize;
+    let taking_turns = async {
+        loop {
+            let mut peer = stub.welcome().await;
+            connections += 1;
+            sleep(Duration::from_secs(2)).await;
+            // DISCONNECT: session taken over.
+            peer.send(0xE0, &[0x8E, 0]).await;
+        }
+    };
+    let ended = rig.run(&stub, version, timeout(Duration::from_secs(300), taking_turns)).await;
+    assert!(ended.is_err());
+    // Waits of 1, 2, 4, 8 and 16 s, then of 30 s, and 2 s each: some dozen instead of hundreds.
+    assert!((8..=20).contains(&connections), "{connections} in 5 min");
+    let rivals = rivals(&rig.told());
+    assert!(rivals.len() >= connections - 1 && rivals.iter().all(|it| *it == Some(Rival::Told)), "{rivals:?}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_broker_that_only_closes_short_connections_makes_a_rival_suspected_until_one_lives() {
+    for version in VERSIONS {
+        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let mut connections = 0_usize;
+        let taking_turns = async {
+            loop {
+                drop(stub.welcome().await);
+                connections += 1;
+            }
+        };
+        let ended = rig.run(&stub, version, timeout(Duration::from_secs(300), taking_turns)).await;
+        assert!(ended.is_err());
+        // Five at once, then with waits of 1, 2, 4, 8, 16 and 30 s.
+        assert!((12..=24).contains(&connections), "{version:?}: {connections} in 5 min");
+        let suspected = rivals(&rig.told());
+        assert!(suspected.len() + 5 >= connections, "{suspected:?}");
+        assert!(suspected.iter().all(|it| *it == Some(Rival::Suspected)), "{suspected:?}");
+        rig.talk.borrow_mut().told.clear();
+        let mut connections = 0_usize;
+        let living = async {
+            loop {
+                let mut peer = stub.welcome().await;
+                connections += 1;
+                if connections <= 5 {
+                    continue;
+                }
+                while peer.read().await.is_some() {
+                    peer.send(0xD0, &[]).await;
+                }
+            }
+        };
+        let ended = rig.run(&stub, version, timeout(Duration::from_secs(90), living)).await;
+        assert!(ended.is_err());
+        assert_eq!(rivals(&rig.told()), [Some(Rival::Suspected), None], "{version:?}");
+    }
+}
+
+#[tokio::test]
+async fn a_broker_that_goes_and_comes_is_no_rival_and_is_found_again_within_a_second_and_a_half() {
+    for version in VERSIONS {
+        let rig = Rig::default();
+        let stub = Stub::new(version).await;
+        let address = stub.address();
+        let mut stub = Some(stub);
+        rig.run_at(address, version, async {
+            for _ in 0..4 {
+                let listening = stub.take().unwrap();
+                drop(timeout(Duration::from_millis(1500), listening.welcome()).await.expect("soon"));
+                drop(listening);
+                // Nobody listens at two attempts at least.
+                sleep(Duration::from_millis(1200)).await;
+                stub = Some(Stub::at(address, version).await);
+            }
+        })
+        .await;
+        assert_eq!(rivals(&rig.told()), [], "{version:?}");
+    }
+}
+
+#[tokio::test]
+async fn a_repeat_is_marked_as_the_broker_marked_it_and_acknowledged_all_the_same() {
+    for version in VERSIONS {
+        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let told = rig.run(&stub, version, async {
+            let mut peer = stub.welcome().await;
+            peer.publish_again("again", 77).await;
+            assert_eq!(peer.expect(PUBACK).await.body[..2], [0, 77]);
+            rig.told_at_least(2).await
+        });
+        let message = Text { topic: "again".to_owned(), duplicate: true, ..Text::default() };
+        assert_eq!(told.await[1], Told::Message(message), "{version:?}");
+    }
+}
+
+#[tokio::test]
+async fn the_subscription_is_asked_for_again_on_every_connection() {
+    for version in VERSIONS {
+        let filters = filters(&["a/+/set", "b/#"]);
+        let (stub, rig) = (Stub::new(version).await, Rig::greeting(vec![Packet::Subscribe(filters)]));
+        rig.run(&stub, version, async {
+            for _ in 0..3 {
+                let mut peer = stub.accept().await;
+                let connect = peer.expect(CONNECT).await;
+                // Protocol name and level, then the flags: a clean session, or a clean start.
+                assert_eq!(connect.body[7] & 0x02, 0x02, "{version:?}: the broker keeps nothing for us");
+                peer.answer_connect(&[]).await;
+                assert!(peer.expect(SUBSCRIBE).await.body.ends_with(&[b'#', options_of(version)]));
+            }
+        })
+        .await;
+    }
+}
+
+/// QoS 1; with MQTT 5 the retain flag as published, and no retained messages.
+const fn options_of(version: Version) -> u8 {
+    match version {
+        Version::V4 => 0x01,
+        Version::V5 => 0x01 | 0x08 | 0x20,
+    }
+}
+
+#[tokio::test]
+async fn an_answer_to_a_subscription_that_has_too_few_or_too_many_codes_is_told_as_it_is() {
+    for version in VERSIONS {
+        for codes in [&[1][..], &[1, 1, 1]] {
+            let filters = filters(&["a/+/set", "b/#"]);
+            let (stub, rig) = (Stub::new(version).await, Rig::greeting(vec![Packet::Subscribe(filters)]));
+            let told = rig.run(&stub, version, async {
+                let mut peer = stub.welcome().await;
+                let subscribe = peer.expect(SUBSCRIBE).await;
+                peer.answer_subscribe(&subscribe, codes).await;
+                rig.told_at_least(2).await
+            });
+            assert_eq!(told.await[1], Told::Subscribed(vec![true; codes.len()]), "{version:?}");
+        }
     }
 }
 

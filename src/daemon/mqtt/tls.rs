@@ -29,6 +29,17 @@ pub fn check(settings: &TlsSettings) -> Result<(), TlsError> {
     config(settings).map(|_| ())
 }
 
+/// Reads the files away from the main thread: they may be many and slow. Nothing without settings.
+pub async fn read(settings: Option<TlsSettings>) -> Result<Option<Arc<ClientConfig>>, String> {
+    let Some(settings) = settings else { return Ok(None) };
+    let read = tokio::task::spawn_blocking(move || config(&settings)).await;
+    match read {
+        Ok(Ok(config)) => Ok(Some(config)),
+        Ok(Err(error)) => Err(error.to_string()),
+        Err(error) => Err(error.to_string()),
+    }
+}
+
 /// Reads the files. It is done for every connection, so that renewed certificates are used without a restart.
 pub fn config(settings: &TlsSettings) -> Result<Arc<ClientConfig>, TlsError> {
     let roots = roots(settings.ca_file.as_deref())?;

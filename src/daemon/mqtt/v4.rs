@@ -1,13 +1,14 @@
 //! MQTT 3.1.1: between the client library's words and ours.
 
-use super::link::{self, Broken, Incident, NotQueued, Received, Terms};
+use super::link::{self, Broken, Cause, Incident, NotQueued, Received, Terms};
+use super::reason;
 use super::settings::{ConnectionSettings, Secret};
 use super::window::QUEUE_MAX;
 use crate::north::mqtt::{Filter, Publication, Qos};
 use rumqttc::mqttbytes::Error as BytesError;
 use rumqttc::{
-    AsyncClient, ConnectionError, Event, EventLoop, LastWill, MqttOptions, NetworkOptions, Outgoing, Packet, Publish,
-    QoS, StateError, SubscribeFilter, SubscribeReasonCode, Transport,
+    AsyncClient, ConnectReturnCode, ConnectionError, Event, EventLoop, LastWill, MqttOptions, NetworkOptions, Outgoing,
+    Packet, Publish, QoS, StateError, SubscribeFilter, SubscribeReasonCode, Transport,
 };
 
 /// Prepares a connection.
@@ -70,7 +71,31 @@ pub fn broken(error: &ConnectionError) -> Broken {
             | ConnectionError::NetworkTimeout
             | ConnectionError::MqttState(StateError::Io(_) | StateError::Deserialization(BytesError::Io(_)))
     );
-    Broken { reason: error.to_string(), is_fresh }
+    let cause = match error {
+        ConnectionError::Io(_)
+        | ConnectionError::NetworkTimeout
+        | ConnectionError::MqttState(
+            StateError::Io(_) | StateError::ConnectionAborted | StateError::Deserialization(BytesError::Io(_)),
+        ) => Cause::Gone,
+        _ => Cause::Other,
+    };
+    Broken { reason: reason_for(error).unwrap_or_else(|| error.to_string()), is_fresh, cause }
+}
+
+/// The reason in words of ours.
+fn reason_for(error: &ConnectionError) -> Option<String> {
+    match error {
+        ConnectionError::ConnectionRefused(
+            ConnectReturnCode::BadUserNamePassword | ConnectReturnCode::NotAuthorized,
+        ) => Some(reason::CREDENTIALS.to_owned()),
+        ConnectionError::ConnectionRefused(ConnectReturnCode::BadClientId) => Some(reason::CLIENT_ID.to_owned()),
+        ConnectionError::Tls(error) => reason::of_tls(error),
+        ConnectionError::Io(error)
+        | ConnectionError::MqttState(StateError::Io(error) | StateError::Deserialization(BytesError::Io(error))) => {
+            reason::of_io(error)
+        }
+        _ => None,
+    }
 }
 
 fn heard(packet: Packet) -> Incident {

@@ -1,12 +1,13 @@
 //! MQTT 5: between the client library's words and ours.
 
-use super::link::{self, Broken, Incident, NotQueued, Received, Terms};
+use super::link::{self, Broken, Cause, Incident, NotQueued, Received, Terms};
+use super::reason;
 use super::settings::{ConnectionSettings, Secret};
 use super::window::QUEUE_MAX;
 use crate::north::mqtt::{Broker, Filter as Wanted, Publication, Qos, Refusal};
 use rumqttc::v5::mqttbytes::v5::{
-    ConnAck, Filter, LastWill, LastWillProperties, Packet, PubAckReason, Publish, PublishProperties, RetainForwardRule,
-    SubscribeReasonCode,
+    ConnAck, ConnectReturnCode, DisconnectReasonCode, Filter, LastWill, LastWillProperties, Packet, PubAckReason,
+    Publish, PublishProperties, RetainForwardRule, SubscribeReasonCode,
 };
 use rumqttc::v5::mqttbytes::{Error as BytesError, QoS};
 use rumqttc::v5::{AsyncClient, ConnectionError, Event, EventLoop, MqttOptions, StateError};
@@ -91,7 +92,37 @@ pub fn broken(error: &ConnectionError) -> Broken {
             | ConnectionError::Timeout(_)
             | ConnectionError::MqttState(StateError::Io(_) | StateError::Deserialization(BytesError::Io(_)))
     );
-    Broken { reason: error.to_string(), is_fresh }
+    let cause = match error {
+        ConnectionError::MqttState(StateError::ServerDisconnect {
+            reason_code: DisconnectReasonCode::SessionTakenOver,
+            ..
+        }) => Cause::TakenOver,
+        ConnectionError::Io(_)
+        | ConnectionError::Timeout(_)
+        | ConnectionError::MqttState(
+            StateError::Io(_) | StateError::ConnectionAborted | StateError::Deserialization(BytesError::Io(_)),
+        ) => Cause::Gone,
+        _ => Cause::Other,
+    };
+    Broken { reason: reason_for(error).unwrap_or_else(|| error.to_string()), is_fresh, cause }
+}
+
+/// The reason in words of ours.
+fn reason_for(error: &ConnectionError) -> Option<String> {
+    match error {
+        ConnectionError::ConnectionRefused(
+            ConnectReturnCode::BadUserNamePassword | ConnectReturnCode::NotAuthorized,
+        ) => Some(reason::CREDENTIALS.to_owned()),
+        ConnectionError::ConnectionRefused(ConnectReturnCode::ClientIdentifierNotValid) => {
+            Some(reason::CLIENT_ID.to_owned())
+        }
+        ConnectionError::Tls(error) => reason::of_tls(error),
+        ConnectionError::Io(error)
+        | ConnectionError::MqttState(StateError::Io(error) | StateError::Deserialization(BytesError::Io(error))) => {
+            reason::of_io(error)
+        }
+        _ => None,
+    }
 }
 
 fn heard(packet: Packet) -> Incident {

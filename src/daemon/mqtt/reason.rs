@@ -1,0 +1,79 @@
+//! Why there is no connection, in words for those who set it up.
+
+use rumqttc::TlsError;
+use rustls::{AlertDescription as Alert, CertificateError as Flaw, Error as RustlsError};
+use std::io;
+
+/// The broker knows us not.
+pub const CREDENTIALS: &str = "the broker refuses our user or password";
+/// The broker takes no client of this name.
+pub const CLIENT_ID: &str = "the broker refuses our client identifier; another one is set with `client_id` in [mqtt]";
+
+/// What is behind an error of the handshake; nothing: its own words have to do.
+pub fn of_tls(error: &TlsError) -> Option<String> {
+    match error {
+        TlsError::Io(error) => of_io(error),
+        TlsError::TLS(error) => of_rustls(error),
+        _ => None,
+    }
+}
+
+/// What is behind an error of a stream that may be encrypted; nothing: its own words have to do.
+pub fn of_io(error: &io::Error) -> Option<String> {
+    of_rustls(error.get_ref()?.downcast_ref()?)
+}
+
+fn of_rustls(error: &RustlsError) -> Option<String> {
+    let plain = match error {
+        RustlsError::InvalidCertificate(flaw) => match flaw {
+            Flaw::UnknownIssuer => {
+                "the broker's certificate is not signed by an authority that is trusted (`ca_file` in [mqtt])"
+            }
+            Flaw::Expired | Flaw::ExpiredContext { .. } => "the broker's certificate has expired",
+            Flaw::NotValidYet | Flaw::NotValidYetContext { .. } => {
+                "the broker's certificate is not valid yet, or the clock of this host is wrong"
+            }
+            Flaw::NotValidForName | Flaw::NotValidForNameContext { .. } => {
+                "the broker's certificate is for another name than the one in `broker`"
+            }
+            _ => "the broker's certificate is not in order",
+        },
+        RustlsError::AlertReceived(Alert::CertificateRequired | Alert::HandshakeFailure) => {
+            "the broker ends the handshake; does it want a certificate of ours (`client_cert_file` in [mqtt])?"
+        }
+        RustlsError::AlertReceived(
+            Alert::BadCertificate
+            | Alert::UnsupportedCertificate
+            | Alert::CertificateRevoked
+            | Alert::CertificateExpired
+            | Alert::CertificateUnknown
+            | Alert::UnknownCA,
+        ) => "the broker does not take our certificate (`client_cert_file` in [mqtt])",
+        RustlsError::InvalidMessage(_) => "what answers at this port does not speak TLS",
+        _ => return None,
+    };
+    Some(format!("{plain}: {error}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_wrong_with_a_certificate_is_said_in_words() {
+        let cases = [
+            (RustlsError::InvalidCertificate(Flaw::UnknownIssuer), "ca_file"),
+            (RustlsError::InvalidCertificate(Flaw::Expired), "expired"),
+            (RustlsError::InvalidCertificate(Flaw::NotValidYet), "clock"),
+            (RustlsError::InvalidCertificate(Flaw::NotValidForName), "another name"),
+            (RustlsError::AlertReceived(Alert::CertificateRequired), "want a certificate"),
+            (RustlsError::AlertReceived(Alert::UnknownCA), "does not take our certificate"),
+        ];
+        for (error, part) in cases {
+            let said = of_io(&io::Error::new(io::ErrorKind::InvalidData, error.clone())).unwrap();
+            assert!(said.contains(part), "{error:?}: {said}");
+            assert_eq!(of_tls(&TlsError::TLS(error)), Some(said));
+        }
+        assert_eq!(of_io(&io::Error::from(io::ErrorKind::ConnectionRefused)), None);
+    }
+}

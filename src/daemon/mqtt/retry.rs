@@ -1,0 +1,139 @@
+//! When to connect again, and whether another client takes our identifier.
+//!
+//! A broker ends the connection of a client when another one connects with the same identifier. With MQTT 5 it says so.
+//! With 3.1.1 it only closes, and two that come back at once would take turns for ever.
+
+use super::backoff::{BackOff, Ended, SETTLED_LIFE};
+use super::link::{Broken, Cause};
+use std::time::Duration;
+
+/// A connection that is closed sooner than this may have been closed for a rival that came back.
+const SHORT_LIFE: Duration = Duration::from_secs(5);
+/// So many short lives, one behind the other and without a moment in which the broker was away, are no accident.
+const SHORT_LIVES: u32 = 5;
+
+/// How a client with our identifier showed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rival {
+    /// The broker says so.
+    Told,
+    /// The broker closes each connection shortly after it has accepted it.
+    Suspected,
+}
+
+/// What follows from the end of a connection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Next {
+    /// How long to wait.
+    pub wait: Duration,
+    /// For whom it ended.
+    pub rival: Option<Rival>,
+}
+
+/// What the ends of the connections so far tell.
+#[derive(Debug)]
+pub struct Retry {
+    back_off: BackOff,
+    /// Short lives in a row.
+    short_lives: u32,
+    rival: Option<Rival>,
+}
+
+impl Retry {
+    /// Knows of no connection yet.
+    pub fn new(seed: u64) -> Self {
+        Self { back_off: BackOff::new(seed), short_lives: 0, rival: None }
+    }
+
+    /// A connection is over, so long after the broker had accepted it; nothing: the broker had not.
+    pub fn after(&mut self, broken: &Broken, life: Option<Duration>) -> Next {
+        let rival = life.and_then(|life| self.rival_behind(broken.cause, life));
+        let ended = match (rival, life) {
+            (Some(_), _) => Ended::Contested(life.unwrap_or_default()),
+            (None, None) if broken.cause == Cause::Gone => Ended::Away,
+            (None, Some(life)) if broken.cause == Cause::Gone => Ended::Closed(life),
+            (None, _) => Ended::Broken(life.unwrap_or_default()),
+        };
+        if ended == Ended::Away {
+            self.short_lives = 0;
+        }
+        self.rival = rival.or(self.rival);
+        Next { wait: self.back_off.wait_after(ended), rival }
+    }
+
+    fn rival_behind(&mut self, cause: Cause, life: Duration) -> Option<Rival> {
+        // Rivals that both wait take longer turns.
+        let short = if self.short_lives >= SHORT_LIVES { SETTLED_LIFE } else { SHORT_LIFE };
+        let is_short = cause == Cause::Gone && life < short;
+        self.short_lives = if is_short { self.short_lives.saturating_add(1) } else { 0 };
+        match cause {
+            Cause::TakenOver => Some(Rival::Told),
+            _ => (self.short_lives >= SHORT_LIVES).then_some(Rival::Suspected),
+        }
+    }
+
+    /// The present connection has lived so long. True once, if a rival was there and is not any more.
+    pub fn is_settled(&mut self, life: Duration) -> bool {
+        life >= SETTLED_LIFE && self.rival.take().is_some()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    fn broken(cause: Cause) -> Broken {
+        Broken { reason: String::new(), is_fresh: true, cause }
+    }
+
+    fn ends(retry: &mut Retry, cause: Cause, life: Option<u32>) -> Next {
+        retry.after(&broken(cause), life.map(|seconds| SECOND * seconds))
+    }
+
+    #[test]
+    fn a_broker_that_names_the_rival_is_believed_at_once_and_waits_grow() {
+        let mut retry = Retry::new(1);
+        let waits: Vec<_> = (0..6)
+            .map(|_| {
+                let next = ends(&mut retry, Cause::TakenOver, Some(20));
+                assert_eq!(next.rival, Some(Rival::Told));
+                next.wait
+            })
+            .collect();
+        assert!(waits[0] < SECOND * 2 && waits[5] > SECOND * 20, "{waits:?}");
+        assert!(!retry.is_settled(SECOND * 59) && retry.is_settled(SECOND * 60) && !retry.is_settled(SECOND * 61));
+    }
+
+    #[test]
+    fn five_short_lives_in_a_row_are_suspicious_until_one_lived_for_a_minute() {
+        let mut retry = Retry::new(2);
+        for _ in 1..SHORT_LIVES {
+            let next = ends(&mut retry, Cause::Gone, Some(4));
+            assert!(next.rival.is_none() && next.wait < SECOND, "the broker may be starting again: {next:?}");
+        }
+        assert_eq!(ends(&mut retry, Cause::Gone, Some(0)).rival, Some(Rival::Suspected));
+        assert_eq!(ends(&mut retry, Cause::Gone, Some(59)).rival, Some(Rival::Suspected), "they take turns");
+        assert_eq!(ends(&mut retry, Cause::Gone, Some(60)).rival, None);
+        assert_eq!(ends(&mut retry, Cause::Gone, Some(4)).rival, None, "counted from the start");
+    }
+
+    #[test]
+    fn a_broker_that_restarts_or_a_connection_that_breaks_otherwise_is_no_rival() {
+        let mut retry = Retry::new(3);
+        for _ in 0..10 {
+            for _ in 1..SHORT_LIVES {
+                assert_eq!(ends(&mut retry, Cause::Gone, Some(1)).rival, None);
+            }
+            let away = ends(&mut retry, Cause::Gone, None);
+            assert_eq!(away.rival, None, "nobody was there");
+            assert!(away.wait < SECOND * 2);
+        }
+        for _ in 0..10 {
+            assert_eq!(ends(&mut retry, Cause::Other, Some(1)).rival, None);
+            assert_eq!(ends(&mut retry, Cause::Gone, Some(5)).rival, None);
+        }
+        assert!(!retry.is_settled(SECOND * 600));
+    }
+}
