@@ -6,6 +6,8 @@
 //! | `refusing` | what may not be done is refused by the right exception and never reaches the line |
 //! | `crashing` | the gateway is killed at any moment, and what must hold over that |
 //! | `crowding` | more clients than there is room for: who gives way, and that priority finds a place |
+//! | `failing_disk` | the disk refuses writes, syncs and room: control goes on, it is seen, nothing is lost or doubled |
+//! | `beginning` | a start beside a large journal |
 //! | `coming_and_going` | unplugged adapters, signals, taken ports |
 //! | `unplugging` | an adapter that comes and goes leaks nothing and is back within a second; a device has one holder |
 //! | `network` | lines behind ser2net and other serial device servers |
@@ -27,6 +29,8 @@
 //! | `reloading` | the configuration changes while the gateway runs, and the service manager is told |
 //! | `secured` | Modbus Security: certificates on both sides, and what each role may |
 //! | `stopping` | STOP by every way, and nobody goes on behind it |
+//! | `taking` | control passes from one commander to another, each by the way it came |
+//! | `hanging` | a line whose thread hangs is noticed |
 //! | `home_assistant` | Home Assistant finds the drives, commands them, and stops them by dying |
 //! | `losing` | the commander, the broker or the gateway is gone, and the motor does not run on |
 //! | `uniform` | the uniform unit and the exceptions as Modbus clients see them |
@@ -50,6 +54,8 @@
 mod adding;
 #[path = "process/asking.rs"]
 mod asking;
+#[path = "process/beginning.rs"]
+mod beginning;
 #[path = "process/brokers.rs"]
 mod brokers;
 #[path = "process/checking.rs"]
@@ -70,10 +76,14 @@ mod documents;
 mod enabling;
 #[path = "process/encrypted.rs"]
 mod encrypted;
+#[path = "process/failing_disk.rs"]
+mod failing_disk;
 #[path = "process/families.rs"]
 mod families;
 #[path = "process/half_open.rs"]
 mod half_open;
+#[path = "process/hanging.rs"]
+mod hanging;
 #[path = "process/home_assistant.rs"]
 mod home_assistant;
 #[path = "process/journal.rs"]
@@ -106,6 +116,8 @@ mod rivals;
 mod secured;
 #[path = "process/stopping.rs"]
 mod stopping;
+#[path = "process/taking.rs"]
+mod taking;
 #[path = "process/topics.rs"]
 mod topics;
 #[path = "process/trying.rs"]
@@ -116,6 +128,8 @@ mod uniform;
 mod unplugging;
 #[path = "process/vendors.rs"]
 mod vendors;
+#[path = "process/yard.rs"]
+mod yard;
 
 #[path = "process/adapter.rs"]
 mod adapter;

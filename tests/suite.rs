@@ -42,6 +42,9 @@ mod simulation;
 mod simulation_tests;
 mod support;
 
+#[cfg(feature = "daemon")]
+#[path = "simulation/accounting.rs"]
+mod accounting;
 #[path = "scenarios/ascii_line.rs"]
 mod ascii_line;
 #[path = "scenarios/back_doors.rs"]

@@ -255,7 +255,7 @@ const STATUS_BITS: [&str; 12] = [
 ];
 
 /// The capability bits by name, from bit 0 on.
-const CAPABILITY_BITS: [&str; 6] = ["forward", "reverse", "coast", "reset", "frequency", "release"];
+const CAPABILITY_BITS: [&str; 7] = ["forward", "reverse", "coast", "reset", "frequency", "release", "take"];
 
 /// All run states.
 const RUN_STATES: [RunState; 8] = [

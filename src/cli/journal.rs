@@ -200,9 +200,11 @@ fn in_words(row: &Row, body: &Value) -> String {
             let outcome = body["outcome"].as_str().unwrap_or("no end is known");
             let reason = body["reason"].as_str().filter(|reason| *reason != "none");
             let reason = reason.map(|reason| format!(", {reason}")).unwrap_or_default();
-            format!("{}: {}: {outcome}{reason}{times}", body["by"].as_str().unwrap_or("nobody"), word("tried"))
+            let holder = body["holder"].as_str().map(|holder| format!(" ({holder})")).unwrap_or_default();
+            format!("{}: {}: {outcome}{reason}{holder}{times}", body["by"].as_str().unwrap_or("nobody"), word("tried"))
         }
         "failsafe" => format!("fail-safe action {}: {}", word("tried"), word("cause")),
+        "lease" => lease(body, &word("by")),
         "stop_given_up" => "a stop was given up: the drive stayed away".to_owned(),
         "tripped" => {
             let text = body["text"].as_str().map(|text| format!(": {text}")).unwrap_or_default();
@@ -218,6 +220,18 @@ fn in_words(row: &Row, body: &Value) -> String {
     // What a client sent as text must not move the cursor of whoever reads it.
     let said: String = said.chars().map(|c| if c.is_control() { '?' } else { c }).collect();
     format!("{} {name} {said}\n", rfc3339(row.at))
+}
+
+/// How control changed hands, and who is it about.
+fn lease(body: &Value, owner: &str) -> String {
+    match body["state"].as_str().unwrap_or("?") {
+        "opened" => format!("{owner} holds control"),
+        "ended" => format!("{owner} does not hold control any more"),
+        "taken_over" => format!("{owner} took control over from {}", body["from"].as_str().unwrap_or("?")),
+        "orphaned" => format!("{owner} held control when the gateway ended, and is awaited"),
+        "taken_up" => format!("{owner} is back and holds control"),
+        state => format!("lease {state}: {owner}"),
+    }
 }
 
 /// The rows of several tables by their moments. Each table stays in its own order, whatever the clock did.

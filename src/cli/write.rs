@@ -31,7 +31,7 @@ pub struct Args {
     target: Target,
     /// Register by its number on the wire (0x0201 or 513); or `run` or `frequency`, with a uniform unit
     register: String,
-    /// The word; for `run` one of forward, reverse, stop, coast, reset, release; for `frequency` hertz, such as 42.5
+    /// The word; for `run` one of forward, reverse, stop, coast, reset, release, take; for `frequency` hertz, such as 42.5
     value: String,
     /// The unit is a uniform one; `run` and `frequency` imply it
     #[arg(long)]
@@ -47,20 +47,22 @@ pub fn write(args: &Args) -> Result<(), Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
     runtime.block_on(async {
         let mut client = Client::new(&args.target);
-        if !order.makes_run() || args.once {
+        if !(order.makes_run() || order.takes()) || args.once {
             order.send(&mut client).await?;
-            if order.makes_run() {
+            if order.makes_run() || order.takes() {
                 complain(b"warning: nobody renews the lease; the drive will run its fail-safe action when it ends\n");
             }
             return print(&format!("{}: written and acknowledged\n", order.text));
         }
         // From before the first frame on, so that no signal leaves a running drive behind.
         let mut told = pin!(told_to_stop().map_err(Failure::failed)?);
-        order.run(&mut client).await?;
+        let Some(ours) = order.run(&mut client).await? else {
+            return print(&format!("{}: acknowledged; there is nothing to hold\n", order.text));
+        };
         print(&format!("{}: acknowledged; the lease is renewed until Ctrl-C, which stops the drive\n", order.text))?;
         let lost = tokio::select! {
             () = &mut told => None,
-            lost = keep(&mut client, order.word) => Some(lost),
+            lost = keep(&mut client, ours) => Some(lost),
         };
         match lost {
             None => print(&format!("{}\n", stop(&mut client).await?)),
@@ -92,10 +94,12 @@ struct Order {
 }
 
 /// The run commands by name.
-const RUN_COMMANDS: [(&str, u16); 6] =
-    [("stop", STOP), ("forward", 1), ("reverse", 2), ("coast", 3), ("reset", 4), ("release", 5)];
+const RUN_COMMANDS: [(&str, u16); 7] =
+    [("stop", STOP), ("forward", 1), ("reverse", 2), ("coast", 3), ("reset", 4), ("release", 5), ("take", TAKE)];
 /// The run command that stops.
 const STOP: u16 = 0;
+/// The one that takes control over and moves nothing.
+const TAKE: u16 = 6;
 
 impl Order {
     fn new(args: &Args) -> Result<Self, Failure> {
@@ -114,6 +118,10 @@ impl Order {
         self.is_uniform && self.address == map::RUN && matches!(self.word, 1 | 2)
     }
 
+    fn takes(&self) -> bool {
+        self.is_uniform && self.address == map::RUN && self.word == TAKE
+    }
+
     /// Writes it.
     async fn send(&self, client: &mut Client) -> Result<(), Failure> {
         match client.write(self.address, self.word).await {
@@ -122,14 +130,16 @@ impl Order {
         }
     }
 
-    /// Writes a run command. If nobody knows what became of it, a stop follows: otherwise a motor might run that nobody
-    /// answers for.
-    async fn run(&self, client: &mut Client) -> Result<(), Failure> {
+    /// Writes a run command, and says which one is in force then; nothing if there is nothing to hold. If nobody knows
+    /// what became of it, a stop follows: otherwise a motor might run that nobody answers for. Behind a take it does not:
+    /// it might stop a drive of somebody else.
+    async fn run(&self, client: &mut Client) -> Result<Option<u16>, Failure> {
         let error = match client.write(self.address, self.word).await {
-            Ok(()) => return Ok(()),
+            Ok(()) if self.takes() => return self.taken(client).await,
+            Ok(()) => return Ok(Some(self.word)),
             Err(error) => error,
         };
-        if !matches!(error, NoAnswer::Exception(0x0B) | NoAnswer::Lost(_)) {
+        if self.takes() || !matches!(error, NoAnswer::Exception(0x0B) | NoAnswer::Lost(_)) {
             return Err(self.explained(client, &error).await);
         }
         let then = match stop(client).await {
@@ -137,6 +147,18 @@ impl Order {
             Err(failure) => failure.message,
         };
         Err(Failure::failed(format!("{}: {error}; it may have been carried out, so it is stopped: {then}", self.text)))
+    }
+
+    /// The run command that was taken over with the lease; nothing if nobody holds one.
+    async fn taken(&self, client: &mut Client) -> Result<Option<u16>, Failure> {
+        let read = async |client: &mut Client, address| match client.read(address, 1).await {
+            Ok(words) => Ok(words.first().copied().unwrap_or(0)),
+            Err(error) => Err(Failure::failed(format!("{}: acknowledged, but then: {error}", self.text))),
+        };
+        if read(client, LEASE_LEFT).await? == 0 {
+            return Ok(None);
+        }
+        read(client, map::RUN).await.map(Some)
     }
 
     /// The error, for a uniform unit with the reason that the gateway notes there.

@@ -76,10 +76,18 @@ fn with_models(text: &str, models: Models<'_>) -> Result<Config, Vec<Problem>> {
     let file = read::read(text, &mut problems);
     let config = file.and_then(|file| resolve::resolve(&file, models, &mut problems));
     match config {
-        Some(config) if problems.is_empty() => Ok(config),
+        Some(config) if problems.is_empty() => Ok(Config { digest: digest(text), ..config }),
         _ => {
             problems.sort_by_key(|problem| problem.span.start);
             Err(problems)
         }
     }
+}
+
+/// The CRC of the settings in `text`, which is sound TOML.
+fn digest(text: &str) -> u64 {
+    const CRC: crc::Crc<u64> = crc::Crc::<u64>::new(&crc::CRC_64_XZ);
+    // Its keys come in the order of their names.
+    let table: toml::Table = text.parse().unwrap_or_default();
+    CRC.checksum(table.to_string().as_bytes())
 }

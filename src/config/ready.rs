@@ -31,6 +31,8 @@ pub struct Config {
     pub mqtt: Option<MqttSettings>,
     /// The HTTP listener, where there is one.
     pub http: Option<HttpSettings>,
+    /// What tells these settings from others: a CRC over what the file says, whatever its order, spaces and comments.
+    pub digest: u64,
 }
 
 /// What concerns the gateway as a whole.

@@ -74,6 +74,8 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
         listeners: listeners.collect::<Option<Vec<_>>>()?,
         mqtt: mqtt?,
         http: whole(&file.http, |http| Some(HttpSettings { listen: http.listen.as_ref()?.value }))?,
+        // Of the text, which is not known here.
+        digest: 0,
     })
 }
 

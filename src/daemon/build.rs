@@ -15,7 +15,6 @@ use crate::drive::plan::Pace;
 use crate::gateway::{DriveSetup, LineSetup};
 use crate::journal::Remembered;
 use std::collections::BTreeMap;
-use std::fmt::{self, Write as _};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -44,23 +43,11 @@ pub fn line_setup(line: &LineSettings, first_epoch: u64, keeps: bool) -> LineSet
 #[must_use]
 pub fn journal(config: &Config) -> Option<journal::Settings> {
     let directory = config.gateway.data_dir.clone()?;
-    Some(journal::Settings { directory, max_bytes: config.journal.max_bytes, configuration: digest(config) })
-}
-
-/// What tells this configuration from others.
-fn digest(config: &Config) -> String {
-    struct Digest(crc::Digest<'static, u64>);
-    impl fmt::Write for Digest {
-        fn write_str(&mut self, text: &str) -> fmt::Result {
-            self.0.update(text.as_bytes());
-            Ok(())
-        }
-    }
-    static TABLE: crc::Crc<u64> = crc::Crc::<u64>::new(&crc::CRC_64_XZ);
-    let mut digest = Digest(TABLE.digest());
-    // It never fails: nothing is written anywhere.
-    let _ = write!(digest, "{config:?}");
-    format!("{:016x}", digest.0.finalize())
+    Some(journal::Settings {
+        directory,
+        max_bytes: config.journal.max_bytes,
+        configuration: format!("{:016x}", config.digest),
+    })
 }
 
 /// What lines and north sides share, with lines that nobody serves yet.

@@ -12,6 +12,9 @@ use tokio::time::{Instant, sleep_until};
 
 /// How often the status is looked at. It is sent when it has changed.
 const STATUS_EVERY: Duration = Duration::from_secs(5);
+/// How often the lines' threads are looked after where no service manager asks for signs of life: longer than a port may
+/// take to open.
+const FEEL_EVERY: Duration = Duration::from_secs(10);
 
 /// The gateway serves.
 pub fn ready(current: &Current) {
@@ -32,19 +35,22 @@ pub fn stopping() {
     say(&[NotifyState::Stopping, NotifyState::Status("stopping: drives get what is declared for that")]);
 }
 
-/// Gives signs of life at half of the time that the service manager grants, as long as the lines' threads give theirs, and
-/// tells the status. It runs where the north side runs: if that hangs, there are none. It never ends.
+/// Looks whether the lines' threads come round, and gives signs of life at half of the time that the service manager
+/// grants as long as they do; tells the status. It runs where the north side runs: if that hangs, there are none. It never
+/// ends.
 pub async fn watch(current: Current) {
     let granted = sd_notify::watchdog_enabled().filter(|time| !time.is_zero());
     let (mut pulse, mut told) = (Pulse::default(), String::new());
     let (mut beat, mut look) = (Instant::now(), Instant::now());
     loop {
         let now = Instant::now();
-        if let Some(granted) = granted.filter(|_| now >= beat) {
-            beat = now + granted / 2;
+        if now >= beat {
+            beat = now + granted.map_or(FEEL_EVERY, |granted| granted / 2);
             match pulse.feel(&current.load().lines) {
                 Ok(()) => say(&[NotifyState::Watchdog]),
-                Err(hung) => tracing::error!(?hung, "lines' threads hang: the service manager gets no sign of life"),
+                Err(hung) => {
+                    tracing::error!(?hung, "ALARM: lines' threads hang; the service manager gets no sign of life")
+                }
             }
         }
         if now >= look {
@@ -55,7 +61,7 @@ pub async fn watch(current: Current) {
                 told = status;
             }
         }
-        sleep_until(if granted.is_some() { beat.min(look) } else { look }).await;
+        sleep_until(beat.min(look)).await;
     }
 }
 
@@ -93,6 +99,7 @@ impl Pulse {
     fn feel(&mut self, lines: &[Arc<SharedLine>]) -> Result<(), Vec<Name>> {
         let stands = |line: &&Arc<SharedLine>| self.rounds.get(&line.number) == Some(&line.rounds());
         let hung: Vec<_> = lines.iter().filter(stands).map(|line| line.name.clone()).collect();
+        lines.iter().for_each(|line| line.set_hangs(hung.contains(&line.name)));
         self.rounds = lines.iter().map(|line| (line.number, line.rounds())).collect();
         lines.iter().for_each(|line| line.inbox.ring());
         if hung.is_empty() { Ok(()) } else { Err(hung) }
@@ -119,6 +126,7 @@ mod tests {
         assert_eq!(pulse.feel(&lines), Ok(()));
         good.count_round();
         assert_eq!(pulse.feel(&lines), Err(vec![Name::new("bad").unwrap()]));
+        assert_eq!((lines[0].hangs(), lines[1].hangs()), (false, true));
         // A reload has put another in its place, which has its time.
         let lines = [good, line(3, "bad")];
         lines[0].count_round();

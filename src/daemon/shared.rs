@@ -1,14 +1,13 @@
 //! What the north sides read and the lines write: one picture of each drive, one report of each line.
 
 use super::inbox::Inbox;
-use crate::domain::command::Owner;
 use crate::domain::ids::Name;
 use crate::domain::link::Interface;
 use crate::domain::report::{LineReport, StationReport};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::DriveView;
 use arc_swap::{ArcSwap, Guard};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::Notify;
 
@@ -37,14 +36,6 @@ pub struct SharedDrive {
     pub inbox: Arc<Inbox>,
 }
 
-impl SharedDrive {
-    /// Who holds control, as of the newest picture.
-    #[must_use]
-    pub fn holder(&self) -> Option<Owner> {
-        self.view.load().control.as_ref()?.lease.map(|(owner, _)| owner)
-    }
-}
-
 /// One line, from its start to its end.
 #[derive(Debug)]
 pub struct SharedLine {
@@ -60,6 +51,7 @@ pub struct SharedLine {
     pub drives: Vec<Arc<SharedDrive>>,
     report: Mutex<LineReport>,
     rounds: AtomicU64,
+    hangs: AtomicBool,
 }
 
 impl Shared {
@@ -114,7 +106,8 @@ impl SharedLine {
             Arc::new(SharedDrive { description, view, station, inbox: Arc::clone(&inbox) })
         };
         let drives = drives.into_iter().map(drive).collect();
-        Self { number, name, interface, inbox, drives, report: Mutex::default(), rounds: AtomicU64::default() }
+        let (report, rounds, hangs) = (Mutex::default(), AtomicU64::default(), AtomicBool::default());
+        Self { number, name, interface, inbox, drives, report, rounds, hangs }
     }
 
     /// The line as of its last round.
@@ -126,6 +119,17 @@ impl SharedLine {
     /// Takes the place of the last report.
     pub fn set_report(&self, report: LineReport) {
         *self.report.lock().unwrap_or_else(PoisonError::into_inner) = report;
+    }
+
+    /// Whether the line's thread was found not to come round.
+    #[must_use]
+    pub fn hangs(&self) -> bool {
+        self.hangs.load(Ordering::Relaxed)
+    }
+
+    /// The line's thread was found to come round or not.
+    pub fn set_hangs(&self, hangs: bool) {
+        self.hangs.store(hangs, Ordering::Relaxed);
     }
 
     /// The line's thread has come round once more.

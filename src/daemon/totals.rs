@@ -3,6 +3,7 @@
 use crate::north::modbus::Counters;
 use crate::north::mqtt::Counters as Counts;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// Counts of the Modbus TCP side over all connections since start.
 #[derive(Debug, Default)]
@@ -102,11 +103,7 @@ impl ModbusTotals {
 pub struct MqttTotals {
     path_alive: AtomicBool,
     connects: AtomicU64,
-    received: AtomicU64,
-    published: AtomicU64,
-    refused_retained: AtomicU64,
-    events_waiting: AtomicU64,
-    events_refused: AtomicU64,
+    counters: Mutex<Counts>,
     takeovers: AtomicU64,
     contested: AtomicBool,
 }
@@ -119,11 +116,7 @@ impl MqttTotals {
         } else {
             self.path_alive.store(path_alive, Ordering::Relaxed);
         }
-        self.received.store(counters.messages_in, Ordering::Relaxed);
-        self.published.store(counters.messages_out, Ordering::Relaxed);
-        self.refused_retained.store(counters.refused_retained, Ordering::Relaxed);
-        self.events_waiting.store(counters.events_waiting, Ordering::Relaxed);
-        self.events_refused.store(counters.events_refused, Ordering::Relaxed);
+        *self.counters.lock().unwrap_or_else(PoisonError::into_inner) = *counters;
     }
 
     /// A connection ended because another client has our identifier, or that has not happened for a while.
@@ -150,21 +143,15 @@ impl MqttTotals {
         self.path_alive.load(Ordering::Relaxed)
     }
 
-    /// Times the way was opened, messages in, messages out, retained commands refused.
+    /// Times the way was opened.
     #[must_use]
-    pub fn counts(&self) -> [u64; 4] {
-        [&self.connects, &self.received, &self.published, &self.refused_retained].map(|it| it.load(Ordering::Relaxed))
+    pub fn connects(&self) -> u64 {
+        self.connects.load(Ordering::Relaxed)
     }
 
-    /// Trip events that the broker does not have yet, as far as they are on their way to it.
+    /// What the session has counted.
     #[must_use]
-    pub fn events_waiting(&self) -> u64 {
-        self.events_waiting.load(Ordering::Relaxed)
-    }
-
-    /// Trip events that the broker would not take.
-    #[must_use]
-    pub fn events_refused(&self) -> u64 {
-        self.events_refused.load(Ordering::Relaxed)
+    pub fn counters(&self) -> Counts {
+        *self.counters.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -220,23 +220,31 @@ pub struct Report {
     pub held: Option<u16>,
     /// The drive's own exception code.
     pub exception: Option<u8>,
+    /// Who holds control, if that is why it was refused.
+    pub holder: Option<Owner>,
 }
 
 impl Report {
     /// An outcome with its reason and nothing else to say.
     #[must_use]
     pub const fn new(outcome: Outcome, reason: Reason) -> Self {
-        Self { outcome, reason, held: None, exception: None }
+        Self { outcome, reason, held: None, exception: None, holder: None }
     }
 
-    /// Why, in words for people. Who is refused because somebody else holds control is told who: `holder`, if that is
-    /// still known.
+    /// Why, in words for people. Who is refused because somebody else holds control is told who.
     #[must_use]
-    pub fn message(&self, holder: Option<Owner>) -> String {
-        match holder.filter(|_| self.reason == Reason::OtherOwner) {
+    pub fn message(&self) -> String {
+        match self.holder {
             Some(holder) => format!("{holder} holds control of the drive"),
             None => self.reason.text().to_owned(),
         }
+    }
+
+    /// A refusal because `holder` holds control.
+    #[must_use]
+    pub const fn held_by(holder: Owner) -> Self {
+        let refused = Self::refused(Reason::OtherOwner);
+        Self { holder: Some(holder), ..refused }
     }
 
     /// A refusal.
@@ -294,10 +302,9 @@ mod tests {
 
     #[test]
     fn who_is_refused_is_told_who_holds_control() {
-        let refused = Report::refused(Reason::OtherOwner);
-        assert_eq!(refused.message(Some(Owner::Mqtt)), "mqtt holds control of the drive");
-        assert_eq!(refused.message(None), "somebody else holds control of the drive");
-        assert_eq!(Report::refused(Reason::Moving).message(Some(Owner::Mqtt)), Reason::Moving.text());
+        assert_eq!(Report::held_by(Owner::Mqtt).message(), "mqtt holds control of the drive");
+        assert_eq!(Report::refused(Reason::OtherOwner).message(), "somebody else holds control of the drive");
+        assert_eq!(Report::refused(Reason::Moving).message(), Reason::Moving.text());
     }
 
     #[test]

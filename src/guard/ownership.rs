@@ -10,15 +10,14 @@ impl DriveGuard {
     /// What holds for every command but a stop.
     pub(super) fn may_command(&self, origin: Origin, control: &ControlSettings, facts: &Facts) -> Result<(), Report> {
         self.may_be_heard(origin)?;
-        let is_held_by_another = self.lease().is_some_and(|(owner, _)| owner != origin.owner);
+        let other = self.lease().map(|(owner, _)| owner).filter(|owner| *owner != origin.owner);
         let reason = if !facts.line_is_up {
             Reason::LineDown
         } else if facts.is_offline {
             Reason::Offline
-        } else if is_held_by_another && control.ownership == Ownership::One {
-            Reason::OtherOwner
         } else {
-            return Ok(());
+            let other = other.filter(|_| control.ownership == Ownership::One);
+            return other.map_or(Ok(()), |other| Err(Report::held_by(other)));
         };
         Err(refused(reason))
     }

@@ -3,7 +3,7 @@
 
 use super::entry::AttemptId;
 use super::merge::{Key, Merges};
-use super::record::Record;
+use super::record::{Record, RecordKind};
 use crate::domain::command::Report;
 use crate::domain::time::MonoTime;
 use std::collections::{BTreeMap, HashMap, VecDeque};
@@ -49,7 +49,31 @@ pub struct Audit {
     /// Oldest first. One that has ended may still stand here.
     order: VecDeque<Place>,
     merges: Merges,
-    lost: u64,
+    lost: Lost,
+}
+
+/// What could not be kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Lost {
+    /// Attempts to write that stand in no row.
+    pub attempts: u64,
+    /// Ends of attempts, trips and other rows.
+    pub others: u64,
+}
+
+impl Lost {
+    /// All of it.
+    #[must_use]
+    pub const fn total(self) -> u64 {
+        self.attempts + self.others
+    }
+}
+
+impl std::ops::AddAssign for Lost {
+    fn add_assign(&mut self, more: Self) {
+        self.attempts += more.attempts;
+        self.others += more.others;
+    }
 }
 
 impl Audit {
@@ -130,7 +154,11 @@ impl Audit {
         let Some(gone) = number.and_then(|number| self.waiting.remove(&number)) else { return };
         if let Change::Put(record) = gone.change {
             self.stops_waiting -= usize::from(record.is_stop).min(self.stops_waiting);
-            self.lost += record.count.saturating_sub(gone.kept);
+            let count = record.count.saturating_sub(gone.kept);
+            match record.kind {
+                RecordKind::Attempt => self.lost.attempts += count,
+                RecordKind::FailSafe(_) | RecordKind::StopGivenUp | RecordKind::Lease(_) => self.lost.others += count,
+            }
             self.merges.end(&record);
         }
         if let Some(place) = gone.place.filter(|_| gone.kept == 0) {
@@ -167,9 +195,15 @@ impl Audit {
         self.waiting.is_empty()
     }
 
-    /// Attempts that could not be kept, since this was asked last.
-    pub const fn take_lost(&mut self) -> u64 {
-        std::mem::replace(&mut self.lost, 0)
+    /// What could not be kept, since this was asked last.
+    pub fn take_lost(&mut self) -> Lost {
+        std::mem::take(&mut self.lost)
+    }
+
+    /// The number of the newest row when all was written last.
+    #[must_use]
+    pub const fn kept(&self) -> u64 {
+        self.kept
     }
 
     /// All that waited is written.

@@ -1,10 +1,10 @@
 //! Everything that waits to be written into the journal, and what is remembered of each drive. It is told what happened
 //! and says what is to be written; while nothing can be written, it keeps the newest of it.
 
-use super::audit::Audit;
+use super::audit::{Audit, Lost};
 use super::entry::{Attempt, Entry};
-use super::record::Record;
-use super::remembered::Remembered;
+use super::record::{LeaseChange, Record};
+use super::remembered::{Remembered, RememberedLease};
 use super::row::{self, Row};
 use super::trip;
 use crate::domain::calendar::rfc3339;
@@ -43,6 +43,8 @@ pub struct Book {
     memory: BTreeMap<Name, Remembered>,
     /// The drives whose memory is to be written.
     touched: BTreeSet<Name>,
+    /// The drives whose memory is to be removed.
+    forgotten: BTreeSet<Name>,
     lost: u64,
 }
 
@@ -58,7 +60,7 @@ impl Book {
 
     /// Takes what the line `source` says of `drive`.
     pub fn take(&mut self, source: u64, drive: &DriveDescription, at: MonoTime, entry: Entry, label: &Label<'_>) {
-        self.remember(&drive.name, &entry);
+        let lease_before = self.remember(&drive.name, &entry);
         let moment = label(at);
         match entry {
             Entry::Attempt(attempt) => self.attempt(source, Some(&drive.name), at, &attempt, label),
@@ -73,7 +75,12 @@ impl Book {
             Entry::Presence(presence) => {
                 row::presence(moment, drive.name.as_str(), presence).into_iter().for_each(|row| self.note(row));
             }
-            Entry::Baseline(_) | Entry::Lease(_) | Entry::StopPending { .. } | Entry::StopOver { .. } => {}
+            Entry::Lease(owner) => {
+                if let Some((owner, change)) = LeaseChange::of(lease_before, owner) {
+                    self.audit.add(at, Record::of_lease(moment, &drive.name, owner, change), None);
+                }
+            }
+            Entry::Baseline(_) | Entry::StopPending { .. } | Entry::StopOver { .. } => {}
         }
     }
 
@@ -102,23 +109,41 @@ impl Book {
         }
     }
 
-    fn remember(&mut self, name: &Name, entry: &Entry) {
+    /// Returns the lease that was remembered before.
+    fn remember(&mut self, name: &Name, entry: &Entry) -> Option<RememberedLease> {
+        self.forgotten.remove(name);
         let memory = self.memory.entry(name.clone()).or_default();
         let before = *memory;
         memory.take(entry);
         if *memory != before {
             self.touched.insert(name.clone());
         }
+        before.lease
     }
 
     /// The leases that an earlier life has left are given their time once: whoever finds them after this knows.
-    pub fn orphan_leases(&mut self) {
+    pub fn orphan_leases(&mut self, now: MonoTime, at: WallTime) {
         for (name, memory) in &mut self.memory {
             if let Some(lease) = memory.lease.as_mut().filter(|lease| !lease.was_orphaned) {
                 lease.was_orphaned = true;
                 self.touched.insert(name.clone());
+                let record = Record::of_lease(at, name, lease.owner, LeaseChange::Orphaned);
+                self.audit.add(now, record, None);
             }
         }
+    }
+
+    /// What is remembered of the drive called `name` is not needed any more.
+    pub fn forget(&mut self, name: &Name) {
+        if self.memory.remove(name).is_some() {
+            self.touched.remove(name);
+            self.forgotten.insert(name.clone());
+        }
+    }
+
+    /// The drives whose memory is to be removed.
+    pub fn forgotten(&self) -> impl Iterator<Item = &Name> {
+        self.forgotten.iter()
     }
 
     /// All memory is to be written, because what was written is not there any more.
@@ -156,7 +181,7 @@ impl Book {
     /// How many rows wait.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.audit.len() + self.events.len() + self.availability.len() + self.touched.len()
+        self.audit.len() + self.events.len() + self.availability.len() + self.touched.len() + self.forgotten.len()
     }
 
     /// Whether nothing waits.
@@ -165,9 +190,11 @@ impl Book {
         self.len() == 0
     }
 
-    /// How many attempts, events and other rows could not be kept, since this was asked last.
-    pub const fn take_lost(&mut self) -> u64 {
-        std::mem::replace(&mut self.lost, 0) + self.audit.take_lost()
+    /// What could not be kept, since this was asked last.
+    pub fn take_lost(&mut self) -> Lost {
+        let mut lost = Lost { others: std::mem::take(&mut self.lost), ..Lost::default() };
+        lost += self.audit.take_lost();
+        lost
     }
 
     /// All that waited is written. Returns how many rows that were.
@@ -177,6 +204,7 @@ impl Book {
         self.events.clear();
         self.availability.clear();
         self.touched.clear();
+        self.forgotten.clear();
         rows
     }
 }

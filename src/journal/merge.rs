@@ -23,7 +23,8 @@ pub struct Key {
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 enum What {
-    Refused(String, Reason),
+    /// Also by who stood in the way.
+    Refused(String, Reason, Option<Owner>),
     Superseded,
 }
 
@@ -33,7 +34,7 @@ impl Key {
     pub fn of(record: &Record) -> Option<Self> {
         let report = record.report?;
         let what = match report.outcome {
-            Outcome::Refused => What::Refused(record.tried.clone(), report.reason),
+            Outcome::Refused => What::Refused(record.tried.clone(), report.reason, report.holder),
             Outcome::Superseded if record.is_setpoint => What::Superseded,
             _ => return None,
         };

@@ -1,6 +1,7 @@
 //! What stands in one row of the audit.
 
 use super::entry::{Attempt, Cause};
+use super::remembered::RememberedLease;
 use super::row::Row;
 use super::words;
 use crate::domain::command::{Owner, Report};
@@ -43,6 +44,47 @@ pub enum RecordKind {
     FailSafe(Cause),
     /// A stop was given up because the drive stayed away.
     StopGivenUp,
+    /// Control is held by somebody else than before, or by nobody.
+    Lease(LeaseChange),
+}
+
+/// How control changed hands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LeaseChange {
+    /// Nobody held it before.
+    Opened,
+    /// Nobody holds it any more.
+    Ended,
+    /// It was taken over from this one.
+    TakenOver(Owner),
+    /// The gateway started anew, and its owner is awaited.
+    Orphaned,
+    /// Its owner came back after that.
+    TakenUp,
+}
+
+impl LeaseChange {
+    /// What `owner` now means where `before` is remembered, with the one whom it is about; nothing new: nothing.
+    #[must_use]
+    pub fn of(before: Option<RememberedLease>, owner: Option<Owner>) -> Option<(Owner, Self)> {
+        match (before, owner) {
+            (None, Some(owner)) => Some((owner, Self::Opened)),
+            (Some(before), None) => Some((before.owner, Self::Ended)),
+            (Some(before), Some(owner)) if before.owner != owner => Some((owner, Self::TakenOver(before.owner))),
+            (Some(before), Some(owner)) if before.was_orphaned => Some((owner, Self::TakenUp)),
+            (Some(_), Some(_)) | (None, None) => None,
+        }
+    }
+
+    const fn word(self) -> &'static str {
+        match self {
+            Self::Opened => "opened",
+            Self::Ended => "ended",
+            Self::TakenOver(_) => "taken_over",
+            Self::Orphaned => "orphaned",
+            Self::TakenUp => "taken_up",
+        }
+    }
 }
 
 impl RecordKind {
@@ -53,6 +95,7 @@ impl RecordKind {
             Self::Attempt => "attempt",
             Self::FailSafe(_) => "failsafe",
             Self::StopGivenUp => "stop_given_up",
+            Self::Lease(_) => "lease",
         }
     }
 }
@@ -88,6 +131,13 @@ impl Record {
         Self { kind: RecordKind::StopGivenUp, tried: "stop".to_owned(), ..Self::of_gateway(at, name) }
     }
 
+    /// The record of a lease that changed, or of its `owner`.
+    #[must_use]
+    pub fn of_lease(at: WallTime, name: &Name, owner: Owner, change: LeaseChange) -> Self {
+        let kind = RecordKind::Lease(change);
+        Self { kind, by: Some(owner), is_stop: false, ..Self::of_gateway(at, name) }
+    }
+
     fn of_gateway(at: WallTime, name: &Name) -> Self {
         Self {
             number: 0,
@@ -109,15 +159,26 @@ impl Record {
         let mut body = Map::new();
         let mut say = |key: &str, value: Value| drop(body.insert(key.to_owned(), value));
         say("by", self.by.map(|owner| owner.to_string()).into());
-        say("tried", self.tried.as_str().into());
-        say("count", self.count.into());
+        if !matches!(self.kind, RecordKind::Lease(_)) {
+            say("tried", self.tried.as_str().into());
+            say("count", self.count.into());
+        }
         match self.kind {
             RecordKind::Attempt => {
                 say("outcome", self.report.map(|report| report.outcome.word()).into());
                 say("reason", self.report.map(|report| report.reason.word()).into());
             }
             RecordKind::FailSafe(cause) => say("cause", cause.word().into()),
+            RecordKind::Lease(change) => {
+                say("state", change.word().into());
+                if let LeaseChange::TakenOver(from) = change {
+                    say("from", from.to_string().into());
+                }
+            }
             RecordKind::StopGivenUp => {}
+        }
+        if let Some(holder) = self.report.and_then(|report| report.holder) {
+            say("holder", holder.to_string().into());
         }
         if let Some(held) = self.report.and_then(|report| report.held) {
             say("held", held.into());

@@ -1,6 +1,6 @@
 //! What waits to be written: each attempt in one row, equal ones together, the newest when there is no room.
 
-use super::audit::{Audit, Change, OPEN_MAX, WAITING_MAX};
+use super::audit::{Audit, Change, Lost, OPEN_MAX, WAITING_MAX};
 use super::book::{Book, EVENTS_MAX};
 use super::merge::SHARES_MAX;
 use super::record::Record;
@@ -8,7 +8,7 @@ use super::*;
 use crate::domain::command::{Go, Order, Outcome, Owner, Reason, Report};
 use crate::domain::control::FailSafe;
 use crate::domain::frequency::Hertz;
-use crate::domain::ids::{DriveIndex, Name, UnitId};
+use crate::domain::ids::{CommanderName, DriveIndex, Name, UnitId};
 use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::description::{DriveDescription, DriveRef, Points, Ratings};
 use crate::drive::plan::Pace;
@@ -183,13 +183,13 @@ fn while_nothing_can_be_written_the_newest_is_kept_and_the_rest_is_counted() {
         rig.tell(0, Entry::Attempt(Attempt { tried, ..attempt(number, stop(), report) }));
     }
     rig.tell(1, Entry::Ended { attempt: AttemptId(0), report: Report::new(Outcome::Confirmed, Reason::None) });
-    let lost = rig.book.take_lost();
+    let lost = rig.book.take_lost().attempts;
     rig.write();
     assert_eq!(rig.rows.len(), WAITING_MAX);
     assert_eq!(lost + rig.counted(), attempts + 1, "each is there or counted as lost");
     assert_eq!(rig.shown()[0], ("stop".to_owned(), Some(Outcome::Confirmed), 1), "a stop gives way last");
     assert_eq!(rig.shown()[WAITING_MAX - 1].0, format!("no {attempts}"));
-    assert_eq!(rig.book.take_lost(), 0);
+    assert_eq!(rig.book.take_lost(), Lost::default());
 }
 
 #[test]
@@ -204,9 +204,9 @@ fn what_is_counted_together_and_gives_way_is_lost_once() {
         let report = Some(Report::refused(Reason::NotUnderstood));
         rig.tell(2, Entry::Attempt(Attempt { tried, ..attempt(number, stop(), report) }));
     }
-    assert_eq!(rig.book.take_lost(), 5, "ten are in the journal");
+    assert_eq!(rig.book.take_lost(), Lost { attempts: 5, others: 0 }, "ten are in the journal");
     (15..17).for_each(|id| rig.tell(3, equal(id)));
-    let lost = rig.book.take_lost();
+    let lost = rig.book.take_lost().attempts;
     rig.write();
     assert_eq!(rig.counted() + lost + 5, 17 + WAITING_MAX as u64);
 }
@@ -260,7 +260,7 @@ fn a_trip_is_worded_once_and_changes_what_is_remembered() {
         let event = TripEvent { kind: TripEventKind::Cleared, count: None, at: at(0) };
         rig.tell(0, Entry::Trip(event, baseline));
     }
-    assert_eq!((rig.book.events().count(), rig.book.take_lost()), (EVENTS_MAX, 1));
+    assert_eq!((rig.book.events().count(), rig.book.take_lost()), (EVENTS_MAX, Lost { attempts: 0, others: 1 }));
 }
 
 #[test]
@@ -283,15 +283,70 @@ fn what_nobody_commanded_and_who_came_and_went_are_rows_too() {
 }
 
 #[test]
+fn what_is_not_needed_is_forgotten_unless_something_new_comes() {
+    let mut rig = Rig::default();
+    let name = Name::new("pump-1").unwrap();
+    rig.tell(0, Entry::StopPending { coast: false });
+    rig.write();
+    rig.book.forget(&name);
+    assert_eq!((rig.book.forgotten().collect::<Vec<_>>(), rig.book.len()), (vec![&name], 1));
+    rig.tell(1, Entry::StopPending { coast: true });
+    assert_eq!((rig.book.forgotten().count(), rig.book.memory().count()), (0, 1));
+    rig.book.forget(&name);
+    rig.write();
+    assert!(rig.book.is_empty() && rig.book.all_memory().is_empty());
+}
+
+#[test]
+fn how_control_changes_hands_is_told_in_rows() {
+    let mut rig = Rig::default();
+    let by = |name: &str| Some(Owner::MqttBy(CommanderName::new(name).unwrap()));
+    for owner in [by("a"), by("a"), by("b"), None, None, by("a")] {
+        rig.tell(0, Entry::Lease(owner));
+    }
+    rig.book.orphan_leases(at(1), label(at(1)));
+    rig.tell(2, Entry::Lease(by("a")));
+    rig.write();
+    let rows: Vec<_> = rig.rows.values().map(|record| record.row(0)).collect();
+    assert!(rows.iter().all(|row| row.kind == "lease" && row.name.as_deref() == Some("pump-1")));
+    let shown: Vec<_> = rows.iter().map(|row| row.body.as_str()).collect();
+    let right = [
+        r#"{"by":"mqtt a","state":"opened"}"#,
+        r#"{"by":"mqtt b","from":"mqtt a","state":"taken_over"}"#,
+        r#"{"by":"mqtt b","state":"ended"}"#,
+        r#"{"by":"mqtt a","state":"opened"}"#,
+        r#"{"by":"mqtt a","state":"orphaned"}"#,
+        r#"{"by":"mqtt a","state":"taken_up"}"#,
+    ];
+    assert_eq!(shown, right);
+}
+
+#[test]
+fn who_stood_in_the_way_is_in_the_row_and_another_one_makes_another_row() {
+    let mut rig = Rig::default();
+    for (id, holder) in [(1, Owner::Mqtt), (2, Owner::Mqtt), (3, Owner::Local)] {
+        rig.tell(0, Entry::Attempt(attempt(id, setpoint(30), Some(Report::held_by(holder)))));
+    }
+    rig.write();
+    let bodies: Vec<_> = rig.rows.values().map(|record| record.row(0).body).collect();
+    assert_eq!(bodies.len(), 2);
+    for (body, parts) in
+        bodies.iter().zip([[r#""holder":"mqtt""#, r#""count":2"#], [r#""holder":"local""#, r#""count":1"#]])
+    {
+        assert!(parts.iter().all(|part| body.contains(part)), "{body}");
+    }
+}
+
+#[test]
 fn a_lease_of_an_earlier_life_is_marked_once() {
     let name = Name::new("pump-1").unwrap();
     let lease = Some(RememberedLease { owner: Owner::Mqtt, was_orphaned: false });
     let memory = BTreeMap::from([(name.clone(), Remembered { lease, ..Remembered::default() })]);
     let mut book = Book::new(memory);
-    book.orphan_leases();
+    book.orphan_leases(at(0), label(at(0)));
     assert!(book.memory().all(|(_, memory)| memory.lease.unwrap().was_orphaned));
-    assert_eq!(book.written(), 1);
-    book.orphan_leases();
+    assert_eq!(book.written(), 2, "what is remembered, and the row of that");
+    book.orphan_leases(at(0), label(at(0)));
     assert!(book.is_empty());
     book.touch_all();
     assert_eq!(book.len(), 1);

@@ -43,14 +43,24 @@ pub struct Wish<'a> {
     pub read_only: bool,
     /// More keys of the drive's control section.
     pub control: &'a str,
+    /// Who may write over Modbus TCP; 127.0.0.1 without.
+    pub write: &'a str,
     /// Given the broker's port, starts something before it, and names the port that the gateway is to use.
     pub through: Option<&'a dyn Fn(u16) -> u16>,
 }
 
 impl Wish<'_> {
     /// The usual plant.
-    pub const NONE: Self =
-        Self { simulate: &[], mqtt: "", lost_after: "", access: "", read_only: false, control: "", through: None };
+    pub const NONE: Self = Self {
+        simulate: &[],
+        mqtt: "",
+        lost_after: "",
+        access: "",
+        read_only: false,
+        control: "",
+        write: "",
+        through: None,
+    };
 }
 
 /// All of it. What is dropped first ends first.
@@ -268,8 +278,11 @@ fn configuration(place: &Place, broker: u16, http: SocketAddr, wish: &Wish<'_>) 
     let lost_after = if wish.lost_after.is_empty() { "3s" } else { wish.lost_after };
     let mqtt = wish.mqtt;
     let (control, write) = match wish.read_only {
-        true => (String::new(), ""),
-        false => (control(lost_after, wish.control), "write = [\"127.0.0.1/32\"]"),
+        true => (String::new(), String::new()),
+        false => {
+            let write = if wish.write.is_empty() { "127.0.0.1/32" } else { wish.write };
+            (control(lost_after, wish.control), format!("write = [\"{write}\"]"))
+        }
     };
     let (port, data) = (place.file("line"), place.file("data"));
     format!(

@@ -22,9 +22,14 @@ impl From<TcpStream> for Raw {
 
 impl Raw {
     pub fn connect(address: SocketAddr) -> Self {
-        let stream = TcpStream::connect(address).unwrap();
+        Self::try_connect(address).unwrap()
+    }
+
+    /// Nothing as long as nobody listens.
+    pub fn try_connect(address: SocketAddr) -> Option<Self> {
+        let stream = TcpStream::connect(address).ok()?;
         stream.set_nodelay(true).unwrap();
-        Self::from(stream)
+        Some(Self::from(stream))
     }
 
     /// Sends bytes as they are. The gateway may have closed the connection already.

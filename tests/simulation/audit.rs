@@ -13,12 +13,15 @@ use vfd_gateway::domain::ids::{AskerId, CommanderName, DriveIndex, Ticket};
 use vfd_gateway::domain::native::{NativeAsk, NativeRequest};
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::gateway::{Effect, Input};
-use vfd_gateway::journal::Entry;
+use vfd_gateway::journal::{Entry, Keep};
 use vfd_gateway::sim::FaultPlan;
 
+/// Whoever keeps what the line says.
+type Sink<'s> = &'s mut dyn FnMut(Keep);
+
 /// What is known of the attempts.
-#[derive(Default)]
-struct Books {
+struct Books<'s> {
+    sink: Sink<'s>,
     /// The attempt that belongs to a ticket, and its end.
     attempts: HashMap<u64, (u64, Option<Report>)>,
     /// Tickets that were told for good.
@@ -34,6 +37,14 @@ struct Books {
 /// # Errors
 /// Which attempt is missing, doubled, or was told otherwise.
 pub fn audit(seed: u64, count: u64) -> Result<(u64, u64), String> {
+    audit_into(seed, count, &mut drop)
+}
+
+/// The same, where `sink` keeps what the line says.
+///
+/// # Errors
+/// As those.
+pub fn audit_into(seed: u64, count: u64, sink: Sink<'_>) -> Result<(u64, u64), String> {
     let mut rng = Rng::with_seed(seed);
     let kind = Kind::ALL[rng.usize(0..3)];
     let faults = FaultPlan { lost: rng.u16(0..30), cut: rng.u16(0..20), ..FaultPlan::NONE };
@@ -41,7 +52,8 @@ pub fn audit(seed: u64, count: u64) -> Result<(u64, u64), String> {
     plan.keeps = true;
     let mut world = World::with(plan, Rng::with_seed(rng.u64(..)));
     world.bus.set_faults(faults);
-    let mut books = Books::default();
+    let (attempts, told, of_attempt) = (HashMap::new(), HashMap::new(), HashMap::new());
+    let mut books = Books { sink, attempts, told, said: Vec::new(), of_attempt, rows: 0 };
     let wrong = |text: String| format!("O14, seed {seed}: {text}");
     for ticket in 1..=count {
         let is_native = give(&mut world, &mut rng, ticket);
@@ -70,7 +82,27 @@ pub fn audit(seed: u64, count: u64) -> Result<(u64, u64), String> {
     Ok((books.rows, count))
 }
 
-impl Books {
+impl Books<'_> {
+    fn note(&mut self, entry: &Entry) -> Result<(), String> {
+        match entry {
+            Entry::Attempt(attempt) => {
+                self.rows += 1;
+                self.said.push((attempt.id.0, attempt.report));
+            }
+            Entry::Ended { attempt, report } => {
+                let said = self.said.iter_mut().find(|(id, _)| *id == attempt.0).map(|(_, end)| end);
+                let ticket = self.of_attempt.get(&attempt.0);
+                let known = ticket.and_then(|ticket| self.attempts.get_mut(ticket)).map(|(_, end)| end);
+                match said.or(known) {
+                    Some(end @ None) => *end = Some(*report),
+                    other => return Err(format!("{attempt:?} ends with {report:?}, before: {other:?}")),
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
     /// Everything has its end, and it is what was told. What is settled is forgotten.
     fn settle(&mut self) -> Result<(), String> {
         for (ticket, (attempt, end)) in self.attempts.drain() {
@@ -133,7 +165,7 @@ fn give(world: &mut World, rng: &mut Rng, ticket: u64) -> bool {
     false
 }
 
-fn pass(world: &mut World, books: &mut Books, time: Duration) -> Result<(), String> {
+fn pass(world: &mut World, books: &mut Books<'_>, time: Duration) -> Result<(), String> {
     let until = world.now + time;
     loop {
         world.core.handle(world.now, Input::Time);
@@ -153,7 +185,7 @@ fn pass(world: &mut World, books: &mut Books, time: Duration) -> Result<(), Stri
     }
 }
 
-fn drain(world: &mut World, books: &mut Books) -> Result<(), String> {
+fn drain(world: &mut World, books: &mut Books<'_>) -> Result<(), String> {
     while let Some(effect) = world.core.next_effect() {
         match effect {
             Effect::Transmit(frame) => world.bus.receive(world.now, &frame),
@@ -161,22 +193,10 @@ fn drain(world: &mut World, books: &mut Books) -> Result<(), String> {
                 let before = books.told.insert(answer.ticket.0, answer.report);
                 before.map_or(Ok(()), |before| Err(format!("{:?} was told before: {before:?}", answer.ticket)))?;
             }
-            Effect::Keep(keep) => match keep.entry {
-                Entry::Attempt(attempt) => {
-                    books.rows += 1;
-                    books.said.push((attempt.id.0, attempt.report));
-                }
-                Entry::Ended { attempt, report } => {
-                    let said = books.said.iter_mut().find(|(id, _)| *id == attempt.0).map(|(_, end)| end);
-                    let ticket = books.of_attempt.get(&attempt.0);
-                    let known = ticket.and_then(|ticket| books.attempts.get_mut(ticket)).map(|(_, end)| end);
-                    match said.or(known) {
-                        Some(end @ None) => *end = Some(report),
-                        other => return Err(format!("{attempt:?} ends with {report:?}, before: {other:?}")),
-                    }
-                }
-                _ => {}
-            },
+            Effect::Keep(keep) => {
+                books.note(&keep.entry)?;
+                (books.sink)(keep);
+            }
             _ => {}
         }
     }

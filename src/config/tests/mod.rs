@@ -150,6 +150,20 @@ fn only(text: &str, expected: &str) {
 }
 
 #[test]
+fn settings_are_told_apart_by_what_they_say_and_not_by_how() {
+    let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+    let digest = |text: &str| load(text, &catalog).unwrap().digest;
+    let first = digest(MINIMAL);
+    let other_order = MINIMAL.replace(
+        "name = \"hall-1\"\nport = \"/dev/ttyUSB0\"",
+        "# the hall\nport   = '/dev/ttyUSB0'\nname = \"hall-1\"",
+    );
+    assert_ne!(other_order, MINIMAL);
+    assert_eq!(digest(&other_order), first);
+    assert_ne!(digest(&MINIMAL.replace("station = 1", "station = 2")), first);
+}
+
+#[test]
 fn a_minimal_file_gets_its_defaults() {
     let config = good(MINIMAL);
     assert_eq!(config.gateway.name, None);

@@ -75,8 +75,8 @@ fn mqtt(state: &State) -> Value {
         json!({
             "connected": mqtt.is_connected(),
             "contested": mqtt.is_contested(),
-            "events_waiting": mqtt.events_waiting(),
-            "events_refused": mqtt.events_refused(),
+            "events_waiting": mqtt.counters().events_waiting,
+            "events_refused": mqtt.counters().events_refused,
         })
     })
 }
@@ -90,6 +90,7 @@ fn journal(state: &State) -> Value {
         "moved_aside": report.moved_aside,
         "rows": report.rows,
         "lost": report.lost,
+        "attempts_lost": report.attempts_lost,
         "waiting": report.waiting,
         "size_bytes": report.size_bytes,
         "commit_ms": report.commit_time.as_secs_f64() * 1000.0,

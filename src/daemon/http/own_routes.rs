@@ -131,5 +131,5 @@ fn too_many(name: &str) -> Response {
 }
 
 fn refusal(name: &str, reason: Reason) -> Value {
-    setup::outcome(name, Report::new(Outcome::Refused, reason), None, Vec::new())
+    setup::outcome(name, Report::new(Outcome::Refused, reason), Vec::new())
 }

@@ -17,12 +17,22 @@ const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset
 /// The routes that everybody finds. What is not here is 404, and what does not only look is 405.
 pub(super) fn router(state: Arc<Gateway>) -> Router {
     Router::new()
-        // Whoever gets this answer knows that the main thread turns: it is given there.
-        .route("/healthz", get(async || "ok\n"))
+        .route("/healthz", get(alive))
         .route("/readyz", get(ready))
         .route("/metrics", get(measured))
         .route("/api/v1/health", get(healthy))
         .with_state(state)
+}
+
+/// Whoever gets this answer knows that the main thread turns: it is given there. A line whose thread hangs sends no stop:
+/// whoever looks after the gateway should start it anew.
+async fn alive(State(gateway): State<Arc<Gateway>>) -> Response {
+    let shared = gateway.shared.get();
+    let hung: Vec<_> = shared.lines.iter().filter(|line| line.hangs()).map(|line| line.name.as_str()).collect();
+    if hung.is_empty() {
+        return "ok\n".into_response();
+    }
+    (StatusCode::SERVICE_UNAVAILABLE, format!("lines whose threads hang: {}\n", hung.join(", "))).into_response()
 }
 
 async fn ready(State(gateway): State<Arc<Gateway>>) -> Response {

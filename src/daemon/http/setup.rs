@@ -47,7 +47,7 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<u1
     let (name, place) = (&drive.description.name, drive.description.place);
     let items: Vec<_> = concerned(side, drive).filter(|item| is_among(item, &addresses)).collect();
     if !addresses.iter().all(|address| items.iter().any(|item| item.address == Some(*address))) {
-        return outcome(name.as_str(), Report::refused(Reason::NotCapable), None, Vec::new());
+        return outcome(name.as_str(), Report::refused(Reason::NotCapable), Vec::new());
     }
     let old = read(side, place, addresses.iter().copied()).await;
     let report = side.command(place, Order::Setup(addresses)).await;
@@ -59,17 +59,16 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<u1
         tracing::info!(drive = %name, by = %Owner::Local, what, old, new, outcome, reason, "set for bus control");
         changes.push(json!({ "what": what, "address": item.address, "old": old, "new": new }));
     }
-    outcome(name.as_str(), report, drive.holder(), changes)
+    outcome(name.as_str(), report, changes)
 }
 
 /// What became of an order for the drive called `name`.
-/// Who is refused because of `holder` is told so.
-pub(super) fn outcome(name: &str, report: Report, holder: Option<Owner>, changes: Vec<Value>) -> Value {
+pub(super) fn outcome(name: &str, report: Report, changes: Vec<Value>) -> Value {
     json!({
         "drive": name,
         "outcome": report.outcome.word(),
         "reason": report.reason.word(),
-        "message": report.message(holder),
+        "message": report.message(),
         "held": report.held,
         "exception": report.exception,
         "changes": changes,

@@ -263,6 +263,11 @@ pub(super) const MODBUS: &[Metric<ModbusTotals>] = &[
     }),
     counter("modbus_requests", "Modbus TCP requests.", |modbus| Some(modbus.counters().requests)),
     counter("modbus_replies", "Modbus TCP answers that are no exceptions.", |modbus| Some(modbus.counters().replies)),
+    counter(
+        "modbus_attempts_lost",
+        "Attempts to write that stand in no audit, because too many came at once.",
+        |modbus| Some(modbus.counters().attempts_lost),
+    ),
 ];
 
 /// Exceptions on Modbus TCP; label `code`.
@@ -276,18 +281,56 @@ pub(super) const MODBUS_EXCEPTIONS: Name = Name {
 /// The MQTT side, if a broker is configured.
 pub(super) const MQTT: &[Metric<MqttTotals>] = &[
     gauge("mqtt_connected", "1 while the broker is reached.", |mqtt| truth(mqtt.is_connected())),
-    counter("mqtt_connects", "Times the broker was reached.", |mqtt| Some(mqtt.counts()[0])),
-    counter("mqtt_received", "Messages from the broker.", |mqtt| Some(mqtt.counts()[1])),
-    counter("mqtt_published", "Messages to the broker.", |mqtt| Some(mqtt.counts()[2])),
+    counter("mqtt_connects", "Times the broker was reached.", |mqtt| Some(mqtt.connects())),
     gauge("mqtt_contested", "1 while another client wants our identifier at the broker.", |mqtt| {
         truth(mqtt.is_contested())
     }),
     counter("mqtt_takeovers", "Connections that ended because another client has our identifier.", |mqtt| {
         Some(mqtt.takeovers())
     }),
-    counter("mqtt_refused_retained", "Commands refused because they were retained.", |mqtt| Some(mqtt.counts()[3])),
-    gauge("mqtt_events_waiting", "Trip events on their way to the broker.", |mqtt| Some(mqtt.events_waiting() as f64)),
-    counter("mqtt_events_refused", "Trip events that the broker would not take.", |mqtt| Some(mqtt.events_refused())),
+    counter("mqtt_received", "Messages from the broker.", |mqtt| Some(mqtt.counters().messages_in)),
+    counter("mqtt_published", "Messages to the broker.", |mqtt| Some(mqtt.counters().messages_out)),
+    counter("mqtt_commands", "Commands given to drives.", |mqtt| Some(mqtt.counters().commands)),
+    counter("mqtt_refused", "Inputs refused before any line saw them.", |mqtt| Some(mqtt.counters().refused)),
+    counter("mqtt_refused_retained", "Commands refused because they were retained.", |mqtt| {
+        Some(mqtt.counters().refused_retained)
+    }),
+    counter("mqtt_duplicates", "Commands that came again and were not carried out again.", |mqtt| {
+        Some(mqtt.counters().duplicates)
+    }),
+    counter("mqtt_unanswered", "Commands and reads that no line ever answered.", |mqtt| {
+        Some(mqtt.counters().unanswered)
+    }),
+    counter("mqtt_attempts_lost", "Attempts to write that stand in no audit, because too many came at once.", |mqtt| {
+        Some(mqtt.counters().attempts_lost)
+    }),
+    counter("mqtt_probes_lost", "Times the broker was connected and did not send the probe back.", |mqtt| {
+        Some(mqtt.counters().probes_lost)
+    }),
+    gauge("mqtt_alive_refused", "1 while the broker does not let us read `alive_topic`.", |mqtt| {
+        Some(mqtt.counters().alive_refused as f64)
+    }),
+    counter("mqtt_too_large", "Publications that were larger than the broker takes.", |mqtt| {
+        Some(mqtt.counters().too_large)
+    }),
+    counter("mqtt_results_dropped", "Results dropped because too many waited.", |mqtt| {
+        Some(mqtt.counters().results_dropped)
+    }),
+    gauge("mqtt_events_waiting", "Trip events under way that the broker has not acknowledged.", |mqtt| {
+        Some(mqtt.counters().events_waiting as f64)
+    }),
+    counter("mqtt_events_refused", "Trip events that the broker would not take.", |mqtt| {
+        Some(mqtt.counters().events_refused)
+    }),
+    counter("mqtt_events_dropped", "Trip events dropped because too many waited; none with a journal.", |mqtt| {
+        Some(mqtt.counters().events_dropped)
+    }),
+    gauge("mqtt_history_waiting", "Changes of telemetry that wait for the broker (`keep_telemetry`).", |mqtt| {
+        Some(mqtt.counters().history_waiting as f64)
+    }),
+    counter("mqtt_history_dropped", "Changes of telemetry dropped because more waited than are kept.", |mqtt| {
+        Some(mqtt.counters().history_dropped)
+    }),
 ];
 
 /// The journal, if there is a data directory.
@@ -297,6 +340,10 @@ pub(super) const JOURNAL: &[Metric<JournalReport>] = &[
     }),
     counter("journal_rows", "Rows written.", |journal| Some(journal.rows)),
     counter("journal_lost", "Attempts, trips and other rows that could not be kept.", |journal| Some(journal.lost)),
+    counter("journal_attempts_lost", "Of these: attempts to write.", |journal| Some(journal.attempts_lost)),
+    gauge("journal_moved_aside", "1 if a damaged journal was moved aside since the start.", |journal| {
+        truth(journal.moved_aside.is_some())
+    }),
     counter("journal_commits", "Groups of rows written.", |journal| Some(journal.commits)),
     counter("journal_failures", "Times the journal could not be opened or written.", |journal| Some(journal.failures)),
     gauge("journal_waiting", "Rows that wait to be written.", |journal| Some(journal.waiting as f64)),

@@ -21,6 +21,7 @@ use crate::north::modbus::Counters;
 use crate::north::mqtt;
 use crate::profile::catalog::Catalog;
 use crate::vendors;
+use prometheus_client::metrics::MetricType;
 use std::net::SocketAddr;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -318,19 +319,49 @@ fn one_of_02() -> [u64; Counters::EXCEPTION_CODES] {
     std::array::from_fn(|code| u64::from(code == 2))
 }
 
+/// All metrics with their labels.
+fn metrics() -> Vec<(&'static table::Name, &'static str)> {
+    fn names<T>(metrics: &'static [table::Metric<T>]) -> impl Iterator<Item = &'static table::Name> {
+        metrics.iter().map(|metric| &metric.name)
+    }
+    let of = |labels: &'static str| move |name| (name, labels);
+    let mut all = vec![(&table::BUILD, "`version`, `gateway`")];
+    all.extend(names(table::GATEWAY).map(of("-")));
+    all.extend(names(table::LINE).map(of("`line`")));
+    all.extend(names(table::DRIVE).map(of("`line`, `drive`")));
+    all.extend(names(table::STATION).map(of("`line`, `drive`")));
+    all.extend(names(table::REPLIES).map(of("`line`, `drive`, `class`")));
+    all.push((&table::REPLY_TIME, "`line`, `drive`, `class`, `quantile`"));
+    all.push((&table::OUTPUT_FREQUENCY, "`line`, `drive`"));
+    all.push((&table::VALUE, "`line`, `drive`, `name`, `unit`"));
+    all.extend(names(table::MODBUS).map(of("-")));
+    all.push((&table::MODBUS_EXCEPTIONS, "`code`"));
+    all.extend(names(table::MQTT).map(of("-")));
+    all.extend(names(table::JOURNAL).map(of("-")));
+    all
+}
+
 #[test]
 fn no_metric_stands_in_the_table_twice() {
-    let mut names = vec![table::BUILD.name, table::OUTPUT_FREQUENCY.name, table::VALUE.name];
-    names.push(table::MODBUS_EXCEPTIONS.name);
-    names.extend(table::GATEWAY.iter().map(|it| it.name.name));
-    names.extend(table::LINE.iter().map(|it| it.name.name));
-    names.extend(table::DRIVE.iter().map(|it| it.name.name));
-    names.extend(table::MODBUS.iter().map(|it| it.name.name));
-    names.extend(table::MQTT.iter().map(|it| it.name.name));
+    let mut names: Vec<_> = metrics().into_iter().map(|(name, _)| name.name).collect();
     let count = names.len();
     names.sort_unstable();
     names.dedup();
     assert_eq!(names.len(), count);
+}
+
+#[test]
+fn the_readme_has_every_metric_as_it_is_served() {
+    let readme = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
+    let row = |(name, labels): (&table::Name, &str)| {
+        let unit = name.unit.map(|unit| format!("_{unit}")).unwrap_or_default();
+        let total = if matches!(name.kind, MetricType::Counter) { "_total" } else { "" };
+        format!("| `{}{unit}{total}` | {labels} | {} |", name.name, name.help)
+    };
+    let right: Vec<_> = metrics().into_iter().map(row).collect();
+    let table = readme.split_once("### Metrics").map_or("", |(_, rest)| rest.split_once("\n## ").unwrap().0);
+    let written: Vec<_> = table.lines().filter(|line| line.starts_with("| `")).collect();
+    assert_eq!(written, right, "right is:\n{}", right.join("\n"));
 }
 
 #[test]
@@ -442,7 +473,7 @@ fn the_broker_is_counted_once_a_connection() {
         let counters = mqtt::Counters { messages_in: 5, messages_out: 6, refused_retained: 7, ..Default::default() };
         mqtt.set(connected, &counters);
     }
-    assert_eq!(mqtt.counts(), [2, 5, 6, 7]);
+    assert_eq!((mqtt.connects(), mqtt.counters().refused_retained), (2, 7));
     for contested in [true, true, false] {
         mqtt.contested(contested);
         assert_eq!(mqtt.is_contested(), contested);

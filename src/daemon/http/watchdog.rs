@@ -16,13 +16,13 @@ const READ_WITHIN: Duration = Duration::from_secs(5);
 pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, time: Option<Duration>) -> Value {
     let (description, model) = (&drive.description, &*drive.description.model);
     let (name, place) = (description.name.as_str(), description.place);
-    let refused = |reason| outcome(name, Report::refused(reason), None, Vec::new());
+    let refused = |reason| outcome(name, Report::refused(reason), Vec::new());
     let Some(watchdog) = &model.watchdog else { return refused(Reason::NotCapable) };
     let Some(value) = model.watchdog_word(time) else { return refused(Reason::OutsideRange) };
     let address = watchdog.time;
     let old = match side.read(place, address, clock::now() + READ_WITHIN).await {
         Ok(old) => old,
-        Err(failed) => return outcome(name, Report { outcome: Outcome::Refused, ..failed }, None, Vec::new()),
+        Err(failed) => return outcome(name, Report { outcome: Outcome::Refused, ..failed }, Vec::new()),
     };
     let Some(go) = Go::new(vec![RegisterWrite { address, value }], None, None) else {
         return refused(Reason::NotUnderstood);
@@ -35,5 +35,5 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, time: Option<Dura
         drive = name, by = %Owner::Local, what, old, new = value, outcome = result, reason, "watchdog of the drive set"
     );
     let change = json!({ "what": what, "address": address, "old": old, "new": value });
-    outcome(name, report, drive.holder(), vec![change])
+    outcome(name, report, vec![change])
 }

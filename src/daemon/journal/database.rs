@@ -51,7 +51,17 @@ pub struct Database {
     /// Rows of the audit that were there before this life of the gateway.
     audit_base: u64,
     is_synced: bool,
+    /// A write failed before this file was opened again: some of it may stand there all the same.
+    is_in_doubt: bool,
     most_bytes: u64,
+}
+
+/// Up to where a file was surely written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mark {
+    session: String,
+    last_event: u64,
+    last_availability: u64,
 }
 
 /// What was found in a database.
@@ -91,14 +101,37 @@ impl Database {
         let last_event = given.max(there).unwrap_or(0);
         let session = meta(&connection, "session")?.unwrap_or_else(|| session.to_owned());
         let found = found(&connection)?;
+        let (is_synced, is_in_doubt) = (false, false);
         let database =
-            Self { connection, session, last_event, last_availability, audit_base, is_synced: false, most_bytes };
+            Self { connection, session, last_event, last_availability, audit_base, is_synced, is_in_doubt, most_bytes };
         Ok((database, found))
     }
 
     /// Begins to count the audit where another file of this life of the gateway did.
     pub const fn count_audit_from(&mut self, base: u64) {
         self.audit_base = base;
+    }
+
+    /// Up to where it was surely written.
+    #[must_use]
+    pub fn mark(&self) -> Mark {
+        let Self { last_event, last_availability, .. } = *self;
+        Mark { session: self.session.clone(), last_event, last_availability }
+    }
+
+    /// Goes on at `mark`, if that is of this file: a write behind it failed, and whether it is there is not known. What
+    /// the system could not bring to the disk it may take for written: therefore the log is emptied first.
+    ///
+    /// # Errors
+    /// SQLite's.
+    pub fn resume(&mut self, mark: &Mark) -> Result<(), Error> {
+        if self.session != mark.session {
+            return Ok(());
+        }
+        self.checkpoint()?;
+        (self.last_event, self.last_availability) = (mark.last_event, mark.last_availability);
+        self.is_in_doubt = true;
+        Ok(())
     }
 
     /// Rows of the audit that were there before this life of the gateway.
@@ -120,6 +153,16 @@ impl Database {
         }
         let (mut last_event, mut last_availability) = (self.last_event, self.last_availability);
         let transaction = self.connection.transaction()?;
+        if self.is_in_doubt {
+            let rows = [
+                (Table::Event, last_event),
+                (Table::Availability, last_availability),
+                (Table::Audit, self.audit_base + book.audit.kept()),
+            ];
+            for (table, last) in rows {
+                transaction.execute(&format!("DELETE FROM {} WHERE number > ?", table.name()), [last])?;
+            }
+        }
         for event in book.events() {
             last_event += 1;
             put(&transaction, Table::Event, &events::row(event, last_event, &self.session))?;
@@ -142,9 +185,13 @@ impl Database {
             let mut put = transaction.prepare_cached("INSERT OR REPLACE INTO drive VALUES (?, ?, ?)")?;
             put.execute(params![name, body, memory_crc(name, &body)])?;
         }
+        for name in book.forgotten() {
+            transaction.execute("DELETE FROM drive WHERE name = ?", [name.as_str()])?;
+        }
         events::mark(&transaction, taken, events::TAKEN)?;
         transaction.commit()?;
         (self.last_event, self.last_availability) = (last_event, last_availability);
+        self.is_in_doubt = false;
         Ok(())
     }
 
@@ -164,12 +211,14 @@ impl Database {
         events::waiting(&self.connection, after, most)
     }
 
-    /// Takes over what is not taken yet from a database that was moved aside, as far as it can be read.
+    /// Takes over what is not taken yet from a database that was moved aside, as far as it can be read; what stands
+    /// behind `mark` is still to be written.
     ///
     /// # Errors
     /// SQLite's, of this database.
-    pub fn take_over(&mut self, old: &Path) -> Result<usize, Error> {
-        let (rows, highest) = events::rescued(old);
+    pub fn take_over(&mut self, old: &Path, mark: Option<&Mark>) -> Result<usize, Error> {
+        let (mut rows, highest) = events::rescued(old);
+        rows.retain(|row| mark.is_none_or(|mark| row.number <= mark.last_event));
         let transaction = self.connection.transaction()?;
         for row in &rows {
             put(&transaction, Table::Event, row)?;

@@ -3,6 +3,7 @@
 use super::Origin;
 use crate::domain::ids::Name;
 use crate::domain::time::MonoTime;
+use crate::journal::audit::Lost;
 use crate::journal::words::is_stop;
 use crate::journal::{Attempt, Entry, Keep, Remembered, Row};
 use std::collections::BTreeMap;
@@ -32,6 +33,8 @@ pub enum Post {
     EventTaken(u64),
     /// The check of the whole file has found this.
     Checked(Vec<String>),
+    /// No row is about these drives any more.
+    Unused(Vec<Name>),
     /// What is remembered of each drive by now is asked for.
     Memory(oneshot::Sender<BTreeMap<Name, Remembered>>),
     /// The gateway ends.
@@ -53,6 +56,7 @@ fn room_for(post: &Post) -> usize {
         | Post::WantEvents(_)
         | Post::EventTaken(_)
         | Post::Checked(_)
+        | Post::Unused(_)
         | Post::Memory(_)
         | Post::Close => ROWS_MAX + ENDS_MAX + VITAL_MAX,
     }
@@ -61,7 +65,7 @@ fn room_for(post: &Post) -> usize {
 #[derive(Debug, Default)]
 struct Queue {
     posts: Vec<Post>,
-    lost: u64,
+    lost: Lost,
     is_closed: bool,
 }
 
@@ -78,7 +82,8 @@ impl Inbox {
         let mut queue = self.lock();
         queue.is_closed |= matches!(post, Post::Close);
         if queue.posts.len() >= room_for(&post) {
-            queue.lost += 1;
+            let is_attempt = matches!(post, Post::Attempt(..) | Post::Keep(_, Keep { entry: Entry::Attempt(_), .. }));
+            queue.lost += Lost { attempts: is_attempt.into(), others: (!is_attempt).into() };
             return;
         }
         queue.posts.push(post);
@@ -91,7 +96,7 @@ impl Inbox {
 
     /// Waits for posts, at most for `within`, and exchanges them for the empty `batch`. Returns how many were lost since
     /// the last time, and whether the end was told.
-    pub fn take(&self, batch: &mut Vec<Post>, within: Option<Duration>) -> (u64, bool) {
+    pub fn take(&self, batch: &mut Vec<Post>, within: Option<Duration>) -> (Lost, bool) {
         let queue = self.lock();
         let is_empty = |queue: &mut Queue| queue.posts.is_empty() && !queue.is_closed;
         let mut queue = match within {
@@ -101,7 +106,7 @@ impl Inbox {
             }
         };
         std::mem::swap(&mut queue.posts, batch);
-        (std::mem::replace(&mut queue.lost, 0), queue.is_closed)
+        (std::mem::take(&mut queue.lost), queue.is_closed)
     }
 
     fn lock(&self) -> MutexGuard<'_, Queue> {
@@ -128,18 +133,18 @@ mod tests {
         inbox.put(refused(Order::Coast));
         inbox.put(Post::EventTaken(7));
         let mut batch = Vec::new();
-        assert_eq!(inbox.take(&mut batch, None), (5, false));
+        assert_eq!(inbox.take(&mut batch, None), (Lost { attempts: 5, others: 0 }, false));
         assert_eq!(batch.len(), ROWS_MAX + 2);
         batch.clear();
         inbox.put(Post::Close);
-        assert_eq!(inbox.take(&mut batch, None), (0, true));
+        assert_eq!(inbox.take(&mut batch, None), (Lost::default(), true));
     }
 
     #[test]
     fn who_finds_nothing_waits_only_for_so_long() {
         let inbox = Inbox::default();
         let mut batch = Vec::new();
-        assert_eq!(inbox.take(&mut batch, Some(Duration::from_millis(1))), (0, false));
+        assert_eq!(inbox.take(&mut batch, Some(Duration::from_millis(1))), (Lost::default(), false));
         assert!(batch.is_empty());
     }
 }

@@ -61,6 +61,7 @@ pub struct Journal {
     inbox: Arc<Inbox>,
     status: Arc<Status>,
     sources: AtomicU64,
+    known: writer::Known,
     /// Closed when the writer has ended.
     ended: Mutex<Option<oneshot::Receiver<()>>>,
 }
@@ -83,18 +84,20 @@ impl Journal {
         let (ends, ended) = oneshot::channel();
         let upkeep = upkeep::start(settings.directory.join(FILE_NAME), Arc::clone(&inbox))?;
         let writer = writer::Writer::new(store, found, Arc::clone(&inbox), Arc::clone(&status), sides, changed, upkeep);
-        let configuration = settings.configuration.clone();
+        let (configuration, known) = (settings.configuration.clone(), writer.known());
         std::thread::Builder::new().name("journal".to_owned()).spawn(move || {
             writer.run(&configuration);
             drop(ends);
         })?;
-        let journal = Self { inbox, status, sources: AtomicU64::new(0), ended: Mutex::new(Some(ended)) };
+        let journal = Self { inbox, status, sources: AtomicU64::new(0), known, ended: Mutex::new(Some(ended)) };
         Ok((Arc::new(journal), memory))
     }
 
     /// A line that has just started: its rows are numbered from 1. `inbox` is told what is kept.
     #[must_use]
     pub fn line(self: &Arc<Self>, name: Name, drives: Vec<DriveDescription>, inbox: Arc<LineInbox>) -> Source {
+        let names = drives.iter().map(|drive| drive.name.clone());
+        self.known.lock().unwrap_or_else(PoisonError::into_inner).extend(names);
         let origin = Origin { id: self.next_source(), line: name, drives, inbox, kept: AtomicU64::new(0) };
         Source { journal: Arc::clone(self), origin: Arc::new(origin) }
     }

@@ -1,5 +1,6 @@
 //! Reads the journal beside the gateway that writes it: rows in their order, damaged ones shown as such.
 
+use crate::domain::ids::Name;
 use crate::domain::time::WallTime;
 use crate::journal::{Row, Table};
 use rusqlite::{Connection, Error, OpenFlags};
@@ -134,4 +135,17 @@ pub fn check(path: &Path) -> Result<Vec<String>, Error> {
     let mut check = connection.prepare("PRAGMA quick_check(10)")?;
     let found: Vec<String> = check.query_map([], |row| row.get(0))?.collect::<Result<_, _>>()?;
     Ok(found.into_iter().filter(|line| line != "ok").collect())
+}
+
+/// The drives that are remembered although no row is about them any more.
+///
+/// # Errors
+/// SQLite's.
+pub fn unused_drives(path: &Path) -> Result<Vec<Name>, Error> {
+    let connection = connect(path)?;
+    let tables = Table::ALL.map(|table| format!("SELECT name FROM {} WHERE name IS NOT NULL", table.name()));
+    let mut select =
+        connection.prepare(&format!("SELECT name FROM drive WHERE name NOT IN ({})", tables.join(" UNION ")))?;
+    let names = select.query_map([], |row| row.get::<_, String>(0))?.collect::<Result<Vec<_>, _>>()?;
+    Ok(names.iter().filter_map(|name| Name::new(name)).collect())
 }

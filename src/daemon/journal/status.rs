@@ -40,6 +40,8 @@ pub struct JournalReport {
     pub rows: u64,
     /// Attempts, events and other rows that could not be kept, since the start.
     pub lost: u64,
+    /// Of these: attempts to write.
+    pub attempts_lost: u64,
     /// Rows that wait to be written.
     pub waiting: u64,
     /// Groups of rows written since the start.

@@ -2,7 +2,7 @@
 //! the system refuses.
 
 use super::aside::move_aside;
-use super::database::{Broken, Database, Found, rescued};
+use super::database::{Broken, Database, Found, Mark, rescued};
 use super::status::{JournalState, Status};
 use crate::daemon::clock;
 use crate::domain::time::MonoTime;
@@ -27,6 +27,8 @@ pub struct Store {
     database: Option<Database>,
     /// The audit is numbered behind what the first database of this life held.
     audit_base: Option<u64>,
+    /// Up to where the file was written when it failed.
+    mark: Option<Mark>,
     retry_at: MonoTime,
     wait: Duration,
     /// What the journal itself has to say, for the next group.
@@ -45,6 +47,7 @@ impl Store {
             status: Arc::clone(status),
             database: None,
             audit_base: None,
+            mark: None,
             retry_at: MonoTime::ZERO,
             wait: FIRST_WAIT,
             notes: Vec::new(),
@@ -79,6 +82,9 @@ impl Store {
         let (mut database, found) = Database::open(&self.path, &session, self.max_bytes)?;
         let base = *self.audit_base.get_or_insert(database.audit_base());
         database.count_audit_from(base);
+        if let Some(mark) = &self.mark {
+            database.resume(mark)?;
+        }
         self.database = Some(database);
         Ok(found)
     }
@@ -91,7 +97,7 @@ impl Store {
 
     /// Moves the damaged file aside. What it has of events that nobody took goes into the next one.
     fn begin_anew(&mut self, reason: &str) -> io::Result<PathBuf> {
-        self.database = None;
+        self.leave();
         let now = clock::wall();
         let aside = move_aside(&self.path, now)?;
         let lies_at = aside.display().to_string();
@@ -99,9 +105,10 @@ impl Store {
         self.notes.push(row::begun_anew(now, reason, &lies_at));
         self.status.change(|report| report.moved_aside = Some(lies_at));
         self.has_begun_anew = true;
+        let mark = self.mark.take();
         let opened = self.open_once();
         match (opened, &mut self.database) {
-            (Ok(_), Some(database)) => match database.take_over(&aside) {
+            (Ok(_), Some(database)) => match database.take_over(&aside, mark.as_ref()) {
                 Ok(0) => {}
                 Ok(events) => tracing::warn!(events, "trip events that nobody had taken were rescued"),
                 Err(error) => tracing::error!(%error, "trip events could not be rescued"),
@@ -112,8 +119,15 @@ impl Store {
         Ok(aside)
     }
 
+    /// Closes the database, and notes up to where it was written.
+    fn leave(&mut self) {
+        if let Some(database) = self.database.take() {
+            self.mark = Some(database.mark());
+        }
+    }
+
     fn failed(&mut self, reason: String) {
-        self.database = None;
+        self.leave();
         let had_one = self.audit_base.is_some();
         let state = if had_one { JournalState::Failed } else { JournalState::Memory };
         let before = self.status.report();

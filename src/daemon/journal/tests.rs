@@ -1,5 +1,7 @@
 //! The journal on a real disk: kept, found again, cut, moved aside, and while it cannot be written.
 
+use super::database::Database;
+use super::inbox::Post;
 use super::reader::{self, Rows, Seen};
 use super::*;
 use crate::config::{self, Config};
@@ -8,10 +10,12 @@ use crate::daemon::build;
 use crate::daemon::inbox::Message;
 use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
 use crate::domain::ids::DriveIndex;
+use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
-use crate::journal::{AttemptId, Entry, RememberedStop, Row, StoredEvent, Table, Tried, TripBaseline};
+use crate::journal::{AttemptId, Book, Entry, RememberedStop, Row, StoredEvent, Table, Tried, TripBaseline};
 use crate::profile::catalog::Catalog;
 use crate::vendors;
+use std::collections::BTreeSet;
 use std::sync::LazyLock;
 use std::sync::atomic::AtomicU32;
 use std::time::Instant;
@@ -229,6 +233,84 @@ fn what_is_remembered_of_a_drive_is_found_again() {
     assert_eq!((rig.memory[&name()].lease, rig.memory[&name()].stop), (None, None));
     let states: Vec<_> = sound(place.rows(Table::Availability)).into_iter().map(|row| row.body).collect();
     assert!(states.iter().filter(|body| body.contains("started")).count() >= 4, "{states:?}");
+}
+
+#[test]
+fn what_no_row_is_about_is_forgotten_unless_the_drive_is_there() {
+    let place = Place::new();
+    let mut rig = Rig::start(&place);
+    let row = rig.keep(Entry::StopPending { coast: true });
+    rig.wait_for(row);
+    assert_eq!(reader::unused_drives(&place.file()).unwrap(), [name()]);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
+    let is_remembered = |journal: &Journal| {
+        let memory = runtime.block_on(journal.memory(PATIENCE)).unwrap();
+        memory.contains_key(&name())
+    };
+    rig.journal.inbox.put(Post::Unused(vec![name()]));
+    assert!(is_remembered(&rig.journal), "its line is here");
+    rig.close();
+    let shared = Arc::new(build::shared(&CONFIG));
+    let settings = Settings { directory: place.0.clone(), max_bytes: 64_000_000, configuration: "one".to_owned() };
+    let (journal, memory) = Journal::start(&settings, NorthSides::default(), Arc::clone(&shared.changed)).unwrap();
+    assert!(memory.contains_key(&name()));
+    until("it is forgotten", || (!is_remembered(&journal)).then_some(()));
+    until("in the file too", || reader::unused_drives(&place.file()).unwrap().is_empty().then_some(()));
+}
+
+/// The system may say that a write failed when all of it is there.
+#[test]
+fn what_a_failed_write_has_left_is_taken_back_and_written_once() {
+    let place = Place::new();
+    let drive = build::shared(&CONFIG).drives[0].description.clone();
+    let open = || Database::open(&place.file(), "one", 64_000_000).unwrap().0;
+    let (none, mut book) = (BTreeSet::new(), Book::default());
+    let label = |at: MonoTime| WallTime { unix_ms: (at.as_nanos() / 1_000_000) as i64 };
+    let tell = |book: &mut Book, entry| book.take(1, &drive, MonoTime::ZERO, entry, &label);
+    let trip = |code| {
+        let record = TripRecord { at: MonoTime::ZERO, code: Some(code), words: Vec::new() };
+        let kind = TripEventKind::Tripped { trips: 1, record };
+        Entry::Trip(TripEvent { kind, count: None, at: MonoTime::ZERO }, TripBaseline::default())
+    };
+    let attempt = |id| {
+        let tried = Tried::Registers { address: 1, values: vec![2] };
+        Entry::Attempt(Attempt { id: AttemptId(id), owner: Owner::Mqtt, tried, report: None })
+    };
+    let mut database = open();
+    tell(&mut book, trip(1));
+    tell(&mut book, attempt(1));
+    book.note(row::ended(WallTime { unix_ms: 0 }));
+    database.write(&book, &none).unwrap();
+    book.written();
+    let mark = database.mark();
+    tell(&mut book, trip(2));
+    tell(&mut book, attempt(2));
+    tell(&mut book, Entry::Presence(crate::drive::snapshot::Presence::Online));
+    database.write(&book, &none).unwrap();
+    drop(database);
+
+    tell(&mut book, trip(3));
+    let mut database = open();
+    database.resume(&mark).unwrap();
+    database.write(&book, &none).unwrap();
+    book.written();
+    tell(&mut book, trip(4));
+    database.write(&book, &none).unwrap();
+    let codes: Vec<_> = sound(place.rows(Table::Event)).into_iter().map(|row| (row.number, row.body)).collect();
+    for (number, (found, body)) in (1..).zip(&codes) {
+        assert!(number == *found && body.contains(&format!("\"code\":{number},")), "{codes:?}");
+    }
+    assert_eq!(codes.len(), 4);
+    assert_eq!((place.rows(Table::Audit).len(), place.rows(Table::Availability).len()), (2, 2));
+
+    // A mark of another file says nothing about this one.
+    let other = Place::new();
+    let mut database = Database::open(&other.file(), "two", 64_000_000).unwrap().0;
+    database.resume(&mark).unwrap();
+    book.written();
+    tell(&mut book, trip(1));
+    database.write(&book, &none).unwrap();
+    assert_eq!(sound(other.rows(Table::Event))[0].number, 1);
 }
 
 #[test]

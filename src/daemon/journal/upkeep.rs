@@ -37,6 +37,11 @@ pub fn start(path: PathBuf, inbox: Arc<Inbox>) -> io::Result<SyncSender<()>> {
                 Err(RecvTimeoutError::Timeout) => {
                     wait = None;
                     check(&path, &inbox);
+                    match reader::unused_drives(&path) {
+                        Ok(drives) if drives.is_empty() => {}
+                        Ok(drives) => inbox.put(Post::Unused(drives)),
+                        Err(error) => tracing::debug!(%error, "it could not be seen which drives the journal needs"),
+                    }
                 }
             }
         }

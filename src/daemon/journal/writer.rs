@@ -9,12 +9,14 @@ use super::teller::Teller;
 use crate::daemon::answers::NorthSides;
 use crate::daemon::clock;
 use crate::daemon::inbox::Message;
+use crate::domain::ids::Name;
 use crate::domain::time::{MonoTime, WallTime};
+use crate::journal::audit::Lost;
 use crate::journal::{Book, Keep, RowNumber, row};
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::SyncSender;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::sync::Notify;
 
@@ -48,7 +50,11 @@ pub struct Writer {
     /// What was lost since the journal last said so.
     lost: u64,
     configuration: Option<String>,
+    known: Known,
 }
+
+/// The drives of all lines of this life.
+pub type Known = Arc<Mutex<BTreeSet<Name>>>;
 
 impl Writer {
     /// A writer that goes on where `found` ends.
@@ -82,7 +88,14 @@ impl Writer {
             since_cut: CUT_AFTER,
             lost: 0,
             configuration: found.configuration,
+            known: Known::default(),
         }
+    }
+
+    /// The drives that it must not forget, whatever it says of them.
+    #[must_use]
+    pub fn known(&self) -> Known {
+        Arc::clone(&self.known)
     }
 
     /// Writes until the gateway ends.
@@ -112,7 +125,7 @@ impl Writer {
     fn begin(&mut self, configuration: &str) {
         let has_changed = self.configuration.as_deref().is_some_and(|last| last != configuration);
         self.book.note(row::started(clock::wall(), env!("CARGO_PKG_VERSION"), configuration, has_changed));
-        self.book.orphan_leases();
+        self.book.orphan_leases(clock::now(), clock::wall());
         if let Some(Err(error)) = self.store.database().map(|database| database.set_configuration(configuration)) {
             self.store.troubled(error);
         }
@@ -125,10 +138,13 @@ impl Writer {
         [retry, tell].into_iter().flatten().min()
     }
 
-    fn lose(&mut self, rows: u64) {
-        if rows > 0 {
-            self.lost += rows;
-            self.status.change(|report| report.lost += rows);
+    fn lose(&mut self, lost: Lost) {
+        if lost.total() > 0 {
+            self.lost += lost.total();
+            self.status.change(|report| {
+                report.lost += lost.total();
+                report.attempts_lost += lost.attempts;
+            });
         }
     }
 
@@ -152,6 +168,10 @@ impl Writer {
                 }
             }
             Post::Checked(problems) => self.store.give_up(&problems.join("; ")),
+            Post::Unused(drives) => {
+                let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+                drives.iter().filter(|drive| !known.contains(*drive)).for_each(|drive| self.book.forget(drive));
+            }
             Post::Memory(tell) => {
                 // Whoever has asked may have given up.
                 let _ = tell.send(self.book.all_memory().clone());

@@ -56,10 +56,7 @@ impl Speaker {
         self.news.take(&mut self.batch);
         for news in self.batch.drain(..) {
             match news {
-                News::Command(answer) => {
-                    let shared = &self.shared;
-                    self.session.command_answer_naming(at, &answer, |drive| shared.drives.get(drive)?.holder());
-                }
+                News::Command(answer) => self.session.command_answer(at, &answer),
                 News::Native(answer) => self.session.native_answer(at, &answer),
                 News::Trip(place, event) => self.session.trip(at, place, &event),
                 News::Events { events, more } => self.session.stored_events(at, &events, more),

@@ -107,16 +107,16 @@ impl DriveWork {
     /// The client behind `asker` is gone: its commands of which nothing was written are not sent. A stop is no list and
     /// stays. Returns how many they were.
     pub fn withdraw(&mut self, asker: AskerId, out: Out<'_>) -> u64 {
-        self.withdraw_all(|list| list.is_of(asker), Reason::CommanderLost, out)
+        self.withdraw_all(|list| list.is_of(asker), Report::refused(Reason::CommanderLost), out)
     }
 
     /// Control was taken over: what the one before has ordered and has not begun is not sent, the rest goes on.
     fn taken(&mut self, from: Option<Owner>, by: Owner, out: Out<'_>) {
         out.push_back(Effect::Note(self.drive, Note::Taken { from, by }));
-        self.withdraw_all(|list| Some(list.owner()) == from, Reason::OtherOwner, out);
+        self.withdraw_all(|list| Some(list.owner()) == from, Report::held_by(by), out);
     }
 
-    fn withdraw_all(&mut self, goes: impl Fn(&List) -> bool, reason: Reason, out: Out<'_>) -> u64 {
+    fn withdraw_all(&mut self, goes: impl Fn(&List) -> bool, report: Report, out: Out<'_>) -> u64 {
         let goes = |list: &List| goes(list) && !list.has_begun();
         let current = self.current.take_if(|list| goes(list));
         if current.is_some() && matches!(self.flight, Some(Rank::Step | Rank::Start)) {
@@ -127,7 +127,7 @@ impl DriveWork {
         let mut count = 0;
         for mut list in current.into_iter().chain(gone) {
             count += 1;
-            self.finish(&mut list, Report::refused(reason), out);
+            self.finish(&mut list, report, out);
         }
         count
     }

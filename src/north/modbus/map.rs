@@ -164,7 +164,7 @@ const MAP: [MapRow; 75] = [
     word(22, "run hours", "h").words(2),
     word(24, "output current, finer", "0.01 A"),
     word(25, "output power, finer", "0.01 kW"),
-    word(26, "capabilities", "bit 0 forward, 1 reverse, 2 coast, 3 reset, 4 setpoint, 5 release"),
+    word(26, "capabilities", "bit 0 forward, 1 reverse, 2 coast, 3 reset, 4 setpoint, 5 release, 6 take"),
     word(27, "reserved", "0").words(5),
     control(address::RUN, "run command", "0 stop, 1 forward, 2 reverse, 3 coast, 4 reset, 5 release, 6 take").written(),
     control(address::SETPOINT, "frequency setpoint", "0.01 Hz").written(),

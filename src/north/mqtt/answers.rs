@@ -16,25 +16,12 @@ use serde_json::{Map, Value};
 impl Session {
     /// Takes what became of a command so far. Answers to others, or to what is no longer waited for, are ignored.
     pub fn command_answer(&mut self, at: Moment, answer: &CommandAnswer) {
-        self.command_answer_naming(at, answer, |_| None);
-    }
-
-    /// The same, where `holder` tells who holds control of the drive at a place of the session's list: who is refused
-    /// because of that is told.
-    pub fn command_answer_naming(
-        &mut self,
-        at: Moment,
-        answer: &CommandAnswer,
-        holder: impl FnOnce(usize) -> Option<Owner>,
-    ) {
         self.clock.see(at);
         if answer.asker != AskerId::MQTT {
             return;
         }
         if answer.is_final {
-            if let Some(mut pending) = self.unanswered.take(answer.ticket) {
-                let is_held = answer.report.reason == Reason::OtherOwner;
-                pending.holder = if is_held { holder(pending.drive) } else { None };
+            if let Some(pending) = self.unanswered.take(answer.ticket) {
                 self.end(at, &pending, answer.report);
             }
         } else if let Some(pending) = self.unanswered.get(answer.ticket).cloned() {
@@ -93,12 +80,11 @@ impl Session {
             What::Order(order) => values(&self.drives[pending.drive].model, order, &report),
             What::Read(_) => Map::new(),
         };
-        let holder = pending.holder;
         let remark = pending.remark.map(str::to_owned);
         let message = remark.or_else(|| self.limits_of(pending, report));
-        let message = message.or_else(|| holder.map(|_| report.message(holder)));
+        let message = message.or_else(|| report.holder.map(|_| report.message()));
         let asker = (pending.by, &pending.id, pending.reply.as_ref());
-        let stage = Stage { report, is_final, is_repeat: false, message, values, holder };
+        let stage = Stage { report, is_final, is_repeat: false, message, values };
         self.tell(at, pending.drive, asker, stage);
     }
 
@@ -117,23 +103,23 @@ impl Session {
         let values = [named(found, word)].into_iter().collect();
         self.telemetry.take_param(pending.drive, register, Reading { raw: word, at: at.mono }, topic);
         let report = Report::new(Outcome::Confirmed, Reason::None);
-        let stage = Stage { report, is_final: true, is_repeat: false, message: None, values, holder: None };
+        let stage = Stage { report, is_final: true, is_repeat: false, message: None, values };
         self.tell(at, pending.drive, (pending.by, &pending.id, pending.reply.as_ref()), stage);
     }
 
     /// Tells the first outcome of a command that came again.
     pub(super) fn tell_again(&mut self, at: Moment, drive: usize, asker: &Asker, order: &Order, report: Report) {
         let values = values(&self.drives[drive].model, order, &report);
-        let stage = Stage { report, is_final: true, is_repeat: true, message: None, values, holder: None };
+        let stage = Stage { report, is_final: true, is_repeat: true, message: None, values };
         self.tell(at, drive, (asker.by, &asker.id, asker.reply.as_ref()), stage);
     }
 
     fn tell(&mut self, at: Moment, drive: usize, (by, id, reply): (Owner, &Value, Option<&Reply>), stage: Stage) {
-        let Stage { report, is_final, is_repeat, message, values, holder } = stage;
+        let Stage { report, is_final, is_repeat, message, values } = stage;
         let (drive, at) = (self.drives[drive].name.as_str(), self.clock.text(at.mono));
         let topic = self.topics.drive(drive, "result");
         let message = message.as_deref();
-        let told = Told { id, drive, by, holder, report, is_final, is_repeat, message, values, at };
+        let told = Told { id, drive, by, report, is_final, is_repeat, message, values, at };
         self.counters.results_dropped += self.results.tell(topic, reply, told);
     }
 
@@ -142,8 +128,8 @@ impl Session {
         let Asker { by, id, reply } = asker;
         let (report, message) = (Report::refused(refused.reason), Some(refused.message.as_str()));
         let (values, at) = (Map::new(), self.clock.text(at.mono));
-        let (by, holder, is_final, is_repeat) = (*by, None, true, false);
-        let told = Told { id, drive, by, holder, report, is_final, is_repeat, message, values, at };
+        let (by, is_final, is_repeat) = (*by, true, false);
+        let told = Told { id, drive, by, report, is_final, is_repeat, message, values, at };
         self.counters.results_dropped += self.results.tell(topic, reply.as_ref(), told);
     }
 }
@@ -156,6 +142,4 @@ struct Stage {
     /// Instead of the reason's own words.
     message: Option<String>,
     values: Map<String, Value>,
-    /// Who holds control, if that is why it was refused.
-    holder: Option<Owner>,
 }

@@ -75,7 +75,7 @@ fn what_comes_under_a_name_is_answered_with_it_and_no_other_word_is_a_name() {
     let plc_1 = Owner::MqttBy(CommanderName::new("plc-1").expect("a name"));
     let lease = Some((plc_1, MonoTime::from_millis(9_000)));
     rig.views[0].control = Some(ControlView { lease, ..ControlView::default() });
-    let acts = rig.answer(commands(&acts)[0].ticket, Outcome::Refused, Reason::OtherOwner, true);
+    let acts = rig.report(commands(&acts)[0].ticket, Report::held_by(plc_1), true);
     let told = &results(&acts)[0];
     assert_eq!((&told["by"], &told["owner"]), (&json!("plc-2"), &json!("mqtt plc-1")));
     assert_eq!(told["message"], "mqtt plc-1 holds control of the drive");

@@ -58,7 +58,6 @@ impl Session {
             what: What::Order(wish.order),
             reply: asker.reply,
             remark: is_retained_stop.then_some(RETAINED_STOP),
-            holder: None,
             forget_at: self.forget_at(drive, request.start_before, is_a_stop),
         });
         self.queue(Act::Command(self.drives[drive].place, request), is_a_stop);
@@ -160,7 +159,6 @@ impl Session {
             what: What::Read(register),
             reply: asker.reply,
             remark: None,
-            holder: None,
             forget_at: deadline + ANSWERED_WITHIN,
         });
         let (origin, ask) = (origin(asker.by), NativeAsk::Read { address, count: 1 });

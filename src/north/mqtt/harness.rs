@@ -227,9 +227,7 @@ impl Rig {
 
     pub(super) fn report(&mut self, ticket: Ticket, report: Report, is_final: bool) -> Vec<Act> {
         let answer = CommandAnswer { asker: AskerId::MQTT, ticket, drive: DriveIndex(0), report, is_final };
-        let (at, views) = (self.at(), &self.views);
-        let holder = |drive: usize| Some(views.get(drive)?.control.as_ref()?.lease?.0);
-        self.session.command_answer_naming(at, &answer, holder);
+        self.session.command_answer(self.at(), &answer);
         self.acts()
     }
 }

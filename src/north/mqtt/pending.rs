@@ -28,8 +28,6 @@ pub(super) struct Pending {
     pub(super) reply: Option<Reply>,
     /// What its results say besides.
     pub(super) remark: Option<&'static str>,
-    /// Who held control when it was refused because of that.
-    pub(super) holder: Option<Owner>,
     /// When it is given up: long after the line must have answered.
     pub(super) forget_at: MonoTime,
 }

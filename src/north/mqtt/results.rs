@@ -25,8 +25,6 @@ pub(super) struct Told<'a> {
     pub(super) drive: &'a str,
     /// Who commanded.
     pub(super) by: Owner,
-    /// Who holds control, if that is why it was refused.
-    pub(super) holder: Option<Owner>,
     pub(super) report: Report,
     pub(super) is_final: bool,
     /// It was said before: the command came again.
@@ -58,7 +56,7 @@ impl Told<'_> {
         add("message", self.message.or(own_words).map(Value::from));
         let named = if let Owner::MqttBy(name) = self.by { Some(name.as_str().into()) } else { None };
         add("by", named);
-        add("owner", self.holder.map(|owner| owner.to_string().into()));
+        add("owner", self.report.holder.map(|owner| owner.to_string().into()));
         add("held", self.report.held.map(Value::from));
         add("exception", self.report.exception.map(Value::from));
         add("repeat", self.is_repeat.then_some(Value::Bool(true)));
@@ -131,8 +129,8 @@ mod tests {
     fn told(id: &Value) -> Told<'_> {
         let report = Report { held: Some(7), ..Report::new(Outcome::Failed, Reason::KeptOldValue) };
         let (message, values, at) = (None, Map::new(), "now".into());
-        let (by, holder) = (Owner::Mqtt, None);
-        Told { id, drive: "pump", by, holder, report, is_final: true, is_repeat: false, message, values, at }
+        let by = Owner::Mqtt;
+        Told { id, drive: "pump", by, report, is_final: true, is_repeat: false, message, values, at }
     }
 
     #[test]
@@ -146,8 +144,8 @@ mod tests {
     fn a_result_names_its_commander_and_who_stood_in_its_way() {
         let name = |name| Owner::MqttBy(CommanderName::new(name).unwrap());
         let id = json!(1);
-        let (by, report) = (name("a"), Report::refused(Reason::OtherOwner));
-        let told = Told { by, holder: Some(name("b")), report, ..told(&id) };
+        let (by, report) = (name("a"), Report::held_by(name("b")));
+        let told = Told { by, report, ..told(&id) };
         let result: Value = serde_json::from_slice(&told.payload()).unwrap();
         assert_eq!((&result["by"], &result["owner"]), (&json!("a"), &json!("mqtt b")));
     }

@@ -83,6 +83,7 @@ pub(super) fn capabilities(drive: &DriveDescription) -> Vec<&'static str> {
         ("coast", may(ControlAction::Coast)),
         ("reset", may(ControlAction::Reset)),
         ("release", control.allow_release && may(ControlAction::Release)),
+        ("take", control.allow_take),
     ];
     table.into_iter().filter(|(_, is_there)| *is_there).map(|(word, _)| word).collect()
 }

@@ -63,6 +63,8 @@ pub mod capability {
     pub const SETPOINT: u16 = 1 << 4;
     /// RELEASE.
     pub const RELEASE: u16 = 1 << 5;
+    /// TAKE.
+    pub const TAKE: u16 = 1 << 6;
 }
 
 /// What the drive does. One that is out of reach does nothing that is known.
@@ -153,6 +155,7 @@ pub(super) fn capabilities(model: &Model, control: Option<&ControlSettings>) -> 
         (may(ControlAction::Reset), capability::RESET),
         (model.register_for(Role::FrequencyCommand).is_some(), capability::SETPOINT),
         (control.allow_release && may(ControlAction::Release), capability::RELEASE),
+        (control.allow_take, capability::TAKE),
     ]
     .into_iter()
     .filter_map(|(is_set, bit)| is_set.then_some(bit))

@@ -247,6 +247,7 @@ fn capabilities_are_what_model_and_control_allow() {
     assert_eq!(with(&|it| it.directions = vec![Direction::Forward]), forward | setpoint);
     let accepted = vec![ControlAction::Coast, ControlAction::Reset];
     assert_eq!(with(&|it| it.accept_unverified.clone_from(&accepted)), 0b1_1111);
+    assert_eq!(with(&|it| it.allow_take = true), 0b101_0011);
 }
 
 #[test]
