@@ -23,7 +23,7 @@ use super::totals::ModbusTotals;
 use crate::domain::command::{Manner, Origin, Owner, Rights};
 use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
-use crate::north::modbus::{Commands, Connection, Counters, Kept, Limits, Places, Words};
+use crate::north::modbus::{Commands, Connection, Counters, Kept, Limits, Places};
 use accepting::Told;
 use certificate::Certificate;
 use hall::{Dismissal, Hall, Seat};
@@ -300,17 +300,6 @@ impl Client {
         let opened = self.stream.open(bytes, |plain| self.serve_bytes(plain));
         self.keep();
         opened.and_then(|()| self.flush())
-    }
-
-    fn serve_bytes(&self, bytes: &[u8]) {
-        let now = clock::now();
-        let mut words = Words::default();
-        let mut machine = self.machine.borrow_mut();
-        let router = self.router();
-        machine.receive(now, bytes, &|unit, ask| router.is_stop(unit, ask));
-        while let Some(call) = machine.next_call() {
-            self.serve_call(now, &mut machine, call, &mut words);
-        }
     }
 
     /// Hands on what the machine says of attempts that no line saw.

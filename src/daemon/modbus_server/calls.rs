@@ -1,6 +1,7 @@
 //! The calls of one client: answered from pictures at once, or given to lines and answered when those have answered.
 
 use super::super::answers::News;
+use super::super::clock;
 use super::super::inbox::{Full, Inbox, Message};
 use super::super::router::{Drive, Target};
 use super::Client;
@@ -20,6 +21,23 @@ use std::time::Duration;
 const RENEW_EVERY: Duration = Duration::from_millis(100);
 
 impl Client {
+    /// Takes what the client has sent. Each request is answered, if that can be done at once, before the next one is taken:
+    /// only those that wait for a line count as in flight.
+    pub(super) fn serve_bytes(&self, mut bytes: &[u8]) {
+        let now = clock::now();
+        let mut words = Words::default();
+        let mut machine = self.machine.borrow_mut();
+        let router = self.router();
+        while !bytes.is_empty() {
+            let (piece, rest) = bytes.split_at(machine.next_piece(bytes));
+            machine.receive(now, piece, &|unit, ask| router.is_stop(unit, ask));
+            while let Some(call) = machine.next_call() {
+                self.serve_call(now, &mut machine, call, &mut words);
+            }
+            bytes = rest;
+        }
+    }
+
     /// Answers a call at once, or hands it on.
     pub(super) fn serve_call(&self, now: MonoTime, machine: &mut Connection, call: Call, words: &mut Words) {
         if !self.may_ask.get() {

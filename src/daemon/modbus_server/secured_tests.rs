@@ -12,6 +12,7 @@ use crate::wire::mbap;
 use rcgen::{DnType, ExtendedKeyUsagePurpose};
 use rustls::crypto::ring;
 use rustls::pki_types::{PrivateKeyDer, ServerName};
+use rustls::sign::{CertifiedKey, SingleCertAndKey};
 use rustls::{ClientConfig, ClientConnection, HandshakeKind, RootCertStore, SupportedProtocolVersion, version};
 use std::io::{Read, Write};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -76,7 +77,10 @@ impl Secured {
             None => builder.with_no_client_auth(),
             Some(client) => {
                 let key = PrivateKeyDer::try_from(client.key.serialize_der()).unwrap();
-                builder.with_client_auth_cert(vec![client.certificate.der().clone()], key).unwrap()
+                let key = ring::sign::any_supported_type(&key).unwrap();
+                // Not looked at on this side, whatever is wrong with it.
+                let shown = CertifiedKey::new(vec![client.certificate.der().clone()], key);
+                builder.with_client_cert_resolver(Arc::new(SingleCertAndKey::from(shown)))
             }
         })
     }

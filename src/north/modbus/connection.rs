@@ -170,6 +170,18 @@ impl Connection {
         self.input = held;
     }
 
+    /// How many of `bytes` reach to the end of the next message; all of them if none ends there. Whoever gives them to
+    /// [`receive`](Self::receive) in such pieces, and answers in between what can be answered at once, has only those
+    /// requests in flight that wait for something.
+    #[must_use]
+    pub fn next_piece(&self, bytes: &[u8]) -> usize {
+        let held = self.input.len();
+        let byte = |at: usize| at.checked_sub(held).map_or_else(|| self.input.get(at), |at| bytes.get(at)).copied();
+        let (Some(high), Some(low)) = (byte(4), byte(5)) else { return bytes.len() };
+        let whole = mbap::HEADER_BYTES - 1 + usize::from(u16::from_be_bytes([high, low]));
+        whole.saturating_sub(held).max(1).min(bytes.len())
+    }
+
     /// A number that no call has, for what is ordered besides.
     pub fn fresh_ticket(&mut self) -> Ticket {
         self.next_ticket += 1;
@@ -478,6 +490,20 @@ mod tests {
             assert_eq!(connection.output(), message(9, 255, &answer));
             assert_eq!(connection.counters().exceptions[usize::from(answer[1])], 1);
         }
+    }
+
+    #[test]
+    fn a_stream_falls_into_pieces_of_one_message_each() {
+        let mut connection = connection();
+        let stream: Vec<u8> = (0..3).flat_map(read).collect();
+        let length = stream.len() / 3;
+        for (from, to) in [(0, 3), (3, length), (length, 2 * length), (2 * length, 3 * length - 1)] {
+            assert_eq!(connection.next_piece(&stream[from..]).min(to - from), to - from, "from {from}");
+            connection.receive(T0, &stream[from..to], &never);
+        }
+        assert_eq!(connection.next_piece(&stream[3 * length - 1..]), 1);
+        assert_eq!(connection.next_piece(&stream[3 * length - 1..].repeat(9)), 1);
+        assert_eq!(connection.next_piece(&[]), 0);
     }
 
     #[test]
