@@ -55,7 +55,7 @@ const fn setpoint(restart: usize) -> u16 {
 
 /// Returns how long after the broker listens there is telemetry of after that.
 fn restart_once(plant: &mut Plant, restart: usize) -> Duration {
-    if restart % 2 == 0 {
+    if restart.is_multiple_of(2) {
         plant.broker.end();
     } else {
         plant.broker.kill();
