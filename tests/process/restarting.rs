@@ -31,6 +31,8 @@ fn no_restart_of_the_broker_moves_anything_and_each_finds_the_gateway_again() {
         plant.wait_until_ready();
         for restart in 0..restarts {
             times.push(restart_once(&mut plant, restart));
+            // What goes to the line is seen in the log, which may come a little later than the answer.
+            plant.wait_for_write(restart, (FREQUENCY, setpoint(restart)), PATIENCE);
             assert_eq!(plant.written().len(), restart + 1, "{version}, restart {restart}");
         }
         let setpoints: Vec<_> = (0..restarts).map(|restart| (FREQUENCY, setpoint(restart))).collect();
@@ -53,7 +55,7 @@ const fn setpoint(restart: usize) -> u16 {
 
 /// Returns how long after the broker listens there is telemetry of after that.
 fn restart_once(plant: &mut Plant, restart: usize) -> Duration {
-    if restart % 2 == 0 {
+    if restart.is_multiple_of(2) {
         plant.broker.end();
     } else {
         plant.broker.kill();
