@@ -102,12 +102,12 @@ fn the_drives_own_watchdog_is_shown_and_set() {
     };
     let (code, said) = watchdog(&[]);
     assert!(code == Some(1) && said.contains("its watchdog is off"), "{said}");
-    let (code, said) = watchdog(&["--set", "5s"]);
+    let (code, said) = watchdog(&["--set", "2500ms"]);
     assert!(code == Some(2) && said.contains("--yes"), "nobody was asked: {said}");
-    let (code, said) = watchdog(&["--set", "5s", "--yes"]);
-    assert!(code == Some(0) && said.contains("0 -> 5 s") && said.contains("confirmed"), "{said}");
+    let (code, said) = watchdog(&["--set", "2500ms", "--yes"]);
+    assert!(code == Some(0) && said.contains("-> 2.5 s") && said.contains("confirmed"), "{said}");
     let (code, said) = watchdog(&[]);
-    assert!(code == Some(0) && said.contains('5'), "{said}");
+    assert!(code == Some(0) && said.contains("2.5 s"), "{said}");
     let (code, said) = watchdog(&["--set", "off", "--yes"]);
     assert!(code == Some(0), "{said}");
     assert_eq!(watchdog(&[]).0, Some(1));
