@@ -118,14 +118,14 @@ impl Desk {
         let is_attempt = matches!(keep.entry, Entry::Attempt(_));
         source.keep(keep);
         self.said += u64::from(is_attempt);
-        if is_attempt && row.0 % 3 == 0 {
+        if is_attempt && row.0.is_multiple_of(3) {
             self.of_north += 1;
             self.said += 1;
             let tried = Tried::Text(format!("no {}", first + self.of_north));
             let report = Some(Report::refused(Reason::NotUnderstood));
             self.north.keep(None, Attempt { id: AttemptId(self.of_north), owner: Owner::Mqtt, tried, report });
         }
-        if self.waits && row.0 % PAUSE_AFTER == 0 {
+        if self.waits && row.0.is_multiple_of(PAUSE_AFTER) {
             let until = clock::now() + PATIENCE;
             while !source.origin().has_kept(row) {
                 assert!(clock::now() < until, "the row is not kept");

@@ -5,14 +5,14 @@ use super::answer::{self, Answer, Form};
 use super::ask::Ask;
 use super::counters::Counters;
 use super::kept::{self, Kept};
-use super::limits::Limits;
+use super::limits::{CloseReason, Limits};
 use super::{refusal, request};
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::ids::Ticket;
 use crate::domain::time::MonoTime;
 use crate::journal::Tried;
 use crate::wire::exception;
-use crate::wire::mbap::{self, Malformed};
+use crate::wire::mbap;
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -31,23 +31,6 @@ pub struct Call {
 
 /// Whether a request to a unit orders something to stop. Only who knows the units can tell.
 pub type IsStop<'a> = &'a dyn Fn(u8, &Ask) -> bool;
-
-/// Why the gateway closes a connection.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum CloseReason {
-    /// The stream holds something that is no Modbus TCP.
-    #[error("not Modbus TCP: {0}")]
-    Malformed(Malformed),
-    /// A message was begun and not finished in time.
-    #[error("a message was begun and not finished in time")]
-    BodyTimeout,
-    /// No request for too long.
-    #[error("no request for too long")]
-    Idle,
-    /// The client goes on asking and does not read the answers.
-    #[error("the client does not read its answers")]
-    NotReading,
-}
 
 /// One client connection. Its owner moves bytes between it and the socket:
 ///
@@ -378,6 +361,7 @@ fn release(buffer: &mut Vec<u8>) {
 mod tests {
     use super::*;
     use crate::north::modbus::ask::WordTable;
+    use crate::wire::mbap::Malformed;
     use proptest::prelude::*;
 
     const T0: MonoTime = MonoTime::from_millis(1_000);

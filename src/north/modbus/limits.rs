@@ -1,5 +1,6 @@
-//! What one client of Modbus TCP may use.
+//! What one client of Modbus TCP may use, and why its connection is closed.
 
+use crate::wire::mbap::Malformed;
 use std::time::Duration;
 
 /// What one client may use.
@@ -34,4 +35,21 @@ impl Default for Limits {
             answer_within: Duration::from_secs(5),
         }
     }
+}
+
+/// Why the gateway closes a connection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum CloseReason {
+    /// The stream holds something that is no Modbus TCP.
+    #[error("not Modbus TCP: {0}")]
+    Malformed(Malformed),
+    /// A message was begun and not finished in time.
+    #[error("a message was begun and not finished in time")]
+    BodyTimeout,
+    /// No request for too long.
+    #[error("no request for too long")]
+    Idle,
+    /// The client goes on asking and does not read the answers.
+    #[error("the client does not read its answers")]
+    NotReading,
 }
