@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::config;
 use vfd_gateway::daemon::answers::NorthSides;
-use vfd_gateway::daemon::journal::{Journal, JournalReport, NorthSource, Settings, Source, file_in};
+use vfd_gateway::daemon::journal::{Journal, JournalReport, JournalState, NorthSource, Settings, Source, file_in};
 use vfd_gateway::daemon::shared::{Current, Shared};
 use vfd_gateway::daemon::{build, clock};
 use vfd_gateway::domain::command::{Owner, Reason, Report};
@@ -128,7 +128,7 @@ impl Desk {
         if self.waits && row.0.is_multiple_of(PAUSE_AFTER) {
             let until = clock::now() + PATIENCE;
             while !source.origin().has_kept(row) {
-                assert!(clock::now() < until, "the row is not kept");
+                assert!(clock::now() < until, "row {row:?} is not kept: {:?}", self.journal.report());
                 std::thread::sleep(Duration::from_micros(100));
             }
         }
@@ -146,6 +146,18 @@ impl Desk {
             let source = self.line();
             audit_into(seed + life, now, &mut |keep| self.keep(&source, keep, 0))
                 .unwrap_or_else(|text| panic!("{text}"));
+        }
+    }
+
+    fn wait_until_all_is_written(&self) {
+        let until = clock::now() + PATIENCE;
+        loop {
+            let report = self.journal.report();
+            if report.state == JournalState::Ok && report.waiting == 0 {
+                return;
+            }
+            assert!(clock::now() < until, "{report:?}");
+            std::thread::sleep(Duration::from_millis(10));
         }
     }
 
@@ -179,10 +191,16 @@ fn what_is_lost_while_the_file_is_locked_is_counted_and_nothing_else_is() {
     let mut other = Connection::open(file_in(&place.0)).expect("the journal");
     let lock = other.transaction_with_behavior(rusqlite::TransactionBehavior::Immediate).expect("a lock");
     desk.waits = false;
+    // Faster than the writer takes it, and then so slowly that it is the writer who has too much.
     desk.play(20, 10_000);
+    for part in 0..20 {
+        desk.play(30 + part, 1_000);
+        std::thread::sleep(Duration::from_millis(120));
+    }
     drop(lock);
+    desk.wait_until_all_is_written();
     desk.waits = true;
-    desk.play(30, 1_000);
+    desk.play(60, 1_000);
     let said = desk.said;
     let report = desk.close();
     let (counted, texts) = place.counted();

@@ -291,6 +291,7 @@ fn what_a_failed_write_has_left_is_taken_back_and_written_once() {
 
     tell(&mut book, trip(3));
     let mut database = open();
+    database.count_audit_from(0);
     database.resume(&mark).unwrap();
     database.write(&book, &none).unwrap();
     book.written();
