@@ -52,6 +52,7 @@ pub(super) fn settle(file: &MqttFile, lease: LeaseMode, problems: &mut Vec<Probl
         lists::once(&list.value, problems);
     }
     discovery_prefix(file, problems);
+    announced_is_published(file, problems);
     file.lease.or(DEFAULT_LEASE)?;
     let alive_topic = file.alive_topic.or(Some(DEFAULT_ALIVE_TOPIC.to_owned()))?;
     Some(MqttSettings {
@@ -192,6 +193,19 @@ fn discovery_prefix(file: &MqttFile, problems: &mut Vec<Problem>) {
     if prefix.value.strip_prefix(&own).is_some_and(|rest| rest.starts_with('/')) {
         let problem = prefix.place.problem(format!("`{}` lies among the gateway's own topics", prefix.value));
         problems.push(problem.right(format!("the discovery prefix that Home Assistant is set to: \"{DEFAULT_DISCOVERY_PREFIX}\" unless it was changed there")));
+    }
+}
+
+/// What is announced shows what is published.
+fn announced_is_published(file: &MqttFile, problems: &mut Vec<Problem>) {
+    let (Some(home_assistant), Some(list)) = (file.home_assistant.usable(), file.publish.usable()) else { return };
+    let is_announced = home_assistant.value.discovery.as_ref().is_some_and(|discovery| discovery.value);
+    let needed = [Tree::State, Tree::Values, Tree::Line, Tree::Info];
+    let missing = needed.into_iter().find(|tree| !list.value.iter().any(|listed| listed.value == *tree));
+    if let Some(tree) = missing.filter(|_| is_announced) {
+        let what = format!("Home Assistant would show entities of `{}`, which is not published", tree.word());
+        let all: Vec<_> = needed.iter().map(|tree| format!("\"{}\"", tree.word())).collect();
+        problems.push(list.place.problem(what).right(format!("a list with {}, or without discovery", all.join(", "))));
     }
 }
 

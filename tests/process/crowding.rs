@@ -46,6 +46,10 @@ impl Crowded {
             let fields = fields(line)?;
             (fields["message"] == "Modbus TCP").then(|| fields["address"].as_str()?.parse().ok())?
         });
+        gateway.wait_for("that the drive is there", |line| {
+            let fields = fields(line)?;
+            (fields["message"] == "drive" && fields["presence"] == "Online").then_some(())
+        });
         Self { gateway, address, http, _drive: drive, _place: place }
     }
 
@@ -115,14 +119,21 @@ fn a_gateway_without_descriptors_still_lets_in_those_who_count_and_does_not_spin
         let mut hog = TcpStream::connect(crowded.http).unwrap();
         hog.write_all(b"GET").unwrap();
         hogs.push(hog);
-        (crowded.open_files() >= FILES).then_some(())
+        // Some are open for a moment only.
+        let is_full = || crowded.open_files() >= FILES;
+        (is_full()
+            && (0..10).all(|_| {
+                std::thread::sleep(Duration::from_millis(10));
+                is_full()
+            }))
+        .then_some(())
     });
     let mut newcomer = crowded.served_from(ORDINARY_FROM);
     let mut urgent = crowded.served_from(PRIORITY_FROM);
     assert!(is_served(&mut newcomer) && is_served(&mut urgent));
     let gone = clients.iter_mut().map(|client| !is_served(client)).collect::<Vec<_>>();
     let lost = gone.iter().filter(|it| **it).count();
-    assert!((2..=6).contains(&lost) && gone[..lost].iter().all(|it| *it), "the first ones gave way: {gone:?}");
+    assert!((1..=6).contains(&lost) && gone[..lost].iter().all(|it| *it), "the first ones gave way: {gone:?}");
     crowded.assert_does_not_spin();
     drop(hogs);
     until("all is well again", PATIENCE, || is_served(&mut crowded.client_from(ORDINARY_FROM)).then_some(()));

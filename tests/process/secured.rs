@@ -174,7 +174,7 @@ impl Client {
     }
 
     /// Waits until it is sent away.
-    fn is_sent_away(mut self) {
+    fn wait_until_sent_away(mut self) {
         until("it is sent away", PATIENCE, || {
             self.program.type_line("read:101:0:1");
             self.program.text().contains("Connection").then_some(())
@@ -318,7 +318,7 @@ fn a_reload_takes_new_certificates_and_keeps_whom_it_still_trusts() {
     make_certificates(&elsewhere, &["client", "other", "viewer"]);
     std::fs::copy(elsewhere.join("ca.pem"), secured.tls.join("clients.pem")).unwrap();
     assert_eq!(secured.reload(), "configuration reloaded");
-    panel.is_sent_away();
+    panel.wait_until_sent_away();
 }
 
 #[test]

@@ -221,6 +221,20 @@ proptest! {
 }
 
 #[test]
+fn what_is_announced_to_home_assistant_is_published() {
+    let with = |list: &str, discovery: bool| {
+        let keys = format!("home_assistant = {{ discovery = {discovery} }}\npublish = {list}");
+        over("embedded", &keys)
+    };
+    good(&with("['state', 'values', 'line', 'info']", true));
+    good(&with("['state']", false));
+    let found = problems(&with("['state', 'values', 'info']", true));
+    let right = "a list with \"state\", \"values\", \"line\", \"info\", or without discovery";
+    let what = "mqtt.publish: Home Assistant would show entities of `line`, which is not published";
+    assert_eq!(found, [format!("{what}; {right}")]);
+}
+
+#[test]
 fn discovery_by_home_assistant_is_taken_and_checked() {
     let found = |written: &str| mqtt(&over("embedded", &format!("home_assistant = {written}"))).home_assistant.unwrap();
     let plain = found("{ discovery = true }");
