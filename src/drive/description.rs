@@ -40,6 +40,14 @@ pub struct Points {
     pub decimals: Vec<(String, u8)>,
 }
 
+impl Points {
+    /// Digits behind the decimal point with which `register` is published; nothing: all that it has.
+    #[must_use]
+    pub fn decimals_of(&self, register: &Register) -> Option<u8> {
+        self.decimals.iter().find(|(name, _)| *name == register.name).map(|(_, digits)| *digits)
+    }
+}
+
 /// One drive as the configuration names it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DriveDescription {

@@ -48,7 +48,7 @@ pub struct LineCore {
     pub(super) polls_turn: bool,
     /// Polls in a row that had grown too old to wait.
     pub(super) aged_polls: u8,
-    /// A command was begun in the last exchange: the next one is for others, if there are any.
+    /// A command was begun and others have had no exchange since: they have one before the next is begun, if they wait.
     pub(super) others_turn: bool,
     /// The station that stops all drives, where the line has one.
     pub(super) all_stop_at: Option<u8>,

@@ -92,11 +92,10 @@ impl LineCore {
         }
     }
 
-    /// What drives want for themselves, barriers, polls that have aged, then native reads and polls in turn. The first
-    /// step of a command goes at most in every second exchange if others wait.
+    /// What drives want for themselves, barriers, polls that have aged, then native reads and polls in turn. Between the
+    /// beginnings of two commands others have an exchange if they wait.
     fn pick_any(&mut self, now: MonoTime) -> Option<Picked> {
-        let spared = std::mem::replace(&mut self.others_turn, false);
-        let last_rank = if spared { Rank::Trip } else { Rank::Start };
+        let last_rank = if self.others_turn { Rank::Trip } else { Rank::Start };
         if let Some(picked) = self.pick_work(now, last_rank) {
             return Some(picked);
         }
@@ -110,6 +109,8 @@ impl LineCore {
         if let Some(picked) = self.pick_trial(now, TRY_PATIENCE) {
             return Some(picked);
         }
+        // The end of the steps of the last command was no turn of others.
+        self.others_turn = false;
         let other = self.pick_other(now).or_else(|| self.pick_work(now, Rank::Start));
         other.or_else(|| self.pick_trial(now, Duration::ZERO))
     }
@@ -145,7 +146,7 @@ impl LineCore {
             let (drive, want) = self.most_urgent(now, last_rank)?;
             let is_new_stop = want.rank == Rank::FirstStop && self.works[drive.get()].unsent_stop().is_some();
             if self.works[drive.get()].send(want.rank, now, &mut self.effects) {
-                self.others_turn = want.rank == Rank::Start;
+                self.others_turn |= want.rank == Rank::Start;
                 if is_new_stop {
                     self.measured.stop_sent(want.at, now);
                 }

@@ -1,6 +1,6 @@
 //! Who asks for the same shares one exchange, and nobody pays for a dead neighbour or a busy one.
 
-use crate::support::{PROOF, Rig, RigOptions};
+use crate::support::{PROOF, Rig, RigOptions, STOP, plc, setpoint};
 use std::collections::HashMap;
 use std::time::Duration;
 use vfd_gateway::domain::command::Reason;
@@ -96,4 +96,30 @@ fn writes_are_refused_and_put_nothing_on_the_line() {
         assert_eq!(rig.answer_to(ticket), NativeOutcome::Refused(Refusal::Guard(Reason::ReadOnly)));
     }
     assert!(rig.frames().is_empty());
+}
+
+#[test]
+fn setpoints_without_end_leave_others_a_turn_between_any_two() {
+    const FREQUENCY: u16 = 0x0004;
+    let mut rig = Rig::new(&RigOptions { drives: 2, ..RigOptions::controlled() });
+    rig.commanded(plc(1), STOP);
+    rig.pass(Duration::from_secs(1));
+    rig.sent.clear();
+    let until = rig.now + Duration::from_secs(10);
+    let (mut reads, mut newest) = (0, 1000);
+    rig.read(7, 1, PROOF, 4);
+    while rig.now < until {
+        newest = 1000 + (newest + 7) % 3000;
+        rig.command(plc(1), 0, setpoint(newest));
+        rig.run_until(rig.now + Duration::from_millis(1), |rig, _| {
+            reads += 1;
+            rig.read(7, 1, PROOF, 4);
+        });
+    }
+    let (all, written) = (rig.sent.len(), rig.written(FREQUENCY).len());
+    // Each is written and looked at, and then others have a turn: polls that have grown too old, at most three in a row.
+    assert!((all / 4..=all / 3 + 1).contains(&written), "{written} setpoints in {all} exchanges");
+    assert!(reads >= all / 13, "{reads} reads in {all} exchanges");
+    rig.pass(Duration::from_secs(1));
+    assert_eq!(rig.written(FREQUENCY).last(), Some(&newest), "the newest wins");
 }

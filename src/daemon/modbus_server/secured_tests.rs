@@ -252,6 +252,26 @@ fn handshakes_that_stall_hold_up_nobody_and_give_way() {
 }
 
 #[test]
+fn a_client_in_the_middle_of_its_handshake_gives_way_as_any_other() {
+    play(async |secured: Secured| {
+        secured.change(ListenerSettings { connections_max: Some(2), ..secured.settings.clone() });
+        let mut half = TcpStream::connect(secured.plant.address).await.unwrap();
+        half.write_all(&[22, 3, 1, 2, 0, 1]).await.unwrap();
+        while secured.server.handshakes.len() < 1 {
+            tokio::task::yield_now().await;
+        }
+        let mut second = secured.client("scada", "viewer").await;
+        assert_eq!(ask(&mut second, 101, &READ).await, [3, 2, 0, 1]);
+        let mut third = secured.client("panel", "viewer").await;
+        assert_eq!(ask(&mut third, 101, &READ).await, [3, 2, 0, 1]);
+        assert!(is_closed(&mut half).await, "it was silent for longest");
+        assert_eq!(ask(&mut second, 101, &READ).await, [3, 2, 0, 1]);
+        assert_eq!((secured.totals.connections(), secured.totals.dismissed()), (2, 1));
+        assert_eq!(secured.server.handshakes.len(), 0);
+    });
+}
+
+#[test]
 fn a_handshake_ends_in_time() {
     play(async |secured: Secured| {
         let mut stalled = TcpStream::connect(secured.plant.address).await.unwrap();

@@ -28,6 +28,8 @@ const CLOSING_MAX: Duration = Duration::from_millis(200);
 const CONNECT_MARGIN: Duration = Duration::from_secs(2);
 /// A sleep that something else ends.
 const LONG: Duration = Duration::from_secs(3600);
+/// How often what is due is looked at while the broker takes nothing.
+const LOOK_WHILE_FULL: Duration = Duration::from_millis(10);
 
 /// Talks with the broker until `stop`; then says farewell and ends. Whoever changes what the talk looks at rings
 /// `bell`. Dropped instead of stopped, it leaves the broker to publish the will.
@@ -174,7 +176,10 @@ impl<T: Talk> Client<'_, T> {
 
     fn next_wake(&self) -> Instant {
         let wake = self.talk.borrow().next_wake();
-        wake.map_or_else(far, |at| Instant::now() + at.since(clock::now()).min(LONG))
+        // What is due cannot be sent before the broker has taken something, and stays due.
+        let is_full = self.link.as_ref().is_some_and(|link| !link.window.has_room());
+        let least = if is_full { LOOK_WHILE_FULL } else { Duration::ZERO };
+        wake.map_or_else(far, |at| Instant::now() + at.since(clock::now()).clamp(least, LONG))
     }
 
     /// Queues what the talk has for the broker, as far as there is room. Returns why it gives the connection up.

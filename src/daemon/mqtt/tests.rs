@@ -48,6 +48,8 @@ struct Script {
     /// Publishes this much without an end.
     flood: Option<usize>,
     wills: RefCell<u32>,
+    /// There is always something to do at once.
+    is_due: bool,
     ticks: u32,
 }
 
@@ -84,7 +86,7 @@ impl Talk for Script {
     }
 
     fn next_wake(&self) -> Option<MonoTime> {
-        None
+        self.is_due.then(MonoTime::default)
     }
 
     fn next_packet(&mut self, _at: Moment) -> Option<Packet> {
@@ -521,6 +523,25 @@ async fn a_full_queue_loses_nothing_and_blocks_nothing() {
             assert!(left >= 500 - 2 * usize::from(link::INFLIGHT_MAX), "{version:?}: {left} left");
             acknowledge_all(&mut peer, 500).await;
             assert_eq!(acknowledged(&rig.told_at_least(502).await), (0..500).collect::<Vec<_>>(), "{version:?}");
+        })
+        .await;
+    }
+}
+
+#[tokio::test]
+async fn what_is_due_while_the_queue_is_full_does_not_make_the_client_spin() {
+    for version in VERSIONS {
+        let (stub, rig) = (Stub::new(version).await, Rig::greeting((0..500).map(with_token).collect()));
+        rig.run(&stub, version, async {
+            let mut peer = stub.welcome().await;
+            rig.told_at_least(1).await;
+            rig.talk.borrow_mut().is_due = true;
+            // Heard by a client that is busy with nothing.
+            peer.publish("stop", b"", &[]).await;
+            rig.told_at_least(2).await;
+            sleep(Duration::from_millis(300)).await;
+            let ticks = rig.talk.borrow().ticks;
+            assert!((2..200).contains(&ticks), "{version:?}: {ticks} ticks");
         })
         .await;
     }

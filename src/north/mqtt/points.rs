@@ -89,7 +89,7 @@ impl Points {
 impl Point {
     fn new(drive: &DriveDescription, register: &Register) -> Self {
         let band = named(&drive.points.dead_bands, register).map(|band| band * f64::from(register.scale));
-        let digits = named(&drive.points.decimals, register).filter(|digits| *digits < digits_of(register.scale));
+        let digits = drive.points.decimals_of(register).filter(|digits| *digits < digits_of(register.scale));
         Self { band: band.unwrap_or(1.0), heartbeat: named(&drive.points.heartbeats, register), digits }
     }
 

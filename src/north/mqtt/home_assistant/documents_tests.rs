@@ -5,7 +5,7 @@ use super::plant::Plant;
 use crate::domain::command::Direction;
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::ids::Name;
-use crate::drive::description::{DriveDescription, Ratings};
+use crate::drive::description::{DriveDescription, Points, Ratings};
 use crate::north::mqtt::harness::{drives, name, settings};
 use crate::north::mqtt::payload::{self, Asked};
 use crate::north::mqtt::topics::{Inbound, Topics};
@@ -211,6 +211,18 @@ fn a_setpoint_that_cannot_be_chosen_is_no_number() {
     let fixed = entities(drive("hyundai-n700", Some(ControlSettings { most: least, ..forward() })));
     assert!(fixed.iter().all(|(component, ..)| component != Component::Number.word()));
     assert!(fixed.iter().any(|(_, key, _)| key == "forward"));
+}
+
+#[test]
+fn a_value_is_shown_with_as_many_decimals_as_are_published() {
+    let precision = |decimals| {
+        let points = Points { decimals, ..Points::default() };
+        let all = entities(DriveDescription { points, ..drive("hyundai-n700", None) });
+        let output = all.into_iter().find(|(_, key, _)| key == "output_frequency").unwrap();
+        output.2["suggested_display_precision"].clone()
+    };
+    assert_eq!(precision(Vec::new()), 2);
+    assert_eq!(precision(vec![("output_frequency".to_owned(), 1)]), 1);
 }
 
 #[test]

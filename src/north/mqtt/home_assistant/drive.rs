@@ -47,7 +47,9 @@ fn shown(drive: &DriveDescription, kind: Kind, rest: &str, topic: String) -> Vec
     let tells_trips = model.trip_register().is_some();
     match kind {
         Kind::RunState => run_state(&topic).into(),
-        Kind::Polled(place) => model.registers.get(place).map(|it| measured(it, rest, topic)).into_iter().collect(),
+        Kind::Polled(place) => {
+            model.registers.get(place).map(|it| measured(drive, it, rest, topic)).into_iter().collect()
+        }
         Kind::Rated(place) => {
             let unit = model.registers.get(place).and_then(|it| Rated::of(it, &drive.ratings)).map(|it| it.unit);
             unit.map(|unit| value(rest, topic, unit, Some(2))).into_iter().collect()
@@ -79,9 +81,10 @@ fn run_state(topic: &str) -> [Entity; 2] {
 }
 
 /// A polled register. One that holds codes or bits is for those who look for it.
-fn measured(register: &Register, rest: &str, topic: String) -> Entity {
-    let decimals = register.scale.ilog10();
-    let decimals = (10_u32.checked_pow(decimals) == Some(register.scale)).then_some(decimals);
+fn measured(drive: &DriveDescription, register: &Register, rest: &str, topic: String) -> Entity {
+    let digits = register.scale.ilog10();
+    let exact = (10_u32.checked_pow(digits) == Some(register.scale)).then_some(digits);
+    let decimals = drive.points.decimals_of(register).map(u32::from).or(exact);
     let entity = value(rest, topic, register.unit, decimals);
     match register.role {
         Some(Role::RunHours) => entity.with("state_class", "total_increasing"),
