@@ -5,7 +5,7 @@ use super::line_thread::LinePort;
 use super::mqtt::{ConnectionSettings, Secret, TlsSettings, check_tls};
 use super::north::Mqtt;
 use super::port::PortSettings;
-use super::shared::{Shared, SharedLine};
+use super::shared::{Shared, SharedLine, Speech};
 use crate::config::{
     self, BrokerSettings, Config, DriveSettings, LineSettings, MqttSettings, PasswordSource, line_plan,
 };
@@ -65,7 +65,9 @@ pub fn shared_line(number: u16, line: &LineSettings) -> SharedLine {
         let place = DriveRef { line: number, drive: DriveIndex(index) };
         description(place, line, drive, stretch)
     });
-    SharedLine::new(number, line.name.clone(), line.interface, drives)
+    let stations = line.drives.iter().map(|drive| drive.station).collect();
+    let speech = Speech { link: line.link, framing: line.framing, stations };
+    SharedLine::new(number, line.name.clone(), line.interface, drives).spoken_to(speech)
 }
 
 /// Values age by the period that an over-full line really keeps.

@@ -1,8 +1,9 @@
 //! What the north sides read and the lines write: one picture of each drive, one report of each line.
 
 use super::inbox::Inbox;
-use crate::domain::ids::Name;
-use crate::domain::link::Interface;
+use super::traffic::Traffic;
+use crate::domain::ids::{Name, Station};
+use crate::domain::link::{Framing, Interface, LinkSettings};
 use crate::domain::report::{LineReport, StationReport};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::DriveView;
@@ -45,13 +46,34 @@ pub struct SharedLine {
     pub name: Name,
     /// What it is physically.
     pub interface: Interface,
+    /// How its drives are spoken to.
+    pub speech: Speech,
     /// The way in.
     pub inbox: Arc<Inbox>,
     /// Its drives, in order.
     pub drives: Vec<Arc<SharedDrive>>,
+    /// What goes over it, for whoever watches.
+    pub traffic: Traffic,
     report: Mutex<LineReport>,
     rounds: AtomicU64,
     hangs: AtomicBool,
+}
+
+/// How the drives of a line are spoken to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Speech {
+    /// Speed and character format.
+    pub link: LinkSettings,
+    /// How frames are told apart.
+    pub framing: Framing,
+    /// The stations of the drives, in their order.
+    pub stations: Vec<Station>,
+}
+
+impl Default for Speech {
+    fn default() -> Self {
+        Self { link: LinkSettings::DEFAULT, framing: Framing::Rtu, stations: Vec::new() }
+    }
 }
 
 impl Shared {
@@ -107,7 +129,14 @@ impl SharedLine {
         };
         let drives = drives.into_iter().map(drive).collect();
         let (report, rounds, hangs) = (Mutex::default(), AtomicU64::default(), AtomicBool::default());
-        Self { number, name, interface, inbox, drives, report, rounds, hangs }
+        let (speech, traffic) = (Speech::default(), Traffic::default());
+        Self { number, name, interface, speech, inbox, drives, traffic, report, rounds, hangs }
+    }
+
+    /// The same line, spoken to in this way.
+    #[must_use]
+    pub fn spoken_to(self, speech: Speech) -> Self {
+        Self { speech, ..self }
     }
 
     /// The line as of its last round.
