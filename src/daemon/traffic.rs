@@ -239,7 +239,8 @@ mod tests {
         let line = line();
         let looking = line.traffic.lock();
         let at = MonoTime::ZERO;
-        let mut records = vec![TrafficRecord { kind: TrafficKind::Noise, why: None, bytes: vec![0], begin: at, end: at }];
+        let mut records =
+            vec![TrafficRecord { kind: TrafficKind::Noise, why: None, bytes: vec![0], begin: at, end: at }];
         line.traffic.take_over(&mut records);
         assert_eq!(records.len(), 1);
         drop(looking);

@@ -126,7 +126,9 @@ impl Source<'_> {
     /// What the gateway says of the line before it tells its traffic.
     async fn header(&mut self) -> Result<Value, String> {
         match self.next().await? {
-            Some(event) if event.name == "begin" => serde_json::from_str(&event.data).map_err(|error| error.to_string()),
+            Some(event) if event.name == "begin" => {
+                serde_json::from_str(&event.data).map_err(|error| error.to_string())
+            }
             _ => Err("it does not say what it tells".to_owned()),
         }
     }
@@ -176,7 +178,12 @@ impl<'a> Capture<'a> {
         let word = |key: &str| line[key].as_str().unwrap_or("?");
         let drives = line["drives"].as_array().into_iter().flatten();
         let drives = drives.map(|drive| {
-            format!("{} {} at station {}", drive["model"].as_str().unwrap_or("?"), drive["name"].as_str().unwrap_or("?"), drive["station"])
+            format!(
+                "{} {} at station {}",
+                drive["model"].as_str().unwrap_or("?"),
+                drive["name"].as_str().unwrap_or("?"),
+                drive["station"]
+            )
         });
         let description = [format!("{} {}", word("link"), word("framing"))].into_iter().chain(drives);
         let header = Header {

@@ -18,6 +18,8 @@ pub struct Told {
     pub unix_us: u64,
     /// Which way it went.
     pub direction: Direction,
+    /// Whether it asks a drive.
+    pub is_for_a_drive: bool,
     /// What dissectors call it.
     pub protocol: &'static str,
     /// The bytes.
@@ -39,15 +41,21 @@ impl Told {
         };
         let direction = if kind == "request" { Direction::Out } else { Direction::In };
         let unix_us = unix_us(frame["at"].as_str()?)?;
-        Some(Self { unix_us, direction, protocol, bytes, comment: comment(kind, frame) })
+        let is_for_a_drive = is_for_a_drive(kind);
+        Some(Self { unix_us, direction, is_for_a_drive, protocol, bytes, comment: comment(kind, frame) })
     }
 
     /// As a packet, with `dropped` ones lost in front of it.
     #[must_use]
     pub fn packet(&self, dropped: u64) -> Packet<'_> {
-        let Self { unix_us, direction, protocol, bytes, comment } = self;
-        Packet { unix_us: *unix_us, direction: *direction, protocol, bytes, comment, dropped }
+        let Self { unix_us, direction, is_for_a_drive, protocol, bytes, comment } = self;
+        let (unix_us, direction, is_for_a_drive) = (*unix_us, *direction, *is_for_a_drive);
+        Packet { unix_us, direction, is_for_a_drive, protocol, bytes, comment, dropped }
     }
+}
+
+fn is_for_a_drive(kind: &str) -> bool {
+    matches!(kind, "request" | "echo" | "other_master")
 }
 
 /// `request to pump-1 (poll): read 0x0101 output frequency, 1 word`.
@@ -55,7 +63,7 @@ fn comment(kind: &str, frame: &Value) -> String {
     let word = |key: &str| frame[key].as_str();
     let station = || frame["station"].as_u64().map(|station| format!("station {station}"));
     let who = word("drive").map(str::to_owned).or_else(station);
-    let between = if matches!(kind, "request" | "echo" | "other_master") { "to" } else { "of" };
+    let between = if is_for_a_drive(kind) { "to" } else { "of" };
     let mut text = kind.replace('_', " ");
     if let Some(who) = who {
         text += &format!(" {between} {who}");
@@ -93,6 +101,7 @@ mod tests {
         });
         let told = Told::of(&frame, true).unwrap();
         assert_eq!((told.unix_us, told.direction, told.protocol), (1_002_003, Direction::Out, "mbrtu"));
+        assert!(told.is_for_a_drive);
         assert_eq!(told.bytes, [1, 3, 1, 1, 0, 1, 0xD4, 0x36]);
         assert_eq!(told.comment, "request to pump-1 (poll): read 0x0101");
         assert_eq!(Told::of(&frame, false).unwrap().protocol, "data-text-lines");

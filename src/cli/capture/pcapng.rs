@@ -6,6 +6,10 @@
 /// Packets are PDUs of a protocol that each names itself, so that no setting is needed to read them.
 const LINKTYPE_WIRESHARK_UPPER_PDU: u16 = 252;
 
+/// What drives have in the place of a port, and what asks them.
+const DRIVE_PORT: u32 = 502;
+const MASTER_PORT: u32 = 50_000;
+
 /// Numbers of options.
 mod option {
     pub const END: u16 = 0;
@@ -54,6 +58,8 @@ pub struct Packet<'p> {
     pub unix_us: u64,
     /// Which way it went.
     pub direction: Direction,
+    /// Whether it asks a drive, whoever asks.
+    pub is_for_a_drive: bool,
     /// The name of its protocol, as dissectors call it.
     pub protocol: &'p str,
     /// The bytes.
@@ -121,10 +127,18 @@ pub fn packet(packet: &Packet<'_>) -> Vec<u8> {
 fn upper_pdu(packet: &Packet<'_>) -> Vec<u8> {
     const TAG_END: u16 = 0;
     const TAG_DISSECTOR_NAME: u16 = 12;
+    const TAG_PORT_TYPE: u16 = 24;
+    const TAG_SOURCE_PORT: u16 = 25;
+    const TAG_DESTINATION_PORT: u16 = 26;
+    const TCP: u32 = 2;
     let mut name = Vec::new();
     put_padded(&mut name, packet.protocol.as_bytes());
-    let mut out = Vec::with_capacity(name.len() + packet.bytes.len() + 8);
-    for (tag, value) in [(TAG_DISSECTOR_NAME, &name[..]), (TAG_END, &[])] {
+    // A serial line has no ports. A dissector that is told which one is a drive's knows a request from its echo.
+    let (from, to) = if packet.is_for_a_drive { (MASTER_PORT, DRIVE_PORT) } else { (DRIVE_PORT, MASTER_PORT) };
+    let ports = [TCP, from, to].map(u32::to_be_bytes);
+    let tags = [TAG_PORT_TYPE, TAG_SOURCE_PORT, TAG_DESTINATION_PORT].into_iter().zip(ports.iter().map(|it| &it[..]));
+    let mut out = Vec::with_capacity(name.len() + packet.bytes.len() + 32);
+    for (tag, value) in [(TAG_DISSECTOR_NAME, &name[..])].into_iter().chain(tags).chain([(TAG_END, &[][..])]) {
         out.extend(tag.to_be_bytes());
         out.extend(u16::try_from(value.len()).unwrap_or(u16::MAX).to_be_bytes());
         out.extend(value);
@@ -163,16 +177,22 @@ mod tests {
 
     #[test]
     fn a_file_begins_with_its_section_and_its_interface() {
-        let header =
-            Header { hardware: "x86", os: "Linux", application: "vfd", line: "a1", description: "9600 8N1", baud: 9600 };
+        let header = Header {
+            hardware: "x86",
+            os: "Linux",
+            application: "vfd",
+            line: "a1",
+            description: "9600 8N1",
+            baud: 9600,
+        };
         let golden = bytes(
-            "0A0D0D0A 44000000       # section header, 68 bytes
+            "0A0D0D0A 3C000000       # section header, 60 bytes
              4D3C2B1A 0100 0000      # byte order, version 1.0
              FFFFFFFF FFFFFFFF       # of unknown length
              0200 0300 78383600      # hardware x86
              0300 0500 4C696E75 78000000 # Linux
              0400 0300 76666400      # application vfd
-             0000 0000 44000000
+             0000 0000 3C000000
              01000000 40000000       # interface, 64 bytes
              FC00 0000 00000000      # upper PDU, no limit
              0200 0200 61310000      # name a1
@@ -190,27 +210,31 @@ mod tests {
         let mut request = Packet {
             unix_us: 0x0006_1234_89AB_CDEF,
             direction: Direction::Out,
+            is_for_a_drive: true,
             protocol: "mbrtu",
             bytes: &frame,
             comment: "hey",
             dropped: 0,
         };
         let golden = bytes(
-            "06000000 50000000       # enhanced packet, 80 bytes
+            "06000000 64000000       # enhanced packet, 100 bytes
              00000000                # of the first interface
              34120600 EFCDAB89       # its moment
-             18000000 18000000       # 24 bytes
+             30000000 30000000       # 48 bytes
              000C 0008 6D627274 75000000 # dissector mbrtu
+             0018 0004 00000002      # as if over TCP
+             0019 0004 0000C350      # from a master
+             001A 0004 000001F6      # to a drive
              0000 0000
              01030101 0001D436
              0100 0300 68657900      # the comment
              0200 0400 02000000      # outbound
-             0000 0000 50000000",
+             0000 0000 64000000",
         );
         assert_eq!(packet(&request), golden);
         (request.direction, request.dropped) = (Direction::In, 3);
         let lossy = packet(&request);
-        let end = bytes("0200 0400 01000000 0400 0800 03000000 00000000 0000 0000 5C000000");
+        let end = bytes("0200 0400 01000000 0400 0800 03000000 00000000 0000 0000 70000000");
         assert!(lossy.ends_with(&end), "{lossy:02X?}");
     }
 
@@ -222,6 +246,7 @@ mod tests {
             let one = Packet {
                 unix_us: 1,
                 direction: Direction::In,
+                is_for_a_drive: false,
                 protocol: "data",
                 bytes: &bytes,
                 comment: &comment,
@@ -232,8 +257,15 @@ mod tests {
             assert_eq!((block.len() % 4, &block[4..8], &block[block.len() - 4..]), (0, &size[..], &size[..]));
         }
         let long = "x".repeat(70_000);
-        let one =
-            Packet { unix_us: 1, direction: Direction::In, protocol: "data", bytes: &[], comment: &long, dropped: 0 };
+        let one = Packet {
+            unix_us: 1,
+            direction: Direction::In,
+            is_for_a_drive: false,
+            protocol: "data",
+            bytes: &[],
+            comment: &long,
+            dropped: 0,
+        };
         assert!(packet(&one).len() < 66_000);
     }
 }

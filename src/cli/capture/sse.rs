@@ -70,7 +70,8 @@ mod tests {
 
     #[test]
     fn events_are_found_however_the_bytes_are_cut() {
-        let text = "retry: 500\nevent: begin\ndata: {\"line\":\"a\"}\n\n: a remark\n\nid: 7\nevent: frame\ndata: {}\n\n";
+        let text =
+            "retry: 500\nevent: begin\ndata: {\"line\":\"a\"}\n\n: a remark\n\nid: 7\nevent: frame\ndata: {}\n\n";
         for size in 1..text.len() {
             let (mut cutter, mut events) = (Cutter::default(), Vec::new());
             for bytes in text.as_bytes().chunks(size) {

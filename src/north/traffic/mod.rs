@@ -173,9 +173,7 @@ impl Decoder {
                 Said { text: format!("somebody else asks: {}", said.text), ..said }
             }
             TrafficKind::Echo => Said::text("our own frame came back"),
-            TrafficKind::Reply => {
-                reply::said(drive, pdu, self.asked.as_ref().filter(|asked| asked.station == station))
-            }
+            TrafficKind::Reply => reply::said(drive, pdu, self.asked.as_ref().filter(|asked| asked.station == station)),
             TrafficKind::Stray(_) | TrafficKind::Foreign(_) | TrafficKind::Noise => reply::said(drive, pdu, None),
         }
     }

@@ -78,7 +78,8 @@ fn text(drive: &KnownDrive, register: &Register, word: u16) -> String {
     if register.unit == UnitOfMeasure::None && model.status.iter().any(|flag| flag.address == register.address) {
         return with_meaning(format!("0x{word:04X}"), flags(model, register.address, word));
     }
-    let text = if register.unit == UnitOfMeasure::None { scaled.to_string() } else { format!("{scaled} {}", register.unit) };
+    let text =
+        if register.unit == UnitOfMeasure::None { scaled.to_string() } else { format!("{scaled} {}", register.unit) };
     let rated = Rated::of(register, &drive.ratings);
     let rated = rated.map(|rated| format!("{} {}", rated.to_digits(word, digits_of(register.scale)), rated.unit));
     with_meaning(text, rated.unwrap_or_default())
