@@ -2,8 +2,8 @@
 
 use super::inbox::Inbox;
 use super::traffic::Traffic;
-use crate::domain::ids::{Name, Station};
-use crate::domain::link::{Framing, Interface, LinkSettings};
+use crate::domain::ids::Name;
+use crate::domain::link::{Interface, Wiring};
 use crate::domain::report::{LineReport, StationReport};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::DriveView;
@@ -46,8 +46,8 @@ pub struct SharedLine {
     pub name: Name,
     /// What it is physically.
     pub interface: Interface,
-    /// How its drives are spoken to.
-    pub speech: Speech,
+    /// How it is wired.
+    pub wiring: Wiring,
     /// The way in.
     pub inbox: Arc<Inbox>,
     /// Its drives, in order.
@@ -57,23 +57,6 @@ pub struct SharedLine {
     report: Mutex<LineReport>,
     rounds: AtomicU64,
     hangs: AtomicBool,
-}
-
-/// How the drives of a line are spoken to.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Speech {
-    /// Speed and character format.
-    pub link: LinkSettings,
-    /// How frames are told apart.
-    pub framing: Framing,
-    /// The stations of the drives, in their order.
-    pub stations: Vec<Station>,
-}
-
-impl Default for Speech {
-    fn default() -> Self {
-        Self { link: LinkSettings::DEFAULT, framing: Framing::Rtu, stations: Vec::new() }
-    }
 }
 
 impl Shared {
@@ -129,14 +112,14 @@ impl SharedLine {
         };
         let drives = drives.into_iter().map(drive).collect();
         let (report, rounds, hangs) = (Mutex::default(), AtomicU64::default(), AtomicBool::default());
-        let (speech, traffic) = (Speech::default(), Traffic::default());
-        Self { number, name, interface, speech, inbox, drives, traffic, report, rounds, hangs }
+        let (wiring, traffic) = (Wiring::default(), Traffic::default());
+        Self { number, name, interface, wiring, inbox, drives, traffic, report, rounds, hangs }
     }
 
-    /// The same line, spoken to in this way.
+    /// The same line, wired so.
     #[must_use]
-    pub fn spoken_to(self, speech: Speech) -> Self {
-        Self { speech, ..self }
+    pub fn wired(self, wiring: Wiring) -> Self {
+        Self { wiring, ..self }
     }
 
     /// The line as of its last round.

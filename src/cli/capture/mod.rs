@@ -185,7 +185,7 @@ impl<'a> Capture<'a> {
                 drive["station"]
             )
         });
-        let description = [format!("{} {}", word("link"), word("framing"))].into_iter().chain(drives);
+        let description = [format!("{}, {} {}", word("port"), word("link"), word("framing"))].into_iter().chain(drives);
         let header = Header {
             hardware: std::env::consts::ARCH,
             os: std::env::consts::OS,

@@ -147,7 +147,7 @@ fn event(text: &mut String, name: &str, data: &Value) {
 }
 
 fn facts(line: &SharedLine) -> LineFacts {
-    let drives = line.drives.iter().zip(&line.speech.stations).map(|(drive, station)| {
+    let drives = line.drives.iter().zip(&line.wiring.stations).map(|(drive, station)| {
         let description = &drive.description;
         KnownDrive {
             station: *station,
@@ -156,21 +156,22 @@ fn facts(line: &SharedLine) -> LineFacts {
             ratings: description.ratings,
         }
     });
-    LineFacts { framing: line.speech.framing, drives: drives.collect() }
+    LineFacts { framing: line.wiring.framing, drives: drives.collect() }
 }
 
 /// What the answer is about.
 fn about(line: &SharedLine) -> Value {
-    let framing = FRAMINGS.iter().find(|(_, framing)| *framing == line.speech.framing).map(|(word, _)| *word);
-    let drives = line.drives.iter().zip(&line.speech.stations).map(|(drive, station)| {
+    let framing = FRAMINGS.iter().find(|(_, framing)| *framing == line.wiring.framing).map(|(word, _)| *word);
+    let drives = line.drives.iter().zip(&line.wiring.stations).map(|(drive, station)| {
         let description = &drive.description;
         value!({ "name": description.name.as_str(), "station": station.0, "model": description.model.id })
     });
     value!({
         "line": line.name.as_str(),
         "framing": framing,
-        "link": line.speech.link.to_string(),
-        "baud": line.speech.link.baud,
+        "port": line.wiring.port,
+        "link": line.wiring.link.to_string(),
+        "baud": line.wiring.link.baud,
         "drives": drives.collect::<Vec<_>>(),
     })
 }

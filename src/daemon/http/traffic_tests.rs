@@ -5,11 +5,11 @@ use super::routes;
 use super::state::State;
 use super::tests::on_a_runtime;
 use crate::daemon::clock;
-use crate::daemon::shared::{Shared, SharedLine, Speech};
+use crate::daemon::shared::{Shared, SharedLine};
 use crate::daemon::totals::ModbusTotals;
 use crate::daemon::traffic::{LISTENERS_MAX, RECORDS_MAX};
 use crate::domain::ids::{DriveIndex, Name, Station, UnitId};
-use crate::domain::link::Interface;
+use crate::domain::link::{Interface, Wiring};
 use crate::domain::time::WallTime;
 use crate::domain::traffic::{TrafficKind, TrafficRecord, Why};
 use crate::drive::description::{DriveDescription, DriveRef, Points, Ratings};
@@ -42,8 +42,8 @@ fn line() -> Arc<SharedLine> {
         control: None,
         points: Points::default(),
     };
-    let speech = Speech { stations: vec![Station(5)], ..Speech::default() };
-    Arc::new(SharedLine::new(0, name("hall-1"), Interface::Rs485, [description]).spoken_to(speech))
+    let wiring = Wiring { stations: vec![Station(5)], ..Wiring::default() };
+    Arc::new(SharedLine::new(0, name("hall-1"), Interface::Rs485, [description]).wired(wiring))
 }
 
 fn state(line: &Arc<SharedLine>) -> Arc<State> {

@@ -17,7 +17,6 @@ use crate::domain::traffic::{TrafficKind, TrafficRecord, Why};
 use crate::drive::description::Ratings;
 use crate::profile::model::Model;
 use crate::wire::framing;
-use crate::wire::pdu::function::EXCEPTION_BIT;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -58,7 +57,7 @@ pub struct Frame {
     pub station: Option<Station>,
     /// The drive at that station.
     pub drive: Option<Name>,
-    /// Its function, without the bit that marks an exception.
+    /// Its function, as it stands there: with the highest bit in an exception.
     pub function: Option<u8>,
     /// The code of an exception.
     pub exception: Option<u8>,
@@ -144,7 +143,7 @@ impl Decoder {
             on_wire: record.end.since(record.begin),
             station,
             drive: drive.map(|drive| drive.name.clone()),
-            function: whole.as_ref().and_then(|(_, pdu)| pdu.first()).map(|code| code & !EXCEPTION_BIT),
+            function: whole.as_ref().and_then(|(_, pdu)| pdu.first()).copied(),
             exception: said.exception,
             text: said.text,
             values: said.values,
