@@ -156,8 +156,8 @@ fn every_frame_of_the_collections_says_what_its_collection_says() {
             assert!(!frame.text.is_empty(), "{what}");
         }
         let Some(reply) = reply.filter(|reply| reply.station.is_some() && asked.station.is_some()) else { continue };
-        let code = |frame: &Frame| frame.function.map(|code| code & 0x7F);
-        assert_eq!((reply.station, code(&reply)), (asked.station, code(&asked)), "{what}");
+        let plain = |frame: &Frame| frame.function.map(|code| code & 0x7F);
+        assert_eq!((reply.station, plain(&reply)), (asked.station, plain(&asked)), "{what}");
         if let Some(code) = code(&row.decoded["exception"]) {
             assert_eq!(reply.exception, Some(code), "{what}");
             assert!(reply.text.starts_with(&format!("exception 0x{code:02X}: ")), "{what}: {}", reply.text);
