@@ -76,6 +76,15 @@ impl Hall {
         capture
     }
 
+    /// Waits until the file shows what [`command`](Self::command) wrote first.
+    fn wait_for_the_write(&self) {
+        let written = b"written: 0x0004 frequency command = 30.00 Hz";
+        until("the capture has what was written", PATIENCE, || {
+            let bytes = std::fs::read(self.out()).unwrap();
+            bytes.windows(written.len()).any(|it| it == written).then_some(())
+        });
+    }
+
     /// Runs the drive and stops it.
     fn command(&self) {
         let mut client = Raw::connect(self.modbus);
@@ -281,6 +290,21 @@ fn a_gateway_that_goes_leaves_a_whole_file() {
 }
 
 #[test]
+fn a_change_of_the_line_is_followed() {
+    let hall = Hall::new("hyundai-n700", &[], "200ms", "");
+    let capture = hall.capturing(&[]);
+    let text = std::fs::read_to_string(hall.config()).unwrap();
+    std::fs::write(hall.config(), text.replace("200ms", "300ms")).unwrap();
+    let reloaded = vfd_gateway(&["reload", "-c", &hall.config()]);
+    assert!(reloaded.status.success(), "{}", String::from_utf8_lossy(&reloaded.stderr));
+    until("the drive is there again", PATIENCE, || Raw::connect(hall.modbus).read(OUTPUT, 1).ok());
+    hall.command();
+    hall.wait_for_the_write();
+    let frames = ended(capture);
+    assert_eq!(rows(&hall.out(), &[]).len() as u64, frames);
+}
+
+#[test]
 fn what_cannot_be_captured_is_said() {
     let hall = Hall::new("hyundai-n700", &[], "1h", "");
     let assert_fails = |args: &[&str], code: i32, words: &str| {
@@ -333,11 +357,7 @@ fn a_full_line_is_captured_whole_and_goes_on_as_before() {
         client.read(OUTPUT, 1).unwrap();
     }
     hall.command();
-    let last = b"written: 0x0004 frequency command = 30.00 Hz";
-    until("the capture has what was written last", PATIENCE, || {
-        let bytes = std::fs::read(hall.out()).unwrap();
-        bytes.windows(last.len()).any(|it| it == last).then_some(())
-    });
+    hall.wait_for_the_write();
     capture.interrupt();
     let mut capture = capture;
     assert!(capture.end_within(PATIENCE).success(), "{}", capture.text());

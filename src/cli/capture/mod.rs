@@ -118,7 +118,7 @@ struct Source<'s> {
     socket: &'s Path,
     line: &'s str,
     /// The record that was told last.
-    seen: Option<u64>,
+    seen: Option<String>,
     watching: Option<Watching>,
 }
 
@@ -138,13 +138,13 @@ impl Source<'_> {
         loop {
             let watching = match &mut self.watching {
                 Some(watching) => watching,
-                None => self.watching.insert(Watching::begin(self.socket, self.line, self.seen).await?),
+                None => self.watching.insert(Watching::begin(self.socket, self.line, self.seen.as_deref()).await?),
             };
             let event = watching.next().await?;
             match &event {
                 Some(event) if event.name == "again" => self.watching = None,
                 Some(sse::Event { id: id @ Some(_), .. }) => {
-                    self.seen = *id;
+                    self.seen.clone_from(id);
                     return Ok(event);
                 }
                 _ => return Ok(event),

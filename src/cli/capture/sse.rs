@@ -8,8 +8,8 @@ const EVENT_BYTES_MAX: usize = 512 * 1024;
 pub struct Event {
     /// Its name.
     pub name: String,
-    /// Its number, where it has one.
-    pub id: Option<u64>,
+    /// By which it is known again, where it is.
+    pub id: Option<String>,
     /// What it says.
     pub data: String,
 }
@@ -56,7 +56,7 @@ fn event(text: &str) -> Event {
         let value = value.strip_prefix(' ').unwrap_or(value);
         match key {
             "event" => value.clone_into(&mut event.name),
-            "id" => event.id = value.parse().ok(),
+            "id" => event.id = Some(value.to_owned()),
             "data" => event.data.push_str(value),
             _ => {}
         }
@@ -71,15 +71,19 @@ mod tests {
     #[test]
     fn events_are_found_however_the_bytes_are_cut() {
         let text =
-            "retry: 500\nevent: begin\ndata: {\"line\":\"a\"}\n\n: a remark\n\nid: 7\nevent: frame\ndata: {}\n\n";
+            "retry: 500\nevent: begin\ndata: {\"line\":\"a\"}\n\n: a remark\n\nid: 0.7\nevent: frame\ndata: {}\n\n";
         for size in 1..text.len() {
             let (mut cutter, mut events) = (Cutter::default(), Vec::new());
             for bytes in text.as_bytes().chunks(size) {
                 cutter.push(bytes).unwrap();
                 events.extend(std::iter::from_fn(|| cutter.next()));
             }
-            let event = |name: &str, id, data: &str| Event { name: name.to_owned(), id, data: data.to_owned() };
-            assert_eq!(events, [event("begin", None, "{\"line\":\"a\"}"), event("frame", Some(7), "{}")], "{size}");
+            let event = |name: &str, id: Option<&str>, data: &str| Event {
+                name: name.to_owned(),
+                id: id.map(str::to_owned),
+                data: data.to_owned(),
+            };
+            assert_eq!(events, [event("begin", None, "{\"line\":\"a\"}"), event("frame", Some("0.7"), "{}")], "{size}");
         }
     }
 

@@ -28,11 +28,11 @@ pub struct Watching {
 }
 
 impl Watching {
-    /// Asks the gateway at `socket` for the traffic of `line`, behind the record with the number `after`.
+    /// Asks the gateway at `socket` for the traffic of `line`, behind the record that is known as `after`.
     ///
     /// # Errors
     /// Why it does not tell, for people.
-    pub async fn begin(socket: &Path, line: &str, after: Option<u64>) -> Result<Self, String> {
+    pub async fn begin(socket: &Path, line: &str, after: Option<&str>) -> Result<Self, String> {
         let asked = timeout(PATIENCE, ask(socket, line, after)).await;
         asked.unwrap_or_else(|_| Err(silent()))
     }
@@ -55,7 +55,7 @@ impl Watching {
     }
 }
 
-async fn ask(socket: &Path, line: &str, after: Option<u64>) -> Result<Watching, String> {
+async fn ask(socket: &Path, line: &str, after: Option<&str>) -> Result<Watching, String> {
     let stream = UnixStream::connect(socket).await.map_err(unreachable)?;
     let (mut sender, connection) = http1::handshake(TokioIo::new(stream)).await.map_err(|error| error.to_string())?;
     tokio::spawn(connection);

@@ -49,7 +49,7 @@ async fn watch(State(gateway): State<Arc<Gateway>>, Path(name): Path<String>, he
         let error = format!("no line is called {name}; there is {}", lines.join(", "));
         return refused(StatusCode::NOT_FOUND, &error);
     };
-    let after = headers.get("last-event-id").and_then(|id| id.to_str().ok()?.parse().ok());
+    let after = headers.get("last-event-id").and_then(|id| number_in(id.to_str().ok()?, line));
     let Some(listener) = Listener::new(Arc::clone(line), after, clock::now) else {
         let error = format!("line {name} is watched by {LISTENERS_MAX} already, which is the most");
         return refused(StatusCode::SERVICE_UNAVAILABLE, &error);
@@ -103,7 +103,7 @@ impl Events {
         for (number, record) in news.records {
             let at = self.clock.rfc3339(record.at());
             let frame = self.decoder.decode(&record).json(&at, &record.bytes);
-            let _ = writeln!(text, "id: {number}");
+            let _ = writeln!(text, "id: {}.{number}", self.listener.line().number);
             event(&mut text, "frame", &frame);
         }
         let is_gone = || !self.gateway.shared.load().lines.iter().any(|line| Arc::ptr_eq(line, self.listener.line()));
@@ -140,6 +140,13 @@ impl HttpBody for Events {
         }
         Poll::Ready(None)
     }
+}
+
+/// The record of `line` that `id` names; before the first one if it names another line, which had the name before.
+fn number_in(id: &str, line: &SharedLine) -> Option<u64> {
+    let (of, number) = id.split_once('.')?;
+    let (of, number): (u16, u64) = (of.parse().ok()?, number.parse().ok()?);
+    Some(if of == line.number { number } else { 0 })
 }
 
 fn event(text: &mut String, name: &str, data: &Value) {

@@ -121,7 +121,7 @@ fn frames_come_in_words_with_their_numbers() {
         assert!(begin.contains("text/event-stream") && begin.contains("retry: 500"), "{begin}");
         watcher.until("\"line\":\"hall-1\"").await;
         put(&line, 2);
-        watcher.until("id: 2").await;
+        watcher.until("id: 0.2").await;
         watcher.until("event: alive").await;
         let frames = watcher.frames();
         assert_eq!(frames.len(), 2);
@@ -139,13 +139,16 @@ fn who_comes_back_goes_on_and_is_told_what_was_lost() {
         let address = serve(&state(&line)).await;
         Watcher::new(address, "").await.until("event: begin").await;
         put(&line, 3);
-        let mut again = Watcher::new(address, "Last-Event-ID: 1\r\n").await;
-        again.until("id: 3").await;
+        let mut again = Watcher::new(address, "Last-Event-ID: 0.1\r\n").await;
+        again.until("id: 0.3").await;
         assert_eq!((again.frames().len(), again.text.contains("event: lost")), (2, false));
+        let mut of_another = Watcher::new(address, "Last-Event-ID: 7.2\r\n").await;
+        of_another.until("id: 0.3").await;
+        assert_eq!(of_another.frames().len(), 3);
         put(&line, RECORDS_MAX);
-        let mut late = Watcher::new(address, "Last-Event-ID: 1\r\n").await;
+        let mut late = Watcher::new(address, "Last-Event-ID: 0.1\r\n").await;
         late.until("event: lost\ndata: {\"records\":2}").await;
-        late.until(&format!("id: {}", RECORDS_MAX + 3)).await;
+        late.until(&format!("id: 0.{}", RECORDS_MAX + 3)).await;
     });
 }
 
