@@ -76,13 +76,11 @@ impl Hall {
         capture
     }
 
-    /// Waits until the file shows what [`command`](Self::command) wrote first.
-    fn wait_for_the_write(&self) {
+    /// Whether the file shows what [`command`](Self::command) wrote first.
+    fn shows_the_write(&self) -> Option<()> {
         let written = b"written: 0x0004 frequency command = 30.00 Hz";
-        until("the capture has what was written", PATIENCE, || {
-            let bytes = std::fs::read(self.out()).unwrap();
-            bytes.windows(written.len()).any(|it| it == written).then_some(())
-        });
+        let bytes = std::fs::read(self.out()).unwrap();
+        bytes.windows(written.len()).any(|it| it == written).then_some(())
     }
 
     /// Runs the drive and stops it.
@@ -298,8 +296,11 @@ fn a_change_of_the_line_is_followed() {
     let reloaded = vfd_gateway(&["reload", "-c", &hall.config()]);
     assert!(reloaded.status.success(), "{}", String::from_utf8_lossy(&reloaded.stderr));
     until("the drive is there again", PATIENCE, || Raw::connect(hall.modbus).read(OUTPUT, 1).ok());
-    hall.command();
-    hall.wait_for_the_write();
+    // The capture needs a moment to come back.
+    until("the capture has what was written", PATIENCE, || {
+        hall.command();
+        hall.shows_the_write()
+    });
     let frames = ended(capture);
     assert_eq!(rows(&hall.out(), &[]).len() as u64, frames);
 }
@@ -357,7 +358,7 @@ fn a_full_line_is_captured_whole_and_goes_on_as_before() {
         client.read(OUTPUT, 1).unwrap();
     }
     hall.command();
-    hall.wait_for_the_write();
+    until("the capture has what was written", PATIENCE, || hall.shows_the_write());
     capture.interrupt();
     let mut capture = capture;
     assert!(capture.end_within(PATIENCE).success(), "{}", capture.text());
