@@ -3,7 +3,6 @@
 use super::raw::Raw;
 use super::rig::{Place, fields, program, start, vfd_gateway};
 use super::started::{PATIENCE, Started, until};
-use serde_json::Value;
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
 use std::net::SocketAddr;
@@ -83,11 +82,11 @@ impl Hall {
         bytes.windows(written.len()).any(|it| it == written).then_some(())
     }
 
-    /// Runs the drive and stops it.
+    /// Runs the drive and stops it. Whoever starts must have stopped first, and a stop takes a moment to be effective.
     fn command(&self) {
         let mut client = Raw::connect(self.modbus);
-        for (address, word) in [(FREQUENCY, 3000), (RUN, 1), (RUN, 0)] {
-            assert_eq!(client.write(1, address, word), Ok(()), "{address:04X}");
+        for (address, word) in [(RUN, 0), (FREQUENCY, 3000), (RUN, 1), (RUN, 0)] {
+            until("a write is taken", PATIENCE, || client.write(1, address, word).ok());
         }
     }
 }
@@ -209,7 +208,7 @@ fn tshark_decodes_every_frame_with_its_function_and_register() {
 
 #[test]
 fn noise_is_there_as_noise_and_nothing_is_hidden() {
-    let hall = Hall::new("hyundai-n700", &["--faults", "noise=300,flip=300"], "1h", "");
+    let hall = Hall::new("hyundai-n700", &["--faults", "noise=300,flip=300"], "5s", "");
     let capture = hall.capturing(&[]);
     let mut client = Raw::connect(hall.modbus);
     for _ in 0..60 {
@@ -307,7 +306,7 @@ fn a_change_of_the_line_is_followed() {
 
 #[test]
 fn what_cannot_be_captured_is_said() {
-    let hall = Hall::new("hyundai-n700", &[], "1h", "");
+    let hall = Hall::new("hyundai-n700", &[], "5s", "");
     let assert_fails = |args: &[&str], code: i32, words: &str| {
         let output = vfd_gateway(&[&["capture"], args].concat());
         let said = String::from_utf8_lossy(&output.stderr);
@@ -328,7 +327,7 @@ fn what_cannot_be_captured_is_said() {
 
 #[test]
 fn a_line_has_four_places_and_each_sees_all() {
-    let hall = Hall::new("hyundai-n700", &[], "1h", "");
+    let hall = Hall::new("hyundai-n700", &[], "5s", "");
     let mut watchers: Vec<_> = (0..4).map(|_| Watcher::new(&hall, "hall-1")).collect();
     for watcher in &mut watchers {
         watcher.until("event: begin");
@@ -350,7 +349,7 @@ fn a_line_has_four_places_and_each_sees_all() {
 
 #[test]
 fn a_full_line_is_captured_whole_and_goes_on_as_before() {
-    let hall = Hall::new("hyundai-n700", &["--unpaced"], "1h", "silence = \"0ms\"");
+    let hall = Hall::new("hyundai-n700", &["--unpaced"], "5s", "silence = \"0ms\"");
     let capture = hall.capturing(&[]);
     let mut client = Raw::connect(hall.modbus);
     let reads = 2_000;
