@@ -13,6 +13,7 @@
 //! | `network` | lines behind ser2net and other serial device servers |
 //! | `asking` | `health`, `read`, `write` and `watch` ask a running gateway |
 //! | `enabling` | `verify` and `enable` look at a drive and set what it needs before it obeys |
+//! | `capturing` | what goes over a line is seen by whoever watches, and tshark decodes what is captured |
 //! | `checking` | what `check` and the other commands say, and their exit codes |
 //! | `adding` | the drive that the tutorial adds is checked, played and run as it says |
 //! | `documents` | the README lists every command, option and key |
@@ -58,6 +59,8 @@ mod asking;
 mod beginning;
 #[path = "process/brokers.rs"]
 mod brokers;
+#[path = "process/capturing.rs"]
+mod capturing;
 #[path = "process/checking.rs"]
 mod checking;
 #[path = "process/clients.rs"]

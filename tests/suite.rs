@@ -109,3 +109,5 @@ mod trips;
 mod unproven;
 #[path = "scenarios/watchdog.rs"]
 mod watchdog;
+#[path = "scenarios/watching.rs"]
+mod watching;

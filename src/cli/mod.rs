@@ -1,6 +1,7 @@
 //! The command line: one small file per command.
 
 mod broker;
+mod capture;
 mod check;
 mod client;
 mod demo;
@@ -78,6 +79,11 @@ enum Command {
     Write(write::Args),
     /// Read again and again, and print what changes
     Watch(watch::Args),
+    /// Write what goes over a line to a file for Wireshark, through a running gateway
+    ///
+    /// The file is pcapng and needs no setting: RTU frames are decoded as Modbus RTU, and each packet says in words what
+    /// it is. It ends with Ctrl-C.
+    Capture(capture::Args),
     /// Run a small MQTT broker on loopback; ends with its standard input
     #[command(hide = true)]
     Broker(broker::Args),
@@ -128,6 +134,7 @@ pub fn main() -> ExitCode {
         Command::Read(args) => read::read(&args),
         Command::Write(args) => write::write(&args),
         Command::Watch(args) => watch::watch(&args),
+        Command::Capture(args) => capture::capture(&args),
         Command::Broker(args) => broker::broker(&args),
     };
     match done {

@@ -6,6 +6,8 @@ use super::inbox::{Inbox, Message};
 use super::line_rows::LineRows;
 use super::shared::SharedLine;
 use crate::domain::ids::{AskerId, DriveIndex};
+use crate::domain::time::MonoTime;
+use crate::domain::traffic::TrafficRecord;
 use crate::drive::description::DriveRef;
 use crate::drive::view::TripEvent;
 use crate::gateway::LineCore;
@@ -20,6 +22,10 @@ pub struct Board {
     changed: Arc<Notify>,
     north: NorthSides,
     journal: Option<LineRows>,
+    /// Somebody watches the line.
+    is_watched: bool,
+    /// What went over it and was not handed over yet.
+    traffic: Vec<TrafficRecord>,
     /// News of this round.
     modbus: Vec<News>,
     mqtt: Vec<News>,
@@ -34,7 +40,9 @@ impl Board {
             let drives = line.drives.iter().map(|drive| drive.description.clone()).collect();
             LineRows::new(journal.line(line.name.clone(), drives, Arc::clone(&line.inbox)))
         });
-        Self { line, changed, north, journal, modbus: Vec::new(), mqtt: Vec::new(), local: Vec::new() }
+        let (is_watched, traffic) = (false, Vec::new());
+        let (modbus, mqtt, local) = (Vec::new(), Vec::new(), Vec::new());
+        Self { line, changed, north, journal, is_watched, traffic, modbus, mqtt, local }
     }
 
     /// The way into the line.
@@ -46,6 +54,24 @@ impl Board {
     /// The thread has come round once more.
     pub fn count_round(&self) {
         self.line.count_round();
+    }
+
+    /// Whether somebody watches the line at `now`. What was kept for those who did is given up with the last of them.
+    pub fn is_watched(&mut self, now: MonoTime) -> bool {
+        let is_watched = self.line.traffic.is_watched(now);
+        if self.is_watched && !is_watched {
+            self.traffic = Vec::new();
+            self.line.traffic.forget();
+        }
+        self.is_watched = is_watched;
+        is_watched
+    }
+
+    /// Keeps `record` for those who watch, if somebody does.
+    pub fn tell_traffic(&mut self, record: TrafficRecord) {
+        if self.is_watched {
+            self.traffic.push(record);
+        }
     }
 
     /// Takes notice of what is asked of the line.
@@ -108,6 +134,7 @@ impl Board {
             self.journal.iter().for_each(|journal| journal.source().state(&report));
         }
         self.line.set_report(report);
+        self.line.traffic.take_over(&mut self.traffic);
         self.north.modbus.put(&mut self.modbus);
         self.north.local.put(&mut self.local);
         if let Some(mqtt) = &self.north.mqtt {

@@ -20,3 +20,10 @@ pub fn wall() -> WallTime {
     let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     WallTime { unix_ms: i64::try_from(since_1970.as_millis()).unwrap_or(i64::MAX) }
 }
+
+/// The same in microseconds since 1970-01-01 UTC.
+#[must_use]
+pub fn wall_micros() -> i64 {
+    let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    i64::try_from(since_1970.as_micros()).unwrap_or(i64::MAX)
+}

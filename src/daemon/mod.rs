@@ -35,3 +35,4 @@ pub mod simulator;
 pub mod sys;
 pub mod timer;
 pub mod totals;
+pub mod traffic;

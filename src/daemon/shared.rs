@@ -1,8 +1,9 @@
 //! What the north sides read and the lines write: one picture of each drive, one report of each line.
 
 use super::inbox::Inbox;
+use super::traffic::Traffic;
 use crate::domain::ids::Name;
-use crate::domain::link::Interface;
+use crate::domain::link::{Interface, Wiring};
 use crate::domain::report::{LineReport, StationReport};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::DriveView;
@@ -45,10 +46,14 @@ pub struct SharedLine {
     pub name: Name,
     /// What it is physically.
     pub interface: Interface,
+    /// How it is wired.
+    pub wiring: Wiring,
     /// The way in.
     pub inbox: Arc<Inbox>,
     /// Its drives, in order.
     pub drives: Vec<Arc<SharedDrive>>,
+    /// What goes over it, for whoever watches.
+    pub traffic: Traffic,
     report: Mutex<LineReport>,
     rounds: AtomicU64,
     hangs: AtomicBool,
@@ -107,7 +112,14 @@ impl SharedLine {
         };
         let drives = drives.into_iter().map(drive).collect();
         let (report, rounds, hangs) = (Mutex::default(), AtomicU64::default(), AtomicBool::default());
-        Self { number, name, interface, inbox, drives, report, rounds, hangs }
+        let (wiring, traffic) = (Wiring::default(), Traffic::default());
+        Self { number, name, interface, wiring, inbox, drives, traffic, report, rounds, hangs }
+    }
+
+    /// The same line, wired so.
+    #[must_use]
+    pub fn wired(self, wiring: Wiring) -> Self {
+        Self { wiring, ..self }
     }
 
     /// The line as of its last round.

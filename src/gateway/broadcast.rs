@@ -2,10 +2,9 @@
 //! drive gets its own stop behind it and is looked at.
 
 use super::core::LineCore;
-use super::event::Effect;
 use super::setup::LineSetup;
 use crate::domain::time::MonoTime;
-use crate::domain::traffic::{TrafficKind, TrafficRecord};
+use crate::domain::traffic::Why;
 use crate::line::budget::BROADCAST_TURNAROUND;
 use crate::profile::model::Broadcast;
 use crate::wire::pdu::{Request, function};
@@ -35,11 +34,7 @@ impl LineCore {
         self.wire.broadcast(now, station, &request, BROADCAST_TURNAROUND, &mut frame);
         self.counters.requests += 1;
         self.counters.broadcasts += 1;
-        if self.setup.tells_traffic {
-            let record = TrafficRecord { at: now, kind: TrafficKind::Request, bytes: frame.clone() };
-            self.effects.push_back(Effect::Traffic(record));
-        }
-        self.effects.push_back(Effect::Transmit(frame));
+        self.transmit(now, frame, Why::Stop);
         true
     }
 

@@ -58,6 +58,8 @@ pub struct LineCore {
     /// Why the port was closed last.
     pub(super) fault: Option<LineFault>,
     pub(super) counters: LineCounters,
+    /// What was heard last that has been told already, because a frame of ours went out behind it.
+    pub(super) told_ahead: usize,
     pub(super) effects: Outbox,
 }
 
@@ -146,6 +148,7 @@ impl LineCore {
             polls_turn: true,
             aged_polls: 0,
             counters: LineCounters::default(),
+            told_ahead: 0,
             effects,
             setup,
         }

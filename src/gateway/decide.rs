@@ -1,12 +1,11 @@
 //! What goes on the wire next, and when there is something to decide again.
 
 use super::core::{Flight, LineCore, Purpose};
-use super::event::{Effect, Wake, WakeReason};
+use super::event::{Wake, WakeReason};
 use super::work::{Rank, Want};
 use crate::domain::ids::DriveIndex;
 use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
-use crate::domain::traffic::{TrafficKind, TrafficRecord};
 use crate::drive::plan::{PollGroup, Urgency as PollUrgency};
 use crate::line::barriers::TRY_PATIENCE;
 use crate::line::exchange::Exchange;
@@ -65,6 +64,7 @@ impl LineCore {
         self.health.diagnosis.sent(drive.get());
         let request_end = now + self.setup.timing.on_wire(frame.len());
         let overdue_at = patience.map(|patience| request_end + patience);
+        let why = purpose.why();
         self.flight = Some(Flight {
             drive,
             purpose,
@@ -77,11 +77,7 @@ impl LineCore {
             is_overdue: false,
         });
         self.counters.requests += 1;
-        if self.setup.tells_traffic {
-            let record = TrafficRecord { at: now, kind: TrafficKind::Request, bytes: frame.clone() };
-            self.effects.push_back(Effect::Traffic(record));
-        }
-        self.effects.push_back(Effect::Transmit(frame));
+        self.transmit(now, frame, why);
     }
 
     fn pick(&mut self, now: MonoTime) -> Option<Picked> {

@@ -8,7 +8,7 @@ use super::work::Rank;
 use crate::domain::ids::{DriveIndex, Station};
 use crate::domain::native::NativeOutcome;
 use crate::domain::time::MonoTime;
-use crate::domain::traffic::{TrafficKind, TrafficRecord};
+use crate::domain::traffic::TrafficKind;
 use crate::drive::snapshot::Presence;
 use crate::journal::Entry;
 use crate::line::exchange::{Ending, Exchange};
@@ -117,10 +117,7 @@ impl LineCore {
             }
             self.echo.heard(heard.kind, &heard.bytes);
             self.health.diagnosis.heard(heard.kind, &heard.bytes);
-            if self.setup.tells_traffic {
-                let record = TrafficRecord { at: now, kind: heard.kind, bytes: heard.bytes };
-                self.effects.push_back(Effect::Traffic(record));
-            }
+            self.tell_of(heard);
         }
     }
 

@@ -70,7 +70,7 @@ pub enum Effect {
     LineNote(LineNote),
     /// A drive has come or gone.
     Presence(DriveIndex, Presence),
-    /// For whoever watches the line; only if the line was set up to tell.
+    /// For whoever watches the line; only while the line is to tell.
     Traffic(TrafficRecord),
 }
 

@@ -7,7 +7,7 @@
 //! One small file per kind of event: `ask` requests and commands, `decide` what goes on the wire, `barrier` what settles
 //! whether a late reply can still come, `ended` what follows
 //! from the end of an exchange, `overdue` how long a reply is waited for and until when it may come late, `measured` what
-//! was seen of times, `port` the port's coming and going, `health` whether the line can be used. What a drive wants for
+//! was seen of times, `port` the port's coming and going, `traffic` what is told to whoever watches the line, `health` whether the line can be used. What a drive wants for
 //! itself is kept in `work`:
 //! its `stop`, the `list` of steps of a command, its trips.
 
@@ -29,6 +29,7 @@ mod port;
 mod probe;
 mod setup;
 mod stop;
+mod traffic;
 mod waiter;
 mod work;
 

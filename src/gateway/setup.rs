@@ -23,7 +23,7 @@ pub struct LineSetup {
     pub drives: Vec<DriveSetup>,
     /// What to do if what is sent comes back.
     pub echo: EchoPolicy,
-    /// Whether the traffic is told.
+    /// Whether the traffic is told from the start.
     pub tells_traffic: bool,
     /// Where the epochs of its drives begin: another number at each start of the gateway.
     pub first_epoch: u64,

@@ -1,6 +1,7 @@
 //! One exchange: what is asked, how it ends, and which answer ends it.
 
 use crate::domain::ids::Station;
+use crate::domain::time::MonoTime;
 use crate::domain::traffic::TrafficKind;
 use crate::wire::pdu::{Reply, Request, function};
 use std::time::Duration;
@@ -42,6 +43,10 @@ pub struct Heard {
     pub kind: TrafficKind,
     /// The bytes.
     pub bytes: Vec<u8>,
+    /// The first byte began at this moment at the latest.
+    pub begin: MonoTime,
+    /// When the last byte was read.
+    pub end: MonoTime,
 }
 
 /// How `pdu`, sent by the asked station, ends the exchange; nothing if it does not answer it.

@@ -6,6 +6,7 @@
 //! [`diagnosis`] what is probably wrong with it, [`schedule`] says what goes next, [`fault`] what follows from each
 //! fault, [`budget`] what a poll plan costs before it is started.
 
+mod arrivals;
 pub mod barriers;
 pub mod budget;
 pub mod diagnosis;

@@ -1,5 +1,6 @@
 //! One exchange after the other on a half-duplex wire: wait for silence, send, wait for the one right reply.
 
+use super::arrivals::Arrivals;
 use super::exchange::{Ending, Exchange, Heard, answer_in};
 use super::own_echo::OwnEcho;
 use super::timing::Timing;
@@ -44,6 +45,7 @@ pub struct Wire {
     /// Whether the first copy of each frame of ours is taken out of what is received.
     strips_echo: bool,
     own_echo: OwnEcho,
+    arrivals: Arrivals,
     open: Option<Open>,
     heard: Vec<Heard>,
 }
@@ -62,6 +64,7 @@ impl Wire {
             is_timed: false,
             strips_echo: false,
             own_echo: OwnEcho::default(),
+            arrivals: Arrivals::default(),
             open: None,
             heard: Vec::new(),
         }
@@ -160,6 +163,7 @@ impl Wire {
         }
         self.last_byte_at = now;
         self.quiet_from = self.quiet_from.max(now);
+        self.arrivals.read(bytes.len(), now);
         let pushed_out = self.assembler.push(bytes);
         self.note(TrafficKind::Noise, pushed_out);
         let mut ended = None;
@@ -220,6 +224,7 @@ impl Wire {
     /// Ends the open exchange without an answer, because the port is gone, and forgets what was received.
     pub fn abandon(&mut self, now: MonoTime) -> Option<Exchange> {
         self.assembler.end();
+        self.arrivals.clear();
         self.quiet_from = now;
         self.open.take().map(|open| open.exchange)
     }
@@ -238,6 +243,12 @@ impl Wire {
                 _ => Some(open.reply_due),
             },
         }
+    }
+
+    /// What was heard and not taken yet, in order.
+    #[must_use]
+    pub fn heard(&self) -> &[Heard] {
+        &self.heard
     }
 
     /// What was heard since the last call, in order.
@@ -319,9 +330,13 @@ impl Wire {
     }
 
     fn note(&mut self, kind: TrafficKind, bytes: Vec<u8>) {
-        if !bytes.is_empty() {
-            self.heard.push(Heard { kind, bytes });
+        if bytes.is_empty() {
+            return;
         }
+        let (first, end) = self.arrivals.take(bytes.len()).unwrap_or((self.last_byte_at, self.last_byte_at));
+        // What is read at once came one byte after the other.
+        let begin = if self.is_timed { first.min(end.before(self.timing.on_wire(bytes.len()))) } else { first };
+        self.heard.push(Heard { kind, bytes, begin, end });
     }
 }
 
@@ -576,5 +591,45 @@ mod tests {
         assert!(wire.receive(MonoTime::from_millis(30), &twice).is_some());
         let kinds: Vec<_> = wire.take_heard().into_iter().map(|heard| heard.kind).collect();
         assert_eq!(kinds, [TrafficKind::Reply, TrafficKind::Stray(Station(1))]);
+    }
+
+    #[test]
+    fn what_is_heard_has_the_moments_of_its_own_bytes() {
+        let (ms, us) = (MonoTime::from_millis, MonoTime::from_micros);
+        let mut wire = wire();
+        wire.port_opened(ms(0), PortKind::Serial);
+        assert_eq!(wire.receive(ms(100), &[0x55]), None);
+        let mut out = Vec::new();
+        let read = Request::ReadHolding { address: 0x0101, count: 1 };
+        wire.send(ms(110), exchange(read, false), &mut out);
+        // Read in two parts, the second with a byte behind the reply.
+        let mut reply = frame(1, &[3, 2, 0x17, 0x70]);
+        reply.push(0xAA);
+        assert_eq!(wire.receive(us(130_000), &reply[..3]), None);
+        assert!(wire.receive(us(134_000), &reply[3..]).is_some());
+        assert_eq!(wire.pass(ms(200)), None);
+        let heard: Vec<_> = wire.take_heard().into_iter().map(|it| (it.kind, it.begin, it.end)).collect();
+        let char_time = Duration::from_nanos(1_041_667);
+        let (noise, reply) = (TrafficKind::Noise, TrafficKind::Reply);
+        assert_eq!(
+            heard,
+            [
+                (noise, ms(100).before(char_time), ms(100)),
+                // 7 characters take 7.29 ms, and the first part was read 4 ms before the end.
+                (reply, us(134_000).before(N700.on_wire(7)), us(134_000)),
+                (noise, us(134_000).before(char_time), us(134_000)),
+            ]
+        );
+    }
+
+    #[test]
+    fn without_character_times_a_frame_begins_when_it_is_read() {
+        let mut wire = wire();
+        wire.port_opened(MonoTime::ZERO, PortKind::Virtual);
+        assert_eq!(wire.receive(MonoTime::from_millis(50), &[0x55, 0x55]), None);
+        assert_eq!(wire.receive(MonoTime::from_millis(52), &[0x55]), None);
+        assert_eq!(wire.pass(MonoTime::from_millis(80)), None);
+        let heard = &wire.heard()[0];
+        assert_eq!((heard.begin, heard.end), (MonoTime::from_millis(50), MonoTime::from_millis(52)));
     }
 }

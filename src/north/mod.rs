@@ -3,3 +3,4 @@
 pub mod modbus;
 pub mod mqtt;
 pub mod setup_body;
+pub mod traffic;

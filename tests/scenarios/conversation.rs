@@ -31,7 +31,7 @@ fn told(rig: &Rig, begun: MonoTime) -> String {
             TrafficKind::OtherMaster(station) => ("<--", format!("request of somebody else to {}", station.0)),
             TrafficKind::Noise => ("<-", "noise".to_owned()),
         };
-        lines.push((record.at, format!("{arrow} {bytes:<30} {what}")));
+        lines.push((record.at(), format!("{arrow} {bytes:<30} {what}")));
     }
     for (at, answer) in &rig.answers {
         let outcome = match &answer.outcome {

@@ -1,4 +1,4 @@
-//! HTTP for those who watch the gateway: alive, ready, health, metrics. These routes read what the lines show and ask
+//! HTTP for those who watch the gateway: alive, ready, health, metrics, the traffic of a line. These routes read what the lines show and ask
 //! nothing of them, and nothing can be commanded there.
 //!
 //! They are served on a TCP listener ([`serve`]) and on a Unix socket in the data directory ([`socket::OwnSocket`]), by
@@ -18,6 +18,9 @@ pub mod state;
 mod table;
 #[cfg(test)]
 mod tests;
+mod traffic;
+#[cfg(test)]
+mod traffic_tests;
 mod watchdog;
 
 pub use connections::CONNECTIONS_MAX;

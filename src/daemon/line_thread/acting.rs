@@ -16,6 +16,8 @@ impl LineTask<'_> {
         self.board.count_round();
         self.board.inbox().take(&mut self.round);
         let now = clock::now();
+        let is_watched = self.board.is_watched(now);
+        self.core.tell_traffic(self.logs_traffic || is_watched);
         for message in self.round.drain(..) {
             self.board.note(&message);
             let input = match message {
@@ -86,6 +88,7 @@ impl LineTask<'_> {
                 }
                 Effect::Traffic(record) => {
                     tracing::trace!(line = self.port.line, kind = ?record.kind, bytes = ?record.bytes, "traffic");
+                    self.board.tell_traffic(record);
                 }
             }
         }

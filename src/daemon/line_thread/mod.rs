@@ -162,7 +162,7 @@ fn run(port: &LinePort, mut setup: LineSetup, board: Board, waits: Waits) -> io:
     {
         tracing::info!(line = port.line, %error, "no real-time priority: gaps may be longer under load, never shorter");
     }
-    let is_paced = setup.timing.paced;
+    let (is_paced, logs_traffic) = (setup.timing.paced, setup.tells_traffic);
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let ended = runtime.block_on(async {
         let timer = Timer::new()?;
@@ -177,6 +177,7 @@ fn run(port: &LinePort, mut setup: LineSetup, board: Board, waits: Waits) -> io:
             core: LineCore::new(setup, clock::now()),
             timer,
             is_paced,
+            logs_traffic,
             attempts: Attempts::default(),
             told: Told::default(),
             round: Vec::new(),
@@ -198,6 +199,8 @@ struct LineTask<'a> {
     core: LineCore,
     timer: Timer,
     is_paced: bool,
+    /// The log tells the traffic, whoever watches.
+    logs_traffic: bool,
     /// When the port is tried again.
     attempts: Attempts,
     /// What the log was told about the port.

@@ -1,0 +1,135 @@
+//! From what the gateway tells of a frame to a packet that programs for network captures understand.
+
+use super::pcapng::{Direction, Packet};
+use crate::domain::calendar;
+use serde_json::Value;
+
+/// What dissectors call RTU frames.
+const RTU: &str = "mbrtu";
+/// What they call text. Frames of ASCII lines are text to them: there is no dissector for those.
+const TEXT: &str = "data-text-lines";
+/// What they call bytes of which nothing is known.
+const BYTES: &str = "data";
+
+/// A frame as the gateway tells it, ready for a packet.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Told {
+    /// Microseconds since 1970-01-01 UTC.
+    pub unix_us: u64,
+    /// Which way it went.
+    pub direction: Direction,
+    /// Whether it asks a drive.
+    pub is_for_a_drive: bool,
+    /// What dissectors call it.
+    pub protocol: &'static str,
+    /// The bytes.
+    pub bytes: Vec<u8>,
+    /// What it was, in words.
+    pub comment: String,
+}
+
+impl Told {
+    /// What `frame` tells of a line that speaks RTU, or ASCII; nothing if that is not understood.
+    #[must_use]
+    pub fn of(frame: &Value, is_rtu: bool) -> Option<Self> {
+        let kind = frame["kind"].as_str()?;
+        let bytes = unhex(frame["bytes"].as_str()?)?;
+        let protocol = match (kind, is_rtu) {
+            ("noise", _) => BYTES,
+            (_, true) => RTU,
+            (_, false) => TEXT,
+        };
+        let direction = if kind == "request" { Direction::Out } else { Direction::In };
+        let unix_us = unix_us(frame["at"].as_str()?)?;
+        let is_for_a_drive = is_for_a_drive(kind);
+        Some(Self { unix_us, direction, is_for_a_drive, protocol, bytes, comment: comment(kind, frame) })
+    }
+
+    /// As a packet, with `dropped` ones lost in front of it.
+    #[must_use]
+    pub fn packet(&self, dropped: u64) -> Packet<'_> {
+        let Self { unix_us, direction, is_for_a_drive, protocol, bytes, comment } = self;
+        let (unix_us, direction, is_for_a_drive) = (*unix_us, *direction, *is_for_a_drive);
+        Packet { unix_us, direction, is_for_a_drive, protocol, bytes, comment, dropped }
+    }
+}
+
+fn is_for_a_drive(kind: &str) -> bool {
+    matches!(kind, "request" | "echo" | "other_master")
+}
+
+/// `request to pump-1 (poll): read 0x0101 output frequency, 1 word`.
+fn comment(kind: &str, frame: &Value) -> String {
+    let word = |key: &str| frame[key].as_str();
+    let station = || frame["station"].as_u64().map(|station| format!("station {station}"));
+    let who = word("drive").map(str::to_owned).or_else(station);
+    let between = if is_for_a_drive(kind) { "to" } else { "of" };
+    let mut text = kind.replace('_', " ");
+    if let Some(who) = who {
+        text += &format!(" {between} {who}");
+    }
+    if let Some(why) = word("why") {
+        text += &format!(" ({why})");
+    }
+    format!("{text}: {}", word("text").unwrap_or(""))
+}
+
+fn unhex(text: &str) -> Option<Vec<u8>> {
+    let digit = |byte: &u8| char::from(*byte).to_digit(16).and_then(|digit| u8::try_from(digit).ok());
+    let pairs = text.as_bytes().chunks(2);
+    pairs.map(|pair| if let [high, low] = pair { Some(digit(high)? << 4 | digit(low)?) } else { None }).collect()
+}
+
+/// `2026-01-31T08:00:00.250125Z` in microseconds since 1970-01-01 UTC.
+fn unix_us(text: &str) -> Option<u64> {
+    let (text, micros) = text.strip_suffix('Z')?.split_at_checked(text.len().checked_sub(4)?)?;
+    let micros: u64 = micros.parse().ok()?;
+    let millis = u64::try_from(calendar::parse(text)?.unix_ms).ok()?;
+    Some(millis * 1000 + micros)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_frame_becomes_a_packet() {
+        let frame = json!({
+            "at": "1970-01-01T00:00:01.002003Z", "kind": "request", "why": "poll", "bytes": "010301010001D436",
+            "gap_ms": null, "station": 1, "drive": "pump-1", "function": 3, "text": "read 0x0101", "values": [],
+        });
+        let told = Told::of(&frame, true).unwrap();
+        assert_eq!((told.unix_us, told.direction, told.protocol), (1_002_003, Direction::Out, "mbrtu"));
+        assert!(told.is_for_a_drive);
+        assert_eq!(told.bytes, [1, 3, 1, 1, 0, 1, 0xD4, 0x36]);
+        assert_eq!(told.comment, "request to pump-1 (poll): read 0x0101");
+        assert_eq!(Told::of(&frame, false).unwrap().protocol, "data-text-lines");
+        let noise = json!({
+            "at": "1970-01-01T00:00:00.000001Z", "kind": "noise", "bytes": "00", "station": null,
+            "text": "1 byte that makes no frame",
+        });
+        let told = Told::of(&noise, true).unwrap();
+        assert_eq!((told.unix_us, told.direction, told.protocol), (1, Direction::In, "data"));
+        assert_eq!(told.comment, "noise: 1 byte that makes no frame");
+        let other = json!({ "at": "1970-01-01T00:00:00.000001Z", "kind": "other_master", "bytes": "", "station": 9,
+            "text": "x" });
+        assert_eq!(Told::of(&other, true).unwrap().comment, "other master to station 9: x");
+    }
+
+    #[test]
+    fn what_is_not_understood_is_none() {
+        let good = json!({ "at": "1970-01-01T00:00:01.002003Z", "kind": "reply", "bytes": "0A", "text": "" });
+        assert!(Told::of(&good, true).is_some());
+        for (key, wrong) in [("at", "yesterday"), ("at", "1970-01-01T00:00:01.002Z"), ("bytes", "0"), ("bytes", "xy")] {
+            let mut frame = good.clone();
+            frame[key] = wrong.into();
+            assert_eq!(Told::of(&frame, true), None, "{key} {wrong}");
+        }
+        for key in ["at", "kind", "bytes"] {
+            let mut frame = good.clone();
+            frame[key] = Value::Null;
+            assert_eq!(Told::of(&frame, true), None, "{key}");
+        }
+    }
+}

@@ -1,0 +1,207 @@
+//! What goes over a line, as server-sent events for pages and for `vfd-gateway capture`.
+//!
+//! An answer ends by itself before its connection does, and says so: whoever comes back with the number of the last record
+//! that he has seen goes on behind it.
+
+use super::routes::json;
+use super::state::State as Gateway;
+use crate::daemon::clock;
+use crate::daemon::shared::SharedLine;
+use crate::daemon::traffic::{LISTENERS_MAX, Listener};
+use crate::domain::calendar::rfc3339;
+use crate::domain::time::{MonoTime, WallTime};
+use crate::north::traffic::{Decoder, KnownDrive, LineFacts};
+use crate::profile::words::FRAMINGS;
+use axum::Router;
+use axum::body::{Body, Bytes};
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use hyper::body::{Body as HttpBody, Frame as BodyFrame};
+use serde_json::{Value, json as value};
+use std::convert::Infallible;
+use std::fmt::Write;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll, ready};
+use std::time::Duration;
+use tokio::time::{Interval, MissedTickBehavior, interval};
+
+/// How often what has come is handed on: a person sees no difference, and the main thread is not woken by each frame.
+const EVERY: Duration = Duration::from_millis(50);
+/// Most records in one piece of an answer.
+const RECORDS_AT_ONCE: usize = 256;
+/// After this time in which nothing happened it is said that the line is still watched.
+const ALIVE_EVERY: Duration = Duration::from_secs(2);
+/// How long an answer lasts: less than its connection may.
+const LASTS: Duration = Duration::from_secs(240);
+
+/// The route of the traffic.
+pub(super) fn router(state: Arc<Gateway>) -> Router {
+    Router::new().route("/api/v1/lines/{name}/traffic", get(watch)).with_state(state)
+}
+
+async fn watch(State(gateway): State<Arc<Gateway>>, Path(name): Path<String>, headers: HeaderMap) -> Response {
+    let shared = gateway.shared.get();
+    let Some(line) = shared.lines.iter().find(|line| line.name.as_str() == name) else {
+        let lines: Vec<_> = shared.lines.iter().map(|line| line.name.as_str()).collect();
+        let error = format!("no line is called {name}; there is {}", lines.join(", "));
+        return refused(StatusCode::NOT_FOUND, &error);
+    };
+    let after = headers.get("last-event-id").and_then(|id| number_in(id.to_str().ok()?, line));
+    let Some(listener) = Listener::new(Arc::clone(line), after, clock::now) else {
+        let error = format!("line {name} is watched by {LISTENERS_MAX} already, which is the most");
+        return refused(StatusCode::SERVICE_UNAVAILABLE, &error);
+    };
+    let headers = [(header::CONTENT_TYPE, "text/event-stream"), (header::CACHE_CONTROL, "no-store")];
+    (headers, Body::new(Events::new(gateway, listener))).into_response()
+}
+
+fn refused(status: StatusCode, error: &str) -> Response {
+    (status, json(&value!({ "error": error }))).into_response()
+}
+
+/// The events of one answer.
+struct Events {
+    gateway: Arc<Gateway>,
+    listener: Listener,
+    decoder: Decoder,
+    clock: WallClock,
+    ticks: Interval,
+    begun: MonoTime,
+    last_said: MonoTime,
+    /// More records wait than went into the last piece.
+    has_more: bool,
+    is_told: bool,
+    has_ended: bool,
+}
+
+impl Events {
+    fn new(gateway: Arc<Gateway>, listener: Listener) -> Self {
+        let mut ticks = interval(EVERY);
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let (decoder, now) = (Decoder::new(facts(listener.line())), clock::now());
+        let (clock, begun, last_said) = (WallClock::new(), now, now);
+        let (has_more, is_told, has_ended) = (false, false, false);
+        Self { gateway, listener, decoder, clock, ticks, begun, last_said, has_more, is_told, has_ended }
+    }
+
+    /// What there is to say at `now`; empty if nothing.
+    fn piece(&mut self, now: MonoTime) -> String {
+        let mut text = String::new();
+        if !std::mem::replace(&mut self.is_told, true) {
+            text += "retry: 500\n";
+            event(&mut text, "begin", &about(self.listener.line()));
+        }
+        let news = self.listener.look(RECORDS_AT_ONCE);
+        self.has_more = news.records.len() == RECORDS_AT_ONCE;
+        if news.lost > 0 {
+            self.decoder.skip();
+            event(&mut text, "lost", &value!({ "records": news.lost }));
+        }
+        for (number, record) in news.records {
+            let at = self.clock.rfc3339(record.at());
+            let frame = self.decoder.decode(&record).json(&at, &record.bytes);
+            let _ = writeln!(text, "id: {}.{number}", self.listener.line().number);
+            event(&mut text, "frame", &frame);
+        }
+        let is_gone = || !self.gateway.shared.load().lines.iter().any(|line| Arc::ptr_eq(line, self.listener.line()));
+        if !self.has_more && (now.since(self.begun) >= LASTS || is_gone()) {
+            event(&mut text, "again", &value!({}));
+            self.has_ended = true;
+        }
+        if text.is_empty() && now.since(self.last_said) >= ALIVE_EVERY {
+            event(&mut text, "alive", &value!({}));
+        }
+        if !text.is_empty() {
+            self.last_said = now;
+        }
+        text
+    }
+}
+
+impl HttpBody for Events {
+    type Data = Bytes;
+    type Error = Infallible;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+    ) -> Poll<Option<Result<BodyFrame<Bytes>, Infallible>>> {
+        while !self.has_ended {
+            if !self.has_more {
+                ready!(self.ticks.poll_tick(cx));
+            }
+            let text = self.piece(clock::now());
+            if !text.is_empty() {
+                return Poll::Ready(Some(Ok(BodyFrame::data(text.into()))));
+            }
+        }
+        Poll::Ready(None)
+    }
+}
+
+/// The record of `line` that `id` names; before the first one if it names another line, which had the name before.
+fn number_in(id: &str, line: &SharedLine) -> Option<u64> {
+    let (of, number) = id.split_once('.')?;
+    let (of, number): (u16, u64) = (of.parse().ok()?, number.parse().ok()?);
+    Some(if of == line.number { number } else { 0 })
+}
+
+fn event(text: &mut String, name: &str, data: &Value) {
+    let _ = write!(text, "event: {name}\ndata: {data}\n\n");
+}
+
+fn facts(line: &SharedLine) -> LineFacts {
+    let drives = line.drives.iter().zip(&line.wiring.stations).map(|(drive, station)| {
+        let description = &drive.description;
+        KnownDrive {
+            station: *station,
+            name: description.name.clone(),
+            model: Arc::clone(&description.model),
+            ratings: description.ratings,
+        }
+    });
+    LineFacts { framing: line.wiring.framing, drives: drives.collect() }
+}
+
+/// What the answer is about.
+fn about(line: &SharedLine) -> Value {
+    let framing = FRAMINGS.iter().find(|(_, framing)| *framing == line.wiring.framing).map(|(word, _)| *word);
+    let drives = line.drives.iter().zip(&line.wiring.stations).map(|(drive, station)| {
+        let description = &drive.description;
+        value!({ "name": description.name.as_str(), "station": station.0, "model": description.model.id })
+    });
+    value!({
+        "line": line.name.as_str(),
+        "framing": framing,
+        "port": line.wiring.port,
+        "link": line.wiring.link.to_string(),
+        "baud": line.wiring.link.baud,
+        "drives": drives.collect::<Vec<_>>(),
+    })
+}
+
+/// The wall clock as it was when the answer began: moments keep their distances although that may be set meanwhile.
+struct WallClock {
+    /// Microseconds that it was ahead of the monotonic one.
+    ahead_us: i64,
+}
+
+impl WallClock {
+    fn new() -> Self {
+        Self { ahead_us: clock::wall_micros() - micros(clock::now()) }
+    }
+
+    /// `at` as RFC 3339 in UTC with microseconds.
+    fn rfc3339(&self, at: MonoTime) -> String {
+        let unix_us = micros(at) + self.ahead_us;
+        let text = rfc3339(WallTime { unix_ms: unix_us.div_euclid(1000) });
+        format!("{}{:03}Z", text.trim_end_matches('Z'), unix_us.rem_euclid(1000))
+    }
+}
+
+fn micros(at: MonoTime) -> i64 {
+    i64::try_from(at.as_nanos() / 1000).unwrap_or(i64::MAX)
+}

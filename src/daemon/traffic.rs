@@ -1,0 +1,250 @@
+//! What goes over a line, kept for a moment for those who watch it, and only while somebody does.
+//!
+//! A line that nobody watches pays one look at an atomic number a round. The line's thread never waits for those who
+//! watch: what it cannot hand over at once it hands over in its next round.
+
+use super::shared::SharedLine;
+use crate::domain::time::MonoTime;
+use crate::domain::traffic::TrafficRecord;
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::time::Duration;
+
+/// Most who watch one line at once. A person with a page and a capture are two.
+pub const LISTENERS_MAX: usize = 4;
+/// Most records that are kept for those who watch: ten seconds of the fastest serial line, at most 4 MB.
+pub const RECORDS_MAX: usize = 4096;
+/// How long a line is watched on after the last one has gone: whoever comes back in time has missed nothing.
+const LINGER: Duration = Duration::from_secs(10);
+/// Most records that a line's thread holds back because somebody is just looking.
+const HELD_BACK_MAX: usize = 256;
+
+/// The traffic of one line.
+#[derive(Debug, Default)]
+pub struct Traffic {
+    /// Until this moment the line is watched, in nanoseconds; 0: nobody watches.
+    watched_until: AtomicU64,
+    ring: Mutex<Ring>,
+}
+
+/// The newest records. They are numbered from 1 over the life of the line.
+#[derive(Debug, Default)]
+struct Ring {
+    records: VecDeque<Arc<TrafficRecord>>,
+    last: u64,
+    listeners: usize,
+}
+
+impl Ring {
+    fn put(&mut self, record: TrafficRecord) {
+        if self.records.len() == RECORDS_MAX {
+            self.records.pop_front();
+        }
+        self.records.push_back(Arc::new(record));
+        self.last += 1;
+    }
+
+    /// The number of the oldest record that is kept.
+    fn first(&self) -> u64 {
+        self.last + 1 - self.records.len() as u64
+    }
+}
+
+impl Traffic {
+    /// Whether somebody watches at `now`.
+    #[must_use]
+    pub fn is_watched(&self, now: MonoTime) -> bool {
+        self.watched_until.load(Ordering::Relaxed) > now.as_nanos()
+    }
+
+    /// Takes over `records`, unless somebody is looking just now and few of them wait.
+    pub fn take_over(&self, records: &mut Vec<TrafficRecord>) {
+        if records.is_empty() {
+            return;
+        }
+        let mut ring = match self.ring.try_lock() {
+            Ok(ring) => ring,
+            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+            Err(TryLockError::WouldBlock) if records.len() < HELD_BACK_MAX => return,
+            Err(TryLockError::WouldBlock) => self.lock(),
+        };
+        records.drain(..).for_each(|record| ring.put(record));
+    }
+
+    /// Nobody watches any more: what was kept is given up, and the room for it.
+    pub fn forget(&self) {
+        self.lock().records = VecDeque::new();
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Ring> {
+        self.ring.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Somebody who watches a line, with a place of his own in what was recorded.
+#[derive(Debug)]
+pub struct Listener {
+    line: Arc<SharedLine>,
+    /// The number of the record that he has seen last.
+    seen: u64,
+    clock: fn() -> MonoTime,
+}
+
+/// What has come since somebody looked last.
+#[derive(Debug, Default)]
+pub struct News {
+    /// So many records were given up before he had seen them.
+    pub lost: u64,
+    /// The records with their numbers, in order.
+    pub records: Vec<(u64, Arc<TrafficRecord>)>,
+}
+
+impl Listener {
+    /// Watches `line` from now on, or from behind the record with the number `after`, as far as that is still kept. Nothing
+    /// if [`LISTENERS_MAX`] watch it. `clock` tells the time when he goes.
+    #[must_use]
+    pub fn new(line: Arc<SharedLine>, after: Option<u64>, clock: fn() -> MonoTime) -> Option<Self> {
+        let mut ring = line.traffic.lock();
+        if ring.listeners >= LISTENERS_MAX {
+            return None;
+        }
+        ring.listeners += 1;
+        line.traffic.watched_until.store(u64::MAX, Ordering::Relaxed);
+        // A number that was never given is another life's.
+        let seen = after.filter(|after| *after <= ring.last).unwrap_or(ring.last);
+        drop(ring);
+        Some(Self { line, seen, clock })
+    }
+
+    /// The line.
+    #[must_use]
+    pub const fn line(&self) -> &Arc<SharedLine> {
+        &self.line
+    }
+
+    /// The oldest records that he has not seen, `most` of them at most.
+    pub fn look(&mut self, most: usize) -> News {
+        let ring = self.line.traffic.lock();
+        let first = ring.first();
+        let lost = first.saturating_sub(self.seen + 1);
+        self.seen += lost;
+        let skipped = usize::try_from(self.seen + 1 - first).unwrap_or(usize::MAX);
+        let records: Vec<_> = (self.seen + 1..).zip(ring.records.iter().skip(skipped).take(most).cloned()).collect();
+        self.seen += records.len() as u64;
+        News { lost, records }
+    }
+}
+
+impl Drop for Listener {
+    fn drop(&mut self) {
+        let mut ring = self.line.traffic.lock();
+        ring.listeners -= 1;
+        if ring.listeners == 0 {
+            let until = (self.clock)() + LINGER;
+            self.line.traffic.watched_until.store(until.as_nanos(), Ordering::Relaxed);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::ids::Name;
+    use crate::domain::link::Interface;
+    use crate::domain::traffic::TrafficKind;
+
+    fn line() -> Arc<SharedLine> {
+        Arc::new(SharedLine::new(0, Name::new("hall-1").unwrap(), Interface::Rs485, []))
+    }
+
+    fn listen(line: &Arc<SharedLine>, after: Option<u64>) -> Option<Listener> {
+        Listener::new(Arc::clone(line), after, || MonoTime::from_millis(1_000))
+    }
+
+    fn put(line: &SharedLine, count: u64) {
+        let record = |at| {
+            let at = MonoTime::from_millis(at);
+            TrafficRecord { kind: TrafficKind::Noise, why: None, bytes: vec![0], begin: at, end: at }
+        };
+        line.traffic.take_over(&mut (1..=count).map(record).collect());
+    }
+
+    fn numbers(news: &News) -> Vec<u64> {
+        news.records.iter().map(|(number, _)| *number).collect()
+    }
+
+    #[test]
+    fn each_listener_has_a_place_of_his_own() {
+        let line = line();
+        let mut first = listen(&line, None).unwrap();
+        put(&line, 3);
+        let mut second = listen(&line, None).unwrap();
+        put(&line, 2);
+        assert_eq!(numbers(&first.look(4)), [1, 2, 3, 4]);
+        assert_eq!(numbers(&first.look(4)), [5]);
+        assert_eq!(numbers(&second.look(4)), [4, 5]);
+        assert_eq!(numbers(&second.look(4)), [0; 0]);
+    }
+
+    #[test]
+    fn what_was_given_up_is_counted_and_the_rest_is_there() {
+        let line = line();
+        let mut listener = listen(&line, None).unwrap();
+        put(&line, RECORDS_MAX as u64 + 7);
+        let news = listener.look(2);
+        assert_eq!((news.lost, numbers(&news)), (7, vec![8, 9]));
+        let news = listener.look(usize::MAX);
+        assert_eq!((news.lost, news.records.len()), (0, RECORDS_MAX - 2));
+        assert_eq!(news.records.last().unwrap().0, RECORDS_MAX as u64 + 7);
+    }
+
+    #[test]
+    fn who_comes_back_goes_on_where_he_was() {
+        let line = line();
+        drop(listen(&line, None));
+        put(&line, 5);
+        assert_eq!(numbers(&listen(&line, Some(3)).unwrap().look(9)), [4, 5]);
+        assert_eq!(numbers(&listen(&line, Some(5)).unwrap().look(9)), [0; 0]);
+        assert_eq!(numbers(&listen(&line, Some(77)).unwrap().look(9)), [0; 0], "a number of another life");
+        line.traffic.forget();
+        put(&line, 1);
+        let news = listen(&line, Some(3)).unwrap().look(9);
+        assert_eq!((news.lost, numbers(&news)), (2, vec![6]));
+    }
+
+    #[test]
+    fn a_line_is_watched_as_long_as_somebody_is_there_and_a_moment_longer() {
+        let (line, now) = (line(), MonoTime::from_millis(1_000));
+        assert!(!line.traffic.is_watched(MonoTime::ZERO));
+        let (first, second) = (listen(&line, None), listen(&line, None));
+        drop(first);
+        assert!(line.traffic.is_watched(MonoTime::from_millis(u64::MAX / 2_000_000)));
+        drop(second);
+        assert!(line.traffic.is_watched(now + LINGER.mul_f64(0.9)));
+        assert!(!line.traffic.is_watched(now + LINGER));
+    }
+
+    #[test]
+    fn listeners_are_bounded() {
+        let line = line();
+        let mut held: Vec<_> = (0..LISTENERS_MAX).map(|_| listen(&line, None).unwrap()).collect();
+        assert!(listen(&line, None).is_none());
+        held.pop();
+        assert!(listen(&line, None).is_some());
+    }
+
+    #[test]
+    fn the_line_never_waits_for_who_looks() {
+        let line = line();
+        let looking = line.traffic.lock();
+        let at = MonoTime::ZERO;
+        let mut records =
+            vec![TrafficRecord { kind: TrafficKind::Noise, why: None, bytes: vec![0], begin: at, end: at }];
+        line.traffic.take_over(&mut records);
+        assert_eq!(records.len(), 1);
+        drop(looking);
+        line.traffic.take_over(&mut records);
+        assert_eq!((records.len(), line.traffic.lock().last), (0, 1));
+    }
+}

@@ -1,0 +1,62 @@
+//! What goes over the wire is told to whoever watches the line, and to nobody else.
+
+use super::core::{LineCore, Purpose};
+use super::event::Effect;
+use super::work::Rank;
+use crate::domain::time::MonoTime;
+use crate::domain::traffic::{TrafficKind, TrafficRecord, Why};
+use crate::line::exchange::Heard;
+
+impl LineCore {
+    /// Whether the traffic is told from now on.
+    pub const fn tell_traffic(&mut self, tells: bool) {
+        self.setup.tells_traffic = tells;
+    }
+
+    /// A `frame` of ours is handed to the port at `now`: tells it, behind what was heard before it.
+    pub(super) fn transmit(&mut self, now: MonoTime, frame: Vec<u8>, why: Why) {
+        let record = self.setup.tells_traffic.then(|| TrafficRecord {
+            kind: TrafficKind::Request,
+            why: Some(why),
+            bytes: frame.clone(),
+            begin: now,
+            end: now + self.setup.timing.on_wire(frame.len()),
+        });
+        // Nobody who watches holds up the frame.
+        self.effects.push_back(Effect::Transmit(frame));
+        let Some(record) = record else { return };
+        let before = self.wire.heard().get(self.told_ahead..).unwrap_or_default();
+        self.told_ahead += before.len();
+        let before: Vec<_> = before.iter().cloned().map(told).collect();
+        before.into_iter().chain([Effect::Traffic(record)]).for_each(|effect| self.effects.push_back(effect));
+    }
+
+    /// Tells what was `heard`, unless it was told already in front of a frame of ours.
+    pub(super) fn tell_of(&mut self, heard: Heard) {
+        if self.told_ahead > 0 {
+            self.told_ahead -= 1;
+        } else if self.setup.tells_traffic {
+            self.effects.push_back(told(heard));
+        }
+    }
+}
+
+impl Purpose {
+    pub(super) const fn why(&self) -> Why {
+        match self {
+            Self::Read(_) => Why::Client,
+            Self::Work(Rank::FirstStop | Rank::RepeatedStop) => Why::Stop,
+            Self::Work(Rank::Trip) => Why::Trip,
+            Self::Work(Rank::Look | Rank::Step | Rank::Start) => Why::Command,
+            Self::Poll { .. } => Why::Poll,
+            Self::Barrier => Why::Barrier,
+            Self::Probe => Why::Probe,
+            Self::Trial(_) => Why::Trial,
+        }
+    }
+}
+
+fn told(heard: Heard) -> Effect {
+    let Heard { kind, bytes, begin, end } = heard;
+    Effect::Traffic(TrafficRecord { kind, why: None, bytes, begin, end })
+}

@@ -1,0 +1,207 @@
+//! What goes over a line in words: each frame with its station, its registers by the model's names, values in their units.
+//!
+//! A reply says little without its request, so a [`Decoder`] sees the frames of one line in order. It keeps the last
+//! request and nothing else.
+
+mod json;
+mod register;
+mod reply;
+mod request;
+#[cfg(test)]
+mod tests;
+
+use crate::domain::ids::{Name, Station};
+use crate::domain::link::Framing;
+use crate::domain::time::MonoTime;
+use crate::domain::traffic::{TrafficKind, TrafficRecord, Why};
+use crate::drive::description::Ratings;
+use crate::profile::model::Model;
+use crate::wire::framing;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// What has to be known of a line to understand what goes over it.
+#[derive(Clone, Debug)]
+pub struct LineFacts {
+    /// How frames are told apart.
+    pub framing: Framing,
+    /// Its drives.
+    pub drives: Vec<KnownDrive>,
+}
+
+/// One drive of the line.
+#[derive(Clone, Debug)]
+pub struct KnownDrive {
+    /// Its number on the line.
+    pub station: Station,
+    /// Its name.
+    pub name: Name,
+    /// What it is.
+    pub model: Arc<Model>,
+    /// Its rated values, where the model reports in per cent of them.
+    pub ratings: Ratings,
+}
+
+/// One piece of traffic in words.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// What it was.
+    pub kind: TrafficKind,
+    /// Why we sent it; nothing for what was received.
+    pub why: Option<Why>,
+    /// The silence in front of it; nothing in front of the first one that is seen.
+    pub gap: Option<Duration>,
+    /// How long it took on the wire, as far as known.
+    pub on_wire: Duration,
+    /// The station in it; nothing if it is no frame.
+    pub station: Option<Station>,
+    /// The drive at that station.
+    pub drive: Option<Name>,
+    /// Its function, as it stands there: with the highest bit in an exception.
+    pub function: Option<u8>,
+    /// The code of an exception.
+    pub exception: Option<u8>,
+    /// What it says.
+    pub text: String,
+    /// The registers in it with their values.
+    pub values: Vec<FrameValue>,
+}
+
+/// One register in a frame.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FrameValue {
+    /// Its address on the wire.
+    pub address: u16,
+    /// Its name in the model.
+    pub name: Option<String>,
+    /// Its value with the unit, or with what it means.
+    pub text: String,
+}
+
+/// What a frame says.
+#[derive(Debug, Default)]
+struct Said {
+    text: String,
+    exception: Option<u8>,
+    values: Vec<FrameValue>,
+}
+
+impl Said {
+    fn text(text: impl Into<String>) -> Self {
+        Self { text: text.into(), ..Self::default() }
+    }
+}
+
+/// A request that was sent, as long as its reply may be understood by it.
+#[derive(Debug)]
+struct Asked {
+    station: u8,
+    pdu: Vec<u8>,
+    why: Option<Why>,
+}
+
+/// Understands the frames of one line, one after the other.
+#[derive(Debug)]
+pub struct Decoder {
+    facts: LineFacts,
+    asked: Option<Asked>,
+    last_end: Option<MonoTime>,
+}
+
+impl Decoder {
+    /// One that has seen nothing yet.
+    #[must_use]
+    pub const fn new(facts: LineFacts) -> Self {
+        Self { facts, asked: None, last_end: None }
+    }
+
+    /// Some frames were not seen: the next one is as the first.
+    pub fn skip(&mut self) {
+        (self.asked, self.last_end) = (None, None);
+    }
+
+    /// The next frame in words.
+    pub fn decode(&mut self, record: &TrafficRecord) -> Frame {
+        let gap = self.last_end.map(|end| record.begin.since(end));
+        self.last_end = Some(self.last_end.map_or(record.end, |end| end.max(record.end)));
+        let whole = match record.kind {
+            TrafficKind::Noise => None,
+            _ => framing::decode(self.facts.framing, &record.bytes),
+        };
+        let (station, drive) = match &whole {
+            Some((station, _)) => (Some(Station(*station)), self.drive_at(*station)),
+            None => (None, None),
+        };
+        let said = match &whole {
+            Some((station, pdu)) => self.frame(record, *station, pdu),
+            None => Said::text(reply::damaged(self.facts.framing, &record.bytes, self.asked.as_ref())),
+        };
+        let frame = Frame {
+            kind: record.kind,
+            why: record.why,
+            gap,
+            on_wire: record.end.since(record.begin),
+            station,
+            drive: drive.map(|drive| drive.name.clone()),
+            function: whole.as_ref().and_then(|(_, pdu)| pdu.first()).copied(),
+            exception: said.exception,
+            text: said.text,
+            values: said.values,
+        };
+        match (record.kind, whole) {
+            (TrafficKind::Request, Some((station, pdu))) => {
+                self.asked = Some(Asked { station, pdu: pdu.into_owned(), why: record.why });
+            }
+            (TrafficKind::Reply, _) => self.asked = None,
+            _ => {}
+        }
+        frame
+    }
+
+    fn frame(&self, record: &TrafficRecord, station: u8, pdu: &[u8]) -> Said {
+        let drive = self.drive_at(station);
+        match record.kind {
+            TrafficKind::Request => {
+                let is_for_all = drive.is_none() && self.is_for_all(station);
+                let drive = if is_for_all { self.any_drive() } else { drive };
+                let said = request::said(drive, pdu);
+                Said { text: format!("{}{}", prefix(is_for_all, record.why), said.text), ..said }
+            }
+            TrafficKind::OtherMaster(_) => {
+                let said = request::said(drive, pdu);
+                Said { text: format!("somebody else asks: {}", said.text), ..said }
+            }
+            TrafficKind::Echo => Said::text("our own frame came back"),
+            TrafficKind::Reply => reply::said(drive, pdu, self.asked.as_ref().filter(|asked| asked.station == station)),
+            TrafficKind::Stray(_) | TrafficKind::Foreign(_) | TrafficKind::Noise => reply::said(drive, pdu, None),
+        }
+    }
+
+    fn drive_at(&self, station: u8) -> Option<&KnownDrive> {
+        self.facts.drives.iter().find(|drive| drive.station.0 == station)
+    }
+
+    /// Whether no drive has this station and it addresses all.
+    fn is_for_all(&self, station: u8) -> bool {
+        let names_all = |drive: &KnownDrive| {
+            drive.model.link.broadcast.as_ref().is_some_and(|broadcast| broadcast.station.value == station)
+        };
+        station == 0 || self.facts.drives.iter().any(names_all)
+    }
+
+    /// A drive that stands for all, where all are the same.
+    fn any_drive(&self) -> Option<&KnownDrive> {
+        let (first, others) = self.facts.drives.split_first()?;
+        others.iter().all(|other| other.model.id == first.model.id).then_some(first)
+    }
+}
+
+const fn prefix(is_for_all: bool, why: Option<Why>) -> &'static str {
+    match why {
+        _ if is_for_all => "to all: ",
+        Some(Why::Barrier) => "barrier: ",
+        Some(Why::Trial) => "trial of a barrier: ",
+        Some(Why::Probe) => "looking for an echo: ",
+        _ => "",
+    }
+}

@@ -1,0 +1,110 @@
+//! Registers and their words as people read them.
+
+use super::{FrameValue, KnownDrive};
+use crate::domain::control::ControlAction;
+use crate::domain::units::UnitOfMeasure;
+use crate::drive::rated::Rated;
+use crate::profile::model::{Model, Register, Role, RunCommand, RunForm};
+use crate::profile::scale::{Scaled, digits_of};
+use crate::profile::words::{BIT_MEANINGS, FLAGS};
+
+/// Most values that stand in one line of text.
+const VALUES_IN_TEXT: usize = 8;
+
+/// `words` from `address` on, as `drive` counts.
+pub(super) fn values(drive: Option<&KnownDrive>, address: u16, words: &[u16]) -> Vec<FrameValue> {
+    let mut address = address;
+    let mut values = Vec::with_capacity(words.len());
+    for word in words {
+        values.push(value(drive, address, *word));
+        address = drive.map_or(address.wrapping_add(1), |drive| drive.model.next_address(address));
+    }
+    values
+}
+
+/// The values in one line, the first ones of many.
+pub(super) fn in_text(values: &[FrameValue], between: &str, with_address: bool) -> String {
+    let one = |value: &FrameValue| match &value.name {
+        Some(name) if !with_address => format!("{}{between}{}", spoken(name), value.text),
+        _ => format!("{}{between}{}", place_text(value.address, value.name.as_deref()), value.text),
+    };
+    let mut text = values.iter().take(VALUES_IN_TEXT).map(one).collect::<Vec<_>>().join(", ");
+    if let Some(more) = values.len().checked_sub(VALUES_IN_TEXT).filter(|more| *more > 0) {
+        text += &format!(", and {more} more");
+    }
+    text
+}
+
+/// The register at `address` by number and name.
+pub(super) fn place(drive: Option<&KnownDrive>, address: u16) -> String {
+    place_text(address, drive.and_then(|drive| name(&drive.model, address)).as_deref())
+}
+
+fn place_text(address: u16, name: Option<&str>) -> String {
+    name.map_or_else(|| format!("0x{address:04X}"), |name| format!("0x{address:04X} {}", spoken(name)))
+}
+
+fn spoken(name: &str) -> String {
+    name.replace('_', " ")
+}
+
+fn name(model: &Model, address: u16) -> Option<String> {
+    let stored = || model.stored_twin(address).map(|register| format!("{}_stored", register.name));
+    model.register_at(address).map(|register| register.name.clone()).or_else(stored)
+}
+
+fn value(drive: Option<&KnownDrive>, address: u16, word: u16) -> FrameValue {
+    let name = drive.and_then(|drive| name(&drive.model, address));
+    let known = drive.and_then(|drive| {
+        let model = &drive.model;
+        Some(text(drive, model.register_at(address).or_else(|| model.stored_twin(address))?, word))
+    });
+    FrameValue { address, name, text: known.unwrap_or_else(|| format!("0x{word:04X}")) }
+}
+
+fn text(drive: &KnownDrive, register: &Register, word: u16) -> String {
+    let model = &drive.model;
+    let scaled = Scaled::from_word(word, register);
+    if let Some(run) = model.run.as_ref().filter(|_| register.role == Some(Role::RunCommand)) {
+        return with_meaning(format!("0x{word:04X}"), run_text(run, word));
+    }
+    if let Some(meaning) = register.meaning(word) {
+        return with_meaning(scaled.to_string(), meaning.to_owned());
+    }
+    if matches!(register.role, Some(Role::TripCode | Role::TripCause | Role::TripHistory)) {
+        let known = model.trip_text(word).map(|trip| trip.text.clone());
+        return with_meaning(scaled.to_string(), known.unwrap_or_default());
+    }
+    if register.unit == UnitOfMeasure::None && model.status.iter().any(|flag| flag.address == register.address) {
+        return with_meaning(format!("0x{word:04X}"), flags(model, register.address, word));
+    }
+    let text =
+        if register.unit == UnitOfMeasure::None { scaled.to_string() } else { format!("{scaled} {}", register.unit) };
+    let rated = Rated::of(register, &drive.ratings);
+    let rated = rated.map(|rated| format!("{} {}", rated.to_digits(word, digits_of(register.scale)), rated.unit));
+    with_meaning(text, rated.unwrap_or_default())
+}
+
+fn with_meaning(value: String, meaning: String) -> String {
+    if meaning.is_empty() { value } else { format!("{value} ({meaning})") }
+}
+
+/// What a word in the register of run commands orders; empty if the model does not say.
+fn run_text(run: &RunCommand, word: u16) -> String {
+    let actions = ControlAction::ALL.iter().filter_map(|action| Some((action.word(), run.action(*action)?)));
+    let all = [("stop", &run.stop), ("forward", &run.forward)].into_iter().chain(actions);
+    if let Some((name, _)) = all.into_iter().find(|(_, fact)| fact.value == word) {
+        return name.to_owned();
+    }
+    let RunForm::Bits { bits, .. } = &run.form else { return String::new() };
+    let set = bits.iter().filter(|it| word.checked_shr(it.bit.value.into()).unwrap_or(0) & 1 == 1);
+    let names = set.filter_map(|it| BIT_MEANINGS.iter().find(|(_, meaning)| *meaning == it.meaning));
+    names.map(|(name, _)| *name).collect::<Vec<_>>().join(", ")
+}
+
+/// The flags that hold with `word` in the status register at `address`.
+fn flags(model: &Model, address: u16, word: u16) -> String {
+    let holds = model.status.iter().filter(|flag| flag.address == address && flag.holds(word));
+    let names = holds.filter_map(|flag| FLAGS.iter().find(|(_, known)| *known == flag.flag));
+    names.map(|(name, _)| *name).collect::<Vec<_>>().join(", ")
+}

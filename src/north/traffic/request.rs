@@ -1,0 +1,69 @@
+//! What a request asks.
+
+use super::register::{in_text, place, values};
+use super::{KnownDrive, Said};
+use crate::profile::model::Barrier;
+use crate::wire::pdu::{Request, function};
+
+/// What `pdu` asks of `drive`.
+pub(super) fn said(drive: Option<&KnownDrive>, pdu: &[u8]) -> Said {
+    match Request::decode(pdu) {
+        Some(Request::ReadHolding { address, count }) => Said::text(read("read", drive, address, count)),
+        Some(Request::WriteSingle { address, value }) => write(drive, address, &[value]),
+        Some(Request::WriteMultiple { address, values }) => write(drive, address, &values),
+        Some(Request::Loopback { data }) => {
+            let is_refused = drive.is_some_and(|drive| refuses(drive, function::DIAGNOSTICS));
+            let refused = if is_refused { ", which this model refuses" } else { "" };
+            Said::text(format!("loop test with 0x{data:04X}{refused}"))
+        }
+        Some(Request::Unserved { .. }) | None => other(drive, pdu),
+    }
+}
+
+fn read(verb: &str, drive: Option<&KnownDrive>, address: u16, count: u16) -> String {
+    let words = if count == 1 { "word" } else { "words" };
+    format!("{verb} {}, {count} {words}", place(drive, address))
+}
+
+fn write(drive: Option<&KnownDrive>, address: u16, words: &[u16]) -> Said {
+    let values = values(drive, address, words);
+    Said { text: format!("write {}", in_text(&values, " = ", true)), exception: None, values }
+}
+
+fn other(drive: Option<&KnownDrive>, pdu: &[u8]) -> Said {
+    let Some((&code, data)) = pdu.split_first() else { return Said::text("no function") };
+    if let (function::READ_INPUT, [first, second, third, fourth]) = (code, data) {
+        let address = u16::from_be_bytes([*first, *second]);
+        let count = u16::from_be_bytes([*third, *fourth]);
+        return Said::text(read("read input", drive, address, count));
+    }
+    let refused = if drive.is_some_and(|drive| refuses(drive, code)) { ", which this model refuses" } else { "" };
+    Said::text(format!("{}{refused}", function_text(code)))
+}
+
+fn refuses(drive: &KnownDrive, code: u8) -> bool {
+    drive.model.barriers.iter().any(|barrier| matches!(barrier, Barrier::Refused(refused) if refused.value == code))
+}
+
+/// `code` with its name in the standard (Modbus application protocol V1.1b3, section 6).
+pub(super) fn function_text(code: u8) -> String {
+    let name = match code {
+        0x01 => "read coils",
+        0x02 => "read discrete inputs",
+        0x03 => "read holding registers",
+        0x04 => "read input registers",
+        0x05 => "write single coil",
+        0x06 => "write single register",
+        0x07 => "read exception status",
+        0x08 => "diagnostics",
+        0x0B => "communication event counter",
+        0x0F => "write coils",
+        0x10 => "write registers",
+        0x11 => "report server id",
+        0x16 => "mask write register",
+        0x17 => "read and write registers",
+        0x2B => "device identification",
+        _ => return format!("function 0x{code:02X}"),
+    };
+    format!("function 0x{code:02X}, {name}")
+}
