@@ -208,7 +208,7 @@ fn tshark_decodes_every_frame_with_its_function_and_register() {
 
 #[test]
 fn noise_is_there_as_noise_and_nothing_is_hidden() {
-    let hall = Hall::new("hyundai-n700", &["--faults", "noise=300,flip=300"], "5s", "");
+    let hall = Hall::new("hyundai-n700", &["--faults", "noise=300,flip=30"], "5s", "");
     let capture = hall.capturing(&[]);
     let mut client = Raw::connect(hall.modbus);
     for _ in 0..60 {
@@ -250,7 +250,7 @@ fn frames_of_an_ascii_line_are_text_with_our_words() {
 #[test]
 fn a_pipe_into_another_program_is_fed_as_it_goes() {
     let hall = Hall::new("hyundai-n700", &[], "200ms", "");
-    let capture = program()
+    let mut capture = program()
         .args(["capture", "-c", &hall.config(), "--out", "-"])
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
@@ -260,14 +260,14 @@ fn a_pipe_into_another_program_is_fed_as_it_goes() {
     // It ends by itself after six packets, and the capture with it.
     let tshark = Command::new("tshark")
         .args(["-l", "-i", "-", "-c", "6", "-T", "fields", "-e", "frame.protocols"])
-        .stdin(capture.stdout.unwrap())
+        .stdin(capture.stdout.take().unwrap())
         .output()
         .unwrap_or_else(|error| panic!("cannot start tshark: {error}; run tests/run"));
     let text = String::from_utf8_lossy(&tshark.stdout).into_owned();
     assert_eq!(text, "exported_pdu:mbrtu:modbus\n".repeat(6), "{}", String::from_utf8_lossy(&tshark.stderr));
     let mut said = String::new();
-    capture.stderr.unwrap().read_to_string(&mut said).unwrap();
-    assert!(said_frames(&said) >= 6, "{said}");
+    capture.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    assert!(capture.wait().unwrap().success() && said_frames(&said) >= 6, "{said}");
 }
 
 #[test]
