@@ -2,4 +2,5 @@
 
 pub mod modbus;
 pub mod mqtt;
+pub mod report;
 pub mod setup_body;
