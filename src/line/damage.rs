@@ -236,7 +236,7 @@ mod tests {
 
     #[test]
     fn damage_of_long_replies_is_counted_beside_all() {
-        for (bytes, long) in [(15, 0), (16, 1)] {
+        for (bytes, long) in [(14, 0), (15, 1)] {
             let counts = after(Framing::Rtu, bytes, &[0], Fault::Silent);
             assert_eq!((counts.damaged, counts.long, counts.long_damaged), (1, long, long), "{bytes}");
         }
