@@ -98,8 +98,8 @@ impl Scrape {
         each(encoder, table::REPLIES, replies)?;
         let known = replies().filter(|(_, reply)| reply.count > 0);
         let times = known.flat_map(|(labels, reply)| {
-            table::QUANTILES.into_iter().map(move |(quantile, time)| {
-                ([labels.as_slice(), &[("quantile", quantile)]].concat(), time(reply).as_secs_f64())
+            table::QUANTILES.into_iter().map(move |(share, time)| {
+                ([labels.as_slice(), &[("share", share)]].concat(), time(reply).as_secs_f64())
             })
         });
         gauges(encoder, &table::REPLY_TIME, times)?;

@@ -317,12 +317,12 @@ fn metrics_show_what_was_planned_beside_what_was_measured() {
         "vfd_gateway_drive_outcomes_total{line=\"hall-1\",drive=\"pump-1\",source=\"mqtt\",outcome=\"confirmed\"} 1",
         "vfd_gateway_drive_outcomes_total{line=\"hall-1\",drive=\"pump-1\",source=\"mqtt\",outcome=\"refused\"} 0",
         "vfd_gateway_drive_reply_timeout_seconds{line=\"hall-1\",drive=\"pump-1\",class=\"write\"} 0.5",
-        "vfd_gateway_drive_reply_time_seconds{line=\"hall-1\",drive=\"pump-1\",class=\"read\",quantile=\"0.999\"} 0.007",
+        "vfd_gateway_drive_reply_time_seconds{line=\"hall-1\",drive=\"pump-1\",class=\"read\",share=\"0.999\"} 0.007",
     ] {
         assert!(text.lines().any(|it| it == line), "no {line} in\n{text}");
     }
     assert!(!text.contains("gap_shortest_seconds{"), "there was no frame yet");
-    assert!(!text.contains("class=\"write\",quantile"), "there was no write yet");
+    assert!(!text.contains("class=\"write\",share"), "there was no write yet");
     assert!(!text.contains("source=\"local\""), "nobody commanded from there");
 }
 
@@ -378,7 +378,7 @@ fn metrics() -> Vec<(&'static table::Name, &'static str)> {
     all.extend(names(table::DRIVE).map(of("`line`, `drive`")));
     all.extend(names(table::STATION).map(of("`line`, `drive`")));
     all.extend(names(table::REPLIES).map(of("`line`, `drive`, `class`")));
-    all.push((&table::REPLY_TIME, "`line`, `drive`, `class`, `quantile`"));
+    all.push((&table::REPLY_TIME, "`line`, `drive`, `class`, `share`"));
     all.push((&table::REPLY, "`line`, `drive`, `class`"));
     all.push((&table::COMMANDS, "`line`, `drive`, `source`, `outcome`"));
     all.push((&table::VALUE_AGE, "`line`, `drive`"));

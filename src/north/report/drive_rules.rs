@@ -20,7 +20,8 @@ pub(super) fn offline(seen: &Observed, drive: &DriveObserved) -> Said {
         Some(Suspicion::OneSilent(silent)) => silent == station,
         suspicion => suspicion.is_some(),
     };
-    let is_offline = seen.is_up() && drive.now.presence == Presence::Offline && !is_told;
+    let is_silent = drive.now.presence == Presence::Offline && silent(seen, drive).is_none();
+    let is_offline = seen.is_up() && is_silent && !is_told;
     let text = || {
         format!(
             "it does not answer at station {}: check its power, its wiring, its station number, speed and parity",
@@ -68,7 +69,7 @@ pub(super) fn cut(seen: &Observed, drive: &DriveObserved) -> Said {
     let DamageCounts { cut, damaged, .. } = drive.damage;
     said(seen, drive, Pattern::Cut, || {
         format!(
-            "of {cut} of {damaged} damaged replies the end is missing: an adapter or serial device server that hands \
+            "the end of {cut} of {damaged} damaged replies is missing: an adapter or serial device server that hands \
              replies on in pieces (lower its latency timer), or a loose contact"
         )
     })
@@ -152,7 +153,7 @@ pub(super) fn silent(seen: &Observed, drive: &DriveObserved) -> Said {
     let (silent, all) = (drive.silent(), drive.exchanges.total());
     let severity = graded(silent, all)?;
     let is_told = drive.damage.late * 2 >= silent || seen.line.suspicion.is_some();
-    let is_there = seen.is_up() && drive.now.presence == Presence::Online;
+    let is_there = seen.is_up() && drive.exchanges.replies > 0;
     let text = || {
         format!(
             "{silent} of {all} requests had no answer at all, and others had: a loose contact, a request that is damaged on \

@@ -110,9 +110,21 @@ fn drive_cases() -> Vec<Case> {
         |good, silent, late| of_a(|a| (a.exchanges.replies, a.exchanges.silent, a.damage.late) = (good, silent, late));
     vec![
         ("offline", Problem, "a: it does not answer at station 1", of_a(|a| a.now.presence = Presence::Offline)),
+        (
+            "offline",
+            Problem,
+            "wiring",
+            of_a(|a| (a.now.presence, a.exchanges.replies, a.exchanges.silent) = (Presence::Offline, 0, 8)),
+        ),
         ("two_answer", Problem, "two drives probably have station 1", of_a(|a| a.damage.doubled = 3)),
         ("silent", Problem, "40 of 1000", answered(960, 40, 0)),
         ("silent", Hint, "5 of 1000", answered(995, 5, 0)),
+        (
+            "silent",
+            Problem,
+            "others had",
+            of_a(|a| (a.now.presence, a.exchanges.replies, a.exchanges.silent) = (Presence::Offline, 100, 8)),
+        ),
         ("late", Problem, "after up to 500 ms", answered(960, 40, 40)),
         (
             "timeout_short",
@@ -137,7 +149,7 @@ fn damage_cases() -> Vec<Case> {
     };
     vec![
         ("first_characters", Problem, "30 of 50", damaged(50, |a| a.damage.head = 30)),
-        ("cut", Problem, "of 40 of 50", damaged(50, |a| a.damage.cut = 40)),
+        ("cut", Problem, "the end of 40 of 50", damaged(50, |a| a.damage.cut = 40)),
         ("long_frames", Problem, "45 of 50", damaged(50, |a| (a.damage.long, a.damage.long_damaged) = (500, 45))),
         ("one_station", Problem, "those of others are not", damaged(50, |_| {})),
         ("damaged", Problem, "50 of 1000", both(50)),

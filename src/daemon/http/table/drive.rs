@@ -53,7 +53,7 @@ pub(in super::super) const REPLIES: &[Metric<ReplyReport>] = &[
     }),
 ];
 
-/// From the end of a request to the start of its reply; labels as those, and `quantile`, 1 for the longest.
+/// From the end of a request to the start of its reply; labels as those, and `share`: so many of all took no longer, 1 for the longest.
 pub(in super::super) const REPLY_TIME: Name =
     plain("drive_reply_time", Some("seconds"), "From the end of a request to the start of its reply.");
 
