@@ -70,14 +70,40 @@ fn a_tripped_drive_becomes_an_alert() {
     });
     assert_eq!((&alert["labels"]["drive"], &alert["labels"]["line"]), (&"pump-1".into(), &"hall-1".into()));
     assert_eq!(alert["annotations"]["summary"], "Drive pump-1 on line hall-1 has tripped.");
-    let number = |query: &str| -> Option<f64> {
-        let answer = ask(&format!("/api/v1/query?query={query}"))?;
-        answer["data"]["result"][0]["value"][1].as_str()?.parse().ok()
-    };
+    let asked = |query: &str| ask(&format!("/api/v1/query?query={}", encoded(query)));
+    let number = |query: &str| -> Option<f64> { asked(query)?["data"]["result"][0]["value"][1].as_str()?.parse().ok() };
     assert_eq!(number("up"), Some(1.0), "{}", prometheus.text());
-    let reads = "histogram_quantile(0.5,vfd_gateway_drive_reply_seconds_bucket%7Bclass=%22read%22%7D)";
-    let median = number(reads);
+    let median = number("histogram_quantile(0.5, vfd_gateway_drive_reply_seconds_bucket{class=\"read\"})");
     assert!(median.is_some_and(|seconds| (0.001..1.0).contains(&seconds)), "{median:?}");
+    for query in dashboard_queries() {
+        // Nobody has commanded, and this model has no watchdog that can be read.
+        let may_be_empty = ["drive_outcomes", "drive_watchdog"].iter().any(|name| query.contains(name));
+        until(&format!("the dashboard shows {query}"), PATIENCE, || {
+            let answer = asked(&query)?;
+            assert_eq!(answer["status"], "success", "{query}: {answer}");
+            let is_empty = answer["data"]["result"].as_array()?.is_empty();
+            (may_be_empty || !is_empty).then_some(())
+        });
+    }
+}
+
+/// What the panels of the dashboard ask for, with everything chosen.
+fn dashboard_queries() -> Vec<String> {
+    let file = delivered().with_file_name("grafana").join("dashboard.json");
+    let dashboard: Value = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
+    let targets = dashboard["panels"].as_array().unwrap().iter().filter_map(|panel| panel["targets"].as_array());
+    let queries = targets.flatten().map(|target| {
+        let query = target["expr"].as_str().unwrap().replace("$__rate_interval", "10s");
+        ["$instance", "$line", "$drive"].iter().fold(query, |query, name| query.replace(name, ".*"))
+    });
+    let queries: Vec<_> = queries.collect();
+    assert!(queries.len() > 50 && queries.iter().all(|query| !query.contains('$')), "{queries:?}");
+    queries
+}
+
+/// `text` as it stands in a query of an address.
+fn encoded(text: &str) -> String {
+    text.bytes().map(|byte| format!("%{byte:02X}")).collect()
 }
 
 /// Prometheus with the delivered rules, looking at the gateway each second. Where it is asked.
