@@ -37,6 +37,8 @@
 //! | `uniform` | the uniform unit and the exceptions as Modbus clients see them |
 //! | `clients` | Modbus clients that nobody here wrote: all their functions, limits, many requests at once |
 //! | `overseeing` | metrics, alive, ready, the health check |
+//! | `scraping` | Prometheus as it stands reads the metrics, and the delivered alerts fire |
+//! | `doctoring` | `doctor` names what is wrong with a line |
 //! | `vendors` | drives of other vendors, in ASCII too, played by a program that nobody here wrote, obey and are understood |
 //! | `node_red` | the flow of `deploy/node-red`, in Node-RED as it stands, shows a drive and moves it |
 //! | `trying` | the demo does what it prints |
@@ -73,6 +75,8 @@ mod commanding;
 mod crashing;
 #[path = "process/crowding.rs"]
 mod crowding;
+#[path = "process/doctoring.rs"]
+mod doctoring;
 #[path = "process/documents.rs"]
 mod documents;
 #[path = "process/enabling.rs"]
@@ -115,6 +119,8 @@ mod replays;
 mod restarting;
 #[path = "process/rivals.rs"]
 mod rivals;
+#[path = "process/scraping.rs"]
+mod scraping;
 #[path = "process/secured.rs"]
 mod secured;
 #[path = "process/stopping.rs"]

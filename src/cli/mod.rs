@@ -5,6 +5,7 @@ mod capture;
 mod check;
 mod client;
 mod demo;
+mod doctor;
 mod enable;
 mod health;
 mod input;
@@ -61,6 +62,8 @@ enum Command {
     Simulate(simulate::Args),
     /// Ask the running gateway whether it is ready, for container health checks too
     Health(health::Args),
+    /// Watch the lines of the running gateway for a while: what is wrong with each, and what to do about it
+    Doctor(doctor::Args),
     /// Have the running gateway take its configuration file anew: whole, or not at all
     Reload(reload::Args),
     /// Show what the gateway has kept: trips, commands and refusals, comings and goings. It may run meanwhile
@@ -126,6 +129,7 @@ pub fn main() -> ExitCode {
         Command::Models(args) => models::models(&args),
         Command::Simulate(args) => simulate::simulate(&args),
         Command::Health(args) => health::health(&args),
+        Command::Doctor(args) => doctor::doctor(&args),
         Command::Reload(args) => reload::reload(&args),
         Command::Journal(args) => journal::journal(&args),
         Command::Verify(args) => verify::verify(&args),

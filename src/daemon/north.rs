@@ -3,7 +3,7 @@
 use super::answers::NorthSides;
 use super::clock;
 use super::descriptors;
-use super::http::{self, State, socket::OwnSocket};
+use super::http::{self, State, report, report::History, socket::OwnSocket};
 use super::local::LocalSide;
 use super::modbus_server::{Listener, Security, Server};
 use super::mqtt::speaker::Speaker;
@@ -166,9 +166,11 @@ impl North {
             modbus: Arc::clone(&modbus_totals),
             mqtt: None.into(),
             journal: sides.journal.clone(),
+            history: History::default(),
             started: clock::now(),
             started_at: clock::wall(),
         });
+        tokio::task::spawn_local(report::remember(Arc::clone(&state)));
         if let Some((socket, reloads)) = socket {
             let side = Arc::new(LocalSide::new(current.clone(), reloads));
             tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&sides.local)));

@@ -275,6 +275,17 @@ pub enum Outcome {
 }
 
 impl Outcome {
+    /// All of them, in the order of their numbers.
+    pub const ALL: [Self; 7] = [
+        Self::Refused,
+        Self::Expired,
+        Self::Superseded,
+        Self::Failed,
+        Self::Unknown,
+        Self::Acknowledged,
+        Self::Confirmed,
+    ];
+
     /// The word as it stands in results.
     #[must_use]
     pub const fn word(self) -> &'static str {

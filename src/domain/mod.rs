@@ -3,6 +3,7 @@
 pub mod calendar;
 pub mod command;
 pub mod control;
+pub mod counts;
 pub mod frequency;
 pub mod ids;
 pub mod link;

@@ -1,5 +1,6 @@
 //! States and counters that log, page, metrics and topics share. Plain numbers, no clock.
 
+use super::counts::{CommandCounts, DamageCounts, ExchangeCounts, ReplyCounts};
 use super::suspicion::Suspicion;
 use std::time::Duration;
 
@@ -55,6 +56,19 @@ pub struct LineReport {
     pub quality: LineQuality,
     /// What is probably wrong with it.
     pub suspicion: Option<Suspicion>,
+    /// What waits to go over it.
+    pub waiting: LineWaiting,
+}
+
+/// What waits to go over a line, in numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LineWaiting {
+    /// Native requests without an answer, those on the wire included.
+    pub requests: usize,
+    /// Commands that have not ended.
+    pub commands: usize,
+    /// Drives whose stop is not effective yet.
+    pub stops: usize,
 }
 
 /// How good a line is.
@@ -77,6 +91,7 @@ impl Default for LineReport {
             measured: LineMeasured::default(),
             quality: LineQuality::default(),
             suspicion: None,
+            waiting: LineWaiting::default(),
         }
     }
 }
@@ -112,10 +127,18 @@ pub struct StationReport {
     pub oldest_age: Duration,
     /// The oldest that one becomes by plan; nothing if it has none.
     pub planned_age: Option<Duration>,
-    /// Exchanges with it that were repeated at once after damage.
-    pub retries: u64,
-    /// Time-outs without any frame from it.
-    pub silent: u64,
+    /// How the exchanges with it ended.
+    pub exchanges: ExchangeCounts,
+    /// What was wrong with what came from it.
+    pub damage: DamageCounts,
+    /// All its reply times, in the order of `replies`.
+    pub reply_counts: [ReplyCounts; 3],
+    /// What became of attempts to command it or to write to it.
+    pub commands: CommandCounts,
+    /// Bad ones of the last 100 exchanges with it, in per cent; nothing while too few have been seen.
+    pub bad_per_cent: Option<u8>,
+    /// Run orders and higher setpoints are refused for it, because of it or of its line.
+    pub is_suspended: bool,
 }
 
 /// Names of the classes of requests, in the order of [`StationReport::replies`].
@@ -138,6 +161,9 @@ pub struct ReplyReport {
     pub max: Duration,
     /// How long a reply is waited for now.
     pub timeout: Duration,
+    /// How long it would be waited for if that followed from these times, whatever is configured; nothing while there are
+    /// too few of them.
+    pub suggested: Option<Duration>,
 }
 
 /// Counts of one line since start. They only rise.
@@ -163,6 +189,8 @@ pub struct LineCounters {
     pub echoes: u64,
     /// Bytes that made no frame.
     pub noise_bytes: u64,
+    /// Times that such bytes came while no reply was waited for.
+    pub noise_between: u64,
     /// Exchanges repeated at once after damage.
     pub retries: u64,
     /// Exchanges sent only to prove that no late reply can follow.

@@ -10,13 +10,12 @@ use super::setup::LineSetup;
 use super::work::{DriveWork, Rank};
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::native::NativeAnswer;
-use crate::domain::report::{LineCounters, LineFault, LineReport, LineState, StopBounds};
+use crate::domain::report::{LineCounters, LineFault, LineReport, LineState, LineWaiting, StopBounds};
 use crate::domain::time::MonoTime;
 use crate::drive::plan::{Pace, PlaceOnLine, PollPlan};
 use crate::drive::snapshot::{DriveSnapshot, Presence};
 use crate::drive::view::DriveView;
 use crate::line::barriers::{Barriers, Nonces};
-use crate::line::diagnosis::Diagnosis;
 use crate::line::echo::EchoWatch;
 use crate::line::schedule::{ReadJob, Schedule};
 use crate::line::station::StationState;
@@ -111,7 +110,7 @@ impl LineCore {
         let plans = (0..)
             .zip(&setup.drives)
             .map(|(index, drive)| PollPlan::new(&drive.model, pace(drive.poll), now, PlaceOnLine { index, drives }));
-        let mut effects = Outbox::new(setup.keeps);
+        let mut effects = Outbox::new(setup.keeps, count);
         effects.set_time(now);
         let works = (0..).zip(&setup.drives).map(|(index, drive)| {
             let range = setup.watchdog_range(usize::from(index));
@@ -138,7 +137,7 @@ impl LineCore {
             barriers: setup.drives.iter().map(|drive| Barriers::new(&drive.model)).collect(),
             nonces: Nonces::new(setup.first_epoch),
             echo: EchoWatch::default(),
-            health: Health::new(Diagnosis::new(setup.drives.iter().map(|drive| drive.station)), count),
+            health: Health::new(setup.timing.framing, setup.drives.iter().map(|drive| drive.station)),
             plans: plans.collect(),
             snapshots: vec![DriveSnapshot::default(); count],
             schedule: Schedule::default(),
@@ -227,13 +226,20 @@ impl LineCore {
         LineReport {
             state: self.state,
             fault: self.fault,
-            counters: self.counters,
+            counters: LineCounters { noise_between: self.health.damage.between(), ..self.counters },
             stop: self.stop,
             planned_use_per_mille: self.planned_use_per_mille,
             measured: self.measured.line,
             quality: self.health.report(),
             suspicion: self.health.suspicion(),
+            waiting: self.waiting(),
         }
+    }
+
+    fn waiting(&self) -> LineWaiting {
+        let stops = self.works.iter().filter(|work| work.has_stop()).count();
+        let commands = self.works.iter().map(DriveWork::commands_open).sum();
+        LineWaiting { requests: self.natives.len(), commands, stops }
     }
 
     /// The pictures that have changed since this was asked last.

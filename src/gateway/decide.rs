@@ -56,12 +56,14 @@ impl LineCore {
             self.nonces.advance();
         }
         let differs = !request.is_repeated_by_its_reply();
+        let function = request.function();
         let exchange = Exchange { station: setup.station, request, timeout, in_doubt, line_is_clean };
         let mut frame = Vec::with_capacity(16);
         self.measured.sent(now.since(self.wire.may_send_from()));
         self.wire.send(now, exchange, &mut frame);
         self.echo.sent(&frame, differs);
         self.health.diagnosis.sent(drive.get());
+        self.health.damage.sent(drive.get(), function);
         let request_end = now + self.setup.timing.on_wire(frame.len());
         let overdue_at = patience.map(|patience| request_end + patience);
         let why = purpose.why();

@@ -32,17 +32,7 @@ impl LineCore {
         }
         let Flight { drive, purpose, doubt, was_silent, sent_at, request_end, .. } = flight;
         self.counters.busy_us += u64::try_from(now.since(sent_at).as_micros()).unwrap_or(0);
-        match &ending {
-            Ending::Reply(_) => self.counters.replies += 1,
-            // A refusal that was asked for is the right reply.
-            Ending::Exception(_) if matches!(exchange.request, Request::Unserved { .. }) => self.counters.replies += 1,
-            Ending::Exception(_) => self.counters.exceptions += 1,
-            Ending::Garbled => self.counters.garbled += 1,
-            Ending::Silent => {
-                self.counters.silent += 1;
-                self.measured.of(drive).silent += 1;
-            }
-        }
+        self.count_end(drive, &exchange.request, &ending);
         let fault = match fault_of(&ending) {
             Some(Fault::Silent) if now <= self.stations[drive.get()].rests_until() => Some(Fault::Deaf),
             Some(Fault::Silent) if is_jammed || matches!(purpose, Purpose::Trial(_)) => Some(Fault::Ignored),
@@ -81,6 +71,22 @@ impl LineCore {
         Some(done)
     }
 
+    fn count_end(&mut self, drive: DriveIndex, request: &Request, ending: &Ending) {
+        let (line, drive) = (&mut self.counters, &mut self.measured.of(drive).exchanges);
+        let (line, drive) = match ending {
+            Ending::Reply(_) => (&mut line.replies, &mut drive.replies),
+            // A refusal that was asked for is the right reply.
+            Ending::Exception(_) if matches!(request, Request::Unserved { .. }) => {
+                (&mut line.replies, &mut drive.replies)
+            }
+            Ending::Exception(_) => (&mut line.exceptions, &mut drive.exceptions),
+            Ending::Garbled => (&mut line.garbled, &mut drive.garbled),
+            Ending::Silent => (&mut line.silent, &mut drive.silent),
+        };
+        *line += 1;
+        *drive += 1;
+    }
+
     /// The plan learns which registers the drive answers for.
     fn tell_plan(&mut self, now: MonoTime, drive: DriveIndex, request: &Request, ending: &Ending) {
         let (address, count) = match request {
@@ -117,6 +123,7 @@ impl LineCore {
             }
             self.echo.heard(heard.kind, &heard.bytes);
             self.health.diagnosis.heard(heard.kind, &heard.bytes);
+            self.health.damage.heard(heard.kind, &heard.bytes);
             self.tell_of(heard);
         }
     }
@@ -187,7 +194,7 @@ impl LineCore {
         match purpose {
             Purpose::Read(job) if repeats && !job.repeated && self.is_waited_for(&job) => {
                 self.counters.retries += 1;
-                self.measured.of(job.key.drive).retries += 1;
+                self.measured.of(job.key.drive).exchanges.retries += 1;
                 self.schedule.repeat_read(job);
             }
             purpose => self.end_all(waiters_of(purpose), &NativeOutcome::NoReply),

@@ -5,11 +5,12 @@ use super::core::LineCore;
 use super::event::{Effect, Wake, WakeReason};
 use super::note::{LineNote, Note};
 use super::work::DriveWork;
-use crate::domain::ids::DriveIndex;
-use crate::domain::link::EchoPolicy;
+use crate::domain::ids::{DriveIndex, Station};
+use crate::domain::link::{EchoPolicy, Framing};
 use crate::domain::report::{self, LineFault, LineState};
 use crate::domain::suspicion::Suspicion;
 use crate::domain::time::MonoTime;
+use crate::line::damage::DamageWatch;
 use crate::line::diagnosis::Diagnosis;
 use crate::line::echo::LocalEcho;
 use crate::line::fault::{Fault, consequence};
@@ -43,6 +44,7 @@ pub(super) struct Health {
     pub trouble: Option<LineFault>,
     pub quality: LineQuality,
     pub diagnosis: Diagnosis,
+    pub damage: DamageWatch,
     /// Nothing was heard for long, and nothing since.
     pub is_mute: bool,
     reopen_at: MonoTime,
@@ -71,11 +73,13 @@ pub(super) struct Done {
 }
 
 impl Health {
-    pub fn new(diagnosis: Diagnosis, drives: usize) -> Self {
+    pub fn new(framing: Framing, stations: impl Iterator<Item = Station> + Clone) -> Self {
+        let drives = stations.clone().count();
         Self {
             trouble: None,
             quality: LineQuality::new(drives),
-            diagnosis,
+            diagnosis: Diagnosis::new(stations.clone()),
+            damage: DamageWatch::new(framing, stations),
             is_mute: false,
             reopen_at: MonoTime::ZERO,
             reopen_wait: REOPEN_FIRST,
@@ -131,6 +135,7 @@ impl LineCore {
                 self.health.quality.take(done.drive.get(), done.fault.is_some() || misses_echo);
             }
             self.health.diagnosis.ended(done.fault, done.reply_bytes);
+            self.health.damage.ended(done.fault, done.reply_bytes);
             self.tell_quality();
         }
         self.check(now);

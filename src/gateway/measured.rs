@@ -1,15 +1,19 @@
 //! What was measured on one line: reply times, gaps, ages, and how long stops had to wait.
 
 use super::core::LineCore;
+use crate::domain::counts::{ExchangeCounts, ReplyCounts};
 use crate::domain::ids::DriveIndex;
 use crate::domain::report::{LineMeasured, ReplyReport, StationReport};
 use crate::domain::time::MonoTime;
 use crate::line::budget::Budget;
 use crate::line::histogram::Histogram;
+use crate::line::quality::Quality;
 use crate::line::reply_times::ReplyTimes;
-use crate::line::timeouts::Class;
+use crate::line::timeouts::{self, Class};
 use std::time::Duration;
 
+/// Replies from which on a time-out is suggested: the longest of fewer may be far from what the drive can need.
+const SUGGESTED_FROM: u16 = 100;
 /// How often a drive's report is made anew.
 pub const STATION_EVERY: Duration = Duration::from_secs(1);
 /// Ages are remembered for this long at least, and for twice as long at most.
@@ -39,8 +43,8 @@ pub(super) struct DriveMeasured {
     ages: [Duration; 2],
     ages_since: MonoTime,
     planned_age: Option<Duration>,
-    pub(super) retries: u64,
-    pub(super) silent: u64,
+    reply_counts: [ReplyCounts; Class::ALL.len()],
+    pub(super) exchanges: ExchangeCounts,
 }
 
 impl Measured {
@@ -82,7 +86,10 @@ impl Measured {
 
     /// A reply of `drive` began `time` after the end of its request.
     pub(super) fn reply_came(&mut self, drive: DriveIndex, class: Class, time: Duration) {
-        self.of(drive).reply_times.add(class, time);
+        let drive = self.of(drive);
+        drive.reply_times.add(class, time);
+        let counts = Class::ALL.iter().position(|it| *it == class).and_then(|at| drive.reply_counts.get_mut(at));
+        counts.into_iter().for_each(|counts| counts.add(time));
     }
 
     pub(super) fn reply_times(&self, drive: DriveIndex) -> &ReplyTimes {
@@ -123,8 +130,10 @@ impl LineCore {
     #[must_use]
     pub fn station(&self, drive: DriveIndex) -> Option<StationReport> {
         let (setup, measured) = (self.setup.drives.get(drive.get())?, self.measured.drives.get(drive.get())?);
+        let place = drive.get();
         let reply = |class| {
             let times = measured.reply_times.times(class);
+            let is_known = times.total() >= SUGGESTED_FROM;
             ReplyReport {
                 count: times.total(),
                 p50: times.all_but(500),
@@ -133,14 +142,19 @@ impl LineCore {
                 p999: times.all_but(1),
                 max: times.longest(),
                 timeout: setup.timeouts.in_force(class, &setup.model.timing, measured.reply_times.wait(class)),
+                suggested: is_known.then(|| timeouts::suggested(class, &setup.model.timing, times.all_but(1))),
             }
         };
         Some(StationReport {
             replies: Class::ALL.map(reply),
             oldest_age: measured.ages[0].max(measured.ages[1]),
             planned_age: measured.planned_age,
-            retries: measured.retries,
-            silent: measured.silent,
+            exchanges: measured.exchanges,
+            damage: self.health.damage.of(place),
+            reply_counts: measured.reply_counts,
+            commands: self.effects.commands(drive),
+            bad_per_cent: self.health.quality.station(place).and_then(Quality::bad_per_cent),
+            is_suspended: self.health.quality.is_suspended(place),
         })
     }
 }

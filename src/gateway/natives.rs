@@ -43,6 +43,12 @@ impl Natives {
         self.waiting.len() >= REQUESTS_MAX
     }
 
+    /// How many wait.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.waiting.len()
+    }
+
     /// Takes a request whose frames bring `parts` words each, and returns its number.
     pub fn open(&mut self, request: &NativeRequest, parts: &[u16]) -> u64 {
         self.last += 1;

@@ -1,7 +1,7 @@
 //! Who waits for what becomes of a command, and in which words it is told.
 
 use super::event::Effect;
-use crate::domain::command::{CommandAnswer, Outcome, Reason, Report};
+use crate::domain::command::{CommandAnswer, Outcome, Owner, Reason, Report};
 use crate::domain::ids::{AskerId, DriveIndex, Ticket};
 use crate::domain::native::{NativeAnswer, NativeOutcome, Refusal};
 use crate::journal::AttemptId;
@@ -17,8 +17,17 @@ pub struct Waiter {
     is_answered: bool,
     /// The number of its command among those of the drive; nothing while it is none.
     number: Option<u16>,
-    /// The attempt whose end is still to be kept.
-    attempt: Option<AttemptId>,
+    /// The attempt whose end is still to be kept and counted.
+    attempt: Option<OpenAttempt>,
+}
+
+/// An attempt that has not ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OpenAttempt {
+    /// Its number.
+    pub id: AttemptId,
+    /// Whose it is.
+    pub owner: Owner,
 }
 
 impl Waiter {
@@ -73,17 +82,17 @@ impl Waiter {
         self.drive
     }
 
-    /// The end of this attempt is to be kept.
-    pub const fn set_attempt(&mut self, attempt: Option<AttemptId>) {
-        self.attempt = attempt;
+    /// The end of this attempt is to be kept and counted.
+    pub const fn set_attempt(&mut self, attempt: OpenAttempt) {
+        self.attempt = Some(attempt);
     }
 
-    /// The attempt whose end is still to be kept: once.
-    pub const fn take_attempt(&mut self) -> Option<AttemptId> {
+    /// The attempt whose end is still to be kept and counted: once.
+    pub const fn take_attempt(&mut self) -> Option<OpenAttempt> {
         self.attempt.take()
     }
 
-    /// Whether nothing will be told any more, to whoever waits or to the journal.
+    /// Whether nothing will be told any more, to whoever waits, to the journal or to the counts.
     #[must_use]
     pub const fn is_done(&self) -> bool {
         self.is_answered && self.attempt.is_none()

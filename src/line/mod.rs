@@ -3,12 +3,13 @@
 //! [`timing`] knows what characters and silences cost, [`timeouts`] how long a reply is waited for, [`reply_times`]
 //! how long one has taken, [`transaction`] runs one exchange, [`station`] keeps late replies apart and dead stations
 //! cheap, [`barriers`] knows what settles them, [`echo`] whether the line echoes, [`quality`] how good it is,
-//! [`diagnosis`] what is probably wrong with it, [`schedule`] says what goes next, [`fault`] what follows from each
+//! [`diagnosis`] what is probably wrong with it, [`damage`] what is wrong with what drives send, [`schedule`] says what goes next, [`fault`] what follows from each
 //! fault, [`budget`] what a poll plan costs before it is started.
 
 mod arrivals;
 pub mod barriers;
 pub mod budget;
+pub mod damage;
 pub mod diagnosis;
 pub mod echo;
 pub mod exchange;

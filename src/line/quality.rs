@@ -73,6 +73,12 @@ impl LineQuality {
         &self.line
     }
 
+    /// All exchanges with the station at `place`; nothing if there is none.
+    #[must_use]
+    pub fn station(&self, place: usize) -> Option<&Quality> {
+        self.stations.get(place)
+    }
+
     /// Whether motion may not be ordered of any drive: the line is bad, and not because of one station alone.
     #[must_use]
     pub fn is_line_suspended(&self) -> bool {

@@ -94,6 +94,13 @@ impl ReplyTimeouts {
     }
 }
 
+/// The wait that would follow for a station of `timing` whose replies all but one in a thousand took no longer than
+/// `usual`: twice that, never less than the drive may need, never more than the model's.
+#[must_use]
+pub fn suggested(class: Class, timing: &model::Timing, usual: Duration) -> Duration {
+    ReplyTimeouts::auto(timing).in_force(class, timing, Some(usual * 2))
+}
+
 /// The shortest wait that may follow from what was learned: the longest that the drive may need for work and delay, and
 /// what an adapter keeps back.
 #[must_use]

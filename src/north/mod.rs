@@ -2,5 +2,6 @@
 
 pub mod modbus;
 pub mod mqtt;
+pub mod report;
 pub mod setup_body;
 pub mod traffic;

@@ -1,6 +1,7 @@
 //! Programs that nobody here wrote. A test without them fails: one that is skipped proves nothing.
 
 use super::started::{PATIENCE, Started, until};
+use std::io::Write;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -70,6 +71,30 @@ pub fn openssl_client(address: SocketAddr, args: &[&str]) -> (bool, String) {
     command.args(["s_client", "-connect", &address.to_string()]).args(args).stdin(Stdio::null());
     let Output { status, stdout, stderr } = run(&mut command);
     (status.success(), [stdout, stderr].map(|it| String::from_utf8_lossy(&it).into_owned()).concat())
+}
+
+/// How many samples of metrics a strict parser finds in `text`; see `metrics.py`.
+pub fn samples(text: &str) -> usize {
+    let mut command = Command::new(python());
+    command.arg(script("metrics.py")).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let output = fed(command, text);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap().trim().parse().unwrap()
+}
+
+/// `promtool` with `args` in `directory`, and `input` on its standard input.
+pub fn promtool(directory: &Path, args: &[&str], input: &str) -> Output {
+    let mut command = Command::new("promtool");
+    command.args(args).current_dir(directory).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    fed(command, input)
+}
+
+/// `command` run to its end with `input`, of which it may read as little as it likes.
+fn fed(mut command: Command, input: &str) -> Output {
+    let name = command.get_program().to_string_lossy().into_owned();
+    let mut child = command.spawn().unwrap_or_else(|error| panic!("cannot start {name}: {error}; run tests/run"));
+    let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
+    child.wait_with_output().unwrap()
 }
 
 /// What a client from npm, `modbus-serial` or `jsmodbus`, gets as answers to `requests`; see `npm/client.js`.

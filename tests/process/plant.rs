@@ -135,13 +135,7 @@ impl Plant {
 
     /// Status and body of `path`; nothing as long as nobody answers.
     pub fn get(&self, path: &str) -> Option<(u16, String)> {
-        let mut stream = TcpStream::connect(self.http).ok()?;
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        write!(stream, "GET {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").ok()?;
-        let mut answer = String::new();
-        stream.read_to_string(&mut answer).ok()?;
-        let (head, body) = answer.split_once("\r\n\r\n")?;
-        Some((head.split(' ').nth(1)?.parse().ok()?, body.to_owned()))
+        get(self.http, path)
     }
 
     /// The drive neither hears nor says anything from now on; its port is still there.
@@ -245,6 +239,17 @@ impl Plant {
         assert_eq!(results.last().unwrap()["outcome"], "confirmed", "{results:?}");
         assert_eq!(self.written()[seen..], [(FREQUENCY, 1234)]);
     }
+}
+
+/// Status and body of `path` at `address`; nothing as long as nobody answers.
+pub fn get(address: SocketAddr, path: &str) -> Option<(u16, String)> {
+    let mut stream = TcpStream::connect(address).ok()?;
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").ok()?;
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).ok()?;
+    let (head, body) = answer.split_once("\r\n\r\n")?;
+    Some((head.split(' ').nth(1)?.parse().ok()?, body.to_owned()))
 }
 
 fn broker(place: &Place, access: &str) -> Mosquitto {

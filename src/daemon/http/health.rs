@@ -31,6 +31,11 @@ pub(super) fn health(state: &State, now: MonoTime) -> Value {
     })
 }
 
+/// The names of all lines.
+pub(super) fn line_names(state: &State) -> Vec<String> {
+    state.shared.load().lines.iter().map(|line| line.name.to_string()).collect()
+}
+
 fn line(line: &SharedLine) -> Value {
     let LineReport { state, fault, suspicion, .. } = line.report();
     let reason = fault.filter(|_| state == LineState::Down).map(|fault| fault.to_string());

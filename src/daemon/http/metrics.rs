@@ -3,16 +3,19 @@
 use super::state::State;
 use super::table::{self, Metric, Name, Sample};
 use crate::daemon::shared::{Shared, SharedDrive};
+use crate::domain::counts::ReplyCounts;
 use crate::domain::report::REPLY_CLASSES;
 use crate::domain::time::MonoTime;
 use crate::drive::view::DriveView;
-use crate::profile::model::{Register, Role};
+use crate::profile::model::{PollClass, Register, Role};
 use crate::profile::scale::Scaled;
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::{DescriptorEncoder, MetricEncoder, NoLabelSet, text};
 use prometheus_client::registry::{Registry, Unit};
+use std::collections::HashSet;
 use std::fmt;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Names and values of the labels of one sample.
 type Labels<'a> = Vec<(&'static str, &'a str)>;
@@ -45,6 +48,9 @@ impl Collector for Scrape {
         each(&mut encoder, table::LINE, || reports.iter().map(|(name, report)| (vec![("line", *name)], report)))?;
         let drives: Vec<_> = shared.drives.iter().map(|drive| (drive.as_ref(), drive.view.load_full())).collect();
         each(&mut encoder, table::DRIVE, || drives.iter().map(|(drive, view)| (labels(drive), view.as_ref())))?;
+        each(&mut encoder, table::THREAD, || {
+            shared.lines.iter().map(|line| (vec![("line", line.name.as_str())], line.as_ref()))
+        })?;
         self.stations(&mut encoder, &shared)?;
         self.registers(&mut encoder, &drives)?;
         each(&mut encoder, table::MODBUS, || [(Vec::new(), state.modbus.as_ref())])?;
@@ -62,6 +68,8 @@ impl Collector for Scrape {
 impl Scrape {
     /// The polled registers of all drives, as far as they are fresh.
     fn registers(&self, encoder: &mut DescriptorEncoder<'_>, drives: &[(&SharedDrive, Arc<DriveView>)]) -> fmt::Result {
+        let ages = drives.iter().filter_map(|(drive, view)| Some((labels(drive), age(drive, view, self.now)?)));
+        gauges(encoder, &table::VALUE_AGE, ages)?;
         let fresh = || drives.iter().flat_map(|(drive, view)| fresh(drive, view, self.now));
         let is_output = |register: &Register| register.role == Some(Role::OutputFrequency);
         let output = fresh().filter(|(_, register, _)| is_output(register));
@@ -90,11 +98,26 @@ impl Scrape {
         each(encoder, table::REPLIES, replies)?;
         let known = replies().filter(|(_, reply)| reply.count > 0);
         let times = known.flat_map(|(labels, reply)| {
-            table::QUANTILES.into_iter().map(move |(quantile, time)| {
-                ([labels.as_slice(), &[("quantile", quantile)]].concat(), time(reply).as_secs_f64())
+            table::QUANTILES.into_iter().map(move |(share, time)| {
+                ([labels.as_slice(), &[("share", share)]].concat(), time(reply).as_secs_f64())
             })
         });
-        gauges(encoder, &table::REPLY_TIME, times)
+        gauges(encoder, &table::REPLY_TIME, times)?;
+        let unit = unit(&table::REPLY);
+        let mut family = begin(encoder, &table::REPLY, unit.as_ref())?;
+        for (drive, station) in &stations {
+            for (class, counts) in REPLY_CLASSES.into_iter().zip(&station.reply_counts) {
+                histogram(&mut family, &[labels(drive), vec![("class", class)]].concat(), counts)?;
+            }
+        }
+        let mut family = begin(encoder, &table::COMMANDS, None)?;
+        for (drive, station) in &stations {
+            for (source, outcome, count) in station.commands.iter() {
+                let more = vec![("source", source), ("outcome", outcome.word())];
+                sample(&mut family, &[labels(drive), more].concat(), Value::Count(count))?;
+            }
+        }
+        Ok(())
     }
 
     fn exceptions(&self, encoder: &mut DescriptorEncoder<'_>) -> fmt::Result {
@@ -105,6 +128,14 @@ impl Scrape {
         }
         Ok(())
     }
+}
+
+/// The age of the oldest fast value of `drive`; nothing while one was never read.
+fn age(drive: &SharedDrive, view: &DriveView, now: MonoTime) -> Option<f64> {
+    let fast = drive.description.model.registers.iter().filter(|register| register.poll == Some(PollClass::Fast));
+    let ages = fast.map(|register| Some(now.since(view.snapshot.reading(register.address)?.at)));
+    let oldest = ages.collect::<Option<Vec<_>>>()?.into_iter().max()?;
+    Some(oldest.as_secs_f64())
 }
 
 /// The registers of `drive` whose last reading is not stale, with their values.
@@ -140,6 +171,7 @@ where
         for (labels, source) in sources() {
             let value = match metric.sample {
                 Sample::Counter(take) => take(source).map(Value::Count),
+                Sample::Sum(take) => take(source).map(Value::Sum),
                 Sample::Gauge(take) => take(source).map(Value::Level),
             };
             value.map_or(Ok(()), |value| sample(&mut family, &labels, value))?;
@@ -177,6 +209,7 @@ fn unit(name: &Name) -> Option<Unit> {
 #[derive(Clone, Copy)]
 enum Value {
     Count(u64),
+    Sum(f64),
     Level(f64),
 }
 
@@ -188,6 +221,38 @@ fn sample(family: &mut MetricEncoder<'_>, labels: &Labels<'_>, value: Value) -> 
 fn write(encoder: &mut MetricEncoder<'_>, value: Value) -> fmt::Result {
     match value {
         Value::Count(count) => encoder.encode_counter::<NoLabelSet, u64, u64>(&count, None),
+        Value::Sum(sum) => encoder.encode_counter::<NoLabelSet, f64, u64>(&sum, None),
         Value::Level(level) => encoder.encode_gauge(&level),
     }
+}
+
+/// Reply times of one class, if there were any.
+fn histogram(family: &mut MetricEncoder<'_>, labels: &Labels<'_>, counts: &ReplyCounts) -> fmt::Result {
+    let count = counts.count();
+    if count == 0 {
+        return Ok(());
+    }
+    let end = |end: Option<Duration>| end.map_or(f64::INFINITY, |end| end.as_secs_f64());
+    let buckets: Vec<_> = counts.buckets().map(|(until, count)| (end(until), count)).collect();
+    let mut encoder = family.encode_family(labels)?;
+    encoder.encode_histogram::<NoLabelSet>(counts.sum().as_secs_f64(), count, &buckets, None)
+}
+
+/// The same metrics as the older text format of Prometheus has them: a counter is described by the name of its samples,
+/// and neither units nor the end are said.
+pub(super) fn older(text: &str) -> String {
+    let counters: HashSet<_> =
+        text.lines().filter_map(|line| line.strip_prefix("# TYPE ")?.strip_suffix(" counter")).collect();
+    let mut older = String::with_capacity(text.len());
+    for line in text.lines().filter(|line| !line.starts_with("# UNIT ") && *line != "# EOF") {
+        let mut words = line.splitn(4, ' ');
+        match (words.next(), words.next(), words.next(), words.next()) {
+            (Some("#"), Some(what), Some(name), Some(rest)) if counters.contains(name) => {
+                older.extend(["# ", what, " ", name, "_total ", rest]);
+            }
+            _ => older.push_str(line),
+        }
+        older.push('\n');
+    }
+    older
 }

@@ -9,6 +9,7 @@ mod connections;
 mod health;
 mod metrics;
 mod own_routes;
+pub mod report;
 mod routes;
 mod setup;
 #[cfg(test)]

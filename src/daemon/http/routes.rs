@@ -1,11 +1,11 @@
 //! What is found where.
 
 use super::state::State as Gateway;
-use super::{health, metrics, traffic};
+use super::{health, metrics, report, traffic};
 use crate::daemon::clock;
 use axum::Router;
 use axum::extract::State;
-use axum::http::{StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use serde_json::Value;
@@ -13,6 +13,9 @@ use std::sync::Arc;
 
 /// The media type of metrics, as Prometheus asks for it.
 const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+
+/// The same in the format before that, for those who ask for text and do not know the other.
+const OLDER_METRICS: &str = "text/plain; version=0.0.4; charset=utf-8";
 
 /// The routes that everybody finds. What is not here is 404, and what does not only look is 405.
 pub(super) fn router(state: Arc<Gateway>) -> Router {
@@ -22,7 +25,8 @@ pub(super) fn router(state: Arc<Gateway>) -> Router {
         .route("/metrics", get(measured))
         .route("/api/v1/health", get(healthy))
         .with_state(Arc::clone(&state))
-        .merge(traffic::router(state))
+        .merge(traffic::router(Arc::clone(&state)))
+        .merge(report::router(state))
 }
 
 /// Whoever gets this answer knows that the main thread turns: it is given there. A line whose thread hangs sends no stop:
@@ -46,8 +50,12 @@ async fn healthy(State(gateway): State<Arc<Gateway>>) -> Response {
     json(&health::health(&gateway, clock::now())).into_response()
 }
 
-async fn measured(State(gateway): State<Arc<Gateway>>) -> Response {
+async fn measured(State(gateway): State<Arc<Gateway>>, headers: HeaderMap) -> Response {
+    let accepted = headers.get(header::ACCEPT).and_then(|accept| accept.to_str().ok()).unwrap_or_default();
     match metrics::text(gateway, clock::now()) {
+        Ok(text) if accepted.contains("text/plain") && !accepted.contains("openmetrics") => {
+            ([(header::CONTENT_TYPE, OLDER_METRICS)], metrics::older(&text)).into_response()
+        }
         Ok(text) => ([(header::CONTENT_TYPE, OPEN_METRICS)], text).into_response(),
         Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, format!("{error}\n")).into_response(),
     }

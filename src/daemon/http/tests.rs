@@ -1,6 +1,7 @@
 //! Answers over real sockets, from a gateway whose lines are played by the test.
 
 use super::connections::{self, CONNECTIONS_MAX, Patience};
+use super::report::History;
 use super::routes;
 use super::socket::{OwnSocket, SOCKET_NAME, SocketError};
 use super::state::State;
@@ -9,10 +10,12 @@ use crate::daemon::clock;
 use crate::daemon::local::LocalSide;
 use crate::daemon::shared::Shared;
 use crate::daemon::totals::{ModbusTotals, MqttTotals};
+use crate::domain::command::{Outcome, Owner};
+use crate::domain::counts::{CommandCounts, DamageCounts, ExchangeCounts, ReplyCounts};
 use crate::domain::ids::{DriveIndex, Name, UnitId};
 use crate::domain::link::Interface;
-use crate::domain::report::{LineCounters, LineFault, LineMeasured, LineQuality, LineReport, LineState, StopBounds};
-use crate::domain::report::{ReplyReport, StationReport};
+use crate::domain::report::{LineCounters, LineFault, LineMeasured, LineQuality, LineReport, LineState, LineWaiting};
+use crate::domain::report::{ReplyReport, StationReport, StopBounds};
 use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::description::{DriveDescription, DriveRef, Points};
 use crate::drive::snapshot::{DriveSnapshot, Presence};
@@ -22,6 +25,7 @@ use crate::north::mqtt;
 use crate::profile::catalog::Catalog;
 use crate::vendors;
 use prometheus_client::metrics::MetricType;
+use std::collections::BTreeSet;
 use std::net::SocketAddr;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -49,6 +53,7 @@ pub(super) fn state(broker: bool) -> Arc<State> {
     };
     Arc::new(State {
         journal: None,
+        history: History::default(),
         gateway: "plant-a".to_owned(),
         shared: Arc::new(Shared::new(vec![(name("hall-1"), Interface::Rs485)], vec![description])).into(),
         modbus: Arc::new(ModbusTotals::default()),
@@ -58,12 +63,12 @@ pub(super) fn state(broker: bool) -> Arc<State> {
     })
 }
 
-fn show(state: &State, report: LineReport, view: DriveView) {
+pub(super) fn show(state: &State, report: LineReport, view: DriveView) {
     state.shared.load().lines[0].set_report(report);
     state.shared.load().drives[0].view.store(Arc::new(view));
 }
 
-const UP: LineReport = LineReport {
+pub(super) const UP: LineReport = LineReport {
     state: LineState::Up,
     fault: None,
     counters: LineCounters {
@@ -77,6 +82,7 @@ const UP: LineReport = LineReport {
         other_master: 0,
         echoes: 0,
         noise_bytes: 12,
+        noise_between: 1,
         retries: 0,
         barriers: 0,
         broadcasts: 0,
@@ -87,7 +93,7 @@ const UP: LineReport = LineReport {
         port_ups: 1,
         port_downs: 0,
         jams: 0,
-        busy_us: 0,
+        busy_us: 1_500_000,
     },
     stop: StopBounds {
         all_healthy: Duration::from_millis(40),
@@ -102,10 +108,11 @@ const UP: LineReport = LineReport {
     },
     quality: LineQuality { bad_per_cent: Some(12), is_suspended: true },
     suspicion: None,
+    waiting: LineWaiting { requests: 4, commands: 2, stops: 1 },
 };
 
 /// A drive that answered at `at` with 50.00 Hz and 3 trips.
-fn online(at: MonoTime) -> DriveView {
+pub(super) fn online(at: MonoTime) -> DriveView {
     let mut snapshot = DriveSnapshot::default();
     snapshot.presence = Presence::Online;
     snapshot.take(0x0101, &[5000], at);
@@ -227,6 +234,7 @@ fn metrics_show_lines_drives_and_only_fresh_values() {
         "vfd_gateway_line_bad_ratio{line=\"hall-1\"} 0.12",
         "vfd_gateway_line_suspended{line=\"hall-1\"} 1.0",
         "vfd_gateway_line_up{line=\"hall-1\"} 1.0",
+        "vfd_gateway_drive_value_age_seconds{line=\"hall-1\",drive=\"pump-1\"} 2.9",
         "vfd_gateway_drive_online{line=\"hall-1\",drive=\"pump-1\"} 1.0",
         "vfd_gateway_drive_run_state{line=\"hall-1\",drive=\"pump-1\"} 2.0",
         "# UNIT vfd_gateway_drive_output_frequency_hertz hertz",
@@ -262,12 +270,20 @@ fn metrics_show_what_was_planned_beside_what_was_measured() {
         ..ReplyReport::default()
     };
     let writes = ReplyReport { timeout: Duration::from_millis(500), ..ReplyReport::default() };
+    let mut replies = ReplyCounts::default();
+    [4, 4, 9].into_iter().for_each(|millis| replies.add(Duration::from_millis(millis)));
+    let mut commands = CommandCounts::default();
+    commands.add(&Owner::Mqtt, Outcome::Confirmed);
     let station = StationReport {
         replies: [reads, writes, writes],
         oldest_age: Duration::from_millis(620),
         planned_age: Some(Duration::from_millis(640)),
-        retries: 2,
-        silent: 3,
+        exchanges: ExchangeCounts { replies: 90, exceptions: 4, garbled: 5, silent: 3, retries: 2 },
+        damage: DamageCounts { late: 6, doubled: 7, ..DamageCounts::default() },
+        reply_counts: [replies, ReplyCounts::default(), ReplyCounts::default()],
+        commands,
+        bad_per_cent: Some(4),
+        is_suspended: true,
     };
     state.shared.load().drives[0].station.store(Arc::new(station));
     let text = super::metrics::text(Arc::clone(&state), clock::now()).unwrap();
@@ -279,14 +295,35 @@ fn metrics_show_what_was_planned_beside_what_was_measured() {
         "vfd_gateway_line_gap_median_seconds{line=\"hall-1\"} 0.00009",
         "vfd_gateway_drive_oldest_age_seconds{line=\"hall-1\",drive=\"pump-1\"} 0.62",
         "vfd_gateway_drive_planned_age_seconds{line=\"hall-1\",drive=\"pump-1\"} 0.64",
+        "vfd_gateway_line_busy_seconds_total{line=\"hall-1\"} 1.5",
+        "vfd_gateway_line_waiting_requests{line=\"hall-1\"} 4.0",
+        "vfd_gateway_line_waiting_commands{line=\"hall-1\"} 2.0",
+        "vfd_gateway_line_waiting_stops{line=\"hall-1\"} 1.0",
+        "vfd_gateway_line_hangs{line=\"hall-1\"} 0.0",
+        "vfd_gateway_drive_replies_total{line=\"hall-1\",drive=\"pump-1\"} 90",
+        "vfd_gateway_drive_exceptions_total{line=\"hall-1\",drive=\"pump-1\"} 4",
+        "vfd_gateway_drive_garbled_total{line=\"hall-1\",drive=\"pump-1\"} 5",
+        "vfd_gateway_drive_silent_total{line=\"hall-1\",drive=\"pump-1\"} 3",
         "vfd_gateway_drive_retries_total{line=\"hall-1\",drive=\"pump-1\"} 2",
+        "vfd_gateway_drive_late_total{line=\"hall-1\",drive=\"pump-1\"} 6",
+        "vfd_gateway_drive_doubled_total{line=\"hall-1\",drive=\"pump-1\"} 7",
+        "vfd_gateway_drive_bad_ratio{line=\"hall-1\",drive=\"pump-1\"} 0.04",
+        "vfd_gateway_drive_suspended{line=\"hall-1\",drive=\"pump-1\"} 1.0",
+        "# TYPE vfd_gateway_drive_reply_seconds histogram",
+        "vfd_gateway_drive_reply_seconds_sum{line=\"hall-1\",drive=\"pump-1\",class=\"read\"} 0.017",
+        "vfd_gateway_drive_reply_seconds_count{line=\"hall-1\",drive=\"pump-1\",class=\"read\"} 3",
+        "vfd_gateway_drive_reply_seconds_bucket{le=\"0.005\",line=\"hall-1\",drive=\"pump-1\",class=\"read\"} 2",
+        "vfd_gateway_drive_reply_seconds_bucket{le=\"+Inf\",line=\"hall-1\",drive=\"pump-1\",class=\"read\"} 3",
+        "vfd_gateway_drive_outcomes_total{line=\"hall-1\",drive=\"pump-1\",source=\"mqtt\",outcome=\"confirmed\"} 1",
+        "vfd_gateway_drive_outcomes_total{line=\"hall-1\",drive=\"pump-1\",source=\"mqtt\",outcome=\"refused\"} 0",
         "vfd_gateway_drive_reply_timeout_seconds{line=\"hall-1\",drive=\"pump-1\",class=\"write\"} 0.5",
-        "vfd_gateway_drive_reply_time_seconds{line=\"hall-1\",drive=\"pump-1\",class=\"read\",quantile=\"0.999\"} 0.007",
+        "vfd_gateway_drive_reply_time_seconds{line=\"hall-1\",drive=\"pump-1\",class=\"read\",share=\"0.999\"} 0.007",
     ] {
         assert!(text.lines().any(|it| it == line), "no {line} in\n{text}");
     }
     assert!(!text.contains("gap_shortest_seconds{"), "there was no frame yet");
-    assert!(!text.contains("class=\"write\",quantile"), "there was no write yet");
+    assert!(!text.contains("class=\"write\",share"), "there was no write yet");
+    assert!(!text.contains("source=\"local\""), "nobody commanded from there");
 }
 
 #[test]
@@ -315,6 +352,15 @@ fn metrics_show_control() {
     assert!(!text.contains("mqtt"), "no broker is configured");
 }
 
+#[test]
+fn who_does_not_know_open_metrics_gets_the_format_before_it() {
+    let text = "# HELP a_b Help of it.\n# TYPE a_b counter\n# UNIT a_b s\na_b_total{x=\"y\"} 1\n# HELP a_c Of a_b.\n\
+                # TYPE a_c gauge\na_c 1.0\n# EOF\n";
+    let older = "# HELP a_b_total Help of it.\n# TYPE a_b_total counter\na_b_total{x=\"y\"} 1\n# HELP a_c Of a_b.\n\
+                 # TYPE a_c gauge\na_c 1.0\n";
+    assert_eq!(super::metrics::older(text), older);
+}
+
 fn one_of_02() -> [u64; Counters::EXCEPTION_CODES] {
     std::array::from_fn(|code| u64::from(code == 2))
 }
@@ -328,10 +374,14 @@ fn metrics() -> Vec<(&'static table::Name, &'static str)> {
     let mut all = vec![(&table::BUILD, "`version`, `gateway`")];
     all.extend(names(table::GATEWAY).map(of("-")));
     all.extend(names(table::LINE).map(of("`line`")));
+    all.extend(names(table::THREAD).map(of("`line`")));
     all.extend(names(table::DRIVE).map(of("`line`, `drive`")));
     all.extend(names(table::STATION).map(of("`line`, `drive`")));
     all.extend(names(table::REPLIES).map(of("`line`, `drive`, `class`")));
-    all.push((&table::REPLY_TIME, "`line`, `drive`, `class`, `quantile`"));
+    all.push((&table::REPLY_TIME, "`line`, `drive`, `class`, `share`"));
+    all.push((&table::REPLY, "`line`, `drive`, `class`"));
+    all.push((&table::COMMANDS, "`line`, `drive`, `source`, `outcome`"));
+    all.push((&table::VALUE_AGE, "`line`, `drive`"));
     all.push((&table::OUTPUT_FREQUENCY, "`line`, `drive`"));
     all.push((&table::VALUE, "`line`, `drive`, `name`, `unit`"));
     all.extend(names(table::MODBUS).map(of("-")));
@@ -362,6 +412,67 @@ fn the_readme_has_every_metric_as_it_is_served() {
     let table = readme.split_once("### Metrics").map_or("", |(_, rest)| rest.split_once("\n## ").unwrap().0);
     let written: Vec<_> = table.lines().filter(|line| line.starts_with("| `")).collect();
     assert_eq!(written, right, "right is:\n{}", right.join("\n"));
+}
+
+/// The words of `text` that begin like a metric.
+fn named_in(text: &str) -> BTreeSet<&str> {
+    let words = text.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
+    words.filter(|word| word.starts_with(&format!("{}_", table::PREFIX))).collect()
+}
+
+#[test]
+fn every_metric_of_dashboard_and_alerts_is_served() {
+    let served: BTreeSet<_> = metrics().into_iter().flat_map(|(name, _)| sample_names(name)).collect();
+    for file in ["grafana/dashboard.json", "prometheus/rules.yml", "prometheus/rules_test.yml"] {
+        let text = delivered(file);
+        let named = named_in(&text);
+        assert!(named.len() > 20, "{file}: {named:?}");
+        let unknown: Vec<_> = named.into_iter().filter(|name| !served.contains(*name)).collect();
+        assert!(unknown.is_empty(), "{file} names what is not served: {unknown:?}");
+    }
+}
+
+#[test]
+fn every_alert_is_shown_to_fire() {
+    let (rules, tests) = (delivered("prometheus/rules.yml"), delivered("prometheus/rules_test.yml"));
+    let alerts: Vec<_> = rules.lines().filter_map(|line| line.trim().strip_prefix("- alert: ")).collect();
+    assert!(alerts.len() > 10, "{alerts:?}");
+    for alert in alerts {
+        let fires = format!("'{{alertname=\"{alert}\"}}', value: 1");
+        assert!(tests.contains(&fires), "{alert}");
+    }
+}
+
+/// Whoever shows the dashboard needs nothing beyond Grafana: its own panels, a source that is chosen.
+#[test]
+fn the_dashboard_needs_no_plugin_and_names_no_source() {
+    let dashboard: serde_json::Value = serde_json::from_str(&delivered("grafana/dashboard.json")).unwrap();
+    let names = dashboard["templating"]["list"].as_array().unwrap().iter().map(|it| it["name"].as_str().unwrap());
+    assert_eq!(names.collect::<Vec<_>>(), ["datasource", "instance", "line", "drive"]);
+    let panels = dashboard["panels"].as_array().unwrap();
+    for panel in panels {
+        let kind = panel["type"].as_str().unwrap();
+        assert!(["row", "timeseries", "stat", "state-timeline"].contains(&kind), "{kind}");
+        let source = &panel["datasource"]["uid"];
+        assert!(kind == "row" || source == "${datasource}", "{panel}");
+    }
+    let numbers: BTreeSet<_> = panels.iter().map(|panel| panel["id"].as_u64().unwrap()).collect();
+    assert_eq!(numbers.len(), panels.len());
+}
+
+fn delivered(file: &str) -> String {
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy").join(file)).unwrap()
+}
+
+/// The names of the samples of a metric.
+fn sample_names(name: &table::Name) -> Vec<String> {
+    let unit = name.unit.map(|unit| format!("_{unit}")).unwrap_or_default();
+    let endings: &[&str] = match name.kind {
+        MetricType::Counter => &["_total"],
+        MetricType::Histogram => &["_bucket", "_sum", "_count"],
+        _ => &[""],
+    };
+    endings.iter().map(|ending| format!("{}_{}{unit}{ending}", table::PREFIX, name.name)).collect()
 }
 
 #[test]

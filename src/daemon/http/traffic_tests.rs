@@ -53,6 +53,7 @@ fn state(line: &Arc<SharedLine>) -> Arc<State> {
         shared: Arc::new(Shared::of(vec![Arc::clone(line)], Arc::default())).into(),
         modbus: Arc::new(ModbusTotals::default()),
         mqtt: None.into(),
+        history: crate::daemon::http::report::History::default(),
         started: clock::now(),
         started_at: WallTime { unix_ms: 0 },
     })

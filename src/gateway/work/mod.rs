@@ -179,6 +179,18 @@ impl DriveWork {
         self.latch.as_ref().is_some_and(StopLatch::is_first)
     }
 
+    /// Whether a stop is not effective yet.
+    #[must_use]
+    pub const fn has_stop(&self) -> bool {
+        self.latch.is_some()
+    }
+
+    /// How many commands have not ended, a stop not among them.
+    #[must_use]
+    pub fn commands_open(&self) -> usize {
+        self.waiting.len() + usize::from(self.current.is_some())
+    }
+
     /// Whether a stop is not effective yet, or a reset that has begun is not through: its last word takes it back.
     #[must_use]
     pub fn must_go_on(&self) -> bool {

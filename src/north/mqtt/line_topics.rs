@@ -116,11 +116,11 @@ fn station_stats(name: &Name, station: &StationReport) -> Value {
         "name": name.as_str(),
         "oldest_age_ms": millis(station.oldest_age),
         "planned_age_ms": station.planned_age.map(millis),
-        "retries": station.retries,
-        "silent": station.silent,
+        "retries": station.exchanges.retries,
+        "silent": station.exchanges.silent,
     });
     for (class, reply) in REPLY_CLASSES.into_iter().zip(&station.replies) {
-        let ReplyReport { count, p50, p90, p99, p999, max, timeout } = reply;
+        let ReplyReport { count, p50, p90, p99, p999, max, timeout, .. } = reply;
         let mut times = json!({ "count": count, "timeout_ms": millis(*timeout) });
         for (name, time) in [("p50", p50), ("p90", p90), ("p99", p99), ("p999", p999), ("max", max)] {
             times[format!("{name}_us")] = if *count > 0 { micros(*time).into() } else { Value::Null };
@@ -152,6 +152,7 @@ fn line_stats(counters: &LineCounters) -> Value {
         other_master,
         echoes,
         noise_bytes,
+        noise_between,
         retries,
         barriers,
         broadcasts,
@@ -166,7 +167,7 @@ fn line_stats(counters: &LineCounters) -> Value {
     } = counters;
     json!({
         "requests": requests, "replies": replies, "exceptions": exceptions, "silent": silent, "garbled": garbled,
-        "strays": strays, "foreign": foreign, "noise_bytes": noise_bytes, "retries": retries, "barriers": barriers,
+        "strays": strays, "foreign": foreign, "noise_bytes": noise_bytes, "noise_between": noise_between, "retries": retries, "barriers": barriers,
         "broadcasts": broadcasts, "joined": joined, "queue_full": queue_full, "expired": expired,
         "withdrawn": withdrawn, "port_ups": port_ups, "port_downs": port_downs, "busy_us": busy_us,
         "other_master": other_master, "echoes": echoes, "jams": jams,

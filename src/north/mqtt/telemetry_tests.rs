@@ -3,6 +3,7 @@
 use super::harness::{Rig, idle_control, on, publications, told};
 use super::types::{Act, Version};
 use crate::domain::command::{Outcome, Owner, Reason, Report, RunIntent};
+use crate::domain::counts::ExchangeCounts;
 use crate::domain::frequency::Hertz;
 use crate::domain::native::{NativeAnswer, NativeOutcome};
 use crate::domain::report::{LineFault, LineState, ReplyReport, StationReport};
@@ -205,7 +206,11 @@ fn a_line_shows_what_was_planned_beside_what_was_measured() {
     let reads = ReplyReport { count: 1200, p999: Duration::from_micros(7_300), ..ReplyReport::default() };
     let timeout = Duration::from_millis(500);
     let unseen = ReplyReport { timeout, ..ReplyReport::default() };
-    let station = StationReport { replies: [reads, unseen, unseen], retries: 2, ..StationReport::default() };
+    let station = StationReport {
+        replies: [reads, unseen, unseen],
+        exchanges: ExchangeCounts { retries: 2, ..ExchangeCounts::default() },
+        ..StationReport::default()
+    };
     rig.lines[0].stations = vec![Arc::new(station)];
     let stats = on(&rig.pass(10_000), "line/hall/stats").expect("counters");
     let stats: Value = serde_json::from_str(&stats).expect("JSON");

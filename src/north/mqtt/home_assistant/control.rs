@@ -11,16 +11,6 @@ use crate::profile::model::Role;
 /// RUN says when it was ordered, where the drive takes no other.
 const WITH_MOMENT: &str = r#"{"run": "{{ value }}", "issued_at": {{ (now().timestamp() * 1000) | int }}}"#;
 
-const OUTCOMES: [Outcome; 7] = [
-    Outcome::Refused,
-    Outcome::Expired,
-    Outcome::Superseded,
-    Outcome::Failed,
-    Outcome::Unknown,
-    Outcome::Acknowledged,
-    Outcome::Confirmed,
-];
-
 /// What commands `drive`, and what became of the last command; nothing where commands over MQTT are not taken.
 pub(super) fn entities(topics: &Topics, drive: &DriveDescription) -> Vec<Entity> {
     let Some(control) = drive.control.as_deref().filter(|control| control.from_mqtt) else { return Vec::new() };
@@ -76,7 +66,7 @@ fn last_command(topic: &str) -> [Entity; 2] {
         let entity = Entity::new(Component::Sensor, key, name, Needs::Gateway);
         entity.made_of(topic.to_owned(), template).diagnostic()
     };
-    let words: Vec<_> = OUTCOMES.iter().map(|outcome| outcome.word()).collect();
+    let words: Vec<_> = Outcome::ALL.iter().map(|outcome| outcome.word()).collect();
     [
         sensor("last_command", "Last command", "{{ value_json.outcome }}")
             .class("enum")

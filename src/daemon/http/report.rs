@@ -1,0 +1,190 @@
+//! What a line says of itself, over the last minutes or over a span that whoever asks waits for.
+
+use super::health::line_names;
+use super::routes::json;
+use super::state::State as Gateway;
+use crate::daemon::clock;
+use crate::daemon::shared::SharedLine;
+use crate::domain::ids::Station;
+use crate::north::report::{DriveSeen, LineSeen, Observed, document};
+use axum::Router;
+use axum::extract::{Path, State};
+use axum::http::{StatusCode, Uri};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use serde_json::json as value;
+use std::collections::{HashMap, VecDeque};
+use std::ops::RangeInclusive;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use tokio::sync::Semaphore;
+
+/// How often it is remembered what was counted.
+const REMEMBER_EVERY: Duration = Duration::from_secs(60);
+/// Moments that are remembered: a report reaches back ten minutes.
+const MOMENTS: usize = 10;
+/// Spans in seconds that somebody may wait for: less than a connection may take.
+pub const SPAN_SECONDS: RangeInclusive<u64> = 1..=240;
+/// Most who wait for one at once; a connection is held for each.
+const WAITING_MAX: usize = 16;
+
+/// What was counted some minutes ago.
+#[derive(Debug)]
+pub struct History {
+    moments: Mutex<VecDeque<HashMap<u16, Arc<LineSeen>>>>,
+    places: Semaphore,
+}
+
+impl Default for History {
+    fn default() -> Self {
+        Self { moments: Mutex::default(), places: Semaphore::new(WAITING_MAX) }
+    }
+}
+
+impl History {
+    /// The line with this number as it was some minutes ago; nothing if it was not there.
+    fn oldest(&self, number: u16) -> Option<Arc<LineSeen>> {
+        self.moments.lock().unwrap_or_else(PoisonError::into_inner).front()?.get(&number).cloned()
+    }
+
+    /// These are all lines as they are now.
+    fn remember(&self, lines: &[Arc<SharedLine>]) {
+        let now = lines.iter().map(|line| (line.number, Arc::new(look(line)))).collect();
+        let mut moments = self.moments.lock().unwrap_or_else(PoisonError::into_inner);
+        if moments.len() >= MOMENTS {
+            moments.pop_front();
+        }
+        moments.push_back(now);
+    }
+}
+
+/// Remembers what is counted, again and again. It never ends.
+pub async fn remember(state: Arc<Gateway>) {
+    loop {
+        tokio::time::sleep(REMEMBER_EVERY).await;
+        state.history.remember(&state.shared.get().lines);
+    }
+}
+
+/// The route of the reports.
+pub(super) fn router(state: Arc<Gateway>) -> Router {
+    Router::new().route("/api/v1/lines/{name}/report", get(report)).with_state(state)
+}
+
+async fn report(State(gateway): State<Arc<Gateway>>, Path(name): Path<String>, uri: Uri) -> Response {
+    let find = || gateway.shared.get().lines.iter().find(|line| line.name.as_str() == name).cloned();
+    let Some(line) = find() else {
+        let (known, error) = (line_names(&gateway), format!("there is no line called {name}"));
+        return (StatusCode::NOT_FOUND, json(&value!({ "error": error, "lines": known }))).into_response();
+    };
+    let Some(span) = span(uri.query()) else {
+        let (first, last) = SPAN_SECONDS.into_inner();
+        let error = format!("seconds={first} to seconds={last} is expected, or nothing for the last minutes");
+        return (StatusCode::BAD_REQUEST, json(&value!({ "error": error }))).into_response();
+    };
+    let (before, line) = match span {
+        None => (gateway.history.oldest(line.number), line),
+        Some(span) => {
+            let Ok(_place) = gateway.history.places.try_acquire() else {
+                let error = format!("{WAITING_MAX} reports are being made already");
+                return (StatusCode::SERVICE_UNAVAILABLE, json(&value!({ "error": error }))).into_response();
+            };
+            let before = Arc::new(look(&line));
+            tokio::time::sleep(span).await;
+            let now = find().filter(|now| now.number == line.number);
+            (Some(before), now.unwrap_or(line))
+        }
+    };
+    let observed = Observed::between(before.as_deref(), look(&line), gateway.started);
+    json(&document(line.name.as_str(), &line.wiring, &observed)).into_response()
+}
+
+/// The span that `query` asks for: none, or `seconds=N` alone; nothing if it is something else.
+fn span(query: Option<&str>) -> Option<Option<Duration>> {
+    let Some(query) = query.filter(|query| !query.is_empty()) else { return Some(None) };
+    let seconds = query.strip_prefix("seconds=")?.parse().ok().filter(|seconds| SPAN_SECONDS.contains(seconds))?;
+    Some(Some(Duration::from_secs(seconds)))
+}
+
+/// The line as it is now.
+fn look(line: &SharedLine) -> LineSeen {
+    let stations = line.wiring.stations.iter().copied().chain(std::iter::repeat(Station(0)));
+    let drives = line.drives.iter().zip(stations).map(|(drive, station)| DriveSeen {
+        name: drive.description.name.clone(),
+        station,
+        presence: drive.view.load().snapshot.presence,
+        report: drive.station.load_full(),
+    });
+    LineSeen { at: clock::now(), report: line.report(), drives: drives.collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{UP, answer, on_a_runtime, online, show, state};
+    use super::*;
+    use crate::domain::counts::ExchangeCounts;
+    use crate::domain::report::StationReport;
+    use serde_json::Value;
+    use tokio::net::{TcpListener, TcpStream};
+
+    #[test]
+    fn a_span_is_in_whole_seconds_within_bounds() {
+        let seconds = |seconds| Some(Some(Duration::from_secs(seconds)));
+        for (query, wanted) in [
+            (None, Some(None)),
+            (Some(""), Some(None)),
+            (Some("seconds=1"), seconds(1)),
+            (Some("seconds=240"), seconds(240)),
+            (Some("seconds=0"), None),
+            (Some("seconds=241"), None),
+            (Some("seconds=x"), None),
+            (Some("minutes=1"), None),
+        ] {
+            assert_eq!(span(query), wanted, "{query:?}");
+        }
+    }
+
+    fn answered(state: &Gateway, replies: u64) {
+        let exchanges = ExchangeCounts { replies, ..ExchangeCounts::default() };
+        let station = StationReport { exchanges, ..StationReport::default() };
+        state.shared.load().drives[0].station.store(Arc::new(station));
+    }
+
+    fn told(state: &Arc<Gateway>, path: &str) -> (u16, Value) {
+        on_a_runtime(async {
+            let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+            let address = listener.local_addr().unwrap();
+            tokio::task::spawn_local(crate::daemon::http::serve(listener, Arc::clone(state)));
+            let (status, body) = answer(TcpStream::connect(address).await.unwrap(), "GET", path, "").await;
+            (status, serde_json::from_str(&body).unwrap())
+        })
+    }
+
+    #[test]
+    fn a_report_without_a_span_reaches_back_to_the_oldest_moment_that_is_remembered() {
+        let state = state(false);
+        show(&state, UP, online(clock::now()));
+        let exchanges = || told(&state, "/api/v1/lines/hall-1/report").1["rates"]["exchanges"].clone();
+        answered(&state, 40);
+        assert_eq!(exchanges(), 40, "since the start");
+        for replies in (100..).step_by(10).take(MOMENTS + 2) {
+            answered(&state, replies);
+            state.history.remember(&state.shared.get().lines);
+        }
+        answered(&state, 1000);
+        assert_eq!(exchanges(), 1000 - 120, "the first two are forgotten");
+    }
+
+    #[test]
+    fn what_cannot_be_told_is_said() {
+        let state = state(false);
+        let (status, body) = told(&state, "/api/v1/lines/attic/report");
+        assert_eq!((status, &body["lines"]), (404, &serde_json::json!(["hall-1"])));
+        let (status, body) = told(&state, "/api/v1/lines/hall-1/report?seconds=500");
+        assert_eq!(status, 400);
+        assert!(body["error"].as_str().unwrap().contains("seconds=240"), "{body}");
+        let _all = state.history.places.try_acquire_many(WAITING_MAX as u32).unwrap();
+        assert_eq!(told(&state, "/api/v1/lines/hall-1/report?seconds=1").0, 503);
+        assert_eq!(told(&state, "/api/v1/lines/hall-1/report").0, 200, "this one waits for nothing");
+    }
+}

@@ -1,0 +1,151 @@
+//! Metrics of drives.
+
+use super::super::health;
+use super::{Metric, Name, counter, gauge, plain, seconds, truth};
+use crate::domain::report::{ReplyReport, StationReport};
+use crate::drive::view::{ControlView, DriveView};
+use crate::drive::watchdog::WatchdogState;
+use prometheus_client::metrics::MetricType;
+use std::time::Duration;
+
+/// Each drive as its line sees it; labels `line` and `drive`.
+pub(in super::super) const STATION: &[Metric<StationReport>] = &[
+    gauge(
+        "drive_oldest_age",
+        "The oldest that a fast value became in the last minute or two.",
+        |station: &StationReport| seconds(station.oldest_age),
+    )
+    .in_unit("seconds"),
+    gauge("drive_planned_age", "The oldest that one becomes by plan.", |station: &StationReport| {
+        seconds(station.planned_age?)
+    })
+    .in_unit("seconds"),
+    counter("drive_replies", "Right replies.", |station| Some(station.exchanges.replies)),
+    counter("drive_exceptions", "Exceptions that the drive answered with.", |station| {
+        Some(station.exchanges.exceptions)
+    }),
+    counter("drive_silent", "Time-outs without any frame from the drive.", |station| Some(station.exchanges.silent)),
+    counter("drive_garbled", "Exchanges that ended with a damaged reply.", |station| Some(station.exchanges.garbled)),
+    counter("drive_retries", "Exchanges repeated at once after damage.", |station| Some(station.exchanges.retries)),
+    counter("drive_late", "Sound frames of the drive that nobody waited for any more.", |station| {
+        Some(station.damage.late)
+    }),
+    counter("drive_doubled", "Second replies to one request.", |station| Some(station.damage.doubled)),
+    gauge(
+        "drive_bad",
+        "Bad ones of the last 100 exchanges; absent while too few were seen.",
+        |station: &StationReport| station.bad_per_cent.map(|per_cent| f64::from(per_cent) / 100.0),
+    )
+    .in_unit("ratio"),
+    gauge("drive_suspended", "1 while run orders and higher setpoints are refused for the drive.", |station| {
+        truth(station.is_suspended)
+    }),
+];
+
+/// Its replies; labels `line`, `drive` and `class`.
+pub(in super::super) const REPLIES: &[Metric<ReplyReport>] = &[
+    gauge("drive_reply_timeout", "How long the start of a reply is waited for.", |reply: &ReplyReport| {
+        seconds(reply.timeout)
+    })
+    .in_unit("seconds"),
+    gauge("drive_reply_times", "Replies that the reply times rest on.", |reply: &ReplyReport| {
+        Some(f64::from(reply.count))
+    }),
+];
+
+/// From the end of a request to the start of its reply; labels as those, and `share`: so many of all took no longer, 1 for the longest.
+pub(in super::super) const REPLY_TIME: Name =
+    plain("drive_reply_time", Some("seconds"), "From the end of a request to the start of its reply.");
+
+/// How a quantile is taken.
+type Quantile = (&'static str, fn(&ReplyReport) -> Duration);
+
+/// The quantiles of [`REPLY_TIME`].
+pub(in super::super) const QUANTILES: [Quantile; 5] = [
+    ("0.5", |reply| reply.p50),
+    ("0.9", |reply| reply.p90),
+    ("0.99", |reply| reply.p99),
+    ("0.999", |reply| reply.p999),
+    ("1", |reply| reply.max),
+];
+
+/// All its reply times, in buckets; labels as those.
+pub(in super::super) const REPLY: Name = Name {
+    name: "drive_reply",
+    unit: Some("seconds"),
+    help: "From the end of a request to the start of its reply, all since the start in buckets.",
+    kind: MetricType::Histogram,
+};
+
+/// What became of attempts to command each drive; labels `line`, `drive`, `source` and `outcome`.
+pub(in super::super) const COMMANDS: Name = Name {
+    name: "drive_outcomes",
+    unit: None,
+    help: "Attempts to command or to write that have ended; sources of none are absent.",
+    kind: MetricType::Counter,
+};
+
+/// Each drive; labels `line` and `drive`. What control says is there only for drives with a control section.
+pub(in super::super) const DRIVE: &[Metric<DriveView>] = &[
+    gauge("drive_online", "1 while the drive answers.", |view| truth(view.is_online())),
+    gauge(
+        "drive_run_state",
+        "0 unknown, 1 stopped, 2 forward, 3 reverse, 4 tripped, 5 offline, 6 running, 7 stopping.",
+        |view| Some(f64::from(health::run_state(view).number())),
+    ),
+    counter("drive_trips_seen", "Trips that this process has seen.", |view| Some(u64::from(view.trip.seen))),
+    gauge("drive_trip_active", "1 while a trip holds; absent while that is not known.", |view| {
+        truth(view.trip.active?)
+    }),
+    gauge("drive_trip_code", "The vendor's number of the newest trip; absent without one that is known.", |view| {
+        view.trip_kept.last_code.map(f64::from)
+    }),
+    gauge(
+        "drive_watchdog_in_order",
+        "1 while the drive's own watchdog is known to be on and to fit; for models with one.",
+        |view| truth(view.watchdog?.is_in_order()),
+    ),
+    gauge(
+        "drive_watchdog",
+        "Time of the drive's own watchdog, 0 while it is off; absent while that is not known.",
+        |view: &DriveView| {
+            let watchdog = view.watchdog.filter(|watchdog| watchdog.state != WatchdogState::Unknown)?;
+            seconds(watchdog.time.unwrap_or_default())
+        },
+    )
+    .in_unit("seconds"),
+    gauge("drive_start_inhibited", "1 while RUN needs a stop and a new run command first.", |view| {
+        of_control(view, |control| control.start_inhibited)
+    }),
+    gauge("drive_stop_pending", "1 while a stop is not effective yet.", |view| {
+        of_control(view, |control| control.stop_pending)
+    }),
+    gauge("drive_not_effective", "1 while a stop had no effect in time.", |view| {
+        of_control(view, |control| control.not_effective)
+    }),
+    gauge("drive_failsafe", "1 while the fail-safe action was the last to act.", |view| {
+        of_control(view, |control| control.failsafe)
+    }),
+    gauge("drive_lease_held", "1 while somebody holds control.", |view| {
+        of_control(view, |control| control.lease.is_some())
+    }),
+    counter("drive_commands", "Commands so far; it wraps at 65536, as the register does.", |view| {
+        Some(u64::from(view.control.as_ref()?.commands))
+    }),
+];
+
+/// The output frequency as the drive reports it, while it is fresh; labels `line` and `drive`.
+pub(in super::super) const OUTPUT_FREQUENCY: Name =
+    plain("drive_output_frequency", Some("hertz"), "Output frequency; absent while it is stale.");
+
+/// Every other polled register, while it is fresh; labels `line`, `drive`, `name` and `unit`.
+pub(in super::super) const VALUE: Name =
+    plain("drive_value", None, "Polled registers in their units; absent while stale.");
+
+/// Age of its values; labels `line` and `drive`.
+pub(in super::super) const VALUE_AGE: Name =
+    plain("drive_value_age", Some("seconds"), "Age of the oldest fast value now; absent while one was never read.");
+
+fn of_control(view: &DriveView, what: fn(&ControlView) -> bool) -> Option<f64> {
+    view.control.as_ref().and_then(|control| truth(what(control)))
+}

@@ -1,0 +1,198 @@
+//! All metrics: name, unit, type, help, and where the number comes from.
+//!
+//! Each name begins with [`PREFIX`] and ends with its unit; a counter's ends with `_total` besides.
+
+use super::state::State;
+use crate::daemon::journal::{JournalReport, JournalState};
+use crate::daemon::totals::{ModbusTotals, MqttTotals};
+use prometheus_client::metrics::MetricType;
+use std::time::Duration;
+
+mod drive;
+mod line;
+
+pub(super) use drive::{
+    COMMANDS, DRIVE, OUTPUT_FREQUENCY, QUANTILES, REPLIES, REPLY, REPLY_TIME, STATION, VALUE, VALUE_AGE,
+};
+pub(super) use line::{LINE, THREAD};
+
+/// First part of all names.
+pub(super) const PREFIX: &str = "vfd_gateway";
+
+/// One family of samples of a `T`.
+pub(super) struct Metric<T> {
+    pub name: Name,
+    pub sample: Sample<T>,
+}
+
+/// What stands in front of the samples of one family.
+pub(super) struct Name {
+    pub name: &'static str,
+    pub unit: Option<&'static str>,
+    pub help: &'static str,
+    pub kind: MetricType,
+}
+
+/// How a sample is taken; nothing where there is none.
+pub(super) enum Sample<T> {
+    Counter(fn(&T) -> Option<u64>),
+    Sum(fn(&T) -> Option<f64>),
+    Gauge(fn(&T) -> Option<f64>),
+}
+
+const fn counter<T>(name: &'static str, help: &'static str, take: fn(&T) -> Option<u64>) -> Metric<T> {
+    let name = Name { name, unit: None, help, kind: MetricType::Counter };
+    Metric { name, sample: Sample::Counter(take) }
+}
+
+/// A counter of something that is no number of things.
+const fn sum<T>(name: &'static str, help: &'static str, take: fn(&T) -> Option<f64>) -> Metric<T> {
+    let name = Name { name, unit: None, help, kind: MetricType::Counter };
+    Metric { name, sample: Sample::Sum(take) }
+}
+
+const fn gauge<T>(name: &'static str, help: &'static str, take: fn(&T) -> Option<f64>) -> Metric<T> {
+    Metric { name: plain(name, None, help), sample: Sample::Gauge(take) }
+}
+
+impl<T> Metric<T> {
+    const fn in_unit(mut self, unit: &'static str) -> Self {
+        self.name.unit = Some(unit);
+        self
+    }
+}
+
+const fn plain(name: &'static str, unit: Option<&'static str>, help: &'static str) -> Name {
+    Name { name, unit, help, kind: MetricType::Gauge }
+}
+
+/// The version, as a label of the number 1.
+pub(super) const BUILD: Name = plain("build_info", None, "Always 1; the version is a label.");
+
+/// The gateway as a whole.
+pub(super) const GATEWAY: &[Metric<State>] = &[
+    gauge("process_start_time", "When the gateway started, since 1970-01-01 UTC.", |state: &State| {
+        Some(state.started_at.unix_ms as f64 / 1000.0)
+    })
+    .in_unit("seconds"),
+    gauge("ready", "1 while all lines can be used and the broker is reached, if one is configured.", |state| {
+        truth(state.is_ready())
+    }),
+];
+
+/// The Modbus TCP side.
+pub(super) const MODBUS: &[Metric<ModbusTotals>] = &[
+    gauge("modbus_connections", "Modbus TCP connections that are open.", |modbus| Some(modbus.connections() as f64)),
+    counter("modbus_accepted", "Modbus TCP connections accepted.", |modbus| Some(modbus.accepted())),
+    counter("modbus_refused", "Modbus TCP connections turned away.", |modbus| Some(modbus.turned_away())),
+    counter("modbus_handshakes_failed", "TLS handshakes of Modbus TCP that failed.", |modbus| {
+        Some(modbus.handshakes_failed())
+    }),
+    counter("modbus_closed_early", "Modbus TCP connections closed for want of room or memory.", |modbus| {
+        Some(modbus.dismissed())
+    }),
+    counter("modbus_requests", "Modbus TCP requests.", |modbus| Some(modbus.counters().requests)),
+    counter("modbus_replies", "Modbus TCP answers that are no exceptions.", |modbus| Some(modbus.counters().replies)),
+    counter(
+        "modbus_attempts_lost",
+        "Attempts to write that stand in no audit, because too many came at once.",
+        |modbus| Some(modbus.counters().attempts_lost),
+    ),
+];
+
+/// Exceptions on Modbus TCP; label `code`.
+pub(super) const MODBUS_EXCEPTIONS: Name = Name {
+    name: "modbus_exceptions",
+    unit: None,
+    help: "Modbus TCP exceptions by their code.",
+    kind: MetricType::Counter,
+};
+
+/// The MQTT side, if a broker is configured.
+pub(super) const MQTT: &[Metric<MqttTotals>] = &[
+    gauge("mqtt_connected", "1 while the broker is reached.", |mqtt| truth(mqtt.is_connected())),
+    counter("mqtt_connects", "Times the broker was reached.", |mqtt| Some(mqtt.connects())),
+    gauge("mqtt_contested", "1 while another client wants our identifier at the broker.", |mqtt| {
+        truth(mqtt.is_contested())
+    }),
+    counter("mqtt_takeovers", "Connections that ended because another client has our identifier.", |mqtt| {
+        Some(mqtt.takeovers())
+    }),
+    counter("mqtt_received", "Messages from the broker.", |mqtt| Some(mqtt.counters().messages_in)),
+    counter("mqtt_published", "Messages to the broker.", |mqtt| Some(mqtt.counters().messages_out)),
+    counter("mqtt_commands", "Commands given to drives.", |mqtt| Some(mqtt.counters().commands)),
+    counter("mqtt_refused", "Inputs refused before any line saw them.", |mqtt| Some(mqtt.counters().refused)),
+    counter("mqtt_refused_retained", "Commands refused because they were retained.", |mqtt| {
+        Some(mqtt.counters().refused_retained)
+    }),
+    counter("mqtt_duplicates", "Commands that came again and were not carried out again.", |mqtt| {
+        Some(mqtt.counters().duplicates)
+    }),
+    counter("mqtt_unanswered", "Commands and reads that no line ever answered.", |mqtt| {
+        Some(mqtt.counters().unanswered)
+    }),
+    counter("mqtt_attempts_lost", "Attempts to write that stand in no audit, because too many came at once.", |mqtt| {
+        Some(mqtt.counters().attempts_lost)
+    }),
+    counter("mqtt_probes_lost", "Times the broker was connected and did not send the probe back.", |mqtt| {
+        Some(mqtt.counters().probes_lost)
+    }),
+    gauge("mqtt_alive_refused", "1 while the broker does not let us read `alive_topic`.", |mqtt| {
+        Some(mqtt.counters().alive_refused as f64)
+    }),
+    counter("mqtt_too_large", "Publications that were larger than the broker takes.", |mqtt| {
+        Some(mqtt.counters().too_large)
+    }),
+    counter("mqtt_results_dropped", "Results dropped because too many waited.", |mqtt| {
+        Some(mqtt.counters().results_dropped)
+    }),
+    gauge("mqtt_events_waiting", "Trip events under way that the broker has not acknowledged.", |mqtt| {
+        Some(mqtt.counters().events_waiting as f64)
+    }),
+    counter("mqtt_events_refused", "Trip events that the broker would not take.", |mqtt| {
+        Some(mqtt.counters().events_refused)
+    }),
+    counter("mqtt_events_dropped", "Trip events dropped because too many waited; none with a journal.", |mqtt| {
+        Some(mqtt.counters().events_dropped)
+    }),
+    gauge("mqtt_history_waiting", "Changes of telemetry that wait for the broker (`keep_telemetry`).", |mqtt| {
+        Some(mqtt.counters().history_waiting as f64)
+    }),
+    counter("mqtt_history_dropped", "Changes of telemetry dropped because more waited than are kept.", |mqtt| {
+        Some(mqtt.counters().history_dropped)
+    }),
+];
+
+/// The journal, if there is a data directory.
+pub(super) const JOURNAL: &[Metric<JournalReport>] = &[
+    gauge("journal_ok", "1 while rows can be written to the journal; else the newest are in memory.", |journal| {
+        truth(journal.state == JournalState::Ok)
+    }),
+    counter("journal_rows", "Rows written.", |journal| Some(journal.rows)),
+    counter("journal_lost", "Attempts, trips and other rows that could not be kept.", |journal| Some(journal.lost)),
+    counter("journal_attempts_lost", "Of these: attempts to write.", |journal| Some(journal.attempts_lost)),
+    gauge("journal_moved_aside", "1 if a damaged journal was moved aside since the start.", |journal| {
+        truth(journal.moved_aside.is_some())
+    }),
+    counter("journal_commits", "Groups of rows written.", |journal| Some(journal.commits)),
+    counter("journal_failures", "Times the journal could not be opened or written.", |journal| Some(journal.failures)),
+    gauge("journal_waiting", "Rows that wait to be written.", |journal| Some(journal.waiting as f64)),
+    gauge("journal_size", "Size of the journal's file.", |journal: &JournalReport| Some(journal.size_bytes as f64))
+        .in_unit("bytes"),
+    gauge("journal_commit_time", "How long the last group took to write.", |journal: &JournalReport| {
+        seconds(journal.commit_time)
+    })
+    .in_unit("seconds"),
+    gauge("journal_commit_time_longest", "How long the slowest group took to write.", |journal: &JournalReport| {
+        seconds(journal.commit_time_max)
+    })
+    .in_unit("seconds"),
+];
+
+fn seconds(time: Duration) -> Option<f64> {
+    Some(time.as_secs_f64())
+}
+
+fn truth(is_true: bool) -> Option<f64> {
+    Some(f64::from(u8::from(is_true)))
+}

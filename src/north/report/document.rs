@@ -1,0 +1,137 @@
+//! The report of a line as a document.
+
+use super::rules::verdict;
+use super::{DriveObserved, Observed};
+use crate::domain::link::Wiring;
+use crate::domain::report::{LineState, REPLY_CLASSES, ReplyReport};
+use crate::drive::snapshot::Presence;
+use serde_json::{Value, json};
+use std::time::Duration;
+
+/// What was `observed` on the line called `name`, with its verdict.
+#[must_use]
+pub fn document(name: &str, wiring: &Wiring, observed: &Observed) -> Value {
+    let line = &observed.line;
+    let is_up = line.state == LineState::Up;
+    let findings = verdict(observed).into_iter().map(|finding| {
+        let drive = finding.drive.as_ref().map(|name| name.as_str());
+        json!({ "severity": finding.severity.word(), "sign": finding.sign, "drive": drive, "text": finding.text })
+    });
+    json!({
+        "line": name,
+        "state": if is_up { "up" } else { "down" },
+        "reason": line.fault.filter(|_| !is_up).map(|fault| fault.to_string()),
+        "port": wiring.port,
+        "link": wiring.link.to_string(),
+        "observed_s": (observed.time.as_secs_f64() * 10.0).round() / 10.0,
+        "suspicion": line.suspicion.map(|suspicion| suspicion.word()),
+        "verdict": findings.collect::<Vec<_>>(),
+        "rates": rates(observed),
+        "drives": observed.drives.iter().map(|it| drive(it, is_up)).collect::<Vec<_>>(),
+    })
+}
+
+/// Shares are of all exchanges; nothing if there was none.
+fn rates(observed: &Observed) -> Value {
+    let all = observed.exchanges();
+    let per_mille = |count: u64| (all > 0).then(|| (count as f64 * 10_000.0 / all as f64).round() / 10.0);
+    json!({
+        "exchanges": all,
+        "good_per_mille": per_mille(observed.sum(|drive| drive.exchanges.replies + drive.exchanges.exceptions)),
+        "silent_per_mille": per_mille(observed.sum(DriveObserved::silent)),
+        "garbled_per_mille": per_mille(observed.sum(|drive| drive.damage.damaged)),
+        "stray_per_mille": per_mille(observed.strays),
+        "foreign": observed.foreign,
+        "other_master": observed.other_master,
+        "echoes": observed.echoes,
+        "noise_bytes": observed.noise_bytes,
+        "noise_between": observed.noise_between,
+    })
+}
+
+fn drive(drive: &DriveObserved, line_is_up: bool) -> Value {
+    let DriveObserved { now, exchanges, damage } = drive;
+    let replies = REPLY_CLASSES.into_iter().zip(&now.report.replies).filter(|(_, reply)| reply.count > 0);
+    json!({
+        "name": now.name.as_str(),
+        "station": now.station.0,
+        "presence": match now.presence {
+            Presence::Unknown => "unknown",
+            Presence::Online if line_is_up => "online",
+            Presence::Online | Presence::Offline => "offline",
+        },
+        "exchanges": exchanges.total(),
+        "silent": drive.silent(),
+        "damaged": damage.damaged,
+        "first_characters_damaged": damage.head,
+        "cut": damage.cut,
+        "late": damage.late,
+        "doubled": damage.doubled,
+        "exceptions": exchanges.exceptions,
+        "retries": exchanges.retries,
+        "replies": replies.map(|(class, reply)| times(class, reply)).collect::<Vec<_>>(),
+    })
+}
+
+fn times(class: &str, reply: &ReplyReport) -> Value {
+    json!({
+        "class": class,
+        "count": reply.count,
+        "p50_ms": millis(reply.p50),
+        "p90_ms": millis(reply.p90),
+        "p99_ms": millis(reply.p99),
+        "p999_ms": millis(reply.p999),
+        "max_ms": millis(reply.max),
+        "timeout_ms": millis(reply.timeout),
+        "suggested_timeout_ms": reply.suggested.map(millis),
+    })
+}
+
+/// To a hundredth, rounded up.
+fn millis(time: Duration) -> f64 {
+    time.as_micros().div_ceil(10) as f64 / 100.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::{good, idle};
+    use super::*;
+
+    #[test]
+    fn a_good_line_is_told_in_numbers() {
+        let told = document("hall-1", &Wiring::default(), &good());
+        assert_eq!(told["link"], "9600 8N1");
+        assert_eq!((&told["state"], &told["reason"], &told["suspicion"]), (&"up".into(), &Value::Null, &Value::Null));
+        assert_eq!(told["observed_s"], 30.0);
+        assert_eq!(told["rates"]["exchanges"], 2000);
+        assert_eq!(told["rates"]["good_per_mille"], 1000.0);
+        assert_eq!(told["verdict"].as_array().map(Vec::len), Some(1), "{told}");
+        let drive = &told["drives"][0];
+        assert_eq!((&drive["name"], &drive["station"], &drive["presence"]), (&"a".into(), &1.into(), &"online".into()));
+        let replies = drive["replies"].as_array().unwrap();
+        assert_eq!(replies.len(), 1, "of writes nothing is known");
+        let read = |key: &str| replies[0][key].clone();
+        assert_eq!(read("class"), "read");
+        assert_eq!((read("p50_ms"), read("suggested_timeout_ms")), (4.0.into(), 30.0.into()));
+    }
+
+    #[test]
+    fn shares_are_of_all_exchanges_and_a_time_out_with_bytes_is_damage() {
+        let mut observed = good();
+        let drive = &mut observed.drives[0];
+        (drive.exchanges.replies, drive.exchanges.exceptions) = (980, 5);
+        (drive.exchanges.silent, drive.exchanges.garbled) = (8, 7);
+        drive.damage.damaged = 10;
+        observed.strays = 4;
+        let rates = &document("hall-1", &Wiring::default(), &observed)["rates"];
+        for (key, per_mille) in [("good", 992.5), ("silent", 2.5), ("garbled", 5.0), ("stray", 2.0)] {
+            assert_eq!(rates[format!("{key}_per_mille")], per_mille, "{key}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_a_share_of_nothing() {
+        let rates = &document("hall-1", &Wiring::default(), &idle())["rates"];
+        assert_eq!((&rates["exchanges"], &rates["good_per_mille"]), (&0.into(), &Value::Null));
+    }
+}

@@ -1,0 +1,98 @@
+//! What is found of a line as a whole.
+
+use super::Observed;
+use super::rules::{ENOUGH, SIGNS, Said, Severity};
+use crate::domain::suspicion::Suspicion;
+
+/// The line itself says what is probably wrong with it: wiring, speed, parity, a number given twice, an echo, a jam.
+pub(super) fn suspicion(seen: &Observed) -> Said {
+    Some((Severity::Problem, seen.line.suspicion?.to_string()))
+}
+
+pub(super) fn down(seen: &Observed) -> Said {
+    if seen.is_up() || seen.line.suspicion.is_some() {
+        return None;
+    }
+    let reason = seen.line.fault.map_or("its port was never open".to_owned(), |fault| fault.to_string());
+    Some((Severity::Problem, format!("the line is down: {reason}")))
+}
+
+pub(super) fn port_lost(seen: &Observed) -> Said {
+    let text = || {
+        format!(
+            "the port was lost {} times: look at the adapter's cable, hub and power, and at what switches nearby",
+            seen.port_downs
+        )
+    };
+    (seen.port_downs > 0).then(|| (Severity::Problem, text()))
+}
+
+pub(super) fn suspended(seen: &Observed) -> Said {
+    let bad = seen.line.quality.bad_per_cent.unwrap_or_default();
+    let text = || {
+        format!(
+            "{bad} % of the last exchanges failed: run orders and higher setpoints are refused until it is less than 3 %"
+        )
+    };
+    (seen.is_up() && seen.line.quality.is_suspended).then(|| (Severity::Problem, text()))
+}
+
+pub(super) fn other_master(seen: &Observed) -> Said {
+    let is_told = seen.line.suspicion == Some(Suspicion::OtherMaster);
+    let text = || {
+        format!(
+            "somebody else sent {} requests on this line: a serial line takes one master only; disconnect the other one",
+            seen.other_master
+        )
+    };
+    (seen.other_master >= SIGNS && !is_told).then(|| (Severity::Problem, text()))
+}
+
+pub(super) fn stranger(seen: &Observed) -> Said {
+    let known = seen.sum(|drive| drive.damage.late + drive.damage.doubled);
+    let strangers = (seen.strays + seen.foreign).saturating_sub(known);
+    let text = || {
+        format!(
+            "{strangers} frames came from stations that are not configured here: another device, or a drive whose number \
+             was changed; list it under the line, or find out whom it answers"
+        )
+    };
+    (strangers >= SIGNS).then(|| (Severity::Problem, text()))
+}
+
+/// Bytes where nobody should talk. A few are the adapter's own turn of direction.
+pub(super) fn floating(seen: &Observed) -> Said {
+    let (led, between) = (seen.sum(|drive| drive.damage.led), seen.noise_between);
+    let text = || {
+        format!(
+            "bytes that belong to no frame came {led} times in front of replies and {between} times between exchanges: \
+             the line floats while nobody sends; it needs bias resistors at one place, its termination (120 ohm) at both \
+             ends and nowhere else, and a common ground"
+        )
+    };
+    let severity = if (led + between) * 50 >= seen.exchanges() { Severity::Problem } else { Severity::Hint };
+    (led + between >= SIGNS).then(|| (severity, text()))
+}
+
+pub(super) fn over_full(seen: &Observed) -> Said {
+    let wanted = seen.line.planned_use_per_mille / 10;
+    let text = || {
+        format!(
+            "the polls want {wanted} % of the line's time, so that values are older than asked for: raise `poll`, the \
+             speed, or split the line"
+        )
+    };
+    (seen.line.planned_use_per_mille > 1000).then(|| (Severity::Hint, text()))
+}
+
+pub(super) fn echo_stripped(seen: &Observed) -> Said {
+    let is_told = seen.line.suspicion == Some(Suspicion::Echo);
+    let text = "the adapter sends back what is sent, and that is taken out, as configured".to_owned();
+    (seen.is_up() && seen.echoes >= SIGNS && !is_told).then_some((Severity::Good, text))
+}
+
+pub(super) fn few_exchanges(seen: &Observed) -> Said {
+    let exchanges = seen.exchanges();
+    let text = || format!("{exchanges} exchanges in {} s are too few to judge: watch longer", seen.time.as_secs());
+    (seen.is_up() && exchanges < ENOUGH).then(|| (Severity::Hint, text()))
+}

@@ -1,0 +1,158 @@
+//! Observations for tests: a good line, and one for each thing that can be wrong.
+
+use super::rules::Severity;
+use super::{DriveObserved, DriveSeen, LineSeen, Observed};
+use crate::domain::counts::ExchangeCounts;
+use crate::domain::ids::{Name, Station};
+use crate::domain::report::{LineFault, LineReport, LineState, ReplyReport, StationReport};
+use crate::domain::suspicion::Suspicion;
+use crate::domain::time::MonoTime;
+use crate::drive::snapshot::Presence;
+use std::sync::Arc;
+use std::time::Duration;
+
+const SPAN: Duration = Duration::from_secs(30);
+
+fn drive(name: &str, station: u8) -> DriveSeen {
+    let ms = Duration::from_millis;
+    let reads = ReplyReport {
+        count: 1000,
+        p50: ms(4),
+        p90: ms(5),
+        p99: ms(6),
+        p999: ms(7),
+        max: ms(9),
+        timeout: ms(30),
+        suggested: Some(ms(30)),
+    };
+    let exchanges = ExchangeCounts { replies: 1000, ..ExchangeCounts::default() };
+    let unseen = ReplyReport { timeout: ms(500), ..ReplyReport::default() };
+    let report = StationReport { replies: [reads, unseen, unseen], exchanges, ..StationReport::default() };
+    let name = Name::new(name).unwrap();
+    DriveSeen { name, station: Station(station), presence: Presence::Online, report: Arc::new(report) }
+}
+
+fn up() -> LineReport {
+    LineReport { state: LineState::Up, ..LineReport::default() }
+}
+
+/// Two drives, a at station 1 and b at 2, 1000 good exchanges each.
+pub(super) fn good() -> Observed {
+    let now = LineSeen { at: MonoTime::from_millis(40_000), report: up(), drives: vec![drive("a", 1), drive("b", 2)] };
+    Observed::between(None, now, MonoTime::from_millis(40_000).before(SPAN))
+}
+
+/// The same line, and nothing happened.
+pub(super) fn idle() -> Observed {
+    let mut observed = good();
+    observed.drives.iter_mut().for_each(|drive| drive.exchanges = ExchangeCounts::default());
+    observed
+}
+
+fn with(change: impl FnOnce(&mut Observed)) -> Observed {
+    let mut observed = good();
+    change(&mut observed);
+    observed
+}
+
+/// Of drive a.
+fn of_a(change: impl FnOnce(&mut DriveObserved)) -> Observed {
+    with(|observed| change(&mut observed.drives[0]))
+}
+
+/// Drive a had so many damaged replies of the right length.
+fn damaged(count: u64, change: impl FnOnce(&mut DriveObserved)) -> Observed {
+    of_a(|a| {
+        (a.exchanges.replies, a.exchanges.garbled, a.damage.damaged) = (1000 - count, count, count);
+        change(a);
+    })
+}
+
+/// Each sign with its severity, a part of its text, and a case in which it comes first.
+pub(super) fn cases() -> Vec<(&'static str, Severity, &'static str, Observed)> {
+    [line_cases(), drive_cases(), damage_cases()].concat()
+}
+
+type Case = (&'static str, Severity, &'static str, Observed);
+
+fn line_cases() -> Vec<Case> {
+    use Severity::{Good, Hint, Problem};
+    let suspected = |suspicion| with(|it| it.line.suspicion = Some(suspicion));
+    let down = |fault| with(|it| (it.line.state, it.line.fault) = (LineState::Down, fault));
+    vec![
+        ("suspicion", Problem, "higher speed", suspected(Suspicion::DrivesAreFaster)),
+        ("suspicion", Problem, "lower speed", suspected(Suspicion::DrivesAreSlower)),
+        ("suspicion", Problem, "parity", suspected(Suspicion::AlwaysDamaged)),
+        ("suspicion", Problem, "two drives", suspected(Suspicion::TwoAnswer(Station(1)))),
+        ("suspicion", Problem, "echo", suspected(Suspicion::Echo)),
+        ("line_down", Problem, "the device is gone", down(Some(LineFault::Gone))),
+        ("line_down", Problem, "never open", down(None)),
+        ("port_lost", Problem, "lost 2 times", with(|it| it.port_downs = 2)),
+        (
+            "suspended",
+            Problem,
+            "14 %",
+            with(|it| (it.line.quality.is_suspended, it.line.quality.bad_per_cent) = (true, Some(14))),
+        ),
+        ("other_master", Problem, "one master only", with(|it| it.other_master = 5)),
+        ("stranger", Problem, "5 frames", with(|it| it.foreign = 5)),
+        ("floating", Problem, "bias", with(|it| it.noise_between = 400)),
+        ("floating", Hint, "7 times in front", of_a(|a| a.damage.led = 7)),
+        ("over_full", Hint, "130 %", with(|it| it.line.planned_use_per_mille = 1300)),
+        ("echo_stripped", Good, "as configured", with(|it| it.echoes = 2000)),
+        ("few_exchanges", Hint, "too few", idle()),
+    ]
+}
+
+fn drive_cases() -> Vec<Case> {
+    use Severity::{Hint, Problem};
+    let answered =
+        |good, silent, late| of_a(|a| (a.exchanges.replies, a.exchanges.silent, a.damage.late) = (good, silent, late));
+    vec![
+        ("offline", Problem, "a: it does not answer at station 1", of_a(|a| a.now.presence = Presence::Offline)),
+        (
+            "offline",
+            Problem,
+            "wiring",
+            of_a(|a| (a.now.presence, a.exchanges.replies, a.exchanges.silent) = (Presence::Offline, 0, 8)),
+        ),
+        ("two_answer", Problem, "two drives probably have station 1", of_a(|a| a.damage.doubled = 3)),
+        ("silent", Problem, "40 of 1000", answered(960, 40, 0)),
+        ("silent", Hint, "5 of 1000", answered(995, 5, 0)),
+        (
+            "silent",
+            Problem,
+            "others had",
+            of_a(|a| (a.now.presence, a.exchanges.replies, a.exchanges.silent) = (Presence::Offline, 100, 8)),
+        ),
+        ("late", Problem, "after up to 500 ms", answered(960, 40, 40)),
+        (
+            "timeout_short",
+            Hint,
+            "60 ms are suggested",
+            of_a(|a| {
+                let mut report = *a.now.report;
+                report.replies[0].suggested = Some(Duration::from_millis(60));
+                a.now.report = Arc::new(report);
+            }),
+        ),
+        ("exceptions", Hint, "100 of 1000", of_a(|a| (a.exchanges.replies, a.exchanges.exceptions) = (900, 100))),
+    ]
+}
+
+fn damage_cases() -> Vec<Case> {
+    use Severity::{Hint, Problem};
+    let both = |count| {
+        let mut observed = damaged(count, |_| {});
+        observed.drives[1].damage = observed.drives[0].damage;
+        observed
+    };
+    vec![
+        ("first_characters", Problem, "30 of 50", damaged(50, |a| a.damage.head = 30)),
+        ("cut", Problem, "the end of 40 of 50", damaged(50, |a| a.damage.cut = 40)),
+        ("long_frames", Problem, "45 of 50", damaged(50, |a| (a.damage.long, a.damage.long_damaged) = (500, 45))),
+        ("one_station", Problem, "those of others are not", damaged(50, |_| {})),
+        ("damaged", Problem, "50 of 1000", both(50)),
+        ("damaged", Hint, "5 of 1000", both(5)),
+    ]
+}
