@@ -10,6 +10,7 @@ use crate::config::{
     self, BrokerSettings, Config, DriveSettings, LineSettings, MqttSettings, PasswordSource, line_plan,
 };
 use crate::domain::ids::{DriveIndex, Name};
+use crate::domain::link::Wiring;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::plan::Pace;
 use crate::gateway::{DriveSetup, LineSetup};
@@ -65,7 +66,12 @@ pub fn shared_line(number: u16, line: &LineSettings) -> SharedLine {
         let place = DriveRef { line: number, drive: DriveIndex(index) };
         description(place, line, drive, stretch)
     });
-    SharedLine::new(number, line.name.clone(), line.interface, drives)
+    SharedLine::new(number, line.name.clone(), line.interface, drives).wired(wiring(line))
+}
+
+fn wiring(line: &LineSettings) -> Wiring {
+    let stations = line.drives.iter().map(|drive| drive.station).collect();
+    Wiring { port: line.port.to_string(), link: line.link, framing: line.framing, stations }
 }
 
 /// Values age by the period that an over-full line really keeps.

@@ -3,6 +3,7 @@
 use super::answers::NorthSides;
 use super::clock;
 use super::descriptors;
+use super::http::live::Live;
 use super::http::{self, State, socket::OwnSocket};
 use super::local::LocalSide;
 use super::modbus_server::{Listener, Security, Server};
@@ -160,15 +161,18 @@ impl North {
         mqtt: Option<Mqtt>,
     ) -> Self {
         let modbus_totals = Arc::new(ModbusTotals::default());
+        let started = clock::moment();
         let state = Arc::new(State {
             gateway: name.to_string(),
             shared: current.clone(),
             modbus: Arc::clone(&modbus_totals),
             mqtt: None.into(),
             journal: sides.journal.clone(),
-            started: clock::now(),
-            started_at: clock::wall(),
+            live: Live::new(started),
+            started: started.mono,
+            started_at: started.wall,
         });
+        tokio::task::spawn_local(http::live::run(Arc::clone(&state)));
         if let Some((socket, reloads)) = socket {
             let side = Arc::new(LocalSide::new(current.clone(), reloads));
             tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&sides.local)));
@@ -263,7 +267,7 @@ impl North {
                 before.end().await;
             }
             let changed = Arc::clone(&current.load().changed);
-            let speaker = Speaker::new(settings, current, news, totals, journal, first_ticket, mqtt::moment());
+            let speaker = Speaker::new(settings, current, news, totals, journal, first_ticket, clock::moment());
             speak(connection, speaker, changed, stopped).await;
         });
         self.mqtt = Some(Conversation { with, stop, task });

@@ -2,7 +2,7 @@
 
 use super::inbox::Inbox;
 use crate::domain::ids::Name;
-use crate::domain::link::Interface;
+use crate::domain::link::{Interface, Wiring};
 use crate::domain::report::{LineReport, StationReport};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::DriveView;
@@ -45,6 +45,8 @@ pub struct SharedLine {
     pub name: Name,
     /// What it is physically.
     pub interface: Interface,
+    /// How it is wired.
+    pub wiring: Wiring,
     /// The way in.
     pub inbox: Arc<Inbox>,
     /// Its drives, in order.
@@ -107,7 +109,13 @@ impl SharedLine {
         };
         let drives = drives.into_iter().map(drive).collect();
         let (report, rounds, hangs) = (Mutex::default(), AtomicU64::default(), AtomicBool::default());
-        Self { number, name, interface, inbox, drives, report, rounds, hangs }
+        Self { number, name, interface, wiring: Wiring::default(), inbox, drives, report, rounds, hangs }
+    }
+
+    /// The same line, wired so.
+    #[must_use]
+    pub fn wired(self, wiring: Wiring) -> Self {
+        Self { wiring, ..self }
     }
 
     /// The line as of its last round.

@@ -1,5 +1,6 @@
 //! Settings of a serial line and the time its characters take.
 
+use super::ids::Station;
 use std::fmt;
 use std::time::Duration;
 
@@ -113,6 +114,26 @@ impl fmt::Display for LinkSettings {
             Parity::Odd => 'O',
         };
         write!(f, "{} {}{}{}", self.baud, self.data_bits, parity, self.stop_bits)
+    }
+}
+
+/// How a line is wired as far as the configuration says it: what people look at when nothing answers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Wiring {
+    /// The device or address by which the line is reached, as the configuration writes it.
+    pub port: String,
+    /// Speed and character format.
+    pub link: LinkSettings,
+    /// How frames are told apart.
+    pub framing: Framing,
+    /// The station numbers of its drives, in order.
+    pub stations: Vec<Station>,
+}
+
+impl Default for Wiring {
+    /// A line of which nothing is said.
+    fn default() -> Self {
+        Self { port: String::new(), link: LinkSettings::DEFAULT, framing: Framing::Rtu, stations: Vec::new() }
     }
 }
 

@@ -1,5 +1,8 @@
 //! What clients see: parsers and sans-IO machines. No socket, no clock, and nothing of the line machine.
 
+pub mod clock;
 pub mod modbus;
 pub mod mqtt;
+pub mod page;
 pub mod setup_body;
+pub mod shown;

@@ -7,6 +7,8 @@
 
 mod connections;
 mod health;
+pub mod lasting;
+pub mod live;
 mod metrics;
 mod own_routes;
 mod routes;

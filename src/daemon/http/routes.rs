@@ -1,7 +1,7 @@
 //! What is found where.
 
 use super::state::State as Gateway;
-use super::{health, metrics};
+use super::{health, live, metrics};
 use crate::daemon::clock;
 use axum::Router;
 use axum::extract::State;
@@ -21,7 +21,8 @@ pub(super) fn router(state: Arc<Gateway>) -> Router {
         .route("/readyz", get(ready))
         .route("/metrics", get(measured))
         .route("/api/v1/health", get(healthy))
-        .with_state(state)
+        .with_state(Arc::clone(&state))
+        .merge(live::router(state))
 }
 
 /// Whoever gets this answer knows that the main thread turns: it is given there. A line whose thread hangs sends no stop:

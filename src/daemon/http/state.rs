@@ -1,5 +1,6 @@
 //! What the HTTP side knows: what the lines show, and counts that the other north sides keep for it.
 
+use super::live::Live;
 use crate::daemon::journal::Journal;
 use crate::daemon::shared::Current;
 use crate::daemon::totals::{ModbusTotals, MqttTotals};
@@ -21,6 +22,8 @@ pub struct State {
     pub mqtt: ArcSwapOption<MqttTotals>,
     /// The journal; nothing if there is no data directory.
     pub journal: Option<Arc<Journal>>,
+    /// What the live documents rest on.
+    pub live: Live,
     /// When the gateway started.
     pub started: MonoTime,
     /// The same moment for people.
