@@ -71,10 +71,12 @@ pub async fn bind(config: &Config, kept: &[Option<usize>], has_http_moved: bool)
     let mut modbus = Vec::with_capacity(config.listeners.len());
     for (place, listener) in config.listeners.iter().enumerate() {
         let is_kept = kept.get(place).is_some_and(Option::is_some);
-        modbus.push(if is_kept { None } else { Some(listen(listener.listen)?) });
+        modbus.push(if is_kept { None } else { Some(listen(listener.listen, None)?) });
     }
     let http = match &config.http {
-        Some(HttpSettings { listen: address }) if has_http_moved => Some(listen(*address)?),
+        Some(HttpSettings { listen: address }) if has_http_moved => {
+            Some(listen(*address, Some(http::SEND_BUFFER_BYTES))?)
+        }
         _ => None,
     };
     Ok(Bound { modbus, security: security(config).await?, http, has_http_moved })
@@ -94,11 +96,13 @@ async fn security(config: &Config) -> Result<Vec<Option<Security>>, StartError> 
     read.await.unwrap_or_else(|error| Err(StartError::System(io::Error::other(error))))
 }
 
-fn listen(address: SocketAddr) -> Result<TcpListener, StartError> {
+/// Connections inherit what is said of the buffer for what they send.
+fn listen(address: SocketAddr, send_buffer_bytes: Option<u32>) -> Result<TcpListener, StartError> {
     let open = || {
         let socket = if address.is_ipv4() { TcpSocket::new_v4()? } else { TcpSocket::new_v6()? };
         // Connections of a gateway that has just ended do not keep the address.
         socket.set_reuseaddr(true)?;
+        send_buffer_bytes.map_or(Ok(()), |bytes| socket.set_send_buffer_size(bytes))?;
         socket.bind(address)?;
         socket.listen(BACKLOG)
     };

@@ -29,6 +29,9 @@ use connections::Patience;
 use std::sync::Arc;
 use tokio::net::TcpListener;
 
+/// Bytes that the system holds for a client that does not read. Left alone it would take some megabytes.
+pub const SEND_BUFFER_BYTES: u32 = 128 * 1024;
+
 /// Serves HTTP on `listener` until the task is dropped. It must run on a `LocalSet`.
 pub async fn serve(listener: TcpListener, state: Arc<State>) {
     connections::serve(listener, routes::router(state), Patience::default()).await;

@@ -179,6 +179,71 @@ impl<'c> Backward<'c> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::daemon::journal::schema;
+    use crate::journal::Row;
+    use serde_json::json;
+
+    /// A journal with these rows: table, number, moment, name.
+    fn journal(rows: impl IntoIterator<Item = (Table, u64, i64, &'static str)>) -> Connection {
+        let mut connection = Connection::open_in_memory().unwrap();
+        schema::make(&mut connection, "test").unwrap();
+        for (table, number, unix_ms, name) in rows {
+            let row = Row { number, ..Row::new(WallTime { unix_ms }, "test", Some(name), &json!({})) };
+            let sql =
+                format!("INSERT INTO {} (number, at, kind, name, body, crc) VALUES (?, ?, ?, ?, ?, ?)", table.name());
+            connection.execute(&sql, (number, unix_ms, &row.kind, name, &row.body, row.crc(table))).unwrap();
+        }
+        connection
+    }
+
+    fn wanted(tables: &'static [Table]) -> Wanted {
+        Wanted { tables, drive: None, since: None }
+    }
+
+    /// Tables and numbers of the newest.
+    fn numbers(connection: &Connection, wanted: &Wanted, most: usize) -> Vec<(Table, u64)> {
+        let Found { rows, is_complete } = newest(connection, wanted, most).unwrap();
+        assert!(is_complete);
+        rows.iter().map(|(table, seen)| (*table, seen.number())).collect()
+    }
+
+    #[test]
+    fn the_newest_of_all_tables_are_found_in_their_order() {
+        let connection = journal([
+            (Table::Audit, 1, 10, "a"),
+            (Table::Event, 1, 20, "b"),
+            (Table::Audit, 2, 30, "a"),
+            (Table::Event, 2, 40, "a"),
+            (Table::Audit, 3, 50, "b"),
+        ]);
+        let all = wanted(&Table::ALL);
+        assert_eq!(numbers(&connection, &all, 3), [(Table::Audit, 2), (Table::Event, 2), (Table::Audit, 3)]);
+        assert_eq!(numbers(&connection, &all, 100).len(), 5);
+        assert_eq!(numbers(&connection, &wanted(&[Table::Event]), 1), [(Table::Event, 2)]);
+        let of_b = Wanted { drive: Some("b".to_owned()), ..all.clone() };
+        assert_eq!(numbers(&connection, &of_b, 100), [(Table::Event, 1), (Table::Audit, 3)]);
+        let late = Wanted { since: Some(WallTime { unix_ms: 40 }), ..all.clone() };
+        assert_eq!(numbers(&connection, &late, 100), [(Table::Event, 2), (Table::Audit, 3)]);
+        connection.execute("UPDATE audit SET name = 'x' WHERE number = 1", []).unwrap();
+        assert_eq!(numbers(&connection, &late, 100)[0], (Table::Audit, 1), "a damaged one may be about anything");
+    }
+
+    #[test]
+    fn a_clock_that_was_set_back_for_a_while_hides_nothing() {
+        let early = (1..=5).map(|number| (Table::Audit, number, 1000, "a"));
+        let set_back = (6..=10).map(|number| (Table::Audit, number, 1, "a"));
+        let connection = journal(early.chain(set_back));
+        let late = Wanted { since: Some(WallTime { unix_ms: 500 }), ..wanted(&[Table::Audit]) };
+        assert_eq!(numbers(&connection, &late, 100), [1, 2, 3, 4, 5].map(|number| (Table::Audit, number)));
+    }
+
+    #[test]
+    fn a_search_in_a_long_journal_ends_soon() {
+        let most = TOO_OLD_MAX as u64;
+        let connection = journal((1..=most + 1).map(|number| (Table::Audit, number, i64::from(number == 1), "a")));
+        let late = Wanted { since: Some(WallTime { unix_ms: 1 }), ..wanted(&[Table::Audit]) };
+        assert_eq!(numbers(&connection, &late, 100), [] as [(Table, u64); 0], "behind so many old ones nobody looks");
+    }
 
     #[test]
     fn moments_and_times_are_told_apart() {

@@ -84,8 +84,8 @@ pub async fn run(state: Arc<State>) {
     let mut ticks = tokio::time::interval(TICK);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
-        ticks.tick().await;
         state.live.lock().look(&state, clock::moment());
+        ticks.tick().await;
     }
 }
 
@@ -152,6 +152,7 @@ impl Kept {
         self.listeners.add(first, stay)
     }
 
+    /// The trend of the drive called `name`; nothing as long as it was not looked at.
     fn trend(&self, name: &str) -> Option<Value> {
         let end = self.trends.newest_at().map_or(0, |at| self.clock.wall(at).unix_ms.div_euclid(1000));
         self.trends.document(name, end)

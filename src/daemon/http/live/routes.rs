@@ -59,9 +59,12 @@ async fn trend(State(gateway): State<Arc<Gateway>>, RawQuery(query): RawQuery) -
     let Some(name) = query.get("drive") else {
         return wrong(StatusCode::BAD_REQUEST, format!("`drive=NAME` is needed; there are {}", names()));
     };
+    if shared.drives.iter().all(|drive| drive.description.name.as_str() != name) {
+        return wrong(StatusCode::NOT_FOUND, format!("there is no drive `{name}`; there are {}", names()));
+    }
     match gateway.live.lock().trend(name) {
         Some(document) => fresh(&document),
-        None => wrong(StatusCode::NOT_FOUND, format!("there is no drive `{name}`; there are {}", names())),
+        None => wrong(StatusCode::SERVICE_UNAVAILABLE, "the drive has come this moment: try again"),
     }
 }
 

@@ -232,8 +232,6 @@ fn documents_are_found_and_mistakes_are_named() {
         let state = state(true);
         show(&state, online(clock::now(), 10));
         let address = serve(&state, Patience::default()).await;
-        // The first look is at once.
-        tokio::task::yield_now().await;
         let of = async |path: &str| {
             let (status, body) = get(address, path).await;
             (status, serde_json::from_str::<Value>(&body).unwrap())
