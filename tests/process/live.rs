@@ -34,7 +34,9 @@ impl Site {
         let mut simulate = program();
         simulate.args(["simulate", "--model", "hyundai-n700", "--baud", "38400", "--trip-on-enter"]);
         simulate.arg("--link").arg(&port);
-        (1..=drives).for_each(|station| drop(simulate.args(["--station", &station.to_string()])));
+        for station in 1..=drives {
+            simulate.args(["--station", &station.to_string()]);
+        }
         let simulated = Started::at_a_keyboard(simulate);
         simulated.wait_for("that it plays", |line| line.contains("station 1").then_some(()));
         std::fs::create_dir(place.file("data")).unwrap();
@@ -290,7 +292,7 @@ fn who_does_not_read_is_let_go_and_memory_stays_bounded() {
     });
     let grown = site.resident_kb().saturating_sub(before);
     assert!(grown < 8 * 1024, "{grown} kB");
-    good.wait_for("update", |update| first_drive(update).map(drop));
+    good.wait_for("update", |update| first_drive(update).map(|_| ()));
     assert!(!good.has_ended());
 }
 

@@ -6,7 +6,7 @@ use bytes::Bytes;
 use hyper::body::Frame;
 use std::convert::Infallible;
 use std::pin::Pin;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 use std::task::{Context, Poll};
 use tokio::sync::mpsc;
 use tokio::sync::mpsc::error::TrySendError;
@@ -21,7 +21,8 @@ pub struct Listeners(Vec<Ear>);
 #[derive(Debug)]
 struct Ear {
     texts: mpsc::Sender<Bytes>,
-    stay: Arc<Stay>,
+    /// Its place is free as soon as it has left.
+    stay: Weak<Stay>,
 }
 
 /// One who listens: the body of an answer.
@@ -37,7 +38,8 @@ impl Listeners {
     pub fn add(&mut self, first: String, stay: Stay) -> Listener {
         let (sender, texts) = mpsc::channel(WAITING_MAX);
         let stay = Arc::new(stay);
-        self.0.push(Ear { texts: sender, stay: Arc::clone(&stay) });
+        self.forget_gone();
+        self.0.push(Ear { texts: sender, stay: Arc::downgrade(&stay) });
         Listener { first: Some(first.into()), texts, _stay: stay }
     }
 
@@ -66,7 +68,7 @@ impl Listeners {
             Err(TrySendError::Closed(_)) => false,
             Err(TrySendError::Full(_)) => {
                 tracing::info!("a listener to changes does not keep up and is let go");
-                ear.stay.cut();
+                ear.stay.upgrade().iter().for_each(|stay| stay.cut());
                 false
             }
         });
