@@ -11,6 +11,7 @@
 //! | `coming_and_going` | unplugged adapters, signals, taken ports |
 //! | `unplugging` | an adapter that comes and goes leaks nothing and is back within a second; a device has one holder |
 //! | `network` | lines behind ser2net and other serial device servers |
+//! | `live` | the page hears of values, trips, lost lines and reloads, and no listener costs the others anything |
 //! | `asking` | `health`, `read`, `write` and `watch` ask a running gateway |
 //! | `enabling` | `verify` and `enable` look at a drive and set what it needs before it obeys |
 //! | `capturing` | what goes over a line is seen by whoever watches, and tshark decodes what is captured |
@@ -97,6 +98,8 @@ mod home_assistant;
 mod journal;
 #[path = "process/liars.rs"]
 mod liars;
+#[path = "process/live.rs"]
+mod live;
 #[path = "process/losing.rs"]
 mod losing;
 #[path = "process/network.rs"]

@@ -1,7 +1,7 @@
 //! What the gateway reaches, measured and printed as a table: `cargo bench --bench reach`, about twenty minutes.
 //!
 //! A part of the table by name: `cargo bench --bench reach -- paced`. Parts: paced, unpaced, shared, fair, dead,
-//! late, stop, command, lost, retained, telemetry, uniform, crowd, setpoints, journal, memory, unplug; most are shorter
+//! late, stop, command, lost, retained, telemetry, page, uniform, crowd, setpoints, journal, memory, unplug; most are shorter
 //! with `--quick`. Everything stays on this machine: pseudo-terminals and loopback. The brokers are processes started
 //! here: mosquitto if it is installed.
 
@@ -29,6 +29,7 @@ mod lost;
 mod memory;
 mod offer;
 mod paced;
+mod page;
 mod pipeline;
 mod plant;
 mod relay;
@@ -51,7 +52,7 @@ use table::Row;
 /// Measures one part of the table.
 type Part = fn() -> Vec<Row>;
 
-const PARTS: [(&str, Part); 17] = [
+const PARTS: [(&str, Part); 18] = [
     ("paced", paced::paced),
     ("unpaced", rows::unpaced),
     ("shared", rows::shared),
@@ -63,6 +64,7 @@ const PARTS: [(&str, Part); 17] = [
     ("lost", lost::lost),
     ("retained", retained::retained),
     ("telemetry", telemetry::telemetry),
+    ("page", page::page),
     ("uniform", uniform::uniform),
     ("crowd", crowded::crowd),
     ("setpoints", setpoints::setpoints),

@@ -20,10 +20,10 @@ use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::link::LinkSettings;
 use vfd_gateway::sim::{BusOptions, DriveOptions, Pacing, SimBus, SimDrive};
 
-const LINES: usize = 8;
-const DRIVES: u8 = 4;
-const POINTS: u16 = 20;
-const POLL: Duration = Duration::from_millis(500);
+pub const LINES: usize = 8;
+pub const DRIVES: u8 = 4;
+pub const POINTS: u16 = 20;
+pub const POLL: Duration = Duration::from_millis(500);
 const WARM_UP: Duration = Duration::from_secs(5);
 /// As many exchanges of a drive are remembered, longer than any message is on its way.
 const REMEMBERED: usize = 4096;
@@ -31,13 +31,13 @@ const REMEMBERED: usize = 4096;
 const TICKS: f64 = 100.0;
 
 /// When each exchange of each drive was answered, in nanoseconds from `begun`.
-struct Answered {
+pub struct Answered {
     begun: Instant,
     drives: Vec<Vec<AtomicU64>>,
 }
 
 impl Answered {
-    fn new() -> Self {
+    pub fn new() -> Self {
         let times = || (0..REMEMBERED).map(|_| AtomicU64::new(0)).collect();
         Self { begun: Instant::now(), drives: (0..LINES * usize::from(DRIVES)).map(|_| times()).collect() }
     }
@@ -67,7 +67,7 @@ pub fn telemetry() -> Vec<Row> {
     let lines: Vec<_> = (0..LINES).map(|line| start_line(line, &answered, &end)).collect();
     let ports: Vec<_> = lines.iter().map(|(port, _)| port.clone()).collect();
     let (broker, place) = (Broker::start(false), Place::new());
-    let mut gateway = start_gateway(&place, &ports, broker.port);
+    let mut gateway = start_gateway(&place, &configuration(&ports, broker.port));
     let mut subscriber = Talker::connect(broker.port, "bench-watch", &["vfd/bench/drive/#"]).expect("it accepts");
     watch(&mut subscriber, &answered, WARM_UP);
     let (ticks, threads) = (ticks(gateway.id()), thread_ticks(gateway.id()));
@@ -84,7 +84,6 @@ pub fn telemetry() -> Vec<Row> {
 }
 
 fn rows(seen: &Seen, took: Duration, used: f64, of_lines: f64, broker: &str) -> Vec<Row> {
-    let per_cent = |ticks: f64| ticks / TICKS / took.as_secs_f64() * 100.0;
     let polls = took.as_secs_f64() / POLL.as_secs_f64();
     let points = LINES as f64 * f64::from(DRIVES) * f64::from(POINTS);
     let in_time = seen.ages.iter().filter(|age| **age <= POLL).count();
@@ -106,8 +105,8 @@ fn rows(seen: &Seen, took: Duration, used: f64, of_lines: f64, broker: &str) -> 
                 seen.states as f64 / took.as_secs_f64()
             ),
         ),
-        Row::at_most("telemetry: CPU of the gateway, % of a core", 10.0, per_cent(used)),
-        Row::told("telemetry: of that for its lines, % of a core", format!("{:.1}", per_cent(of_lines))),
+        Row::at_most("telemetry: CPU of the gateway, % of a core", 10.0, per_cent(used, took)),
+        Row::told("telemetry: of that for its lines, % of a core", format!("{:.1}", per_cent(of_lines, took))),
     ]
 }
 
@@ -129,7 +128,7 @@ fn watch(subscriber: &mut Talker, answered: &Answered, span: Duration) -> Seen {
 }
 
 /// A line whose drives say of each exchange when they answered it.
-fn start_line(line: usize, answered: &Arc<Answered>, end: &Arc<AtomicBool>) -> (PathBuf, JoinHandle<()>) {
+pub fn start_line(line: usize, answered: &Arc<Answered>, end: &Arc<AtomicBool>) -> (PathBuf, JoinHandle<()>) {
     let pty = Pty::new().expect("a pseudo-terminal");
     let port = pty.path().to_owned();
     let (answered, end) = (Arc::clone(answered), Arc::clone(end));
@@ -155,16 +154,24 @@ fn start_line(line: usize, answered: &Arc<Answered>, end: &Arc<AtomicBool>) -> (
     (port, thread)
 }
 
-fn start_gateway(place: &Place, ports: &[PathBuf], broker: u16) -> Child {
+/// The program with this configuration, as a process of its own.
+pub fn start_gateway(place: &Place, text: &str) -> Child {
     let file = place.path().join("gateway.toml");
-    fs::write(&file, configuration(ports, broker)).expect("a file");
+    fs::write(&file, text).expect("a file");
     let mut command = Command::new(env!("CARGO_BIN_EXE_vfd-gateway"));
     command.args(["run", "-c"]).arg(file).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     command.spawn().expect("the gateway starts")
 }
 
 fn configuration(ports: &[PathBuf], broker: u16) -> String {
-    let mut text = "[gateway]\nname = \"bench\"\n".to_owned();
+    let mut text = lines_text("[gateway]\nname = \"bench\"\n", ports);
+    let _ = write!(text, "[mqtt]\nbroker = \"mqtt://127.0.0.1:{broker}\"\n");
+    text + "[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n"
+}
+
+/// `head`, and behind it a line with its drives at each of `ports`.
+pub fn lines_text(head: &str, ports: &[PathBuf]) -> String {
+    let mut text = head.to_owned();
     // Writing to a String cannot fail.
     for (line, port) in ports.iter().enumerate() {
         let _ = write!(text, "[[line]]\nname = \"l{line}\"\nport = \"{}\"\nsilence = \"0ms\"\n", port.display());
@@ -187,12 +194,11 @@ fn configuration(ports: &[PathBuf], broker: u16) -> String {
             }
         }
     }
-    let _ = write!(text, "[mqtt]\nbroker = \"mqtt://127.0.0.1:{broker}\"\n");
-    text + "[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n"
+    text
 }
 
 /// Processor time of a process so far, in ticks.
-fn ticks(process: u32) -> f64 {
+pub fn ticks(process: u32) -> f64 {
     used(&format!("/proc/{process}/stat"))
 }
 
@@ -210,4 +216,9 @@ fn used(path: &str) -> f64 {
     let (_, rest) = text.rsplit_once(") ").expect("fields behind the name");
     let fields: Vec<&str> = rest.split(' ').collect();
     fields[11..13].iter().map(|field| field.parse::<f64>().expect("a number")).sum()
+}
+
+/// Ticks within `took` in per cent of a core.
+pub fn per_cent(ticks: f64, took: Duration) -> f64 {
+    ticks / TICKS / took.as_secs_f64() * 100.0
 }

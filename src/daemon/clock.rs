@@ -1,6 +1,7 @@
 //! The clocks. Nobody else reads one.
 
 use crate::domain::time::{MonoTime, WallTime};
+use crate::north::clock::Moment;
 use rustix::time::{ClockId, clock_gettime};
 use std::time::SystemTime;
 
@@ -26,4 +27,10 @@ pub fn wall() -> WallTime {
 pub fn wall_micros() -> i64 {
     let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     i64::try_from(since_1970.as_micros()).unwrap_or(i64::MAX)
+}
+
+/// Now, on both clocks.
+#[must_use]
+pub fn moment() -> Moment {
+    Moment { mono: now(), wall: wall() }
 }

@@ -3,7 +3,9 @@
 use super::answers::NorthSides;
 use super::clock;
 use super::descriptors;
-use super::http::{self, State, report, report::History, socket::OwnSocket};
+use super::http::live::Live;
+use super::http::report::{self, History};
+use super::http::{self, State, socket::OwnSocket};
 use super::local::LocalSide;
 use super::modbus_server::{Listener, Security, Server};
 use super::mqtt::speaker::Speaker;
@@ -70,10 +72,12 @@ pub async fn bind(config: &Config, kept: &[Option<usize>], has_http_moved: bool)
     let mut modbus = Vec::with_capacity(config.listeners.len());
     for (place, listener) in config.listeners.iter().enumerate() {
         let is_kept = kept.get(place).is_some_and(Option::is_some);
-        modbus.push(if is_kept { None } else { Some(listen(listener.listen)?) });
+        modbus.push(if is_kept { None } else { Some(listen(listener.listen, None)?) });
     }
     let http = match &config.http {
-        Some(HttpSettings { listen: address }) if has_http_moved => Some(listen(*address)?),
+        Some(HttpSettings { listen: address }) if has_http_moved => {
+            Some(listen(*address, Some(http::SEND_BUFFER_BYTES))?)
+        }
         _ => None,
     };
     Ok(Bound { modbus, security: security(config).await?, http, has_http_moved })
@@ -93,11 +97,13 @@ async fn security(config: &Config) -> Result<Vec<Option<Security>>, StartError> 
     read.await.unwrap_or_else(|error| Err(StartError::System(io::Error::other(error))))
 }
 
-fn listen(address: SocketAddr) -> Result<TcpListener, StartError> {
+/// Connections inherit what is said of the buffer for what they send.
+fn listen(address: SocketAddr, send_buffer_bytes: Option<u32>) -> Result<TcpListener, StartError> {
     let open = || {
         let socket = if address.is_ipv4() { TcpSocket::new_v4()? } else { TcpSocket::new_v6()? };
         // Connections of a gateway that has just ended do not keep the address.
         socket.set_reuseaddr(true)?;
+        send_buffer_bytes.map_or(Ok(()), |bytes| socket.set_send_buffer_size(bytes))?;
         socket.bind(address)?;
         socket.listen(BACKLOG)
     };
@@ -160,6 +166,7 @@ impl North {
         mqtt: Option<Mqtt>,
     ) -> Self {
         let modbus_totals = Arc::new(ModbusTotals::default());
+        let started = clock::moment();
         let state = Arc::new(State {
             gateway: name.to_string(),
             shared: current.clone(),
@@ -167,10 +174,12 @@ impl North {
             mqtt: None.into(),
             journal: sides.journal.clone(),
             history: History::default(),
-            started: clock::now(),
-            started_at: clock::wall(),
+            live: Live::new(started),
+            started: started.mono,
+            started_at: started.wall,
         });
         tokio::task::spawn_local(report::remember(Arc::clone(&state)));
+        tokio::task::spawn_local(http::live::run(Arc::clone(&state)));
         if let Some((socket, reloads)) = socket {
             let side = Arc::new(LocalSide::new(current.clone(), reloads));
             tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&sides.local)));
@@ -265,7 +274,7 @@ impl North {
                 before.end().await;
             }
             let changed = Arc::clone(&current.load().changed);
-            let speaker = Speaker::new(settings, current, news, totals, journal, first_ticket, mqtt::moment());
+            let speaker = Speaker::new(settings, current, news, totals, journal, first_ticket, clock::moment());
             speak(connection, speaker, changed, stopped).await;
         });
         self.mqtt = Some(Conversation { with, stop, task });

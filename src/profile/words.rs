@@ -92,7 +92,7 @@ pub(super) const CONFIDENCES: [(&str, Confidence); 7] = [
 ];
 
 /// What the gateway uses a register for.
-pub(super) const ROLES: [(&str, Role); 22] = [
+pub const ROLES: [(&str, Role); 22] = [
     ("run-command", Role::RunCommand),
     ("frequency-command", Role::FrequencyCommand),
     ("frequency-setting", Role::FrequencySetting),

@@ -10,6 +10,7 @@ use std::process::Output;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::task::LocalSet;
+use vfd_gateway::daemon::http::live::Live;
 use vfd_gateway::daemon::http::socket::OwnSocket;
 use vfd_gateway::daemon::http::{self, State};
 use vfd_gateway::daemon::local::LocalSide;
@@ -258,6 +259,7 @@ fn served(directory: &Path) -> (SocketAddr, Arc<State>) {
         shared: shared.into(),
         modbus: Arc::default(),
         mqtt: None::<Arc<_>>.into(),
+        live: Live::new(clock::moment()),
         started: clock::now(),
         started_at: WallTime { unix_ms: 0 },
     });

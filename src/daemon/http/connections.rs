@@ -1,8 +1,12 @@
 //! Connections to the HTTP side: how many, how long, how fast.
 
+use super::lasting::{self, Lasting, Life};
 use axum::Router;
 use axum::serve::Listener;
+use hyper::Request;
+use hyper::body::Incoming;
 use hyper::server::conn::http1;
+use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use std::pin::pin;
@@ -24,7 +28,8 @@ const HEAD_BYTES_MAX: usize = 16 * 1024;
 pub(super) struct Patience {
     /// For a whole request head, from the moment when one can come: it also ends idle connections.
     pub head: Duration,
-    /// For the connection: then it answers the request that it has and ends, so that nobody holds a place for ever.
+    /// For the connection: then it answers the request that it has and ends, so that nobody holds a place for ever. An
+    /// answer without an end goes on.
     pub connection: Duration,
 }
 
@@ -37,29 +42,38 @@ impl Default for Patience {
 /// Serves `router` on `listener` until the task is dropped.
 pub(super) async fn serve<L: Listener>(mut listener: L, router: Router, patience: Patience) {
     let places = Arc::new(Semaphore::new(CONNECTIONS_MAX));
+    let lasting = lasting::places();
     // The semaphore is never closed, so there is always a place in the end.
     while let Ok(place) = Arc::clone(&places).acquire_owned().await {
         let (stream, _) = listener.accept().await;
-        let router = router.clone();
+        let (router, lasting) = (router.clone(), Arc::clone(&lasting));
         tokio::task::spawn_local(async move {
-            converse(stream, router, patience).await;
+            converse(stream, router, patience, lasting).await;
             drop(place);
         });
     }
 }
 
-/// Serves `router` on one connection until its end.
+/// Serves `router` on one connection until its end. An answer without an end takes one of the `lasting` places.
 pub(super) async fn converse(
     stream: impl AsyncRead + AsyncWrite + Unpin + 'static,
     router: Router,
     patience: Patience,
+    lasting: Arc<Semaphore>,
 ) {
     let mut http = http1::Builder::new();
     http.timer(TokioTimer::new()).header_read_timeout(patience.head).max_buf_size(HEAD_BYTES_MAX);
-    let mut connection = pin!(http.serve_connection(TokioIo::new(stream), TowerToHyperService::new(router)));
-    let end = match tokio::time::timeout(patience.connection, connection.as_mut()).await {
-        Ok(end) => end,
-        Err(_) => {
+    let (lasting, life) = Lasting::new(lasting);
+    let routes = TowerToHyperService::new(router);
+    let service = service_fn(move |mut request: Request<Incoming>| {
+        request.extensions_mut().insert(lasting.clone());
+        routes.call(request)
+    });
+    let mut connection = pin!(http.serve_connection(TokioIo::new(stream), service));
+    let end = tokio::select! {
+        end = connection.as_mut() => end,
+        () = life.clone().is_cut() => return,
+        () = is_over(life, patience) => {
             connection.as_mut().graceful_shutdown();
             tokio::time::timeout(LAST_ANSWER_WITHIN, connection).await.unwrap_or(Ok(()))
         }
@@ -67,4 +81,10 @@ pub(super) async fn converse(
     if let Err(error) = end {
         tracing::debug!(%error, "HTTP connection");
     }
+}
+
+/// Waits until the time of a connection is over, and no answer without an end goes on there.
+async fn is_over(life: Life, patience: Patience) {
+    tokio::time::sleep(patience.connection).await;
+    life.has_no_stay().await;
 }

@@ -4,8 +4,7 @@ use super::state::State;
 use crate::daemon::shared::{SharedDrive, SharedLine};
 use crate::domain::report::{LineReport, LineState};
 use crate::domain::time::MonoTime;
-use crate::drive::snapshot::Presence;
-use crate::drive::view::{DriveView, RunState};
+use crate::north::shown::{presence, run_state};
 use serde_json::{Value, json};
 
 /// Why the gateway is ready or not: each line and the broker.
@@ -59,20 +58,6 @@ fn drive(drive: &SharedDrive) -> Value {
         "run_state": run_state(&view).word(),
         "watchdog": view.watchdog.map(|watchdog| watchdog.state.word()),
     })
-}
-
-fn presence(view: &DriveView) -> &'static str {
-    match view.snapshot.presence {
-        Presence::Unknown => "unknown",
-        Presence::Online if view.line_is_up => "online",
-        Presence::Online | Presence::Offline => "offline",
-    }
-}
-
-/// What the drive does; offline as long as it cannot be asked, whatever was known before.
-pub(super) fn run_state(view: &DriveView) -> RunState {
-    let was_seen = view.snapshot.presence != Presence::Unknown;
-    if was_seen && !view.is_online() { RunState::Offline } else { view.run_state }
 }
 
 fn mqtt(state: &State) -> Value {

@@ -7,6 +7,8 @@
 
 mod connections;
 mod health;
+pub mod lasting;
+pub mod live;
 mod metrics;
 mod own_routes;
 pub mod report;
@@ -30,6 +32,9 @@ pub use state::State;
 use connections::Patience;
 use std::sync::Arc;
 use tokio::net::TcpListener;
+
+/// Bytes that the system holds for a client that does not read. Left alone it would take some megabytes.
+pub const SEND_BUFFER_BYTES: u32 = 128 * 1024;
 
 /// Serves HTTP on `listener` until the task is dropped. It must run on a `LocalSet`.
 pub async fn serve(listener: TcpListener, state: Arc<State>) {

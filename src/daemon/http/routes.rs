@@ -1,7 +1,7 @@
 //! What is found where.
 
 use super::state::State as Gateway;
-use super::{health, metrics, report, traffic};
+use super::{health, live, metrics, report, traffic};
 use crate::daemon::clock;
 use axum::Router;
 use axum::extract::State;
@@ -26,7 +26,8 @@ pub(super) fn router(state: Arc<Gateway>) -> Router {
         .route("/api/v1/health", get(healthy))
         .with_state(Arc::clone(&state))
         .merge(traffic::router(Arc::clone(&state)))
-        .merge(report::router(state))
+        .merge(report::router(Arc::clone(&state)))
+        .merge(live::router(state))
 }
 
 /// Whoever gets this answer knows that the main thread turns: it is given there. A line whose thread hangs sends no stop:

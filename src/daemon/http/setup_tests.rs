@@ -85,7 +85,12 @@ impl Drive {
 async fn ask(side: &Arc<LocalSide>, method: &str, path: &str, body: &str) -> (u16, Value) {
     let (client, server) = tokio::io::duplex(64 * 1024);
     let router = own_routes::router(Arc::clone(side));
-    tokio::task::spawn_local(super::connections::converse(server, router, super::Patience::default()));
+    tokio::task::spawn_local(super::connections::converse(
+        server,
+        router,
+        super::Patience::default(),
+        super::lasting::places(),
+    ));
     let (status, text) = answer(client, method, path, body).await;
     (status, serde_json::from_str(&text).unwrap_or(Value::Null))
 }

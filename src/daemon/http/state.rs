@@ -1,5 +1,6 @@
 //! What the HTTP side knows: what the lines show, and counts that the other north sides keep for it.
 
+use super::live::Live;
 use super::report::History;
 use crate::daemon::journal::Journal;
 use crate::daemon::shared::Current;
@@ -24,6 +25,8 @@ pub struct State {
     pub journal: Option<Arc<Journal>>,
     /// What was counted some minutes ago.
     pub history: History,
+    /// What the live documents rest on.
+    pub live: Live,
     /// When the gateway started.
     pub started: MonoTime,
     /// The same moment for people.

@@ -1,6 +1,7 @@
 //! Answers over real sockets, from a gateway whose lines are played by the test.
 
 use super::connections::{self, CONNECTIONS_MAX, Patience};
+use super::live::Live;
 use super::report::History;
 use super::routes;
 use super::socket::{OwnSocket, SOCKET_NAME, SocketError};
@@ -58,6 +59,7 @@ pub(super) fn state(broker: bool) -> Arc<State> {
         shared: Arc::new(Shared::new(vec![(name("hall-1"), Interface::Rs485)], vec![description])).into(),
         modbus: Arc::new(ModbusTotals::default()),
         mqtt: broker.then(Arc::default).into(),
+        live: Live::new(clock::moment()),
         started: clock::now(),
         started_at: WallTime { unix_ms: 1_700_000_000_500 },
     })

@@ -54,6 +54,7 @@ fn state(line: &Arc<SharedLine>) -> Arc<State> {
         modbus: Arc::new(ModbusTotals::default()),
         mqtt: None.into(),
         history: crate::daemon::http::report::History::default(),
+        live: crate::daemon::http::live::Live::new(clock::moment()),
         started: clock::now(),
         started_at: WallTime { unix_ms: 0 },
     })

@@ -9,8 +9,10 @@ mod aside;
 mod database;
 mod events;
 mod inbox;
+pub mod listing;
 pub mod reader;
 mod schema;
+pub mod search;
 pub mod status;
 mod store;
 mod teller;
@@ -58,6 +60,7 @@ pub struct Settings {
 /// The journal of a running gateway.
 #[derive(Debug)]
 pub struct Journal {
+    file: PathBuf,
     inbox: Arc<Inbox>,
     status: Arc<Status>,
     sources: AtomicU64,
@@ -89,7 +92,8 @@ impl Journal {
             writer.run(&configuration);
             drop(ends);
         })?;
-        let journal = Self { inbox, status, sources: AtomicU64::new(0), known, ended: Mutex::new(Some(ended)) };
+        let file = settings.directory.join(FILE_NAME);
+        let journal = Self { file, inbox, status, sources: AtomicU64::new(0), known, ended: Mutex::new(Some(ended)) };
         Ok((Arc::new(journal), memory))
     }
 
@@ -117,6 +121,12 @@ impl Journal {
         let (tell, told) = oneshot::channel();
         self.inbox.put(Post::Memory(tell));
         tokio::time::timeout(within, told).await.ok()?.ok()
+    }
+
+    /// Where it lies.
+    #[must_use]
+    pub fn file(&self) -> &Path {
+        &self.file
     }
 
     /// How it is doing.

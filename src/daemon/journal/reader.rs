@@ -81,25 +81,35 @@ fn escaped(path: &Path) -> String {
     path.display().to_string().replace('%', "%25").replace('?', "%3f").replace('#', "%23")
 }
 
-/// The rows of one table, oldest first, from a number on.
+/// The rows of one table, in the order of their numbers or against it.
 #[derive(Debug)]
 pub struct Rows<'c> {
     connection: &'c Connection,
     table: Table,
+    is_backward: bool,
     last: u64,
     page: VecDeque<Seen>,
 }
 
 impl<'c> Rows<'c> {
-    /// The rows behind number `after`.
+    /// The rows behind number `after`, oldest first.
     #[must_use]
     pub const fn after(connection: &'c Connection, table: Table, after: u64) -> Self {
-        Self { connection, table, last: after, page: VecDeque::new() }
+        Self { connection, table, is_backward: false, last: after, page: VecDeque::new() }
+    }
+
+    /// All rows, the newest first.
+    #[must_use]
+    pub const fn newest_first(connection: &'c Connection, table: Table) -> Self {
+        // SQLite's greatest number.
+        let last = i64::MAX.unsigned_abs();
+        Self { connection, table, is_backward: true, last, page: VecDeque::new() }
     }
 
     fn read(&mut self) -> Result<(), Error> {
+        let (behind, order) = if self.is_backward { ("<", "DESC") } else { (">", "ASC") };
         let sql = format!(
-            "SELECT number, at, kind, name, body, crc FROM {} WHERE number > ? ORDER BY number LIMIT ?",
+            "SELECT number, at, kind, name, body, crc FROM {} WHERE number {behind} ? ORDER BY number {order} LIMIT ?",
             self.table.name()
         );
         let mut select = self.connection.prepare_cached(&sql)?;

@@ -9,7 +9,7 @@ use super::link::{self, Broken, Events, Incident, NotQueued, Received, Sender, T
 use super::retry::{Retry, Rival};
 use super::settings::ConnectionSettings;
 use super::window::Window;
-use super::{Packet, Talk, moment, tls};
+use super::{Packet, Talk, tls};
 use crate::daemon::clock;
 use crate::north::mqtt::{Event, Filter, Publication, Refusal};
 use std::cell::RefCell;
@@ -167,7 +167,7 @@ impl<T: Talk> Client<'_, T> {
                 () = self.bell.notified() => {}
                 () = sleep_until(wake) => if Instant::now() >= overdue { return Outcome::Overdue },
             }
-            self.talk.borrow_mut().tick(moment());
+            self.talk.borrow_mut().tick(clock::moment());
             if let Some(reason) = self.send() {
                 return Outcome::GivenUp(reason);
             }
@@ -185,7 +185,7 @@ impl<T: Talk> Client<'_, T> {
     /// Queues what the talk has for the broker, as far as there is room. Returns why it gives the connection up.
     fn send(&mut self) -> Option<&'static str> {
         while self.link.as_ref().is_none_or(|link| link.window.has_room()) {
-            let packet = self.talk.borrow_mut().next_packet(moment())?;
+            let packet = self.talk.borrow_mut().next_packet(clock::moment())?;
             let Some(link) = &mut self.link else {
                 tracing::debug!(?packet, "dropped: there is no connection");
                 continue;
@@ -252,7 +252,7 @@ impl<T: Talk> Client<'_, T> {
     }
 
     fn tell(&self, event: Event<'_>) {
-        self.talk.borrow_mut().handle(moment(), event);
+        self.talk.borrow_mut().handle(clock::moment(), event);
     }
 
     /// Gives the connection up. Acknowledgements that were received are true at any age; messages count only if
@@ -312,7 +312,7 @@ impl<T: Talk> Client<'_, T> {
         if self.link.is_none() {
             return End::Stopped;
         }
-        let mut words: VecDeque<Publication> = self.talk.borrow_mut().farewell(moment()).into();
+        let mut words: VecDeque<Publication> = self.talk.borrow_mut().farewell(clock::moment()).into();
         match timeout(FAREWELL_MAX, self.say(&mut words, events)).await {
             Err(_) => tracing::warn!("the broker did not take the last words in time"),
             Ok(()) => {

@@ -30,7 +30,6 @@ pub use retry::Rival;
 pub use settings::{ConnectionSettings, Secret, TlsSettings};
 pub use tls::{TlsError, check as check_tls};
 
-use super::clock;
 use crate::domain::time::MonoTime;
 use crate::north::mqtt::{Event, Filter, Moment, Publication};
 
@@ -68,10 +67,4 @@ pub enum Packet {
     Publish(Publication),
     /// Drop the connection and make a new one, for this reason.
     Reconnect(&'static str),
-}
-
-/// Now, on both clocks.
-#[must_use]
-pub fn moment() -> Moment {
-    Moment { mono: clock::now(), wall: clock::wall() }
 }

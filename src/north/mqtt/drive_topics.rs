@@ -3,7 +3,7 @@
 use super::history::Change;
 use super::points::Points;
 use super::slot::{Content, EXPIRY_HEARTBEATS, Present, Slot};
-use super::state::{self, StateSlot, fresh, shown_run_state, stale_at};
+use super::state::{self, StateSlot};
 use super::topics::Topics;
 use super::types::{Publication, Qos, Settings, Tree};
 use crate::domain::time::MonoTime;
@@ -12,6 +12,7 @@ use crate::drive::description::DriveDescription;
 use crate::drive::rated::Rated;
 use crate::drive::snapshot::Reading;
 use crate::drive::view::DriveView;
+use crate::north::shown::{answered_run_state, fresh, stale_at};
 use crate::profile::model::{Register, Role};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -237,7 +238,7 @@ impl DriveTopics {
         let word = |reading: Option<Reading>| reading.map_or(Content::Cleared, |it| Content::Word(it.raw));
         Some(match kind {
             Kind::Availability => Content::Text(if view.is_online() { "online" } else { "offline" }.into()),
-            Kind::RunState => Content::Text(shown_run_state(view).word().into()),
+            Kind::RunState => Content::Text(answered_run_state(view).word().into()),
             Kind::Polled(register) | Kind::Rated(register) => {
                 word(drive.model.registers.get(register).and_then(|it| fresh(drive, it, view, now.at)))
             }

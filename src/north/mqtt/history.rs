@@ -1,11 +1,11 @@
 //! Telemetry of the time in which no broker could be told, published once it can.
 
-use super::clock::Clock;
 use super::in_flight::InFlight;
 use super::topics::Topics;
 use super::types::Refusal;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
+use crate::north::clock::Clock;
 use serde_json::{Value, json};
 use std::time::Duration;
 

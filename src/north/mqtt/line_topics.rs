@@ -1,14 +1,14 @@
 //! The retained topics of one line, and the document that lists what the gateway has.
 
 use super::slot::{Content, Present, Slot, retained};
-use super::state::capabilities;
 use super::topics::Topics;
 use super::types::{LineState, Publication, Qos, Settings};
 use crate::domain::ids::Name;
-use crate::domain::report::{self, LineCounters, LineReport, REPLY_CLASSES, ReplyReport, StationReport};
+use crate::domain::report::{LineCounters, LineReport, REPLY_CLASSES, ReplyReport, StationReport};
 use crate::domain::suspicion::Suspicion;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
+use crate::north::shown::{capabilities, down_reason, millis};
 use serde_json::{Value, json};
 use std::time::Duration;
 
@@ -90,11 +90,7 @@ impl LineTopics {
 }
 
 fn status(report: &LineReport) -> String {
-    match (report.state, report.fault) {
-        (report::LineState::Up, _) => "up".to_owned(),
-        (report::LineState::Down, Some(fault)) => format!("down: {fault}"),
-        (report::LineState::Down, None) => "down: not opened yet".to_owned(),
-    }
+    down_reason(report).map_or_else(|| "up".to_owned(), |reason| format!("down: {reason}"))
 }
 
 /// What was planned, and what was measured of it.
@@ -128,11 +124,6 @@ fn station_stats(name: &Name, station: &StationReport) -> Value {
         stats[class] = times;
     }
     stats
-}
-
-/// Rounded up: a bound is never shown smaller than it is.
-fn millis(time: Duration) -> u64 {
-    u64::try_from(time.as_micros().div_ceil(1000)).unwrap_or(u64::MAX)
 }
 
 fn micros(time: Duration) -> u64 {

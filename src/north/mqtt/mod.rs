@@ -9,7 +9,6 @@
 //! show of them.
 
 mod answers;
-mod clock;
 mod command_json;
 mod counters;
 mod drive_topics;

@@ -1,6 +1,5 @@
 //! The MQTT session: its life from connection to farewell, and what it wants done next.
 
-use super::clock::Clock;
 use super::counters::Counters;
 use super::history::History;
 use super::home_assistant::{Discovery, Plant};
@@ -19,6 +18,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::{DriveView, TripEvent};
 use crate::journal::trip;
+use crate::north::clock::Clock;
 use std::collections::VecDeque;
 use std::sync::Arc;
 

@@ -1,8 +1,8 @@
 //! One retained topic with what was last published on it.
 
-use super::clock::Clock;
 use super::types::{Publication, Qos};
 use crate::domain::time::MonoTime;
+use crate::north::clock::Clock;
 use std::borrow::Cow;
 use std::time::Duration;
 

@@ -1,20 +1,20 @@
 //! The `state` of a drive: everything that is known of it, in one retained JSON document.
 
-use super::clock::Clock;
 use super::points::Points;
 use super::slot::{Present, retained};
 use super::types::{Publication, Qos};
-use crate::domain::command::{Direction, Owner, RunIntent};
-use crate::domain::control::ControlAction;
+use crate::domain::command::Owner;
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::Reading;
-use crate::drive::view::{ControlView, DriveView, RunState, TripRecord};
+use crate::drive::view::{ControlView, DriveView, TripRecord};
 use crate::drive::watchdog::WatchdogView;
 use crate::journal::trip;
 pub(super) use crate::journal::trip::text as trip_text;
 use crate::journal::trip::unit;
+use crate::north::clock::Clock;
+use crate::north::shown;
 use crate::profile::model::{Confidence, Flag, Register};
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
@@ -24,68 +24,9 @@ use std::time::Duration;
 /// its own.
 const HOLD_OFF: Duration = Duration::from_millis(500);
 
-/// How far a value can be relied on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Quality {
-    Good,
-    Stale,
-    Never,
-}
-
-impl Quality {
-    const fn word(self) -> &'static str {
-        match self {
-            Self::Good => "good",
-            Self::Stale => "stale",
-            Self::Never => "never",
-        }
-    }
-}
-
-/// The run state that is shown: a drive that does not answer may do anything.
-pub(super) fn shown_run_state(view: &DriveView) -> RunState {
-    if view.is_online() && view.run_state != RunState::Offline { view.run_state } else { RunState::Unknown }
-}
-
-/// When the last reading of `register` grows stale; nothing if there is none.
-pub(super) fn stale_at(drive: &DriveDescription, register: &Register, view: &DriveView) -> Option<MonoTime> {
-    Some(view.snapshot.reading(register.address)?.at + drive.stale_after(register)?)
-}
-
-/// The last reading of `register`, unless it is stale.
-pub(super) fn fresh(drive: &DriveDescription, register: &Register, view: &DriveView, at: MonoTime) -> Option<Reading> {
-    let is_fresh = stale_at(drive, register, view).is_some_and(|stale_at| at < stale_at);
-    view.snapshot.reading(register.address).filter(|_| is_fresh)
-}
-
-fn quality(drive: &DriveDescription, register: &Register, view: &DriveView, at: MonoTime) -> Quality {
-    match stale_at(drive, register, view) {
-        None => Quality::Never,
-        Some(stale_at) if at < stale_at => Quality::Good,
-        Some(_) => Quality::Stale,
-    }
-}
-
 /// What a trip record says, by the names of its registers.
 pub(super) fn record(drive: &DriveDescription, clock: Clock, record: &TripRecord) -> Map<String, Value> {
     trip::record(drive, &|at| clock.text(at), record)
-}
-
-/// What a drive's control section and model allow to be commanded, as words.
-pub(super) fn capabilities(drive: &DriveDescription) -> Vec<&'static str> {
-    let (Some(control), Some(run)) = (&drive.control, &drive.model.run) else { return Vec::new() };
-    let may = |action| run.may(action, &control.accept_unverified);
-    let table = [
-        ("stop", true),
-        ("frequency", true),
-        ("forward", control.directions.contains(&Direction::Forward)),
-        ("reverse", control.directions.contains(&Direction::Reverse) && may(ControlAction::Reverse)),
-        ("coast", may(ControlAction::Coast)),
-        ("reset", may(ControlAction::Reset)),
-        ("release", control.allow_release && may(ControlAction::Release)),
-        ("take", control.allow_take),
-    ];
-    table.into_iter().filter(|(_, is_there)| *is_there).map(|(word, _)| word).collect()
 }
 
 /// The topic `state` of one drive.
@@ -156,15 +97,15 @@ impl StateSlot {
 fn has_changed(now: &Present, drive: &DriveDescription, last: &Published, view: &DriveView, points: &Points) -> bool {
     let old = last.view.as_ref();
     let has_value_changed = |(place, register): (usize, &Register)| {
-        let was = quality(drive, register, old, last.at);
+        let was = shown::quality(drive, register, old, last.at);
         let words = (old.snapshot.reading(register.address), view.snapshot.reading(register.address));
         let has_moved = matches!(words, (Some(old), Some(new)) if points.differ(&drive.model, place, old.raw, new.raw));
-        was != quality(drive, register, view, now.at) || has_moved
+        was != shown::quality(drive, register, view, now.at) || has_moved
     };
     let trip = |view: &DriveView| (view.trip.active, view.trip.seen);
     polled(drive).any(has_value_changed)
         || old.is_online() != view.is_online()
-        || shown_run_state(old) != shown_run_state(view)
+        || shown::answered_run_state(old) != shown::answered_run_state(view)
         || trip(old) != trip(view)
         || old.status != view.status
         || old.watchdog != view.watchdog
@@ -203,7 +144,7 @@ fn document(now: &Present, drive: &DriveDescription, view: &DriveView, points: &
     json!({
         "at": now.clock.text(now.at),
         "online": view.is_online(),
-        "run_state": shown_run_state(view).word(),
+        "run_state": shown::answered_run_state(view).word(),
         "run_state_confidence": run_state_confidence(drive),
         "local": view.status.is_local(),
         "alarm": view.status.alarm,
@@ -212,7 +153,7 @@ fn document(now: &Present, drive: &DriveDescription, view: &DriveView, points: &
         "values": values,
         "trip": trip_state(now, drive, view),
         "control": view.control.as_ref().map(|it| control(now, it)),
-        "capabilities": capabilities(drive),
+        "capabilities": shown::capabilities(drive),
     })
 }
 
@@ -241,7 +182,7 @@ fn value(
         "value": reading.map(number),
         "unit": unit(register),
         "at": reading.map(|it| now.clock.text(it.at)),
-        "quality": quality(drive, register, view, now.at).word(),
+        "quality": shown::quality(drive, register, view, now.at).word(),
     })
 }
 
@@ -260,7 +201,7 @@ fn control(now: &Present, control: &ControlView) -> Value {
     json!({
         "owner": control.lease.map(|(owner, _)| owner.to_string()),
         "lease_until": lease_until.map(|until| now.clock.text(until)),
-        "intent": intent(control.intent),
+        "intent": shown::intent(control.intent),
         "setpoint_hz": control.setpoint.map(Hertz::as_f64),
         "start_inhibited": control.start_inhibited,
         "command_pending": control.command_pending,
@@ -271,13 +212,4 @@ fn control(now: &Present, control: &ControlView) -> Value {
         "outcome": control.last.map(|report| report.outcome.word()),
         "reason": control.last.map(|report| report.reason.word()),
     })
-}
-
-const fn intent(intent: RunIntent) -> &'static str {
-    match intent {
-        RunIntent::Stop => "stop",
-        RunIntent::Run(Direction::Forward) => "forward",
-        RunIntent::Run(Direction::Reverse) => "reverse",
-        RunIntent::Coast => "coast",
-    }
 }

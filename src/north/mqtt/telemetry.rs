@@ -1,7 +1,6 @@
 //! All that is published retained. There is no queue: what was last published is remembered per topic, and the
 //! pictures are walked when somebody asks for the next publication.
 
-use super::clock::Clock;
 use super::drive_topics::DriveTopics;
 use super::history::History;
 use super::line_topics::{LineTopics, info};
@@ -13,6 +12,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::Reading;
 use crate::drive::view::DriveView;
+use crate::north::clock::Clock;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;

@@ -5,9 +5,9 @@ pub use crate::domain::control::LeaseMode;
 use crate::domain::ids::Name;
 use crate::domain::native::NativeRequest;
 use crate::domain::report::{LineReport, StationReport};
-use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::description::DriveRef;
 use crate::journal::Attempt;
+pub use crate::north::clock::Moment;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -92,15 +92,6 @@ pub enum Version {
     V4,
     /// MQTT 5.
     V5,
-}
-
-/// The present, on both clocks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Moment {
-    /// Decides.
-    pub mono: MonoTime,
-    /// Labels, and is compared with moments that commanders name.
-    pub wall: WallTime,
 }
 
 /// What a broker said when the connection was accepted.

@@ -1,10 +1,10 @@
 //! Metrics of drives.
 
-use super::super::health;
 use super::{Metric, Name, counter, gauge, plain, seconds, truth};
 use crate::domain::report::{ReplyReport, StationReport};
 use crate::drive::view::{ControlView, DriveView};
 use crate::drive::watchdog::WatchdogState;
+use crate::north::shown;
 use prometheus_client::metrics::MetricType;
 use std::time::Duration;
 
@@ -91,7 +91,7 @@ pub(in super::super) const DRIVE: &[Metric<DriveView>] = &[
     gauge(
         "drive_run_state",
         "0 unknown, 1 stopped, 2 forward, 3 reverse, 4 tripped, 5 offline, 6 running, 7 stopping.",
-        |view| Some(f64::from(health::run_state(view).number())),
+        |view| Some(f64::from(shown::run_state(view).number())),
     ),
     counter("drive_trips_seen", "Trips that this process has seen.", |view| Some(u64::from(view.trip.seen))),
     gauge("drive_trip_active", "1 while a trip holds; absent while that is not known.", |view| {

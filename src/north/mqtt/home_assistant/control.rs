@@ -4,8 +4,8 @@ use super::entity::{Component, Entity, Needs};
 use crate::domain::command::Outcome;
 use crate::domain::control::ControlSettings;
 use crate::drive::description::DriveDescription;
-use crate::north::mqtt::state::capabilities;
 use crate::north::mqtt::topics::Topics;
+use crate::north::shown::capabilities;
 use crate::profile::model::Role;
 
 /// RUN says when it was ordered, where the drive takes no other.

@@ -125,7 +125,7 @@ fn what_is_pressed_is_what_the_topics_take() {
     let topics = Topics::new(&speaking(false));
     let mut pressed = 0;
     for drive in every_drive() {
-        let (model, can) = (drive.model.clone(), crate::north::mqtt::state::capabilities(&drive));
+        let (model, can) = (drive.model.clone(), crate::north::shown::capabilities(&drive));
         for (component, key, document) in entities(drive) {
             let Some(topic) = document.get("command_topic").and_then(Value::as_str) else { continue };
             assert_eq!(document.get("retain"), None, "a command is never kept");

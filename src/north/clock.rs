@@ -1,6 +1,5 @@
 //! Moments as they stand in payloads: the monotonic clock decides, the wall clock labels.
 
-use super::types::Moment;
 use crate::domain::calendar::rfc3339;
 use crate::domain::time::{MonoTime, WallTime};
 
@@ -8,20 +7,31 @@ use crate::domain::time::{MonoTime, WallTime};
 /// that the label of one moment stays the same text.
 const DRIFT_MAX_MS: i64 = 1_000;
 
+/// The present, on both clocks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Moment {
+    /// Decides.
+    pub mono: MonoTime,
+    /// Labels, and is compared with moments that commanders name.
+    pub wall: WallTime,
+}
+
 /// Turns monotonic moments into labels. It follows a wall clock that is set, as it is on machines that get the
 /// time of day from the network some while after they start.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Clock {
+pub struct Clock {
     anchor: Moment,
 }
 
 impl Clock {
-    pub(super) const fn new(started: Moment) -> Self {
+    /// A clock that was right when the gateway `started`.
+    #[must_use]
+    pub const fn new(started: Moment) -> Self {
         Self { anchor: started }
     }
 
     /// Takes notice of the present.
-    pub(super) fn see(&mut self, at: Moment) {
+    pub fn see(&mut self, at: Moment) {
         let expected = self.wall(at.mono).unix_ms;
         if expected.saturating_sub(at.wall.unix_ms).saturating_abs() > DRIFT_MAX_MS {
             self.anchor = at;
@@ -29,14 +39,16 @@ impl Clock {
     }
 
     /// The wall-clock moment of `mono`.
-    pub(super) fn wall(&self, mono: MonoTime) -> WallTime {
+    #[must_use]
+    pub fn wall(&self, mono: MonoTime) -> WallTime {
         let millis = |from: MonoTime, to: MonoTime| i64::try_from(to.since(from).as_millis()).unwrap_or(i64::MAX);
         let (after, before) = (millis(self.anchor.mono, mono), millis(mono, self.anchor.mono));
         WallTime { unix_ms: self.anchor.wall.unix_ms.saturating_add(after).saturating_sub(before) }
     }
 
     /// `mono` as RFC 3339 in UTC with milliseconds.
-    pub(super) fn text(&self, mono: MonoTime) -> String {
+    #[must_use]
+    pub fn text(&self, mono: MonoTime) -> String {
         rfc3339(self.wall(mono))
     }
 }

@@ -1,0 +1,98 @@
+//! Answers without an end on a listener: how many there may be, and the end of one whose reader does not keep up.
+//!
+//! Every request carries a [`Lasting`] as an extension. A route whose answer goes on for as long as somebody listens asks
+//! it for a [`Stay`] and keeps that as long as the answer goes on.
+
+use std::sync::Arc;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
+
+/// Most answers without an end at once on one listener. It leaves half of the connections for everybody else.
+pub const LASTING_MAX: usize = 32;
+
+/// What a connection is used for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Use {
+    /// Short answers.
+    Short,
+    /// An answer without an end.
+    Lasting,
+    /// It is to end at once.
+    Cut,
+}
+
+/// One connection, as its routes see it.
+#[derive(Clone, Debug)]
+pub struct Lasting {
+    places: Arc<Semaphore>,
+    used: watch::Sender<Use>,
+}
+
+/// The same, as its listener sees it.
+#[derive(Clone, Debug)]
+pub(super) struct Life(watch::Receiver<Use>);
+
+/// An answer without an end. It ends with this.
+#[derive(Debug)]
+pub struct Stay {
+    used: watch::Sender<Use>,
+    _place: OwnedSemaphorePermit,
+}
+
+/// The places of a new listener.
+pub(super) fn places() -> Arc<Semaphore> {
+    Arc::new(Semaphore::new(LASTING_MAX))
+}
+
+impl Lasting {
+    /// A connection that is used for short answers as yet.
+    pub(super) fn new(places: Arc<Semaphore>) -> (Self, Life) {
+        let (used, seen) = watch::channel(Use::Short);
+        (Self { places, used }, Life(seen))
+    }
+
+    /// Lets the connection last; nothing if as many do already.
+    #[must_use]
+    pub fn stay(&self) -> Option<Stay> {
+        let place = Arc::clone(&self.places).try_acquire_owned().ok()?;
+        self.used.send_replace(Use::Lasting);
+        Some(Stay { used: self.used.clone(), _place: place })
+    }
+}
+
+impl Stay {
+    /// Ends the connection at once, whatever of it was not sent.
+    pub fn cut(&self) {
+        self.used.send_replace(Use::Cut);
+    }
+}
+
+impl Drop for Stay {
+    fn drop(&mut self) {
+        self.used.send_if_modified(|used| {
+            let is_lasting = *used == Use::Lasting;
+            if is_lasting {
+                *used = Use::Short;
+            }
+            is_lasting
+        });
+    }
+}
+
+impl Life {
+    /// Waits until the connection is to end at once.
+    pub(super) async fn is_cut(mut self) {
+        self.wait_for(Use::Cut, true).await;
+    }
+
+    /// Waits until no answer without an end goes on.
+    pub(super) async fn has_no_stay(mut self) {
+        self.wait_for(Use::Lasting, false).await;
+    }
+
+    async fn wait_for(&mut self, used: Use, is: bool) {
+        if self.0.wait_for(|now| (*now == used) == is).await.is_err() {
+            // Nobody can say it any more.
+            std::future::pending::<()>().await;
+        }
+    }
+}

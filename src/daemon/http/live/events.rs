@@ -1,0 +1,14 @@
+//! Server-sent events as text (WHATWG HTML, 9.2).
+
+/// After how long a browser tries again when its connection has ended.
+const RETRY_MS: u32 = 1000;
+
+/// An event; `data` is one line.
+pub fn event(name: &str, data: &str) -> String {
+    format!("event: {name}\ndata: {data}\n\n")
+}
+
+/// The first event of a connection.
+pub fn first(state: &str) -> String {
+    format!("retry: {RETRY_MS}\n{}", event("state", state))
+}

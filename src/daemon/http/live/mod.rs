@@ -1,0 +1,160 @@
+//! Live documents for the page: state, changes as server-sent events, the trend of the last hour, the journal, advice.
+//!
+//! One task looks at the pictures twice a second. What has changed becomes one text for all who listen, and if nobody
+//! does, none is made. Nothing here puts anything on a line.
+
+mod events;
+mod journal;
+mod listeners;
+mod query;
+mod routes;
+mod source;
+#[cfg(test)]
+mod tests;
+mod told;
+
+pub(super) use routes::router;
+
+use super::state::State;
+use crate::daemon::clock;
+use crate::daemon::shared::Shared;
+use crate::domain::time::MonoTime;
+use crate::north::clock::{Clock, Moment};
+use crate::north::page::{Drive, LineUse, Present, Trends};
+use listeners::{Listener, Listeners};
+use serde_json::Value;
+use source::Source;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::sync::Semaphore;
+use tokio::time::MissedTickBehavior;
+use told::Told;
+
+/// How often the pictures are looked at.
+const TICK: Duration = Duration::from_millis(500);
+/// Who hears nothing for so long is told that the gateway is alive.
+const ALIVE_AFTER: Duration = Duration::from_secs(2);
+
+/// What the live documents rest on, beside the pictures.
+#[derive(Debug)]
+pub struct Live {
+    kept: Mutex<Kept>,
+    /// Places for those who read the journal.
+    readers: Arc<Semaphore>,
+}
+
+#[derive(Debug)]
+struct Kept {
+    clock: Clock,
+    /// Lines and drives as of the last look.
+    shared: Option<Arc<Shared>>,
+    /// By the numbers of the lines.
+    uses: BTreeMap<u16, LineUse>,
+    trends: Trends,
+    listeners: Listeners,
+    /// What those who listen were told; nothing while nobody does.
+    told: Option<Told>,
+    last_sent: MonoTime,
+}
+
+impl Live {
+    /// Nobody listens, and nothing was measured yet.
+    #[must_use]
+    pub fn new(started: Moment) -> Self {
+        let kept = Kept {
+            clock: Clock::new(started),
+            shared: None,
+            uses: BTreeMap::new(),
+            trends: Trends::default(),
+            listeners: Listeners::default(),
+            told: None,
+            last_sent: started.mono,
+        };
+        Self { kept: Mutex::new(kept), readers: Arc::new(Semaphore::new(journal::READERS_MAX)) }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Kept> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Looks at the pictures from now on. It never ends.
+pub async fn run(state: Arc<State>) {
+    let mut ticks = tokio::time::interval(TICK);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        state.live.lock().look(&state, clock::moment());
+        ticks.tick().await;
+    }
+}
+
+impl Kept {
+    /// Takes what is due for trend and use of the lines, and tells whoever listens what has changed.
+    fn look(&mut self, state: &State, at: Moment) {
+        let now = at.mono;
+        self.clock.see(at);
+        let is_new = self.follow(state);
+        let Some(shared) = self.shared.clone() else { return };
+        if self.trends.is_due(now) {
+            let views: Vec<_> = shared.drives.iter().map(|drive| drive.view.load_full()).collect();
+            let drives = shared.drives.iter().map(|drive| &drive.description).zip(views.iter().map(Arc::as_ref));
+            self.trends.note(now, drives.map(|(description, view)| Drive { description, view, station: None }));
+            for line in &shared.lines {
+                self.uses.entry(line.number).or_default().note(now, &line.report().counters);
+            }
+        }
+        self.listeners.forget_gone();
+        if self.listeners.is_empty() {
+            self.told = None;
+            return;
+        }
+        let source = Source { state, shared: &shared, uses: &self.uses, present: Present { now, clock: &self.clock } };
+        let news = match &mut self.told {
+            Some(told) if !is_new => told.news(&source),
+            told => {
+                let events = if is_new { events::event("configuration", "{}") } else { String::new() };
+                *told = Some(Told::now(&source));
+                events + &events::event("state", &source.document().to_string())
+            }
+        };
+        let is_quiet = now.since(self.last_sent) >= ALIVE_AFTER;
+        let news = if news.is_empty() && is_quiet { events::event("alive", "{}") } else { news };
+        if !news.is_empty() {
+            self.last_sent = now;
+            self.listeners.tell(news);
+        }
+    }
+
+    /// Takes notice of another configuration. Returns whether there is one since the last look.
+    fn follow(&mut self, state: &State) -> bool {
+        let shared = state.shared.get();
+        if self.shared.as_ref().is_some_and(|known| Arc::ptr_eq(known, &shared)) {
+            return false;
+        }
+        self.trends.change_to(shared.drives.iter().map(|drive| &drive.description));
+        self.uses.retain(|number, _| shared.lines.iter().any(|line| line.number == *number));
+        self.shared.replace(shared).is_some()
+    }
+
+    /// What `made` makes of everything as it is now.
+    fn source<T>(&self, state: &State, made: impl FnOnce(&Source<'_>) -> T) -> T {
+        let present = Present { now: clock::now(), clock: &self.clock };
+        made(&Source { state, shared: &state.shared.get(), uses: &self.uses, present })
+    }
+
+    /// Somebody who listens from now on, with the state as the first event.
+    fn listen(&mut self, state: &State, stay: super::lasting::Stay) -> Listener {
+        let (first, told) =
+            self.source(state, |source| (events::first(&source.document().to_string()), Told::now(source)));
+        // Whoever listens already was told less, and will be told all of it.
+        self.told.get_or_insert(told);
+        self.listeners.add(first, stay)
+    }
+
+    /// The trend of the drive called `name`; nothing as long as it was not looked at.
+    fn trend(&self, name: &str) -> Option<Value> {
+        let end = self.trends.newest_at().map_or(0, |at| self.clock.wall(at).unix_ms.div_euclid(1000));
+        self.trends.document(name, end)
+    }
+}

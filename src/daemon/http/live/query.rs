@@ -1,0 +1,55 @@
+//! What stands behind the `?` of a request: known keys, each at most once.
+
+use std::collections::BTreeMap;
+
+/// Longest query in bytes: some names and a moment.
+const BYTES_MAX: usize = 1024;
+
+/// Keys with their values.
+#[derive(Debug)]
+pub struct Query(BTreeMap<String, String>);
+
+impl Query {
+    /// Reads `query`, of which `known` are the keys.
+    ///
+    /// # Errors
+    /// What is wrong with it, for people.
+    pub fn read(query: Option<&str>, known: &[&str]) -> Result<Self, String> {
+        let query = query.unwrap_or_default();
+        if query.len() > BYTES_MAX {
+            return Err(format!("the query is longer than {BYTES_MAX} bytes"));
+        }
+        let mut values = BTreeMap::new();
+        for (key, value) in form_urlencoded::parse(query.as_bytes()) {
+            if !known.contains(&key.as_ref()) {
+                return Err(format!("there is no key `{key}`; known are {}", known.join(", ")));
+            }
+            if values.insert(key.clone().into_owned(), value.into_owned()).is_some() {
+                return Err(format!("`{key}` stands there twice"));
+            }
+        }
+        Ok(Self(values))
+    }
+
+    /// The value of `key`; nothing if it is not there or empty.
+    pub fn get(&self, key: &str) -> Option<&str> {
+        self.0.get(key).map(String::as_str).filter(|value| !value.is_empty())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn known_keys_are_read_and_others_named() {
+        let known = ["drive", "since"];
+        let query = Query::read(Some("since=2026-01-31T08%3A00&drive="), &known).unwrap();
+        assert_eq!((query.get("since"), query.get("drive")), (Some("2026-01-31T08:00"), None));
+        assert!(Query::read(None, &known).unwrap().get("drive").is_none());
+        let wrong = Query::read(Some("drives=a"), &known).unwrap_err();
+        assert_eq!(wrong, "there is no key `drives`; known are drive, since");
+        assert_eq!(Query::read(Some("drive=a&drive=b"), &known).unwrap_err(), "`drive` stands there twice");
+        assert!(Query::read(Some(&"x".repeat(1025)), &known).unwrap_err().contains("longer"));
+    }
+}

@@ -1,0 +1,79 @@
+//! Where the live documents are found.
+
+use super::journal;
+use super::query::Query;
+use crate::daemon::http::lasting::Lasting;
+use crate::daemon::http::routes::json;
+use crate::daemon::http::state::State as Gateway;
+use axum::body::Body;
+use axum::extract::{RawQuery, State};
+use axum::http::{StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use axum::{Extension, Router};
+use serde_json::{Value, json};
+use std::sync::Arc;
+
+/// Whoever stands between may not keep or collect what goes by.
+const EVENTS: [(header::HeaderName, &str); 3] = [
+    (header::CONTENT_TYPE, "text/event-stream"),
+    (header::CACHE_CONTROL, "no-store"),
+    (header::HeaderName::from_static("x-accel-buffering"), "no"),
+];
+
+/// The routes. All of them look and nothing more.
+pub fn router(state: Arc<Gateway>) -> Router {
+    Router::new()
+        .route("/api/v1/state", get(everything))
+        .route("/api/v1/events", get(events))
+        .route("/api/v1/trend", get(trend))
+        .route("/api/v1/advice", get(advice))
+        .route("/api/v1/journal", get(journal::rows))
+        .with_state(state)
+}
+
+async fn everything(State(gateway): State<Arc<Gateway>>) -> Response {
+    fresh(&gateway.live.lock().source(&gateway, |source| source.document()))
+}
+
+async fn advice(State(gateway): State<Arc<Gateway>>) -> Response {
+    let advice = gateway.live.lock().source(&gateway, |source| super::source::documents(&source.advice()));
+    fresh(&json!({ "advice": advice }))
+}
+
+async fn events(State(gateway): State<Arc<Gateway>>, Extension(lasting): Extension<Lasting>) -> Response {
+    let Some(stay) = lasting.stay() else {
+        return wrong(StatusCode::SERVICE_UNAVAILABLE, "as many listen to changes as may: close other windows");
+    };
+    let listener = gateway.live.lock().listen(&gateway, stay);
+    (EVENTS, Body::new(listener)).into_response()
+}
+
+async fn trend(State(gateway): State<Arc<Gateway>>, RawQuery(query): RawQuery) -> Response {
+    let query = match Query::read(query.as_deref(), &["drive"]) {
+        Ok(query) => query,
+        Err(what) => return wrong(StatusCode::BAD_REQUEST, what),
+    };
+    let shared = gateway.shared.get();
+    let names = || shared.drives.iter().map(|drive| drive.description.name.as_str()).collect::<Vec<_>>().join(", ");
+    let Some(name) = query.get("drive") else {
+        return wrong(StatusCode::BAD_REQUEST, format!("`drive=NAME` is needed; there are {}", names()));
+    };
+    if shared.drives.iter().all(|drive| drive.description.name.as_str() != name) {
+        return wrong(StatusCode::NOT_FOUND, format!("there is no drive `{name}`; there are {}", names()));
+    }
+    match gateway.live.lock().trend(name) {
+        Some(document) => fresh(&document),
+        None => wrong(StatusCode::SERVICE_UNAVAILABLE, "the drive has come this moment: try again"),
+    }
+}
+
+/// A document that is out of date as soon as it is sent.
+fn fresh(document: &Value) -> Response {
+    ([(header::CACHE_CONTROL, "no-store")], json(document)).into_response()
+}
+
+/// What is wrong, for people.
+pub fn wrong(status: StatusCode, what: impl Into<String>) -> Response {
+    (status, json(&json!({ "error": what.into() }))).into_response()
+}

@@ -1,0 +1,117 @@
+//! From what the gateway shares to the documents of the page.
+
+use crate::daemon::http::state::State;
+use crate::daemon::journal::JournalState as Keeps;
+use crate::daemon::shared::{Shared, SharedDrive, SharedLine};
+use crate::domain::calendar::rfc3339;
+use crate::domain::ids::Name;
+use crate::drive::view::DriveView;
+use crate::north::page::gateway::{BrokerWay, JournalState};
+use crate::north::page::{Advice, Drive, Gateway, Line, LineUse, Present};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Everything at one moment.
+pub struct Source<'s> {
+    pub state: &'s State,
+    pub shared: &'s Shared,
+    pub uses: &'s BTreeMap<u16, LineUse>,
+    pub present: Present<'s>,
+}
+
+impl Source<'_> {
+    /// All of it as one document.
+    pub fn document(&self) -> Value {
+        let gateway = self.gateway();
+        let lines = self.shared.lines.iter().map(|line| self.line(line, |line| line.document()));
+        json!({
+            "at": self.present.text(),
+            "gateway": gateway.document(self.uptime_s()),
+            "lines": lines.collect::<Vec<_>>(),
+            "drives": self.drives().map(|(line, drive, view)| self.drive(line, drive, &view)).collect::<Vec<_>>(),
+            "advice": documents(&self.advice()),
+        })
+    }
+
+    /// All drives in order, each with its line and its newest picture.
+    pub fn drives(&self) -> impl Iterator<Item = (&SharedLine, &Arc<SharedDrive>, Arc<DriveView>)> {
+        let lines = self.shared.lines.iter();
+        lines.flat_map(|line| line.drives.iter().map(move |drive| (line.as_ref(), drive, drive.view.load_full())))
+    }
+
+    /// The document of `drive`, on `line`, with this picture.
+    pub fn drive(&self, line: &SharedLine, drive: &SharedDrive, view: &DriveView) -> Value {
+        shown(line, drive, view).document(&self.present)
+    }
+
+    /// What `made` makes of `line`.
+    pub fn line<T>(&self, line: &SharedLine, made: impl FnOnce(&Line<'_>) -> T) -> T {
+        let (report, drives) = (line.report(), line.drives.iter().map(|drive| &drive.description.name));
+        made(&Line {
+            name: &line.name,
+            interface: line.interface,
+            wiring: &line.wiring,
+            report: &report,
+            hangs: line.hangs(),
+            rates: self.uses.get(&line.number).and_then(LineUse::rates),
+            drives: &drives.collect::<Vec<&Name>>(),
+        })
+    }
+
+    /// What there is to say about everything.
+    pub fn advice(&self) -> Vec<Advice> {
+        let mut all = self.gateway().advice();
+        for line in &self.shared.lines {
+            all.extend(self.line(line, |line| line.advice()));
+        }
+        for (line, drive, view) in self.drives() {
+            all.extend(self.drive_advice(line, drive, &view));
+        }
+        all
+    }
+
+    /// What there is to say about `drive` with this picture.
+    pub fn drive_advice(&self, line: &SharedLine, drive: &SharedDrive, view: &DriveView) -> Vec<Advice> {
+        shown(line, drive, view).advice(line.interface, self.present.now)
+    }
+
+    /// The gateway as a whole.
+    pub fn gateway(&self) -> Gateway {
+        let state = self.state;
+        let journal = state.journal.as_ref().map(|journal| journal.report()).map(|report| JournalState {
+            state: report.state.word(),
+            is_ok: report.state == Keeps::Ok,
+            reason: report.reason,
+            moved_aside: report.moved_aside,
+            lost: report.lost,
+        });
+        Gateway {
+            name: state.gateway.clone(),
+            started_at: rfc3339(state.started_at),
+            is_ready: state.is_ready(),
+            mqtt: state
+                .mqtt
+                .load()
+                .as_ref()
+                .map(|mqtt| BrokerWay { is_connected: mqtt.is_connected(), is_contested: mqtt.is_contested() }),
+            journal,
+        }
+    }
+
+    /// Seconds since the start.
+    pub fn uptime_s(&self) -> u64 {
+        self.present.now.since(self.state.started).as_secs()
+    }
+}
+
+/// `drive`, on `line`, with this picture.
+pub fn shown<'d>(line: &SharedLine, drive: &'d SharedDrive, view: &'d DriveView) -> Drive<'d> {
+    let station = line.wiring.stations.get(drive.description.place.drive.get()).copied();
+    Drive { description: &drive.description, view, station }
+}
+
+/// Each as a document.
+pub fn documents(all: &[Advice]) -> Vec<Value> {
+    all.iter().map(Advice::document).collect()
+}

@@ -1,0 +1,260 @@
+//! Live documents over real sockets, from a gateway whose lines are played by the test.
+
+use crate::daemon::clock;
+use crate::daemon::http::connections::{self, Patience};
+use crate::daemon::http::lasting::LASTING_MAX;
+use crate::daemon::http::routes;
+use crate::daemon::http::state::State;
+use crate::daemon::http::tests::{on_a_runtime, state};
+use crate::daemon::shared::Shared;
+use crate::domain::report::{LineReport, LineState};
+use crate::domain::time::MonoTime;
+use crate::drive::snapshot::Presence;
+use crate::drive::view::{DriveView, RunState, TripRecord};
+use serde_json::{Value, json};
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
+
+/// Serves `state`, whose live task runs.
+async fn serve(state: &Arc<State>, patience: Patience) -> SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    tokio::task::spawn_local(connections::serve(listener, routes::router(Arc::clone(state)), patience));
+    tokio::task::spawn_local(super::run(Arc::clone(state)));
+    address
+}
+
+fn show(state: &State, view: DriveView) {
+    state.shared.load().drives[0].view.store(Arc::new(view));
+}
+
+fn online(at: MonoTime, hertz: u16) -> DriveView {
+    let mut view = DriveView { line_is_up: true, run_state: RunState::Forward, ..DriveView::default() };
+    view.snapshot.presence = Presence::Online;
+    view.snapshot.take(0x0101, &[hertz * 100], at);
+    view
+}
+
+/// A client that listens to the events.
+struct Listening {
+    stream: TcpStream,
+    text: String,
+}
+
+impl Listening {
+    /// Connects, and returns the status beside.
+    async fn connect(address: SocketAddr) -> (u16, Self) {
+        let mut stream = TcpStream::connect(address).await.unwrap();
+        stream.write_all(b"GET /api/v1/events HTTP/1.1\r\nHost: here\r\n\r\n").await.unwrap();
+        let mut it = Self { stream, text: String::new() };
+        let head = it.up_to("\r\n\r\n").await.unwrap();
+        (head.split(' ').nth(1).unwrap().parse().unwrap(), it)
+    }
+
+    /// What comes up to `end`; nothing if the connection ends before.
+    async fn up_to(&mut self, end: &str) -> Option<String> {
+        loop {
+            if let Some(at) = self.text.find(end) {
+                return Some(self.text.drain(..at + end.len()).collect());
+            }
+            let mut buffer = vec![0; 64 * 1024];
+            let length = self.stream.read(&mut buffer).await.ok().filter(|length| *length > 0)?;
+            self.text += std::str::from_utf8(&buffer[..length]).unwrap();
+        }
+    }
+
+    /// The next event with its data. The frames of the transfer stand between.
+    async fn event(&mut self) -> Option<(String, Value)> {
+        let text = self.up_to("\n\n").await?;
+        let field = |name: &str| text.lines().find_map(|line| line.strip_prefix(name));
+        let data = serde_json::from_str(field("data: ")?).unwrap();
+        Some((field("event: ")?.to_owned(), data))
+    }
+
+    /// The next event of this kind.
+    async fn next(&mut self, kind: &str) -> Value {
+        loop {
+            let (found, data) = self.event().await.unwrap_or_else(|| panic!("no {kind}"));
+            if found == kind {
+                return data;
+            }
+        }
+    }
+}
+
+#[test]
+fn the_state_comes_first_and_then_what_has_changed() {
+    on_a_runtime(async {
+        let state = state(false);
+        show(&state, online(clock::now(), 10));
+        let address = serve(&state, Patience::default()).await;
+        let (status, mut listening) = Listening::connect(address).await;
+        assert_eq!(status, 200);
+        let (kind, first) = listening.event().await.unwrap();
+        assert_eq!((kind.as_str(), &first["drives"][0]["output_frequency_hz"]), ("state", &json!(10.0)));
+        assert_eq!((&first["gateway"]["name"], &first["lines"][0]["state"]), (&json!("plant-a"), &json!("down")));
+        show(&state, online(clock::now(), 20));
+        let update = listening.next("update").await;
+        assert_eq!(update["drives"][0]["output_frequency_hz"], 20.0);
+        assert!(update["at"].is_string() && update.get("lines").is_none() && update.get("gateway").is_none());
+        let report = LineReport { state: LineState::Up, ..LineReport::default() };
+        state.shared.load().lines[0].set_report(report);
+        let update = listening.next("update").await;
+        assert_eq!((&update["lines"][0]["state"], &update["gateway"]["ready"]), (&json!("up"), &json!(true)));
+        assert_eq!(update["advice"], json!([]), "that it was down is over");
+        assert!(update.get("drives").is_none(), "nothing of it has changed: {update}");
+    });
+}
+
+#[test]
+fn a_trip_is_told_once_to_each_who_listens() {
+    on_a_runtime(async {
+        let state = state(false);
+        show(&state, online(clock::now(), 10));
+        let address = serve(&state, Patience::default()).await;
+        let (_, mut one) = Listening::connect(address).await;
+        let (_, mut other) = Listening::connect(address).await;
+        one.next("state").await;
+        let mut tripped = online(clock::now(), 0);
+        let record = TripRecord { at: clock::now(), code: Some(7), words: Vec::new() };
+        (tripped.trip.active, tripped.trip.seen, tripped.trip.last) = (Some(true), 1, Some(record));
+        show(&state, tripped.clone());
+        for listening in [&mut one, &mut other] {
+            let trip = listening.next("trip").await;
+            assert_eq!(
+                (&trip["drive"], &trip["kind"], &trip["code"]),
+                (&json!("pump-1"), &json!("tripped"), &json!(7))
+            );
+        }
+        tripped.trip.active = Some(false);
+        show(&state, tripped);
+        assert_eq!(one.next("trip").await["kind"], "cleared");
+    });
+}
+
+#[test]
+fn in_silence_there_are_signs_of_life() {
+    on_a_runtime(async {
+        let address = serve(&state(false), Patience::default()).await;
+        let (_, mut listening) = Listening::connect(address).await;
+        assert_eq!(listening.event().await.unwrap().0, "state");
+        let heard = tokio::time::timeout(Duration::from_secs(5), listening.next("alive")).await;
+        assert_eq!(heard.unwrap(), json!({}));
+    });
+}
+
+#[test]
+fn another_configuration_is_told_with_its_state() {
+    on_a_runtime(async {
+        let state = state(false);
+        let address = serve(&state, Patience::default()).await;
+        let (_, mut listening) = Listening::connect(address).await;
+        listening.next("state").await;
+        // The task has to have seen the first one.
+        listening.next("alive").await;
+        state.shared.set(Arc::new(Shared::of(Vec::new(), Arc::default())));
+        assert_eq!(listening.event().await.unwrap().0, "configuration");
+        assert_eq!(listening.event().await.unwrap().1["drives"], json!([]));
+    });
+}
+
+#[test]
+fn there_are_so_many_who_listen_and_others_are_still_served() {
+    on_a_runtime(async {
+        let address = serve(&state(false), Patience::default()).await;
+        let mut all = Vec::new();
+        for _ in 0..LASTING_MAX {
+            let (status, listening) = Listening::connect(address).await;
+            assert_eq!(status, 200);
+            all.push(listening);
+        }
+        let (status, _) = Listening::connect(address).await;
+        assert_eq!(status, 503);
+        let (status, body) = get(address, "/healthz").await;
+        assert_eq!((status, body.as_str()), (200, "ok\n"));
+        all.pop();
+        let again = async {
+            while Listening::connect(address).await.0 != 200 {
+                tokio::time::sleep(Duration::from_millis(10)).await;
+            }
+        };
+        tokio::time::timeout(Duration::from_secs(5), again).await.expect("a place that was left is free");
+    });
+}
+
+#[test]
+fn who_listens_may_stay_longer_than_others() {
+    on_a_runtime(async {
+        let state = state(false);
+        let patience = Patience { connection: Duration::from_millis(50), ..Patience::default() };
+        let address = serve(&state, patience).await;
+        let (_, mut listening) = Listening::connect(address).await;
+        listening.next("state").await;
+        tokio::time::sleep(patience.connection * 4).await;
+        show(&state, online(clock::now(), 20));
+        assert_eq!(listening.next("update").await["drives"][0]["output_frequency_hz"], 20.0);
+    });
+}
+
+#[test]
+fn who_does_not_read_is_let_go_and_the_others_go_on() {
+    on_a_runtime(async {
+        let state = state(false);
+        let address = serve(&state, Patience::default()).await;
+        let (_, mut slow) = Listening::connect(address).await;
+        let (_, mut good) = Listening::connect(address).await;
+        good.next("state").await;
+        // More than any buffer between takes.
+        let text = super::events::event("update", &format!("\"{}\"", "x".repeat(2 << 20)));
+        for _ in 0..100 {
+            state.live.lock().listeners.tell(text.clone());
+            good.next("update").await;
+            if state.live.lock().listeners.count() == 1 {
+                break;
+            }
+        }
+        assert_eq!(state.live.lock().listeners.count(), 1);
+        good.next("alive").await;
+        while let Some(_event) = slow.event().await {}
+    });
+}
+
+async fn get(address: SocketAddr, path: &str) -> (u16, String) {
+    crate::daemon::http::tests::answer(TcpStream::connect(address).await.unwrap(), "GET", path, "").await
+}
+
+#[test]
+fn documents_are_found_and_mistakes_are_named() {
+    on_a_runtime(async {
+        let state = state(true);
+        show(&state, online(clock::now(), 10));
+        let address = serve(&state, Patience::default()).await;
+        let of = async |path: &str| {
+            let (status, body) = get(address, path).await;
+            (status, serde_json::from_str::<Value>(&body).unwrap())
+        };
+        let (status, trend) = of("/api/v1/trend?drive=pump-1").await;
+        assert_eq!((status, &trend["values"][0]), (200, &json!([10.0])));
+        let (status, advice) = of("/api/v1/advice").await;
+        assert_eq!(status, 200);
+        assert!(advice["advice"][0]["text"].as_str().unwrap().contains("the broker is not reached"), "{advice}");
+        assert_eq!(of("/api/v1/state").await.1["drives"][0]["name"], "pump-1");
+        for (path, status, part) in [
+            ("/api/v1/trend", 400, "there are pump-1"),
+            ("/api/v1/trend?drive=pump-2", 404, "there are pump-1"),
+            ("/api/v1/trend?name=pump-1", 400, "known are drive"),
+            ("/api/v1/journal", 404, "`data_dir`"),
+            ("/api/v1/journal?table=trip", 400, "right are trips"),
+            ("/api/v1/journal?since=yesterday", 400, "12h"),
+            ("/api/v1/journal?last=10001", 400, "from 1 to 10000"),
+            ("/api/v1/journal?format=xml", 400, "json and csv"),
+        ] {
+            let (found, body) = of(path).await;
+            assert_eq!(found, status, "{path}");
+            assert!(body["error"].as_str().unwrap().contains(part), "{path}: {body}");
+        }
+    });
+}

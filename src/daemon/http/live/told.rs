@@ -1,0 +1,103 @@
+//! What those who listen were told, and what is new since. What has not changed costs a look at a pointer.
+
+use super::events::event;
+use super::source::{Source, documents, shown};
+use crate::daemon::shared::{SharedDrive, SharedLine};
+use crate::domain::time::MonoTime;
+use crate::drive::view::DriveView;
+use crate::north::page::{Advice, Gateway, trips};
+use serde_json::{Map, Value};
+use std::sync::Arc;
+
+/// Everything as it was told, of one configuration.
+#[derive(Debug)]
+pub struct Told {
+    gateway: Gateway,
+    lines: Vec<Value>,
+    drives: Vec<ToldDrive>,
+    advice: Vec<Advice>,
+}
+
+#[derive(Debug)]
+struct ToldDrive {
+    view: Arc<DriveView>,
+    /// When it is to be told again though the picture stays.
+    changes_at: MonoTime,
+    advice: Vec<Advice>,
+}
+
+impl ToldDrive {
+    fn now(source: &Source<'_>, line: &SharedLine, drive: &SharedDrive, view: Arc<DriveView>) -> Self {
+        let changes_at = shown(line, drive, &view).changes_at(source.present.now);
+        let advice = source.drive_advice(line, drive, &view);
+        Self { view, changes_at, advice }
+    }
+}
+
+impl Told {
+    /// Everything is being told now.
+    pub fn now(source: &Source<'_>) -> Self {
+        let drives = source.drives().map(|(line, drive, view)| ToldDrive::now(source, line, drive, view));
+        let mut told =
+            Self { gateway: source.gateway(), lines: lines(source), drives: drives.collect(), advice: Vec::new() };
+        told.advice = told.all_advice(source);
+        told
+    }
+
+    /// Events of what is new; empty if nothing is. The configuration must be the same.
+    pub fn news(&mut self, source: &Source<'_>) -> String {
+        let (mut events, mut update) = (String::new(), Map::new());
+        let gateway = source.gateway();
+        if gateway != self.gateway {
+            update.insert("gateway".to_owned(), gateway.document(source.uptime_s()));
+            self.gateway = gateway;
+        }
+        let new = lines(source);
+        let changed: Vec<_> =
+            new.iter().zip(&self.lines).filter(|(new, old)| new != old).map(|(new, _)| new.clone()).collect();
+        if !changed.is_empty() {
+            update.insert("lines".to_owned(), changed.into());
+            self.lines = new;
+        }
+        let drives = self.changed_drives(source, &mut events);
+        if !drives.is_empty() {
+            update.insert("drives".to_owned(), drives.into());
+        }
+        let advice = self.all_advice(source);
+        if advice != self.advice {
+            update.insert("advice".to_owned(), documents(&advice).into());
+            self.advice = advice;
+        }
+        if !update.is_empty() {
+            update.insert("at".to_owned(), source.present.text().into());
+            events += &event("update", &Value::Object(update).to_string());
+        }
+        events
+    }
+
+    /// The drives that have changed; their trips go into `events`.
+    fn changed_drives(&mut self, source: &Source<'_>, events: &mut String) -> Vec<Value> {
+        let mut changed = Vec::new();
+        for ((line, drive, view), told) in source.drives().zip(&mut self.drives) {
+            if Arc::ptr_eq(&view, &told.view) && source.present.now < told.changes_at {
+                continue;
+            }
+            for trip in trips::between(&source.present, &drive.description, &told.view, &view) {
+                *events += &event("trip", &trip.to_string());
+            }
+            changed.push(source.drive(line, drive, &view));
+            *told = ToldDrive::now(source, line, drive, view);
+        }
+        changed
+    }
+
+    fn all_advice(&self, source: &Source<'_>) -> Vec<Advice> {
+        let lines = source.shared.lines.iter().flat_map(|line| source.line(line, |line| line.advice()));
+        let drives = self.drives.iter().flat_map(|told| told.advice.iter().cloned());
+        self.gateway.advice().into_iter().chain(lines).chain(drives).collect()
+    }
+}
+
+fn lines(source: &Source<'_>) -> Vec<Value> {
+    source.shared.lines.iter().map(|line| source.line(line, |line| line.document())).collect()
+}

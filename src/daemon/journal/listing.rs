@@ -1,0 +1,143 @@
+//! Rows of the journal as they are shown: JSON, CSV, words for people.
+
+use super::reader::Seen;
+use crate::domain::calendar::rfc3339;
+use crate::journal::{Row, Table};
+use serde_json::{Value, json};
+
+/// The columns of CSV.
+pub const COLUMNS: &str = "table,number,at,kind,name,by,tried,outcome,reason,count,body\n";
+
+/// A row as JSON; with its words for people if `has_text`.
+#[must_use]
+pub fn in_json(table: Table, seen: &Seen, has_text: bool) -> Value {
+    let (table, number) = (table.name(), seen.number());
+    let Seen::Sound(row) = seen else { return json!({ "table": table, "number": number, "damaged": true }) };
+    let body = body(row);
+    let text = has_text.then(|| words(row, &body));
+    let Row { at, kind, name, .. } = row;
+    let mut shown =
+        json!({ "table": table, "number": number, "at": rfc3339(*at), "kind": kind, "name": name, "body": body });
+    if let Some(text) = text {
+        shown["text"] = text.into();
+    }
+    shown
+}
+
+/// A row as a line of CSV, with its end.
+#[must_use]
+pub fn in_csv(table: Table, seen: &Seen) -> String {
+    let Seen::Sound(row) = seen else { return format!("{},{},,damaged,,,,,,,\n", table.name(), seen.number()) };
+    let body = body(row);
+    let word = |key: &str| match &body[key] {
+        Value::Null => String::new(),
+        Value::String(text) => text.clone(),
+        other => other.to_string(),
+    };
+    let name = row.name.clone().unwrap_or_default();
+    let first = [table.name().to_owned(), row.number.to_string(), rfc3339(row.at), row.kind.clone(), name];
+    let others = ["by", "tried", "outcome", "reason", "count"].map(word);
+    let fields: Vec<_> = first.into_iter().chain(others).chain([row.body.clone()]).map(|it| quoted(&it)).collect();
+    fields.join(",") + "\n"
+}
+
+/// As RFC 4180 has it. A text that a spreadsheet would take for a formula is marked as text.
+fn quoted(field: &str) -> String {
+    let mark = if field.starts_with(['=', '+', '-', '@']) { "'" } else { "" };
+    if mark.is_empty() && !field.contains([',', '"', '\n', '\r']) {
+        return field.to_owned();
+    }
+    format!("\"{mark}{}\"", field.replace('"', "\"\""))
+}
+
+/// A row as a line for people, with its end.
+#[must_use]
+pub fn in_words(table: Table, seen: &Seen) -> String {
+    match seen {
+        Seen::Damaged(number) => format!("{:24} {} {number} is damaged\n", "?", table.name()),
+        Seen::Sound(row) => {
+            let name = row.name.as_deref().unwrap_or("gateway");
+            format!("{} {name} {}\n", rfc3339(row.at), words(row, &body(row)))
+        }
+    }
+}
+
+fn body(row: &Row) -> Value {
+    serde_json::from_str(&row.body).unwrap_or(Value::Null)
+}
+
+/// What a row says, without when and about what.
+fn words(row: &Row, body: &Value) -> String {
+    let word = |key: &str| body[key].as_str().unwrap_or("?").to_owned();
+    let times = match body["count"].as_u64() {
+        Some(count) if count > 1 => format!(" ({count} times)"),
+        _ => String::new(),
+    };
+    let said = match row.kind.as_str() {
+        "attempt" => {
+            let outcome = body["outcome"].as_str().unwrap_or("no end is known");
+            let reason = body["reason"].as_str().filter(|reason| *reason != "none");
+            let reason = reason.map(|reason| format!(", {reason}")).unwrap_or_default();
+            let holder = body["holder"].as_str().map(|holder| format!(" ({holder})")).unwrap_or_default();
+            format!("{}: {}: {outcome}{reason}{holder}{times}", body["by"].as_str().unwrap_or("nobody"), word("tried"))
+        }
+        "failsafe" => format!("fail-safe action {}: {}", word("tried"), word("cause")),
+        "lease" => lease(body, &word("by")),
+        "stop_given_up" => "a stop was given up: the drive stayed away".to_owned(),
+        "tripped" => {
+            let text = body["text"].as_str().map(|text| format!(": {text}")).unwrap_or_default();
+            let code = body["code"].as_u64().map_or_else(|| "?".to_owned(), |code| code.to_string());
+            format!("tripped, code {code}{text} (event {})", row.number)
+        }
+        "cleared" => format!("the trip is cleared (event {})", row.number),
+        _ => {
+            let reason = body["reason"].as_str().map(|reason| format!(": {reason}")).unwrap_or_default();
+            format!("{} {}{reason}", row.kind, word("state"))
+        }
+    };
+    // What a client sent as text must not move the cursor of whoever reads it.
+    said.chars().map(|c| if c.is_control() { '?' } else { c }).collect()
+}
+
+/// How control changed hands, and who is it about.
+fn lease(body: &Value, owner: &str) -> String {
+    match body["state"].as_str().unwrap_or("?") {
+        "opened" => format!("{owner} holds control"),
+        "ended" => format!("{owner} does not hold control any more"),
+        "taken_over" => format!("{owner} took control over from {}", body["from"].as_str().unwrap_or("?")),
+        "orphaned" => format!("{owner} held control when the gateway ended, and is awaited"),
+        "taken_up" => format!("{owner} is back and holds control"),
+        state => format!("lease {state}: {owner}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::time::WallTime;
+
+    #[test]
+    fn csv_survives_what_clients_send() {
+        let table = [("a", "a"), ("a,b", "\"a,b\""), ("say \"no\"", "\"say \"\"no\"\"\""), ("=1+1", "\"'=1+1\"")];
+        for (field, right) in table {
+            assert_eq!(quoted(field), right);
+        }
+    }
+
+    #[test]
+    fn rows_have_words_and_no_control_characters() {
+        let at = WallTime { unix_ms: 0 };
+        let attempt =
+            json!({ "by": "mqtt", "tried": "run\u{1b}[2J", "outcome": "refused", "reason": "tripped", "count": 3 });
+        let said = |row| in_words(Table::Audit, &Seen::Sound(row));
+        let row = Row::new(at, "attempt", Some("pump-1"), &attempt);
+        assert_eq!(
+            in_json(Table::Audit, &Seen::Sound(row.clone()), true)["text"],
+            "mqtt: run?[2J: refused, tripped (3 times)"
+        );
+        assert_eq!(said(row), "1970-01-01T00:00:00.000Z pump-1 mqtt: run?[2J: refused, tripped (3 times)\n");
+        let down = json!({ "state": "down", "reason": "the port is gone" });
+        let said = said(Row::new(at, "line", Some("hall-1"), &down));
+        assert_eq!(said, "1970-01-01T00:00:00.000Z hall-1 line down: the port is gone\n");
+    }
+}

@@ -1,0 +1,137 @@
+//! What there is to say about one drive.
+
+use super::{Advice, Said};
+use crate::domain::command::{Outcome, Reason, Report};
+use crate::domain::control::ControlSettings;
+use crate::domain::link::Interface;
+use crate::domain::time::MonoTime;
+use crate::drive::snapshot::Presence;
+use crate::drive::view::ControlView;
+use crate::drive::watchdog::{WatchdogState, WatchdogView};
+use crate::north::page::drive::Drive;
+use crate::north::shown::fresh;
+use crate::profile::model::{Register, RunForm, SetupItem};
+use crate::profile::scale::Scaled;
+
+impl Drive<'_> {
+    /// What there is to say about it, on a line of this interface.
+    #[must_use]
+    pub fn advice(&self, interface: Interface, now: MonoTime) -> Vec<Advice> {
+        let description = self.description;
+        let (line, drive) = (Some(description.line.clone()), Some(description.name.clone()));
+        let mut said = Said { line, drive, all: Vec::new() };
+        // A line that is down says so itself, once for all its drives.
+        if self.view.line_is_up && self.view.snapshot.presence == Presence::Offline {
+            let station = self.station.map(|station| format!(" as station {station}")).unwrap_or_default();
+            said.problem(format!(
+                "the drive does not answer{station}: check its power, its wiring, its station number, speed and parity"
+            ));
+        }
+        if let Some(settings) = &description.control {
+            self.obedience(&mut said, interface, now);
+            self.setpoint_limits(&mut said, settings, now);
+            self.view.watchdog.iter().for_each(|it| self.watchdog(&mut said, settings, *it));
+            self.view.control.iter().for_each(|it| control(&mut said, it));
+        }
+        said.all
+    }
+
+    /// Whether it obeys the bus, as far as what was read tells.
+    fn obedience(&self, said: &mut Said, interface: Interface, now: MonoTime) {
+        let (model, name) = (&self.description.model, &self.description.name);
+        let concerned = model.setup.iter().filter(|item| item.interface.is_none_or(|of| of == interface));
+        let wrong: Vec<String> = concerned.filter_map(|item| self.wrong(item, now)).collect();
+        for wrong in &wrong {
+            said.problem(format!(
+                "the drive refuses bus commands: {wrong}; set it at the drive, or with `vfd-gateway enable {name}`"
+            ));
+        }
+        let takes_priority =
+            matches!(model.run.as_ref().map(|run| &run.form), Some(RunForm::Bits { priority: 1.., .. }));
+        let is_local = self.view.is_online() && self.view.status.is_local() == Some(true);
+        if is_local && wrong.is_empty() && !takes_priority {
+            said.problem(format!(
+                "the drive obeys its panel or terminals, not the bus: give control to the bus at the drive; \
+                 `vfd-gateway verify {name}` shows what is set"
+            ));
+        }
+    }
+
+    /// What is set otherwise than bus control needs it; nothing if it is right or not known.
+    fn wrong(&self, item: &SetupItem, now: MonoTime) -> Option<String> {
+        let register = self.description.model.register_at(item.address?)?;
+        let word = fresh(self.description, register, self.view, now)?.raw;
+        let wanted = &item.values.value;
+        (!wanted.contains(&word)).then(|| {
+            let right: Vec<_> = wanted.iter().map(|word| shown(register, *word)).collect();
+            format!("{} is {}, not {} ({})", item.what, shown(register, word), right.join(" or "), item.text)
+        })
+    }
+
+    fn setpoint_limits(&self, said: &mut Said, settings: &ControlSettings, now: MonoTime) {
+        let limits = settings.least.as_f64()..=settings.most.as_f64();
+        if let Some(hertz) = self.setpoint(now).filter(|hertz| *hertz != 0.0 && !limits.contains(hertz)) {
+            said.advice(format!(
+                "the drive's setpoint of {hertz} Hz is outside {} to {} Hz, so that a run without a frequency is refused: \
+                 command a frequency within these limits, or change `frequency_hz`",
+                limits.start(),
+                limits.end()
+            ));
+        }
+    }
+
+    fn watchdog(&self, said: &mut Said, settings: &ControlSettings, watchdog: WatchdogView) {
+        let at_most = settings.watchdog_at_most();
+        let wrong = match watchdog.state {
+            WatchdogState::Unknown | WatchdogState::InOrder => return,
+            WatchdogState::Off => "is off".to_owned(),
+            WatchdogState::KeepsRunning => "lets the motor run on".to_owned(),
+            WatchdogState::TooShort => "may stop the motor although all is well: its time is too short".to_owned(),
+            WatchdogState::TooLong => format!("takes longer than {at_most:?}"),
+        };
+        let text = format!(
+            "the drive's own watchdog over the bus {wrong}: it is what stops the motor when gateway or line are lost; \
+             `vfd-gateway watchdog {}` shows and sets it",
+            self.description.name
+        );
+        if settings.require_watchdog { said.problem(text) } else { said.advice(text) }
+    }
+}
+
+fn control(said: &mut Said, control: &ControlView) {
+    if control.not_effective {
+        said.problem("a stop shows no effect: look after the motor at the drive itself");
+    }
+    if control.failsafe {
+        said.advice(
+            "the commander was lost and the declared action was carried out: command stop, then run, once its cause is \
+             found",
+        );
+    }
+    if let Some(text) = control.last.as_ref().and_then(refused) {
+        said.problem(text);
+    }
+}
+
+/// What the end of the last command says of the drive or its configuration.
+fn refused(last: &Report) -> Option<String> {
+    let hint = match (last.outcome, last.reason) {
+        (Outcome::Confirmed | Outcome::Acknowledged, _) => return None,
+        (_, Reason::KeptOldValue) => {
+            "it may be locked against changes over the bus, or the motor must stand still for it"
+        }
+        (_, Reason::DriveException) => "look up the register and what may be written to it in the drive's manual",
+        (_, Reason::LocalControl) => "give control to the bus at the drive",
+        (_, Reason::SetpointUnknown) => "command a frequency first",
+        (_, Reason::Unverified) => "list the action under `accept_unverified` once it was tried with care",
+        _ => return None,
+    };
+    let code = last.exception.map(|code| format!(" {code:02X}")).unwrap_or_default();
+    Some(format!("the last command was not carried out: {}{code}; {hint}", last.message()))
+}
+
+/// A word with what it means.
+fn shown(register: &Register, word: u16) -> String {
+    let value = Scaled::from_word(word, register);
+    register.meaning(word).map_or_else(|| value.to_string(), |meaning| format!("{value} ({meaning})"))
+}

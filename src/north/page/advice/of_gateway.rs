@@ -1,0 +1,43 @@
+//! What there is to say about the gateway as a whole.
+
+use super::{Advice, Said};
+use crate::north::page::gateway::{Gateway, JournalState};
+
+impl Gateway {
+    /// What there is to say about it.
+    #[must_use]
+    pub fn advice(&self) -> Vec<Advice> {
+        let mut said = Said::default();
+        if let Some(way) = self.mqtt {
+            if way.is_contested {
+                said.problem(
+                    "another client uses the gateway's client identifier at the broker, and each throws the other out: \
+                     give each gateway a `client_id` of its own in [mqtt]",
+                );
+            } else if !way.is_connected {
+                said.problem(
+                    "the broker is not reached: check that it runs, and `broker`, user, password and certificates in \
+                     [mqtt]; the log says why",
+                );
+            }
+        }
+        self.journal.iter().for_each(|journal| of_journal(&mut said, journal));
+        said.all
+    }
+}
+
+fn of_journal(said: &mut Said, journal: &JournalState) {
+    if !journal.is_ok {
+        let reason = journal.reason.as_deref().unwrap_or("no reason is known");
+        said.problem(format!(
+            "the journal cannot be written ({reason}): the newest rows are in memory only; make room on the disk of \
+             `data_dir`, and let the gateway write there"
+        ));
+    }
+    if let Some(path) = &journal.moved_aside {
+        said.advice(format!("the journal was damaged and a new one was begun; the old one is kept as {path}"));
+    }
+    if journal.lost > 0 {
+        said.advice(format!("{} rows of the journal were lost since the start", journal.lost));
+    }
+}

@@ -1,0 +1,60 @@
+//! What there is to say about one line.
+
+use super::{Advice, Said};
+use crate::domain::report::{LineFault, LineState};
+use crate::north::page::line::Line;
+use crate::north::shown::down_reason;
+
+impl Line<'_> {
+    /// What there is to say about it.
+    #[must_use]
+    pub fn advice(&self) -> Vec<Advice> {
+        let mut said = Said { line: Some(self.name.clone()), ..Said::default() };
+        let report = self.report;
+        if self.hangs {
+            said.problem("the line's thread hangs, so that no stop leaves there: restart the gateway");
+        }
+        match (down_reason(report), report.suspicion) {
+            (reason, Some(suspicion)) => {
+                let down = reason.map(|_| "the line is down: ").unwrap_or_default();
+                said.problem(format!("{down}{suspicion}"));
+            }
+            (Some(reason), None) => said.problem(self.down(&reason)),
+            (None, None) => {}
+        }
+        let bad = report.quality.bad_per_cent.filter(|_| report.state == LineState::Up).unwrap_or(0);
+        if report.quality.is_suspended {
+            said.problem(format!(
+                "{bad} % of the last exchanges failed: run orders and higher setpoints are refused until it is better; \
+                 check wiring, termination and shield, and what disturbs the line"
+            ));
+        } else if bad > 0 {
+            said.advice(format!("{bad} % of the last exchanges failed: check wiring, termination and shield"));
+        }
+        if report.planned_use_per_mille > 1000 {
+            said.advice(format!(
+                "the polls would need {:.0} % of the line's time, so that values are older than `poll` says: poll less \
+                 often or fewer registers, or use a higher speed",
+                f64::from(report.planned_use_per_mille) / 10.0
+            ));
+        }
+        said.all
+    }
+
+    /// That it is down, with what to look at where the reason does not say so itself.
+    fn down(&self, reason: &str) -> String {
+        let port = &self.wiring.port;
+        let hint = match self.report.fault {
+            None | Some(LineFault::Gone | LineFault::Failed) => {
+                format!("; check that {port} is there, that the gateway may open it, and that nobody else has it")
+            }
+            Some(LineFault::Stuck) => format!("; unplug the adapter at {port} and plug it in again"),
+            Some(LineFault::Jammed) => "; disconnect drives one by one until the line is silent".to_owned(),
+            Some(LineFault::Mute) => {
+                "; check the power, the wiring (A and B swapped?), speed, parity and the station numbers".to_owned()
+            }
+            Some(LineFault::Echo) => String::new(),
+        };
+        format!("the line is down: {reason}{hint}")
+    }
+}

@@ -1,0 +1,170 @@
+//! One drive as a document.
+
+use super::Present;
+use crate::domain::control::ControlSettings;
+use crate::domain::frequency::Hertz;
+use crate::domain::ids::Station;
+use crate::domain::time::MonoTime;
+use crate::domain::units::UnitOfMeasure;
+use crate::drive::description::DriveDescription;
+use crate::drive::rated::Rated;
+use crate::drive::snapshot::Reading;
+use crate::drive::view::{ControlView, DriveView};
+use crate::journal::trip;
+use crate::north::shown::{self, quality, stale_at};
+use crate::profile::model::{Register, Role};
+use crate::profile::scale::Scaled;
+use crate::profile::words::{ROLES, word_for};
+use serde_json::{Value, json};
+
+/// Digits of a value that follows from a rated one.
+const RATED_DIGITS: u8 = 2;
+
+/// One drive with a picture of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Drive<'d> {
+    /// What does not change.
+    pub description: &'d DriveDescription,
+    /// The picture.
+    pub view: &'d DriveView,
+    /// Its station number, as far as it is known.
+    pub station: Option<Station>,
+}
+
+impl Drive<'_> {
+    /// The document.
+    #[must_use]
+    pub fn document(&self, present: &Present<'_>) -> Value {
+        let Self { description, view, station } = self;
+        let model = &description.model;
+        json!({
+            "name": description.name.as_str(),
+            "line": description.line.as_str(),
+            "model": model.id,
+            "vendor": model.vendor,
+            "title": model.title,
+            "station": station.map(|station| station.0),
+            "unit": description.unit.get(),
+            "uniform_unit": description.uniform_unit.get(),
+            "presence": shown::presence(view),
+            "run_state": shown::run_state(view).word(),
+            "output_frequency_hz": self.output_frequency(present.now),
+            "setpoint_hz": self.setpoint(present.now),
+            "trip": self.trip(present),
+            "status": {
+                "local": view.status.is_local(),
+                "alarm": view.status.alarm,
+                "ready": view.status.ready,
+            },
+            "watchdog": view.watchdog.map(|watchdog| watchdog.state.word()),
+            "control": description.control.as_ref().map(|settings| self.control(settings, present.now)),
+            "values": self.polled().map(|register| self.value(register, present.now)).collect::<Vec<_>>(),
+        })
+    }
+
+    /// When a value will have grown stale next though nothing was read; never, if all have.
+    #[must_use]
+    pub fn changes_at(&self, now: MonoTime) -> MonoTime {
+        let moments = self.polled().filter_map(|register| stale_at(self.description, register, self.view));
+        moments.filter(|at| *at > now).min().unwrap_or(MonoTime::NEVER)
+    }
+
+    /// The output frequency, unless it is stale.
+    fn output_frequency(&self, now: MonoTime) -> Option<f64> {
+        self.hertz(self.description.model.register_for(Role::OutputFrequency)?, now)
+    }
+
+    /// The setpoint that the drive holds, unless that is stale; where it is not polled, the last one that was accepted.
+    pub(super) fn setpoint(&self, now: MonoTime) -> Option<f64> {
+        match self.description.model.setting_register().filter(|register| register.poll.is_some()) {
+            Some(register) => self.hertz(register, now),
+            None => Some(self.view.control.as_ref()?.setpoint?.as_f64()),
+        }
+    }
+
+    fn hertz(&self, register: &Register, now: MonoTime) -> Option<f64> {
+        let reading = shown::fresh(self.description, register, self.view, now);
+        let reading = reading.filter(|_| register.unit == UnitOfMeasure::Hertz)?;
+        Some(Scaled::from_word(reading.raw, register).value())
+    }
+
+    fn trip(&self, present: &Present<'_>) -> Value {
+        let (trip, kept) = (&self.view.trip, &self.view.trip_kept);
+        let code = match &trip.last {
+            Some(last) => last.code,
+            None => kept.last_code,
+        };
+        json!({
+            "active": trip.active,
+            "code": code,
+            "text": code.and_then(|code| trip::text(self.description, code)),
+            "count": trip.count,
+            "seen": trip.seen,
+            "total": kept.total,
+            "last_at": trip.last.as_ref().map(|last| present.clock.text(last.at)),
+        })
+    }
+
+    fn control(&self, settings: &ControlSettings, now: MonoTime) -> Value {
+        let nobody = ControlView::default();
+        let view = self.view.control.as_ref().unwrap_or(&nobody);
+        let lease = view.lease.filter(|(_, until)| now < *until);
+        let left = lease.map(|(_, until)| until).filter(|until| *until != MonoTime::NEVER);
+        json!({
+            "can": shown::capabilities(self.description),
+            "from": shown::sources(settings),
+            "min_hz": settings.least.as_f64(),
+            "max_hz": settings.most.as_f64(),
+            "on_commander_lost": settings.on_commander_lost.word(),
+            "lost_after_s": settings.lost_after.as_secs_f64(),
+            "owner": lease.map(|(owner, _)| owner.to_string()),
+            "lease_left_ms": left.map(|until| whole_millis(until, now)),
+            "intent": shown::intent(view.intent),
+            "setpoint_hz": view.setpoint.map(Hertz::as_f64),
+            "start_inhibited": view.start_inhibited,
+            "command_pending": view.command_pending,
+            "stop_pending": view.stop_pending,
+            "not_effective": view.not_effective,
+            "failsafe": view.failsafe,
+            "last": view.last.map(|report| json!({
+                "outcome": report.outcome.word(),
+                "reason": report.reason.word(),
+                "message": report.message(),
+            })),
+        })
+    }
+
+    fn value(&self, register: &Register, now: MonoTime) -> Value {
+        let reading = self.view.snapshot.reading(register.address);
+        let rated = Rated::of(register, &self.description.ratings);
+        let number = |it: Reading| match rated {
+            Some(rated) => rated.to_digits(it.raw, RATED_DIGITS).value(),
+            None => Scaled::from_word(it.raw, register).value(),
+        };
+        json!({
+            "name": register.name,
+            "label": register.title,
+            "unit": rated.map_or_else(|| trip::unit(register), |rated| Some(rated.unit.symbol())),
+            "value": reading.map(number),
+            "text": reading.and_then(|it| self.meaning(register, it.raw)),
+            "quality": quality(self.description, register, self.view, now).word(),
+            "age_ms": reading.map(|it| whole_millis(now, it.at)),
+            "role": register.role.map(|role| word_for(&ROLES, &role).replace('-', "_")),
+        })
+    }
+
+    fn meaning(&self, register: &Register, word: u16) -> Option<String> {
+        match register.role {
+            Some(Role::TripCode | Role::TripCause | Role::TripHistory) => trip::text(self.description, word),
+            _ => register.meaning(word).map(str::to_owned),
+        }
+    }
+
+    fn polled(&self) -> impl Iterator<Item = &Register> {
+        self.description.model.registers.iter().filter(|register| register.poll.is_some())
+    }
+}
+
+fn whole_millis(later: MonoTime, earlier: MonoTime) -> u64 {
+    u64::try_from(later.since(earlier).as_millis()).unwrap_or(u64::MAX)
+}

@@ -1,0 +1,58 @@
+//! The gateway as a document.
+
+use serde_json::{Value, json};
+
+/// The gateway as a whole.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Gateway {
+    /// Its name.
+    pub name: String,
+    /// When it started, as RFC 3339.
+    pub started_at: String,
+    /// All lines are open, and the broker is reached if there is one.
+    pub is_ready: bool,
+    /// The way to the broker; nothing if none is configured.
+    pub mqtt: Option<BrokerWay>,
+    /// The journal; nothing if there is none.
+    pub journal: Option<JournalState>,
+}
+
+/// The way to the broker.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BrokerWay {
+    /// It is open.
+    pub is_connected: bool,
+    /// Another client wants the gateway's identifier.
+    pub is_contested: bool,
+}
+
+/// How the journal is doing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct JournalState {
+    /// The word for it.
+    pub state: &'static str,
+    /// Rows are kept.
+    pub is_ok: bool,
+    /// Why not.
+    pub reason: Option<String>,
+    /// Where a damaged journal was moved to since the start.
+    pub moved_aside: Option<String>,
+    /// Rows that could not be kept since the start.
+    pub lost: u64,
+}
+
+impl Gateway {
+    /// The document, `uptime_s` seconds after the start.
+    #[must_use]
+    pub fn document(&self, uptime_s: u64) -> Value {
+        json!({
+            "name": self.name,
+            "version": env!("CARGO_PKG_VERSION"),
+            "started_at": self.started_at,
+            "uptime_s": uptime_s,
+            "ready": self.is_ready,
+            "mqtt": self.mqtt.map(|way| json!({ "connected": way.is_connected, "contested": way.is_contested })),
+            "journal": self.journal.as_ref().map(|it| json!({ "state": it.state, "reason": it.reason })),
+        })
+    }
+}

@@ -1,0 +1,64 @@
+//! One line as a document.
+
+use super::line_use::Rates;
+use crate::domain::ids::Name;
+use crate::domain::link::{Interface, Wiring};
+use crate::domain::report::{LineReport, LineState};
+use crate::north::shown::{down_reason, millis};
+use crate::profile::words::{FRAMINGS, INTERFACES, word_for};
+use serde_json::{Value, json};
+
+/// One line as of its last round.
+#[derive(Clone, Copy, Debug)]
+pub struct Line<'l> {
+    /// Its name.
+    pub name: &'l Name,
+    /// What it is physically.
+    pub interface: Interface,
+    /// How it is wired.
+    pub wiring: &'l Wiring,
+    /// What its thread says.
+    pub report: &'l LineReport,
+    /// Its thread was found not to come round.
+    pub hangs: bool,
+    /// What was measured of late; nothing before there is enough.
+    pub rates: Option<Rates>,
+    /// The names of its drives, in order.
+    pub drives: &'l [&'l Name],
+}
+
+impl Line<'_> {
+    /// The document.
+    #[must_use]
+    pub fn document(&self) -> Value {
+        let LineReport { state, stop, measured, quality, suspicion, .. } = self.report;
+        json!({
+            "name": self.name.as_str(),
+            "port": self.wiring.port,
+            "link": self.wiring.link.to_string(),
+            "framing": word_for(&FRAMINGS, &self.wiring.framing),
+            "interface": word_for(&INTERFACES, &self.interface),
+            "state": if *state == LineState::Up { "up" } else { "down" },
+            "reason": down_reason(self.report),
+            "hangs": self.hangs,
+            "use_per_cent": self.rates.map(|rates| tenths(rates.use_per_cent)),
+            "planned_use_per_cent": f64::from(self.report.planned_use_per_mille) / 10.0,
+            "bad_per_cent": quality.bad_per_cent,
+            "is_suspended": quality.is_suspended,
+            "exchanges_per_s": self.rates.map(|rates| tenths(rates.exchanges_per_s)),
+            "stop_ms": {
+                "all_healthy": millis(stop.all_healthy),
+                "one_silent": millis(stop.one_silent),
+                "each_further": millis(stop.each_further),
+                "longest_seen": millis(measured.longest_stop),
+            },
+            "suspicion": suspicion.map(|suspicion| suspicion.to_string()),
+            "drives": self.drives.iter().map(|name| name.as_str()).collect::<Vec<_>>(),
+        })
+    }
+}
+
+/// With one digit behind the point, so that what has hardly changed is the same.
+fn tenths(value: f64) -> f64 {
+    (value * 10.0).round() / 10.0
+}

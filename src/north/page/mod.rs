@@ -1,0 +1,41 @@
+//! What the web page shows, as JSON documents: state, changes, the trend of the last hour, advice. Everything is read from
+//! pictures and reports that are there already, so that nobody who looks puts anything on a line.
+
+pub mod advice;
+pub mod drive;
+pub mod gateway;
+pub mod line;
+pub mod line_use;
+#[cfg(test)]
+mod testing;
+#[cfg(test)]
+mod tests;
+pub mod trend;
+pub mod trips;
+
+pub use advice::{Advice, Severity};
+pub use drive::Drive;
+pub use gateway::Gateway;
+pub use line::Line;
+pub use line_use::LineUse;
+pub use trend::Trends;
+
+use super::clock::Clock;
+use crate::domain::time::MonoTime;
+
+/// The present, and how its moments are written.
+#[derive(Clone, Copy, Debug)]
+pub struct Present<'c> {
+    /// Now.
+    pub now: MonoTime,
+    /// Writes moments.
+    pub clock: &'c Clock,
+}
+
+impl Present<'_> {
+    /// Now, as RFC 3339 in UTC.
+    #[must_use]
+    pub fn text(&self) -> String {
+        self.clock.text(self.now)
+    }
+}

@@ -1,0 +1,66 @@
+//! What the tests of this room share: drives of the built-in models, and pictures of them.
+
+use super::drive::Drive;
+use crate::domain::ids::{DriveIndex, Name, Station, UnitId};
+use crate::domain::time::{MonoTime, WallTime};
+use crate::drive::description::{DriveDescription, DriveRef, Points, Ratings};
+use crate::drive::plan::Pace;
+use crate::drive::snapshot::Presence;
+use crate::drive::view::{ControlView, DriveView, RunState};
+use crate::north::clock::{Clock, Moment};
+use crate::profile::catalog::Catalog;
+use crate::vendors;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// The present of most tests.
+pub(super) const NOW: MonoTime = MonoTime::from_millis(1_000_000);
+/// The same on the wall clock.
+pub(super) const NOW_TEXT: &str = "2024-01-31T08:00:00.000Z";
+
+/// A clock at which it is [`NOW`].
+pub(super) fn clock() -> Clock {
+    Clock::new(Moment { mono: NOW, wall: WallTime { unix_ms: 1_706_688_000_000 } })
+}
+
+/// The identifiers of all built-in models.
+pub(super) fn models() -> Vec<String> {
+    catalog().ids().map(str::to_owned).collect()
+}
+
+fn catalog() -> Catalog {
+    Catalog::from_texts(vendors::texts().iter().copied()).unwrap()
+}
+
+/// A drive of `model` at station 3, with control, polled every second.
+pub(super) fn description(model: &str) -> DriveDescription {
+    DriveDescription {
+        place: DriveRef { line: 0, drive: DriveIndex(0) },
+        name: Name::new("pump-1").unwrap(),
+        line: Name::new("hall-1").unwrap(),
+        model: Arc::clone(catalog().find(model).unwrap()),
+        unit: UnitId::new(3).unwrap(),
+        uniform_unit: UnitId::new(103).unwrap(),
+        pace: Pace::new(Duration::from_secs(1), 1.0),
+        ratings: Ratings { current_ma: Some(10_000), voltage_mv: Some(400_000) },
+        control: Some(Arc::new(crate::drive::testing::control())),
+        points: Points::default(),
+    }
+}
+
+/// A drive that stands still, every polled register of which held `word` at [`NOW`].
+pub(super) fn view(description: &DriveDescription, word: u16) -> DriveView {
+    let mut view = DriveView { line_is_up: true, run_state: RunState::Stopped, ..DriveView::default() };
+    view.snapshot.presence = Presence::Online;
+    for register in description.model.registers.iter().filter(|register| register.poll.is_some()) {
+        view.snapshot.take(register.address, &[word], NOW);
+    }
+    view.trip.active = Some(false);
+    view.control = Some(ControlView::default());
+    view
+}
+
+/// Both together.
+pub(super) fn drive<'d>(description: &'d DriveDescription, view: &'d DriveView) -> Drive<'d> {
+    Drive { description, view, station: Some(Station(3)) }
+}

@@ -1,0 +1,188 @@
+//! The trend of the last hour: a few values of each drive, every two seconds.
+
+use super::drive::Drive;
+use crate::domain::ids::Name;
+use crate::domain::time::MonoTime;
+use crate::drive::description::DriveDescription;
+use crate::drive::rated::Rated;
+use crate::north::shown::fresh;
+use crate::profile::model::{Register, Role};
+use crate::profile::scale::{Scaled, digits_of};
+use serde_json::{Value, json};
+use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
+
+/// Time between two rows.
+pub const STEP: Duration = Duration::from_secs(2);
+/// Most rows of a drive: an hour.
+pub const ROWS_MAX: usize = 1800;
+/// Digits of a value that follows from a rated one, and of one that nobody reads.
+const USUAL_DIGITS: u8 = 2;
+
+/// The trends of all drives. A drive has at most [`ROWS_MAX`] rows of four numbers, 29 kB.
+#[derive(Clone, Debug, Default)]
+pub struct Trends {
+    drives: BTreeMap<Name, Trend>,
+    /// Steps of the clock up to the newest row.
+    newest: Option<u64>,
+}
+
+impl Trends {
+    /// Takes over these drives. What is known of one that is still the same goes on.
+    pub fn change_to<'d>(&mut self, drives: impl IntoIterator<Item = &'d DriveDescription>) {
+        let mut old = std::mem::take(&mut self.drives);
+        for drive in drives {
+            let new = Trend::of(drive);
+            let known = old.remove(&drive.name).filter(|known| known.columns == new.columns);
+            self.drives.insert(drive.name.clone(), known.unwrap_or(new));
+        }
+    }
+
+    /// Whether another row is due.
+    #[must_use]
+    pub fn is_due(&self, now: MonoTime) -> bool {
+        self.newest.is_none_or(|newest| newest < steps(now))
+    }
+
+    /// Takes a row of each of `drives`. Rows for which nobody came are empty: after a suspend, say.
+    pub fn note<'d>(&mut self, now: MonoTime, drives: impl IntoIterator<Item = Drive<'d>>) {
+        let step = steps(now);
+        let missed = self.newest.map_or(0, |newest| step.saturating_sub(newest).saturating_sub(1));
+        let missed = usize::try_from(missed).unwrap_or(ROWS_MAX).min(ROWS_MAX);
+        for drive in drives {
+            if let Some(trend) = self.drives.get_mut(&drive.description.name) {
+                (0..missed).for_each(|_| trend.push(|_| None));
+                trend.push(|column| column.source.read(&drive, now));
+            }
+        }
+        self.newest = Some(step);
+    }
+
+    /// The moment of the newest row.
+    #[must_use]
+    pub fn newest_at(&self) -> Option<MonoTime> {
+        Some(MonoTime::ZERO + STEP * u32::try_from(self.newest?).ok()?)
+    }
+
+    /// The document of the drive called `name`, whose newest row is of `end_at_s` seconds after 1970-01-01 UTC; nothing if
+    /// there is no such drive.
+    #[must_use]
+    pub fn document(&self, name: &str, end_at_s: i64) -> Option<Value> {
+        let trend = self.drives.get(&Name::new(name)?)?;
+        Some(json!({
+            "drive": name,
+            "step_s": STEP.as_secs(),
+            "end_at_s": end_at_s,
+            "columns": trend.columns.iter().map(Column::document).collect::<Vec<_>>(),
+            "values": trend.values(),
+        }))
+    }
+}
+
+fn steps(now: MonoTime) -> u64 {
+    now.as_nanos() / u64::try_from(STEP.as_nanos()).unwrap_or(u64::MAX)
+}
+
+/// The trend of one drive.
+#[derive(Clone, Debug)]
+struct Trend {
+    columns: Vec<Column>,
+    /// Row by row, oldest first; no number where nothing was known. As exact as a word of a register is.
+    cells: VecDeque<f32>,
+}
+
+impl Trend {
+    fn of(drive: &DriveDescription) -> Self {
+        let roles = [(Role::OutputFrequency, "output_frequency"), (Role::OutputCurrent, "current")];
+        let voltage = (Role::DcLinkVoltage, "dc_voltage");
+        let column = |(role, name)| Column::of_register(drive, drive.model.register_for(role)?, name);
+        let [output, current] = roles.map(column);
+        let columns = [output, Column::of_setpoint(drive), current, column(voltage)];
+        Self { columns: columns.into_iter().flatten().collect(), cells: VecDeque::new() }
+    }
+
+    fn push(&mut self, value: impl Fn(&Column) -> Option<f64>) {
+        if self.cells.len() >= ROWS_MAX * self.columns.len() {
+            self.cells.drain(..self.columns.len().min(self.cells.len()));
+        }
+        self.cells.extend(self.columns.iter().map(|column| value(column).map_or(f32::NAN, |value| value as f32)));
+    }
+
+    /// Column by column.
+    fn values(&self) -> Vec<Vec<Option<f64>>> {
+        let cells = |place| self.cells.iter().skip(place).step_by(self.columns.len().max(1));
+        let columns = self.columns.iter().enumerate();
+        columns.map(|(place, column)| cells(place).map(|cell| column.rounded(*cell)).collect()).collect()
+    }
+}
+
+/// One value of a drive.
+#[derive(Clone, Debug, PartialEq)]
+struct Column {
+    name: &'static str,
+    label: String,
+    unit: &'static str,
+    digits: u8,
+    source: Source,
+}
+
+/// Where a value comes from.
+#[derive(Clone, Debug, PartialEq)]
+enum Source {
+    /// The polled register at this address.
+    Register(u16),
+    /// The same, which shows per cent of a rated value.
+    Rated(u16, Rated),
+    /// The setpoint.
+    Setpoint,
+}
+
+impl Column {
+    fn of_register(drive: &DriveDescription, register: &Register, name: &'static str) -> Option<Self> {
+        register.poll?;
+        let label = register.title.clone();
+        Some(match Rated::of(register, &drive.ratings) {
+            Some(rated) => {
+                let (unit, source) = (rated.unit.symbol(), Source::Rated(register.address, rated));
+                Self { name, label, unit, digits: USUAL_DIGITS, source }
+            }
+            None => {
+                let (unit, source) = (register.unit.symbol(), Source::Register(register.address));
+                Self { name, label, unit, digits: digits_of(register.scale), source }
+            }
+        })
+    }
+
+    fn of_setpoint(drive: &DriveDescription) -> Option<Self> {
+        let polled = drive.model.setting_register().filter(|register| register.poll.is_some());
+        let digits = polled.map_or(USUAL_DIGITS, |register| digits_of(register.scale));
+        let label = polled.map_or_else(|| "Setpoint that was commanded".to_owned(), |it| it.title.clone());
+        let is_there = polled.is_some() || drive.control.is_some();
+        is_there.then_some(Self { name: "setpoint", label, unit: "Hz", digits, source: Source::Setpoint })
+    }
+
+    fn document(&self) -> Value {
+        json!({ "name": self.name, "label": self.label, "unit": self.unit })
+    }
+
+    /// A number of so many digits, as it was before it was kept.
+    fn rounded(&self, cell: f32) -> Option<f64> {
+        let steps = 10_f64.powi(self.digits.into());
+        (!cell.is_nan()).then(|| (f64::from(cell) * steps).round() / steps)
+    }
+}
+
+impl Source {
+    /// The value, unless it is stale.
+    fn read(&self, drive: &Drive<'_>, now: MonoTime) -> Option<f64> {
+        let read = |address: u16| {
+            let register = drive.description.model.register_at(address)?;
+            Some((register, fresh(drive.description, register, drive.view, now)?.raw))
+        };
+        match self {
+            Self::Setpoint => drive.setpoint(now),
+            Self::Register(address) => read(*address).map(|(register, word)| Scaled::from_word(word, register).value()),
+            Self::Rated(address, rated) => read(*address).map(|(_, word)| rated.to_digits(word, USUAL_DIGITS).value()),
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! Trips and their clearings, as two pictures of a drive that follow each other tell them.
+
+use super::Present;
+use crate::drive::description::DriveDescription;
+use crate::drive::view::DriveView;
+use crate::journal::trip;
+use serde_json::{Value, json};
+
+/// What has happened between two pictures of `drive`, in order. Of several trips between them the newest is told.
+#[must_use]
+pub fn between(present: &Present<'_>, drive: &DriveDescription, before: &DriveView, after: &DriveView) -> Vec<Value> {
+    let has_tripped = after.trip.seen > before.trip.seen;
+    let was_active = before.trip.active == Some(true) || has_tripped;
+    let mut told = Vec::new();
+    if has_tripped {
+        let code = after.trip.last.as_ref().and_then(|last| last.code);
+        let at = after.trip.last.as_ref().map_or(present.now, |last| last.at);
+        told.push(json!({
+            "drive": drive.name.as_str(),
+            "kind": "tripped",
+            "code": code,
+            "text": code.and_then(|code| trip::text(drive, code)),
+            "at": present.clock.text(at),
+        }));
+    }
+    if was_active && after.trip.active == Some(false) {
+        told.push(json!({
+            "drive": drive.name.as_str(),
+            "kind": "cleared",
+            "code": null,
+            "text": null,
+            "at": present.text(),
+        }));
+    }
+    told
+}

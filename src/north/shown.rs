@@ -1,0 +1,136 @@
+//! What all sides say of drives and lines in the same words: how far a value can be relied on, what a drive does, what it
+//! may be commanded, why a line is down.
+
+use crate::domain::command::{Direction, RunIntent};
+use crate::domain::control::{ControlAction, ControlSettings};
+use crate::domain::report::{LineReport, LineState};
+use crate::domain::time::MonoTime;
+use crate::drive::description::DriveDescription;
+use crate::drive::snapshot::{Presence, Reading};
+use crate::drive::view::{DriveView, RunState};
+use crate::profile::model::Register;
+use std::time::Duration;
+
+/// How far a value can be relied on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quality {
+    /// It is not older than it may be.
+    Good,
+    /// It is.
+    Stale,
+    /// There is none yet.
+    Never,
+}
+
+impl Quality {
+    /// The word as it stands in payloads.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Good => "good",
+            Self::Stale => "stale",
+            Self::Never => "never",
+        }
+    }
+}
+
+/// When the last reading of `register` grows stale; nothing if there is none.
+#[must_use]
+pub fn stale_at(drive: &DriveDescription, register: &Register, view: &DriveView) -> Option<MonoTime> {
+    Some(view.snapshot.reading(register.address)?.at + drive.stale_after(register)?)
+}
+
+/// The last reading of `register`, unless it is stale.
+#[must_use]
+pub fn fresh(drive: &DriveDescription, register: &Register, view: &DriveView, at: MonoTime) -> Option<Reading> {
+    let is_fresh = stale_at(drive, register, view).is_some_and(|stale_at| at < stale_at);
+    view.snapshot.reading(register.address).filter(|_| is_fresh)
+}
+
+/// How far the last reading of `register` can be relied on.
+#[must_use]
+pub fn quality(drive: &DriveDescription, register: &Register, view: &DriveView, at: MonoTime) -> Quality {
+    match stale_at(drive, register, view) {
+        None => Quality::Never,
+        Some(stale_at) if at < stale_at => Quality::Good,
+        Some(_) => Quality::Stale,
+    }
+}
+
+/// The run state for those who are told beside it that the drive does not answer: such a drive may do anything.
+#[must_use]
+pub fn answered_run_state(view: &DriveView) -> RunState {
+    if view.is_online() && view.run_state != RunState::Offline { view.run_state } else { RunState::Unknown }
+}
+
+/// What the drive does; offline as long as it cannot be asked, whatever was known before.
+#[must_use]
+pub fn run_state(view: &DriveView) -> RunState {
+    let was_seen = view.snapshot.presence != Presence::Unknown;
+    if was_seen && !view.is_online() { RunState::Offline } else { view.run_state }
+}
+
+/// The word for whether the drive answers.
+#[must_use]
+pub fn presence(view: &DriveView) -> &'static str {
+    match view.snapshot.presence {
+        Presence::Unknown => "unknown",
+        Presence::Online if view.line_is_up => "online",
+        Presence::Online | Presence::Offline => "offline",
+    }
+}
+
+/// What a drive's control section and model allow to be commanded, as words.
+#[must_use]
+pub fn capabilities(drive: &DriveDescription) -> Vec<&'static str> {
+    let (Some(control), Some(run)) = (&drive.control, &drive.model.run) else { return Vec::new() };
+    let may = |action| run.may(action, &control.accept_unverified);
+    let table = [
+        ("stop", true),
+        ("frequency", true),
+        ("forward", control.directions.contains(&Direction::Forward)),
+        ("reverse", control.directions.contains(&Direction::Reverse) && may(ControlAction::Reverse)),
+        ("coast", may(ControlAction::Coast)),
+        ("reset", may(ControlAction::Reset)),
+        ("release", control.allow_release && may(ControlAction::Release)),
+        ("take", control.allow_take),
+    ];
+    words(&table)
+}
+
+/// From where commands are taken, as the configuration says it.
+#[must_use]
+pub fn sources(control: &ControlSettings) -> Vec<&'static str> {
+    words(&[("mqtt", control.from_mqtt), ("modbus-tcp", control.from_modbus_tcp)])
+}
+
+fn words(table: &[(&'static str, bool)]) -> Vec<&'static str> {
+    table.iter().filter(|(_, is_there)| *is_there).map(|(word, _)| *word).collect()
+}
+
+/// The word for what is ordered.
+#[must_use]
+pub const fn intent(intent: RunIntent) -> &'static str {
+    match intent {
+        RunIntent::Stop => "stop",
+        RunIntent::Run(Direction::Forward) => "forward",
+        RunIntent::Run(Direction::Reverse) => "reverse",
+        RunIntent::Coast => "coast",
+    }
+}
+
+/// Why a line cannot be used; nothing if it can.
+#[must_use]
+pub fn down_reason(report: &LineReport) -> Option<String> {
+    match (report.state, report.fault) {
+        (LineState::Up, _) => None,
+        (LineState::Down, Some(fault)) => Some(fault.to_string()),
+        (LineState::Down, None) => Some("not opened yet".to_owned()),
+    }
+}
+
+/// Milliseconds, rounded up: a bound is never shown smaller than it is.
+#[must_use]
+pub fn millis(time: Duration) -> u64 {
+    u64::try_from(time.as_micros().div_ceil(1000)).unwrap_or(u64::MAX)
+}
