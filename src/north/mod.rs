@@ -1,5 +1,7 @@
 //! What clients see: parsers and sans-IO machines. No socket, no clock, and nothing of the line machine.
 
+pub mod command_words;
 pub mod modbus;
 pub mod mqtt;
+pub mod operator;
 pub mod setup_body;

@@ -1,10 +1,15 @@
 //! Connections to the HTTP side: how many, how long, how fast.
 
 use axum::Router;
+use axum::response::Response;
 use axum::serve::Listener;
+use hyper::Request;
+use hyper::body::Incoming;
 use hyper::server::conn::http1;
+use hyper::service::Service;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+use std::convert::Infallible;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -54,9 +59,18 @@ pub(super) async fn converse(
     router: Router,
     patience: Patience,
 ) {
+    converse_by(stream, TowerToHyperService::new(router), patience).await;
+}
+
+/// The same with routes that know more of the connection.
+pub(super) async fn converse_by(
+    stream: impl AsyncRead + AsyncWrite + Unpin + 'static,
+    service: impl Service<Request<Incoming>, Response = Response, Error = Infallible>,
+    patience: Patience,
+) {
     let mut http = http1::Builder::new();
     http.timer(TokioTimer::new()).header_read_timeout(patience.head).max_buf_size(HEAD_BYTES_MAX);
-    let mut connection = pin!(http.serve_connection(TokioIo::new(stream), TowerToHyperService::new(router)));
+    let mut connection = pin!(http.serve_connection(TokioIo::new(stream), service));
     let end = match tokio::time::timeout(patience.connection, connection.as_mut()).await {
         Ok(end) => end,
         Err(_) => {
