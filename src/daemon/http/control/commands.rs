@@ -27,7 +27,7 @@ pub(super) async fn command(
 ) -> Response {
     let Admitted { user, body, .. } = match admit(&control, request).await {
         Ok(admitted) => admitted,
-        Err(refused) => return refused,
+        Err(refused) => return *refused,
     };
     let (who, drive) = (Who::signed_in(user), find(&control, &name));
     let place = drive.as_ref().map(|drive| drive.description.place);
@@ -69,7 +69,7 @@ async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: Wish)
 pub(super) async fn renew(State(control): State<Arc<Control>>, Path(name): Path<String>, request: Request) -> Response {
     let Admitted { user, body, .. } = match admit(&control, request).await {
         Ok(admitted) => admitted,
-        Err(refused) => return refused,
+        Err(refused) => return *refused,
     };
     if !is_empty(&body) {
         return refusal(StatusCode::BAD_REQUEST, "an empty body is expected: {}");
@@ -89,7 +89,7 @@ pub(super) async fn renew(State(control): State<Arc<Control>>, Path(name): Path<
 pub(super) async fn stop_all(State(control): State<Arc<Control>>, request: Request) -> Response {
     let Admitted { user, body, .. } = match admit(&control, request).await {
         Ok(admitted) => admitted,
-        Err(refused) => return refused,
+        Err(refused) => return *refused,
     };
     if !is_empty(&body) {
         return refusal(StatusCode::BAD_REQUEST, "an empty body is expected: {}");

@@ -1,11 +1,10 @@
 //! Signing in and out.
 
 use super::Control;
-use super::admission::{admit, comes_from_own_page, id_in, is_possible, json_body, key_of, token_of};
+use super::admission::{Refused, admit, comes_from_own_page, id_in, is_possible, json_body, key_of, refused, token_of};
 use crate::daemon::clock;
 use crate::daemon::http::entrance::Peer;
 use crate::daemon::http::front::User;
-use crate::daemon::http::refusal;
 use crate::daemon::http::routes::json;
 use crate::domain::ids::CommanderName;
 use crate::north::operator::body::{self, SIGN_IN_EXAMPLE};
@@ -37,26 +36,27 @@ pub(super) async fn session(State(control): State<Arc<Control>>, headers: Header
 /// Signs in.
 pub(super) async fn sign_in(State(control): State<Arc<Control>>, request: Request) -> Response {
     match signed_in(&control, request).await {
-        Ok(answer) | Err(answer) => answer,
+        Ok(answer) => answer,
+        Err(refused) => *refused,
     }
 }
 
-async fn signed_in(control: &Control, request: Request) -> Result<Response, Response> {
+async fn signed_in(control: &Control, request: Request) -> Result<Response, Refused> {
     is_possible(control)?;
     let (parts, body) = request.into_parts();
     comes_from_own_page(&parts.headers)?;
     let body = json_body(&parts.headers, body).await?;
-    let expected = || refusal(StatusCode::BAD_REQUEST, &format!("a body such as {SIGN_IN_EXAMPLE} is expected"));
+    let expected = || refused(StatusCode::BAD_REQUEST, &format!("a body such as {SIGN_IN_EXAMPLE} is expected"));
     let (name, password) = body::sign_in(&body).ok_or_else(expected)?;
     let peer = parts.extensions.get::<Peer>().map_or(IpAddr::V4(Ipv4Addr::LOCALHOST), |Peer(peer)| *peer);
     control.attempts().begin(clock::now(), peer).map_err(|wait| wait_first(wait, peer))?;
     let Some(user) = verified(control, &name, password).await? else {
         tracing::warn!(%peer, "a sign-in on the page failed");
-        return Err(refusal(StatusCode::UNAUTHORIZED, "the user or the password is wrong"));
+        return Err(refused(StatusCode::UNAUTHORIZED, "the user or the password is wrong"));
     };
     control.attempts().succeeded(peer);
     let id =
-        random().ok_or_else(|| refusal(StatusCode::INTERNAL_SERVER_ERROR, "the system gives no random numbers"))?;
+        random().ok_or_else(|| refused(StatusCode::INTERNAL_SERVER_ERROR, "the system gives no random numbers"))?;
     if let Some(before) = id_in(&parts.headers) {
         control.sessions().close(&key_of(&before));
     }
@@ -67,18 +67,18 @@ async fn signed_in(control: &Control, request: Request) -> Result<Response, Resp
     Ok(answer)
 }
 
-fn wait_first(wait: Duration, peer: IpAddr) -> Response {
+fn wait_first(wait: Duration, peer: IpAddr) -> Refused {
     tracing::debug!(%peer, ?wait, "a sign-in on the page has to wait");
     let seconds = wait.as_secs() + u64::from(wait.subsec_nanos() > 0);
     let mut answer =
-        refusal(StatusCode::TOO_MANY_REQUESTS, &format!("too many sign-ins have failed: try again in {seconds} s"));
+        refused(StatusCode::TOO_MANY_REQUESTS, &format!("too many sign-ins have failed: try again in {seconds} s"));
     answer.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(seconds));
     answer
 }
 
 /// The user called `name`, if this is the password. It takes as long for a user who does not exist.
-async fn verified(control: &Control, name: &str, password: String) -> Result<Option<CommanderName>, Response> {
-    let busy = || refusal(StatusCode::SERVICE_UNAVAILABLE, "too many sign in at once: try again");
+async fn verified(control: &Control, name: &str, password: String) -> Result<Option<CommanderName>, Refused> {
+    let busy = || refused(StatusCode::SERVICE_UNAVAILABLE, "too many sign in at once: try again");
     let place = timeout(VERIFIED_WITHIN, Arc::clone(&control.verifications).acquire_owned()).await;
     let Ok(Ok(place)) = place else { return Err(busy()) };
     let front = control.front.load_full();
@@ -97,7 +97,7 @@ async fn verified(control: &Control, name: &str, password: String) -> Result<Opt
 pub(super) async fn sign_out(State(control): State<Arc<Control>>, request: Request) -> Response {
     let admitted = match admit(&control, request).await {
         Ok(admitted) => admitted,
-        Err(refused) => return refused,
+        Err(refused) => return *refused,
     };
     control.sessions().close(&admitted.key);
     tracing::info!(user = %admitted.user, "signed out on the page");
