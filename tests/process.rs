@@ -30,6 +30,7 @@
 //! | `owning` | commanders with names of their own on MQTT, and what the broker grants to each |
 //! | `reloading` | the configuration changes while the gateway runs, and the service manager is told |
 //! | `secured` | Modbus Security: certificates on both sides, and what each role may |
+//! | `page_control` | control from the page: sign-in, what is refused, and what happens when the page is gone |
 //! | `stopping` | STOP by every way, and nobody goes on behind it |
 //! | `taking` | control passes from one commander to another, each by the way it came |
 //! | `hanging` | a line whose thread hangs is noticed |
@@ -62,6 +63,8 @@ mod asking;
 mod beginning;
 #[path = "process/brokers.rs"]
 mod brokers;
+#[path = "process/browser.rs"]
+mod browser;
 #[path = "process/capturing.rs"]
 mod capturing;
 #[path = "process/checking.rs"]
@@ -110,6 +113,8 @@ mod node_red;
 mod overseeing;
 #[path = "process/owning.rs"]
 mod owning;
+#[path = "process/page_control.rs"]
+mod page_control;
 #[path = "process/reading.rs"]
 mod reading;
 #[path = "process/refusing.rs"]

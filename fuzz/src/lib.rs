@@ -13,6 +13,7 @@ pub mod line;
 pub mod modbus_tcp;
 pub mod model;
 pub mod mqtt;
+pub mod page;
 pub mod pdu;
 pub mod setup_body;
 pub mod values;
@@ -29,6 +30,7 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("modbus_tcp", modbus_tcp::run),
     ("model", model::run),
     ("mqtt", mqtt::run),
+    ("page", page::run),
     ("pdu", pdu::run),
     ("setup_body", setup_body::run),
     ("values", values::run),

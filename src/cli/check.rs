@@ -4,7 +4,7 @@ mod drive;
 
 use super::{Failure, input, print};
 use crate::config::words::LEASES;
-use crate::config::{Config, LineSettings, ListenerSettings, MqttSettings, PortAddress, line_plan};
+use crate::config::{Config, HttpSettings, LineSettings, ListenerSettings, MqttSettings, PortAddress, line_plan};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
 use crate::domain::report::StopBounds;
 use crate::line::budget::ASSUMED_TURNAROUND;
@@ -40,7 +40,7 @@ fn report(config: &Config) -> String {
         let _ = writeln!(text, "{}", of_mqtt(mqtt, config));
     }
     if let Some(http) = &config.http {
-        let _ = writeln!(text, "HTTP on {}", http.listen);
+        let _ = writeln!(text, "{}", of_http(http));
     }
     text
 }
@@ -62,6 +62,14 @@ fn of_listener(listener: &ListenerSettings) -> String {
         networks => format!("; {} never give way to others", list(networks)),
     };
     format!("Modbus TCP on {}: {rights}{renew}{units}{most}{priority}", listener.listen)
+}
+
+fn of_http(http: &HttpSettings) -> String {
+    let scheme = if http.tls.is_some() { "HTTPS" } else { "HTTP" };
+    let names: Vec<_> = http.users.iter().map(|user| user.name).collect();
+    let rights =
+        if names.is_empty() { "read-only".to_owned() } else { format!("{} may sign in and command", list(&names)) };
+    format!("{scheme} on {}: {rights}", http.listen)
 }
 
 fn of_mqtt(mqtt: &MqttSettings, config: &Config) -> String {

@@ -15,6 +15,7 @@ mod log;
 mod model_facts;
 mod models;
 mod own_models;
+mod password;
 mod read;
 mod reload;
 mod run;
@@ -68,6 +69,10 @@ enum Command {
     Reload(reload::Args),
     /// Show what the gateway has kept: trips, commands and refusals, comings and goings. It may run meanwhile
     Journal(journal::Args),
+    /// Make the hash of a password for somebody who is to sign in on the page
+    ///
+    /// Asks for it twice without showing it, or reads one line from stdin if that is no terminal.
+    Password(password::Args),
     /// Read from a drive whether it is set so that it obeys the bus; the settings themselves, not what was polled
     Verify(verify::Args),
     /// Set on a drive what it needs before it obeys the bus, at standstill, after showing old and new
@@ -132,6 +137,7 @@ pub fn main() -> ExitCode {
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Reload(args) => reload::reload(&args),
         Command::Journal(args) => journal::journal(&args),
+        Command::Password(args) => password::password(&args),
         Command::Verify(args) => verify::verify(&args),
         Command::Enable(args) => enable::enable(&args),
         Command::Watchdog(args) => watchdog::watchdog(&args),

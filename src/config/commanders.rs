@@ -1,6 +1,6 @@
 //! Whether those who are to command a drive can reach it, and whether a lease lasts longer than a command.
 
-use super::file::{ControlFile, DriveFile, File, LineFile, ListenerFile, MqttFile};
+use super::file::{ControlFile, DriveFile, File, HttpFile, LineFile, ListenerFile, MqttFile};
 use super::listen::may_be_written;
 use super::listener_tls;
 use super::mqtt::{DEFAULT_COMMAND_TTL, DEFAULT_LEASE, DEFAULT_PROBE_INTERVAL};
@@ -22,6 +22,7 @@ pub(super) fn check(file: &File, served: &[BTreeSet<usize>], units: &[Vec<Units>
         for (place, drive) in line.drives.iter().enumerate() {
             let Some(control) = drive.control.usable() else { continue };
             mqtt_reaches(&control.value, &file.mqtt, problems);
+            page_reaches(&control.value, &file.http, problems);
             // A listener that serves nothing has a wrong list, which is reported by itself.
             let mut serving = file.listeners.iter().zip(served).filter(|(listener, lines)| {
                 (lines.is_empty() || lines.contains(&index)) && answers(listener, at(index, place))
@@ -52,6 +53,19 @@ fn mqtt_reaches(control: &ControlFile, mqtt: &Given<MqttFile>, problems: &mut Ve
     if let (Some(place), Given::LeftOut) = (control.names(Way::Mqtt), mqtt) {
         let problem = place.problem("commands from \"mqtt\" cannot come: there is no `[mqtt]`");
         problems.push(problem.right("`[mqtt]` with `broker`, or leave it out"));
+    }
+}
+
+fn page_reaches(control: &ControlFile, http: &Given<HttpFile>, problems: &mut Vec<Problem>) {
+    let Some(place) = control.names(Way::Page) else { return };
+    let signs_in = match http {
+        Given::LeftOut => false,
+        Given::Unusable => true,
+        Given::Usable(http) => !http.value.users.is_empty(),
+    };
+    if !signs_in {
+        let problem = place.problem("commands from \"page\" cannot come: nobody can sign in there");
+        problems.push(problem.right("`[[http.users]]` with `name` and `password_hash_file`, or leave it out"));
     }
 }
 

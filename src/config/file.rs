@@ -6,7 +6,7 @@ use super::words::{RoleRight, Way};
 use crate::domain::command::Direction;
 use crate::domain::control::{ControlAction, FailSafe, Ownership};
 use crate::domain::frequency::Hertz;
-use crate::domain::ids::{Name, Station, UnitId};
+use crate::domain::ids::{CommanderName, Name, Station, UnitId};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, Parity};
 use crate::north::mqtt::{LeaseMode, Tree, Version};
 use crate::profile::reader::{Given, Needed, Place, Written};
@@ -200,7 +200,28 @@ pub(super) struct HomeAssistantFile {
 /// `[http]`
 #[derive(Debug)]
 pub(super) struct HttpFile {
+    pub place: Place,
     pub listen: Needed<SocketAddr>,
+    pub allow: Given<Vec<IpNet>>,
+    pub hosts: Given<Vec<Written<String>>>,
+    pub users: Vec<HttpUserFile>,
+    pub tls: Given<HttpTlsFile>,
+}
+
+/// One `[[http.users]]`.
+#[derive(Debug)]
+pub(super) struct HttpUserFile {
+    pub place: Place,
+    pub name: Needed<CommanderName>,
+    pub password_hash: Given<String>,
+    pub password_hash_file: Given<PathBuf>,
+}
+
+/// `[http.tls]`
+#[derive(Debug)]
+pub(super) struct HttpTlsFile {
+    pub cert_file: Needed<PathBuf>,
+    pub key_file: Needed<PathBuf>,
 }
 
 /// One `[[modbus_tcp]]`.

@@ -27,11 +27,15 @@ pub enum Section {
     ModbusTls,
     /// `[http]`
     Http,
+    /// `[[http.users]]`
+    HttpUser,
+    /// `[http.tls]`
+    HttpTls,
 }
 
 impl Section {
     /// All sections, outer before inner.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 14] = [
         Self::Root,
         Self::Gateway,
         Self::Journal,
@@ -44,6 +48,8 @@ impl Section {
         Self::ModbusTcp,
         Self::ModbusTls,
         Self::Http,
+        Self::HttpUser,
+        Self::HttpTls,
     ];
 
     /// The section's path as it stands in a header; empty for the file itself.
@@ -62,6 +68,8 @@ impl Section {
             Self::ModbusTcp => "modbus_tcp",
             Self::ModbusTls => "modbus_tcp.tls",
             Self::Http => "http",
+            Self::HttpUser => "http.users",
+            Self::HttpTls => "http.tls",
         }
     }
 
@@ -69,7 +77,9 @@ impl Section {
     #[must_use]
     pub fn header(self) -> String {
         match self {
-            Self::Line | Self::Drive | Self::Register | Self::ModbusTcp => format!("[[{}]]", self.path()),
+            Self::Line | Self::Drive | Self::Register | Self::ModbusTcp | Self::HttpUser => {
+                format!("[[{}]]", self.path())
+            }
             _ => format!("[{}]", self.path()),
         }
     }
@@ -191,7 +201,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Register, "access", "\"read\", \"write\" or \"read-write\"", None, "What the drive allows; written only if `native` lists it."),
     key(Section::Register, "poll", "\"fast\" or \"slow\"", Some("read only when asked for"), "How often it is polled."),
 
-    key(Section::Control, "from", "list of \"mqtt\", \"modbus-tcp\"", None, "The ways by which commands are taken; each must be open."),
+    key(Section::Control, "from", "list of \"mqtt\", \"modbus-tcp\", \"page\"", None, "The ways by which commands are taken; each must be open."),
     key(Section::Control, "frequency_hz", "{ min = Hz, max = Hz }", None, "Lowest and highest setpoint; what lies outside is refused, never clamped."),
     key(Section::Control, "directions", "list of \"forward\", \"reverse\"", Some("[\"forward\"]"), "The directions in which it may run."),
     key(Section::Control, "reverse_below_hz", "Hz", Some("0.0"), "Only at or below this output frequency may a running motor be ordered the other way; with both directions only."),
@@ -201,7 +211,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Control, "accept_unverified", "list of \"reverse\", \"reset\", \"coast\", \"release\"", Some("[]"), "Actions that the model marks as unproven and that are used all the same."),
     key(Section::Control, "allow_release", "true or false", Some("false"), "Whether control may be handed back to panel and terminals; a closed terminal may then start the motor."),
     key(Section::Control, "commands", "\"plain\" or \"strict\"", Some("\"plain\""), "Strict: RUN over MQTT only with `epoch` or `issued_at`."),
-    key(Section::Control, "restart_delay", "\"0s\" to \"1min\"", Some("\"2s\""), "Plain RUN over MQTT is refused for this long after a stop."),
+    key(Section::Control, "restart_delay", "\"0s\" to \"1min\"", Some("\"2s\""), "RUN over MQTT without `epoch` and `issued_at`, or from the page, is refused for this long after a stop."),
     key(Section::Control, "stop_effect_timeout", "\"500ms\" to \"1min\"", Some("\"3s\""), "A stop that shows no effect for this long is an alarm."),
     key(Section::Control, "stop_pending_for", "\"1s\" to \"1h\"", Some("\"10min\""), "How long a stop waits for a drive that does not answer."),
     key(Section::Control, "ownership", "\"one\" or \"any\"", Some("\"one\""), "Who may command while somebody holds control: only that one, or whoever has the rights."),
@@ -256,7 +266,18 @@ pub const KEYS: &[Key] = &[
     key(Section::ModbusTls, "client_ca_file", "absolute path", None, "The authorities whose clients are let in; no others are."),
     key(Section::ModbusTls, "roles", "table: role = list of \"write\", \"stop\"", None, "What each role may do besides reading; a role that is not listed may nothing. \"\" is the role of certificates without one."),
 
-    key(Section::Http, "listen", "address:port on loopback", None, "Where /metrics, /healthz and /readyz are served; there is no sign-in, so to this host only."),
+    key(Section::Http, "listen", "address:port", None, "Where the page, /metrics, /healthz and /readyz are served."),
+    key(Section::Http, "allow", "list of networks", Some("anyone, which is this host: only a loopback address may go without"), "Who may connect, and see everything."),
+    key(Section::Http, "hosts", "list of host names", Some("none but the host's own and `localhost`"), "Further names by which browsers may call the gateway, without a port; addresses are always taken."),
+    key(Section::Http, "users", "tables", Some("none: nothing is commanded from the page"), "Who may sign in and command; elsewhere than on loopback with `tls` only."),
+    key(Section::Http, "tls", "table", Some("none: connections are not encrypted"), "HTTPS instead of HTTP."),
+
+    key(Section::HttpUser, "name", "name of up to 32 characters", None, "What the user is called, in the audit too."),
+    key(Section::HttpUser, "password_hash", "argon2id hash", Some("`password_hash_file`"), "The password as `vfd-gateway password` prints it."),
+    key(Section::HttpUser, "password_hash_file", "absolute path", Some("`password_hash`"), "The file that holds this text; one of both is needed."),
+
+    key(Section::HttpTls, "cert_file", "absolute path", None, "The gateway's certificate, with those between it and its authority."),
+    key(Section::HttpTls, "key_file", "absolute path", None, "The key of that certificate."),
 ];
 
 /// Every key that is known but refused.
@@ -277,7 +298,7 @@ mod tests {
     use super::*;
 
     /// Keys that exclude another one, or that need what the example has not, so that it shows them in a comment only.
-    const EXCLUDED: [&str; 7] = [
+    const EXCLUDED: [&str; 8] = [
         "password_env",
         "model_dirs",
         "rated_current_a",
@@ -285,6 +306,7 @@ mod tests {
         "watchdog",
         "require_watchdog",
         "failsafe_confirm_timeout",
+        "password_hash",
     ];
 
     /// The tables of `section` in a parsed file.
@@ -317,6 +339,7 @@ mod tests {
     fn with_line_in(section: Section, line: &str) -> String {
         let (before, after) = match section {
             Section::Root => return format!("{line}\n{CONTROLLED}"),
+            Section::HttpUser | Section::HttpTls => return format!("{CONTROLLED}{}\n{line}\n", section.header()),
             Section::Register => ("[line.drive.native]", "[[line.drive.register]]\n"),
             Section::ModbusTls => ("[http]", "[modbus_tcp.tls]\n"),
             _ => return with(CONTROLLED, &section.header(), &format!("{}\n{line}", section.header())),

@@ -1,13 +1,13 @@
 //! Listeners: which lines each serves, that no two want the same port, that none is open to all, and who of those
 //! who may connect may write.
 
-use super::file::{File, HttpFile, ListenerFile};
+use super::file::{File, ListenerFile};
 use super::listener_tls;
 use super::units::Units;
 use super::words::RoleRight;
 use crate::domain::ids::UnitId;
 use crate::domain::problem::{Problem, nearest};
-use crate::profile::reader::{Given, Written};
+use crate::profile::reader::{Given, Needed, Place, Written};
 use ipnet::IpNet;
 use std::collections::BTreeSet;
 use std::net::{IpAddr, SocketAddr};
@@ -22,13 +22,10 @@ const TIMEOUT_LEAST: Duration = Duration::from_secs(1);
 pub(super) fn settle(file: &File, problems: &mut Vec<Problem>) -> Vec<BTreeSet<usize>> {
     apart(file, problems);
     for listener in &file.listeners {
-        guarded(listener, problems);
+        guarded(&listener.listen, &listener.allow, &listener.place, problems);
         rights(listener, problems);
         listener_tls::check(listener, problems);
         times(listener, problems);
-    }
-    if let Given::Usable(http) = &file.http {
-        stays_here(&http.value, problems);
     }
     file.listeners.iter().map(|listener| served(file, listener, problems)).collect()
 }
@@ -91,11 +88,16 @@ fn covers(wide: IpAddr, narrow: IpAddr) -> bool {
 }
 
 /// A listener that others can reach must say who may connect.
-fn guarded(listener: &ListenerFile, problems: &mut Vec<Problem>) {
-    let Some(listen) = &listener.listen else { return };
-    if matches!(listener.allow, Given::LeftOut) && !is_loopback(listen.value.ip()) {
+pub(super) fn guarded(
+    listen: &Needed<SocketAddr>,
+    allow: &Given<Vec<IpNet>>,
+    place: &Place,
+    problems: &mut Vec<Problem>,
+) {
+    let Some(listen) = listen else { return };
+    if matches!(allow, Given::LeftOut) && !is_loopback(listen.value.ip()) {
         let what = format!("{} can be reached from other hosts, and `allow` does not say by whom", listen.value);
-        let problem = listener.place.missing("allow").problem(what);
+        let problem = place.missing("allow").problem(what);
         problems.push(problem.right("allow = [\"10.0.0.0/24\"] with your own networks, or a loopback address"));
     }
 }
@@ -185,15 +187,7 @@ fn can_connect(listener: &ListenerFile, network: &Written<IpNet>, problems: &mut
     problems.push(network.place.problem(what).right(right));
 }
 
-/// There is no sign-in, so whoever reaches the address is let in.
-fn stays_here(http: &HttpFile, problems: &mut Vec<Problem>) {
-    if let Some(listen) = http.listen.as_ref().filter(|listen| !is_loopback(listen.value.ip())) {
-        let what = format!("{} can be reached from other hosts, and there is no sign-in", listen.value);
-        let right = format!("a loopback address, as \"127.0.0.1:{}\"", listen.value.port());
-        problems.push(listen.place.problem(what).right(right));
-    }
-}
-
-fn is_loopback(ip: IpAddr) -> bool {
+/// Whether only this host reaches the address.
+pub(super) fn is_loopback(ip: IpAddr) -> bool {
     ip.to_canonical().is_loopback()
 }

@@ -3,7 +3,7 @@
 //! `read` takes the values as they are written (`file`), each with its place, and refuses every key that is
 //! not in the table of [`keys`]. `resolve` fills in what is left out and checks what lies between keys: `link`
 //! the lines against their models, `control` and `native` what may be commanded and written, `mqtt` the broker,
-//! `line_plan` what the polls of a line cost, `listen` the listeners with their roles (`listener_tls`), `units` who answers where, `commanders` whether
+//! `line_plan` what the polls of a line cost, `listen` the listeners with their roles (`listener_tls`), `http` who reaches the page and signs in there, `units` who answers where, `commanders` whether
 //! commands can come at all. Neither stops at the first mistake. What only shows when a port is opened (whether it is a
 //! pseudo-terminal, whether its driver can turn the direction) is left to the daemon.
 
@@ -13,6 +13,7 @@ mod commanders;
 mod control;
 mod file;
 mod host;
+mod http;
 pub mod keys;
 pub mod line_plan;
 mod link;
@@ -34,12 +35,13 @@ mod watchdog;
 pub mod words;
 
 pub use control::why_not as why_not_controlled;
+pub use http::{HashSource, HttpSettings, HttpTls, UserSettings};
 pub use native::{Listed, listed};
 pub use ratings::shown_in_per_cent;
 pub use ready::{
-    BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings, HttpSettings,
-    JournalSettings, LineSettings, ListenerSettings, ListenerTls, MqttSettings, PasswordSource, PortAddress, Removal,
-    Silence, TlsSettings, command_deadline,
+    BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings, JournalSettings,
+    LineSettings, ListenerSettings, ListenerTls, MqttSettings, PasswordSource, PortAddress, Removal, Silence,
+    TlsSettings, command_deadline,
 };
 
 use crate::domain::problem::Problem;

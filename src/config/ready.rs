@@ -1,5 +1,6 @@
 //! The configuration ready to use: every default filled in, every rule kept. Only [`super::load`] makes one.
 
+use super::http::HttpSettings;
 use crate::domain::command::Rights;
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::{Name, Station, UnitId};
@@ -239,8 +240,8 @@ impl ListenerSettings {
 #[must_use]
 pub fn command_deadline(control: &ControlSettings, mqtt: Option<&MqttSettings>) -> Duration {
     let over_mqtt = mqtt.filter(|_| control.from_mqtt).map(|mqtt| mqtt.command_ttl);
-    let over_modbus = control.from_modbus_tcp.then_some(COMMAND_DEADLINE);
-    over_mqtt.max(over_modbus).unwrap_or(COMMAND_DEADLINE)
+    let others = (control.from_modbus_tcp || control.from_page).then_some(COMMAND_DEADLINE);
+    over_mqtt.max(others).unwrap_or(COMMAND_DEADLINE)
 }
 
 /// The connection to a broker.
@@ -382,11 +383,4 @@ pub enum PasswordSource {
     File(PathBuf),
     /// The environment variable of this name.
     Env(String),
-}
-
-/// The HTTP listener.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct HttpSettings {
-    /// Address and port: a loopback address, because there is no sign-in.
-    pub listen: SocketAddr,
 }

@@ -3,11 +3,10 @@
 use super::file::{DriveFile, File, JournalFile, LineFile, ListenerFile};
 use super::link::{self, OnLine, Settled};
 use super::ready::{
-    Config, DriveSettings, GatewaySettings, HttpSettings, JournalSettings, LineSettings, ListenerSettings, Removal,
-    Silence,
+    Config, DriveSettings, GatewaySettings, JournalSettings, LineSettings, ListenerSettings, Removal, Silence,
 };
 use super::units::{self, Units};
-use super::{commanders, control, line_plan, listen, listener_tls, lists, mqtt, points, port, ratings, watchdog};
+use super::{commanders, control, http, line_plan, listen, listener_tls, lists, mqtt, points, port, ratings, watchdog};
 use crate::domain::control::{ControlSettings, LeaseMode};
 use crate::domain::ids::Station;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
@@ -46,6 +45,7 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
     let units = units::settle(file, &served, problems);
     let session_lease = mqtt::session_lease(file, lease);
     let mqtt = whole(&file.mqtt, |file| mqtt::settle(file, session_lease, problems));
+    let http = whole(&file.http, |http| http::settle(http, file, problems));
     listen::units_exist(file, &served, &units, problems);
     commanders::check(file, &served, &units, problems);
     points::idle(file, problems);
@@ -73,7 +73,7 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
         lines: ready.into_iter().collect::<Option<Vec<_>>>()?,
         listeners: listeners.collect::<Option<Vec<_>>>()?,
         mqtt: mqtt?,
-        http: whole(&file.http, |http| Some(HttpSettings { listen: http.listen.as_ref()?.value }))?,
+        http: http?,
         // Of the text, which is not known here.
         digest: 0,
     })

@@ -13,10 +13,12 @@ pub enum Way {
     Mqtt,
     /// The listeners of `[[modbus_tcp]]`.
     ModbusTcp,
+    /// The page of `[http]`, by those who are signed in there.
+    Page,
 }
 
 /// Ways by which commands come.
-pub const WAYS: [(&str, Way); 2] = [("mqtt", Way::Mqtt), ("modbus-tcp", Way::ModbusTcp)];
+pub const WAYS: [(&str, Way); 3] = [("mqtt", Way::Mqtt), ("modbus-tcp", Way::ModbusTcp), ("page", Way::Page)];
 
 /// What a role of Modbus Security may do besides reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

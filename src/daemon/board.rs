@@ -97,7 +97,7 @@ impl Board {
         };
         let Some(news) = news else { return };
         match news.asker() {
-            AskerId::LOCAL => self.local.push(news),
+            AskerId::LOCAL | AskerId::PAGE => self.local.push(news),
             AskerId::MQTT if self.north.mqtt.is_some() => self.mqtt.push(news),
             AskerId::MQTT => {}
             _ => self.modbus.push(news),
@@ -142,7 +142,7 @@ impl Board {
         }
         for held in self.journal.iter_mut().flat_map(LineRows::held) {
             match (held.news.asker(), &self.north.mqtt) {
-                (AskerId::LOCAL, _) => self.north.local.hold(held),
+                (AskerId::LOCAL | AskerId::PAGE, _) => self.north.local.hold(held),
                 (AskerId::MQTT, Some(mqtt)) => {
                     mqtt.hold(held);
                     has_changed = true;

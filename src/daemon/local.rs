@@ -1,22 +1,25 @@
-//! The program's own tools at the lines: what they ask over the socket, and the answers on their way back.
+//! The program's own tools and the page at the lines: what they ask, and the answers on their way back.
 
 use super::answers::{AnswerBox, News};
 use super::clock;
 use super::inbox::{Full, Message};
+use super::keeper::Keeper;
+use super::north_journal::Journal;
 use super::reload::{Reloaded, Reloads};
 use super::shared::{Current, Shared};
 use crate::domain::command::{CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights};
-use crate::domain::ids::{AskerId, Ticket};
+use crate::domain::ids::{AskerId, CommanderName, Ticket};
 use crate::domain::native::{NativeAsk, NativeOutcome, NativeRequest, Refusal};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveRef;
 use crate::guard::COMMAND_DEADLINE;
+use crate::journal::Tried;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
-use tokio::time::timeout;
+use tokio::time::{Instant, timeout_at};
 
 /// Most tools that are served at once; a person has one or two.
 pub const TOOLS_MAX: usize = 4;
@@ -25,15 +28,40 @@ const LATE: Duration = Duration::from_secs(1);
 /// Longest time in which a command that has begun may end: several slow writes, each read back.
 const COMMAND_WITHIN: Duration = Duration::from_secs(15);
 
-/// Who may open the socket may do what only that side may do. Its orders take no lease, so that it needs no stop.
-const ORIGIN: Origin =
-    Origin { owner: Owner::Local, rights: Rights { write: true, stop: false }, manner: Manner::Once };
+/// Who orders something.
+#[derive(Clone, Copy, Debug)]
+pub struct Who {
+    asker: AskerId,
+    origin: Origin,
+}
 
-/// The tools' way to all lines.
+impl Who {
+    /// Who may open the socket may do what only that side may do. Its orders take no lease, so that it needs no stop.
+    pub const TOOL: Self = Self {
+        asker: AskerId::LOCAL,
+        origin: Origin { owner: Owner::Local, rights: Rights { write: true, stop: false }, manner: Manner::Once },
+    };
+
+    /// The one who is signed in as `user` on the page.
+    #[must_use]
+    pub const fn signed_in(user: CommanderName) -> Self {
+        let rights = Rights { write: true, stop: true };
+        Self { asker: AskerId::PAGE, origin: Origin { owner: Owner::Page(user), rights, manner: Manner::Once } }
+    }
+
+    /// The same as the owner of what is ordered.
+    #[must_use]
+    pub const fn owner(&self) -> Owner {
+        self.origin.owner
+    }
+}
+
+/// The way of the tools and the page to all lines.
 #[derive(Debug)]
 pub struct LocalSide {
     current: Current,
     reloads: Option<Reloads>,
+    keeper: Keeper,
     last: AtomicU64,
     waiting: Mutex<HashMap<Ticket, oneshot::Sender<News>>>,
     places: Arc<Semaphore>,
@@ -53,7 +81,19 @@ impl LocalSide {
     #[must_use]
     pub fn new(current: impl Into<Current>, reloads: Option<Reloads>) -> Self {
         let places = Arc::new(Semaphore::new(TOOLS_MAX));
-        Self { current: current.into(), reloads, last: AtomicU64::new(0), waiting: Mutex::default(), places }
+        let (last, waiting) = (AtomicU64::new(0), Mutex::default());
+        Self { current: current.into(), reloads, keeper: Keeper::default(), last, waiting, places }
+    }
+
+    /// The same side with a journal for attempts that no line sees.
+    #[must_use]
+    pub fn keeping(self, journal: Journal) -> Self {
+        Self { keeper: Keeper::new(journal), ..self }
+    }
+
+    /// Keeps what was tried and refused here; nothing for the drive: it was for all, or for none that exists.
+    pub fn keep(&self, who: Who, drive: Option<DriveRef>, tried: Tried, report: Report) {
+        self.keeper.keep(drive, who.owner(), tried, report);
     }
 
     /// Lines and drives.
@@ -106,10 +146,11 @@ impl LocalSide {
     pub async fn read(&self, place: DriveRef, address: u16, deadline: MonoTime) -> Result<u16, Report> {
         let ask = NativeAsk::Read { address, count: 1 };
         let request = |ticket| {
-            let (asker, drive) = (AskerId::LOCAL, place.drive);
-            Message::Native(NativeRequest { asker, ticket, drive, origin: ORIGIN, ask, deadline })
+            let Who { asker, origin } = Who::TOOL;
+            Message::Native(NativeRequest { asker, ticket, drive: place.drive, origin, ask, deadline })
         };
-        let outcome = match self.ask(place, deadline.since(clock::now()) + LATE, request).await {
+        let asked = self.put(place, deadline.since(clock::now()) + LATE, request);
+        let outcome = match asked.answer().await {
             Ok(News::Native(answer)) => answer.outcome,
             Err(Missing::Full) => NativeOutcome::Refused(Refusal::QueueFull),
             Ok(_) | Err(Missing::Silent) => NativeOutcome::NoReply,
@@ -121,37 +162,37 @@ impl LocalSide {
     }
 
     /// Orders something of the drive at `place`, and waits for its end.
-    pub async fn command(&self, place: DriveRef, order: Order) -> Report {
+    pub async fn command(&self, who: Who, place: DriveRef, order: Order) -> Report {
+        self.order(who, place, order).end().await
+    }
+
+    /// Orders something of the drive at `place` at once. Whoever does not wait for its end takes nothing back.
+    pub fn order(&self, who: Who, place: DriveRef, order: Order) -> Ordered<'_> {
         let start_before = clock::now() + COMMAND_DEADLINE;
+        let tried = (order != Order::Renew).then(|| Tried::Order(order.clone()));
         let request = |ticket| {
-            let (asker, drive, origin) = (AskerId::LOCAL, place.drive, ORIGIN);
+            let (Who { asker, origin }, drive) = (who, place.drive);
             let (issued, epoch) = (None, None);
             Message::Command(CommandRequest { asker, ticket, drive, origin, order, start_before, issued, epoch })
         };
-        match self.ask(place, COMMAND_WITHIN, request).await {
-            Ok(News::Command(answer)) => answer.report,
-            Err(Missing::Full) => Report::refused(Reason::QueueFull),
-            Ok(_) | Err(Missing::Silent) => Report::new(Outcome::Unknown, Reason::NoReply),
+        let asked = self.put(place, COMMAND_WITHIN, request);
+        if let (Err(Missing::Full), Some(tried)) = (&asked.answer, tried) {
+            self.keep(who, Some(place), tried, Report::refused(Reason::QueueFull));
         }
+        Ordered(asked)
     }
 
-    async fn ask(
-        &self,
-        place: DriveRef,
-        within: Duration,
-        message: impl FnOnce(Ticket) -> Message,
-    ) -> Result<News, Missing> {
+    /// Hands a message to the line of `place`; its answer may come `within`.
+    fn put(&self, place: DriveRef, within: Duration, message: impl FnOnce(Ticket) -> Message) -> Asked<'_> {
         let ticket = Ticket(self.last.fetch_add(1, Ordering::Relaxed));
         let (give, answer) = oneshot::channel();
         self.lock().insert(ticket, give);
-        let _waits = Waits { side: self, ticket };
-        let shared = self.shared();
-        let inbox = shared.inbox(place).ok_or(Missing::Silent)?;
-        inbox.put(message(ticket)).map_err(|Full| Missing::Full)?;
-        match timeout(within, answer).await {
-            Ok(Ok(news)) => Ok(news),
-            Ok(Err(_)) | Err(_) => Err(Missing::Silent),
-        }
+        let (waits, until) = (Waits { side: self, ticket }, Instant::now() + within);
+        let put = match self.shared().inbox(place) {
+            None => Err(Missing::Silent),
+            Some(inbox) => inbox.put(message(ticket)).map_err(|Full| Missing::Full),
+        };
+        Asked { answer: put.map(|()| answer), until, _waits: waits }
     }
 
     fn lock(&self) -> MutexGuard<'_, HashMap<Ticket, oneshot::Sender<News>>> {
@@ -159,7 +200,40 @@ impl LocalSide {
     }
 }
 
+/// Something that was handed to a line.
+#[derive(Debug)]
+struct Asked<'a> {
+    answer: Result<oneshot::Receiver<News>, Missing>,
+    until: Instant,
+    _waits: Waits<'a>,
+}
+
+impl Asked<'_> {
+    async fn answer(self) -> Result<News, Missing> {
+        match timeout_at(self.until, self.answer?).await {
+            Ok(Ok(news)) => Ok(news),
+            Ok(Err(_)) | Err(_) => Err(Missing::Silent),
+        }
+    }
+}
+
+/// An order that was given.
+#[derive(Debug)]
+pub struct Ordered<'a>(Asked<'a>);
+
+impl Ordered<'_> {
+    /// Waits for what becomes of it.
+    pub async fn end(self) -> Report {
+        match self.0.answer().await {
+            Ok(News::Command(answer)) => answer.report,
+            Err(Missing::Full) => Report::refused(Reason::QueueFull),
+            Ok(_) | Err(Missing::Silent) => Report::new(Outcome::Unknown, Reason::NoReply),
+        }
+    }
+}
+
 /// Somebody who waits, also one who goes away without an answer: nothing is kept for who is gone.
+#[derive(Debug)]
 struct Waits<'a> {
     side: &'a LocalSide,
     ticket: Ticket,
@@ -254,8 +328,33 @@ mod tests {
             };
             vec![told(Outcome::Acknowledged, false), told(Outcome::Confirmed, true)]
         };
-        let report = with_a_line(&side, line, side.command(PLACE, Order::Setup(vec![0x0211])));
+        let report = with_a_line(&side, line, side.command(Who::TOOL, PLACE, Order::Setup(vec![0x0211])));
         assert_eq!(report.outcome, Outcome::Confirmed);
+    }
+
+    #[test]
+    fn whoever_is_signed_in_orders_under_a_name_of_their_own() {
+        let side = side();
+        let anna = CommanderName::new("anna").unwrap();
+        let line = move |message| {
+            let Message::Command(CommandRequest { asker, ticket, drive, origin, .. }) = message else {
+                panic!("{message:?}")
+            };
+            assert_eq!((asker, origin.owner, origin.manner), (AskerId::PAGE, Owner::Page(anna), Manner::Once));
+            assert!(origin.rights.write && origin.rights.stop);
+            let report = Report::held_by(Owner::Mqtt);
+            vec![News::Command(CommandAnswer { asker, ticket, drive, report, is_final: true })]
+        };
+        let ordered = async {
+            // Both are given before either is waited for.
+            let both = [(); 2].map(|()| side.order(Who::signed_in(anna), PLACE, Order::Stop { setpoint: None }));
+            let mut ends = Vec::new();
+            for ordered in both {
+                ends.push(ordered.end().await.message());
+            }
+            ends
+        };
+        assert_eq!(with_a_line(&side, line, ordered), ["mqtt holds control of the drive"; 2]);
     }
 
     #[test]
@@ -263,7 +362,7 @@ mod tests {
         let side = side();
         let (read, command) = with_a_line(&side, |_| Vec::new(), async {
             let read = side.read(PLACE, 1, deadline()).await;
-            (read, side.command(PLACE, Order::Setup(Vec::new())).await)
+            (read, side.command(Who::TOOL, PLACE, Order::Setup(Vec::new())).await)
         });
         assert_eq!(read.unwrap_err().reason, Reason::NoReply);
         assert_eq!((command.outcome, command.reason), (Outcome::Unknown, Reason::NoReply));

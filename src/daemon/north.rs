@@ -5,7 +5,7 @@ use super::clock;
 use super::descriptors;
 use super::http::live::Live;
 use super::http::report::{self, History};
-use super::http::{self, State, socket::OwnSocket};
+use super::http::{self, Control, Front, State, socket::OwnSocket};
 use super::local::LocalSide;
 use super::modbus_server::{Listener, Security, Server};
 use super::mqtt::speaker::Speaker;
@@ -17,7 +17,7 @@ use super::run::StartError;
 use super::shared::Current;
 use super::totals::{ModbusTotals, MqttTotals};
 use crate::config::change::Change;
-use crate::config::{Config, HttpSettings, ListenerSettings};
+use crate::config::{Config, ListenerSettings};
 use crate::domain::ids::{Name, Ticket};
 use crate::north::mqtt::Settings;
 use std::cell::RefCell;
@@ -48,6 +48,8 @@ pub struct Bound {
     /// What has been read for those with TLS, in the same order.
     security: Vec<Option<Security>>,
     http: Option<TcpListener>,
+    /// What the HTTP listener asks of whoever comes.
+    front: Front,
     /// The HTTP listener is another one than before, or gone.
     has_http_moved: bool,
 }
@@ -75,12 +77,10 @@ pub async fn bind(config: &Config, kept: &[Option<usize>], has_http_moved: bool)
         modbus.push(if is_kept { None } else { Some(listen(listener.listen, None)?) });
     }
     let http = match &config.http {
-        Some(HttpSettings { listen: address }) if has_http_moved => {
-            Some(listen(*address, Some(http::SEND_BUFFER_BYTES))?)
-        }
+        Some(http) if has_http_moved => Some(listen(http.listen, Some(http::SEND_BUFFER_BYTES))?),
         _ => None,
     };
-    Ok(Bound { modbus, security: security(config).await?, http, has_http_moved })
+    Ok(Bound { modbus, security: security(config).await?, http, front: front(config).await?, has_http_moved })
 }
 
 /// Certificates are read beside the runtime: they may be on something slow.
@@ -95,6 +95,15 @@ async fn security(config: &Config) -> Result<Vec<Option<Security>>, StartError> 
         read.collect()
     });
     read.await.unwrap_or_else(|error| Err(StartError::System(io::Error::other(error))))
+}
+
+/// The same for users and certificate of the HTTP listener.
+async fn front(config: &Config) -> Result<Front, StartError> {
+    let Some(http) = config.http.clone() else { return Ok(Front::default()) };
+    match tokio::task::spawn_blocking(move || Front::read(&http)).await {
+        Ok(read) => read.map_err(StartError::Http),
+        Err(error) => Err(StartError::System(io::Error::other(error))),
+    }
 }
 
 /// Connections inherit what is said of the buffer for what they send.
@@ -135,6 +144,7 @@ pub struct North {
     /// In the order of the configuration.
     listeners: Vec<Listening>,
     http: Option<AbortHandle>,
+    control: Arc<Control>,
     mqtt: Option<Conversation>,
     conversations: u64,
 }
@@ -180,18 +190,21 @@ impl North {
         });
         tokio::task::spawn_local(report::remember(Arc::clone(&state)));
         tokio::task::spawn_local(http::live::run(Arc::clone(&state)));
-        if let Some((socket, reloads)) = socket {
-            let side = Arc::new(LocalSide::new(current.clone(), reloads));
-            tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&sides.local)));
-            tokio::task::spawn_local(socket.serve(Arc::clone(&state), side));
+        let (socket, reloads) = socket.map_or((None, None), |(socket, reloads)| (Some(socket), reloads));
+        let side = LocalSide::new(current.clone(), reloads);
+        let side = Arc::new(side.keeping(north_journal::side(sides.journal.as_ref(), &current)));
+        tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&sides.local)));
+        if let Some(socket) = socket {
+            tokio::task::spawn_local(socket.serve(Arc::clone(&state), Arc::clone(&side)));
         }
+        let control = Arc::new(Control::new(side, Front::default()));
         let server = Server::new(modbus_totals, north_journal::side(sides.journal.as_ref(), &current));
         let server = Rc::new(server.with_places(places(config)));
         tokio::task::spawn_local(Rc::clone(&server).distribute(Arc::clone(&sides.modbus)));
         let units = Units::new(&current.get());
         let listeners = Vec::new();
         let mut north =
-            Self { current, sides, state, server, units, listeners, http: None, mqtt: None, conversations: 0 };
+            Self { current, sides, state, server, units, listeners, http: None, control, mqtt: None, conversations: 0 };
         north.listen(config, &[], bound);
         north.talk(mqtt);
         north
@@ -224,9 +237,12 @@ impl North {
             gone.task.abort();
             gone.listener.close();
         }
+        self.control.change(bound.front);
         if bound.has_http_moved {
             self.http.take().inspect(AbortHandle::abort);
-            let serve = |listener| tokio::task::spawn_local(http::serve(listener, Arc::clone(&self.state)));
+            let serve = |listener| {
+                tokio::task::spawn_local(http::serve(listener, Arc::clone(&self.state), Arc::clone(&self.control)))
+            };
             self.http = bound.http.map(serve).map(|task| task.abort_handle());
         }
     }

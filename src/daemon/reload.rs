@@ -177,7 +177,7 @@ impl Gateway {
 
     async fn prepare(&mut self, new: &Config, change: &Change) -> Result<Prepared, Refusal> {
         let system = |error: &dyn fmt::Display| Refusal::System(error.to_string());
-        let has_http_moved = self.config.http != new.http;
+        let has_http_moved = self.config.http.as_ref().map(|it| it.listen) != new.http.as_ref().map(|it| it.listen);
         let bound = north::bind(new, &change.listeners, has_http_moved).await.map_err(|error| system(&error))?;
         let broker = if self.broker.is_some() { None } else { embedded_broker(new).map_err(|error| system(&error))? };
         let broker_at = self.broker.as_ref().or(broker.as_ref()).map(BrokerChild::address);

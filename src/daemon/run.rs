@@ -44,6 +44,9 @@ pub enum StartError {
         /// All that is wrong with its files.
         what: String,
     },
+    /// The users or the certificate of the HTTP listener cannot be used.
+    #[error("http: {0}")]
+    Http(String),
     /// The socket for the program's own commands could not be made.
     #[error(transparent)]
     Socket(#[from] SocketError),

@@ -114,6 +114,8 @@ pub enum Owner {
     Mqtt,
     /// Whoever may publish to the command topics of this commander.
     MqttBy(CommanderName),
+    /// Whoever is signed in by this name on the gateway's page, on however many screens.
+    Page(CommanderName),
     /// Whoever may open the gateway's own socket on its host.
     Local,
 }
@@ -134,6 +136,7 @@ impl fmt::Display for Owner {
             Self::ModbusSecurity(name) => write!(f, "modbus-security {name}"),
             Self::Mqtt => f.write_str("mqtt"),
             Self::MqttBy(name) => write!(f, "mqtt {name}"),
+            Self::Page(name) => write!(f, "page {name}"),
             Self::Local => f.write_str("local"),
         }
     }
@@ -330,7 +333,8 @@ mod tests {
             assert!(owner.comes_by(Owner::Mqtt), "{owner}");
         }
         let certified = Owner::ModbusSecurity(CommanderName::new("a").unwrap());
-        for owner in [Owner::Local, Owner::ModbusTcp(IpAddr::from([10, 0, 0, 1])), certified] {
+        let signed_in = Owner::Page(CommanderName::new("a").unwrap());
+        for owner in [Owner::Local, Owner::ModbusTcp(IpAddr::from([10, 0, 0, 1])), certified, signed_in] {
             assert!(owner.comes_by(owner) && !owner.comes_by(Owner::Mqtt), "{owner}");
         }
         assert!(!by("a").comes_by(by("b")) && !Owner::Mqtt.comes_by(by("a")));

@@ -84,6 +84,8 @@ pub struct ControlSettings {
     pub from_mqtt: bool,
     /// Commands are taken from Modbus TCP.
     pub from_modbus_tcp: bool,
+    /// Commands are taken from those who are signed in on the page.
+    pub from_page: bool,
     /// Lowest setpoint.
     pub least: Hertz,
     /// Highest setpoint.
@@ -104,7 +106,7 @@ pub struct ControlSettings {
     pub allow_release: bool,
     /// RUN over MQTT only with an epoch or a moment of issue.
     pub strict: bool,
-    /// Plain RUN over MQTT is refused for this long after a stop.
+    /// Plain RUN over MQTT or from the page is refused for this long after a stop.
     pub restart_delay: Duration,
     /// A stop without effect is an alarm after this time.
     pub stop_effect_timeout: Duration,
@@ -131,7 +133,7 @@ pub struct ControlSettings {
 }
 
 impl ControlSettings {
-    /// How long plain RUN over MQTT is refused after a stop, where nothing else is said.
+    /// How long plain RUN over MQTT or from the page is refused after a stop, where nothing else is said.
     pub const RESTART_DELAY: Duration = Duration::from_secs(2);
     /// When a stop without effect is an alarm, where nothing else is said.
     pub const STOP_EFFECT_TIMEOUT: Duration = Duration::from_secs(3);
@@ -153,6 +155,7 @@ impl ControlSettings {
         Self {
             from_mqtt: false,
             from_modbus_tcp: false,
+            from_page: false,
             least,
             most,
             directions: vec![Direction::Forward],

@@ -44,7 +44,7 @@ impl ReplyCounts {
 }
 
 /// The ways by which commands come, in the order of [`CommandCounts`].
-pub const COMMAND_SOURCES: [&str; 4] = ["modbus-tcp", "modbus-security", "mqtt", "local"];
+pub const COMMAND_SOURCES: [&str; 5] = ["modbus-tcp", "modbus-security", "mqtt", "local", "page"];
 
 const fn source(owner: &Owner) -> usize {
     match owner {
@@ -52,6 +52,7 @@ const fn source(owner: &Owner) -> usize {
         Owner::ModbusSecurity(_) => 1,
         Owner::Mqtt | Owner::MqttBy(_) => 2,
         Owner::Local => 3,
+        Owner::Page(_) => 4,
     }
 }
 

@@ -137,8 +137,10 @@ pub struct AskerId(pub u64);
 impl AskerId {
     /// The MQTT side as a whole.
     pub const MQTT: Self = Self(0);
-    /// The program's own tools as a whole; all other numbers are Modbus TCP connections, counted from 1.
+    /// The program's own tools as a whole; all numbers without a name are Modbus TCP connections, counted from 1.
     pub const LOCAL: Self = Self(u64::MAX);
+    /// Everybody on the page as a whole.
+    pub const PAGE: Self = Self(u64::MAX - 1);
 }
 
 /// The number of one request of one asker, chosen by the asker and carried back in the answer.

@@ -3,7 +3,7 @@
 use super::review::{Facts, Verdict, no_steps, refused};
 use super::state::DriveGuard;
 use crate::domain::command::{
-    CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Reason, Report, RunIntent,
+    CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason, Report, RunIntent,
 };
 use crate::domain::control::{ControlAction, ControlSettings, Ownership};
 use crate::domain::frequency::Hertz;
@@ -142,7 +142,8 @@ impl DriveGuard {
         if command.epoch.is_some() || issued_since {
             return Ok(());
         }
-        if control.strict {
+        // From the page nothing comes that a broker has kept.
+        if control.strict && !matches!(command.origin.owner, Owner::Page(_)) {
             return Err(refused(Reason::EpochNeeded));
         }
         let too_soon = self.stopped_at.is_some_and(|stopped| now.since(stopped) < control.restart_delay);

@@ -7,7 +7,7 @@ use crate::domain::command::{
 };
 use crate::domain::control::{ControlAction, ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
-use crate::domain::ids::{AskerId, DriveIndex, Ticket};
+use crate::domain::ids::{AskerId, CommanderName, DriveIndex, Ticket};
 use crate::domain::time::MonoTime;
 use crate::drive::testing::{control, fact, model, setup};
 use crate::profile::model::{Confidence, Model};
@@ -299,6 +299,28 @@ fn what_the_motor_obeys_changes_only_while_nothing_is_ordered_and_nothing_turns(
     }
     let mut closed = guard_of(able, control());
     assert_eq!(judged(&mut closed, Order::Release, RESTING).map(drop), Err(Reason::NoRelease));
+}
+
+#[test]
+fn whoever_is_signed_in_commands_where_the_drive_says_so() {
+    let by = |name| Origin { owner: Owner::Page(CommanderName::new(name).unwrap()), ..mqtt() };
+    let (anna, bob) = (by("anna"), by("bob"));
+    let mut guard = guard_of(model(), ControlSettings { from_page: false, ..control() });
+    for order in [run(Direction::Forward), STOP, Order::Renew] {
+        let told = reviewed(&mut guard, &command(anna, order));
+        assert_eq!(told, Err((Outcome::Refused, Reason::NotFromHere)));
+    }
+    // What a broker might have kept is no matter here.
+    let mut guard = guard_of(model(), ControlSettings { strict: true, ..control() });
+    reviewed(&mut guard, &command(anna, run(Direction::Forward))).unwrap();
+    let held = Some((anna.owner, NOW + Duration::from_secs(3)));
+    guard.path_alive(Owner::Mqtt, NOW + Duration::from_secs(1));
+    assert_eq!(guard.lease(), held, "only the page itself keeps it");
+    assert_eq!(reviewed(&mut guard, &command(bob, Order::Renew)), Err((Outcome::Refused, Reason::OtherOwner)));
+    assert!(matches!(guard.review(&command(bob, STOP), &RESTING, NOW), Ok(Verdict::Stop(_))), "whoever may, stops");
+    assert_eq!(guard.lease(), None);
+    let told = reviewed(&mut guard, &command(bob, run(Direction::Forward)));
+    assert_eq!(told, Err((Outcome::Refused, Reason::RestartDelay)), "it may have been sent before the stop");
 }
 
 #[test]

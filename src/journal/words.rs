@@ -80,6 +80,7 @@ pub fn owner(text: &str) -> Option<Owner> {
         Some(("modbus-tcp", address)) => address.parse().ok().map(Owner::ModbusTcp),
         Some(("modbus-security", name)) => CommanderName::new(name).map(Owner::ModbusSecurity),
         Some(("mqtt", name)) => CommanderName::new(name).map(Owner::MqttBy),
+        Some(("page", name)) => CommanderName::new(name).map(Owner::Page),
         _ => None,
     }
 }
@@ -124,12 +125,13 @@ mod tests {
             Owner::ModbusTcp("10.0.0.7".parse().unwrap()),
             Owner::ModbusTcp("fd00::1".parse().unwrap()),
             Owner::ModbusSecurity(by),
+            Owner::Page(by),
             // A name may look like an address; it is no owner's but that of the certificate.
             Owner::ModbusSecurity(CommanderName::new("10.0.0.7").unwrap()),
         ] {
             assert_eq!(super::owner(&owner.to_string()), Some(owner));
         }
-        for text in ["", "mqtt ", "mqtt a/b", "modbus-tcp x", "modbus-security a b", "page x", "mqtt a b"] {
+        for text in ["", "mqtt ", "mqtt a/b", "modbus-tcp x", "modbus-security a b", "page", "page a b", "mqtt a b"] {
             assert_eq!(super::owner(text), None, "{text}");
         }
     }

@@ -1,8 +1,10 @@
 //! What clients see: parsers and sans-IO machines. No socket, no clock, and nothing of the line machine.
 
 pub mod clock;
+pub mod command_words;
 pub mod modbus;
 pub mod mqtt;
+pub mod operator;
 pub mod page;
 pub mod report;
 pub mod setup_body;

@@ -12,7 +12,7 @@ use std::time::Duration;
 use tokio::task::LocalSet;
 use vfd_gateway::daemon::http::live::Live;
 use vfd_gateway::daemon::http::socket::OwnSocket;
-use vfd_gateway::daemon::http::{self, State};
+use vfd_gateway::daemon::http::{self, Control, Front, State};
 use vfd_gateway::daemon::local::LocalSide;
 use vfd_gateway::daemon::{build, clock};
 use vfd_gateway::domain::report::{LineReport, LineState};
@@ -272,7 +272,8 @@ fn served(directory: &Path) -> (SocketAddr, Arc<State>) {
             let socket = OwnSocket::open(&directory).unwrap();
             say.send(listener.local_addr().unwrap()).unwrap();
             let side = Arc::new(LocalSide::new(served.shared.clone(), None));
-            tokio::join!(http::serve(listener, Arc::clone(&served)), socket.serve(served, side));
+            let control = Arc::new(Control::new(Arc::clone(&side), Front::default()));
+            tokio::join!(http::serve(listener, Arc::clone(&served), control), socket.serve(served, side));
         });
     });
     (said.recv_timeout(PATIENCE).unwrap(), state)

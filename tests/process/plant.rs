@@ -43,6 +43,8 @@ pub struct Wish<'a> {
     pub read_only: bool,
     /// More keys of the drive's control section.
     pub control: &'a str,
+    /// More keys of `[http]`, with those who may command from the page; nobody without.
+    pub page: &'a str,
     /// Who may write over Modbus TCP; 127.0.0.1 without.
     pub write: &'a str,
     /// Given the broker's port, starts something before it, and names the port that the gateway is to use.
@@ -58,6 +60,7 @@ impl Wish<'_> {
         access: "",
         read_only: false,
         control: "",
+        page: "",
         write: "",
         through: None,
     };
@@ -286,10 +289,10 @@ fn configuration(place: &Place, broker: u16, http: SocketAddr, wish: &Wish<'_>) 
         true => (String::new(), String::new()),
         false => {
             let write = if wish.write.is_empty() { "127.0.0.1/32" } else { wish.write };
-            (control(lost_after, wish.control), format!("write = [\"{write}\"]"))
+            (control(lost_after, wish), format!("write = [\"{write}\"]"))
         }
     };
-    let (port, data) = (place.file("line"), place.file("data"));
+    let (port, data, page) = (place.file("line"), place.file("data"), wish.page);
     format!(
         r#"
 [gateway]
@@ -319,17 +322,19 @@ listen = "127.0.0.1:0"
 
 [http]
 listen = "{http}"
+{page}
 "#,
         data.display(),
         port.display()
     )
 }
 
-fn control(lost_after: &str, more: &str) -> String {
+fn control(lost_after: &str, wish: &Wish<'_>) -> String {
+    let (more, page) = (wish.control, if wish.page.is_empty() { "" } else { ", \"page\"" });
     format!(
         r#"
 [line.drive.control]
-from = ["mqtt", "modbus-tcp"]
+from = ["mqtt", "modbus-tcp"{page}]
 frequency_hz = {{ min = 5.0, max = 50.0 }}
 directions = ["forward", "reverse"]
 on_commander_lost = "stop"

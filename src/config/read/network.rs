@@ -1,10 +1,10 @@
 //! The tables of what clients connect to: `[[modbus_tcp]]` and `[http]`.
 
-use super::super::file::{HttpFile, ListenerFile, ListenerTlsFile, RoleFile};
+use super::super::file::{HttpFile, HttpTlsFile, HttpUserFile, ListenerFile, ListenerTlsFile, RoleFile};
 use super::super::keys::Section;
 use super::super::words::ROLE_RIGHTS;
-use super::{absolute_path, inner, refuse_not_served, turned};
-use crate::domain::ids::UnitId;
+use super::{absolute_path, each, inner, refuse_not_served, turned};
+use crate::domain::ids::{CommanderName, UnitId};
 use crate::domain::problem::Problem;
 use crate::north::modbus::Places;
 use crate::profile::reader::{Given, Needed, Reader, Written};
@@ -63,9 +63,41 @@ fn read_roles(reader: &mut Reader<'_, '_>) -> Needed<Vec<RoleFile>> {
 /// `[http]`
 pub(super) fn read_http(mut reader: Reader<'_, '_>) -> HttpFile {
     refuse_not_served(&mut reader, Section::Http);
-    let http = HttpFile { listen: reader.required("listen", &address("8080")) };
+    let http = HttpFile {
+        place: reader.place().clone(),
+        listen: reader.required("listen", &address("8080")),
+        allow: read_allow(&mut reader),
+        hosts: reader.list("hosts", &Kind::text()),
+        users: each(&mut reader, "users", read_user),
+        tls: inner(&mut reader, "tls", read_http_tls),
+    };
     reader.finish();
     http
+}
+
+/// One `[[http.users]]`.
+fn read_user(mut reader: Reader<'_, '_>) -> HttpUserFile {
+    refuse_not_served(&mut reader, Section::HttpUser);
+    let right = format!("1 to {} letters, digits, \"-\", \"_\" or \".\"", CommanderName::MAX_CHARS);
+    let user = HttpUserFile {
+        place: reader.place().clone(),
+        name: reader.required("name", &Kind::parsed(right, CommanderName::new)),
+        password_hash: reader.optional("password_hash", &Kind::text()),
+        password_hash_file: reader.optional("password_hash_file", &absolute_path()),
+    };
+    reader.finish();
+    user
+}
+
+/// `[http.tls]`
+fn read_http_tls(mut reader: Reader<'_, '_>) -> HttpTlsFile {
+    refuse_not_served(&mut reader, Section::HttpTls);
+    let tls = HttpTlsFile {
+        cert_file: reader.required("cert_file", &absolute_path()),
+        key_file: reader.required("key_file", &absolute_path()),
+    };
+    reader.finish();
+    tls
 }
 
 /// An address with a port; `port` stands in the examples.

@@ -35,6 +35,7 @@ fn a_control_section_gets_its_defaults() {
         ControlSettings {
             from_mqtt: true,
             from_modbus_tcp: true,
+            from_page: false,
             least: Hertz::from_millihertz(5000),
             most: Hertz::from_millihertz(50_000),
             directions: vec![Direction::Forward],
@@ -91,7 +92,7 @@ fn a_control_section_takes_what_is_written() {
 #[test]
 fn what_must_be_chosen_has_no_default() {
     for (line, key, right) in [
-        ("from = [\"mqtt\", \"modbus-tcp\"]\n", "from", "a list, each one of \"mqtt\", \"modbus-tcp\""),
+        ("from = [\"mqtt\", \"modbus-tcp\"]\n", "from", "a list, each one of \"mqtt\", \"modbus-tcp\", \"page\""),
         ("frequency_hz = { min = 5.0, max = 50.0 }\n", "frequency_hz", "a table `frequency_hz`"),
         ("on_commander_lost = \"stop\"\n", "on_commander_lost", "one of \"stop\", \"coast\", \"hold\""),
         ("lost_after = \"30s\"\n", "lost_after", "a time from \"1s\" to \"1h\""),
@@ -106,7 +107,7 @@ fn somebody_commands_and_nobody_twice() {
     let from = |list: &str| with(CONTROLLED, "[\"mqtt\", \"modbus-tcp\"]", list);
     let found = problems(&from("[]"));
     let empty = format!(
-        "{AT}.from: an empty list lets nobody command; \"mqtt\", \"modbus-tcp\" or both, or no control section"
+        "{AT}.from: an empty list lets nobody command; \"mqtt\", \"modbus-tcp\", \"page\" or several of them, or no control section"
     );
     assert_eq!(found[0], empty);
     assert!(found[1].starts_with("modbus_tcp[0].write: no drive that is served here takes commands"), "{found:?}");
@@ -144,7 +145,10 @@ fn what_concerns_mqtt_only_is_not_there_without_it() {
     let at = |key: &str| {
         format!("{AT}.{key}: concerns commands over MQTT only, and `from` does not name \"mqtt\"; leave it out")
     };
-    assert_eq!(problems(&text), [at("commands"), at("restart_delay")]);
+    let neither = "concerns commands over MQTT and from the page only, and `from` names neither; leave it out";
+    assert_eq!(problems(&text), [at("commands"), format!("{AT}.restart_delay: {neither}")]);
+    let by_page = with(&text, "[\"modbus-tcp\"]", "['page']");
+    assert!(!problems(&by_page).iter().any(|it| it.contains("restart_delay")));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod change;
 mod control;
 mod framing;
+mod http;
 mod line_plan;
 mod listener_tls;
 mod models;

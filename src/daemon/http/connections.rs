@@ -2,6 +2,7 @@
 
 use super::lasting::{self, Lasting, Life};
 use axum::Router;
+use axum::response::Response;
 use axum::serve::Listener;
 use hyper::Request;
 use hyper::body::Incoming;
@@ -9,6 +10,7 @@ use hyper::server::conn::http1;
 use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+use std::convert::Infallible;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -61,13 +63,21 @@ pub(super) async fn converse(
     patience: Patience,
     lasting: Arc<Semaphore>,
 ) {
+    converse_by(stream, TowerToHyperService::new(router), patience, Lasting::new(lasting)).await;
+}
+
+/// The same with routes that know more of the connection.
+pub(super) async fn converse_by(
+    stream: impl AsyncRead + AsyncWrite + Unpin + 'static,
+    service: impl Service<Request<Incoming>, Response = Response, Error = Infallible>,
+    patience: Patience,
+    (lasting, life): (Lasting, Life),
+) {
     let mut http = http1::Builder::new();
     http.timer(TokioTimer::new()).header_read_timeout(patience.head).max_buf_size(HEAD_BYTES_MAX);
-    let (lasting, life) = Lasting::new(lasting);
-    let routes = TowerToHyperService::new(router);
     let service = service_fn(move |mut request: Request<Incoming>| {
         request.extensions_mut().insert(lasting.clone());
-        routes.call(request)
+        service.call(request)
     });
     let mut connection = pin!(http.serve_connection(TokioIo::new(stream), service));
     let end = tokio::select! {

@@ -50,6 +50,11 @@ impl Lasting {
         (Self { places, used }, Life(seen))
     }
 
+    /// Whether an answer without an end goes on.
+    pub(super) fn is_lasting(&self) -> bool {
+        *self.used.borrow() == Use::Lasting
+    }
+
     /// Lets the connection last; nothing if as many do already.
     #[must_use]
     pub fn stay(&self) -> Option<Stay> {

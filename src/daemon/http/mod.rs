@@ -1,11 +1,15 @@
-//! HTTP for those who watch the gateway: alive, ready, health, metrics, the traffic of a line. These routes read what the lines show and ask
-//! nothing of them, and nothing can be commanded there.
+//! HTTP for those who watch the gateway: alive, ready, health, metrics, what lines and drives do. These routes read what
+//! the lines show and ask nothing of them. Whoever is signed in may command too, over TCP alone ([`Control`]).
 //!
 //! They are served on a TCP listener ([`serve`]) and on a Unix socket in the data directory ([`socket::OwnSocket`]), by
 //! which the program's own commands reach the gateway. On the socket alone are the routes that look at and set what a
 //! drive needs before it obeys the bus.
 
 mod connections;
+mod control;
+mod doorkeeper;
+mod entrance;
+mod front;
 mod health;
 pub mod lasting;
 pub mod live;
@@ -27,8 +31,13 @@ mod traffic_tests;
 mod watchdog;
 
 pub use connections::CONNECTIONS_MAX;
+pub use control::Control;
+pub use front::Front;
 pub use state::State;
 
+use axum::http::StatusCode;
+use axum::middleware::from_fn_with_state;
+use axum::response::{IntoResponse, Response};
 use connections::Patience;
 use std::sync::Arc;
 use tokio::net::TcpListener;
@@ -37,6 +46,14 @@ use tokio::net::TcpListener;
 pub const SEND_BUFFER_BYTES: u32 = 128 * 1024;
 
 /// Serves HTTP on `listener` until the task is dropped. It must run on a `LocalSet`.
-pub async fn serve(listener: TcpListener, state: Arc<State>) {
-    connections::serve(listener, routes::router(state), Patience::default()).await;
+pub async fn serve(listener: TcpListener, state: Arc<State>, control: Arc<Control>) {
+    let front = Arc::clone(control.front());
+    let router = routes::router(state).merge(control::router(control));
+    let router = router.layer(from_fn_with_state(Arc::clone(&front), doorkeeper::look));
+    entrance::serve(listener, router, front, Patience::default()).await;
+}
+
+/// An answer that says why there is no other.
+fn refusal(status: StatusCode, error: &str) -> Response {
+    (status, routes::json(&serde_json::json!({ "error": error }))).into_response()
 }

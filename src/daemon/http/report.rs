@@ -120,12 +120,13 @@ fn look(line: &SharedLine) -> LineSeen {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{UP, answer, on_a_runtime, online, show, state};
+    use super::super::connections::Patience;
+    use super::super::tests::{UP, answer, on_a_runtime, online, serve, show, state};
     use super::*;
     use crate::domain::counts::ExchangeCounts;
     use crate::domain::report::StationReport;
     use serde_json::Value;
-    use tokio::net::{TcpListener, TcpStream};
+    use tokio::net::TcpStream;
 
     #[test]
     fn a_span_is_in_whole_seconds_within_bounds() {
@@ -152,9 +153,7 @@ mod tests {
 
     fn told(state: &Arc<Gateway>, path: &str) -> (u16, Value) {
         on_a_runtime(async {
-            let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-            let address = listener.local_addr().unwrap();
-            tokio::task::spawn_local(crate::daemon::http::serve(listener, Arc::clone(state)));
+            let address = serve(state, Patience::default()).await;
             let (status, body) = answer(TcpStream::connect(address).await.unwrap(), "GET", path, "").await;
             (status, serde_json::from_str(&body).unwrap())
         })

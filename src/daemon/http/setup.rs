@@ -1,7 +1,7 @@
 //! What has to be set on a drive before it obeys the bus, and what is found there: for `vfd-gateway verify` and `enable`.
 
 use crate::daemon::clock;
-use crate::daemon::local::LocalSide;
+use crate::daemon::local::{LocalSide, Who};
 use crate::daemon::shared::SharedDrive;
 use crate::domain::command::{Order, Owner, Reason, Report};
 use crate::domain::link::Interface;
@@ -50,7 +50,7 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<u1
         return outcome(name.as_str(), Report::refused(Reason::NotCapable), Vec::new());
     }
     let old = read(side, place, addresses.iter().copied()).await;
-    let report = side.command(place, Order::Setup(addresses)).await;
+    let report = side.command(Who::TOOL, place, Order::Setup(addresses)).await;
     let mut changes = Vec::with_capacity(items.len());
     for item in items {
         let (what, new) = (item.what.as_str(), item.values.value.first().copied());

@@ -127,7 +127,7 @@ pub(super) fn on_a_runtime<F: Future>(test: F) -> F::Output {
     LocalSet::new().block_on(&runtime, test)
 }
 
-async fn serve(state: &Arc<State>, patience: Patience) -> SocketAddr {
+pub(super) async fn serve(state: &Arc<State>, patience: Patience) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     tokio::task::spawn_local(connections::serve(listener, routes::router(Arc::clone(state)), patience));

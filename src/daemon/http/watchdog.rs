@@ -2,7 +2,7 @@
 
 use super::setup::outcome;
 use crate::daemon::clock;
-use crate::daemon::local::LocalSide;
+use crate::daemon::local::{LocalSide, Who};
 use crate::daemon::shared::SharedDrive;
 use crate::domain::command::{Go, Order, Outcome, Owner, Reason, RegisterWrite, Report};
 use serde_json::{Value, json};
@@ -27,7 +27,7 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, time: Option<Dura
     let Some(go) = Go::new(vec![RegisterWrite { address, value }], None, None) else {
         return refused(Reason::NotUnderstood);
     };
-    let report = side.command(place, Order::Go(go)).await;
+    let report = side.command(Who::TOOL, place, Order::Go(go)).await;
     let register = model.register_at(address);
     let what = register.map_or("-", |register| register.code.as_deref().unwrap_or(&register.name));
     let (result, reason) = (report.outcome.word(), report.reason.word());

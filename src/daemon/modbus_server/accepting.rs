@@ -3,7 +3,6 @@
 use super::{Listener, Server};
 use rustix::io::Errno;
 use rustix::net::sockopt;
-use std::cell::Cell;
 use std::future::poll_fn;
 use std::io;
 use std::net::SocketAddr;
@@ -12,7 +11,7 @@ use std::task::Poll;
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::yield_now;
-use tokio::time::{Instant, sleep};
+use tokio::time::sleep;
 
 /// Wait after a connection could not be accepted and nothing could be done about it.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
@@ -22,8 +21,6 @@ const BATCH: u32 = 32;
 const CLOSING_TURNS: u32 = 4;
 /// Probes of a silent client.
 const PROBES: u32 = 3;
-/// Newcomers that are turned away are told in the log this often.
-const TELL_EVERY: Duration = Duration::from_secs(1);
 
 impl Server {
     /// Accepts connections of those whom `listener` allows until the task is dropped.
@@ -120,27 +117,5 @@ fn tune(stream: &TcpStream, peer: SocketAddr, keep_alive: Option<Duration>) {
     };
     if let Err(error) = set() {
         tracing::debug!(%peer, %error, "the socket keeps its own settings");
-    }
-}
-
-/// Says what may happen thousands of times a second, at most once a second.
-#[derive(Debug, Default)]
-pub(super) struct Told {
-    last: Cell<Option<Instant>>,
-    unsaid: Cell<u64>,
-}
-
-impl Told {
-    pub(super) fn say(&self, what: &str) {
-        let now = Instant::now();
-        if self.last.get().is_some_and(|last| now.duration_since(last) < TELL_EVERY) {
-            self.unsaid.set(self.unsaid.get() + 1);
-            return;
-        }
-        self.last.set(Some(now));
-        match self.unsaid.take() {
-            0 => tracing::warn!("{what}"),
-            more => tracing::warn!(more, "{what}"),
-        }
     }
 }

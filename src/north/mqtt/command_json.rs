@@ -1,10 +1,12 @@
 //! The JSON form of a command: everything that is not exactly known is refused by name.
 
 use super::params;
-use super::payload::{Refused, RunWord, Wish, go, no_frequency, run_word, short};
+use super::payload::{Wish, go};
 use crate::domain::command::{Go, Order, Reason, RegisterWrite};
-use crate::domain::frequency::Hertz;
-use crate::domain::problem::nearest;
+use crate::north::command_words::{
+    Refused, RunWord, frequency, keys_stand_once, known_keys, not_a_number, not_understood, object, only_true, run,
+    short,
+};
 use crate::profile::model::Model;
 use serde_json::{Map, Value};
 use std::time::Duration;
@@ -16,7 +18,7 @@ const TTL_MAX_MS: u64 = 60_000;
 
 /// The wish that `payload` writes, with its id as far as one could be read.
 pub(super) fn read(payload: &[u8], model: &Model) -> (Option<Value>, Result<Wish, Refused>) {
-    let object = match object(payload) {
+    let object = match object(payload, EXAMPLE) {
         Ok(object) => object,
         Err(refused) => return (None, Err(refused)),
     };
@@ -27,10 +29,8 @@ pub(super) fn read(payload: &[u8], model: &Model) -> (Option<Value>, Result<Wish
 }
 
 fn wish(id: Option<Value>, object: &Map<String, Value>, payload: &[u8], model: &Model) -> Result<Wish, Refused> {
-    known_keys(object)?;
-    if pairs_written(payload) != pairs_in(object) {
-        return Err(Refused::new(Reason::NotUnderstood, "a key stands there twice"));
-    }
+    known_keys(object, &KEYS)?;
+    keys_stand_once(payload, object)?;
     Ok(Wish {
         id,
         order: order(object, model)?,
@@ -38,49 +38,6 @@ fn wish(id: Option<Value>, object: &Map<String, Value>, payload: &[u8], model: &
         issued_at: whole(object, "issued_at", "milliseconds since 1970 in UTC, such as 1767225600000", Value::as_i64)?,
         epoch: whole(object, "epoch", "the number from the drive's `state`, such as 7", Value::as_u64)?,
     })
-}
-
-fn object(payload: &[u8]) -> Result<Map<String, Value>, Refused> {
-    match serde_json::from_slice(payload) {
-        Ok(Value::Object(object)) => Ok(object),
-        Ok(_) => Err(not_understood(format!("a JSON object was expected, such as {EXAMPLE}"))),
-        Err(error) => Err(not_understood(format!("no JSON ({error}); right is, for example, {EXAMPLE}"))),
-    }
-}
-
-fn known_keys(object: &Map<String, Value>) -> Result<(), Refused> {
-    let Some(key) = object.keys().find(|key| !KEYS.contains(&key.as_str())) else { return Ok(()) };
-    let near = (key.len() <= 64).then(|| nearest(key, KEYS)).flatten();
-    let right = near.map_or_else(|| format!("known are {}", KEYS.join(", ")), |near| format!("is it `{near}`?"));
-    Err(not_understood(format!("`{}` is not known; {right}", short(key))))
-}
-
-/// Pairs of key and value that the valid JSON text `payload` writes.
-fn pairs_written(payload: &[u8]) -> usize {
-    let (mut pairs, mut in_text, mut is_escaped) = (0, false, false);
-    for byte in payload {
-        match byte {
-            _ if is_escaped => is_escaped = false,
-            b'\\' => is_escaped = true,
-            b'"' => in_text = !in_text,
-            b':' if !in_text => pairs += 1,
-            _ => {}
-        }
-    }
-    pairs
-}
-
-/// Pairs that are left of it: of two with the same key only one is.
-fn pairs_in(object: &Map<String, Value>) -> usize {
-    object.len() + object.values().map(pairs_below).sum::<usize>()
-}
-
-fn pairs_below(value: &Value) -> usize {
-    match value {
-        Value::Object(object) => pairs_in(object),
-        Value::Array(array) => array.iter().map(pairs_below).sum(),
-        _ => 0,
-    }
 }
 
 fn id(object: &Map<String, Value>) -> Result<Option<Value>, Refused> {
@@ -121,7 +78,7 @@ fn order(object: &Map<String, Value>, model: &Model) -> Result<Order, Refused> {
         Some(RunWord::Run(_)) | None => {}
     }
     let frequency = frequency(object)?;
-    let (is_reset, registers) = (reset(object)?, registers(object, model)?);
+    let (is_reset, registers) = (only_true(object, "reset")?, registers(object, model)?);
     let has_values = frequency.is_some() || !registers.is_empty();
     match run {
         _ if is_reset && (run.is_some() || has_values) => Err(conflict("`reset` stands alone: send the rest after it")),
@@ -131,29 +88,6 @@ fn order(object: &Map<String, Value>, model: &Model) -> Result<Order, Refused> {
         }
         Some(RunWord::Run(direction)) => go(registers, frequency, Some(direction)),
         _ => go(registers, frequency, None),
-    }
-}
-
-fn run(object: &Map<String, Value>) -> Result<Option<RunWord>, Refused> {
-    match object.get("run") {
-        None => Ok(None),
-        Some(Value::String(text)) => run_word(text).map(Some),
-        Some(_) => Err(not_understood("`run` takes \"forward\", \"reverse\", \"stop\" or \"coast\"")),
-    }
-}
-
-fn frequency(object: &Map<String, Value>) -> Result<Option<Hertz>, Refused> {
-    let Some(value) = object.get("frequency_hz") else { return Ok(None) };
-    let number = value.as_f64().ok_or_else(|| not_a_number("frequency_hz", "42.5"))?;
-    let frequency = Hertz::from_f64(number).map_err(|why| no_frequency(why, "frequency_hz", &value.to_string()))?;
-    Ok(Some(frequency))
-}
-
-fn reset(object: &Map<String, Value>) -> Result<bool, Refused> {
-    match object.get("reset") {
-        None => Ok(false),
-        Some(Value::Bool(true)) => Ok(true),
-        Some(_) => Err(not_understood("`reset` takes true and nothing else")),
     }
 }
 
@@ -179,14 +113,6 @@ fn registers(object: &Map<String, Value>, model: &Model) -> Result<Vec<RegisterW
     Ok(writes)
 }
 
-fn not_understood(message: impl Into<String>) -> Refused {
-    Refused::new(Reason::NotUnderstood, message)
-}
-
-fn not_a_number(key: &str, example: &str) -> Refused {
-    Refused::new(Reason::NotANumber, format!("`{key}` takes a number, such as {example}"))
-}
-
 fn conflict(message: &str) -> Refused {
     Refused::new(Reason::Conflict, message)
 }
@@ -195,6 +121,7 @@ fn conflict(message: &str) -> Refused {
 mod tests {
     use super::*;
     use crate::domain::command::Direction;
+    use crate::domain::frequency::Hertz;
     use crate::north::mqtt::harness::model;
     use serde_json::json;
 

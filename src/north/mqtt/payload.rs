@@ -4,32 +4,15 @@ use super::command_json;
 use super::params;
 use super::topics::Input;
 use crate::domain::command::{Direction, Go, Order, Reason, RegisterWrite};
-use crate::domain::frequency::{Hertz, NoFrequency};
+use crate::domain::frequency::Hertz;
+use crate::north::command_words::{RUN_EXAMPLE, RunWord, no_frequency, run_word, unknown_word};
+pub(super) use crate::north::command_words::{Refused, short};
 use crate::profile::model::Model;
 use serde_json::Value;
 use std::time::Duration;
 
 /// The largest payload that is read: many times the largest command.
 pub(super) const PAYLOAD_MAX_BYTES: usize = 8 * 1024;
-
-/// Why an input is refused.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Refused {
-    pub(super) reason: Reason,
-    /// What is wrong and what would be right, for people.
-    pub(super) message: String,
-}
-
-impl Refused {
-    pub(super) fn new(reason: Reason, message: impl Into<String>) -> Self {
-        Self { reason, message: message.into() }
-    }
-
-    /// With the words that the reason has for itself.
-    pub(super) fn plain(reason: Reason) -> Self {
-        Self::new(reason, reason.text())
-    }
-}
 
 /// What an input asks for.
 #[derive(Clone, Debug, PartialEq)]
@@ -103,31 +86,6 @@ pub(super) fn read_all(payload: &[u8]) -> Result<(), Refused> {
     if word.eq_ignore_ascii_case("stop") { Ok(()) } else { Err(unknown_word(word, "`stop` and nothing else")) }
 }
 
-const RUN_EXAMPLE: &str = "`forward`, `reverse`, `stop` or `coast`";
-
-/// A word of `run/set` and of `run`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum RunWord {
-    Run(Direction),
-    Stop,
-    Coast,
-}
-
-/// The word that `text` is, trimmed, in any case.
-///
-/// # Errors
-/// It is none of them.
-pub(super) fn run_word(text: &str) -> Result<RunWord, Refused> {
-    let table = [
-        ("forward", RunWord::Run(Direction::Forward)),
-        ("reverse", RunWord::Run(Direction::Reverse)),
-        ("stop", RunWord::Stop),
-        ("coast", RunWord::Coast),
-    ];
-    let found = table.iter().find(|(word, _)| text.trim().eq_ignore_ascii_case(word));
-    found.map(|(_, word)| *word).ok_or_else(|| unknown_word(text, RUN_EXAMPLE))
-}
-
 fn run_order(text: &str) -> Result<Order, Refused> {
     Ok(match run_word(text)? {
         RunWord::Stop => Order::Stop { setpoint: None },
@@ -169,35 +127,10 @@ pub(super) fn go(
     Go::new(registers, frequency, run).map(Order::Go).ok_or_else(|| Refused::plain(Reason::TooManyFrames))
 }
 
-/// Why the value of `key`, written as `text`, is no frequency.
-pub(super) fn no_frequency(why: NoFrequency, key: &str, text: &str) -> Refused {
-    let reason = match why {
-        NoFrequency::NotANumber => Reason::NotANumber,
-        NoFrequency::OutOfRange => Reason::OutsideLimits,
-        NoFrequency::TooFine => Reason::BetweenSteps,
-    };
-    let message = format!("`{key}` takes hertz with a decimal point, such as 42.5; `{}` is {why}", short(text));
-    Refused::new(reason, message)
-}
-
-fn unknown_word(text: &str, right: &str) -> Refused {
-    Refused::new(Reason::NotUnderstood, format!("`{}` is not known here; right is {right}", short(text)))
-}
-
 /// The payload as trimmed text.
 fn text<'p>(payload: &'p [u8], right: &str) -> Result<&'p str, Refused> {
     let text = std::str::from_utf8(payload).map(str::trim);
     text.map_err(|_| Refused::new(Reason::NotUnderstood, format!("the payload is no text; right is {right}")))
-}
-
-/// So much of `text` as a message shows.
-pub(super) fn short(text: &str) -> String {
-    const CHARS_MAX: usize = 40;
-    let mut short: String = text.chars().take(CHARS_MAX).collect();
-    if short.len() < text.len() {
-        short.push('…');
-    }
-    short
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use super::super::testing::{self, NOW};
 use super::*;
 use crate::domain::command::{Direction, Outcome, Owner, Reason, Report, RunIntent};
 use crate::domain::control::ControlAction;
+use crate::domain::ids::CommanderName;
 use crate::domain::time::MonoTime;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{ControlView, KeptTrips, RunState, TripRecord};
@@ -222,6 +223,7 @@ fn a_lease_is_shown_with_what_is_left_of_it_and_whose_it_is() {
         (None, 0, 0),
         (Some((Owner::Mqtt, later(30_000))), 30, 1),
         (Some((OTHER, later(29_999))), 29, 2),
+        (Some((Owner::Page(CommanderName::new("anna").unwrap()), later(10_000))), 10, 5),
         (Some((CLIENT, later(1))), 0, 3),
         (Some((CLIENT, NOW)), 0, 0),
         (Some((CLIENT, MonoTime::NEVER)), 65_534, 3),

@@ -144,5 +144,6 @@ fn owner_class(owner: Owner, client: Owner) -> u16 {
         Owner::Mqtt | Owner::MqttBy(_) => 1,
         Owner::ModbusTcp(_) | Owner::ModbusSecurity(_) => 2,
         Owner::Local => 4,
+        Owner::Page(_) => 5,
     }
 }

@@ -1,0 +1,93 @@
+//! `password`: makes the hash of a password for somebody who is to sign in on the page.
+
+use super::{Failure, log, print};
+use crate::north::operator::password::{PASSWORD_CHARS, StoredHash};
+use ring::rand::{SecureRandom, SystemRandom};
+use rustix::termios::{LocalModes, OptionalActions, SpecialCodeIndex, Termios, isatty, tcgetattr, tcsetattr};
+use std::io::{self, Read, Stdin};
+
+/// Longest line that is read, in bytes.
+const LINE_BYTES_MAX: u64 = 4096;
+/// What Ctrl-C types where it does not end the program.
+const CTRL_C: u8 = 3;
+
+/// Where the hash belongs, for people.
+const WHERE: &str = "\
+Put this line into a file that only the gateway may read, and name it in its configuration:
+
+    [[http.users]]
+    name = \"anna\"
+    password_hash_file = \"/etc/vfd-gateway/anna.hash\"
+
+or write it there as `password_hash`. Then `vfd-gateway reload`.
+";
+
+/// Arguments of `password`.
+#[derive(Debug, clap::Args)]
+pub struct Args {}
+
+/// Asks for a password, twice on a terminal, and prints its hash.
+pub fn password(_: &Args) -> Result<(), Failure> {
+    let stdin = io::stdin();
+    let password = if isatty(&stdin) { ask_twice(&stdin)? } else { read_line(&stdin)?.0 };
+    let mut salt = [0; 16];
+    SystemRandom::new().fill(&mut salt).map_err(|_| Failure::failed("the system gives no random numbers"))?;
+    let hash = StoredHash::make(&password, &salt).ok_or_else(|| {
+        let (least, most) = (PASSWORD_CHARS.start(), PASSWORD_CHARS.end());
+        Failure::wrong(format!("a password has {least} to {most} characters"))
+    })?;
+    print(&format!("{}\n", hash.as_str()))?;
+    log::complain(WHERE.as_bytes());
+    Ok(())
+}
+
+fn ask_twice(stdin: &Stdin) -> Result<String, Failure> {
+    let _silence = Silence::begin(stdin).map_err(Failure::failed)?;
+    let ask = |prompt: &str| {
+        log::complain(prompt.as_bytes());
+        let (line, is_cancelled) = read_line(stdin)?;
+        if is_cancelled { Err(Failure::failed("\nnothing was made")) } else { Ok(line) }
+    };
+    let password = ask("Password: ")?;
+    if ask("The same again: ")? == password { Ok(password) } else { Err(Failure::wrong("the two are not the same")) }
+}
+
+/// The next line without its end, and whether it ends with Ctrl-C.
+fn read_line(stdin: &Stdin) -> Result<(String, bool), Failure> {
+    let mut line = Vec::new();
+    for byte in stdin.lock().take(LINE_BYTES_MAX).bytes() {
+        match byte.map_err(Failure::failed)? {
+            b'\n' => break,
+            CTRL_C => return Ok((String::new(), true)),
+            byte => line.push(byte),
+        }
+    }
+    let line = String::from_utf8(line).map_err(|_| Failure::wrong("the password is no text in UTF-8"))?;
+    Ok((line.strip_suffix('\r').map(str::to_owned).unwrap_or(line), false))
+}
+
+/// A terminal that shows nothing of what is typed but the ends of lines, until this is dropped.
+struct Silence<'t> {
+    terminal: &'t Stdin,
+    before: Termios,
+}
+
+impl<'t> Silence<'t> {
+    fn begin(terminal: &'t Stdin) -> io::Result<Self> {
+        let before = tcgetattr(terminal)?;
+        let mut silent = before.clone();
+        // Ctrl-C would end the program and leave the terminal silent: it ends the line instead.
+        silent.local_modes.remove(LocalModes::ECHO | LocalModes::ISIG);
+        silent.local_modes.insert(LocalModes::ECHONL | LocalModes::ICANON);
+        silent.special_codes[SpecialCodeIndex::VEOL] = CTRL_C;
+        tcsetattr(terminal, OptionalActions::Flush, &silent)?;
+        Ok(Self { terminal, before })
+    }
+}
+
+impl Drop for Silence<'_> {
+    fn drop(&mut self) {
+        // A terminal that is gone shows nothing any more.
+        let _ = tcsetattr(self.terminal, OptionalActions::Flush, &self.before);
+    }
+}

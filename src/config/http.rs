@@ -1,0 +1,168 @@
+//! The HTTP listener: who reaches it, by which names, and who may sign in there.
+
+use super::file::{File, HttpFile, HttpUserFile};
+use super::host::host_and_port;
+use super::listen::{guarded, is_loopback};
+use super::words::Way;
+use crate::domain::ids::CommanderName;
+use crate::domain::problem::Problem;
+use crate::north::operator::password::StoredHash;
+use crate::profile::reader::{Given, Place, Written};
+use ipnet::IpNet;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+/// Most users. A person has one name, and there are few at a gateway.
+const USERS_MAX: usize = 64;
+
+/// The HTTP listener.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct HttpSettings {
+    /// Address and port. No other listener has the same.
+    pub listen: SocketAddr,
+    /// Who may connect; nothing: whoever can, which is this host only (a listener elsewhere has a list).
+    pub allow: Option<Vec<IpNet>>,
+    /// Names by which browsers may call the gateway besides addresses and the host's own, in lower case.
+    pub hosts: Vec<String>,
+    /// Who may sign in and command; nobody: the page only shows. Only on loopback or with TLS.
+    pub users: Vec<UserSettings>,
+    /// How connections are encrypted; nothing: they are not.
+    pub tls: Option<HttpTls>,
+}
+
+/// Somebody who may sign in on the page.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UserSettings {
+    /// Unique among the users; the owner of what is commanded.
+    pub name: CommanderName,
+    /// The password as a hash.
+    pub hash: HashSource,
+}
+
+/// Where the hash of a password is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum HashSource {
+    /// In the configuration.
+    Text(StoredHash),
+    /// It is the text of the file at this absolute path.
+    File(PathBuf),
+}
+
+/// TLS of the HTTP listener. Absolute paths.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct HttpTls {
+    /// The gateway's certificate with its chain.
+    pub cert_file: PathBuf,
+    /// Its key.
+    pub key_file: PathBuf,
+}
+
+/// The ready settings of `http`, which stands in `file`; nothing: see `problems`.
+pub(super) fn settle(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) -> Option<HttpSettings> {
+    guarded(&http.listen, &http.allow, &http.place, problems);
+    users_are_protected(http, problems);
+    users_command(http, file, problems);
+    names_are_unique(&http.users, problems);
+    let hosts = hosts(&http.hosts, problems);
+    let users: Vec<_> = http.users.iter().map(|user| ready_user(user, problems)).collect();
+    let tls = match &http.tls {
+        Given::LeftOut => None,
+        Given::Unusable => return None,
+        Given::Usable(tls) => Some(HttpTls {
+            cert_file: tls.value.cert_file.as_ref()?.value.clone(),
+            key_file: tls.value.key_file.as_ref()?.value.clone(),
+        }),
+    };
+    Some(HttpSettings {
+        listen: http.listen.as_ref()?.value,
+        allow: http.allow.clone().optional()?,
+        hosts: hosts?,
+        users: users.into_iter().collect::<Option<_>>()?,
+        tls,
+    })
+}
+
+/// A password never crosses the network in plain view.
+fn users_are_protected(http: &HttpFile, problems: &mut Vec<Problem>) {
+    let elsewhere = http.listen.as_ref().filter(|listen| !is_loopback(listen.value.ip()));
+    let (Some(listen), false, Given::LeftOut) = (elsewhere, http.users.is_empty(), &http.tls) else { return };
+    let what = format!(
+        "{} can be reached from other hosts, and passwords would cross the network in plain view",
+        listen.value
+    );
+    let right = "`[http.tls]` with `cert_file` and `key_file`, or a loopback address, or no `users`";
+    problems.push(http.place.missing("tls").problem(what).right(right));
+}
+
+/// Whoever may sign in may command something.
+fn users_command(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) {
+    let Some(user) = http.users.first() else { return };
+    let takes = |control: &Given<super::file::ControlFile>| match control {
+        Given::LeftOut => false,
+        Given::Unusable => true,
+        Given::Usable(control) => control.value.from.is_none() || control.value.names(Way::Page).is_some(),
+    };
+    if !file.lines.iter().flat_map(|line| &line.drives).any(|drive| takes(&drive.control)) {
+        let problem = user.place.problem("no drive takes commands from \"page\"");
+        problems.push(problem.right("`from = [\"page\"]` in the `[line.drive.control]` of a drive, or no `users`"));
+    }
+    if let Some(user) = http.users.get(USERS_MAX) {
+        problems.push(user.place.problem("there are too many users").right(format!("at most {USERS_MAX}")));
+    }
+}
+
+fn names_are_unique(users: &[HttpUserFile], problems: &mut Vec<Problem>) {
+    let names: Vec<_> = users.iter().filter_map(|user| user.name.as_ref()).collect();
+    for (index, name) in names.iter().enumerate() {
+        if let Some(first) = names.iter().take(index).find(|earlier| earlier.value == name.value) {
+            let what = format!("the name `{}` is taken by {}", name.value, first.place.key);
+            problems.push(name.place.problem(what).right("a name that no other user has"));
+        }
+    }
+}
+
+/// The names in lower case, as they are compared.
+fn hosts(given: &Given<Vec<Written<String>>>, problems: &mut Vec<Problem>) -> Option<Vec<String>> {
+    let list = match given {
+        Given::LeftOut => return Some(Vec::new()),
+        Given::Unusable => return None,
+        Given::Usable(list) => &list.value,
+    };
+    let host = |written: &Written<String>| match host_and_port(&written.value) {
+        Some((host, None)) => Some(host.to_ascii_lowercase()),
+        _ => {
+            let problem = written.place.problem(format!("`{}` is no name of a host", written.value));
+            problems.push(problem.right("a name without a port, as \"gateway.plant.example\""));
+            None
+        }
+    };
+    list.iter().map(host).collect::<Vec<_>>().into_iter().collect()
+}
+
+fn ready_user(user: &HttpUserFile, problems: &mut Vec<Problem>) -> Option<UserSettings> {
+    let hash = match (&user.password_hash, &user.password_hash_file) {
+        (Given::Usable(text), Given::LeftOut) => read_hash(text, problems).map(HashSource::Text),
+        (Given::LeftOut, Given::Usable(file)) => Some(HashSource::File(file.value.clone())),
+        (Given::LeftOut, Given::LeftOut) => {
+            one_is_needed(&user.place.missing("password_hash_file"), "the user has no password", problems);
+            None
+        }
+        (Given::Usable(_), Given::Usable(file)) => {
+            one_is_needed(&file.place, "the user has a `password_hash` already", problems);
+            None
+        }
+        _ => None,
+    };
+    Some(UserSettings { name: user.name.as_ref()?.value, hash: hash? })
+}
+
+fn one_is_needed(place: &Place, what: &str, problems: &mut Vec<Problem>) {
+    let right = "`password_hash_file` with the file that holds what `vfd-gateway password` prints, or `password_hash` with that itself";
+    problems.push(place.problem(what).right(right));
+}
+
+fn read_hash(text: &Written<String>, problems: &mut Vec<Problem>) -> Option<StoredHash> {
+    // What is no hash may be a password, which belongs into no message.
+    let unfit = |why| text.place.problem(format!("the text {why}")).right("what `vfd-gateway password` prints");
+    StoredHash::parse(&text.value).map_err(|why| problems.push(unfit(why))).ok()
+}

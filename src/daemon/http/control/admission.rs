@@ -1,0 +1,140 @@
+//! What a request must bring that changes something: the own page as its origin, a session, and the token that only that page
+//! has been told.
+
+use super::Control;
+use crate::daemon::clock;
+use crate::daemon::http::refusal;
+use crate::domain::ids::CommanderName;
+use crate::north::operator::body::BODY_BYTES_MAX;
+use crate::north::operator::request::{is_own_page, key_text, session_id};
+use crate::north::operator::sessions::Key;
+use axum::body::{Body, Bytes, to_bytes};
+use axum::extract::Request;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::Response;
+use ring::digest::{Context, SHA256};
+use std::time::Duration;
+use tokio::time::timeout;
+
+/// The header with the token.
+const TOKEN_HEADER: &str = "x-csrf-token";
+/// Most time for a body.
+const BODY_WITHIN: Duration = Duration::from_secs(10);
+
+/// What is answered instead. It is large, and rare.
+pub(super) type Refused = Box<Response>;
+
+/// A request of somebody who is signed in.
+pub(super) struct Admitted {
+    pub user: CommanderName,
+    pub body: Bytes,
+    /// By which the session is known.
+    pub key: Key,
+}
+
+/// A refusal in words.
+pub(super) fn refused(status: StatusCode, error: &str) -> Refused {
+    Box::new(refusal(status, error))
+}
+
+/// A digest of a session's id for one purpose, from which neither the id nor a digest for another one can be told.
+pub(super) fn digest(purpose: &str, id: &[u8]) -> Key {
+    let mut context = Context::new(&SHA256);
+    context.update(purpose.as_bytes());
+    context.update(&[0]);
+    context.update(id);
+    let mut key = Key::default();
+    for (to, from) in key.iter_mut().zip(context.finish().as_ref()) {
+        *to = *from;
+    }
+    key
+}
+
+/// By which the session with `id` is known.
+pub(super) fn key_of(id: &Key) -> Key {
+    digest("session", id)
+}
+
+/// The token of the session with `id`.
+pub(super) fn token_of(id: &Key) -> String {
+    key_text(&digest("token", id))
+}
+
+/// The session's id that a request names.
+pub(super) fn id_in(headers: &HeaderMap) -> Option<Key> {
+    headers.get_all(header::COOKIE).iter().find_map(|cookies| session_id(cookies.to_str().ok()?))
+}
+
+/// Takes a request of somebody who is signed in.
+///
+/// # Errors
+/// What is answered instead.
+pub(super) async fn admit(control: &Control, request: Request) -> Result<Admitted, Refused> {
+    is_possible(control)?;
+    let (parts, body) = request.into_parts();
+    comes_from_own_page(&parts.headers)?;
+    let signed_out = || refused(StatusCode::UNAUTHORIZED, "you are not signed in");
+    let id = id_in(&parts.headers).ok_or_else(signed_out)?;
+    let key = key_of(&id);
+    control.sessions().user(clock::now(), &key).ok_or_else(signed_out)?;
+    let token = parts.headers.get(TOKEN_HEADER).map(header::HeaderValue::as_bytes);
+    // Digests of both are compared: how far they are equal tells nothing.
+    let is_right = token.is_some_and(|token| digest("compare", token) == digest("compare", token_of(&id).as_bytes()));
+    if !is_right {
+        return Err(refused(
+            StatusCode::FORBIDDEN,
+            "the header X-CSRF-Token with the token of this session is missing",
+        ));
+    }
+    let body = json_body(&parts.headers, body).await?;
+    let user = control.sessions().used(clock::now(), &key).ok_or_else(signed_out)?;
+    Ok(Admitted { user, body, key })
+}
+
+/// Whether anybody can sign in.
+///
+/// # Errors
+/// What is answered instead.
+pub(super) fn is_possible(control: &Control) -> Result<(), Refused> {
+    if control.front.load().users().is_empty() {
+        let what = "nothing can be commanded from the page: no `users` are configured in [http]";
+        return Err(refused(StatusCode::FORBIDDEN, what));
+    }
+    Ok(())
+}
+
+/// Whether no other page has sent the request. What is no browser says nothing of that.
+///
+/// # Errors
+/// What is answered instead.
+pub(super) fn comes_from_own_page(headers: &HeaderMap) -> Result<(), Refused> {
+    let host = headers.get(header::HOST).and_then(|host| host.to_str().ok()).unwrap_or_default();
+    let is_own = |origin: &header::HeaderValue| origin.to_str().is_ok_and(|origin| is_own_page(origin, host));
+    if headers.get_all(header::ORIGIN).iter().all(is_own) {
+        return Ok(());
+    }
+    let what =
+        "another page has sent this request; a proxy in front of the gateway must pass the header Host on as it is";
+    Err(refused(StatusCode::FORBIDDEN, what))
+}
+
+/// The body of a request, which is JSON or nothing.
+///
+/// # Errors
+/// What is answered instead.
+pub(super) async fn json_body(headers: &HeaderMap, body: Body) -> Result<Bytes, Refused> {
+    let body = match timeout(BODY_WITHIN, to_bytes(body, BODY_BYTES_MAX)).await {
+        Ok(Ok(body)) => body,
+        Ok(Err(_)) => {
+            let what = format!("the body is longer than {BODY_BYTES_MAX} bytes, or broke off");
+            return Err(refused(StatusCode::PAYLOAD_TOO_LARGE, &what));
+        }
+        Err(_) => return Err(refused(StatusCode::REQUEST_TIMEOUT, "the body did not come in time")),
+    };
+    let kind = headers.get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
+    let is_json = kind.split(';').next().is_some_and(|kind| kind.trim().eq_ignore_ascii_case("application/json"));
+    if is_json || (body.is_empty() && kind.is_empty()) {
+        return Ok(body);
+    }
+    Err(refused(StatusCode::UNSUPPORTED_MEDIA_TYPE, "the content type must be application/json"))
+}

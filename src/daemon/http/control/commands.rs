@@ -1,0 +1,132 @@
+//! What somebody who is signed in orders: of one drive, or a stop of all.
+
+use super::Control;
+use super::admission::{Admitted, admit};
+use crate::daemon::http::routes::json;
+use crate::daemon::http::{refusal, setup};
+use crate::daemon::local::Who;
+use crate::daemon::shared::SharedDrive;
+use crate::domain::command::{Order, Outcome, Reason, Report};
+use crate::journal::Tried;
+use crate::north::command_words::Refused;
+use crate::north::operator::body::{Wish, is_empty, wish};
+use axum::extract::{Path, Request, State};
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use serde_json::{Value, json};
+use std::sync::Arc;
+
+/// So much of a body that is not understood stands in the audit, in characters.
+const KEPT_CHARS: usize = 200;
+
+/// Carries out what somebody wants of a drive, and tells what became of it.
+pub(super) async fn command(
+    State(control): State<Arc<Control>>,
+    Path(name): Path<String>,
+    request: Request,
+) -> Response {
+    let Admitted { user, body, .. } = match admit(&control, request).await {
+        Ok(admitted) => admitted,
+        Err(refused) => return *refused,
+    };
+    let (who, drive) = (Who::signed_in(user), find(&control, &name));
+    let place = drive.as_ref().map(|drive| drive.description.place);
+    let keep = |reason| {
+        let text = format!("{name}: {}", String::from_utf8_lossy(&body));
+        let tried = Tried::Text(text.chars().take(KEPT_CHARS).collect());
+        control.side.keep(who, place, tried, Report::refused(reason));
+    };
+    let Some(drive) = &drive else {
+        keep(Reason::UnknownDrive);
+        return unknown(&control, &name);
+    };
+    match wish(&body) {
+        Ok(wish) => json(&told(drive, carry_out(&control, who, drive, wish).await)).into_response(),
+        Err(Refused { reason, message }) => {
+            keep(reason);
+            let mut answer = told(drive, Report::refused(reason));
+            answer["message"] = message.as_str().into();
+            answer["error"] = message.into();
+            (StatusCode::BAD_REQUEST, json(&answer)).into_response()
+        }
+    }
+}
+
+async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: Wish) -> Report {
+    let place = drive.description.place;
+    let Wish { takes, order } = wish;
+    let taken = if takes { Some(control.side.command(who, place, Order::Take).await) } else { None };
+    let is_refused = taken.is_some_and(|taken| taken.outcome != Outcome::Acknowledged);
+    match (taken, order) {
+        (Some(taken), None) => taken,
+        (Some(taken), Some(_)) if is_refused => taken,
+        (_, Some(order)) => control.side.command(who, place, order).await,
+        (None, None) => Report::refused(Reason::NotUnderstood),
+    }
+}
+
+/// Renews the lease of whoever is signed in.
+pub(super) async fn renew(State(control): State<Arc<Control>>, Path(name): Path<String>, request: Request) -> Response {
+    let Admitted { user, body, .. } = match admit(&control, request).await {
+        Ok(admitted) => admitted,
+        Err(refused) => return *refused,
+    };
+    if !is_empty(&body) {
+        return refusal(StatusCode::BAD_REQUEST, "an empty body is expected: {}");
+    }
+    let Some(drive) = find(&control, &name) else { return unknown(&control, &name) };
+    let report = control.side.command(Who::signed_in(user), drive.description.place, Order::Renew).await;
+    if report.outcome == Outcome::Acknowledged {
+        return StatusCode::NO_CONTENT.into_response();
+    }
+    let mut answer = told(&drive, report);
+    answer["error"] = report.message().into();
+    (StatusCode::CONFLICT, json(&answer)).into_response()
+}
+
+/// Stops every drive that may be commanded from the page. All are ordered before any is waited for, so that their lines can
+/// stop them by one frame.
+pub(super) async fn stop_all(State(control): State<Arc<Control>>, request: Request) -> Response {
+    let Admitted { user, body, .. } = match admit(&control, request).await {
+        Ok(admitted) => admitted,
+        Err(refused) => return *refused,
+    };
+    if !is_empty(&body) {
+        return refusal(StatusCode::BAD_REQUEST, "an empty body is expected: {}");
+    }
+    let (who, shared) = (Who::signed_in(user), control.side.shared());
+    let order = Order::Stop { setpoint: None };
+    let is_ours = |drive: &&Arc<SharedDrive>| drive.description.control.as_ref().is_some_and(|it| it.from_page);
+    let drives: Vec<_> = shared.drives.iter().filter(is_ours).collect();
+    let ordered = drives.iter().map(|drive| control.side.order(who, drive.description.place, order.clone()));
+    let ordered: Vec<_> = ordered.collect();
+    tracing::info!(%user, drives = ordered.len(), "stop of all drives from the page");
+    if ordered.is_empty() {
+        control.side.keep(who, None, Tried::Order(order), Report::refused(Reason::ReadOnly));
+        return refusal(StatusCode::CONFLICT, "no drive takes commands from the page");
+    }
+    let mut ends = Vec::with_capacity(drives.len());
+    for (drive, ordered) in drives.into_iter().zip(ordered) {
+        ends.push(told(drive, ordered.end().await));
+    }
+    json(&json!({ "drives": ends })).into_response()
+}
+
+/// What became of an order.
+fn told(drive: &SharedDrive, report: Report) -> Value {
+    let mut told = setup::outcome(drive.description.name.as_str(), report, Vec::new());
+    told["holder"] = report.holder.map(|holder| holder.to_string()).into();
+    told
+}
+
+fn find(control: &Control, name: &str) -> Option<Arc<SharedDrive>> {
+    control.side.shared().drives.iter().find(|drive| drive.description.name.as_str() == name).cloned()
+}
+
+fn unknown(control: &Control, name: &str) -> Response {
+    let shared = control.side.shared();
+    let names: Vec<_> = shared.drives.iter().map(|drive| drive.description.name.as_str()).collect();
+    let name: String = name.chars().take(64).collect();
+    let answer = json!({ "error": format!("there is no drive `{name}`"), "drives": names });
+    (StatusCode::NOT_FOUND, json(&answer)).into_response()
+}

@@ -1,0 +1,78 @@
+//! Control from the page: who signs in, and what they order. It goes the way of the program's own tools, and the guard
+//! reviews it as it does everybody's orders.
+
+mod admission;
+mod commands;
+mod sign_in;
+#[cfg(test)]
+mod tests;
+
+use super::front::Front;
+use crate::daemon::local::LocalSide;
+use crate::domain::ids::CommanderName;
+use crate::north::operator::attempts::Attempts;
+use crate::north::operator::sessions::Sessions;
+use arc_swap::ArcSwap;
+use axum::Router;
+use axum::routing::{get, post};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use tokio::sync::Semaphore;
+
+/// Most passwords that are compared at once: each takes 19 MiB and more, and a core for a while.
+const VERIFICATIONS_MAX: usize = 2;
+
+/// Who is signed in, and the way of their orders.
+#[derive(Debug)]
+pub struct Control {
+    side: Arc<LocalSide>,
+    front: Arc<ArcSwap<Front>>,
+    sessions: Mutex<Sessions>,
+    attempts: Mutex<Attempts>,
+    verifications: Arc<Semaphore>,
+}
+
+impl Control {
+    /// Nobody is signed in. Orders go through `side`, and users are those of `front`.
+    #[must_use]
+    pub fn new(side: Arc<LocalSide>, front: Front) -> Self {
+        Self {
+            side,
+            front: Arc::new(ArcSwap::from_pointee(front)),
+            sessions: Mutex::default(),
+            attempts: Mutex::default(),
+            verifications: Arc::new(Semaphore::new(VERIFICATIONS_MAX)),
+        }
+    }
+
+    /// Asks of whoever comes what `front` says from now on. Whoever is not in it any more, or has another password there, is
+    /// signed out; the others notice nothing.
+    pub fn change(&self, front: Front) {
+        let before = self.front.swap(Arc::new(front));
+        let front = self.front.load();
+        self.sessions().keep(|user: CommanderName| front.knows_as(&before, user));
+    }
+
+    /// What the listener asks of whoever comes.
+    pub(super) const fn front(&self) -> &Arc<ArcSwap<Front>> {
+        &self.front
+    }
+
+    fn sessions(&self) -> MutexGuard<'_, Sessions> {
+        self.sessions.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn attempts(&self) -> MutexGuard<'_, Attempts> {
+        self.attempts.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The routes of those who sign in. Orders have no bound of their own: a connection gives one after the other, and
+/// connections are bounded.
+pub(super) fn router(control: Arc<Control>) -> Router {
+    Router::new()
+        .route("/api/v1/session", get(sign_in::session).post(sign_in::sign_in).delete(sign_in::sign_out))
+        .route("/api/v1/drives/{name}/command", post(commands::command))
+        .route("/api/v1/drives/{name}/lease", post(commands::renew))
+        .route("/api/v1/stop", post(commands::stop_all))
+        .with_state(control)
+}

@@ -1,0 +1,122 @@
+//! Signing in and out.
+
+use super::Control;
+use super::admission::{Refused, admit, comes_from_own_page, id_in, is_possible, json_body, key_of, refused, token_of};
+use crate::daemon::clock;
+use crate::daemon::http::entrance::Peer;
+use crate::daemon::http::front::User;
+use crate::daemon::http::routes::json;
+use crate::domain::ids::CommanderName;
+use crate::north::operator::body::{self, SIGN_IN_EXAMPLE};
+use crate::north::operator::request::{COOKIE, key_text};
+use crate::north::operator::sessions::Key;
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use ring::rand::{SecureRandom, SystemRandom};
+use serde_json::{Value, json};
+use std::net::{IpAddr, Ipv4Addr};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::time::timeout;
+
+/// Longest wait until a password can be compared.
+const VERIFIED_WITHIN: Duration = Duration::from_secs(5);
+
+/// Whether control is possible, and who is signed in.
+pub(super) async fn session(State(control): State<Arc<Control>>, headers: HeaderMap) -> Response {
+    let is_enabled = !control.front.load().users().is_empty();
+    let id = id_in(&headers).filter(|_| is_enabled);
+    let user = |id: &Key| control.sessions().user(clock::now(), &key_of(id));
+    let of = id.and_then(|id| Some((user(&id)?, token_of(&id))));
+    let (user, token) = of.map_or((Value::Null, Value::Null), |(user, token)| (user.as_str().into(), token.into()));
+    json(&json!({ "enabled": is_enabled, "user": user, "token": token })).into_response()
+}
+
+/// Signs in.
+pub(super) async fn sign_in(State(control): State<Arc<Control>>, request: Request) -> Response {
+    match signed_in(&control, request).await {
+        Ok(answer) => answer,
+        Err(refused) => *refused,
+    }
+}
+
+async fn signed_in(control: &Control, request: Request) -> Result<Response, Refused> {
+    is_possible(control)?;
+    let (parts, body) = request.into_parts();
+    comes_from_own_page(&parts.headers)?;
+    let body = json_body(&parts.headers, body).await?;
+    let expected = || refused(StatusCode::BAD_REQUEST, &format!("a body such as {SIGN_IN_EXAMPLE} is expected"));
+    let (name, password) = body::sign_in(&body).ok_or_else(expected)?;
+    let peer = parts.extensions.get::<Peer>().map_or(IpAddr::V4(Ipv4Addr::LOCALHOST), |Peer(peer)| *peer);
+    control.attempts().begin(clock::now(), peer).map_err(|wait| wait_first(wait, peer))?;
+    let Some(user) = verified(control, &name, password).await? else {
+        tracing::warn!(%peer, "a sign-in on the page failed");
+        return Err(refused(StatusCode::UNAUTHORIZED, "the user or the password is wrong"));
+    };
+    control.attempts().succeeded(peer);
+    let id =
+        random().ok_or_else(|| refused(StatusCode::INTERNAL_SERVER_ERROR, "the system gives no random numbers"))?;
+    if let Some(before) = id_in(&parts.headers) {
+        control.sessions().close(&key_of(&before));
+    }
+    control.sessions().open(clock::now(), key_of(&id), user);
+    tracing::info!(%user, %peer, "signed in on the page");
+    let mut answer = json(&json!({ "user": user.as_str(), "token": token_of(&id) })).into_response();
+    set_cookie(control, &mut answer, &key_text(&id), "");
+    Ok(answer)
+}
+
+fn wait_first(wait: Duration, peer: IpAddr) -> Refused {
+    tracing::debug!(%peer, ?wait, "a sign-in on the page has to wait");
+    let seconds = wait.as_secs() + u64::from(wait.subsec_nanos() > 0);
+    let mut answer =
+        refused(StatusCode::TOO_MANY_REQUESTS, &format!("too many sign-ins have failed: try again in {seconds} s"));
+    answer.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(seconds));
+    answer
+}
+
+/// The user called `name`, if this is the password. It takes as long for a user who does not exist.
+async fn verified(control: &Control, name: &str, password: String) -> Result<Option<CommanderName>, Refused> {
+    let busy = || refused(StatusCode::SERVICE_UNAVAILABLE, "too many sign in at once: try again");
+    let place = timeout(VERIFIED_WITHIN, Arc::clone(&control.verifications).acquire_owned()).await;
+    let Ok(Ok(place)) = place else { return Err(busy()) };
+    let front = control.front.load_full();
+    let known = front.users().iter().find(|user| user.name.as_str() == name).cloned();
+    let Some(User { name, hash }) = known.clone().or_else(|| front.users().first().cloned()) else { return Ok(None) };
+    let matches = tokio::task::spawn_blocking(move || {
+        let _place = place;
+        hash.matches(&password)
+    });
+    let matches = matches.await.unwrap_or(false) && known.is_some();
+    // The configuration may be another one by now.
+    Ok(Some(name).filter(|name| matches && control.front.load().knows_as(&front, *name)))
+}
+
+/// Signs out.
+pub(super) async fn sign_out(State(control): State<Arc<Control>>, request: Request) -> Response {
+    let admitted = match admit(&control, request).await {
+        Ok(admitted) => admitted,
+        Err(refused) => return *refused,
+    };
+    control.sessions().close(&admitted.key);
+    tracing::info!(user = %admitted.user, "signed out on the page");
+    let mut answer = StatusCode::NO_CONTENT.into_response();
+    set_cookie(&control, &mut answer, "", "; Max-Age=0");
+    answer
+}
+
+/// 256 random bits.
+fn random() -> Option<Key> {
+    let mut id = Key::default();
+    SystemRandom::new().fill(&mut id).ok().map(|()| id)
+}
+
+/// No script reads the cookie, and no other page has it sent along.
+fn set_cookie(control: &Control, answer: &mut Response, id: &str, more: &str) {
+    let secure = if control.front.load().tls().is_some() { "; Secure" } else { "" };
+    let cookie = format!("{COOKIE}={id}; HttpOnly; SameSite=Strict; Path=/{secure}{more}");
+    if let Ok(cookie) = HeaderValue::from_str(&cookie) {
+        answer.headers_mut().insert(header::SET_COOKIE, cookie);
+    }
+}

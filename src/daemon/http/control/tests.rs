@@ -1,0 +1,252 @@
+//! Sign-in, orders and places over real sockets, with a line that the test plays.
+
+use super::super::front::Front;
+use super::super::tests::{on_a_runtime, state};
+use super::Control;
+use crate::config::{HashSource, HttpSettings, HttpTls, UserSettings};
+use crate::daemon::answers::{AnswerBox, News};
+use crate::daemon::http::{self, CONNECTIONS_MAX, State};
+use crate::daemon::inbox::Message;
+use crate::daemon::local::LocalSide;
+use crate::daemon::shared::Shared;
+use crate::domain::command::{CommandAnswer, CommandRequest, Order, Outcome, Owner, Reason, Report};
+use crate::domain::control::{ControlSettings, FailSafe};
+use crate::domain::frequency::Hertz;
+use crate::domain::ids::CommanderName;
+use crate::north::operator::password::StoredHash;
+use serde_json::{Value, json};
+use std::cell::RefCell;
+use std::net::SocketAddr;
+use std::rc::Rc;
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
+
+const PASSWORD: &str = "correct horse";
+
+fn hash() -> StoredHash {
+    static HASH: OnceLock<StoredHash> = OnceLock::new();
+    HASH.get_or_init(|| StoredHash::make(PASSWORD, &[7; 16]).unwrap()).clone()
+}
+
+fn settings(users: &[&str]) -> HttpSettings {
+    let user = |name: &&str| UserSettings { name: CommanderName::new(name).unwrap(), hash: HashSource::Text(hash()) };
+    HttpSettings {
+        listen: "127.0.0.1:0".parse().unwrap(),
+        allow: None,
+        hosts: vec!["gw.example".to_owned()],
+        users: users.iter().map(user).collect(),
+        tls: None,
+    }
+}
+
+/// Two drives, of which the page may command the first, at a line that confirms all it is told.
+struct House {
+    address: SocketAddr,
+    control: Arc<Control>,
+    heard: Rc<RefCell<Vec<(Owner, Order)>>>,
+}
+
+fn house_of(users: &[&str]) -> House {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    listener.set_nonblocking(true).unwrap();
+    let address = listener.local_addr().unwrap();
+    let plain = state(false);
+    let shared = plain.shared.get();
+    let lost = (FailSafe::Stop, Duration::from_secs(3));
+    let control = ControlSettings::new((Hertz::ZERO, Hertz::from_millihertz(50_000)), lost, FailSafe::Stop);
+    let drive = |name: &str, index, from_page| {
+        let mut description = shared.drives[0].description.clone();
+        description.name = crate::domain::ids::Name::new(name).unwrap();
+        description.place.drive = crate::domain::ids::DriveIndex(index);
+        description.control = Some(Arc::new(ControlSettings { from_page, ..control.clone() }));
+        description
+    };
+    let line = (shared.lines[0].name.clone(), shared.lines[0].interface);
+    let shared = Arc::new(Shared::new(vec![line], vec![drive("pump-1", 0, true), drive("pump-2", 1, false)]));
+    let state = State { shared: Arc::clone(&shared).into(), mqtt: None.into(), ..Arc::into_inner(plain).unwrap() };
+    let (answers, heard) = (Arc::<AnswerBox>::default(), Rc::<RefCell<Vec<_>>>::default());
+    let side = Arc::new(LocalSide::new(Arc::clone(&shared), None));
+    tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&answers)));
+    tokio::task::spawn_local(play(shared, answers, Rc::clone(&heard)));
+    let control = Arc::new(Control::new(side, Front::read(&settings(users)).unwrap()));
+    let listener = TcpListener::from_std(listener).unwrap();
+    tokio::task::spawn_local(http::serve(listener, Arc::new(state), Arc::clone(&control)));
+    House { address, control, heard }
+}
+
+async fn play(shared: Arc<Shared>, answers: Arc<AnswerBox>, heard: Rc<RefCell<Vec<(Owner, Order)>>>) {
+    let mut batch = Vec::new();
+    loop {
+        shared.lines[0].inbox.take(&mut batch);
+        let mut news = Vec::new();
+        for message in batch.drain(..) {
+            let Message::Command(CommandRequest { asker, ticket, drive, origin, order, .. }) = message else {
+                panic!("{message:?}")
+            };
+            let report = match &order {
+                Order::Renew => Report::new(Outcome::Acknowledged, Reason::Unchanged),
+                Order::Take => Report::held_by(Owner::Mqtt),
+                _ => Report::new(Outcome::Confirmed, Reason::None),
+            };
+            heard.borrow_mut().push((origin.owner, order));
+            news.push(News::Command(CommandAnswer { asker, ticket, drive, report, is_final: true }));
+        }
+        answers.put(&mut news);
+        tokio::time::sleep(Duration::from_millis(1)).await;
+    }
+}
+
+impl House {
+    async fn ask(&self, method: &str, path: &str, head: &str, body: &str) -> (u16, String, Value) {
+        let stream = TcpStream::connect(self.address).await.unwrap();
+        self.ask_on(stream, method, path, head, body).await
+    }
+
+    async fn ask_on(
+        &self,
+        mut stream: TcpStream,
+        method: &str,
+        path: &str,
+        head: &str,
+        body: &str,
+    ) -> (u16, String, Value) {
+        let request = format!(
+            "{method} {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n{head}Content-Type: application/json\r\n\
+             Content-Length: {}\r\n\r\n{body}",
+            body.len()
+        );
+        stream.write_all(request.as_bytes()).await.unwrap();
+        let mut text = String::new();
+        stream.read_to_string(&mut text).await.unwrap();
+        let (head, body) = text.split_once("\r\n\r\n").unwrap();
+        let status = head.split(' ').nth(1).unwrap().parse().unwrap();
+        (status, head.to_owned(), serde_json::from_str(body).unwrap_or(Value::Null))
+    }
+
+    /// The headers of somebody who has signed in as `user`.
+    async fn sign_in(&self, user: &str) -> String {
+        let body = json!({ "user": user, "password": PASSWORD }).to_string();
+        let (status, head, body) = self.ask("POST", "/api/v1/session", "", &body).await;
+        assert_eq!(status, 200, "{body}");
+        let cookie = head.lines().find_map(|line| line.strip_prefix("set-cookie: ")).unwrap();
+        let (cookie, _) = cookie.split_once(';').unwrap();
+        format!("Cookie: {cookie}\r\nX-CSRF-Token: {}\r\n", body["token"].as_str().unwrap())
+    }
+}
+
+fn owner(name: &str) -> Owner {
+    Owner::Page(CommanderName::new(name).unwrap())
+}
+
+#[test]
+fn orders_go_to_the_line_under_the_name_of_whoever_is_signed_in() {
+    on_a_runtime(async {
+        let house = house_of(&["anna"]);
+        let head = house.sign_in("anna").await;
+        let (status, _, told) = house.ask("POST", "/api/v1/drives/pump-1/command", &head, r#"{"reset": true}"#).await;
+        assert_eq!((status, &told["drive"], &told["outcome"]), (200, &"pump-1".into(), &"confirmed".into()));
+        let (status, _, _) = house.ask("POST", "/api/v1/drives/pump-1/lease", &head, "{}").await;
+        assert_eq!(status, 204);
+        let body = r#"{"take": true, "run": "forward"}"#;
+        let (_, _, told) = house.ask("POST", "/api/v1/drives/pump-1/command", &head, body).await;
+        assert_eq!(told["holder"], "mqtt", "what cannot be taken is not commanded: {told}");
+        let (status, _, told) = house.ask("POST", "/api/v1/stop", &head, "").await;
+        let names: Vec<_> = told["drives"].as_array().unwrap().iter().map(|it| it["drive"].clone()).collect();
+        assert_eq!((status, names), (200, vec!["pump-1".into()]), "only what the page may command");
+        let stop = Order::Stop { setpoint: None };
+        let right = [Order::Reset, Order::Renew, Order::Take, stop].map(|order| (owner("anna"), order));
+        assert_eq!(*house.heard.borrow(), right);
+    });
+}
+
+#[test]
+fn a_new_front_signs_out_whoever_is_not_in_it_any_more() {
+    on_a_runtime(async {
+        let house = house_of(&["anna", "bob", "carl"]);
+        let (anna, bob, carl) = (house.sign_in("anna").await, house.sign_in("bob").await, house.sign_in("carl").await);
+        let mut next = settings(&["bob", "carl"]);
+        next.users[1].hash = HashSource::Text(StoredHash::make("another horse", &[8; 16]).unwrap());
+        house.control.change(Front::read(&next).unwrap());
+        let user = async |head: &str| house.ask("GET", "/api/v1/session", head, "").await.2["user"].clone();
+        assert_eq!((user(&anna).await, user(&bob).await, user(&carl).await), (Value::Null, "bob".into(), Value::Null));
+        house.control.change(Front::read(&settings(&[])).unwrap());
+        assert_eq!(house.ask("POST", "/api/v1/stop", &bob, "{}").await.0, 403);
+    });
+}
+
+#[test]
+fn a_new_list_of_networks_holds_for_connections_that_are_there() {
+    on_a_runtime(async {
+        let house = house_of(&[]);
+        let mut open = TcpStream::connect(house.address).await.unwrap();
+        open.write_all(b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n").await.unwrap();
+        let mut answer = Vec::new();
+        while !answer.ends_with(b"ok\n") {
+            assert_ne!(open.read_buf(&mut answer).await.unwrap(), 0, "{}", String::from_utf8_lossy(&answer));
+        }
+        let elsewhere = HttpSettings { allow: Some(vec!["10.0.0.0/8".parse().unwrap()]), ..settings(&[]) };
+        house.control.change(Front::read(&elsewhere).unwrap());
+        assert_eq!(house.ask_on(open, "GET", "/healthz", "", "").await.0, 403);
+        let mut refused = TcpStream::connect(house.address).await.unwrap();
+        assert_eq!(refused.read(&mut [0; 1]).await.unwrap_or(0), 0, "new ones are closed");
+    });
+}
+
+#[test]
+fn names_that_are_not_ours_are_misdirected() {
+    on_a_runtime(async {
+        let house = house_of(&[]);
+        for (host, status) in [
+            ("Host: gw.example\r\n", 200),
+            ("", 200),
+            ("Host: evil.example\r\n", 421),
+            ("Host: localhost\r\nHost: localhost\r\n", 421),
+        ] {
+            let mut stream = TcpStream::connect(house.address).await.unwrap();
+            let request = format!("GET /healthz HTTP/1.1\r\n{host}Connection: close\r\n\r\n");
+            stream.write_all(request.as_bytes()).await.unwrap();
+            let mut text = String::new();
+            stream.read_to_string(&mut text).await.unwrap();
+            assert!(text.starts_with(&format!("HTTP/1.1 {status} ")), "{host}: {text}");
+            assert!(text.contains("content-security-policy: default-src 'self';"), "{text}");
+        }
+    });
+}
+
+#[test]
+fn a_full_house_has_room_for_one_more() {
+    on_a_runtime(async {
+        let house = house_of(&["anna"]);
+        let head = house.sign_in("anna").await;
+        let mut held = Vec::new();
+        for _ in 0..CONNECTIONS_MAX {
+            held.push(TcpStream::connect(house.address).await.unwrap());
+        }
+        // Whoever connected last has its place.
+        let last = held.pop().unwrap();
+        let (status, ..) = house.ask("POST", "/api/v1/stop", &head, "{}").await;
+        assert_eq!(status, 200);
+        let mut first = held.swap_remove(0);
+        let closed = tokio::time::timeout(Duration::from_secs(5), first.read(&mut [0; 1])).await.unwrap();
+        assert_eq!(closed.unwrap_or(0), 0, "the one that came first gave way");
+        assert_eq!(house.ask_on(last, "GET", "/healthz", "", "").await.0, 200);
+    });
+}
+
+#[test]
+fn files_that_cannot_be_used_are_all_told() {
+    let mut wrong = settings(&["anna"]);
+    wrong.users[0].hash = HashSource::File("/nonexistent/anna.hash".into());
+    let (cert_file, key_file) = ("/nonexistent/cert.pem".into(), "/nonexistent/key.pem".into());
+    wrong.tls = Some(HttpTls { cert_file, key_file });
+    let told = Front::read(&wrong).unwrap_err();
+    for part in ["/nonexistent/anna.hash: ", "/nonexistent/cert.pem: ", "/nonexistent/key.pem: "] {
+        assert!(told.contains(part), "{told}");
+    }
+    wrong.users[0].hash = HashSource::File(file!().into());
+    wrong.tls = None;
+    let told = Front::read(&wrong).unwrap_err();
+    assert!(told.ends_with("right is what `vfd-gateway password` prints"), "{told}");
+}

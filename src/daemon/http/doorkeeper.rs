@@ -1,0 +1,64 @@
+//! What holds for every request over TCP: it comes from an allowed network and calls the gateway by a name of its own, and its
+//! answer tells browsers what they may do with it.
+
+use super::entrance::Peer;
+use super::front::Front;
+use super::refusal;
+use crate::north::operator::request::may_be_called;
+use arc_swap::ArcSwap;
+use axum::extract::{Request, State};
+use axum::http::header::{self, HeaderName};
+use axum::http::{HeaderMap, HeaderValue, StatusCode};
+use axum::middleware::Next;
+use axum::response::Response;
+use std::sync::Arc;
+
+/// Nothing of another host is loaded, shown around the page or told about it.
+const HEADERS: [(HeaderName, HeaderValue); 3] = [
+    (
+        header::CONTENT_SECURITY_POLICY,
+        HeaderValue::from_static(
+            "default-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; object-src 'none'; \
+             base-uri 'none'; form-action 'self'; frame-ancestors 'none'",
+        ),
+    ),
+    (header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff")),
+    (header::REFERRER_POLICY, HeaderValue::from_static("no-referrer")),
+];
+
+/// Lets a request through to its route, or refuses it.
+pub(super) async fn look(State(front): State<Arc<ArcSwap<Front>>>, request: Request, next: Next) -> Response {
+    let is_api = request.uri().path().starts_with("/api/");
+    let mut answer = match refused(&front.load(), &request) {
+        Some(refused) => refused,
+        None => next.run(request).await,
+    };
+    answer.headers_mut().extend(HEADERS);
+    if is_api {
+        answer.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+    }
+    answer
+}
+
+fn refused(front: &Front, request: &Request) -> Option<Response> {
+    // A connection may be older than the list.
+    let is_foreign = request.extensions().get::<Peer>().is_some_and(|Peer(peer)| !front.allows(*peer));
+    if is_foreign {
+        return Some(refusal(StatusCode::FORBIDDEN, "your address is not in `allow` of [http]"));
+    }
+    if is_called_right(front, request.headers()) {
+        return None;
+    }
+    let what = "the gateway is not called by this name: use its address, or add the name to `hosts` in [http]";
+    Some(refusal(StatusCode::MISDIRECTED_REQUEST, what))
+}
+
+/// Browsers always say by which name they call; what says nothing is none.
+fn is_called_right(front: &Front, headers: &HeaderMap) -> bool {
+    let mut called = headers.get_all(header::HOST).iter();
+    match (called.next(), called.next()) {
+        (None, _) => true,
+        (Some(host), None) => host.to_str().is_ok_and(|host| may_be_called(host, front.hosts())),
+        (Some(_), Some(_)) => false,
+    }
+}

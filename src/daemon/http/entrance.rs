@@ -1,0 +1,156 @@
+//! Connections to the HTTP listener on TCP: from allowed networks only, through TLS where that is configured, and never
+//! without a place for one more, so that nobody who has come before holds up a stop.
+
+use super::connections::{CONNECTIONS_MAX, Patience, converse_by};
+use super::front::Front;
+use super::lasting::{self, Lasting, Life};
+use crate::daemon::clock;
+use crate::daemon::told::Told;
+use crate::domain::time::MonoTime;
+use arc_swap::ArcSwap;
+use axum::Router;
+use axum::response::Response;
+use axum::serve::Listener;
+use hyper::Request;
+use hyper::body::Incoming;
+use hyper::service::Service;
+use hyper_util::service::TowerToHyperService;
+use rustls::ServerConfig;
+use std::cell::{Cell, RefCell};
+use std::collections::BTreeMap;
+use std::convert::Infallible;
+use std::net::IpAddr;
+use std::pin::Pin;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::task::AbortHandle;
+use tokio::time::timeout;
+use tokio_rustls::TlsAcceptor;
+
+/// Most time for a TLS handshake.
+const HANDSHAKE_MAX: Duration = Duration::from_secs(5);
+
+/// Where a request comes from, as its routes find it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Peer(pub IpAddr);
+
+/// Serves `router` on `listener` until the task is dropped, as `front` says at each moment.
+pub(super) async fn serve(mut listener: TcpListener, router: Router, front: Arc<ArcSwap<Front>>, patience: Patience) {
+    let (places, lasting, told) = (Rc::<Places>::default(), lasting::places(), Told::default());
+    loop {
+        let (stream, peer) = Listener::accept(&mut listener).await;
+        let (peer, front) = (peer.ip().to_canonical(), front.load());
+        if !front.allows(peer) {
+            told.say(&format!("HTTP: refused {peer}: not in `allow`"));
+            continue;
+        }
+        let (lasting, life) = Lasting::new(Arc::clone(&lasting));
+        let (place, seat) = Places::take(&places, lasting);
+        let guest =
+            Guest { router: TowerToHyperService::new(router.clone()), peer: Peer(peer), seat: Rc::clone(&seat) };
+        let tls = front.tls().cloned();
+        let number = place.number;
+        let task = tokio::task::spawn_local(async move {
+            receive(stream, tls, guest, (patience, life)).await;
+            drop(place);
+        });
+        places.held.borrow_mut().insert(number, Held { seat, task: task.abort_handle() });
+    }
+}
+
+async fn receive(stream: TcpStream, tls: Option<Arc<ServerConfig>>, guest: Guest, (patience, life): (Patience, Life)) {
+    let life = (guest.seat.lasting.clone(), life);
+    let Some(tls) = tls else { return converse_by(stream, guest, patience, life).await };
+    let peer = guest.peer.0;
+    match timeout(HANDSHAKE_MAX, TlsAcceptor::from(tls).accept(stream)).await {
+        Ok(Ok(stream)) => converse_by(stream, guest, patience, life).await,
+        Ok(Err(error)) => tracing::debug!(%peer, %error, "TLS handshake on the HTTP listener failed"),
+        Err(_) => tracing::debug!(%peer, "TLS handshake on the HTTP listener is not finished in time"),
+    }
+}
+
+/// The places of all connections.
+#[derive(Debug, Default)]
+struct Places {
+    held: RefCell<BTreeMap<u64, Held>>,
+    last: Cell<u64>,
+}
+
+#[derive(Debug)]
+struct Held {
+    seat: Rc<Seat>,
+    task: AbortHandle,
+}
+
+/// What a connection does.
+#[derive(Debug)]
+struct Seat {
+    /// A request waits for its answer.
+    is_asking: Cell<bool>,
+    /// When it came, or asked last.
+    seen: Cell<MonoTime>,
+    /// Whether its answer has no end.
+    lasting: Lasting,
+}
+
+/// A place that is free again when this is dropped.
+#[derive(Debug)]
+struct Place {
+    places: Rc<Places>,
+    number: u64,
+}
+
+impl Places {
+    /// A place for one more. Where all are taken, the one that has asked longest ago and waits for no answer gives way; of
+    /// those with an answer without an end there are never so many.
+    fn take(places: &Rc<Self>, lasting: Lasting) -> (Place, Rc<Seat>) {
+        if places.held.borrow().len() >= CONNECTIONS_MAX {
+            places.make_room();
+        }
+        places.last.set(places.last.get() + 1);
+        let seat = Seat { is_asking: Cell::new(false), seen: Cell::new(clock::now()), lasting };
+        (Place { places: Rc::clone(places), number: places.last.get() }, Rc::new(seat))
+    }
+
+    fn make_room(&self) {
+        let mut held = self.held.borrow_mut();
+        let rank = |held: &Held| (held.seat.lasting.is_lasting(), held.seat.is_asking.get(), held.seat.seen.get());
+        let first = held.iter().min_by_key(|(_, it)| rank(it)).map(|(number, _)| *number);
+        if let Some(gone) = first.and_then(|number| held.remove(&number)) {
+            gone.task.abort();
+        }
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.places.held.borrow_mut().remove(&self.number);
+    }
+}
+
+/// The routes as one connection finds them.
+struct Guest {
+    router: TowerToHyperService<Router>,
+    peer: Peer,
+    seat: Rc<Seat>,
+}
+
+impl Service<Request<Incoming>> for Guest {
+    type Response = Response;
+    type Error = Infallible;
+    type Future = Pin<Box<dyn Future<Output = Result<Response, Infallible>>>>;
+
+    fn call(&self, mut request: Request<Incoming>) -> Self::Future {
+        request.extensions_mut().insert(self.peer);
+        self.seat.is_asking.set(true);
+        self.seat.seen.set(clock::now());
+        let (answer, seat) = (self.router.call(request), Rc::clone(&self.seat));
+        Box::pin(async move {
+            let answer = answer.await;
+            seat.is_asking.set(false);
+            answer
+        })
+    }
+}

@@ -1,0 +1,127 @@
+//! What the HTTP listener asks of whoever comes, made ready to use: networks, names, users and a certificate.
+
+use crate::config::{HashSource, HttpSettings, HttpTls, UserSettings};
+use crate::daemon::pem_files::{certificates, key};
+use crate::domain::ids::CommanderName;
+use crate::guard::access::is_in;
+use crate::north::operator::password::StoredHash;
+use ipnet::IpNet;
+use rustix::system::uname;
+use rustls::ServerConfig;
+use rustls::crypto::ring;
+use std::net::IpAddr;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Longest file with a hash in bytes.
+const HASH_FILE_BYTES_MAX: u64 = 4096;
+
+/// What the listener asks of whoever comes. Without a listener nobody comes.
+#[derive(Debug, Default)]
+pub struct Front {
+    allow: Option<Vec<IpNet>>,
+    hosts: Vec<String>,
+    users: Vec<User>,
+    tls: Option<Arc<ServerConfig>>,
+}
+
+/// Somebody who may sign in.
+#[derive(Clone, Debug)]
+pub struct User {
+    /// Whoever it is.
+    pub name: CommanderName,
+    /// The password.
+    pub hash: StoredHash,
+}
+
+impl Front {
+    /// Reads the files that `settings` name. It may take time.
+    ///
+    /// # Errors
+    /// All that is wrong with them, in words.
+    pub fn read(settings: &HttpSettings) -> Result<Self, String> {
+        let mut problems = Vec::new();
+        let users = settings.users.iter().filter_map(|user| read_user(user).map_err(|why| problems.push(why)).ok());
+        let users = users.collect();
+        let tls = settings.tls.as_ref().and_then(|tls| read_tls(tls).map_err(|why| problems.push(why)).ok());
+        if problems.is_empty() {
+            Ok(Self { allow: settings.allow.clone(), hosts: hosts(&settings.hosts), users, tls })
+        } else {
+            Err(problems.join("; "))
+        }
+    }
+
+    /// Whether somebody at `peer` may connect.
+    pub(super) fn allows(&self, peer: IpAddr) -> bool {
+        self.allow.as_ref().is_none_or(|allow| is_in(peer, allow))
+    }
+
+    /// By which names the gateway may be called.
+    pub(super) fn hosts(&self) -> impl Iterator<Item = &str> {
+        self.hosts.iter().map(String::as_str)
+    }
+
+    /// How connections are encrypted, if they are.
+    pub(super) const fn tls(&self) -> Option<&Arc<ServerConfig>> {
+        self.tls.as_ref()
+    }
+
+    /// Who may sign in.
+    pub(super) fn users(&self) -> &[User] {
+        &self.users
+    }
+
+    /// Whether `user` has the same password as in `other`.
+    pub(super) fn knows_as(&self, other: &Self, user: CommanderName) -> bool {
+        let hash = |front: &Self| front.users.iter().find(|it| it.name == user).map(|it| it.hash.clone());
+        hash(self).is_some_and(|known| hash(other) == Some(known))
+    }
+}
+
+/// Those of the configuration, and what the host calls itself, with and without its domain.
+fn hosts(configured: &[String]) -> Vec<String> {
+    let own = uname().nodename().to_string_lossy().to_ascii_lowercase();
+    let first = own.split('.').next().unwrap_or_default().to_owned();
+    let local = format!("{first}.local");
+    let own = [own, first, local].into_iter().filter(|name| !name.is_empty() && name != ".local");
+    configured.iter().cloned().chain(own).collect()
+}
+
+fn read_user(user: &UserSettings) -> Result<User, String> {
+    let hash = match &user.hash {
+        HashSource::Text(hash) => hash.clone(),
+        HashSource::File(path) => read_hash(path).map_err(|why| format!("{}: {why}", path.display()))?,
+    };
+    Ok(User { name: user.name, hash })
+}
+
+fn read_hash(path: &Path) -> Result<StoredHash, String> {
+    let length = std::fs::metadata(path).map_err(|error| error.to_string())?.len();
+    if length > HASH_FILE_BYTES_MAX {
+        return Err(format!("{length} bytes are no hash; right is what `vfd-gateway password` prints"));
+    }
+    let text = std::fs::read_to_string(path).map_err(|error| error.to_string())?;
+    StoredHash::parse(&text).map_err(|why| format!("the text {why}; right is what `vfd-gateway password` prints"))
+}
+
+fn read_tls(tls: &HttpTls) -> Result<Arc<ServerConfig>, String> {
+    let (chain, key) = match (certificates(&tls.cert_file), key(&tls.key_file)) {
+        (Ok(chain), Ok(key)) => (chain, key),
+        (chain, key) => {
+            let problems = [chain.err(), key.err()];
+            let problems: Vec<_> = problems.into_iter().flatten().map(|problem| problem.to_string()).collect();
+            return Err(problems.join("; "));
+        }
+    };
+    // The provider is named, so that it does not matter what other parts of the process install or not.
+    let builder = ServerConfig::builder_with_provider(Arc::new(ring::default_provider()));
+    let builder = builder.with_safe_default_protocol_versions().map_err(|error| error.to_string())?;
+    let mut config = builder.with_no_client_auth().with_single_cert(chain, key).map_err(|error| match error {
+        rustls::Error::InconsistentKeys(_) => {
+            format!("{}: {} is not its key", tls.cert_file.display(), tls.key_file.display())
+        }
+        error => format!("{}: {error}", tls.cert_file.display()),
+    })?;
+    config.alpn_protocols = vec![b"http/1.1".to_vec()];
+    Ok(Arc::new(config))
+}

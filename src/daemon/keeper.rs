@@ -1,0 +1,29 @@
+//! Attempts of one north side that no line saw, on their way to the journal.
+
+use super::north_journal::Journal;
+use crate::domain::command::{Owner, Report};
+use crate::drive::description::DriveRef;
+use crate::journal::{Attempt, AttemptId, Tried};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Numbers attempts and hands them on.
+#[derive(Debug, Default)]
+pub struct Keeper {
+    journal: Journal,
+    last: AtomicU64,
+}
+
+impl Keeper {
+    /// Hands them on to `journal`.
+    #[must_use]
+    pub fn new(journal: Journal) -> Self {
+        Self { journal, last: AtomicU64::default() }
+    }
+
+    /// Keeps what `owner` tried; nothing for the drive: it was for all, or for none that exists.
+    pub fn keep(&self, drive: Option<DriveRef>, owner: Owner, tried: Tried, report: Report) {
+        let Some(journal) = &self.journal else { return };
+        let id = AttemptId(self.last.fetch_add(1, Ordering::Relaxed) + 1);
+        journal.keep(drive, Attempt { id, owner, tried, report: Some(report) });
+    }
+}

@@ -1,0 +1,139 @@
+//! Bodies of requests from the page: everything that is not exactly known is refused by name.
+
+use crate::domain::command::{Go, Order};
+use crate::north::command_words::{
+    Refused, RunWord, frequency, keys_stand_once, known_keys, not_understood, object, only_true, run,
+};
+use serde_json::{Map, Value};
+
+/// Longest body in bytes: a password and some.
+pub const BODY_BYTES_MAX: usize = 4096;
+
+const KEYS: [&str; 4] = ["run", "frequency_hz", "reset", "take"];
+const EXAMPLE: &str = r#"{"run": "forward", "frequency_hz": 42.5}"#;
+/// What a sign-in looks like, for people.
+pub const SIGN_IN_EXAMPLE: &str = r#"{"user": "anna", "password": "..."}"#;
+
+/// What somebody on the page wants of a drive; at least one of both.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wish {
+    /// To take control over first.
+    pub takes: bool,
+    /// To order.
+    pub order: Option<Order>,
+}
+
+/// The wish that `body` writes. A stop stands alone, whatever stands beside it.
+///
+/// # Errors
+/// Why it is none.
+pub fn wish(body: &[u8]) -> Result<Wish, Refused> {
+    let object = object(body, EXAMPLE)?;
+    known_keys(&object, &KEYS)?;
+    keys_stand_once(body, &object)?;
+    let run = run(&object)?;
+    let stop = match run {
+        Some(RunWord::Stop) => Some(Order::Stop { setpoint: None }),
+        Some(RunWord::Coast) => Some(Order::Coast),
+        Some(RunWord::Run(_)) | None => None,
+    };
+    if stop.is_some() {
+        return Ok(Wish { takes: false, order: stop });
+    }
+    let (frequency, is_reset, takes) = (frequency(&object)?, only_true(&object, "reset")?, only_true(&object, "take")?);
+    let direction = match run {
+        Some(RunWord::Run(direction)) => Some(direction),
+        _ => None,
+    };
+    let go = Go::new(Vec::new(), frequency, direction).map(Order::Go);
+    match (go, is_reset) {
+        (Some(_), true) => Err(not_understood("`reset` stands alone: send the rest after it")),
+        (None, true) => Ok(Wish { takes, order: Some(Order::Reset) }),
+        (None, false) if !takes => {
+            Err(not_understood(format!("the command orders nothing; right is, for example, {EXAMPLE}")))
+        }
+        (order, false) => Ok(Wish { takes, order }),
+    }
+}
+
+/// The user and the password in `body`; nothing unless it is an object with them and nothing else.
+#[must_use]
+pub fn sign_in(body: &[u8]) -> Option<(String, String)> {
+    let Value::Object(object) = serde_json::from_slice(body).ok()? else { return None };
+    let text = |object: &Map<String, Value>, key| object.get(key)?.as_str().map(str::to_owned);
+    let found = (text(&object, "user")?, text(&object, "password")?);
+    (object.len() == 2).then_some(found)
+}
+
+/// Whether `body` says nothing: there is none, or an empty object.
+#[must_use]
+pub fn is_empty(body: &[u8]) -> bool {
+    body.is_empty() || matches!(serde_json::from_slice(body), Ok(Value::Object(object)) if object.is_empty())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::command::{Direction, Reason};
+    use crate::domain::frequency::Hertz;
+
+    #[test]
+    fn a_body_orders_what_it_says() {
+        let go = |frequency, run| Go::new(Vec::new(), frequency, run).map(Order::Go);
+        let (thirty, forward) = (Some(Hertz::from_millihertz(30_000)), Some(Direction::Forward));
+        for (body, takes, order) in [
+            (r#"{"run": "forward"}"#, false, go(None, forward)),
+            (r#"{"run": "forward", "frequency_hz": 30}"#, false, go(thirty, forward)),
+            (r#"{"frequency_hz": 30.0, "take": true}"#, true, go(thirty, None)),
+            (r#"{"take": true}"#, true, None),
+            (r#"{"reset": true}"#, false, Some(Order::Reset)),
+            (r#"{"run": "stop"}"#, false, Some(Order::Stop { setpoint: None })),
+            // A stop is carried out whatever stands beside it.
+            (
+                r#"{"run": "stop", "frequency_hz": "x", "reset": 1, "take": true}"#,
+                false,
+                Some(Order::Stop { setpoint: None }),
+            ),
+            (r#"{"run": "coast", "frequency_hz": 5}"#, false, Some(Order::Coast)),
+        ] {
+            assert_eq!(wish(body.as_bytes()), Ok(Wish { takes, order }), "{body}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_exactly_known_is_refused() {
+        for (body, reason) in [
+            ("", Reason::NotUnderstood),
+            ("[]", Reason::NotUnderstood),
+            ("{}", Reason::NotUnderstood),
+            (r#"{"run": "start"}"#, Reason::NotUnderstood),
+            (r#"{"run": true}"#, Reason::NotUnderstood),
+            (r#"{"run": "forward", "speed": 3}"#, Reason::NotUnderstood),
+            (r#"{"run": "stop", "run": "forward"}"#, Reason::NotUnderstood),
+            (r#"{"reset": true, "run": "forward"}"#, Reason::NotUnderstood),
+            (r#"{"reset": false}"#, Reason::NotUnderstood),
+            (r#"{"take": 1}"#, Reason::NotUnderstood),
+            (r#"{"frequency_hz": "30"}"#, Reason::NotANumber),
+            (r#"{"frequency_hz": -1}"#, Reason::OutsideLimits),
+            (r#"{"frequency_hz": 30.0001}"#, Reason::BetweenSteps),
+        ] {
+            assert_eq!(wish(body.as_bytes()).map_err(|refused| refused.reason), Err(reason), "{body}");
+        }
+    }
+
+    #[test]
+    fn a_sign_in_is_a_user_and_a_password() {
+        let found = sign_in(SIGN_IN_EXAMPLE.as_bytes());
+        assert_eq!(found, Some(("anna".to_owned(), "...".to_owned())));
+        for wrong in [
+            "",
+            "[]",
+            r#"{"user": "a"}"#,
+            r#"{"user": "a", "password": 1}"#,
+            r#"{"user": "a", "password": "b", "c": 1}"#,
+        ] {
+            assert_eq!(sign_in(wrong.as_bytes()), None, "{wrong}");
+        }
+        assert!(is_empty(b"") && is_empty(b" {} ") && !is_empty(b"[]") && !is_empty(b"{\"a\":1}"));
+    }
+}
