@@ -23,6 +23,7 @@
 //! | `half_open` | a way to the broker that swallows one direction is down |
 //! | `rivals` | another client with the gateway's identifier is named, and not fought with |
 //! | `encrypted` | TLS to the broker with certificates, user and password; what is said when it is refused |
+//! | `browser` | the page in a real browser: what it shows, signing in, start, stop, trip, a gateway that is lost |
 //! | `brokers` | brokers other than mosquitto; strict and retained commands of other clients |
 //! | `liars` | a broker that answers a subscription wrongly or not at all, or loses the probe, is given up and asked again |
 //! | `owning` | commanders with names of their own on MQTT, and what the broker grants to each |
@@ -39,6 +40,7 @@
 //! | `vendors` | drives of other vendors, in ASCII too, played by a program that nobody here wrote, obey and are understood |
 //! | `node_red` | the flow of `deploy/node-red`, in Node-RED as it stands, shows a drive and moves it |
 //! | `trying` | the demo does what it prints |
+//! | `pictures` | the pictures of the README, on demand |
 //!
 //! The other files are helpers. These tests are few and slow; what needs no process is tested elsewhere.
 
@@ -58,6 +60,8 @@ mod asking;
 mod beginning;
 #[path = "process/brokers.rs"]
 mod brokers;
+#[path = "process/browser.rs"]
+mod browser;
 #[path = "process/checking.rs"]
 mod checking;
 #[path = "process/clients.rs"]
@@ -100,6 +104,8 @@ mod node_red;
 mod overseeing;
 #[path = "process/owning.rs"]
 mod owning;
+#[path = "process/pictures.rs"]
+mod pictures;
 #[path = "process/reading.rs"]
 mod reading;
 #[path = "process/refusing.rs"]
@@ -133,6 +139,8 @@ mod yard;
 
 #[path = "process/adapter.rs"]
 mod adapter;
+#[path = "process/chromium.rs"]
+mod chromium;
 #[path = "process/hass.rs"]
 mod hass;
 #[path = "process/mosquitto.rs"]

@@ -1,7 +1,7 @@
 //! What is found where.
 
 use super::state::State as Gateway;
-use super::{health, metrics};
+use super::{health, metrics, page};
 use crate::daemon::clock;
 use axum::Router;
 use axum::extract::State;
@@ -22,6 +22,7 @@ pub(super) fn router(state: Arc<Gateway>) -> Router {
         .route("/metrics", get(measured))
         .route("/api/v1/health", get(healthy))
         .with_state(state)
+        .merge(page::router())
 }
 
 /// Whoever gets this answer knows that the main thread turns: it is given there. A line whose thread hangs sends no stop:

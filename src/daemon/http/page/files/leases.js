@@ -1,0 +1,105 @@
+// The drives that this tab commands: each lease is renewed for as long as the tab is open.
+
+import { announce } from "./dom.js";
+import * as session from "./session.js";
+
+const STORED = "vfd-gateway.commands";
+const EVERY_MS_MIN = 1000;
+// After a command the gateway needs a moment to show its owner.
+const SETTLE_MS = 4000;
+
+const held = new Map();
+const listeners = [];
+const ticker = new Worker("/assets/ticker.js");
+
+ticker.onmessage = ({ data }) => renew(data);
+
+/** Whether this tab renews the lease of a drive, and every how many milliseconds; null if it does not. */
+export function every_ms(drive) {
+  return held.get(drive)?.every_ms ?? null;
+}
+
+/** Calls `listener` with a drive's name when this tab begins or ends to renew its lease. */
+export function changed(listener) {
+  listeners.push(listener);
+}
+
+/** A command of this tab was taken: from now on it shows signs of life. */
+export function begin(drive, lost_after_s) {
+  hold(drive, lost_after_s, null);
+}
+
+/** Compares what this tab believes with what the gateway shows. */
+export function observe({ name, control }) {
+  const owner = control?.owner ?? null;
+  const lease = held.get(name);
+  if (!lease) {
+    resume(name, control, owner);
+    return;
+  }
+  if (lease.owner === null) lease.owner = owner;
+  const is_settled = performance.now() - lease.since > SETTLE_MS;
+  if (is_settled && owner !== lease.owner) end(name, owner);
+  else if (is_settled && owner === null) end(name, null);
+  else store();
+}
+
+/** Nobody is signed in any more. */
+export function end_all() {
+  for (const drive of [...held.keys()]) drop(drive);
+}
+
+function hold(drive, lost_after_s, owner) {
+  const every_ms = Math.max(EVERY_MS_MIN, (lost_after_s * 1000) / 3);
+  held.set(drive, { every_ms, owner, since: performance.now(), is_busy: false });
+  ticker.postMessage({ name: drive, every_ms });
+  store();
+  listeners.forEach((listener) => listener(drive));
+}
+
+/** A tab that was loaded anew goes on with what it commanded before. */
+function resume(drive, control, owner) {
+  if (owner === null || session.current().user === null) return;
+  if (stored()[drive] === owner) hold(drive, control.lost_after_s, owner);
+}
+
+async function renew(drive) {
+  const lease = held.get(drive);
+  if (!lease || lease.is_busy) return;
+  lease.is_busy = true;
+  const is_ours = await session.renew(drive, lease.every_ms);
+  lease.is_busy = false;
+  // Whoever does not answer may be back before the lease is over.
+  if (is_ours === false && held.get(drive) === lease) end(drive, null);
+}
+
+function end(drive, owner) {
+  const had = held.get(drive)?.owner;
+  drop(drive);
+  if (had && owner) announce(`${drive} is now commanded by ${owner}`, true);
+  else if (had) announce(`Control of ${drive} has ended`);
+}
+
+function drop(drive) {
+  held.delete(drive);
+  ticker.postMessage({ name: drive, every_ms: 0 });
+  store();
+  listeners.forEach((listener) => listener(drive));
+}
+
+function store() {
+  const owners = [...held].filter(([, lease]) => lease.owner !== null).map(([drive, { owner }]) => [drive, owner]);
+  try {
+    sessionStorage.setItem(STORED, JSON.stringify(Object.fromEntries(owners)));
+  } catch {
+    // Without a store a page that is loaded anew has to take control anew.
+  }
+}
+
+function stored() {
+  try {
+    return JSON.parse(sessionStorage.getItem(STORED) ?? "{}") ?? {};
+  } catch {
+    return {};
+  }
+}
