@@ -23,7 +23,6 @@
 //! | `half_open` | a way to the broker that swallows one direction is down |
 //! | `rivals` | another client with the gateway's identifier is named, and not fought with |
 //! | `encrypted` | TLS to the broker with certificates, user and password; what is said when it is refused |
-//! | `browser` | the page in a real browser: what it shows, signing in, start, stop, trip, a gateway that is lost |
 //! | `brokers` | brokers other than mosquitto; strict and retained commands of other clients |
 //! | `liars` | a broker that answers a subscription wrongly or not at all, or loses the probe, is given up and asked again |
 //! | `owning` | commanders with names of their own on MQTT, and what the broker grants to each |
@@ -33,6 +32,7 @@
 //! | `taking` | control passes from one commander to another, each by the way it came |
 //! | `hanging` | a line whose thread hangs is noticed |
 //! | `home_assistant` | Home Assistant finds the drives, commands them, and stops them by dying |
+//! | `looking` | the page in a real browser: what it shows, signing in, start, stop, trip, a gateway that is lost |
 //! | `losing` | the commander, the broker or the gateway is gone, and the motor does not run on |
 //! | `uniform` | the uniform unit and the exceptions as Modbus clients see them |
 //! | `clients` | Modbus clients that nobody here wrote: all their functions, limits, many requests at once |
@@ -60,8 +60,6 @@ mod asking;
 mod beginning;
 #[path = "process/brokers.rs"]
 mod brokers;
-#[path = "process/browser.rs"]
-mod browser;
 #[path = "process/checking.rs"]
 mod checking;
 #[path = "process/clients.rs"]
@@ -94,6 +92,8 @@ mod home_assistant;
 mod journal;
 #[path = "process/liars.rs"]
 mod liars;
+#[path = "process/looking.rs"]
+mod looking;
 #[path = "process/losing.rs"]
 mod losing;
 #[path = "process/network.rs"]

@@ -16,10 +16,8 @@ fn pictures_of_the_page_for_the_readme() {
     let mut command = program();
     command.args(["demo", "--port", "0", "--http-port", "0"]);
     let mut demo = Started::at_a_keyboard(command);
-    let url = demo.wait_for("where its page is", |line| {
-        let url = line.split_whitespace().find(|word| word.starts_with("http://"))?;
-        Some(url.trim_end_matches(',').split_inclusive('/').take(3).collect::<String>())
-    });
+    let url = demo
+        .wait_for("where its page is", |line| line.strip_prefix("Page ")?.split_whitespace().next().map(str::to_owned));
     let browser = Browser::start();
     browser.resize(Window::DESKTOP);
     browser.open(&url);

@@ -26,7 +26,7 @@ const report = new Report(at("report"));
 const tabs = new Tabs(at("tabs"), [
   { id: "trend", label: "Trend", element: at("trend"), part: trend },
   { id: "journal", label: "Trips and audit", element: at("journal"), part: journal },
-  { id: "traffic", label: "Line traffic", element: at("traffic"), part: traffic },
+  { id: "traffic", label: "Traffic", element: at("traffic"), part: traffic },
   { id: "report", label: "Line report", element: at("report"), part: report },
 ]);
 

@@ -18,6 +18,7 @@ export class Controls {
   constructor(drive) {
     this.drive = drive;
     this.control = null;
+    this.may_be_tripped = false;
     this.is_live = false;
     this.stop = h("button", { type: "button", class: "stop", click: () => this.send("stop", { run: "stop" }) }, "STOP");
     this.stop.setAttribute("aria-label", `STOP ${drive}`);
@@ -32,7 +33,7 @@ export class Controls {
       input: () => this.draw(),
     });
     this.set = h("button", { type: "submit", class: "plain" }, "Set");
-    this.hint = h("span", { class: "hint" });
+    this.hint = h("span", { class: "range" });
     const submit = (event) => {
       event.preventDefault();
       if (this.is_live && this.draft() !== null) this.send("setpoint", {});
@@ -67,8 +68,9 @@ export class Controls {
     return value >= this.control.min_hz && value <= this.control.max_hz ? value : null;
   }
 
-  update(control, is_live) {
+  update({ control, trip, presence }, is_live) {
     this.control = control;
+    this.may_be_tripped = trip?.active === true || (trip?.active !== false && presence === "online");
     this.is_live = is_live;
     const { user } = session.current();
     show(this.element, Boolean(user && control?.from?.includes("page")));
@@ -91,12 +93,19 @@ export class Controls {
     if (this.form.title !== title) this.form.title = title;
     for (const [word, label, kind] of ACTIONS) {
       const hold = this.holds.get(word);
-      show(hold.element, can.includes(word));
+      show(hold.element, can.includes(word) && this.is_useful(word));
       // What would be run at a number that is not allowed is not run at all.
       const is_on = this.is_live && !(kind === "run" && is_wrong);
       if (hold.is_off === is_on || !hold.element.hasAttribute("aria-disabled")) hold.enable(is_on);
       hold.rename(kind === "run" && draft !== null ? `${label} at ${number(draft)} Hz` : label);
     }
+  }
+
+  /** There is something to reset, or to take. */
+  is_useful(word) {
+    if (word === "reset") return this.may_be_tripped;
+    if (word === "take") return this.control.owner !== null && leases.every_ms(this.drive) === null;
+    return true;
   }
 
   async send(word, body) {

@@ -5,7 +5,7 @@ import { announce, attribute, h, keyed, moment, number, reshape, shape, show, sp
 import * as leases from "./leases.js";
 
 // What an operator looks for comes first; the rest is one click away.
-const FIRST_VALUES = 6;
+const FIRST_VALUES = 5;
 
 const cards = new Map();
 let place = null;
@@ -106,7 +106,7 @@ class Card {
     this.draw_trip(drive);
     this.draw_marks(drive);
     this.draw_values(drive);
-    this.controls.update(drive.control, is_live);
+    this.controls.update(drive, is_live);
     this.draw_ages();
   }
 

@@ -43,11 +43,10 @@ export function table(caption, headings, numeric = []) {
   const body = h("tbody");
   const head = headings.map((heading) => h("th", { scope: "col", class: numeric.includes(heading) ? "numeric" : null }, heading));
   const element = h("table", {}, h("caption", { class: "unseen" }, caption), h("thead", {}, h("tr", {}, ...head)), body);
-  return { element, body };
-}
-
-/** A row; each cell knows its heading, for those who see one below the other. */
-export function row(headings, cells, attributes = {}) {
-  const made = cells.map((cell, index) => h("td", { "data-label": headings[index] }, cell ?? ""));
-  return h("tr", attributes, ...made);
+  /** A row; each cell knows its heading, for those who see one below the other. */
+  const row = (cells, kind = null) => {
+    const cell = (heading, index) => h("td", { "data-label": heading, class: numeric.includes(heading) ? "numeric" : null }, cells[index] ?? "");
+    return h("tr", { class: kind }, ...headings.map(cell));
+  };
+  return { element, body, row };
 }

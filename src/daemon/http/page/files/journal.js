@@ -1,7 +1,7 @@
 // Trips and audit: what the journal keeps, filtered, and to be taken away as a file.
 
 import { attribute, h, moment, text, words } from "./dom.js";
-import { choices, document_at, labelled, query, row, table } from "./fetched.js";
+import { choices, document_at, labelled, query, table } from "./fetched.js";
 
 const HEADINGS = ["Time", "What", "Drive", "Text"];
 const SHOWN = 200;
@@ -22,8 +22,9 @@ export class Journal {
     this.csv = h("a", { download: "journal.csv" }, "CSV");
     this.json = h("a", { download: "journal.json" }, "JSON");
     this.message = h("p", { class: "message", role: "status" });
-    const { element: shown, body } = table("Trips and audit", HEADINGS);
+    const { element: shown, body, row } = table("Trips and audit", HEADINGS);
     this.body = body;
+    this.row = row;
     this.is_open = false;
     element.append(
       h(
@@ -71,14 +72,14 @@ export class Journal {
     if (path !== this.path(SHOWN, "json")) return;
     const rows = answer?.rows ?? [];
     const latest_first = [...rows].sort((one, other) => (one.at < other.at ? 1 : one.at > other.at ? -1 : 0));
-    this.body.replaceChildren(...latest_first.map(shown));
+    this.body.replaceChildren(...latest_first.map((kept) => this.shown(kept)));
     const count = rows.length === SHOWN ? `The latest ${SHOWN} rows.` : rows.length === 0 ? "No rows." : `${rows.length} rows.`;
     text(this.message, error ?? count);
   }
-}
 
-function shown({ table: kept_in, at, kind, name, text: sentence }) {
-  const what = kept_in === "trips" ? "trip" : kept_in;
-  const label = kind && kind !== what ? `${words(what)}: ${words(kind)}` : words(what);
-  return row(HEADINGS, [moment(at), label, name, sentence], { class: kept_in });
+  shown({ table: kept_in, at, kind, name, text: sentence }) {
+    const what = kept_in === "trips" ? "trip" : kept_in;
+    const label = kind && kind !== what ? `${words(what)}: ${words(kind)}` : words(what);
+    return this.row([moment(at), label, name, sentence], kept_in);
+  }
 }

@@ -39,8 +39,8 @@ export function observe({ name, control }) {
   }
   if (lease.owner === null) lease.owner = owner;
   const is_settled = performance.now() - lease.since > SETTLE_MS;
-  if (is_settled && owner !== lease.owner) end(name, owner);
-  else if (is_settled && owner === null) end(name, null);
+  const has_ended = lease.owner !== null && owner !== lease.owner;
+  if (has_ended || (is_settled && owner === null)) end(name, owner);
   else store();
 }
 
@@ -65,12 +65,12 @@ function resume(drive, control, owner) {
 
 async function renew(drive) {
   const lease = held.get(drive);
-  if (!lease || lease.is_busy) return;
+  // Until the gateway shows it there is nothing to renew: a setpoint for a drive that stands still begins no lease.
+  if (!lease || lease.is_busy || lease.owner === null) return;
   lease.is_busy = true;
-  const is_ours = await session.renew(drive, lease.every_ms);
+  const may_renew = await session.renew(drive, lease.every_ms);
   lease.is_busy = false;
-  // Whoever does not answer may be back before the lease is over.
-  if (is_ours === false && held.get(drive) === lease) end(drive, null);
+  if (!may_renew && held.get(drive) === lease) end(drive, null);
 }
 
 function end(drive, owner) {

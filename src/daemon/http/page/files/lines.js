@@ -80,8 +80,8 @@ class Line {
         cell("planned", "Planned"),
         cell("bad", "Bad"),
         cell("rate", "Exchanges"),
-        cell("stop", "STOP at worst"),
-        cell("silent", "one silent"),
+        cell("stop", "STOP, all well"),
+        cell("silent", "STOP, one silent"),
         cell("seen", "longest seen"),
       ),
       this.suspicion,
@@ -104,8 +104,8 @@ class Line {
     text(this.cells.stop, within(stop_ms.all_healthy));
     text(this.cells.silent, within(stop_ms.one_silent));
     text(this.cells.seen, within(stop_ms.longest_seen));
-    const suspended = line.is_suspended ? "Run and rising setpoints are suspended: too many bad exchanges. " : "";
-    const suspicion = suspended + (line.suspicion ?? "");
+    const suspended = line.is_suspended ? "Run and rising setpoints are suspended: too many bad exchanges" : "";
+    const suspicion = [suspended, line.suspicion].filter(Boolean).join(" · ");
     show(this.suspicion, suspicion !== "");
     text(this.suspicion, suspicion);
   }

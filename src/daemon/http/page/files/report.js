@@ -1,7 +1,7 @@
 // What a line says about itself: what is good, what is not, and how fast its drives answer.
 
 import { h, number, shape, text, words } from "./dom.js";
-import { choices, document_at, labelled, row, table } from "./fetched.js";
+import { choices, document_at, labelled, table } from "./fetched.js";
 
 const EVERY_MS = 5000;
 const HEADINGS = ["Drive", "Station", "Answers to", "Count", "p50", "p90", "p99", "p99.9", "Longest", "Time-out", "Suggested"];
@@ -16,8 +16,9 @@ export class Report {
     this.message = h("p", { class: "message", role: "status" });
     this.verdict = h("ul", { class: "advice" });
     this.rates = h("dl", { class: "rates" });
-    const { element: shown, body } = table("How fast the drives answer", HEADINGS, NUMERIC);
+    const { element: shown, body, row } = table("How fast the drives answer", HEADINGS, NUMERIC);
     this.body = body;
+    this.row = row;
     this.is_open = false;
     element.append(
       h("div", { class: "tools" }, labelled("Line", this.line)),
@@ -59,7 +60,7 @@ export class Report {
       ),
     );
     this.rates.replaceChildren(...Object.entries(answer.rates ?? {}).map(([key, value]) => rate(key, value)));
-    this.body.replaceChildren(...answer.drives.flatMap(shown));
+    this.body.replaceChildren(...answer.drives.flatMap((drive) => cells(drive).map((cells_of_one) => this.row(cells_of_one))));
   }
 }
 
@@ -70,22 +71,21 @@ function rate(key, value) {
   return h("div", {}, h("dt", {}, label), h("dd", {}, told));
 }
 
-function shown({ name, station, replies = [] }) {
+/** A row for each kind of answer. */
+function cells({ name, station, replies = [] }) {
   const ms = (value) => (typeof value === "number" ? `${number(Math.round(value * 10) / 10)} ms` : "–");
-  if (replies.length === 0) return [row(HEADINGS, [name, String(station), "no answer yet"])];
-  return replies.map((of) =>
-    row(HEADINGS, [
-      name,
-      String(station),
-      words(of.class),
-      number(of.count),
-      ms(of.p50_ms),
-      ms(of.p90_ms),
-      ms(of.p99_ms),
-      ms(of.p999_ms),
-      ms(of.max_ms),
-      ms(of.timeout_ms),
-      ms(of.suggested_timeout_ms),
-    ]),
-  );
+  if (replies.length === 0) return [[name, String(station), "no answer yet"]];
+  return replies.map((of) => [
+    name,
+    String(station),
+    words(of.class),
+    number(of.count),
+    ms(of.p50_ms),
+    ms(of.p90_ms),
+    ms(of.p99_ms),
+    ms(of.p999_ms),
+    ms(of.max_ms),
+    ms(of.timeout_ms),
+    ms(of.suggested_timeout_ms),
+  ]);
 }

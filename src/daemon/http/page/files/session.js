@@ -4,7 +4,8 @@ import { announce } from "./dom.js";
 
 const TIMEOUT_MS = 20_000;
 const STOP_TIMEOUT_MS = 8000;
-const NO_ANSWER = "No answer from the gateway. Stop the drive by its own means.";
+const NO_GATEWAY = "No answer from the gateway. Stop the drive by its own means.";
+const NO_EFFECT = "The stop is not confirmed yet. If the motor turns, stop it by its own means.";
 
 const session = { is_known: false, enabled: false, user: null, token: null };
 const listeners = [];
@@ -38,15 +39,13 @@ export async function refresh() {
 
 /** Signs in; returns what went wrong, or null. */
 export async function sign_in(user, password) {
-  const { status, answer, retry_s } = await send("POST", "/api/v1/session", { user, password }, TIMEOUT_MS);
+  const { status, answer } = await send("POST", "/api/v1/session", { user, password }, TIMEOUT_MS);
   if (status === 200) {
     take({ is_known: true, enabled: true, user: answer.user ?? user, token: answer.token ?? null });
     announce(`Signed in as ${session.user}`);
     return null;
   }
-  if (status === 429) return `Too many attempts. Try again in ${retry_s ?? "some"} seconds.`;
-  if (status === 401) return "User or password is wrong.";
-  return answer?.error ?? "The gateway did not answer. Try again.";
+  return answer?.error ?? (status === 0 ? "The gateway did not answer. Try again." : `The gateway answered ${status}.`);
 }
 
 /** Signs out. */
@@ -68,10 +67,9 @@ async function send(method, path, body, timeout_ms) {
       signal: AbortSignal.timeout(timeout_ms),
     });
     const answer = await response.json().catch(() => null);
-    const retry_s = response.headers.get("Retry-After");
-    return { status: response.status, answer, retry_s };
-  } catch {
-    return { status: 0, answer: null, retry_s: null };
+    return { status: response.status, answer, is_late: false };
+  } catch (error) {
+    return { status: 0, answer: null, is_late: error.name === "TimeoutError" };
   }
 }
 
@@ -93,10 +91,10 @@ export async function command(drive, body) {
   return judged(reply, is_stop);
 }
 
-function judged({ status, answer }, is_stop) {
+function judged({ status, answer, is_late }, is_stop) {
   if (status === 0) {
-    const message = is_stop ? NO_ANSWER : "No answer from the gateway. It may still have been carried out.";
-    return { outcome: "unknown", message };
+    const of_stop = is_late ? NO_EFFECT : NO_GATEWAY;
+    return { outcome: "unknown", message: is_stop ? of_stop : "No answer yet. It may still be carried out." };
   }
   if (answer?.outcome) return answer;
   if (status === 401) return { outcome: "refused", message: "You are signed out. Sign in and try again." };
@@ -111,10 +109,9 @@ export async function stop_all() {
   return [{ drive: "All drives", outcome, message }];
 }
 
-/** Renews the lease of a drive. Returns whether it is still ours; null if nobody answered. */
+/** Renews the lease of a drive. Returns whether we may still do so; who holds control is told by the events. */
 export async function renew(drive, timeout_ms) {
   const path = `/api/v1/drives/${encodeURIComponent(drive)}/lease`;
   const { status } = await send("POST", path, {}, timeout_ms);
-  if (status === 0) return null;
-  return status >= 200 && status < 300;
+  return status !== 401 && status !== 403 && status !== 404;
 }

@@ -1,7 +1,7 @@
 // What goes over a line, decoded, while somebody looks.
 
 import { clock, h, show, text, words } from "./dom.js";
-import { choices, labelled, row, table } from "./fetched.js";
+import { choices, labelled, table } from "./fetched.js";
 
 const HEADINGS = ["Time", "Gap", "Kind", "Station", "Function", "Meaning", "Bytes"];
 const ROWS_MAX = 500;
@@ -17,8 +17,9 @@ export class Traffic {
     this.clear = h("button", { type: "button", class: "plain", click: () => this.empty() }, "Clear");
     this.only_faults = h("input", { type: "checkbox" });
     this.message = h("p", { class: "message", role: "status" }, "Nothing is recorded while nobody looks.");
-    const { element: shown, body } = table("Traffic of the line", HEADINGS, ["Gap", "Station", "Function"]);
+    const { element: shown, body, row } = table("Traffic of the line", HEADINGS, ["Gap"]);
     this.body = body;
+    this.row = row;
     this.scroll = h("div", { class: "scroll traffic", tabindex: 0, role: "region", "aria-label": "Traffic of the line" }, shown);
     this.source = null;
     this.is_paused = false;
@@ -107,24 +108,24 @@ export class Traffic {
     if (this.is_paused || this.waiting.length === 0) return;
     const { scrollTop, scrollHeight, clientHeight } = this.scroll;
     const is_at_end = scrollHeight - scrollTop - clientHeight < 40;
-    this.body.append(...this.waiting.splice(0).map(shown));
+    this.body.append(...this.waiting.splice(0).map((frame) => this.shown(frame)));
     while (this.body.childElementCount > ROWS_MAX) this.body.firstElementChild.remove();
     if (is_at_end) this.scroll.scrollTop = this.scroll.scrollHeight;
     if (this.source && this.lost > 0) text(this.message, `Listening to ${this.line.value}. ${this.lost} records came too fast to be shown.`);
+  }
+
+  shown(frame) {
+    const { at, kind, bytes, gap_ms, station, drive, function: code, text: sentence } = frame;
+    const gap = typeof gap_ms === "number" ? `${gap_ms.toFixed(1)} ms` : "";
+    const who = drive ? `${station} ${drive}` : (station ?? "");
+    const hex = code === null || code === undefined ? "" : code.toString(16).toUpperCase().padStart(2, "0");
+    const spaced = (bytes ?? "").replace(/(..)(?!$)/g, "$1 ");
+    const meaning = h("span", {}, sentence ?? "");
+    const is_wrong = !IN_ORDER.has(kind) || is_exception(frame);
+    return this.row([clock(at, true), gap, words(kind), String(who), hex, meaning, h("code", {}, spaced)], is_wrong ? "wrong" : kind);
   }
 }
 
 function is_exception({ kind, function: code }) {
   return kind === "reply" && typeof code === "number" && code >= 0x80;
-}
-
-function shown(frame) {
-  const { at, kind, bytes, gap_ms, station, drive, function: code, text: sentence } = frame;
-  const gap = typeof gap_ms === "number" ? `${gap_ms.toFixed(1)} ms` : "";
-  const who = drive ? `${station} ${drive}` : (station ?? "");
-  const hex = code === null || code === undefined ? "" : code.toString(16).toUpperCase().padStart(2, "0");
-  const spaced = (bytes ?? "").replace(/(..)(?!$)/g, "$1 ");
-  const meaning = h("span", {}, sentence ?? "");
-  const is_wrong = !IN_ORDER.has(kind) || is_exception(frame);
-  return row(HEADINGS, [clock(at, true), gap, words(kind), String(who), hex, meaning, h("code", {}, spaced)], { class: is_wrong ? "wrong" : kind });
 }

@@ -119,15 +119,17 @@ function options(unit, columns, width, height) {
     width,
     height,
     padding: [8, 12, 0, 0],
+    // Where nothing can hover over a curve, its legend has no value to show.
+    legend: { live: matchMedia("(hover: hover)").matches },
     cursor: { sync: { key: "trend" }, drag: { x: true, y: false } },
     scales: { x: { time: true }, y: { range: (_, least, most) => range(least, most) } },
     axes: [
-      { ...axis, values: (_, splits) => splits.map((at) => clock(at * 1000).slice(0, 5)), space: 60 },
+      { ...axis, values: (_, splits) => splits.map((at) => clock(at * 1000).slice(0, 5)), space: 60, size: 28 },
       { ...axis, size: 52, values: (_, splits) => splits.map((value) => number(value)) },
     ],
     series: [
       { label: "Time", value: (_, at) => (at === null ? "–" : clock(at * 1000)) },
-      ...columns.map(({ label, name }, index) => ({
+      ...columns.map(({ label, name, index }) => ({
         label: `${label ?? name} (${unit})`,
         stroke: colour(COLOURS[index % COLOURS.length]),
         width: 2,

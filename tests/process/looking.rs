@@ -245,7 +245,7 @@ fn whoever_signs_in_starts_and_stops_the_drive() {
     browser.wait_for_text(".session .who", USER);
 
     browser.fill(&in_card("input"), "51");
-    browser.wait_for_text(&in_card(".hint"), "must be 5 to 50 Hz");
+    browser.wait_for_text(&in_card(".range"), "must be 5 to 50 Hz");
     browser.fill(&in_card("input"), "30");
     browser.click(&mark(&browser, "Forward"));
     browser.wait_for_text("#wanted", "Again: Forward at 30 Hz");
