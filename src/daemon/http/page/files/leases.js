@@ -26,22 +26,28 @@ export function changed(listener) {
 
 /** A command of this tab was taken: from now on it shows signs of life. */
 export function begin(drive, lost_after_s) {
-  hold(drive, lost_after_s, null);
+  hold(drive, lost_after_s);
 }
 
 /** Compares what this tab believes with what the gateway shows. */
 export function observe({ name, control }) {
   const owner = control?.owner ?? null;
+  const is_ours = owner !== null && owner === own_name();
   const lease = held.get(name);
   if (!lease) {
-    resume(name, control, owner);
-    return;
+    // A tab that was loaded anew goes on with what it commanded before.
+    if (is_ours && stored().includes(name)) hold(name, control.lost_after_s);
+  } else if (is_ours) {
+    lease.is_shown = true;
+  } else if (lease.is_shown || performance.now() - lease.since > SETTLE_MS) {
+    end(name, owner);
   }
-  if (lease.owner === null) lease.owner = owner;
-  const is_settled = performance.now() - lease.since > SETTLE_MS;
-  const has_ended = lease.owner !== null && owner !== lease.owner;
-  if (has_ended || (is_settled && owner === null)) end(name, owner);
-  else store();
+}
+
+/** How the gateway calls whoever is signed in; null if nobody is. */
+function own_name() {
+  const { user } = session.current();
+  return user === null ? null : `page ${user}`;
 }
 
 /** Nobody is signed in any more. */
@@ -49,24 +55,18 @@ export function end_all() {
   for (const drive of [...held.keys()]) drop(drive);
 }
 
-function hold(drive, lost_after_s, owner) {
+function hold(drive, lost_after_s) {
   const every_ms = Math.max(EVERY_MS_MIN, (lost_after_s * 1000) / 3);
-  held.set(drive, { every_ms, owner, since: performance.now(), is_busy: false });
+  held.set(drive, { every_ms, is_shown: false, since: performance.now(), is_busy: false });
   ticker.postMessage({ name: drive, every_ms });
   store();
   listeners.forEach((listener) => listener(drive));
 }
 
-/** A tab that was loaded anew goes on with what it commanded before. */
-function resume(drive, control, owner) {
-  if (owner === null || session.current().user === null) return;
-  if (stored()[drive] === owner) hold(drive, control.lost_after_s, owner);
-}
-
 async function renew(drive) {
   const lease = held.get(drive);
   // Until the gateway shows it there is nothing to renew: a setpoint for a drive that stands still begins no lease.
-  if (!lease || lease.is_busy || lease.owner === null) return;
+  if (!lease || lease.is_busy || !lease.is_shown) return;
   lease.is_busy = true;
   const may_renew = await session.renew(drive, lease.every_ms);
   lease.is_busy = false;
@@ -74,10 +74,10 @@ async function renew(drive) {
 }
 
 function end(drive, owner) {
-  const had = held.get(drive)?.owner;
+  const was_shown = held.get(drive)?.is_shown;
   drop(drive);
-  if (had && owner) announce(`${drive} is now commanded by ${owner}`, true);
-  else if (had) announce(`Control of ${drive} has ended`);
+  if (was_shown && owner !== null) announce(`${drive} is now commanded by ${owner}`, true);
+  else if (was_shown) announce(`Control of ${drive} has ended`);
 }
 
 function drop(drive) {
@@ -88,9 +88,8 @@ function drop(drive) {
 }
 
 function store() {
-  const owners = [...held].filter(([, lease]) => lease.owner !== null).map(([drive, { owner }]) => [drive, owner]);
   try {
-    sessionStorage.setItem(STORED, JSON.stringify(Object.fromEntries(owners)));
+    sessionStorage.setItem(STORED, JSON.stringify([...held.keys()]));
   } catch {
     // Without a store a page that is loaded anew has to take control anew.
   }
@@ -98,8 +97,9 @@ function store() {
 
 function stored() {
   try {
-    return JSON.parse(sessionStorage.getItem(STORED) ?? "{}") ?? {};
+    const names = JSON.parse(sessionStorage.getItem(STORED) ?? "[]");
+    return Array.isArray(names) ? names : [];
   } catch {
-    return {};
+    return [];
   }
 }
