@@ -30,10 +30,11 @@ export class Controls {
       inputmode: "decimal",
       autocomplete: "off",
       id: `setpoint-${drive}`,
+      "aria-describedby": `range-${drive}`,
       input: () => this.draw(),
     });
     this.set = h("button", { type: "submit", class: "plain" }, "Set");
-    this.hint = h("span", { class: "range" });
+    this.hint = h("span", { id: `range-${drive}` });
     const submit = (event) => {
       event.preventDefault();
       if (this.is_live && this.draft() !== null) this.send("setpoint", {});
@@ -85,8 +86,10 @@ export class Controls {
     this.input.max = String(max_hz);
     this.input.setAttribute("aria-invalid", String(is_wrong));
     this.set.setAttribute("aria-disabled", String(!this.is_live || draft === null));
-    text(this.hint, `${is_wrong ? "must be " : ""}${number(min_hz)} to ${number(max_hz)} Hz`);
-    this.hint.classList.toggle("wrong", is_wrong);
+    const range = `${number(min_hz)} to ${number(max_hz)}`;
+    this.input.placeholder = range;
+    text(this.hint, `${is_wrong ? "must be " : ""}${range} Hz`);
+    this.hint.className = is_wrong ? "range wrong" : "range unseen";
     show(this.form, can.includes("frequency"));
     show(this.coast, can.includes("coast"));
     const title = `If this tab is closed or loses the gateway: ${on_commander_lost} after ${number(lost_after_s)} s`;

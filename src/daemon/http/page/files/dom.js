@@ -129,6 +129,12 @@ export function moment(at) {
   return `${date.getFullYear()}-${two(date.getMonth() + 1)}-${two(date.getDate())} ${clock(at)}`;
 }
 
+/** The time of day, and the day too unless that is today. */
+export function recent(at) {
+  const is_today = new Date(at).toDateString() === new Date().toDateString();
+  return is_today ? clock(at) : moment(at);
+}
+
 const waiting = [];
 const urgent = [];
 

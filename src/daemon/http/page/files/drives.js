@@ -1,7 +1,7 @@
 // A card for each drive.
 
 import { Controls } from "./control.js";
-import { announce, attribute, h, keyed, moment, number, reshape, shape, show, span, text, words } from "./dom.js";
+import { announce, attribute, h, keyed, number, recent, reshape, shape, show, span, text, words } from "./dom.js";
 import * as leases from "./leases.js";
 
 // What an operator looks for comes first; the rest is one click away.
@@ -118,7 +118,7 @@ class Card {
   draw_trip({ trip }) {
     if (!trip) return show(this.trip, false);
     const name = [trip.code, trip.text].filter((part) => part !== null && part !== undefined && part !== "").join(" ");
-    const when = trip.last_at ? `, ${moment(trip.last_at)}` : "";
+    const when = trip.last_at ? `, ${recent(trip.last_at)}` : "";
     const is_active = trip.active === true;
     this.trip.classList.toggle("active", is_active);
     show(this.trip, is_active || trip.count > 0);
