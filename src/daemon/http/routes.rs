@@ -1,7 +1,7 @@
 //! What is found where.
 
 use super::state::State as Gateway;
-use super::{health, metrics, page};
+use super::{health, metrics};
 use crate::daemon::clock;
 use axum::Router;
 use axum::extract::State;
@@ -16,13 +16,12 @@ const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset
 
 /// The routes that everybody finds. What is not here is 404, and what does not only look is 405.
 pub(super) fn router(state: Arc<Gateway>) -> Router {
-    Router::new()
+    super::page::router()
         .route("/healthz", get(alive))
         .route("/readyz", get(ready))
         .route("/metrics", get(measured))
         .route("/api/v1/health", get(healthy))
         .with_state(state)
-        .merge(page::router())
 }
 
 /// Whoever gets this answer knows that the main thread turns: it is given there. A line whose thread hangs sends no stop:

@@ -58,7 +58,7 @@ static TAGGED: LazyLock<Vec<Tagged>> = LazyLock::new(|| {
 });
 
 /// The page at `/`, and what it needs below `/assets/`.
-pub(super) fn router() -> Router {
+pub(super) fn router<S: Clone + Send + Sync + 'static>() -> Router<S> {
     let index = async |headers: HeaderMap| answer(INDEX, &headers);
     let asset = async |Path(name): Path<String>, headers: HeaderMap| answer(&name, &headers);
     Router::new().route("/", get(index)).route("/assets/{name}", get(asset))

@@ -75,7 +75,7 @@ fn nothing_is_inline_nothing_comes_from_elsewhere_and_text_is_only_text() {
 
 async fn ask(path: &str, tag: &str) -> Response {
     let request = Request::get(path).header(header::IF_NONE_MATCH, tag).body(Body::empty()).unwrap();
-    hyper::service::Service::call(&TowerToHyperService::new(router()), request).await.unwrap()
+    hyper::service::Service::call(&TowerToHyperService::new(router::<()>()), request).await.unwrap()
 }
 
 #[test]
