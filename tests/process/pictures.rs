@@ -24,7 +24,7 @@ fn pictures_of_the_page_for_the_readme() {
     browser.wait("document.body.dataset.connection === 'live'");
     browser.click("[aria-controls='sign-in']");
     browser.fill("#sign-in [name='user']", "demo");
-    browser.fill("#sign-in [name='password']", "demo");
+    browser.fill("#sign-in [name='password']", "demo-demo");
     browser.click("#sign-in [name='go']");
     browser.wait("document.querySelector('.drive .stop').checkVisibility()");
     for (drive, hertz, label) in
