@@ -146,6 +146,10 @@ export function announce(message, isUrgent = false) {
 
 setInterval(() => {
   for (const [queue, id] of [[waiting, "polite"], [urgent, "assertive"]]) {
-    if (queue.length > 0) text(document.getElementById(id), queue.splice(0).join(". "));
+    if (queue.length === 0) continue;
+    const [place, message] = [document.getElementById(id), queue.splice(0).join(". ")];
+    // The same message is told again only if there was none between.
+    text(place, "");
+    setTimeout(() => text(place, message), 100);
   }
 }, 1000);

@@ -93,11 +93,12 @@ export class Hold {
     if (!this.is_off) this.act();
   }
 
-  /** Names it anew; a button that waits for its second press keeps its name, for that is what was meant. */
+  /** Names it anew. What was begun under another name was meant otherwise, so it is dropped. */
   rename(label) {
-    if (this.timer !== null || this.armed_at !== null || label === this.label) return;
+    if (label === this.label) return;
+    this.cancel();
     this.label = label;
-    text(this.face, label);
+    this.disarm();
   }
 
   /** Switches it on or off. It keeps the keyboard's place. */

@@ -10,7 +10,10 @@ export function start(place, form_place, results) {
   const who = h("span", { class: "who" });
   const out = h("button", { type: "button", class: "plain", click: () => session.sign_out() }, "Sign out");
   const begin = h("button", { type: "button", class: "plain", "aria-expanded": "false", "aria-controls": "sign-in" }, "Sign in");
-  const form = sign_in_form(() => open(false));
+  const form = sign_in_form(() => {
+    open(false);
+    document.getElementById("main").focus();
+  });
   const open = (is) => {
     show(form, is);
     begin.setAttribute("aria-expanded", String(is));
