@@ -55,9 +55,10 @@ export class Report {
     const reason = answer.reason ? `: ${words(answer.reason)}` : "";
     text(this.message, `${answer.state}${reason} · ${answer.link} · observed for ${number(answer.observed_s, 0)} s`);
     this.verdict.replaceChildren(
-      ...answer.verdict.map(({ severity, text: sentence }) =>
-        h("li", { class: severity }, shape(SHAPES[severity]), h("span", {}, h("span", { class: "unseen" }, `${severity}: `), sentence)),
-      ),
+      ...answer.verdict.map(({ severity, drive, text: sentence }) => {
+        const about = [h("span", { class: "unseen" }, `${severity}: `), drive ? h("b", {}, `${drive} `) : "", sentence];
+        return h("li", { class: severity }, shape(SHAPES[severity]), h("span", {}, ...about));
+      }),
     );
     this.rates.replaceChildren(...Object.entries(answer.rates ?? {}).map(([key, value]) => rate(key, value)));
     this.body.replaceChildren(...answer.drives.flatMap((drive) => cells(drive).map((cells_of_one) => this.row(cells_of_one))));

@@ -81,6 +81,7 @@ export class Traffic {
     if (!this.source) return;
     this.source.close();
     this.source = null;
+    this.draw();
     text(this.toggle, "Start");
     show(this.pause, false);
     text(this.message, "Stopped.");
@@ -126,6 +127,6 @@ export class Traffic {
   }
 }
 
-function is_exception({ kind, function: code }) {
-  return kind === "reply" && typeof code === "number" && code >= 0x80;
+function is_exception({ exception }) {
+  return exception !== null && exception !== undefined;
 }
