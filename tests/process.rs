@@ -35,6 +35,7 @@
 //! | `taking` | control passes from one commander to another, each by the way it came |
 //! | `hanging` | a line whose thread hangs is noticed |
 //! | `home_assistant` | Home Assistant finds the drives, commands them, and stops them by dying |
+//! | `looking` | the page in a real browser: what it shows, signing in, start, stop, trip, a gateway that is lost |
 //! | `losing` | the commander, the broker or the gateway is gone, and the motor does not run on |
 //! | `uniform` | the uniform unit and the exceptions as Modbus clients see them |
 //! | `clients` | Modbus clients that nobody here wrote: all their functions, limits, many requests at once |
@@ -44,6 +45,7 @@
 //! | `vendors` | drives of other vendors, in ASCII too, played by a program that nobody here wrote, obey and are understood |
 //! | `node_red` | the flow of `deploy/node-red`, in Node-RED as it stands, shows a drive and moves it |
 //! | `trying` | the demo does what it prints |
+//! | `pictures` | the pictures of the README, on demand |
 //!
 //! The other files are helpers. These tests are few and slow; what needs no process is tested elsewhere.
 
@@ -103,6 +105,8 @@ mod journal;
 mod liars;
 #[path = "process/live.rs"]
 mod live;
+#[path = "process/looking.rs"]
+mod looking;
 #[path = "process/losing.rs"]
 mod losing;
 #[path = "process/network.rs"]
@@ -115,6 +119,8 @@ mod overseeing;
 mod owning;
 #[path = "process/page_control.rs"]
 mod page_control;
+#[path = "process/pictures.rs"]
+mod pictures;
 #[path = "process/reading.rs"]
 mod reading;
 #[path = "process/refusing.rs"]
@@ -150,6 +156,8 @@ mod yard;
 
 #[path = "process/adapter.rs"]
 mod adapter;
+#[path = "process/chromium.rs"]
+mod chromium;
 #[path = "process/hass.rs"]
 mod hass;
 #[path = "process/mosquitto.rs"]

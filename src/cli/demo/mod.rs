@@ -145,7 +145,7 @@ fn welcome(running: &Running<'_>, lines: &[Line], devices: &[PathBuf]) -> String
         text,
         "MQTT broker {broker}, topics under vfd/demo/\n\
          Modbus TCP {modbus}\n\
-         HTTP http://{http}/metrics, /healthz, /readyz\n\n\
+         Page http://{http}/ beside /metrics, /healthz, /readyz\n\n\
          Try in other terminals:\n\
          \x20 mosquitto_sub {at_broker} -v -t 'vfd/demo/#'\n\
          \x20 mosquitto_pub {at_broker} -t vfd/demo/drive/{first}/command -m '{{\"frequency_hz\": 42.5, \"run\": \"forward\"}}'\n\

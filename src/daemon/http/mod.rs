@@ -15,6 +15,7 @@ pub mod lasting;
 pub mod live;
 mod metrics;
 mod own_routes;
+mod page;
 pub mod report;
 mod routes;
 mod setup;

@@ -19,7 +19,7 @@ const OLDER_METRICS: &str = "text/plain; version=0.0.4; charset=utf-8";
 
 /// The routes that everybody finds. What is not here is 404, and what does not only look is 405.
 pub(super) fn router(state: Arc<Gateway>) -> Router {
-    Router::new()
+    super::page::router()
         .route("/healthz", get(alive))
         .route("/readyz", get(ready))
         .route("/metrics", get(measured))

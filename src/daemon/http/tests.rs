@@ -180,7 +180,8 @@ fn what_is_not_there_is_404_and_what_does_not_only_look_is_405() {
     on_a_runtime(async {
         let address = serve(&state(false), Patience::default()).await;
         for (method, path, status) in [
-            ("GET", "/", 404),
+            ("GET", "/", 200),
+            ("GET", "/assets/", 404),
             ("GET", "/metrics/", 404),
             ("POST", "/nothing", 404),
             ("POST", "/metrics", 405),

@@ -1,0 +1,135 @@
+// What commands a drive from its card.
+
+import { announce, clock, h, number, show, text, words } from "./dom.js";
+import { Hold } from "./hold.js";
+import * as leases from "./leases.js";
+import * as session from "./session.js";
+
+const TAKEN = new Set(["acknowledged", "confirmed", "unknown"]);
+const ACTIONS = [
+  ["reverse", "Reverse", "run", { run: "reverse" }],
+  ["forward", "Forward", "run", { run: "forward" }],
+  ["reset", "Reset trip", "plain", { reset: true }],
+  ["take", "Take control", "plain", { take: true }],
+];
+
+/** The controls of one drive. */
+export class Controls {
+  constructor(drive) {
+    this.drive = drive;
+    this.control = null;
+    this.may_be_tripped = false;
+    this.is_live = false;
+    this.stop = h("button", { type: "button", class: "stop", click: () => this.send("stop", { run: "stop" }) }, "STOP");
+    this.stop.setAttribute("aria-label", `STOP ${drive}`);
+    this.coast = h("button", { type: "button", class: "coast", click: () => this.send("coast", { run: "coast" }) }, "Coast");
+    this.coast.setAttribute("aria-label", `Coast ${drive}`);
+    this.input = h("input", {
+      type: "number",
+      step: "0.01",
+      inputmode: "decimal",
+      autocomplete: "off",
+      id: `setpoint-${drive}`,
+      "aria-describedby": `range-${drive}`,
+      input: () => this.draw(),
+    });
+    this.set = h("button", { type: "submit", class: "plain" }, "Set");
+    this.hint = h("span", { id: `range-${drive}` });
+    const submit = (event) => {
+      event.preventDefault();
+      if (this.is_live && this.draft() !== null) this.send("setpoint", {});
+    };
+    this.form = h(
+      "form",
+      { class: "setpoint", novalidate: true, submit },
+      h("label", { for: this.input.id }, "Setpoint"),
+      h("span", { class: "entry" }, this.input, "Hz"),
+      this.set,
+      this.hint,
+    );
+    this.holds = new Map(
+      ACTIONS.map(([word, label, kind, body]) => [word, new Hold(label, kind, () => this.send(word, { ...body }))]),
+    );
+    const buttons = [...this.holds.values()].map((hold) => hold.element);
+    this.result = h("p", { class: "result" });
+    this.element = h(
+      "div",
+      { class: "controls", role: "group", "aria-label": `Control of ${drive}` },
+      h("div", { class: "stops" }, this.stop, this.coast),
+      this.form,
+      h("div", { class: "holds" }, ...buttons),
+      this.result,
+    );
+  }
+
+  /** What was typed and not sent yet, in Hz; null if nothing or nothing useful. */
+  draft() {
+    const value = this.input.valueAsNumber;
+    if (!Number.isFinite(value) || !this.control) return null;
+    return value >= this.control.min_hz && value <= this.control.max_hz ? value : null;
+  }
+
+  update({ control, trip, presence }, is_live) {
+    this.control = control;
+    this.may_be_tripped = trip?.active === true || (trip?.active !== false && presence === "online");
+    this.is_live = is_live;
+    const { user } = session.current();
+    show(this.element, Boolean(user && control?.from?.includes("page")));
+    if (control) this.draw();
+  }
+
+  draw() {
+    const { can, min_hz, max_hz, lost_after_s, on_commander_lost } = this.control;
+    const draft = this.draft();
+    const is_wrong = this.input.value !== "" && draft === null;
+    this.input.min = String(min_hz);
+    this.input.max = String(max_hz);
+    this.input.setAttribute("aria-invalid", String(is_wrong));
+    this.set.setAttribute("aria-disabled", String(!this.is_live || draft === null));
+    const range = `${number(min_hz)} to ${number(max_hz)}`;
+    this.input.placeholder = range;
+    text(this.hint, `${is_wrong ? "must be " : ""}${range} Hz`);
+    this.hint.className = is_wrong ? "range wrong" : "range unseen";
+    show(this.form, can.includes("frequency"));
+    show(this.coast, can.includes("coast"));
+    const title = `If this tab is closed or loses the gateway: ${on_commander_lost} after ${number(lost_after_s)} s`;
+    if (this.form.title !== title) this.form.title = title;
+    for (const [word, label, kind] of ACTIONS) {
+      const hold = this.holds.get(word);
+      show(hold.element, can.includes(word) && this.is_useful(word));
+      // What would be run at a number that is not allowed is not run at all.
+      const is_on = this.is_live && !(kind === "run" && is_wrong);
+      if (hold.is_off === is_on || !hold.element.hasAttribute("aria-disabled")) hold.enable(is_on);
+      hold.rename(kind === "run" && draft !== null ? `${label} at ${number(draft)} Hz` : label);
+    }
+  }
+
+  /** There is something to reset, or to take. */
+  is_useful(word) {
+    if (word === "reset") return this.may_be_tripped;
+    if (word === "take") return this.control.owner !== null && leases.every_ms(this.drive) === null;
+    return true;
+  }
+
+  async send(word, body) {
+    const draft = this.draft();
+    if (draft !== null && (word === "setpoint" || body.run === "forward" || body.run === "reverse")) {
+      body.frequency_hz = draft;
+    }
+    this.tell("pending", `${words(word)}: sent`);
+    const { lost_after_s } = this.control;
+    const { outcome, message, reason } = await session.command(this.drive, body);
+    const is_good = outcome === "acknowledged" || outcome === "confirmed";
+    this.tell(is_good ? "good" : "bad", `${words(word)} ${outcome}: ${message ?? words(reason)}`, !is_good);
+    if (is_good && body.frequency_hz !== undefined && this.draft() === body.frequency_hz) this.input.value = "";
+    const is_stop = word === "stop" || word === "coast";
+    if (TAKEN.has(outcome) && !is_stop && word !== "reset") leases.begin(this.drive, lost_after_s);
+    this.draw();
+  }
+
+  tell(kind, message, is_urgent = false) {
+    this.result.className = `result ${kind}`;
+    text(this.result, `${clock(Date.now())} ${message}`);
+    if (kind !== "pending") announce(`${this.drive}: ${message}`, is_urgent);
+  }
+}

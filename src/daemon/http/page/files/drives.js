@@ -1,0 +1,216 @@
+// A card for each drive.
+
+import { Controls } from "./control.js";
+import { announce, attribute, h, keyed, number, recent, reshape, shape, show, span, text, words } from "./dom.js";
+import * as leases from "./leases.js";
+
+// What an operator looks for comes first; the rest is one click away.
+const FIRST_VALUES = 5;
+
+const cards = new Map();
+let place = null;
+let is_live = false;
+
+/** Prepares the cards inside `element`. */
+export function start(element) {
+  place = element;
+  setInterval(() => cards.forEach((card) => card.draw_ages()), 500);
+  leases.changed((name) => cards.get(name)?.draw());
+}
+
+/** Shows these drives and no others. */
+export function replace(drives) {
+  keyed(place, cards, drives, (drive) => drive.name, (drive) => new Card(drive.name));
+  update(drives);
+}
+
+/** Shows what is new of some drives. */
+export function update(drives) {
+  for (const drive of drives) cards.get(drive.name)?.take(drive);
+}
+
+/** Draws all again, because what is around them has changed. */
+export function redraw(is_live_now = is_live) {
+  is_live = is_live_now;
+  cards.forEach((card) => card.draw());
+}
+
+/** All drives as they were last told. */
+export function all() {
+  return [...cards.values()].map((card) => card.drive).filter(Boolean);
+}
+
+class Card {
+  constructor(name) {
+    this.name = name;
+    this.drive = null;
+    this.taken = 0;
+    this.rows = new Map();
+    this.rest = new Map();
+    this.shape = shape("unknown");
+    this.state = h("span", { class: "word" });
+    this.about = h("p", { class: "about" });
+    this.output = h("span", { class: "number" });
+    this.setpoint = h("span", { class: "number" });
+    this.trip = h("p", { class: "trip" });
+    this.marks = h("ul", { class: "marks", "aria-label": "Marks" });
+    this.values = h("dl", { class: "values" });
+    this.others = h("dl", { class: "values" });
+    this.summary = h("summary");
+    this.details = h("details", { class: "others" }, this.summary, this.others);
+    this.owner = h("p", { class: "owner" });
+    this.age = h("p", { class: "age" });
+    this.controls = new Controls(name);
+    const id = `drive-${name}`;
+    this.element = h(
+      "article",
+      { class: "card drive", id, "aria-labelledby": `${id}-name` },
+      h("header", {}, h("h3", { id: `${id}-name` }, name), h("p", { class: "state" }, this.shape, this.state)),
+      this.about,
+      h(
+        "div",
+        { class: "figures" },
+        h("p", { class: "output" }, h("span", { class: "label" }, "Output"), h("span", { class: "figure" }, this.output, h("span", { class: "unit" }, "Hz"))),
+        h("p", { class: "set" }, h("span", { class: "label" }, "Set"), h("span", { class: "figure" }, this.setpoint, h("span", { class: "unit" }, "Hz"))),
+      ),
+      this.trip,
+      this.marks,
+      this.controls.element,
+      this.values,
+      this.details,
+      h("footer", {}, this.owner, this.age),
+    );
+  }
+
+  take(drive) {
+    const before = this.drive;
+    this.drive = drive;
+    this.taken = performance.now();
+    leases.observe(drive);
+    if (before && before.run_state !== drive.run_state && drive.run_state !== "tripped") {
+      announce(`${this.name}: ${words(drive.run_state)}`);
+    }
+    this.draw();
+  }
+
+  draw() {
+    const { drive } = this;
+    if (!drive) return;
+    const { run_state, line, station, vendor, title, model } = drive;
+    attribute(this.element, "data-state", run_state);
+    reshape(this.shape, run_state);
+    text(this.state, words(run_state));
+    text(this.about, `${title ? `${vendor} ${title}` : model} · ${line} · station ${station ?? "unknown"}`);
+    this.figure(this.output, drive.output_frequency_hz);
+    this.figure(this.setpoint, drive.setpoint_hz);
+    this.draw_trip(drive);
+    this.draw_marks(drive);
+    this.draw_values(drive);
+    this.controls.update(drive, is_live);
+    this.draw_ages();
+  }
+
+  figure(element, value) {
+    text(element, number(value, 2));
+    element.classList.toggle("none", value === null || value === undefined);
+  }
+
+  draw_trip({ trip }) {
+    if (!trip) return show(this.trip, false);
+    const name = [trip.code, trip.text].filter((part) => part !== null && part !== undefined && part !== "").join(" ");
+    const when = trip.last_at ? `, ${recent(trip.last_at)}` : "";
+    const is_active = trip.active === true;
+    this.trip.classList.toggle("active", is_active);
+    show(this.trip, is_active || trip.count > 0);
+    text(this.trip, is_active ? `TRIP ${name}${when}` : `Last trip ${name}${when} (${number(trip.count)} in all)`);
+  }
+
+  draw_marks({ presence, status, control, watchdog, trip }) {
+    const marks = [
+      [presence === "offline", "bad", "does not answer"],
+      [control?.not_effective, "bad", "stop not effective"],
+      [control?.failsafe, "bad", `fail-safe ${typeof control?.failsafe === "string" ? words(control.failsafe) : "action"}`],
+      [control?.stop_pending, "bad", "stop pending"],
+      [status?.local === true, "warn", "local control"],
+      [status?.alarm === true, "warn", "alarm"],
+      [status?.ready === false, "warn", "not ready"],
+      [control?.start_inhibited, "warn", "start inhibited"],
+      [control?.command_pending, "info", "command pending"],
+      [trip?.active === null && presence === "online", "info", "trip unknown"],
+      [watchdog, "info", `watchdog ${words(watchdog)}`],
+      [!control, "info", "read only"],
+    ].filter(([is]) => is);
+    const wanted = marks.map(([, kind, label]) => `${kind}:${label}`).join("|");
+    if (this.marks.dataset.shown === wanted) return;
+    this.marks.dataset.shown = wanted;
+    this.marks.replaceChildren(...marks.map(([, kind, label]) => h("li", { class: kind }, label)));
+  }
+
+  draw_values({ values = [] }) {
+    const is_first = (value) => value.unit && value.unit !== "Hz" && value.unit !== "s";
+    const first = values.filter(is_first).slice(0, FIRST_VALUES);
+    const others = values.filter((value) => !first.includes(value));
+    keyed(this.values, this.rows, first, (value) => value.name, (value) => new Row(value));
+    keyed(this.others, this.rest, others, (value) => value.name, (value) => new Row(value));
+    first.forEach((value) => this.rows.get(value.name).take(value));
+    others.forEach((value) => this.rest.get(value.name).take(value));
+    show(this.details, others.length > 0);
+    text(this.summary, `${others.length} more values`);
+  }
+
+  /** Ages go on between what the gateway tells. */
+  draw_ages() {
+    const { drive } = this;
+    if (!drive) return;
+    const since = performance.now() - this.taken;
+    [...this.rows.values(), ...this.rest.values()].forEach((row) => row.draw_age(since));
+    const ages = (drive.values ?? []).filter((value) => value.quality === "good" && value.age_ms !== null);
+    const oldest = Math.max(...ages.map((value) => value.age_ms));
+    text(this.age, ages.length > 0 ? `values up to ${span(oldest + since)} old` : "no fresh value");
+    this.draw_owner(drive.control, since);
+  }
+
+  draw_owner(control, since) {
+    show(this.owner, Boolean(control));
+    if (!control) return;
+    const every_ms = leases.every_ms(this.name);
+    const left = control.lease_left_ms === null ? "" : `, lease ${span(Math.max(0, control.lease_left_ms - since))}`;
+    const is_run = control.intent === "forward" || control.intent === "reverse";
+    const set = is_run && control.setpoint_hz !== null ? ` ${number(control.setpoint_hz, 2)} Hz` : "";
+    const order = is_run || control.owner ? ` · ordered ${words(control.intent)}${set}` : "";
+    if (!control.owner) text(this.owner, `Nobody commands${order}`);
+    else if (every_ms === null) text(this.owner, `Commanded by ${control.owner}${left}${order}`);
+    else text(this.owner, `Commanded by this tab, renewed every ${span(every_ms)}${left}${order}`);
+    this.owner.classList.toggle("ours", every_ms !== null && Boolean(control.owner));
+  }
+}
+
+/** A value with its name, unit and quality. */
+class Row {
+  constructor({ label, name }) {
+    this.decimals = 0;
+    this.value = null;
+    this.number = h("span", { class: "number" });
+    this.unit = h("span", { class: "unit" });
+    this.note = h("span", { class: "note" });
+    this.element = h("div", { class: "value" }, h("dt", {}, label || words(name)), h("dd", {}, this.number, this.unit, this.note));
+  }
+
+  take(value) {
+    this.value = value;
+    this.decimals = Math.min(3, Math.max(this.decimals, decimals(value.value)));
+    const is_number = typeof value.value === "number";
+    text(this.number, value.text ?? (is_number ? number(value.value, this.decimals) : "–"));
+    text(this.unit, is_number && value.text === null ? value.unit : "");
+    attribute(this.element, "data-quality", value.quality);
+  }
+
+  draw_age(since) {
+    const { quality, age_ms } = this.value;
+    text(this.note, quality === "stale" ? `stale ${span(age_ms + since)}` : quality === "never" ? "never read" : "");
+  }
+}
+
+function decimals(value) {
+  return typeof value === "number" ? (String(Math.round(value * 1000) / 1000).split(".")[1]?.length ?? 0) : 0;
+}

@@ -1,0 +1,117 @@
+// The lines, and what is wrong or could be better.
+
+import { attribute, h, keyed, number, shape, reshape, show, span, text, words } from "./dom.js";
+
+const SHOWN_AT_FIRST = 4;
+
+const rows = new Map();
+let place = null;
+let list = null;
+let more = null;
+let is_all = false;
+let advice = [];
+
+/** Prepares both inside their elements. */
+export function start(lines, advices) {
+  place = lines;
+  list = h("ul", { class: "advice" });
+  more = h("button", { type: "button", class: "link", click: () => draw_advice(!is_all) });
+  advices.append(list, more);
+}
+
+/** Shows these lines and no others. */
+export function replace(lines) {
+  keyed(place, rows, lines, (line) => line.name, (line) => new Line(line.name));
+  update(lines);
+}
+
+/** Shows what is new of some lines. */
+export function update(lines) {
+  for (const line of lines) rows.get(line.name)?.take(line);
+}
+
+/** Shows what the gateway advises. */
+export function advise(next) {
+  advice = [...next].sort((one, other) => rank(one) - rank(other));
+  draw_advice(is_all);
+}
+
+const rank = ({ severity }) => (severity === "problem" ? 0 : 1);
+
+function draw_advice(is) {
+  is_all = is;
+  const shown = is_all ? advice : advice.slice(0, SHOWN_AT_FIRST);
+  list.replaceChildren(...shown.map(item));
+  if (advice.length === 0) {
+    list.append(h("li", { class: "good" }, shape("good"), h("span", {}, "Nothing is wrong, and nothing to advise.")));
+  }
+  show(more, advice.length > SHOWN_AT_FIRST);
+  text(more, is_all ? "Show fewer" : `Show all ${advice.length}`);
+}
+
+function item({ severity, line, drive, text: sentence }) {
+  const where = drive ?? line;
+  const name = where ? h("b", {}, where) : null;
+  const kind = severity === "problem" ? "problem" : "advice";
+  return h("li", { class: kind }, shape(kind), h("span", {}, h("span", { class: "unseen" }, `${kind}: `), name, name ? " " : "", sentence));
+}
+
+class Line {
+  constructor(name) {
+    this.shape = shape("unknown");
+    this.state = h("span", { class: "word" });
+    this.about = h("p", { class: "about" });
+    this.bar = h("meter", { min: 0, max: 100, high: 85, "aria-label": `Use of ${name}` });
+    this.cells = {};
+    const cell = (key, label, ...more) => {
+      this.cells[key] = h("span", { class: "number" });
+      return h("div", {}, h("dt", {}, label), h("dd", {}, this.cells[key], ...more));
+    };
+    this.suspicion = h("p", { class: "suspicion" });
+    this.element = h(
+      "article",
+      { class: "card line", "aria-label": `Line ${name}` },
+      h("header", {}, h("h3", {}, name), h("p", { class: "state" }, this.shape, this.state)),
+      this.about,
+      h(
+        "dl",
+        {},
+        cell("use", "Use", this.bar),
+        cell("planned", "Planned"),
+        cell("bad", "Bad"),
+        cell("rate", "Exchanges"),
+        cell("stop", "STOP, all well"),
+        cell("silent", "STOP, one silent"),
+        cell("seen", "longest seen"),
+      ),
+      this.suspicion,
+    );
+  }
+
+  take(line) {
+    const { state, reason, stop_ms = {} } = line;
+    const is_up = state === "up";
+    attribute(this.element, "data-state", is_up ? (line.is_suspended ? "suspended" : "up") : "down");
+    reshape(this.shape, is_up ? "good" : "problem");
+    text(this.state, is_up ? "up" : `down${reason ? `: ${words(reason)}` : ""}`);
+    text(this.about, `${line.port} · ${line.link} ${String(line.framing ?? "").toUpperCase()} · ${line.drives?.length ?? 0} drives`);
+    const use = line.use_per_cent;
+    this.bar.value = typeof use === "number" ? use : 0;
+    text(this.cells.use, `${number(use, 0)} %`);
+    text(this.cells.planned, `${number(line.planned_use_per_cent, 0)} %`);
+    text(this.cells.bad, line.bad_per_cent === null ? "–" : `${number(line.bad_per_cent)} %`);
+    text(this.cells.rate, `${number(line.exchanges_per_s, 1)} /s`);
+    text(this.cells.stop, within(stop_ms.all_healthy));
+    text(this.cells.silent, within(stop_ms.one_silent));
+    text(this.cells.seen, within(stop_ms.longest_seen));
+    const suspended = line.is_suspended ? "Run and rising setpoints are suspended: too many bad exchanges" : "";
+    const suspicion = [suspended, line.suspicion].filter(Boolean).join(" · ");
+    show(this.suspicion, suspicion !== "");
+    text(this.suspicion, suspicion);
+  }
+}
+
+function within(ms) {
+  if (typeof ms !== "number") return "–";
+  return ms < 10_000 ? `${Math.round(ms)} ms` : span(ms);
+}

@@ -1,0 +1,92 @@
+// What a line says about itself: what is good, what is not, and how fast its drives answer.
+
+import { h, number, shape, text, words } from "./dom.js";
+import { choices, document_at, labelled, table } from "./fetched.js";
+
+const EVERY_MS = 5000;
+const HEADINGS = ["Drive", "Station", "Answers to", "Count", "p50", "p90", "p99", "p99.9", "Longest", "Time-out", "Suggested"];
+const NUMERIC = HEADINGS.filter((heading) => heading !== "Drive" && heading !== "Answers to");
+const SHAPES = { good: "good", hint: "advice", problem: "problem" };
+
+/** The panel of the line's report. */
+export class Report {
+  constructor(element) {
+    this.element = element;
+    this.line = h("select", { change: () => this.load() });
+    this.message = h("p", { class: "message", role: "status" });
+    this.verdict = h("ul", { class: "advice" });
+    this.rates = h("dl", { class: "rates" });
+    const { element: shown, body, row } = table("How fast the drives answer", HEADINGS, NUMERIC);
+    this.body = body;
+    this.row = row;
+    this.is_open = false;
+    element.append(
+      h("div", { class: "tools" }, labelled("Line", this.line)),
+      this.message,
+      this.verdict,
+      this.rates,
+      h("div", { class: "scroll" }, shown),
+    );
+    setInterval(() => this.is_open && document.visibilityState === "visible" && this.load(), EVERY_MS);
+  }
+
+  names(lines) {
+    choices(this.line, lines);
+  }
+
+  open() {
+    this.is_open = true;
+    this.load();
+  }
+
+  close() {
+    this.is_open = false;
+  }
+
+  async load() {
+    const line = this.line.value;
+    if (!line) return;
+    const { answer, error } = await document_at(`/api/v1/lines/${encodeURIComponent(line)}/report`, this.element);
+    if (line !== this.line.value) return;
+    if (!answer) {
+      text(this.message, error);
+      return;
+    }
+    const reason = answer.reason ? `: ${words(answer.reason)}` : "";
+    text(this.message, `${answer.state}${reason} · ${answer.link} · observed for ${number(answer.observed_s, 0)} s`);
+    this.verdict.replaceChildren(
+      ...answer.verdict.map(({ severity, drive, text: sentence }) => {
+        const about = [h("span", { class: "unseen" }, `${severity}: `), drive ? h("b", {}, `${drive} `) : "", sentence];
+        return h("li", { class: severity }, shape(SHAPES[severity]), h("span", {}, ...about));
+      }),
+    );
+    this.rates.replaceChildren(...Object.entries(answer.rates ?? {}).map(([key, value]) => rate(key, value)));
+    this.body.replaceChildren(...answer.drives.flatMap((drive) => cells(drive).map((cells_of_one) => this.row(cells_of_one))));
+  }
+}
+
+function rate(key, value) {
+  const is_part = key.endsWith("_per_mille");
+  const label = words(key.replace("_per_mille", ""));
+  const told = is_part && typeof value === "number" ? `${number(value / 10)} %` : number(value);
+  return h("div", {}, h("dt", {}, label), h("dd", {}, told));
+}
+
+/** A row for each kind of answer. */
+function cells({ name, station, replies = [] }) {
+  const ms = (value) => (typeof value === "number" ? `${number(Math.round(value * 10) / 10)} ms` : "–");
+  if (replies.length === 0) return [[name, String(station), "no answer yet"]];
+  return replies.map((of) => [
+    name,
+    String(station),
+    words(of.class),
+    number(of.count),
+    ms(of.p50_ms),
+    ms(of.p90_ms),
+    ms(of.p99_ms),
+    ms(of.p999_ms),
+    ms(of.max_ms),
+    ms(of.timeout_ms),
+    ms(of.suggested_timeout_ms),
+  ]);
+}

@@ -1,0 +1,117 @@
+// Who is signed in, and everything that is sent to the gateway.
+
+import { announce } from "./dom.js";
+
+const TIMEOUT_MS = 20_000;
+const STOP_TIMEOUT_MS = 8000;
+const NO_GATEWAY = "No answer from the gateway. Stop the drive by its own means.";
+const NO_EFFECT = "The stop is not confirmed yet. If the motor turns, stop it by its own means.";
+
+const session = { is_known: false, enabled: false, user: null, token: null };
+const listeners = [];
+
+/** What is known of the session. */
+export function current() {
+  return session;
+}
+
+/** Calls `listener` whenever somebody signs in or out. */
+export function changed(listener) {
+  listeners.push(listener);
+}
+
+function take(next) {
+  Object.assign(session, next);
+  listeners.forEach((listener) => listener(session));
+}
+
+/** Asks the gateway who is signed in. Where it knows of no sessions, control is off. */
+export async function refresh() {
+  try {
+    const response = await fetch("/api/v1/session", { cache: "no-store", signal: AbortSignal.timeout(TIMEOUT_MS) });
+    const answer = response.ok ? await response.json() : {};
+    const { enabled = false, user = null, token = null } = answer;
+    take({ is_known: true, enabled, user, token });
+  } catch {
+    // It is asked again when the gateway is back.
+  }
+}
+
+/** Signs in; returns what went wrong, or null. */
+export async function sign_in(user, password) {
+  const { status, answer } = await send("POST", "/api/v1/session", { user, password }, TIMEOUT_MS);
+  if (status === 200) {
+    take({ is_known: true, enabled: true, user: answer.user ?? user, token: answer.token ?? null });
+    announce(`Signed in as ${session.user}`);
+    return null;
+  }
+  return answer?.error ?? (status === 0 ? "The gateway did not answer. Try again." : `The gateway answered ${status}.`);
+}
+
+/** Signs out. */
+export async function sign_out() {
+  await send("DELETE", "/api/v1/session", null, TIMEOUT_MS);
+  take({ user: null, token: null });
+  await refresh();
+}
+
+async function send(method, path, body, timeout_ms) {
+  const headers = { "Content-Type": "application/json" };
+  if (session.token) headers["X-CSRF-Token"] = session.token;
+  try {
+    const response = await fetch(path, {
+      method,
+      headers,
+      body: body === null ? undefined : JSON.stringify(body),
+      cache: "no-store",
+      signal: AbortSignal.timeout(timeout_ms),
+    });
+    const answer = await response.json().catch(() => null);
+    return { status: response.status, answer, is_late: false };
+  } catch (error) {
+    return { status: 0, answer: null, is_late: error.name === "TimeoutError" };
+  }
+}
+
+/** Sends with the session's token; once more with a new one if the old one is no longer taken. */
+async function send_signed(path, body, timeout_ms) {
+  const first = await send("POST", path, body, timeout_ms);
+  if (first.status !== 401 && first.status !== 403) return first;
+  const before = session.token;
+  await refresh();
+  if (session.user === null || session.token === before) return first;
+  return send("POST", path, body, timeout_ms);
+}
+
+/** Commands a drive. Always returns an outcome with a sentence. */
+export async function command(drive, body) {
+  const is_stop = body.run === "stop" || body.run === "coast";
+  const path = `/api/v1/drives/${encodeURIComponent(drive)}/command`;
+  const reply = await send_signed(path, body, is_stop ? STOP_TIMEOUT_MS : TIMEOUT_MS);
+  return judged(reply, is_stop);
+}
+
+function judged({ status, answer, is_late }, is_stop) {
+  if (status === 0) {
+    const of_stop = is_late ? NO_EFFECT : NO_GATEWAY;
+    return { outcome: "unknown", message: is_stop ? of_stop : "No answer yet. It may still be carried out." };
+  }
+  if (answer?.outcome) return answer;
+  if (status === 401) return { outcome: "refused", message: "You are signed out. Sign in and try again." };
+  return { outcome: "refused", message: answer?.error ?? answer?.message ?? `The gateway answered ${status}.` };
+}
+
+/** Stops every drive that may be controlled from here. */
+export async function stop_all() {
+  const reply = await send_signed("/api/v1/stop", {}, STOP_TIMEOUT_MS);
+  if (Array.isArray(reply.answer?.drives)) return reply.answer.drives;
+  const { outcome, message } = judged(reply, true);
+  return [{ drive: "All drives", outcome, message }];
+}
+
+/** Renews the lease of a drive. Returns whether we may still do so; who holds control is told by the events. */
+export async function renew(drive, timeout_ms) {
+  const path = `/api/v1/drives/${encodeURIComponent(drive)}/lease`;
+  const { status } = await send("POST", path, {}, timeout_ms);
+  return status !== 401 && status !== 403 && status !== 404;
+}

@@ -1,0 +1,85 @@
+// Signing in and out, and the stop for all.
+
+import { announce, h, show, text, words } from "./dom.js";
+import * as leases from "./leases.js";
+import * as session from "./session.js";
+
+/** Puts it into the page's head; `results` is where the outcome of a stop for all is told. */
+export function start(place, form_place, results) {
+  const stop = h("button", { type: "button", class: "stop all", click: () => stop_all(results) }, "STOP ALL");
+  const who = h("span", { class: "who" });
+  const out = h("button", { type: "button", class: "plain", click: () => session.sign_out() }, "Sign out");
+  const begin = h("button", { type: "button", class: "plain", "aria-expanded": "false", "aria-controls": "sign-in" }, "Sign in");
+  const form = sign_in_form(() => {
+    open(false);
+    document.getElementById("main").focus();
+  });
+  const open = (is) => {
+    show(form, is);
+    begin.setAttribute("aria-expanded", String(is));
+    if (is) form.elements.user.focus();
+  };
+  begin.addEventListener("click", () => open(form.hidden));
+  form.addEventListener("keydown", (event) => {
+    if (event.key !== "Escape") return;
+    open(false);
+    begin.focus();
+  });
+  place.append(stop, who, out, begin);
+  form_place.append(form);
+  const draw = ({ enabled, user }) => {
+    const is_in = user !== null;
+    for (const element of [stop, who, out]) show(element, is_in);
+    show(begin, enabled && !is_in);
+    if (is_in || !enabled) open_quietly(form, begin);
+    if (!is_in) leases.end_all();
+    text(who, user ?? "");
+  };
+  session.changed(draw);
+  draw(session.current());
+}
+
+function open_quietly(form, begin) {
+  show(form, false);
+  begin.setAttribute("aria-expanded", "false");
+}
+
+function sign_in_form(done) {
+  const message = h("p", { class: "wrong", role: "alert" });
+  const submit = async (event) => {
+    event.preventDefault();
+    const { user, password, go } = form.elements;
+    go.disabled = true;
+    text(message, "");
+    const wrong = await session.sign_in(user.value.trim(), password.value);
+    go.disabled = false;
+    password.value = "";
+    text(message, wrong);
+    if (wrong === null) done();
+    else password.focus();
+  };
+  const form = h(
+    "form",
+    { id: "sign-in", class: "sign-in", hidden: true, "aria-label": "Sign in", submit },
+    h("label", {}, "User ", h("input", { name: "user", autocomplete: "username", autocapitalize: "none", spellcheck: "false", required: true })),
+    h("label", {}, "Password ", h("input", { name: "password", type: "password", autocomplete: "current-password", required: true })),
+    h("button", { name: "go", class: "primary" }, "Sign in"),
+    message,
+  );
+  return form;
+}
+
+async function stop_all(results) {
+  show(results, true);
+  results.replaceChildren(h("p", {}, "STOP ALL: sent"));
+  const told = await session.stop_all();
+  const rows = told.map(({ drive, outcome, message, reason }) => {
+    const is_good = outcome === "acknowledged" || outcome === "confirmed";
+    return h("li", { class: is_good ? "good" : "bad" }, h("b", {}, drive), ` ${words(outcome)}: ${message ?? words(reason)}`);
+  });
+  const close = h("button", { type: "button", class: "link", click: () => show(results, false) }, "Close");
+  results.replaceChildren(h("p", {}, h("b", {}, "STOP ALL "), close), h("ul", {}, ...rows));
+  const failed = told.filter(({ outcome }) => outcome !== "acknowledged" && outcome !== "confirmed");
+  const names = failed.map(({ drive }) => drive).join(", ");
+  announce(failed.length === 0 ? "All drives have taken the stop" : `Stop not confirmed: ${names}`, failed.length > 0);
+}

@@ -1,0 +1,74 @@
+// Panels of which one is shown, chosen by a row of tabs.
+
+import { h, show } from "./dom.js";
+
+/** Shows one of `panels`, each with an id, a label and what is told when it opens and closes. */
+export class Tabs {
+  constructor(list, panels) {
+    this.panels = panels;
+    this.list = list;
+    this.chosen = null;
+    for (const panel of panels) {
+      panel.tab = h(
+        "button",
+        {
+          type: "button",
+          role: "tab",
+          id: `tab-${panel.id}`,
+          "aria-controls": panel.id,
+          click: () => this.choose(panel),
+          keydown: (event) => this.key(event),
+        },
+        panel.label,
+      );
+      panel.element.setAttribute("aria-labelledby", panel.tab.id);
+      panel.element.addEventListener("missing", () => this.leave_out(panel));
+      list.append(panel.tab);
+    }
+    this.draw();
+  }
+
+  /** Opens what was chosen last, or the first. */
+  begin() {
+    if (this.chosen) return;
+    const wanted = location.hash.slice(1);
+    this.choose(this.panels.find((panel) => panel.id === wanted) ?? this.panels[0]);
+  }
+
+  choose(panel) {
+    if (this.chosen === panel) return;
+    this.chosen?.part.close();
+    const was_chosen = this.chosen !== null;
+    this.chosen = panel;
+    this.draw();
+    panel.part.open();
+    if (was_chosen) history.replaceState(null, "", `#${panel.id}`);
+  }
+
+  /** This gateway does not serve what the panel shows. */
+  leave_out(panel) {
+    this.panels = this.panels.filter((other) => other !== panel);
+    panel.tab.remove();
+    show(panel.element, false);
+    if (this.chosen === panel && this.panels.length > 0) this.choose(this.panels[0]);
+  }
+
+  draw() {
+    for (const panel of this.panels) {
+      const is = panel === this.chosen;
+      panel.tab.setAttribute("aria-selected", String(is));
+      panel.tab.tabIndex = is || (!this.chosen && panel === this.panels[0]) ? 0 : -1;
+      show(panel.element, is);
+    }
+  }
+
+  key(event) {
+    const at = this.panels.indexOf(this.chosen);
+    const last = this.panels.length - 1;
+    const to = { ArrowRight: at === last ? 0 : at + 1, ArrowLeft: at === 0 ? last : at - 1, Home: 0, End: last }[event.key];
+    if (to === undefined) return;
+    event.preventDefault();
+    this.choose(this.panels[to]);
+    this.panels[to].tab.focus();
+  }
+}

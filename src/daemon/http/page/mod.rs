@@ -1,0 +1,74 @@
+//! The page that people look at: its files as they stand in the program. It is made of the same routes that scripts use.
+
+#[cfg(test)]
+mod tests;
+
+use axum::Router;
+use axum::extract::Path;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use crc::{CRC_64_XZ, Crc};
+use std::sync::LazyLock;
+
+/// The file that is the page itself.
+const INDEX: &str = "index.html";
+/// A file of the page.
+#[derive(Debug)]
+struct File {
+    name: &'static str,
+    media_type: &'static str,
+    bytes: &'static [u8],
+}
+
+macro_rules! files {
+    ($media_type:literal: $($name:literal),+ $(,)?) => {
+        [$(File { name: $name, media_type: $media_type, bytes: include_bytes!(concat!("files/", $name)) }),+]
+    };
+}
+
+/// All files, by their kind.
+const FILES: [&[File]; 5] = [
+    &files!("text/html; charset=utf-8": "index.html"),
+    &files!("text/css; charset=utf-8": "page.css", "uplot.min.css"),
+    &files!("text/javascript; charset=utf-8":
+        "app.js", "control.js", "dom.js", "drives.js", "fetched.js", "hold.js", "journal.js", "leases.js", "lines.js",
+        "report.js", "session.js", "signing.js", "stream.js", "tabs.js", "ticker.js", "traffic.js", "trend.js",
+        "uplot.min.js",
+    ),
+    &files!("image/svg+xml": "icon.svg"),
+    &files!("text/plain; charset=utf-8": "uplot.LICENSE.txt"),
+];
+
+/// A file with the tag of its content, by which a browser finds that it has it already.
+struct Tagged {
+    file: &'static File,
+    tag: String,
+}
+
+static TAGGED: LazyLock<Vec<Tagged>> = LazyLock::new(|| {
+    let crc = Crc::<u64>::new(&CRC_64_XZ);
+    let tagged = |file: &'static File| Tagged { file, tag: format!("\"{:016x}\"", crc.checksum(file.bytes)) };
+    FILES.iter().copied().flatten().map(tagged).collect()
+});
+
+/// The page at `/`, and what it needs below `/assets/`.
+pub(super) fn router<S: Clone + Send + Sync + 'static>() -> Router<S> {
+    let index = async |headers: HeaderMap| answer(INDEX, &headers);
+    let asset = async |Path(name): Path<String>, headers: HeaderMap| answer(&name, &headers);
+    Router::new().route("/", get(index)).route("/assets/{name}", get(asset))
+}
+
+fn answer(name: &str, asked: &HeaderMap) -> Response {
+    let Some(Tagged { file, tag }) = TAGGED.iter().find(|tagged| tagged.file.name == name) else {
+        return StatusCode::NOT_FOUND.into_response();
+    };
+    let headers =
+        [(header::CONTENT_TYPE, file.media_type), (header::ETAG, tag.as_str()), (header::CACHE_CONTROL, "no-cache")];
+    let known = asked.get(header::IF_NONE_MATCH).and_then(|value| value.to_str().ok()).unwrap_or_default();
+    // A proxy that packs what it passes on marks the tag as weak.
+    if known.split(',').any(|one| one.trim().trim_start_matches("W/") == tag) {
+        return (StatusCode::NOT_MODIFIED, headers).into_response();
+    }
+    (headers, file.bytes).into_response()
+}

@@ -1,0 +1,102 @@
+//! The page is whole, small, and says nothing that its own rules for browsers forbid.
+
+use super::super::tests::on_a_runtime;
+use super::*;
+use axum::body::Body;
+use axum::http::Request;
+use hyper_util::service::TowerToHyperService;
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+/// All of the page as it is served, uncompressed.
+const BYTES_MAX: usize = 150_000;
+
+fn files() -> impl Iterator<Item = &'static File> {
+    FILES.into_iter().flatten()
+}
+
+/// Those that nobody here wrote come as they are.
+fn is_vendored(file: &File) -> bool {
+    file.name.starts_with("uplot")
+}
+
+fn text(file: &File) -> &'static str {
+    std::str::from_utf8(file.bytes).unwrap()
+}
+
+#[test]
+fn every_file_is_served_and_all_are_small() {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("src/daemon/http/page/files");
+    let there = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let served: BTreeSet<_> = files().map(|file| file.name.to_owned()).collect();
+    assert_eq!(there.collect::<BTreeSet<_>>(), served);
+    let empty: Vec<_> = files().filter(|file| file.bytes.is_empty()).map(|file| file.name).collect();
+    assert!(empty.is_empty(), "{empty:?}");
+    let bytes: usize = files().map(|file| file.bytes.len()).sum();
+    assert!(bytes < BYTES_MAX, "{bytes}");
+}
+
+/// What stands between quotation marks behind `mark`.
+fn quoted_behind<'t>(text: &'t str, mark: &str) -> Vec<&'t str> {
+    text.split(mark).skip(1).filter_map(|rest| rest.split('"').next()).collect()
+}
+
+#[test]
+fn whatever_a_file_asks_for_is_there() {
+    let served: BTreeSet<_> = files().map(|file| file.name).collect();
+    let mut asked = 0;
+    for file in files().filter(|file| !is_vendored(file)) {
+        let by_path = quoted_behind(text(file), "\"/assets/");
+        let by_import = quoted_behind(text(file), "from \"./");
+        asked += by_path.len() + by_import.len();
+        for name in by_path.into_iter().chain(by_import) {
+            assert!(served.contains(name), "{}: {name}", file.name);
+        }
+    }
+    assert!(asked > served.len(), "the marks are still the right ones: {asked}");
+}
+
+#[test]
+fn nothing_is_inline_nothing_comes_from_elsewhere_and_text_is_only_text() {
+    for file in files().filter(|file| !is_vendored(file)) {
+        let text = text(file);
+        let forbidden = ["<style", "style=", " onclick", "javascript:", "innerHTML", "outerHTML", "insertAdjacentHTML"];
+        for forbidden in forbidden.into_iter().chain(["document.write", "eval(", "new Function"]) {
+            assert!(!text.contains(forbidden), "{}: {forbidden}", file.name);
+        }
+        let elsewhere: Vec<_> = quoted_behind(text, "http").into_iter().filter(|url| url.contains("://")).collect();
+        let names = ["://www.w3.org/2000/svg"];
+        assert!(elsewhere.iter().all(|url| names.contains(url)), "{}: {elsewhere:?}", file.name);
+    }
+    let index = text(files().find(|file| file.name == INDEX).unwrap());
+    let scripts: Vec<_> = index.split("<script").skip(1).collect();
+    assert!(scripts.len() > 1 && scripts.iter().all(|script| script.trim_start().starts_with("src=\"/assets/")));
+}
+
+async fn ask(path: &str, tag: &str) -> Response {
+    let request = Request::get(path).header(header::IF_NONE_MATCH, tag).body(Body::empty()).unwrap();
+    hyper::service::Service::call(&TowerToHyperService::new(router::<()>()), request).await.unwrap()
+}
+
+#[test]
+fn a_browser_that_has_a_file_is_not_sent_it_again() {
+    on_a_runtime(async {
+        for file in files() {
+            let path = format!("/assets/{}", file.name);
+            let first = ask(&path, "\"other\"").await;
+            assert_eq!(first.status(), 200, "{path}");
+            assert_eq!(first.headers()[header::CONTENT_TYPE], file.media_type);
+            let tag = first.headers()[header::ETAG].to_str().unwrap().to_owned();
+            for known in [tag.clone(), format!("\"other\", W/{tag}")] {
+                assert_eq!(ask(&path, &known).await.status(), 304, "{path} {known}");
+            }
+        }
+        let page = ask("/", "").await;
+        assert_eq!(
+            (page.status(), &page.headers()[header::CACHE_CONTROL]),
+            (StatusCode::OK, &"no-cache".parse().unwrap())
+        );
+        assert_eq!(ask("/assets/nothing.js", "").await.status(), 404);
+        assert_eq!(ask("/assets/..%2Fmod.rs", "").await.status(), 404);
+    });
+}

@@ -1,0 +1,65 @@
+//! The pictures of the page in the README, made from the demo:
+//! `cargo test --test process pictures -- --ignored` writes them to `docs/`.
+
+use super::chromium::{Browser, Window};
+use super::rig::{only_demo, program};
+use super::started::{PATIENCE, Started, until};
+use std::path::Path;
+
+/// Largest picture that is kept, in bytes.
+const BYTES_MAX: usize = 150_000;
+
+/// As much of a desktop as stays small.
+const DESKTOP: Window = Window { height: 720, ..Window::DESKTOP };
+
+#[test]
+#[ignore = "it writes into docs/"]
+fn pictures_of_the_page_for_the_readme() {
+    let _alone = only_demo();
+    let mut command = program();
+    command.args(["demo", "--port", "0", "--http-port", "0"]);
+    let mut demo = Started::at_a_keyboard(command);
+    let url = demo
+        .wait_for("where its page is", |line| line.strip_prefix("Page ")?.split_whitespace().next().map(str::to_owned));
+    let browser = Browser::start();
+    browser.resize(DESKTOP);
+    browser.open(&url);
+    browser.wait("document.body.dataset.connection === 'live'");
+    browser.click("[aria-controls='sign-in']");
+    browser.fill("#sign-in [name='user']", "demo");
+    browser.fill("#sign-in [name='password']", "demo-demo");
+    browser.click("#sign-in [name='go']");
+    browser.wait("document.querySelector('.drive .stop').checkVisibility()");
+    for (drive, hertz, label) in
+        [("fan-2", "42.5", "Forward"), ("mixer-3", "18", "Reverse"), ("belt-4", "30", "Forward")]
+    {
+        let card = format!("#drive-{drive}");
+        browser.fill(&format!("{card} input"), hertz);
+        browser.script(&format!(
+            "document.getElementById('wanted')?.removeAttribute('id'); \
+             [...document.querySelectorAll('{card} .hold')].find((it) => it.textContent.includes('{label}')).id = 'wanted'"
+        ));
+        browser.hold("#wanted");
+    }
+    for drive in ["fan-2", "belt-4"] {
+        browser.wait_for_text(&format!("#drive-{drive} .state"), "FORWARD");
+    }
+    let turns = "return Number(document.querySelector('#drive-fan-2 .output .number').textContent)";
+    until("the fan is fast", PATIENCE, || (browser.script(turns).as_f64()? > 42.0).then_some(()));
+    demo.type_line("");
+    browser.wait_for_text("#drive-pump-1 .state", "TRIPPED");
+    for (name, window) in [
+        ("page-desktop", DESKTOP),
+        ("page-desktop-dark", DESKTOP.dark()),
+        ("page-phone", Window::PHONE),
+        ("page-phone-dark", Window::PHONE.dark()),
+    ] {
+        browser.resize(window);
+        browser.script("scrollTo(0, 0)");
+        let picture = browser.picture();
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
+        std::fs::create_dir_all(&folder).unwrap();
+        std::fs::write(folder.join(format!("{name}.png")), &picture).unwrap();
+        assert!(picture.len() < BYTES_MAX, "{name}: {} bytes", picture.len());
+    }
+}
