@@ -9,13 +9,16 @@ mod health;
 mod input;
 mod journal;
 mod keyboard;
+mod link_args;
 mod log;
 mod model_facts;
 mod models;
 mod own_models;
+mod progress;
 mod read;
 mod reload;
 mod run;
+mod scan;
 mod setup;
 mod simulate;
 mod socket;
@@ -54,6 +57,11 @@ enum Command {
     Run(run::Args),
     /// Check a configuration: all problems at once, or what each line will cost. Opens nothing
     Check(check::Args),
+    /// Find drives on a line that nobody uses, name their models, and print a configuration to start from. Only reads
+    ///
+    /// Listens for 2 s first, and refuses a line on which somebody talks or a port that a gateway has open. First the
+    /// settings with which drives leave their factories, anything else on request. Ctrl-C ends it and keeps what was found.
+    Scan(scan::Args),
     /// List and show drive models, or check a model file
     Models(models::Args),
     /// Play one or more drives on a pseudo-terminal, for people who have no hardware at hand
@@ -81,6 +89,16 @@ enum Command {
     /// Run a small MQTT broker on loopback; ends with its standard input
     #[command(hide = true)]
     Broker(broker::Args),
+}
+
+impl Command {
+    /// From which level on is logged, where nobody says otherwise. What a tool finds out, it says itself.
+    const fn log_level(&self) -> &'static str {
+        match self {
+            Self::Scan(_) => "error",
+            _ => "info",
+        }
+    }
 }
 
 /// Why a command ended without success. The message is already for people.
@@ -112,11 +130,12 @@ impl Failure {
 #[must_use]
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    let _last_lines = log::start(cli.log_format);
+    let _last_lines = log::start(cli.log_format, cli.command.log_level());
     let done = match cli.command {
         Command::Demo(args) => demo::demo(&args),
         Command::Run(args) => run::run(&args),
         Command::Check(args) => check::check(&args),
+        Command::Scan(args) => scan::scan(&args),
         Command::Models(args) => models::models(&args),
         Command::Simulate(args) => simulate::simulate(&args),
         Command::Health(args) => health::health(&args),

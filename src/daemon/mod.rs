@@ -34,4 +34,5 @@ pub mod shared;
 pub mod simulator;
 pub mod sys;
 pub mod timer;
+pub mod tool_line;
 pub mod totals;
