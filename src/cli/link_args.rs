@@ -52,6 +52,16 @@ impl LinkArgs {
         }
     }
 
+    /// The same as a configuration writes it.
+    #[must_use]
+    pub const fn direction_word(&self) -> &'static str {
+        match self.rs485 {
+            DirectionArg::Adapter => "adapter",
+            DirectionArg::Kernel => "kernel",
+            DirectionArg::Rts => "rts",
+        }
+    }
+
     /// Whether parity or stop bits are given.
     #[must_use]
     pub const fn is_given(&self) -> bool {

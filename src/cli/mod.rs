@@ -13,7 +13,9 @@ mod link_args;
 mod log;
 mod model_facts;
 mod models;
+mod own_gateway;
 mod own_models;
+mod params;
 mod progress;
 mod read;
 mod reload;
@@ -62,6 +64,8 @@ enum Command {
     /// Listens for 2 s first, and refuses a line on which somebody talks or a port that a gateway has open. First the
     /// settings with which drives leave their factories, anything else on request. Ctrl-C ends it and keeps what was found.
     Scan(scan::Args),
+    /// Read all parameters of a drive to a file, compare two files, or write one back
+    Params(params::Args),
     /// List and show drive models, or check a model file
     Models(models::Args),
     /// Play one or more drives on a pseudo-terminal, for people who have no hardware at hand
@@ -96,6 +100,7 @@ impl Command {
     const fn log_level(&self) -> &'static str {
         match self {
             Self::Scan(_) => "error",
+            Self::Params(_) => "warn",
             _ => "info",
         }
     }
@@ -136,6 +141,7 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(&args),
         Command::Check(args) => check::check(&args),
         Command::Scan(args) => scan::scan(&args),
+        Command::Params(args) => params::params(&args),
         Command::Models(args) => models::models(&args),
         Command::Simulate(args) => simulate::simulate(&args),
         Command::Health(args) => health::health(&args),

@@ -94,7 +94,9 @@ mod tests {
 
     #[test]
     fn times_are_rounded_up() {
-        for (millis, text) in [(0, "0 s"), (1, "1 s"), (59_500, "1 min 0 s"), (200_000, "3 min 20 s"), (7_500_000, "2 h 5 min")] {
+        for (millis, text) in
+            [(0, "0 s"), (1, "1 s"), (59_500, "1 min 0 s"), (200_000, "3 min 20 s"), (7_500_000, "2 h 5 min")]
+        {
             assert_eq!(seconds(Duration::from_millis(millis)), text);
         }
     }

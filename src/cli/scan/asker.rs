@@ -123,7 +123,8 @@ impl Asker for PortAsker {
         let read = self.line()?.read(place, address, clock::now() + self.patience).await;
         let counted = self.counted()?;
         if counted.other_master > 0 {
-            let what = "the line is in use: requests of somebody else were heard; end whatever asks there and scan again";
+            let what =
+                "the line is in use: requests of somebody else were heard; end whatever asks there and scan again";
             return Err(Failure::failed(what));
         }
         match read {

@@ -89,7 +89,9 @@ pub fn scan(args: &Args) -> Result<(), Failure> {
         timeout: args.seconds_per_station,
     };
     if is_network && (args.all_settings || !args.baud.is_empty() || args.link.is_given()) {
-        return Err(Failure::wrong("a serial device server sets the line itself: set it there, and scan without settings"));
+        return Err(Failure::wrong(
+            "a serial device server sets the line itself: set it there, and scan without settings",
+        ));
     }
     if let Some(out) = args.out.as_deref().filter(|out| out.exists()) {
         return Err(Failure::wrong(format!("{} is there already, and is left alone", out.display())));

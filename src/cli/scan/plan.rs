@@ -119,7 +119,8 @@ impl Setting {
     /// A station of which nothing is known but how it is reached: it is never polled.
     #[must_use]
     pub fn station(&self, station: u8) -> Option<DriveSetup> {
-        let like = self.candidates.iter().max_by_key(|model| model.timing.reply_char_bits.as_ref().map(|it| it.value))?;
+        let like =
+            self.candidates.iter().max_by_key(|model| model.timing.reply_char_bits.as_ref().map(|it| it.value))?;
         let model = Model {
             registers: Vec::new(),
             barriers: Vec::new(),
@@ -189,7 +190,8 @@ fn links(models: &[Arc<Model>], framing: Framing, wish: &Wish) -> Vec<LinkSettin
     };
     let mut factory: Vec<LinkSettings> = Vec::new();
     for model in models {
-        let of_model = data_bits.iter().map(|data_bits| LinkSettings { data_bits: *data_bits, ..model.link.default.value });
+        let of_model =
+            data_bits.iter().map(|data_bits| LinkSettings { data_bits: *data_bits, ..model.link.default.value });
         let new = of_model.filter(|link| may_be_set(model, *link) && is_wanted(link));
         factory.extend(new.filter(|link| !factory.contains(link)).collect::<Vec<_>>());
     }
@@ -199,18 +201,23 @@ fn links(models: &[Arc<Model>], framing: Framing, wish: &Wish) -> Vec<LinkSettin
         return factory;
     }
     let known = models.iter().flat_map(|model| model.link.bauds.value.iter().copied());
-    let bauds: BTreeSet<u32> = if wish.bauds.is_empty() { known.collect() } else { wish.bauds.iter().copied().collect() };
+    let bauds: BTreeSet<u32> =
+        if wish.bauds.is_empty() { known.collect() } else { wish.bauds.iter().copied().collect() };
     let mut others = Vec::new();
     for baud in bauds {
         for parity in [Parity::None, Parity::Even, Parity::Odd] {
             for stop_bits in [1, 2] {
-                others.extend(data_bits.iter().map(|data_bits| LinkSettings { baud, data_bits: *data_bits, parity, stop_bits }));
+                others.extend(data_bits.iter().map(|data_bits| LinkSettings {
+                    baud,
+                    data_bits: *data_bits,
+                    parity,
+                    stop_bits,
+                }));
             }
         }
     }
-    let is_possible = |link: &LinkSettings| {
-        wish.bauds.contains(&link.baud) || models.iter().any(|model| may_be_set(model, *link))
-    };
+    let is_possible =
+        |link: &LinkSettings| wish.bauds.contains(&link.baud) || models.iter().any(|model| may_be_set(model, *link));
     others.retain(|link| is_wanted(link) && is_possible(link) && !factory.contains(link));
     [factory, others].concat()
 }
@@ -247,7 +254,8 @@ pub fn probes(models: &[Arc<Model>]) -> Vec<u16> {
 /// The registers of `model` that fewest others of `all` have, the surest first.
 #[must_use]
 pub fn telling(model: &Model, all: &[Arc<Model>]) -> Vec<u16> {
-    let others = |address| all.iter().filter(|other| other.id != model.id && readable(other, address).is_some()).count();
+    let others =
+        |address| all.iter().filter(|other| other.id != model.id && readable(other, address).is_some()).count();
     let mut registers: Vec<_> = model.registers.iter().filter(|register| register.access.can_read()).collect();
     registers.sort_by_key(|register| (others(register.address), register.confidence, register.address));
     registers.iter().map(|register| register.address).take(TELLING).collect()
@@ -264,7 +272,8 @@ pub fn nowhere(models: &[Arc<Model>]) -> Option<u16> {
 /// # Errors
 /// What is wrong, and what would be right.
 pub fn stations(text: &str) -> Result<Vec<u8>, String> {
-    let wrong = || format!("{text} names no stations: numbers from 1 to 247 and ranges of them, such as 1-32 or 1,3,7-9");
+    let wrong =
+        || format!("{text} names no stations: numbers from 1 to 247 and ranges of them, such as 1-32 or 1,3,7-9");
     let mut all = BTreeSet::new();
     for part in text.split(',') {
         let (first, last) = part.split_once('-').unwrap_or((part, part));

@@ -128,7 +128,8 @@ impl Scan<'_> {
         for finding in self.findings.drives.iter().filter(|it| it.setting != number) {
             let at = self.setting(finding).map(setting_text).unwrap_or_default();
             let (station, model) = (finding.station, model_text(finding));
-            let _ = writeln!(text, "\n# Station {station} answers at {at} ({model}): set it to {} first.", setting.link);
+            let _ =
+                writeln!(text, "\n# Station {station} answers at {at} ({model}): set it to {} first.", setting.link);
         }
         text.push_str("\n[[modbus_tcp]]\nlisten = \"127.0.0.1:1502\"\n");
         Some(text)
@@ -138,7 +139,9 @@ impl Scan<'_> {
         let LinkSettings { baud, data_bits, parity, stop_bits } = setting.link;
         let _ = writeln!(text, "[[line]]\nname = \"line-1\"\nport = {}", json!(self.port.to_string()));
         if matches!(self.port, PortAddress::Tcp { .. }) {
-            text.push_str("# The device server sets the line. Say here what it is set to, so that times are reckoned right.\n");
+            text.push_str(
+                "# The device server sets the line. Say here what it is set to, so that times are reckoned right.\n",
+            );
         }
         let parity = word_for(&PARITIES, &parity);
         let _ = writeln!(text, "baud = {baud}\nparity = \"{parity}\"\nstop_bits = {stop_bits}");

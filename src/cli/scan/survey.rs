@@ -197,7 +197,10 @@ async fn identify(setting: &Setting, station: u8, probe: u16, asker: &mut impl A
         if verdict.fits.len() > 1 || verdict.answers_anything {
             continue;
         }
-        if !has_refused && all.len() > 1 && let Some(nowhere) = nowhere(all) {
+        if !has_refused
+            && all.len() > 1
+            && let Some(nowhere) = nowhere(all)
+        {
             verdict.answers_anything = matches!(look.ask(nowhere).await?, Heard::Word(_));
         }
         // Who has shown that it does not answer everything, can only be one that has all of these too.

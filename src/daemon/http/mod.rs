@@ -9,6 +9,7 @@ mod connections;
 mod health;
 mod metrics;
 mod own_routes;
+mod params;
 mod routes;
 mod setup;
 #[cfg(test)]
