@@ -12,6 +12,9 @@
 //! | `unplugging` | an adapter that comes and goes leaks nothing and is back within a second; a device has one holder |
 //! | `network` | lines behind ser2net and other serial device servers |
 //! | `asking` | `health`, `read`, `write` and `watch` ask a running gateway |
+//! | `scanning` | `scan` finds drives on a line that nobody uses, with model and setting, by reads alone |
+//! | `on_port` | `read`, `write` and `watch` without a gateway, behind the same guard |
+//! | `parameters` | `params`: what a drive holds goes to a file, is compared, and comes back at standstill |
 //! | `enabling` | `verify` and `enable` look at a drive and set what it needs before it obeys |
 //! | `checking` | what `check` and the other commands say, and their exit codes |
 //! | `adding` | the drive that the tutorial adds is checked, played and run as it says |
@@ -112,6 +115,8 @@ mod replays;
 mod restarting;
 #[path = "process/rivals.rs"]
 mod rivals;
+#[path = "process/scanning.rs"]
+mod scanning;
 #[path = "process/secured.rs"]
 mod secured;
 #[path = "process/stopping.rs"]
@@ -137,8 +142,12 @@ mod adapter;
 mod hass;
 #[path = "process/mosquitto.rs"]
 mod mosquitto;
+#[path = "process/on_port.rs"]
+mod on_port;
 #[path = "process/outsiders.rs"]
 mod outsiders;
+#[path = "process/parameters.rs"]
+mod parameters;
 #[path = "process/plant.rs"]
 mod plant;
 #[path = "process/raw.rs"]

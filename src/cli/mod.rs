@@ -24,7 +24,10 @@ mod scan;
 mod setup;
 mod simulate;
 mod socket;
+mod straight_write;
+mod target;
 mod verify;
+mod view;
 mod watch;
 mod watchdog;
 mod write;
@@ -82,13 +85,14 @@ enum Command {
     Enable(enable::Args),
     /// Show how a drive watches its communication, or set it at standstill, after showing old and new
     Watchdog(watchdog::Args),
-    /// Read registers or named values of a drive through a running gateway
+    /// Read registers or named values of a drive, through a running gateway or straight on a port
     Read(read::Args),
-    /// Write a register, a run command or a frequency of a drive through a running gateway
+    /// Write a register, a run command or a frequency of a drive, through a running gateway or straight on a port
     ///
-    /// After a run command it stays, renews the lease until Ctrl-C, and then stops the drive.
+    /// After a run command it stays, renews the lease until Ctrl-C, and then stops the drive. Straight on a port the same
+    /// guard stands between, with the limits of --limits; but nobody is left to stop the motor if this program is killed.
     Write(write::Args),
-    /// Read again and again, and print what changes
+    /// Read again and again: a table on a terminal that is drawn anew, else a line when something changes
     Watch(watch::Args),
     /// Run a small MQTT broker on loopback; ends with its standard input
     #[command(hide = true)]
@@ -101,6 +105,9 @@ impl Command {
         match self {
             Self::Scan(_) => "error",
             Self::Params(_) => "warn",
+            Self::Read(args) if args.is_straight() => "warn",
+            Self::Write(args) if args.is_straight() => "warn",
+            Self::Watch(args) if args.is_straight() => "error",
             _ => "info",
         }
     }

@@ -64,6 +64,12 @@ pub struct DriveArgs {
 }
 
 impl DriveArgs {
+    /// The station of the drive, if one is given.
+    #[must_use]
+    pub const fn station(&self) -> Option<u8> {
+        self.station
+    }
+
     /// The model of the drive.
     ///
     /// # Errors
@@ -112,7 +118,6 @@ pub struct OwnGateway {
     modbus: SocketAddr,
     drive: Name,
     station: u8,
-    model: Arc<Model>,
     end: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<Result<(), run::StartError>>>,
 }
@@ -174,7 +179,7 @@ impl OwnGateway {
             let why = why.map_or_else(|| "it does not start".to_owned(), |error| error.to_string());
             return Err(Failure::failed(why));
         };
-        let own = Self { directory, modbus, drive, station, model, end: Some(end), thread: Some(thread) };
+        let own = Self { directory, modbus, drive, station, end: Some(end), thread: Some(thread) };
         if let Err(why) = answers(&current).await {
             own.close().await;
             return Err(Failure::failed(format!("station {station} on {port} at {link}: {why}")));
@@ -204,12 +209,6 @@ impl OwnGateway {
     #[must_use]
     pub const fn station(&self) -> u8 {
         self.station
-    }
-
-    /// The drive's model.
-    #[must_use]
-    pub fn model(&self) -> &Model {
-        &self.model
     }
 
     /// Ends it, with the action that is declared for that, and gives the port back.

@@ -55,7 +55,12 @@ impl Simulated {
         let mut answer = None;
         while let Some(effect) = core.next_effect() {
             match effect {
-                Effect::Transmit(frame) if self.hears => self.bus.receive(self.now, &frame),
+                Effect::Transmit(frame) => {
+                    assert_eq!(frame[1], 3, "only reads");
+                    if self.hears {
+                        self.bus.receive(self.now, &frame);
+                    }
+                }
                 Effect::Answer(it) => answer = Some(it.outcome),
                 _ => {}
             }
@@ -109,7 +114,8 @@ impl Asker for Simulated {
             deadline,
         };
         let core = self.core.as_mut().unwrap();
-        let before = core.counters().garbled;
+        let damage = |core: &LineCore| core.counters().garbled + core.counters().noise_bytes;
+        let before = damage(core);
         core.handle(self.now, Input::Native(request));
         core.handle(self.now, Input::Time);
         let outcome = loop {
@@ -117,11 +123,11 @@ impl Asker for Simulated {
                 break outcome;
             }
         };
-        let garbled = self.core.as_ref().unwrap().counters().garbled > before;
+        let is_damaged = damage(self.core.as_ref().unwrap()) > before;
         Ok(match outcome {
             NativeOutcome::Words(words) => Heard::Word(words[0]),
             NativeOutcome::DriveException(code) => Heard::Exception(code),
-            NativeOutcome::NoReply if garbled => Heard::Damaged,
+            NativeOutcome::NoReply if is_damaged => Heard::Damaged,
             NativeOutcome::NoReply => Heard::Silent,
             other => panic!("{other:?} for station {station} at {address:04X}"),
         })
