@@ -56,6 +56,9 @@ impl Args {
 /// Writes. After a run command it renews the lease until SIGINT, SIGTERM or SIGHUP, and then stops the drive.
 pub fn write(args: &Args) -> Result<(), Failure> {
     let order = Order::new(args)?;
+    if args.once && args.is_straight() && order.makes_run() {
+        return Err(Failure::wrong("straight on a port nobody is left to answer for a motor: leave out --once"));
+    }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
     runtime.block_on(async {
         // From before the first frame on, so that no signal leaves a running drive behind.
@@ -78,7 +81,10 @@ async fn carry_out(
     mut told: Pin<&mut impl Future<Output = ()>>,
 ) -> Result<(), Failure> {
     if !(order.makes_run() || order.takes()) || args.once {
-        order.send(client).await?;
+        tokio::select! {
+            sent = order.send(client) => sent?,
+            () = &mut told => return Err(Failure::failed("ended before an answer came: it may have been carried out")),
+        }
         if order.makes_run() || order.takes() {
             complain(b"warning: nobody renews the lease; the drive will run its fail-safe action when it ends\n");
         }
