@@ -13,6 +13,9 @@
 //! | `network` | lines behind ser2net and other serial device servers |
 //! | `live` | the page hears of values, trips, lost lines and reloads, and no listener costs the others anything |
 //! | `asking` | `health`, `read`, `write` and `watch` ask a running gateway |
+//! | `scanning` | `scan` finds drives on a line that nobody uses, with model and setting, by reads alone |
+//! | `on_port` | `read`, `write` and `watch` without a gateway, behind the same guard |
+//! | `parameters` | `params`: what a drive holds goes to a file, is compared, and comes back at standstill |
 //! | `enabling` | `verify` and `enable` look at a drive and set what it needs before it obeys |
 //! | `capturing` | what goes over a line is seen by whoever watches, and tshark decodes what is captured |
 //! | `checking` | what `check` and the other commands say, and their exit codes |
@@ -133,6 +136,8 @@ mod replays;
 mod restarting;
 #[path = "process/rivals.rs"]
 mod rivals;
+#[path = "process/scanning.rs"]
+mod scanning;
 #[path = "process/scraping.rs"]
 mod scraping;
 #[path = "process/secured.rs"]
@@ -162,8 +167,12 @@ mod chromium;
 mod hass;
 #[path = "process/mosquitto.rs"]
 mod mosquitto;
+#[path = "process/on_port.rs"]
+mod on_port;
 #[path = "process/outsiders.rs"]
 mod outsiders;
+#[path = "process/parameters.rs"]
+mod parameters;
 #[path = "process/plant.rs"]
 mod plant;
 #[path = "process/raw.rs"]

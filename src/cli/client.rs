@@ -16,20 +16,6 @@ use tokio_modbus::{ExceptionCode, Slave};
 /// Longest wait for a connection, and for an answer: as long as the gateway lets a request wait.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Where the gateway is, and which drive is meant.
-#[derive(Clone, Debug, clap::Args)]
-pub struct Target {
-    /// Where the gateway listens
-    #[arg(long, default_value = "127.0.0.1")]
-    host: String,
-    /// Its Modbus TCP port
-    #[arg(long, default_value_t = 1502)]
-    port: u16,
-    /// Unit of the drive: the native one, or with `--uniform` the uniform one
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=255))]
-    pub unit: u8,
-}
-
 /// Why there is no answer.
 #[derive(Debug)]
 pub enum NoAnswer {
@@ -72,14 +58,16 @@ const fn sentence(code: u8) -> &'static str {
 
 /// A client of one unit. It connects when it is first asked, and anew after each failure.
 pub struct Client {
-    target: Target,
+    host: String,
+    port: u16,
+    unit: u8,
     connection: Option<Context>,
 }
 
 impl Client {
     /// A client that has not connected yet.
-    pub fn new(target: &Target) -> Self {
-        Self { target: target.clone(), connection: None }
+    pub fn new(host: &str, port: u16, unit: u8) -> Self {
+        Self { host: host.to_owned(), port, unit, connection: None }
     }
 
     /// Reads `count` words from `address` on.
@@ -109,10 +97,10 @@ impl Client {
         if let Some(connection) = self.connection.take() {
             return Ok(connection);
         }
-        let address = (self.target.host.as_str(), self.target.port);
+        let address = (self.host.as_str(), self.port);
         let connected = timeout(PATIENCE, TcpStream::connect(address)).await;
         match connected.unwrap_or_else(|_| Err(io::ErrorKind::TimedOut.into())) {
-            Ok(stream) => Ok(tcp::attach_slave(stream, Slave(self.target.unit))),
+            Ok(stream) => Ok(tcp::attach_slave(stream, Slave(self.unit))),
             Err(error) => Err(NoAnswer::Unreachable(self.place(format!("cannot connect: {error}")))),
         }
     }
@@ -137,7 +125,7 @@ impl Client {
     }
 
     fn place(&self, reason: impl fmt::Display) -> String {
-        format!("gateway at {}:{}: {reason}", self.target.host, self.target.port)
+        format!("gateway at {}:{}: {reason}", self.host, self.port)
     }
 }
 
@@ -285,6 +273,8 @@ pub enum Value {
     Word(&'static str),
     /// Words.
     Words(Vec<&'static str>),
+    /// A word of a register with what it means by its model.
+    Meaning(u16, String),
 }
 
 impl Value {
@@ -318,6 +308,7 @@ impl Value {
             Self::Number(raw, scale, _) => (*raw as f64 / f64::from(*scale)).into(),
             Self::Word(word) => (*word).into(),
             Self::Words(words) => words.clone().into(),
+            Self::Meaning(_, text) => text.as_str().into(),
         }
     }
 }
@@ -334,6 +325,7 @@ impl fmt::Display for Value {
             Self::Word(word) => f.write_str(word),
             Self::Words(words) if words.is_empty() => f.write_str("none"),
             Self::Words(words) => f.write_str(&words.join(" ")),
+            Self::Meaning(word, text) => write!(f, "{text} ({word})"),
         }
     }
 }

@@ -13,13 +13,13 @@ pub enum Format {
     Json,
 }
 
-/// Starts logging. `RUST_LOG` chooses what is logged; without it everything from `info` on. What is returned writes the
+/// Starts logging. `RUST_LOG` chooses what is logged; without it everything from `level` on. What is returned writes the
 /// last lines when it is dropped.
 ///
 /// A thread of its own writes, so that nobody who logs waits for whoever reads: lines beyond what the thread holds are
 /// lost.
-pub fn start(format: Format) -> WorkerGuard {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+pub fn start(format: Format, level: &str) -> WorkerGuard {
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
     let (writer, guard) = NonBlockingBuilder::default().lossy(true).finish(Stderr);
     let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(writer);
     match format {

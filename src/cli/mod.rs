@@ -11,18 +11,26 @@ mod health;
 mod input;
 mod journal;
 mod keyboard;
+mod link_args;
 mod log;
 mod model_facts;
 mod models;
+mod own_gateway;
 mod own_models;
+mod params;
 mod password;
+mod progress;
 mod read;
 mod reload;
 mod run;
+mod scan;
 mod setup;
 mod simulate;
 mod socket;
+mod straight_write;
+mod target;
 mod verify;
+mod view;
 mod watch;
 mod watchdog;
 mod write;
@@ -57,6 +65,13 @@ enum Command {
     Run(run::Args),
     /// Check a configuration: all problems at once, or what each line will cost. Opens nothing
     Check(check::Args),
+    /// Find drives on a line that nobody uses, name their models, and print a configuration to start from. Only reads
+    ///
+    /// Listens for 2 s first, and refuses a line on which somebody talks or a port that a gateway has open. First the
+    /// settings with which drives leave their factories, anything else on request. Ctrl-C ends it and keeps what was found.
+    Scan(scan::Args),
+    /// Read all parameters of a drive to a file, compare two files, or write one back
+    Params(params::Args),
     /// List and show drive models, or check a model file
     Models(models::Args),
     /// Play one or more drives on a pseudo-terminal, for people who have no hardware at hand
@@ -79,13 +94,14 @@ enum Command {
     Enable(enable::Args),
     /// Show how a drive watches its communication, or set it at standstill, after showing old and new
     Watchdog(watchdog::Args),
-    /// Read registers or named values of a drive through a running gateway
+    /// Read registers or named values of a drive, through a running gateway or straight on a port
     Read(read::Args),
-    /// Write a register, a run command or a frequency of a drive through a running gateway
+    /// Write a register, a run command or a frequency of a drive, through a running gateway or straight on a port
     ///
-    /// After a run command it stays, renews the lease until Ctrl-C, and then stops the drive.
+    /// After a run command it stays, renews the lease until Ctrl-C, and then stops the drive. Straight on a port the same
+    /// guard stands between, with the limits of --limits; but nobody is left to stop the motor if this program is killed.
     Write(write::Args),
-    /// Read again and again, and print what changes
+    /// Read again and again: a table on a terminal that is drawn anew, else a line when something changes
     Watch(watch::Args),
     /// Write what goes over a line to a file for Wireshark, through a running gateway
     ///
@@ -95,6 +111,20 @@ enum Command {
     /// Run a small MQTT broker on loopback; ends with its standard input
     #[command(hide = true)]
     Broker(broker::Args),
+}
+
+impl Command {
+    /// From which level on is logged, where nobody says otherwise. What a tool finds out, it says itself.
+    const fn log_level(&self) -> &'static str {
+        match self {
+            Self::Scan(_) => "error",
+            Self::Params(_) => "warn",
+            Self::Read(args) if args.is_straight() => "warn",
+            Self::Write(args) if args.is_straight() => "warn",
+            Self::Watch(args) if args.is_straight() => "error",
+            _ => "info",
+        }
+    }
 }
 
 /// Why a command ended without success. The message is already for people.
@@ -126,11 +156,13 @@ impl Failure {
 #[must_use]
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    let _last_lines = log::start(cli.log_format);
+    let _last_lines = log::start(cli.log_format, cli.command.log_level());
     let done = match cli.command {
         Command::Demo(args) => demo::demo(&args),
         Command::Run(args) => run::run(&args),
         Command::Check(args) => check::check(&args),
+        Command::Scan(args) => scan::scan(&args),
+        Command::Params(args) => params::params(&args),
         Command::Models(args) => models::models(&args),
         Command::Simulate(args) => simulate::simulate(&args),
         Command::Health(args) => health::health(&args),

@@ -1,8 +1,11 @@
-//! `read`: registers or named values of one drive, once, through a running gateway.
+//! `read`: registers or named values of one drive, once, through a running gateway or straight on a port.
 
-use super::client::{Client, NoAnswer, Target, UNIFORM, UniformWord, Value, address};
+use super::client::{Client, NoAnswer, UNIFORM, UniformWord, Value, address};
+use super::own_gateway::Extra;
+use super::target::{Reached, Target};
 use super::{Failure, print};
 use crate::domain::problem::nearest;
+use crate::profile::model::{Model, Register};
 use serde_json::json;
 use std::fmt::Write;
 
@@ -11,8 +14,9 @@ use std::fmt::Write;
 pub struct What {
     #[command(flatten)]
     pub target: Target,
-    /// Register by its number on the wire (0x0101 or 257); with `--uniform` also by its name, or left out for all
-    #[arg(required_unless_present = "uniform")]
+    /// Register by its number on the wire (0x0101 or 257); with `--uniform` or straight on a port also by its name or code,
+    /// or left out for all of them
+    #[arg(required_unless_present_any = ["uniform", "station"])]
     register: Option<String>,
     /// How many registers from there on
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=125))]
@@ -32,14 +36,27 @@ pub struct Args {
     what: What,
 }
 
+impl Args {
+    /// Whether there is no gateway between.
+    pub const fn is_straight(&self) -> bool {
+        self.what.target.is_straight()
+    }
+}
+
 /// Reads once and prints what came.
 pub fn read(args: &Args) -> Result<(), Failure> {
     let asked = args.what.asked()?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
-    let values = runtime.block_on(async { asked.read(&mut Client::new(&args.what.target)).await })?;
+    let values = runtime.block_on(async {
+        let mut reached = args.what.reach().await?;
+        let values = asked.read(&mut reached.client).await;
+        reached.close().await;
+        values.map_err(Failure::from)
+    })?;
     if args.what.json {
         let values: Vec<_> = values.iter().map(Shown::json).collect();
-        return print(&format!("{}\n", json!({ "unit": args.what.target.unit, "values": values })));
+        let (place, number) = args.what.target.place();
+        return print(&format!("{}\n", json!({ (place): number, "values": values })));
     }
     let width = values.iter().map(|value| value.label.len()).max().unwrap_or(0);
     let mut text = String::new();
@@ -55,6 +72,8 @@ pub enum Asked {
     Numbers(u16, u16),
     /// Words of the uniform map.
     Names(Vec<UniformWord>),
+    /// Registers of a model.
+    Registers(Vec<Register>),
 }
 
 impl What {
@@ -63,6 +82,9 @@ impl What {
     /// # Errors
     /// Neither a number nor a name that there is.
     pub fn asked(&self) -> Result<Asked, Failure> {
+        if let Some(model) = self.target.model()?.filter(|_| !self.uniform) {
+            return self.asked_of(&model);
+        }
         let Some(register) = &self.register else { return Ok(Asked::Names(UNIFORM.to_vec())) };
         if self.uniform
             && let Some(word) = UNIFORM.iter().find(|word| word.name == register)
@@ -78,6 +100,55 @@ impl What {
                 None => error,
             })),
         }
+    }
+}
+
+impl What {
+    /// What they ask for, straight on a port, where the model gives names: without one, what a gateway would poll.
+    fn asked_of(&self, model: &Model) -> Result<Asked, Failure> {
+        let readable = |register: &&Register| register.access.can_read();
+        let Some(wanted) = &self.register else {
+            let polled = model.registers.iter().filter(readable).filter(|register| register.poll.is_some());
+            return Ok(Asked::Registers(polled.cloned().collect()));
+        };
+        let named = model.register_named(wanted).or_else(|| model.register_at(address(wanted).ok()?));
+        if let Some(register) = named.filter(readable).filter(|_| self.count == 1) {
+            return Ok(Asked::Registers(vec![register.clone()]));
+        }
+        let first = named.map_or_else(|| address(wanted), |register| Ok(register.address));
+        let first = first.map_err(|error| {
+            let names = model.registers.iter().flat_map(|it| [Some(it.name.as_str()), it.code.as_deref()]).flatten();
+            let hint = nearest(wanted, names).map(|near| format!("; did you mean {near}?")).unwrap_or_default();
+            Failure::wrong(format!("{error}, or a name or code of {}{hint}", model.id))
+        })?;
+        match first.checked_add(self.count - 1) {
+            Some(_) => Ok(Asked::Numbers(first, self.count)),
+            None => Err(Failure::wrong(format!("{} registers from {first} on pass the last one", self.count))),
+        }
+    }
+
+    /// Whether there is no gateway between.
+    pub const fn is_straight(&self) -> bool {
+        self.target.is_straight()
+    }
+
+    /// The way to the drive.
+    ///
+    /// # Errors
+    /// The arguments do not go together, or straight on a port the drive does not answer.
+    pub async fn reach(&self) -> Result<Reached, Failure> {
+        self.target.reach(self.uniform, &self.extra()).await
+    }
+
+    /// What is shown, in a line.
+    pub fn title(&self) -> String {
+        let (place, number) = self.target.place();
+        format!("{place} {number}")
+    }
+
+    /// What a gateway of our own has to do for this: uniform words come from what is polled.
+    fn extra(&self) -> Extra {
+        Extra { poll: self.uniform.then_some(std::time::Duration::from_millis(250)), ..Extra::default() }
     }
 }
 
@@ -98,6 +169,22 @@ pub struct Shown {
 }
 
 impl Shown {
+    /// One word of a register of which nothing is known.
+    #[cfg(test)]
+    pub fn word(label: &str, address: u16, word: u16) -> Self {
+        Self { label: label.to_owned(), address, words: vec![word], value: None }
+    }
+
+    /// What `register` holds.
+    fn of_model(register: &Register, word: u16) -> Self {
+        let raw = if register.signed { i64::from(word.cast_signed()) } else { i64::from(word) };
+        let meaning = register.meaning(word).map(|text| Value::Meaning(word, text.to_owned()));
+        let value = meaning.unwrap_or(Value::Number(raw, register.scale, register.unit));
+        let code = register.code.as_ref().map(|code| format!("{code} ")).unwrap_or_default();
+        let label = format!("{code}{}", register.name);
+        Self { label, address: register.address, words: vec![word], value: Some(value) }
+    }
+
     /// The value: with its unit if it is known what it is, else in decimal and hexadecimal.
     pub fn text(&self) -> String {
         match &self.value {
@@ -140,6 +227,18 @@ impl Asked {
                     value: None,
                 };
                 Ok(addresses.zip(words).map(shown).collect())
+            }
+            Self::Registers(registers) => {
+                let mut values = Vec::with_capacity(registers.len());
+                for register in registers {
+                    match client.read(register.address, 1).await {
+                        Ok(words) => values.extend(words.first().map(|word| Shown::of_model(register, *word))),
+                        // What the drive does not have shall not hide what it has.
+                        Err(NoAnswer::Exception(1..=4)) if registers.len() > 1 => {}
+                        Err(error) => return Err(error),
+                    }
+                }
+                Ok(values)
             }
             Self::Names(names) => {
                 let mut values = Vec::with_capacity(names.len());

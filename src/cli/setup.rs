@@ -72,7 +72,7 @@ impl Drive {
 }
 
 /// There is no such drive; the nearest one, or else all of them.
-fn unknown(answer: &Value) -> String {
+pub fn unknown(answer: &Value) -> String {
     let name = text(answer, "drive");
     let drives: Vec<_> = answer["drives"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
     match nearest(name, drives.iter().copied()) {

@@ -3,7 +3,7 @@
 use super::keyboard::Enter;
 use super::own_models::ModelDirs;
 use super::{Failure, input, print};
-use crate::daemon::line_end::{LineEnd, TcpEnd};
+use crate::daemon::line_end::{AtSpeed, LineEnd, TcpEnd};
 use crate::daemon::pty::Pty;
 use crate::daemon::{run::told_to_end, simulator};
 use crate::domain::ids::Station;
@@ -77,6 +77,9 @@ pub struct Args {
     /// Answer requests that the drive cannot serve with an exception, also where the model lists none
     #[arg(long)]
     exceptions: bool,
+    /// Hear only what is sent at the drives' own speed and stop bits, as on a real line. A pseudo-terminal tells no parity
+    #[arg(long, conflicts_with = "tcp")]
+    strict: bool,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
@@ -135,7 +138,12 @@ pub fn simulate(args: &Args) -> Result<(), Failure> {
         pty.link_as(link).map_err(|error| Failure::failed(format!("{}: {error}", link.display())))?;
     }
     let place = args.link.as_deref().unwrap_or(pty.path()).display();
-    play_until_told(&pty, &mut bus, &announcement(&place), trips)
+    let announcement = announcement(&place);
+    if args.strict {
+        let line = AtSpeed { pty: &pty, baud: link.baud, stop_bits: link.stop_bits };
+        return play_until_told(line, &mut bus, &announcement, trips);
+    }
+    play_until_told(&pty, &mut bus, &announcement, trips)
 }
 
 /// The settings of the line, if a drive of `model` can be set to its framing and data bits.

@@ -1,9 +1,11 @@
-//! `watch`: registers or named values of one drive, again and again, a line when something changes.
+//! `watch`: registers or named values of one drive, again and again: a table on a terminal, else a line when something
+//! changes.
 
 use super::Failure;
 use super::client::{Client, NoAnswer};
 use super::log::complain;
 use super::read::{Asked, Shown, What};
+use super::view::View;
 use crate::daemon::clock;
 use crate::daemon::run::told_to_end;
 use crate::domain::time::MonoTime;
@@ -25,6 +27,21 @@ pub struct Args {
     /// Print every time, not only when something changes
     #[arg(long)]
     all: bool,
+    /// Print lines on a terminal too, instead of a table that is drawn anew
+    #[arg(long)]
+    plain: bool,
+}
+
+impl Args {
+    /// Whether there is no gateway between.
+    pub const fn is_straight(&self) -> bool {
+        self.what.is_straight()
+    }
+
+    /// Whether it is a table: somebody looks at a terminal, and wants no lines.
+    fn is_table(&self) -> bool {
+        !self.plain && !self.all && !self.what.json && View::is_possible()
+    }
 }
 
 /// Times that make sense: as fast as a person could wish, as slow as a day.
@@ -49,19 +66,43 @@ pub fn watch(args: &Args) -> Result<(), Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
     runtime.block_on(async {
         let mut told = pin!(told_to_end().map_err(Failure::failed)?);
-        let mut client = Client::new(&args.what.target);
-        let mut ticks = interval(args.every);
-        ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        let mut screen = Screen { args, begun: clock::now(), last: None, complaint: None };
+        let mut reached = tokio::select! {
+            () = &mut told => return Ok(()),
+            reached = args.what.reach() => reached?,
+        };
+        let ended = tokio::select! {
+            () = &mut told => Ok(()),
+            ended = show(args, &asked, &mut reached.client) => ended,
+        };
+        reached.close().await;
+        ended
+    })
+}
+
+async fn show(args: &Args, asked: &Asked, client: &mut Client) -> Result<(), Failure> {
+    let mut ticks = interval(args.every);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    if args.is_table() {
+        // Before the terminal is taken, so that what goes wrong at once is read.
+        let first = asked.read(client).await?;
+        let mut view = View::open(args.what.title())?;
+        view.values(first, clock::now());
         loop {
-            tokio::select! {
-                () = &mut told => return Ok(()),
-                more = async { ticks.tick().await; screen.look(&mut client, &asked).await } => if !more? {
-                    return Ok(());
-                }
+            view.draw(clock::now())?;
+            ticks.tick().await;
+            match asked.read(client).await {
+                Ok(values) => view.values(values, clock::now()),
+                Err(error) => view.trouble(&error.to_string()),
             }
         }
-    })
+    }
+    let mut screen = Screen { args, begun: clock::now(), last: None, complaint: None };
+    loop {
+        ticks.tick().await;
+        if !screen.look(client, asked).await? {
+            return Ok(());
+        }
+    }
 }
 
 /// What was printed last.

@@ -1,14 +1,17 @@
-//! `write`: one register or command of one drive through a running gateway. Who makes a drive run stays and answers for it.
+//! `write`: one register or command of one drive, through a running gateway or straight on a port. Who makes a drive run
+//! stays and answers for it.
 
-use super::client::{Client, LEASE_LEFT, NoAnswer, REASON, Target, address};
+use super::client::{Client, LEASE_LEFT, NoAnswer, REASON, address};
 use super::log::complain;
+use super::straight_write::{Straight, arm, extra};
+use super::target::Target;
 use super::{Failure, print};
 use crate::daemon::run::told_to_end;
 use crate::domain::command::Reason;
 use crate::domain::frequency::{Hertz, NoFrequency};
 use crate::north::modbus::address as map;
 use std::io;
-use std::pin::pin;
+use std::pin::{Pin, pin};
 use std::time::Duration;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::time::sleep;
@@ -39,36 +42,69 @@ pub struct Args {
     /// Leave after a run command, although the drive then runs its fail-safe action when the lease ends
     #[arg(long)]
     once: bool,
+    #[command(flatten)]
+    straight: Straight,
+}
+
+impl Args {
+    /// Whether there is no gateway between.
+    pub const fn is_straight(&self) -> bool {
+        self.target.is_straight()
+    }
 }
 
 /// Writes. After a run command it renews the lease until SIGINT, SIGTERM or SIGHUP, and then stops the drive.
 pub fn write(args: &Args) -> Result<(), Failure> {
     let order = Order::new(args)?;
+    if args.once && args.is_straight() && order.makes_run() {
+        return Err(Failure::wrong("straight on a port nobody is left to answer for a motor: leave out --once"));
+    }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
     runtime.block_on(async {
-        let mut client = Client::new(&args.target);
-        if !(order.makes_run() || order.takes()) || args.once {
-            order.send(&mut client).await?;
-            if order.makes_run() || order.takes() {
-                complain(b"warning: nobody renews the lease; the drive will run its fail-safe action when it ends\n");
-            }
-            return print(&format!("{}: written and acknowledged\n", order.text));
-        }
         // From before the first frame on, so that no signal leaves a running drive behind.
         let mut told = pin!(told_to_stop().map_err(Failure::failed)?);
-        let Some(ours) = order.run(&mut client).await? else {
-            return print(&format!("{}: acknowledged; there is nothing to hold\n", order.text));
+        let extra = extra(&args.target, &args.straight, &order)?;
+        let mut reached = tokio::select! {
+            () = &mut told => return Ok(()),
+            reached = args.target.reach(order.is_uniform, &extra) => reached?,
         };
-        print(&format!("{}: acknowledged; the lease is renewed until Ctrl-C, which stops the drive\n", order.text))?;
-        let lost = tokio::select! {
-            () = &mut told => None,
-            lost = keep(&mut client, ours) => Some(lost),
-        };
-        match lost {
-            None => print(&format!("{}\n", stop(&mut client).await?)),
-            Some(failure) => Err(failure),
-        }
+        let done = carry_out(args, &order, &mut reached.client, told).await;
+        reached.close().await;
+        done
     })
+}
+
+async fn carry_out(
+    args: &Args,
+    order: &Order,
+    client: &mut Client,
+    mut told: Pin<&mut impl Future<Output = ()>>,
+) -> Result<(), Failure> {
+    if !(order.makes_run() || order.takes()) || args.once {
+        tokio::select! {
+            sent = order.send(client) => sent?,
+            () = &mut told => return Err(Failure::failed("ended before an answer came: it may have been carried out")),
+        }
+        if order.makes_run() || order.takes() {
+            complain(b"warning: nobody renews the lease; the drive will run its fail-safe action when it ends\n");
+        }
+        return print(&format!("{}: written and acknowledged\n", order.text));
+    }
+    if args.is_straight() && order.makes_run() {
+        arm(client, &args.straight).await?;
+    }
+    let Some(ours) = order.run(client).await? else {
+        return print(&format!("{}: acknowledged; there is nothing to hold\n", order.text));
+    };
+    print(&format!("{}: acknowledged; the lease is renewed until Ctrl-C, which stops the drive\n", order.text))?;
+    let lost = tokio::select! {
+        () = &mut told => None,
+        lost = keep(client, ours) => Some(lost),
+    };
+    match lost {
+        None => print(&format!("{}\n", stop(client).await?)),
+        Some(failure) => Err(failure),
+    }
 }
 
 /// Also when the terminal is closed: nobody could press Ctrl-C any more.
@@ -85,12 +121,15 @@ fn told_to_stop() -> io::Result<impl Future<Output = ()>> {
 
 /// What is to be written.
 #[derive(Debug, PartialEq, Eq)]
-struct Order {
-    address: u16,
-    word: u16,
-    is_uniform: bool,
+pub struct Order {
+    /// Of the register.
+    pub address: u16,
+    /// The word.
+    pub word: u16,
+    /// For the uniform unit.
+    pub is_uniform: bool,
     /// For people.
-    text: String,
+    pub text: String,
 }
 
 /// The run commands by name.
@@ -108,13 +147,13 @@ impl Order {
         let (address, word) = match register {
             "run" => (map::RUN, run_command(value)?),
             "frequency" => (map::SETPOINT, frequency(value)?),
-            _ => (address(register).map_err(Failure::wrong)?, word(value)?),
+            _ => (register_of(args, register)?, word(value)?),
         };
         let is_uniform = args.uniform || matches!(register, "run" | "frequency");
         Ok(Self { address, word, is_uniform, text })
     }
 
-    fn makes_run(&self) -> bool {
+    pub fn makes_run(&self) -> bool {
         self.is_uniform && self.address == map::RUN && matches!(self.word, 1 | 2)
     }
 
@@ -179,7 +218,14 @@ fn run_command(value: &str) -> Result<u16, Failure> {
     })
 }
 
-fn frequency(value: &str) -> Result<u16, Failure> {
+/// The register that is meant; straight on a port also by its name or code.
+fn register_of(args: &Args, register: &str) -> Result<u16, Failure> {
+    let named =
+        args.target.model()?.filter(|_| !args.uniform).and_then(|model| Some(model.register_named(register)?.address));
+    named.map_or_else(|| address(register).map_err(Failure::wrong), Ok)
+}
+
+pub fn frequency(value: &str) -> Result<u16, Failure> {
     let wrong = |what: &dyn std::fmt::Display| Failure::wrong(format!("{value} is no frequency such as 42.5: {what}"));
     let hertz = Hertz::parse(value).map_err(|error| wrong(&error))?;
     if !hertz.millihertz().is_multiple_of(10) {
@@ -193,7 +239,7 @@ fn word(value: &str) -> Result<u16, Failure> {
 }
 
 /// What the uniform unit says about the last command, to be put behind a message; nothing if it says nothing.
-async fn reason(client: &mut Client) -> String {
+pub async fn reason(client: &mut Client) -> String {
     let number = client.read(REASON, 1).await.ok().and_then(|words| words.first().copied());
     let reason = Reason::ALL.iter().find(|reason| Some(reason.number()) == number && **reason != Reason::None);
     reason.map(|reason| format!("; the gateway notes: {} ({})", reason.text(), reason.word())).unwrap_or_default()
@@ -249,7 +295,7 @@ fn renew_after(left: u16) -> Duration {
 }
 
 /// Stops the drive, and says so.
-async fn stop(client: &mut Client) -> Result<String, Failure> {
+pub async fn stop(client: &mut Client) -> Result<String, Failure> {
     let mut last = None;
     for _ in 0..STOP_TRIES {
         match client.write(map::RUN, STOP).await {

@@ -50,6 +50,14 @@ use crate::profile::reader::Written;
 use resolve::Models;
 use std::path::PathBuf;
 
+/// The port that `text` writes, for tools that are given one.
+///
+/// # Errors
+/// It is none: what is wrong, and what would be right.
+pub fn port_address(text: &str) -> Result<PortAddress, String> {
+    port::parse(text).map_err(|(what, right)| format!("{what}; right would be {right}"))
+}
+
 /// The directories whose models belong into the catalogue with which `text` is [loaded](load), each with its place.
 /// None where they cannot be told, which loading reports.
 #[must_use]

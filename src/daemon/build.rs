@@ -155,7 +155,8 @@ pub fn line_port(line: &LineSettings, data_dir: Option<&Path>) -> LinePort {
 
 /// Where the locks of serial devices are: where terminal programs look for them, else where a gateway without rights
 /// there may write.
-fn lock_dirs(data_dir: Option<&Path>) -> Vec<PathBuf> {
+#[must_use]
+pub fn lock_dirs(data_dir: Option<&Path>) -> Vec<PathBuf> {
     let of_session = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).filter(|dir| dir.is_absolute());
     [PathBuf::from("/run/lock")].into_iter().chain(of_session).chain(data_dir.map(Path::to_owned)).collect()
 }

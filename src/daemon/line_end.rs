@@ -51,6 +51,36 @@ impl LineEnd for &Pty {
     }
 }
 
+/// A pseudo-terminal whose drives hear only what is sent at their own speed.
+#[derive(Debug)]
+pub struct AtSpeed<'p> {
+    /// The pseudo-terminal.
+    pub pty: &'p Pty,
+    /// Speed of the drives, in bit/s.
+    pub baud: u32,
+    /// Their stop bits, 1 or 2.
+    pub stop_bits: u8,
+}
+
+impl LineEnd for AtSpeed<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<Option<usize>> {
+        let mut pty = self.pty;
+        let read = pty.read(buffer)?;
+        let fits = pty.speed()? == (self.baud, self.stop_bits);
+        Ok(read.filter(|_| fits))
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let mut pty = self.pty;
+        pty.write(bytes)
+    }
+
+    fn wait(&mut self, timer: &mut RawTimer) -> io::Result<()> {
+        let mut pty = self.pty;
+        pty.wait(timer)
+    }
+}
+
 /// A TCP port, as a serial device server has it. Whoever connects last has the line: one that has vanished must not
 /// keep the others from it.
 #[derive(Debug)]

@@ -36,5 +36,6 @@ pub mod simulator;
 pub mod sys;
 pub mod timer;
 pub mod told;
+pub mod tool_line;
 pub mod totals;
 pub mod traffic;

@@ -1,7 +1,7 @@
 //! Pseudo-terminals: what a simulated line is reached through.
 
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+use rustix::termios::{ControlModes, OptionalActions, tcgetattr, tcsetattr};
 use std::fs::{File, OpenOptions};
 use std::io;
 use std::os::fd::OwnedFd;
@@ -15,7 +15,7 @@ pub struct Pty {
     master: OwnedFd,
     path: PathBuf,
     /// Kept open, so that the master end does not fail while nobody else has the port open.
-    _slave: File,
+    slave: File,
     link: Option<PathBuf>,
 }
 
@@ -36,7 +36,7 @@ impl Pty {
         settings.make_raw();
         tcsetattr(&slave, OptionalActions::Now, &settings)?;
         rustix::io::ioctl_fionbio(&master, true)?;
-        Ok(Self { master, path, _slave: slave, link: None })
+        Ok(Self { master, path, slave, link: None })
     }
 
     /// Makes the port reachable as `link` too, replacing a link that an earlier run left behind.
@@ -58,6 +58,16 @@ impl Pty {
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Speed in bit/s and stop bits that whoever has the port open has set. Parity is nothing that a pseudo-terminal keeps.
+    ///
+    /// # Errors
+    /// The system's refusal.
+    pub fn speed(&self) -> io::Result<(u32, u8)> {
+        let settings = tcgetattr(&self.slave)?;
+        let stop_bits = if settings.control_modes.contains(ControlModes::CSTOPB) { 2 } else { 1 };
+        Ok((settings.output_speed(), stop_bits))
     }
 
     /// The end that plays the drives; it never blocks.

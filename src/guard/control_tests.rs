@@ -221,3 +221,38 @@ fn the_watchdog_is_set_by_the_gateways_own_tool_at_standstill_alone() {
     let held = at(&mut guard, local, register(RAMP, 50), &RESTING, NOW).unwrap_err();
     assert_eq!(held, Reason::OtherOwner);
 }
+
+#[test]
+fn a_parameter_is_written_back_by_the_gateways_own_tool_at_standstill_listed_or_not() {
+    const FREQUENCY_SOURCE: u16 = 0x0211;
+    const RUN: u16 = 0x0002;
+    let unlisted = ControlSettings { native_write: Vec::new(), ..control() };
+    let released = ControlSettings { allow_release: true, ..unlisted.clone() };
+    let local = Origin { owner: LOCAL, rights: Rights { write: true, stop: false }, manner: Manner::Once };
+    let mut doors = model();
+    for register in doors.registers.iter_mut().filter(|register| register.address == 0x020E) {
+        register.back_door = Some("another way in".to_owned());
+    }
+    for (settings, origin, address, value, facts, told) in [
+        (&unlisted, local, RAMP, 50, RESTING, Ok(())),
+        (&unlisted, mqtt(), RAMP, 50, RESTING, Err(Reason::NotListed)),
+        (&unlisted, plc(1), RAMP, 50, RESTING, Err(Reason::NotListed)),
+        (&unlisted, local, RAMP, 50, RUNNING, Err(Reason::Moving)),
+        (&unlisted, local, RAMP, 50, Facts { stop_pending: true, ..RESTING }, Err(Reason::StopPending)),
+        (&unlisted, local, 0x020E, 50, RESTING, Err(Reason::NotAllowed)),
+        (&unlisted, local, RUN, 1, RESTING, Err(Reason::NotAllowed)),
+        (&unlisted, local, 0x7000, 1, RESTING, Err(Reason::NotListed)),
+        (&unlisted, local, FREQUENCY_SOURCE, 3, RESTING, Ok(())),
+        (&unlisted, local, FREQUENCY_SOURCE, 1, RESTING, Err(Reason::NoRelease)),
+        (&released, local, FREQUENCY_SOURCE, 1, RESTING, Ok(())),
+    ] {
+        let mut guard = guard_of(doors.clone(), settings.clone());
+        let verdict = at(&mut guard, origin, register(address, value), &facts, NOW);
+        assert_eq!(verdict.map(drop), told, "{origin:?} {address:04X}");
+        assert_eq!(holder(&guard), None, "it takes no control");
+    }
+    let mut guard = guard_of(doors, unlisted);
+    assert!(at(&mut guard, local, register(RAMP, 50), &RESTING, NOW).is_ok());
+    let again = at(&mut guard, local, register(RAMP, 60), &RESTING, NOW).unwrap_err();
+    assert_eq!(again, Reason::WrittenTooOften, "a stored register wears out");
+}

@@ -7,6 +7,7 @@ use crate::domain::command::{CommandRequest, Go, Order, Origin, Owner, Reason, R
 use crate::domain::control::ControlSettings;
 use crate::domain::time::MonoTime;
 use crate::drive::{decode, steps};
+use crate::profile::model::ParameterKind;
 
 impl DriveGuard {
     /// A register is listed, is no way around control whoever has listed it, and is not worn out.
@@ -42,6 +43,41 @@ impl DriveGuard {
         origin.owner == Owner::Local && is_alone && is_time
     }
 
+    /// A person at the host writes a parameter of the drive back, one at a time: at standstill and with nothing ordered, like
+    /// everything that decides how a motor turns. What is listed for clients does not count here, because no client does this;
+    /// what is another way to the motor stays shut, and what takes the drive from the bus is a release.
+    pub(super) fn review_parameter(
+        &mut self,
+        command: &CommandRequest,
+        go: &Go,
+        facts: &Facts,
+        now: MonoTime,
+    ) -> Result<Verdict, Report> {
+        let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
+        for write in go.registers() {
+            let register = self.model.register_at(write.address).ok_or(refused(Reason::NotListed))?;
+            match register.parameter_kind() {
+                ParameterKind::ReadOnly => return Err(refused(Reason::NotListed)),
+                ParameterKind::BackDoor | ParameterKind::Command => return Err(refused(Reason::NotAllowed)),
+                _ if !register.takes(write.value) => return Err(refused(Reason::OutsideRange)),
+                ParameterKind::Source if !self.model.is_set_up_by(write.address, write.value) => {
+                    if !control.allow_release {
+                        return Err(refused(Reason::NoRelease));
+                    }
+                }
+                ParameterKind::Plain | ParameterKind::Source | ParameterKind::Link => {}
+            }
+            let is_worn = self.interlocks.was_written_within(control.stored_write_interval, write.address, now);
+            if is_worn && self.model.is_stored(write.address) {
+                return Err(refused(Reason::WrittenTooOften));
+            }
+        }
+        self.may_change_at_rest(command, facts, now)?;
+        let steps = steps::of_go(&self.model, go, &control, None).map_err(no_steps)?;
+        self.interlocks.approved(&self.model, go.registers(), now);
+        Ok(Verdict::Go(self.approve(command, Order::Go(go.clone()), steps)))
+    }
+
     /// The drive's own watchdog is set like everything that decides when a motor stops: at standstill, with nothing
     /// ordered, and read back.
     pub(super) fn review_watchdog(
@@ -59,4 +95,10 @@ impl DriveGuard {
         let steps = steps::of_go(&self.model, go, &control, None).map_err(no_steps)?;
         Ok(Verdict::Go(self.approve(command, Order::Go(go.clone()), steps)))
     }
+}
+
+/// Whether `go` writes one register and nothing else, by a tool at the gateway's own socket.
+pub(super) fn is_parameter(origin: Origin, go: &Go) -> bool {
+    let is_alone = go.frequency().is_none() && go.run().is_none() && go.registers().len() == 1;
+    origin.owner == Owner::Local && is_alone
 }

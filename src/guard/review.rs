@@ -1,6 +1,7 @@
 //! The review: the rules in the order in which they are asked, each with its reason for a refusal.
 
 use super::approved::{Approved, StopOrder};
+use super::registers::is_parameter;
 use super::state::DriveGuard;
 use crate::domain::command::{CommandRequest, Go, Manner, Order, Origin, Owner, Reason, Report, RunIntent};
 use crate::domain::control::{ControlAction, ControlSettings};
@@ -68,6 +69,7 @@ impl DriveGuard {
                 self.may_command(origin, &control, facts)?;
                 match order {
                     Order::Go(go) if self.sets_watchdog(origin, go) => self.review_watchdog(command, go, facts, now),
+                    Order::Go(go) if is_parameter(origin, go) => self.review_parameter(command, go, facts, now),
                     Order::Go(go) => self.review_go(command, go, &control, facts, now),
                     Order::Reset => self.review_reset(command, &control, facts, now),
                     Order::Release => self.review_release(command, &control, facts, now),

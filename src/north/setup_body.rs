@@ -30,9 +30,27 @@ pub fn watchdog_time(body: &[u8]) -> Option<Option<Duration>> {
     }
 }
 
+/// What the body of an order to write one parameter looks like, for people.
+pub const PARAMETER_EXAMPLE: &str = r#"{"raw": 100}"#;
+
+/// The word that `body` names; nothing unless it is an object with that and nothing else.
+#[must_use]
+pub fn parameter_word(body: &[u8]) -> Option<u16> {
+    let Value::Object(object) = serde_json::from_slice(body).ok()? else { return None };
+    object.get("raw").filter(|_| object.len() == 1)?.as_u64().and_then(|raw| u16::try_from(raw).ok())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_body_names_one_word() {
+        assert_eq!(parameter_word(PARAMETER_EXAMPLE.as_bytes()), Some(100));
+        for wrong in ["", "100", r#"{"raw": -1}"#, r#"{"raw": 65536}"#, r#"{"raw": "1"}"#, r#"{"raw": 1, "to": 2}"#] {
+            assert_eq!(parameter_word(wrong.as_bytes()), None, "{wrong}");
+        }
+    }
 
     #[test]
     fn a_body_names_one_time_or_none() {

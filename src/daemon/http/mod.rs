@@ -16,6 +16,7 @@ pub mod live;
 mod metrics;
 mod own_routes;
 mod page;
+mod params;
 pub mod report;
 mod routes;
 mod setup;

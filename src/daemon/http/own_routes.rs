@@ -1,7 +1,7 @@
 //! What only the program's own tools find, over the socket and never over TCP: what has to be set on a drive.
 
 use super::routes::json;
-use super::{setup, watchdog};
+use super::{params, setup, watchdog};
 use crate::config::change::Told;
 use crate::daemon::local::LocalSide;
 use crate::daemon::reload::Refusal;
@@ -27,6 +27,7 @@ pub(super) fn router(side: Arc<LocalSide>) -> Router {
         .route("/api/v1/drives/{name}/setup", get(look).post(set))
         .route("/api/v1/drives/{name}/watchdog", post(set_watchdog))
         .route("/api/v1/reload", post(reload))
+        .merge(params::router())
         .layer(DefaultBodyLimit::max(BODY_BYTES_MAX))
         .with_state(side)
 }
@@ -78,7 +79,7 @@ async fn carry_out(side: Arc<LocalSide>, name: String, wish: Wish) -> Response {
     }
 }
 
-fn not_understood(name: &str, message: String) -> Response {
+pub(super) fn not_understood(name: &str, message: String) -> Response {
     let mut answer = refusal(name, Reason::NotUnderstood);
     answer["message"] = message.into();
     (StatusCode::BAD_REQUEST, json(&answer)).into_response()
@@ -116,17 +117,17 @@ fn reload_answer(done: &Result<Vec<Told>, Refusal>) -> Value {
     }
 }
 
-fn find(side: &LocalSide, name: &str) -> Option<Arc<SharedDrive>> {
+pub(super) fn find(side: &LocalSide, name: &str) -> Option<Arc<SharedDrive>> {
     side.shared().drives.iter().find(|drive| drive.description.name.as_str() == name).cloned()
 }
 
-fn unknown(side: &LocalSide, name: &str) -> Response {
+pub(super) fn unknown(side: &LocalSide, name: &str) -> Response {
     let mut answer = refusal(name, Reason::UnknownDrive);
     answer["drives"] = side.shared().drives.iter().map(|drive| drive.description.name.as_str()).collect();
     (StatusCode::NOT_FOUND, json(&answer)).into_response()
 }
 
-fn too_many(name: &str) -> Response {
+pub(super) fn too_many(name: &str) -> Response {
     (StatusCode::SERVICE_UNAVAILABLE, json(&refusal(name, Reason::QueueFull))).into_response()
 }
 

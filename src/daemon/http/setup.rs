@@ -16,7 +16,7 @@ use std::time::Duration;
 const READ_WITHIN: Duration = Duration::from_secs(5);
 
 /// The word of a register, or why there is none.
-type Found = Result<u16, Report>;
+pub(super) type Found = Result<u16, Report>;
 
 /// Reads what has to be set on `drive` and shows it.
 pub(super) async fn look(side: &LocalSide, drive: &SharedDrive) -> Value {
@@ -154,7 +154,7 @@ fn shown_watchdog<'f>(
 }
 
 /// What was found, or why nothing was.
-fn seen(register: Option<&Register>, found: Option<&Found>) -> Map<String, Value> {
+pub(super) fn seen(register: Option<&Register>, found: Option<&Found>) -> Map<String, Value> {
     let failure = found.and_then(|found| found.as_ref().err());
     let word = found.and_then(|found| found.as_ref().ok()).map(|held| word(register, *held));
     let keys = [
@@ -167,7 +167,7 @@ fn seen(register: Option<&Register>, found: Option<&Found>) -> Map<String, Value
 }
 
 /// A word and what it means, where it is more than a number.
-fn word(register: Option<&Register>, raw: u16) -> Value {
+pub(super) fn word(register: Option<&Register>, raw: u16) -> Value {
     let text = register.and_then(|register| {
         let is_plain = register.unit == UnitOfMeasure::None && register.scale == 1;
         let scaled = || format!("{} {}", Scaled::from_word(raw, register), register.unit);

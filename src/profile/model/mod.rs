@@ -3,6 +3,7 @@
 mod codes;
 mod command;
 mod link;
+mod parameter;
 mod register;
 mod status;
 mod watchdog;
@@ -10,6 +11,7 @@ mod watchdog;
 pub use codes::CodeRule;
 pub use command::{BitMeaning, BlockWrite, RefusedWrite, RunBit, RunCommand, RunForm, SetupItem, Watchdog, WriteRules};
 pub use link::{Broadcast, Link, Timing};
+pub use parameter::ParameterKind;
 pub use register::{Access, Memory, PollClass, Register, Role};
 pub use status::{Barrier, BarrierRead, CodeText, Flag, Quirks, StatusFlag};
 

@@ -177,6 +177,8 @@ pub struct Register {
     /// Why nobody may write it although the drive would let them: it is another way to move the motor or to widen its
     /// limits. Nothing where it is none.
     pub back_door: Option<String>,
+    /// It decides how the drive is reached: its station, speed or character format, its protocol.
+    pub is_link: bool,
     /// How sure the row is.
     pub confidence: Confidence,
     /// Where the row comes from.

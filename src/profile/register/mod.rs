@@ -30,6 +30,7 @@ pub struct RegisterFile {
     pub(super) unit: Needed<UnitOfMeasure>,
     pub(super) poll: Given<PollClass>,
     pub(super) back_door: Given<String>,
+    is_link: Given<bool>,
     title: Needed<String>,
     scale: Given<u32>,
     signed: Given<bool>,
@@ -59,6 +60,7 @@ impl RegisterFile {
             range: self.range.clone().optional()?,
             meanings: self.meanings.clone(),
             back_door: self.back_door.clone().optional()?,
+            is_link: self.is_link.or(false)?,
             confidence,
             source,
         })
@@ -81,6 +83,7 @@ impl RegisterFile {
             range: Given::LeftOut,
             meanings: Vec::new(),
             back_door: Given::LeftOut,
+            is_link: Given::LeftOut,
             origin: None,
         };
         let unreadable = register.access.as_ref().is_some_and(|access| !access.value.can_read());
@@ -99,6 +102,7 @@ impl RegisterFile {
         register.range = register.read_range(&mut reader);
         register.meanings = meanings(&mut reader);
         register.back_door = reader.optional("back_door", &Kind::text());
+        register.is_link = reader.optional("link", &Kind::flag());
         register.origin = origin;
         reader.finish();
         register

@@ -1,0 +1,70 @@
+//! How a serial line is set, as arguments of the tools that open one themselves.
+
+use crate::domain::link::{DirectionControl, Parity};
+
+/// Parity, stop bits, and who turns the direction.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct LinkArgs {
+    /// Parity of the line; default: as the model leaves the factory, or all in a scan
+    #[arg(long, value_enum)]
+    parity: Option<ParityArg>,
+    /// Stop bits of the line; default: as the model leaves the factory, or both in a scan
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2))]
+    pub stop_bits: Option<u8>,
+    /// Who turns the direction of an RS-485 adapter; most do it themselves
+    #[arg(long, value_enum, default_value_t = DirectionArg::Adapter)]
+    rs485: DirectionArg,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum ParityArg {
+    None,
+    Even,
+    Odd,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+enum DirectionArg {
+    #[default]
+    Adapter,
+    Kernel,
+    Rts,
+}
+
+impl LinkArgs {
+    /// The parity, if one is given.
+    #[must_use]
+    pub fn parity(&self) -> Option<Parity> {
+        self.parity.map(|parity| match parity {
+            ParityArg::None => Parity::None,
+            ParityArg::Even => Parity::Even,
+            ParityArg::Odd => Parity::Odd,
+        })
+    }
+
+    /// Who turns the direction.
+    #[must_use]
+    pub const fn direction(&self) -> DirectionControl {
+        match self.rs485 {
+            DirectionArg::Adapter => DirectionControl::Adapter,
+            DirectionArg::Kernel => DirectionControl::Kernel,
+            DirectionArg::Rts => DirectionControl::Rts,
+        }
+    }
+
+    /// The same as a configuration writes it.
+    #[must_use]
+    pub const fn direction_word(&self) -> &'static str {
+        match self.rs485 {
+            DirectionArg::Adapter => "adapter",
+            DirectionArg::Kernel => "kernel",
+            DirectionArg::Rts => "rts",
+        }
+    }
+
+    /// Whether parity or stop bits are given.
+    #[must_use]
+    pub const fn is_given(&self) -> bool {
+        self.parity.is_some() || self.stop_bits.is_some()
+    }
+}

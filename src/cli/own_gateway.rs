@@ -1,0 +1,315 @@
+//! A gateway for one tool and one drive: the same lines, guard and sockets as a running one, for as long as the tool lasts.
+//! So whoever works straight on a port meets the same laws as through a gateway.
+
+use super::Failure;
+use super::input;
+use super::link_args::LinkArgs;
+use super::own_models::ModelDirs;
+use crate::config::{self, Config, PortAddress};
+use crate::daemon::http::socket::SOCKET_NAME;
+use crate::daemon::run;
+use crate::daemon::shared::Current;
+use crate::daemon::tool_line::ToolPort;
+use crate::domain::ids::Name;
+use crate::domain::report::LineState;
+use crate::drive::snapshot::Presence;
+use crate::profile::catalog::Catalog;
+use crate::profile::model::Model;
+use crate::profile::words::{PARITIES, word_for};
+use serde_json::json;
+use std::fmt::Write;
+use std::net::SocketAddr;
+use std::os::unix::fs::DirBuilderExt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+use tokio::sync::oneshot;
+use tokio::time::{Instant, sleep};
+
+/// Longest time until everything listens.
+const STARTS_WITHIN: Duration = Duration::from_secs(10);
+/// Longest time until the drive has answered for the first time.
+const ANSWERS_WITHIN: Duration = Duration::from_secs(8);
+/// How often it is looked whether it has.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+/// Units of the drive on Modbus TCP: its own registers, and the uniform ones.
+pub const UNIT: u8 = 1;
+/// See [`UNIT`].
+pub const UNIFORM_UNIT: u8 = 101;
+
+/// Which drive is on the port, and how the line is set.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct DriveArgs {
+    /// Model of the drive on the port; `models` lists them
+    #[arg(long, value_name = "MODEL")]
+    model: Option<String>,
+    /// Station of the drive on the port
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=247))]
+    station: Option<u8>,
+    /// Speed of the line in bit/s; default: as the model leaves the factory
+    #[arg(long)]
+    baud: Option<u32>,
+    #[command(flatten)]
+    link: LinkArgs,
+    /// Frames of text (Modbus ASCII) instead of binary ones
+    #[arg(long)]
+    ascii: bool,
+    /// The adapter sends back what is sent
+    #[arg(long)]
+    echo: bool,
+    #[command(flatten)]
+    own: ModelDirs,
+}
+
+impl DriveArgs {
+    /// The station of the drive, if one is given.
+    #[must_use]
+    pub const fn station(&self) -> Option<u8> {
+        self.station
+    }
+
+    /// The model of the drive.
+    ///
+    /// # Errors
+    /// None is given, or there is none of this name.
+    pub fn model(&self) -> Result<Arc<Model>, Failure> {
+        let id = self.model.as_deref().ok_or_else(|| Failure::wrong("straight on a port, --model is needed"))?;
+        input::model(id, &self.own)
+    }
+}
+
+/// What the tool may do with the drive, and how often it is read.
+#[derive(Clone, Debug, Default)]
+pub struct Extra {
+    /// The control section, without its head; nothing: nothing may be written.
+    pub control: String,
+    /// Registers that may be written.
+    pub native_write: Vec<u16>,
+    /// How often the drive is polled; nothing: once.
+    pub poll: Option<Duration>,
+}
+
+impl Extra {
+    /// A control section under which nothing ever moves but what stands still may be set.
+    #[must_use]
+    pub fn control_at_rest() -> String {
+        control((1.0, 1.0), "forward", "hold", &[])
+    }
+}
+
+/// The text of a control section: limits in hertz, one direction, what happens when the tool ends on purpose, and control
+/// facts that are accepted as they are. A tool that is lost has the drive stopped.
+#[must_use]
+pub fn control(limits_hz: (f64, f64), direction: &str, on_shutdown: &str, unverified: &[String]) -> String {
+    let (least, most) = limits_hz;
+    format!(
+        "from = [\"modbus-tcp\"]\nfrequency_hz = {{ min = {least:?}, max = {most:?} }}\ndirections = [\"{direction}\"]\n\
+         on_commander_lost = \"stop\"\nlost_after = \"5s\"\non_shutdown = \"{on_shutdown}\"\naccept_unverified = {}\n",
+        json!(unverified)
+    )
+}
+
+/// A gateway that ends with its tool.
+#[derive(Debug)]
+pub struct OwnGateway {
+    directory: Directory,
+    modbus: SocketAddr,
+    drive: Name,
+    station: u8,
+    end: Option<oneshot::Sender<()>>,
+    thread: Option<JoinHandle<Result<(), run::StartError>>>,
+}
+
+/// A directory that only its owner may look into, and that goes with this.
+#[derive(Debug)]
+struct Directory(PathBuf);
+
+impl Directory {
+    fn new() -> Result<Self, Failure> {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let of_session = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).filter(|dir| dir.is_dir());
+        let number = COUNT.fetch_add(1, Ordering::Relaxed);
+        let name = format!("vfd-gateway-tool-{}-{number}", std::process::id());
+        let path = of_session.unwrap_or_else(std::env::temp_dir).join(name);
+        let made = std::fs::DirBuilder::new().mode(0o700).create(&path);
+        made.map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
+        Ok(Self(path))
+    }
+}
+
+impl Drop for Directory {
+    fn drop(&mut self) {
+        // What is left of it harms nobody.
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+impl OwnGateway {
+    /// Starts a gateway for the drive of `args` on `port`, and waits until it answers.
+    ///
+    /// # Errors
+    /// The arguments do not go together, the port is in use (and by whom), or the drive does not answer.
+    pub async fn start(port: &PortAddress, args: &DriveArgs, extra: &Extra) -> Result<Self, Failure> {
+        let model = args.model()?;
+        let station = args.station.ok_or_else(|| Failure::wrong("straight on a port, --station is needed"))?;
+        let directory = Directory::new()?;
+        let text = text(port, args, station, &model, extra, &directory.0);
+        let config = config_of(&text, &input::catalog_with(&args.own)?)?;
+        let line = config.lines.first().ok_or_else(|| Failure::failed("no line"))?;
+        let drive = line.drives.first().map_or_else(Name::fallback, |drive| drive.name.clone());
+        let link = line.link;
+        let tool_port = ToolPort { address: port.clone(), link, direction: line.direction };
+        tool_port.try_open("tool").await?;
+        let (shows, shown) = oneshot::channel();
+        let (end, ends) = oneshot::channel();
+        let thread = std::thread::Builder::new().name("gateway".to_owned()).spawn(move || {
+            run::run(&config, None, async move |running: &run::Running<'_>| {
+                let modbus = running.listening.first().copied();
+                // Whoever waits for it may have ended.
+                let _ = shows.send((modbus, running.shared.clone()));
+                let _ = ends.await;
+            })
+        });
+        let thread = thread.map_err(Failure::failed)?;
+        let told = tokio::time::timeout(STARTS_WITHIN, shown).await;
+        let Ok(Ok((Some(modbus), current))) = told else {
+            let why = thread.is_finished().then(|| thread.join().ok()).flatten().and_then(Result::err);
+            let why = why.map_or_else(|| "it does not start".to_owned(), |error| error.to_string());
+            return Err(Failure::failed(why));
+        };
+        let own = Self { directory, modbus, drive, station, end: Some(end), thread: Some(thread) };
+        if let Err(why) = answers(&current).await {
+            own.close().await;
+            return Err(Failure::failed(format!("station {station} on {port} at {link}: {why}")));
+        }
+        Ok(own)
+    }
+
+    /// Where its tools reach it.
+    #[must_use]
+    pub fn socket(&self) -> PathBuf {
+        self.directory.0.join(SOCKET_NAME)
+    }
+
+    /// Where its Modbus clients reach it.
+    #[must_use]
+    pub const fn modbus(&self) -> SocketAddr {
+        self.modbus
+    }
+
+    /// The drive's name.
+    #[must_use]
+    pub fn drive(&self) -> Name {
+        self.drive.clone()
+    }
+
+    /// The drive's number on the line.
+    #[must_use]
+    pub const fn station(&self) -> u8 {
+        self.station
+    }
+
+    /// Ends it, with the action that is declared for that, and gives the port back.
+    pub async fn close(mut self) {
+        drop(self.end.take());
+        if let Some(thread) = self.thread.take() {
+            // What it may have to say stands in the log.
+            let _ = tokio::task::spawn_blocking(move || thread.join()).await;
+        }
+    }
+}
+
+/// Waits until the drive has answered.
+async fn answers(current: &Current) -> Result<(), String> {
+    let until = Instant::now() + ANSWERS_WITHIN;
+    loop {
+        let shared = current.get();
+        let presence = shared.drives.first().map(|drive| drive.view.load().snapshot.presence);
+        if presence == Some(Presence::Online) {
+            return Ok(());
+        }
+        let report = shared.lines.first().map(|line| line.report());
+        if presence == Some(Presence::Offline) || Instant::now() >= until {
+            let fault = report.filter(|report| report.state == LineState::Down).and_then(|report| report.fault);
+            let suspicion = report.and_then(|report| report.suspicion).map(|it| it.to_string());
+            let why = fault.map(|fault| fault.to_string()).or(suspicion);
+            return Err(format!("no answer{}", why.map(|why| format!(": {why}")).unwrap_or_default()));
+        }
+        sleep(LOOK_EVERY).await;
+    }
+}
+
+fn config_of(text: &str, catalog: &Catalog) -> Result<Config, Failure> {
+    config::load(text, catalog).map_err(|problems| {
+        let told = problems.iter().map(|problem| {
+            let right = problem.right.as_ref().map(|right| format!("; right would be {right}")).unwrap_or_default();
+            format!("{}: {}{right}", problem.key, problem.what)
+        });
+        Failure::wrong(told.collect::<Vec<_>>().join("\n"))
+    })
+}
+
+/// The configuration of a gateway for one drive.
+fn text(port: &PortAddress, args: &DriveArgs, station: u8, model: &Model, extra: &Extra, data_dir: &Path) -> String {
+    let factory = model.link.default.value;
+    let baud = args.baud.unwrap_or(factory.baud);
+    let parity = word_for(&PARITIES, &args.link.parity().unwrap_or(factory.parity));
+    let stop_bits = args.link.stop_bits.unwrap_or(factory.stop_bits);
+    let mut text = format!(
+        "[gateway]\nname = \"tool\"\ndata_dir = {}\n\n[[line]]\nname = \"tool\"\nport = {}\nbaud = {baud}\n\
+         parity = \"{parity}\"\nstop_bits = {stop_bits}\n",
+        json!(data_dir.display().to_string()),
+        json!(port.to_string()),
+    );
+    if matches!(port, PortAddress::Device(_)) {
+        let _ = writeln!(text, "rs485 = \"{}\"", args.link.direction_word());
+    }
+    if args.ascii {
+        text.push_str("framing = \"ascii\"\n");
+    }
+    if args.echo {
+        text.push_str("echo = \"strip\"\n");
+    }
+    let poll = extra.poll.unwrap_or(Duration::from_secs(3600)).as_millis();
+    let _ = write!(
+        text,
+        "\n[[line.drive]]\nname = \"station-{station}\"\nmodel = \"{}\"\nstation = {station}\nunit = {UNIT}\n\
+         uniform_unit = {UNIFORM_UNIT}\npoll = \"{poll}ms\"\n",
+        model.id
+    );
+    let mut write = "";
+    if !extra.control.is_empty() {
+        let _ = write!(text, "\n[line.drive.control]\n{}", extra.control);
+        write = "write = [\"127.0.0.1/32\"]\n";
+    }
+    if !extra.native_write.is_empty() {
+        let registers: Vec<_> = extra.native_write.iter().map(|address| format!("0x{address:04X}")).collect();
+        let _ = write!(text, "\n[line.drive.native]\nwrite = {}\n", json!(registers));
+    }
+    let _ = write!(text, "\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n{write}");
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_model_has_a_gateway_that_reads_and_one_that_commands() {
+        let catalog = input::catalog().ok().unwrap();
+        let port = PortAddress::Device(PathBuf::from("/dev/ttyUSB0"));
+        for model in catalog.ids().map(|id| catalog.find(id).unwrap()) {
+            let commands = control((5.0, 50.0), "forward", "stop", &[]);
+            for control in [String::new(), Extra::control_at_rest(), commands] {
+                let poll = (!control.is_empty()).then_some(Duration::from_millis(500));
+                let extra = Extra { control, native_write: Vec::new(), poll };
+                let text = text(&port, &DriveArgs::default(), 1, model, &extra, Path::new("/run/x"));
+                if let Err(failure) = config_of(&text, &catalog) {
+                    panic!("{}: {failure}\n{text}", model.id);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! What differs between two dumps, and what of it a restore would write, in which order.
+
+use super::file::{Dump, Parameter};
+use super::live::Known;
+use serde_json::{Value, json};
+
+/// One parameter that is not the same on both sides.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Difference {
+    /// On the first side; nothing: it is only on the other.
+    pub first: Option<Parameter>,
+    /// On the second side.
+    pub second: Option<Parameter>,
+}
+
+impl Difference {
+    fn any(&self) -> Option<&Parameter> {
+        self.first.as_ref().or(self.second.as_ref())
+    }
+
+    /// Code, title, and both values, as a row.
+    #[must_use]
+    pub fn row(&self) -> [String; 4] {
+        let any = self.any();
+        let label = any.map(|it| it.code.clone()).unwrap_or_default();
+        let title = any.map(|it| it.title.clone()).unwrap_or_default();
+        let shown = |side: &Option<Parameter>| side.as_ref().map_or_else(|| "-".to_owned(), Parameter::shown);
+        [label, title, shown(&self.first), shown(&self.second)]
+    }
+
+    /// The same for programs.
+    #[must_use]
+    pub fn json(&self) -> Value {
+        let side = |side: &Option<Parameter>| side.as_ref().map(|it| json!({ "raw": it.raw, "text": it.text }));
+        let any = self.any();
+        json!({
+            "code": any.map(|it| it.code.as_str()),
+            "address": any.map(|it| it.address),
+            "title": any.map(|it| it.title.as_str()),
+            "first": side(&self.first),
+            "second": side(&self.second),
+        })
+    }
+}
+
+/// All differences, in order of address.
+#[must_use]
+pub fn differences(first: &Dump, second: &Dump) -> Vec<Difference> {
+    let mut addresses: Vec<u16> = first.parameters.iter().chain(&second.parameters).map(|it| it.address).collect();
+    addresses.sort_unstable();
+    addresses.dedup();
+    let pair = |address: u16| Difference { first: first.at(address).cloned(), second: second.at(address).cloned() };
+    let differs = |it: &Difference| it.first.as_ref().map(|it| it.raw) != it.second.as_ref().map(|it| it.raw);
+    addresses.into_iter().map(pair).filter(differs).collect()
+}
+
+/// What a restore would do.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Plan {
+    /// What is written, in this order: old, new, and whether it wears a memory.
+    pub writes: Vec<Change>,
+    /// What differs and is left as it is, with the reason.
+    pub left: Vec<(Parameter, String)>,
+}
+
+/// One parameter that a restore writes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Change {
+    /// What the drive holds.
+    pub old: Parameter,
+    /// What it shall hold.
+    pub new: Parameter,
+    /// Writing it wears a memory.
+    pub is_stored: bool,
+    /// The gateway's word for what it decides.
+    pub kind: String,
+}
+
+/// Place in the order of a restore: what decides whom the motor obeys comes behind everything else, and what decides how
+/// the drive is reached last of all, because nothing may be reached behind it.
+fn order(kind: &str) -> u8 {
+    match kind {
+        "source" => 1,
+        "link" => 2,
+        _ => 0,
+    }
+}
+
+/// What makes `live` hold what `wanted` says, on a drive that knows `known`. Link, station and sources are left alone
+/// unless `with_link`.
+#[must_use]
+pub fn plan(wanted: &Dump, live: &Dump, known: &[Known], with_link: bool) -> Plan {
+    let mut plan = Plan::default();
+    for difference in differences(live, wanted) {
+        let Difference { first: old, second: Some(new) } = difference else { continue };
+        let of = known.iter().find(|known| known.address == new.address);
+        let left = match (&old, of) {
+            (_, None) => Some("the model does not know it".to_owned()),
+            (None, _) => Some("the drive does not show it now".to_owned()),
+            (Some(_), Some(known)) => match known.kind.as_str() {
+                "read_only" | "command" => continue,
+                "back_door" => Some(format!("set it at the drive itself: {}", known.reason.as_deref().unwrap_or("?"))),
+                "source" if !with_link => Some("it decides whom the motor obeys; --with-link writes it too".to_owned()),
+                "link" if !with_link => {
+                    Some("it decides how the drive is reached; --with-link writes it too".to_owned())
+                }
+                _ => None,
+            },
+        };
+        match (left, old, of) {
+            (None, Some(old), Some(known)) => {
+                plan.writes.push(Change { old, new, is_stored: known.is_stored, kind: known.kind.clone() });
+            }
+            (reason, ..) => plan.left.push((new, reason.unwrap_or_default())),
+        }
+    }
+    plan.writes.sort_by_key(|change| (order(&change.kind), change.new.address));
+    plan
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parameter(address: u16, raw: u16) -> Parameter {
+        Parameter { code: format!("P{address}"), address, raw, text: None, title: String::new() }
+    }
+
+    fn dump(values: &[(u16, u16)]) -> Dump {
+        Dump { parameters: values.iter().map(|(address, raw)| parameter(*address, *raw)).collect(), ..Dump::default() }
+    }
+
+    fn known(address: u16, kind: &str) -> Known {
+        Known {
+            code: format!("P{address}"),
+            title: String::new(),
+            address,
+            kind: kind.to_owned(),
+            reason: (kind == "back_door").then(|| "it widens limits".to_owned()),
+            is_stored: true,
+        }
+    }
+
+    #[test]
+    fn only_what_differs_is_told() {
+        let (first, second) = (dump(&[(1, 10), (2, 20), (3, 30)]), dump(&[(1, 10), (2, 21), (4, 40)]));
+        let rows: Vec<_> = differences(&first, &second).iter().map(Difference::row).collect();
+        let row = |code: &str, first: &str, second: &str| {
+            [code.to_owned(), String::new(), first.to_owned(), second.to_owned()]
+        };
+        assert_eq!(rows, [row("P2", "20", "21"), row("P3", "30", "-"), row("P4", "-", "40")]);
+        assert!(differences(&first, &first).is_empty());
+        assert_eq!(differences(&first, &second)[0].json()["second"]["raw"], 21);
+    }
+
+    #[test]
+    fn the_link_is_written_last_and_only_if_wanted() {
+        let all = [
+            known(1, "link"),
+            known(2, "source"),
+            known(3, "plain"),
+            known(4, "back_door"),
+            known(5, "read_only"),
+            known(6, "command"),
+            known(7, "plain"),
+        ];
+        let live = dump(&(1..=7).map(|address| (address, 0)).collect::<Vec<_>>());
+        let wanted = dump(&(1..=8).map(|address| (address, u16::from(address != 7))).collect::<Vec<_>>());
+        let addresses = |plan: &Plan| plan.writes.iter().map(|change| change.new.address).collect::<Vec<_>>();
+        let careful = plan(&wanted, &live, &all, false);
+        assert_eq!(addresses(&careful), [3]);
+        let left: Vec<_> = careful.left.iter().map(|(it, _)| it.address).collect();
+        assert_eq!(left, [1, 2, 4, 8], "what the drive does not take is no difference to speak of");
+        assert!(careful.left[2].1.contains("it widens limits"));
+        assert_eq!(addresses(&plan(&wanted, &live, &all, true)), [3, 2, 1]);
+    }
+}

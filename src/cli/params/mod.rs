@@ -1,0 +1,215 @@
+//! `params`: the parameters of a drive to a file, the difference between two, and back to the drive.
+
+mod diff;
+mod file;
+mod live;
+mod restore;
+
+use super::own_gateway::{DriveArgs, Extra, OwnGateway};
+use super::setup::table;
+use super::{Failure, log::complain, print, socket};
+use crate::config;
+use crate::daemon::run::told_to_end;
+use crate::domain::ids::Name;
+use diff::{Difference, differences};
+use file::Dump;
+use live::Live;
+use serde_json::json;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Arguments of `params`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    /// Read all parameters that the drive's model knows, and write them to a file or print them
+    Dump(DumpArgs),
+    /// Show what differs between two files, or between a file and the drive as it is now
+    Diff(DiffArgs),
+    /// Write a file back to a drive: shown first, confirmed, at standstill, each value read back
+    ///
+    /// Only what differs is written. Station, speed and the like, and what decides whom the motor obeys, are left alone
+    /// without --with-link, and are written last with it. The first refusal ends it.
+    Restore(RestoreArgs),
+}
+
+#[derive(Debug, clap::Args)]
+struct Of {
+    #[command(flatten)]
+    place: socket::Place,
+    /// Straight on a port instead, without a gateway: a serial port or tcp://HOST:PORT, with --model and --station
+    #[arg(long, value_name = "PORT", value_parser = config::port_address)]
+    port: Option<config::PortAddress>,
+    #[command(flatten)]
+    on_port: DriveArgs,
+}
+
+#[derive(Debug, clap::Args)]
+struct DumpArgs {
+    /// Name of the drive, as in the gateway's configuration
+    #[arg(required_unless_present = "port")]
+    drive: Option<String>,
+    #[command(flatten)]
+    of: Of,
+    /// Write to this file instead of printing; a file that is there is left alone
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+#[derive(Debug, clap::Args)]
+struct DiffArgs {
+    /// A file that `params dump` has made
+    first: PathBuf,
+    /// Another one; or `live`, for the drive as it is now
+    second: PathBuf,
+    /// Name of the drive, for `live`; default: the one that the file names
+    #[arg(long)]
+    drive: Option<String>,
+    #[command(flatten)]
+    of: Of,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, clap::Args)]
+struct RestoreArgs {
+    /// A file that `params dump` has made
+    file: PathBuf,
+    /// Name of the drive; default: the one that the file names
+    #[arg(long)]
+    drive: Option<String>,
+    #[command(flatten)]
+    of: Of,
+    /// Only show what would change
+    #[arg(long)]
+    dry_run: bool,
+    /// Also write what decides how the drive is reached and whom it obeys, last of all
+    #[arg(long)]
+    with_link: bool,
+    /// Do not ask
+    #[arg(long)]
+    yes: bool,
+}
+
+/// Dumps, compares or restores.
+pub fn params(args: &Args) -> Result<(), Failure> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    runtime.block_on(async {
+        let told = told_to_end().map_err(Failure::failed)?;
+        tokio::select! {
+            done = act(&args.action) => done,
+            () = told => Err(Failure::failed("ended before it was done")),
+        }
+    })
+}
+
+async fn act(action: &Action) -> Result<(), Failure> {
+    match action {
+        Action::Dump(args) => dump(args).await,
+        Action::Diff(args) => compare(args).await,
+        Action::Restore(args) => {
+            let wanted = Dump::read(&args.file)?;
+            let reached = args.of.reach(args.drive.as_deref().or(Some(&wanted.drive)), true).await?;
+            let wish = restore::Wish { with_link: args.with_link, yes: args.yes, dry_run: args.dry_run };
+            let done = restore::restore(&wanted, &reached.live, wish).await;
+            reached.close().await;
+            done
+        }
+    }
+}
+
+/// A drive that can be asked, and the gateway that was started for that.
+struct Reached {
+    live: Live,
+    own: Option<OwnGateway>,
+}
+
+impl Reached {
+    async fn close(self) {
+        if let Some(own) = self.own {
+            own.close().await;
+        }
+    }
+}
+
+impl Of {
+    /// The drive called `drive` behind the gateway, or the one that the arguments name on a port.
+    async fn reach(&self, drive: Option<&str>, writes: bool) -> Result<Reached, Failure> {
+        if let Some(port) = &self.port {
+            let control = writes.then(Extra::control_at_rest).unwrap_or_default();
+            let own = OwnGateway::start(port, &self.on_port, &Extra { control, ..Extra::default() }).await?;
+            let live = Live { socket: own.socket(), drive: own.drive(), station: Some(own.station()) };
+            return Ok(Reached { live, own: Some(own) });
+        }
+        let name = drive.unwrap_or_default();
+        let drive = Name::new(name).ok_or_else(|| Failure::wrong(format!("`{name}` is no name of a drive")))?;
+        Ok(Reached { live: Live { socket: self.place.path()?, drive, station: None }, own: None })
+    }
+}
+
+async fn dump(args: &DumpArgs) -> Result<(), Failure> {
+    if let Some(out) = args.out.as_deref().filter(|out| out.exists()) {
+        return Err(Failure::wrong(format!("{} is there already, and is left alone", out.display())));
+    }
+    let reached = args.of.reach(args.drive.as_deref(), false).await?;
+    let dump = whole(&reached.live).await;
+    reached.close().await;
+    let dump = dump?;
+    if !dump.unreadable.is_empty() {
+        let rows = dump.unreadable.iter().map(|it| [it.code.clone(), it.reason.clone()]);
+        complain(format!("could not be read:\n{}", table(rows)).as_bytes());
+    }
+    if dump.parameters.is_empty() {
+        return Err(Failure::failed("the drive shows no parameter at all"));
+    }
+    let Some(out) = &args.out else { return print(&dump.text()) };
+    write_new(out, &dump.text())?;
+    complain(format!("{} parameters in {}\n", dump.parameters.len(), out.display()).as_bytes());
+    Ok(())
+}
+
+async fn whole(live: &Live) -> Result<Dump, Failure> {
+    let catalogue = live.catalogue().await?;
+    live.dump(&catalogue.model, &catalogue.parameters).await
+}
+
+async fn compare(args: &DiffArgs) -> Result<(), Failure> {
+    let is_live = |path: &Path| path.as_os_str() == "live";
+    if is_live(&args.first) {
+        return Err(Failure::wrong("the first is a file; only the second may be `live`"));
+    }
+    let first = Dump::read(&args.first)?;
+    let second = if is_live(&args.second) {
+        let reached = args.of.reach(args.drive.as_deref().or(Some(&first.drive)), false).await?;
+        let dump = whole(&reached.live).await;
+        reached.close().await;
+        dump?
+    } else {
+        Dump::read(&args.second)?
+    };
+    if first.model != second.model {
+        let (first, second) = (&first.model, &second.model);
+        return Err(Failure::wrong(format!("the models differ, {first} and {second}: nothing can be compared")));
+    }
+    let differences = differences(&first, &second);
+    if args.json {
+        let all: Vec<_> = differences.iter().map(Difference::json).collect();
+        return print(&format!("{}\n", json!({ "model": first.model, "differences": all })));
+    }
+    if differences.is_empty() {
+        return print("nothing differs\n");
+    }
+    print(&table(differences.iter().map(Difference::row)))
+}
+
+fn write_new(path: &Path, text: &str) -> Result<(), Failure> {
+    let file = std::fs::OpenOptions::new().write(true).create_new(true).open(path);
+    let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
+    written.map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
+}

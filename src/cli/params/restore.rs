@@ -1,0 +1,130 @@
+//! Writing a dump back: what would change is shown first, each value is read back, and the first refusal ends it.
+
+use super::diff::{Change, Plan, plan};
+use super::file::Dump;
+use super::live::Live;
+use crate::cli::enable::ask_for_consent;
+use crate::cli::progress::Bar;
+use crate::cli::setup::table;
+use crate::cli::{Failure, print};
+
+/// What a person wants of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Wish {
+    /// Also what decides how the drive is reached and whom it obeys.
+    pub with_link: bool,
+    /// Nobody is asked.
+    pub yes: bool,
+    /// Nothing is written.
+    pub dry_run: bool,
+}
+
+/// Has the drive hold what `wanted` says.
+///
+/// # Errors
+/// The model is another, nobody agrees, or something was refused: then it is told what was written and what was not.
+pub async fn restore(wanted: &Dump, live: &Live, wish: Wish) -> Result<(), Failure> {
+    let catalogue = live.catalogue().await?;
+    if catalogue.model != wanted.model {
+        let (ours, theirs) = (&catalogue.model, &wanted.model);
+        return Err(Failure::wrong(format!("the dump is of model {theirs}, and {} is {ours}", live.drive)));
+    }
+    let of_interest: Vec<_> =
+        catalogue.parameters.iter().filter(|known| wanted.at(known.address).is_some()).cloned().collect();
+    let now = live.dump(&catalogue.model, &of_interest).await?;
+    let plan = plan(wanted, &now, &catalogue.parameters, wish.with_link);
+    print(&shown(&plan, live))?;
+    if plan.writes.is_empty() || wish.dry_run {
+        return Ok(());
+    }
+    if !catalogue.may_be_written {
+        let why = "the drive has no `control` section, so that nothing may be written to it from anywhere";
+        return Err(Failure::failed(format!("nothing was written: {why}; add one to restore its parameters")));
+    }
+    if !wish.yes {
+        ask_for_consent()?;
+    }
+    write(&plan.writes, live).await
+}
+
+/// What would change, what is left, and what it costs.
+fn shown(plan: &Plan, live: &Live) -> String {
+    let mut text = String::new();
+    if !plan.left.is_empty() {
+        let rows = plan.left.iter().map(|(it, reason)| [it.code.clone(), it.shown(), reason.clone()]);
+        text.push_str(&format!("left as they are:\n{}", table(rows)));
+    }
+    if plan.writes.is_empty() {
+        text.push_str("nothing has to be written\n");
+        return text;
+    }
+    let change =
+        |it: &Change| [it.new.code.clone(), it.new.title.clone(), format!("{} -> {}", it.old.shown(), it.new.shown())];
+    text.push_str(&format!(
+        "drive {}, while its motor stands still:\n{}",
+        live.drive,
+        table(plan.writes.iter().map(change))
+    ));
+    let stored = plan.writes.iter().filter(|change| change.is_stored).count();
+    if stored > 0 {
+        text.push_str(&format!(
+            "{stored} of {} are stored in a memory that endures a limited number of writes (about 10,000 on some drives): \
+             one write each\n",
+            plan.writes.len()
+        ));
+    }
+    if plan.writes.iter().any(|change| change.kind == "source") {
+        text.push_str(
+            "WARNING: this may hand the drive to its panel or terminals; a closed terminal may start the motor\n",
+        );
+    }
+    if plan.writes.iter().any(|change| change.kind == "link") {
+        text.push_str("WARNING: the drive may not be reached any more with the present settings of the line\n");
+    }
+    text
+}
+
+async fn write(writes: &[Change], live: &Live) -> Result<(), Failure> {
+    let mut bar = Bar::new(writes.len());
+    for (at, change) in writes.iter().enumerate() {
+        bar.to(at, &change.new.code);
+        let refused = match live.write(change.new.address, change.new.raw).await {
+            Ok(None) => continue,
+            Ok(Some(refused)) => refused,
+            Err(failure) => failure.to_string(),
+        };
+        bar.end();
+        return Err(Failure::failed(ended(writes, at, &refused)));
+    }
+    bar.end();
+    print(&format!("{} written and read back\n", writes.len()))
+}
+
+/// What to say when the write at place `at` was refused.
+fn ended(writes: &[Change], at: usize, refused: &str) -> String {
+    let codes = |of: &[Change]| of.iter().map(|it| it.new.code.as_str()).collect::<Vec<_>>().join(", ");
+    let (done, left) = (writes.get(..at).unwrap_or_default(), writes.get(at + 1..).unwrap_or_default());
+    let code = writes.get(at).map(|it| it.new.code.as_str()).unwrap_or_default();
+    let written = if done.is_empty() { "nothing was written".to_owned() } else { format!("written: {}", codes(done)) };
+    let rest = if left.is_empty() { String::new() } else { format!("; not tried: {}", codes(left)) };
+    format!("{code}: {refused}; {written}{rest}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::file::Parameter;
+    use super::*;
+
+    #[test]
+    fn the_end_says_what_was_written_and_what_was_not() {
+        let change = |code: &str| {
+            let parameter =
+                |raw| Parameter { code: code.to_owned(), address: 1, raw, text: None, title: String::new() };
+            Change { old: parameter(0), new: parameter(1), is_stored: true, kind: "plain".to_owned() }
+        };
+        let writes = [change("A"), change("B"), change("C")];
+        assert_eq!(ended(&writes, 0, "refused"), "A: refused; nothing was written; not tried: B, C");
+        assert_eq!(ended(&writes, 1, "refused"), "B: refused; written: A; not tried: C");
+        assert_eq!(ended(&writes, 2, "refused"), "C: refused; written: A, B");
+    }
+}

@@ -1,0 +1,143 @@
+//! Whoever asks on a real port: a line of the tool's own, opened anew for each setting.
+
+use super::plan::{LISTEN, Setting};
+use super::survey::{Asker, Heard};
+use crate::cli::Failure;
+use crate::daemon::clock;
+use crate::daemon::tool_line::{NoLine, ToolLine, ToolPort};
+use crate::domain::command::Reason;
+use crate::domain::ids::Name;
+use crate::domain::link::LinkSettings;
+use crate::domain::report::LineCounters;
+use std::time::Duration;
+use tokio::time::sleep;
+
+/// Loose bytes while nobody was asked that are still put down to an adapter that was switched on.
+const LOOSE_BYTES_MAX: u64 = 3;
+/// How much longer than the drive the line may take for a read: what may come late, and the turn of others.
+const LATE: Duration = Duration::from_secs(2);
+
+/// A port, and the line that is open on it.
+pub struct PortAsker {
+    port: ToolPort,
+    name: Name,
+    line: Option<ToolLine>,
+    stations: Vec<u8>,
+    patience: Duration,
+    has_listened: bool,
+    seen: LineCounters,
+    /// What the adapter sends back of what is sent.
+    pub echoes: u64,
+    /// Frames of drives that came too late to count.
+    pub late: u64,
+}
+
+impl PortAsker {
+    /// Nothing is open yet.
+    pub fn new(port: ToolPort) -> Self {
+        let name = Name::new("scan").unwrap_or_else(Name::fallback);
+        Self {
+            port,
+            name,
+            line: None,
+            stations: Vec::new(),
+            patience: Duration::ZERO,
+            has_listened: false,
+            seen: LineCounters::default(),
+            echoes: 0,
+            late: 0,
+        }
+    }
+
+    /// Gives the port back.
+    pub async fn close(&mut self) {
+        if let Some(line) = self.line.take() {
+            line.close().await;
+        }
+    }
+
+    fn line(&self) -> Result<&ToolLine, Failure> {
+        self.line.as_ref().ok_or_else(|| Failure::failed("the line is not open"))
+    }
+
+    /// Only listens, and refuses a line on which somebody talks: two who ask take each other's answers.
+    async fn listen(&mut self, link: LinkSettings) -> Result<(), Failure> {
+        sleep(LISTEN).await;
+        let heard = self.line()?.report().counters;
+        let (place, seconds) = (&self.port.address, LISTEN.as_secs());
+        let frames = heard.foreign + heard.other_master + heard.strays;
+        let how = if frames > 0 {
+            format!("{frames} frames were heard on {place} within {seconds} s, although nobody here has asked")
+        } else if heard.noise_bytes > LOOSE_BYTES_MAX {
+            let bytes = heard.noise_bytes;
+            format!("{bytes} bytes were heard on {place} within {seconds} s that make no frame at {link}")
+        } else {
+            self.has_listened = true;
+            return Ok(());
+        };
+        let right = "end whatever asks there, a PLC or another gateway, and scan again";
+        Err(Failure::failed(format!("the line is in use: {how}; {right}")))
+    }
+
+    /// What was counted since this was asked last.
+    fn counted(&mut self) -> Result<LineCounters, Failure> {
+        let now = self.line()?.report().counters;
+        let before = std::mem::replace(&mut self.seen, now);
+        let since = LineCounters {
+            garbled: now.garbled - before.garbled,
+            noise_bytes: now.noise_bytes - before.noise_bytes,
+            other_master: now.other_master - before.other_master,
+            foreign: now.foreign - before.foreign,
+            strays: now.strays - before.strays,
+            echoes: now.echoes - before.echoes,
+            ..LineCounters::default()
+        };
+        self.echoes += since.echoes;
+        self.late += since.foreign + since.strays;
+        Ok(since)
+    }
+}
+
+impl From<NoLine> for Failure {
+    fn from(error: NoLine) -> Self {
+        Self::failed(error)
+    }
+}
+
+impl Asker for PortAsker {
+    async fn open(&mut self, setting: &Setting, stations: &[u8]) -> Result<(), Failure> {
+        self.close().await;
+        let drives: Vec<_> = stations.iter().filter_map(|station| setting.station(*station)).collect();
+        let port = ToolPort { link: setting.link, ..self.port.clone() };
+        self.line = Some(ToolLine::open(&port, &self.name, setting.timing(), drives).await?);
+        self.stations = stations.to_vec();
+        self.patience = setting.timeout * 2 + setting.lateness + LATE;
+        self.seen = LineCounters::default();
+        if self.has_listened { Ok(()) } else { self.listen(setting.link).await }
+    }
+
+    async fn ask(&mut self, station: u8, address: u16) -> Result<Heard, Failure> {
+        let place = self.stations.iter().position(|it| *it == station).and_then(|place| u16::try_from(place).ok());
+        let place = place.ok_or_else(|| Failure::failed(format!("station {station} is not on the line")))?;
+        self.counted()?;
+        let read = self.line()?.read(place, address, clock::now() + self.patience).await;
+        let counted = self.counted()?;
+        if counted.other_master > 0 {
+            let what =
+                "the line is in use: requests of somebody else were heard; end whatever asks there and scan again";
+            return Err(Failure::failed(what));
+        }
+        match read {
+            Ok(word) => Ok(Heard::Word(word)),
+            Err(report) => match (report.exception, report.reason) {
+                (Some(code), _) => Ok(Heard::Exception(code)),
+                (None, Reason::LineDown) => {
+                    let fault = self.line()?.report().fault.map(|fault| format!(": {fault}")).unwrap_or_default();
+                    Err(Failure::failed(format!("{} is lost{fault}", self.port.address)))
+                }
+                (None, _) if counted.garbled > 0 || counted.noise_bytes > 0 => Ok(Heard::Damaged),
+                (None, _) => Ok(Heard::Silent),
+            },
+        }
+    }
+}

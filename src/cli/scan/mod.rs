@@ -1,0 +1,216 @@
+//! `scan`: finds drives on a line that nobody uses, names their models where it can tell, and prints a configuration to
+//! start from. It only reads.
+
+mod asker;
+mod plan;
+mod report;
+mod survey;
+#[cfg(test)]
+mod tests;
+
+use super::link_args::LinkArgs;
+use super::own_models::ModelDirs;
+use super::progress::{Bar, seconds};
+use super::{Failure, input, log::complain, print};
+use crate::config;
+use crate::daemon::clock;
+use crate::daemon::run::told_to_end;
+use crate::daemon::tool_line::ToolPort;
+use crate::domain::calendar;
+use crate::domain::link::LinkSettings;
+use asker::PortAsker;
+use plan::{Plan, Wish};
+use report::{Scan, model_text, setting_text};
+use std::path::PathBuf;
+use std::time::Duration;
+use survey::{Event, Findings, survey};
+
+/// Arguments of `scan`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The line: a serial port such as /dev/ttyUSB0, or a serial device server such as tcp://10.0.0.7:4001
+    #[arg(long, value_name = "PORT", value_parser = config::port_address)]
+    port: config::PortAddress,
+    /// Stations to ask, such as 1-32 or 1,3,7-9
+    #[arg(long, value_name = "NUMBERS", default_value = "1-32", value_parser = parsed_stations)]
+    stations: Stations,
+    /// Try every speed, parity and number of stop bits that a drive can be set to, not only those of the factories. It
+    /// takes long; how long is said before
+    #[arg(long)]
+    all_settings: bool,
+    /// Try these speeds only, in bit/s, such as 9600,19200
+    #[arg(long, value_name = "BAUDS", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(300..=1_000_000))]
+    baud: Vec<u32>,
+    #[command(flatten)]
+    link: LinkArgs,
+    /// Ask in frames of text (Modbus ASCII) instead of binary ones
+    #[arg(long)]
+    ascii: bool,
+    /// Longest wait for an answer, in seconds; default: what the models need
+    #[arg(long, value_name = "SECONDS", value_parser = patience)]
+    seconds_per_station: Option<Duration>,
+    /// Only say what would be tried and how long that takes
+    #[arg(long)]
+    dry_run: bool,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// Write the configuration to this file instead of printing it; a file that is there is left alone
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    own: ModelDirs,
+}
+
+#[derive(Clone, Debug)]
+struct Stations(Vec<u8>);
+
+fn parsed_stations(text: &str) -> Result<Stations, String> {
+    plan::stations(text).map(Stations)
+}
+
+fn patience(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse::<f64>().ok().filter(|seconds| (0.02..=10.0).contains(seconds));
+    seconds.map(Duration::from_secs_f64).ok_or_else(|| format!("{text} is no time from 0.02 to 10 seconds"))
+}
+
+/// Looks for drives until all was tried, or Ctrl-C. What was found by then is printed either way.
+pub fn scan(args: &Args) -> Result<(), Failure> {
+    let catalog = input::catalog_with(&args.own)?;
+    let models: Vec<_> = catalog.ids().filter_map(|id| catalog.find(id).cloned()).collect();
+    let is_network = matches!(args.port, config::PortAddress::Tcp { .. });
+    let wish = Wish {
+        everything: args.all_settings,
+        bauds: args.baud.clone(),
+        parity: args.link.parity(),
+        stop_bits: args.link.stop_bits,
+        is_ascii: args.ascii,
+        is_network,
+        timeout: args.seconds_per_station,
+    };
+    if is_network && (args.all_settings || !args.baud.is_empty() || args.link.is_given()) {
+        return Err(Failure::wrong(
+            "a serial device server sets the line itself: set it there, and scan without settings",
+        ));
+    }
+    if let Some(out) = args.out.as_deref().filter(|out| out.exists()) {
+        return Err(Failure::wrong(format!("{} is there already, and is left alone", out.display())));
+    }
+    let plan = Plan::new(&models, args.stations.0.clone(), &wish);
+    if plan.settings.is_empty() {
+        return Err(Failure::wrong("no model has such settings: nothing to try"));
+    }
+    complain(announcement(args, &plan).as_bytes());
+    if args.dry_run {
+        return Ok(());
+    }
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    let mut findings = Findings::default();
+    let link = plan.settings.first().map_or(LinkSettings::DEFAULT, |setting| setting.link);
+    let port = ToolPort { address: args.port.clone(), link, direction: args.link.direction() };
+    let (ended, echoes, late) = runtime.block_on(async {
+        let mut asker = PortAsker::new(port);
+        let told = told_to_end().map_err(Failure::failed)?;
+        let mut shown = Shown { plan: &plan, bar: Bar::new(asks(&plan)) };
+        let ended = tokio::select! {
+            done = survey(&plan, &mut asker, &mut findings, |event| shown.event(&event)) => done,
+            () = told => Ok(()),
+        };
+        shown.bar.end();
+        asker.close().await;
+        Ok::<_, Failure>((ended, asker.echoes > 0, asker.late))
+    })?;
+    if ended.is_err() && findings.drives.is_empty() {
+        return ended;
+    }
+    let date = calendar::rfc3339(clock::wall());
+    let date = date.get(..10).unwrap_or_default();
+    let scan = Scan { port: &args.port, plan: &plan, findings: &findings, echoes, date };
+    tell(args, &scan, late)?;
+    ended?;
+    match (findings.is_complete, findings.drives.is_empty()) {
+        (false, _) => Err(Failure::failed("ended before all was tried; this is what was found until then")),
+        (true, true) => Err(Failure::failed(ADVICE)),
+        (true, false) => Ok(()),
+    }
+}
+
+/// What may help where nothing answers.
+const ADVICE: &str = "nothing answers. Is the drive switched on, set to RS-485 and to a station among those that were \
+                      asked? Are A and B exchanged? Try --all-settings, or --stations 1-247";
+
+/// The results in their places.
+fn tell(args: &Args, scan: &Scan<'_>, late: u64) -> Result<(), Failure> {
+    if late > 0 {
+        let hint = "ask again with a longer --seconds-per-station";
+        complain(format!("{late} frames came too late to count: {hint}\n").as_bytes());
+    }
+    let configuration = scan.configuration();
+    if let (Some(out), Some(text)) = (&args.out, &configuration) {
+        write_new(out, text)?;
+        complain(format!("the configuration is in {}\n", out.display()).as_bytes());
+    }
+    if args.json {
+        return print(&format!("{}\n", scan.json()));
+    }
+    complain(scan.table().as_bytes());
+    match configuration {
+        Some(text) if args.out.is_none() => print(&text),
+        _ => Ok(()),
+    }
+}
+
+fn write_new(path: &std::path::Path, text: &str) -> Result<(), Failure> {
+    use std::io::Write;
+    let file = std::fs::OpenOptions::new().write(true).create_new(true).open(path);
+    let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
+    written.map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
+}
+
+/// How many reads look for drives, at the most.
+fn asks(plan: &Plan) -> usize {
+    plan.settings.iter().map(|setting| setting.probes.len() * plan.stations.len()).sum()
+}
+
+fn announcement(args: &Args, plan: &Plan) -> String {
+    let (silent, told) = plan.duration();
+    let settings: Vec<_> = plan.settings.iter().map(setting_text).collect();
+    let settings = match args.port {
+        config::PortAddress::Tcp { .. } => "with the setting of the device server".to_owned(),
+        config::PortAddress::Device(_) => format!("at {}", settings.join(", ")),
+    };
+    let stations = plan.stations.len();
+    format!(
+        "{}: {stations} station{} {settings}; about {} if nobody answers, up to {} more if all do. Only reads\n",
+        args.port,
+        if stations == 1 { "" } else { "s" },
+        seconds(silent),
+        seconds(told),
+    )
+}
+
+/// The course of it on a terminal.
+struct Shown<'a> {
+    plan: &'a Plan,
+    bar: Bar,
+}
+
+impl Shown<'_> {
+    fn event(&mut self, event: &Event<'_>) {
+        let at = |number: usize| self.plan.settings.get(number).map(setting_text).unwrap_or_default();
+        match event {
+            Event::Setting(number) => {
+                let before: usize =
+                    self.plan.settings.iter().take(*number).map(|it| it.probes.len() * self.plan.stations.len()).sum();
+                let text = at(*number);
+                self.bar.to(before, &text);
+            }
+            Event::Asked => self.bar.step(),
+            Event::Answers(station) => self.bar.line(&format!("station {station} answers")),
+            Event::Told(finding) => {
+                let text = format!("station {} at {}: {}", finding.station, at(finding.setting), model_text(finding));
+                self.bar.line(&text);
+            }
+        }
+    }
+}

@@ -1,0 +1,288 @@
+//! What a scan tries, in which order, and how long that takes: settings, the reads that find drives, the reads that tell
+//! models apart. All of it follows from the models.
+
+use crate::domain::link::{Framing, LinkSettings, Parity};
+use crate::gateway::DriveSetup;
+use crate::journal::Remembered;
+use crate::line::timeouts::{Class, ReplyTimeouts};
+use crate::line::timing::Timing;
+use crate::profile::model::{Model, Quirks, Register};
+use std::collections::BTreeSet;
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// How long the line is only listened to before the first frame.
+pub const LISTEN: Duration = Duration::from_secs(2);
+/// Registers that are read to tell a model from the others.
+pub const TELLING: usize = 3;
+/// Most reads without an answer that one station may cost while its model is looked for.
+pub const SILENCES_MAX: u32 = 2;
+/// What an answer is reckoned to take beyond its characters: drives need some milliseconds, adapters as many.
+const ANSWERS_WITHIN: Duration = Duration::from_millis(50);
+/// Time to open a port.
+const OPENS_WITHIN: Duration = Duration::from_millis(200);
+/// Bytes of a request, and of the reply to it, at the most.
+const REQUEST_PDU_BYTES: usize = 5;
+
+/// Everything that is tried.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// In this order.
+    pub settings: Vec<Setting>,
+    /// The stations, each once, in order.
+    pub stations: Vec<u8>,
+}
+
+/// One way in which a line may be set, and what is asked there.
+#[derive(Clone, Debug)]
+pub struct Setting {
+    /// Speed and character format.
+    pub link: LinkSettings,
+    /// How frames are told apart.
+    pub framing: Framing,
+    /// Models that may be set so, those that leave the factory so first.
+    pub candidates: Vec<Arc<Model>>,
+    /// Addresses at which every drive that leaves the factory so answers one or the other.
+    pub probes: Vec<u16>,
+    /// Longest wait for an answer.
+    pub timeout: Duration,
+    /// How long after that one may still come.
+    pub lateness: Duration,
+}
+
+/// What a person wants to be tried.
+#[derive(Clone, Debug, Default)]
+pub struct Wish {
+    /// Every setting that some model has, not only those of the factories.
+    pub everything: bool,
+    /// Only these speeds; none: those of the models.
+    pub bauds: Vec<u32>,
+    /// Only this parity.
+    pub parity: Option<Parity>,
+    /// Only these stop bits.
+    pub stop_bits: Option<u8>,
+    /// Frames of text instead of binary ones.
+    pub is_ascii: bool,
+    /// The speed is set elsewhere: at the serial device server.
+    pub is_network: bool,
+    /// Longest wait for an answer; nothing: from the models.
+    pub timeout: Option<Duration>,
+}
+
+impl Plan {
+    /// What is tried to find drives of `models` at `stations`.
+    #[must_use]
+    pub fn new(models: &[Arc<Model>], stations: Vec<u8>, wish: &Wish) -> Self {
+        let framing = if wish.is_ascii { Framing::Ascii } else { Framing::Rtu };
+        let has_framing = |model: &&Arc<Model>| model.link.framings.value.contains(&framing);
+        let models: Vec<Arc<Model>> = models.iter().filter(has_framing).map(|it| Arc::new(it.on(framing))).collect();
+        let links = if wish.is_network { vec![LinkSettings::DEFAULT] } else { links(&models, framing, wish) };
+        let setting = |link| Setting::new(&models, link, framing, wish);
+        Self { settings: links.into_iter().map(setting).filter(|it| !it.probes.is_empty()).collect(), stations }
+    }
+
+    /// How long the line is in use if nobody answers, and how much longer if every station does.
+    #[must_use]
+    pub fn duration(&self) -> (Duration, Duration) {
+        let stations = u32::try_from(self.stations.len()).unwrap_or(u32::MAX);
+        let silent = self.settings.iter().map(|setting| setting.when_silent(stations)).sum::<Duration>() + LISTEN;
+        let told = self.settings.iter().map(Setting::when_told_apart).max().unwrap_or_default();
+        (silent, told * stations)
+    }
+}
+
+impl Setting {
+    fn new(models: &[Arc<Model>], link: LinkSettings, framing: Framing, wish: &Wish) -> Self {
+        let leaves_so = |model: &Model| wish.is_network || is_factory(model, link, framing);
+        let (factory, other): (Vec<Arc<Model>>, Vec<Arc<Model>>) = models
+            .iter()
+            .filter(|model| wish.is_network || may_be_set(model, link) || wish.bauds.contains(&link.baud))
+            .cloned()
+            .partition(|model| leaves_so(model));
+        let asked = if factory.is_empty() { &other } else { &factory };
+        let probes = probes(asked);
+        let waits = asked.iter().map(|model| ReplyTimeouts::auto(&model.timing).of(Class::Read));
+        let timeout = wish.timeout.or(waits.max()).unwrap_or_default();
+        let lateness = asked.iter().map(|model| model.timing.max_lateness.value).max().unwrap_or_default();
+        let candidates = [factory, other].concat();
+        Self { link, framing, candidates, probes, timeout, lateness }
+    }
+
+    /// Times of a line that is set so.
+    #[must_use]
+    pub fn timing(&self) -> Timing {
+        let models = self.candidates.iter().map(AsRef::as_ref);
+        Timing::for_models(self.framing, self.link, models, Duration::ZERO)
+    }
+
+    /// A station of which nothing is known but how it is reached: it is never polled.
+    #[must_use]
+    pub fn station(&self, station: u8) -> Option<DriveSetup> {
+        let like =
+            self.candidates.iter().max_by_key(|model| model.timing.reply_char_bits.as_ref().map(|it| it.value))?;
+        let model = Model {
+            registers: Vec::new(),
+            barriers: Vec::new(),
+            status: Vec::new(),
+            setup: Vec::new(),
+            run: None,
+            watchdog: None,
+            quirks: Quirks::default(),
+            ..Model::clone(like)
+        };
+        Some(DriveSetup {
+            station: crate::domain::ids::Station(station),
+            model: Arc::new(model),
+            poll: Duration::from_secs(3600),
+            timeouts: ReplyTimeouts::fixed(self.timeout),
+            max_lateness: self.lateness,
+            control: None,
+            remembered: Remembered::default(),
+        })
+    }
+
+    /// Time for `stations` that do not answer.
+    fn when_silent(&self, stations: u32) -> Duration {
+        let rounds = u32::try_from(self.probes.len()).unwrap_or(u32::MAX);
+        (self.exchange(self.timeout) * stations + self.lateness + OPENS_WITHIN) * rounds
+    }
+
+    /// Time to find out the model of one station that answers, with all silences that this may cost.
+    fn when_told_apart(&self) -> Duration {
+        let reads = u32::try_from(TELLING * self.candidates.len().min(3)).unwrap_or(u32::MAX);
+        let is_told_by_silence = self.candidates.iter().any(|model| model.exceptions.is_empty());
+        let silence = self.exchange(self.timeout) + self.lateness + self.exchange(ANSWERS_WITHIN);
+        let silences = if is_told_by_silence { silence } else { Duration::ZERO };
+        self.exchange(ANSWERS_WITHIN) * reads + silences
+    }
+
+    fn exchange(&self, wait: Duration) -> Duration {
+        let timing = self.timing();
+        timing.on_wire(timing.adu_bytes(REQUEST_PDU_BYTES)) * 2 + wait + timing.silence
+    }
+}
+
+fn is_factory(model: &Model, link: LinkSettings, framing: Framing) -> bool {
+    let factory = model.link.default.value;
+    match framing {
+        Framing::Rtu => factory == link,
+        // Data bits that only text can have are no setting of a factory.
+        Framing::Ascii => LinkSettings { data_bits: link.data_bits, ..factory } == link,
+    }
+}
+
+fn may_be_set(model: &Model, link: LinkSettings) -> bool {
+    let of = &model.link;
+    of.bauds.value.contains(&link.baud)
+        && of.parities.value.contains(&link.parity)
+        && of.stop_bits.value.contains(&link.stop_bits)
+        && of.data_bits.value.contains(&link.data_bits)
+}
+
+/// The settings that are tried: those of the factories, then the others as far as they are wanted.
+fn links(models: &[Arc<Model>], framing: Framing, wish: &Wish) -> Vec<LinkSettings> {
+    let data_bits: &[u8] = if framing == Framing::Ascii { &[8, 7] } else { &[8] };
+    let is_wanted = |link: &LinkSettings| {
+        (wish.bauds.is_empty() || wish.bauds.contains(&link.baud))
+            && wish.parity.is_none_or(|parity| link.parity == parity)
+            && wish.stop_bits.is_none_or(|stop_bits| link.stop_bits == stop_bits)
+    };
+    let mut factory: Vec<LinkSettings> = Vec::new();
+    for model in models {
+        let of_model =
+            data_bits.iter().map(|data_bits| LinkSettings { data_bits: *data_bits, ..model.link.default.value });
+        let new = of_model.filter(|link| may_be_set(model, *link) && is_wanted(link));
+        factory.extend(new.filter(|link| !factory.contains(link)).collect::<Vec<_>>());
+    }
+    factory.sort_by_key(order);
+    let is_restricted = !wish.bauds.is_empty() || wish.parity.is_some() || wish.stop_bits.is_some();
+    if !wish.everything && !is_restricted {
+        return factory;
+    }
+    let known = models.iter().flat_map(|model| model.link.bauds.value.iter().copied());
+    let bauds: BTreeSet<u32> =
+        if wish.bauds.is_empty() { known.collect() } else { wish.bauds.iter().copied().collect() };
+    let mut others = Vec::new();
+    for baud in bauds {
+        for parity in [Parity::None, Parity::Even, Parity::Odd] {
+            for stop_bits in [1, 2] {
+                others.extend(data_bits.iter().map(|data_bits| LinkSettings {
+                    baud,
+                    data_bits: *data_bits,
+                    parity,
+                    stop_bits,
+                }));
+            }
+        }
+    }
+    let is_possible =
+        |link: &LinkSettings| wish.bauds.contains(&link.baud) || models.iter().any(|model| may_be_set(model, *link));
+    others.retain(|link| is_wanted(link) && is_possible(link) && !factory.contains(link));
+    [factory, others].concat()
+}
+
+fn order(link: &LinkSettings) -> (u32, u8, u8, bool) {
+    (link.baud, 8 - link.data_bits, link.stop_bits, link.parity != Parity::None)
+}
+
+/// The register at `address`, if it can be read.
+pub fn readable(model: &Model, address: u16) -> Option<&Register> {
+    model.register_at(address).filter(|register| register.access.can_read())
+}
+
+/// Few addresses, one of which each of `models` answers. A drive whose exceptions are known answers whatever it is asked;
+/// of others nobody knows what they do about an address that they do not have.
+pub fn probes(models: &[Arc<Model>]) -> Vec<u16> {
+    let answers = |model: &Model, address| readable(model, address).is_some() || !model.exceptions.is_empty();
+    let mut left: Vec<&Arc<Model>> = models.iter().collect();
+    let mut probes = Vec::new();
+    while !left.is_empty() {
+        let addresses: BTreeSet<u16> = left
+            .iter()
+            .flat_map(|model| model.registers.iter().filter(|it| it.access.can_read()).map(|it| it.address))
+            .collect();
+        let count = |address: u16| left.iter().filter(|model| answers(model, address)).count();
+        // Of equals the lowest.
+        let Some(best) = addresses.into_iter().rev().max_by_key(|address| count(*address)) else { break };
+        probes.push(best);
+        left.retain(|model| !answers(model, best));
+    }
+    probes
+}
+
+/// The registers of `model` that fewest others of `all` have, the surest first.
+#[must_use]
+pub fn telling(model: &Model, all: &[Arc<Model>]) -> Vec<u16> {
+    let others =
+        |address| all.iter().filter(|other| other.id != model.id && readable(other, address).is_some()).count();
+    let mut registers: Vec<_> = model.registers.iter().filter(|register| register.access.can_read()).collect();
+    registers.sort_by_key(|register| (others(register.address), register.confidence, register.address));
+    registers.iter().map(|register| register.address).take(TELLING).collect()
+}
+
+/// An address that none of `models` has.
+#[must_use]
+pub fn nowhere(models: &[Arc<Model>]) -> Option<u16> {
+    (0..0x7000_u16).rev().find(|address| models.iter().all(|model| model.register_at(*address).is_none()))
+}
+
+/// Stations as people write them: `1-32`, `1,3,7-9`.
+///
+/// # Errors
+/// What is wrong, and what would be right.
+pub fn stations(text: &str) -> Result<Vec<u8>, String> {
+    let wrong =
+        || format!("{text} names no stations: numbers from 1 to 247 and ranges of them, such as 1-32 or 1,3,7-9");
+    let mut all = BTreeSet::new();
+    for part in text.split(',') {
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        let number = |text: &str| text.trim().parse::<u8>().ok().filter(|number| (1..=247).contains(number));
+        let (first, last) = (number(first).ok_or_else(wrong)?, number(last).ok_or_else(wrong)?);
+        if first > last {
+            return Err(wrong());
+        }
+        all.extend(RangeInclusive::new(first, last));
+    }
+    Ok(all.into_iter().collect())
+}

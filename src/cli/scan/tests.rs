@@ -1,0 +1,270 @@
+//! Whole scans of simulated lines, in simulated time: the same core as on a port, with a clock that only the test moves.
+
+use super::plan::{LISTEN, Plan, Setting, Wish, probes, stations};
+use super::report::Scan;
+use super::survey::{Asker, Event, Findings, Heard, survey};
+use crate::cli::{Failure, input};
+use crate::config::{self, PortAddress};
+use crate::domain::command::{Manner, Origin, Owner, Rights};
+use crate::domain::ids::{AskerId, DriveIndex, Station, Ticket};
+use crate::domain::link::{EchoPolicy, LinkSettings, Parity, PortKind};
+use crate::domain::native::{NativeAsk, NativeOutcome, NativeRequest};
+use crate::domain::time::MonoTime;
+use crate::gateway::{Effect, Input, LineCore, LineSetup};
+use crate::profile::model::Model;
+use crate::sim::{BusOptions, DriveOptions, FaultPlan, SimBus, SimDrive};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+fn models() -> Vec<Arc<Model>> {
+    let catalog = input::catalog().ok().unwrap();
+    catalog.ids().map(|id| catalog.find(id).unwrap().clone()).collect()
+}
+
+fn model(id: &str) -> Arc<Model> {
+    models().into_iter().find(|model| model.id == id).unwrap()
+}
+
+/// Drives of one model at their factory setting, and whoever asks them.
+struct Simulated {
+    bus: SimBus,
+    link: LinkSettings,
+    now: MonoTime,
+    core: Option<LineCore>,
+    stations: Vec<u8>,
+    hears: bool,
+    faulty: bool,
+}
+
+impl Simulated {
+    fn new(model: &Arc<Model>, stations: &[u8], faults: FaultPlan) -> Self {
+        let link = model.link.default.value;
+        let options = BusOptions { faults, turnaround: Duration::from_millis(8), ..BusOptions::default() };
+        let mut bus = SimBus::new(link, options, 1);
+        for station in stations {
+            bus.connect(Station(*station), SimDrive::new(Arc::clone(model), DriveOptions::default()));
+        }
+        let faulty = faults != FaultPlan::default();
+        Self { bus, link, now: MonoTime::from_millis(1), core: None, stations: Vec::new(), hears: false, faulty }
+    }
+
+    /// Goes on to the next thing that happens; at most to `until`. Returns the answer to a request, if that was it.
+    fn go_on(&mut self, until: MonoTime) -> Option<NativeOutcome> {
+        let core = self.core.as_mut().unwrap();
+        let mut answer = None;
+        while let Some(effect) = core.next_effect() {
+            match effect {
+                Effect::Transmit(frame) => {
+                    assert_eq!(frame[1], 3, "only reads");
+                    if self.hears {
+                        self.bus.receive(self.now, &frame);
+                    }
+                }
+                Effect::Answer(it) => answer = Some(it.outcome),
+                _ => {}
+            }
+        }
+        if answer.is_some() {
+            return answer;
+        }
+        let wake = core.next_wake().map_or(until, |wake| wake.at);
+        let due = self.bus.next_due().unwrap_or(until);
+        self.now = wake.min(due).min(until).max(self.now);
+        let (now, mut came) = (self.now, Vec::new());
+        self.bus.take_due(now, |_, bytes| came.extend_from_slice(bytes));
+        if !came.is_empty() {
+            core.handle(now, Input::Bytes(&came));
+        }
+        core.handle(now, Input::Time);
+        None
+    }
+}
+
+impl Asker for Simulated {
+    async fn open(&mut self, setting: &Setting, stations: &[u8]) -> Result<(), Failure> {
+        let drives = stations.iter().filter_map(|station| setting.station(*station)).collect();
+        let setup = LineSetup {
+            timing: setting.timing(),
+            drives,
+            echo: EchoPolicy::Strip,
+            tells_traffic: false,
+            first_epoch: 1,
+            asked_before: true,
+            keeps: false,
+        };
+        self.now = self.now + if self.core.is_none() { LISTEN } else { Duration::from_millis(20) };
+        let mut core = LineCore::new(setup, self.now);
+        core.handle(self.now, Input::PortUp(PortKind::Serial));
+        (self.core, self.stations) = (Some(core), stations.to_vec());
+        self.hears = setting.link == self.link;
+        Ok(())
+    }
+
+    async fn ask(&mut self, station: u8, address: u16) -> Result<Heard, Failure> {
+        let place = self.stations.iter().position(|it| *it == station).unwrap();
+        let origin = Origin { owner: Owner::Local, rights: Rights::NONE, manner: Manner::Once };
+        let deadline = self.now + Duration::from_secs(20);
+        let request = NativeRequest {
+            asker: AskerId::LOCAL,
+            ticket: Ticket(0),
+            drive: DriveIndex(u16::try_from(place).unwrap()),
+            origin,
+            ask: NativeAsk::Read { address, count: 1 },
+            deadline,
+        };
+        let core = self.core.as_mut().unwrap();
+        let damage = |core: &LineCore| core.counters().garbled + core.counters().noise_bytes;
+        let before = damage(core);
+        core.handle(self.now, Input::Native(request));
+        core.handle(self.now, Input::Time);
+        let outcome = loop {
+            if let Some(outcome) = self.go_on(deadline) {
+                break outcome;
+            }
+        };
+        let is_damaged = damage(self.core.as_ref().unwrap()) > before;
+        Ok(match outcome {
+            NativeOutcome::Words(words) => Heard::Word(words[0]),
+            NativeOutcome::DriveException(code) => Heard::Exception(code),
+            NativeOutcome::NoReply if is_damaged => Heard::Damaged,
+            NativeOutcome::NoReply => Heard::Silent,
+            other => panic!("{other:?} for station {station} at {address:04X}"),
+        })
+    }
+}
+
+fn played(plan: &Plan, asker: &mut Simulated) -> Findings {
+    let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+    let mut findings = Findings::default();
+    let mut last = 0;
+    let done = runtime.block_on(survey(plan, asker, &mut findings, |event| {
+        if let Event::Setting(number) = event {
+            last = number;
+        }
+    }));
+    done.ok().unwrap();
+    assert_eq!(last + 1, plan.settings.len());
+    findings
+}
+
+fn factory_plan(numbers: &str) -> Plan {
+    Plan::new(&models(), stations(numbers).unwrap(), &Wish::default())
+}
+
+fn configuration(plan: &Plan, findings: &Findings) -> String {
+    let port = PortAddress::Device(Path::new("/dev/ttyUSB0").to_owned());
+    let scan = Scan { port: &port, plan, findings, echoes: false, date: "2026-01-31" };
+    scan.configuration().unwrap()
+}
+
+/// The bound that is promised for an unknown line at factory settings.
+const PROMISED: Duration = Duration::from_secs(300);
+
+#[test]
+fn an_unknown_line_is_known_within_five_minutes_whatever_hangs_there() {
+    let plan = factory_plan("1-32");
+    let (silent, told) = plan.duration();
+    assert!(silent + told < PROMISED, "reckoned: {silent:?} and {told:?}");
+    let all: Vec<u8> = (1..=32).collect();
+    let catalog = input::catalog().ok().unwrap();
+    for model in models() {
+        let mut line = Simulated::new(&model, &all, FaultPlan::default());
+        let findings = played(&plan, &mut line);
+        let took = line.now.since(MonoTime::ZERO);
+        assert!(took < PROMISED && took < silent + told, "{}: {took:?} of {silent:?} and {told:?}", model.id);
+        println!("{:20} {:5.1} s of {:.1} s reckoned", model.id, took.as_secs_f64(), (silent + told).as_secs_f64());
+        assert_eq!(findings.drives.len(), 32, "{}", model.id);
+        for drive in &findings.drives {
+            let fits: Vec<_> = drive.verdict.fits.iter().map(|fit| fit.id.as_str()).collect();
+            assert_eq!(fits, [model.id.as_str()], "station {}", drive.station);
+            assert_eq!(drive.verdict.word(), "probable");
+            assert_eq!(plan.settings[drive.setting].link, model.link.default.value);
+        }
+        let text = configuration(&plan, &findings);
+        if let Err(problems) = config::load(&text, &catalog) {
+            panic!("{}\n{}", input::draw(Path::new("made"), &text, &problems), text);
+        }
+    }
+}
+
+#[test]
+fn nobody_answering_takes_what_was_said() {
+    let plan = factory_plan("1-32");
+    let mut line = Simulated::new(&model("hyundai-n700"), &[], FaultPlan::default());
+    let findings = played(&plan, &mut line);
+    let (silent, _) = plan.duration();
+    assert!(line.now.since(MonoTime::ZERO) <= silent, "{:?} of {silent:?}", line.now);
+    assert!(findings.drives.is_empty() && findings.is_complete);
+}
+
+#[test]
+fn the_factory_settings_are_those_of_the_models() {
+    let plan = factory_plan("1");
+    let links: Vec<_> = plan.settings.iter().map(|setting| setting.link.to_string()).collect();
+    assert_eq!(links, ["9600 8N1", "9600 8N2", "19200 8N1", "19200 8E1"]);
+    for setting in &plan.settings {
+        let factory: Vec<_> = models().into_iter().filter(|it| it.link.default.value == setting.link).collect();
+        for model in &factory {
+            let answers = |probe: &u16| super::plan::readable(model, *probe).is_some() || !model.exceptions.is_empty();
+            assert!(setting.probes.iter().any(answers), "{} at {}", model.id, setting.link);
+        }
+        assert!(setting.probes.len() <= factory.len());
+    }
+}
+
+#[test]
+fn everything_else_is_tried_on_request_and_behind_the_factories() {
+    let all = Plan::new(&models(), vec![1], &Wish { everything: true, ..Wish::default() });
+    let factory = factory_plan("1");
+    let links: Vec<_> = all.settings.iter().map(|setting| setting.link).collect();
+    let first: Vec<_> = factory.settings.iter().map(|setting| setting.link).collect();
+    assert_eq!(links[..4], first[..]);
+    assert!(links.iter().enumerate().all(|(at, link)| !links[..at].contains(link)));
+    for model in models() {
+        for baud in &model.link.bauds.value {
+            assert!(links.iter().any(|link| link.baud == *baud), "{} at {baud}", model.id);
+        }
+    }
+    let wish = Wish { bauds: vec![9600], parity: Some(Parity::Even), stop_bits: Some(1), ..Wish::default() };
+    let one = Plan::new(&models(), vec![1], &wish);
+    assert_eq!(one.settings.iter().map(|it| it.link.to_string()).collect::<Vec<_>>(), ["9600 8E1"]);
+    let network = Plan::new(&models(), vec![1], &Wish { is_network: true, ..Wish::default() });
+    assert_eq!((network.settings.len(), network.settings[0].candidates.len()), (1, models().len()));
+    let ascii = Plan::new(&models(), vec![1], &Wish { is_ascii: true, ..Wish::default() });
+    assert!(ascii.settings.iter().all(|it| it.candidates.iter().all(|model| model.id.starts_with("teco"))));
+    assert!(!ascii.settings.is_empty());
+}
+
+#[test]
+fn damaged_answers_are_told_from_silence() {
+    let plan = factory_plan("3");
+    let mut line = Simulated::new(&model("frecon-fr500a"), &[3], "flip=1000".parse().unwrap());
+    assert!(line.faulty);
+    let findings = played(&plan, &mut line);
+    let at = plan.settings.iter().position(|setting| setting.link.to_string() == "9600 8N2").unwrap();
+    assert!(findings.drives.is_empty(), "{:?}", findings.drives);
+    assert!(findings.damaged[&at].contains(&3));
+    let port = PortAddress::Device(Path::new("/dev/ttyUSB0").to_owned());
+    let scan = Scan { port: &port, plan: &plan, findings: &findings, echoes: false, date: "" };
+    assert!(scan.table().contains("9600 8N2: something answers as station 3, but damaged"), "{}", scan.table());
+    assert_eq!(scan.configuration(), None);
+    assert_eq!(scan.json()["damaged"][0]["station"], 3);
+}
+
+#[test]
+fn stations_are_numbers_and_ranges() {
+    assert_eq!(stations("1-3"), Ok(vec![1, 2, 3]));
+    assert_eq!(stations("7,1-2,2"), Ok(vec![1, 2, 7]));
+    assert_eq!(stations("1-247").unwrap().len(), 247);
+    for wrong in ["", "0", "248", "3-1", "1-", "a", "1;2"] {
+        assert!(stations(wrong).unwrap_err().contains("1-32"), "{wrong}");
+    }
+}
+
+#[test]
+fn few_reads_find_every_model() {
+    let all = models();
+    let probes = probes(&all);
+    assert!(probes.len() < all.len(), "{probes:?}");
+}

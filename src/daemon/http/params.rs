@@ -1,0 +1,118 @@
+//! The parameters of a drive, for `vfd-gateway params` over the socket: which there are, what one holds now, and one written
+//! back through the guard.
+
+use super::own_routes::{find, not_understood, too_many, unknown};
+use super::routes::json as answer;
+use super::setup::{outcome, seen};
+use crate::daemon::clock;
+use crate::daemon::local::{LocalSide, Who};
+use crate::daemon::shared::SharedDrive;
+use crate::domain::command::{Go, Order, Outcome, Owner, Reason, RegisterWrite, Report};
+use crate::north::setup_body::{PARAMETER_EXAMPLE, parameter_word};
+use crate::profile::model::{Model, Register};
+use axum::Router;
+use axum::body::Bytes;
+use axum::extract::{Path, State};
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use serde_json::{Value, json};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Longest time for one read.
+const READ_WITHIN: Duration = Duration::from_secs(5);
+
+/// The routes of parameters.
+pub(super) fn router() -> Router<Arc<LocalSide>> {
+    Router::new()
+        .route("/api/v1/drives/{name}/params", get(list))
+        .route("/api/v1/drives/{name}/params/{address}", get(look).post(set))
+}
+
+/// Which parameters there are. It asks nothing of the drive.
+async fn list(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> Response {
+    let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
+    let (description, model) = (&drive.description, &*drive.description.model);
+    let shown = json!({
+        "drive": description.name.as_str(),
+        "line": description.line.as_str(),
+        "model": model.id,
+        "may_be_written": description.control.is_some(),
+        "parameters": model.parameters().map(|register| parameter(model, register)).collect::<Vec<_>>(),
+    });
+    answer(&shown).into_response()
+}
+
+fn parameter(model: &Model, register: &Register) -> Value {
+    json!({
+        "code": register.label(),
+        "name": register.name,
+        "title": register.title,
+        "address": register.address,
+        "unit": register.unit.symbol(),
+        "kind": register.parameter_kind().word(),
+        "reason": register.back_door,
+        "is_stored": model.is_stored(register.address),
+    })
+}
+
+/// What one of them holds now.
+async fn look(State(side): State<Arc<LocalSide>>, Path((name, address)): Path<(String, u16)>) -> Response {
+    let Some(_place) = side.place() else { return too_many(&name) };
+    let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
+    let Some(register) = readable(&drive, address) else { return no_parameter(&name, address) };
+    let found = side.read(drive.description.place, address, clock::now() + READ_WITHIN).await;
+    let mut shown = seen(Some(register), Some(&found));
+    shown.insert("address".to_owned(), address.into());
+    answer(&shown.into()).into_response()
+}
+
+/// Writes one of them.
+async fn set(State(side): State<Arc<LocalSide>>, Path((name, address)): Path<(String, u16)>, body: Bytes) -> Response {
+    let Some(place) = side.place() else { return too_many(&name) };
+    let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
+    let Some(word) = parameter_word(&body) else {
+        return not_understood(&name, format!("a body such as {PARAMETER_EXAMPLE} is expected"));
+    };
+    if readable(&drive, address).is_none() {
+        return no_parameter(&name, address);
+    }
+    // Whoever goes away does not take the order back, and what becomes of it stands in the log.
+    let carried_out = tokio::spawn(async move {
+        let _place = place;
+        write(&side, &drive, address, word).await
+    });
+    match carried_out.await {
+        Ok(done) => answer(&done).into_response(),
+        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, format!("{error}\n")).into_response(),
+    }
+}
+
+fn readable(drive: &SharedDrive, address: u16) -> Option<&Register> {
+    drive.description.model.parameters().find(|register| register.address == address)
+}
+
+fn no_parameter(name: &str, address: u16) -> Response {
+    let mut refusal = outcome(name, Report::refused(Reason::NotListed), Vec::new());
+    refusal["message"] = format!("the model has no parameter at 0x{address:04X} that can be read").into();
+    (StatusCode::UNPROCESSABLE_ENTITY, answer(&refusal)).into_response()
+}
+
+/// What was there before is read first, because the log has to say it.
+async fn write(side: &LocalSide, drive: &SharedDrive, address: u16, word: u16) -> Value {
+    let (description, model) = (&drive.description, &*drive.description.model);
+    let (name, place) = (description.name.as_str(), description.place);
+    let old = match side.read(place, address, clock::now() + READ_WITHIN).await {
+        Ok(old) => old,
+        Err(failed) => return outcome(name, Report { outcome: Outcome::Refused, ..failed }, Vec::new()),
+    };
+    let Some(go) = Go::new(vec![RegisterWrite { address, value: word }], None, None) else {
+        return outcome(name, Report::refused(Reason::NotUnderstood), Vec::new());
+    };
+    let report = side.command(Who::TOOL, place, Order::Go(go)).await;
+    let what = model.register_at(address).map_or("-", Register::label);
+    let (result, reason) = (report.outcome.word(), report.reason.word());
+    tracing::info!(drive = name, by = %Owner::Local, what, old, new = word, outcome = result, reason, "parameter set");
+    outcome(name, report, vec![json!({ "what": what, "address": address, "old": old, "new": word })])
+}
