@@ -3,13 +3,17 @@
 mod broker;
 mod check;
 mod client;
+mod completions;
 mod demo;
 mod enable;
 mod health;
+mod help;
 mod input;
 mod journal;
 mod keyboard;
 mod log;
+mod man;
+mod map;
 mod model_facts;
 mod models;
 mod own_models;
@@ -78,6 +82,12 @@ enum Command {
     Write(write::Args),
     /// Read again and again, and print what changes
     Watch(watch::Args),
+    /// Print every Modbus map of a configuration: each unit with its registers, numbers, units and meanings
+    Map(map::Args),
+    /// Print a script that lets a shell complete commands and options
+    Completions(completions::Args),
+    /// Print the manual page, or write those of all commands
+    Man(man::Args),
     /// Run a small MQTT broker on loopback; ends with its standard input
     #[command(hide = true)]
     Broker(broker::Args),
@@ -111,7 +121,7 @@ impl Failure {
 /// Runs the command that the arguments name.
 #[must_use]
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = help::parse();
     let _last_lines = log::start(cli.log_format);
     let done = match cli.command {
         Command::Demo(args) => demo::demo(&args),
@@ -128,6 +138,9 @@ pub fn main() -> ExitCode {
         Command::Read(args) => read::read(&args),
         Command::Write(args) => write::write(&args),
         Command::Watch(args) => watch::watch(&args),
+        Command::Map(args) => map::map(&args),
+        Command::Completions(args) => completions::completions(&args),
+        Command::Man(args) => man::man(&args),
         Command::Broker(args) => broker::broker(&args),
     };
     match done {
