@@ -1,7 +1,13 @@
 //! `man`: the manual pages of this program, made from what `--help` is made from.
 
 use super::{Failure, help, print};
-use std::path::PathBuf;
+use clap::Command;
+use clap_mangen::Man;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// What stands at the foot of each page.
+const SOURCE: &str = concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION"));
 
 /// Arguments of `man`.
 #[derive(Debug, clap::Args)]
@@ -13,12 +19,25 @@ pub struct Args {
 
 /// Prints the program's page, or writes all of them.
 pub fn man(args: &Args) -> Result<(), Failure> {
-    let command = help::command();
+    // Whoever reads a manual needs no command that prints help; and only what is built knows its full names.
+    let mut command = help::command().disable_help_subcommand(true);
+    command.build();
     if let Some(dir) = &args.dir {
-        return clap_mangen::generate_to(command, dir)
-            .map_err(|error| Failure::failed(format!("{}: {error}", dir.display())));
+        return write_all(&command, dir).map_err(|error| Failure::failed(format!("{}: {error}", dir.display())));
     }
     let mut page = Vec::new();
-    clap_mangen::Man::new(command).render(&mut page).map_err(Failure::failed)?;
+    page_of(&command).render(&mut page).map_err(Failure::failed)?;
     print(&String::from_utf8(page).map_err(Failure::failed)?)
+}
+
+/// Writes the page of `command` and of each command below it that is shown.
+fn write_all(command: &Command, dir: &Path) -> io::Result<()> {
+    for sub in command.get_subcommands().filter(|sub| !sub.is_hide_set()) {
+        write_all(sub, dir)?;
+    }
+    page_of(command).generate_to(dir).map(|_| ())
+}
+
+fn page_of(command: &Command) -> Man {
+    Man::new(command.clone()).source(SOURCE)
 }
