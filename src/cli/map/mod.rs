@@ -127,9 +127,18 @@ fn of_drive(
 
 /// What one of `listeners` at least grants to somebody.
 fn rights(listeners: &[&ListenerSettings]) -> Rights {
-    let may_stop = |listener: &&ListenerSettings| listener.stop.as_ref().is_some_and(|stop| !stop.is_empty());
-    let write = listeners.iter().any(|listener| !listener.write.is_empty());
-    Rights { write, stop: write || listeners.iter().any(|listener| may_stop(listener)) }
+    let all = listeners.iter().map(|listener| of_listener(listener));
+    all.fold(Rights::NONE, |rights, more| Rights { write: rights.write || more.write, stop: rights.stop || more.stop })
+}
+
+/// What `listener` grants to somebody, by addresses and roles.
+fn of_listener(listener: &ListenerSettings) -> Rights {
+    let has_role = |may: fn(&Rights) -> bool| listener.tls.as_ref().is_none_or(|tls| tls.roles.values().any(may));
+    let stop = listener.stop.as_ref().unwrap_or(&listener.write);
+    Rights {
+        write: !listener.write.is_empty() && has_role(|role| role.write),
+        stop: !stop.is_empty() && has_role(|role| role.stop),
+    }
 }
 
 /// The rows with the names by which `read` and `watch` know them.
@@ -183,6 +192,28 @@ mod tests {
         let uniform = value["maps"].as_array().unwrap().iter().find(|map| map["unit"] == 103).unwrap();
         let word = uniform["rows"].as_array().unwrap().iter().find(|row| row["name"] == "output_frequency").unwrap();
         assert_eq!((&word["address"], &word["number"], &word["unit"]), (&4.into(), &"40005".into(), &"Hz".into()));
+    }
+
+    #[test]
+    fn addresses_and_roles_must_both_grant() {
+        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+        let found = |keys: &str| {
+            let text = include_str!("../../../tests/golden/config/several_vendors.toml");
+            let text = text.replace("write = [\"127.0.0.1/32\"]", keys);
+            let config = config::load(&text, &catalog).unwrap_or_else(|problems| panic!("{problems:?}"));
+            let Rights { write, stop } = of_listener(&config.listeners[0]);
+            (write, stop)
+        };
+        assert_eq!(found(""), (false, false));
+        assert_eq!(found("write = [\"127.0.0.1/32\"]"), (true, true));
+        assert_eq!(found("stop = [\"127.0.0.1/32\"]"), (false, true));
+        let tls = |roles: &str| {
+            let files = "cert_file = \"/a\"\nkey_file = \"/b\"\nclient_ca_file = \"/c\"";
+            found(&format!("[modbus_tcp.tls]\n{files}\nroles = {{ {roles} }}"))
+        };
+        assert_eq!(tls("viewer = []"), (false, false));
+        assert_eq!(tls("watchman = [\"stop\"]"), (false, true));
+        assert_eq!(tls("operator = [\"write\"]"), (true, true));
     }
 
     #[test]
