@@ -20,7 +20,9 @@
 //! | `capturing` | what goes over a line is seen by whoever watches, and tshark decodes what is captured |
 //! | `checking` | what `check` and the other commands say, and their exit codes |
 //! | `adding` | the drive that the tutorial adds is checked, played and run as it says |
-//! | `documents` | the README lists every command, option and key |
+//! | `documents` | the README lists every command, option and key, and the links of all documents lead somewhere |
+//! | `guides` | the guides under `docs/` do as they say |
+//! | `manual` | completions, manual pages and `map` |
 //! | `topics` | the topic tree for subscribers, and trips |
 //! | `commanding` | commands over MQTT are answered and move the motor, and what is no command moves nothing |
 //! | `replays` | what a broker has kept moves nothing |
@@ -96,6 +98,8 @@ mod encrypted;
 mod failing_disk;
 #[path = "process/families.rs"]
 mod families;
+#[path = "process/guides.rs"]
+mod guides;
 #[path = "process/half_open.rs"]
 mod half_open;
 #[path = "process/hanging.rs"]
@@ -112,6 +116,8 @@ mod live;
 mod looking;
 #[path = "process/losing.rs"]
 mod losing;
+#[path = "process/manual.rs"]
+mod manual;
 #[path = "process/network.rs"]
 mod network;
 #[path = "process/node_red.rs"]

@@ -4,15 +4,19 @@ mod broker;
 mod capture;
 mod check;
 mod client;
+mod completions;
 mod demo;
 mod doctor;
 mod enable;
 mod health;
+mod help;
 mod input;
 mod journal;
 mod keyboard;
 mod link_args;
 mod log;
+mod man;
+mod map;
 mod model_facts;
 mod models;
 mod own_gateway;
@@ -108,6 +112,12 @@ enum Command {
     /// The file is pcapng and needs no setting: RTU frames are decoded as Modbus RTU, and each packet says in words what
     /// it is. It ends with Ctrl-C.
     Capture(capture::Args),
+    /// Print every Modbus map of a configuration: each unit with its registers, numbers, units and meanings
+    Map(map::Args),
+    /// Print a script that lets a shell complete commands and options
+    Completions(completions::Args),
+    /// Print the manual page, or write those of all commands
+    Man(man::Args),
     /// Run a small MQTT broker on loopback; ends with its standard input
     #[command(hide = true)]
     Broker(broker::Args),
@@ -155,7 +165,7 @@ impl Failure {
 /// Runs the command that the arguments name.
 #[must_use]
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = help::parse();
     let _last_lines = log::start(cli.log_format, cli.command.log_level());
     let done = match cli.command {
         Command::Demo(args) => demo::demo(&args),
@@ -177,6 +187,9 @@ pub fn main() -> ExitCode {
         Command::Write(args) => write::write(&args),
         Command::Watch(args) => watch::watch(&args),
         Command::Capture(args) => capture::capture(&args),
+        Command::Map(args) => map::map(&args),
+        Command::Completions(args) => completions::completions(&args),
+        Command::Man(args) => man::man(&args),
         Command::Broker(args) => broker::broker(&args),
     };
     match done {

@@ -1,7 +1,8 @@
-//! The README lists every command, option and reason, and exactly the keys that there are: one list, and it is true.
+//! The README lists every command, option and reason, and exactly the keys that there are: one list, and it is true. The
+//! links of all documents lead somewhere.
 
 use super::rig::vfd_gateway;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use vfd_gateway::config::keys::{KEYS, Key, Section};
 use vfd_gateway::domain::command::Reason;
 
@@ -43,6 +44,66 @@ fn the_readme_has_every_command_and_option() {
             assert!(table.contains(option), "no {option} of {words}");
         }
     }
+}
+
+/// A row for what does not exist is as wrong as none.
+#[test]
+fn the_readme_has_no_command_that_there_is_not() {
+    let readme = readme();
+    let rows = part(&readme, "## Commands", "\n## ").lines().filter_map(|line| line.strip_prefix("| `"));
+    let known = commands();
+    for row in rows {
+        let words = row.split('`').next().unwrap();
+        let is_of =
+            |known: &&String| words.strip_prefix(known.as_str()).is_some_and(|it| it.is_empty() || it.starts_with(' '));
+        assert!(known.iter().any(|it| is_of(&it)), "there is no command {words}");
+    }
+}
+
+/// Documents refer to each other by file and heading.
+#[test]
+fn every_link_leads_somewhere() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let documents = documents(root);
+    let mut links = 0;
+    for (file, text) in &documents {
+        for target in targets(text).filter(|target| !target.contains("://")) {
+            let (path, anchor) = target.split_once('#').map_or((target, None), |(path, anchor)| (path, Some(anchor)));
+            let path = if path.is_empty() { file.clone() } else { file.parent().unwrap().join(path) };
+            let found = path.canonicalize();
+            let found = found.unwrap_or_else(|_| panic!("{}: there is no {target}", file.display()));
+            if let Some(anchor) = anchor {
+                let text = std::fs::read_to_string(&found).unwrap();
+                assert!(anchors(&text).any(|it| it == anchor), "{}: no heading {target}", file.display());
+            }
+            links += 1;
+        }
+    }
+    assert!(links > 50, "{links} links");
+}
+
+/// What is written for people, by its path.
+fn documents(root: &Path) -> Vec<(PathBuf, String)> {
+    let folders = ["", "docs", "docs/first-steps", "deploy", "fuzz"].map(|folder| root.join(folder));
+    let files = folders.iter().flat_map(|folder| std::fs::read_dir(folder).unwrap()).map(|entry| entry.unwrap().path());
+    let written = files.filter(|path| path.extension().is_some_and(|it| it == "md"));
+    written.map(|path| (path.clone(), std::fs::read_to_string(path).unwrap())).collect()
+}
+
+/// Where the links and pictures of `text` lead.
+fn targets(text: &str) -> impl Iterator<Item = &str> {
+    let prose = text.split("```").step_by(2);
+    prose.flat_map(|prose| prose.split("](").skip(1)).filter_map(|rest| rest.split(')').next())
+}
+
+/// The names by which headings of `text` are linked to.
+fn anchors(text: &str) -> impl Iterator<Item = String> {
+    let headings = text.split("```").step_by(2).flat_map(str::lines).filter(|line| line.starts_with('#'));
+    headings.map(|line| {
+        let title = line.trim_start_matches('#').trim().to_lowercase();
+        let kept = title.chars().filter(|it| it.is_alphanumeric() || matches!(it, ' ' | '-' | '_'));
+        kept.collect::<String>().replace(' ', "-")
+    })
 }
 
 /// The commands with their sub-commands.

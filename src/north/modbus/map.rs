@@ -1,7 +1,7 @@
 //! The maps of the gateway's own units as a table, for whoever prints them. The code that answers is held to it.
 
 use super::own;
-use super::uniform::address;
+use super::uniform::{ABSENT, ABSENT_SIGNED, address};
 
 /// Which unit a row belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -45,6 +45,19 @@ pub enum Each {
     Drive(u16),
 }
 
+/// What a row holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Holds {
+    /// A number in steps of so much of a unit of measure.
+    Steps(&'static str, &'static str),
+    /// A plain number, and what it does at its ends.
+    Number(&'static str),
+    /// Numbers or bits with what each of them means, with commas between them.
+    Codes(&'static str),
+    /// The number of a [`Reason`](crate::domain::command::Reason).
+    Reason,
+}
+
 /// One value of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MapRow {
@@ -58,16 +71,20 @@ pub struct MapRow {
     pub count: u16,
     /// What it is.
     pub name: &'static str,
-    /// Unit and step, or the values.
-    pub scale: &'static str,
+    /// What it holds.
+    pub holds: Holds,
+    /// The word that it reads while that is not known or not there; nothing if it always is. In a signed word it is
+    /// [`ABSENT_SIGNED`], else [`ABSENT`], and with more than one word all of them read so.
+    pub absent: Option<u16>,
     /// What can be done with it.
     pub access: MapAccess,
     /// What it is repeated for.
     pub each: Each,
 }
 
-const fn row(unit: MapUnit, table: MapTable, address: u16, name: &'static str, scale: &'static str) -> MapRow {
-    MapRow { unit, table, address, count: 1, name, scale, access: MapAccess::Read, each: Each::Once }
+const fn row(unit: MapUnit, table: MapTable, address: u16, name: &'static str, holds: Holds) -> MapRow {
+    let (absent, access, each) = (None, MapAccess::Read, Each::Once);
+    MapRow { unit, table, address, count: 1, name, holds, absent, access, each }
 }
 
 impl MapRow {
@@ -78,40 +95,75 @@ impl MapRow {
     const fn written(self) -> Self {
         Self { access: MapAccess::ReadWrite, ..self }
     }
+
+    const fn or_absent(self) -> Self {
+        Self { absent: Some(ABSENT), ..self }
+    }
+
+    const fn signed(self) -> Self {
+        Self { absent: Some(ABSENT_SIGNED), ..self }
+    }
+
+    /// Whether it holds two's complement.
+    #[must_use]
+    pub const fn is_signed(&self) -> bool {
+        matches!(self.absent, Some(ABSENT_SIGNED))
+    }
 }
 
 const fn status(address: u16, name: &'static str) -> MapRow {
-    row(MapUnit::Uniform, MapTable::Discrete, address, name, "1 yes")
+    row(MapUnit::Uniform, MapTable::Discrete, address, name, YES)
 }
 
-const fn coil(unit: MapUnit, address: u16, name: &'static str, scale: &'static str) -> MapRow {
-    row(unit, MapTable::Coil, address, name, scale).written()
+const fn coil(unit: MapUnit, address: u16, name: &'static str, does: &'static str) -> MapRow {
+    row(unit, MapTable::Coil, address, name, Holds::Codes(does)).written()
 }
 
-const fn word(address: u16, name: &'static str, scale: &'static str) -> MapRow {
-    row(MapUnit::Uniform, MapTable::Word, address, name, scale)
+const fn word(address: u16, name: &'static str, holds: Holds) -> MapRow {
+    row(MapUnit::Uniform, MapTable::Word, address, name, holds)
 }
 
-const fn control(address: u16, name: &'static str, scale: &'static str) -> MapRow {
-    row(MapUnit::Uniform, MapTable::Holding, address, name, scale)
+const fn codes(address: u16, name: &'static str, codes: &'static str) -> MapRow {
+    word(address, name, Holds::Codes(codes))
 }
 
-const fn head(address: u16, name: &'static str, scale: &'static str) -> MapRow {
-    row(MapUnit::Own, MapTable::Word, address, name, scale)
+const fn measured(address: u16, name: &'static str, step: &'static str, unit: &'static str) -> MapRow {
+    word(address, name, Holds::Steps(step, unit)).or_absent()
 }
 
-const fn line(offset: u16, count: u16, name: &'static str, scale: &'static str) -> MapRow {
-    MapRow { count, each: Each::Line(own::LINE_WORDS), ..head(own::LINES + offset, name, scale) }
+const fn control(address: u16, name: &'static str, holds: Holds) -> MapRow {
+    row(MapUnit::Uniform, MapTable::Holding, address, name, holds)
 }
 
-const fn drive(offset: u16, name: &'static str, scale: &'static str) -> MapRow {
-    MapRow { each: Each::Drive(own::DRIVE_WORDS), ..head(own::DRIVES + offset, name, scale) }
+const fn head(address: u16, name: &'static str, holds: Holds) -> MapRow {
+    row(MapUnit::Own, MapTable::Word, address, name, holds)
 }
 
-const COUNT: &str = "count, wraps";
+const fn line(offset: u16, count: u16, name: &'static str, holds: Holds) -> MapRow {
+    let row = head(own::LINES + offset, name, holds).or_absent();
+    MapRow { count, each: Each::Line(own::LINE_WORDS), ..row }
+}
 
-/// All rows: by unit, then by table, in order of address. What is absent or not known reads 65535, in the signed words
-/// 32768.
+const fn drive(offset: u16, name: &'static str, holds: Holds) -> MapRow {
+    MapRow { each: Each::Drive(own::DRIVE_WORDS), ..head(own::DRIVES + offset, name, holds).or_absent() }
+}
+
+const YES: Holds = Holds::Codes("1 yes");
+const COUNT: Holds = Holds::Number("wraps");
+const SECONDS: Holds = Holds::Steps("1", "s");
+const HUNDREDTHS: Holds = Holds::Steps("0.01", "Hz");
+const AGE: Holds = Holds::Steps("0.01", "s");
+const TRIP: Holds = Holds::Codes("the vendor's number, 0 none");
+const TRIPS: Holds = Holds::Number("stays at 65534");
+const RESERVED: Holds = Holds::Number("0");
+const RUN_STATES: Holds = Holds::Codes(
+    "0 unknown, 1 stopped, 2 forward, 3 reverse, 4 tripped, 5 offline, 6 running (direction unknown), 7 stopping",
+);
+const OUTCOMES: Holds =
+    Holds::Codes("0 none so far, 1 refused, 2 expired, 3 superseded, 4 failed, 5 unknown, 6 acknowledged, 7 confirmed");
+const RUN_VALUES: Holds = Holds::Codes("0 stop, 1 forward, 2 reverse, 3 coast, 4 reset, 5 release, 6 take");
+
+/// All rows: by unit, then by table, in order of address.
 #[must_use]
 pub const fn map() -> &'static [MapRow] {
     &MAP
@@ -120,8 +172,8 @@ pub const fn map() -> &'static [MapRow] {
 const MAP: [MapRow; 75] = [
     coil(MapUnit::Uniform, address::FORWARD, "run forward", "1 run, 0 stop"),
     coil(MapUnit::Uniform, address::REVERSE, "run in reverse", "1 run, 0 stop"),
-    coil(MapUnit::Uniform, address::RESET, "reset a trip", "1 acts; reads 0"),
-    coil(MapUnit::Uniform, address::STOP, "stop", "1 acts; reads 0"),
+    coil(MapUnit::Uniform, address::RESET, "reset a trip", "1 acts, reads 0"),
+    coil(MapUnit::Uniform, address::STOP, "stop", "1 acts, reads 0"),
     status(0, "online"),
     status(1, "running"),
     status(2, "reverse"),
@@ -134,60 +186,48 @@ const MAP: [MapRow; 75] = [
     status(9, "start inhibited"),
     status(10, "local control"),
     status(11, "alarm of the drive"),
-    status(12, "reserved").words(4),
-    word(0, "map version", "1"),
-    word(1, "status bits", "bit n is discrete input n"),
-    word(
-        2,
-        "run state",
-        "0 unknown, 1 stopped, 2 forward, 3 reverse, 4 tripped, 5 offline, 6 running, direction unknown, 7 stopping",
-    ),
-    word(3, "trip code", "the vendor's number, 0 none"),
-    word(4, "output frequency", "0.01 Hz"),
-    word(5, "frequency setting of the drive", "0.01 Hz"),
-    word(6, "output current", "0.1 A"),
-    word(7, "output voltage", "0.1 V"),
-    word(8, "DC link voltage", "0.1 V"),
-    word(9, "output power", "0.1 kW"),
-    word(10, "torque", "0.1 %, signed"),
-    word(11, "temperature", "0.1 degC, signed"),
-    word(12, "age of the oldest polled value", "10 ms, 65535 more"),
-    word(13, "trips that are kept", "count, stays at 65534"),
-    word(14, "code of the last of them", "the vendor's number, 0 none, 65535 not known"),
-    word(15, "status bits that this drive can report", "mask of word 1"),
-    word(16, "life counter", "s, wraps"),
-    word(17, "alarms", "bit 0 a stop had no effect, 1 fail-safe ran, 2 stale data, 3 line down"),
-    word(18, "lease left", "s"),
-    word(
-        19,
-        "owner of the lease",
-        "0 none, 1 MQTT, 2 another Modbus TCP client, 3 this client, 5 somebody on the page",
-    ),
-    word(20, "lowest setpoint", "0.01 Hz"),
-    word(21, "highest setpoint", "0.01 Hz"),
-    word(22, "run hours", "h").words(2),
-    word(24, "output current, finer", "0.01 A"),
-    word(25, "output power, finer", "0.01 kW"),
-    word(26, "capabilities", "bit 0 forward, 1 reverse, 2 coast, 3 reset, 4 setpoint, 5 release, 6 take"),
-    word(27, "reserved", "0").words(5),
-    control(address::RUN, "run command", "0 stop, 1 forward, 2 reverse, 3 coast, 4 reset, 5 release, 6 take").written(),
-    control(address::SETPOINT, "frequency setpoint", "0.01 Hz").written(),
-    control(address::RENEW, "write any value: renew the lease; reads lease left", "s").written(),
-    control(
-        259,
-        "outcome of the drive's last command",
-        "0 none, 1 refused, 2 expired, 3 superseded, 4 failed, 5 unknown, 6 acknowledged, 7 confirmed",
-    ),
+    row(MapUnit::Uniform, MapTable::Discrete, 12, "reserved", RESERVED).words(4),
+    word(0, "map version", Holds::Number("1")),
+    codes(1, "status bits", "bit n is discrete input n"),
+    word(2, "run state", RUN_STATES),
+    word(3, "trip code", TRIP).or_absent(),
+    measured(4, "output frequency", "0.01", "Hz"),
+    measured(5, "frequency setting of the drive", "0.01", "Hz"),
+    measured(6, "output current", "0.1", "A"),
+    measured(7, "output voltage", "0.1", "V"),
+    measured(8, "DC link voltage", "0.1", "V"),
+    measured(9, "output power", "0.1", "kW"),
+    measured(10, "torque", "0.1", "%").signed(),
+    measured(11, "temperature", "0.1", "degC").signed(),
+    word(12, "age of the oldest polled value, 65535 more", AGE).or_absent(),
+    word(13, "trips that are kept", TRIPS).or_absent(),
+    word(14, "code of the last of them", TRIP).or_absent(),
+    codes(15, "status bits that this drive can report", "mask of word 1"),
+    word(16, "life counter, wraps", SECONDS),
+    codes(17, "alarms", "bit 0 a stop had no effect, 1 fail-safe ran, 2 stale data, 3 line down"),
+    word(18, "lease left", SECONDS),
+    codes(19, "owner of the lease", "0 none, 1 MQTT, 2 another Modbus TCP client, 3 this client, 5 somebody on the page"),
+    measured(20, "lowest setpoint", "0.01", "Hz"),
+    measured(21, "highest setpoint", "0.01", "Hz"),
+    measured(22, "run hours", "1", "h").words(2),
+    measured(24, "output current, finer", "0.01", "A"),
+    measured(25, "output power, finer", "0.01", "kW"),
+    codes(26, "capabilities", "bit 0 forward, 1 reverse, 2 coast, 3 reset, 4 setpoint, 5 release, 6 take"),
+    word(27, "reserved", RESERVED).words(5),
+    control(address::RUN, "run command", RUN_VALUES).written(),
+    control(address::SETPOINT, "frequency setpoint", HUNDREDTHS).written().or_absent(),
+    control(address::RENEW, "write any value: renew the lease; reads lease left", SECONDS).written(),
+    control(259, "outcome of the drive's last command", OUTCOMES),
     control(260, "commands", COUNT),
-    control(261, "reason of the drive's last command", "number as in results"),
-    coil(MapUnit::Own, own::STOP_ALL, "stop all drives", "1 acts; reads 0"),
-    head(0, "map version", "1"),
-    head(1, "life counter", "s, wraps"),
-    head(2, "lines", "count"),
-    head(3, "drives", "count"),
-    head(4, "time since start", "s").words(2),
-    head(6, "reserved", "0").words(10),
-    line(0, 1, "line state", "0 down, 1 up"),
+    control(261, "reason of the drive's last command", Holds::Reason),
+    coil(MapUnit::Own, own::STOP_ALL, "stop all drives", "1 acts, reads 0"),
+    head(0, "map version", Holds::Number("1")),
+    head(1, "life counter, wraps", SECONDS),
+    head(2, "lines", Holds::Number("")),
+    head(3, "drives", Holds::Number("")),
+    head(4, "time since start", SECONDS).words(2),
+    head(6, "reserved", RESERVED).words(10),
+    line(0, 1, "line state", Holds::Codes("0 down, 1 up")),
     line(1, 2, "requests sent", COUNT),
     line(3, 2, "right replies", COUNT),
     line(5, 2, "time-outs", COUNT),
@@ -196,15 +236,15 @@ const MAP: [MapRow; 75] = [
     line(11, 2, "frames that were no answer", COUNT),
     line(13, 1, "times the port was lost", COUNT),
     line(14, 1, "requests refused, queue full", COUNT),
-    line(15, 1, "reserved", "0"),
-    drive(0, "status bits", "as uniform word 1"),
-    drive(1, "run state", "as uniform word 2"),
-    drive(2, "output frequency", "0.01 Hz"),
-    drive(3, "frequency setting of the drive", "0.01 Hz"),
-    drive(4, "trip code", "the vendor's number, 0 none"),
-    drive(5, "output current", "0.1 A"),
-    drive(6, "age of the oldest polled value", "10 ms, 65535 more"),
-    drive(7, "trips that are kept", "count, stays at 65534"),
+    line(15, 1, "reserved", RESERVED),
+    drive(0, "status bits", Holds::Codes("as uniform word 1")),
+    drive(1, "run state", RUN_STATES),
+    drive(2, "output frequency", HUNDREDTHS),
+    drive(3, "frequency setting of the drive", HUNDREDTHS),
+    drive(4, "trip code", TRIP),
+    drive(5, "output current", Holds::Steps("0.1", "A")),
+    drive(6, "age of the oldest polled value, 65535 more", AGE),
+    drive(7, "trips that are kept", TRIPS),
 ];
 
 #[cfg(test)]
@@ -301,6 +341,33 @@ mod tests {
                 let ask = Ask::WriteCoil { address, on: true };
                 assert_eq!(asked(&plant, unit, &ask), listed, "{unit:?} coil {address}");
             }
+        }
+    }
+
+    /// A drive of a model that shows nothing, before it was read.
+    #[test]
+    fn a_row_reads_absent_just_where_it_says_so() {
+        let mut drive = testing::description();
+        drive.control = None;
+        Arc::make_mut(&mut drive.model).registers.clear();
+        let (uniform, view) = (Uniform::new(&drive), DriveView::default());
+        let present = Present { now: NOW, uptime_s: 7, owner: Owner::Mqtt };
+        let is_word = |row: &&MapRow| matches!(row.table, MapTable::Word | MapTable::Holding);
+        for row in map().iter().filter(is_word).filter(|row| row.unit == MapUnit::Uniform) {
+            for address in row.address..row.address + row.count {
+                let word = uniform.word(address, &view, &present).unwrap();
+                let is_absent = [ABSENT, ABSENT_SIGNED].contains(&word);
+                assert_eq!(is_absent.then_some(word), row.absent, "{row:?}");
+                assert_eq!(uniform.has(address), row.absent.is_none(), "{row:?}");
+            }
+        }
+        let (full, view) = plant();
+        for row in map().iter().filter(|row| row.unit == MapUnit::Uniform && row.absent.is_some()) {
+            let word = full.0.word(row.address, &view, &present).unwrap();
+            // Nothing was accepted so far.
+            let is_given = row.address != address::SETPOINT;
+            assert_eq!(Some(word) != row.absent, is_given, "{row:?}");
+            assert!(full.0.has(row.address), "{row:?}");
         }
     }
 

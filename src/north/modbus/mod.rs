@@ -20,6 +20,7 @@ pub mod own;
 mod places;
 mod refusal;
 mod request;
+pub mod sheet;
 mod taken;
 #[cfg(test)]
 mod testing;
@@ -33,7 +34,7 @@ pub use connection::{Call, Connection, IsStop};
 pub use counters::Counters;
 pub use kept::Kept;
 pub use limits::{CloseReason, Limits};
-pub use map::{Each, MapAccess, MapRow, MapTable, MapUnit, map};
+pub use map::{Each, Holds, MapAccess, MapRow, MapTable, MapUnit, map};
 pub use places::{Entry, Newcomer, Place, Places, RoomId};
 pub use refusal::{exception_for, exception_of, worst};
 pub use request::parse;

@@ -27,6 +27,8 @@ pub(super) const LINES: u16 = 100;
 pub(super) const LINE_WORDS: u16 = 16;
 /// The first word of the first drive.
 pub(super) const DRIVES: u16 = 1000;
+/// Most lines that have words: the last one may not reach into the words of the drives.
+pub(super) const LINES_MAX: u16 = (DRIVES - LINES) / LINE_WORDS;
 /// Words of each drive.
 pub(super) const DRIVE_WORDS: u16 = 8;
 /// The words of a drive in terms of the uniform map: status bits, run state, output frequency, setpoint, trip code,
@@ -122,8 +124,7 @@ fn line_word(offset: u16, gateway: &impl Gateway) -> Option<u16> {
     if place >= gateway.lines() {
         return None;
     }
-    // The last line may not reach into the words of the drives.
-    if LINES + (offset / LINE_WORDS + 1) * LINE_WORDS > DRIVES {
+    if place >= usize::from(LINES_MAX) {
         return None;
     }
     let Some(report) = gateway.line(place) else { return Some(ABSENT) };

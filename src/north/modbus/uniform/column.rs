@@ -49,6 +49,11 @@ impl Column {
         Some(Self { address, scale, is_signed, rated, stale_after })
     }
 
+    /// The drive's own register.
+    pub(super) const fn address(&self) -> u16 {
+        self.address
+    }
+
     /// The value, if it is known and not stale.
     pub(super) fn fresh(&self, view: &DriveView, now: MonoTime) -> Option<Fresh> {
         let reading = view.snapshot.reading(self.address)?;

@@ -112,6 +112,12 @@ impl Uniform {
         matches!(self.write(ask, view), Taken::Order(Order::Stop { .. } | Order::Coast))
     }
 
+    /// What can be ordered of the drive: the bits of [`capability`].
+    #[must_use]
+    pub const fn capabilities(&self) -> u16 {
+        self.capabilities
+    }
+
     /// Whether the drive has a control section.
     #[must_use]
     pub const fn has_control(&self) -> bool {

@@ -1,7 +1,7 @@
 //! The uniform map, word by word.
 
 use super::super::taken::Present;
-use super::column::{ABSENT, ABSENT_SIGNED, Column, Fresh, unsigned};
+use super::column::{ABSENT, ABSENT_SIGNED, Column, unsigned};
 use super::order::run_word;
 use super::{MAP_VERSION, Uniform, address, run, status};
 use crate::domain::command::Owner;
@@ -13,6 +13,8 @@ use std::time::Duration;
 const HUNDREDTHS: i64 = 100;
 /// Steps of the other measurements.
 const TENTHS: i64 = 10;
+/// The first word of the run hours.
+const RUN_HOURS: u16 = 22;
 /// One step of word 12.
 const AGE_STEP_MS: u128 = 10;
 
@@ -20,20 +22,17 @@ impl Uniform {
     /// The holding register at `address`; nothing outside of the map.
     pub(in super::super) fn word(&self, address: u16, view: &DriveView, present: &Present) -> Option<u16> {
         let (sources, now) = (&self.sources, present.now);
-        let steps = |column: &Option<Column>, steps| measured(column, view, now, |value| value.unsigned(steps));
+        let fresh = |address| self.column(address)?.fresh(view, now);
+        let steps = |steps| fresh(address).map_or(ABSENT, |value| value.unsigned(steps));
+        let frequency = || fresh(address).map_or(ABSENT, |value| value.magnitude().unsigned(HUNDREDTHS));
         Some(match address {
             0 => MAP_VERSION,
             1 => status::status(sources, view, now),
             2 => status::run_state(view).number(),
             3 => self.trip_code(view),
-            4 => measured(&sources.output_frequency, view, now, |value| value.magnitude().unsigned(HUNDREDTHS)),
-            5 => measured(&sources.setting, view, now, |value| value.magnitude().unsigned(HUNDREDTHS)),
-            6 => steps(&sources.current, TENTHS),
-            7 => steps(&sources.voltage, TENTHS),
-            8 => steps(&sources.dc_voltage, TENTHS),
-            9 => steps(&sources.power, TENTHS),
-            10 => signed(&sources.torque, view, now),
-            11 => signed(&sources.temperature, view, now),
+            4 | 5 => frequency(),
+            6..=9 => steps(TENTHS),
+            10 | 11 => fresh(address).map_or(ABSENT_SIGNED, |value| value.signed(TENTHS)),
             12 => age_word(sources.oldest_age(view, now)),
             13 => self.trips_kept(view),
             14 => self.last_trip(view),
@@ -44,10 +43,9 @@ impl Uniform {
             19 => self.lease(view, now).map_or(0, |(owner, _)| owner_class(owner, present.owner)),
             20 => self.limits[0],
             21 => self.limits[1],
-            22 => (self.run_hours(view, now) >> 16) as u16,
+            RUN_HOURS => (self.run_hours(view, now) >> 16) as u16,
             23 => (self.run_hours(view, now) & 0xFFFF) as u16,
-            24 => steps(&sources.current, HUNDREDTHS),
-            25 => steps(&sources.power, HUNDREDTHS),
+            24 | 25 => steps(HUNDREDTHS),
             26 => self.capabilities,
             27..=31 => 0,
             address::RUN => self.intent(view),
@@ -59,6 +57,43 @@ impl Uniform {
             259..=261 => self.last_command(address, view),
             _ => return None,
         })
+    }
+
+    /// What the measurement in the word at `address` comes from; nothing if the drive does not have it, or the word is
+    /// no measurement.
+    pub(super) fn column(&self, address: u16) -> Option<&Column> {
+        let sources = &self.sources;
+        match address {
+            4 => sources.output_frequency.as_ref(),
+            5 => sources.setting.as_ref(),
+            6 | 24 => sources.current.as_ref(),
+            7 => sources.voltage.as_ref(),
+            8 => sources.dc_voltage.as_ref(),
+            9 | 25 => sources.power.as_ref(),
+            10 => sources.torque.as_ref(),
+            11 => sources.temperature.as_ref(),
+            RUN_HOURS | 23 => sources.run_hours.as_ref(),
+            _ => None,
+        }
+    }
+
+    /// Whether the word at `address` can ever hold something else than its mark of absence, with this drive.
+    #[must_use]
+    pub fn has(&self, address: u16) -> bool {
+        match address {
+            3 => self.sources.has_trips || self.reported & status::bit::TRIPPED != 0,
+            13 | 14 => self.sources.has_trips,
+            12 => !self.sources.polled.is_empty(),
+            4..=11 | RUN_HOURS..=25 => self.column(address).is_some(),
+            20 | 21 | address::SETPOINT => self.has_control(),
+            _ => true,
+        }
+    }
+
+    /// The drive's own register in which the measurement in the word at `address` is read; nothing if there is none.
+    #[must_use]
+    pub fn register_of(&self, address: u16) -> Option<u16> {
+        Some(self.column(address)?.address())
     }
 
     /// Word 256.
@@ -101,7 +136,7 @@ impl Uniform {
 
     /// Both words are 65535 if it is not known.
     fn run_hours(&self, view: &DriveView, now: MonoTime) -> u32 {
-        let fresh = self.sources.run_hours.as_ref().and_then(|column| column.fresh(view, now));
+        let fresh = self.column(RUN_HOURS).and_then(|column| column.fresh(view, now));
         fresh.and_then(|hours| u32::try_from(hours.in_steps(1)).ok()).unwrap_or(u32::MAX)
     }
 
@@ -118,15 +153,6 @@ impl Uniform {
 /// Word 16: seconds since start, wrapping, so that a client sees that the gateway lives.
 const fn life(present: &Present) -> u16 {
     (present.uptime_s & 0xFFFF) as u16
-}
-
-fn measured(column: &Option<Column>, view: &DriveView, now: MonoTime, word: impl Fn(Fresh) -> u16) -> u16 {
-    column.as_ref().and_then(|column| column.fresh(view, now)).map_or(ABSENT, word)
-}
-
-fn signed(column: &Option<Column>, view: &DriveView, now: MonoTime) -> u16 {
-    let fresh = column.as_ref().and_then(|column| column.fresh(view, now));
-    fresh.map_or(ABSENT_SIGNED, |value| value.signed(TENTHS))
 }
 
 fn age_word(age: Option<Duration>) -> u16 {

@@ -1,0 +1,22 @@
+//! `completions`: what lets a shell finish the words of this program.
+
+use super::{Failure, help, print};
+
+/// Arguments of `completions`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The shell
+    #[arg(value_enum)]
+    shell: clap_complete::Shell,
+}
+
+/// Prints the script for the shell.
+pub fn completions(args: &Args) -> Result<(), Failure> {
+    let mut command = help::command();
+    let name = command.get_name().to_owned();
+    let mut script = Vec::new();
+    clap_complete::generate(args.shell, &mut command, name.as_str(), &mut script);
+    // For bash, clap_complete writes a name with a hyphen in two ways (clap issue 6421), and no option of a command is found.
+    let [wrong, right] = ["__subcmd__", "__"].map(|mark| name.replace('-', mark));
+    print(&String::from_utf8(script).map_err(Failure::failed)?.replace(&wrong, &right))
+}

@@ -1,0 +1,114 @@
+//! What `--help` of each command teaches beside its options: what there is to know, examples that work, exit codes.
+
+mod lessons;
+
+use super::Cli;
+use clap::{Command, CommandFactory, FromArgMatches};
+use lessons::LESSONS;
+use std::fmt::Write;
+
+/// What there is to know of a command.
+struct Lesson {
+    /// The command with its sub-command.
+    command: &'static str,
+    /// In sentences; empty if its options say all.
+    about: &'static str,
+    /// What may be typed, with what it does.
+    examples: &'static [(&'static str, &'static str)],
+    /// What its exit codes mean.
+    exits: &'static str,
+}
+
+impl Lesson {
+    fn text(&self) -> String {
+        let mut text = String::new();
+        if !self.about.is_empty() {
+            let _ = writeln!(text, "{}\n", self.about);
+        }
+        let _ = writeln!(text, "Examples:");
+        for (line, does) in self.examples {
+            let _ = writeln!(text, "  {line}\n      {does}");
+        }
+        let _ = write!(text, "\nExit codes: {}", self.exits);
+        text
+    }
+}
+
+/// The command line with all that `--help` and the manual say.
+pub fn command() -> Command {
+    taught(Cli::command(), "")
+}
+
+/// The arguments of this process. Wrong ones end it, as does a wish for help.
+pub fn parse() -> Cli {
+    let matches = command().get_matches();
+    Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+}
+
+/// `command`, which is called by `words`, with its lesson and those of its sub-commands.
+fn taught(command: Command, words: &str) -> Command {
+    let names: Vec<_> = command.get_subcommands().map(|it| it.get_name().to_owned()).collect();
+    let command = names.into_iter().fold(command, |command, name| {
+        let words = format!("{words} {name}");
+        command.mut_subcommand(name, |sub| taught(sub, words.trim()))
+    });
+    match LESSONS.iter().find(|lesson| lesson.command == words) {
+        Some(lesson) => command.after_long_help(lesson.text()),
+        None => command,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    /// All commands that are shown, with their words.
+    fn all(command: &Command, words: &str) -> Vec<(String, Command)> {
+        let shown = command.get_subcommands().filter(|sub| !sub.is_hide_set() && sub.get_name() != "help");
+        let mut found = vec![(words.to_owned(), command.clone())];
+        found.extend(shown.flat_map(|sub| all(sub, format!("{words} {}", sub.get_name()).trim())));
+        found
+    }
+
+    #[test]
+    fn every_command_says_what_it_does_with_examples_and_exit_codes() {
+        for (words, command) in all(&command(), "") {
+            assert!(command.get_about().is_some(), "{words} has no sentence");
+            let after = command.get_after_long_help().or(command.get_after_help());
+            let after = after.map(ToString::to_string).unwrap_or_default();
+            assert!(
+                after.contains("Examples:\n"),
+                "`{words}` shows no example: give it a lesson in cli/help/lessons.rs"
+            );
+            assert!(after.contains("Exit codes: 0"), "`{words}` says nothing of its exit codes");
+            for arg in command.get_arguments() {
+                assert!(arg.get_help().is_some(), "`{words}`: {} is not explained", arg.get_id());
+            }
+        }
+    }
+
+    /// An example is taken by the program as it stands, up to a pipe or a file.
+    #[test]
+    fn every_example_is_taken() {
+        let known: BTreeSet<_> = all(&command(), "").into_iter().map(|(words, _)| words).collect();
+        for lesson in LESSONS {
+            assert!(known.contains(lesson.command), "there is no command {}", lesson.command);
+            for (line, _) in lesson.examples {
+                let (_, typed) = line.split_once("vfd-gateway ").unwrap();
+                let typed = typed.split(['|', '>', ')']).next().unwrap_or_default();
+                let args = std::iter::once("vfd-gateway").chain(typed.split_whitespace());
+                let matches = command().try_get_matches_from(args);
+                let matches = matches.unwrap_or_else(|error| panic!("{line}: {error}"));
+                assert!(Cli::from_arg_matches(&matches).is_ok(), "{line}");
+                assert!(line.contains(lesson.command), "{line} is no example of {}", lesson.command);
+            }
+        }
+    }
+
+    #[test]
+    fn a_command_has_one_lesson() {
+        let commands: BTreeSet<_> = LESSONS.iter().map(|lesson| lesson.command).collect();
+        assert_eq!(commands.len(), LESSONS.len());
+    }
+}

@@ -1,0 +1,43 @@
+//! `man`: the manual pages of this program, made from what `--help` is made from.
+
+use super::{Failure, help, print};
+use clap::Command;
+use clap_mangen::Man;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// What stands at the foot of each page.
+const SOURCE: &str = concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION"));
+
+/// Arguments of `man`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Write a page for the program and one for each command into this directory, which must exist
+    #[arg(long, value_name = "DIR")]
+    dir: Option<PathBuf>,
+}
+
+/// Prints the program's page, or writes all of them.
+pub fn man(args: &Args) -> Result<(), Failure> {
+    // Whoever reads a manual needs no command that prints help; and only what is built knows its full names.
+    let mut command = help::command().disable_help_subcommand(true);
+    command.build();
+    if let Some(dir) = &args.dir {
+        return write_all(&command, dir).map_err(|error| Failure::failed(format!("{}: {error}", dir.display())));
+    }
+    let mut page = Vec::new();
+    page_of(&command).render(&mut page).map_err(Failure::failed)?;
+    print(&String::from_utf8(page).map_err(Failure::failed)?)
+}
+
+/// Writes the page of `command` and of each command below it that is shown.
+fn write_all(command: &Command, dir: &Path) -> io::Result<()> {
+    for sub in command.get_subcommands().filter(|sub| !sub.is_hide_set()) {
+        write_all(sub, dir)?;
+    }
+    page_of(command).generate_to(dir).map(|_| ())
+}
+
+fn page_of(command: &Command) -> Man {
+    Man::new(command.clone()).source(SOURCE)
+}

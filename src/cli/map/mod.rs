@@ -1,0 +1,228 @@
+//! `map`: every Modbus map of a configuration, for the one who programs a controller or a SCADA system.
+
+mod form;
+
+use super::client::UNIFORM;
+use super::{Failure, input, print};
+use crate::config::{Config, ListenerSettings};
+use crate::daemon::build;
+use crate::domain::command::Rights;
+use crate::domain::ids::UnitId;
+use crate::drive::description::DriveDescription;
+use crate::north::modbus::own;
+use crate::north::modbus::sheet::{self, SheetRow};
+use std::path::PathBuf;
+
+/// Arguments of `map`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The configuration file
+    #[arg(short, long, value_name = "FILE")]
+    config: PathBuf,
+    /// How it is printed
+    #[arg(long, value_enum, default_value_t = Format::Md)]
+    format: Format,
+    /// Only this unit, native or uniform; 255 is the gateway itself
+    #[arg(long, value_name = "N")]
+    unit: Option<u8>,
+    /// Print JSON
+    #[arg(long, conflicts_with = "format")]
+    json: bool,
+}
+
+/// How maps are printed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Format {
+    /// A table for spreadsheets and for programs that import tags
+    Csv,
+    /// Markdown, to be read and printed
+    Md,
+}
+
+/// One unit with all that is reached at it.
+#[derive(Debug)]
+struct Map {
+    unit: u8,
+    /// `native`, `uniform` or `gateway`.
+    kind: &'static str,
+    /// The drive's name; nothing for the gateway.
+    drive: Option<String>,
+    /// Model and line of the drive.
+    model: Option<(String, String)>,
+    /// Where it answers.
+    listeners: Vec<String>,
+    rows: Vec<SheetRow>,
+}
+
+/// Prints the maps.
+pub fn map(args: &Args) -> Result<(), Failure> {
+    let config = input::configuration(&args.config)?;
+    if config.listeners.is_empty() {
+        return Err(Failure::wrong(format!(
+            "{}: there is no Modbus TCP, so there is no map; a `[[modbus_tcp]]` with `listen` serves one",
+            args.config.display()
+        )));
+    }
+    let mut maps = maps(&config);
+    if let Some(unit) = args.unit {
+        let units: Vec<_> = maps.iter().map(|map| map.unit.to_string()).collect();
+        maps.retain(|map| map.unit == unit);
+        if maps.is_empty() {
+            return Err(Failure::wrong(format!("no unit is {unit}; there are {}", units.join(", "))));
+        }
+    }
+    print(&match (args.json, args.format) {
+        (true, _) => form::json(&maps),
+        (false, Format::Csv) => form::csv(&maps),
+        (false, Format::Md) => form::markdown(&maps),
+    })
+}
+
+/// The maps of all units: each drive's two in the order of the file, then the gateway's.
+fn maps(config: &Config) -> Vec<Map> {
+    let shared = build::shared(config);
+    let drives: Vec<_> = shared.drives.iter().map(|drive| &drive.description).collect();
+    let mut maps = Vec::new();
+    for drive in &drives {
+        maps.extend(of_drive(config, drive, drive.unit, "native", |rights| sheet::native(drive, rights)));
+        maps.extend(of_drive(config, drive, drive.uniform_unit, "uniform", |rights| {
+            named(sheet::uniform(drive, rights))
+        }));
+    }
+    let lines: Vec<_> = config.lines.iter().map(|line| line.name.as_str()).collect();
+    let names: Vec<_> = drives.iter().map(|drive| drive.name.as_str()).collect();
+    let listeners: Vec<_> = config.listeners.iter().collect();
+    let rows = sheet::gateway(&lines, &names, rights(&listeners));
+    maps.push(Map {
+        unit: own::UNIT,
+        kind: "gateway",
+        drive: None,
+        model: None,
+        listeners: listeners.iter().map(|listener| listener.listen.to_string()).collect(),
+        rows,
+    });
+    maps
+}
+
+/// The map of `unit` of `drive`; nothing if no listener serves it.
+fn of_drive(
+    config: &Config,
+    drive: &DriveDescription,
+    unit: UnitId,
+    kind: &'static str,
+    rows: impl FnOnce(Rights) -> Vec<SheetRow>,
+) -> Option<Map> {
+    let line = usize::from(drive.place.line);
+    let serve = |listener: &&ListenerSettings| listener.serves(line) && listener.answers_at(unit);
+    let listeners: Vec<_> = config.listeners.iter().filter(serve).collect();
+    (!listeners.is_empty()).then(|| Map {
+        unit: unit.get(),
+        kind,
+        drive: Some(drive.name.to_string()),
+        model: Some((drive.model.id.clone(), drive.line.to_string())),
+        rows: rows(rights(&listeners)),
+        listeners: listeners.iter().map(|listener| listener.listen.to_string()).collect(),
+    })
+}
+
+/// What one of `listeners` at least grants to somebody.
+fn rights(listeners: &[&ListenerSettings]) -> Rights {
+    let all = listeners.iter().map(|listener| of_listener(listener));
+    all.fold(Rights::NONE, |rights, more| Rights { write: rights.write || more.write, stop: rights.stop || more.stop })
+}
+
+/// What `listener` grants to somebody, by addresses and roles.
+fn of_listener(listener: &ListenerSettings) -> Rights {
+    let has_role = |may: fn(&Rights) -> bool| listener.tls.as_ref().is_none_or(|tls| tls.roles.values().any(may));
+    let stop = listener.stop.as_ref().unwrap_or(&listener.write);
+    Rights {
+        write: !listener.write.is_empty() && has_role(|role| role.write),
+        stop: !stop.is_empty() && has_role(|role| role.stop),
+    }
+}
+
+/// The rows with the names by which `read` and `watch` know them.
+fn named(rows: Vec<SheetRow>) -> Vec<SheetRow> {
+    let name = |row: &SheetRow| {
+        let is_word = matches!(row.table, sheet::SheetTable::Word | sheet::SheetTable::Holding);
+        let word = UNIFORM.iter().find(|word| word.address == row.address).filter(|_| is_word);
+        word.map_or_else(String::new, |word| word.name.to_owned())
+    };
+    rows.into_iter().map(|row| SheetRow { name: name(&row), ..row }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config;
+    use crate::profile::catalog::Catalog;
+    use crate::vendors;
+    use std::path::Path;
+
+    fn maps_of(file: &str) -> Vec<Map> {
+        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+        let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();
+        maps(&config::load(&text, &catalog).unwrap())
+    }
+
+    /// Held against `tests/golden/map/`, and written there with `UPDATE_GOLDEN`.
+    fn is_golden(name: &str, found: &str) {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/map").join(name);
+        if std::env::var_os("UPDATE_GOLDEN").is_some() {
+            std::fs::write(&path, found).unwrap();
+        }
+        assert_eq!(found, std::fs::read_to_string(&path).unwrap(), "{}", path.display());
+    }
+
+    #[test]
+    fn the_maps_of_two_configurations_are_as_they_were() {
+        let several = maps_of("tests/golden/config/several_vendors.toml");
+        is_golden("several_vendors.csv", &form::csv(&several));
+        let example = maps_of("deploy/vfd-gateway.toml");
+        is_golden("example.md", &form::markdown(&example));
+    }
+
+    #[test]
+    fn json_holds_every_row_of_the_other_forms() {
+        let maps = maps_of("tests/golden/config/several_vendors.toml");
+        let value: serde_json::Value = serde_json::from_str(&form::json(&maps)).unwrap();
+        let rows: usize =
+            value["maps"].as_array().unwrap().iter().map(|map| map["rows"].as_array().unwrap().len()).sum();
+        assert_eq!(rows + 1, form::csv(&maps).lines().count());
+        let uniform = value["maps"].as_array().unwrap().iter().find(|map| map["unit"] == 103).unwrap();
+        let word = uniform["rows"].as_array().unwrap().iter().find(|row| row["name"] == "output_frequency").unwrap();
+        assert_eq!((&word["address"], &word["number"], &word["unit"]), (&4.into(), &"40005".into(), &"Hz".into()));
+    }
+
+    #[test]
+    fn addresses_and_roles_must_both_grant() {
+        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+        let found = |keys: &str| {
+            let text = include_str!("../../../tests/golden/config/several_vendors.toml");
+            let text = text.replace("write = [\"127.0.0.1/32\"]", keys);
+            let config = config::load(&text, &catalog).unwrap_or_else(|problems| panic!("{problems:?}"));
+            let Rights { write, stop } = of_listener(&config.listeners[0]);
+            (write, stop)
+        };
+        assert_eq!(found(""), (false, false));
+        assert_eq!(found("write = [\"127.0.0.1/32\"]"), (true, true));
+        assert_eq!(found("stop = [\"127.0.0.1/32\"]"), (false, true));
+        let tls = |roles: &str| {
+            let files = "cert_file = \"/a\"\nkey_file = \"/b\"\nclient_ca_file = \"/c\"";
+            found(&format!("[modbus_tcp.tls]\n{files}\nroles = {{ {roles} }}"))
+        };
+        assert_eq!(tls("viewer = []"), (false, false));
+        assert_eq!(tls("watchman = [\"stop\"]"), (false, true));
+        assert_eq!(tls("operator = [\"write\"]"), (true, true));
+    }
+
+    #[test]
+    fn every_word_of_a_uniform_unit_but_the_reserved_has_a_name() {
+        let maps = maps_of("deploy/vfd-gateway.toml");
+        let uniform = maps.iter().find(|map| map.kind == "uniform").unwrap();
+        let nameless = uniform.rows.iter().filter(|row| row.name.is_empty() && row.title != "reserved");
+        let titles: Vec<_> =
+            nameless.filter(|row| row.table.word().ends_with("register")).map(|row| &row.title).collect();
+        assert_eq!(titles, ["write any value: renew the lease; reads lease left"]);
+    }
+}

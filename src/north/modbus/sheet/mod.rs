@@ -1,0 +1,215 @@
+//! Every Modbus map of a gateway as rows with all their numbers, for whoever prints them: from the tables and the models
+//! that are served by, so that there is no second list.
+
+mod gateway;
+mod native;
+#[cfg(test)]
+mod tests;
+mod uniform;
+
+pub use gateway::gateway;
+pub use native::native;
+pub use uniform::uniform;
+
+use super::map::{Holds, MapRow, MapTable};
+use super::uniform::ABSENT;
+use crate::domain::command::Reason;
+
+/// Which tables of Modbus a row stands in, with the functions that reach it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum SheetTable {
+    /// Coils.
+    Coil,
+    /// Discrete inputs.
+    Discrete,
+    /// The same words as input registers and as holding registers.
+    Word,
+    /// Holding registers only.
+    Holding,
+}
+
+impl SheetTable {
+    /// As a table shows it.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Coil => "coil",
+            Self::Discrete => "discrete input",
+            Self::Word => "holding and input register",
+            Self::Holding => "holding register",
+        }
+    }
+
+    /// The number by which data sheets call the value at `address`, counted from 1 behind the digit of its table:
+    /// 00001, 10001, 40001. Behind 9999 of them it has six digits.
+    #[must_use]
+    pub fn number(self, address: u16) -> String {
+        let digit = match self {
+            Self::Coil => 0,
+            Self::Discrete => 1,
+            Self::Word | Self::Holding => 4,
+        };
+        numbered(digit, address)
+    }
+
+    /// The number of the same value as an input register; nothing if it is none.
+    #[must_use]
+    pub fn input_number(self, address: u16) -> Option<String> {
+        (self == Self::Word).then(|| numbered(3, address))
+    }
+}
+
+impl From<MapTable> for SheetTable {
+    fn from(table: MapTable) -> Self {
+        match table {
+            MapTable::Coil => Self::Coil,
+            MapTable::Discrete => Self::Discrete,
+            MapTable::Word => Self::Word,
+            MapTable::Holding => Self::Holding,
+        }
+    }
+}
+
+fn numbered(digit: u8, address: u16) -> String {
+    let number = u32::from(address) + 1;
+    if number < 10_000 { format!("{digit}{number:04}") } else { format!("{digit}{number:05}") }
+}
+
+/// How the words of a row are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum SheetFormat {
+    /// One bit.
+    Bit,
+    /// A word without a sign.
+    Unsigned,
+    /// A word in two's complement.
+    Signed,
+    /// Two words without a sign, the high one first.
+    Wide,
+}
+
+impl SheetFormat {
+    /// As a table shows it.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Bit => "bit",
+            Self::Unsigned => "uint16",
+            Self::Signed => "int16",
+            Self::Wide => "uint32, high word first",
+        }
+    }
+}
+
+/// One value of a map.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SheetRow {
+    /// Where it stands.
+    pub table: SheetTable,
+    /// First address, from 0, as it is sent.
+    pub address: u16,
+    /// How many addresses.
+    pub count: u16,
+    /// What it is about: a drive or a line by its name; empty where the unit says it.
+    pub of: String,
+    /// The vendor's code; empty without one.
+    pub code: String,
+    /// A name in one word; empty without one.
+    pub name: String,
+    /// What it is.
+    pub title: String,
+    /// What one step is; empty for codes and bits.
+    pub step: String,
+    /// The unit of measure; empty without one.
+    pub unit: &'static str,
+    /// How it is read.
+    pub format: SheetFormat,
+    /// It can be read.
+    pub is_read: bool,
+    /// It can be written by somebody.
+    pub is_written: bool,
+    /// What its values mean.
+    pub meaning: String,
+    /// Values that stand for something else, and what is particular with this drive.
+    pub special: String,
+}
+
+impl SheetRow {
+    /// Who may do what, as a table shows it.
+    #[must_use]
+    pub const fn access(&self) -> &'static str {
+        match (self.is_read, self.is_written) {
+            (true, true) => "read, write",
+            (true, false) => "read",
+            (false, true) => "write",
+            (false, false) => "-",
+        }
+    }
+
+    /// The functions by which it is reached, in hexadecimal. `is_native` with registers of a drive, which are written by
+    /// fewer.
+    #[must_use]
+    pub const fn functions(&self, is_native: bool) -> &'static str {
+        match (self.table, self.is_written, is_native) {
+            _ if !self.is_read && self.is_written => "06 10",
+            _ if !self.is_read => "-",
+            (SheetTable::Coil, false, _) => "01",
+            (SheetTable::Coil, true, _) => "01 05 0F",
+            (SheetTable::Discrete, ..) => "02",
+            (SheetTable::Word, false, _) => "03 04",
+            (SheetTable::Word, true, true) => "03 04 06 10",
+            (SheetTable::Word, true, false) => "03 04 06 10 16 17",
+            (SheetTable::Holding, false, _) => "03",
+            (SheetTable::Holding, true, true) => "03 06 10",
+            (SheetTable::Holding, true, false) => "03 06 10 16 17",
+        }
+    }
+}
+
+/// `row` of one of the gateway's own maps, at `address`.
+fn of_map(row: &MapRow, address: u16) -> SheetRow {
+    let table = SheetTable::from(row.table);
+    let (step, unit, meaning) = match row.holds {
+        Holds::Steps(step, unit) => (step, unit, String::new()),
+        Holds::Number(about) => ("1", "", about.to_owned()),
+        Holds::Codes(codes) => ("", "", codes.to_owned()),
+        Holds::Reason => ("", "", reasons()),
+    };
+    let format = match (table, row.is_signed()) {
+        (SheetTable::Coil | SheetTable::Discrete, _) => SheetFormat::Bit,
+        // More words than two are no number.
+        _ if row.count == 2 => SheetFormat::Wide,
+        (_, true) => SheetFormat::Signed,
+        (_, false) => SheetFormat::Unsigned,
+    };
+    SheetRow {
+        table,
+        address,
+        count: row.count,
+        of: String::new(),
+        code: String::new(),
+        name: String::new(),
+        title: row.name.to_owned(),
+        step: step.to_owned(),
+        unit,
+        format,
+        is_read: true,
+        is_written: false,
+        meaning,
+        special: row.absent.map(|absent| absent_text(row.count, absent, "not known")).unwrap_or_default(),
+    }
+}
+
+/// That `absent` in each of `count` words means `why`.
+fn absent_text(count: u16, absent: u16, why: &str) -> String {
+    match count {
+        1 if absent == ABSENT => format!("{absent}: {why}"),
+        1 => format!("{absent} (-32768): {why}"),
+        _ => format!("{absent} in each word: {why}"),
+    }
+}
+
+fn reasons() -> String {
+    let all = Reason::ALL.iter().map(|reason| format!("{} {}", reason.number(), reason.word()));
+    all.collect::<Vec<_>>().join(", ")
+}

@@ -1,0 +1,142 @@
+//! The map of a native unit: the registers that the model knows, and which of them may be written.
+
+use super::{SheetFormat, SheetRow, SheetTable};
+use crate::domain::command::Rights;
+use crate::domain::control::ControlSettings;
+use crate::domain::units::UnitOfMeasure;
+use crate::drive::description::DriveDescription;
+use crate::profile::model::{CodeText, Memory, Model, Register, Role, RunCommand, StatusFlag};
+use crate::profile::scale::Scaled;
+use crate::profile::words::{FLAGS, word_for};
+
+/// The map of the native unit of `drive` for a client with `rights`.
+///
+/// Every register of the model stands there, and stored twins that may be written. Others may be read as well; what a
+/// drive does then is its own affair.
+#[must_use]
+pub fn native(drive: &DriveDescription, rights: Rights) -> Vec<SheetRow> {
+    let model = &drive.model;
+    let control = drive.control.as_deref();
+    let registers = model.registers.iter();
+    let rows = registers.map(|register| of(model, register, register.address, control, rights));
+    let twins = control.iter().flat_map(|control| &control.native_write).filter_map(|address| {
+        let register = model.stored_twin(*address).filter(|_| model.register_at(*address).is_none())?;
+        Some(of(model, register, *address, control, rights))
+    });
+    let mut all: Vec<_> = rows.chain(twins).collect();
+    all.sort_by_key(|row| row.address);
+    all
+}
+
+fn of(model: &Model, register: &Register, address: u16, control: Option<&ControlSettings>, rights: Rights) -> SheetRow {
+    let is_command = matches!(register.role, Some(Role::RunCommand | Role::FrequencyCommand));
+    let is_listed = control.is_some_and(|control| control.native_write.contains(&address));
+    let commands = rights.write && control.is_some_and(|control| control.from_modbus_tcp);
+    let stops = rights.stop && control.is_some() && register.role == Some(Role::RunCommand);
+    let is_twin = address != register.address;
+    let is_written = commands && (is_command || is_listed) || stops;
+    SheetRow {
+        table: SheetTable::Word,
+        address,
+        count: 1,
+        of: String::new(),
+        code: register.code.clone().unwrap_or_default(),
+        name: register.name.clone(),
+        title: if is_twin { format!("{} (stored)", register.title) } else { register.title.clone() },
+        step: step(register),
+        unit: if register.unit == UnitOfMeasure::None { "" } else { register.unit.symbol() },
+        format: if register.signed { SheetFormat::Signed } else { SheetFormat::Unsigned },
+        is_read: register.access.can_read() && !is_twin,
+        is_written,
+        meaning: meaning(model, register),
+        special: special(register, is_written && is_command, is_listed, is_twin),
+    }
+}
+
+/// What one step of the raw word is; empty for codes.
+fn step(register: &Register) -> String {
+    let is_code = !register.meanings.is_empty()
+        || register.role.is_some_and(|role| role == Role::RunCommand || names_trips(role));
+    match register.scale {
+        _ if is_code => String::new(),
+        scale if 10_u32.pow(scale.ilog10()) == scale => Scaled::from_word(1, register).to_string(),
+        scale => format!("1/{scale}"),
+    }
+}
+
+/// Whether registers with `role` hold the vendor's numbers of trips.
+const fn names_trips(role: Role) -> bool {
+    matches!(role, Role::TripCode | Role::TripCause | Role::TripHistory)
+}
+
+fn meaning(model: &Model, register: &Register) -> String {
+    let own = register.meanings.iter().map(|(code, text)| format!("{code} {text}"));
+    // Where each word has a meaning, flags say nothing more.
+    let flags = model.status.iter().filter(|flag| flag.address == register.address && register.meanings.is_empty());
+    let flags = flags.map(of_flag);
+    let of_role: Vec<_> = match register.role {
+        Some(Role::RunCommand) => model.run.iter().flat_map(run_words).collect(),
+        Some(role) if names_trips(role) => model.trip_codes.iter().map(of_trip).collect(),
+        _ => Vec::new(),
+    };
+    own.chain(flags).chain(of_role).collect::<Vec<_>>().join(", ")
+}
+
+/// The words of run commands, with those that the model does not prove marked.
+fn run_words(run: &RunCommand) -> Vec<String> {
+    let proven = [("stop", Some(&run.stop)), ("forward", Some(&run.forward))];
+    let others = [
+        ("reverse", run.reverse.as_ref()),
+        ("coast", run.coast.as_ref()),
+        ("reset", run.reset.as_ref()),
+        ("release", run.release.as_ref()),
+    ];
+    let all = proven.into_iter().chain(others).filter_map(|(word, fact)| Some((word, fact?)));
+    all.map(|(word, fact)| {
+        let mark = if fact.confidence.is_proven() { "" } else { " (unproven)" };
+        let value = if fact.value > 9 { format!("0x{:04X}", fact.value) } else { fact.value.to_string() };
+        format!("{value} {word}{mark}")
+    })
+    .collect()
+}
+
+fn of_flag(flag: &StatusFlag) -> String {
+    let word = word_for(&FLAGS, &flag.flag);
+    let mark = if flag.confidence.is_proven() { "" } else { " (unproven)" };
+    match (flag.mask.count_ones(), &flag.values[..]) {
+        (1, [value]) if *value == flag.mask => format!("bit {} {word}{mark}", flag.mask.trailing_zeros()),
+        (16, values) => {
+            let values: Vec<_> = values.iter().map(u16::to_string).collect();
+            format!("{} {word}{mark}", values.join(" or "))
+        }
+        (_, values) => {
+            let values: Vec<_> = values.iter().map(|value| format!("0x{value:04X}")).collect();
+            format!("{} under mask 0x{:04X} {word}{mark}", values.join(" or "), flag.mask)
+        }
+    }
+}
+
+fn of_trip(trip: &CodeText) -> String {
+    let mark = if trip.confidence.is_proven() { "" } else { " (unproven)" };
+    format!("{} {}{mark}", trip.code, trip.text)
+}
+
+fn special(register: &Register, commands: bool, is_listed: bool, is_twin: bool) -> String {
+    let mut notes = Vec::new();
+    let is_command = matches!(register.role, Some(Role::RunCommand | Role::FrequencyCommand));
+    if commands {
+        notes.push("a write is a command, with all its rules".to_owned());
+    }
+    if let Some(why) = &register.back_door {
+        notes.push(format!("never written: {why}"));
+    } else if register.role.is_some_and(Role::is_guarded) && !is_command {
+        notes.push("never written by a client".to_owned());
+    }
+    if is_listed && register.memory != Some(Memory::Ram) || is_twin {
+        notes.push("stored, in a memory that wears out".to_owned());
+    }
+    if !register.confidence.is_proven() {
+        notes.push(format!("unproven ({})", register.confidence.word()));
+    }
+    notes.join("; ")
+}

@@ -1,0 +1,406 @@
+//! The guides under `docs/` do as they say: their configurations are checked, their documents are read, and what they tell
+//! to type is typed, in the order of the text, against drives that are played.
+
+use super::outsiders::mbpoll_output;
+use super::raw::Raw;
+use super::rig::{Place, fields, only_demo, program, start, vfd_gateway};
+use super::started::{PATIENCE, Started, until};
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::MutexGuard;
+use std::time::{Duration, Instant};
+
+/// What every guide calls its adapter, its data directory and its listener.
+const ADAPTER: &str = "/dev/serial/by-id/usb-FTDI_FT232R_USB_UART_A10KZP1X-if00-port0";
+const DATA_DIR: &str = "/var/lib/vfd-gateway";
+const LISTEN: &str = "127.0.0.1:1502";
+const FILE: &str = "vfd-gateway.toml";
+/// The uniform unit of the drive of every guide, its run command and its output frequency.
+const UNIFORM: u8 = 101;
+const RUN: u16 = 256;
+const OUTPUT: u16 = 4;
+
+/// How soon a line is typed again that was refused for now.
+const AGAIN_AFTER: Duration = Duration::from_millis(200);
+
+/// A block of a document: its language and its text.
+struct Block {
+    language: String,
+    text: String,
+}
+
+fn blocks(document: &str) -> Vec<Block> {
+    let mut found: Vec<Block> = Vec::new();
+    let mut is_open = false;
+    for line in document.lines() {
+        match (line.strip_prefix("```"), is_open) {
+            (Some(language), false) => found.push(Block { language: language.to_owned(), text: String::new() }),
+            (None, true) => found.last_mut().unwrap().text.extend([line, "\n"]),
+            (_, _) => {}
+        }
+        is_open ^= line.starts_with("```");
+    }
+    assert!(!is_open, "a block does not end");
+    found
+}
+
+/// All documents under `docs/`, by their path there.
+fn documents() -> Vec<(String, String)> {
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
+    let mut found = Vec::new();
+    let mut folders = vec![docs.clone()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            match path.extension().and_then(|it| it.to_str()) {
+                None => folders.push(path),
+                Some("md") => {
+                    let name = path.strip_prefix(&docs).unwrap().to_str().unwrap().to_owned();
+                    found.push((name, std::fs::read_to_string(&path).unwrap()));
+                }
+                Some(_) => {}
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+fn document(name: &str) -> String {
+    documents().into_iter().find(|(other, _)| other == name).unwrap().1
+}
+
+#[test]
+fn every_configuration_and_every_document_in_the_guides_is_sound() {
+    let place = Place::new();
+    let (mut configurations, mut json) = (0, 0);
+    for (name, text) in documents() {
+        for block in blocks(&text) {
+            match block.language.as_str() {
+                "toml" => {
+                    let file = place.write("block.toml", &block.text);
+                    let output = vfd_gateway(&["check", "-c", file.to_str().unwrap()]);
+                    assert!(output.status.success(), "{name}: {}", said(&output));
+                    configurations += 1;
+                }
+                "json" => {
+                    let value = serde_json::from_str::<serde_json::Value>(&block.text);
+                    value.unwrap_or_else(|error| panic!("{name}: {error} in {}", block.text));
+                    json += 1;
+                }
+                "sh" | "yaml" | "" => {}
+                other => panic!("{name}: nobody looks at {other}"),
+            }
+        }
+    }
+    assert!(configurations >= 10 && json >= 3, "{configurations} configurations, {json} documents");
+}
+
+#[test]
+fn every_model_that_is_built_in_has_first_steps() {
+    let listed: serde_json::Value = serde_json::from_slice(&vfd_gateway(&["models", "list", "--json"]).stdout).unwrap();
+    let guides: String = documents().into_iter().filter(|(name, _)| name.starts_with("first")).map(|it| it.1).collect();
+    for model in listed.as_array().unwrap() {
+        let id = model["id"].as_str().unwrap();
+        assert!(guides.contains(&format!("`model = \"{id}\"`")), "no guide is about {id}");
+    }
+}
+
+/// Whoever follows a guide: a drive on its line, a file that is edited, a gateway that is started again.
+struct Reader {
+    gateway: Option<(Started, SocketAddr)>,
+    link: PathBuf,
+    _drive: Started,
+    place: Place,
+}
+
+impl Reader {
+    fn of(text: &str) -> Self {
+        let place = Place::new();
+        let link = place.file("line");
+        std::fs::create_dir(place.file("data")).unwrap();
+        let (_, model) = text.split_once("\nmodel = \"").unwrap();
+        let model = model.split('"').next().unwrap();
+        let drive = start(&["simulate", "--model", model, "--link", link.to_str().unwrap()]);
+        drive.wait_for("that it plays", |line| line.contains("station 1").then_some(()));
+        Self { gateway: None, link, _drive: drive, place }
+    }
+
+    /// The file of the guide, on this machine.
+    fn edit(&self, text: &str) {
+        let places = [
+            (ADAPTER, self.link.to_str().unwrap().to_owned()),
+            (DATA_DIR, self.place.file("data").to_str().unwrap().to_owned()),
+            (LISTEN, "127.0.0.1:0".to_owned()),
+        ];
+        let here = places.iter().fold(text.to_owned(), |text, (there, here)| {
+            assert!(text.contains(there), "no {there} in {text}");
+            text.replace(there, here)
+        });
+        self.place.write(FILE, &here);
+    }
+
+    fn run_gateway(&mut self) {
+        if let Some((mut old, _)) = self.gateway.take() {
+            old.interrupt();
+            assert!(old.end_within(PATIENCE).success(), "{}", old.text());
+        }
+        let gateway = start(&["run", "-c", self.place.file(FILE).to_str().unwrap()]);
+        let address = gateway.wait_for("where it listens", |line| {
+            let fields = fields(line)?;
+            (fields["message"] == "Modbus TCP").then(|| fields["address"].as_str()?.parse().ok())?
+        });
+        gateway.wait_for("that the drive is there", |line| {
+            let fields = fields(line)?;
+            (fields["message"] == "drive" && fields["presence"] == "Online").then_some(())
+        });
+        self.gateway = Some((gateway, address));
+    }
+
+    fn address(&self) -> SocketAddr {
+        self.gateway.as_ref().unwrap().1
+    }
+
+    /// A shell in which `line` is typed, with the port that the gateway has here, and nobody to answer questions.
+    fn shell(&self, line: &str) -> Command {
+        let more = match line.split(' ').nth(1) {
+            Some("read" | "write") => format!(" --port {}", self.address().port()),
+            Some("enable") => " --yes".to_owned(),
+            Some("watchdog") if line.contains("--set") => " --yes".to_owned(),
+            _ => String::new(),
+        };
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &format!("exec {line}{more}")]).current_dir(self.place.file(""));
+        shell.env("PATH", path_with_the_program());
+        shell
+    }
+
+    fn word(&self, address: u16) -> u16 {
+        Raw::connect(self.address()).read_unit(UNIFORM, address, 1).unwrap()[0]
+    }
+
+    fn type_line(&mut self, line: &str) {
+        match line.split(' ').nth(1).unwrap() {
+            "run" => self.run_gateway(),
+            "check" | "health" | "read" | "verify" | "enable" | "watchdog" | "journal" => self.type_until_done(line),
+            "write" if line.ends_with("run forward") => self.run_forward(line),
+            "write" => self.type_until_done(line),
+            other => panic!("nobody tries `{other}`"),
+        }
+    }
+
+    /// What was ordered just before may still be under way.
+    fn type_until_done(&self, line: &str) {
+        let begun = Instant::now();
+        loop {
+            let output = self.shell(line).output().unwrap();
+            if output.status.success() {
+                return;
+            }
+            assert!(begun.elapsed() < PATIENCE, "{line}: {}", said(&output));
+            std::thread::sleep(AGAIN_AFTER);
+        }
+    }
+
+    /// It stays until Ctrl-C, and stops the motor then.
+    fn run_forward(&self, line: &str) {
+        let mut writer = until("the start is taken", PATIENCE, || {
+            let mut writer = Started::new(self.shell(line));
+            until("it runs or is refused", PATIENCE, || (writer.has_ended() || self.word(RUN) == 1).then_some(()));
+            (!writer.has_ended()).then_some(writer)
+        });
+        until("the motor turns", PATIENCE, || turns(self.word(OUTPUT)).then_some(()));
+        writer.interrupt();
+        assert!(writer.end_within(PATIENCE).success(), "{}", writer.text());
+        until("the motor stands", PATIENCE, || (self.word(OUTPUT) == 0).then_some(()));
+    }
+
+    /// Reads the guide from its beginning to its end.
+    fn follow(name: &str) {
+        let text = document(name);
+        let mut reader = Self::of(&text);
+        let mut typed = 0;
+        for block in blocks(&text) {
+            match block.language.as_str() {
+                "toml" => reader.edit(&block.text),
+                "sh" => {
+                    for line in block.text.lines() {
+                        reader.type_line(line);
+                        typed += 1;
+                    }
+                }
+                _ => {}
+            }
+        }
+        assert!(typed > 10, "{typed} lines of {name}");
+    }
+}
+
+/// Whether an output frequency is known, and above 1 Hz.
+fn turns(word: u16) -> bool {
+    (101..u16::MAX).contains(&word)
+}
+
+fn path_with_the_program() -> String {
+    let program = Path::new(env!("CARGO_BIN_EXE_vfd-gateway")).parent().unwrap().to_str().unwrap();
+    format!("{program}:{}", std::env::var("PATH").unwrap())
+}
+
+fn said(output: &Output) -> String {
+    [&output.stdout[..], &output.stderr].map(|it| String::from_utf8_lossy(it).into_owned()).concat()
+}
+
+#[test]
+fn the_first_steps_with_a_hyundai_n700_go_as_they_say() {
+    Reader::follow("first-steps/hyundai-n700.md");
+}
+
+#[test]
+fn the_first_steps_with_a_hyundai_n100plus_go_as_they_say() {
+    Reader::follow("first-steps/hyundai-n100plus.md");
+}
+
+#[test]
+fn the_first_steps_with_a_toshiba_go_as_they_say() {
+    Reader::follow("first-steps/toshiba.md");
+}
+
+#[test]
+fn the_first_steps_with_a_teco_go_as_they_say() {
+    Reader::follow("first-steps/teco.md");
+}
+
+#[test]
+fn the_first_steps_with_a_frecon_go_as_they_say() {
+    Reader::follow("first-steps/frecon.md");
+}
+
+/// The demo beside which lines of a guide are typed.
+struct Beside {
+    program: Started,
+    modbus: SocketAddr,
+    broker: SocketAddr,
+    http: String,
+    _alone: MutexGuard<'static, ()>,
+}
+
+impl Beside {
+    fn start() -> Self {
+        let alone = only_demo();
+        let mut command = program();
+        command.args(["demo", "--port", "0", "--http-port", "0"]);
+        let program = Started::at_a_keyboard(command);
+        program.wait_for("how it ends", |line| line.contains("Ctrl-C").then_some(()));
+        let address = |prefix: &str| {
+            let found = program.find_all(|line| {
+                line.strip_prefix(prefix)?.split([',', ' ']).next()?.trim_end_matches(':').parse::<SocketAddr>().ok()
+            });
+            found[0]
+        };
+        let (modbus, broker) = (address("Modbus TCP "), address("MQTT broker "));
+        let http = program.find_all(|line| line.strip_prefix("HTTP ")?.split("/metrics").next().map(str::to_owned));
+        Self { program, modbus, broker, http: http[0].clone(), _alone: alone }
+    }
+
+    /// `line` with the ports of this demo, line by line as in a terminal.
+    fn shell(&self, line: &str) -> Command {
+        let line = line.replace("-p 1883", &format!("-p {}", self.broker.port()));
+        let line = line.replace("-p 1502", &format!("-p {}", self.modbus.port()));
+        let mut shell = Command::new("timeout");
+        shell.args([&PATIENCE.as_secs().to_string(), "stdbuf", "-oL", "sh", "-c", &format!("exec {line}")]);
+        shell
+    }
+
+    /// The lines of the guide called `name` that begin with `tool`.
+    fn lines(name: &str, tool: &str) -> Vec<String> {
+        let of_shell = blocks(&document(name)).into_iter().filter(|block| block.language == "sh");
+        let lines: Vec<_> = of_shell.flat_map(|it| it.text.lines().map(str::to_owned).collect::<Vec<_>>()).collect();
+        lines.into_iter().filter(|line| line.starts_with(tool)).collect()
+    }
+
+    /// What a register of a uniform unit holds.
+    fn word(&self, unit: u8, address: u16) -> u16 {
+        Raw::connect(self.modbus).read_unit(unit, address, 1).unwrap()[0]
+    }
+
+    fn end(mut self) {
+        self.program.interrupt();
+        assert!(self.program.end_within(PATIENCE).success(), "{}", self.program.text());
+    }
+}
+
+#[test]
+fn the_lines_of_the_guide_to_mqtt_work_beside_the_demo() {
+    let demo = Beside::start();
+    let results = "mosquitto_sub -h 127.0.0.1 -p 1883 -v -t vfd/demo/drive/+/result -t vfd/demo/status";
+    let results = Started::new(demo.shell(&results.replace(" -v", " -v -W 120")));
+    results.wait_for("the gateway", |line| line.ends_with("online").then_some(()));
+    let taken = || {
+        let is_taken = |line: &String| {
+            let result: serde_json::Value = serde_json::from_str(line.split_once(' ')?.1).ok()?;
+            let is_good = ["acknowledged", "confirmed"].iter().any(|word| result["outcome"] == **word);
+            (result["final"] == true && is_good).then_some(())
+        };
+        results.find_all(is_taken).len()
+    };
+    let lines = Beside::lines("mqtt.md", "mosquitto_");
+    assert!(lines.len() >= 12, "{lines:?}");
+    for line in lines {
+        let before = taken();
+        let output = demo.shell(&line).output().unwrap();
+        assert!(output.status.success(), "{line}: {}", said(&output));
+        if line.starts_with("mosquitto_pub") && (line.contains("/command ") || line.contains("/set ")) {
+            until(&format!("the end of {line}"), PATIENCE, || (taken() > before).then_some(()));
+        } else if line.starts_with("mosquitto_sub") {
+            assert!(!output.stdout.is_empty(), "{line}");
+        }
+    }
+    drop(results);
+    demo.end();
+}
+
+#[test]
+fn the_lines_of_the_guide_to_plcs_work_beside_the_demo() {
+    let demo = Beside::start();
+    let lines = Beside::lines("plc-and-scada.md", "mbpoll");
+    assert!(lines.len() >= 9, "{lines:?}");
+    for line in lines {
+        let is_read = line.contains(" -c ");
+        until(&line, PATIENCE, || {
+            let said = mbpoll_output(&mut demo.shell(&line));
+            let is_done = if is_read { !said.values.is_empty() } else { said.text.contains("Written 1 references.") };
+            is_done.then_some(())
+        });
+        if line.ends_with("-r 258 -p 1502 127.0.0.1 1") {
+            until("the motor turns", PATIENCE, || turns(demo.word(UNIFORM, OUTPUT)).then_some(()));
+        }
+    }
+    demo.end();
+}
+
+#[test]
+fn the_five_minutes_of_the_readme_work_beside_the_demo() {
+    let demo = Beside::start();
+    let readme = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
+    let (_, tour) = readme.split_once("Five minutes more").unwrap();
+    let tour = blocks(tour.split_once("\n## ").unwrap().0).remove(0).text;
+    let port = format!(" --port {}", demo.modbus.port());
+    for line in tour.lines().map(|line| line.split('#').next().unwrap().trim()) {
+        let more = if line.contains("--unit") { &port } else { "" };
+        let line = line.replace("http://127.0.0.1:8080", &demo.http) + more;
+        let mut shell = demo.shell(&line);
+        shell.env("PATH", path_with_the_program());
+        if !line.contains("run forward") {
+            until(&line, PATIENCE, || shell.output().unwrap().status.success().then_some(()));
+            continue;
+        }
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &format!("exec {line}")]).env("PATH", path_with_the_program());
+        let mut writer = Started::new(shell);
+        until("the motor turns", PATIENCE, || turns(demo.word(103, OUTPUT)).then_some(()));
+        writer.interrupt();
+        assert!(writer.end_within(PATIENCE).success(), "{}", writer.text());
+    }
+    demo.end();
+}
