@@ -95,7 +95,12 @@ impl Hall {
 fn ended(mut capture: Started) -> u64 {
     capture.interrupt();
     assert!(capture.end_within(PATIENCE).success(), "{}", capture.text());
-    said_frames(&capture.text())
+    said_frames(&summary(&capture))
+}
+
+/// What a capture says at its end.
+fn summary(capture: &Started) -> String {
+    capture.wait_for("what it has captured", |line| line.contains(" s into ").then(|| line.to_owned()))
 }
 
 fn said_frames(said: &str) -> u64 {
@@ -239,7 +244,7 @@ fn frames_of_an_ascii_line_are_text_with_our_words() {
     let mut capture = capture;
     assert!(capture.end_within(PATIENCE).success());
     let rows = rows(&hall.out(), &[]);
-    assert_eq!((rows.len(), said_frames(&capture.text())), (8, 8));
+    assert_eq!((rows.len(), said_frames(&summary(&capture))), (8, 8));
     for row in rows {
         assert_eq!(row["frame.protocols"], "exported_pdu:data-text-lines", "{row:?}");
         assert!(row["exported_pdu.exported_pdu"].starts_with("3a"), "begins with a colon: {row:?}");
@@ -280,10 +285,10 @@ fn a_gateway_that_goes_leaves_a_whole_file() {
     let Hall { mut gateway, place, .. } = hall;
     gateway.kill();
     assert_eq!(capture.end_within(PATIENCE).code(), Some(1));
-    let said = capture.text();
+    let said = capture.wait_for("what it has", |line| line.contains("until then").then(|| line.to_owned()));
     assert!(said.contains("it has ended the connection; ") && said.contains("frames until then are in"), "{said}");
     let rows = rows(&place.file("line.pcapng"), &[]);
-    assert_eq!(rows.len() as u64, said_frames(&said));
+    assert_eq!(rows.len() as u64, said_frames(&summary(&capture)));
 }
 
 #[test]
@@ -361,7 +366,7 @@ fn a_full_line_is_captured_whole_and_goes_on_as_before() {
     capture.interrupt();
     let mut capture = capture;
     assert!(capture.end_within(PATIENCE).success(), "{}", capture.text());
-    let said = capture.text();
+    let said = summary(&capture);
     let lost = said
         .split(' ')
         .collect::<Vec<_>>()
