@@ -38,7 +38,7 @@ impl Site {
             simulate.args(["--station", &station.to_string()]);
         }
         let simulated = Started::at_a_keyboard(simulate);
-        simulated.wait_for("that it plays", |line| line.contains("station 1").then_some(()));
+        simulated.wait_for("that it plays", |line| line.contains("station").then_some(()));
         std::fs::create_dir(place.file("data")).unwrap();
         let http = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
         let file = place.write("gateway.toml", &configuration(&place, drives, http));
