@@ -206,7 +206,11 @@ const MAP: [MapRow; 75] = [
     word(16, "life counter, wraps", SECONDS),
     codes(17, "alarms", "bit 0 a stop had no effect, 1 fail-safe ran, 2 stale data, 3 line down"),
     word(18, "lease left", SECONDS),
-    codes(19, "owner of the lease", "0 none, 1 MQTT, 2 another Modbus TCP client, 3 this client, 5 somebody on the page"),
+    codes(
+        19,
+        "owner of the lease",
+        "0 none, 1 MQTT, 2 another Modbus TCP client, 3 this client, 5 somebody on the page",
+    ),
     measured(20, "lowest setpoint", "0.01", "Hz"),
     measured(21, "highest setpoint", "0.01", "Hz"),
     measured(22, "run hours", "1", "h").words(2),
