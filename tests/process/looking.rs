@@ -158,7 +158,7 @@ fn output_hz(browser: &Browser) -> f64 {
 }
 
 fn assert_nothing_sticks_out(browser: &Browser) {
-    let widths = browser.script("return [document.documentElement.scrollWidth, window.innerWidth]");
+    let widths = browser.script("const page = document.documentElement; return [page.scrollWidth, page.clientWidth]");
     assert_eq!(widths[0], widths[1], "what sticks out can only be seen by scrolling sideways");
 }
 

@@ -120,7 +120,7 @@ export class Controls {
     const { lost_after_s } = this.control;
     const { outcome, message, reason } = await session.command(this.drive, body);
     const is_good = outcome === "acknowledged" || outcome === "confirmed";
-    this.tell(is_good ? "good" : "bad", `${words(word)} ${outcome}: ${message ?? words(reason)}`, !is_good);
+    this.tell(is_good ? "good" : "bad", `${words(word)} ${outcome}${reason === "none" ? "" : `: ${message ?? words(reason)}`}`, !is_good);
     if (is_good && body.frequency_hz !== undefined && this.draft() === body.frequency_hz) this.input.value = "";
     const is_stop = word === "stop" || word === "coast";
     if (TAKEN.has(outcome) && !is_stop && word !== "reset") leases.begin(this.drive, lost_after_s);

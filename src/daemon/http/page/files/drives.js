@@ -117,7 +117,8 @@ class Card {
 
   draw_trip({ trip }) {
     if (!trip) return show(this.trip, false);
-    const name = [trip.code, trip.text].filter((part) => part !== null && part !== undefined && part !== "").join(" ");
+    const is_told = String(trip.text ?? "").includes(String(trip.code ?? ""));
+    const name = [is_told ? null : trip.code, trip.text].filter((part) => part !== null && part !== undefined && part !== "").join(" ");
     const when = trip.last_at ? `, ${recent(trip.last_at)}` : "";
     const is_active = trip.active === true;
     this.trip.classList.toggle("active", is_active);

@@ -75,7 +75,7 @@ async function stop_all(results) {
   const told = await session.stop_all();
   const rows = told.map(({ drive, outcome, message, reason }) => {
     const is_good = outcome === "acknowledged" || outcome === "confirmed";
-    return h("li", { class: is_good ? "good" : "bad" }, h("b", {}, drive), ` ${words(outcome)}: ${message ?? words(reason)}`);
+    return h("li", { class: is_good ? "good" : "bad" }, h("b", {}, drive), ` ${words(outcome)}${reason === "none" ? "" : `: ${message ?? words(reason)}`}`);
   });
   const close = h("button", { type: "button", class: "link", click: () => show(results, false) }, "Close");
   results.replaceChildren(h("p", {}, h("b", {}, "STOP ALL "), close), h("ul", {}, ...rows));
