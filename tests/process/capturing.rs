@@ -75,9 +75,9 @@ impl Hall {
         capture
     }
 
-    /// Whether the file shows what [`command`](Self::command) wrote first.
+    /// Whether the file shows the run that [`command`](Self::command) orders.
     fn shows_the_write(&self) -> Option<()> {
-        let written = b"written: 0x0004 frequency command = 30.00 Hz";
+        let written = b"written: 0x0002 run command = 0x0001 (forward)";
         let bytes = std::fs::read(self.out()).unwrap();
         bytes.windows(written.len()).any(|it| it == written).then_some(())
     }
@@ -167,6 +167,8 @@ fn tshark_decodes_every_frame_with_its_function_and_register() {
     let hall = Hall::new("hyundai-n700", &[], "200ms", "");
     let capture = hall.capturing(&["--line", "hall-1"]);
     hall.command();
+    // What goes over the line is told a moment later.
+    until("the capture has what was written", PATIENCE, || hall.shows_the_write());
     let frames = ended(capture);
     let rows = rows(&hall.out(), &["-o", "mbrtu.tcp.port:502"]);
     assert!(frames >= 6 && rows.len() as u64 == frames, "{frames} frames, {} packets", rows.len());
