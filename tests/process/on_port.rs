@@ -105,7 +105,7 @@ fn the_terminal_is_given_back_as_it_was() {
     command.stdin(Stdio::null()).stdout(slave).stderr(Stdio::null());
     let mut child = command.spawn().unwrap();
     let mut shown = Vec::new();
-    let mut look = |shown: &mut Vec<u8>| {
+    let look = |shown: &mut Vec<u8>| {
         let mut buffer = [0; 4096];
         while let Ok(bytes @ 1..) = rustix::io::read(terminal.master(), &mut buffer) {
             shown.extend_from_slice(&buffer[..bytes]);
