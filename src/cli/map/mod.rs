@@ -216,7 +216,7 @@ mod tests {
         };
         assert_eq!(tls("viewer = []"), (false, false));
         assert_eq!(tls("watchman = [\"stop\"]"), (false, true));
-        assert_eq!(tls("operator = [\"write\"]"), (true, true));
+        assert_eq!(tls("operator = [\"write\", \"stop\"]"), (true, true));
     }
 
     #[test]
