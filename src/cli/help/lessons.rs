@@ -199,4 +199,68 @@ pub(super) const LESSONS: &[Lesson] = &[
             ("vfd-gateway man --dir /usr/local/share/man/man1", "the pages of all commands, as vfd-gateway-COMMAND.1"),
         ],
     ),
+    lesson(
+        "scan",
+        "The line must be silent: with another master on it, or a gateway that has the port open, it refuses. 32 stations at \
+         the settings of the factories take minutes; how long is said before. Times are in seconds, speeds in bit/s.",
+        &[
+            ("vfd-gateway scan --port /dev/ttyUSB0", "who is there, and a configuration to start from"),
+            ("vfd-gateway scan --port tcp://10.0.0.7:4001 --stations 1-8 --out vfd-gateway.toml", "behind a device server"),
+            ("vfd-gateway scan --port /dev/ttyUSB0 --all-settings --dry-run", "how long everything would take"),
+        ],
+    ),
+    lesson(
+        "params",
+        "Parameters are those that the drive's model knows, by the vendor's codes.",
+        &[
+            ("vfd-gateway params dump pump-1 --out pump-1.params.toml", "a copy before anything is changed"),
+            ("vfd-gateway params restore pump-1.params.toml --dry-run", "what would be written back"),
+        ],
+    ),
+    lesson(
+        "params dump",
+        "It only reads.",
+        &[
+            ("vfd-gateway params dump pump-1 -c vfd-gateway.toml --out pump-1.params.toml", "through the running gateway"),
+            ("vfd-gateway params dump --port /dev/ttyUSB0 --model MODEL --station 1", "straight on a port"),
+        ],
+    ),
+    lesson(
+        "params diff",
+        "It only reads.",
+        &[
+            ("vfd-gateway params diff old.params.toml new.params.toml", "what differs between two files"),
+            ("vfd-gateway params diff old.params.toml live -c vfd-gateway.toml", "between a file and the drive"),
+        ],
+    ),
+    lesson(
+        "params restore",
+        "At standstill only. Stored parameters live in a memory that endures a limited number of writes.",
+        &[
+            ("vfd-gateway params restore pump-1.params.toml -c vfd-gateway.toml --dry-run", "what would change"),
+            ("vfd-gateway params restore pump-1.params.toml -c vfd-gateway.toml", "after asking, with read-back"),
+        ],
+    ),
+    lesson(
+        "doctor",
+        "It asks nothing of the line: it looks at what goes over it anyway. Shares are per mille of the exchanges, times in ms.",
+        &[
+            ("vfd-gateway doctor -c vfd-gateway.toml", "all lines, for 30 s"),
+            ("vfd-gateway doctor --line hall-1 --seconds 120 --json", "one line, for a script"),
+        ],
+    )
+    .exits("0 no problem, 1 a problem or not reached, 2 wrong usage or configuration"),
+    lesson(
+        "capture",
+        "It sends nothing. Times are those at which the gateway sent or received; Ctrl-C ends it.",
+        &[
+            ("vfd-gateway capture --line hall-1 --out hall-1.pcapng --seconds 60", "a minute of one line"),
+            ("vfd-gateway capture --out - | wireshark -k -i -", "live, where there is one line"),
+        ],
+    ),
+    lesson(
+        "password",
+        "The hash is argon2id; what was typed is kept nowhere.",
+        &[("vfd-gateway password > anna.hash", "asks twice, for `password_hash_file`")],
+    ),
 ];

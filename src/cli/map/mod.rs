@@ -199,7 +199,10 @@ mod tests {
         let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
         let found = |keys: &str| {
             let text = include_str!("../../../tests/golden/config/several_vendors.toml");
-            let text = text.replace("write = [\"127.0.0.1/32\"]", keys);
+            let write = "write = [\"127.0.0.1/32\"]";
+            // Somebody must be able to command the drive that takes commands from here.
+            let other = format!("{keys}\n[[modbus_tcp]]\nlisten = \"127.0.0.1:1503\"\n{write}");
+            let text = text.replace(write, &other);
             let config = config::load(&text, &catalog).unwrap_or_else(|problems| panic!("{problems:?}"));
             let Rights { write, stop } = of_listener(&config.listeners[0]);
             (write, stop)
@@ -213,7 +216,7 @@ mod tests {
         };
         assert_eq!(tls("viewer = []"), (false, false));
         assert_eq!(tls("watchman = [\"stop\"]"), (false, true));
-        assert_eq!(tls("operator = [\"write\"]"), (true, true));
+        assert_eq!(tls("operator = [\"write\", \"stop\"]"), (true, true));
     }
 
     #[test]
