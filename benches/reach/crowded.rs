@@ -112,7 +112,7 @@ fn flooded(gateway: &Program, crowd: &mut Crowd) -> Vec<Row> {
     let seconds = if crate::is_quick() { 2 } else { 6 };
     let rounds = if crate::is_quick() { 1 } else { 5 };
     let (mut quiet, mut busy, mut flooded, mut answers) = (Vec::new(), Vec::new(), Vec::new(), 0);
-    let mut p99 = |crowd: &mut Crowd| {
+    let p99 = |crowd: &mut Crowd| {
         let seen = crowd.ask_for(seconds);
         assert_eq!(seen.lost, 0, "everybody is answered");
         seen.took().at(0.99)

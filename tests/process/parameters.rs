@@ -2,7 +2,6 @@
 
 use super::plant::{Plant, Wish};
 use super::rig::{Place, fields, start, vfd_gateway};
-use std::path::Path;
 use std::process::Output;
 
 /// Acceleration time. Typed from the manual.

@@ -10,6 +10,7 @@ use crate::daemon::run::{self as daemon, Running, StartError, told_to_end};
 use crate::daemon::simulator;
 use crate::domain::ids::Station;
 use crate::domain::time::MonoTime;
+use crate::north::operator::password::StoredHash;
 use crate::sim::{BusOptions, DriveOptions, SimBus, SimDrive};
 use plant::Line;
 use std::fmt::Write as _;
@@ -20,6 +21,12 @@ use std::sync::Arc;
 
 /// Cause number of the trips. Any will do: what the numbers mean is not known for every model.
 const TRIP_CAUSE: u16 = 1;
+
+/// Who may sign in on the page. It is printed, and reached from this host only.
+const USER: &str = "demo";
+const PASSWORD: &str = "demo-demo";
+/// Two demos may have the same hash: it hides nothing.
+const SALT: [u8; 16] = [0; 16];
 
 /// Arguments of `demo`.
 #[derive(Debug, clap::Args)]
@@ -117,9 +124,17 @@ write = ["127.0.0.1/32"]
 
 [http]
 listen = "127.0.0.1:{http}"
-"#,
+{}"#,
         plant::configuration(lines.iter().zip(devices.iter().map(PathBuf::as_path))),
+        user(),
     )
+}
+
+/// The section of whoever may sign in.
+fn user() -> String {
+    let hash = StoredHash::make(PASSWORD, &SALT);
+    let hash = hash.as_ref().map_or("", StoredHash::as_str);
+    format!("\n[[http.users]]\nname = \"{USER}\"\npassword_hash = \"{hash}\"\n")
 }
 
 fn welcome(running: &Running<'_>, lines: &[Line], devices: &[PathBuf]) -> String {
@@ -145,7 +160,7 @@ fn welcome(running: &Running<'_>, lines: &[Line], devices: &[PathBuf]) -> String
         text,
         "MQTT broker {broker}, topics under vfd/demo/\n\
          Modbus TCP {modbus}\n\
-         Page http://{http}/ beside /metrics, /healthz, /readyz\n\n\
+         Page http://{http}/ beside /metrics, /healthz, /readyz; user {USER}, password {PASSWORD}\n\n\
          Try in other terminals:\n\
          \x20 mosquitto_sub {at_broker} -v -t 'vfd/demo/#'\n\
          \x20 mosquitto_pub {at_broker} -t vfd/demo/drive/{first}/command -m '{{\"frequency_hz\": 42.5, \"run\": \"forward\"}}'\n\

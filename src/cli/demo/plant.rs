@@ -118,7 +118,7 @@ fn drive_section(text: &mut String, drive: &Drive, unit: u8) {
     };
     let _ = write!(
         text,
-        "\n[line.drive.control]\nfrom = [\"mqtt\", \"modbus-tcp\"]\nfrequency_hz = {{ min = 5.0, max = 50.0 }}\n\
+        "\n[line.drive.control]\nfrom = [\"mqtt\", \"modbus-tcp\", \"page\"]\nfrequency_hz = {{ min = 5.0, max = 50.0 }}\n\
          directions = [{directions}]\non_commander_lost = \"stop\"\nlost_after = \"5s\"\non_shutdown = \"stop\"\n\
          accept_unverified = [{}]\n",
         unproven.join(", ")
@@ -148,8 +148,9 @@ mod tests {
         assert_eq!((shown, drives().count()), (all.clone(), all.len()));
         let text = format!(
             "[gateway]\nname = \"demo\"\n{}\n[mqtt]\nbroker = \"embedded\"\n\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n\
-             write = [\"127.0.0.1/32\"]\n",
-            configuration(lines.iter().map(|line| (line, Path::new("/dev/pts/1"))))
+             write = [\"127.0.0.1/32\"]\n\n[http]\nlisten = \"127.0.0.1:0\"\n{}",
+            configuration(lines.iter().map(|line| (line, Path::new("/dev/pts/1")))),
+            super::super::user()
         );
         if let Err(problems) = config::load(&text, &catalog) {
             panic!("{text}\n{problems:?}");

@@ -82,7 +82,7 @@ pub(super) async fn converse_by(
     let mut connection = pin!(http.serve_connection(TokioIo::new(stream), service));
     let end = tokio::select! {
         end = connection.as_mut() => end,
-        () = life.clone().is_cut() => return,
+        () = life.clone().until_cut() => return,
         () = is_over(life, patience) => {
             connection.as_mut().graceful_shutdown();
             tokio::time::timeout(LAST_ANSWER_WITHIN, connection).await.unwrap_or(Ok(()))

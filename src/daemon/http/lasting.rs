@@ -85,7 +85,7 @@ impl Drop for Stay {
 
 impl Life {
     /// Waits until the connection is to end at once.
-    pub(super) async fn is_cut(mut self) {
+    pub(super) async fn until_cut(mut self) {
         self.wait_for(Use::Cut, true).await;
     }
 

@@ -71,10 +71,15 @@ export class Traffic {
     });
     source.onerror = () => {
       if (this.source !== source) return;
-      const is_refused = source.readyState === EventSource.CLOSED;
-      this.end();
-      text(this.message, is_refused ? "The gateway does not show this line now. Too many may be looking." : "The connection was lost. Start again.");
+      if (source.readyState === EventSource.CLOSED) {
+        this.end();
+        text(this.message, "The gateway does not show this line now. Too many may be looking.");
+      } else {
+        // The browser asks again by itself, from where it was: an answer without an end is ended at times.
+        text(this.message, `Connecting to ${line} again.`);
+      }
     };
+    source.onopen = () => text(this.message, `Listening to ${line}.`);
   }
 
   end() {
