@@ -51,7 +51,17 @@ pub fn differences(first: &Dump, second: &Dump) -> Vec<Difference> {
     addresses.dedup();
     let pair = |address: u16| Difference { first: first.at(address).cloned(), second: second.at(address).cloned() };
     let differs = |it: &Difference| it.first.as_ref().map(|it| it.raw) != it.second.as_ref().map(|it| it.raw);
-    addresses.into_iter().map(pair).filter(differs).collect()
+    addresses.into_iter().map(pair).filter(differs).map(without_old_text).collect()
+}
+
+/// Whoever changes a file changes its words, and leaves the texts beside them as they were.
+fn without_old_text(mut it: Difference) -> Difference {
+    if let (Some(first), Some(second)) = (&mut it.first, &mut it.second)
+        && first.text == second.text
+    {
+        (first.text, second.text) = (None, None);
+    }
+    it
 }
 
 /// What a restore would do.

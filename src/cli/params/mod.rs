@@ -17,6 +17,10 @@ use live::Live;
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// How often a drive on a port is looked at while its parameters are written.
+const POLL: Duration = Duration::from_millis(500);
 
 /// Arguments of `params`.
 #[derive(Debug, clap::Args)]
@@ -143,7 +147,10 @@ impl Of {
     async fn reach(&self, drive: Option<&str>, writes: bool) -> Result<Reached, Failure> {
         if let Some(port) = &self.port {
             let control = writes.then(Extra::control_at_rest).unwrap_or_default();
-            let own = OwnGateway::start(port, &self.on_port, &Extra { control, ..Extra::default() }).await?;
+            // The motor is known to stand still only while it is looked at.
+            let poll = writes.then_some(POLL);
+            let extra = Extra { control, poll, ..Extra::default() };
+            let own = OwnGateway::start(port, &self.on_port, &extra).await?;
             let live = Live { socket: own.socket(), drive: own.drive(), station: Some(own.station()) };
             return Ok(Reached { live, own: Some(own) });
         }
