@@ -188,10 +188,10 @@ fn a_register_that_wears_out_is_written_if_listed_and_then_seldom() {
         rig.live(SECOND * 11);
         assert_ne!(rig.commanded(MQTT, register(address, value)).0, Outcome::Refused, "{}", model.id);
     }
-    // Whoever sits at the gateway restores parameters, which no list names; no more often than that, and not while it runs.
+    // Whoever sits at the gateway restores parameters, which no list names; no more often than that, and not while another runs it.
     let mut rig = rig_of(&model("hyundai-n700"), accepting());
     assert_eq!(rig.commanded(LOCAL, register(0x020C, 50)).0, Outcome::Confirmed);
     assert_eq!(rig.commanded(LOCAL, register(0x020C, 60)), (Outcome::Refused, Reason::WrittenTooOften));
     let mut rig = running(&model("hyundai-n700"), accepting());
-    assert_eq!(rig.commanded(LOCAL, register(0x020C, 50)), (Outcome::Refused, Reason::NotStopped));
+    assert_eq!(rig.commanded(LOCAL, register(0x020C, 50)), (Outcome::Refused, Reason::OtherOwner));
 }
