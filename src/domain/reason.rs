@@ -120,7 +120,7 @@ reasons! {
     /// Whoever gave it was lost before it was sent.
     CommanderLost = 42, "commander_lost", "its commander was lost before it was sent";
     /// The control section does not allow a release.
-    NoRelease = 43, "no_release", "the drive's control section does not allow a release";
+    NoRelease = 43, "no_release", "the drive's control section has no `allow_release`";
     /// The motor may turn.
     Moving = 44, "moving", "the motor is not known to stand still";
     /// The word is outside what the register takes.

@@ -186,7 +186,9 @@ impl Browser {
         let message = |entry: &Value| serde_json::from_str::<Value>(entry["message"].as_str()?).ok();
         let messages = log.as_array().unwrap().iter().filter_map(message);
         let urls = messages.filter_map(|it| Some(it["message"]["params"]["request"]["url"].as_str()?.to_owned()));
-        urls.filter(|url| !url.starts_with("data:")).map(|url| host(&url).to_owned()).collect()
+        // Its own icons and pages come from nobody's host.
+        let own = |url: &String| ["data:", "chrome:"].iter().any(|scheme| url.starts_with(scheme));
+        urls.filter(|url| !own(url)).map(|url| host(&url).to_owned()).collect()
     }
 
     fn element(&self, css: &str) -> String {

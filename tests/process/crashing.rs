@@ -177,6 +177,11 @@ impl Site {
         trips.map(|(seq, event)| (seq, trip(event))).collect()
     }
 
+    /// Whether some drive was run and some drive tripped.
+    fn has_something_to_lose(&self) -> bool {
+        self.drives.iter().any(|drive| drive.runs() > 0) && self.drives.iter().any(|drive| drive.trips() > 0)
+    }
+
     /// A last life in peace: every trip of every drive is kept once, the broker is told of each, no attempt stands in two
     /// rows, and the motors whose commander does not come back are stopped.
     fn conclude(&self) {
@@ -184,8 +189,7 @@ impl Site {
             let (name, trips, runs) = (drive.family.name, drive.trips(), drive.runs());
             println!("{name}: {trips} trips, {runs} orders to run reached the drive");
         }
-        let runs: usize = self.drives.iter().map(Drive::runs).sum();
-        assert!(runs > 0 && self.drives.iter().any(|drive| drive.trips() > 0), "there was nothing to lose");
+        assert!(self.has_something_to_lose(), "there was nothing to lose");
         let _gateway = self.gateway();
         for drive in &self.drives {
             let name = drive.family.name;
@@ -230,6 +234,14 @@ fn a_kill_at_any_call_that_touches_the_journal_loses_no_trip_and_starts_nothing(
     }
     assert!(observed * 4 >= lives, "the observer killed {observed} of {lives} only");
     println!("{observed} of {lives} died at a call");
+    // An observed gateway is slow, and may have died each time before it had anything in hand.
+    for _ in 0..lives {
+        if site.has_something_to_lose() {
+            break;
+        }
+        let gateway = site.gateway();
+        site.live(gateway);
+    }
     site.conclude();
 }
 

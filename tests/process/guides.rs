@@ -299,7 +299,7 @@ impl Beside {
             found[0]
         };
         let (modbus, broker) = (address("Modbus TCP "), address("MQTT broker "));
-        let http = program.find_all(|line| line.strip_prefix("HTTP ")?.split("/metrics").next().map(str::to_owned));
+        let http = program.find_all(|line| line.strip_prefix("Page ")?.split("/ ").next().map(str::to_owned));
         Self { program, modbus, broker, http: http[0].clone(), _alone: alone }
     }
 

@@ -70,7 +70,7 @@ fn a_drive_is_dumped_compared_and_restored_through_its_gateway() {
     assert_eq!(plant.written(), [(F007, 42)]);
     assert_eq!(logged(&plant), [("F007".to_owned(), 100, 42, "confirmed".to_owned())]);
     assert_says(&restore(&["--yes"]), 0, &["nothing has to be written"]);
-    assert_says(&restore(&["--yes", "--with-link"]), 1, &["F010", "WARNING", "allow_release", "nothing was written"]);
+    assert_says(&restore(&["--yes", "--with-link"]), 1, &["F010", "WARNING", "no_release", "nothing was written"]);
     assert_eq!(plant.written(), [(F007, 42)]);
 }
 
