@@ -167,6 +167,11 @@ impl Browser {
         self.chromium("Emulation.setEmulatedMedia", &json!({ "features": features }));
     }
 
+    /// As a person with a touch pad or a phone sees it, until the window is another one.
+    pub fn hide_scroll_bars(&self) {
+        self.chromium("Emulation.setScrollbarsHidden", &json!({ "hidden": true }));
+    }
+
     /// A picture of what is in the window, as PNG.
     pub fn picture(&self) -> Vec<u8> {
         unpacked(self.get("/screenshot").as_str().unwrap())

@@ -21,6 +21,11 @@ export function text(element, value) {
   if (element.textContent !== wanted) element.textContent = wanted;
 }
 
+/** A sentence in which commands and keys stand between backticks, as elements. */
+export function prose(sentence) {
+  return String(sentence).split("`").map((part, index) => (index % 2 === 1 ? h("code", {}, part) : part));
+}
+
 /** Shows or hides an element. */
 export function show(element, is) {
   if (element.hidden === Boolean(is)) element.hidden = !is;

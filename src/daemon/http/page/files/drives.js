@@ -6,6 +6,8 @@ import * as leases from "./leases.js";
 
 // What an operator looks for comes first; the rest is one click away.
 const FIRST_VALUES = 5;
+/** What an operator looks for before all else. */
+const LOOKED_FOR = ["output_current", "output_power", "torque", "output_voltage", "dc_link_voltage", "temperature"];
 
 const cards = new Map();
 let place = null;
@@ -149,7 +151,9 @@ class Card {
 
   draw_values({ values = [] }) {
     const is_first = (value) => value.unit && value.unit !== "Hz" && value.unit !== "s";
-    const first = values.filter(is_first).slice(0, FIRST_VALUES);
+    const rank = ({ role }) => (LOOKED_FOR.includes(role) ? LOOKED_FOR.indexOf(role) : LOOKED_FOR.length);
+    const by_rank = values.filter(is_first).sort((one, other) => rank(one) - rank(other));
+    const first = by_rank.slice(0, FIRST_VALUES);
     const others = values.filter((value) => !first.includes(value));
     keyed(this.values, this.rows, first, (value) => value.name, (value) => new Row(value));
     keyed(this.others, this.rest, others, (value) => value.name, (value) => new Row(value));

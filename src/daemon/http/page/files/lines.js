@@ -1,6 +1,6 @@
 // The lines, and what is wrong or could be better.
 
-import { attribute, h, keyed, number, shape, reshape, show, span, text, words } from "./dom.js";
+import { attribute, h, keyed, number, prose, shape, reshape, show, span, text, words } from "./dom.js";
 
 const SHOWN_AT_FIRST = 4;
 
@@ -53,7 +53,7 @@ function item({ severity, line, drive, text: sentence }) {
   const where = drive ?? line;
   const name = where ? h("b", {}, where) : null;
   const kind = severity === "problem" ? "problem" : "advice";
-  return h("li", { class: kind }, shape(kind), h("span", {}, h("span", { class: "unseen" }, `${kind}: `), name, name ? " " : "", sentence));
+  return h("li", { class: kind }, shape(kind), h("span", {}, h("span", { class: "unseen" }, `${kind}: `), name, name ? " " : "", ...prose(sentence)));
 }
 
 class Line {

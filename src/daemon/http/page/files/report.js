@@ -1,6 +1,6 @@
 // What a line says about itself: what is good, what is not, and how fast its drives answer.
 
-import { h, number, shape, text, words } from "./dom.js";
+import { h, number, prose, shape, text, words } from "./dom.js";
 import { choices, document_at, labelled, table } from "./fetched.js";
 
 const EVERY_MS = 5000;
@@ -56,7 +56,7 @@ export class Report {
     text(this.message, `${answer.state}${reason} · ${answer.link} · observed for ${number(answer.observed_s, 0)} s`);
     this.verdict.replaceChildren(
       ...answer.verdict.map(({ severity, drive, text: sentence }) => {
-        const about = [h("span", { class: "unseen" }, `${severity}: `), drive ? h("b", {}, `${drive} `) : "", sentence];
+        const about = [h("span", { class: "unseen" }, `${severity}: `), drive ? h("b", {}, `${drive} `) : "", ...prose(sentence)];
         return h("li", { class: severity }, shape(SHAPES[severity]), h("span", {}, ...about));
       }),
     );
