@@ -210,6 +210,10 @@ fn the_page_hears_of_values_a_trip_and_a_line_that_is_gone() {
         (is_running && drive["control"]["intent"] == "forward").then_some(())
     });
     listener.wait_for("update", |update| update["lines"][0]["use_per_cent"].as_f64().filter(|used| *used > 0.0));
+    until("the trend has it", PATIENCE, || {
+        let trend = site.json("/api/v1/trend?drive=pump-1")?;
+        trend["values"][0].as_array()?.iter().any(|hertz| hertz.as_f64() > Some(2.0)).then_some(())
+    });
 
     site.drives.type_line("");
     // The log has it as soon as the line does.
@@ -235,9 +239,6 @@ fn the_page_hears_of_values_a_trip_and_a_line_that_is_gone() {
     let printed = vfd_gateway(&["journal", "trips", "--csv", "--data-dir", data.to_str().unwrap()]);
     assert_eq!(csv, String::from_utf8(printed.stdout).unwrap(), "as the command prints it");
     assert!(head.to_lowercase().contains("content-type: text/csv"), "{head}");
-    let trend = site.json("/api/v1/trend?drive=pump-1").unwrap();
-    let output = trend["values"][0].as_array().unwrap();
-    assert!(output.iter().any(|hertz| hertz.as_f64() > Some(2.0)), "{trend}");
 
     site.drives.kill();
     listener.wait_for("update", |update| (update["lines"][0]["state"] == "down").then_some(()));
