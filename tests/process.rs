@@ -86,6 +86,8 @@ mod commanding;
 mod crashing;
 #[path = "process/crowding.rs"]
 mod crowding;
+#[path = "process/demo.rs"]
+mod demo;
 #[path = "process/doctoring.rs"]
 mod doctoring;
 #[path = "process/documents.rs"]

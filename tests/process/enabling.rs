@@ -2,7 +2,7 @@
 
 use super::plant::{Plant, Wish};
 use super::raw::Raw;
-use super::rig::{fields, program, vfd_gateway};
+use super::rig::{assert_says, fields, program, vfd_gateway};
 use super::started::{PATIENCE, until};
 use serde_json::{Value, json};
 use std::os::unix::fs::PermissionsExt;
@@ -27,16 +27,6 @@ fn socket(plant: &Plant) -> String {
 
 fn run(plant: &Plant, command: &str, more: &[&str]) -> Output {
     vfd_gateway(&[&[command, "pump-1", "--socket", &socket(plant)], more].concat())
-}
-
-#[track_caller]
-fn assert_says(output: &Output, code: i32, words: &[&str]) {
-    let said = [&output.stdout[..], &output.stderr].concat();
-    let said = String::from_utf8_lossy(&said);
-    assert_eq!(output.status.code(), Some(code), "{said}");
-    for word in words {
-        assert!(said.contains(word), "no `{word}` in: {said}");
-    }
 }
 
 /// What the drive itself holds.

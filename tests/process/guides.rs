@@ -1,14 +1,14 @@
 //! The guides under `docs/` do as they say: their configurations are checked, their documents are read, and what they tell
 //! to type is typed, in the order of the text, against drives that are played.
 
+use super::demo::Demo;
 use super::outsiders::mbpoll_output;
 use super::raw::Raw;
-use super::rig::{Place, fields, only_demo, program, start, vfd_gateway};
+use super::rig::{Place, fields, start, vfd_gateway};
 use super::started::{PATIENCE, Started, until};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::sync::MutexGuard;
 use std::time::{Duration, Instant};
 
 /// What every guide calls its adapter, its data directory and its listener.
@@ -277,36 +277,17 @@ fn the_first_steps_with_a_frecon_go_as_they_say() {
 }
 
 /// The demo beside which lines of a guide are typed.
-struct Beside {
-    program: Started,
-    modbus: SocketAddr,
-    broker: SocketAddr,
-    http: String,
-    _alone: MutexGuard<'static, ()>,
-}
+struct Beside(Demo);
 
 impl Beside {
     fn start() -> Self {
-        let alone = only_demo();
-        let mut command = program();
-        command.args(["demo", "--port", "0", "--http-port", "0"]);
-        let program = Started::at_a_keyboard(command);
-        program.wait_for("how it ends", |line| line.contains("Ctrl-C").then_some(()));
-        let address = |prefix: &str| {
-            let found = program.find_all(|line| {
-                line.strip_prefix(prefix)?.split([',', ' ']).next()?.trim_end_matches(':').parse::<SocketAddr>().ok()
-            });
-            found[0]
-        };
-        let (modbus, broker) = (address("Modbus TCP "), address("MQTT broker "));
-        let http = program.find_all(|line| line.strip_prefix("Page ")?.split("/ ").next().map(str::to_owned));
-        Self { program, modbus, broker, http: http[0].clone(), _alone: alone }
+        Self(Demo::new())
     }
 
     /// `line` with the ports of this demo, line by line as in a terminal.
     fn shell(&self, line: &str) -> Command {
-        let line = line.replace("-p 1883", &format!("-p {}", self.broker.port()));
-        let line = line.replace("-p 1502", &format!("-p {}", self.modbus.port()));
+        let line = line.replace("-p 1883", &format!("-p {}", self.0.broker.port()));
+        let line = line.replace("-p 1502", &format!("-p {}", self.0.modbus.port()));
         let mut shell = Command::new("timeout");
         shell.args([&PATIENCE.as_secs().to_string(), "stdbuf", "-oL", "sh", "-c", &format!("exec {line}")]);
         shell
@@ -321,12 +302,12 @@ impl Beside {
 
     /// What a register of a uniform unit holds.
     fn word(&self, unit: u8, address: u16) -> u16 {
-        Raw::connect(self.modbus).read_unit(unit, address, 1).unwrap()[0]
+        Raw::connect(self.0.modbus).read_unit(unit, address, 1).unwrap()[0]
     }
 
     fn end(mut self) {
-        self.program.interrupt();
-        assert!(self.program.end_within(PATIENCE).success(), "{}", self.program.text());
+        self.0.program.interrupt();
+        assert!(self.0.program.end_within(PATIENCE).success(), "{}", self.0.program.text());
     }
 }
 
@@ -385,10 +366,10 @@ fn the_five_minutes_of_the_readme_work_beside_the_demo() {
     let readme = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
     let (_, tour) = readme.split_once("Five minutes more").unwrap();
     let tour = blocks(tour.split_once("\n## ").unwrap().0).remove(0).text;
-    let port = format!(" --port {}", demo.modbus.port());
+    let port = format!(" --port {}", demo.0.modbus.port());
     for line in tour.lines().map(|line| line.split('#').next().unwrap().trim()) {
         let more = if line.contains("--unit") { &port } else { "" };
-        let line = line.replace("http://127.0.0.1:8080", &demo.http) + more;
+        let line = line.replace("http://127.0.0.1:8080", &demo.0.page) + more;
         let mut shell = demo.shell(&line);
         shell.env("PATH", path_with_the_program());
         if !line.contains("run forward") {

@@ -1,7 +1,7 @@
 //! `params`: what a drive holds goes to a file, is compared, and comes back, at standstill and read back.
 
 use super::plant::{Plant, Wish};
-use super::rig::{Place, fields, start, vfd_gateway};
+use super::rig::{Place, assert_says, fields, start, vfd_gateway};
 use std::process::Output;
 
 /// Acceleration time. Typed from the manual.
@@ -9,16 +9,6 @@ const F007: u16 = 0x020C;
 
 fn params(args: &[&str]) -> Output {
     vfd_gateway(&[&["params"], args].concat())
-}
-
-#[track_caller]
-fn assert_says(output: &Output, code: i32, words: &[&str]) {
-    let said = [&output.stdout[..], &output.stderr].concat();
-    let said = String::from_utf8_lossy(&said);
-    assert_eq!(output.status.code(), Some(code), "{said}");
-    for word in words {
-        assert!(said.contains(word), "no `{word}` in: {said}");
-    }
 }
 
 /// `text` with the word of the parameter `code` exchanged.

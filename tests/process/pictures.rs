@@ -2,8 +2,8 @@
 //! `cargo test --test process pictures -- --ignored` writes them to `docs/`.
 
 use super::chromium::{Browser, Window};
-use super::rig::{only_demo, program};
-use super::started::{PATIENCE, Started, until};
+use super::demo::Demo;
+use super::started::{PATIENCE, until};
 use std::path::Path;
 
 /// Largest picture that is kept, in bytes.
@@ -15,15 +15,10 @@ const DESKTOP: Window = Window { height: 720, ..Window::DESKTOP };
 #[test]
 #[ignore = "it writes into docs/"]
 fn pictures_of_the_page_for_the_readme() {
-    let _alone = only_demo();
-    let mut command = program();
-    command.args(["demo", "--port", "0", "--http-port", "0"]);
-    let mut demo = Started::at_a_keyboard(command);
-    let url = demo
-        .wait_for("where its page is", |line| line.strip_prefix("Page ")?.split_whitespace().next().map(str::to_owned));
+    let mut demo = Demo::new();
     let browser = Browser::start();
     browser.resize(DESKTOP);
-    browser.open(&url);
+    browser.open(&demo.page);
     browser.wait("document.body.dataset.connection === 'live'");
     browser.click("[aria-controls='sign-in']");
     browser.fill("#sign-in [name='user']", "demo");
@@ -46,7 +41,7 @@ fn pictures_of_the_page_for_the_readme() {
     }
     let turns = "return Number(document.querySelector('#drive-fan-2 .output .number').textContent)";
     until("the fan is fast", PATIENCE, || (browser.script(turns).as_f64()? > 42.0).then_some(()));
-    demo.type_line("");
+    demo.program.type_line("");
     browser.wait_for_text("#drive-pump-1 .state", "TRIPPED");
     for (name, window) in [
         ("page-desktop", DESKTOP),

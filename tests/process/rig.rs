@@ -51,6 +51,17 @@ pub fn vfd_gateway(args: &[&str]) -> Output {
     program().args(args).output().unwrap()
 }
 
+/// It ended with `code`, and each of `words` stands somewhere in what it printed.
+#[track_caller]
+pub fn assert_says(output: &Output, code: i32, words: &[&str]) {
+    let said = [&output.stdout[..], &output.stderr].concat();
+    let said = String::from_utf8_lossy(&said);
+    assert_eq!(output.status.code(), Some(code), "{said}");
+    for word in words {
+        assert!(said.contains(word), "no `{word}` in: {said}");
+    }
+}
+
 /// `vfd-gateway` with `args`, running.
 pub fn start(args: &[&str]) -> Started {
     let mut command = program();

@@ -36,11 +36,11 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UnixStream};
 use tokio::task::LocalSet;
 
-/// One line with one drive, with a broker if `broker`.
-pub(super) fn state(broker: bool) -> Arc<State> {
+/// A drive at unit 1 of the line hall-1.
+pub(super) fn description() -> DriveDescription {
     let name = |text| Name::new(text).unwrap();
     let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
-    let description = DriveDescription {
+    DriveDescription {
         place: DriveRef { line: 0, drive: DriveIndex(0) },
         name: name("pump-1"),
         line: name("hall-1"),
@@ -51,12 +51,17 @@ pub(super) fn state(broker: bool) -> Arc<State> {
         ratings: crate::drive::description::Ratings::default(),
         control: None,
         points: Points::default(),
-    };
+    }
+}
+
+/// One line with one drive, with a broker if `broker`.
+pub(super) fn state(broker: bool) -> Arc<State> {
+    let name = |text| Name::new(text).unwrap();
     Arc::new(State {
         journal: None,
         history: History::default(),
         gateway: "plant-a".to_owned(),
-        shared: Arc::new(Shared::new(vec![(name("hall-1"), Interface::Rs485)], vec![description])).into(),
+        shared: Arc::new(Shared::new(vec![(name("hall-1"), Interface::Rs485)], vec![description()])).into(),
         modbus: Arc::new(ModbusTotals::default()),
         mqtt: broker.then(Arc::default).into(),
         live: Live::new(clock::moment()),

@@ -8,13 +8,10 @@ use crate::daemon::clock;
 use crate::daemon::shared::{Shared, SharedLine};
 use crate::daemon::totals::ModbusTotals;
 use crate::daemon::traffic::{LISTENERS_MAX, RECORDS_MAX};
-use crate::domain::ids::{DriveIndex, Name, Station, UnitId};
+use crate::domain::ids::{Name, Station};
 use crate::domain::link::{Interface, Wiring};
 use crate::domain::time::WallTime;
 use crate::domain::traffic::{TrafficKind, TrafficRecord, Why};
-use crate::drive::description::{DriveDescription, DriveRef, Points, Ratings};
-use crate::profile::catalog::Catalog;
-use crate::vendors;
 use serde_json::Value;
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -28,22 +25,10 @@ const PATIENCE: Duration = Duration::from_secs(20);
 const READ: [u8; 8] = [5, 3, 1, 1, 0, 1, 0xD5, 0xB2];
 
 fn line() -> Arc<SharedLine> {
-    let name = |text| Name::new(text).unwrap();
-    let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
-    let description = DriveDescription {
-        place: DriveRef { line: 0, drive: DriveIndex(0) },
-        name: name("pump-1"),
-        line: name("hall-1"),
-        model: Arc::clone(catalog.find("hyundai-n700").unwrap()),
-        unit: UnitId::new(1).unwrap(),
-        uniform_unit: UnitId::new(101).unwrap(),
-        pace: crate::drive::plan::Pace::new(Duration::from_secs(1), 1.0),
-        ratings: Ratings::default(),
-        control: None,
-        points: Points::default(),
-    };
     let wiring = Wiring { stations: vec![Station(5)], ..Wiring::default() };
-    Arc::new(SharedLine::new(0, name("hall-1"), Interface::Rs485, [description]).wired(wiring))
+    Arc::new(
+        SharedLine::new(0, Name::new("hall-1").unwrap(), Interface::Rs485, [super::tests::description()]).wired(wiring),
+    )
 }
 
 fn state(line: &Arc<SharedLine>) -> Arc<State> {
