@@ -5,10 +5,12 @@ mod drive;
 use super::{Failure, input, print};
 use crate::config::words::LEASES;
 use crate::config::{Config, HttpSettings, LineSettings, ListenerSettings, MqttSettings, PortAddress, line_plan};
+use crate::domain::command::Rights;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
 use crate::domain::report::StopBounds;
 use crate::line::budget::ASSUMED_TURNAROUND;
 use crate::profile::words::{INTERFACES, word_for};
+use ipnet::IpNet;
 use std::fmt::{Display, Write};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -46,14 +48,18 @@ fn report(config: &Config) -> String {
 }
 
 fn of_listener(listener: &ListenerSettings) -> String {
-    let write = list(&listener.write);
-    let stop = listener.stop.as_ref().map_or_else(|| write.clone(), |stop| list(stop));
+    // What no role grants nobody has, wherever he connects from.
+    let is_granted = |is: fn(&Rights) -> bool| listener.tls.as_ref().is_none_or(|tls| tls.roles.values().any(is));
+    let networks = |networks: &[IpNet], is| if is_granted(is) { list(networks) } else { String::new() };
+    let write = networks(&listener.write, |rights| rights.write);
+    let stop = networks(listener.stop.as_ref().unwrap_or(&listener.write), |rights| rights.stop);
     let rights = match (write.is_empty(), stop.is_empty()) {
         (true, true) => "read-only".to_owned(),
         (true, false) => format!("read-only, except that {stop} may stop"),
         (false, _) if write == stop => format!("{write} may write and stop"),
         (false, _) => format!("{write} may write, {stop} may stop"),
     };
+    let roles = listener.tls.as_ref().map_or("", |_| ", each as far as the role in its certificate grants it");
     let renew = if listener.reads_renew { "; reads renew a lease" } else { "" };
     let units = listener.units.as_ref().map_or_else(String::new, |units| format!("; units {} only", list(units)));
     let most = listener.connections_max.map_or_else(String::new, |most| format!("; at most {most} clients"));
@@ -61,7 +67,7 @@ fn of_listener(listener: &ListenerSettings) -> String {
         [] => String::new(),
         networks => format!("; {} never give way to others", list(networks)),
     };
-    format!("Modbus TCP on {}: {rights}{renew}{units}{most}{priority}", listener.listen)
+    format!("Modbus TCP on {}: {rights}{roles}{renew}{units}{most}{priority}", listener.listen)
 }
 
 fn of_http(http: &HttpSettings) -> String {
@@ -198,5 +204,24 @@ mod tests {
         let found = super::report(&config::load(&text, &catalog).unwrap());
         let told = "127.0.0.1:1: read-only; units 1 only; at most 9 clients; 127.0.0.1/32 never give way to others\n";
         assert!(found.contains(told), "{found}");
+    }
+
+    #[test]
+    fn a_right_that_no_role_grants_is_nobodys() {
+        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+        let text = include_str!("../../tests/golden/config/several_vendors.toml");
+        let told = |roles: &str| {
+            let tls = format!(
+                "[[modbus_tcp]]\nlisten = \"127.0.0.1:802\"\n[modbus_tcp.tls]\n\
+                 client_ca_file = \"/ca\"\ncert_file = \"/cert\"\nkey_file = \"/key\"\nroles = {{ {roles} }}\n[[modbus_tcp]]"
+            );
+            super::report(&config::load(&text.replacen("[[modbus_tcp]]", &tls, 1), &catalog).unwrap())
+        };
+        let found = told("operator = [\"write\", \"stop\"]");
+        assert!(found.contains("802: 0.0.0.0/0, ::/0 may write and stop, each as far as"), "{found}");
+        let found = told("\"on call\" = [\"stop\"]");
+        assert!(found.contains("802: read-only, except that 0.0.0.0/0, ::/0 may stop, each as far as"), "{found}");
+        let found = told("watcher = []");
+        assert!(found.contains("802: read-only, each as far as"), "{found}");
     }
 }
