@@ -243,6 +243,10 @@ fn unsafe_is_in_one_file() {
     assert_bites(rule, "src/daemon/port.rs", "#[cfg(test)]\nmod tests {\n #![allow(unsafe_code)]\n}", 3, "");
     assert_eq!(rule(&Source::new(UNSAFE_FILE, "unsafe { x() }")), [""; 0]);
     assert_holds(rule);
+    let others: Vec<_> = ["tests", "benches", "fuzz/src", "fuzz/fuzz_targets"].iter().flat_map(|it| read(it)).collect();
+    assert!(others.len() > 100, "{} files beside `src/`", others.len());
+    let wrong: Vec<_> = others.iter().flat_map(rule).collect();
+    assert_eq!(wrong, [""; 0]);
 }
 
 #[test]
@@ -304,13 +308,7 @@ fn the_reader_of_sources_is_not_fooled() {
 
 /// All files in `src/`.
 fn sources() -> Vec<Source> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut files = Vec::new();
-    collect(&root.join("src"), &mut files);
-    files.sort();
-    let name = |file: &Path| file.strip_prefix(root).unwrap().to_string_lossy().into_owned();
-    let mut sources: Vec<_> =
-        files.iter().map(|file| Source::new(&name(file), &std::fs::read_to_string(file).unwrap())).collect();
+    let mut sources = read("src");
     let mut for_tests = BTreeSet::new();
     for source in &sources {
         let folder = source.modules().join("/");
@@ -323,6 +321,16 @@ fn sources() -> Vec<Source> {
     sources
 }
 
+/// All files in `folder`, in order.
+fn read(folder: &str) -> Vec<Source> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut files = Vec::new();
+    collect(&root.join(folder), &mut files);
+    files.sort();
+    let name = |file: &Path| file.strip_prefix(root).unwrap().to_string_lossy().into_owned();
+    files.iter().map(|file| Source::new(&name(file), &std::fs::read_to_string(file).unwrap())).collect()
+}
+
 /// Whether the file at `path` is one of `modules`, or belongs to one: what a module for tests declares is for tests.
 fn is_below(path: &str, modules: &BTreeSet<String>) -> bool {
     let name = path.trim_end_matches(".rs");
@@ -333,7 +341,10 @@ fn is_below(path: &str, modules: &BTreeSet<String>) -> bool {
 fn collect(folder: &Path, files: &mut Vec<std::path::PathBuf>) {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
-        if path.is_dir() {
+        // What tools put into `tests/` is of others.
+        let is_own =
+            path.file_name().is_some_and(|name| !name.to_string_lossy().starts_with('.') && name != "node_modules");
+        if path.is_dir() && is_own {
             collect(&path, files);
         } else if path.extension().is_some_and(|it| it == "rs") {
             files.push(path);

@@ -5,6 +5,7 @@ use super::line_thread::LinePort;
 use super::mqtt::{ConnectionSettings, Secret, TlsSettings, check_tls};
 use super::north::Mqtt;
 use super::port::PortSettings;
+use super::secret_files;
 use super::shared::{Shared, SharedLine};
 use crate::config::{
     self, BrokerSettings, Config, DriveSettings, LineSettings, MqttSettings, PasswordSource, line_plan,
@@ -126,7 +127,7 @@ fn tls_settings(tls: &config::TlsSettings) -> TlsSettings {
 /// A file's text without the line break that editors put at its end.
 fn read_password(source: &PasswordSource) -> Result<Secret, String> {
     match source {
-        PasswordSource::File(path) => std::fs::read_to_string(path)
+        PasswordSource::File(path) => secret_files::read(path)
             .map(|text| Secret::new(text.trim_end_matches(['\n', '\r']).to_owned()))
             .map_err(|error| format!("password_file {}: {error}", path.display())),
         PasswordSource::Env(name) => {

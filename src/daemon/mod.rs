@@ -31,6 +31,7 @@ pub mod pty;
 pub mod reload;
 pub mod router;
 pub mod run;
+pub mod secret_files;
 pub mod shared;
 pub mod simulator;
 pub mod sys;

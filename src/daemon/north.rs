@@ -14,6 +14,7 @@ use super::north_journal;
 use super::reload::Reloads;
 use super::router::{Router, Units};
 use super::run::StartError;
+use super::secret_files;
 use super::shared::Current;
 use super::totals::{ModbusTotals, MqttTotals};
 use crate::config::change::Change;
@@ -71,6 +72,7 @@ impl Bound {
 /// # Errors
 /// The first address that cannot be taken, or listener whose certificates cannot be used.
 pub async fn bind(config: &Config, kept: &[Option<usize>], has_http_moved: bool) -> Result<Bound, StartError> {
+    secret_files::warn(config);
     let mut modbus = Vec::with_capacity(config.listeners.len());
     for (place, listener) in config.listeners.iter().enumerate() {
         let is_kept = kept.get(place).is_some_and(Option::is_some);

@@ -103,6 +103,10 @@ const MALFORMED: &[(&str, &[u8])] = &[
     ("a length of 0", &[0, 1, 0, 0, 0, 0, 1, 3, 1, 1, 0, 1]),
     ("a length of 65535", &[0, 1, 0, 0, 0xFF, 0xFF, 1, 3, 1, 1, 0, 1]),
     ("a web browser", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"),
+    (
+        "a page elsewhere that has a browser send a write",
+        b"POST / HTTP/1.1\r\nHost: 127.0.0.1:1502\r\n\r\n\x00\x01\x00\x00\x00\x06\x01\x06\x01\x01\x00\x01",
+    ),
     ("a serial frame", &[1, 3, 1, 1, 0, 1, 0xD4, 0x36]),
 ];
 

@@ -1,10 +1,10 @@
-//! What holds for every request over TCP: it comes from an allowed network and calls the gateway by a name of its own, and its
-//! answer tells browsers what they may do with it.
+//! What holds for every request over TCP: it comes from an allowed network, from no page of another site, and calls the gateway
+//! by a name of its own, and its answer tells browsers what they may do with it.
 
 use super::entrance::Peer;
 use super::front::Front;
 use super::refusal;
-use crate::north::operator::request::may_be_called;
+use crate::north::operator::request::{is_of_another_site, may_be_called};
 use arc_swap::ArcSwap;
 use axum::extract::{Request, State};
 use axum::http::header::{self, HeaderName};
@@ -45,6 +45,11 @@ fn refused(front: &Front, request: &Request) -> Option<Response> {
     let is_foreign = request.extensions().get::<Peer>().is_some_and(|Peer(peer)| !front.allows(*peer));
     if is_foreign {
         return Some(refusal(StatusCode::FORBIDDEN, "your address is not in `allow` of [http]"));
+    }
+    let said =
+        |name| request.headers().get(name).and_then(|value: &HeaderValue| value.to_str().ok()).unwrap_or_default();
+    if is_of_another_site(said("sec-fetch-site"), said("sec-fetch-mode")) {
+        return Some(refusal(StatusCode::FORBIDDEN, "a page of another site asks"));
     }
     if is_called_right(front, request.headers()) {
         return None;

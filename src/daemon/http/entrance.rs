@@ -1,5 +1,6 @@
 //! Connections to the HTTP listener on TCP: from allowed networks only, through TLS where that is configured, and never
-//! without a place for one more, so that nobody who has come before holds up a stop.
+//! without a place for one more, so that nobody who has come before holds up a stop. What could not be made any more after a
+//! change ends.
 
 use super::connections::{CONNECTIONS_MAX, Patience, converse_by};
 use super::front::Front;
@@ -25,6 +26,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::Notify;
 use tokio::task::AbortHandle;
 use tokio::time::timeout;
 use tokio_rustls::TlsAcceptor;
@@ -36,27 +38,41 @@ const HANDSHAKE_MAX: Duration = Duration::from_secs(5);
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Peer(pub IpAddr);
 
-/// Serves `router` on `listener` until the task is dropped, as `front` says at each moment.
-pub(super) async fn serve(mut listener: TcpListener, router: Router, front: Arc<ArcSwap<Front>>, patience: Patience) {
-    let (places, lasting, told) = (Rc::<Places>::default(), lasting::places(), Told::default());
+/// Serves `router` on `listener` until the task is dropped, as `front` says at each moment; `changed` rings when that is
+/// something else. Its connections end with it.
+pub(super) async fn serve(
+    mut listener: TcpListener,
+    router: Router,
+    (front, changed): (Arc<ArcSwap<Front>>, Arc<Notify>),
+    patience: Patience,
+) {
+    let (house, lasting, told) = (House::default(), lasting::places(), Told::default());
+    let places = &house.0;
     loop {
-        let (stream, peer) = Listener::accept(&mut listener).await;
+        let (stream, peer) = tokio::select! {
+            accepted = Listener::accept(&mut listener) => accepted,
+            () = changed.notified() => {
+                places.review(&front.load());
+                continue;
+            }
+        };
         let (peer, front) = (peer.ip().to_canonical(), front.load());
         if !front.allows(peer) {
             told.say(&format!("HTTP: refused {peer}: not in `allow`"));
             continue;
         }
         let (lasting, life) = Lasting::new(Arc::clone(&lasting));
-        let (place, seat) = Places::take(&places, lasting);
+        let (place, seat) = Places::take(places, lasting);
         let guest =
             Guest { router: TowerToHyperService::new(router.clone()), peer: Peer(peer), seat: Rc::clone(&seat) };
         let tls = front.tls().cloned();
-        let number = place.number;
+        let (number, is_encrypted) = (place.number, tls.is_some());
         let task = tokio::task::spawn_local(async move {
             receive(stream, tls, guest, (patience, life)).await;
             drop(place);
         });
-        places.held.borrow_mut().insert(number, Held { seat, task: task.abort_handle() });
+        let held = Held { seat, peer, is_encrypted, task: task.abort_handle() };
+        places.held.borrow_mut().insert(number, held);
     }
 }
 
@@ -71,6 +87,16 @@ async fn receive(stream: TcpStream, tls: Option<Arc<ServerConfig>>, guest: Guest
     }
 }
 
+/// All connections of a listener. They end when this is dropped.
+#[derive(Default)]
+struct House(Rc<Places>);
+
+impl Drop for House {
+    fn drop(&mut self) {
+        self.0.send_away(|_| true);
+    }
+}
+
 /// The places of all connections.
 #[derive(Debug, Default)]
 struct Places {
@@ -81,6 +107,8 @@ struct Places {
 #[derive(Debug)]
 struct Held {
     seat: Rc<Seat>,
+    peer: IpAddr,
+    is_encrypted: bool,
     task: AbortHandle,
 }
 
@@ -112,6 +140,18 @@ impl Places {
         places.last.set(places.last.get() + 1);
         let seat = Seat { is_asking: Cell::new(false), seen: Cell::new(clock::now()), lasting };
         (Place { places: Rc::clone(places), number: places.last.get() }, Rc::new(seat))
+    }
+
+    /// Ends what could not be made any more: from elsewhere, or in plain view where that is over, and the other way round.
+    fn review(&self, front: &Front) {
+        let is_encrypted = front.tls().is_some();
+        self.send_away(|held| !front.allows(held.peer) || held.is_encrypted != is_encrypted);
+    }
+
+    fn send_away(&self, goes: impl Fn(&Held) -> bool) {
+        // An end gives its place back, which takes the list for itself.
+        let gone: Vec<_> = self.held.borrow_mut().extract_if(.., |_, held| goes(held)).collect();
+        gone.iter().for_each(|(_, held)| held.task.abort());
     }
 
     fn make_room(&self) {

@@ -2,6 +2,7 @@
 
 use crate::config::{HashSource, HttpSettings, HttpTls, UserSettings};
 use crate::daemon::pem_files::{certificates, key};
+use crate::daemon::secret_files;
 use crate::domain::ids::CommanderName;
 use crate::guard::access::is_in;
 use crate::north::operator::password::StoredHash;
@@ -12,9 +13,6 @@ use rustls::crypto::ring;
 use std::net::IpAddr;
 use std::path::Path;
 use std::sync::Arc;
-
-/// Longest file with a hash in bytes.
-const HASH_FILE_BYTES_MAX: u64 = 4096;
 
 /// What the listener asks of whoever comes. Without a listener nobody comes.
 #[derive(Debug, Default)]
@@ -96,12 +94,9 @@ fn read_user(user: &UserSettings) -> Result<User, String> {
 }
 
 fn read_hash(path: &Path) -> Result<StoredHash, String> {
-    let length = std::fs::metadata(path).map_err(|error| error.to_string())?.len();
-    if length > HASH_FILE_BYTES_MAX {
-        return Err(format!("{length} bytes are no hash; right is what `vfd-gateway password` prints"));
-    }
-    let text = std::fs::read_to_string(path).map_err(|error| error.to_string())?;
-    StoredHash::parse(&text).map_err(|why| format!("the text {why}; right is what `vfd-gateway password` prints"))
+    let text = secret_files::read(path).map_err(|error| error.to_string());
+    let hash = text.and_then(|text| StoredHash::parse(&text).map_err(|why| format!("the text {why}")));
+    hash.map_err(|why| format!("{why}; right is what `vfd-gateway password` prints"))
 }
 
 fn read_tls(tls: &HttpTls) -> Result<Arc<ServerConfig>, String> {

@@ -49,10 +49,10 @@ pub const SEND_BUFFER_BYTES: u32 = 128 * 1024;
 
 /// Serves HTTP on `listener` until the task is dropped. It must run on a `LocalSet`.
 pub async fn serve(listener: TcpListener, state: Arc<State>, control: Arc<Control>) {
-    let front = Arc::clone(control.front());
+    let (front, changed) = (Arc::clone(control.front()), Arc::clone(control.changed()));
     let router = routes::router(state).merge(control::router(control));
     let router = router.layer(from_fn_with_state(Arc::clone(&front), doorkeeper::look));
-    entrance::serve(listener, router, front, Patience::default()).await;
+    entrance::serve(listener, router, (front, changed), Patience::default()).await;
 }
 
 /// An answer that says why there is no other.

@@ -7,6 +7,7 @@ use crate::daemon::local::LocalSide;
 use rustix::fs::{FileType, Mode};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read, Seek, Write};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tokio::net::{UnixListener, UnixSocket};
@@ -95,7 +96,9 @@ fn lock(directory: &Path) -> Result<File, SocketError> {
     let path = directory.join(LOCK_NAME);
     let system = |error| SocketError::System { path: path.clone(), error };
     let mut options = OpenOptions::new();
-    let mut file = options.read(true).write(true).create(true).truncate(false).open(&path).map_err(system)?;
+    // Whoever can open it can hold the lock, and so keep the gateway from starting.
+    let mut file =
+        options.read(true).write(true).create(true).truncate(false).mode(0o600).open(&path).map_err(system)?;
     match file.try_lock() {
         Ok(()) => {}
         Err(TryLockError::WouldBlock) => {
@@ -104,6 +107,8 @@ fn lock(directory: &Path) -> Result<File, SocketError> {
         Err(TryLockError::Error(error)) => return Err(system(error)),
     }
     let sign = |file: &mut File| {
+        // An earlier gateway may have made it for everybody.
+        rustix::fs::fchmod(&*file, Mode::RUSR | Mode::WUSR)?;
         file.set_len(0)?;
         file.rewind()?;
         writeln!(file, "{}", std::process::id())

@@ -557,6 +557,21 @@ fn the_socket_is_its_owners_alone_and_goes_with_the_gateway() {
     assert!(!path.exists(), "it is gone with the task");
 }
 
+/// Whoever can open the lock can hold it, and no gateway would start.
+#[test]
+fn the_lock_is_its_owners_alone() {
+    let place = Place::new("lock");
+    let lock = place.0.join("vfd-gateway.lock");
+    let mode = || lock.metadata().unwrap().permissions().mode() & 0o777;
+    on_a_runtime(async {
+        drop(OwnSocket::open(&place.0).unwrap());
+        assert_eq!(mode(), 0o600);
+        std::fs::set_permissions(&lock, std::fs::Permissions::from_mode(0o644)).unwrap();
+        drop(OwnSocket::open(&place.0).unwrap());
+        assert_eq!(mode(), 0o600, "one of an earlier version");
+    });
+}
+
 #[test]
 fn the_socket_of_the_dead_is_replaced_and_that_of_the_living_is_not() {
     let place = Place::new("dead");

@@ -43,7 +43,7 @@ pub fn in_csv(table: Table, seen: &Seen) -> String {
 
 /// As RFC 4180 has it. A text that a spreadsheet would take for a formula is marked as text.
 fn quoted(field: &str) -> String {
-    let mark = if field.starts_with(['=', '+', '-', '@']) { "'" } else { "" };
+    let mark = if field.starts_with(['=', '+', '-', '@', '\t', '\r']) { "'" } else { "" };
     if mark.is_empty() && !field.contains([',', '"', '\n', '\r']) {
         return field.to_owned();
     }
@@ -118,7 +118,14 @@ mod tests {
 
     #[test]
     fn csv_survives_what_clients_send() {
-        let table = [("a", "a"), ("a,b", "\"a,b\""), ("say \"no\"", "\"say \"\"no\"\"\""), ("=1+1", "\"'=1+1\"")];
+        let table = [
+            ("a", "a"),
+            ("a,b", "\"a,b\""),
+            ("say \"no\"", "\"say \"\"no\"\"\""),
+            ("=1+1", "\"'=1+1\""),
+            ("\t=1+1", "\"'\t=1+1\""),
+            ("\r=1+1", "\"'\r=1+1\""),
+        ];
         for (field, right) in table {
             assert_eq!(quoted(field), right);
         }

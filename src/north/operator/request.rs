@@ -32,6 +32,13 @@ pub fn is_own_page(origin: &str, host: &str) -> bool {
     authority.is_some_and(|authority| !host.is_empty() && authority.eq_ignore_ascii_case(host))
 }
 
+/// Whether a browser says, by the headers `Sec-Fetch-Site` and `Sec-Fetch-Mode`, that a page of another site asks in the
+/// background. It could not read the answer, but it would hold its connection. To follow a link is nothing of that kind.
+#[must_use]
+pub fn is_of_another_site(site: &str, mode: &str) -> bool {
+    site == "cross-site" && mode != "navigate"
+}
+
 /// The id of the session that the header `Cookie` names; nothing if it names none that could be one.
 #[must_use]
 pub fn session_id(cookies: &str) -> Option<Key> {
@@ -123,6 +130,16 @@ mod tests {
             ("127.0.0.1:8080", "127.0.0.1:8080"),
         ] {
             assert!(!is_own_page(origin, host), "{origin}");
+        }
+    }
+
+    #[test]
+    fn only_pages_of_other_sites_ask_in_the_background_in_vain() {
+        assert!(is_of_another_site("cross-site", "no-cors") && is_of_another_site("cross-site", "cors"));
+        for (site, mode) in
+            [("cross-site", "navigate"), ("same-site", "cors"), ("same-origin", "cors"), ("none", ""), ("", "")]
+        {
+            assert!(!is_of_another_site(site, mode), "{site} {mode}");
         }
     }
 

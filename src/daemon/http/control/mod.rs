@@ -16,7 +16,7 @@ use arc_swap::ArcSwap;
 use axum::Router;
 use axum::routing::{get, post};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use tokio::sync::Semaphore;
+use tokio::sync::{Notify, Semaphore};
 
 /// Most passwords that are compared at once: each takes 19 MiB and more, and a core for a while.
 const VERIFICATIONS_MAX: usize = 2;
@@ -26,6 +26,7 @@ const VERIFICATIONS_MAX: usize = 2;
 pub struct Control {
     side: Arc<LocalSide>,
     front: Arc<ArcSwap<Front>>,
+    changed: Arc<Notify>,
     sessions: Mutex<Sessions>,
     attempts: Mutex<Attempts>,
     verifications: Arc<Semaphore>,
@@ -38,6 +39,7 @@ impl Control {
         Self {
             side,
             front: Arc::new(ArcSwap::from_pointee(front)),
+            changed: Arc::default(),
             sessions: Mutex::default(),
             attempts: Mutex::default(),
             verifications: Arc::new(Semaphore::new(VERIFICATIONS_MAX)),
@@ -50,11 +52,18 @@ impl Control {
         let before = self.front.swap(Arc::new(front));
         let front = self.front.load();
         self.sessions().keep(|user: CommanderName| front.knows_as(&before, user));
+        // Kept until the listener has a moment, so that none is missed.
+        self.changed.notify_one();
     }
 
     /// What the listener asks of whoever comes.
     pub(super) const fn front(&self) -> &Arc<ArcSwap<Front>> {
         &self.front
+    }
+
+    /// Rings when that is something else.
+    pub(super) const fn changed(&self) -> &Arc<Notify> {
+        &self.changed
     }
 
     fn sessions(&self) -> MutexGuard<'_, Sessions> {

@@ -22,6 +22,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
+use tokio::task::AbortHandle;
 
 const PASSWORD: &str = "correct horse";
 
@@ -46,6 +47,7 @@ struct House {
     address: SocketAddr,
     control: Arc<Control>,
     heard: Rc<RefCell<Vec<(Owner, Order)>>>,
+    listener: AbortHandle,
 }
 
 fn house_of(users: &[&str]) -> House {
@@ -72,8 +74,8 @@ fn house_of(users: &[&str]) -> House {
     tokio::task::spawn_local(play(shared, answers, Rc::clone(&heard)));
     let control = Arc::new(Control::new(side, Front::read(&settings(users)).unwrap()));
     let listener = TcpListener::from_std(listener).unwrap();
-    tokio::task::spawn_local(http::serve(listener, Arc::new(state), Arc::clone(&control)));
-    House { address, control, heard }
+    let served = tokio::task::spawn_local(http::serve(listener, Arc::new(state), Arc::clone(&control)));
+    House { address, control, heard, listener: served.abort_handle() }
 }
 
 async fn play(shared: Arc<Shared>, answers: Arc<AnswerBox>, heard: Rc<RefCell<Vec<(Owner, Order)>>>) {
@@ -99,6 +101,13 @@ async fn play(shared: Arc<Shared>, answers: Arc<AnswerBox>, heard: Rc<RefCell<Ve
 }
 
 impl House {
+    /// A connection that has an answer, or the beginning of one, and stays.
+    async fn open(&self, path: &str) -> TcpStream {
+        let mut stream = TcpStream::connect(self.address).await.unwrap();
+        again(&mut stream, path).await;
+        stream
+    }
+
     async fn ask(&self, method: &str, path: &str, head: &str, body: &str) -> (u16, String, Value) {
         let stream = TcpStream::connect(self.address).await.unwrap();
         self.ask_on(stream, method, path, head, body).await
@@ -176,22 +185,73 @@ fn a_new_front_signs_out_whoever_is_not_in_it_any_more() {
     });
 }
 
+/// Whoever waits for a request, and whoever listens.
 #[test]
-fn a_new_list_of_networks_holds_for_connections_that_are_there() {
+fn a_new_list_of_networks_ends_the_connections_that_it_would_not_let_in() {
     on_a_runtime(async {
         let house = house_of(&[]);
-        let mut open = TcpStream::connect(house.address).await.unwrap();
-        open.write_all(b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n").await.unwrap();
-        let mut answer = Vec::new();
-        while !answer.ends_with(b"ok\n") {
-            assert_ne!(open.read_buf(&mut answer).await.unwrap(), 0, "{}", String::from_utf8_lossy(&answer));
-        }
-        let elsewhere = HttpSettings { allow: Some(vec!["10.0.0.0/8".parse().unwrap()]), ..settings(&[]) };
-        house.control.change(Front::read(&elsewhere).unwrap());
-        assert_eq!(house.ask_on(open, "GET", "/healthz", "", "").await.0, 403);
+        let (mut idle, mut listening) = (house.open("/healthz").await, house.open("/api/v1/events").await);
+        let of = |network: &str| HttpSettings { allow: Some(vec![network.parse().unwrap()]), ..settings(&[]) };
+        house.control.change(Front::read(&of("127.0.0.0/8")).unwrap());
+        assert_eq!(house.ask("GET", "/healthz", "", "").await.0, 200, "the list is in force");
+        again(&mut idle, "/healthz").await;
+        house.control.change(Front::read(&of("10.0.0.0/8")).unwrap());
+        ends(&mut idle).await;
+        ends(&mut listening).await;
         let mut refused = TcpStream::connect(house.address).await.unwrap();
         assert_eq!(refused.read(&mut [0; 1]).await.unwrap_or(0), 0, "new ones are closed");
     });
+}
+
+/// Passwords would still come in plain view over a connection from before.
+#[test]
+fn no_connection_stays_in_plain_view_once_there_is_a_certificate() {
+    let place = std::env::temp_dir().join(format!("vfd-gateway-front-{}", std::process::id()));
+    std::fs::create_dir_all(&place).unwrap();
+    let own = rcgen::generate_simple_self_signed(vec!["localhost".to_owned()]).unwrap();
+    let tls = HttpTls { cert_file: place.join("gateway.pem"), key_file: place.join("gateway.key") };
+    std::fs::write(&tls.cert_file, own.cert.pem()).unwrap();
+    std::fs::write(&tls.key_file, own.signing_key.serialize_pem()).unwrap();
+    on_a_runtime(async {
+        let house = house_of(&["anna"]);
+        let mut idle = house.open("/healthz").await;
+        house.control.change(Front::read(&HttpSettings { tls: Some(tls), ..settings(&["anna"]) }).unwrap());
+        ends(&mut idle).await;
+    });
+    std::fs::remove_dir_all(&place).unwrap();
+}
+
+#[test]
+fn connections_end_with_their_listener() {
+    on_a_runtime(async {
+        let house = house_of(&[]);
+        let (mut idle, mut listening) = (house.open("/healthz").await, house.open("/api/v1/events").await);
+        house.listener.abort();
+        ends(&mut idle).await;
+        ends(&mut listening).await;
+    });
+}
+
+/// Asks for one more document.
+async fn again(stream: &mut TcpStream, path: &str) {
+    stream.write_all(format!("GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n").as_bytes()).await.unwrap();
+    let mut answer = String::new();
+    while !answer.split_once("\r\n\r\n").is_some_and(|(_, body)| body.ends_with('\n')) {
+        let mut bytes = [0; 4096];
+        let length = stream.read(&mut bytes).await.unwrap();
+        assert_ne!(length, 0, "{answer}");
+        answer += &String::from_utf8_lossy(&bytes[..length]);
+    }
+    assert!(answer.starts_with("HTTP/1.1 200 "), "{answer}");
+}
+
+/// Waits for the end of a connection; what was under way may come before.
+async fn ends(stream: &mut TcpStream) {
+    let end = async {
+        let mut rest = [0; 4096];
+        while stream.read(&mut rest).await.is_ok_and(|length| length > 0) {}
+    };
+    tokio::time::timeout(Duration::from_secs(5), end).await.expect("the connection goes on");
 }
 
 #[test]
@@ -212,6 +272,21 @@ fn names_that_are_not_ours_are_misdirected() {
             assert!(text.starts_with(&format!("HTTP/1.1 {status} ")), "{host}: {text}");
             assert!(text.contains("content-security-policy: default-src 'self';"), "{text}");
         }
+    });
+}
+
+/// Such a page could hold all places for those who listen.
+#[test]
+fn pages_of_other_sites_get_no_answer_that_lasts() {
+    on_a_runtime(async {
+        let house = house_of(&[]);
+        for (mode, status) in [("no-cors", 403), ("cors", 403), ("navigate", 200)] {
+            let head = format!("Sec-Fetch-Site: cross-site\r\nSec-Fetch-Mode: {mode}\r\n");
+            assert_eq!(house.ask("GET", "/", &head, "").await.0, status, "{mode}");
+        }
+        let head = "Sec-Fetch-Site: cross-site\r\nSec-Fetch-Mode: no-cors\r\n";
+        assert_eq!(house.ask("GET", "/api/v1/events", head, "").await.0, 403);
+        assert_eq!(house.ask("GET", "/api/v1/state", "Sec-Fetch-Site: same-origin\r\n", "").await.0, 200);
     });
 }
 
