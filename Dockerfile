@@ -19,6 +19,8 @@ RUN /build.sh program
 FROM debian:${DEBIAN}-slim AS debian
 
 FROM build AS root
+ARG TARGETARCH
+ARG TARGETVARIANT
 RUN --mount=type=bind,from=debian,source=/,target=/debian /build.sh root /debian /image && install -d -m 700 /data/vfd-gateway
 
 FROM scratch
