@@ -23,6 +23,7 @@
 //! | `documents` | the README lists every command, option and key, and the links of all documents lead somewhere |
 //! | `guides` | the guides under `docs/` do as they say |
 //! | `manual` | completions, manual pages and `map` |
+//! | `containers` | what the Dockerfile and its guide say of the program is true |
 //! | `topics` | the topic tree for subscribers, and trips |
 //! | `commanding` | commands over MQTT are answered and move the motor, and what is no command moves nothing |
 //! | `replays` | what a broker has kept moves nothing |
@@ -82,6 +83,8 @@ mod clients;
 mod coming_and_going;
 #[path = "process/commanding.rs"]
 mod commanding;
+#[path = "process/containers.rs"]
+mod containers;
 #[path = "process/crashing.rs"]
 mod crashing;
 #[path = "process/crowding.rs"]

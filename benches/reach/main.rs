@@ -1,9 +1,9 @@
 //! What the gateway reaches, measured and printed as a table: `cargo bench --bench reach`, about twenty minutes.
 //!
 //! A part of the table by name: `cargo bench --bench reach -- paced`. Parts: paced, unpaced, shared, fair, dead,
-//! late, stop, command, lost, retained, telemetry, page, uniform, crowd, setpoints, journal, memory, unplug; most are shorter
-//! with `--quick`. Everything stays on this machine: pseudo-terminals and loopback. The brokers are processes started
-//! here: mosquitto if it is installed.
+//! late, stop, command, lost, retained, telemetry, page, uniform, crowd, setpoints, journal, memory, footprint,
+//! unplug; most are shorter with `--quick`. Everything stays on this machine: pseudo-terminals and loopback. The
+//! brokers are processes started here: mosquitto if it is installed.
 
 #![allow(
     clippy::unwrap_used,
@@ -24,6 +24,7 @@ mod command;
 mod commander;
 mod crowd;
 mod crowded;
+mod footprint;
 mod journal;
 mod lost;
 mod memory;
@@ -52,7 +53,7 @@ use table::Row;
 /// Measures one part of the table.
 type Part = fn() -> Vec<Row>;
 
-const PARTS: [(&str, Part); 18] = [
+const PARTS: [(&str, Part); 19] = [
     ("paced", paced::paced),
     ("unpaced", rows::unpaced),
     ("shared", rows::shared),
@@ -70,6 +71,7 @@ const PARTS: [(&str, Part); 18] = [
     ("setpoints", setpoints::setpoints),
     ("journal", journal::journal),
     ("memory", memory::memory),
+    ("footprint", footprint::footprint),
     ("unplug", unplug::unplug),
 ];
 

@@ -1,11 +1,11 @@
-//! `health`: asks the running gateway whether it does what it is configured for.
+//! `health`: asks the running gateway whether it does what it is configured for, or only whether it is alive.
 
-use super::socket::{self, Question, exchange, unreachable, within};
+use super::socket::{self, Question, connect, exchange, exchange_bytes, unreachable, within};
 use super::{Failure, print};
 use axum::http::{StatusCode, Uri};
 use serde_json::Value;
-use std::fmt::Write;
-use std::path::Path;
+use std::fmt::{self, Display, Write};
+use std::path::PathBuf;
 use std::time::Duration;
 use tokio::net::TcpStream;
 
@@ -13,6 +13,8 @@ use tokio::net::TcpStream;
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Where the answer is.
 const PATH: &str = "/api/v1/health";
+/// Where the sign of life is.
+const ALIVE: &str = "/healthz";
 
 /// Arguments of `health`.
 #[derive(Debug, clap::Args)]
@@ -22,21 +24,44 @@ pub struct Args {
     /// Ask over HTTP instead, at an address such as http://127.0.0.1:8080
     #[arg(long, value_name = "URL", conflicts_with_all = ["socket", "config"])]
     url: Option<Uri>,
+    /// Ask only whether it is alive: it answers, and the thread of no line hangs. For what starts a gateway anew: lines
+    /// or a broker that are away are no reason
+    #[arg(long, conflicts_with = "json")]
+    alive: bool,
     /// Print the gateway's own JSON
     #[arg(long)]
     json: bool,
 }
 
-/// Prints a line for each line and drive. It fails unless the gateway is ready.
+/// Prints a line for each line and drive, and fails unless the gateway is ready; or fails unless it is alive.
 pub fn health(args: &Args) -> Result<(), Failure> {
-    let url = args.url.as_ref().map(Url::new).transpose()?;
-    let socket = args.place.path()?;
+    let place = match &args.url {
+        Some(url) => Place::Url(Url::new(url)?),
+        None => Place::Socket(args.place.path()?),
+    };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
-    let health = runtime.block_on(ask(&socket, url.as_ref()));
-    let place = url.map_or_else(|| socket.display().to_string(), |url| format!("{}:{}", url.host, url.port));
-    let health = health.map_err(|reason| Failure::failed(format!("gateway at {place}: {reason}")))?;
+    let failed = |reason: String| Failure::failed(format!("gateway at {place}: {reason}"));
+    if args.alive {
+        return print(&runtime.block_on(sign_of_life(&place)).map_err(failed)?);
+    }
+    let health = runtime.block_on(ask(&place)).map_err(failed)?;
     print(&if args.json { format!("{health}\n") } else { report(&health) })?;
-    if health["ready"] == true { Ok(()) } else { Err(Failure::failed(format!("gateway at {place}: not ready"))) }
+    if health["ready"] == true { Ok(()) } else { Err(failed("not ready".to_owned())) }
+}
+
+/// Where the gateway is asked.
+enum Place {
+    Socket(PathBuf),
+    Url(Url),
+}
+
+impl Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Socket(path) => path.display().fmt(f),
+            Self::Url(url) => write!(f, "{}:{}", url.host, url.port),
+        }
+    }
 }
 
 /// What is needed of a URL.
@@ -54,23 +79,38 @@ impl Url {
         let host = host.trim_start_matches('[').trim_end_matches(']').to_owned();
         Ok(Self { host, port: uri.port_u16().unwrap_or(80) })
     }
+
+    async fn connect(&self) -> Result<TcpStream, String> {
+        TcpStream::connect((self.host.as_str(), self.port)).await.map_err(unreachable)
+    }
 }
 
-async fn ask(socket: &Path, url: Option<&Url>) -> Result<Value, String> {
+async fn ask(place: &Place) -> Result<Value, String> {
     let question = Question::look(PATH);
-    let answer = match url {
-        Some(url) => {
-            let asked = async {
-                let stream = TcpStream::connect((url.host.as_str(), url.port)).await.map_err(unreachable)?;
-                exchange(stream, &url.host, question).await
-            };
-            within(PATIENCE, asked).await
-        }
-        None => socket::ask(socket, question, PATIENCE).await,
+    let answer = match place {
+        Place::Url(url) => within(PATIENCE, async { exchange(url.connect().await?, &url.host, question).await }).await,
+        Place::Socket(path) => socket::ask(path, question, PATIENCE).await,
     };
     match answer? {
         (StatusCode::OK, health) => Ok(health),
         (status, _) => Err(format!("{PATH} answers {status}")),
+    }
+}
+
+/// What the gateway says of being alive. An error says why it is not.
+async fn sign_of_life(place: &Place) -> Result<String, String> {
+    let question = Question::look(ALIVE);
+    let answer = within(PATIENCE, async {
+        match place {
+            Place::Url(url) => exchange_bytes(url.connect().await?, &url.host, question).await,
+            Place::Socket(path) => exchange_bytes(connect(path).await?, "localhost", question).await,
+        }
+    });
+    match answer.await? {
+        (StatusCode::OK, said) => Ok(String::from_utf8_lossy(&said).into_owned()),
+        // It names the lines whose threads hang.
+        (StatusCode::SERVICE_UNAVAILABLE, said) => Err(String::from_utf8_lossy(&said).trim_end().to_owned()),
+        (status, _) => Err(format!("{ALIVE} answers {status}")),
     }
 }
 

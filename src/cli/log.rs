@@ -4,6 +4,10 @@ use std::io::{self, IsTerminal, Write};
 use tracing_appender::non_blocking::{NonBlockingBuilder, WorkerGuard};
 use tracing_subscriber::EnvFilter;
 
+/// Most lines that wait to be written. Room for all of them is taken at the start, 32 bytes each: the library's own number
+/// would be the largest piece of memory of the whole program.
+const LINES_MAX: usize = 8192;
+
 /// How a log line is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Format {
@@ -20,7 +24,7 @@ pub enum Format {
 /// lost.
 pub fn start(format: Format, level: &str) -> WorkerGuard {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
-    let (writer, guard) = NonBlockingBuilder::default().lossy(true).finish(Stderr);
+    let (writer, guard) = NonBlockingBuilder::default().lossy(true).buffered_lines_limit(LINES_MAX).finish(Stderr);
     let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(writer);
     match format {
         Format::Text => log.with_ansi(io::stderr().is_terminal()).with_target(false).init(),

@@ -2,7 +2,7 @@
 
 use super::{Failure, input};
 use crate::daemon::http::socket::SOCKET_NAME;
-use axum::body::{Body, to_bytes};
+use axum::body::{Body, Bytes, to_bytes};
 use axum::http::{Method, Request, StatusCode, header};
 use hyper::client::conn::http1;
 use hyper_util::rt::TokioIo;
@@ -69,11 +69,15 @@ impl<'q> Question<'q> {
 /// # Errors
 /// Why there is no answer, for people.
 pub async fn ask(socket: &Path, question: Question<'_>, patience: Duration) -> Result<(StatusCode, Value), String> {
-    within(patience, async {
-        let stream = UnixStream::connect(socket).await.map_err(unreachable)?;
-        exchange(stream, "localhost", question).await
-    })
-    .await
+    within(patience, async { exchange(connect(socket).await?, "localhost", question).await }).await
+}
+
+/// A fresh connection to `socket`.
+///
+/// # Errors
+/// Why there is none, for people.
+pub async fn connect(socket: &Path) -> Result<UnixStream, String> {
+    UnixStream::connect(socket).await.map_err(unreachable)
 }
 
 /// Waits for an answer at most for `patience`.
@@ -100,6 +104,24 @@ pub async fn exchange(
     host: &str,
     question: Question<'_>,
 ) -> Result<(StatusCode, Value), String> {
+    let path = question.path;
+    let (status, body) = exchange_bytes(stream, host, question).await?;
+    match serde_json::from_slice(&body) {
+        Ok(answer) => Ok((status, answer)),
+        Err(error) if status.is_success() => Err(format!("{path} is not understood: {error}")),
+        Err(_) => Err(format!("{path} answers {status}")),
+    }
+}
+
+/// Asks on `stream`, and reads the answer whatever it is.
+///
+/// # Errors
+/// Why there is none, for people.
+pub async fn exchange_bytes(
+    stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static,
+    host: &str,
+    question: Question<'_>,
+) -> Result<(StatusCode, Bytes), String> {
     fn text(error: impl Display) -> String {
         error.to_string()
     }
@@ -111,9 +133,5 @@ pub async fn exchange(
     let response = sender.send_request(request).await.map_err(text)?;
     let status = response.status();
     let body = to_bytes(Body::new(response.into_body()), ANSWER_BYTES_MAX).await.map_err(text)?;
-    match serde_json::from_slice(&body) {
-        Ok(answer) => Ok((status, answer)),
-        Err(error) if status.is_success() => Err(format!("{path} is not understood: {error}")),
-        Err(_) => Err(format!("{path} answers {status}")),
-    }
+    Ok((status, body))
 }

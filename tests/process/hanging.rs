@@ -68,9 +68,14 @@ fn a_line_whose_thread_hangs_ends_the_signs_of_life_until_it_goes_on() {
         (healthz(http)? == (200, "ok\n".to_owned())).then_some(())
     });
     let hangs = (503, "lines whose threads hang: n700\n".to_owned());
+    let socket = place.file("data/vfd-gateway.sock");
+    let health_says = |why: &str| {
+        let asked = vfd_gateway(&["health", "--alive", "--socket", socket.to_str().unwrap()]);
+        asked.status.code() == Some(1) && String::from_utf8_lossy(&asked.stderr).contains(why)
+    };
     until("the line is said to hang", PATIENCE, || {
         listen();
-        (healthz(http)? == hangs).then_some(())
+        (healthz(http)? == hangs && health_says("lines whose threads hang: n700")).then_some(())
     });
     until("it goes on", PATIENCE, || {
         listen();

@@ -44,11 +44,15 @@ fn metrics_and_health_say_what_runs_and_what_is_missing() {
     plant.wait_until_not_ready();
     assert_eq!(plant.get("/healthz").unwrap(), (200, "ok\n".to_owned()));
     assert_eq!(metric(&plant, "vfd_gateway_ready "), 0.0);
+    let is_alive = |way: &[&str; 3]| vfd_gateway(&[&way[..], &["--alive"]].concat());
     for way in &ways {
         assert_eq!(vfd_gateway(way).status.code(), Some(1), "{way:?}");
+        let output = is_alive(way);
+        assert_eq!((output.status.code(), &output.stdout[..]), (Some(0), &b"ok\n"[..]), "{way:?}: {output:?}");
     }
     plant.gateway.kill();
     for way in &ways {
         assert_eq!(vfd_gateway(way).status.code(), Some(1), "nobody there: {way:?}");
+        assert_eq!(is_alive(way).status.code(), Some(1), "nobody there: {way:?}");
     }
 }

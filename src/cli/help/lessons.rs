@@ -97,9 +97,10 @@ pub(super) const LESSONS: &[Lesson] = &[
         &[
             ("vfd-gateway health -c vfd-gateway.toml", "each line and drive in words"),
             ("vfd-gateway health --url http://127.0.0.1:8080 --json", "for a script"),
+            ("vfd-gateway health --alive", "for the health check of a container, or another supervisor"),
         ],
     )
-    .exits("0 ready, 1 not ready or not reached, 2 wrong usage or configuration"),
+    .exits("0 ready (with --alive: alive), 1 not, or not reached, 2 wrong usage or configuration"),
     lesson(
         "reload",
         "Lines that are the same in both files go on, with their leases and clients.",
