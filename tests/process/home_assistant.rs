@@ -233,6 +233,7 @@ fn home_assistant_itself_shows_and_commands_the_drive() {
     press("stop");
     plant.wait_until_it_stands();
     assert_eq!(plant.written(), [(FREQUENCY, 2050), (RUN, 1), (RUN, 0)]);
+    the_delivered_package_works(&hass, &plant);
     let at = until("a start is taken again", PATIENCE, || {
         let seen = plant.written().len();
         press("forward");
@@ -240,7 +241,6 @@ fn home_assistant_itself_shows_and_commands_the_drive() {
         (plant.written().len() > seen).then_some(seen + 1)
     });
     plant.wait_until_it_turns();
-    the_delivered_package_works(&hass, &plant);
     let gone: Vec<_> = hass.entities().into_iter().filter(|it| it["state"] == "unavailable").collect();
     assert_eq!(gone, Vec::<Value>::new());
     let text = hass.program.text();
@@ -252,7 +252,7 @@ fn home_assistant_itself_shows_and_commands_the_drive() {
     plant.wait_until_it_stands();
 }
 
-/// Its automations are on and its script starts the drive; whatever package and dashboard name is there.
+/// Its automations are on and its script starts the drive, which then is stopped; whatever package and dashboard name is there.
 fn the_delivered_package_works(hass: &Hass, plant: &Plant) {
     let entities = hass.entities();
     let states = |kind: &str| -> Vec<_> {
@@ -269,8 +269,6 @@ fn the_delivered_package_works(hass: &Hass, plant: &Plant) {
     let missing: Vec<_> = named.iter().filter(|id| entities.iter().all(|it| it["entity_id"] != id.as_str())).collect();
     assert_eq!(missing, Vec::<&String>::new());
 
-    hass.call("button/press", &json!({ "entity_id": "button.pump_1_stop" }));
-    plant.wait_until_it_stands();
     let at = plant.written().len();
     until("the script's start is taken", PATIENCE, || {
         hass.call("script/pump_1_start", &json!({ "frequency_hz": 25.5 }));
@@ -278,6 +276,8 @@ fn the_delivered_package_works(hass: &Hass, plant: &Plant) {
     });
     assert!(plant.written()[at..].contains(&(FREQUENCY, 2550)));
     plant.wait_until_it_turns();
+    hass.call("button/press", &json!({ "entity_id": "button.pump_1_stop" }));
+    plant.wait_until_it_stands();
 }
 
 /// Every entity that stands in `value`, however deep.
