@@ -4,7 +4,7 @@
 use super::mosquitto::free_port;
 use super::outsiders::controller;
 use super::rig::{Place, fields, program, start, vfd_gateway};
-use super::started::Started;
+use super::started::{PATIENCE, Started, until};
 use serde_json::{Value, json};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -81,8 +81,10 @@ impl Cabinet {
     /// Resets the trip as somebody at the controller's own host does.
     fn reset(&self) {
         let port = self.port.to_string();
-        let output = vfd_gateway(&["write", "--port", &port, "--unit", &UNIT.to_string(), "run", "reset"]);
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        until("the reset is taken, as soon as the stop has shown its effect", PATIENCE, || {
+            let output = vfd_gateway(&["write", "--port", &port, "--unit", &UNIT.to_string(), "run", "reset"]);
+            output.status.success().then_some(())
+        });
     }
 
     /// Starts with 20 Hz as somebody at a desk does, and lets the button go.

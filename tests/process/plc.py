@@ -192,7 +192,8 @@ def main(path, host, port, unit):
     client = ModbusTcpClient(host, port=int(port), timeout=2)
     while True:
         begun = time.monotonic()
-        while inputs:
+        # One line a cycle: a button that is pressed is seen.
+        if inputs:
             for name, value in inputs.pop(0).items():
                 if name not in block.variables:
                     raise NameError(name)

@@ -238,7 +238,7 @@ fn the_example_explains_every_key() {
             line.split_once(" = ").is_some_and(|(key, _)| key.bytes().all(|it| it.is_ascii_lowercase() || it == b'_'));
         match line {
             "" => explained = false,
-            _ if line.starts_with("# ") => explained = true,
+            _ if line.starts_with('#') => explained = true,
             _ if line.starts_with('[') => explained = false,
             _ if is_key => {
                 assert!(explained, "line {}: nothing is said of {line}", number + 1);
