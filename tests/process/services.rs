@@ -230,24 +230,22 @@ fn the_configuration_of_the_package_is_sound_and_lets_nobody_command() {
 #[test]
 fn the_example_explains_every_key() {
     let text = std::fs::read_to_string(deploy().join("vfd-gateway.toml")).unwrap();
-    let mut explained = false;
-    let mut keys = 0;
+    let (mut section, mut explained) = ("", false);
+    let mut seen = BTreeSet::new();
     for (number, line) in text.lines().enumerate() {
         let line = line.trim_start();
-        let is_key =
-            line.split_once(" = ").is_some_and(|(key, _)| key.bytes().all(|it| it.is_ascii_lowercase() || it == b'_'));
-        match line {
-            "" => explained = false,
-            _ if line.starts_with('#') => explained = true,
-            _ if line.starts_with('[') => explained = false,
-            _ if is_key => {
-                assert!(explained, "line {}: nothing is said of {line}", number + 1);
-                keys += 1;
-            }
-            _ => panic!("line {}: {line}", number + 1),
+        if line.is_empty() || line.starts_with('#') {
+            explained = !line.is_empty();
+        } else if line.starts_with('[') {
+            (section, explained) = (line, false);
+        } else {
+            let (key, _) = line.split_once(" = ").unwrap_or_else(|| panic!("line {}: {line}", number + 1));
+            // A table that stands there again needs no second explanation.
+            let is_new = seen.insert((section, key));
+            assert!(explained || !is_new, "line {}: nothing is said of {line}", number + 1);
         }
     }
-    assert!(keys > 100, "{keys}");
+    assert!(seen.len() > 90, "{seen:?}");
 }
 
 #[test]
