@@ -49,6 +49,10 @@
 //! | `scraping` | Prometheus as it stands reads the metrics, and the delivered alerts fire |
 //! | `doctoring` | `doctor` names what is wrong with a line |
 //! | `vendors` | drives of other vendors, in ASCII too, played by a program that nobody here wrote, obey and are understood |
+//! | `services` | the service unit, the udev rule and the starting configuration of the package, as systemd and udev read them |
+//! | `composing` | the compose file, and its broker with its own passwords and access rules |
+//! | `clusters` | the Kubernetes files, held against its schemas and against each other; the probes are answered |
+//! | `controller` | the function block of `deploy/plc`, run beside a Modbus client, starts and stops a drive |
 //! | `node_red` | the flow of `deploy/node-red`, in Node-RED as it stands, shows a drive and moves it |
 //! | `trying` | the demo does what it prints |
 //! | `pictures` | the pictures of the README, on demand |
@@ -79,12 +83,18 @@ mod capturing;
 mod checking;
 #[path = "process/clients.rs"]
 mod clients;
+#[path = "process/clusters.rs"]
+mod clusters;
 #[path = "process/coming_and_going.rs"]
 mod coming_and_going;
 #[path = "process/commanding.rs"]
 mod commanding;
+#[path = "process/composing.rs"]
+mod composing;
 #[path = "process/containers.rs"]
 mod containers;
+#[path = "process/controller.rs"]
+mod controller;
 #[path = "process/crashing.rs"]
 mod crashing;
 #[path = "process/crowding.rs"]
@@ -153,6 +163,8 @@ mod scanning;
 mod scraping;
 #[path = "process/secured.rs"]
 mod secured;
+#[path = "process/services.rs"]
+mod services;
 #[path = "process/stopping.rs"]
 mod stopping;
 #[path = "process/taking.rs"]

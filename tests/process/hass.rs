@@ -35,13 +35,15 @@ pub struct Hass {
 }
 
 impl Hass {
-    /// Starts it in a directory of `place`, with a broker at `broker`, and waits until it is up.
+    /// Starts it in a directory of `place`, with a broker at `broker` and the delivered package, and waits until it is up.
     pub fn start(program: PathBuf, place: &Place, broker: SocketAddr) -> Self {
         let http = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
         let directory = place.file("hass");
         std::fs::create_dir_all(directory.join(".storage")).unwrap();
+        std::fs::write(directory.join("package.yaml"), package()).unwrap();
         let settings = format!(
-            "http:\n  server_host: 127.0.0.1\n  server_port: {}\napi:\nlogger:\n  default: warning\n",
+            "homeassistant:\n  packages:\n    vfd_gateway: !include package.yaml\n\
+             http:\n  server_host: 127.0.0.1\n  server_port: {}\napi:\nlogger:\n  default: warning\n",
             http.port()
         );
         std::fs::write(directory.join("configuration.yaml"), settings).unwrap();
@@ -98,6 +100,11 @@ impl Hass {
         stream.read_to_string(&mut answer).ok()?;
         serde_json::from_str(answer.split_once("\r\n\r\n")?.1).ok()
     }
+}
+
+/// The delivered package, whose automations and script are for `pump-1` of the gateway `plant`.
+pub fn package() -> String {
+    std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/deploy/home-assistant/package.yaml")).unwrap()
 }
 
 /// One user, who owns it, with one token.

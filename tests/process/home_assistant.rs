@@ -2,10 +2,11 @@
 
 use super::hass::{self, Hass};
 use super::mosquitto::{Mosquitto, Subscriber};
+use super::outsiders::documents_of;
 use super::plant::{FREQUENCY, LOST_AFTER, MARGIN, Plant, RUN, Wish};
 use super::started::{PATIENCE, until};
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -232,6 +233,7 @@ fn home_assistant_itself_shows_and_commands_the_drive() {
     press("stop");
     plant.wait_until_it_stands();
     assert_eq!(plant.written(), [(FREQUENCY, 2050), (RUN, 1), (RUN, 0)]);
+    the_delivered_package_works(&hass, &plant);
     let at = until("a start is taken again", PATIENCE, || {
         let seen = plant.written().len();
         press("forward");
@@ -248,4 +250,49 @@ fn home_assistant_itself_shows_and_commands_the_drive() {
     hass.program.kill();
     plant.wait_for_write(at, (RUN, 0), LOST_AFTER + MARGIN);
     plant.wait_until_it_stands();
+}
+
+/// Its automations are on and its script starts the drive, which then is stopped; whatever package and dashboard name is there.
+fn the_delivered_package_works(hass: &Hass, plant: &Plant) {
+    let entities = hass.entities();
+    let states = |kind: &str| -> Vec<_> {
+        let of_kind = |it: &&Value| it["entity_id"].as_str().is_some_and(|id| id.starts_with(kind));
+        entities.iter().filter(of_kind).map(|it| it["state"].as_str().unwrap()).collect()
+    };
+    let automations = states("automation.");
+    assert!(automations.len() == hass::package().matches("alias: ").count() - 1, "{automations:?}");
+    assert!(automations.iter().all(|state| *state == "on"), "{automations:?}");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/home-assistant");
+    let files = ["package.yaml", "dashboard.yaml"].map(|name| folder.join(name));
+    let named = entity_ids(&Value::Array(documents_of("yaml", &files)));
+    assert!(named.len() > 15, "{named:?}");
+    let missing: Vec<_> = named.iter().filter(|id| entities.iter().all(|it| it["entity_id"] != id.as_str())).collect();
+    assert_eq!(missing, Vec::<&String>::new());
+
+    let at = plant.written().len();
+    until("the script's start is taken", PATIENCE, || {
+        hass.call("script/pump_1_start", &json!({ "frequency_hz": 25.5 }));
+        plant.written()[at..].contains(&(RUN, 1)).then_some(())
+    });
+    assert!(plant.written()[at..].contains(&(FREQUENCY, 2550)));
+    plant.wait_until_it_turns();
+    hass.call("button/press", &json!({ "entity_id": "button.pump_1_stop" }));
+    plant.wait_until_it_stands();
+}
+
+/// Every entity that stands in `value`, however deep.
+fn entity_ids(value: &Value) -> BTreeSet<String> {
+    const KINDS: [&str; 6] = ["sensor.", "binary_sensor.", "button.", "number.", "event.", "input_boolean."];
+    match value {
+        Value::String(text) if KINDS.iter().any(|kind| text.starts_with(kind)) => {
+            // A service is named like an entity.
+            BTreeSet::from([text.clone()])
+                .into_iter()
+                .filter(|it| it != "button.press" && it != "number.set_value")
+                .collect()
+        }
+        Value::Array(items) => items.iter().flat_map(entity_ids).collect(),
+        Value::Object(fields) => fields.values().flat_map(entity_ids).collect(),
+        _ => BTreeSet::new(),
+    }
 }

@@ -38,6 +38,13 @@ impl Mosquitto {
         broker
     }
 
+    /// Starts a broker with the configuration in `file`, which says itself that it listens on loopback at `port`.
+    pub fn with_file(file: PathBuf, port: u16) -> Self {
+        let mut broker = Self { running: None, file, port };
+        broker.start_again();
+        broker
+    }
+
     /// The tools alone, for another broker at `port`.
     pub fn tools_for(port: u16) -> Self {
         Self { running: None, file: PathBuf::new(), port }
@@ -121,7 +128,8 @@ impl Subscriber {
         Self::with(broker, "mqttv311", filter, &["-c", "-i", id])
     }
 
-    fn with(broker: &Mosquitto, version: &str, filter: &str, more: &[&str]) -> Self {
+    /// Subscribes `filter` with `more` arguments.
+    pub fn with(broker: &Mosquitto, version: &str, filter: &str, more: &[&str]) -> Self {
         let mut command = Command::new("stdbuf");
         command.args(["-oL", "mosquitto_sub", "-h", "127.0.0.1", "-p", &broker.port.to_string(), "-V", version]);
         // -d tells when the subscription is granted.

@@ -197,6 +197,23 @@ pub fn ser2net(file: &Path, port: u16, device: &Path) -> Started {
     server
 }
 
+/// The documents of YAML `files`, held against what `kind` says; see `deployed.py`.
+pub fn documents_of(kind: &str, files: &[PathBuf]) -> Vec<serde_json::Value> {
+    let output = run(Command::new(python()).arg(script("deployed.py")).arg(kind).args(files));
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// A controller with the function block in `file`, towards `unit` at `address`; see `plc.py`.
+pub fn controller(file: &Path, address: SocketAddr, unit: u8) -> Started {
+    let mut command = Command::new(python());
+    command.arg(script("plc.py")).arg(file).arg(address.ip().to_string());
+    Started::at_a_keyboard({
+        command.args([address.port().to_string(), unit.to_string()]);
+        command
+    })
+}
+
 /// Whether somebody on this machine listens on `port`, without connecting.
 fn is_listened_to(port: u16) -> bool {
     let table = std::fs::read_to_string("/proc/net/tcp").unwrap();

@@ -1,0 +1,165 @@
+//! The function block of `deploy/plc`, read by a parser that nobody here wrote and run in a cycle beside a Modbus client, in
+//! front of the gateway whose configuration lies there: it starts and stops a drive, and starts none that nobody wants.
+
+use super::mosquitto::free_port;
+use super::outsiders::controller;
+use super::rig::{Place, fields, program, start, vfd_gateway};
+use super::started::{PATIENCE, Started, until};
+use serde_json::{Value, json};
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+const UNIT: u8 = 101;
+/// Of run command and setpoint, in words.
+const STOP: u16 = 0;
+const FORWARD: u16 = 1;
+const REVERSE: u16 = 2;
+
+fn delivered(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/plc").join(name)
+}
+
+#[test]
+fn the_table_beside_it_is_the_gateways_own() {
+    let unit = UNIT.to_string();
+    let file = delivered("vfd-gateway.toml");
+    let output = vfd_gateway(&["map", "-c", file.to_str().unwrap(), "--unit", &unit, "--format", "csv"]);
+    assert!(output.status.success());
+    let table = std::fs::read_to_string(delivered("uniform-map.csv")).unwrap();
+    assert_eq!(String::from_utf8(output.stdout).unwrap(), table, "vfd-gateway map prints another one");
+}
+
+/// A controller before a gateway with a drive that trips when it is told to.
+struct Cabinet {
+    controller: Started,
+    gateway: Option<Started>,
+    drive: Started,
+    file: PathBuf,
+    port: u16,
+    told: usize,
+    _place: Place,
+}
+
+impl Cabinet {
+    fn new() -> Self {
+        let place = Place::new();
+        let (line, data) = (place.file("line"), place.file("data"));
+        std::fs::create_dir(&data).unwrap();
+        let mut command = program();
+        command.args(["simulate", "--model", "frecon-fr500a", "--trip-on-enter", "--link"]).arg(&line);
+        let drive = Started::at_a_keyboard(command);
+        drive.wait_for("that it plays", |line| line.contains("station 1").then_some(()));
+        let port = free_port();
+        let file = place.write("gateway.toml", &configuration(&line, &data, port));
+        let gateway = Some(run(&file));
+        let address = SocketAddr::from(([127, 0, 0, 1], port));
+        let controller = controller(&delivered("vfd-drive.st"), address, UNIT);
+        Self { controller, gateway, drive, file, port, told: 0, _place: place }
+    }
+
+    fn set(&mut self, inputs: &Value) {
+        self.told = self.outputs().len();
+        self.controller.type_line(&inputs.to_string());
+    }
+
+    /// All that the block has put out so far.
+    fn outputs(&self) -> Vec<Value> {
+        self.controller.find_all(|line| serde_json::from_str(line).ok().filter(Value::is_object))
+    }
+
+    /// Waits for outputs with these among them, since the last inputs were set.
+    fn wait_for(&self, outputs: &Value) -> Value {
+        let mut seen = 0;
+        self.controller.wait_for(&outputs.to_string(), |line| {
+            let found: Value = serde_json::from_str(line).ok().filter(Value::is_object)?;
+            seen += 1;
+            let wanted = outputs.as_object().unwrap();
+            (seen > self.told && wanted.iter().all(|(name, value)| found[name] == *value)).then_some(found)
+        })
+    }
+
+    /// Resets the trip as somebody at the controller's own host does.
+    fn reset(&self) {
+        let port = self.port.to_string();
+        until("the reset is taken, as soon as the stop has shown its effect", PATIENCE, || {
+            let output = vfd_gateway(&["write", "--port", &port, "--unit", &UNIT.to_string(), "run", "reset"]);
+            output.status.success().then_some(())
+        });
+    }
+
+    /// Starts with 20 Hz as somebody at a desk does, and lets the button go.
+    fn start_at_20_hz(&mut self) {
+        self.set(&json!({ "Enable": true, "Setpoint_Hz": 20.0 }));
+        self.wait_for(&json!({ "Inhibited": false, "WriteEnable": true, "Running": false, "Tripped": false }));
+        self.set(&json!({ "Start": true }));
+        self.wait_for(&json!({ "Wanted": true, "Running": true, "Output_Hz": 20.0 }));
+    }
+}
+
+/// The delivered file on this machine.
+fn configuration(line: &Path, data: &Path, port: u16) -> String {
+    let text = std::fs::read_to_string(delivered("vfd-gateway.toml")).unwrap();
+    let device = "/dev/serial/by-id/usb-FTDI_FT232R_USB_UART_A10KZP1X-if00-port0";
+    let here = [
+        (device, line.to_str().unwrap().to_owned()),
+        ("/var/lib/vfd-gateway", data.to_str().unwrap().to_owned()),
+        ("10.0.0.5:1502", format!("127.0.0.1:{port}")),
+        ("10.0.0.0/24", "127.0.0.0/8".to_owned()),
+        ("10.0.0.10/32", "127.0.0.1/32".to_owned()),
+    ];
+    here.iter().fold(text, |text, (there, here)| {
+        assert!(text.contains(there), "no {there}");
+        text.replace(there, here)
+    })
+}
+
+fn run(file: &Path) -> Started {
+    let gateway = start(&["run", "-c", file.to_str().unwrap()]);
+    gateway.wait_for("that the drive is there", |line| {
+        let fields = fields(line)?;
+        (fields["message"] == "drive" && fields["presence"] == "Online").then_some(())
+    });
+    gateway
+}
+
+#[test]
+fn it_starts_sets_turns_round_and_stops_the_drive() {
+    let mut cabinet = Cabinet::new();
+    cabinet.start_at_20_hz();
+    cabinet.set(&json!({ "Setpoint_Hz": 80.0 }));
+    let refused = cabinet.wait_for(&json!({ "SetpointRefused": true }));
+    assert_eq!(refused["Command"], json!([FORWARD, 2000]), "the last good setpoint holds");
+    cabinet.set(&json!({ "Setpoint_Hz": 25.5 }));
+    cabinet.wait_for(&json!({ "SetpointRefused": false, "Output_Hz": 25.5 }));
+    cabinet.set(&json!({ "Stop": true }));
+    cabinet.wait_for(&json!({ "Wanted": false, "Command": [STOP, 2550], "Running": false, "Output_Hz": 0.0 }));
+    cabinet.set(&json!({ "Stop": false, "Start": false, "Reverse": true }));
+    cabinet.set(&json!({ "Start": true }));
+    cabinet.wait_for(&json!({ "Wanted": true, "Command": [REVERSE, 2550], "Running": true, "Output_Hz": 25.5 }));
+}
+
+#[test]
+fn a_start_that_is_held_starts_nothing_after_a_trip_or_a_restart() {
+    let mut cabinet = Cabinet::new();
+    cabinet.start_at_20_hz();
+    cabinet.told = cabinet.outputs().len();
+    cabinet.drive.type_line("");
+    cabinet.wait_for(&json!({ "Tripped": true, "Wanted": false, "Running": false }));
+    cabinet.told = cabinet.outputs().len();
+    cabinet.reset();
+    cabinet.wait_for(&json!({ "Tripped": false, "Inhibited": false, "Wanted": false, "Running": false }));
+    cabinet.set(&json!({ "Start": false }));
+    cabinet.start_at_20_hz();
+
+    cabinet.told = cabinet.outputs().len();
+    cabinet.gateway.take().unwrap().kill();
+    cabinet.wait_for(&json!({ "Online": false, "Wanted": false, "WriteEnable": false }));
+    cabinet.told = cabinet.outputs().len();
+    cabinet.gateway = Some(run(&cabinet.file));
+    // It finds the drive running, and the first that it writes is a stop.
+    cabinet.wait_for(&json!({ "Online": true, "Wanted": false, "Command": [STOP, 2000], "Output_Hz": 0.0 }));
+    let after: Vec<_> = cabinet.outputs().into_iter().skip(cabinet.told).filter(|it| it["Wanted"] == true).collect();
+    assert_eq!(after, Vec::<Value>::new());
+    cabinet.set(&json!({ "Start": false }));
+    cabinet.start_at_20_hz();
+}
