@@ -49,6 +49,7 @@
 //! | `doctoring` | `doctor` names what is wrong with a line |
 //! | `vendors` | drives of other vendors, in ASCII too, played by a program that nobody here wrote, obey and are understood |
 //! | `node_red` | the flow of `deploy/node-red`, in Node-RED as it stands, shows a drive and moves it |
+//! | `fleet` | many gateways on one broker, a user each: what it acknowledges arrives, over bridges and lost nodes too |
 //! | `trying` | the demo does what it prints |
 //! | `pictures` | the pictures of the README, on demand |
 //!
@@ -98,6 +99,8 @@ mod encrypted;
 mod failing_disk;
 #[path = "process/families.rs"]
 mod families;
+#[path = "process/fleet.rs"]
+mod fleet;
 #[path = "process/guides.rs"]
 mod guides;
 #[path = "process/half_open.rs"]

@@ -38,6 +38,18 @@ impl Mosquitto {
         broker
     }
 
+    /// Starts a broker with the configuration in `file`, which listens on `port` of 127.0.0.1.
+    pub fn start_as(file: PathBuf, port: u16) -> Self {
+        let mut broker = Self { running: None, file, port };
+        broker.start_again();
+        broker
+    }
+
+    /// The number of its process.
+    pub fn id(&self) -> u32 {
+        self.running.as_ref().expect("it runs").id()
+    }
+
     /// The tools alone, for another broker at `port`.
     pub fn tools_for(port: u16) -> Self {
         Self { running: None, file: PathBuf::new(), port }
