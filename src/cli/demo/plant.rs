@@ -116,6 +116,9 @@ fn drive_section(text: &mut String, drive: &Drive, unit: u8, from: &[&str]) {
     if model.quirks.percent_of_rated.is_some() {
         let _ = write!(text, "rated_current_a = {RATED_CURRENT_A:.1}\nrated_voltage_v = {RATED_VOLTAGE_V:.1}\n");
     }
+    if model.run.is_none() {
+        return;
+    }
     let unproven: Vec<_> = unproven(model).map(|action| format!("\"{}\"", action.word())).collect();
     let directions = if model.run.as_ref().is_some_and(|run| run.reverse.is_some()) {
         "\"forward\", \"reverse\""

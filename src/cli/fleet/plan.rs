@@ -21,8 +21,9 @@ const RATES: std::ops::RangeInclusive<f64> = 1.0 / 3600.0..=1000.0;
 pub fn plan(args: &SimulateArgs, specimen: &Specimen) -> Result<Plan, Failure> {
     let shape = shape(args)?;
     let credentials = args.credentials.as_deref().map(Credentials::read).transpose()?;
-    let brokers = places(args, &args.brokers)?;
-    let elsewhere = if args.consumer_brokers.is_empty() { None } else { Some(places(args, &args.consumer_brokers)?) };
+    let brokers = places(args, specimen, &args.brokers)?;
+    let elsewhere =
+        if args.consumer_brokers.is_empty() { None } else { Some(places(args, specimen, &args.consumer_brokers)?) };
     let consumer_brokers = elsewhere.as_ref().unwrap_or(&brokers);
     let gateways = (0..shape.gateways).map(|number| {
         let name = Shape::gateway_name(number);
@@ -81,8 +82,8 @@ struct Places {
     all: Vec<ConnectionSettings>,
 }
 
-fn places(args: &SimulateArgs, urls: &[String]) -> Result<Places, Failure> {
-    let all = urls.iter().map(|url| place(args, url)).collect::<Result<Vec<_>, _>>()?;
+fn places(args: &SimulateArgs, specimen: &Specimen, urls: &[String]) -> Result<Places, Failure> {
+    let all = urls.iter().map(|url| place(args, specimen, url)).collect::<Result<Vec<_>, _>>()?;
     let first = all.first().cloned().ok_or_else(|| Failure::wrong("no broker is named"))?;
     if all.iter().any(|place| place.tls.is_some() != first.tls.is_some()) {
         return Err(Failure::wrong("the nodes of a broker are either all at mqtts:// or all at mqtt://"));
@@ -99,7 +100,7 @@ fn connection(broker: &Places, number: usize) -> ConnectionSettings {
 }
 
 /// One place of a broker, by the rules of a configuration.
-fn place(args: &SimulateArgs, url: &str) -> Result<ConnectionSettings, Failure> {
+fn place(args: &SimulateArgs, specimen: &Specimen, url: &str) -> Result<ConnectionSettings, Failure> {
     let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
     let ca = args
         .ca
@@ -109,15 +110,16 @@ fn place(args: &SimulateArgs, url: &str) -> Result<ConnectionSettings, Failure> 
     let user = args.credentials.as_ref().map(|_| "user = \"fleet\"\n");
     let plain = args.allow_plain_password.then_some("allow_plain_password = true\n");
     let text = format!(
-        "[mqtt]\nbroker = {}\nversion = {}\nprefix = {}\n{}{}{}",
+        "[mqtt]\nbroker = {}\nversion = {}\nprefix = {}\n{}{}{}{}",
         quoted(url),
         args.mqtt_version,
         quoted(&args.prefix),
         ca.unwrap_or_default(),
         user.unwrap_or_default(),
-        plain.unwrap_or_default()
+        plain.unwrap_or_default(),
+        specimen.lines
     );
-    let config = config::load(&text, &input::catalog()?).map_err(|problems| wrong(&problems))?;
+    let config = config::load(&text, &input::catalog_with(&args.own)?).map_err(|problems| wrong(&problems))?;
     let mqtt = config.mqtt.filter(|mqtt| mqtt.broker != BrokerSettings::Embedded);
     let mqtt = mqtt.ok_or_else(|| Failure::wrong("--broker: the embedded broker serves no fleet"))?;
     let (connection, _) = build::broker(&mqtt, &Name::fallback(), None).map_err(Failure::wrong)?;

@@ -38,6 +38,8 @@ pub struct Specimen {
     pub expiry: Option<Duration>,
     /// Everything that it publishes when it has connected, and the same if it publishes documents alone.
     pub births: [Volume; 2],
+    /// The `[[line]]` tables of its configuration.
+    pub lines: String,
 }
 
 /// Publications, counted.
@@ -52,7 +54,8 @@ pub struct Volume {
 /// The gateway that `args` describe.
 pub fn specimen(args: &SimulateArgs) -> Result<Specimen, Failure> {
     let model = model(args)?;
-    let (config, mqtt) = configuration(args, &model)?;
+    let lines = lines(args, &model);
+    let (config, mqtt) = configuration(args, &lines)?;
     let whole = birth(&config, &mqtt, &Tree::ALL)?;
     let documents = birth(&config, &mqtt, &[Tree::State])?;
     let state = documents.iter().find(|it| it.topic.ends_with("/state") && it.topic.contains("/drive/"));
@@ -62,6 +65,7 @@ pub fn specimen(args: &SimulateArgs) -> Result<Specimen, Failure> {
         state: state.payload.clone(),
         expiry: state.expiry,
         births: [volume(&whole), volume(&documents)],
+        lines,
     })
 }
 
@@ -79,7 +83,8 @@ fn volume(publications: &[Publication]) -> Volume {
     Volume { messages: publications.len(), bytes }
 }
 
-fn configuration(args: &SimulateArgs, model: &Arc<Model>) -> Result<(Config, MqttSettings), Failure> {
+/// The `[[line]]` tables of its configuration.
+fn lines(args: &SimulateArgs, model: &Arc<Model>) -> String {
     let drives: Vec<_> = (0..args.drives as usize).collect();
     let stations: Vec<_> = model.link.stations.value.clone().take(LINE_MAX).collect();
     let lines = (1..).zip(drives.chunks(stations.len().max(1))).map(|(number, chunk)| Line {
@@ -89,12 +94,13 @@ fn configuration(args: &SimulateArgs, model: &Arc<Model>) -> Result<(Config, Mqt
     });
     let lines: Vec<_> = lines.collect();
     let devices: Vec<_> = (1..=lines.len()).map(|number| PathBuf::from(format!("/dev/ttyS{number}"))).collect();
+    plant::configuration(lines.iter().zip(devices.iter().map(PathBuf::as_path)), &["mqtt"])
+}
+
+fn configuration(args: &SimulateArgs, lines: &str) -> Result<(Config, MqttSettings), Failure> {
+    let (name, version, prefix) = (Shape::gateway_name(0), args.mqtt_version, &args.prefix);
     let text = format!(
-        "[gateway]\nname = \"{}\"\n[mqtt]\nbroker = \"mqtt://127.0.0.1\"\nversion = {}\nprefix = {:?}\n{}",
-        Shape::gateway_name(0),
-        args.mqtt_version,
-        args.prefix,
-        plant::configuration(lines.iter().zip(devices.iter().map(PathBuf::as_path)), &["mqtt"])
+        "[gateway]\nname = \"{name}\"\n[mqtt]\nbroker = \"mqtt://127.0.0.1\"\nversion = {version}\nprefix = {prefix:?}\n{lines}"
     );
     let config =
         config::load(&text, &input::catalog_with(&args.own)?).map_err(|problems| super::plan::wrong(&problems))?;
