@@ -58,7 +58,9 @@ pub fn specimen(args: &SimulateArgs) -> Result<Specimen, Failure> {
     let (config, mqtt) = configuration(args, &lines)?;
     let whole = birth(&config, &mqtt, &Tree::ALL)?;
     let documents = birth(&config, &mqtt, &[Tree::State])?;
-    let state = documents.iter().find(|it| it.topic.ends_with("/state") && it.topic.contains("/drive/"));
+    // What other topics a real gateway takes back at its birth is no document.
+    let topic = format!("{}/{}/drive/{}/state", args.prefix, Shape::gateway_name(0), Shape::drive_name(0));
+    let state = documents.iter().find(|it| it.topic == topic && !it.payload.is_empty());
     let state = state.ok_or_else(|| Failure::failed("a gateway of this kind publishes no state"))?;
     Ok(Specimen {
         model: model.id.clone(),
