@@ -54,6 +54,7 @@
 //! | `clusters` | the Kubernetes files, held against its schemas and against each other; the probes are answered |
 //! | `controller` | the function block of `deploy/plc`, run beside a Modbus client, starts and stops a drive |
 //! | `node_red` | the flow of `deploy/node-red`, in Node-RED as it stands, shows a drive and moves it |
+//! | `fleet` | many gateways on one broker, a user each: what it acknowledges arrives, over bridges and lost nodes too |
 //! | `trying` | the demo does what it prints |
 //! | `pictures` | the pictures of the README, on demand |
 //!
@@ -113,6 +114,8 @@ mod encrypted;
 mod failing_disk;
 #[path = "process/families.rs"]
 mod families;
+#[path = "process/fleet.rs"]
+mod fleet;
 #[path = "process/guides.rs"]
 mod guides;
 #[path = "process/half_open.rs"]

@@ -8,6 +8,7 @@ mod completions;
 mod demo;
 mod doctor;
 mod enable;
+mod fleet;
 mod health;
 mod help;
 mod input;
@@ -112,6 +113,8 @@ enum Command {
     /// The file is pcapng and needs no setting: RTU frames are decoded as Modbus RTU, and each packet says in words what
     /// it is. It ends with Ctrl-C.
     Capture(capture::Args),
+    /// Simulate a fleet of gateways on an MQTT broker, to find out how large the broker has to be
+    Fleet(fleet::Args),
     /// Print every Modbus map of a configuration: each unit with its registers, numbers, units and meanings
     Map(map::Args),
     /// Print a script that lets a shell complete commands and options
@@ -127,7 +130,7 @@ impl Command {
     /// From which level on is logged, where nobody says otherwise. What a tool finds out, it says itself.
     const fn log_level(&self) -> &'static str {
         match self {
-            Self::Scan(_) => "error",
+            Self::Scan(_) | Self::Fleet(_) => "error",
             Self::Params(_) => "warn",
             Self::Read(args) if args.is_straight() => "warn",
             Self::Write(args) if args.is_straight() => "warn",
@@ -187,6 +190,7 @@ pub fn main() -> ExitCode {
         Command::Write(args) => write::write(&args),
         Command::Watch(args) => watch::watch(&args),
         Command::Capture(args) => capture::capture(&args),
+        Command::Fleet(args) => fleet::fleet(&args),
         Command::Map(args) => map::map(&args),
         Command::Completions(args) => completions::completions(&args),
         Command::Man(args) => man::man(&args),

@@ -30,6 +30,11 @@ impl Bar {
         self.draw();
     }
 
+    /// There are so many steps from now on.
+    pub fn of(&mut self, all: usize) {
+        self.all = all;
+    }
+
     /// So many steps are done, and this comes next.
     pub fn to(&mut self, done: usize, what: &str) {
         (self.done, self.what) = (done.min(self.all), what.to_owned());

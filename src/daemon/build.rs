@@ -2,7 +2,7 @@
 
 use super::journal;
 use super::line_thread::LinePort;
-use super::mqtt::{ConnectionSettings, Secret, TlsSettings, check_tls};
+use super::mqtt::{ConnectionSettings, Keeps, Secret, TlsSettings, check_tls};
 use super::north::Mqtt;
 use super::port::PortSettings;
 use super::secret_files;
@@ -109,12 +109,14 @@ pub fn broker(mqtt: &MqttSettings, name: &Name, embedded: Option<SocketAddr>) ->
     let connection = ConnectionSettings {
         host,
         port,
+        also_at: Vec::new(),
         tls,
         client_id: mqtt.client_id(name),
         user: mqtt.credentials.as_ref().map(|credentials| credentials.user.clone()),
         password: password.map(read_password).transpose()?,
         keep_alive: mqtt.keep_alive,
         version: mqtt.version,
+        keeps: Keeps::Nothing,
     };
     Ok((connection, mqtt.session(name.clone())))
 }

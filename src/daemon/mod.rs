@@ -11,6 +11,7 @@ pub mod board;
 pub mod build;
 pub mod clock;
 pub mod descriptors;
+pub mod fleet;
 pub mod http;
 pub mod inbox;
 pub mod journal;

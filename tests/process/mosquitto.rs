@@ -45,6 +45,11 @@ impl Mosquitto {
         broker
     }
 
+    /// The number of its process.
+    pub fn id(&self) -> u32 {
+        self.running.as_ref().expect("it runs").id()
+    }
+
     /// The tools alone, for another broker at `port`.
     pub fn tools_for(port: u16) -> Self {
         Self { running: None, file: PathBuf::new(), port }

@@ -1,6 +1,6 @@
 //! `demo`: everything at once on loopback, with nothing else installed.
 
-mod plant;
+pub(super) mod plant;
 
 use super::keyboard::Enter;
 use super::{Failure, input, print};
@@ -125,7 +125,7 @@ write = ["127.0.0.1/32"]
 [http]
 listen = "127.0.0.1:{http}"
 {}"#,
-        plant::configuration(lines.iter().zip(devices.iter().map(PathBuf::as_path))),
+        plant::configuration(lines.iter().zip(devices.iter().map(PathBuf::as_path)), &plant::FROM),
         user(),
     )
 }

@@ -18,9 +18,12 @@ const NAMES: [&str; 5] = ["pump", "fan", "mixer", "belt", "mill"];
 const RATED_CURRENT_A: f64 = 11.0;
 const RATED_VOLTAGE_V: f64 = 400.0;
 
+/// Who commands the demo's drives.
+pub(super) const FROM: [&str; 3] = ["mqtt", "modbus-tcp", "page"];
+
 /// One drive of the demo.
 #[derive(Debug)]
-pub(super) struct Drive {
+pub(in crate::cli) struct Drive {
     pub name: String,
     pub station: Station,
     pub model: Arc<Model>,
@@ -28,7 +31,7 @@ pub(super) struct Drive {
 
 /// One line of the demo.
 #[derive(Debug)]
-pub(super) struct Line {
+pub(in crate::cli) struct Line {
     pub name: String,
     pub link: LinkSettings,
     pub drives: Vec<Drive>,
@@ -76,8 +79,11 @@ fn common(line: &Line, model: &Model) -> Option<LinkSettings> {
     both.then_some(LinkSettings { baud, data_bits: 8, parity, stop_bits })
 }
 
-/// The `[[line]]` tables of a configuration for `lines`, each on its device.
-pub(super) fn configuration<'a>(lines: impl IntoIterator<Item = (&'a Line, &'a Path)>) -> String {
+/// The `[[line]]` tables of a configuration for `lines`, each on its device, with drives that obey `from`.
+pub(in crate::cli) fn configuration<'a>(
+    lines: impl IntoIterator<Item = (&'a Line, &'a Path)>,
+    from: &[&str],
+) -> String {
     let mut text = String::new();
     let mut unit = 0;
     for (line, device) in lines {
@@ -92,13 +98,13 @@ pub(super) fn configuration<'a>(lines: impl IntoIterator<Item = (&'a Line, &'a P
         );
         for drive in &line.drives {
             unit += 1;
-            drive_section(&mut text, drive, unit);
+            drive_section(&mut text, drive, unit, from);
         }
     }
     text
 }
 
-fn drive_section(text: &mut String, drive: &Drive, unit: u8) {
+fn drive_section(text: &mut String, drive: &Drive, unit: u8, from: &[&str]) {
     let Drive { name, station, model } = drive;
     let _ = write!(
         text,
@@ -110,6 +116,9 @@ fn drive_section(text: &mut String, drive: &Drive, unit: u8) {
     if model.quirks.percent_of_rated.is_some() {
         let _ = write!(text, "rated_current_a = {RATED_CURRENT_A:.1}\nrated_voltage_v = {RATED_VOLTAGE_V:.1}\n");
     }
+    if model.run.is_none() {
+        return;
+    }
     let unproven: Vec<_> = unproven(model).map(|action| format!("\"{}\"", action.word())).collect();
     let directions = if model.run.as_ref().is_some_and(|run| run.reverse.is_some()) {
         "\"forward\", \"reverse\""
@@ -118,7 +127,7 @@ fn drive_section(text: &mut String, drive: &Drive, unit: u8) {
     };
     let _ = write!(
         text,
-        "\n[line.drive.control]\nfrom = [\"mqtt\", \"modbus-tcp\", \"page\"]\nfrequency_hz = {{ min = 5.0, max = 50.0 }}\n\
+        "\n[line.drive.control]\nfrom = {from:?}\nfrequency_hz = {{ min = 5.0, max = 50.0 }}\n\
          directions = [{directions}]\non_commander_lost = \"stop\"\nlost_after = \"5s\"\non_shutdown = \"stop\"\n\
          accept_unverified = [{}]\n",
         unproven.join(", ")
@@ -149,7 +158,7 @@ mod tests {
         let text = format!(
             "[gateway]\nname = \"demo\"\n{}\n[mqtt]\nbroker = \"embedded\"\n\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n\
              write = [\"127.0.0.1/32\"]\n\n[http]\nlisten = \"127.0.0.1:0\"\n{}",
-            configuration(lines.iter().map(|line| (line, Path::new("/dev/pts/1")))),
+            configuration(lines.iter().map(|line| (line, Path::new("/dev/pts/1"))), &FROM),
             super::super::user()
         );
         if let Err(problems) = config::load(&text, &catalog) {

@@ -7,7 +7,7 @@
 use super::counters::{Counters, count};
 use super::link::{self, Broken, Events, Incident, NotQueued, Received, Sender, Terms, Unfit};
 use super::retry::{Retry, Rival};
-use super::settings::ConnectionSettings;
+use super::settings::{ConnectionSettings, Keeps};
 use super::window::Window;
 use super::{Packet, Talk, tls};
 use crate::daemon::clock;
@@ -55,7 +55,9 @@ pub async fn converse<T: Talk>(
         } else {
             tracing::debug!(reason, ?wait, "no connection to the broker; trying again");
         }
+        client.counters.reason.replace(reason.clone());
         last_reason = reason;
+        client.settings = client.settings.at_next_place();
         if let Some(rival) = next.rival {
             client.contested(rival, wait);
         }
@@ -261,7 +263,9 @@ impl<T: Talk> Client<'_, T> {
         let life = self.life();
         for incident in events.rest() {
             match incident {
-                Incident::Message(_) if !broken.is_fresh => tracing::warn!("a message of unknown age is dropped"),
+                Incident::Message(_) if !broken.is_fresh && self.settings.keeps == Keeps::Nothing => {
+                    tracing::warn!("a message of unknown age is dropped")
+                }
                 Incident::Connected(_) => {}
                 incident => self.take(incident),
             }

@@ -1,6 +1,6 @@
 //! What the connection to the broker has gone through.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 
 /// Counts since the start.
 #[derive(Debug, Default)]
@@ -9,6 +9,8 @@ pub struct Counters {
     pub connected: Cell<u64>,
     /// Attempts that failed, and connections that broke.
     pub broken: Cell<u64>,
+    /// Why the last of these did.
+    pub reason: RefCell<String>,
     /// Messages that came.
     pub received: Cell<u64>,
     /// Publications that went out.

@@ -27,7 +27,7 @@ mod tests;
 pub use client::converse;
 pub use counters::Counters;
 pub use retry::Rival;
-pub use settings::{ConnectionSettings, Secret, TlsSettings};
+pub use settings::{ConnectionSettings, Keeps, Secret, TlsSettings};
 pub use tls::{TlsError, check as check_tls};
 
 use crate::domain::time::MonoTime;

@@ -17,6 +17,8 @@ pub struct ConnectionSettings {
     pub host: String,
     /// Its TCP port.
     pub port: u16,
+    /// Other places of the same broker, such as the nodes of a cluster: after each connection the next one is tried.
+    pub also_at: Vec<(String, u16)>,
     /// How it is proven; nothing: plain TCP.
     pub tls: Option<TlsSettings>,
     /// Client identifier; no other client of the broker may have it.
@@ -29,6 +31,18 @@ pub struct ConnectionSettings {
     pub keep_alive: Duration,
     /// Protocol version.
     pub version: Version,
+    /// What the broker keeps for this client while it is away.
+    pub keeps: Keeps,
+}
+
+/// What a broker keeps for a client that is away.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Keeps {
+    /// Nothing: what waited is stale.
+    #[default]
+    Nothing,
+    /// Its subscriptions, and what comes for them at quality of service 1. Messages count at any age.
+    Session,
 }
 
 impl ConnectionSettings {
@@ -36,6 +50,16 @@ impl ConnectionSettings {
     #[must_use]
     pub fn keep_alive(&self) -> Duration {
         self.keep_alive.clamp(KEEP_ALIVE_MIN, KEEP_ALIVE_MAX)
+    }
+
+    /// The same broker at the next of its places.
+    #[must_use]
+    pub fn at_next_place(mut self) -> Self {
+        if !self.also_at.is_empty() {
+            let (host, port) = self.also_at.remove(0);
+            self.also_at.push((std::mem::replace(&mut self.host, host), std::mem::replace(&mut self.port, port)));
+        }
+        self
     }
 }
 
@@ -76,18 +100,40 @@ impl fmt::Debug for Secret {
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_password_is_never_shown() {
-        let settings = ConnectionSettings {
+    fn settings() -> ConnectionSettings {
+        ConnectionSettings {
             host: "broker".to_owned(),
             port: 1883,
+            also_at: Vec::new(),
             tls: None,
             client_id: "gateway".to_owned(),
             user: None,
             password: Some(Secret::new("hunter2".to_owned())),
             keep_alive: Duration::from_secs(30),
             version: Version::V5,
-        };
+            keeps: Keeps::Nothing,
+        }
+    }
+
+    #[test]
+    fn places_of_a_broker_take_turns() {
+        let also_at = vec![("second".to_owned(), 2883), ("third".to_owned(), 3883)];
+        let mut settings = ConnectionSettings { also_at, ..settings() };
+        let turns: Vec<_> = (0..4)
+            .map(|_| {
+                settings = settings.clone().at_next_place();
+                (settings.host.clone(), settings.port)
+            })
+            .collect();
+        let expected = [("second", 2883), ("third", 3883), ("broker", 1883), ("second", 2883)];
+        assert_eq!(turns, expected.map(|(host, port)| (host.to_owned(), port)));
+        let alone = ConnectionSettings { also_at: Vec::new(), ..settings };
+        assert_eq!(alone.clone().at_next_place(), alone);
+    }
+
+    #[test]
+    fn a_password_is_never_shown() {
+        let settings = settings();
         assert!(!format!("{settings:?}").contains("hunter2"));
         assert_eq!(settings.password.as_ref().map(Secret::expose), Some("hunter2"));
     }

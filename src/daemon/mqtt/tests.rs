@@ -155,12 +155,14 @@ fn settings(address: SocketAddr, version: Version) -> ConnectionSettings {
     ConnectionSettings {
         host: address.ip().to_string(),
         port: address.port(),
+        also_at: Vec::new(),
         tls: None,
         client_id: format!("test of {version:?}"),
         user: None,
         password: None,
         keep_alive: Duration::from_secs(5),
         version,
+        keeps: Keeps::Nothing,
     }
 }
 

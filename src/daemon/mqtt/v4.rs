@@ -2,7 +2,7 @@
 
 use super::link::{self, Broken, Cause, Incident, NotQueued, Received, Terms};
 use super::reason;
-use super::settings::{ConnectionSettings, Secret};
+use super::settings::{ConnectionSettings, Keeps, Secret};
 use super::window::QUEUE_MAX;
 use crate::north::mqtt::{Filter, Publication, Qos};
 use rumqttc::mqttbytes::Error as BytesError;
@@ -22,7 +22,7 @@ pub fn open(
     options
         .set_transport(transport)
         .set_keep_alive(settings.keep_alive())
-        .set_clean_session(true)
+        .set_clean_session(settings.keeps == Keeps::Nothing)
         .set_max_packet_size(link::PACKET_MAX, link::PACKET_MAX)
         .set_inflight(link::INFLIGHT_MAX)
         .set_last_will(LastWill::new(will.topic, will.payload, qos(will.qos), will.retain));

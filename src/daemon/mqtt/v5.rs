@@ -2,7 +2,7 @@
 
 use super::link::{self, Broken, Cause, Incident, NotQueued, Received, Terms};
 use super::reason;
-use super::settings::{ConnectionSettings, Secret};
+use super::settings::{ConnectionSettings, Keeps, Secret};
 use super::window::QUEUE_MAX;
 use crate::north::mqtt::{Broker, Filter as Wanted, Publication, Qos, Refusal};
 use rumqttc::v5::mqttbytes::v5::{
@@ -13,6 +13,9 @@ use rumqttc::v5::mqttbytes::{Error as BytesError, QoS};
 use rumqttc::v5::{AsyncClient, ConnectionError, Event, EventLoop, MqttOptions, StateError};
 use rumqttc::{NetworkOptions, Outgoing, Transport};
 use std::time::Duration;
+
+/// How long a broker keeps a session that is kept, in seconds: longer than it takes to start a broker again.
+const SESSION_SECONDS: u32 = 3600;
 
 /// Prepares a connection. No topic aliases are offered: the library tells messages that come by one without a topic.
 pub fn open(
@@ -27,10 +30,13 @@ pub fn open(
         .set_network_options(network)
         .set_connection_timeout(link::CONNECT_TIMEOUT.as_secs())
         .set_keep_alive(settings.keep_alive())
-        .set_clean_start(true)
+        .set_clean_start(settings.keeps == Keeps::Nothing)
         .set_max_packet_size(u32::try_from(link::PACKET_MAX).ok())
         .set_outgoing_inflight_upper_limit(link::INFLIGHT_MAX)
         .set_last_will(last_will(will));
+    if settings.keeps == Keeps::Session {
+        options.set_session_expiry_interval(Some(SESSION_SECONDS));
+    }
     if settings.user.is_some() || settings.password.is_some() {
         let password = settings.password.as_ref().map_or("", Secret::expose);
         options.set_credentials(settings.user.as_deref().unwrap_or_default(), password);

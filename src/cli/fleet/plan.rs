@@ -1,0 +1,147 @@
+//! From the arguments to the plan of a simulation: who connects where, and as whom.
+
+use super::credentials::Credentials;
+use super::specimen::Specimen;
+use super::{ReadingArg, SimulateArgs, UpdateArg};
+use crate::cli::{Failure, input};
+use crate::config::{self, BrokerSettings};
+use crate::daemon::build;
+use crate::daemon::fleet::{Plan, Reading};
+use crate::daemon::mqtt::{ConnectionSettings, Keeps};
+use crate::domain::ids::Name;
+use crate::domain::problem::Problem;
+use crate::north::mqtt::Qos;
+use crate::sim::fleet::{Shape, Update};
+use std::time::Duration;
+
+/// Most and fewest updates of a drive in a second: one in an hour, and as many as the clock tells apart.
+const RATES: std::ops::RangeInclusive<f64> = 1.0 / 3600.0..=1000.0;
+
+/// The plan that `args` describe.
+pub fn plan(args: &SimulateArgs, specimen: &Specimen) -> Result<Plan, Failure> {
+    let shape = shape(args)?;
+    let credentials = args.credentials.as_deref().map(Credentials::read).transpose()?;
+    let brokers = places(args, specimen, &args.brokers)?;
+    let elsewhere =
+        if args.consumer_brokers.is_empty() { None } else { Some(places(args, specimen, &args.consumer_brokers)?) };
+    let consumer_brokers = elsewhere.as_ref().unwrap_or(&brokers);
+    let gateways = (0..shape.gateways).map(|number| {
+        let name = Shape::gateway_name(number);
+        as_user(connection(&brokers, number), format!("vfd-gateway-{name}"), &name, credentials.as_ref())
+    });
+    let keeps = if args.qos == 1 { Keeps::Session } else { Keeps::Nothing };
+    let consumers = (0..args.consumers as usize).map(|number| {
+        let settings = ConnectionSettings { keeps, ..connection(consumer_brokers, number) };
+        as_user(settings, format!("vfd-fleet-consumer-{}", number + 1), &args.consumer_user, credentials.as_ref())
+    });
+    Ok(Plan {
+        qos: if args.qos == 1 { Qos::AtLeastOnce } else { Qos::AtMostOnce },
+        retain: !args.no_retain,
+        expiry: specimen.expiry.filter(|_| !args.no_retain),
+        state: specimen.state.clone(),
+        gateways: gateways.collect::<Result<_, _>>()?,
+        consumers: consumers.collect::<Result<_, _>>()?,
+        shape,
+        reading: match args.reading {
+            ReadingArg::All => Reading::All,
+            ReadingArg::Shared => Reading::Shared,
+            ReadingArg::Split => Reading::Split,
+        },
+        connects_per_second: args.connects_per_second,
+        threads: args.threads.into(),
+        drain: Duration::from_secs(args.drain_seconds.into()),
+        watched: args.watched.clone(),
+    })
+}
+
+fn shape(args: &SimulateArgs) -> Result<Shape, Failure> {
+    let rate = args.updates_per_second;
+    if !RATES.contains(&rate) {
+        return Err(Failure::wrong(format!("--updates-per-second {rate} is not between 1/3600 and 1000")));
+    }
+    let updates = (f64::from(args.seconds) * rate).floor();
+    if updates < 1.0 {
+        return Err(Failure::wrong(format!("no drive has an update within {} s at {rate} a second", args.seconds)));
+    }
+    Ok(Shape {
+        prefix: args.prefix.clone(),
+        gateways: args.gateways as usize,
+        drives: args.drives as usize,
+        update: match args.update {
+            UpdateArg::State => Update::State,
+            UpdateArg::Frequency => Update::Frequency,
+        },
+        interval: Duration::from_secs_f64(1.0 / rate),
+        updates: updates as u32,
+    })
+}
+
+/// The places of a broker, each by its URL; at least one.
+struct Places {
+    first: ConnectionSettings,
+    all: Vec<ConnectionSettings>,
+}
+
+fn places(args: &SimulateArgs, specimen: &Specimen, urls: &[String]) -> Result<Places, Failure> {
+    let all = urls.iter().map(|url| place(args, specimen, url)).collect::<Result<Vec<_>, _>>()?;
+    let first = all.first().cloned().ok_or_else(|| Failure::wrong("no broker is named"))?;
+    if all.iter().any(|place| place.tls.is_some() != first.tls.is_some()) {
+        return Err(Failure::wrong("the nodes of a broker are either all at mqtts:// or all at mqtt://"));
+    }
+    Ok(Places { first, all })
+}
+
+/// The way to a broker, beginning at the place whose turn `number` is.
+fn connection(broker: &Places, number: usize) -> ConnectionSettings {
+    let turn = number % broker.all.len().max(1);
+    let mut places = broker.all.iter().cycle().skip(turn).take(broker.all.len());
+    let first = places.next().unwrap_or(&broker.first).clone();
+    ConnectionSettings { also_at: places.map(|it| (it.host.clone(), it.port)).collect(), ..first }
+}
+
+/// One place of a broker, by the rules of a configuration.
+fn place(args: &SimulateArgs, specimen: &Specimen, url: &str) -> Result<ConnectionSettings, Failure> {
+    let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
+    let ca = args
+        .ca
+        .as_ref()
+        .filter(|_| url.starts_with("mqtts:"))
+        .map(|ca| format!("ca_file = {}\n", quoted(&ca.to_string_lossy())));
+    let user = args.credentials.as_ref().map(|_| "user = \"fleet\"\n");
+    let plain = args.allow_plain_password.then_some("allow_plain_password = true\n");
+    let text = format!(
+        "[mqtt]\nbroker = {}\nversion = {}\nprefix = {}\n{}{}{}{}",
+        quoted(url),
+        args.mqtt_version,
+        quoted(&args.prefix),
+        ca.unwrap_or_default(),
+        user.unwrap_or_default(),
+        plain.unwrap_or_default(),
+        specimen.lines
+    );
+    let config = config::load(&text, &input::catalog_with(&args.own)?).map_err(|problems| wrong(&problems))?;
+    let mqtt = config.mqtt.filter(|mqtt| mqtt.broker != BrokerSettings::Embedded);
+    let mqtt = mqtt.ok_or_else(|| Failure::wrong("--broker: the embedded broker serves no fleet"))?;
+    let (connection, _) = build::broker(&mqtt, &Name::fallback(), None).map_err(Failure::wrong)?;
+    Ok(connection)
+}
+
+fn as_user(
+    settings: ConnectionSettings,
+    client_id: String,
+    user: &str,
+    credentials: Option<&Credentials>,
+) -> Result<ConnectionSettings, Failure> {
+    let password = credentials.map(|all| all.of(user)).transpose()?;
+    let user = password.as_ref().map(|_| user.to_owned());
+    Ok(ConnectionSettings { client_id, user, password, ..settings })
+}
+
+/// What the configuration that follows from the arguments is refused for.
+pub fn wrong(problems: &[Problem]) -> Failure {
+    let line = |problem: &Problem| {
+        let right = problem.right.as_ref().map(|right| format!("; right would be {right}")).unwrap_or_default();
+        format!("{}: {}{right}", problem.key, problem.what)
+    };
+    Failure::wrong(problems.iter().map(line).collect::<Vec<_>>().join("\n"))
+}

@@ -1,0 +1,132 @@
+//! A consumer of the fleet: it subscribes, and books what comes.
+
+use super::Reading;
+use super::board::{Board, Phase};
+use crate::daemon::mqtt::{Packet, Rival, Talk};
+use crate::domain::time::MonoTime;
+use crate::north::mqtt::{Event, Filter, Message, Moment, Publication, Qos, Version};
+use crate::sim::fleet::{Mark, Receipt};
+use std::rc::Rc;
+use std::sync::Arc;
+use tokio::sync::Notify;
+
+/// The group of a shared subscription.
+const GROUP: &str = "fleet";
+
+/// Its talk with the broker.
+#[derive(Debug)]
+pub struct Consumer {
+    board: Arc<Board>,
+    number: usize,
+    over: Rc<Notify>,
+    /// A broker that speaks 3.1.1 sends what it keeps at every subscription, with the retain flag.
+    version: Version,
+    is_connected: bool,
+    is_asked: bool,
+    was_granted: bool,
+}
+
+impl Consumer {
+    /// The consumer with this number.
+    pub fn new(board: Arc<Board>, number: usize, over: Rc<Notify>) -> Self {
+        let version = board.plan.consumers.get(number).map_or(Version::V5, |settings| settings.version);
+        Self { board, number, over, version, is_connected: false, is_asked: false, was_granted: false }
+    }
+
+    fn filters(&self) -> Vec<Filter> {
+        let (shape, consumers) = (&self.board.plan.shape, self.board.plan.consumers.len().max(1));
+        let paths = match self.board.plan.reading {
+            Reading::All => vec![shape.filter(None)],
+            Reading::Shared => vec![format!("$share/{GROUP}/{}", shape.filter(None))],
+            Reading::Split => {
+                let own = (0..shape.gateways).filter(|gateway| gateway % consumers == self.number);
+                own.map(|gateway| shape.filter(Some(gateway))).collect()
+            }
+        };
+        paths.into_iter().map(|path| Filter { path, wants_retained: false }).collect()
+    }
+
+    fn subscribed(&mut self, granted: &[bool]) {
+        let refused = self.filters().into_iter().zip(granted).find(|(_, granted)| !**granted).map(|(filter, _)| filter);
+        if let Some(filter) = refused {
+            return self.board.fail(format!("the broker does not grant the subscription of `{}`", filter.path));
+        }
+        if !std::mem::replace(&mut self.was_granted, true) {
+            self.board.consumers.add();
+        }
+    }
+
+    fn receive(&self, at: MonoTime, message: &Message<'_>) {
+        let (board, shape) = (&self.board, &self.board.plan.shape);
+        let is_kept = message.retain && self.version == Version::V4;
+        if message.payload.is_empty() || is_kept {
+            return;
+        }
+        let mark = Mark::of(shape.update, message.payload).filter(|mark| !mark.is_older_than(board.begun));
+        let (Some(drive), Some(mark)) = (shape.drive_of(message.topic), mark) else { return board.foreign.add() };
+        board.received.add();
+        // Where each gets everything, one keeps the books.
+        if board.plan.reading == Reading::All && self.number > 0 {
+            return;
+        }
+        let receipt = board.ledger.received(drive, mark.number);
+        match receipt {
+            Receipt::First => {}
+            Receipt::Late => board.late.add(),
+            Receipt::Again => return board.again.add(),
+            Receipt::Foreign => return board.foreign.add(),
+        }
+        board.delays.add(mark.age(at));
+    }
+}
+
+impl Talk for Consumer {
+    fn will(&self) -> Publication {
+        Publication {
+            topic: format!("{}/consumer-{}/status", self.board.plan.shape.prefix, self.number + 1),
+            payload: b"offline".to_vec(),
+            retain: false,
+            qos: Qos::AtMostOnce,
+            expiry: None,
+            correlation: None,
+            token: None,
+        }
+    }
+
+    fn handle(&mut self, at: Moment, event: Event<'_>) {
+        match event {
+            Event::Connected(_) => {
+                (self.is_connected, self.is_asked) = (true, false);
+                self.board.connections.add();
+            }
+            Event::Subscribed(granted) => self.subscribed(&granted),
+            Event::Message(message) => self.receive(at.mono, &message),
+            Event::Lost => {
+                self.is_connected = false;
+                self.board.broken.add();
+            }
+            Event::Acknowledged(_) | Event::Refused(..) => {}
+        }
+    }
+
+    fn tick(&mut self, _: Moment) {
+        if self.board.phase() == Phase::Ending {
+            self.over.notify_one();
+        }
+    }
+
+    fn next_wake(&self) -> Option<MonoTime> {
+        None
+    }
+
+    fn next_packet(&mut self, _: Moment) -> Option<Packet> {
+        let asks = self.is_connected && !std::mem::replace(&mut self.is_asked, true);
+        asks.then(|| Packet::Subscribe(self.filters()))
+    }
+
+    fn contested(&mut self, _: Option<Rival>) {}
+
+    fn farewell(&mut self, _: Moment) -> Vec<Publication> {
+        Vec::new()
+    }
+}

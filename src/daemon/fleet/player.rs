@@ -1,0 +1,132 @@
+//! Threads on which gateways and consumers play, each on a connection of its own.
+
+use super::board::Board;
+use super::consumer::Consumer;
+use super::gateway::Gateway;
+use crate::daemon::mqtt::{ConnectionSettings, Counters, Keeps, Packet, Rival, Talk, converse};
+use crate::domain::time::MonoTime;
+use crate::north::mqtt::{Event, Moment, Publication, Qos};
+use std::cell::RefCell;
+use std::io;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::thread::{Builder, JoinHandle};
+use std::time::Duration;
+use tokio::sync::Notify;
+use tokio::task::LocalSet;
+use tokio::time::{sleep, timeout};
+
+/// How often it is looked why somebody is not connected.
+const LOOK_EVERY: Duration = Duration::from_millis(500);
+/// Longest time for a broker to forget a session.
+const FORGET_MAX: Duration = Duration::from_secs(10);
+
+/// Who plays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    Gateway,
+    Consumer,
+}
+
+/// The one with this number, and how it is called.
+#[derive(Clone, Debug)]
+pub struct Place {
+    pub role: Role,
+    pub number: usize,
+    pub bell: Arc<Notify>,
+}
+
+/// A thread on which all of `places` play until each is over.
+pub fn thread(board: Arc<Board>, places: Vec<Place>) -> io::Result<JoinHandle<()>> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    Builder::new().name("fleet".to_owned()).spawn(move || {
+        let all = LocalSet::new();
+        for place in places {
+            all.spawn_local(play(Arc::clone(&board), place));
+        }
+        runtime.block_on(all);
+    })
+}
+
+async fn play(board: Arc<Board>, place: Place) {
+    let number = place.number;
+    let over = Rc::new(Notify::new());
+    let settings = match place.role {
+        Role::Gateway => board.plan.gateways.get(number).cloned(),
+        Role::Consumer => board.plan.consumers.get(number).cloned(),
+    };
+    let Some(settings) = settings else { return };
+    match place.role {
+        Role::Gateway => {
+            sleep(ramp(number, board.plan.connects_per_second)).await;
+            let talk = Gateway::new(Arc::clone(&board), number, Rc::clone(&over));
+            talk_until_over(&board, settings, talk, &place.bell, &over).await;
+        }
+        Role::Consumer => {
+            let talk = Consumer::new(Arc::clone(&board), number, Rc::clone(&over));
+            talk_until_over(&board, settings, talk, &place.bell, &over).await;
+        }
+    }
+}
+
+/// When the one with this number connects.
+fn ramp(number: usize, per_second: u32) -> Duration {
+    Duration::from_secs_f64(number as f64 / f64::from(per_second.max(1)))
+}
+
+async fn talk_until_over<T: Talk>(board: &Board, settings: ConnectionSettings, talk: T, bell: &Notify, over: &Notify) {
+    let (talk, counters) = (RefCell::new(talk), Counters::default());
+    let look = async {
+        loop {
+            sleep(LOOK_EVERY).await;
+            board.note(&counters.reason.take());
+        }
+    };
+    tokio::select! {
+        () = converse(settings, &talk, bell, &counters, over.notified()) => {}
+        () = look => {}
+    }
+}
+
+/// Has the broker forget the session of `settings`, so that nothing of an earlier simulation comes and nothing is left.
+pub async fn forget(settings: ConnectionSettings) {
+    let settings = ConnectionSettings { keeps: Keeps::Nothing, ..settings };
+    let over = Rc::new(Notify::new());
+    let (talk, counters, bell) = (RefCell::new(Visitor { over: Rc::clone(&over) }), Counters::default(), Notify::new());
+    // A broker that is not there is met again, with a reason.
+    let _ = timeout(FORGET_MAX, converse(settings, &talk, &bell, &counters, over.notified())).await;
+}
+
+/// Connects and leaves.
+struct Visitor {
+    over: Rc<Notify>,
+}
+
+impl Talk for Visitor {
+    fn will(&self) -> Publication {
+        let (topic, payload, qos) = ("fleet/visitor".to_owned(), Vec::new(), Qos::AtMostOnce);
+        Publication { topic, payload, retain: false, qos, expiry: None, correlation: None, token: None }
+    }
+
+    fn handle(&mut self, _: Moment, event: Event<'_>) {
+        if matches!(event, Event::Connected(_)) {
+            self.over.notify_one();
+        }
+    }
+
+    fn tick(&mut self, _: Moment) {}
+
+    fn next_wake(&self) -> Option<MonoTime> {
+        None
+    }
+
+    fn next_packet(&mut self, _: Moment) -> Option<Packet> {
+        None
+    }
+
+    fn contested(&mut self, _: Option<Rival>) {}
+
+    fn farewell(&mut self, _: Moment) -> Vec<Publication> {
+        Vec::new()
+    }
+}
