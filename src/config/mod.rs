@@ -41,7 +41,7 @@ pub use ratings::shown_in_per_cent;
 pub use ready::{
     BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings, JournalSettings,
     LineSettings, ListenerSettings, ListenerTls, MqttSettings, PasswordSource, PortAddress, Removal, Silence,
-    TlsSettings, command_deadline,
+    SparkplugSettings, TlsSettings, command_deadline,
 };
 
 use crate::domain::problem::Problem;

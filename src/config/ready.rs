@@ -8,6 +8,7 @@ use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, Link
 use crate::drive::description::{Points, Ratings};
 use crate::guard::COMMAND_DEADLINE;
 use crate::north::mqtt::{HomeAssistant, LeaseMode, Settings, Tree, Version};
+use crate::north::sparkplug;
 use crate::profile::model::Model;
 use ipnet::IpNet;
 use std::collections::BTreeMap;
@@ -239,7 +240,8 @@ impl ListenerSettings {
 /// time of its own: every lease of the drive is longer.
 #[must_use]
 pub fn command_deadline(control: &ControlSettings, mqtt: Option<&MqttSettings>) -> Duration {
-    let over_mqtt = mqtt.filter(|_| control.from_mqtt).map(|mqtt| mqtt.command_ttl);
+    let by_broker = control.from_mqtt || control.from_sparkplug;
+    let over_mqtt = mqtt.filter(|_| by_broker).map(|mqtt| mqtt.command_ttl);
     let others = (control.from_modbus_tcp || control.from_page).then_some(COMMAND_DEADLINE);
     over_mqtt.max(others).unwrap_or(COMMAND_DEADLINE)
 }
@@ -277,6 +279,23 @@ pub struct MqttSettings {
     pub publish: Vec<Tree>,
     /// Discovery by Home Assistant; nothing: nothing is said to it.
     pub home_assistant: Option<HomeAssistant>,
+    /// Sparkplug B; nothing: nothing is said to its hosts.
+    pub sparkplug: Option<SparkplugSettings>,
+}
+
+/// Sparkplug B at the same broker, by a connection of its own.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SparkplugSettings {
+    /// The group: one level of a topic.
+    pub group: String,
+    /// The host without which nothing is born; nothing: nobody is waited for.
+    pub primary_host: Option<String>,
+    /// The client identifier; nothing: see [`MqttSettings::sparkplug_client_id`].
+    pub client_id: Option<String>,
+    /// The oldest that a command may be by its timestamp, 1 s to 5 min.
+    pub max_command_age: Duration,
+    /// Most changes of telemetry that are kept while no host can be told, 0 to 100,000.
+    pub keep_telemetry: u32,
 }
 
 impl MqttSettings {
@@ -293,6 +312,31 @@ impl MqttSettings {
     #[must_use]
     pub fn client_id(&self, gateway: &Name) -> String {
         self.client_id.clone().unwrap_or_else(|| format!("vfd-gateway-{gateway}"))
+    }
+
+    /// The client identifier of its Sparkplug side.
+    #[must_use]
+    pub fn sparkplug_client_id(&self, gateway: &Name) -> String {
+        let own = self.sparkplug.as_ref().and_then(|sparkplug| sparkplug.client_id.clone());
+        own.unwrap_or_else(|| format!("{}-sparkplug", self.client_id(gateway)))
+    }
+
+    /// What the Sparkplug session of the gateway called `gateway` needs; nothing: there is none.
+    #[must_use]
+    pub fn sparkplug_session(&self, gateway: Name) -> Option<sparkplug::Settings> {
+        let settings = self.sparkplug.as_ref()?;
+        Some(sparkplug::Settings {
+            group: settings.group.clone(),
+            primary_host: settings.primary_host.clone(),
+            version: self.version,
+            probe_topic: format!("{}/{gateway}/sparkplug/probe", self.prefix),
+            node: gateway,
+            probe_interval: self.probe_interval,
+            probe_timeout: self.probe_interval * Self::PROBES,
+            command_ttl: self.command_ttl,
+            max_command_age: settings.max_command_age,
+            keep_telemetry: usize::try_from(settings.keep_telemetry).unwrap_or(usize::MAX),
+        })
     }
 
     /// What the MQTT session of the gateway called `gateway` needs.

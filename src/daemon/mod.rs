@@ -7,6 +7,7 @@
 #![allow(clippy::disallowed_methods, reason = "this room reads the clocks for all others")]
 
 pub mod answers;
+pub mod bell;
 pub mod board;
 pub mod build;
 pub mod clock;
@@ -33,6 +34,7 @@ pub mod router;
 pub mod run;
 pub mod shared;
 pub mod simulator;
+pub mod sparkplug;
 pub mod sys;
 pub mod timer;
 pub mod told;

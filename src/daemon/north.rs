@@ -9,20 +9,24 @@ use super::http::{self, Control, Front, State, socket::OwnSocket};
 use super::local::LocalSide;
 use super::modbus_server::{Listener, Security, Server};
 use super::mqtt::speaker::Speaker;
-use super::mqtt::{self, ConnectionSettings, Counters};
+use super::mqtt::{self, ConnectionSettings, Counters, Talk};
 use super::north_journal;
 use super::reload::Reloads;
 use super::router::{Router, Units};
 use super::run::StartError;
 use super::shared::Current;
-use super::totals::{ModbusTotals, MqttTotals};
+use super::sparkplug::BdSeq;
+use super::sparkplug::speaker::{Sides, Speaker as SparkplugSpeaker};
+use super::totals::{ModbusTotals, MqttTotals, SparkplugTotals};
 use crate::config::change::Change;
 use crate::config::{Config, ListenerSettings};
 use crate::domain::ids::{Name, Ticket};
 use crate::north::mqtt::Settings;
+use crate::north::sparkplug;
 use std::cell::RefCell;
 use std::io;
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
@@ -133,6 +137,26 @@ fn places(config: &Config) -> usize {
 /// How the broker is reached and what is said there.
 pub type Mqtt = (ConnectionSettings, Settings);
 
+/// The same for Sparkplug, and where sessions are numbered.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Sparkplug {
+    /// How the broker is reached.
+    pub connection: ConnectionSettings,
+    /// What is said there.
+    pub settings: sparkplug::Settings,
+    /// Where the number of the last session is kept.
+    pub data_dir: PathBuf,
+}
+
+/// Everything that is said to the broker.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BrokerSide {
+    /// The gateway's own topics.
+    pub mqtt: Mqtt,
+    /// Sparkplug B; nothing: nothing is said of it.
+    pub sparkplug: Option<Sparkplug>,
+}
+
 /// The running north sides.
 #[derive(Debug)]
 pub struct North {
@@ -145,7 +169,8 @@ pub struct North {
     listeners: Vec<Listening>,
     http: Option<AbortHandle>,
     control: Arc<Control>,
-    mqtt: Option<Conversation>,
+    mqtt: Option<Conversation<Mqtt>>,
+    sparkplug: Option<Conversation<Sparkplug>>,
     conversations: u64,
 }
 
@@ -158,8 +183,8 @@ struct Listening {
 
 /// What is said to a broker.
 #[derive(Debug)]
-struct Conversation {
-    with: Mqtt,
+struct Conversation<W> {
+    with: W,
     stop: oneshot::Sender<()>,
     task: JoinHandle<()>,
 }
@@ -173,7 +198,7 @@ impl North {
         sides: NorthSides,
         bound: Bound,
         socket: Option<(OwnSocket, Option<Reloads>)>,
-        mqtt: Option<Mqtt>,
+        broker_side: Option<BrokerSide>,
     ) -> Self {
         let modbus_totals = Arc::new(ModbusTotals::default());
         let started = clock::moment();
@@ -182,6 +207,7 @@ impl North {
             shared: current.clone(),
             modbus: Arc::clone(&modbus_totals),
             mqtt: None.into(),
+            sparkplug: None.into(),
             journal: sides.journal.clone(),
             history: History::default(),
             live: Live::new(started),
@@ -203,27 +229,48 @@ impl North {
         tokio::task::spawn_local(Rc::clone(&server).distribute(Arc::clone(&sides.modbus)));
         let units = Units::new(&current.get());
         let listeners = Vec::new();
-        let mut north =
-            Self { current, sides, state, server, units, listeners, http: None, control, mqtt: None, conversations: 0 };
+        let mut north = Self {
+            current,
+            sides,
+            state,
+            server,
+            units,
+            listeners,
+            http: None,
+            control,
+            mqtt: None,
+            sparkplug: None,
+            conversations: 0,
+        };
         north.listen(config, &[], bound);
-        north.talk(mqtt);
+        north.talk_as(broker_side);
         north
     }
 
     /// Serves `config` from now on; what is shared is that of it already. Sockets and connections that go on are not touched.
-    pub fn switch(&mut self, config: &Config, change: &Change, bound: Bound, mqtt: Option<Mqtt>) {
+    pub fn switch(&mut self, config: &Config, change: &Change, bound: Bound, broker_side: Option<BrokerSide>) {
         self.units = self.units.changed_to(&self.current.get());
         self.listen(config, &change.listeners, bound);
         self.server.review();
-        if !self.talks_as(mqtt.as_ref()) {
-            self.talk(mqtt);
-        }
+        self.talk_as(broker_side);
     }
 
     /// Whether this is what is said to the broker already.
     #[must_use]
-    pub fn talks_as(&self, mqtt: Option<&Mqtt>) -> bool {
-        self.mqtt.as_ref().map(|conversation| &conversation.with) == mqtt
+    pub fn talks_as(&self, broker_side: Option<&BrokerSide>) -> bool {
+        let (mqtt, sparkplug) = (broker_side.map(|it| &it.mqtt), broker_side.and_then(|it| it.sparkplug.as_ref()));
+        with(self.mqtt.as_ref()) == mqtt && with(self.sparkplug.as_ref()) == sparkplug
+    }
+
+    /// Says this to the broker from now on. What is said already goes on.
+    fn talk_as(&mut self, broker_side: Option<BrokerSide>) {
+        let (mqtt, sparkplug) = broker_side.map_or((None, None), |it| (Some(it.mqtt), it.sparkplug));
+        if with(self.mqtt.as_ref()) != mqtt.as_ref() {
+            self.talk(mqtt);
+        }
+        if with(self.sparkplug.as_ref()) != sparkplug.as_ref() {
+            self.talk_sparkplug(sparkplug);
+        }
     }
 
     fn listen(&mut self, config: &Config, kept: &[Option<usize>], bound: Bound) {
@@ -291,20 +338,66 @@ impl North {
             }
             let changed = Arc::clone(&current.load().changed);
             let speaker = Speaker::new(settings, current, news, totals, journal, first_ticket, clock::moment());
-            speak(connection, speaker, changed, stopped).await;
+            speak(connection, speaker, &changed.mqtt, stopped).await;
         });
         self.mqtt = Some(Conversation { with, stop, task });
     }
 
+    /// The same for Sparkplug.
+    fn talk_sparkplug(&mut self, sparkplug: Option<Sparkplug>) {
+        let before = self.sparkplug.take();
+        let totals = sparkplug.is_some().then(Arc::<SparkplugTotals>::default);
+        self.state.sparkplug.store(totals.clone());
+        let news = self.sides.sparkplug.clone();
+        if let Some(news) = &news {
+            news.set_open(sparkplug.is_some());
+        }
+        let Some(((with, totals), news)) = sparkplug.zip(totals).zip(news) else {
+            if let Some(before) = before {
+                tokio::task::spawn_local(before.end());
+            }
+            return;
+        };
+        self.conversations += 1;
+        let first_ticket = Ticket(self.conversations * TICKETS);
+        let (stop, stopped) = oneshot::channel();
+        let (current, Sparkplug { connection, settings, data_dir }) = (self.current.clone(), with.clone());
+        let journal = north_journal::side(self.sides.journal.as_ref(), &self.current);
+        let task = tokio::task::spawn_local(async move {
+            if let Some(before) = before {
+                before.end().await;
+            }
+            let Ok(bdseq) = tokio::task::spawn_blocking(move || BdSeq::read(&data_dir)).await else { return };
+            let changed = Arc::clone(&current.load().changed);
+            let sides = Sides { current, news, totals, journal };
+            let speaker = SparkplugSpeaker::new(settings, bdseq, sides, first_ticket, clock::moment());
+            speak(connection, speaker, &changed.sparkplug, stopped).await;
+        });
+        self.sparkplug = Some(Conversation { with, stop, task });
+    }
+
     /// Says goodbye to the broker, if there is one, and waits for that for a moment.
     pub async fn farewell(self) {
-        if let Some(conversation) = self.mqtt {
-            conversation.end().await;
-        }
+        let end_mqtt = async {
+            if let Some(conversation) = self.mqtt {
+                conversation.end().await;
+            }
+        };
+        let end_sparkplug = async {
+            if let Some(conversation) = self.sparkplug {
+                conversation.end().await;
+            }
+        };
+        tokio::join!(end_mqtt, end_sparkplug);
     }
 }
 
-impl Conversation {
+/// With what a conversation is held.
+fn with<W>(conversation: Option<&Conversation<W>>) -> Option<&W> {
+    conversation.map(|conversation| &conversation.with)
+}
+
+impl<W> Conversation<W> {
     async fn end(self) {
         // A task that has ended needs no stop.
         let _ = self.stop.send(());
@@ -316,11 +409,11 @@ impl Conversation {
     }
 }
 
-async fn speak(connection: ConnectionSettings, speaker: Speaker, changed: Arc<Notify>, stopped: oneshot::Receiver<()>) {
+async fn speak<T: Talk>(connection: ConnectionSettings, speaker: T, changed: &Notify, stopped: oneshot::Receiver<()>) {
     let (speaker, counters) = (RefCell::new(speaker), Counters::default());
     let stop = async {
         // A dropped sender means the end as well.
         let _ = stopped.await;
     };
-    mqtt::converse(connection, &speaker, &changed, &counters, stop).await;
+    mqtt::converse(connection, &speaker, changed, &counters, stop).await;
 }

@@ -36,6 +36,7 @@ fn a_control_section_gets_its_defaults() {
             from_mqtt: true,
             from_modbus_tcp: true,
             from_page: false,
+            from_sparkplug: false,
             least: Hertz::from_millihertz(5000),
             most: Hertz::from_millihertz(50_000),
             directions: vec![Direction::Forward],

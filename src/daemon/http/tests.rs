@@ -390,6 +390,7 @@ fn metrics() -> Vec<(&'static table::Name, &'static str)> {
     all.extend(names(table::MODBUS).map(of("-")));
     all.push((&table::MODBUS_EXCEPTIONS, "`code`"));
     all.extend(names(table::MQTT).map(of("-")));
+    all.extend(names(table::SPARKPLUG).map(of("-")));
     all.extend(names(table::JOURNAL).map(of("-")));
     all
 }
