@@ -205,7 +205,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Register, "access", "\"read\", \"write\" or \"read-write\"", None, "What the drive allows; written only if `native` lists it."),
     key(Section::Register, "poll", "\"fast\" or \"slow\"", Some("read only when asked for"), "How often it is polled."),
 
-    key(Section::Control, "from", "list of \"mqtt\", \"modbus-tcp\", \"page\"", None, "The ways by which commands are taken; each must be open."),
+    key(Section::Control, "from", "list of \"mqtt\", \"modbus-tcp\", \"page\", \"sparkplug\"", None, "The ways by which commands are taken; each must be open."),
     key(Section::Control, "frequency_hz", "{ min = Hz, max = Hz }", None, "Lowest and highest setpoint; what lies outside is refused, never clamped."),
     key(Section::Control, "directions", "list of \"forward\", \"reverse\"", Some("[\"forward\"]"), "The directions in which it may run."),
     key(Section::Control, "reverse_below_hz", "Hz", Some("0.0"), "Only at or below this output frequency may a running motor be ordered the other way; with both directions only."),
@@ -349,7 +349,9 @@ mod tests {
     fn with_line_in(section: Section, line: &str) -> String {
         let (before, after) = match section {
             Section::Root => return format!("{line}\n{CONTROLLED}"),
-            Section::HttpUser | Section::HttpTls => return format!("{CONTROLLED}{}\n{line}\n", section.header()),
+            Section::HttpUser | Section::HttpTls | Section::Sparkplug => {
+                return format!("{CONTROLLED}{}\n{line}\n", section.header());
+            }
             Section::Register => ("[line.drive.native]", "[[line.drive.register]]\n"),
             Section::ModbusTls => ("[http]", "[modbus_tcp.tls]\n"),
             _ => return with(CONTROLLED, &section.header(), &format!("{}\n{line}", section.header())),

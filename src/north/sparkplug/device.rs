@@ -143,9 +143,11 @@ impl Device {
         metrics
     }
 
+    /// The type is said each time, though hosts could know it from the birth: widely used decoders read no value without.
     fn metric(&self, place: usize, at_ms: u64, value: Option<Value>) -> Metric {
         Metric {
             alias: Some(self.first_alias + place as u64),
+            datatype: self.definitions.get(place).map(|definition| definition.datatype as u32),
             timestamp: Some(at_ms),
             is_null: value.is_none().then_some(true),
             value,

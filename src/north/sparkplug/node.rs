@@ -96,8 +96,8 @@ impl Node {
                 continue;
             }
             told.clone_from(&status);
-            let (value, timestamp) = (Some(Value::Text(status)), Some(at_ms));
-            changed.push(Metric { alias: Some(alias), timestamp, value, ..Metric::default() });
+            let (value, timestamp, datatype) = (Some(Value::Text(status)), Some(at_ms), Some(Datatype::Text as u32));
+            changed.push(Metric { alias: Some(alias), timestamp, datatype, value, ..Metric::default() });
         }
         changed
     }

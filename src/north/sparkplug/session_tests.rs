@@ -146,8 +146,8 @@ fn numbers_run_over_all_messages_of_the_node_and_begin_again_behind_255() {
     assert!(seqs.starts_with(&[Some(0), Some(1), Some(2)]) || rig.session.counters().births == 2, "{seqs:?}");
 }
 
-/// tck-id-payloads-name-requirement, tck-id-payloads-metric-datatype-not-req,
-/// tck-id-operational-behavior-data-publish-nbirth-change.
+/// tck-id-payloads-name-requirement, tck-id-operational-behavior-data-publish-nbirth-change. The recommendation
+/// tck-id-payloads-metric-datatype-not-req is not followed: common decoders need the type.
 #[test]
 fn data_is_what_has_changed_by_its_alias_alone() {
     let mut rig = Rig::new();
@@ -161,7 +161,8 @@ fn data_is_what_has_changed_by_its_alias_alone() {
     let data = sent(&rig.acts());
     assert_eq!((data.len(), data[0].kind.as_str(), data[0].payload.metrics.len()), (1, "DDATA pump", 1));
     let metric = &data[0].payload.metrics[0];
-    assert_eq!((metric.alias, &metric.name, metric.datatype), (alias, &None, None));
+    assert_eq!((metric.alias, &metric.name), (alias, &None));
+    assert_eq!(metric.datatype, Some(Datatype::Double as u32));
     assert_eq!((&metric.value, metric.timestamp), (&Some(Value::Double(31.0)), Some(rig.unix_ms())));
     assert_eq!((metric.is_historical, &metric.properties), (None, &None));
     rig.lines[0].report.state = PortState::Down;
