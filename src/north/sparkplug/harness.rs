@@ -16,7 +16,6 @@ use crate::journal::Attempt;
 use crate::north::mqtt::{Broker, Event, LineState, Message, Moment, Publication, Version};
 use crate::profile::check;
 use crate::vendors;
-use prost::Message as _;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -259,7 +258,7 @@ pub(super) fn sent(acts: &[Act]) -> Vec<Sent> {
             let kind = levels.next().expect("a kind").to_owned();
             assert_eq!(levels.next(), Some("plant"));
             let kind = levels.next().map_or(kind.clone(), |device| format!("{kind} {device}"));
-            let payload = Payload::decode(publication.payload.as_slice()).expect("a payload");
+            let payload = Payload::parse(&publication.payload).expect("a payload");
             Sent { kind, payload, publication: publication.clone() }
         })
         .collect()

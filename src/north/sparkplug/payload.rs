@@ -159,7 +159,7 @@ pub enum Quality {
 }
 
 impl Payload {
-    /// The payload that `bytes` write.
+    /// The payload of a command that `bytes` write.
     ///
     /// # Errors
     /// They are too many, or not of the schema: why, for people.
@@ -170,6 +170,14 @@ impl Payload {
                 bytes.len()
             ));
         }
+        Self::parse(bytes)
+    }
+
+    /// The same for messages of any length, as hosts get them.
+    ///
+    /// # Errors
+    /// They are not of the schema: why, for people.
+    pub fn parse(bytes: &[u8]) -> Result<Self, String> {
         Self::decode(bytes).map_err(|error| format!("no Sparkplug B payload ({error})"))
     }
 
