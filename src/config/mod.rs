@@ -27,6 +27,7 @@ mod port;
 mod ratings;
 mod read;
 pub mod ready;
+mod ready_broker;
 mod resolve;
 #[cfg(test)]
 mod tests;

@@ -1,9 +1,9 @@
 //! From the configuration to what the line threads need.
 
+use super::conversations::{BrokerSide, Sparkplug};
 use super::journal;
 use super::line_thread::LinePort;
 use super::mqtt::{ConnectionSettings, Secret, TlsSettings, check_tls};
-use super::north::{BrokerSide, Sparkplug};
 use super::port::PortSettings;
 use super::shared::{Shared, SharedLine};
 use crate::config::{

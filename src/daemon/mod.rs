@@ -11,6 +11,7 @@ pub mod bell;
 pub mod board;
 pub mod build;
 pub mod clock;
+pub mod conversations;
 pub mod descriptors;
 pub mod http;
 pub mod inbox;

@@ -4,11 +4,12 @@
 //! threads started. Then the drives whose lines end are looked at, and only then anything changes.
 
 use super::build::{self, Memory};
+use super::conversations::BrokerSide;
 use super::journal::Journal;
 use super::line_thread::LineHandle;
 use super::lines::Lines;
 use super::mqtt::broker_child::BrokerChild;
-use super::north::{self, Bound, BrokerSide, North};
+use super::north::{self, Bound, North};
 use super::run::embedded_broker;
 use super::shared::{Current, Shared};
 use crate::config::change::{Change, Part, Told};

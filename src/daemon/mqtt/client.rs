@@ -4,14 +4,15 @@
 //! will, after a wait that grows. Only this task touches the connection, and it never waits for room in its queue:
 //! as long as that is full, the talk is not asked for more.
 
+use super::accepted::Link;
 use super::counters::{Counters, count};
-use super::link::{self, Broken, Events, Incident, NotQueued, Received, Sender, Terms, Unfit};
+use super::link::{self, Broken, Events, Incident, NotQueued, Received, Terms};
 use super::retry::{Retry, Rival};
 use super::settings::ConnectionSettings;
 use super::window::Window;
 use super::{Packet, Talk, tls};
 use crate::daemon::clock;
-use crate::north::mqtt::{Event, Filter, Publication, Refusal};
+use crate::north::mqtt::{Event, Publication, Refusal};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::pin::{Pin, pin};
@@ -76,14 +77,6 @@ struct Client<'a, T> {
     retry: Retry,
     /// The accepted connection.
     link: Option<Link>,
-}
-
-/// What is known about an accepted connection.
-struct Link {
-    since: Instant,
-    sender: Sender,
-    window: Window,
-    terms: Terms,
 }
 
 /// How a connection ended.
@@ -386,44 +379,6 @@ impl<T: Talk> Client<'_, T> {
                 Ok(incident) => self.take(incident),
                 Err(_) => return,
             }
-        }
-    }
-}
-
-impl Link {
-    /// Queues a publication, or drops one that cannot be sent: false.
-    fn publish(&mut self, mut publication: Publication, counters: &Counters) -> Result<bool, NotQueued> {
-        if let Err(unfit) = self.sender.check(&publication, &self.terms) {
-            count(&counters.dropped);
-            let (topic, bytes) = (&publication.topic, publication.payload.len());
-            match unfit {
-                Unfit::TooLarge => {
-                    tracing::warn!(topic, bytes, limit = self.terms.packet_max, "too large for the broker; dropped");
-                }
-                Unfit::Topic => tracing::warn!(topic, "not a topic; dropped"),
-            }
-            return Ok(false);
-        }
-        // A broker that keeps no messages ends the connection of those who ask it to.
-        publication.retain &= self.terms.broker.retains;
-        let (qos, token) = (publication.qos, publication.token);
-        self.sender.publish(publication)?;
-        self.window.queue_publication(qos, token);
-        Ok(true)
-    }
-
-    fn subscribe(&mut self, filters: Vec<Filter>) {
-        if self.sender.subscribe(filters).is_ok() {
-            self.window.queue_other();
-        } else {
-            tracing::error!("a subscription has an impossible filter; dropped");
-        }
-    }
-
-    fn disconnect(&mut self) {
-        self.window.queue_other();
-        if self.sender.disconnect().is_err() {
-            tracing::debug!("no room for DISCONNECT");
         }
     }
 }

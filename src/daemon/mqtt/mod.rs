@@ -4,6 +4,7 @@
 //! [`client`] carries out what a [`Talk`] wants: it keeps a connection, hands over what comes, sends what is due.
 //! What is said and what it means is decided elsewhere.
 
+mod accepted;
 mod backoff;
 pub mod broker;
 pub mod broker_child;

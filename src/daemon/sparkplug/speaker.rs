@@ -52,7 +52,10 @@ impl Speaker {
         let mut session = Session::new(settings, drives_of(&shared), &lines_of(&shared), at);
         session.count_tickets_from(first_ticket);
         let (views, lines, batch) = (Vec::new(), Vec::new(), Vec::new());
-        Self { session, bdseq, sides, shared, views, lines, batch }
+        let mut speaker = Self { session, bdseq, sides, shared, views, lines, batch };
+        // The first birth may come before anything changes.
+        speaker.look_at_views();
+        speaker
     }
 
     fn take_news(&mut self) {

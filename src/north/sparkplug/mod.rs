@@ -2,7 +2,7 @@
 //!
 //! [`Session`] is the whole. Inside it, `topics` knows the topics, `payload` the bytes, `host` whether the primary host is
 //! there, `metrics` what there is to tell of a drive and by which names, `content` what each holds, `device` and `node`
-//! what is news, `history` what happened while nobody could be told, `order` what a command says, and `giving` hands
+//! what is news, `telling` says it in messages, `history` what happened while nobody could be told, `order` what a command says, and `giving` hands
 //! commands to the lines and hears of them.
 
 mod content;
@@ -15,6 +15,7 @@ mod node;
 mod order;
 pub mod payload;
 mod session;
+mod telling;
 mod topics;
 mod types;
 

@@ -1,11 +1,12 @@
 //! The Sparkplug session: its life from connection to farewell, and what it wants done next.
 
-use super::device::{Device, Present, millis};
+use super::device::{Device, millis};
 use super::giving::Giving;
 use super::host::{Host, News};
 use super::node::{self, Node};
 use super::payload::{Metric, Payload};
-use super::topics::{DeviceKind, Inbound, Kind, Topics};
+use super::telling::publication;
+use super::topics::{Inbound, Kind, Topics};
 use super::types::{Act, Counters, Settings};
 use crate::domain::ids::Name;
 use crate::domain::time::MonoTime;
@@ -18,8 +19,6 @@ use std::time::Duration;
 
 /// Births that hosts ask for come no more often, however many ask.
 const BETWEEN_REBIRTHS: Duration = Duration::from_secs(1);
-/// Longest packet where the broker names no smaller limit.
-const PACKET_MAX: usize = 256 * 1024;
 
 /// The gateway as an edge node of Sparkplug B, each drive a device, as a machine without a socket or a clock. Its owner
 /// moves things between it, the broker and the lines as with [`mqtt::Session`](crate::north::mqtt::Session).
@@ -29,26 +28,26 @@ const PACKET_MAX: usize = 256 * 1024;
 #[derive(Debug)]
 pub struct Session {
     pub(super) settings: Settings,
-    topics: Topics,
+    pub(super) topics: Topics,
     pub(super) drives: Vec<DriveDescription>,
     lines: usize,
     pub(super) devices: Vec<Device>,
-    node: Node,
-    clock: Clock,
-    path: Path,
-    host: Host,
-    broker: Broker,
-    bdseq: u8,
+    pub(super) node: Node,
+    pub(super) clock: Clock,
+    pub(super) path: Path,
+    pub(super) host: Host,
+    pub(super) broker: Broker,
+    pub(super) bdseq: u8,
     /// The number of the next message.
-    seq: u8,
-    is_born: bool,
+    pub(super) seq: u8,
+    pub(super) is_born: bool,
     /// When all is born again because a host asked for it.
-    rebirth_at: Option<MonoTime>,
-    born_at: MonoTime,
+    pub(super) rebirth_at: Option<MonoTime>,
+    pub(super) born_at: MonoTime,
     /// The session with this broker is to be ended, for this reason.
     leaving: Option<&'static str>,
     /// The device that is looked at next.
-    place: usize,
+    pub(super) place: usize,
     pub(super) giving: Giving,
     pub(super) counters: Counters,
 }
@@ -234,131 +233,6 @@ impl Session {
         act
     }
 
-    fn next_publication(&mut self, at: MonoTime, views: &[Arc<DriveView>], lines: &[LineState]) -> Option<Act> {
-        if !self.path.is_granted() || !self.host.is_there() {
-            self.record(at, views);
-            return None;
-        }
-        if !self.is_born || self.rebirth_at.is_some_and(|due| due <= at) {
-            return Some(self.node_birth(at, lines));
-        }
-        if let Some(publication) = self.next_of_presence(at, views) {
-            return Some(publication);
-        }
-        if let Some(payload) = self.path.take_probe(at) {
-            return Some(Act::Publish(publication(self.topics.probe(), payload)));
-        }
-        let changed = self.node.data(millis(self.clock, at), lines);
-        if !changed.is_empty() {
-            return self.publish(at, self.topics.node(Kind::NodeData), changed);
-        }
-        let data = self.next_of_devices(at, views, |device, now, probes| device.data(now, probes));
-        data.or_else(|| self.next_of_devices(at, views, |device, _, probes| device.past(probes)))
-    }
-
-    /// NBIRTH, with which everything begins anew.
-    fn node_birth(&mut self, at: MonoTime, lines: &[LineState]) -> Act {
-        let stops = self.drives.iter().any(|drive| drive.control.as_ref().is_some_and(|it| it.from_sparkplug));
-        let at_ms = millis(self.clock, at);
-        let bdseq = node::bdseq(self.bdseq, at_ms);
-        let metrics = self.node.birth(bdseq, at_ms, lines, stops);
-        self.seq = 0;
-        (self.rebirth_at, self.born_at, self.place) = (None, at, 0);
-        for device in &mut self.devices {
-            device.is_born = false;
-        }
-        if !self.is_born {
-            self.path.probe_from(at);
-        }
-        self.counters.births += 1;
-        let act = self.publish(at, self.topics.node(Kind::NodeBirth), metrics);
-        self.is_born = act.is_some();
-        act.unwrap_or(Act::Reconnect("the broker takes no packet as large as NBIRTH"))
-    }
-
-    /// The next birth or death of a device.
-    fn next_of_presence(&mut self, at: MonoTime, views: &[Arc<DriveView>]) -> Option<Act> {
-        for (place, view) in (0..self.devices.len()).zip(views) {
-            let (is_online, device) = (view.is_online(), &mut self.devices[place]);
-            if is_online == device.is_born || device.is_too_large {
-                continue;
-            }
-            let drive = &self.drives[place];
-            if !is_online {
-                device.is_born = false;
-                let topic = self.topics.device(DeviceKind::Death, &drive.name);
-                return self.publish(at, topic, Vec::new());
-            }
-            let now = Present { at, clock: self.clock, drive, view };
-            let metrics = device.birth(&now);
-            let topic = self.topics.device(DeviceKind::Birth, &drive.name);
-            let act = self.publish(at, topic, metrics);
-            if act.is_none() {
-                let device = &mut self.devices[place];
-                (device.is_born, device.is_too_large) = (false, true);
-                continue;
-            }
-            return act;
-        }
-        None
-    }
-
-    /// The next data of any device that is born, each in its turn.
-    fn next_of_devices(
-        &mut self,
-        at: MonoTime,
-        views: &[Arc<DriveView>],
-        data: impl Fn(&mut Device, &Present<'_>, u64) -> Vec<Metric>,
-    ) -> Option<Act> {
-        let probes = self.path.sent();
-        for _ in 0..self.devices.len() {
-            let place = self.place;
-            self.place = (self.place + 1) % self.devices.len();
-            let (Some(view), device, drive) = (views.get(place), &mut self.devices[place], &self.drives[place]) else {
-                continue;
-            };
-            if !device.is_born {
-                continue;
-            }
-            let metrics = data(device, &Present { at, clock: self.clock, drive, view }, probes);
-            if metrics.is_empty() {
-                continue;
-            }
-            let act = self.publish(at, self.topics.device(DeviceKind::Data, &drive.name), metrics);
-            if act.is_some() {
-                return act;
-            }
-        }
-        None
-    }
-
-    /// Keeps what happens while nobody can be told.
-    fn record(&mut self, at: MonoTime, views: &[Arc<DriveView>]) {
-        for ((device, drive), view) in self.devices.iter_mut().zip(&self.drives).zip(views) {
-            device.record(&Present { at, clock: self.clock, drive, view });
-        }
-    }
-
-    /// A message with the next number; nothing if the broker takes none as large, and then no number is used.
-    fn publish(&mut self, at: MonoTime, topic: String, metrics: Vec<Metric>) -> Option<Act> {
-        let payload = Payload { timestamp: Some(millis(self.clock, at)), metrics, seq: Some(self.seq.into()) };
-        let publication = publication(topic, payload.bytes());
-        if packet_bytes(&publication) > self.broker.maximum_packet_bytes.unwrap_or(PACKET_MAX).min(PACKET_MAX) {
-            self.counters.too_large += 1;
-            return None;
-        }
-        self.seq = self.seq.wrapping_add(1);
-        self.counters.messages_out += 1;
-        Some(Act::Publish(publication))
-    }
-
-    fn count_history(&mut self) {
-        self.counters.host_awaited = u64::from(self.path.is_granted() && !self.host.is_there());
-        self.counters.history_waiting = self.devices.iter().map(|device| device.history.len() as u64).sum();
-        let dropped: u64 = self.devices.iter_mut().map(|device| device.history.take_dropped()).sum();
-        self.counters.history_dropped += dropped;
-    }
-
     /// What is still to be published on an orderly end: a will is published for those alone who vanish.
     pub fn farewell(&mut self, at: Moment) -> Vec<Publication> {
         self.clock.see(at);
@@ -399,16 +273,4 @@ fn devices_of(settings: &Settings, drives: &[DriveDescription], lines: usize) ->
             device
         })
         .collect()
-}
-
-/// At most once and not kept by the broker, as all but NDEATH.
-const fn publication(topic: String, payload: Vec<u8>) -> Publication {
-    let qos = Qos::AtMostOnce;
-    Publication { topic, payload, retain: false, qos, expiry: None, correlation: None, token: None }
-}
-
-/// No packet with this publication is larger.
-fn packet_bytes(publication: &Publication) -> usize {
-    const OTHER_BYTES: usize = 16;
-    publication.topic.len() + publication.payload.len() + OTHER_BYTES
 }
