@@ -53,6 +53,7 @@ pub(super) fn state(broker: bool) -> Arc<State> {
         points: Points::default(),
     };
     Arc::new(State {
+        sparkplug: None.into(),
         journal: None,
         history: History::default(),
         gateway: "plant-a".to_owned(),

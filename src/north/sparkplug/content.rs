@@ -28,6 +28,8 @@ pub(super) enum Content {
     Number(i64),
     Hertz(Hertz),
     Text(Cow<'static, str>),
+    /// A part of a report, with the number of that: the same words of another report are news.
+    Said(Cow<'static, str>, i64),
 }
 
 impl Content {
@@ -132,9 +134,9 @@ impl Look<'_> {
             return if part == Part::Count { Content::Number(0) } else { Content::Text("".into()) };
         };
         match part {
-            Part::Outcome => Content::Text(told.report.outcome.word().into()),
-            Part::Reason => Content::Text(told.report.reason.word().into()),
-            Part::Message => Content::Text(told.message.clone().into()),
+            Part::Outcome => Content::Said(told.report.outcome.word().into(), told.count),
+            Part::Reason => Content::Said(told.report.reason.word().into(), told.count),
+            Part::Message => Content::Said(told.message.clone().into(), told.count),
             Part::Count => Content::Number(told.count),
         }
     }
@@ -164,7 +166,7 @@ impl Look<'_> {
         Some(match content {
             Content::Null => return None,
             Content::Bool(value) => Value::Boolean(*value),
-            Content::Text(text) => Value::Text(text.clone().into_owned()),
+            Content::Text(text) | Content::Said(text, _) => Value::Text(text.clone().into_owned()),
             Content::Hertz(hertz) => Value::Double(hertz.as_f64()),
             Content::Number(number) if definition.datatype == Int64 => Value::of_i64(*number),
             Content::Number(number) if definition.datatype == Int32 => Value::of_i32(i32::try_from(*number).ok()?),

@@ -48,6 +48,8 @@ pub(super) struct Device {
     held: Vec<Content>,
     /// It was born on this connection and has not died.
     pub(super) is_born: bool,
+    /// It was born before, so that somebody knows what it held.
+    was_born: bool,
     /// Its birth is larger than the broker takes.
     pub(super) is_too_large: bool,
     pub(super) history: History,
@@ -68,6 +70,7 @@ impl Device {
             definitions,
             points: Points::new(drive),
             is_born: false,
+            was_born: false,
             is_too_large: false,
             history: History::new(keep),
             told: None,
@@ -137,7 +140,7 @@ impl Device {
         let metrics = metrics.collect();
         let until = self.definitions.iter().filter_map(|definition| look.ends_at(definition)).min();
         self.held = held;
-        self.is_born = true;
+        (self.is_born, self.was_born) = (true, true);
         self.looked = Some((Arc::clone(now.view), until.unwrap_or(MonoTime::NEVER)));
         self.gathers_until = now.at + GATHERED_FOR;
         metrics
@@ -217,10 +220,11 @@ impl Device {
         metrics
     }
 
-    /// Keeps what has changed while no host can be told.
+    /// Keeps what has changed while no host can be told. What is read for the first time is no change.
     pub(super) fn record(&mut self, now: &Present<'_>) {
-        for (entry, _) in self.changes(now) {
-            if entry.value.is_some() && self.is_recorded(&entry) {
+        for (entry, has_quality_changed) in self.changes(now) {
+            let is_first = has_quality_changed && !self.was_born;
+            if entry.value.is_some() && !is_first && self.is_recorded(&entry) {
                 self.history.add(entry);
             }
         }

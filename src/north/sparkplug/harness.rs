@@ -5,7 +5,7 @@ use super::payload::{Metric, Payload, Value};
 use super::session::Session;
 use super::types::{Act, Settings};
 use crate::domain::command::{CommandAnswer, CommandRequest, Order, Outcome, Reason, Report};
-use crate::domain::control::ControlSettings;
+use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::ids::{AskerId, DriveIndex, Name, Ticket, UnitId};
 use crate::domain::report::{self, LineReport};
 use crate::domain::time::{MonoTime, WallTime};
@@ -60,7 +60,9 @@ pub(super) fn drives() -> Vec<DriveDescription> {
         control: control.map(Arc::new),
         points: Points { dead_bands: vec![("output_frequency".into(), 0.5)], ..Points::default() },
     };
-    vec![drive(0, "pump", Some(crate::drive::testing::control())), drive(1, "fan", None)]
+    let accept_unverified = ControlAction::ALL.to_vec();
+    let control = ControlSettings { accept_unverified, ..crate::drive::testing::control() };
+    vec![drive(0, "pump", Some(control)), drive(1, "fan", None)]
 }
 
 /// A message as the broker would bring it to a host.
@@ -146,6 +148,7 @@ impl Rig {
         (view.line_is_up, view.snapshot.presence, view.run_state) = (true, Presence::Online, RunState::Stopped);
         (view.trip.active, view.trip_kept.count) = (Some(false), Some(2));
         view.snapshot.take(OUTPUT, &[output], now);
+        view.snapshot.take(0x0112, &[2], now);
         view.snapshot.take(0x0201, &[4_000], now);
         view.snapshot.take(0x0211, &[3, 3], now);
     }

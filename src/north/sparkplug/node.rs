@@ -24,7 +24,7 @@ pub(super) struct Node {
 }
 
 /// What a metric of a command for the edge node asks for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Asked<'m> {
     /// All births again, or not.
     Rebirth(Option<&'m Value>),

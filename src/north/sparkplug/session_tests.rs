@@ -308,14 +308,14 @@ fn what_a_dying_broker_may_not_have_passed_on_is_told_again() {
     let mut rig = Rig::born();
     rig.pass(2_000);
     rig.is_deaf = true;
-    rig.poll(0, 4_000);
+    rig.poll(0, 4_100);
     let data = sent(&rig.pass(500));
     assert!(data.iter().any(|it| it.kind == "DDATA pump"));
     rig.handle(Event::Lost);
     rig.is_deaf = false;
     rig.connect(1);
     let all = sent(&rig.host(true, 2));
-    let is_past = |it: &&Metric| it.is_historical == Some(true) && it.value == Some(Value::Double(40.0));
+    let is_past = |it: &&Metric| it.is_historical == Some(true) && it.value == Some(Value::Double(41.0));
     assert_eq!(all.iter().flat_map(|it| &it.payload.metrics).filter(is_past).count(), 1);
     rig.pass(2_000);
     rig.handle(Event::Lost);
