@@ -213,12 +213,15 @@ fn kill(plant: &mut Plant, kills: usize) {
     for kill in 0..=kills {
         let scada = Scada::online(&plant.broker, "5");
         scada.wait_for_kind("DBIRTH", 0);
-        scada.wait_for_kind("DDATA", 0);
+        // Something to be told, which moves nothing.
+        scada.write_text("no/such", "metric");
+        scada.wait_for_reason("not_understood", 0);
         let sessions = assert_sequence(&scada.seen());
         assert!(!sessions.is_empty());
         all.push(sessions[sessions.len() - 1]);
         if kill < kills {
             plant.broker.kill();
+            plant.wait_until_not_ready();
             plant.broker.start_again();
         }
     }

@@ -19,6 +19,8 @@ const number = (value) => (value === undefined || value === null ? null : Number
 const started = Date.now();
 const state = (online, timestamp) => JSON.stringify({ online, timestamp });
 const topic = `spBv1.0/STATE/${host}`;
+// The birth of a session has the moment of its will.
+let isFirst = true;
 
 // Names by alias, as the births of this group told them.
 const names = new Map();
@@ -89,7 +91,8 @@ readline.createInterface({ input: process.stdin }).on('line', (line) => {
     return;
   }
   if (order.state !== undefined) {
-    const at = order.state ? Date.now() : started;
+    const at = isFirst ? started : Date.now();
+    isFirst = false;
     client.publish(topic, state(order.state, order.at ?? at), { qos: 1, retain: true }, () => say({ state: order.state }));
     return;
   }
