@@ -53,6 +53,7 @@
 //! | `composing` | the compose file, and its broker with its own passwords and access rules |
 //! | `clusters` | the Kubernetes files, held against its schemas and against each other; the probes are answered |
 //! | `controller` | the function block of `deploy/plc`, run beside a Modbus client, starts and stops a drive |
+//! | `sparkplug` | a Sparkplug host finds the gateway and its drives, commands them, and loses them |
 //! | `node_red` | the flow of `deploy/node-red`, in Node-RED as it stands, shows a drive and moves it |
 //! | `fleet` | many gateways on one broker, a user each: what it acknowledges arrives, over bridges and lost nodes too |
 //! | `trying` | the demo does what it prints |
@@ -168,6 +169,8 @@ mod scraping;
 mod secured;
 #[path = "process/services.rs"]
 mod services;
+#[path = "process/sparkplug.rs"]
+mod sparkplug;
 #[path = "process/stopping.rs"]
 mod stopping;
 #[path = "process/taking.rs"]
@@ -205,6 +208,8 @@ mod plant;
 mod raw;
 #[path = "process/rig.rs"]
 mod rig;
+#[path = "process/scada.rs"]
+mod scada;
 #[path = "process/standin.rs"]
 mod standin;
 #[path = "process/started.rs"]

@@ -58,6 +58,7 @@ pub(super) fn description() -> DriveDescription {
 pub(super) fn state(broker: bool) -> Arc<State> {
     let name = |text| Name::new(text).unwrap();
     Arc::new(State {
+        sparkplug: None.into(),
         journal: None,
         history: History::default(),
         gateway: "plant-a".to_owned(),
@@ -395,6 +396,7 @@ fn metrics() -> Vec<(&'static table::Name, &'static str)> {
     all.extend(names(table::MODBUS).map(of("-")));
     all.push((&table::MODBUS_EXCEPTIONS, "`code`"));
     all.extend(names(table::MQTT).map(of("-")));
+    all.extend(names(table::SPARKPLUG).map(of("-")));
     all.extend(names(table::JOURNAL).map(of("-")));
     all
 }

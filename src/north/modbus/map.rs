@@ -209,7 +209,8 @@ const MAP: [MapRow; 75] = [
     codes(
         19,
         "owner of the lease",
-        "0 none, 1 MQTT, 2 another Modbus TCP client, 3 this client, 4 a tool at the gateway's host, 5 somebody on the page",
+        "0 none, 1 MQTT, 2 another Modbus TCP client, 3 this client, 4 a tool at the gateway's host, 5 somebody on the page, \
+         6 a Sparkplug host",
     ),
     measured(20, "lowest setpoint", "0.01", "Hz"),
     measured(21, "highest setpoint", "0.01", "Hz"),
