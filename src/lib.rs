@@ -13,7 +13,7 @@
 //! | [`guard`] | the only door for commands: limits, owners, leases, start inhibit |
 //! | [`mod@line`] | the wire of one line as a machine: schedule, transaction, timing, fault table, counters |
 //! | [`gateway`] | `LineCore`: the pure whole of one line; events and time in, effects out |
-//! | [`north`] | Modbus TCP and MQTT as machines without sockets |
+//! | [`north`] | Modbus TCP, MQTT and Sparkplug B as machines without sockets |
 //! | [`config`] | the configuration file, from text to ready values or to all its problems |
 //! | [`sim`] | simulated drives on a simulated bus |
 //! | [`daemon`] | the only room with tokio, files, sockets, clocks and signals |

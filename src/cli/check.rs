@@ -4,7 +4,9 @@ mod drive;
 
 use super::{Failure, input, print};
 use crate::config::words::LEASES;
-use crate::config::{Config, HttpSettings, LineSettings, ListenerSettings, MqttSettings, PortAddress, line_plan};
+use crate::config::{
+    Config, HttpSettings, LineSettings, ListenerSettings, MqttSettings, PortAddress, SparkplugSettings, line_plan,
+};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
 use crate::domain::report::StopBounds;
 use crate::line::budget::ASSUMED_TURNAROUND;
@@ -38,6 +40,9 @@ fn report(config: &Config) -> String {
     }
     if let Some(mqtt) = &config.mqtt {
         let _ = writeln!(text, "{}", of_mqtt(mqtt, config));
+        if let Some(sparkplug) = &mqtt.sparkplug {
+            let _ = writeln!(text, "{}", of_sparkplug(sparkplug, config));
+        }
     }
     if let Some(http) = &config.http {
         let _ = writeln!(text, "{}", of_http(http));
@@ -70,6 +75,15 @@ fn of_http(http: &HttpSettings) -> String {
     let rights =
         if names.is_empty() { "read-only".to_owned() } else { format!("{} may sign in and command", list(&names)) };
     format!("{scheme} on {}: {rights}", http.listen)
+}
+
+fn of_sparkplug(sparkplug: &SparkplugSettings, config: &Config) -> String {
+    let gateway = config.gateway.name.as_ref().map_or("(name of this host)", |name| name.as_str());
+    let host = sparkplug.primary_host.as_ref().map_or_else(
+        || "no primary host is waited for".to_owned(),
+        |host| format!("births wait for the primary host {host}"),
+    );
+    format!("Sparkplug B at the same broker: edge node {gateway} of group {}; {host}", sparkplug.group)
 }
 
 fn of_mqtt(mqtt: &MqttSettings, config: &Config) -> String {

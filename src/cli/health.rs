@@ -105,6 +105,14 @@ fn report(health: &Value) -> String {
             let _ = writeln!(text, "mqtt: the broker would not take {refused} trip events; the log says why");
         }
     }
+    if let Some(connected) = health["sparkplug"]["connected"].as_bool() {
+        let state = match (connected, health["sparkplug"]["host_awaited"] == true) {
+            (true, _) => "told to its hosts",
+            (false, true) => "waits for its primary host",
+            (false, false) => "not connected",
+        };
+        let _ = writeln!(text, "sparkplug: {state}");
+    }
     if let Some(state) = health["journal"]["state"].as_str() {
         let reason = health["journal"]["reason"].as_str().map(|reason| format!(": {reason}")).unwrap_or_default();
         let _ = writeln!(text, "journal: {state}{reason}");

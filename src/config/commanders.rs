@@ -22,6 +22,7 @@ pub(super) fn check(file: &File, served: &[BTreeSet<usize>], units: &[Vec<Units>
         for (place, drive) in line.drives.iter().enumerate() {
             let Some(control) = drive.control.usable() else { continue };
             mqtt_reaches(&control.value, &file.mqtt, problems);
+            sparkplug_reaches(&control.value, &file.mqtt, problems);
             page_reaches(&control.value, &file.http, problems);
             // A listener that serves nothing has a wrong list, which is reported by itself.
             let mut serving = file.listeners.iter().zip(served).filter(|(listener, lines)| {
@@ -53,6 +54,31 @@ fn mqtt_reaches(control: &ControlFile, mqtt: &Given<MqttFile>, problems: &mut Ve
     if let (Some(place), Given::LeftOut) = (control.names(Way::Mqtt), mqtt) {
         let problem = place.problem("commands from \"mqtt\" cannot come: there is no `[mqtt]`");
         problems.push(problem.right("`[mqtt]` with `broker`, or leave it out"));
+    }
+}
+
+/// A host is there as long as it says so itself: without that, only commands can keep control.
+fn sparkplug_reaches(control: &ControlFile, mqtt: &Given<MqttFile>, problems: &mut Vec<Problem>) {
+    let Some(place) = control.names(Way::Sparkplug) else { return };
+    let (mqtt, sparkplug) = match mqtt {
+        Given::Unusable => return,
+        Given::LeftOut => (None, None),
+        Given::Usable(mqtt) => match &mqtt.value.sparkplug {
+            Given::Unusable => return,
+            Given::LeftOut => (Some(&mqtt.value), None),
+            Given::Usable(sparkplug) => (Some(&mqtt.value), Some(&sparkplug.value)),
+        },
+    };
+    let (Some(mqtt), Some(sparkplug)) = (mqtt, sparkplug) else {
+        let problem = place.problem("commands from \"sparkplug\" cannot come: there is no `[mqtt.sparkplug]`");
+        problems.push(problem.right("`[mqtt.sparkplug]` with `group` and `primary_host`, or leave it out"));
+        return;
+    };
+    let lease = mqtt.lease.or(DEFAULT_LEASE).and_then(|default| control.lease.or(default));
+    if lease == Some(LeaseMode::Session) && matches!(sparkplug.primary_host, Given::LeftOut) {
+        let what = "a session lease of a Sparkplug host lives while that is online, and no host is named";
+        let right = "`primary_host` in `[mqtt.sparkplug]`, or lease = \"explicit\"";
+        problems.push(place.problem(what).right(right));
     }
 }
 
@@ -89,7 +115,8 @@ fn outlasts(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<P
         );
         problems.push(place.problem(what).right("a longer time, as \"5s\""));
     }
-    let Some(mqtt) = mqtt.filter(|_| control.names(Way::Mqtt).is_some()) else { return };
+    let by_broker = control.names(Way::Mqtt).or(control.names(Way::Sparkplug));
+    let Some(mqtt) = mqtt.filter(|_| by_broker.is_some()) else { return };
     let ttl = mqtt.command_ttl.or(DEFAULT_COMMAND_TTL).filter(|ttl| *ttl > COMMAND_DEADLINE && *lost_after <= *ttl);
     if let Some(ttl) = ttl {
         let (lease, ttl) = (duration_text(*lost_after), duration_text(ttl));

@@ -49,6 +49,7 @@ pub(super) fn settle(
         from_mqtt: file.names(Way::Mqtt).is_some(),
         from_modbus_tcp: file.names(Way::ModbusTcp).is_some(),
         from_page: file.names(Way::Page).is_some(),
+        from_sparkplug: file.names(Way::Sparkplug).is_some(),
         least,
         most,
         directions: directions?,
@@ -87,19 +88,25 @@ fn ways(file: &ControlFile, problems: &mut Vec<Problem>) {
     let Some(from) = &file.from else { return };
     if from.value.is_empty() {
         let problem = from.place.problem("an empty list lets nobody command");
-        problems.push(problem.right("\"mqtt\", \"modbus-tcp\", \"page\" or several of them, or no control section"));
+        problems.push(
+            problem
+                .right("\"mqtt\", \"modbus-tcp\", \"page\", \"sparkplug\" or several of them, or no control section"),
+        );
     }
     lists::once(&from.value, problems);
     let strict = file.strict.usable().map(|strict| &strict.place);
     let delay = file.restart_delay.usable().map(|delay| &delay.place);
     let lease = file.lease.usable().map(|lease| &lease.place);
-    if !from.value.is_empty() && file.names(Way::Mqtt).is_none() {
+    let by_broker = file.names(Way::Mqtt).or(file.names(Way::Sparkplug));
+    if !from.value.is_empty() && by_broker.is_none() {
         for place in [strict, lease].into_iter().flatten() {
-            let problem = place.problem("concerns commands over MQTT only, and `from` does not name \"mqtt\"");
+            let problem = place.problem(
+                "concerns commands over MQTT and Sparkplug only, and `from` names neither \"mqtt\" nor \"sparkplug\"",
+            );
             problems.push(problem.right("leave it out"));
         }
         if let Some(place) = delay.filter(|_| file.names(Way::Page).is_none()) {
-            let what = "concerns commands over MQTT and from the page only, and `from` names neither";
+            let what = "concerns commands over MQTT, Sparkplug and from the page only, and `from` names none of them";
             problems.push(place.problem(what).right("leave it out"));
         }
     }

@@ -184,6 +184,7 @@ pub(super) struct MqttFile {
     pub keep_telemetry: Given<u32>,
     pub publish: Given<Vec<Written<Tree>>>,
     pub home_assistant: Given<HomeAssistantFile>,
+    pub sparkplug: Given<SparkplugFile>,
     pub ca_file: Given<PathBuf>,
     pub client_cert_file: Given<PathBuf>,
     pub client_key_file: Given<PathBuf>,
@@ -195,6 +196,17 @@ pub(super) struct HomeAssistantFile {
     pub discovery: Needed<bool>,
     pub prefix: Given<String>,
     pub devices: Given<bool>,
+}
+
+/// `[mqtt.sparkplug]`
+#[derive(Debug)]
+pub(super) struct SparkplugFile {
+    pub place: Place,
+    pub group: Needed<String>,
+    pub primary_host: Given<String>,
+    pub client_id: Given<String>,
+    pub max_command_age: Given<Duration>,
+    pub keep_telemetry: Given<u32>,
 }
 
 /// `[http]`

@@ -21,6 +21,8 @@ pub enum Section {
     Native,
     /// `[mqtt]`
     Mqtt,
+    /// `[mqtt.sparkplug]`
+    Sparkplug,
     /// `[[modbus_tcp]]`
     ModbusTcp,
     /// `[modbus_tcp.tls]`
@@ -35,7 +37,7 @@ pub enum Section {
 
 impl Section {
     /// All sections, outer before inner.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::Root,
         Self::Gateway,
         Self::Journal,
@@ -45,6 +47,7 @@ impl Section {
         Self::Control,
         Self::Native,
         Self::Mqtt,
+        Self::Sparkplug,
         Self::ModbusTcp,
         Self::ModbusTls,
         Self::Http,
@@ -65,6 +68,7 @@ impl Section {
             Self::Control => "line.drive.control",
             Self::Native => "line.drive.native",
             Self::Mqtt => "mqtt",
+            Self::Sparkplug => "mqtt.sparkplug",
             Self::ModbusTcp => "modbus_tcp",
             Self::ModbusTls => "modbus_tcp.tls",
             Self::Http => "http",
@@ -201,7 +205,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Register, "access", "\"read\", \"write\" or \"read-write\"", None, "What the drive allows; written only if `native` lists it."),
     key(Section::Register, "poll", "\"fast\" or \"slow\"", Some("read only when asked for"), "How often it is polled."),
 
-    key(Section::Control, "from", "list of \"mqtt\", \"modbus-tcp\", \"page\"", None, "The ways by which commands are taken; each must be open."),
+    key(Section::Control, "from", "list of \"mqtt\", \"modbus-tcp\", \"page\", \"sparkplug\"", None, "The ways by which commands are taken; each must be open."),
     key(Section::Control, "frequency_hz", "{ min = Hz, max = Hz }", None, "Lowest and highest setpoint; what lies outside is refused, never clamped."),
     key(Section::Control, "directions", "list of \"forward\", \"reverse\"", Some("[\"forward\"]"), "The directions in which it may run."),
     key(Section::Control, "reverse_below_hz", "Hz", Some("0.0"), "Only at or below this output frequency may a running motor be ordered the other way; with both directions only."),
@@ -247,6 +251,14 @@ pub const KEYS: &[Key] = &[
     key(Section::Mqtt, "client_cert_file", "absolute path", Some("none"), "The gateway's own certificate; with `mqtts://` only."),
     key(Section::Mqtt, "client_key_file", "absolute path", Some("none"), "The key of that certificate."),
 
+    key(Section::Mqtt, "sparkplug", "table", Some("none: nothing is said to hosts of Sparkplug B"), "Sparkplug B for SCADA, at the same broker by a connection of its own; needs `data_dir`."),
+
+    key(Section::Sparkplug, "group", "one level of a topic", None, "The group of the edge node; the edge node is the gateway's name."),
+    key(Section::Sparkplug, "primary_host", "one level of a topic", Some("none: nobody is waited for"), "The host without which nothing is born, and whose being online keeps session leases."),
+    key(Section::Sparkplug, "client_id", "text", Some("that of `[mqtt]` with \"-sparkplug\" behind it"), "What the broker tells its clients apart by."),
+    key(Section::Sparkplug, "max_command_age", "\"1s\" to \"5min\"", Some("\"10s\""), "A command with an older timestamp is refused; a stop never is."),
+    key(Section::Sparkplug, "keep_telemetry", "0 to 100000", Some("10000"), "How many changes of run state, frequencies and measurements are kept while no host can be told; those of trips always are."),
+
     key(Section::ModbusTcp, "listen", "address:port", None, "Where clients connect."),
     key(Section::ModbusTcp, "allow", "list of networks", Some("anyone, which is this host: only a loopback address may go without"), "Who may connect."),
     key(Section::ModbusTcp, "lines", "list of line names", Some("all lines"), "The lines whose drives are served here."),
@@ -286,8 +298,6 @@ pub const NOT_SERVED: &[NotServed] = &[
     refused(Section::Drive, "interlocks", "leave it out; `reverse_below_hz`, `min_start_interval` and `require_watchdog` in `[line.drive.control]` are the interlocks; what must not run together is wired or decided by the commander"),
     refused(Section::Drive, "lease", "leave it out; `lease` and `lost_after` stand in `[line.drive.control]`"),
     refused(Section::Drive, "max_status_age", "leave it out; the planned age of the values follows from `poll`"),
-
-    refused(Section::Mqtt, "sparkplug", "leave it out; the topics are the gateway's own"),
 
     refused(Section::ModbusTcp, "lease", "leave it out; leases of Modbus TCP are explicit: commands and `renew` keep them, and reads with `reads_renew`"),
 ];
@@ -339,7 +349,9 @@ mod tests {
     fn with_line_in(section: Section, line: &str) -> String {
         let (before, after) = match section {
             Section::Root => return format!("{line}\n{CONTROLLED}"),
-            Section::HttpUser | Section::HttpTls => return format!("{CONTROLLED}{}\n{line}\n", section.header()),
+            Section::HttpUser | Section::HttpTls | Section::Sparkplug => {
+                return format!("{CONTROLLED}{}\n{line}\n", section.header());
+            }
             Section::Register => ("[line.drive.native]", "[[line.drive.register]]\n"),
             Section::ModbusTls => ("[http]", "[modbus_tcp.tls]\n"),
             _ => return with(CONTROLLED, &section.header(), &format!("{}\n{line}", section.header())),

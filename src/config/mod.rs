@@ -27,6 +27,7 @@ mod port;
 mod ratings;
 mod read;
 pub mod ready;
+mod ready_broker;
 mod resolve;
 #[cfg(test)]
 mod tests;
@@ -41,7 +42,7 @@ pub use ratings::shown_in_per_cent;
 pub use ready::{
     BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings, JournalSettings,
     LineSettings, ListenerSettings, ListenerTls, MqttSettings, PasswordSource, PortAddress, Removal, Silence,
-    TlsSettings, command_deadline,
+    SparkplugSettings, TlsSettings, command_deadline,
 };
 
 use crate::domain::problem::Problem;

@@ -1,9 +1,11 @@
 //! The broker connection: defaults, and which of its keys go together.
 
 use super::broker::Address;
-use super::file::{File, HomeAssistantFile, MqttFile};
+use super::file::{File, HomeAssistantFile, MqttFile, SparkplugFile};
 use super::lists;
-use super::ready::{BrokerSettings, ClientCertificate, Credentials, MqttSettings, PasswordSource, TlsSettings};
+use super::ready::{
+    BrokerSettings, ClientCertificate, Credentials, MqttSettings, PasswordSource, SparkplugSettings, TlsSettings,
+};
 use super::words::Way;
 use crate::domain::problem::Problem;
 use crate::north::mqtt::{HomeAssistant, LeaseMode, Tree, Version};
@@ -17,6 +19,8 @@ const DEFAULT_DISCOVERY_PREFIX: &str = "homeassistant";
 /// Where Home Assistant says that it is there.
 const DEFAULT_ALIVE_TOPIC: &str = "homeassistant/status";
 const DEFAULT_HEARTBEAT: Duration = Duration::from_secs(60);
+const DEFAULT_MAX_COMMAND_AGE: Duration = Duration::from_secs(10);
+const DEFAULT_KEEP_SPARKPLUG: u32 = 10_000;
 const DEFAULT_KEEP_ALIVE: Duration = Duration::from_secs(15);
 pub(super) const DEFAULT_PROBE_INTERVAL: Duration = Duration::from_secs(1);
 pub(super) const DEFAULT_COMMAND_TTL: Duration = Duration::from_secs(1);
@@ -42,7 +46,13 @@ pub(super) fn session_lease(file: &File, default: LeaseMode) -> LeaseMode {
 
 /// The ready settings; nothing: see `problems`.
 /// `lease` is what keeps the leases of the drives.
-pub(super) fn settle(file: &MqttFile, lease: LeaseMode, problems: &mut Vec<Problem>) -> Option<MqttSettings> {
+pub(super) fn settle(
+    file: &MqttFile,
+    whole: &File,
+    lease: LeaseMode,
+    problems: &mut Vec<Problem>,
+) -> Option<MqttSettings> {
+    sparkplug_goes_with(whole, file, problems);
     password(file, problems);
     plain_password(file, problems);
     tls_files(file, problems);
@@ -71,6 +81,7 @@ pub(super) fn settle(file: &MqttFile, lease: LeaseMode, problems: &mut Vec<Probl
         keep_telemetry: file.keep_telemetry.or(0)?,
         publish: publish(file)?,
         home_assistant: home_assistant(file)?,
+        sparkplug: sparkplug(file)?,
     })
 }
 
@@ -80,6 +91,37 @@ fn home_assistant(file: &MqttFile) -> Option<Option<HomeAssistant>> {
     };
     let (discovery, devices) = (discovery?.value, devices.or(false)?);
     Some(Some(HomeAssistant { discovery, prefix: prefix.or(DEFAULT_DISCOVERY_PREFIX.to_owned())?, devices }))
+}
+
+fn sparkplug(file: &MqttFile) -> Option<Option<SparkplugSettings>> {
+    let file = match &file.sparkplug {
+        Given::LeftOut => return Some(None),
+        Given::Unusable => return None,
+        Given::Usable(sparkplug) => &sparkplug.value,
+    };
+    Some(Some(SparkplugSettings {
+        group: file.group.as_ref()?.value.clone(),
+        primary_host: file.primary_host.clone().optional()?,
+        client_id: file.client_id.clone().optional()?,
+        max_command_age: file.max_command_age.or(DEFAULT_MAX_COMMAND_AGE)?,
+        keep_telemetry: file.keep_telemetry.or(DEFAULT_KEEP_SPARKPLUG)?,
+    }))
+}
+
+/// The number of each session is kept beyond the life of the process, and the broker tells both connections apart.
+fn sparkplug_goes_with(file: &File, mqtt: &MqttFile, problems: &mut Vec<Problem>) {
+    let Some(SparkplugFile { place, client_id, .. }) = mqtt.sparkplug.usable().map(|it| &it.value) else { return };
+    if matches!(file.gateway.data_dir, Given::LeftOut) {
+        let problem =
+            place.problem("the number of each session, bdSeq, is kept in the data directory, and there is none");
+        problems.push(problem.right("`data_dir` in `[gateway]`, or no `[mqtt.sparkplug]`"));
+    }
+    if let (Some(own), Some(of_mqtt)) = (client_id.usable(), mqtt.client_id.usable())
+        && own.value == of_mqtt.value
+    {
+        let what = "the same as `client_id` in `[mqtt]`: the broker would end one connection for the other";
+        problems.push(own.place.problem(what).right("another one, or leave it out"));
+    }
 }
 
 /// What is published; nothing: see the problems.

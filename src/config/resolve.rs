@@ -44,7 +44,7 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
     let served = listen::settle(file, problems);
     let units = units::settle(file, &served, problems);
     let session_lease = mqtt::session_lease(file, lease);
-    let mqtt = whole(&file.mqtt, |file| mqtt::settle(file, session_lease, problems));
+    let mqtt = whole(&file.mqtt, |mqtt| mqtt::settle(mqtt, file, session_lease, problems));
     let http = whole(&file.http, |http| http::settle(http, file, problems));
     listen::units_exist(file, &served, &units, problems);
     commanders::check(file, &served, &units, problems);

@@ -15,10 +15,13 @@ pub enum Way {
     ModbusTcp,
     /// The page of `[http]`, by those who are signed in there.
     Page,
+    /// Hosts of Sparkplug B, at the broker of `[mqtt]`.
+    Sparkplug,
 }
 
 /// Ways by which commands come.
-pub const WAYS: [(&str, Way); 3] = [("mqtt", Way::Mqtt), ("modbus-tcp", Way::ModbusTcp), ("page", Way::Page)];
+pub const WAYS: [(&str, Way); 4] =
+    [("mqtt", Way::Mqtt), ("modbus-tcp", Way::ModbusTcp), ("page", Way::Page), ("sparkplug", Way::Sparkplug)];
 
 /// What a role of Modbus Security may do besides reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

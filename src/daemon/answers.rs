@@ -51,6 +51,8 @@ pub struct NorthSides {
     pub modbus: Arc<AnswerBox>,
     /// MQTT; nothing if there is none, and then nobody keeps news for it.
     pub mqtt: Option<Arc<AnswerBox>>,
+    /// Sparkplug, in the same way.
+    pub sparkplug: Option<Arc<AnswerBox>>,
     /// The program's own tools, and the page.
     pub local: Arc<AnswerBox>,
     /// The journal; nothing if there is no data directory.
@@ -58,8 +60,8 @@ pub struct NorthSides {
 }
 
 /// Answers of all lines that the north side has not fetched yet. Its bound is that of the requests: each
-/// connection has at most 16 without an answer, MQTT, the tools and the page have bounds of their own, and trips come no faster
-/// than polls.
+/// connection has at most 16 without an answer, MQTT, Sparkplug, the tools and the page have bounds of their own, and trips come
+/// no faster than polls.
 #[derive(Debug, Default)]
 pub struct AnswerBox {
     answers: Mutex<Answers>,

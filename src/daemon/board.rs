@@ -1,6 +1,7 @@
 //! What one line thread shows to the north sides: answers, pictures of its drives, its own state.
 
 use super::answers::{News, NorthSides};
+use super::bell::Bell;
 use super::clock;
 use super::inbox::{Inbox, Message};
 use super::line_rows::LineRows;
@@ -13,13 +14,12 @@ use crate::drive::view::TripEvent;
 use crate::gateway::LineCore;
 use crate::journal::Keep;
 use std::sync::Arc;
-use tokio::sync::Notify;
 
 /// The side of a line that its thread writes.
 #[derive(Debug)]
 pub struct Board {
     line: Arc<SharedLine>,
-    changed: Arc<Notify>,
+    changed: Arc<Bell>,
     north: NorthSides,
     journal: Option<LineRows>,
     /// Somebody watches the line.
@@ -29,20 +29,21 @@ pub struct Board {
     /// News of this round.
     modbus: Vec<News>,
     mqtt: Vec<News>,
+    sparkplug: Vec<News>,
     local: Vec<News>,
 }
 
 impl Board {
     /// The board of `line`, whose news go to `north`; `changed` is rung for them.
     #[must_use]
-    pub fn new(line: Arc<SharedLine>, changed: Arc<Notify>, north: NorthSides) -> Self {
+    pub fn new(line: Arc<SharedLine>, changed: Arc<Bell>, north: NorthSides) -> Self {
         let journal = north.journal.as_ref().map(|journal| {
             let drives = line.drives.iter().map(|drive| drive.description.clone()).collect();
             LineRows::new(journal.line(line.name.clone(), drives, Arc::clone(&line.inbox)))
         });
         let (is_watched, traffic) = (false, Vec::new());
-        let (modbus, mqtt, local) = (Vec::new(), Vec::new(), Vec::new());
-        Self { line, changed, north, journal, is_watched, traffic, modbus, mqtt, local }
+        let (modbus, mqtt, sparkplug, local) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Self { line, changed, north, journal, is_watched, traffic, modbus, mqtt, sparkplug, local }
     }
 
     /// The way into the line.
@@ -99,7 +100,8 @@ impl Board {
         match news.asker() {
             AskerId::LOCAL | AskerId::PAGE => self.local.push(news),
             AskerId::MQTT if self.north.mqtt.is_some() => self.mqtt.push(news),
-            AskerId::MQTT => {}
+            AskerId::SPARKPLUG if self.north.sparkplug.is_some() => self.sparkplug.push(news),
+            AskerId::MQTT | AskerId::SPARKPLUG => {}
             _ => self.modbus.push(news),
         }
     }
@@ -115,8 +117,8 @@ impl Board {
     /// Shows what has changed in this round. Pictures come before answers: whoever is told that a command was
     /// confirmed finds the drive so.
     pub fn show(&mut self, core: &mut LineCore) {
-        // The MQTT side hears of its answers by the same bell as of pictures.
-        let mut has_changed = !self.mqtt.is_empty();
+        // Both sides of the broker hear of their answers by the same bell as of pictures.
+        let mut has_changed = !self.mqtt.is_empty() || !self.sparkplug.is_empty();
         for (drive, view) in core.changed_views() {
             if let Some(shared) = self.line.drives.get(drive.get()) {
                 shared.view.store(view);
@@ -137,22 +139,31 @@ impl Board {
         self.line.traffic.take_over(&mut self.traffic);
         self.north.modbus.put(&mut self.modbus);
         self.north.local.put(&mut self.local);
-        if let Some(mqtt) = &self.north.mqtt {
-            mqtt.put(&mut self.mqtt);
+        for (side, news) in [(&self.north.mqtt, &mut self.mqtt), (&self.north.sparkplug, &mut self.sparkplug)] {
+            if let Some(side) = side {
+                side.put(news);
+            }
         }
         for held in self.journal.iter_mut().flat_map(LineRows::held) {
-            match (held.news.asker(), &self.north.mqtt) {
-                (AskerId::LOCAL | AskerId::PAGE, _) => self.north.local.hold(held),
-                (AskerId::MQTT, Some(mqtt)) => {
-                    mqtt.hold(held);
-                    has_changed = true;
+            let by_broker = match held.news.asker() {
+                AskerId::LOCAL | AskerId::PAGE => {
+                    self.north.local.hold(held);
+                    continue;
                 }
-                (AskerId::MQTT, None) => {}
-                _ => self.north.modbus.hold(held),
+                AskerId::MQTT => &self.north.mqtt,
+                AskerId::SPARKPLUG => &self.north.sparkplug,
+                _ => {
+                    self.north.modbus.hold(held);
+                    continue;
+                }
+            };
+            if let Some(side) = by_broker {
+                side.hold(held);
+                has_changed = true;
             }
         }
         if has_changed {
-            self.changed.notify_one();
+            self.changed.ring();
         }
     }
 }

@@ -1,9 +1,9 @@
 //! From the configuration to what the line threads need.
 
+use super::conversations::{BrokerSide, Sparkplug};
 use super::journal;
 use super::line_thread::LinePort;
 use super::mqtt::{ConnectionSettings, Secret, TlsSettings, check_tls};
-use super::north::Mqtt;
 use super::port::PortSettings;
 use super::shared::{Shared, SharedLine};
 use crate::config::{
@@ -90,12 +90,17 @@ fn description(place: DriveRef, line: &LineSettings, drive: &DriveSettings, stre
     }
 }
 
-/// How the broker of `mqtt` is reached by the gateway called `name`, and what is said there. `embedded` is where the
-/// embedded broker listens, if it is that one.
+/// How the broker of `mqtt` is reached by the gateway called `name`, and what is said there, with its data in `data_dir`.
+/// `embedded` is where the embedded broker listens, if it is that one.
 ///
 /// # Errors
 /// The password cannot be read, or the TLS files cannot be used.
-pub fn broker(mqtt: &MqttSettings, name: &Name, embedded: Option<SocketAddr>) -> Result<Mqtt, String> {
+pub fn broker(
+    mqtt: &MqttSettings,
+    name: &Name,
+    data_dir: Option<&Path>,
+    embedded: Option<SocketAddr>,
+) -> Result<BrokerSide, String> {
     let (host, port, tls) = match (&mqtt.broker, embedded) {
         (BrokerSettings::Tcp { host, port, tls }, _) => (host.clone(), *port, tls.as_ref().map(tls_settings)),
         (BrokerSettings::Embedded, Some(address)) => (address.ip().to_string(), address.port(), None),
@@ -115,7 +120,12 @@ pub fn broker(mqtt: &MqttSettings, name: &Name, embedded: Option<SocketAddr>) ->
         keep_alive: mqtt.keep_alive,
         version: mqtt.version,
     };
-    Ok((connection, mqtt.session(name.clone())))
+    let sparkplug = mqtt.sparkplug_session(name.clone()).zip(data_dir).map(|(settings, data_dir)| Sparkplug {
+        connection: ConnectionSettings { client_id: mqtt.sparkplug_client_id(name), ..connection.clone() },
+        settings,
+        data_dir: data_dir.to_owned(),
+    });
+    Ok(BrokerSide { mqtt: (connection, mqtt.session(name.clone())), sparkplug })
 }
 
 fn tls_settings(tls: &config::TlsSettings) -> TlsSettings {

@@ -1,6 +1,7 @@
 //! The threads of all lines: made ready, begun, asked to leave, ended.
 
 use super::answers::NorthSides;
+use super::bell::Bell;
 use super::build::{self, Memory};
 use super::line_thread::LineHandle;
 use super::shared::SharedLine;
@@ -11,7 +12,6 @@ use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::Notify;
 use tokio::time::{Instant, timeout_at};
 
 /// Most time for a line's thread to end: what its last stops may take, and a write that a port holds up.
@@ -26,7 +26,7 @@ const STOPS_WITHIN: Duration = Duration::from_secs(5);
 pub struct Lines {
     handles: Vec<LineHandle>,
     sides: NorthSides,
-    changed: Arc<Notify>,
+    changed: Arc<Bell>,
     data_dir: Option<PathBuf>,
     last_number: u16,
 }
@@ -34,7 +34,7 @@ pub struct Lines {
 impl Lines {
     /// None yet. They will answer to `sides`, and ring `changed`. Lines are `numbered` from 0 already.
     #[must_use]
-    pub fn new(sides: NorthSides, changed: Arc<Notify>, data_dir: Option<PathBuf>, numbered: usize) -> Self {
+    pub fn new(sides: NorthSides, changed: Arc<Bell>, data_dir: Option<PathBuf>, numbered: usize) -> Self {
         let last_number = u16::try_from(numbered).unwrap_or(u16::MAX);
         Self { handles: Vec::new(), sides, changed, data_dir, last_number }
     }

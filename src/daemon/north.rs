@@ -2,43 +2,32 @@
 
 use super::answers::NorthSides;
 use super::clock;
+use super::conversations::{BrokerSide, Conversations};
 use super::descriptors;
 use super::http::live::Live;
 use super::http::report::{self, History};
 use super::http::{self, Control, Front, State, socket::OwnSocket};
 use super::local::LocalSide;
 use super::modbus_server::{Listener, Security, Server};
-use super::mqtt::speaker::Speaker;
-use super::mqtt::{self, ConnectionSettings, Counters};
 use super::north_journal;
 use super::reload::Reloads;
 use super::router::{Router, Units};
 use super::run::StartError;
 use super::shared::Current;
-use super::totals::{ModbusTotals, MqttTotals};
+use super::totals::ModbusTotals;
 use crate::config::change::Change;
 use crate::config::{Config, ListenerSettings};
-use crate::domain::ids::{Name, Ticket};
-use crate::north::mqtt::Settings;
-use std::cell::RefCell;
+use crate::domain::ids::Name;
 use std::io;
 use std::net::SocketAddr;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::time::Duration;
 use tokio::net::{TcpListener, TcpSocket};
-use tokio::sync::{Notify, oneshot};
-use tokio::task::{AbortHandle, JoinHandle};
-
-/// Most time for the last words to the broker.
-const FAREWELL_MAX: Duration = Duration::from_secs(2);
+use tokio::task::AbortHandle;
 
 /// Connections that wait to be accepted: those of most of a second in a burst of 5000 a second. The system may grant fewer
 /// (`net.core.somaxconn`).
 const BACKLOG: u32 = 4096;
-
-/// Tickets of one conversation with a broker. None has as many.
-const TICKETS: u64 = 1 << 40;
 
 /// Addresses that are taken before anybody is served there.
 #[derive(Debug)]
@@ -130,14 +119,10 @@ fn places(config: &Config) -> usize {
     most
 }
 
-/// How the broker is reached and what is said there.
-pub type Mqtt = (ConnectionSettings, Settings);
-
 /// The running north sides.
 #[derive(Debug)]
 pub struct North {
     current: Current,
-    sides: NorthSides,
     state: Arc<State>,
     server: Rc<Server>,
     units: Units,
@@ -145,8 +130,7 @@ pub struct North {
     listeners: Vec<Listening>,
     http: Option<AbortHandle>,
     control: Arc<Control>,
-    mqtt: Option<Conversation>,
-    conversations: u64,
+    conversations: Conversations,
 }
 
 /// A Modbus TCP listener, and the task that accepts its connections.
@@ -154,14 +138,6 @@ pub struct North {
 struct Listening {
     listener: Rc<Listener>,
     task: AbortHandle,
-}
-
-/// What is said to a broker.
-#[derive(Debug)]
-struct Conversation {
-    with: Mqtt,
-    stop: oneshot::Sender<()>,
-    task: JoinHandle<()>,
 }
 
 impl North {
@@ -173,7 +149,7 @@ impl North {
         sides: NorthSides,
         bound: Bound,
         socket: Option<(OwnSocket, Option<Reloads>)>,
-        mqtt: Option<Mqtt>,
+        broker_side: Option<BrokerSide>,
     ) -> Self {
         let modbus_totals = Arc::new(ModbusTotals::default());
         let started = clock::moment();
@@ -182,6 +158,7 @@ impl North {
             shared: current.clone(),
             modbus: Arc::clone(&modbus_totals),
             mqtt: None.into(),
+            sparkplug: None.into(),
             journal: sides.journal.clone(),
             history: History::default(),
             live: Live::new(started),
@@ -203,27 +180,19 @@ impl North {
         tokio::task::spawn_local(Rc::clone(&server).distribute(Arc::clone(&sides.modbus)));
         let units = Units::new(&current.get());
         let listeners = Vec::new();
-        let mut north =
-            Self { current, sides, state, server, units, listeners, http: None, control, mqtt: None, conversations: 0 };
+        let conversations = Conversations::new(current.clone(), sides, Arc::clone(&state));
+        let mut north = Self { current, state, server, units, listeners, http: None, control, conversations };
         north.listen(config, &[], bound);
-        north.talk(mqtt);
+        north.conversations.talk_as(broker_side);
         north
     }
 
     /// Serves `config` from now on; what is shared is that of it already. Sockets and connections that go on are not touched.
-    pub fn switch(&mut self, config: &Config, change: &Change, bound: Bound, mqtt: Option<Mqtt>) {
+    pub fn switch(&mut self, config: &Config, change: &Change, bound: Bound, broker_side: Option<BrokerSide>) {
         self.units = self.units.changed_to(&self.current.get());
         self.listen(config, &change.listeners, bound);
         self.server.review();
-        if !self.talks_as(mqtt.as_ref()) {
-            self.talk(mqtt);
-        }
-    }
-
-    /// Whether this is what is said to the broker already.
-    #[must_use]
-    pub fn talks_as(&self, mqtt: Option<&Mqtt>) -> bool {
-        self.mqtt.as_ref().map(|conversation| &conversation.with) == mqtt
+        self.conversations.talk_as(broker_side);
     }
 
     fn listen(&mut self, config: &Config, kept: &[Option<usize>], bound: Bound) {
@@ -264,63 +233,14 @@ impl North {
         Some(Listening { listener, task: tokio::task::spawn_local(serve).abort_handle() })
     }
 
-    /// Ends what is said to the broker, and begins anew as `mqtt` says. The old words come first: the broker knows both by
-    /// the same name.
-    fn talk(&mut self, mqtt: Option<Mqtt>) {
-        let before = self.mqtt.take();
-        let totals = mqtt.is_some().then(Arc::<MqttTotals>::default);
-        self.state.mqtt.store(totals.clone());
-        let news = self.sides.mqtt.clone();
-        if let Some(news) = &news {
-            news.set_open(mqtt.is_some());
-        }
-        let Some(((with, totals), news)) = mqtt.zip(totals).zip(news) else {
-            if let Some(before) = before {
-                tokio::task::spawn_local(before.end());
-            }
-            return;
-        };
-        self.conversations += 1;
-        let first_ticket = Ticket(self.conversations * TICKETS);
-        let (stop, stopped) = oneshot::channel();
-        let (current, (connection, settings)) = (self.current.clone(), with.clone());
-        let journal = north_journal::side(self.sides.journal.as_ref(), &self.current);
-        let task = tokio::task::spawn_local(async move {
-            if let Some(before) = before {
-                before.end().await;
-            }
-            let changed = Arc::clone(&current.load().changed);
-            let speaker = Speaker::new(settings, current, news, totals, journal, first_ticket, clock::moment());
-            speak(connection, speaker, changed, stopped).await;
-        });
-        self.mqtt = Some(Conversation { with, stop, task });
+    /// Whether this is what is said to the broker already.
+    #[must_use]
+    pub fn talks_as(&self, broker_side: Option<&BrokerSide>) -> bool {
+        self.conversations.talks_as(broker_side)
     }
 
     /// Says goodbye to the broker, if there is one, and waits for that for a moment.
     pub async fn farewell(self) {
-        if let Some(conversation) = self.mqtt {
-            conversation.end().await;
-        }
+        self.conversations.farewell().await;
     }
-}
-
-impl Conversation {
-    async fn end(self) {
-        // A task that has ended needs no stop.
-        let _ = self.stop.send(());
-        let mut task = self.task;
-        if tokio::time::timeout(FAREWELL_MAX, &mut task).await.is_err() {
-            tracing::warn!("the broker did not take the last words");
-            task.abort();
-        }
-    }
-}
-
-async fn speak(connection: ConnectionSettings, speaker: Speaker, changed: Arc<Notify>, stopped: oneshot::Receiver<()>) {
-    let (speaker, counters) = (RefCell::new(speaker), Counters::default());
-    let stop = async {
-        // A dropped sender means the end as well.
-        let _ = stopped.await;
-    };
-    mqtt::converse(connection, &speaker, &changed, &counters, stop).await;
 }

@@ -4,11 +4,12 @@
 //! threads started. Then the drives whose lines end are looked at, and only then anything changes.
 
 use super::build::{self, Memory};
+use super::conversations::BrokerSide;
 use super::journal::Journal;
 use super::line_thread::LineHandle;
 use super::lines::Lines;
 use super::mqtt::broker_child::BrokerChild;
-use super::north::{self, Bound, Mqtt, North};
+use super::north::{self, Bound, North};
 use super::run::embedded_broker;
 use super::shared::{Current, Shared};
 use crate::config::change::{Change, Part, Told};
@@ -149,7 +150,7 @@ struct Prepared {
     shared: Arc<Shared>,
     handles: Vec<LineHandle>,
     bound: Bound,
-    mqtt: Option<Mqtt>,
+    broker_side: Option<BrokerSide>,
     broker: Option<BrokerChild>,
 }
 
@@ -166,7 +167,7 @@ impl Gateway {
         }
         let prepared = self.prepare(&new, &change).await?;
         let mut told = change.told.clone();
-        if !self.north.talks_as(prepared.mqtt.as_ref()) && told.iter().all(|it| it.part != Part::Mqtt) {
+        if !self.north.talks_as(prepared.broker_side.as_ref()) && told.iter().all(|it| it.part != Part::Mqtt) {
             told.push(Told::mqtt_changed());
         }
         let ending = self.numbers(&change);
@@ -181,8 +182,9 @@ impl Gateway {
         let bound = north::bind(new, &change.listeners, has_http_moved).await.map_err(|error| system(&error))?;
         let broker = if self.broker.is_some() { None } else { embedded_broker(new).map_err(|error| system(&error))? };
         let broker_at = self.broker.as_ref().or(broker.as_ref()).map(BrokerChild::address);
-        let mqtt = match new.mqtt.clone() {
-            Some(mqtt) => Some(self.broker_side(mqtt, broker_at).await?),
+        let data_dir = new.gateway.data_dir.clone();
+        let broker_side = match new.mqtt.clone() {
+            Some(mqtt) => Some(self.broker_side(mqtt, data_dir, broker_at).await?),
             None => None,
         };
         let old = self.current.get();
@@ -197,13 +199,19 @@ impl Gateway {
             handles.push(self.lines.prepare(settings, line).await.map_err(|error| system(&error))?);
         }
         let shared = Arc::new(Shared::of(lines, Arc::clone(&old.changed)));
-        Ok(Prepared { shared, handles, bound, mqtt, broker })
+        Ok(Prepared { shared, handles, bound, broker_side, broker })
     }
 
     /// Secrets and certificates are read beside the runtime: they may be on something slow.
-    async fn broker_side(&self, mqtt: MqttSettings, embedded: Option<std::net::SocketAddr>) -> Result<Mqtt, Refusal> {
+    async fn broker_side(
+        &self,
+        mqtt: MqttSettings,
+        data_dir: Option<std::path::PathBuf>,
+        embedded: Option<std::net::SocketAddr>,
+    ) -> Result<BrokerSide, Refusal> {
         let name = self.name.clone();
-        let read = tokio::task::spawn_blocking(move || build::broker(&mqtt, &name, embedded)).await;
+        let build = move || build::broker(&mqtt, &name, data_dir.as_deref(), embedded);
+        let read = tokio::task::spawn_blocking(build).await;
         let read = read.map_err(|error| Refusal::System(error.to_string()))?;
         read.map_err(|error| Refusal::System(format!("mqtt: {error}")))
     }
@@ -237,17 +245,17 @@ impl Gateway {
 
     /// Nothing here can fail.
     async fn switch(&mut self, new: Config, change: &Change, ending: &[u16], prepared: Prepared) {
-        let Prepared { shared, handles, bound, mqtt, broker } = prepared;
+        let Prepared { shared, handles, bound, broker_side, broker } = prepared;
         // Before the new ones begin: they may have the same ports.
         self.lines.end(ending).await;
         let changed = Arc::clone(&shared.changed);
         self.current.set(shared);
         self.lines.begin(handles, &self.memory().await);
-        self.north.switch(&new, change, bound, mqtt);
+        self.north.switch(&new, change, bound, broker_side);
         let is_embedded = new.mqtt.as_ref().is_some_and(MqttSettings::is_embedded);
         self.broker = self.broker.take().or(broker).filter(|_| is_embedded);
         self.config = new;
-        changed.notify_one();
+        changed.ring();
     }
 }
 

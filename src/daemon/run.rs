@@ -1,6 +1,7 @@
 //! The daemon: one thread per line, the north side on this one, until it is told to end.
 
 use super::answers::NorthSides;
+use super::bell::Bell;
 use super::http::socket::{OwnSocket, SocketError};
 use super::journal::Journal;
 use super::lines::Lines;
@@ -19,7 +20,7 @@ use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::signal::unix::{Signal, SignalKind, signal};
-use tokio::sync::{Notify, mpsc, oneshot};
+use tokio::sync::{mpsc, oneshot};
 use tokio::task::LocalSet;
 
 /// Most time for the journal's last rows.
@@ -123,15 +124,15 @@ type Addresses = (Vec<SocketAddr>, Option<SocketAddr>, Option<SocketAddr>);
 /// Takes all that the gateway needs, and begins.
 async fn start(config: &Config, reloads: Option<Reloads>) -> Result<(Gateway, Addresses), StartError> {
     let name = name_of(config);
-    let sides = NorthSides { mqtt: Some(Arc::default()), ..NorthSides::default() };
+    let sides = NorthSides { mqtt: Some(Arc::default()), sparkplug: Some(Arc::default()), ..NorthSides::default() };
     let shared = Arc::new(build::shared(config));
     let data_dir = config.gateway.data_dir.clone();
     let socket = data_dir.as_deref().map(OwnSocket::open).transpose()?.map(|socket| (socket, reloads));
     let bound = north::bind(config, &[], true).await?;
     let broker = embedded_broker(config)?;
     let broker_at = broker.as_ref().map(BrokerChild::address);
-    let mqtt = config.mqtt.as_ref().map(|mqtt| build::broker(mqtt, &name, broker_at)).transpose();
-    let mqtt = mqtt.map_err(StartError::Mqtt)?;
+    let mqtt = config.mqtt.as_ref().map(|mqtt| build::broker(mqtt, &name, data_dir.as_deref(), broker_at)).transpose();
+    let broker_side = mqtt.map_err(StartError::Mqtt)?;
     let (listening, http) = bound.addresses()?;
     let changed = Arc::clone(&shared.changed);
     let (sides, memory) = with_journal(config, sides, &changed)?;
@@ -142,7 +143,7 @@ async fn start(config: &Config, reloads: Option<Reloads>) -> Result<(Gateway, Ad
         handles.push(lines.prepare(settings, Arc::clone(line)).await?);
     }
     let current = Current::from(shared);
-    let north = North::start(config, &name, current.clone(), sides, bound, socket, mqtt);
+    let north = North::start(config, &name, current.clone(), sides, bound, socket, broker_side);
     lines.begin(handles, &memory);
     let gateway = Gateway { config: config.clone(), name, current, lines, north, broker, journal };
     Ok((gateway, (listening, http, broker_at)))
@@ -274,7 +275,7 @@ pub(super) fn embedded_broker(config: &Config) -> Result<Option<BrokerChild>, St
 }
 
 /// `sides` with the journal, if there is a data directory, and what it remembers of the drives.
-fn with_journal(config: &Config, sides: NorthSides, changed: &Arc<Notify>) -> io::Result<(NorthSides, build::Memory)> {
+fn with_journal(config: &Config, sides: NorthSides, changed: &Arc<Bell>) -> io::Result<(NorthSides, build::Memory)> {
     let Some(settings) = build::journal(config) else { return Ok((sides, build::Memory::new())) };
     let (journal, memory) = Journal::start(&settings, sides.clone(), Arc::clone(changed))?;
     Ok((NorthSides { journal: Some(journal), ..sides }, memory))

@@ -1,5 +1,6 @@
 //! What the north sides read and the lines write: one picture of each drive, one report of each line.
 
+use super::bell::Bell;
 use super::inbox::Inbox;
 use super::traffic::Traffic;
 use crate::domain::ids::Name;
@@ -10,7 +11,6 @@ use crate::drive::view::DriveView;
 use arc_swap::{ArcSwap, Guard};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use tokio::sync::Notify;
 
 /// Everything that north sides and lines share, as of one configuration. A change of that makes another one, in which
 /// lines that go on are the same as before.
@@ -20,8 +20,8 @@ pub struct Shared {
     pub drives: Vec<Arc<SharedDrive>>,
     /// The lines, in the order of the configuration.
     pub lines: Vec<Arc<SharedLine>>,
-    /// Rung whenever a picture or a line's state has changed, or the configuration. One task waits for it: the MQTT side.
-    pub changed: Arc<Notify>,
+    /// Rung whenever a picture or a line's state has changed, or the configuration.
+    pub changed: Arc<Bell>,
 }
 
 /// One drive.
@@ -73,7 +73,7 @@ impl Shared {
 
     /// These lines with their drives.
     #[must_use]
-    pub fn of(lines: Vec<Arc<SharedLine>>, changed: Arc<Notify>) -> Self {
+    pub fn of(lines: Vec<Arc<SharedLine>>, changed: Arc<Bell>) -> Self {
         Self { drives: lines.iter().flat_map(|line| line.drives.iter().cloned()).collect(), lines, changed }
     }
 

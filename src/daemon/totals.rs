@@ -1,7 +1,8 @@
-//! What the two north sides have counted since start, for whoever shows it.
+//! What the north sides have counted since start, for whoever shows it.
 
 use crate::north::modbus::Counters;
 use crate::north::mqtt::Counters as Counts;
+use crate::north::sparkplug::Counters as SparkplugCounts;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -99,18 +100,23 @@ impl ModbusTotals {
 }
 
 /// State and counts of the MQTT side since start.
+pub type MqttTotals = BrokerTotals<Counts>;
+/// State and counts of the Sparkplug side since start.
+pub type SparkplugTotals = BrokerTotals<SparkplugCounts>;
+
+/// State and counts of a side that speaks with the broker.
 #[derive(Debug, Default)]
-pub struct MqttTotals {
+pub struct BrokerTotals<C> {
     path_alive: AtomicBool,
     connects: AtomicU64,
-    counters: Mutex<Counts>,
+    counters: Mutex<C>,
     takeovers: AtomicU64,
     contested: AtomicBool,
 }
 
-impl MqttTotals {
+impl<C: Copy> BrokerTotals<C> {
     /// The way through the broker is open or not, and this is what the session has counted.
-    pub fn set(&self, path_alive: bool, counters: &Counts) {
+    pub fn set(&self, path_alive: bool, counters: &C) {
         if path_alive && !self.path_alive.swap(true, Ordering::Relaxed) {
             self.connects.fetch_add(1, Ordering::Relaxed);
         } else {
@@ -151,7 +157,7 @@ impl MqttTotals {
 
     /// What the session has counted.
     #[must_use]
-    pub fn counters(&self) -> Counts {
+    pub fn counters(&self) -> C {
         *self.counters.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -116,6 +116,8 @@ pub enum Owner {
     MqttBy(CommanderName),
     /// Whoever is signed in by this name on the gateway's page, on however many screens.
     Page(CommanderName),
+    /// Whoever may publish commands of Sparkplug B for this edge node.
+    Sparkplug,
     /// Whoever may open the gateway's own socket on its host.
     Local,
 }
@@ -137,6 +139,7 @@ impl fmt::Display for Owner {
             Self::Mqtt => f.write_str("mqtt"),
             Self::MqttBy(name) => write!(f, "mqtt {name}"),
             Self::Page(name) => write!(f, "page {name}"),
+            Self::Sparkplug => f.write_str("sparkplug"),
             Self::Local => f.write_str("local"),
         }
     }
@@ -334,7 +337,9 @@ mod tests {
         }
         let certified = Owner::ModbusSecurity(CommanderName::new("a").unwrap());
         let signed_in = Owner::Page(CommanderName::new("a").unwrap());
-        for owner in [Owner::Local, Owner::ModbusTcp(IpAddr::from([10, 0, 0, 1])), certified, signed_in] {
+        for owner in
+            [Owner::Local, Owner::Sparkplug, Owner::ModbusTcp(IpAddr::from([10, 0, 0, 1])), certified, signed_in]
+        {
             assert!(owner.comes_by(owner) && !owner.comes_by(Owner::Mqtt), "{owner}");
         }
         assert!(!by("a").comes_by(by("b")) && !Owner::Mqtt.comes_by(by("a")));

@@ -66,11 +66,11 @@ pub enum Ownership {
     Any,
 }
 
-/// What keeps a lease of the MQTT side alive.
+/// What keeps a lease of those who command through the broker alive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum LeaseMode {
-    /// The probe through the broker comes back, and the alive topic does not say `offline`; commands and the lease
-    /// topic as well.
+    /// The probe through the broker comes back, and the alive topic does not say `offline`, or, for Sparkplug, the primary
+    /// host is online; commands and the lease topic as well.
     #[default]
     Session,
     /// Only commands and the lease topic.
@@ -86,6 +86,8 @@ pub struct ControlSettings {
     pub from_modbus_tcp: bool,
     /// Commands are taken from those who are signed in on the page.
     pub from_page: bool,
+    /// Commands are taken from hosts of Sparkplug B.
+    pub from_sparkplug: bool,
     /// Lowest setpoint.
     pub least: Hertz,
     /// Highest setpoint.
@@ -156,6 +158,7 @@ impl ControlSettings {
             from_mqtt: false,
             from_modbus_tcp: false,
             from_page: false,
+            from_sparkplug: false,
             least,
             most,
             directions: vec![Direction::Forward],

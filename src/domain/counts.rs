@@ -44,7 +44,7 @@ impl ReplyCounts {
 }
 
 /// The ways by which commands come, in the order of [`CommandCounts`].
-pub const COMMAND_SOURCES: [&str; 5] = ["modbus-tcp", "modbus-security", "mqtt", "local", "page"];
+pub const COMMAND_SOURCES: [&str; 6] = ["modbus-tcp", "modbus-security", "mqtt", "local", "page", "sparkplug"];
 
 const fn source(owner: &Owner) -> usize {
     match owner {
@@ -53,6 +53,7 @@ const fn source(owner: &Owner) -> usize {
         Owner::Mqtt | Owner::MqttBy(_) => 2,
         Owner::Local => 3,
         Owner::Page(_) => 4,
+        Owner::Sparkplug => 5,
     }
 }
 

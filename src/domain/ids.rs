@@ -141,6 +141,8 @@ impl AskerId {
     pub const LOCAL: Self = Self(u64::MAX);
     /// Everybody on the page as a whole.
     pub const PAGE: Self = Self(u64::MAX - 1);
+    /// The Sparkplug side as a whole.
+    pub const SPARKPLUG: Self = Self(u64::MAX - 2);
 }
 
 /// The number of one request of one asker, chosen by the asker and carried back in the answer.

@@ -22,6 +22,7 @@ pub fn control() -> ControlSettings {
         from_mqtt: true,
         from_modbus_tcp: true,
         from_page: true,
+        from_sparkplug: true,
         directions: vec![Direction::Forward, Direction::Reverse],
         native_write: vec![0x020C, 0x020E],
         ..ControlSettings::new(limits, lost, FailSafe::Stop)

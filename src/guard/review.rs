@@ -173,6 +173,7 @@ fn may_come_from(control: &ControlSettings, owner: Owner, order: &Order) -> Resu
         Owner::ModbusTcp(_) | Owner::ModbusSecurity(_) => control.from_modbus_tcp || stops,
         Owner::Mqtt | Owner::MqttBy(_) => control.from_mqtt,
         Owner::Page(_) => control.from_page,
+        Owner::Sparkplug => control.from_sparkplug,
         Owner::Local => true,
     };
     if allowed { Ok(()) } else { Err(refused(Reason::NotFromHere)) }

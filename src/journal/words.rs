@@ -77,6 +77,7 @@ pub fn owner(text: &str) -> Option<Owner> {
     match text.split_once(' ') {
         None if text == "mqtt" => Some(Owner::Mqtt),
         None if text == "local" => Some(Owner::Local),
+        None if text == "sparkplug" => Some(Owner::Sparkplug),
         Some(("modbus-tcp", address)) => address.parse().ok().map(Owner::ModbusTcp),
         Some(("modbus-security", name)) => CommanderName::new(name).map(Owner::ModbusSecurity),
         Some(("mqtt", name)) => CommanderName::new(name).map(Owner::MqttBy),
@@ -121,6 +122,7 @@ mod tests {
         for owner in [
             Owner::Mqtt,
             Owner::Local,
+            Owner::Sparkplug,
             Owner::MqttBy(by),
             Owner::ModbusTcp("10.0.0.7".parse().unwrap()),
             Owner::ModbusTcp("fd00::1".parse().unwrap()),

@@ -9,4 +9,5 @@ pub mod page;
 pub mod report;
 pub mod setup_body;
 pub mod shown;
+pub mod sparkplug;
 pub mod traffic;

@@ -101,7 +101,12 @@ pub fn capabilities(drive: &DriveDescription) -> Vec<&'static str> {
 /// From where commands are taken, as the configuration says it.
 #[must_use]
 pub fn sources(control: &ControlSettings) -> Vec<&'static str> {
-    words(&[("mqtt", control.from_mqtt), ("modbus-tcp", control.from_modbus_tcp), ("page", control.from_page)])
+    words(&[
+        ("mqtt", control.from_mqtt),
+        ("modbus-tcp", control.from_modbus_tcp),
+        ("page", control.from_page),
+        ("sparkplug", control.from_sparkplug),
+    ])
 }
 
 fn words(table: &[(&'static str, bool)]) -> Vec<&'static str> {

@@ -259,6 +259,7 @@ fn served(directory: &Path) -> (SocketAddr, Arc<State>) {
         shared: shared.into(),
         modbus: Arc::default(),
         mqtt: None::<Arc<_>>.into(),
+        sparkplug: None.into(),
         live: Live::new(clock::moment()),
         started: clock::now(),
         started_at: WallTime { unix_ms: 0 },

@@ -98,11 +98,12 @@ fn a_key_that_this_version_does_not_serve_is_refused() {
     let place = Place::new();
     let example =
         std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/vfd-gateway.toml")).unwrap();
-    let file = place.write("later.toml", &example.replacen("[mqtt]\n", "[mqtt]\nsparkplug = { group = \"a\" }\n", 1));
+    let file =
+        place.write("later.toml", &example.replacen("[[modbus_tcp]]\n", "[[modbus_tcp]]\nlease = \"session\"\n", 1));
     for command in ["check", "run"] {
         let output = vfd_gateway(&[command, "-c", file.to_str().unwrap()]);
         assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-        assert!(said(&output).contains("`sparkplug` is not served"), "{}", said(&output));
+        assert!(said(&output).contains("`lease` is not served"), "{}", said(&output));
     }
 }
 

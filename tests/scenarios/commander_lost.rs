@@ -2,7 +2,7 @@
 
 use crate::support::{MQTT, Rig, RigOptions, STOP, control, plc, run, setpoint};
 use std::time::Duration;
-use vfd_gateway::domain::command::{Direction, Order, Outcome, Owner, Reason, RunIntent};
+use vfd_gateway::domain::command::{Direction, Order, Origin, Outcome, Owner, Reason, RunIntent};
 use vfd_gateway::domain::control::FailSafe;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::link::PortKind;
@@ -56,6 +56,27 @@ fn signs_of_life_keep_the_lease_and_only_those_of_the_owner() {
         rig.read(3, 0, 0x0101, 1);
     }
     assert_eq!(rig.written(RUN), [1, 0]);
+}
+
+#[test]
+fn a_sparkplug_host_keeps_control_by_its_own_signs_of_life_alone() {
+    const HOST: Origin = Origin { owner: Owner::Sparkplug, ..MQTT };
+    let mut rig = Rig::new(&RigOptions::controlled());
+    assert_eq!(rig.commanded(HOST, run(Direction::Forward, Some(3000))).0, Outcome::Acknowledged);
+    for _ in 0..10 {
+        rig.pass(Duration::from_secs(1));
+        rig.core.handle(rig.now, Input::PathAlive(Owner::Sparkplug));
+    }
+    assert_eq!(rig.written(RUN), [1]);
+    assert_eq!(rig.commanded(MQTT, setpoint(1000)), (Outcome::Refused, Reason::OtherOwner));
+    // The host is gone, and the way of the gateway's own topics is open.
+    rig.live(Duration::from_secs(5));
+    assert_eq!(rig.written(RUN), [1, 0]);
+    let action = FailSafe::Stop;
+    assert!(rig.notes.iter().any(|(_, note)| *note == Note::CommanderLost { owner: Owner::Sparkplug, action }));
+    let read_only = vfd_gateway::domain::control::ControlSettings { from_sparkplug: false, ..control() };
+    let mut rig = Rig::new(&RigOptions { control: Some(read_only), ..RigOptions::controlled() });
+    assert_eq!(rig.commanded(HOST, STOP), (Outcome::Refused, Reason::NotFromHere));
 }
 
 #[test]

@@ -191,6 +191,7 @@ fn control_of(drive: &Drive) -> Option<ControlSettings> {
         from_mqtt: true,
         from_modbus_tcp: true,
         from_page: true,
+        from_sparkplug: true,
         directions: vec![Direction::Forward, Direction::Reverse],
         accept_unverified: ControlAction::ALL.to_vec(),
         native_write: vec![drive.kind.facts().listed],

@@ -86,7 +86,12 @@ fn polls(text: &mut String, drive: &DriveSettings, budget: &Budget, reads: &[Pla
 }
 
 fn commands(text: &mut String, control: &ControlSettings, model: &Model, mqtt: Option<&MqttSettings>) -> Result {
-    let ways = [(control.from_mqtt, "mqtt"), (control.from_modbus_tcp, "modbus-tcp"), (control.from_page, "page")];
+    let ways = [
+        (control.from_mqtt, "mqtt"),
+        (control.from_modbus_tcp, "modbus-tcp"),
+        (control.from_page, "page"),
+        (control.from_sparkplug, "sparkplug"),
+    ];
     let ways: Vec<_> = ways.into_iter().filter_map(|(is_there, way)| is_there.then_some(way)).collect();
     let directions: Vec<_> = control.directions.iter().map(|it| word_for(&DIRECTIONS, it)).collect();
     let lost_after = duration_text(control.lost_after);

@@ -1,7 +1,7 @@
 //! The table `[mqtt]`.
 
 use super::super::broker::{self, Address};
-use super::super::file::{HomeAssistantFile, MqttFile};
+use super::super::file::{HomeAssistantFile, MqttFile, SparkplugFile};
 use super::super::keys::Section;
 use super::super::words::{LEASES, TREES};
 use super::{absolute_path, inner, refuse_not_served, turned};
@@ -15,6 +15,8 @@ use std::time::Duration;
 pub(super) const HEARTBEAT: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(3600);
 const KEEP_ALIVE: RangeInclusive<Duration> = Duration::from_secs(5)..=Duration::from_secs(600);
 const PROBE_INTERVAL: RangeInclusive<Duration> = Duration::from_millis(200)..=Duration::from_secs(60);
+/// How old a command of a Sparkplug host may be by its timestamp.
+const COMMAND_AGE: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(300);
 const COMMAND_TTL: RangeInclusive<Duration> = Duration::from_millis(100)..=Duration::from_secs(60);
 /// Most changes that may be kept: some ten megabytes.
 const KEEP_TELEMETRY_MAX: u32 = 100_000;
@@ -51,6 +53,7 @@ pub(super) fn read_mqtt(mut reader: Reader<'_, '_>) -> MqttFile {
         keep_telemetry: reader.optional("keep_telemetry", &Kind::number(0..=KEEP_TELEMETRY_MAX)),
         publish: reader.list("publish", &Kind::one_of(&TREES)),
         home_assistant: inner(&mut reader, "home_assistant", read_home_assistant),
+        sparkplug: inner(&mut reader, "sparkplug", read_sparkplug),
         ca_file: reader.optional("ca_file", &absolute_path()),
         client_cert_file: reader.optional("client_cert_file", &absolute_path()),
         client_key_file: reader.optional("client_key_file", &absolute_path()),
@@ -67,6 +70,27 @@ fn read_home_assistant(mut reader: Reader<'_, '_>) -> HomeAssistantFile {
     };
     reader.finish();
     home_assistant
+}
+
+/// `[mqtt.sparkplug]`
+fn read_sparkplug(mut reader: Reader<'_, '_>) -> SparkplugFile {
+    let sparkplug = SparkplugFile {
+        place: reader.place().clone(),
+        group: reader.required("group", &level()),
+        primary_host: reader.optional("primary_host", &level()),
+        client_id: reader.optional("client_id", &client_id()),
+        max_command_age: reader.optional("max_command_age", &Kind::duration(COMMAND_AGE)),
+        keep_telemetry: reader.optional("keep_telemetry", &Kind::number(0..=KEEP_TELEMETRY_MAX)),
+    };
+    reader.finish();
+    sparkplug
+}
+
+/// One level of a topic.
+fn level() -> Kind<'static, String> {
+    Kind::parsed("one level of a topic, without `/`, `+`, `#` or a first `$`: \"plant-a\"", |text| {
+        (is_topic(text) && !text.contains('/')).then(|| text.to_owned())
+    })
 }
 
 fn read_broker(reader: &mut Reader<'_, '_>) -> Needed<Address> {

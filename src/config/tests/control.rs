@@ -36,6 +36,7 @@ fn a_control_section_gets_its_defaults() {
             from_mqtt: true,
             from_modbus_tcp: true,
             from_page: false,
+            from_sparkplug: false,
             least: Hertz::from_millihertz(5000),
             most: Hertz::from_millihertz(50_000),
             directions: vec![Direction::Forward],
@@ -143,9 +144,12 @@ fn a_way_that_is_closed_is_not_named() {
 fn what_concerns_mqtt_only_is_not_there_without_it() {
     let text = with(&control_with("commands = 'plain'\nrestart_delay = '5s'"), "\"mqtt\", ", "");
     let at = |key: &str| {
-        format!("{AT}.{key}: concerns commands over MQTT only, and `from` does not name \"mqtt\"; leave it out")
+        format!(
+            "{AT}.{key}: concerns commands over MQTT and Sparkplug only, and `from` names neither \"mqtt\" nor \"sparkplug\"; leave it out"
+        )
     };
-    let neither = "concerns commands over MQTT and from the page only, and `from` names neither; leave it out";
+    let neither =
+        "concerns commands over MQTT, Sparkplug and from the page only, and `from` names none of them; leave it out";
     assert_eq!(problems(&text), [at("commands"), format!("{AT}.restart_delay: {neither}")]);
     let by_page = with(&text, "[\"modbus-tcp\"]", "['page']");
     assert!(!problems(&by_page).iter().any(|it| it.contains("restart_delay")));

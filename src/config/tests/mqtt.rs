@@ -258,3 +258,69 @@ fn discovery_by_home_assistant_is_taken_and_checked() {
     let two = problems(&over("embedded", "home_assistant = { discovery = 1, device = true }"));
     assert_eq!(two.len(), 2, "{two:?}");
 }
+
+const SPARKPLUG: &str = "[mqtt.sparkplug]\ngroup = 'hall 1'\n";
+
+/// `over`, with a data directory.
+fn kept(text: &str) -> String {
+    format!("[gateway]\ndata_dir = '/var/lib/vfd-gateway'\n{}", text.replacen("[gateway]\n", "", 1))
+}
+
+#[test]
+fn of_sparkplug_only_the_group_must_be_named() {
+    let found = mqtt(&kept(&over("mqtt://broker", SPARKPLUG)));
+    let sparkplug = found.sparkplug.clone().unwrap();
+    assert_eq!((sparkplug.group.as_str(), sparkplug.primary_host, sparkplug.client_id), ("hall 1", None, None));
+    assert_eq!((sparkplug.max_command_age, sparkplug.keep_telemetry), (Duration::from_secs(10), 10_000));
+    let name = Name::new("plant-a").unwrap();
+    assert_eq!(found.sparkplug_client_id(&name), "vfd-gateway-plant-a-sparkplug");
+    let session = found.sparkplug_session(name.clone()).unwrap();
+    assert_eq!((session.node, session.probe_topic.as_str()), (name.clone(), "vfd/plant-a/sparkplug/probe"));
+    assert_eq!(mqtt(&over("mqtt://broker", "")).sparkplug_session(name), None);
+    only(
+        &kept(&over("mqtt://broker", "[mqtt.sparkplug]\ngroup = 'a/b'")),
+        "mqtt.sparkplug.group: `a/b` will not do; one level of a topic, without `/`, `+`, `#` or a first `$`: \"plant-a\"",
+    );
+}
+
+#[test]
+fn sparkplug_needs_a_place_for_its_numbers_and_an_identifier_of_its_own() {
+    only(
+        &over("mqtt://broker", SPARKPLUG),
+        "mqtt.sparkplug: the number of each session, bdSeq, is kept in the data directory, and there is none; `data_dir` in \
+         `[gateway]`, or no `[mqtt.sparkplug]`",
+    );
+    only(
+        &kept(&over("mqtt://broker", &format!("client_id = 'a'\n{SPARKPLUG}client_id = 'a'"))),
+        "mqtt.sparkplug.client_id: the same as `client_id` in `[mqtt]`: the broker would end one connection for the other; \
+         another one, or leave it out",
+    );
+}
+
+#[test]
+fn a_drive_that_a_host_commands_needs_a_sign_of_life_of_it() {
+    let control = |from: &str, lease: &str| {
+        format!(
+            "[line.drive.control]\nfrom = [{from}]\nfrequency_hz = {{ min = 5.0, max = 50.0 }}\non_commander_lost = 'stop'\n\
+             lost_after = '30s'\non_shutdown = 'stop'\n{lease}\n"
+        )
+    };
+    let with = |control: &str, sparkplug: &str| {
+        kept(&format!("{MINIMAL}{control}[mqtt]\nbroker = 'mqtt://broker'\n{sparkplug}\n"))
+    };
+    only(
+        &with(&control("'sparkplug'", ""), ""),
+        "line[0].drive[0].control.from[0]: commands from \"sparkplug\" cannot come: there is no `[mqtt.sparkplug]`; \
+         `[mqtt.sparkplug]` with `group` and `primary_host`, or leave it out",
+    );
+    only(
+        &with(&control("'sparkplug'", ""), SPARKPLUG),
+        "line[0].drive[0].control.from[0]: a session lease of a Sparkplug host lives while that is online, and no host is \
+         named; `primary_host` in `[mqtt.sparkplug]`, or lease = \"explicit\"",
+    );
+    let by_itself = good(&with(&control("'sparkplug'", "lease = 'explicit'"), SPARKPLUG));
+    let hosted = good(&with(&control("'mqtt', 'sparkplug'", ""), &format!("{SPARKPLUG}primary_host = 'scada'")));
+    for config in [by_itself, hosted] {
+        assert!(config.lines[0].drives[0].control.as_ref().unwrap().from_sparkplug);
+    }
+}

@@ -59,7 +59,9 @@ fn a_drives_lease_goes_before_that_of_the_broker() {
 fn a_lease_over_mqtt_needs_mqtt() {
     let text = with(&leases(None, Some("explicit")), "[\"mqtt\", \"modbus-tcp\"]", "['modbus-tcp']");
     let told = problems(&text);
-    let what = format!("{AT}.lease: concerns commands over MQTT only, and `from` does not name \"mqtt\"; leave it out");
+    let what = format!(
+        "{AT}.lease: concerns commands over MQTT and Sparkplug only, and `from` names neither \"mqtt\" nor \"sparkplug\"; leave it out"
+    );
     assert_eq!(told, [what]);
 }
 

@@ -13,6 +13,7 @@ pub(super) fn readiness(state: &State) -> Value {
         "ready": state.is_ready(),
         "lines": state.shared.load().lines.iter().map(|it| line(it)).collect::<Vec<_>>(),
         "mqtt": mqtt(state),
+        "sparkplug": sparkplug(state),
     })
 }
 
@@ -67,6 +68,17 @@ fn mqtt(state: &State) -> Value {
             "contested": mqtt.is_contested(),
             "events_waiting": mqtt.counters().events_waiting,
             "events_refused": mqtt.counters().events_refused,
+        })
+    })
+}
+
+fn sparkplug(state: &State) -> Value {
+    state.sparkplug.load().as_ref().map_or(Value::Null, |sparkplug| {
+        json!({
+            "connected": sparkplug.is_connected(),
+            "contested": sparkplug.is_contested(),
+            "host_awaited": sparkplug.counters().host_awaited > 0,
+            "history_waiting": sparkplug.counters().history_waiting,
         })
     })
 }

@@ -58,6 +58,9 @@ impl Collector for Scrape {
         if let Some(mqtt) = state.mqtt.load().as_ref() {
             each(&mut encoder, table::MQTT, || [(Vec::new(), mqtt.as_ref())])?;
         }
+        if let Some(sparkplug) = state.sparkplug.load().as_ref() {
+            each(&mut encoder, table::SPARKPLUG, || [(Vec::new(), sparkplug.as_ref())])?;
+        }
         if let Some(report) = state.journal.as_ref().map(|journal| journal.report()) {
             each(&mut encoder, table::JOURNAL, || [(Vec::new(), &report)])?;
         }

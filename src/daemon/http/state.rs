@@ -4,7 +4,7 @@ use super::live::Live;
 use super::report::History;
 use crate::daemon::journal::Journal;
 use crate::daemon::shared::Current;
-use crate::daemon::totals::{ModbusTotals, MqttTotals};
+use crate::daemon::totals::{ModbusTotals, MqttTotals, SparkplugTotals};
 use crate::domain::report::LineState;
 use crate::domain::time::{MonoTime, WallTime};
 use arc_swap::ArcSwapOption;
@@ -21,6 +21,8 @@ pub struct State {
     pub modbus: Arc<ModbusTotals>,
     /// State and counts of the MQTT side; nothing if no broker is configured.
     pub mqtt: ArcSwapOption<MqttTotals>,
+    /// State and counts of the Sparkplug side; nothing if it is not configured.
+    pub sparkplug: ArcSwapOption<SparkplugTotals>,
     /// The journal; nothing if there is no data directory.
     pub journal: Option<Arc<Journal>>,
     /// What was counted some minutes ago.

@@ -53,6 +53,7 @@ pub(super) fn state(broker: bool) -> Arc<State> {
         points: Points::default(),
     };
     Arc::new(State {
+        sparkplug: None.into(),
         journal: None,
         history: History::default(),
         gateway: "plant-a".to_owned(),
@@ -390,6 +391,7 @@ fn metrics() -> Vec<(&'static table::Name, &'static str)> {
     all.extend(names(table::MODBUS).map(of("-")));
     all.push((&table::MODBUS_EXCEPTIONS, "`code`"));
     all.extend(names(table::MQTT).map(of("-")));
+    all.extend(names(table::SPARKPLUG).map(of("-")));
     all.extend(names(table::JOURNAL).map(of("-")));
     all
 }

@@ -53,6 +53,7 @@ fn state(line: &Arc<SharedLine>) -> Arc<State> {
         shared: Arc::new(Shared::of(vec![Arc::clone(line)], Arc::default())).into(),
         modbus: Arc::new(ModbusTotals::default()),
         mqtt: None.into(),
+        sparkplug: None.into(),
         history: crate::daemon::http::report::History::default(),
         live: crate::daemon::http::live::Live::new(clock::moment()),
         started: clock::now(),

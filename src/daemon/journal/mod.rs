@@ -25,6 +25,7 @@ mod tests;
 pub use status::{JournalReport, JournalState};
 
 use super::answers::NorthSides;
+use super::bell::Bell;
 use super::clock;
 use super::inbox::Inbox as LineInbox;
 use super::shared::Current;
@@ -41,7 +42,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use store::Store;
-use tokio::sync::{Notify, oneshot};
+use tokio::sync::oneshot;
 
 /// The journal's file in the data directory.
 pub const FILE_NAME: &str = "journal.db";
@@ -79,7 +80,7 @@ impl Journal {
     pub fn start(
         settings: &Settings,
         sides: NorthSides,
-        changed: Arc<Notify>,
+        changed: Arc<Bell>,
     ) -> io::Result<(Arc<Self>, BTreeMap<Name, Remembered>)> {
         let (inbox, status) = (Arc::<Inbox>::default(), Arc::<Status>::default());
         let (store, found) = Store::open(&settings.directory.join(FILE_NAME), settings.max_bytes, &status);

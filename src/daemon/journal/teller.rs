@@ -2,8 +2,8 @@
 
 use super::store::Store;
 use crate::daemon::answers::{AnswerBox, News};
+use crate::daemon::bell::Bell;
 use std::sync::Arc;
-use tokio::sync::Notify;
 
 /// Most events in one answer.
 const TOLD_MAX: usize = 16;
@@ -13,7 +13,7 @@ const TOLD_MAX: usize = 16;
 pub struct Teller {
     /// Where to; nothing: there is no MQTT side, and events wait for one.
     mqtt: Option<Arc<AnswerBox>>,
-    changed: Arc<Notify>,
+    changed: Arc<Bell>,
     /// Events behind this one are wanted.
     wanted: Option<u64>,
     /// There may be some that were not there when it was looked last.
@@ -23,7 +23,7 @@ pub struct Teller {
 impl Teller {
     /// Nobody has asked.
     #[must_use]
-    pub const fn new(mqtt: Option<Arc<AnswerBox>>, changed: Arc<Notify>) -> Self {
+    pub const fn new(mqtt: Option<Arc<AnswerBox>>, changed: Arc<Bell>) -> Self {
         Self { mqtt, changed, wanted: None, is_due: false }
     }
 
@@ -47,7 +47,7 @@ impl Teller {
                 if !events.is_empty() {
                     self.wanted = None;
                     mqtt.put(&mut vec![News::Events { events, more }]);
-                    self.changed.notify_one();
+                    self.changed.ring();
                 }
             }
             Err(error) => store.troubled(error),

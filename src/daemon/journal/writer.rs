@@ -7,6 +7,7 @@ use super::status::Status;
 use super::store::Store;
 use super::teller::Teller;
 use crate::daemon::answers::NorthSides;
+use crate::daemon::bell::Bell;
 use crate::daemon::clock;
 use crate::daemon::inbox::Message;
 use crate::domain::ids::Name;
@@ -18,7 +19,6 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc::SyncSender;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
-use tokio::sync::Notify;
 
 /// A line whose inbox was full is told again after this time.
 const TELL_AGAIN: Duration = Duration::from_millis(5);
@@ -36,7 +36,7 @@ pub struct Writer {
     inbox: Arc<Inbox>,
     status: Arc<Status>,
     sides: NorthSides,
-    changed: Arc<Notify>,
+    changed: Arc<Bell>,
     teller: Teller,
     upkeep: SyncSender<()>,
     taken: BTreeSet<u64>,
@@ -64,7 +64,7 @@ impl Writer {
         inbox: Arc<Inbox>,
         status: Arc<Status>,
         sides: NorthSides,
-        changed: Arc<Notify>,
+        changed: Arc<Bell>,
         upkeep: SyncSender<()>,
     ) -> Self {
         for drive in &found.damaged {
@@ -231,8 +231,10 @@ impl Writer {
     fn wake_answers(&self) {
         self.sides.modbus.release();
         self.sides.local.release();
-        if self.sides.mqtt.as_ref().is_some_and(|mqtt| mqtt.release()) {
-            self.changed.notify_one();
+        let by_broker = [&self.sides.mqtt, &self.sides.sparkplug].into_iter().flatten();
+        // Each is asked, whatever the others had.
+        if by_broker.filter(|side| side.release()).count() > 0 {
+            self.changed.ring();
         }
     }
 

@@ -8,6 +8,7 @@ mod opening;
 mod serving;
 
 use super::answers::NorthSides;
+use super::bell::Bell;
 use super::board::Board;
 use super::build::Memory;
 use super::clock;
@@ -26,7 +27,7 @@ use std::io;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
-use tokio::sync::{Notify, oneshot};
+use tokio::sync::oneshot;
 use tokio::time::{Instant, timeout_at};
 
 /// Most time that the declared actions at the end of the gateway may take. Drives whose stop shows no effect until then
@@ -72,7 +73,7 @@ impl LineHandle {
         port: LinePort,
         setup: LineSetup,
         line: Arc<SharedLine>,
-        changed: Arc<Notify>,
+        changed: Arc<Bell>,
         north: NorthSides,
     ) -> io::Result<Self> {
         let (begin, begun) = oneshot::channel();

@@ -4,14 +4,15 @@
 //! will, after a wait that grows. Only this task touches the connection, and it never waits for room in its queue:
 //! as long as that is full, the talk is not asked for more.
 
+use super::accepted::Link;
 use super::counters::{Counters, count};
-use super::link::{self, Broken, Events, Incident, NotQueued, Received, Sender, Terms, Unfit};
+use super::link::{self, Broken, Events, Incident, NotQueued, Received, Terms};
 use super::retry::{Retry, Rival};
 use super::settings::ConnectionSettings;
 use super::window::Window;
 use super::{Packet, Talk, tls};
 use crate::daemon::clock;
-use crate::north::mqtt::{Event, Filter, Publication, Refusal};
+use crate::north::mqtt::{Event, Publication, Refusal};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::pin::{Pin, pin};
@@ -48,6 +49,9 @@ pub async fn converse<T: Talk>(
         let had = counters.connected.get();
         let End::Broken(broken, life) = client.connection(stop.as_mut()).await else { return };
         count(&counters.broken);
+        if broken.is_unsent && life.is_none() {
+            talk.borrow_mut().unsent();
+        }
         let next = client.retry.after(&broken, life);
         let (reason, wait) = (broken.reason, next.wait);
         if counters.connected.get() > had || reason != last_reason {
@@ -75,14 +79,6 @@ struct Client<'a, T> {
     link: Option<Link>,
 }
 
-/// What is known about an accepted connection.
-struct Link {
-    since: Instant,
-    sender: Sender,
-    window: Window,
-    terms: Terms,
-}
-
 /// How a connection ended.
 enum End {
     Stopped,
@@ -95,18 +91,35 @@ enum Outcome<O> {
     Done(O),
     Stopped,
     /// The talk gives the connection up.
-    GivenUp(&'static str),
+    GivenUp(GivenUp),
     Overdue,
+}
+
+/// How the talk gives a connection up, and why.
+#[derive(Clone, Copy)]
+enum GivenUp {
+    Dropped(&'static str),
+    Left(&'static str),
 }
 
 impl<T: Talk> Client<'_, T> {
     /// One connection, from the first byte to the last.
     async fn connection<S: Future<Output = ()>>(&mut self, mut stop: Pin<&mut S>) -> End {
+        let chore = self.talk.borrow_mut().chore();
+        if let Some(chore) = chore {
+            // A chore that panics has not been done, and says so itself.
+            let done = pin!(tokio::task::spawn_blocking(chore));
+            if let Outcome::Stopped = self.attend(done, far(), stop.as_mut()).await {
+                return End::Stopped;
+            }
+        }
         let tls = match self.attend(pin!(tls::read(self.settings.tls.clone())), far(), stop.as_mut()).await {
             Outcome::Done(Ok(tls)) => tls,
             Outcome::Done(Err(reason)) => return End::Broken(Broken::because(reason), None),
             Outcome::Stopped => return End::Stopped,
-            Outcome::GivenUp(reason) => return End::Broken(Broken::because(reason), None),
+            Outcome::GivenUp(GivenUp::Dropped(reason) | GivenUp::Left(reason)) => {
+                return End::Broken(Broken::because(reason), None);
+            }
             Outcome::Overdue => return End::Broken(Broken::because("the TLS files cannot be read in time"), None),
         };
         let will = self.talk.borrow().will();
@@ -122,7 +135,7 @@ impl<T: Talk> Client<'_, T> {
             let incident = match outcome {
                 Outcome::Done(Ok(incident)) => incident,
                 Outcome::Done(Err(broken)) => return self.abandon(&mut events, broken),
-                Outcome::GivenUp(reason) => return self.abandon(&mut events, Broken::because(reason)),
+                Outcome::GivenUp(how) => return self.give_up(&mut events, how).await,
                 Outcome::Overdue => return self.abandon(&mut events, Broken::because("the broker is silent")),
                 Outcome::Stopped => return self.farewell(&mut events).await,
             };
@@ -136,8 +149,8 @@ impl<T: Talk> Client<'_, T> {
             }
             self.take(incident);
             self.settle();
-            if let Some(reason) = self.send() {
-                return self.abandon(&mut events, Broken::because(reason));
+            if let Some(how) = self.send() {
+                return self.give_up(&mut events, how).await;
             }
         }
     }
@@ -168,8 +181,8 @@ impl<T: Talk> Client<'_, T> {
                 () = sleep_until(wake) => if Instant::now() >= overdue { return Outcome::Overdue },
             }
             self.talk.borrow_mut().tick(clock::moment());
-            if let Some(reason) = self.send() {
-                return Outcome::GivenUp(reason);
+            if let Some(how) = self.send() {
+                return Outcome::GivenUp(how);
             }
         }
     }
@@ -182,8 +195,8 @@ impl<T: Talk> Client<'_, T> {
         wake.map_or_else(far, |at| Instant::now() + at.since(clock::now()).clamp(least, LONG))
     }
 
-    /// Queues what the talk has for the broker, as far as there is room. Returns why it gives the connection up.
-    fn send(&mut self) -> Option<&'static str> {
+    /// Queues what the talk has for the broker, as far as there is room. Returns how it gives the connection up.
+    fn send(&mut self) -> Option<GivenUp> {
         while self.link.as_ref().is_none_or(|link| link.window.has_room()) {
             let packet = self.talk.borrow_mut().next_packet(clock::moment())?;
             let Some(link) = &mut self.link else {
@@ -191,11 +204,15 @@ impl<T: Talk> Client<'_, T> {
                 continue;
             };
             match packet {
-                Packet::Reconnect(reason) => return Some(reason),
+                Packet::Reconnect(reason) => return Some(GivenUp::Dropped(reason)),
+                Packet::Leave(reason) => return Some(GivenUp::Left(reason)),
                 Packet::Publish(publication) => {
                     let token = publication.token;
                     match link.publish(publication, self.counters) {
-                        Err(NotQueued) => return Some("the queue of the client library is full against all counting"),
+                        Err(NotQueued) => {
+                            let reason = "the queue of the client library is full against all counting";
+                            return Some(GivenUp::Dropped(reason));
+                        }
                         // Nobody will answer for it.
                         Ok(false) => token.into_iter().for_each(|it| self.tell(Event::Refused(it, Refusal::Never))),
                         Ok(true) => {}
@@ -273,6 +290,20 @@ impl<T: Talk> Client<'_, T> {
         End::Broken(broken, life)
     }
 
+    /// Ends the connection as the talk wants it.
+    async fn give_up(&mut self, events: &mut Events, how: GivenUp) -> End {
+        let reason = match how {
+            GivenUp::Dropped(reason) => return self.abandon(events, Broken::because(reason)),
+            GivenUp::Left(reason) => reason,
+        };
+        let life = self.life();
+        self.farewell(events).await;
+        if life.is_some() {
+            self.tell(Event::Lost);
+        }
+        End::Broken(Broken::because(reason), life)
+    }
+
     /// How long ago the broker accepted the connection.
     fn life(&self) -> Option<Duration> {
         self.link.as_ref().map(|link| link.since.elapsed())
@@ -348,44 +379,6 @@ impl<T: Talk> Client<'_, T> {
                 Ok(incident) => self.take(incident),
                 Err(_) => return,
             }
-        }
-    }
-}
-
-impl Link {
-    /// Queues a publication, or drops one that cannot be sent: false.
-    fn publish(&mut self, mut publication: Publication, counters: &Counters) -> Result<bool, NotQueued> {
-        if let Err(unfit) = self.sender.check(&publication, &self.terms) {
-            count(&counters.dropped);
-            let (topic, bytes) = (&publication.topic, publication.payload.len());
-            match unfit {
-                Unfit::TooLarge => {
-                    tracing::warn!(topic, bytes, limit = self.terms.packet_max, "too large for the broker; dropped");
-                }
-                Unfit::Topic => tracing::warn!(topic, "not a topic; dropped"),
-            }
-            return Ok(false);
-        }
-        // A broker that keeps no messages ends the connection of those who ask it to.
-        publication.retain &= self.terms.broker.retains;
-        let (qos, token) = (publication.qos, publication.token);
-        self.sender.publish(publication)?;
-        self.window.queue_publication(qos, token);
-        Ok(true)
-    }
-
-    fn subscribe(&mut self, filters: Vec<Filter>) {
-        if self.sender.subscribe(filters).is_ok() {
-            self.window.queue_other();
-        } else {
-            tracing::error!("a subscription has an impossible filter; dropped");
-        }
-    }
-
-    fn disconnect(&mut self) {
-        self.window.queue_other();
-        if self.sender.disconnect().is_err() {
-            tracing::debug!("no room for DISCONNECT");
         }
     }
 }

@@ -108,6 +108,8 @@ pub struct Broken {
     pub is_fresh: bool,
     /// What it tells of the broker.
     pub cause: Cause,
+    /// Whether it is certain that the broker has seen no CONNECT of ours.
+    pub is_unsent: bool,
 }
 
 /// What the end of a connection tells of the broker.
@@ -124,7 +126,7 @@ pub enum Cause {
 impl Broken {
     /// Given up by this side.
     pub fn because(reason: impl Into<String>) -> Self {
-        Self { reason: reason.into(), is_fresh: false, cause: Cause::Other }
+        Self { reason: reason.into(), is_fresh: false, cause: Cause::Other, is_unsent: false }
     }
 }
 

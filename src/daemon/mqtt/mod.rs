@@ -4,6 +4,7 @@
 //! [`client`] carries out what a [`Talk`] wants: it keeps a connection, hands over what comes, sends what is due.
 //! What is said and what it means is decided elsewhere.
 
+mod accepted;
 mod backoff;
 pub mod broker;
 pub mod broker_child;
@@ -39,6 +40,13 @@ use crate::north::mqtt::{Event, Filter, Moment, Publication};
 /// within [`next_packet`](Self::next_packet): that is not called while the way to the broker is full, and a STOP
 /// waits for no publication.
 pub trait Talk {
+    /// What is to be done before the next connection, beside the runtime; nothing for most. It is asked before every
+    /// connection, and waited for.
+    fn chore(&mut self) -> Option<Chore> {
+        None
+    }
+    /// The last attempt to connect ended before anything of ours can have reached the broker.
+    fn unsent(&mut self) {}
     /// What the broker shall publish when the connection breaks. Asked before every connection.
     fn will(&self) -> Publication;
     /// Takes what happened on the connection. [`Event::Lost`] comes only after [`Event::Connected`].
@@ -57,6 +65,9 @@ pub trait Talk {
     fn farewell(&mut self, at: Moment) -> Vec<Publication>;
 }
 
+/// Something that may take its time.
+pub type Chore = Box<dyn FnOnce() + Send>;
+
 /// Something for the broker.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Packet {
@@ -67,4 +78,6 @@ pub enum Packet {
     Publish(Publication),
     /// Drop the connection and make a new one, for this reason.
     Reconnect(&'static str),
+    /// The same after the last words: an orderly end, which the broker publishes no will for.
+    Leave(&'static str),
 }

@@ -85,7 +85,7 @@ mod tests {
     const SECOND: Duration = Duration::from_secs(1);
 
     fn broken(cause: Cause) -> Broken {
-        Broken { reason: String::new(), is_fresh: true, cause }
+        Broken { reason: String::new(), is_fresh: true, cause, is_unsent: false }
     }
 
     fn ends(retry: &mut Retry, cause: Cause, life: Option<u32>) -> Next {

@@ -10,6 +10,7 @@ use rumqttc::{
     AsyncClient, ConnectReturnCode, ConnectionError, Event, EventLoop, LastWill, MqttOptions, NetworkOptions, Outgoing,
     Packet, Publish, QoS, StateError, SubscribeFilter, SubscribeReasonCode, Transport,
 };
+use std::io::ErrorKind;
 
 /// Prepares a connection.
 pub fn open(
@@ -79,7 +80,10 @@ pub fn broken(error: &ConnectionError) -> Broken {
         ) => Cause::Gone,
         _ => Cause::Other,
     };
-    Broken { reason: reason_for(error).unwrap_or_else(|| error.to_string()), is_fresh, cause }
+    // An established connection is reset or closed; only one that does not come about is refused.
+    let is_unsent = matches!(error, ConnectionError::Io(error) if error.kind() == ErrorKind::ConnectionRefused)
+        || matches!(error, ConnectionError::Tls(_));
+    Broken { reason: reason_for(error).unwrap_or_else(|| error.to_string()), is_fresh, cause, is_unsent }
 }
 
 /// The reason in words of ours.

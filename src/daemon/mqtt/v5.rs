@@ -12,6 +12,7 @@ use rumqttc::v5::mqttbytes::v5::{
 use rumqttc::v5::mqttbytes::{Error as BytesError, QoS};
 use rumqttc::v5::{AsyncClient, ConnectionError, Event, EventLoop, MqttOptions, StateError};
 use rumqttc::{NetworkOptions, Outgoing, Transport};
+use std::io::ErrorKind;
 use std::time::Duration;
 
 /// Prepares a connection. No topic aliases are offered: the library tells messages that come by one without a topic.
@@ -104,7 +105,10 @@ pub fn broken(error: &ConnectionError) -> Broken {
         ) => Cause::Gone,
         _ => Cause::Other,
     };
-    Broken { reason: reason_for(error).unwrap_or_else(|| error.to_string()), is_fresh, cause }
+    // An established connection is reset or closed; only one that does not come about is refused.
+    let is_unsent = matches!(error, ConnectionError::Io(error) if error.kind() == ErrorKind::ConnectionRefused)
+        || matches!(error, ConnectionError::Tls(_));
+    Broken { reason: reason_for(error).unwrap_or_else(|| error.to_string()), is_fresh, cause, is_unsent }
 }
 
 /// The reason in words of ours.

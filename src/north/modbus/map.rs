@@ -209,7 +209,7 @@ const MAP: [MapRow; 75] = [
     codes(
         19,
         "owner of the lease",
-        "0 none, 1 MQTT, 2 another Modbus TCP client, 3 this client, 5 somebody on the page",
+        "0 none, 1 MQTT, 2 another Modbus TCP client, 3 this client, 5 somebody on the page, 6 a Sparkplug host",
     ),
     measured(20, "lowest setpoint", "0.01", "Hz"),
     measured(21, "highest setpoint", "0.01", "Hz"),

@@ -20,7 +20,7 @@ use std::sync::Arc;
 
 /// What a topic shows. Numbers are places of registers in the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(in crate::north) enum Kind {
     Availability,
     RunState,
     /// A polled register.
@@ -56,7 +56,7 @@ impl Kind {
     }
 
     /// The register that it shows.
-    pub(super) const fn register(self) -> Option<usize> {
+    pub(in crate::north) const fn register(self) -> Option<usize> {
         match self {
             Self::Polled(register) | Self::Rated(register) | Self::Param(register) => Some(register),
             _ => None,
@@ -308,13 +308,13 @@ fn param_stale_at(now: &Present, reading: &Reading) -> MonoTime {
 
 /// Whether what is known of trips is not older than the register that tells them may be. One that is not polled is read
 /// in another way.
-fn trips_are_fresh(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> bool {
+pub(in crate::north) fn trips_are_fresh(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> bool {
     let polled = drive.model.trip_register().filter(|it| it.poll.is_some());
     polled.is_none_or(|register| fresh(drive, register, view, at).is_some())
 }
 
 /// The number of the cause of the trip that holds, 0 if none holds; nothing if that is not known.
-fn code(view: &DriveView) -> Option<u16> {
+pub(in crate::north) fn code(view: &DriveView) -> Option<u16> {
     if view.trip.active? { view.trip.last.as_ref()?.code } else { Some(0) }
 }
 
@@ -325,7 +325,7 @@ fn below_drive<'t>(topic: &'t str, drive: &DriveDescription) -> &'t str {
 }
 
 /// What is shown of `drive`, each with its topic below the drive's.
-pub(super) fn kinds(drive: &DriveDescription) -> Vec<(Kind, String)> {
+pub(in crate::north) fn kinds(drive: &DriveDescription) -> Vec<(Kind, String)> {
     let mut kinds = vec![(Kind::Availability, "availability".into()), (Kind::RunState, "run/state".into())];
     let polled = |(_, register): &(usize, &Register)| register.poll.is_some();
     let values = drive.model.registers.iter().enumerate().filter(polled);

@@ -56,6 +56,9 @@ mod session_tests;
 mod telemetry_tests;
 
 pub use counters::Counters;
+pub(in crate::north) use drive_topics::{Kind, code as trip_code, kinds, trips_are_fresh};
+pub(in crate::north) use path::{Path, Returned};
+pub(in crate::north) use points::Points;
 pub use session::Session;
 pub use types::{
     Act, Broker, Event, Filter, HomeAssistant, LeaseMode, LineState, Message, Moment, Publication, Qos, Refusal,

@@ -24,7 +24,7 @@ enum Phase {
 
 /// What a returned probe means.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Returned {
+pub(in crate::north) enum Returned {
     /// The way is open.
     Ours,
     /// It is a probe of another connection or another gateway.
@@ -33,7 +33,7 @@ pub(super) enum Returned {
 
 /// The connection and its probe.
 #[derive(Debug)]
-pub(super) struct Path {
+pub(in crate::north) struct Path {
     interval: Duration,
     timeout: Duration,
     /// What distinguishes the probes of this process.
@@ -50,7 +50,7 @@ pub(super) struct Path {
 }
 
 impl Path {
-    pub(super) const fn new(run: String, interval: Duration, timeout: Duration) -> Self {
+    pub(in crate::north) const fn new(run: String, interval: Duration, timeout: Duration) -> Self {
         Self {
             interval,
             timeout,
@@ -64,11 +64,11 @@ impl Path {
         }
     }
 
-    pub(super) fn connected(&mut self) {
+    pub(in crate::north) fn connected(&mut self) {
         self.reset(Phase::Connected);
     }
 
-    pub(super) fn lost(&mut self) {
+    pub(in crate::north) fn lost(&mut self) {
         self.reset(Phase::Down);
     }
 
@@ -80,7 +80,7 @@ impl Path {
     }
 
     /// Whether the subscription is to be asked for now; once per connection.
-    pub(super) fn take_subscription(&mut self, at: MonoTime) -> bool {
+    pub(in crate::north) fn take_subscription(&mut self, at: MonoTime) -> bool {
         let is_due = self.phase == Phase::Connected;
         if is_due {
             self.phase = Phase::Subscribing(at);
@@ -89,7 +89,7 @@ impl Path {
     }
 
     /// The broker's answer to the subscription. True if the way to the probe is free now.
-    pub(super) fn subscribed(&mut self, at: MonoTime, is_granted: bool) -> bool {
+    pub(in crate::north) fn subscribed(&mut self, at: MonoTime, is_granted: bool) -> bool {
         if !matches!(self.phase, Phase::Subscribing(_)) {
             return false;
         }
@@ -99,8 +99,23 @@ impl Path {
         is_granted
     }
 
+    /// Probes are due from `at` on, and none is missing yet.
+    pub(in crate::north) const fn probe_from(&mut self, at: MonoTime) {
+        (self.next_probe, self.missing_since) = (at, None);
+    }
+
+    /// Probes sent so far.
+    pub(in crate::north) const fn sent(&self) -> u64 {
+        self.sent
+    }
+
+    /// The number of the last probe that returned.
+    pub(in crate::north) const fn settled(&self) -> u64 {
+        self.settled
+    }
+
     /// The payload of the probe that is due.
-    pub(super) fn take_probe(&mut self, at: MonoTime) -> Option<Vec<u8>> {
+    pub(in crate::north) fn take_probe(&mut self, at: MonoTime) -> Option<Vec<u8>> {
         if !self.is_granted() || at < self.next_probe {
             return None;
         }
@@ -112,7 +127,7 @@ impl Path {
     }
 
     /// A probe came in.
-    pub(super) fn returned(&mut self, at: MonoTime, payload: &[u8]) -> Returned {
+    pub(in crate::north) fn returned(&mut self, at: MonoTime, payload: &[u8]) -> Returned {
         let number = self.number_of(payload).filter(|number| (self.settled + 1..=self.sent).contains(number));
         let Some(number) = number.filter(|_| self.is_granted()) else { return Returned::Foreign };
         self.settled = number;
@@ -128,7 +143,7 @@ impl Path {
     }
 
     /// Gives the connection up if the broker has been silent for too long. True if it was a probe that got lost.
-    pub(super) fn check(&mut self, at: MonoTime) -> bool {
+    pub(in crate::north) fn check(&mut self, at: MonoTime) -> bool {
         if self.overdue().is_none_or(|overdue| at < overdue) {
             return false;
         }
@@ -142,36 +157,36 @@ impl Path {
     }
 
     /// The reason for which a new connection is to be asked for; once.
-    pub(super) fn take_reconnect(&mut self) -> Option<&'static str> {
+    pub(in crate::north) fn take_reconnect(&mut self) -> Option<&'static str> {
         let Phase::GivingUp(reason) = self.phase else { return None };
         self.phase = Phase::GivenUp;
         Some(reason)
     }
 
     /// Whether every filter is granted.
-    pub(super) const fn is_granted(&self) -> bool {
+    pub(in crate::north) const fn is_granted(&self) -> bool {
         matches!(self.phase, Phase::Granted | Phase::Open)
     }
 
     /// Whether a probe came back on this connection, and the connection is not given up.
-    pub(super) fn is_open(&self) -> bool {
+    pub(in crate::north) fn is_open(&self) -> bool {
         self.phase == Phase::Open
     }
 
     /// Whether a probe came back not longer ago than it may be missing.
-    pub(super) fn is_alive(&self, at: MonoTime) -> bool {
+    pub(in crate::north) fn is_alive(&self, at: MonoTime) -> bool {
         let is_fresh = |returned| at.since(returned) <= self.interval + self.timeout;
         self.is_open() && self.last_return.is_some_and(is_fresh)
     }
 
     /// When something is to be done without a cause from outside.
-    pub(super) fn wake(&self) -> Option<MonoTime> {
+    pub(in crate::north) fn wake(&self) -> Option<MonoTime> {
         let probe = self.is_granted().then_some(self.next_probe);
         probe.into_iter().chain(self.overdue()).min()
     }
 
     /// When the connection is given up if nothing comes.
-    fn overdue(&self) -> Option<MonoTime> {
+    pub(in crate::north) fn overdue(&self) -> Option<MonoTime> {
         let since = match self.phase {
             Phase::Subscribing(since) => Some(since),
             Phase::Granted | Phase::Open => self.missing_since,

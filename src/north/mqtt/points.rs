@@ -14,7 +14,7 @@ const RATED_DIGITS: u8 = 2;
 
 /// How the registers of a drive are published, in the order of its model.
 #[derive(Debug)]
-pub(super) struct Points(Vec<Point>);
+pub(in crate::north) struct Points(Vec<Point>);
 
 /// How one register is published.
 #[derive(Clone, Copy, Debug)]
@@ -27,7 +27,7 @@ struct Point {
 }
 
 impl Points {
-    pub(super) fn new(drive: &DriveDescription) -> Self {
+    pub(in crate::north) fn new(drive: &DriveDescription) -> Self {
         Self(drive.model.registers.iter().map(|register| Point::new(drive, register)).collect())
     }
 
@@ -60,7 +60,7 @@ impl Points {
     }
 
     /// Whether it is news on a topic that its register holds `new` and no longer `old`.
-    pub(super) fn differ_on(&self, kind: Kind, drive: &DriveDescription, old: u16, new: u16) -> bool {
+    pub(in crate::north) fn differ_on(&self, kind: Kind, drive: &DriveDescription, old: u16, new: u16) -> bool {
         let text = |word| self.shown(kind, &Content::Word(word), drive);
         match kind {
             Kind::Polled(place) => self.differ(&drive.model, place, old, new),
@@ -76,7 +76,7 @@ impl Points {
     }
 
     /// The value of `word` in `register`, which stands at `place`.
-    pub(super) fn value(&self, place: usize, register: &Register, word: u16) -> f64 {
+    pub(in crate::north) fn value(&self, place: usize, register: &Register, word: u16) -> f64 {
         let scaled = Scaled::from_word(word, register);
         self.digits(place).map_or_else(|| scaled.value(), |digits| scaled.to_digits(digits).value())
     }

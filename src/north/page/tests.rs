@@ -63,7 +63,7 @@ fn every_model_shows_each_polled_register_with_its_age() {
         assert_eq!((&shown["presence"], &shown["run_state"]), (&json!("online"), &json!("stopped")), "{model}");
         let control = &shown["control"];
         assert_eq!((&control["min_hz"], &control["max_hz"]), (&json!(5.0), &json!(50.0)));
-        assert_eq!(control["from"], json!(["mqtt", "modbus-tcp", "page"]));
+        assert_eq!(control["from"], json!(["mqtt", "modbus-tcp", "page", "sparkplug"]));
         assert!(control["can"].as_array().unwrap().contains(&json!("stop")), "{model}");
     }
 }

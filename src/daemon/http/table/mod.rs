@@ -4,7 +4,7 @@
 
 use super::state::State;
 use crate::daemon::journal::{JournalReport, JournalState};
-use crate::daemon::totals::{ModbusTotals, MqttTotals};
+use crate::daemon::totals::{ModbusTotals, MqttTotals, SparkplugTotals};
 use prometheus_client::metrics::MetricType;
 use std::time::Duration;
 
@@ -107,6 +107,52 @@ pub(super) const MODBUS_EXCEPTIONS: Name = Name {
     help: "Modbus TCP exceptions by their code.",
     kind: MetricType::Counter,
 };
+
+/// The Sparkplug side, if it is configured.
+pub(super) const SPARKPLUG: &[Metric<SparkplugTotals>] = &[
+    gauge("sparkplug_connected", "1 while all is born and the way through the broker is proven.", |it| {
+        truth(it.is_connected())
+    }),
+    gauge("sparkplug_host_awaited", "1 while births wait for the primary host.", |it| {
+        Some(it.counters().host_awaited as f64)
+    }),
+    counter("sparkplug_host_losses", "Times that the primary host went offline.", |it| Some(it.counters().host_losses)),
+    gauge("sparkplug_contested", "1 while another client wants our identifier at the broker.", |it| {
+        truth(it.is_contested())
+    }),
+    counter("sparkplug_births", "Births of the edge node, those that hosts asked for included.", |it| {
+        Some(it.counters().births)
+    }),
+    counter("sparkplug_rebirths", "Births that hosts asked for.", |it| Some(it.counters().rebirths)),
+    counter("sparkplug_received", "Messages from the broker.", |it| Some(it.counters().messages_in)),
+    counter("sparkplug_published", "Messages to the broker.", |it| Some(it.counters().messages_out)),
+    counter("sparkplug_commands", "Commands given to drives.", |it| Some(it.counters().commands)),
+    counter("sparkplug_refused", "Commands refused before any line saw them.", |it| Some(it.counters().refused)),
+    counter("sparkplug_refused_retained", "Commands refused because they were retained.", |it| {
+        Some(it.counters().refused_retained)
+    }),
+    counter("sparkplug_refused_stale", "Commands refused because of their timestamp.", |it| {
+        Some(it.counters().refused_stale)
+    }),
+    counter("sparkplug_unanswered", "Commands that no line ever answered.", |it| Some(it.counters().unanswered)),
+    counter(
+        "sparkplug_attempts_lost",
+        "Attempts to write that stand in no audit, because too many came at once.",
+        |it| Some(it.counters().attempts_lost),
+    ),
+    counter("sparkplug_probes_lost", "Times the broker was connected and did not send the probe back.", |it| {
+        Some(it.counters().probes_lost)
+    }),
+    counter("sparkplug_too_large", "Messages that were larger than the broker takes.", |it| {
+        Some(it.counters().too_large)
+    }),
+    gauge("sparkplug_history_waiting", "Changes that wait for a host to be told.", |it| {
+        Some(it.counters().history_waiting as f64)
+    }),
+    counter("sparkplug_history_dropped", "Changes dropped because more waited than are kept.", |it| {
+        Some(it.counters().history_dropped)
+    }),
+];
 
 /// The MQTT side, if a broker is configured.
 pub(super) const MQTT: &[Metric<MqttTotals>] = &[

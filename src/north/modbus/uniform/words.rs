@@ -171,5 +171,6 @@ fn owner_class(owner: Owner, client: Owner) -> u16 {
         Owner::ModbusTcp(_) | Owner::ModbusSecurity(_) => 2,
         Owner::Local => 4,
         Owner::Page(_) => 5,
+        Owner::Sparkplug => 6,
     }
 }

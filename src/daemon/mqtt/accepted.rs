@@ -1,0 +1,53 @@
+//! A connection that the broker has accepted, and what goes into it.
+
+use super::counters::{Counters, count};
+use super::link::{NotQueued, Sender, Terms, Unfit};
+use super::window::Window;
+use crate::north::mqtt::{Filter, Publication};
+use tokio::time::Instant;
+
+/// What is known about an accepted connection.
+pub struct Link {
+    pub since: Instant,
+    pub sender: Sender,
+    pub window: Window,
+    pub terms: Terms,
+}
+
+impl Link {
+    /// Queues a publication, or drops one that cannot be sent: false.
+    pub fn publish(&mut self, mut publication: Publication, counters: &Counters) -> Result<bool, NotQueued> {
+        if let Err(unfit) = self.sender.check(&publication, &self.terms) {
+            count(&counters.dropped);
+            let (topic, bytes) = (&publication.topic, publication.payload.len());
+            match unfit {
+                Unfit::TooLarge => {
+                    tracing::warn!(topic, bytes, limit = self.terms.packet_max, "too large for the broker; dropped");
+                }
+                Unfit::Topic => tracing::warn!(topic, "not a topic; dropped"),
+            }
+            return Ok(false);
+        }
+        // A broker that keeps no messages ends the connection of those who ask it to.
+        publication.retain &= self.terms.broker.retains;
+        let (qos, token) = (publication.qos, publication.token);
+        self.sender.publish(publication)?;
+        self.window.queue_publication(qos, token);
+        Ok(true)
+    }
+
+    pub fn subscribe(&mut self, filters: Vec<Filter>) {
+        if self.sender.subscribe(filters).is_ok() {
+            self.window.queue_other();
+        } else {
+            tracing::error!("a subscription has an impossible filter; dropped");
+        }
+    }
+
+    pub fn disconnect(&mut self) {
+        self.window.queue_other();
+        if self.sender.disconnect().is_err() {
+            tracing::debug!("no room for DISCONNECT");
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! The number of each connection, `bdSeq`: it rises by one with every CONNECT, 0 behind 255, also over restarts.
+//!
+//! A number is on the disk before the CONNECT that carries it leaves. Otherwise a gateway that loses power could connect
+//! twice with the same number, and a late NDEATH of the first connection would bury the second.
+
+use crate::daemon::mqtt::Chore;
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// The file, in the data directory.
+const FILE_NAME: &str = "sparkplug-bdseq";
+
+/// Numbers connections.
+#[derive(Debug)]
+pub struct BdSeq {
+    file: PathBuf,
+    last: Option<u8>,
+    /// No CONNECT with the last number has left.
+    is_spare: bool,
+}
+
+impl BdSeq {
+    /// Goes on from what is kept in `data_dir`. It reads a file.
+    #[must_use]
+    pub fn read(data_dir: &Path) -> Self {
+        let file = data_dir.join(FILE_NAME);
+        let last = match fs::read_to_string(&file) {
+            Ok(text) => text.trim().parse().map_or_else(
+                |_| {
+                    tracing::warn!(file = %file.display(), "holds no number from 0 to 255: sessions are counted from 0");
+                    None
+                },
+                Some,
+            ),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+            Err(error) => {
+                tracing::warn!(file = %file.display(), %error, "cannot be read: sessions are counted from 0");
+                None
+            }
+        };
+        Self { file, last, is_spare: false }
+    }
+
+    /// The number of the next connection, and what is to be done before it begins.
+    pub fn next(&mut self) -> (u8, Option<Chore>) {
+        if let (true, Some(last)) = (std::mem::take(&mut self.is_spare), self.last) {
+            return (last, None);
+        }
+        let number = self.last.map_or(0, |last| last.wrapping_add(1));
+        self.last = Some(number);
+        let file = self.file.clone();
+        let chore = move || {
+            if let Err(error) = keep(&file, number) {
+                // A gateway that says nothing to its host would be worse than one that may say a number twice.
+                tracing::error!(file = %file.display(), %error, "the number of this session is not kept over a restart");
+            }
+        };
+        (number, Some(Box::new(chore)))
+    }
+
+    /// No CONNECT with the last number has left, so that it is used for the next.
+    pub const fn unsent(&mut self) {
+        self.is_spare = true;
+    }
+}
+
+/// Puts a whole file in the place of the old one: whatever happens, one of both is there.
+fn keep(file: &Path, number: u8) -> io::Result<()> {
+    let new = file.with_extension("new");
+    let mut written = File::create(&new)?;
+    written.write_all(format!("{number}\n").as_bytes())?;
+    written.sync_all()?;
+    fs::rename(&new, file)?;
+    file.parent().map_or(Ok(()), |directory| File::open(directory)?.sync_all())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Place(PathBuf);
+
+    impl Place {
+        fn new(name: &str) -> Self {
+            let place = std::env::temp_dir().join(format!("bdseq-{name}-{}", std::process::id()));
+            fs::create_dir_all(&place).unwrap();
+            Self(place)
+        }
+
+        fn text(&self) -> String {
+            fs::read_to_string(self.0.join(FILE_NAME)).unwrap()
+        }
+    }
+
+    impl Drop for Place {
+        fn drop(&mut self) {
+            fs::remove_dir_all(&self.0).unwrap();
+        }
+    }
+
+    fn connect(numbers: &mut BdSeq) -> u8 {
+        let (number, chore) = numbers.next();
+        chore.into_iter().for_each(|chore| chore());
+        number
+    }
+
+    /// tck-id-message-flow-edge-node-birth-publish-will-message-payload-bdSeq.
+    #[test]
+    fn it_rises_by_one_over_restarts_and_begins_again_behind_255() {
+        let place = Place::new("rises");
+        let mut all = Vec::new();
+        for _ in 0..130 {
+            let mut numbers = BdSeq::read(&place.0);
+            all.extend([connect(&mut numbers), connect(&mut numbers)]);
+        }
+        let expected: Vec<_> = (0..=255).chain(0..4).collect();
+        assert_eq!(all, expected);
+        assert_eq!(place.text(), "3\n");
+    }
+
+    #[test]
+    fn a_number_that_no_broker_saw_is_used_for_the_next_connection() {
+        let place = Place::new("spare");
+        let mut numbers = BdSeq::read(&place.0);
+        assert_eq!(connect(&mut numbers), 0);
+        numbers.unsent();
+        assert_eq!((connect(&mut numbers), connect(&mut numbers)), (0, 1));
+    }
+
+    #[test]
+    fn a_damaged_file_or_a_full_disk_does_not_stop_it() {
+        let place = Place::new("damaged");
+        fs::write(place.0.join(FILE_NAME), "256").unwrap();
+        assert_eq!(connect(&mut BdSeq::read(&place.0)), 0);
+        let mut nowhere = BdSeq::read(&place.0.join("missing"));
+        assert_eq!((connect(&mut nowhere), connect(&mut nowhere)), (0, 1));
+    }
+}

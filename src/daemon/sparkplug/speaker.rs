@@ -1,0 +1,196 @@
+//! The Sparkplug session with everything it looks at: pictures, lines, answers.
+
+use super::BdSeq;
+use crate::daemon::answers::{AnswerBox, News};
+use crate::daemon::inbox::Message as LineMessage;
+use crate::daemon::mqtt::{Chore, Packet, Rival, Talk};
+use crate::daemon::north_journal::Journal;
+use crate::daemon::shared::{Current, Shared, SharedLine};
+use crate::daemon::totals::SparkplugTotals;
+use crate::domain::command::Owner;
+use crate::domain::ids::{Name, Ticket};
+use crate::domain::time::MonoTime;
+use crate::drive::description::DriveDescription;
+use crate::drive::view::DriveView;
+use crate::north::mqtt::{Event, LineState, Moment, Publication};
+use crate::north::sparkplug::{Act, Session, Settings};
+use std::sync::Arc;
+
+/// What the speaker hears from and tells to.
+#[derive(Debug)]
+pub struct Sides {
+    /// The drives and lines.
+    pub current: Current,
+    /// What the lines answer.
+    pub news: Arc<AnswerBox>,
+    /// Who shows what was counted.
+    pub totals: Arc<SparkplugTotals>,
+    /// Where what no line sees is kept.
+    pub journal: Journal,
+}
+
+/// Talks for the gateway as an edge node.
+#[derive(Debug)]
+pub struct Speaker {
+    session: Session,
+    bdseq: BdSeq,
+    sides: Sides,
+    /// What the session speaks of.
+    shared: Arc<Shared>,
+    /// The pictures as of the last look, in the order of [`Shared::drives`].
+    views: Vec<Arc<DriveView>>,
+    lines: Vec<LineState>,
+    batch: Vec<News>,
+}
+
+impl Speaker {
+    /// Speaks for the drives and lines of `sides`; connections are numbered by `bdseq`. Tickets count on from
+    /// `first_ticket`, so that no answer to somebody who spoke before is taken for one to this session.
+    #[must_use]
+    pub fn new(settings: Settings, bdseq: BdSeq, sides: Sides, first_ticket: Ticket, at: Moment) -> Self {
+        let shared = sides.current.get();
+        let mut session = Session::new(settings, drives_of(&shared), &lines_of(&shared), at);
+        session.count_tickets_from(first_ticket);
+        let (views, lines, batch) = (Vec::new(), Vec::new(), Vec::new());
+        let mut speaker = Self { session, bdseq, sides, shared, views, lines, batch };
+        // The first birth may come before anything changes.
+        speaker.look_at_views();
+        speaker
+    }
+
+    fn take_news(&mut self) {
+        self.sides.news.take(&mut self.batch);
+        for news in self.batch.drain(..) {
+            if let News::Command(answer) = news {
+                self.session.command_answer(&answer);
+            }
+        }
+    }
+
+    /// Speaks of other drives from now on, if the configuration has changed.
+    fn follow(&mut self) {
+        if Arc::ptr_eq(&self.sides.current.load(), &self.shared) {
+            return;
+        }
+        self.take_news();
+        self.shared = self.sides.current.get();
+        self.session.replace(drives_of(&self.shared), &lines_of(&self.shared));
+        self.look_at_views();
+    }
+
+    fn look(&mut self) {
+        self.take_news();
+        self.follow();
+        self.look_at_views();
+    }
+
+    fn look_at_views(&mut self) {
+        self.views.clear();
+        self.views.extend(self.shared.drives.iter().map(|drive| drive.view.load_full()));
+        self.lines.clear();
+        let line = |line: &Arc<SharedLine>| LineState {
+            name: line.name.clone(),
+            report: line.report(),
+            // Nothing of them is told.
+            stations: Vec::new(),
+        };
+        self.lines.extend(self.shared.lines.iter().map(line));
+    }
+
+    /// Hands everything for the lines to them. It never waits for the broker.
+    fn pass_inward(&mut self) {
+        while let Some(act) = self.session.next_inward() {
+            self.carry_out(act);
+        }
+    }
+
+    fn carry_out(&mut self, act: Act) {
+        match act {
+            Act::Command(place, command) => {
+                let ticket = command.ticket;
+                let inbox = self.shared.inbox(place);
+                if !inbox.is_some_and(|inbox| inbox.put(LineMessage::Command(command)).is_ok()) {
+                    self.session.refused_by_line(ticket);
+                }
+            }
+            Act::PathAlive => {
+                for line in &self.shared.lines {
+                    // A full inbox holds commands that renew the lease themselves, or the lease ends: the safe side.
+                    let _ = line.inbox.put(LineMessage::PathAlive(Owner::Sparkplug));
+                }
+            }
+            Act::Keep(drive, attempt) => {
+                if let Some(journal) = &self.sides.journal {
+                    journal.keep(drive, attempt);
+                }
+            }
+            Act::Subscribe(_) | Act::Publish(_) | Act::Reconnect(_) | Act::Leave(_) => {}
+        }
+    }
+
+    fn count(&self, at: Moment) {
+        self.sides.totals.set(self.session.is_path_alive(at), self.session.counters());
+    }
+}
+
+fn drives_of(shared: &Shared) -> Vec<DriveDescription> {
+    shared.drives.iter().map(|drive| drive.description.clone()).collect()
+}
+
+fn lines_of(shared: &Shared) -> Vec<Name> {
+    shared.lines.iter().map(|line| line.name.clone()).collect()
+}
+
+impl Talk for Speaker {
+    fn chore(&mut self) -> Option<Chore> {
+        let (number, chore) = self.bdseq.next();
+        self.session.connecting(number);
+        chore
+    }
+
+    fn unsent(&mut self) {
+        self.bdseq.unsent();
+    }
+
+    fn will(&self) -> Publication {
+        self.session.will()
+    }
+
+    fn handle(&mut self, at: Moment, event: Event<'_>) {
+        self.follow();
+        self.session.handle(at, event);
+        self.pass_inward();
+        self.count(at);
+    }
+
+    fn tick(&mut self, at: Moment) {
+        self.look();
+        self.session.tick(at);
+        self.pass_inward();
+        self.count(at);
+    }
+
+    fn next_wake(&self) -> Option<MonoTime> {
+        [self.session.next_wake(), self.sides.news.next_release()].into_iter().flatten().min()
+    }
+
+    fn next_packet(&mut self, at: Moment) -> Option<Packet> {
+        loop {
+            match self.session.next_act(at, &self.views, &self.lines)? {
+                Act::Subscribe(filters) => return Some(Packet::Subscribe(filters)),
+                Act::Publish(publication) => return Some(Packet::Publish(publication)),
+                Act::Reconnect(reason) => return Some(Packet::Reconnect(reason)),
+                Act::Leave(reason) => return Some(Packet::Leave(reason)),
+                inward => self.carry_out(inward),
+            }
+        }
+    }
+
+    fn contested(&mut self, rival: Option<Rival>) {
+        self.sides.totals.contested(rival.is_some());
+    }
+
+    fn farewell(&mut self, at: Moment) -> Vec<Publication> {
+        self.session.farewell(at)
+    }
+}

@@ -1,0 +1,215 @@
+//! What a metric holds, compared without being written out.
+
+use super::device::Told;
+use super::metrics::{Control, Definition, Input, Part, Source, Status, register};
+use super::payload::Value;
+use crate::domain::frequency::Hertz;
+use crate::domain::time::MonoTime;
+use crate::drive::description::DriveDescription;
+use crate::drive::rated::Rated;
+use crate::drive::view::DriveView;
+use crate::journal::trip;
+use crate::north::clock::Clock;
+use crate::north::mqtt::{Kind, Points, trip_code, trips_are_fresh};
+use crate::north::shown::{answered_run_state, fresh, intent, stale_at};
+use std::borrow::Cow;
+
+/// Digits of a value that follows from a rated one.
+const RATED_DIGITS: u8 = 2;
+
+/// What a metric holds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Content {
+    /// Nothing that could be relied on.
+    Null,
+    /// A register.
+    Word(u16),
+    Bool(bool),
+    Number(i64),
+    Hertz(Hertz),
+    Text(Cow<'static, str>),
+    /// A part of a report, with the number of that: the same words of another report are news.
+    Said(Cow<'static, str>, i64),
+}
+
+impl Content {
+    fn text(text: Option<impl Into<Cow<'static, str>>>) -> Self {
+        text.map_or(Self::Null, |text| Self::Text(text.into()))
+    }
+
+    fn bool(value: Option<bool>) -> Self {
+        value.map_or(Self::Null, Self::Bool)
+    }
+
+    fn number(value: Option<impl Into<i64>>) -> Self {
+        value.map_or(Self::Null, |number| Self::Number(number.into()))
+    }
+}
+
+/// What a metric is looked up in.
+#[derive(Clone, Copy)]
+pub(super) struct Look<'l> {
+    pub(super) at: MonoTime,
+    pub(super) clock: Clock,
+    pub(super) drive: &'l DriveDescription,
+    pub(super) view: &'l DriveView,
+    pub(super) points: &'l Points,
+    /// The last command that came from a host.
+    pub(super) told: Option<&'l Told>,
+}
+
+impl Look<'_> {
+    /// What the metric holds now.
+    pub(super) fn content(&self, definition: &Definition) -> Content {
+        match definition.source {
+            Source::Topic(kind) => self.topic(kind),
+            Source::TripTotal => Content::Number(self.view.trip_kept.total.into()),
+            Source::Control(part) => self.control(part),
+            Source::Status(status) => self.status(status),
+            Source::Watchdog => Content::text(self.view.watchdog.as_ref().map(|it| it.state.word())),
+            Source::Result(part) => self.result(part),
+            Source::Model => Content::Text(self.drive.model.id.clone().into()),
+            Source::Line => Content::Text(self.drive.line.as_str().to_owned().into()),
+            Source::Unit => Content::Number(self.drive.unit.get().into()),
+            Source::Input(input) => self.input(input),
+        }
+    }
+
+    fn topic(&self, kind: Kind) -> Content {
+        let (drive, view) = (self.drive, self.view);
+        let trip = Some(&view.trip).filter(|_| trips_are_fresh(drive, view, self.at));
+        match kind {
+            Kind::Availability => Content::Bool(view.is_online()),
+            Kind::RunState => Content::Text(answered_run_state(view).word().into()),
+            Kind::Polled(place) | Kind::Rated(place) | Kind::Param(place) => {
+                let register = drive.model.registers.get(place);
+                let reading = register.and_then(|register| fresh(drive, register, view, self.at));
+                reading.map_or(Content::Null, |reading| Content::Word(reading.raw))
+            }
+            Kind::Setpoint => self.setpoint(),
+            Kind::Owner => {
+                let owner = view.control.as_ref().and_then(|control| control.lease).map(|(owner, _)| owner);
+                Content::Text(owner.map_or(Cow::Borrowed(""), |owner| owner.to_string().into()))
+            }
+            Kind::TripActive => Content::bool(trip.and_then(|trip| trip.active)),
+            Kind::TripCount => Content::number(view.trip_kept.count.filter(|_| trip.is_some())),
+            Kind::TripCode => Content::number(trip_code(view).filter(|_| trip.is_some())),
+            Kind::TripText => {
+                Content::text(trip_code(view).filter(|_| trip.is_some()).and_then(|code| trip::text(drive, code)))
+            }
+            Kind::TripLast => {
+                let label = |at| self.clock.text(at);
+                let last = view.trip_kept.last.as_ref().map(|it| trip::record(drive, &label, it));
+                Content::text(last.map(|record| serde_json::Value::Object(record).to_string()))
+            }
+        }
+    }
+
+    fn setpoint(&self) -> Content {
+        let setpoint = self.view.control.as_ref().and_then(|control| control.setpoint);
+        setpoint.map_or(Content::Null, Content::Hertz)
+    }
+
+    fn control(&self, part: Control) -> Content {
+        let of = |control: &crate::drive::view::ControlView| match part {
+            Control::StartInhibited => control.start_inhibited,
+            Control::StopPending => control.stop_pending,
+            Control::NotEffective => control.not_effective,
+            Control::FailSafe => control.failsafe,
+        };
+        Content::bool(self.view.control.as_ref().map(of))
+    }
+
+    fn status(&self, status: Status) -> Content {
+        let of_view = &self.view.status;
+        Content::bool(match status {
+            Status::Local => of_view.is_local(),
+            Status::Alarm => of_view.alarm,
+            Status::Ready => of_view.ready,
+        })
+    }
+
+    fn result(&self, part: Part) -> Content {
+        let Some(told) = self.told else {
+            return if part == Part::Count { Content::Number(0) } else { Content::Text("".into()) };
+        };
+        match part {
+            Part::Outcome => Content::Said(told.report.outcome.word().into(), told.count),
+            Part::Reason => Content::Said(told.report.reason.word().into(), told.count),
+            Part::Message => Content::Said(told.message.clone().into(), told.count),
+            Part::Count => Content::Number(told.count),
+        }
+    }
+
+    /// What was written last and is in force; buttons are never down.
+    fn input(&self, input: Input) -> Content {
+        match input {
+            Input::Frequency => self.setpoint(),
+            Input::Run => Content::text(self.view.control.as_ref().map(|control| intent(control.intent))),
+            Input::Reset | Input::Take | Input::Release | Input::Lease => Content::Bool(false),
+        }
+    }
+
+    /// Whether it is news that the metric holds `new` and no longer `old`.
+    pub(super) fn is_news(&self, definition: &Definition, old: &Content, new: &Content) -> bool {
+        match (definition.source, old, new) {
+            (Source::Topic(kind), Content::Word(old), Content::Word(new)) => {
+                self.points.differ_on(kind, self.drive, *old, *new)
+            }
+            _ => old != new,
+        }
+    }
+
+    /// `content` as it travels; nothing if there is no value.
+    pub(super) fn value(&self, definition: &Definition, content: &Content) -> Option<Value> {
+        use super::payload::Datatype::{Int32, Int64};
+        Some(match content {
+            Content::Null => return None,
+            Content::Bool(value) => Value::Boolean(*value),
+            Content::Text(text) | Content::Said(text, _) => Value::Text(text.clone().into_owned()),
+            Content::Hertz(hertz) => Value::Double(hertz.as_f64()),
+            Content::Number(number) if definition.datatype == Int64 => Value::of_i64(*number),
+            Content::Number(number) if definition.datatype == Int32 => Value::of_i32(i32::try_from(*number).ok()?),
+            Content::Number(_) => return None,
+            Content::Word(word) => Value::Double(self.number(definition, *word)?),
+        })
+    }
+
+    fn number(&self, definition: &Definition, word: u16) -> Option<f64> {
+        let Source::Topic(kind) = definition.source else { return None };
+        let place = kind.register()?;
+        let register = self.drive.model.registers.get(place)?;
+        Some(match kind {
+            Kind::Rated(_) => Rated::of(register, &self.drive.ratings)?.to_digits(word, RATED_DIGITS).value(),
+            _ => self.points.value(place, register, word),
+        })
+    }
+
+    /// When the metric came to hold what it holds, as far as that is known; else now.
+    pub(super) fn since(&self, definition: &Definition, content: &Content) -> MonoTime {
+        let of_register = || {
+            let register = register(self.drive, definition.source)?;
+            Some(self.view.snapshot.reading(register.address)?.at)
+        };
+        match content {
+            Content::Word(_) => of_register().unwrap_or(self.at),
+            _ if definition.is_trip() => {
+                let record = self.view.trip_kept.last.as_ref().filter(|_| self.view.trip.active == Some(true));
+                record.map_or(self.at, |record| record.at)
+            }
+            _ => self.at,
+        }
+    }
+
+    /// When what the metric holds can be relied on no more; nothing: not before something changes.
+    pub(super) fn ends_at(&self, definition: &Definition) -> Option<MonoTime> {
+        let register = match definition.source {
+            Source::Topic(Kind::Polled(_) | Kind::Rated(_)) => register(self.drive, definition.source),
+            Source::Topic(Kind::TripActive | Kind::TripCode | Kind::TripText | Kind::TripCount) => {
+                self.drive.model.trip_register()
+            }
+            _ => None,
+        };
+        stale_at(self.drive, register?, self.view).filter(|stale_at| *stale_at > self.at)
+    }
+}

@@ -1,0 +1,258 @@
+//! A drive as a device: its birth, and what has changed since.
+
+use super::content::{Content, Look};
+use super::history::{Entry, History};
+use super::metrics::{self, Definition};
+use super::payload::{Datatype, Metric, PropertyScalar, PropertySet, Quality, Value};
+use crate::domain::command::Report;
+use crate::domain::time::MonoTime;
+use crate::drive::description::DriveDescription;
+use crate::drive::view::DriveView;
+use crate::north::clock::Clock;
+use crate::north::mqtt::Points;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Measured values of one drive are gathered for so long, so that one message carries what several polls brought.
+const GATHERED_FOR: Duration = Duration::from_millis(250);
+/// Most changes of the past in one message.
+const HISTORY_BATCH: usize = 64;
+
+/// What became of the last command that a host gave.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Told {
+    pub(super) report: Report,
+    /// For people.
+    pub(super) message: String,
+    /// Reports so far, so that two of the same words are told apart.
+    pub(super) count: i64,
+}
+
+/// The present, for a device.
+#[derive(Clone, Copy)]
+pub(super) struct Present<'p> {
+    pub(super) at: MonoTime,
+    pub(super) clock: Clock,
+    pub(super) drive: &'p DriveDescription,
+    pub(super) view: &'p Arc<DriveView>,
+}
+
+/// A drive as a device.
+#[derive(Debug)]
+pub(super) struct Device {
+    /// The alias of its first metric; the others follow.
+    first_alias: u64,
+    definitions: Vec<Definition>,
+    points: Points,
+    /// What each metric was told, or kept, to hold.
+    held: Vec<Content>,
+    /// It was born on this connection and has not died.
+    pub(super) is_born: bool,
+    /// It was born before, so that somebody knows what it held.
+    was_born: bool,
+    /// Its birth is larger than the broker takes.
+    pub(super) is_too_large: bool,
+    pub(super) history: History,
+    told: Option<Told>,
+    /// The picture that was looked at last, and until when it tells nothing new.
+    looked: Option<(Arc<DriveView>, MonoTime)>,
+    /// Measured values are gathered until then.
+    gathers_until: MonoTime,
+}
+
+impl Device {
+    /// A device whose metrics are numbered from `first_alias`, and that keeps up to `keep` changes of telemetry.
+    pub(super) fn new(drive: &DriveDescription, first_alias: u64, keep: usize) -> Self {
+        let definitions = metrics::of_drive(drive);
+        Self {
+            first_alias,
+            held: vec![Content::Null; definitions.len()],
+            definitions,
+            points: Points::new(drive),
+            is_born: false,
+            was_born: false,
+            is_too_large: false,
+            history: History::new(keep),
+            told: None,
+            looked: None,
+            gathers_until: MonoTime::ZERO,
+        }
+    }
+
+    /// The alias behind those of this device.
+    pub(super) fn next_alias(&self) -> u64 {
+        self.first_alias + self.definitions.len() as u64
+    }
+
+    /// The metric that `metric` of a command means: by its name where it has one, else by its alias.
+    pub(super) fn definition(&self, metric: &Metric) -> Option<&Definition> {
+        if let Some(name) = &metric.name {
+            return self.definitions.iter().find(|definition| definition.name == *name);
+        }
+        let place = usize::try_from(metric.alias?.checked_sub(self.first_alias)?).ok()?;
+        self.definitions.get(place)
+    }
+
+    /// The names of what a host may write.
+    pub(super) fn inputs(&self) -> impl Iterator<Item = &str> {
+        self.definitions.iter().filter(|it| it.input().is_some()).map(|it| it.name.as_str())
+    }
+
+    /// Tells what became of a command.
+    pub(super) fn tell(&mut self, report: Report, message: String) {
+        let count = self.told.as_ref().map_or(0, |told| told.count) + 1;
+        self.told = Some(Told { report, message, count });
+        self.looked = None;
+    }
+
+    /// The connection is gone.
+    pub(super) fn lost(&mut self) {
+        (self.is_born, self.is_too_large) = (false, false);
+        self.history.lost();
+        self.looked = None;
+    }
+
+    fn look<'l>(&'l self, now: &'l Present<'l>) -> Look<'l> {
+        Look {
+            at: now.at,
+            clock: now.clock,
+            drive: now.drive,
+            view: now.view,
+            points: &self.points,
+            told: self.told.as_ref(),
+        }
+    }
+
+    /// All metrics with names, types and properties. The device counts as born.
+    pub(super) fn birth(&mut self, now: &Present<'_>) -> Vec<Metric> {
+        let look = self.look(now);
+        let held: Vec<_> = self.definitions.iter().map(|definition| look.content(definition)).collect();
+        let metrics = self.definitions.iter().zip(&held).enumerate().map(|(place, (definition, content))| {
+            let value = look.value(definition, content);
+            let quality = if value.is_some() { Quality::Good } else { Quality::Stale };
+            Metric {
+                name: Some(definition.name.clone()),
+                datatype: Some(definition.datatype as u32),
+                properties: with_quality(definition.properties(), quality).or_none(),
+                ..self.metric(place, millis(now.clock, look.since(definition, content)), value)
+            }
+        });
+        let metrics = metrics.collect();
+        let until = self.definitions.iter().filter_map(|definition| look.ends_at(definition)).min();
+        self.held = held;
+        (self.is_born, self.was_born) = (true, true);
+        self.looked = Some((Arc::clone(now.view), until.unwrap_or(MonoTime::NEVER)));
+        self.gathers_until = now.at + GATHERED_FOR;
+        metrics
+    }
+
+    /// The type is said each time, though hosts could know it from the birth: widely used decoders read no value without.
+    fn metric(&self, place: usize, at_ms: u64, value: Option<Value>) -> Metric {
+        Metric {
+            alias: Some(self.first_alias + place as u64),
+            datatype: self.definitions.get(place).map(|definition| definition.datatype as u32),
+            timestamp: Some(at_ms),
+            is_null: value.is_none().then_some(true),
+            value,
+            ..Metric::default()
+        }
+    }
+
+    /// What has changed since it was told or kept, in the order in which it happened.
+    fn changes(&mut self, now: &Present<'_>) -> Vec<(Entry, bool)> {
+        let is_known = self.looked.as_ref();
+        if is_known.is_some_and(|(view, until)| Arc::ptr_eq(view, now.view) && now.at < *until) {
+            return Vec::new();
+        }
+        let gathers = now.at < self.gathers_until;
+        let look = self.look(now);
+        let mut until = if gathers { self.gathers_until } else { MonoTime::NEVER };
+        let (mut changes, mut news) = (Vec::new(), Vec::new());
+        for (place, (definition, held)) in self.definitions.iter().zip(&self.held).enumerate() {
+            until = look.ends_at(definition).map_or(until, |ends| ends.min(until));
+            if gathers && !definition.is_prompt() {
+                continue;
+            }
+            let content = look.content(definition);
+            if !look.is_news(definition, held, &content) {
+                continue;
+            }
+            let at_ms = millis(now.clock, look.since(definition, &content));
+            let value = look.value(definition, &content);
+            let has_quality_changed = (*held == Content::Null) != (content == Content::Null);
+            let entry = Entry { metric: place, at_ms, value, is_trip: definition.is_trip() };
+            changes.push((entry, has_quality_changed));
+            news.push((place, content));
+        }
+        for (place, content) in news {
+            if let Some(held) = self.held.get_mut(place) {
+                *held = content;
+            }
+        }
+        let has_measured = changes.iter().any(|(entry, _)| !self.is_prompt(entry.metric));
+        if has_measured {
+            self.gathers_until = now.at + GATHERED_FOR;
+        }
+        self.looked = Some((Arc::clone(now.view), until));
+        changes.sort_by_key(|(entry, _)| entry.at_ms);
+        changes
+    }
+
+    fn is_prompt(&self, place: usize) -> bool {
+        self.definitions.get(place).is_some_and(Definition::is_prompt)
+    }
+
+    fn is_recorded(&self, entry: &Entry) -> bool {
+        self.definitions.get(entry.metric).is_some_and(Definition::is_recorded)
+    }
+
+    /// What is to be told now, behind so many `probes`; none if nothing has changed.
+    pub(super) fn data(&mut self, now: &Present<'_>, probes: u64) -> Vec<Metric> {
+        let changes = self.changes(now);
+        let metrics = changes.iter().map(|(entry, has_quality_changed)| {
+            let quality = if entry.value.is_some() { Quality::Good } else { Quality::Stale };
+            let properties = has_quality_changed.then(|| with_quality(PropertySet::default(), quality));
+            Metric { properties, ..self.metric(entry.metric, entry.at_ms, entry.value.clone()) }
+        });
+        let metrics = metrics.collect();
+        let entries: Vec<_> = changes.into_iter().map(|(entry, _)| entry).filter(|it| self.is_recorded(it)).collect();
+        self.history.sent(probes, entries);
+        metrics
+    }
+
+    /// Keeps what has changed while no host can be told. What is read for the first time is no change.
+    pub(super) fn record(&mut self, now: &Present<'_>) {
+        for (entry, has_quality_changed) in self.changes(now) {
+            let is_first = has_quality_changed && !self.was_born;
+            if entry.value.is_some() && !is_first && self.is_recorded(&entry) {
+                self.history.add(entry);
+            }
+        }
+    }
+
+    /// Changes of the past, marked so; none if none waits.
+    pub(super) fn past(&mut self, probes: u64) -> Vec<Metric> {
+        let entries = self.history.take(HISTORY_BATCH);
+        let metrics = entries.iter().map(|entry| Metric {
+            is_historical: Some(true),
+            ..self.metric(entry.metric, entry.at_ms, entry.value.clone())
+        });
+        let metrics = metrics.collect();
+        self.history.sent(probes, entries);
+        metrics
+    }
+
+    /// When the picture tells something new though it stays the same.
+    pub(super) fn wake(&self) -> Option<MonoTime> {
+        self.looked.as_ref().map(|(_, until)| *until).filter(|until| *until != MonoTime::NEVER)
+    }
+}
+
+/// Milliseconds since 1970 of `at`.
+pub(super) fn millis(clock: Clock, at: MonoTime) -> u64 {
+    u64::try_from(clock.wall(at).unix_ms).unwrap_or(0)
+}
+
+fn with_quality(set: PropertySet, quality: Quality) -> PropertySet {
+    set.with("Quality", Datatype::Int32, PropertyScalar::Int(quality as u32))
+}

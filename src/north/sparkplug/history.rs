@@ -1,0 +1,162 @@
+//! What a drive did while no host could be told: bounded, oldest first, and given up only when it is proven to have
+//! passed the broker.
+//!
+//! Sparkplug sends at quality of service 0, so a broker that dies takes the last messages with it. What was sent stays
+//! here until a probe that was sent behind it comes back.
+
+use super::payload::Value;
+use std::collections::VecDeque;
+
+/// Most changes that concern trips, per drive: a night of a drive that trips again and again. They never give way to
+/// telemetry.
+const TRIPS_MAX: usize = 256;
+
+/// A change of one metric.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Entry {
+    /// The metric's place in its device.
+    pub(super) metric: usize,
+    /// When, in milliseconds since 1970.
+    pub(super) at_ms: u64,
+    /// The value; nothing: there was none.
+    pub(super) value: Option<Value>,
+    pub(super) is_trip: bool,
+}
+
+/// The changes of one drive.
+#[derive(Debug, Default)]
+pub(super) struct History {
+    /// Most changes of telemetry.
+    keep: usize,
+    telemetry: VecDeque<(u64, Entry)>,
+    trips: VecDeque<(u64, Entry)>,
+    /// Sent, each with the number of probes that had been sent before.
+    unproven: VecDeque<(u64, Entry)>,
+    last: u64,
+    dropped: u64,
+}
+
+impl History {
+    pub(super) fn new(keep: usize) -> Self {
+        Self { keep, ..Self::default() }
+    }
+
+    /// Adds a change behind the others.
+    pub(super) fn add(&mut self, entry: Entry) {
+        self.last += 1;
+        let (queue, most) = if entry.is_trip { (&mut self.trips, TRIPS_MAX) } else { (&mut self.telemetry, self.keep) };
+        if most == 0 {
+            return;
+        }
+        if queue.len() >= most {
+            queue.pop_front();
+            self.dropped += 1;
+        }
+        queue.push_back((self.last, entry));
+    }
+
+    /// Takes up to `most` of the oldest.
+    pub(super) fn take(&mut self, most: usize) -> Vec<Entry> {
+        let mut taken = Vec::new();
+        while taken.len() < most {
+            let next = match (self.telemetry.front(), self.trips.front()) {
+                (Some((telemetry, _)), Some((trip, _))) if telemetry < trip => self.telemetry.pop_front(),
+                (_, Some(_)) => self.trips.pop_front(),
+                (_, None) => self.telemetry.pop_front(),
+            };
+            let Some((_, entry)) = next else { break };
+            taken.push(entry);
+        }
+        taken
+    }
+
+    /// `entries` were sent behind `probes` probes.
+    pub(super) fn sent(&mut self, probes: u64, entries: impl IntoIterator<Item = Entry>) {
+        let kept = |entry: &Entry| entry.is_trip || self.keep > 0;
+        self.unproven.extend(entries.into_iter().filter(kept).map(|entry| (probes, entry)));
+        // Values that come faster than probes return are not worth more room than they have in an outage.
+        let most = self.keep + TRIPS_MAX;
+        let surplus = self.unproven.len().saturating_sub(most);
+        self.unproven.drain(..surplus);
+    }
+
+    /// The probe with this number came back: what was sent before it has passed the broker.
+    pub(super) fn proven(&mut self, probe: u64) {
+        while self.unproven.front().is_some_and(|(sent_behind, _)| *sent_behind < probe) {
+            self.unproven.pop_front();
+        }
+    }
+
+    /// The connection is gone: what was not proven is to be sent again, before everything else.
+    pub(super) fn lost(&mut self) {
+        if self.unproven.is_empty() {
+            return;
+        }
+        let waiting = self.take(usize::MAX);
+        let unproven = std::mem::take(&mut self.unproven);
+        unproven.into_iter().map(|(_, entry)| entry).chain(waiting).for_each(|entry| self.add(entry));
+    }
+
+    /// Changes that wait to be sent.
+    pub(super) fn len(&self) -> usize {
+        self.telemetry.len() + self.trips.len()
+    }
+
+    /// Takes the count of changes that gave way to newer ones.
+    pub(super) const fn take_dropped(&mut self) -> u64 {
+        std::mem::replace(&mut self.dropped, 0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entry(at_ms: u64, is_trip: bool) -> Entry {
+        Entry { metric: 0, at_ms, value: Some(Value::Boolean(is_trip)), is_trip }
+    }
+
+    fn moments(entries: &[Entry]) -> Vec<u64> {
+        entries.iter().map(|entry| entry.at_ms).collect()
+    }
+
+    #[test]
+    fn it_comes_out_in_the_order_in_which_it_happened() {
+        let mut history = History::new(10);
+        for at in 0..6 {
+            history.add(entry(at, at % 3 == 1));
+        }
+        assert_eq!(moments(&history.take(4)), [0, 1, 2, 3]);
+        assert_eq!(moments(&history.take(usize::MAX)), [4, 5]);
+        assert_eq!(history.len(), 0);
+    }
+
+    #[test]
+    fn the_oldest_telemetry_gives_way_and_trips_do_not() {
+        let mut history = History::new(2);
+        history.add(entry(0, true));
+        for at in 1..5 {
+            history.add(entry(at, false));
+        }
+        assert_eq!((history.len(), history.take_dropped(), history.take_dropped()), (3, 2, 0));
+        assert_eq!(moments(&history.take(9)), [0, 3, 4]);
+        let mut history = History::new(0);
+        (0..1000).for_each(|at| history.add(entry(at, at % 2 == 0)));
+        assert_eq!(history.len(), TRIPS_MAX, "telemetry is not wanted");
+    }
+
+    #[test]
+    fn what_no_probe_has_followed_through_the_broker_is_sent_again_first() {
+        let mut history = History::new(10);
+        history.sent(4, [entry(1, false)]);
+        history.sent(5, [entry(2, false), entry(3, true)]);
+        history.add(entry(4, false));
+        history.proven(5);
+        history.lost();
+        assert_eq!(moments(&history.take(9)), [2, 3, 4]);
+        history.sent(6, [entry(5, false)]);
+        history.proven(7);
+        history.lost();
+        assert_eq!(history.len(), 0);
+    }
+}

@@ -1,0 +1,94 @@
+//! The primary host application, as its STATE messages tell of it.
+
+use serde_json::Value;
+
+/// What a STATE message changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum News {
+    /// It is not understood, or older than what is known.
+    Nothing,
+    /// The host is there.
+    Online,
+    /// The host is gone.
+    Offline,
+}
+
+/// The primary host, if one is configured.
+#[derive(Debug)]
+pub(super) struct Host {
+    is_awaited: bool,
+    is_online: bool,
+    /// Of the newest message on this connection.
+    timestamp: Option<u64>,
+}
+
+impl Host {
+    pub(super) const fn new(is_awaited: bool) -> Self {
+        Self { is_awaited, is_online: false, timestamp: None }
+    }
+
+    /// A new connection: what was known is not of this broker any more.
+    pub(super) const fn forget(&mut self) {
+        (self.is_online, self.timestamp) = (false, None);
+    }
+
+    /// Whether there is somebody to speak to.
+    pub(super) const fn is_there(&self) -> bool {
+        self.is_online || !self.is_awaited
+    }
+
+    /// Takes a STATE message. One that is older than another that came before is the delayed will of a former session.
+    pub(super) fn take(&mut self, payload: &[u8]) -> News {
+        let Some((is_online, timestamp)) = read(payload) else { return News::Nothing };
+        if self.timestamp.is_some_and(|last| timestamp < last) {
+            return News::Nothing;
+        }
+        self.timestamp = Some(timestamp);
+        let has_changed = std::mem::replace(&mut self.is_online, is_online) != is_online;
+        match (has_changed, is_online) {
+            (false, _) => News::Nothing,
+            (true, true) => News::Online,
+            (true, false) => News::Offline,
+        }
+    }
+}
+
+fn read(payload: &[u8]) -> Option<(bool, u64)> {
+    let state: Value = serde_json::from_slice(payload).ok()?;
+    Some((state.get("online")?.as_bool()?, state.get("timestamp")?.as_u64()?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn state(online: bool, timestamp: u64) -> Vec<u8> {
+        format!(r#"{{"online":{online},"timestamp":{timestamp}}}"#).into_bytes()
+    }
+
+    /// tck-id-message-flow-edge-node-birth-publish-phid-wait-online and -wait-timestamp.
+    #[test]
+    fn an_older_state_than_the_last_one_changes_nothing() {
+        let mut host = Host::new(true);
+        assert!(!host.is_there());
+        assert_eq!(host.take(&state(true, 100)), News::Online);
+        assert_eq!(host.take(&state(false, 99)), News::Nothing, "the delayed will of its former session");
+        assert!(host.is_there());
+        assert_eq!(host.take(&state(false, 100)), News::Offline, "its own will has the timestamp of its birth");
+        assert!(!host.is_there());
+        assert_eq!(host.take(&state(true, 101)), News::Online);
+        host.forget();
+        assert!(!host.is_there());
+        assert_eq!(host.take(&state(true, 5)), News::Online, "of another broker");
+    }
+
+    #[test]
+    fn what_is_no_state_changes_nothing() {
+        let mut host = Host::new(true);
+        for bad in [&b"ONLINE"[..], b"", b"{}", b"[]", br#"{"online":1,"timestamp":2}"#, br#"{"online":true}"#, b"\xFF"]
+        {
+            assert_eq!(host.take(bad), News::Nothing);
+        }
+        assert!(!host.is_there() && Host::new(false).is_there());
+    }
+}

@@ -1,0 +1,224 @@
+//! The metrics of a drive: which there are, by which names and in which units.
+//!
+//! What MQTT shows on a topic below the drive has the name of that topic here.
+
+use super::payload::{Datatype, PropertyScalar, PropertySet};
+use crate::domain::control::ControlSettings;
+use crate::domain::units::UnitOfMeasure;
+use crate::drive::description::DriveDescription;
+use crate::drive::rated::Rated;
+use crate::north::mqtt::{Kind, kinds};
+use crate::north::shown::capabilities;
+use crate::profile::model::{Flag, Register};
+
+/// Where the value of a metric comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Source {
+    /// What stands on a topic of MQTT.
+    Topic(Kind),
+    /// Trips that are kept.
+    TripTotal,
+    /// A part of control.
+    Control(Control),
+    /// What a status register tells.
+    Status(Status),
+    /// What the drive's own watchdog does.
+    Watchdog,
+    /// The last command that came from a host.
+    Result(Part),
+    /// What does not change.
+    Model,
+    /// The same.
+    Line,
+    /// The same.
+    Unit,
+    /// What a host writes.
+    Input(Input),
+}
+
+/// A part of control.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Control {
+    StartInhibited,
+    StopPending,
+    NotEffective,
+    FailSafe,
+}
+
+/// What a status register tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Status {
+    Local,
+    Alarm,
+    Ready,
+}
+
+/// A part of what became of a command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Part {
+    Outcome,
+    Reason,
+    Message,
+    Count,
+}
+
+/// What a host writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Input {
+    Frequency,
+    Run,
+    Reset,
+    Take,
+    Release,
+    Lease,
+}
+
+/// One metric of a drive.
+#[derive(Debug)]
+pub(super) struct Definition {
+    pub(super) name: String,
+    pub(super) source: Source,
+    pub(super) datatype: Datatype,
+    unit: Option<&'static str>,
+    /// Lowest and highest value.
+    range: Option<(f64, f64)>,
+}
+
+impl Definition {
+    fn new(name: impl Into<String>, source: Source, datatype: Datatype) -> Self {
+        Self { name: name.into(), source, datatype, unit: None, range: None }
+    }
+
+    /// What it concerns is told at once, and not gathered with measured values.
+    pub(super) const fn is_prompt(&self) -> bool {
+        !matches!(self.source, Source::Topic(Kind::Polled(_) | Kind::Rated(_)))
+    }
+
+    /// Whether its changes are kept while no host can be told.
+    pub(super) const fn is_recorded(&self) -> bool {
+        let is_measured =
+            matches!(self.source, Source::Topic(Kind::RunState | Kind::Polled(_) | Kind::Rated(_) | Kind::Setpoint));
+        is_measured || self.is_trip()
+    }
+
+    /// Whether it tells of trips.
+    pub(super) const fn is_trip(&self) -> bool {
+        use Kind::{TripActive, TripCode, TripCount, TripLast, TripText};
+        let topic = matches!(self.source, Source::Topic(TripActive | TripCode | TripCount | TripLast | TripText));
+        topic || matches!(self.source, Source::TripTotal)
+    }
+
+    /// What a host writes here; nothing: it may not.
+    pub(super) const fn input(&self) -> Option<Input> {
+        if let Source::Input(input) = self.source { Some(input) } else { None }
+    }
+
+    /// What a birth says of it besides its value: the names that hosts know.
+    pub(super) fn properties(&self) -> PropertySet {
+        let number = |set: PropertySet, key, value: Option<f64>| match value {
+            Some(value) => set.with(key, Datatype::Double, PropertyScalar::Double(value)),
+            None => set,
+        };
+        let set = PropertySet::default();
+        let set = match self.unit {
+            Some(unit) => set.with("engUnit", Datatype::Text, PropertyScalar::Text(unit.to_owned())),
+            None => set,
+        };
+        let set = number(set, "engLow", self.range.map(|(low, _)| low));
+        let set = number(set, "engHigh", self.range.map(|(_, high)| high));
+        set.with("readOnly", Datatype::Boolean, PropertyScalar::Boolean(self.input().is_none()))
+    }
+}
+
+/// The metrics of `drive`, always in the same order.
+pub(super) fn of_drive(drive: &DriveDescription) -> Vec<Definition> {
+    let topics = kinds(drive).into_iter().filter(|(kind, _)| *kind != Kind::Availability);
+    let mut all: Vec<_> = topics.map(|(kind, name)| of_topic(drive, kind, name)).collect();
+    all.push(Definition::new("trip/total", Source::TripTotal, Datatype::Int64));
+    let flags = [
+        ("status/local", Status::Local, drive.model.status_flag(Flag::BusRun).is_some()),
+        ("status/alarm", Status::Alarm, drive.model.status_flag(Flag::Alarm).is_some()),
+        ("status/ready", Status::Ready, drive.model.status_flag(Flag::Ready).is_some()),
+    ];
+    let flags = flags.into_iter().filter(|(_, _, has_it)| *has_it);
+    all.extend(flags.map(|(name, status, _)| Definition::new(name, Source::Status(status), Datatype::Boolean)));
+    if drive.model.watchdog.is_some() {
+        all.push(Definition::new("watchdog/state", Source::Watchdog, Datatype::Text));
+    }
+    if let Some(control) = &drive.control {
+        all.extend(of_control());
+        if control.from_sparkplug {
+            all.extend(inputs(drive, control));
+            all.extend(results());
+        }
+    }
+    all.push(Definition::new("Properties/model", Source::Model, Datatype::Text));
+    all.push(Definition::new("Properties/line", Source::Line, Datatype::Text));
+    all.push(Definition::new("Properties/unit", Source::Unit, Datatype::Int32));
+    all
+}
+
+fn of_topic(drive: &DriveDescription, kind: Kind, name: String) -> Definition {
+    let datatype = match kind {
+        Kind::Polled(_) | Kind::Rated(_) | Kind::Setpoint | Kind::Param(_) => Datatype::Double,
+        Kind::TripActive => Datatype::Boolean,
+        Kind::TripCode | Kind::TripCount => Datatype::Int32,
+        Kind::Availability | Kind::RunState | Kind::Owner | Kind::TripText | Kind::TripLast => Datatype::Text,
+    };
+    let register = |place: usize| drive.model.registers.get(place);
+    let unit = match kind {
+        Kind::Polled(place) => register(place).map(|it| it.unit),
+        Kind::Rated(place) => register(place).and_then(|it| Rated::of(it, &drive.ratings)).map(|rated| rated.unit),
+        Kind::Setpoint => Some(UnitOfMeasure::Hertz),
+        _ => None,
+    };
+    let unit = unit.filter(|unit| *unit != UnitOfMeasure::None).map(UnitOfMeasure::symbol);
+    Definition { unit, ..Definition::new(name, Source::Topic(kind), datatype) }
+}
+
+fn of_control() -> impl Iterator<Item = Definition> {
+    let parts = [
+        ("control/start_inhibited", Control::StartInhibited),
+        ("control/stop_pending", Control::StopPending),
+        ("control/not_effective", Control::NotEffective),
+        ("control/failsafe", Control::FailSafe),
+    ];
+    parts.into_iter().map(|(name, part)| Definition::new(name, Source::Control(part), Datatype::Boolean))
+}
+
+fn inputs(drive: &DriveDescription, control: &ControlSettings) -> Vec<Definition> {
+    let capable = capabilities(drive);
+    let may = |word: &str| capable.contains(&word);
+    let input = |name: &str, input, datatype| Definition::new(name, Source::Input(input), datatype);
+    let frequency = Definition {
+        unit: Some(UnitOfMeasure::Hertz.symbol()),
+        range: Some((control.least.as_f64(), control.most.as_f64())),
+        ..input("frequency/set", Input::Frequency, Datatype::Double)
+    };
+    let mut all = vec![frequency, input("run/set", Input::Run, Datatype::Text)];
+    let buttons = [
+        ("trip/reset", Input::Reset, may("reset")),
+        ("control/take", Input::Take, may("take")),
+        ("control/release", Input::Release, may("release")),
+        ("lease", Input::Lease, true),
+    ];
+    let buttons = buttons.into_iter().filter(|(_, _, may)| *may);
+    all.extend(buttons.map(|(name, which, _)| input(name, which, Datatype::Boolean)));
+    all
+}
+
+fn results() -> impl Iterator<Item = Definition> {
+    let parts = [
+        ("result/outcome", Part::Outcome, Datatype::Text),
+        ("result/reason", Part::Reason, Datatype::Text),
+        ("result/message", Part::Message, Datatype::Text),
+        ("result/count", Part::Count, Datatype::Int64),
+    ];
+    parts.into_iter().map(|(name, part, datatype)| Definition::new(name, Source::Result(part), datatype))
+}
+
+/// The register that a metric shows.
+pub(super) fn register(drive: &DriveDescription, source: Source) -> Option<&Register> {
+    let Source::Topic(kind) = source else { return None };
+    drive.model.registers.get(kind.register()?)
+}

@@ -1,0 +1,113 @@
+//! The metrics of the edge node itself: the gateway and its lines.
+
+use super::payload::{Datatype, Metric, PropertyScalar, PropertySet, Value};
+use crate::north::mqtt::LineState;
+use crate::north::shown::down_reason;
+
+/// The name of the metric that names a session; it has no alias.
+pub(super) const BDSEQ: &str = "bdSeq";
+/// The name of the metric that asks for all births again; it has no alias.
+pub(super) const REBIRTH: &str = "Node Control/Rebirth";
+/// The name of the metric that stops all drives.
+pub(super) const STOP_ALL: &str = "all/run/set";
+
+/// What the first metrics with an alias are: version, then STOP for all, then the lines.
+const VERSION_ALIAS: u64 = 1;
+const STOP_ALL_ALIAS: u64 = 2;
+const FIRST_LINE_ALIAS: u64 = 3;
+
+/// The metrics of the edge node.
+#[derive(Debug, Default)]
+pub(super) struct Node {
+    /// What each line was told to be.
+    told: Vec<String>,
+}
+
+/// What a metric of a command for the edge node asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Asked<'m> {
+    /// All births again, or not.
+    Rebirth(Option<&'m Value>),
+    /// STOP for all.
+    All(Option<&'m Value>),
+    /// Nothing that is known here.
+    Unknown,
+}
+
+/// What `metric` asks for.
+pub(super) fn asked(metric: &Metric) -> Asked<'_> {
+    let value = metric.value.as_ref();
+    match (metric.name.as_deref(), metric.alias) {
+        (Some(REBIRTH), _) => Asked::Rebirth(value),
+        (Some(STOP_ALL), _) | (None, Some(STOP_ALL_ALIAS)) => Asked::All(value),
+        _ => Asked::Unknown,
+    }
+}
+
+/// The first alias that a device may have, of a gateway with so many lines.
+pub(super) const fn next_alias(lines: usize) -> u64 {
+    FIRST_LINE_ALIAS + lines as u64
+}
+
+/// The metric that names a session.
+pub(super) fn bdseq(number: u8, at_ms: u64) -> Metric {
+    Metric {
+        name: Some(BDSEQ.to_owned()),
+        timestamp: Some(at_ms),
+        datatype: Some(Datatype::Int64 as u32),
+        value: Some(Value::of_i64(number.into())),
+        ..Metric::default()
+    }
+}
+
+impl Node {
+    /// All metrics of the edge node. `stops`: there are drives that a host may stop.
+    pub(super) fn birth(&mut self, bdseq: Metric, at_ms: u64, lines: &[LineState], stops: bool) -> Vec<Metric> {
+        let metric = |name: &str, alias: Option<u64>, datatype: Datatype, value: Value| Metric {
+            name: Some(name.to_owned()),
+            alias,
+            timestamp: Some(at_ms),
+            datatype: Some(datatype as u32),
+            properties: read_only(alias.is_some_and(|alias| alias != STOP_ALL_ALIAS)),
+            value: Some(value),
+            ..Metric::default()
+        };
+        let text = |text: &str| Value::Text(text.to_owned());
+        let mut all = vec![bdseq, metric(REBIRTH, None, Datatype::Boolean, Value::Boolean(false))];
+        let version = env!("CARGO_PKG_VERSION");
+        all.push(metric("Properties/version", Some(VERSION_ALIAS), Datatype::Text, text(version)));
+        if stops {
+            all.push(metric(STOP_ALL, Some(STOP_ALL_ALIAS), Datatype::Text, text("")));
+        }
+        self.told = lines.iter().map(status).collect();
+        let of_lines = (FIRST_LINE_ALIAS..).zip(lines.iter().zip(&self.told)).map(|(alias, (line, status))| {
+            metric(&format!("line/{}/status", line.name), Some(alias), Datatype::Text, text(status))
+        });
+        all.extend(of_lines);
+        all
+    }
+
+    /// What has changed since.
+    pub(super) fn data(&mut self, at_ms: u64, lines: &[LineState]) -> Vec<Metric> {
+        let mut changed = Vec::new();
+        for ((alias, line), told) in (FIRST_LINE_ALIAS..).zip(lines).zip(&mut self.told) {
+            let status = status(line);
+            if status == *told {
+                continue;
+            }
+            told.clone_from(&status);
+            let (value, timestamp, datatype) = (Some(Value::Text(status)), Some(at_ms), Some(Datatype::Text as u32));
+            changed.push(Metric { alias: Some(alias), timestamp, datatype, value, ..Metric::default() });
+        }
+        changed
+    }
+}
+
+fn status(line: &LineState) -> String {
+    down_reason(&line.report).map_or_else(|| "up".to_owned(), |reason| format!("down: {reason}"))
+}
+
+fn read_only(is_read_only: bool) -> Option<PropertySet> {
+    let set = PropertySet::default();
+    Some(set.with("readOnly", Datatype::Boolean, PropertyScalar::Boolean(is_read_only)))
+}

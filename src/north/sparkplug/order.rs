@@ -1,0 +1,149 @@
+//! What the metrics of a command order, or why they order nothing.
+
+use super::device::Device;
+use super::metrics::Input;
+use super::payload::{Metric, Value};
+use crate::domain::command::{Direction, Go, Order, Reason};
+use crate::domain::frequency::Hertz;
+use crate::domain::problem::nearest;
+use crate::north::command_words::{RUN_EXAMPLE, Refused, RunWord, no_frequency, run_word, short};
+
+/// What a message orders.
+#[derive(Debug)]
+pub(super) struct Asked {
+    /// The order; nothing: none, as where buttons were released.
+    pub(super) order: Option<Order>,
+    /// Why the message, or what stands in it beside a stop, is refused.
+    pub(super) refused: Option<Refused>,
+}
+
+/// What one metric orders.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Part {
+    Frequency(Hertz),
+    Run(Direction),
+    Stop,
+    Coast,
+    Reset,
+    Take,
+    Release,
+    Renew,
+}
+
+/// Reads a command for `device`. All metrics are checked before any counts; but a stop counts whatever stands beside it.
+pub(super) fn read(device: &Device, metrics: &[Metric]) -> Asked {
+    let read: Vec<_> = metrics.iter().map(|metric| part(device, metric)).collect();
+    let has = |part: Part| read.iter().any(|read| *read == Ok(Some(part)));
+    for (part, order) in [(Part::Stop, Order::Stop { setpoint: None }), (Part::Coast, Order::Coast)] {
+        if has(part) {
+            let refused = read.into_iter().find_map(Result::err);
+            return Asked { order: Some(order), refused };
+        }
+    }
+    let parts: Result<Vec<_>, _> = read.into_iter().filter_map(Result::transpose).collect();
+    match parts.and_then(|parts| one_order(&parts)) {
+        Ok(order) => Asked { order, refused: None },
+        Err(refused) => Asked { order: None, refused: Some(refused) },
+    }
+}
+
+/// Whether a message that is refused as a whole asks for a stop.
+pub(super) const fn is_stop(order: &Order) -> bool {
+    matches!(order, Order::Stop { .. } | Order::Coast)
+}
+
+fn one_order(parts: &[Part]) -> Result<Option<Order>, Refused> {
+    let (mut frequency, mut run, mut single) = (None, None, None);
+    for part in parts {
+        let was_there = match *part {
+            Part::Frequency(hertz) => frequency.replace(hertz).is_some(),
+            Part::Run(direction) => run.replace(direction).is_some(),
+            Part::Reset => single.replace(Order::Reset).is_some(),
+            Part::Take => single.replace(Order::Take).is_some(),
+            Part::Release => single.replace(Order::Release).is_some(),
+            Part::Renew => single.replace(Order::Renew).is_some(),
+            Part::Stop | Part::Coast => false,
+        };
+        if was_there {
+            return Err(conflict());
+        }
+    }
+    match (Go::new(Vec::new(), frequency, run), single) {
+        (Some(_), Some(_)) => Err(conflict()),
+        (Some(go), None) => Ok(Some(Order::Go(go))),
+        (None, single) => Ok(single),
+    }
+}
+
+fn conflict() -> Refused {
+    let message = "one message carries a frequency, a direction, or both; or one of reset, take, release and lease";
+    Refused::new(Reason::Conflict, message)
+}
+
+/// What `metric` orders; nothing: a button that is not down.
+fn part(device: &Device, metric: &Metric) -> Result<Option<Part>, Refused> {
+    let Some(definition) = device.definition(metric) else { return Err(unknown(device, metric)) };
+    let name = definition.name.as_str();
+    let input = definition.input().ok_or_else(|| {
+        let inputs: Vec<_> = device.inputs().collect();
+        let right = if inputs.is_empty() { "nothing here is".to_owned() } else { inputs.join(", ") };
+        Refused::new(Reason::NotUnderstood, format!("`{name}` is not written; what is: {right}"))
+    })?;
+    let value = metric.value.as_ref().filter(|_| metric.is_null != Some(true));
+    match input {
+        Input::Frequency => frequency(name, value).map(Part::Frequency).map(Some),
+        Input::Run => run(name, value).map(Some),
+        Input::Reset => button(name, value, Part::Reset),
+        Input::Take => button(name, value, Part::Take),
+        Input::Release => button(name, value, Part::Release),
+        Input::Lease => button(name, value, Part::Renew),
+    }
+}
+
+fn unknown(device: &Device, metric: &Metric) -> Refused {
+    let message = match (&metric.name, metric.alias) {
+        (Some(name), _) => {
+            let near = if name.len() <= 64 { nearest(name, device.inputs()) } else { None };
+            let hint = near.map_or_else(String::new, |near| format!("; is it `{near}`?"));
+            format!("there is no metric `{}`{hint}", short(name))
+        }
+        (None, Some(alias)) => {
+            format!("no metric of this device has the alias {alias}; its birth says which have which")
+        }
+        (None, None) => "a metric has neither name nor alias".to_owned(),
+    };
+    Refused::new(Reason::NotUnderstood, message)
+}
+
+fn frequency(name: &str, value: Option<&Value>) -> Result<Hertz, Refused> {
+    let number = match value {
+        Some(Value::Double(number)) => *number,
+        // The nearest double has digits that nobody wrote.
+        Some(Value::Float(number)) => number.to_string().parse().unwrap_or(f64::NAN),
+        Some(Value::Int(bits)) => f64::from(bits.cast_signed()),
+        Some(Value::Long(bits)) => i32::try_from(bits.cast_signed()).map_or(f64::NAN, f64::from),
+        _ => {
+            let message = format!("`{name}` takes hertz as a number, such as 42.5");
+            return Err(Refused::new(Reason::NotANumber, message));
+        }
+    };
+    Hertz::from_f64(number).map_err(|why| no_frequency(why, name, &number.to_string()))
+}
+
+fn run(name: &str, value: Option<&Value>) -> Result<Part, Refused> {
+    let Some(Value::Text(text)) = value else {
+        return Err(Refused::new(Reason::NotUnderstood, format!("`{name}` takes text: {RUN_EXAMPLE}")));
+    };
+    Ok(match run_word(text)? {
+        RunWord::Run(direction) => Part::Run(direction),
+        RunWord::Stop => Part::Stop,
+        RunWord::Coast => Part::Coast,
+    })
+}
+
+fn button(name: &str, value: Option<&Value>, part: Part) -> Result<Option<Part>, Refused> {
+    match value {
+        Some(Value::Boolean(is_down)) => Ok(is_down.then_some(part)),
+        _ => Err(Refused::new(Reason::NotUnderstood, format!("`{name}` takes true, and does nothing at false"))),
+    }
+}

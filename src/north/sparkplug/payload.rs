@@ -1,0 +1,254 @@
+//! Sparkplug B payloads: the fields of the published schema that are used here, and no others.
+//!
+//! What is not here (data sets, templates, files, metadata) is skipped when it comes, and never sent.
+
+use prost::Message;
+
+/// The largest payload of a command that is read: many times the largest command. Decoded, it takes some fifty times as
+/// much room.
+pub const COMMAND_MAX_BYTES: usize = 8 * 1024;
+
+/// One message.
+#[derive(Clone, PartialEq, prost::Message)]
+pub struct Payload {
+    /// When it was sent, in milliseconds since 1970 (UTC).
+    #[prost(uint64, optional, tag = "1")]
+    pub timestamp: Option<u64>,
+    /// What it tells or orders.
+    #[prost(message, repeated, tag = "2")]
+    pub metrics: Vec<Metric>,
+    /// Its number among the messages of its edge node, 0 to 255; commands and NDEATH have none.
+    #[prost(uint64, optional, tag = "3")]
+    pub seq: Option<u64>,
+}
+
+/// One value of a message.
+#[derive(Clone, PartialEq, prost::Message)]
+pub struct Metric {
+    /// Its name; births always say it.
+    #[prost(string, optional, tag = "1")]
+    pub name: Option<String>,
+    /// The number that stands for the name after the birth.
+    #[prost(uint64, optional, tag = "2")]
+    pub alias: Option<u64>,
+    /// When it had this value, in milliseconds since 1970 (UTC).
+    #[prost(uint64, optional, tag = "3")]
+    pub timestamp: Option<u64>,
+    /// The number of a [`Datatype`].
+    #[prost(uint32, optional, tag = "4")]
+    pub datatype: Option<u32>,
+    /// It is of the past, and says nothing of the present.
+    #[prost(bool, optional, tag = "5")]
+    pub is_historical: Option<bool>,
+    /// There is no value.
+    #[prost(bool, optional, tag = "7")]
+    pub is_null: Option<bool>,
+    /// Unit, limits, quality and the like.
+    #[prost(message, optional, tag = "9")]
+    pub properties: Option<PropertySet>,
+    /// The value.
+    #[prost(oneof = "Value", tags = "10, 11, 12, 13, 14, 15")]
+    pub value: Option<Value>,
+}
+
+/// A value as it travels. Signed numbers travel as their bits.
+#[derive(Clone, PartialEq, prost::Oneof)]
+pub enum Value {
+    /// Integers of up to 32 bits.
+    #[prost(uint32, tag = "10")]
+    Int(u32),
+    /// Integers of 64 bits, and moments.
+    #[prost(uint64, tag = "11")]
+    Long(u64),
+    /// Single precision.
+    #[prost(float, tag = "12")]
+    Float(f32),
+    /// Double precision.
+    #[prost(double, tag = "13")]
+    Double(f64),
+    /// True or false.
+    #[prost(bool, tag = "14")]
+    Boolean(bool),
+    /// Text.
+    #[prost(string, tag = "15")]
+    Text(String),
+}
+
+/// Properties: keys, and as many values in the same order.
+#[derive(Clone, PartialEq, prost::Message)]
+pub struct PropertySet {
+    /// What is said.
+    #[prost(string, repeated, tag = "1")]
+    pub keys: Vec<String>,
+    /// What it is.
+    #[prost(message, repeated, tag = "2")]
+    pub values: Vec<PropertyValue>,
+}
+
+impl PropertySet {
+    /// With one more property.
+    #[must_use]
+    pub fn with(mut self, key: &str, datatype: Datatype, value: PropertyScalar) -> Self {
+        self.keys.push(key.to_owned());
+        self.values.push(PropertyValue { datatype: Some(datatype as u32), value: Some(value) });
+        self
+    }
+
+    /// Nothing for a set without any.
+    #[must_use]
+    pub fn or_none(self) -> Option<Self> {
+        (!self.keys.is_empty()).then_some(self)
+    }
+}
+
+/// The value of a property.
+#[derive(Clone, PartialEq, prost::Message)]
+pub struct PropertyValue {
+    /// The number of a [`Datatype`].
+    #[prost(uint32, optional, tag = "1")]
+    pub datatype: Option<u32>,
+    /// The value.
+    #[prost(oneof = "PropertyScalar", tags = "3, 5, 6, 7, 8")]
+    pub value: Option<PropertyScalar>,
+}
+
+/// A value of a property as it travels.
+#[derive(Clone, PartialEq, prost::Oneof)]
+pub enum PropertyScalar {
+    /// Integers of up to 32 bits.
+    #[prost(uint32, tag = "3")]
+    Int(u32),
+    /// Single precision.
+    #[prost(float, tag = "5")]
+    Float(f32),
+    /// Double precision.
+    #[prost(double, tag = "6")]
+    Double(f64),
+    /// True or false.
+    #[prost(bool, tag = "7")]
+    Boolean(bool),
+    /// Text.
+    #[prost(string, tag = "8")]
+    Text(String),
+}
+
+/// Types of values, by their numbers in the specification.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u32)]
+pub enum Datatype {
+    /// Signed, 32 bits.
+    Int32 = 3,
+    /// Signed, 64 bits.
+    Int64 = 4,
+    /// Double precision.
+    Double = 10,
+    /// True or false.
+    Boolean = 11,
+    /// Text.
+    Text = 12,
+}
+
+/// How far a value can be relied on: the property `Quality`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Quality {
+    /// It holds.
+    Good = 192,
+    /// It is older than it may be, or was never read.
+    Stale = 500,
+}
+
+impl Payload {
+    /// The payload of a command that `bytes` write.
+    ///
+    /// # Errors
+    /// They are too many, or not of the schema: why, for people.
+    pub fn read(bytes: &[u8]) -> Result<Self, String> {
+        if bytes.len() > COMMAND_MAX_BYTES {
+            return Err(format!(
+                "{} bytes are more than any command has; at most {COMMAND_MAX_BYTES} are read",
+                bytes.len()
+            ));
+        }
+        Self::parse(bytes)
+    }
+
+    /// The same for messages of any length, as hosts get them.
+    ///
+    /// # Errors
+    /// They are not of the schema: why, for people.
+    pub fn parse(bytes: &[u8]) -> Result<Self, String> {
+        Self::decode(bytes).map_err(|error| format!("no Sparkplug B payload ({error})"))
+    }
+
+    /// Its bytes.
+    #[must_use]
+    pub fn bytes(&self) -> Vec<u8> {
+        self.encode_to_vec()
+    }
+}
+
+impl Value {
+    /// A signed integer of 64 bits.
+    #[must_use]
+    pub const fn of_i64(number: i64) -> Self {
+        Self::Long(number.cast_unsigned())
+    }
+
+    /// A signed integer of 32 bits.
+    #[must_use]
+    pub const fn of_i32(number: i32) -> Self {
+        Self::Int(number.cast_unsigned())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_is_read_back() {
+        let properties = PropertySet::default().with("engUnit", Datatype::Text, PropertyScalar::Text("Hz".into()));
+        let values = [
+            Value::of_i32(-2),
+            Value::of_i64(-3),
+            Value::Float(1.5),
+            Value::Double(42.5),
+            Value::Boolean(true),
+            Value::Text("forward".into()),
+        ];
+        let metric = |value| Metric {
+            name: Some("run/set".into()),
+            alias: Some(7),
+            timestamp: Some(1_767_225_600_000),
+            datatype: Some(Datatype::Text as u32),
+            is_historical: Some(true),
+            is_null: None,
+            properties: properties.clone().or_none(),
+            value: Some(value),
+        };
+        let payload = Payload {
+            timestamp: Some(1_767_225_600_001),
+            metrics: values.into_iter().map(metric).collect(),
+            seq: Some(255),
+        };
+        assert_eq!(Payload::read(&payload.bytes()), Ok(payload));
+    }
+
+    #[test]
+    fn fields_that_are_not_used_are_skipped() {
+        // uuid (4) and body (5) of the payload, a data set (17) as the value of its metric.
+        let bytes = [0x22, 1, b'u', 0x2A, 2, 1, 2, 0x12, 6, 0x0A, 1, b'a', 0x8A, 0x01, 0];
+        let read = Payload::read(&bytes).unwrap();
+        assert_eq!((read.metrics.len(), read.metrics[0].name.as_deref()), (1, Some("a")));
+        assert_eq!(read.metrics[0].value, None);
+    }
+
+    #[test]
+    fn what_is_no_payload_is_refused_in_words() {
+        let refused = Payload::read(b"stop").unwrap_err();
+        assert!(refused.starts_with("no Sparkplug B payload ("), "{refused}");
+        let long = Payload::read(&vec![0; COMMAND_MAX_BYTES + 1]).unwrap_err();
+        assert!(long.contains(&COMMAND_MAX_BYTES.to_string()), "{long}");
+    }
+}

@@ -1,0 +1,276 @@
+//! The Sparkplug session: its life from connection to farewell, and what it wants done next.
+
+use super::device::{Device, millis};
+use super::giving::Giving;
+use super::host::{Host, News};
+use super::node::{self, Node};
+use super::payload::{Metric, Payload};
+use super::telling::publication;
+use super::topics::{Inbound, Kind, Topics};
+use super::types::{Act, Counters, Settings};
+use crate::domain::ids::Name;
+use crate::domain::time::MonoTime;
+use crate::drive::description::DriveDescription;
+use crate::drive::view::DriveView;
+use crate::north::clock::Clock;
+use crate::north::mqtt::{Broker, Event, LineState, Message, Moment, Path, Publication, Qos, Returned};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Births that hosts ask for come no more often, however many ask.
+const BETWEEN_REBIRTHS: Duration = Duration::from_secs(1);
+
+/// The gateway as an edge node of Sparkplug B, each drive a device, as a machine without a socket or a clock. Its owner
+/// moves things between it, the broker and the lines as with [`mqtt::Session`](crate::north::mqtt::Session).
+///
+/// Each connection has a number, `bdSeq`, that [`connecting`](Self::connecting) is given before
+/// [`will`](Self::will) is asked for.
+#[derive(Debug)]
+pub struct Session {
+    pub(super) settings: Settings,
+    pub(super) topics: Topics,
+    pub(super) drives: Vec<DriveDescription>,
+    lines: usize,
+    pub(super) devices: Vec<Device>,
+    pub(super) node: Node,
+    pub(super) clock: Clock,
+    pub(super) path: Path,
+    pub(super) host: Host,
+    pub(super) broker: Broker,
+    pub(super) bdseq: u8,
+    /// The number of the next message.
+    pub(super) seq: u8,
+    pub(super) is_born: bool,
+    /// When all is born again because a host asked for it.
+    pub(super) rebirth_at: Option<MonoTime>,
+    pub(super) born_at: MonoTime,
+    /// The session with this broker is to be ended, for this reason.
+    leaving: Option<&'static str>,
+    /// The device that is looked at next.
+    pub(super) place: usize,
+    pub(super) giving: Giving,
+    pub(super) counters: Counters,
+}
+
+impl Session {
+    /// The session of a gateway with these drives and lines, started now.
+    #[must_use]
+    pub fn new(settings: Settings, drives: Vec<DriveDescription>, lines: &[Name], started: Moment) -> Self {
+        let run = started.wall.unix_ms.to_string();
+        let mut session = Self {
+            topics: Topics::new(&settings),
+            devices: devices_of(&settings, &drives, lines.len()),
+            lines: lines.len(),
+            node: Node::default(),
+            clock: Clock::new(started),
+            path: Path::new(run, settings.probe_interval, settings.probe_timeout),
+            host: Host::new(settings.primary_host.is_some()),
+            broker: Broker::default(),
+            bdseq: 0,
+            seq: 0,
+            is_born: false,
+            rebirth_at: None,
+            born_at: started.mono,
+            leaving: None,
+            place: 0,
+            giving: Giving::default(),
+            counters: Counters::default(),
+            drives,
+            settings,
+        };
+        session.count_history();
+        session
+    }
+
+    /// The next connection has this number.
+    pub const fn connecting(&mut self, bdseq: u8) {
+        self.bdseq = bdseq;
+    }
+
+    /// What the broker publishes when the connection breaks: NDEATH with the number of the connection.
+    #[must_use]
+    pub fn will(&self) -> Publication {
+        // Written before the connection, so that its moment would be wrong.
+        let metric = Metric { timestamp: None, ..node::bdseq(self.bdseq, 0) };
+        self.death(Payload { timestamp: None, metrics: vec![metric], seq: None })
+    }
+
+    fn death(&self, payload: Payload) -> Publication {
+        let qos = Qos::AtLeastOnce;
+        Publication { qos, ..publication(self.topics.node(Kind::NodeDeath), payload.bytes()) }
+    }
+
+    /// Takes what happened on the connection.
+    pub fn handle(&mut self, at: Moment, event: Event<'_>) {
+        self.clock.see(at);
+        match event {
+            Event::Connected(broker) => {
+                self.lost();
+                self.broker = broker;
+                self.host.forget();
+                self.path.connected();
+            }
+            Event::Subscribed(granted) => {
+                let is_granted = granted.len() == self.topics.filters().len() && granted.iter().all(|it| *it);
+                self.path.subscribed(at.mono, is_granted);
+            }
+            Event::Message(message) => self.message(at, &message),
+            Event::Lost => self.lost(),
+            // Nothing is sent that would be acknowledged but the last words.
+            Event::Acknowledged(_) | Event::Refused(..) => {}
+        }
+    }
+
+    fn message(&mut self, at: Moment, message: &Message<'_>) {
+        match self.topics.parse(message.topic) {
+            Some(Inbound::Probe) => return self.probe(at, message),
+            Some(Inbound::State) => self.state(message),
+            Some(Inbound::NodeCommand) => self.node_command(at, message),
+            Some(Inbound::DeviceCommand(device)) => self.device_command(at, device, message),
+            None => self.counters.ignored += 1,
+        }
+        self.counters.messages_in += 1;
+    }
+
+    fn state(&mut self, message: &Message<'_>) {
+        if self.host.take(message.payload) == News::Offline && self.is_born {
+            self.counters.host_losses += 1;
+            self.leaving = Some("the primary host is offline");
+        }
+    }
+
+    fn probe(&mut self, at: Moment, message: &Message<'_>) {
+        if message.retain || self.path.returned(at.mono, message.payload) == Returned::Foreign {
+            return;
+        }
+        let proven = self.path.settled();
+        self.devices.iter_mut().for_each(|device| device.history.proven(proven));
+        if self.host.is_there() && self.is_born {
+            self.giving.path_alive();
+        }
+    }
+
+    /// A host asked for all births.
+    pub(super) fn ask_for_rebirth(&mut self) {
+        if self.is_born && self.rebirth_at.is_none() {
+            self.rebirth_at = Some(self.born_at + BETWEEN_REBIRTHS);
+            self.counters.rebirths += 1;
+        }
+    }
+
+    fn lost(&mut self) {
+        self.path.lost();
+        (self.is_born, self.rebirth_at, self.leaving) = (false, None, None);
+        self.devices.iter_mut().for_each(Device::lost);
+        self.giving.lost();
+        self.count_history();
+    }
+
+    /// Speaks of other drives and lines from now on: all is born again.
+    pub fn replace(&mut self, drives: Vec<DriveDescription>, lines: &[Name]) {
+        self.lines = lines.len();
+        let mut devices = devices_of(&self.settings, &drives, self.lines);
+        for (drive, device) in drives.iter().zip(&mut devices) {
+            if let Some(same) = self.drives.iter().position(|it| it == drive) {
+                std::mem::swap(&mut device.history, &mut self.devices[same].history);
+            }
+        }
+        self.giving.replace(&self.drives, &drives);
+        (self.devices, self.drives, self.place) = (devices, drives, 0);
+        self.is_born = false;
+        self.count_history();
+    }
+
+    /// Takes notice of time.
+    pub fn tick(&mut self, at: Moment) {
+        self.clock.see(at);
+        self.check_path(at.mono);
+        self.drop_overdue(at.mono);
+    }
+
+    fn check_path(&mut self, at: MonoTime) {
+        self.counters.probes_lost += u64::from(self.path.check(at));
+    }
+
+    /// When [`tick`](Self::tick) and [`next_act`](Self::next_act) are to be called if nothing happens before.
+    #[must_use]
+    pub fn next_wake(&self) -> Option<MonoTime> {
+        let path = if self.is_born { self.path.wake() } else { self.path.overdue() };
+        // Of those that are not looked at, nobody would take notice.
+        let looked_at = self.devices.iter().filter(|device| device.is_born || !self.is_born && self.keeps());
+        let devices = looked_at.filter_map(Device::wake).min();
+        [path, self.rebirth_at, self.giving.wake(), devices].into_iter().flatten().min()
+    }
+
+    /// Whether what happens is of interest while no host is told.
+    const fn keeps(&self) -> bool {
+        self.settings.keep_telemetry > 0
+    }
+
+    /// The next thing for the lines, and behind them what is to be kept. It needs no room on the connection.
+    pub fn next_inward(&mut self) -> Option<Act> {
+        self.giving.next()
+    }
+
+    /// The next thing to do. `views` stand in the order of the drives, `lines` in the order of the lines.
+    pub fn next_act(&mut self, at: Moment, views: &[Arc<DriveView>], lines: &[LineState]) -> Option<Act> {
+        if let Some(act) = self.next_inward() {
+            return Some(act);
+        }
+        self.clock.see(at);
+        self.check_path(at.mono);
+        if let Some(reason) = self.path.take_reconnect() {
+            return Some(Act::Reconnect(reason));
+        }
+        if self.path.take_subscription(at.mono) {
+            return Some(Act::Subscribe(self.topics.filters()));
+        }
+        if let Some(reason) = self.leaving.take() {
+            return Some(Act::Leave(reason));
+        }
+        let act = self.next_publication(at.mono, views, lines);
+        self.count_history();
+        act
+    }
+
+    /// What is still to be published on an orderly end: a will is published for those alone who vanish.
+    pub fn farewell(&mut self, at: Moment) -> Vec<Publication> {
+        self.clock.see(at);
+        let at_ms = millis(self.clock, at.mono);
+        let metrics = vec![node::bdseq(self.bdseq, at_ms)];
+        vec![self.death(Payload { timestamp: Some(at_ms), metrics, seq: None })]
+    }
+
+    /// Whether a host can command: all is born, the primary host is there if one is configured, and the way through the
+    /// broker was proven lately.
+    #[must_use]
+    pub fn is_path_alive(&self, at: Moment) -> bool {
+        self.is_born && self.host.is_there() && self.path.is_alive(at.mono)
+    }
+
+    /// Whether the primary host is there; nothing if none is configured.
+    #[must_use]
+    pub fn is_host_online(&self) -> Option<bool> {
+        self.settings.primary_host.is_some().then(|| self.host.is_there())
+    }
+
+    /// What was counted so far.
+    #[must_use]
+    pub const fn counters(&self) -> &Counters {
+        &self.counters
+    }
+}
+
+/// One device per drive, with aliases that no two metrics of the edge node share.
+fn devices_of(settings: &Settings, drives: &[DriveDescription], lines: usize) -> Vec<Device> {
+    let keep = settings.keep_telemetry.div_ceil(drives.len().max(1));
+    let mut alias = node::next_alias(lines);
+    drives
+        .iter()
+        .map(|drive| {
+            let device = Device::new(drive, alias, keep);
+            alias = device.next_alias();
+            device
+        })
+        .collect()
+}

@@ -1,0 +1,363 @@
+//! Births, data and deaths, by the requirements of the Sparkplug 3.0 specification that each test holds.
+
+use super::harness::*;
+use super::payload::{Datatype, Metric, PropertyScalar, Value};
+use super::types::{Act, Settings};
+use crate::domain::report::LineState as PortState;
+use crate::drive::snapshot::Presence;
+use crate::drive::view::{RunState, TripRecord};
+use crate::north::mqtt::{Broker, Event, Message, Qos};
+use std::collections::BTreeSet;
+
+fn bdseq(number: u64) -> Option<Value> {
+    Some(Value::Long(number))
+}
+
+fn property(metric: &Metric, key: &str) -> Option<PropertyScalar> {
+    let set = metric.properties.as_ref()?;
+    let place = set.keys.iter().position(|it| it == key)?;
+    set.values[place].value.clone()
+}
+
+/// tck-id-message-flow-edge-node-birth-publish-will-message-topic, -payload, -payload-bdSeq, -qos, -will-retained;
+/// tck-id-payloads-ndeath-seq.
+#[test]
+fn the_will_is_ndeath_with_the_number_of_the_connection_and_nothing_else() {
+    let mut rig = Rig::new();
+    for number in [0, 1, 255, 0] {
+        rig.session.connecting(number);
+        let will = rig.session.will();
+        assert_eq!(
+            (will.topic.as_str(), will.retain, will.qos),
+            ("spBv1.0/hall 1/NDEATH/plant", false, Qos::AtLeastOnce)
+        );
+        let sent = &sent(&[Act::Publish(will)])[0];
+        assert_eq!((sent.payload.seq, sent.payload.metrics.len()), (None, 1));
+        assert_eq!(sent.value("bdSeq"), bdseq(number.into()));
+        assert_eq!(sent.metric("bdSeq").datatype, Some(Datatype::Int64 as u32));
+    }
+}
+
+/// tck-id-message-flow-edge-node-ncmd-subscribe, tck-id-message-flow-device-dcmd-subscribe; of what is retained, only the
+/// state of the host is asked for.
+#[test]
+fn commands_and_the_state_of_the_host_are_subscribed_first() {
+    let mut rig = Rig::new();
+    rig.handle(Event::Connected(rig.broker));
+    let acts = rig.acts();
+    let [Act::Subscribe(filters)] = &acts[..] else { panic!("{acts:?}") };
+    let filters: Vec<_> = filters.iter().map(|it| (it.path.as_str(), it.wants_retained)).collect();
+    let commands = [("spBv1.0/hall 1/NCMD/plant", false), ("spBv1.0/hall 1/DCMD/plant/+", false), (PROBE, false)];
+    assert_eq!(filters, [&commands[..], &[(STATE, true)]].concat());
+    rig.handle(Event::Subscribed(vec![true, false, true, true]));
+    assert!(matches!(rig.acts()[..], [Act::Reconnect(_)]), "one is not granted");
+}
+
+/// tck-id-message-flow-edge-node-birth-publish-phid-wait, tck-id-operational-behavior-edge-node-birth-sequence-wait,
+/// tck-id-principles-birth-certificates-order, tck-id-message-flow-device-birth-publish-nbirth-wait.
+#[test]
+fn nothing_is_published_before_the_primary_host_is_there_and_nbirth_comes_first() {
+    let mut rig = Rig::new();
+    rig.poll(0, 3_000);
+    assert_eq!(rig.connect(7), []);
+    assert_eq!(rig.pass(60_000), [], "not even a probe");
+    assert_eq!(rig.host(false, 5), []);
+    assert_eq!(rig.session.counters().host_awaited, 1);
+    rig.poll(0, 3_000);
+    let acts = rig.host(true, 6);
+    assert_eq!(kinds(&acts), ["NBIRTH", "DBIRTH pump"]);
+    assert_eq!(rig.session.counters().host_awaited, 0);
+    assert!(rig.session.is_path_alive(rig.at()));
+    let mut alone = Rig::with(Settings { primary_host: None, ..settings() });
+    assert_eq!(kinds(&alone.connect(0)), ["NBIRTH"], "nobody is waited for");
+}
+
+/// tck-id-payloads-nbirth-timestamp, -bdseq, -rebirth-req, tck-id-topics-nbirth-seq-num,
+/// tck-id-operational-behavior-data-commands-rebirth-name, -rebirth-name-aliases, -rebirth-datatype, -rebirth-value,
+/// tck-id-message-flow-edge-node-birth-publish-nbirth-qos, -retained.
+#[test]
+fn nbirth_carries_the_number_of_the_will_and_what_asks_for_births() {
+    let mut rig = Rig::new();
+    rig.connect(42);
+    let acts = rig.host(true, 1);
+    let birth = &sent(&acts)[0];
+    assert_eq!(
+        (birth.kind.as_str(), birth.payload.seq, birth.payload.timestamp),
+        ("NBIRTH", Some(0), Some(rig.unix_ms()))
+    );
+    assert_eq!((birth.publication.qos, birth.publication.retain), (Qos::AtMostOnce, false));
+    assert_eq!((birth.value("bdSeq"), birth.metric("bdSeq").alias), (bdseq(42), None));
+    let rebirth = birth.metric("Node Control/Rebirth");
+    assert_eq!((rebirth.alias, rebirth.datatype), (None, Some(Datatype::Boolean as u32)));
+    assert_eq!(rebirth.value, Some(Value::Boolean(false)));
+    assert_eq!(birth.value("line/hall/status"), Some(Value::Text("up".into())));
+}
+
+/// tck-id-payloads-name-birth-data-requirement, tck-id-payloads-alias-uniqueness, -alias-birth-requirement,
+/// tck-id-payloads-metric-datatype-req, tck-id-payloads-timestamp-in-UTC, tck-id-case-sensitivity-metric-names.
+#[test]
+fn a_birth_says_of_each_metric_its_name_alias_type_and_moment_and_all_are_unique() {
+    let mut rig = Rig::new();
+    rig.poll(0, 3_000);
+    rig.poll(1, 3_000);
+    rig.connect(0);
+    let births = sent(&rig.host(true, 1));
+    assert_eq!(births.iter().map(|it| it.kind.as_str()).collect::<Vec<_>>(), ["NBIRTH", "DBIRTH pump", "DBIRTH fan"]);
+    let mut aliases = BTreeSet::new();
+    for birth in &births {
+        let mut names = BTreeSet::new();
+        for metric in &birth.payload.metrics {
+            let name = metric.name.clone().expect("a name");
+            assert!(names.insert(name.to_lowercase()), "{name} twice");
+            let has_none = ["bdSeq", "Node Control/Rebirth"].contains(&name.as_str());
+            assert!(metric.alias.map_or(has_none, |alias| aliases.insert(alias)), "{name}: {:?}", metric.alias);
+            assert!(metric.datatype.is_some() && metric.timestamp.is_some(), "{metric:?}");
+            assert_eq!(metric.value.is_none(), metric.is_null == Some(true), "{metric:?}");
+        }
+    }
+    let pump = &births[1];
+    assert_eq!(pump.value("frequency/output"), Some(Value::Double(30.0)));
+    assert_eq!(property(pump.metric("frequency/output"), "engUnit"), Some(PropertyScalar::Text("Hz".into())));
+    assert_eq!(property(pump.metric("frequency/output"), "readOnly"), Some(PropertyScalar::Boolean(true)));
+    assert_eq!(property(pump.metric("frequency/set"), "readOnly"), Some(PropertyScalar::Boolean(false)));
+    assert!(property(pump.metric("frequency/set"), "engHigh").is_some());
+    assert_eq!(pump.value("run/state"), Some(Value::Text("stopped".into())));
+    assert_eq!(pump.value("trip/active"), Some(Value::Boolean(false)));
+    assert_eq!(pump.value("trip/count"), Some(Value::Int(2)));
+    assert!(births[2].payload.metrics.iter().all(|it| it.name.as_deref() != Some("run/set")), "no control, no input");
+}
+
+/// tck-id-payloads-sequence-num-incrementing, tck-id-payloads-sequence-num-zero-nbirth: one count over all messages.
+#[test]
+fn numbers_run_over_all_messages_of_the_node_and_begin_again_behind_255() {
+    let mut rig = Rig::born();
+    let mut expected = 2;
+    for round in 0..300_u16 {
+        rig.poll(0, 1_000 + 100 * (round % 7));
+        rig.poll(1, 1_000 + 100 * (round % 5));
+        for sent in sent(&rig.pass(500)) {
+            assert_eq!(sent.payload.seq, Some(expected), "{}", sent.kind);
+            expected = (expected + 1) % 256;
+        }
+    }
+    rig.node_command(vec![metric("Node Control/Rebirth", Value::Boolean(true))]);
+    let acts = rig.pass(1_000);
+    let seqs: Vec<_> = sent(&acts).iter().map(|sent| sent.payload.seq).collect();
+    assert!(seqs.starts_with(&[Some(0), Some(1), Some(2)]) || rig.session.counters().births == 2, "{seqs:?}");
+}
+
+/// tck-id-payloads-name-requirement, tck-id-operational-behavior-data-publish-nbirth-change. The recommendation
+/// tck-id-payloads-metric-datatype-not-req is not followed: common decoders need the type.
+#[test]
+fn data_is_what_has_changed_by_its_alias_alone() {
+    let mut rig = Rig::new();
+    rig.poll(0, 3_000);
+    rig.connect(0);
+    let births = sent(&rig.host(true, 1));
+    let alias = births[1].metric("frequency/output").alias;
+    rig.poll(0, 3_010);
+    assert_eq!(kinds(&rig.pass(400)), Vec::<String>::new(), "within the dead band");
+    rig.poll(0, 3_100);
+    let data = sent(&rig.acts());
+    assert_eq!((data.len(), data[0].kind.as_str(), data[0].payload.metrics.len()), (1, "DDATA pump", 1));
+    let metric = &data[0].payload.metrics[0];
+    assert_eq!((metric.alias, &metric.name), (alias, &None));
+    assert_eq!(metric.datatype, Some(Datatype::Double as u32));
+    assert_eq!((&metric.value, metric.timestamp), (&Some(Value::Double(31.0)), Some(rig.unix_ms())));
+    assert_eq!((metric.is_historical, &metric.properties), (None, &None));
+    rig.lines[0].report.state = PortState::Down;
+    let data = sent(&rig.acts());
+    assert_eq!(data[0].kind, "NDATA");
+    assert!(matches!(&data[0].payload.metrics[0].value, Some(Value::Text(text)) if text.starts_with("down: ")));
+}
+
+#[test]
+fn measured_values_are_gathered_for_a_moment_and_a_trip_is_not() {
+    let mut rig = Rig::born();
+    rig.pass(300);
+    rig.poll(0, 4_000);
+    assert_eq!(kinds(&rig.acts()), ["DDATA pump"]);
+    rig.pass(10);
+    rig.poll(0, 5_000);
+    assert_eq!(kinds(&rig.acts()), Vec::<String>::new(), "too soon");
+    rig.views[0].run_state = RunState::Tripped;
+    rig.views[0].trip.active = Some(true);
+    let data = sent(&rig.acts());
+    let values: Vec<_> = data[0].payload.metrics.iter().filter_map(|it| it.value.clone()).collect();
+    assert_eq!(values.len(), 2, "{values:?}");
+    assert!(values.contains(&Value::Boolean(true)) && values.contains(&Value::Text("tripped".into())));
+    let later = sent(&rig.pass(250));
+    assert_eq!(later[0].payload.metrics[0].value, Some(Value::Double(50.0)));
+}
+
+#[test]
+fn a_value_that_grows_stale_is_null_and_marked_until_it_is_read_again() {
+    let mut rig = Rig::born();
+    let data = sent(&rig.pass(10_000));
+    let stale: Vec<_> = data.iter().flat_map(|it| &it.payload.metrics).collect();
+    assert!(!stale.is_empty());
+    for metric in stale {
+        assert_eq!((metric.is_null, &metric.value), (Some(true), &None));
+        assert_eq!(property(metric, "Quality"), Some(PropertyScalar::Int(500)));
+    }
+    rig.poll(0, 3_000);
+    let data = sent(&rig.acts());
+    assert!(data[0].payload.metrics.iter().all(|it| property(it, "Quality") == Some(PropertyScalar::Int(192))));
+}
+
+/// tck-id-operational-behavior-device-ddeath, tck-id-payloads-ddeath-seq-inc, tck-id-payloads-ddeath-timestamp.
+#[test]
+fn a_drive_that_is_lost_dies_and_is_born_again_when_it_answers() {
+    let mut rig = Rig::born();
+    rig.views[0].snapshot.presence = Presence::Offline;
+    let death = &sent(&rig.acts())[0];
+    assert_eq!((death.kind.as_str(), death.payload.seq, death.payload.metrics.len()), ("DDEATH pump", Some(2), 0));
+    assert!(death.payload.timestamp.is_some());
+    assert_eq!(kinds(&rig.pass(20_000)), Vec::<String>::new(), "the dead say nothing");
+    rig.poll(0, 3_000);
+    let birth = &sent(&rig.acts())[0];
+    assert_eq!((birth.kind.as_str(), birth.payload.seq), ("DBIRTH pump", Some(3)));
+}
+
+/// tck-id-operational-behavior-data-commands-rebirth-action-1, -2, -3.
+#[test]
+fn a_host_that_asks_for_births_gets_all_of_them_with_the_same_number_but_not_more_than_once_a_second() {
+    let mut rig = Rig::born();
+    rig.pass(5_000);
+    rig.poll(0, 3_000);
+    let ask = || vec![metric("Node Control/Rebirth", Value::Boolean(true))];
+    let acts = rig.node_command(ask());
+    let births = sent(&acts);
+    assert_eq!(births.iter().map(|it| it.kind.as_str()).collect::<Vec<_>>(), ["NBIRTH", "DBIRTH pump"]);
+    assert_eq!((births[0].payload.seq, births[0].value("bdSeq")), (Some(0), bdseq(0)));
+    for _ in 0..5 {
+        assert_eq!(kinds(&rig.node_command(ask())), Vec::<String>::new());
+    }
+    let acts = rig.pass(1_500);
+    assert_eq!(kinds(&acts).iter().filter(|kind| *kind == "NBIRTH").count(), 1, "five wishes, one birth");
+    assert_eq!((rig.session.counters().births, rig.session.counters().rebirths), (3, 2));
+    rig.node_command(vec![metric("Node Control/Rebirth", Value::Boolean(false))]);
+    let again = metric("Node Control/Rebirth", Value::Boolean(true));
+    let payload = super::payload::Payload { timestamp: None, metrics: vec![again], seq: None }.bytes();
+    rig.deliver(&Message { retain: true, ..message("spBv1.0/hall 1/NCMD/plant", &payload) });
+    assert_eq!(rig.session.counters().rebirths, 2, "false asks for nothing, and what is retained is a replay");
+}
+
+/// tck-id-message-flow-edge-node-birth-publish-phid-offline, tck-id-operational-behavior-edge-node-termination-host-offline,
+/// -host-offline-timestamp, tck-id-operational-behavior-edge-node-intentional-disconnect-ndeath.
+#[test]
+fn a_primary_host_that_goes_offline_is_left_with_ndeath_and_the_connection_is_built_anew() {
+    let mut rig = Rig::born();
+    assert_eq!(rig.host(false, 0), [], "older than its birth");
+    let acts = rig.host(false, 1);
+    assert!(matches!(acts[..], [Act::Leave(_)]), "{acts:?}");
+    let farewell: Vec<_> = rig.session.farewell(rig.at()).into_iter().map(Act::Publish).collect();
+    let death = &sent(&farewell)[0];
+    assert_eq!((death.kind.as_str(), death.value("bdSeq"), death.payload.seq), ("NDEATH", bdseq(0), None));
+    assert_eq!(death.publication.qos, Qos::AtLeastOnce);
+    rig.handle(Event::Lost);
+    assert!(!rig.session.is_path_alive(rig.at()));
+    rig.poll(0, 3_000);
+    rig.connect(1);
+    assert_eq!(rig.host(false, 1), [], "it waits, and stays connected");
+    let births = sent(&rig.host(true, 2));
+    assert_eq!((births[0].kind.as_str(), births[0].value("bdSeq")), ("NBIRTH", bdseq(1)));
+    assert_eq!(rig.session.counters().host_losses, 1);
+}
+
+/// tck-id-payloads-metric-is-historical: what happened in between, in order, behind the births.
+#[test]
+fn what_happened_while_no_host_was_there_is_told_as_history() {
+    let mut rig = Rig::born();
+    rig.pass(500);
+    rig.handle(Event::Lost);
+    let mut expected = Vec::new();
+    for output in [3_500, 4_000, 4_500] {
+        rig.poll(0, output);
+        rig.acts();
+        expected.push((rig.unix_ms(), Value::Double(f64::from(output) / 100.0)));
+        rig.pass(300);
+    }
+    let record = TripRecord { at: rig.at().mono, code: Some(3), words: Vec::new() };
+    rig.views[0].run_state = RunState::Tripped;
+    (rig.views[0].trip.active, rig.views[0].trip_kept.total) = (Some(true), 1);
+    (rig.views[0].trip.last, rig.views[0].trip_kept.last) = (Some(record.clone()), Some(record));
+    rig.acts();
+    assert!(rig.session.counters().history_waiting >= 5);
+    rig.pass(100);
+    rig.poll(0, 4_500);
+    rig.connect(1);
+    let all = sent(&rig.host(true, 2));
+    let outputs = all[1].metric("frequency/output").alias;
+    let total = all[1].metric("trip/total").alias;
+    let is_past = |metric: &&Metric| metric.is_historical == Some(true);
+    let past: Vec<_> = all[2..].iter().flat_map(|it| &it.payload.metrics).filter(is_past).collect();
+    let told: Vec<_> = past
+        .iter()
+        .filter(|it| it.alias == outputs)
+        .map(|it| (it.timestamp.unwrap(), it.value.clone().unwrap()))
+        .collect();
+    assert_eq!(told, expected);
+    assert!(past.iter().any(|it| it.alias == total && it.value == Some(Value::Long(1))), "{past:?}");
+    assert!(all[..2].iter().all(|it| !it.payload.metrics.iter().any(|it| it.is_historical == Some(true))));
+    assert_eq!(rig.session.counters().history_waiting, 0);
+}
+
+#[test]
+fn what_a_dying_broker_may_not_have_passed_on_is_told_again() {
+    let mut rig = Rig::born();
+    rig.pass(2_000);
+    rig.is_deaf = true;
+    rig.poll(0, 4_100);
+    let data = sent(&rig.pass(500));
+    assert!(data.iter().any(|it| it.kind == "DDATA pump"));
+    rig.handle(Event::Lost);
+    rig.is_deaf = false;
+    rig.connect(1);
+    let all = sent(&rig.host(true, 2));
+    let is_past = |it: &&Metric| it.is_historical == Some(true) && it.value == Some(Value::Double(41.0));
+    assert_eq!(all.iter().flat_map(|it| &it.payload.metrics).filter(is_past).count(), 1);
+    rig.pass(2_000);
+    rig.handle(Event::Lost);
+    rig.connect(2);
+    let all = sent(&rig.host(true, 3));
+    assert!(!all.iter().flat_map(|it| &it.payload.metrics).any(|it| is_past(&it)), "proven by a probe since");
+}
+
+#[test]
+fn a_probe_that_does_not_come_back_ends_the_connection_and_signs_of_life_come_with_probes_alone() {
+    let mut rig = Rig::born();
+    let alive = |acts: &[Act]| acts.iter().filter(|act| **act == Act::PathAlive).count();
+    assert!(alive(&rig.pass(5_000)) >= 4);
+    rig.is_deaf = true;
+    let acts = rig.pass(10_000);
+    assert_eq!(alive(&acts), 0);
+    assert!(acts.iter().any(|act| matches!(act, Act::Reconnect(_))));
+    assert!(!rig.session.is_path_alive(rig.at()));
+}
+
+#[test]
+fn what_is_larger_than_the_broker_takes_is_not_sent_and_uses_no_number() {
+    let mut rig = Rig::new();
+    rig.broker = Broker { maximum_packet_bytes: Some(700), retains: true };
+    rig.poll(0, 3_000);
+    rig.connect(0);
+    assert_eq!(kinds(&rig.host(true, 1)), ["NBIRTH"]);
+    assert_eq!(rig.session.counters().too_large, 1);
+    rig.lines[0].report.state = PortState::Down;
+    assert_eq!(sent(&rig.acts())[0].payload.seq, Some(1));
+    assert_eq!(rig.session.counters().too_large, 1, "not tried again on this connection");
+}
+
+#[test]
+fn other_drives_are_born_with_the_node_and_keep_their_history() {
+    let mut rig = Rig::born();
+    rig.pass(500);
+    let mut drives = drives();
+    drives.reverse();
+    rig.views.reverse();
+    rig.session.replace(drives, &[name("hall")]);
+    assert_eq!(kinds(&rig.acts()), ["NBIRTH", "DBIRTH pump"]);
+    rig.poll(0, 100);
+    assert_eq!(kinds(&rig.acts()), ["DBIRTH fan"]);
+}

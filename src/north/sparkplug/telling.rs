@@ -1,0 +1,159 @@
+//! What the session says next, and what it keeps for later: births, deaths, data, history, each with its number.
+
+use super::device::{Device, Present, millis};
+use super::node;
+use super::payload::{Metric, Payload};
+use super::session::Session;
+use super::topics::{DeviceKind, Kind};
+use super::types::Act;
+use crate::domain::time::MonoTime;
+use crate::drive::view::DriveView;
+use crate::north::mqtt::{LineState, Publication, Qos};
+use std::sync::Arc;
+
+/// Longest packet where the broker names no smaller limit.
+const PACKET_MAX: usize = 256 * 1024;
+
+impl Session {
+    pub(super) fn next_publication(
+        &mut self,
+        at: MonoTime,
+        views: &[Arc<DriveView>],
+        lines: &[LineState],
+    ) -> Option<Act> {
+        if !self.path.is_granted() || !self.host.is_there() {
+            self.record(at, views);
+            return None;
+        }
+        if !self.is_born || self.rebirth_at.is_some_and(|due| due <= at) {
+            return Some(self.node_birth(at, lines));
+        }
+        if let Some(publication) = self.next_of_presence(at, views) {
+            return Some(publication);
+        }
+        if let Some(payload) = self.path.take_probe(at) {
+            return Some(Act::Publish(publication(self.topics.probe(), payload)));
+        }
+        let changed = self.node.data(millis(self.clock, at), lines);
+        if !changed.is_empty() {
+            return self.publish(at, self.topics.node(Kind::NodeData), changed);
+        }
+        let data = self.next_of_devices(at, views, |device, now, probes| device.data(now, probes));
+        data.or_else(|| self.next_of_devices(at, views, |device, _, probes| device.past(probes)))
+    }
+
+    /// NBIRTH, with which everything begins anew.
+    fn node_birth(&mut self, at: MonoTime, lines: &[LineState]) -> Act {
+        let stops = self.drives.iter().any(|drive| drive.control.as_ref().is_some_and(|it| it.from_sparkplug));
+        let at_ms = millis(self.clock, at);
+        let bdseq = node::bdseq(self.bdseq, at_ms);
+        let metrics = self.node.birth(bdseq, at_ms, lines, stops);
+        self.seq = 0;
+        (self.rebirth_at, self.born_at, self.place) = (None, at, 0);
+        for device in &mut self.devices {
+            device.is_born = false;
+        }
+        if !self.is_born {
+            self.path.probe_from(at);
+        }
+        self.counters.births += 1;
+        let act = self.publish(at, self.topics.node(Kind::NodeBirth), metrics);
+        self.is_born = act.is_some();
+        act.unwrap_or(Act::Reconnect("the broker takes no packet as large as NBIRTH"))
+    }
+
+    /// The next birth or death of a device.
+    fn next_of_presence(&mut self, at: MonoTime, views: &[Arc<DriveView>]) -> Option<Act> {
+        for (place, view) in (0..self.devices.len()).zip(views) {
+            let (is_online, device) = (view.is_online(), &mut self.devices[place]);
+            if is_online == device.is_born || device.is_too_large {
+                continue;
+            }
+            let drive = &self.drives[place];
+            if !is_online {
+                device.is_born = false;
+                let topic = self.topics.device(DeviceKind::Death, &drive.name);
+                return self.publish(at, topic, Vec::new());
+            }
+            let now = Present { at, clock: self.clock, drive, view };
+            let metrics = device.birth(&now);
+            let topic = self.topics.device(DeviceKind::Birth, &drive.name);
+            let act = self.publish(at, topic, metrics);
+            if act.is_none() {
+                let device = &mut self.devices[place];
+                (device.is_born, device.is_too_large) = (false, true);
+                continue;
+            }
+            return act;
+        }
+        None
+    }
+
+    /// The next data of any device that is born, each in its turn.
+    fn next_of_devices(
+        &mut self,
+        at: MonoTime,
+        views: &[Arc<DriveView>],
+        data: impl Fn(&mut Device, &Present<'_>, u64) -> Vec<Metric>,
+    ) -> Option<Act> {
+        let probes = self.path.sent();
+        for _ in 0..self.devices.len() {
+            let place = self.place;
+            self.place = (self.place + 1) % self.devices.len();
+            let (Some(view), device, drive) = (views.get(place), &mut self.devices[place], &self.drives[place]) else {
+                continue;
+            };
+            if !device.is_born {
+                continue;
+            }
+            let metrics = data(device, &Present { at, clock: self.clock, drive, view }, probes);
+            if metrics.is_empty() {
+                continue;
+            }
+            let act = self.publish(at, self.topics.device(DeviceKind::Data, &drive.name), metrics);
+            if act.is_some() {
+                return act;
+            }
+        }
+        None
+    }
+
+    /// Keeps what happens while nobody can be told.
+    fn record(&mut self, at: MonoTime, views: &[Arc<DriveView>]) {
+        for ((device, drive), view) in self.devices.iter_mut().zip(&self.drives).zip(views) {
+            device.record(&Present { at, clock: self.clock, drive, view });
+        }
+    }
+
+    /// A message with the next number; nothing if the broker takes none as large, and then no number is used.
+    fn publish(&mut self, at: MonoTime, topic: String, metrics: Vec<Metric>) -> Option<Act> {
+        let payload = Payload { timestamp: Some(millis(self.clock, at)), metrics, seq: Some(self.seq.into()) };
+        let publication = publication(topic, payload.bytes());
+        if packet_bytes(&publication) > self.broker.maximum_packet_bytes.unwrap_or(PACKET_MAX).min(PACKET_MAX) {
+            self.counters.too_large += 1;
+            return None;
+        }
+        self.seq = self.seq.wrapping_add(1);
+        self.counters.messages_out += 1;
+        Some(Act::Publish(publication))
+    }
+
+    pub(super) fn count_history(&mut self) {
+        self.counters.host_awaited = u64::from(self.path.is_granted() && !self.host.is_there());
+        self.counters.history_waiting = self.devices.iter().map(|device| device.history.len() as u64).sum();
+        let dropped: u64 = self.devices.iter_mut().map(|device| device.history.take_dropped()).sum();
+        self.counters.history_dropped += dropped;
+    }
+}
+
+/// At most once and not kept by the broker, as all but NDEATH.
+pub(super) const fn publication(topic: String, payload: Vec<u8>) -> Publication {
+    let qos = Qos::AtMostOnce;
+    Publication { topic, payload, retain: false, qos, expiry: None, correlation: None, token: None }
+}
+
+/// No packet with this publication is larger.
+fn packet_bytes(publication: &Publication) -> usize {
+    const OTHER_BYTES: usize = 16;
+    publication.topic.len() + publication.payload.len() + OTHER_BYTES
+}

@@ -1,0 +1,116 @@
+//! The topics of one edge node: building them, and telling what a message's topic is for.
+
+use super::types::Settings;
+use crate::domain::ids::Name;
+use crate::north::mqtt::Filter;
+
+/// The namespace of Sparkplug B, the same in all versions.
+const NAMESPACE: &str = "spBv1.0";
+
+/// What a message's topic is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Inbound<'t> {
+    /// Our own probe.
+    Probe,
+    /// The state of the primary host.
+    State,
+    /// A command for the edge node.
+    NodeCommand,
+    /// A command for the device with this name, which may not exist.
+    DeviceCommand(&'t str),
+}
+
+/// Kinds of messages that an edge node sends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    NodeBirth,
+    NodeData,
+    NodeDeath,
+}
+
+impl Kind {
+    const fn word(self) -> &'static str {
+        match self {
+            Self::NodeBirth => "NBIRTH",
+            Self::NodeData => "NDATA",
+            Self::NodeDeath => "NDEATH",
+        }
+    }
+}
+
+/// Kinds of messages that it sends for its devices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum DeviceKind {
+    Birth,
+    Data,
+    Death,
+}
+
+impl DeviceKind {
+    const fn word(self) -> &'static str {
+        match self {
+            Self::Birth => "DBIRTH",
+            Self::Data => "DDATA",
+            Self::Death => "DDEATH",
+        }
+    }
+}
+
+/// All topics of one edge node.
+#[derive(Debug)]
+pub(super) struct Topics {
+    group: String,
+    node: Name,
+    node_command: String,
+    /// With the slash at its end.
+    device_commands: String,
+    state: Option<String>,
+    probe: String,
+}
+
+impl Topics {
+    pub(super) fn new(settings: &Settings) -> Self {
+        let (group, node) = (settings.group.clone(), settings.node.clone());
+        Self {
+            node_command: format!("{NAMESPACE}/{group}/NCMD/{node}"),
+            device_commands: format!("{NAMESPACE}/{group}/DCMD/{node}/"),
+            state: settings.primary_host.as_ref().map(|host| format!("{NAMESPACE}/STATE/{host}")),
+            probe: settings.probe_topic.clone(),
+            group,
+            node,
+        }
+    }
+
+    pub(super) fn node(&self, kind: Kind) -> String {
+        format!("{NAMESPACE}/{}/{}/{}", self.group, kind.word(), self.node)
+    }
+
+    pub(super) fn device(&self, kind: DeviceKind, device: &Name) -> String {
+        format!("{NAMESPACE}/{}/{}/{}/{device}", self.group, kind.word(), self.node)
+    }
+
+    pub(super) fn probe(&self) -> String {
+        self.probe.clone()
+    }
+
+    /// What is subscribed. A retained state is what holds; a retained command is a replay.
+    pub(super) fn filters(&self) -> Vec<Filter> {
+        let live = |path: String| Filter { path, wants_retained: false };
+        let state = self.state.clone().map(|path| Filter { path, wants_retained: true });
+        let commands = [self.node_command.clone(), format!("{}+", self.device_commands), self.probe.clone()];
+        commands.into_iter().map(live).chain(state).collect()
+    }
+
+    pub(super) fn parse<'t>(&self, topic: &'t str) -> Option<Inbound<'t>> {
+        if topic == self.probe {
+            return Some(Inbound::Probe);
+        }
+        if topic == self.node_command {
+            return Some(Inbound::NodeCommand);
+        }
+        if self.state.as_deref() == Some(topic) {
+            return Some(Inbound::State);
+        }
+        topic.strip_prefix(self.device_commands.as_str()).map(Inbound::DeviceCommand)
+    }
+}

@@ -1,0 +1,93 @@
+//! What goes in and out of the Sparkplug session.
+
+use crate::domain::command::CommandRequest;
+use crate::domain::ids::Name;
+use crate::drive::description::DriveRef;
+use crate::journal::Attempt;
+use crate::north::mqtt::{Filter, Publication, Version};
+use std::time::Duration;
+
+/// How the Sparkplug side is set up.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// The group: one level of a topic.
+    pub group: String,
+    /// The edge node: the gateway's name.
+    pub node: Name,
+    /// The host application without which nothing is born; nothing: nobody is waited for.
+    pub primary_host: Option<String>,
+    /// Protocol version of the connection.
+    pub version: Version,
+    /// Where the probe goes.
+    pub probe_topic: String,
+    /// How often the way through the broker is probed.
+    pub probe_interval: Duration,
+    /// After this time without a probe's return the connection is given up.
+    pub probe_timeout: Duration,
+    /// Deadline of a command, from when it came.
+    pub command_ttl: Duration,
+    /// A command whose timestamp is older is refused.
+    pub max_command_age: Duration,
+    /// Most changes of telemetry that are kept while no host can be told, over all drives; 0: none.
+    pub keep_telemetry: usize,
+}
+
+/// Something to be done.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Act {
+    /// Subscribe to these filters at quality of service 1, all in one packet.
+    Subscribe(Vec<Filter>),
+    /// Publish.
+    Publish(Publication),
+    /// Give a command to a drive.
+    Command(DriveRef, CommandRequest),
+    /// Tell every line that the way from the host is open.
+    PathAlive,
+    /// Keep this attempt to write, of which no line knows. Nothing for the drive: it is for all, or for one that does not
+    /// exist.
+    Keep(Option<DriveRef>, Attempt),
+    /// Drop the connection and make a new one: the broker publishes the will.
+    Reconnect(&'static str),
+    /// Say farewell, disconnect, and make a new connection.
+    Leave(&'static str),
+}
+
+/// Counts of the Sparkplug session since start. All but [`Counters::history_waiting`] and
+/// [`Counters::host_awaited`] only rise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Messages received.
+    pub messages_in: u64,
+    /// Messages handed out to be published, the probe aside.
+    pub messages_out: u64,
+    /// Received messages that mean nothing here.
+    pub ignored: u64,
+    /// Births of the edge node.
+    pub births: u64,
+    /// Births that a host asked for.
+    pub rebirths: u64,
+    /// Commands given to drives.
+    pub commands: u64,
+    /// Commands refused by the session, for whatever reason.
+    pub refused: u64,
+    /// Of these: replays.
+    pub refused_retained: u64,
+    /// Of these: older than they may be.
+    pub refused_stale: u64,
+    /// 1 while births wait for the primary host.
+    pub host_awaited: u64,
+    /// Times that the primary host went offline while the edge node was born.
+    pub host_losses: u64,
+    /// Times the probe did not come back.
+    pub probes_lost: u64,
+    /// Changes that wait for the host to be told.
+    pub history_waiting: u64,
+    /// Changes dropped because more were to be kept than configured.
+    pub history_dropped: u64,
+    /// Messages that were larger than the broker takes.
+    pub too_large: u64,
+    /// Attempts to write that nobody kept, because too many waited to be fetched.
+    pub attempts_lost: u64,
+    /// Commands that were never answered.
+    pub unanswered: u64,
+}
