@@ -1,8 +1,8 @@
 //! What the gateway reaches, measured and printed as a table: `cargo bench --bench reach`, about twenty minutes.
 //!
 //! A part of the table by name: `cargo bench --bench reach -- paced`. Parts: paced, unpaced, shared, fair, dead,
-//! late, stop, command, lost, retained, telemetry, page, uniform, crowd, setpoints, journal, memory, unplug; most are shorter
-//! with `--quick`. Everything stays on this machine: pseudo-terminals and loopback. The brokers are processes started
+//! late, stop, command, lost, retained, telemetry, sparkplug, page, uniform, crowd, setpoints, journal, memory, unplug; most
+//! are shorter with `--quick`. Everything stays on this machine: pseudo-terminals and loopback. The brokers are processes started
 //! here: mosquitto if it is installed.
 
 #![allow(
@@ -37,6 +37,7 @@ mod retained;
 mod rig;
 mod rows;
 mod setpoints;
+mod sparkplug;
 mod stop;
 #[path = "../../tests/support/mod.rs"]
 #[allow(dead_code, reason = "shared with the tests, which use more of it")]
@@ -52,7 +53,7 @@ use table::Row;
 /// Measures one part of the table.
 type Part = fn() -> Vec<Row>;
 
-const PARTS: [(&str, Part); 18] = [
+const PARTS: [(&str, Part); 19] = [
     ("paced", paced::paced),
     ("unpaced", rows::unpaced),
     ("shared", rows::shared),
@@ -64,6 +65,7 @@ const PARTS: [(&str, Part); 18] = [
     ("lost", lost::lost),
     ("retained", retained::retained),
     ("telemetry", telemetry::telemetry),
+    ("sparkplug", sparkplug::sparkplug),
     ("page", page::page),
     ("uniform", uniform::uniform),
     ("crowd", crowded::crowd),

@@ -32,7 +32,7 @@ pub fn page() -> Vec<Row> {
     let (place, http) = (Place::new(), SocketAddr::from((Ipv4Addr::LOCALHOST, free_port())));
     let text = format!(
         "{}[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n[http]\nlisten = \"{http}\"\n",
-        lines_text("[gateway]\nname = \"bench\"\n", &ports)
+        lines_text("[gateway]\nname = \"bench\"\n", &ports, POLL)
     );
     let mut gateway = start_gateway(&place, &text);
     wait_for(http);

@@ -164,13 +164,13 @@ pub fn start_gateway(place: &Place, text: &str) -> Child {
 }
 
 fn configuration(ports: &[PathBuf], broker: u16) -> String {
-    let mut text = lines_text("[gateway]\nname = \"bench\"\n", ports);
+    let mut text = lines_text("[gateway]\nname = \"bench\"\n", ports, POLL);
     let _ = write!(text, "[mqtt]\nbroker = \"mqtt://127.0.0.1:{broker}\"\n");
     text + "[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n"
 }
 
-/// `head`, and behind it a line with its drives at each of `ports`.
-pub fn lines_text(head: &str, ports: &[PathBuf]) -> String {
+/// `head`, and behind it a line with its drives at each of `ports`, polled so often.
+pub fn lines_text(head: &str, ports: &[PathBuf], poll: Duration) -> String {
     let mut text = head.to_owned();
     // Writing to a String cannot fail.
     for (line, port) in ports.iter().enumerate() {
@@ -182,7 +182,7 @@ pub fn lines_text(head: &str, ports: &[PathBuf]) -> String {
                 text,
                 "[[line.drive]]\nname = \"d{drive}\"\nmodel = \"hyundai-n700\"\nstation = {station}\n\
                  poll = \"{}ms\"\nunit = {unit}\nuniform_unit = {uniform}\n",
-                POLL.as_millis(),
+                poll.as_millis(),
             );
             for point in 0..POINTS {
                 let _ = write!(
@@ -203,7 +203,7 @@ pub fn ticks(process: u32) -> f64 {
 }
 
 /// That of its threads that serve lines.
-fn thread_ticks(process: u32) -> f64 {
+pub fn thread_ticks(process: u32) -> f64 {
     let tasks = fs::read_dir(format!("/proc/{process}/task")).expect("a process");
     let stats = tasks.filter_map(Result::ok).map(|task| task.path());
     let is_line = |path: &PathBuf| fs::read_to_string(path.join("comm")).is_ok_and(|name| name.starts_with("line "));

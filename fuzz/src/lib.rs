@@ -16,6 +16,7 @@ pub mod mqtt;
 pub mod page;
 pub mod pdu;
 pub mod setup_body;
+pub mod sparkplug;
 pub mod values;
 
 /// A target: it panics where a promise is broken.
@@ -33,5 +34,6 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("page", page::run),
     ("pdu", pdu::run),
     ("setup_body", setup_body::run),
+    ("sparkplug", sparkplug::run),
     ("values", values::run),
 ];

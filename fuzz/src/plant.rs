@@ -34,6 +34,7 @@ pub fn control() -> ControlSettings {
     ControlSettings {
         from_mqtt: true,
         from_modbus_tcp: true,
+        from_sparkplug: true,
         directions: vec![Direction::Forward, Direction::Reverse],
         accept_unverified: ControlAction::ALL.to_vec(),
         allow_release: true,
