@@ -48,6 +48,7 @@
 //! | `scraping` | Prometheus as it stands reads the metrics, and the delivered alerts fire |
 //! | `doctoring` | `doctor` names what is wrong with a line |
 //! | `vendors` | drives of other vendors, in ASCII too, played by a program that nobody here wrote, obey and are understood |
+//! | `sparkplug` | a Sparkplug host finds the gateway and its drives, commands them, and loses them |
 //! | `node_red` | the flow of `deploy/node-red`, in Node-RED as it stands, shows a drive and moves it |
 //! | `trying` | the demo does what it prints |
 //! | `pictures` | the pictures of the README, on demand |
@@ -148,6 +149,8 @@ mod scanning;
 mod scraping;
 #[path = "process/secured.rs"]
 mod secured;
+#[path = "process/sparkplug.rs"]
+mod sparkplug;
 #[path = "process/stopping.rs"]
 mod stopping;
 #[path = "process/taking.rs"]
@@ -185,6 +188,8 @@ mod plant;
 mod raw;
 #[path = "process/rig.rs"]
 mod rig;
+#[path = "process/scada.rs"]
+mod scada;
 #[path = "process/standin.rs"]
 mod standin;
 #[path = "process/started.rs"]

@@ -113,7 +113,8 @@ pub fn aedes(port: u16) -> Started {
     broker
 }
 
-fn node(name: &str) -> Command {
+/// A program of `npm` under node.
+pub fn node(name: &str) -> Command {
     let folder = tests().join("process/npm");
     assert!(folder.join("node_modules").exists(), "{} has no packages; run tests/run", folder.display());
     let mut command = Command::new("node");

@@ -43,6 +43,8 @@ pub struct Wish<'a> {
     pub read_only: bool,
     /// More keys of the drive's control section.
     pub control: &'a str,
+    /// More ways by which the drive is commanded, each behind a comma.
+    pub from: &'a str,
     /// More keys of `[http]`, with those who may command from the page; nobody without.
     pub page: &'a str,
     /// Who may write over Modbus TCP; 127.0.0.1 without.
@@ -60,6 +62,7 @@ impl Wish<'_> {
         access: "",
         read_only: false,
         control: "",
+        from: "",
         page: "",
         write: "",
         through: None,
@@ -144,6 +147,11 @@ impl Plant {
     /// The drive neither hears nor says anything from now on; its port is still there.
     pub fn silence_the_drive(&self) {
         self.drive.signal("STOP");
+    }
+
+    /// The drive goes on.
+    pub fn wake_the_drive(&self) {
+        self.drive.signal("CONT");
     }
 
     /// A topic of the drive.
@@ -330,11 +338,12 @@ listen = "{http}"
 }
 
 fn control(lost_after: &str, wish: &Wish<'_>) -> String {
-    let (more, page) = (wish.control, if wish.page.is_empty() { "" } else { ", \"page\"" });
+    let (more, from) = (wish.control, wish.from);
+    let page = if wish.page.is_empty() { "" } else { ", \"page\"" };
     format!(
         r#"
 [line.drive.control]
-from = ["mqtt", "modbus-tcp"{page}]
+from = ["mqtt", "modbus-tcp"{page}{from}]
 frequency_hz = {{ min = 5.0, max = 50.0 }}
 directions = ["forward", "reverse"]
 on_commander_lost = "stop"
