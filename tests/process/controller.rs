@@ -8,7 +8,10 @@ use super::started::{PATIENCE, Started, until};
 use serde_json::{Value, json};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
+/// The parser takes two seconds of a processor before the first cycle.
+const START_MAX: Duration = Duration::from_secs(120);
 const UNIT: u8 = 101;
 /// Of run command and setpoint, in words.
 const STOP: u16 = 0;
@@ -54,7 +57,9 @@ impl Cabinet {
         let gateway = Some(run(&file));
         let address = SocketAddr::from(([127, 0, 0, 1], port));
         let controller = controller(&delivered("vfd-drive.st"), address, UNIT);
-        controller.wait_for("its first cycle", |line| line.starts_with('{').then_some(()));
+        until("the controller's first cycle", START_MAX, || {
+            controller.find_all(|line| line.starts_with('{').then_some(())).pop()
+        });
         Self { controller, gateway, drive, file, port, told: 0, _place: place }
     }
 
