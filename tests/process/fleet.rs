@@ -98,10 +98,11 @@ fn begin(more: &[&str]) -> Started {
 /// What it printed at its end.
 fn result(mut fleet: Started) -> Value {
     let status = fleet.end_within(END_WITHIN);
+    assert!(status.success(), "{}", fleet.text());
+    fleet.wait_for("its result", |line| (line == "}").then_some(()));
     // The log is one object a line, the result one over many lines.
     let lines = fleet.find_all(|line| fields(line).is_none_or(|fields| fields.is_null()).then(|| line.clone()));
     let text = lines.join("\n");
-    assert!(status.success(), "{}", fleet.text());
     serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error} in {text}"))
 }
 
@@ -296,9 +297,9 @@ fn a_cluster_of_nats_loses_nothing_that_it_acknowledged_when_a_node_is_killed() 
         ["--credentials", &credentials, "--prefix", "vfd", "--mqtt-version", "4", "--qos", "1", "--seconds", "20"];
     let fleet = begin(&[&common[..], &["--no-retain"], &brokers].concat());
     // The consumer and a third of the gateways are on the first node.
-    until("updates go through the first node", PATIENCE, || {
-        cluster.nodes[0].ask("/varz")?["in_msgs"].as_u64().filter(|count| *count > 1_000)
-    });
+    let taken = |cluster: &Cluster| cluster.nodes[0].ask("/varz")?["in_msgs"].as_u64();
+    let before = taken(&cluster).expect("a node that tells");
+    until("updates go through the first node", PATIENCE, || taken(&cluster).filter(|count| *count > before + 200));
     cluster.nodes[0].kill();
     let result = result(fleet);
     println!("{result:#}");

@@ -102,11 +102,10 @@ fn connection(broker: &Places, number: usize) -> ConnectionSettings {
 /// One place of a broker, by the rules of a configuration.
 fn place(args: &SimulateArgs, specimen: &Specimen, url: &str) -> Result<ConnectionSettings, Failure> {
     let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
-    let ca = args
-        .ca
-        .as_ref()
-        .filter(|_| url.starts_with("mqtts:"))
-        .map(|ca| format!("ca_file = {}\n", quoted(&ca.to_string_lossy())));
+    // Files of a configuration are named from the root; on the command line they are named from where one is.
+    let ca = args.ca.as_ref().filter(|_| url.starts_with("mqtts:")).map(std::path::absolute).transpose();
+    let ca = ca.map_err(|error| Failure::wrong(format!("--ca: {error}")))?;
+    let ca = ca.map(|ca| format!("ca_file = {}\n", quoted(&ca.to_string_lossy())));
     let user = args.credentials.as_ref().map(|_| "user = \"fleet\"\n");
     let plain = args.allow_plain_password.then_some("allow_plain_password = true\n");
     let text = format!(
