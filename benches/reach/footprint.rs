@@ -72,7 +72,7 @@ impl Plant {
         let text = format!(
             "{}[mqtt]\nbroker = \"mqtt://127.0.0.1:{broker}\"\n[[modbus_tcp]]\nlisten = \"{modbus}\"\n\
              [http]\nlisten = \"{http}\"\n",
-            lines_text(&head, ports)
+            lines_text(&head, ports, POLL)
         );
         let file = place.path().join("gateway.toml");
         std::fs::write(&file, text).expect("a file");

@@ -189,7 +189,7 @@ mod tests {
             let values = state["values"].as_object().unwrap();
             assert!(!values.is_empty() && values.values().all(|it| it["quality"] == "good"), "{id}: {state:#}");
             let [all, documents] = specimen.births;
-            assert!(all.messages > documents.messages && documents.messages >= 3, "{id}: {all:?}, {documents:?}");
+            assert!(all.bytes > documents.bytes && documents.messages >= 3, "{id}: {all:?}, {documents:?}");
             assert!(specimen.expiry.is_some(), "{id}");
         }
     }

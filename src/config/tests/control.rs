@@ -93,7 +93,11 @@ fn a_control_section_takes_what_is_written() {
 #[test]
 fn what_must_be_chosen_has_no_default() {
     for (line, key, right) in [
-        ("from = [\"mqtt\", \"modbus-tcp\"]\n", "from", "a list, each one of \"mqtt\", \"modbus-tcp\", \"page\""),
+        (
+            "from = [\"mqtt\", \"modbus-tcp\"]\n",
+            "from",
+            "a list, each one of \"mqtt\", \"modbus-tcp\", \"page\", \"sparkplug\"",
+        ),
         ("frequency_hz = { min = 5.0, max = 50.0 }\n", "frequency_hz", "a table `frequency_hz`"),
         ("on_commander_lost = \"stop\"\n", "on_commander_lost", "one of \"stop\", \"coast\", \"hold\""),
         ("lost_after = \"30s\"\n", "lost_after", "a time from \"1s\" to \"1h\""),
@@ -108,7 +112,7 @@ fn somebody_commands_and_nobody_twice() {
     let from = |list: &str| with(CONTROLLED, "[\"mqtt\", \"modbus-tcp\"]", list);
     let found = problems(&from("[]"));
     let empty = format!(
-        "{AT}.from: an empty list lets nobody command; \"mqtt\", \"modbus-tcp\", \"page\" or several of them, or no control section"
+        "{AT}.from: an empty list lets nobody command; \"mqtt\", \"modbus-tcp\", \"page\", \"sparkplug\" or several of them, or no control section"
     );
     assert_eq!(found[0], empty);
     assert!(found[1].starts_with("modbus_tcp[0].write: no drive that is served here takes commands"), "{found:?}");

@@ -228,6 +228,8 @@ fn what_the_example_writes_is_the_default_where_it_says_so() {
     let (mut written, left_out) = (good(&text), good(&defaults));
     let mqtt = written.mqtt.as_mut().unwrap();
     assert_eq!(mqtt.client_id.take().as_deref(), Some("vfd-gateway-plant-a"));
+    let sparkplug = mqtt.sparkplug.as_mut().unwrap();
+    assert_eq!(sparkplug.client_id.take().as_deref(), Some("vfd-gateway-plant-a-sparkplug"));
     // What says the same in more words is another file.
     written.digest = left_out.digest;
     assert_eq!(written, left_out);
