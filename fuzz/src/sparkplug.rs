@@ -145,7 +145,7 @@ impl Rig {
                 2 => Value::Float(f32::from_bits(u32::from(feed.word()) << 16)),
                 3 => Value::Boolean(feed.flag()),
                 4 => Value::Int(feed.word().into()),
-                _ => Value::Long(u64::from(feed.word()) << feed.byte() % 49),
+                _ => Value::Long(u64::from(feed.word()) << (feed.byte() % 49)),
             };
             let (alias, is_null) = (name.is_none().then(|| feed.word().into()), feed.flag().then_some(true));
             Metric { name, alias, is_null, value: Some(value), ..Metric::default() }

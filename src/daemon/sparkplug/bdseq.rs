@@ -43,7 +43,7 @@ impl BdSeq {
     }
 
     /// The number of the next connection, and what is to be done before it begins.
-    pub fn next(&mut self) -> (u8, Option<Chore>) {
+    pub fn begin(&mut self) -> (u8, Option<Chore>) {
         if let (true, Some(last)) = (std::mem::take(&mut self.is_spare), self.last) {
             return (last, None);
         }
@@ -100,7 +100,7 @@ mod tests {
     }
 
     fn connect(numbers: &mut BdSeq) -> u8 {
-        let (number, chore) = numbers.next();
+        let (number, chore) = numbers.begin();
         chore.into_iter().for_each(|chore| chore());
         number
     }

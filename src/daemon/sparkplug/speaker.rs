@@ -109,7 +109,7 @@ impl Speaker {
             Act::Command(place, command) => {
                 let ticket = command.ticket;
                 let inbox = self.shared.inbox(place);
-                if !inbox.is_some_and(|inbox| inbox.put(LineMessage::Command(command)).is_ok()) {
+                if inbox.is_none_or(|inbox| inbox.put(LineMessage::Command(command)).is_err()) {
                     self.session.refused_by_line(ticket);
                 }
             }
@@ -143,7 +143,7 @@ fn lines_of(shared: &Shared) -> Vec<Name> {
 
 impl Talk for Speaker {
     fn chore(&mut self) -> Option<Chore> {
-        let (number, chore) = self.bdseq.next();
+        let (number, chore) = self.bdseq.begin();
         self.session.connecting(number);
         chore
     }

@@ -26,8 +26,8 @@ fn told(acts: &[Act], births: &[Sent]) -> Vec<String> {
     let words = ["result/outcome", "result/reason", "result/message"];
     let alias = |name: &str| births.iter().find(|it| it.kind == "DBIRTH pump").unwrap().metric(name).alias;
     let value = |name: &&str| {
-        let metrics = data.iter().flat_map(|it| &it.payload.metrics);
-        let found = metrics.filter(|it| it.alias == alias(name)).last();
+        let mut metrics = data.iter().flat_map(|it| &it.payload.metrics);
+        let found = metrics.rfind(|it| it.alias == alias(name));
         match found.and_then(|it| it.value.clone()) {
             Some(Value::Text(text)) => text,
             other => format!("{other:?}"),

@@ -33,7 +33,7 @@ enum Part {
 /// Reads a command for `device`. All metrics are checked before any counts; but a stop counts whatever stands beside it.
 pub(super) fn read(device: &Device, metrics: &[Metric]) -> Asked {
     let read: Vec<_> = metrics.iter().map(|metric| part(device, metric)).collect();
-    let has = |part: Part| read.iter().any(|read| *read == Ok(Some(part)));
+    let has = |part: Part| read.contains(&Ok(Some(part)));
     for (part, order) in [(Part::Stop, Order::Stop { setpoint: None }), (Part::Coast, Order::Coast)] {
         if has(part) {
             let refused = read.into_iter().find_map(Result::err);

@@ -97,7 +97,7 @@ impl Session {
 
     fn death(&self, payload: Payload) -> Publication {
         let qos = Qos::AtLeastOnce;
-        Publication { qos, ..publication(self.topics.node(Kind::NodeDeath), payload.bytes()) }
+        Publication { qos, ..publication(self.topics.node(Kind::Death), payload.bytes()) }
     }
 
     /// Takes what happened on the connection.

@@ -36,7 +36,7 @@ impl Session {
         }
         let changed = self.node.data(millis(self.clock, at), lines);
         if !changed.is_empty() {
-            return self.publish(at, self.topics.node(Kind::NodeData), changed);
+            return self.publish(at, self.topics.node(Kind::Data), changed);
         }
         let data = self.next_of_devices(at, views, |device, now, probes| device.data(now, probes));
         data.or_else(|| self.next_of_devices(at, views, |device, _, probes| device.past(probes)))
@@ -57,7 +57,7 @@ impl Session {
             self.path.probe_from(at);
         }
         self.counters.births += 1;
-        let act = self.publish(at, self.topics.node(Kind::NodeBirth), metrics);
+        let act = self.publish(at, self.topics.node(Kind::Birth), metrics);
         self.is_born = act.is_some();
         act.unwrap_or(Act::Reconnect("the broker takes no packet as large as NBIRTH"))
     }

@@ -23,17 +23,17 @@ pub(super) enum Inbound<'t> {
 /// Kinds of messages that an edge node sends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    NodeBirth,
-    NodeData,
-    NodeDeath,
+    Birth,
+    Data,
+    Death,
 }
 
 impl Kind {
     const fn word(self) -> &'static str {
         match self {
-            Self::NodeBirth => "NBIRTH",
-            Self::NodeData => "NDATA",
-            Self::NodeDeath => "NDEATH",
+            Self::Birth => "NBIRTH",
+            Self::Data => "NDATA",
+            Self::Death => "NDEATH",
         }
     }
 }
