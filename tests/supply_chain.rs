@@ -176,6 +176,9 @@ fn versions_agree() {
     let newest = newest.unwrap().split(' ').next().unwrap();
     assert_eq!(newest, version, "the newest version in CHANGELOG.md is not that of Cargo.toml");
 
+    let tag = format!("newTag: {version}\n");
+    assert!(read("deploy/kubernetes/kustomization.yaml").contains(&tag), "deploy/kubernetes takes another image");
+
     let statement = format!("Rust {rust} or newer");
     assert!(read("README.md").contains(&statement), "README.md does not say {statement}");
     assert_eq!(toml_of("fuzz/Cargo.toml")["package"]["edition"], package["edition"], "edition of fuzz");

@@ -56,7 +56,7 @@ fn check_accepts_the_example_and_says_what_it_costs() {
         "serial device: rs485, direction turned by the adapter; low latency asked for",
         "silence before each frame",
         "127.0.0.1:1502",
-        "commands from mqtt, modbus-tcp, page: 5.00 to 50.00 Hz, forward, reverse",
+        "commands from mqtt, modbus-tcp, page, sparkplug: 5.00 to 50.00 Hz, forward, reverse",
         "commander lost after 30s: stop; gateway ended: hold",
         "can be ordered: stop, frequency, forward, reverse, coast, reset",
         "acceleration_time (0x020C): not known to be RAM: treated as stored",
