@@ -27,6 +27,7 @@ pub(super) fn health(state: &State, now: MonoTime) -> Value {
         "lines": state.shared.load().lines.iter().map(|it| line(it)).collect::<Vec<_>>(),
         "drives": state.shared.load().drives.iter().map(|it| drive(it)).collect::<Vec<_>>(),
         "mqtt": mqtt(state),
+        "sparkplug": sparkplug(state),
         "journal": journal(state),
     })
 }
