@@ -12,7 +12,7 @@ fn a_setpoint_and_a_run_order_move_the_motor() {
         let subscriber = plant.subscriber();
         plant.order("frequency/set", "42.5");
         subscriber.wait_for_payload("frequency/setpoint", "42.50");
-        assert_eq!(plant.output(), 0, "a setpoint alone starts nothing");
+        assert_eq!(plant.output(), Some(0), "a setpoint alone starts nothing");
         plant.order("run/set", " Forward\n");
         subscriber.wait_for_payload("run/state", "forward");
         plant.wait_until_it_turns();

@@ -79,14 +79,14 @@ fn a_drive_that_obeys_its_panel_is_found_and_set() {
     assert_eq!(plant.written().len(), seen);
     // The motor now follows the gateway.
     plant.run_over_mqtt();
-    until("it runs fast enough", PATIENCE, || (plant.output() > 1500).then_some(()));
+    until("it runs fast enough", PATIENCE, || (plant.output() > Some(1500)).then_some(()));
     assert_eq!(refusal(&plant), "other_owner");
     // A stop by somebody else ends the lease, and the motor turns on by its ramp.
     plant.write_uniform(&mut Raw::connect(plant.modbus), 256, 0);
     let is_pending = |reason: &String| ["other_owner", "stop_pending"].contains(&reason.as_str());
     let reason = until("the stop is effective", PATIENCE, || Some(refusal(&plant)).filter(|it| !is_pending(it)));
     assert_eq!(reason, "moving");
-    assert!(plant.output() > 0);
+    assert!(plant.output() > Some(0));
     assert!(!plant.written()[seen..].iter().any(|(address, _)| [F010, F011].contains(address)));
     plant.wait_until_it_stands();
     let set = until("it is known to stand", PATIENCE, || Some(order(&plant)).filter(|it| it["outcome"] != "refused"));

@@ -61,6 +61,6 @@ fn a_way_that_carries_only_one_direction_is_down_and_the_drive_is_stopped() {
         let written = plant.written();
         assert!(written[seen..].iter().all(|it| *it == (RUN, 0)), "{version}, {into_broker}: {:?}", &written[seen..]);
         plant.assert_nothing_was_written_since(written.len());
-        assert_eq!(plant.output(), 0, "{version}, {into_broker}");
+        assert_eq!(plant.output(), Some(0), "{version}, {into_broker}");
     }
 }

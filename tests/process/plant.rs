@@ -174,9 +174,9 @@ impl Plant {
         self.gateway.find_all(|line| written(line))
     }
 
-    /// The output frequency that the drive says it has, in 0.01 Hz.
-    pub fn output(&self) -> u16 {
-        Raw::connect(self.modbus).read(OUTPUT, 1).map_or(0, |words| words[0])
+    /// The output frequency that the drive says it has, in 0.01 Hz; nothing if nobody answers.
+    pub fn output(&self) -> Option<u16> {
+        Raw::connect(self.modbus).read(OUTPUT, 1).ok().map(|words| words[0])
     }
 
     /// Waits for this word on the line, after `seen` others, at most for `within`.
@@ -234,11 +234,11 @@ impl Plant {
     }
 
     pub fn wait_until_it_turns(&self) {
-        until("the motor turns", PATIENCE, || (self.output() > 200).then_some(()));
+        until("the motor turns", PATIENCE, || (self.output() > Some(200)).then_some(()));
     }
 
     pub fn wait_until_it_stands(&self) {
-        until("the motor stands still", PATIENCE, || (self.output() == 0).then_some(()));
+        until("the motor stands still", PATIENCE, || (self.output() == Some(0)).then_some(()));
     }
 
     /// Proves that the observer sees: a start that is written, as the first word after `seen` others.

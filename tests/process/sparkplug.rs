@@ -122,7 +122,7 @@ fn a_host_commands_the_drive_sees_what_becomes_of_it_and_stops_it_by_dying() {
     plant.wait_until_it_stands();
     until("it runs again", PATIENCE, || {
         scada.write_text("run/set", "forward");
-        (plant.output() > 200).then_some(())
+        (plant.output() > Some(200)).then_some(())
     });
     let written = plant.written().len();
     scada.say(&json!({ "vanish": true }));
