@@ -61,16 +61,18 @@ fn a_host_finds_the_gateway_and_its_drive_with_names_types_units_and_limits() {
         let drive = scada.wait_for_kind("DBIRTH", 0);
         assert_eq!((&drive["device"], &drive["seq"]), (&json!("pump-1"), &json!(1)));
         let output = metric(&drive, "frequency/output");
-        assert_eq!((&output["type"], &output["value"]), (&json!("Double"), &json!(0)));
-        assert_eq!((&output["properties"]["engUnit"], &output["properties"]["Quality"]), (&json!("Hz"), &json!(192)));
+        assert_eq!((&output["type"], &output["properties"]["engUnit"]), (&json!("Double"), &json!("Hz")));
+        assert!(output["properties"]["Quality"].is_u64(), "{output}");
         let input = metric(&drive, "frequency/set");
         let of_input = &input["properties"];
         assert_eq!(
             (&of_input["engLow"], &of_input["engHigh"], &of_input["readOnly"]),
             (&json!(5), &json!(50), &json!(false))
         );
-        assert_eq!(metric(&drive, "run/state")["value"], "stopped");
-        assert_eq!(metric(&drive, "trip/active")["value"], false);
+        // What was not read yet when the drive was born comes as data.
+        scada.wait_for_value("frequency/output", &0.into(), 0);
+        scada.wait_for_value("run/state", &"stopped".into(), 0);
+        scada.wait_for_value("trip/active", &false.into(), 0);
         assert_eq!(metric(&drive, "Properties/model")["value"], "hyundai-n700");
         assert!(metrics(&drive).iter().all(|it| it["alias"].is_u64() && it["at"].is_u64()), "{drive}");
         assert_sequence(&scada.seen());
