@@ -1,6 +1,6 @@
 //! What is said to the broker: the conversation of the MQTT side, and beside it that of the Sparkplug side.
 
-use super::answers::NorthSides;
+use super::answers::{AnswerBox, NorthSides};
 use super::clock;
 use super::http::State;
 use super::mqtt::speaker::Speaker;
@@ -9,10 +9,10 @@ use super::north_journal;
 use super::shared::Current;
 use super::sparkplug::BdSeq;
 use super::sparkplug::speaker::{Sides, Speaker as SparkplugSpeaker};
-use super::totals::{MqttTotals, SparkplugTotals};
 use crate::domain::ids::Ticket;
 use crate::north::mqtt::Settings;
 use crate::north::sparkplug;
+use arc_swap::ArcSwapOption;
 use std::cell::RefCell;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -57,7 +57,7 @@ pub struct Conversations {
     state: Arc<State>,
     mqtt: Option<Conversation<Mqtt>>,
     sparkplug: Option<Conversation<Sparkplug>>,
-    /// How many there were.
+    /// How many ranges of tickets were given.
     count: u64,
 }
 
@@ -94,69 +94,36 @@ impl Conversations {
         }
     }
 
-    /// Ends what is said to the broker, and begins anew as `mqtt` says. The old words come first: the broker knows both by
-    /// the same name.
     fn talk(&mut self, mqtt: Option<Mqtt>) {
-        let before = self.mqtt.take();
-        let totals = mqtt.is_some().then(Arc::<MqttTotals>::default);
-        self.state.mqtt.store(totals.clone());
-        let news = self.sides.mqtt.clone();
-        if let Some(news) = &news {
-            news.set_open(mqtt.is_some());
-        }
-        let Some(((with, totals), news)) = mqtt.zip(totals).zip(news) else {
-            if let Some(before) = before {
-                tokio::task::spawn_local(before.end());
-            }
-            return;
-        };
-        self.count += 1;
-        let first_ticket = Ticket(self.count * TICKETS);
-        let (stop, stopped) = oneshot::channel();
-        let (current, (connection, settings)) = (self.current.clone(), with.clone());
+        let (first_ticket, current) = (self.next_ticket(), self.current.clone());
         let journal = north_journal::side(self.sides.journal.as_ref(), &self.current);
-        let task = tokio::task::spawn_local(async move {
-            if let Some(before) = before {
-                before.end().await;
-            }
+        let says = async move |(connection, settings): Mqtt, totals, news, stopped| {
             let changed = Arc::clone(&current.load().changed);
             let speaker = Speaker::new(settings, current, news, totals, journal, first_ticket, clock::moment());
             speak(connection, speaker, &changed.mqtt, stopped).await;
-        });
-        self.mqtt = Some(Conversation { with, stop, task });
+        };
+        self.mqtt = begun_anew(self.mqtt.take(), mqtt, &self.state.mqtt, self.sides.mqtt.clone(), says);
     }
 
-    /// The same for Sparkplug.
     fn talk_sparkplug(&mut self, sparkplug: Option<Sparkplug>) {
-        let before = self.sparkplug.take();
-        let totals = sparkplug.is_some().then(Arc::<SparkplugTotals>::default);
-        self.state.sparkplug.store(totals.clone());
-        let news = self.sides.sparkplug.clone();
-        if let Some(news) = &news {
-            news.set_open(sparkplug.is_some());
-        }
-        let Some(((with, totals), news)) = sparkplug.zip(totals).zip(news) else {
-            if let Some(before) = before {
-                tokio::task::spawn_local(before.end());
-            }
-            return;
-        };
-        self.count += 1;
-        let first_ticket = Ticket(self.count * TICKETS);
-        let (stop, stopped) = oneshot::channel();
-        let (current, Sparkplug { connection, settings, data_dir }) = (self.current.clone(), with.clone());
+        let (first_ticket, current) = (self.next_ticket(), self.current.clone());
         let journal = north_journal::side(self.sides.journal.as_ref(), &self.current);
-        let task = tokio::task::spawn_local(async move {
-            if let Some(before) = before {
-                before.end().await;
-            }
+        let says = async move |with: Sparkplug, totals, news, stopped| {
+            let Sparkplug { connection, settings, data_dir } = with;
             let Ok(bdseq) = tokio::task::spawn_blocking(move || BdSeq::read(&data_dir)).await else { return };
             let changed = Arc::clone(&current.load().changed);
             let sides = Sides { current, news, totals, journal };
             let speaker = SparkplugSpeaker::new(settings, bdseq, sides, first_ticket, clock::moment());
             speak(connection, speaker, &changed.sparkplug, stopped).await;
-        });
-        self.sparkplug = Some(Conversation { with, stop, task });
+        };
+        self.sparkplug =
+            begun_anew(self.sparkplug.take(), sparkplug, &self.state.sparkplug, self.sides.sparkplug.clone(), says);
+    }
+
+    /// The first ticket of the next conversation.
+    const fn next_ticket(&mut self) -> Ticket {
+        self.count += 1;
+        Ticket(self.count * TICKETS)
     }
 
     /// Says goodbye to the broker, if there is one, and waits for that for a moment.
@@ -173,6 +140,37 @@ impl Conversations {
         };
         tokio::join!(end_mqtt, end_sparkplug);
     }
+}
+
+/// Ends `before`, and begins anew as `with` says. The old words come first: the broker knows both by the same name. What is
+/// counted is in `shown` from now on, and the answers of the lines wait in `news`.
+fn begun_anew<W: Clone + 'static, C: Default + 'static>(
+    before: Option<Conversation<W>>,
+    with: Option<W>,
+    shown: &ArcSwapOption<C>,
+    news: Option<Arc<AnswerBox>>,
+    says: impl AsyncFnOnce(W, Arc<C>, Arc<AnswerBox>, oneshot::Receiver<()>) + 'static,
+) -> Option<Conversation<W>> {
+    let totals = with.is_some().then(Arc::<C>::default);
+    shown.store(totals.clone());
+    if let Some(news) = &news {
+        news.set_open(with.is_some());
+    }
+    let Some(((with, totals), news)) = with.zip(totals).zip(news) else {
+        if let Some(before) = before {
+            tokio::task::spawn_local(before.end());
+        }
+        return None;
+    };
+    let (stop, stopped) = oneshot::channel();
+    let words = with.clone();
+    let task = tokio::task::spawn_local(async move {
+        if let Some(before) = before {
+            before.end().await;
+        }
+        says(words, totals, news, stopped).await;
+    });
+    Some(Conversation { with, stop, task })
 }
 
 /// With what a conversation is held.
