@@ -79,7 +79,9 @@ fn every_configuration_and_every_document_in_the_guides_is_sound() {
         for block in blocks(&text) {
             match block.language.as_str() {
                 "toml" => {
-                    let file = place.write("block.toml", &block.text);
+                    let is_whole = block.text.contains("[[line]]");
+                    let whole = if is_whole { block.text.clone() } else { around(&block.text) };
+                    let file = place.write("block.toml", &whole);
                     let output = vfd_gateway(&["check", "-c", file.to_str().unwrap()]);
                     assert!(output.status.success(), "{name}: {}", said(&output));
                     configurations += 1;
@@ -95,6 +97,42 @@ fn every_configuration_and_every_document_in_the_guides_is_sound() {
         }
     }
     assert!(configurations >= 10 && json >= 3, "{configurations} configurations, {json} documents");
+}
+
+/// A whole configuration with `part` in it, which shows a listener and no line.
+fn around(part: &str) -> String {
+    // A drive takes commands only from where somebody may give them.
+    let from = if part.contains("[[http.users]]") { r#""modbus-tcp", "page""# } else { r#""modbus-tcp""# };
+    format!(
+        r#"
+[[line]]
+name = "hall-1"
+port = "{ADAPTER}"
+
+[[line.drive]]
+name = "pump-1"
+model = "hyundai-n700"
+station = 1
+
+[line.drive.control]
+from = [{from}]
+frequency_hz = {{ min = 5.0, max = 50.0 }}
+on_commander_lost = "stop"
+lost_after = "10s"
+on_shutdown = "stop"
+
+[[line.drive]]
+name = "pump-2"
+model = "hyundai-n700"
+station = 2
+
+[[modbus_tcp]]
+listen = "{LISTEN}"
+write = ["127.0.0.1/32"]
+
+{part}
+"#
+    )
 }
 
 #[test]
