@@ -20,7 +20,7 @@
 //! | `capturing` | what goes over a line is seen by whoever watches, and tshark decodes what is captured |
 //! | `checking` | what `check` and the other commands say, and their exit codes |
 //! | `adding` | the drive that the tutorial adds is checked, played and run as it says |
-//! | `documents` | the README lists every command, option and key, and the links of all documents lead somewhere |
+//! | `documents` | the reference lists every command, option and key, and the links of all documents lead somewhere |
 //! | `guides` | the guides under `docs/` do as they say |
 //! | `manual` | completions, manual pages and `map` |
 //! | `containers` | what the Dockerfile and its guide say of the program is true |
@@ -57,7 +57,7 @@
 //! | `node_red` | the flow of `deploy/node-red`, in Node-RED as it stands, shows a drive and moves it |
 //! | `fleet` | many gateways on one broker, a user each: what it acknowledges arrives, over bridges and lost nodes too |
 //! | `trying` | the demo does what it prints |
-//! | `pictures` | the pictures of the README, on demand |
+//! | `pictures` | the pictures of the page for the documents, on demand |
 //!
 //! The other files are helpers. These tests are few and slow; what needs no process is tested elsewhere.
 

@@ -1,18 +1,17 @@
-//! The README lists every command, option and reason, and exactly the keys that there are: one list, and it is true. The
-//! links of all documents lead somewhere.
+//! The reference lists every command, option and reason, and exactly the keys that there are: one list, and it is true.
+//! The links of all documents lead somewhere.
 
-use super::rig::vfd_gateway;
+use super::rig::{text_of, vfd_gateway};
 use std::path::{Path, PathBuf};
 use vfd_gateway::config::keys::{KEYS, Key, Section};
 use vfd_gateway::domain::command::Reason;
 
 #[test]
-fn the_readme_has_every_key_as_the_program_has_it() {
-    let readme = readme();
-    let tables = part(&readme, "## Configuration", "\n## ");
+fn the_reference_has_every_key_as_the_program_has_it() {
+    let tables = text_of("docs/configuration.md");
     for section in Section::ALL.into_iter().filter(|section| *section != Section::Root) {
         let header = section.header();
-        let table = part(tables, &format!("### `{header}`"), "\n### ");
+        let table = part(&tables, &format!("\n## `{header}`\n"), "\n## ");
         let written: Vec<_> = table.lines().filter(|line| line.starts_with("| `")).collect();
         let keys = KEYS.iter().filter(|key| key.section == section);
         let expected: Vec<_> = keys.map(row).collect();
@@ -20,20 +19,19 @@ fn the_readme_has_every_key_as_the_program_has_it() {
     }
 }
 
-/// Uniform word 261 and `result` give a reason by its number and its word: the README must say what each means.
+/// Uniform word 261 and `result` give a reason by its number and its word: the reference must say what each means.
 #[test]
-fn the_readme_has_every_reason() {
-    let readme = readme();
+fn the_reference_has_every_reason() {
+    let table = text_of("docs/outcomes.md");
     for reason in Reason::ALL {
         let row = format!("| {} | `{}` | {} |", reason.number(), reason.word(), reason.text());
-        assert!(readme.contains(&row), "README.md has no row {row}");
+        assert!(table.contains(&row), "docs/outcomes.md has no row {row}");
     }
 }
 
 #[test]
-fn the_readme_has_every_command_and_option() {
-    let readme = readme();
-    let table = part(&readme, "## Commands", "\n## ");
+fn the_reference_has_every_command_and_option() {
+    let table = text_of("docs/commands.md");
     for words in commands() {
         let mut args: Vec<_> = words.split(' ').collect();
         assert!(table.contains(&format!("| `{words}")), "no row for {words}");
@@ -48,9 +46,9 @@ fn the_readme_has_every_command_and_option() {
 
 /// A row for what does not exist is as wrong as none.
 #[test]
-fn the_readme_has_no_command_that_there_is_not() {
-    let readme = readme();
-    let rows = part(&readme, "## Commands", "\n## ").lines().filter_map(|line| line.strip_prefix("| `"));
+fn the_reference_has_no_command_that_there_is_not() {
+    let table = text_of("docs/commands.md");
+    let rows = table.lines().filter_map(|line| line.strip_prefix("| `"));
     let known = commands();
     for row in rows {
         let words = row.split('`').next().unwrap();
@@ -134,7 +132,7 @@ fn options(help: &str) -> impl Iterator<Item = &str> {
     lines.flat_map(|line| line.split([' ', ','])).filter(|word| word.starts_with("--"))
 }
 
-/// How the README writes a key.
+/// How the reference writes a key.
 fn row(key: &Key) -> String {
     let default = key.default.unwrap_or("required");
     format!("| `{}` | {} | {} | {} |", key.name, marked(key.kind), marked(default), marked(key.about))
@@ -149,10 +147,6 @@ fn marked(text: &str) -> String {
 /// From `begin` to the next `end`.
 #[track_caller]
 fn part<'a>(text: &'a str, begin: &str, end: &str) -> &'a str {
-    let (_, rest) = text.split_once(begin).unwrap_or_else(|| panic!("the README has no {begin}"));
+    let (_, rest) = text.split_once(begin).unwrap_or_else(|| panic!("there is no {begin}"));
     rest.split_once(end).map_or(rest, |(part, _)| part)
-}
-
-fn readme() -> String {
-    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap()
 }

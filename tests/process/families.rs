@@ -175,7 +175,7 @@ fn epoch(subscriber: &Subscriber, family: &Family) -> u64 {
     })
 }
 
-/// Words of the uniform map, typed from the README.
+/// Words of the uniform map, typed from `docs/modbus-tcp.md`.
 const RUN: u16 = 256;
 const SETPOINT: u16 = 257;
 const RUN_STATE: u16 = 2;

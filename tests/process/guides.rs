@@ -1,10 +1,10 @@
-//! The guides under `docs/` do as they say: their configurations are checked, their documents are read, and what they tell
-//! to type is typed, in the order of the text, against drives that are played.
+//! The guides under `docs/` do as they say: their configurations are checked, as those of the reference and the README are,
+//! their documents are read, and what they tell to type is typed, in the order of the text, against drives that are played.
 
 use super::demo::Demo;
 use super::outsiders::mbpoll_output;
 use super::raw::Raw;
-use super::rig::{Place, fields, start, vfd_gateway};
+use super::rig::{Place, fields, start, text_of, vfd_gateway};
 use super::started::{PATIENCE, Started, until};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -75,7 +75,8 @@ fn document(name: &str) -> String {
 fn every_configuration_and_every_document_in_the_guides_is_sound() {
     let place = Place::new();
     let (mut configurations, mut json) = (0, 0);
-    for (name, text) in documents() {
+    let readme = ("the README".to_owned(), text_of("README.md"));
+    for (name, text) in documents().into_iter().chain([readme]) {
         for block in blocks(&text) {
             match block.language.as_str() {
                 "toml" => {
@@ -401,7 +402,7 @@ fn the_lines_of_the_guide_to_plcs_work_beside_the_demo() {
 #[test]
 fn the_five_minutes_of_the_readme_work_beside_the_demo() {
     let demo = Beside::start();
-    let readme = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
+    let readme = text_of("README.md");
     let (_, tour) = readme.split_once("Five minutes more").unwrap();
     let tour = blocks(tour.split_once("\n## ").unwrap().0).remove(0).text;
     let port = format!(" --port {}", demo.0.modbus.port());

@@ -1,5 +1,6 @@
 //! Programs that nobody here wrote. A test without them fails: one that is skipped proves nothing.
 
+use super::rig::text_of;
 use super::started::{PATIENCE, Started, until};
 use std::io::Write;
 use std::net::SocketAddr;
@@ -58,7 +59,7 @@ pub fn pymodbus_tls_client(address: SocketAddr, directory: &Path, name: &str, so
     })
 }
 
-/// Makes certificates as the README shows; see `make-certificates.sh`.
+/// Makes certificates as `docs/modbus-tcp.md` shows; see `make-certificates.sh`.
 pub fn make_certificates(directory: &Path, args: &[&str]) {
     let script = tests().with_file_name("deploy").join("modbus-security/make-certificates.sh");
     let output = run(Command::new(script).arg(directory).args(args));
@@ -179,11 +180,11 @@ pub fn cable(one: &Path, other: &Path) -> Started {
     cable
 }
 
-/// ser2net before the line at `device`, on `port` of this machine, set up as the README shows in `file`. It returns once
-/// somebody may connect.
+/// ser2net before the line at `device`, on `port` of this machine, set up in `file` as `docs/real-drive.md` shows. It
+/// returns once somebody may connect.
 pub fn ser2net(file: &Path, port: u16, device: &Path) -> Started {
-    let readme = std::fs::read_to_string(tests().with_file_name("README.md")).unwrap();
-    let (_, rest) = readme.split_once("```yaml\n").expect("the README shows a configuration of ser2net");
+    let guide = text_of("docs/real-drive.md");
+    let (_, rest) = guide.split_once("```yaml\n").expect("the guide shows a configuration of ser2net");
     let shown = rest.split_once("```").unwrap().0;
     assert!(shown.contains("tcp,4001") && shown.contains("/dev/ttyUSB0"), "{shown}");
     let here = shown.replace("tcp,4001", &format!("tcp,127.0.0.1,{port}"));

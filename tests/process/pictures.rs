@@ -1,4 +1,4 @@
-//! The pictures of the page in the README, made from the demo:
+//! The pictures of the page in the documents, made from the demo:
 //! `cargo test --test process pictures -- --ignored` writes them to `docs/`.
 
 use super::chromium::{Browser, Window};

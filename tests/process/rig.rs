@@ -7,6 +7,12 @@ use std::process::{Command, Output};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+/// What stands at `path` of this repository.
+#[track_caller]
+pub fn text_of(path: &str) -> String {
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap()
+}
+
 /// A directory that is gone after the test.
 pub struct Place {
     path: PathBuf,

@@ -5,7 +5,7 @@ use super::plant::{Plant, Wish};
 use super::started::{PATIENCE, until};
 use serde_json::Value;
 
-/// Topics under the gateway's, whether the broker keeps them, and their QoS, as the README lists them.
+/// Topics under the gateway's, whether the broker keeps them, and their QoS, as `docs/mqtt-topics.md` lists them.
 const TREE: &[(&str, u64)] = &[
     ("status", 1),
     ("info", 1),

@@ -140,7 +140,7 @@ fn waits_for(client: &mut Raw, unit: u8, at: u16, word: u16) {
     until(&format!("word {at} is {word}"), PATIENCE, || (client.read_unit(unit, at, 1).ok()? == [word]).then_some(()));
 }
 
-/// Words of the uniform map, typed from the README, and states of one of them.
+/// Words of the uniform map, typed from `docs/modbus-tcp.md`, and states of one of them.
 const STATUS: u16 = 1;
 const RUN_STATE: u16 = 2;
 const TRIP_CODE: u16 = 3;
