@@ -137,7 +137,9 @@ impl Device {
                 ..self.metric(place, millis(now.clock, look.since(definition, content)), value)
             }
         });
-        let metrics = metrics.collect();
+        let mut metrics: Vec<_> = metrics.collect();
+        // Values stand in the order in which they came about, in births too.
+        metrics.sort_by_key(|metric| metric.timestamp);
         let until = self.definitions.iter().filter_map(|definition| look.ends_at(definition)).min();
         self.held = held;
         (self.is_born, self.was_born) = (true, true);

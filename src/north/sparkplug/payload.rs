@@ -235,6 +235,14 @@ mod tests {
         assert_eq!(Payload::read(&payload.bytes()), Ok(payload));
     }
 
+    /// tck-id-payloads-metric-datatype-value, tck-id-payloads-propertyset-quality-value-value.
+    #[test]
+    fn types_and_qualities_have_the_numbers_of_the_specification() {
+        let types = [Datatype::Int32, Datatype::Int64, Datatype::Double, Datatype::Boolean, Datatype::Text];
+        assert_eq!(types.map(|it| it as u32), [3, 4, 10, 11, 12]);
+        assert_eq!([Quality::Good, Quality::Stale].map(|it| it as u32), [192, 500]);
+    }
+
     #[test]
     fn fields_that_are_not_used_are_skipped() {
         // uuid (4) and body (5) of the payload, a data set (17) as the value of its metric.

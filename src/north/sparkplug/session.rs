@@ -41,6 +41,8 @@ pub struct Session {
     /// The number of the next message.
     pub(super) seq: u8,
     pub(super) is_born: bool,
+    /// It was born on this connection, which a change of drives does not undo: somebody takes it to be there.
+    pub(super) is_known: bool,
     /// When all is born again because a host asked for it.
     pub(super) rebirth_at: Option<MonoTime>,
     pub(super) born_at: MonoTime,
@@ -69,6 +71,7 @@ impl Session {
             bdseq: 0,
             seq: 0,
             is_born: false,
+            is_known: false,
             rebirth_at: None,
             born_at: started.mono,
             leaving: None,
@@ -133,7 +136,7 @@ impl Session {
     }
 
     fn state(&mut self, message: &Message<'_>) {
-        if self.host.take(message.payload) == News::Offline && self.is_born {
+        if self.host.take(message.payload) == News::Offline && self.is_known {
             self.counters.host_losses += 1;
             self.leaving = Some("the primary host is offline");
         }
@@ -160,7 +163,7 @@ impl Session {
 
     fn lost(&mut self) {
         self.path.lost();
-        (self.is_born, self.rebirth_at, self.leaving) = (false, None, None);
+        (self.is_born, self.is_known, self.rebirth_at, self.leaving) = (false, false, None, None);
         self.devices.iter_mut().for_each(Device::lost);
         self.giving.lost();
         self.count_history();

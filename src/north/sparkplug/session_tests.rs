@@ -20,7 +20,7 @@ fn property(metric: &Metric, key: &str) -> Option<PropertyScalar> {
 }
 
 /// tck-id-message-flow-edge-node-birth-publish-will-message-topic, -payload, -payload-bdSeq, -qos, -will-retained;
-/// tck-id-payloads-ndeath-seq.
+/// tck-id-payloads-ndeath-seq, -will-message-qos, -will-message-retain; tck-id-topics-ndeath-payload.
 #[test]
 fn the_will_is_ndeath_with_the_number_of_the_connection_and_nothing_else() {
     let mut rig = Rig::new();
@@ -53,14 +53,17 @@ fn commands_and_the_state_of_the_host_are_subscribed_first() {
     assert!(matches!(rig.acts()[..], [Act::Reconnect(_)]), "one is not granted");
 }
 
-/// tck-id-message-flow-edge-node-birth-publish-phid-wait, tck-id-operational-behavior-edge-node-birth-sequence-wait,
-/// tck-id-principles-birth-certificates-order, tck-id-message-flow-device-birth-publish-nbirth-wait.
+/// tck-id-message-flow-edge-node-birth-publish-phid-wait, -phid-wait-id,
+/// tck-id-operational-behavior-edge-node-birth-sequence-wait, tck-id-principles-birth-certificates-order,
+/// tck-id-message-flow-device-birth-publish-nbirth-wait.
 #[test]
 fn nothing_is_published_before_the_primary_host_is_there_and_nbirth_comes_first() {
     let mut rig = Rig::new();
     rig.poll(0, 3_000);
     assert_eq!(rig.connect(7), []);
     assert_eq!(rig.pass(60_000), [], "not even a probe");
+    let other = message("spBv1.0/STATE/other", br#"{"online":true,"timestamp":9}"#);
+    assert_eq!(rig.deliver(&Message { retain: true, ..other }), [], "another host");
     assert_eq!(rig.host(false, 5), []);
     assert_eq!(rig.session.counters().host_awaited, 1);
     rig.poll(0, 3_000);
@@ -94,7 +97,10 @@ fn nbirth_carries_the_number_of_the_will_and_what_asks_for_births() {
 }
 
 /// tck-id-payloads-name-birth-data-requirement, tck-id-payloads-alias-uniqueness, -alias-birth-requirement,
-/// tck-id-payloads-metric-datatype-req, tck-id-payloads-timestamp-in-UTC, tck-id-case-sensitivity-metric-names.
+/// tck-id-payloads-metric-datatype-req, tck-id-payloads-timestamp-in-UTC, tck-id-case-sensitivity-metric-names,
+/// tck-id-payloads-dbirth-order, -dbirth-timestamp, tck-id-payloads-propertyset-keys-array-size, -values-array-size,
+/// tck-id-payloads-metric-propertyvalue-type-req, tck-id-operational-behavior-data-publish-nbirth-values,
+/// -dbirth-values.
 #[test]
 fn a_birth_says_of_each_metric_its_name_alias_type_and_moment_and_all_are_unique() {
     let mut rig = Rig::new();
@@ -105,6 +111,7 @@ fn a_birth_says_of_each_metric_its_name_alias_type_and_moment_and_all_are_unique
     assert_eq!(births.iter().map(|it| it.kind.as_str()).collect::<Vec<_>>(), ["NBIRTH", "DBIRTH pump", "DBIRTH fan"]);
     let mut aliases = BTreeSet::new();
     for birth in &births {
+        assert_eq!(birth.payload.timestamp, Some(rig.unix_ms()), "{}", birth.kind);
         let mut names = BTreeSet::new();
         for metric in &birth.payload.metrics {
             let name = metric.name.clone().expect("a name");
@@ -113,6 +120,10 @@ fn a_birth_says_of_each_metric_its_name_alias_type_and_moment_and_all_are_unique
             assert!(metric.alias.map_or(has_none, |alias| aliases.insert(alias)), "{name}: {:?}", metric.alias);
             assert!(metric.datatype.is_some() && metric.timestamp.is_some(), "{metric:?}");
             assert_eq!(metric.value.is_none(), metric.is_null == Some(true), "{metric:?}");
+            if let Some(set) = &metric.properties {
+                assert_eq!(set.keys.len(), set.values.len(), "{set:?}");
+                assert!(set.values.iter().all(|it| it.datatype.is_some()), "{set:?}");
+            }
         }
     }
     let pump = &births[1];
@@ -127,7 +138,8 @@ fn a_birth_says_of_each_metric_its_name_alias_type_and_moment_and_all_are_unique
     assert!(births[2].payload.metrics.iter().all(|it| it.name.as_deref() != Some("run/set")), "no control, no input");
 }
 
-/// tck-id-payloads-sequence-num-incrementing, tck-id-payloads-sequence-num-zero-nbirth: one count over all messages.
+/// tck-id-payloads-sequence-num-incrementing, -always-included, -req-nbirth: one count over all messages;
+/// tck-id-payloads-ddata-timestamp.
 #[test]
 fn numbers_run_over_all_messages_of_the_node_and_begin_again_behind_255() {
     let mut rig = Rig::born();
@@ -137,6 +149,7 @@ fn numbers_run_over_all_messages_of_the_node_and_begin_again_behind_255() {
         rig.poll(1, 1_000 + 100 * (round % 5));
         for sent in sent(&rig.pass(500)) {
             assert_eq!(sent.payload.seq, Some(expected), "{}", sent.kind);
+            assert!(sent.payload.timestamp.is_some(), "{}", sent.kind);
             expected = (expected + 1) % 256;
         }
     }
@@ -146,8 +159,9 @@ fn numbers_run_over_all_messages_of_the_node_and_begin_again_behind_255() {
     assert!(seqs.starts_with(&[Some(0), Some(1), Some(2)]) || rig.session.counters().births == 2, "{seqs:?}");
 }
 
-/// tck-id-payloads-name-requirement, tck-id-operational-behavior-data-publish-nbirth-change. The recommendation
-/// tck-id-payloads-metric-datatype-not-req is not followed: common decoders need the type.
+/// tck-id-payloads-name-requirement, tck-id-payloads-alias-data-cmd-requirement,
+/// tck-id-operational-behavior-data-publish-nbirth-change, -dbirth-change, tck-id-principles-rbe-recommended. The
+/// recommendation tck-id-payloads-metric-datatype-not-req is not followed: common decoders need the type.
 #[test]
 fn data_is_what_has_changed_by_its_alias_alone() {
     let mut rig = Rig::new();
@@ -190,6 +204,7 @@ fn measured_values_are_gathered_for_a_moment_and_a_trip_is_not() {
     assert_eq!(later[0].payload.metrics[0].value, Some(Value::Double(50.0)));
 }
 
+/// tck-id-payloads-propertyset-quality-value-type, -value-value.
 #[test]
 fn a_value_that_grows_stale_is_null_and_marked_until_it_is_read_again() {
     let mut rig = Rig::born();
@@ -199,6 +214,7 @@ fn a_value_that_grows_stale_is_null_and_marked_until_it_is_read_again() {
     for metric in stale {
         assert_eq!((metric.is_null, &metric.value), (Some(true), &None));
         assert_eq!(property(metric, "Quality"), Some(PropertyScalar::Int(500)));
+        assert_eq!(metric.properties.as_ref().unwrap().values[0].datatype, Some(3));
     }
     rig.poll(0, 3_000);
     let data = sent(&rig.acts());
@@ -219,7 +235,7 @@ fn a_drive_that_is_lost_dies_and_is_born_again_when_it_answers() {
     assert_eq!((birth.kind.as_str(), birth.payload.seq), ("DBIRTH pump", Some(3)));
 }
 
-/// tck-id-operational-behavior-data-commands-rebirth-action-1, -2, -3.
+/// tck-id-operational-behavior-data-commands-rebirth-action-2, -3.
 #[test]
 fn a_host_that_asks_for_births_gets_all_of_them_with_the_same_number_but_not_more_than_once_a_second() {
     let mut rig = Rig::born();
@@ -243,8 +259,49 @@ fn a_host_that_asks_for_births_gets_all_of_them_with_the_same_number_but_not_mor
     assert_eq!(rig.session.counters().rebirths, 2, "false asks for nothing, and what is retained is a replay");
 }
 
+/// tck-id-operational-behavior-data-commands-rebirth-action-1: also while the births that are asked for have to wait.
+#[test]
+fn from_the_wish_for_births_on_no_data_is_sent_and_none_is_lost() {
+    let mut rig = Rig::born();
+    rig.pass(300);
+    rig.node_command(vec![metric("Node Control/Rebirth", Value::Boolean(true))]);
+    for output in [4_000, 5_000] {
+        rig.poll(0, output);
+        assert_eq!(kinds(&rig.acts()), Vec::<String>::new(), "the births are due in less than a second");
+        assert_eq!(kinds(&rig.pass(300)), Vec::<String>::new());
+    }
+    let all = sent(&rig.pass(200));
+    assert_eq!((all[0].kind.as_str(), all[1].kind.as_str()), ("NBIRTH", "DBIRTH pump"));
+    let output = all[1].metric("frequency/output");
+    assert_eq!(output.value, Some(Value::Double(50.0)));
+    let past = all[2..].iter().flat_map(|it| &it.payload.metrics).filter(|it| it.is_historical == Some(true));
+    let past: Vec<_> = past.filter(|it| it.alias == output.alias).map(|it| it.value.clone()).collect();
+    assert_eq!(past, [Some(Value::Double(40.0)), Some(Value::Double(50.0))]);
+}
+
+/// tck-id-operational-behavior-data-publish-dbirth-order.
+#[test]
+fn values_stand_in_the_order_in_which_they_came_about() {
+    let mut rig = Rig::new();
+    rig.poll(0, 3_000);
+    rig.millis += 200;
+    rig.connect(0);
+    let mut all = sent(&rig.host(true, 1));
+    rig.pass(300);
+    rig.poll(0, 3_100);
+    rig.millis += 100;
+    rig.views[0].run_state = RunState::Tripped;
+    all.extend(sent(&rig.acts()));
+    assert_eq!(all.iter().map(|it| it.kind.as_str()).collect::<Vec<_>>(), ["NBIRTH", "DBIRTH pump", "DDATA pump"]);
+    for sent in &all[1..] {
+        let moments: Vec<_> = sent.payload.metrics.iter().map(|it| it.timestamp).collect();
+        assert!(moments.is_sorted() && moments.first() < moments.last(), "{}: {moments:?}", sent.kind);
+    }
+}
+
 /// tck-id-message-flow-edge-node-birth-publish-phid-offline, tck-id-operational-behavior-edge-node-termination-host-offline,
-/// -host-offline-timestamp, tck-id-operational-behavior-edge-node-intentional-disconnect-ndeath.
+/// -host-offline-reconnect, -host-offline-timestamp,
+/// tck-id-operational-behavior-edge-node-intentional-disconnect-ndeath.
 #[test]
 fn a_primary_host_that_goes_offline_is_left_with_ndeath_and_the_connection_is_built_anew() {
     let mut rig = Rig::born();
@@ -265,7 +322,8 @@ fn a_primary_host_that_goes_offline_is_left_with_ndeath_and_the_connection_is_bu
     assert_eq!(rig.session.counters().host_losses, 1);
 }
 
-/// tck-id-payloads-metric-is-historical: what happened in between, in order, behind the births.
+/// What happened in between, in order, behind the births. The specification explains `is_historical` and has no id for
+/// it.
 #[test]
 fn what_happened_while_no_host_was_there_is_told_as_history() {
     let mut rig = Rig::born();
@@ -360,4 +418,12 @@ fn other_drives_are_born_with_the_node_and_keep_their_history() {
     assert_eq!(kinds(&rig.acts()), ["NBIRTH", "DBIRTH pump"]);
     rig.poll(0, 100);
     assert_eq!(kinds(&rig.acts()), ["DBIRTH fan"]);
+}
+
+/// tck-id-message-flow-edge-node-birth-publish-phid-offline.
+#[test]
+fn a_primary_host_that_goes_offline_before_other_drives_are_born_is_left_all_the_same() {
+    let mut rig = Rig::born();
+    rig.session.replace(drives(), &[name("hall")]);
+    assert!(matches!(rig.host(false, 1)[..], [Act::Leave(_)]), "it was told of the drives before");
 }

@@ -34,6 +34,11 @@ impl Session {
         if let Some(payload) = self.path.take_probe(at) {
             return Some(Act::Publish(publication(self.topics.probe(), payload)));
         }
+        if self.rebirth_at.is_some() {
+            // No data from the wish for births on; what changes until they are due is not lost.
+            self.record(at, views);
+            return None;
+        }
         let changed = self.node.data(millis(self.clock, at), lines);
         if !changed.is_empty() {
             return self.publish(at, self.topics.node(Kind::Data), changed);
@@ -59,6 +64,7 @@ impl Session {
         self.counters.births += 1;
         let act = self.publish(at, self.topics.node(Kind::Birth), metrics);
         self.is_born = act.is_some();
+        self.is_known |= self.is_born;
         act.unwrap_or(Act::Reconnect("the broker takes no packet as large as NBIRTH"))
     }
 
