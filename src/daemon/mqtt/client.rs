@@ -117,12 +117,12 @@ impl<T: Talk> Client<'_, T> {
         }
         let tls = match self.attend(pin!(tls::read(self.settings.tls.clone())), far(), stop.as_mut()).await {
             Outcome::Done(Ok(tls)) => tls,
-            Outcome::Done(Err(reason)) => return End::Broken(Broken::because(reason), None),
+            Outcome::Done(Err(reason)) => return End::Broken(Broken::unsent(reason), None),
             Outcome::Stopped => return End::Stopped,
             Outcome::GivenUp(GivenUp::Dropped(reason) | GivenUp::Left(reason)) => {
-                return End::Broken(Broken::because(reason), None);
+                return End::Broken(Broken::unsent(reason), None);
             }
-            Outcome::Overdue => return End::Broken(Broken::because("the TLS files cannot be read in time"), None),
+            Outcome::Overdue => return End::Broken(Broken::unsent("the TLS files cannot be read in time"), None),
         };
         let will = self.talk.borrow().will();
         let (sender, mut events) = link::open(&self.settings, will, tls);

@@ -128,6 +128,11 @@ impl Broken {
     pub fn because(reason: impl Into<String>) -> Self {
         Self { reason: reason.into(), is_fresh: false, cause: Cause::Other, is_unsent: false }
     }
+
+    /// The same before anything was sent.
+    pub fn unsent(reason: impl Into<String>) -> Self {
+        Self { is_unsent: true, ..Self::because(reason) }
+    }
 }
 
 /// Why a publication is not sent.

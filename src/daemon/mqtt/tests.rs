@@ -48,12 +48,18 @@ struct Script {
     /// Publishes this much without an end.
     flood: Option<usize>,
     wills: RefCell<u32>,
+    /// Attempts of which it was told that nothing was sent.
+    unsent: u32,
     /// There is always something to do at once.
     is_due: bool,
     ticks: u32,
 }
 
 impl Talk for Script {
+    fn unsent(&mut self) {
+        self.unsent += 1;
+    }
+
     fn will(&self) -> Publication {
         *self.wills.borrow_mut() += 1;
         text("will", &format!("will {}", self.wills.borrow()))
@@ -203,6 +209,23 @@ async fn a_broker_that_never_answers_connect_is_given_up_in_time() {
         assert!(waited > Duration::from_secs(9) && waited < Duration::from_secs(13), "{version:?}: {waited:?}");
         assert!(rig.told().is_empty(), "{version:?}: who was never connected has lost nothing");
     }
+}
+
+#[tokio::test]
+async fn an_attempt_that_ends_before_connect_is_told_as_unsent() {
+    let rig = Rig::default();
+    let tls = TlsSettings { ca_file: Some("/no/such/authority.pem".into()), ..TlsSettings::default() };
+    let settings = ConnectionSettings { tls: Some(tls), ..settings("127.0.0.1:1".parse().unwrap(), Version::V5) };
+    let twice = async {
+        while rig.talk.borrow().unsent < 2 {
+            sleep(Duration::from_millis(1)).await;
+        }
+    };
+    tokio::select! {
+        () = converse(settings, &rig.talk, &rig.bell, &rig.counters, rig.stop.notified()) => panic!("ended"),
+        told = timeout(Duration::from_secs(5), twice) => told.unwrap(),
+    }
+    assert!(rig.told().is_empty());
 }
 
 #[tokio::test(start_paused = true)]
@@ -658,6 +681,7 @@ async fn a_repeat_is_marked_as_the_broker_marked_it_and_acknowledged_all_the_sam
     }
 }
 
+/// For Sparkplug: tck-id-principles-persistence-clean-session-311, -clean-session-50.
 #[tokio::test]
 async fn the_subscription_is_asked_for_again_on_every_connection() {
     for version in VERSIONS {
@@ -669,6 +693,11 @@ async fn the_subscription_is_asked_for_again_on_every_connection() {
                 let connect = peer.expect(CONNECT).await;
                 // Protocol name and level, then the flags: a clean session, or a clean start.
                 assert_eq!(connect.body[7] & 0x02, 0x02, "{version:?}: the broker keeps nothing for us");
+                if version == Version::V5 {
+                    // Without a session expiry interval (0x11) it is 0.
+                    let properties = &connect.body[11..11 + usize::from(connect.body[10])];
+                    assert!(!properties.contains(&0x11), "{properties:?}");
+                }
                 peer.answer_connect(&[]).await;
                 assert!(peer.expect(SUBSCRIBE).await.body.ends_with(&[b'#', options_of(version)]));
             }
