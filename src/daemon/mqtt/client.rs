@@ -12,7 +12,7 @@ use super::settings::{ConnectionSettings, Keeps};
 use super::window::Window;
 use super::{Packet, Talk, tls};
 use crate::daemon::clock;
-use crate::north::mqtt::{Event, Publication, Refusal};
+use crate::north::mqtt::{Event, Publication, Refusal, Version};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::pin::{Pin, pin};
@@ -22,8 +22,8 @@ use tokio::time::{Instant, sleep_until, timeout};
 
 /// Time for the last words.
 const FAREWELL_MAX: Duration = Duration::from_secs(1);
-/// Time for the broker to close the connection after DISCONNECT. Closing first, with something unread, could cost
-/// words that it has not read.
+/// Time for the broker to close the connection after DISCONNECT, or to read the words where there is none. Closing first,
+/// with something unread, could cost words that it has not read.
 const CLOSING_MAX: Duration = Duration::from_millis(200);
 /// Margin over the library's own limit for a connection to come about.
 const CONNECT_MARGIN: Duration = Duration::from_secs(2);
@@ -362,6 +362,8 @@ impl<T: Talk> Client<'_, T> {
 
     /// Is over when DISCONNECT is out, or the connection is gone.
     async fn say(&mut self, words: &mut VecDeque<Publication>, events: &mut Events) {
+        // The library cannot send the DISCONNECT that asks for the will. Without any, closing asks for it.
+        let is_closed_only = self.settings.version == Version::V5 && self.talk.borrow().leaves_will();
         let mut has_ended = false;
         while let Some(link) = &mut self.link {
             while link.window.has_room() && !has_ended {
@@ -369,7 +371,9 @@ impl<T: Talk> Client<'_, T> {
                     Some(publication) => link.publish(publication, self.counters).is_err(),
                     // Not before the words are acknowledged: a broker may answer nothing once it has read DISCONNECT.
                     None if link.window.is_empty() => {
-                        link.disconnect();
+                        if !is_closed_only {
+                            link.disconnect();
+                        }
                         true
                     }
                     None => break,

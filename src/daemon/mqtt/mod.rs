@@ -63,6 +63,10 @@ pub trait Talk {
     fn contested(&mut self, rival: Option<Rival>);
     /// The last words before an orderly end.
     fn farewell(&mut self, at: Moment) -> Vec<Publication>;
+    /// Whether the broker is to publish the will behind the last words too, where the protocol has that: with MQTT 5.
+    fn leaves_will(&self) -> bool {
+        false
+    }
 }
 
 /// Something that may take its time.
@@ -78,6 +82,7 @@ pub enum Packet {
     Publish(Publication),
     /// Drop the connection and make a new one, for this reason.
     Reconnect(&'static str),
-    /// The same after the last words: an orderly end, which the broker publishes no will for.
+    /// The same after the last words: an orderly end, which the broker publishes no will for unless
+    /// [`Talk::leaves_will`].
     Leave(&'static str),
 }

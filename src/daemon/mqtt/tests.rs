@@ -45,6 +45,7 @@ struct Script {
     /// Said at each connection.
     greeting: Vec<Packet>,
     farewell: Vec<Publication>,
+    leaves_will: bool,
     /// Publishes this much without an end.
     flood: Option<usize>,
     wills: RefCell<u32>,
@@ -107,6 +108,10 @@ impl Talk for Script {
 
     fn farewell(&mut self, _at: Moment) -> Vec<Publication> {
         std::mem::take(&mut self.farewell)
+    }
+
+    fn leaves_will(&self) -> bool {
+        self.leaves_will
     }
 }
 
@@ -434,6 +439,29 @@ async fn the_bell_and_the_wish_to_reconnect_are_heard() {
     }
 }
 
+/// For Sparkplug: tck-id-payloads-ndeath-will-message-publisher-disconnect-mqtt50.
+#[tokio::test]
+async fn who_leaves_the_will_to_the_broker_sends_no_disconnect_with_mqtt_5() {
+    for version in VERSIONS {
+        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let last = Publication { qos: Qos::AtLeastOnce, ..text("state", "offline") };
+        rig.talk.replace(Script { leaves_will: true, farewell: vec![last], ..Script::default() });
+        let broker = async {
+            let mut peer = stub.welcome().await;
+            rig.told_at_least(1).await;
+            rig.stop.notify_one();
+            let last = peer.published().await;
+            peer.acknowledge(last.identifier).await;
+            peer.read().await.map(|frame| frame.kind)
+        };
+        let client =
+            converse(settings(stub.address(), version), &rig.talk, &rig.bell, &rig.counters, rig.stop.notified());
+        let ((), end) = timeout(Duration::from_secs(5), async { tokio::join!(client, broker) }).await.unwrap();
+        assert_eq!(end, (version == Version::V4).then_some(DISCONNECT), "{version:?}");
+    }
+}
+
+/// For Sparkplug: tck-id-payloads-ndeath-will-message-publisher, -publisher-disconnect-mqtt311.
 #[tokio::test]
 async fn the_last_words_come_before_disconnect_and_are_waited_for() {
     for version in VERSIONS {

@@ -193,4 +193,9 @@ impl Talk for Speaker {
     fn farewell(&mut self, at: Moment) -> Vec<Publication> {
         self.session.farewell(at)
     }
+
+    /// tck-id-payloads-ndeath-will-message-publisher-disconnect-mqtt50: NDEATH comes twice, with one number.
+    fn leaves_will(&self) -> bool {
+        true
+    }
 }

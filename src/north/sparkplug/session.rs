@@ -236,7 +236,7 @@ impl Session {
         act
     }
 
-    /// What is still to be published on an orderly end: a will is published for those alone who vanish.
+    /// What is still to be published on an orderly end: with MQTT 3.1.1 a will is published for those alone who vanish.
     pub fn farewell(&mut self, at: Moment) -> Vec<Publication> {
         self.clock.see(at);
         let at_ms = millis(self.clock, at.mono);
