@@ -22,8 +22,8 @@ use tokio::time::{Instant, sleep_until, timeout};
 
 /// Time for the last words.
 const FAREWELL_MAX: Duration = Duration::from_secs(1);
-/// Time for the broker to close the connection after DISCONNECT, or to read the words where there is none. Closing first,
-/// with something unread, could cost words that it has not read.
+/// Time for the broker to close the connection after DISCONNECT, or to read the words where there is none. Closing
+/// first, with something unread, could cost words that it has not read.
 const CLOSING_MAX: Duration = Duration::from_millis(200);
 /// Margin over the library's own limit for a connection to come about.
 const CONNECT_MARGIN: Duration = Duration::from_secs(2);
