@@ -2,7 +2,7 @@
 # What the Dockerfile does in its stages, for the machine that TARGETARCH and TARGETVARIANT name: amd64, arm64 or arm/v7.
 #
 #   build.sh tools             installs what compiles for that machine, as far as it is missing
-#   build.sh program           compiles the program, exactly as Cargo.lock has it
+#   build.sh program           compiles the program, exactly as Cargo.lock has it, and gathers the licences of its parts
 #   build.sh root DEBIAN ROOT  fills ROOT with the program and what it needs of the Debian at DEBIAN
 set -eu
 
@@ -25,9 +25,13 @@ tools() {
     if [ "$rust" != "$(rustc -vV | sed -n 's/^host: //p')" ]; then
         rustup target add "$rust"
     fi
-    if ! command -v "$gnu-gcc" >/dev/null; then
+    missing=
+    command -v "$gnu-gcc" >/dev/null || missing="gcc-$(echo "$gnu" | tr _ -) libc6-dev-$debian-cross"
+    command -v python3 >/dev/null || missing="$missing python3"
+    if [ -n "$missing" ]; then
         apt-get update
-        apt-get install -y --no-install-recommends "gcc-$(echo "$gnu" | tr _ -)" "libc6-dev-$debian-cross"
+        # shellcheck disable=SC2086
+        apt-get install -y --no-install-recommends $missing
         rm -rf /var/lib/apt/lists/*
     fi
 }
@@ -36,6 +40,7 @@ tools() {
 program() {
     variable=CARGO_TARGET_$(echo "$rust" | tr a-z- A-Z_)_LINKER
     env "$variable=$gnu-gcc" cargo build --release --locked --target "$rust" --bin vfd-gateway
+    release/notices target/notices "$rust"
 }
 
 # The program and the libraries that it names, the loader where the program expects it, whom to trust where `mqtts://` has
@@ -49,6 +54,7 @@ root() {
     libraries_of "$program"
     install -D -m 644 /etc/ssl/certs/ca-certificates.crt "$to/etc/ssl/certs/ca-certificates.crt"
     install -D -m 644 LICENSE "$to/usr/share/doc/vfd-gateway/copyright"
+    install -m 644 target/notices/* "$to/usr/share/doc/vfd-gateway/"
     package "$from" "libc6:$debian"
     package "$from" "libgcc-s1:$debian"
     package "" ca-certificates
