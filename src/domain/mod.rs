@@ -1,5 +1,6 @@
 //! The words of the trade: time, ids, link settings, requests, reports. No room stands before this one.
 
+pub mod buckets;
 pub mod calendar;
 pub mod command;
 pub mod control;

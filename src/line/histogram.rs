@@ -1,37 +1,36 @@
 //! Times counted in buckets that grow with them: bounded, without allocation, and old ones fade.
 
+use crate::domain::buckets::Buckets;
 use std::time::Duration;
 
-/// Buckets of each octave: a bucket is at most a sixteenth wider than the times in it.
-const SUB_BITS: u32 = 4;
-/// Times are counted below two minutes: more than any reply may need and be late.
-const TOP_BITS: u32 = 27;
-const BUCKETS: usize = ((TOP_BITS - SUB_BITS + 1) << SUB_BITS) as usize;
+/// Of microseconds, at most a sixteenth wider than the times in them, below two minutes: more than any reply may need and be
+/// late.
+const BUCKETS: Buckets = Buckets::new(4, 27);
 /// With so many times all counts are halved, so that what a station did long ago fades.
 pub const FADES_AT: u16 = 8192;
 
 /// Times in microseconds, the newest few thousand of them.
 #[derive(Clone, Debug)]
 pub struct Histogram {
-    counts: [u16; BUCKETS],
+    counts: [u16; BUCKETS.count()],
     total: u16,
     /// The longest since the last halving, and between the one before and that.
-    longest: [u32; 2],
+    longest: [u64; 2],
 }
 
 impl Default for Histogram {
     fn default() -> Self {
-        Self { counts: [0; BUCKETS], total: 0, longest: [0; 2] }
+        Self { counts: [0; BUCKETS.count()], total: 0, longest: [0; 2] }
     }
 }
 
 impl Histogram {
     /// Counts `time`.
     pub fn add(&mut self, time: Duration) {
-        let micros = u32::try_from(time.as_micros()).unwrap_or(u32::MAX).min((1 << TOP_BITS) - 1);
+        let micros = u64::try_from(time.as_micros()).unwrap_or(u64::MAX).min(BUCKETS.number_max());
         let [longest, _] = &mut self.longest;
         *longest = micros.max(*longest);
-        if let Some(count) = self.counts.get_mut(place(micros)) {
+        if let Some(count) = self.counts.get_mut(BUCKETS.place(micros)) {
             *count += 1;
             self.total += 1;
         }
@@ -50,7 +49,7 @@ impl Histogram {
     #[must_use]
     pub fn longest(&self) -> Duration {
         let [newer, older] = self.longest;
-        micros(newer.max(older))
+        Duration::from_micros(newer.max(older))
     }
 
     /// A time that all but `above` in a thousand do not exceed, up to a sixteenth longer than it was; zero if there is
@@ -64,7 +63,8 @@ impl Histogram {
             if seen > spared {
                 let [newer, older] = self.longest;
                 let longest = newer.max(older);
-                return micros(if self::place(longest) == place { longest } else { upper_end(place) });
+                let is_in_it = BUCKETS.place(longest) == place;
+                return Duration::from_micros(if is_in_it { longest } else { BUCKETS.upper_end(place) });
             }
         }
         Duration::ZERO
@@ -77,42 +77,9 @@ impl Histogram {
     }
 }
 
-/// The bucket of a time.
-const fn place(micros: u32) -> usize {
-    let octave = u32::BITS - (micros >> SUB_BITS).leading_zeros();
-    let sub = (micros >> octave.saturating_sub(1)) & ((1 << SUB_BITS) - 1);
-    ((octave << SUB_BITS) | sub) as usize
-}
-
-/// The longest time in the bucket at `place`.
-const fn upper_end(place: usize) -> u32 {
-    let (octave, sub) = (place as u32 >> SUB_BITS, place as u32 & ((1 << SUB_BITS) - 1));
-    match octave.checked_sub(1) {
-        None => sub,
-        Some(shift) => (((1 << SUB_BITS) + sub + 1) << shift) - 1,
-    }
-}
-
-fn micros(micros: u32) -> Duration {
-    Duration::from_micros(micros.into())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn buckets_follow_each_other_without_hole_and_hold_their_ends() {
-        assert_eq!(place((1 << TOP_BITS) - 1), BUCKETS - 1);
-        for at in 0..BUCKETS {
-            let end = upper_end(at);
-            assert_eq!((place(end), place(end + 1)), (at, at + 1), "{at}");
-        }
-        for micros in (1..1 << TOP_BITS).step_by(9973) {
-            let end = upper_end(place(micros));
-            assert!(micros <= end && end - micros <= micros / 16, "{micros}");
-        }
-    }
 
     #[test]
     fn percentiles_count_from_the_longest() {

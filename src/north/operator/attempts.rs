@@ -77,6 +77,13 @@ impl Attempts {
         Ok(())
     }
 
+    /// An attempt from `address` has failed at `now`: the next one waits from here on, however long it took to find out.
+    pub fn failed(&mut self, now: MonoTime, address: IpAddr) {
+        if let Some(failures) = self.failures.get_mut(&whose(address)) {
+            failures.last = now;
+        }
+    }
+
     /// An attempt from `address` that has begun was the right one.
     pub fn succeeded(&mut self, address: IpAddr) {
         self.failures.remove(&whose(address));
@@ -129,6 +136,18 @@ mod tests {
         }
         assert!(attempts.begin(now + FORGOTTEN_AFTER, host(1)).is_ok());
         assert_eq!(attempts.failures[&host(1)].count, 1, "it begins anew");
+    }
+
+    #[test]
+    fn a_slow_host_makes_no_wait_shorter() {
+        let mut attempts = Attempts::default();
+        for _ in 0..FREE {
+            assert_eq!(attempts.begin(second(0), host(1)), Ok(()));
+        }
+        attempts.failed(second(5), host(1));
+        attempts.failed(second(5), host(2));
+        assert_eq!(attempts.begin(second(5), host(1)), Err(FIRST_WAIT));
+        assert_eq!(attempts.begin(second(6), host(1)), Ok(()));
     }
 
     #[test]

@@ -233,8 +233,8 @@ impl Device {
     }
 
     /// Changes of the past, marked so; none if none waits.
-    pub(super) fn past(&mut self, probes: u64) -> Vec<Metric> {
-        let entries = self.history.take(HISTORY_BATCH);
+    pub(super) fn past(&mut self, probes: u64, room_bytes: usize) -> Vec<Metric> {
+        let entries = self.history.take(HISTORY_BATCH, room_bytes);
         let metrics = entries.iter().map(|entry| Metric {
             is_historical: Some(true),
             ..self.metric(entry.metric, entry.at_ms, entry.value.clone())

@@ -23,6 +23,15 @@ pub(super) struct Entry {
     pub(super) is_trip: bool,
 }
 
+impl Entry {
+    /// What it takes in a message, rounded up.
+    fn bytes(&self) -> usize {
+        /// Alias, moment, type, quality and a number.
+        const OTHER_BYTES: usize = 64;
+        OTHER_BYTES + if let Some(Value::Text(text)) = &self.value { text.len() } else { 0 }
+    }
+}
+
 /// The changes of one drive.
 #[derive(Debug, Default)]
 pub(super) struct History {
@@ -55,16 +64,17 @@ impl History {
         queue.push_back((self.last, entry));
     }
 
-    /// Takes up to `most` of the oldest.
-    pub(super) fn take(&mut self, most: usize) -> Vec<Entry> {
-        let mut taken = Vec::new();
-        while taken.len() < most {
+    /// Takes up to `most` of the oldest, and no more behind the one that fills `room_bytes`.
+    pub(super) fn take(&mut self, most: usize, room_bytes: usize) -> Vec<Entry> {
+        let (mut taken, mut bytes) = (Vec::new(), 0);
+        while taken.len() < most && bytes < room_bytes {
             let next = match (self.telemetry.front(), self.trips.front()) {
                 (Some((telemetry, _)), Some((trip, _))) if telemetry < trip => self.telemetry.pop_front(),
                 (_, Some(_)) => self.trips.pop_front(),
                 (_, None) => self.telemetry.pop_front(),
             };
             let Some((_, entry)) = next else { break };
+            bytes += entry.bytes();
             taken.push(entry);
         }
         taken
@@ -92,7 +102,7 @@ impl History {
         if self.unproven.is_empty() {
             return;
         }
-        let waiting = self.take(usize::MAX);
+        let waiting = self.take(usize::MAX, usize::MAX);
         let unproven = std::mem::take(&mut self.unproven);
         unproven.into_iter().map(|(_, entry)| entry).chain(waiting).for_each(|entry| self.add(entry));
     }
@@ -126,8 +136,9 @@ mod tests {
         for at in 0..6 {
             history.add(entry(at, at % 3 == 1));
         }
-        assert_eq!(moments(&history.take(4)), [0, 1, 2, 3]);
-        assert_eq!(moments(&history.take(usize::MAX)), [4, 5]);
+        assert_eq!(moments(&history.take(3, usize::MAX)), [0, 1, 2]);
+        assert_eq!(moments(&history.take(usize::MAX, 1)), [3], "one at least");
+        assert_eq!(moments(&history.take(usize::MAX, usize::MAX)), [4, 5]);
         assert_eq!(history.len(), 0);
     }
 
@@ -139,7 +150,7 @@ mod tests {
             history.add(entry(at, false));
         }
         assert_eq!((history.len(), history.take_dropped(), history.take_dropped()), (3, 2, 0));
-        assert_eq!(moments(&history.take(9)), [0, 3, 4]);
+        assert_eq!(moments(&history.take(9, usize::MAX)), [0, 3, 4]);
         let mut history = History::new(0);
         (0..1000).for_each(|at| history.add(entry(at, at % 2 == 0)));
         assert_eq!(history.len(), TRIPS_MAX, "telemetry is not wanted");
@@ -153,7 +164,7 @@ mod tests {
         history.add(entry(4, false));
         history.proven(5);
         history.lost();
-        assert_eq!(moments(&history.take(9)), [2, 3, 4]);
+        assert_eq!(moments(&history.take(9, usize::MAX)), [2, 3, 4]);
         history.sent(6, [entry(5, false)]);
         history.proven(7);
         history.lost();

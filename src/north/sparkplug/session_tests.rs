@@ -361,6 +361,32 @@ fn what_happened_while_no_host_was_there_is_told_as_history() {
     assert_eq!(rig.session.counters().history_waiting, 0);
 }
 
+/// tck-id-topics-ddata-payload: nothing of it is left out because the broker takes small packets only.
+#[test]
+fn history_comes_in_messages_as_large_as_the_broker_takes() {
+    const PACKET_BYTES: usize = 4_096;
+    const TRIPS: u64 = 40;
+    let mut rig = Rig::born();
+    rig.pass(500);
+    rig.handle(Event::Lost);
+    for total in 1..=TRIPS {
+        let record = TripRecord { at: rig.at().mono, code: Some(3), words: Vec::new() };
+        rig.views[0].trip_kept.total = total;
+        (rig.views[0].trip.last, rig.views[0].trip_kept.last) = (Some(record.clone()), Some(record));
+        rig.acts();
+        rig.pass(100);
+    }
+    rig.broker = Broker { maximum_packet_bytes: Some(PACKET_BYTES), retains: true };
+    rig.poll(0, 3_000);
+    rig.connect(1);
+    let all = sent(&rig.host(true, 2));
+    let last = all[1].metric("trip/last").alias;
+    let past = all[2..].iter().flat_map(|it| &it.payload.metrics).filter(|it| it.is_historical == Some(true));
+    assert_eq!(past.filter(|it| it.alias == last).count() as u64, TRIPS);
+    assert!(all.iter().all(|it| it.publication.payload.len() < PACKET_BYTES));
+    assert_eq!((rig.session.counters().too_large, rig.session.counters().history_waiting), (0, 0));
+}
+
 #[test]
 fn what_a_dying_broker_may_not_have_passed_on_is_told_again() {
     let mut rig = Rig::born();

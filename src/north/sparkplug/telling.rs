@@ -44,7 +44,9 @@ impl Session {
             return self.publish(at, self.topics.node(Kind::Data), changed);
         }
         let data = self.next_of_devices(at, views, |device, now, probes| device.data(now, probes));
-        data.or_else(|| self.next_of_devices(at, views, |device, _, probes| device.past(probes)))
+        // The last that is taken may need as much room again.
+        let room_bytes = self.packet_bytes_max() / 2;
+        data.or_else(|| self.next_of_devices(at, views, |device, _, probes| device.past(probes, room_bytes)))
     }
 
     /// NBIRTH, with which everything begins anew.
@@ -135,13 +137,17 @@ impl Session {
     fn publish(&mut self, at: MonoTime, topic: String, metrics: Vec<Metric>) -> Option<Act> {
         let payload = Payload { timestamp: Some(millis(self.clock, at)), metrics, seq: Some(self.seq.into()) };
         let publication = publication(topic, payload.bytes());
-        if packet_bytes(&publication) > self.broker.maximum_packet_bytes.unwrap_or(PACKET_MAX).min(PACKET_MAX) {
+        if packet_bytes(&publication) > self.packet_bytes_max() {
             self.counters.too_large += 1;
             return None;
         }
         self.seq = self.seq.wrapping_add(1);
         self.counters.messages_out += 1;
         Some(Act::Publish(publication))
+    }
+
+    fn packet_bytes_max(&self) -> usize {
+        self.broker.maximum_packet_bytes.unwrap_or(PACKET_MAX).min(PACKET_MAX)
     }
 
     pub(super) fn count_history(&mut self) {

@@ -1,13 +1,11 @@
 //! Times counted by many threads at once, in buckets that grow with them.
 
+use crate::domain::buckets::Buckets;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-/// Buckets of each octave: a bucket is at most a thirty-second wider than the times in it.
-const SUB_BITS: u32 = 5;
-/// Times are told apart below 19 hours.
-const TOP_BITS: u32 = 36;
-const BUCKETS: usize = ((TOP_BITS - SUB_BITS + 1) << SUB_BITS) as usize;
+/// Of microseconds, at most a thirty-second wider than the times in them, below 19 hours.
+const BUCKETS: Buckets = Buckets::new(5, 36);
 
 /// Times with a resolution of a microsecond or a thirty-second of themselves.
 #[derive(Debug)]
@@ -19,7 +17,7 @@ pub struct Delays {
 impl Default for Delays {
     fn default() -> Self {
         Self {
-            counts: std::iter::repeat_with(AtomicU64::default).take(BUCKETS).collect(),
+            counts: std::iter::repeat_with(AtomicU64::default).take(BUCKETS.count()).collect(),
             longest_us: AtomicU64::new(0),
         }
     }
@@ -28,8 +26,8 @@ impl Default for Delays {
 impl Delays {
     /// Counts `time`.
     pub fn add(&self, time: Duration) {
-        let micros = u64::try_from(time.as_micros()).unwrap_or(u64::MAX).min((1 << TOP_BITS) - 1);
-        if let Some(count) = self.counts.get(place(micros)) {
+        let micros = u64::try_from(time.as_micros()).unwrap_or(u64::MAX).min(BUCKETS.number_max());
+        if let Some(count) = self.counts.get(BUCKETS.place(micros)) {
             count.fetch_add(1, Ordering::Relaxed);
         }
         self.longest_us.fetch_max(micros, Ordering::Relaxed);
@@ -50,45 +48,16 @@ impl Delays {
         for (place, count) in counts.iter().enumerate() {
             seen += count;
             if seen >= wanted && seen > 0 {
-                return Duration::from_micros(upper_end(place)).min(self.longest());
+                return Duration::from_micros(BUCKETS.upper_end(place)).min(self.longest());
             }
         }
         Duration::ZERO
     }
 }
 
-/// The bucket of a time.
-const fn place(micros: u64) -> usize {
-    let octave = u64::BITS - (micros >> SUB_BITS).leading_zeros();
-    let sub = (micros >> octave.saturating_sub(1)) & ((1 << SUB_BITS) - 1);
-    (((octave as u64) << SUB_BITS) | sub) as usize
-}
-
-/// The longest time in the bucket at `place`.
-const fn upper_end(place: usize) -> u64 {
-    let (octave, sub) = (place as u64 >> SUB_BITS, place as u64 & ((1 << SUB_BITS) - 1));
-    match octave.checked_sub(1) {
-        None => sub,
-        Some(shift) => (((1 << SUB_BITS) + sub + 1) << shift) - 1,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn buckets_follow_each_other_without_hole_and_hold_their_ends() {
-        assert_eq!(place((1 << TOP_BITS) - 1), BUCKETS - 1);
-        for at in 0..BUCKETS {
-            let end = upper_end(at);
-            assert_eq!((place(end), place(end + 1)), (at, at + 1), "{at}");
-        }
-        for micros in (1..1 << TOP_BITS).step_by(99_999_989) {
-            let end = upper_end(place(micros));
-            assert!(micros <= end && end - micros <= micros / 32, "{micros}");
-        }
-    }
 
     #[test]
     fn shares_are_told() {

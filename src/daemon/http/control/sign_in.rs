@@ -51,6 +51,7 @@ async fn signed_in(control: &Control, request: Request) -> Result<Response, Refu
     let peer = parts.extensions.get::<Peer>().map_or(IpAddr::V4(Ipv4Addr::LOCALHOST), |Peer(peer)| *peer);
     control.attempts().begin(clock::now(), peer).map_err(|wait| wait_first(wait, peer))?;
     let Some(user) = verified(control, &name, password).await? else {
+        control.attempts().failed(clock::now(), peer);
         tracing::warn!(%peer, "a sign-in on the page failed");
         return Err(refused(StatusCode::UNAUTHORIZED, "the user or the password is wrong"));
     };
