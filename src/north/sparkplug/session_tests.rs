@@ -365,7 +365,7 @@ fn what_happened_while_no_host_was_there_is_told_as_history() {
 #[test]
 fn history_comes_in_messages_as_large_as_the_broker_takes() {
     const PACKET_BYTES: usize = 4_096;
-    const TRIPS: u64 = 40;
+    const TRIPS: u32 = 40;
     let mut rig = Rig::born();
     rig.pass(500);
     rig.handle(Event::Lost);
@@ -382,7 +382,7 @@ fn history_comes_in_messages_as_large_as_the_broker_takes() {
     let all = sent(&rig.host(true, 2));
     let last = all[1].metric("trip/last").alias;
     let past = all[2..].iter().flat_map(|it| &it.payload.metrics).filter(|it| it.is_historical == Some(true));
-    assert_eq!(past.filter(|it| it.alias == last).count() as u64, TRIPS);
+    assert_eq!(past.filter(|it| it.alias == last).count(), TRIPS as usize);
     assert!(all.iter().all(|it| it.publication.payload.len() < PACKET_BYTES));
     assert_eq!((rig.session.counters().too_large, rig.session.counters().history_waiting), (0, 0));
 }
