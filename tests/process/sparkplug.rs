@@ -2,6 +2,7 @@
 
 use super::mosquitto::Mosquitto;
 use super::plant::{FREQUENCY, LOST_AFTER, MARGIN, Plant, RUN, Wish};
+use super::rig::fields;
 use super::scada::{Scada, metric, metrics};
 use super::started::{PATIENCE, until};
 use serde_json::{Value, json};
@@ -211,6 +212,16 @@ fn a_primary_host_that_goes_offline_is_left_and_waited_for() {
 }
 
 /// What the host of `plant` sees of the numbers while its broker is killed `kills` times.
+/// How often the connection of the edge node found nobody at the broker's port.
+fn refusals(plant: &Plant) -> usize {
+    let is_one = |line: &String| {
+        let fields = fields(line)?;
+        let of_node = fields["client_id"].as_str()?.ends_with("-sparkplug");
+        (of_node && fields["reason"].as_str()?.contains("Connection refused")).then_some(())
+    };
+    plant.gateway.find_all(is_one).len()
+}
+
 fn kill(plant: &mut Plant, kills: usize) {
     // The host of one connection sees all of it; the will of the gateway dies with the broker.
     let mut all = Vec::new();
@@ -224,8 +235,10 @@ fn kill(plant: &mut Plant, kills: usize) {
         assert!(!sessions.is_empty());
         all.push(sessions[sessions.len() - 1]);
         if kill < kills {
+            let before = refusals(plant);
             plant.broker.kill();
-            plant.wait_until_not_ready();
+            // One that is back before anybody has missed it, again and again, looks like a rival with our identifier.
+            until("the broker is missed", PATIENCE, || (refusals(plant) > before).then_some(()));
             plant.broker.start_again();
         }
     }

@@ -54,10 +54,11 @@ pub async fn converse<T: Talk>(
         }
         let next = client.retry.after(&broken, life);
         let (reason, wait) = (broken.reason, next.wait);
+        let client_id = client.settings.client_id.as_str();
         if counters.connected.get() > had || reason != last_reason {
-            tracing::warn!(reason, "no connection to the broker; trying again");
+            tracing::warn!(client_id, reason, "no connection to the broker; trying again");
         } else {
-            tracing::debug!(reason, ?wait, "no connection to the broker; trying again");
+            tracing::debug!(client_id, reason, ?wait, "no connection to the broker; trying again");
         }
         client.counters.reason.replace(reason.clone());
         last_reason = reason;
@@ -232,7 +233,8 @@ impl<T: Talk> Client<'_, T> {
         match incident {
             Incident::Connected(terms) => {
                 count(&self.counters.connected);
-                tracing::info!(host = self.settings.host, port = self.settings.port, "connected to the broker");
+                let ConnectionSettings { host, port, client_id, .. } = &self.settings;
+                tracing::info!(client_id, host, port, "connected to the broker");
                 self.tell(Event::Connected(terms.broker));
             }
             Incident::Subscribed(granted) => self.tell(Event::Subscribed(granted)),
