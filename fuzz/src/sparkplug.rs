@@ -222,7 +222,7 @@ impl Rig {
         self.acts();
     }
 
-    /// Everything that is to be done now. Probes come back, and who leaves is connected anew.
+    /// Everything that is to be done now. Probes come back; a connection that is to be left stays until it is lost.
     fn acts(&mut self) -> Vec<Act> {
         let mut all = Vec::new();
         while let Some(act) = self.session.next_act(self.at(), &self.views, &self.lines) {

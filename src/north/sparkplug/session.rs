@@ -198,11 +198,19 @@ impl Session {
     /// When [`tick`](Self::tick) and [`next_act`](Self::next_act) are to be called if nothing happens before.
     #[must_use]
     pub fn next_wake(&self) -> Option<MonoTime> {
-        let path = if self.is_born { self.path.wake() } else { self.path.overdue() };
+        // A host that is gone is asked nothing until the connection is left.
+        let may_tell = self.may_tell();
+        let path = if self.is_born && may_tell { self.path.wake() } else { self.path.overdue() };
         // Of those that are not looked at, nobody would take notice.
         let looked_at = self.devices.iter().filter(|device| device.is_born || !self.is_born && self.keeps());
         let devices = looked_at.filter_map(Device::wake).min();
-        [path, self.rebirth_at, self.giving.wake(), devices].into_iter().flatten().min()
+        let rebirth = self.rebirth_at.filter(|_| may_tell);
+        [path, rebirth, self.giving.wake(), devices].into_iter().flatten().min()
+    }
+
+    /// Whether a host is to be told, and can be.
+    pub(super) fn may_tell(&self) -> bool {
+        self.path.is_granted() && self.host.is_there()
     }
 
     /// Whether what happens is of interest while no host is told.

@@ -279,6 +279,17 @@ fn from_the_wish_for_births_on_no_data_is_sent_and_none_is_lost() {
     assert_eq!(past, [Some(Value::Double(40.0)), Some(Value::Double(50.0))]);
 }
 
+#[test]
+fn births_that_wait_for_a_host_that_is_gone_wake_nobody() {
+    let mut rig = Rig::born();
+    rig.node_command(vec![metric("Node Control/Rebirth", Value::Boolean(true))]);
+    assert!(matches!(rig.host(false, 1)[..], [Act::Leave(_)]));
+    for _ in 0..20 {
+        rig.pass(1_000);
+        assert!(rig.session.next_wake().is_none_or(|wake| wake > rig.at().mono), "it would turn without an end");
+    }
+}
+
 /// tck-id-operational-behavior-data-publish-dbirth-order.
 #[test]
 fn values_stand_in_the_order_in_which_they_came_about() {

@@ -21,7 +21,7 @@ impl Session {
         views: &[Arc<DriveView>],
         lines: &[LineState],
     ) -> Option<Act> {
-        if !self.path.is_granted() || !self.host.is_there() {
+        if !self.may_tell() {
             self.record(at, views);
             return None;
         }
