@@ -2,6 +2,7 @@
 //! or written twice.
 
 use super::mosquitto::free_port;
+use super::plant::output;
 use super::raw::Raw;
 use super::rig::{Place, fields, program};
 use super::started::{PATIENCE, Started, until};
@@ -12,9 +13,8 @@ use std::net::{SocketAddr, TcpStream};
 use std::path::PathBuf;
 use std::process::Command;
 
-/// The drive's uniform unit, and its output frequency at the native one.
+/// The drive's uniform unit.
 const UNIFORM: u8 = 101;
-const OUTPUT: u16 = 0x0101;
 /// The reasons with which the uniform unit says that a stop is not over yet, that a trip is not seen to be cleared yet, or
 /// that there is none.
 const REASON: u16 = 261;
@@ -68,7 +68,7 @@ impl Site {
     }
 
     fn output(&self) -> Option<u16> {
-        Raw::connect(self.modbus).read(OUTPUT, 1).ok().map(|words| words[0])
+        output(self.modbus)
     }
 
     fn get(&self, path: &str) -> Option<String> {

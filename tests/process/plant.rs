@@ -174,9 +174,8 @@ impl Plant {
         self.gateway.find_all(|line| written(line))
     }
 
-    /// The output frequency that the drive says it has, in 0.01 Hz; nothing if nobody answers.
     pub fn output(&self) -> Option<u16> {
-        Raw::connect(self.modbus).read(OUTPUT, 1).ok().map(|words| words[0])
+        output(self.modbus)
     }
 
     /// Waits for this word on the line, after `seen` others, at most for `within`.
@@ -250,6 +249,11 @@ impl Plant {
         assert_eq!(results.last().unwrap()["outcome"], "confirmed", "{results:?}");
         assert_eq!(self.written()[seen..], [(FREQUENCY, 1234)]);
     }
+}
+
+/// The output frequency that the N700 at unit 1 of `modbus` says it has, in 0.01 Hz; nothing if nobody answers.
+pub fn output(modbus: SocketAddr) -> Option<u16> {
+    Raw::connect(modbus).read(OUTPUT, 1).ok().map(|words| words[0])
 }
 
 /// Status and body of `path` at `address`; nothing as long as nobody answers.

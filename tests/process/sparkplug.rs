@@ -211,7 +211,6 @@ fn a_primary_host_that_goes_offline_is_left_and_waited_for() {
     assert_eq!(assert_sequence(&scada.seen()), [0, 0, 1]);
 }
 
-/// What the host of `plant` sees of the numbers while its broker is killed `kills` times.
 /// How often the connection of the edge node found nobody at the broker's port.
 fn refusals(plant: &Plant) -> usize {
     let is_one = |line: &String| {
@@ -222,6 +221,7 @@ fn refusals(plant: &Plant) -> usize {
     plant.gateway.find_all(is_one).len()
 }
 
+/// What the host of `plant` sees of the numbers while its broker is killed `kills` times.
 fn kill(plant: &mut Plant, kills: usize) {
     // The host of one connection sees all of it; the will of the gateway dies with the broker.
     let mut all = Vec::new();

@@ -2,7 +2,7 @@
 
 use super::demo::Demo;
 use super::outsiders::mbpoll_output;
-use super::plant::{LOST_AFTER, MARGIN};
+use super::plant::{LOST_AFTER, MARGIN, output};
 use super::raw::Raw;
 use super::started::{PATIENCE, Started, until};
 use std::net::TcpStream;
@@ -37,7 +37,7 @@ impl Trial {
     }
 
     fn output(&self) -> Option<u16> {
-        Raw::connect(self.demo.modbus).read(0x0101, 1).ok().map(|words| words[0])
+        output(self.demo.modbus)
     }
 
     /// The processes that the demo has started.

@@ -362,7 +362,7 @@ impl<T: Talk> Client<'_, T> {
         End::Stopped
     }
 
-    /// Is over when DISCONNECT is out, or the connection is gone.
+    /// Is over when the words are out and DISCONNECT, where one is sent, or when the connection is gone.
     async fn say(&mut self, words: &mut VecDeque<Publication>, events: &mut Events) {
         // The library cannot send the DISCONNECT that asks for the will. Without any, closing asks for it.
         let is_closed_only = self.settings.version == Version::V5 && self.talk.borrow().leaves_will();
@@ -371,7 +371,7 @@ impl<T: Talk> Client<'_, T> {
             while link.window.has_room() && !has_ended {
                 has_ended = match words.pop_front() {
                     Some(publication) => link.publish(publication, self.counters).is_err(),
-                    // Not before the words are acknowledged: a broker may answer nothing once it has read DISCONNECT.
+                    // Not before the words are out: a broker may answer nothing once it has read DISCONNECT.
                     None if link.window.is_empty() => {
                         if !is_closed_only {
                             link.disconnect();
