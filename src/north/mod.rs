@@ -10,4 +10,6 @@ pub mod report;
 pub mod setup_body;
 pub mod shown;
 pub mod sparkplug;
+#[cfg(test)]
+mod stage;
 pub mod traffic;

@@ -1,7 +1,7 @@
 //! The wall clock is set while the session runs: nothing but labels and `issued_at` shows it. No other machine of the
 //! gateway is ever told the wall clock.
 
-use super::harness::{EPOCH_MS, Rig, commands, result};
+use super::harness::{EPOCH_MS, Rig, Staged, commands, result};
 use super::types::{Act, Event, Publication, Version};
 use crate::domain::command::{Outcome, Reason};
 use crate::domain::time::MonoTime;

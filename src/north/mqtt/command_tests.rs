@@ -1,7 +1,7 @@
 //! What comes of messages: commands, refusals, results.
 
 use super::harness::{
-    EPOCH_MS, Rig, commands, kept, message, on, orders, publications, reads, result, results, settings, told,
+    EPOCH_MS, Rig, Staged, commands, kept, message, on, orders, publications, reads, result, results, settings, told,
 };
 use super::types::{Act, Event, Message, Publication, Settings, Version};
 use crate::domain::command::{Direction, Go, Order, Outcome, Owner, Reason, RegisterWrite, Report};

@@ -1,6 +1,6 @@
 //! What outlives a broken connection: events that a journal keeps, and telemetry of the time without a broker.
 
-use super::harness::{Rig, drives, publications, settings};
+use super::harness::{Rig, Staged, drives, publications, settings};
 use super::types::{Act, Event, Publication, Qos, Settings, Version};
 use crate::journal::StoredEvent;
 use proptest::prelude::*;

@@ -1,6 +1,6 @@
 //! Which trees are published, and how each point is: heartbeat, decimals, dead band.
 
-use super::harness::{Rig, drives, name, on, publications, settings, told};
+use super::harness::{Rig, Staged, drives, name, on, publications, settings, told};
 use super::session::Session;
 use super::types::{Act, Event, Settings, Tree, Version};
 use crate::domain::units::UnitOfMeasure;

@@ -1,6 +1,6 @@
 //! A broker that does not take events: what goes again, what is given up, and that nothing stands in the way for ever.
 
-use super::harness::{Rig, drives, publications, settings};
+use super::harness::{Rig, Staged, drives, publications, settings};
 use super::types::{Act, Event, Refusal, Settings, Version};
 use crate::journal::StoredEvent;
 

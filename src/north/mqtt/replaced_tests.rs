@@ -1,6 +1,6 @@
 //! The session over a change of the configuration, on a connection that stays.
 
-use super::harness::{Rig, commands, drives, name, on, publications, reads, result, told};
+use super::harness::{Rig, Staged, commands, drives, name, on, publications, reads, result, told};
 use super::types::{Act, Version};
 use crate::domain::command::{Outcome, Reason};
 use crate::drive::description::{DriveDescription, DriveRef};

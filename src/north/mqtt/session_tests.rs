@@ -1,6 +1,6 @@
 //! The life of a session: birth, probe, reconnects, events.
 
-use super::harness::{Rig, message, on, publications, results, settings, told};
+use super::harness::{Rig, Staged, message, on, publications, results, settings, told};
 use super::types::{Act, Broker, Event, LeaseMode, Publication, Qos, Version};
 use crate::domain::ids::DriveIndex;
 use crate::drive::description::DriveRef;

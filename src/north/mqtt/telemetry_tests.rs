@@ -1,6 +1,6 @@
 //! What is published of the drives, when, and when it is taken back.
 
-use super::harness::{Rig, idle_control, on, publications, told};
+use super::harness::{Rig, Staged, idle_control, on, publications, told};
 use super::types::{Act, Version};
 use crate::domain::command::{Outcome, Owner, Reason, Report, RunIntent};
 use crate::domain::counts::ExchangeCounts;
@@ -249,7 +249,7 @@ fn pictures_that_change_while_they_are_walked_are_shown_in_the_end() {
     let mut rig = Rig::born(Version::V5);
     rig.poll(0, 4_000);
     let first: Vec<_> = rig.views.iter().cloned().map(Arc::new).collect();
-    let act = rig.session.next_act(rig.at(), &first, &rig.lines);
+    let act = rig.session.next_act(rig.stage.at(), &first, &rig.stage.lines);
     assert!(act.is_some());
     rig.views[0].line_is_up = false;
     let acts = rig.acts();

@@ -4,7 +4,7 @@ use super::{BURST, BURST_EVERY, IN_FLIGHT_MAX, MIGRATES};
 use crate::domain::command::{Outcome, Reason};
 use crate::domain::ids::{DriveIndex, Name};
 use crate::drive::description::{DriveDescription, DriveRef};
-use crate::north::mqtt::harness::{Rig, commands, drives, message, name, publications, settings};
+use crate::north::mqtt::harness::{Rig, Staged, commands, drives, message, name, publications, settings};
 use crate::north::mqtt::session::Session;
 use crate::north::mqtt::types::{Act, Event, HomeAssistant, LeaseMode, Message, Publication, Qos, Settings, Version};
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,0 +1,150 @@
+//! What the tests of both sessions with a broker share: two drives of a real model, the pictures of them, and the time.
+
+use super::mqtt::{Broker, LineState, Message, Moment};
+use crate::domain::control::ControlSettings;
+use crate::domain::ids::{DriveIndex, Name, UnitId};
+use crate::domain::report::{self, LineReport};
+use crate::domain::time::{MonoTime, WallTime};
+use crate::drive::description::{DriveDescription, DriveRef, Points, Ratings};
+use crate::drive::plan::Pace;
+use crate::drive::snapshot::Presence;
+use crate::drive::view::{ControlView, DriveView, RunState};
+use crate::profile::check;
+use crate::profile::model::Model;
+use crate::vendors;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// When the wall clock of the tests starts: 2026-01-01T00:00:00Z.
+pub const EPOCH_MS: i64 = 1_767_225_600_000;
+/// When their own clock starts.
+const START_MS: u64 = 1_000;
+/// The model's register of the output frequency, in 0.01 Hz.
+const OUTPUT: u16 = 0x0101;
+
+pub fn model() -> Model {
+    check::model(vendors::texts()[0].1).expect("a sound model")
+}
+
+pub fn name(text: &str) -> Name {
+    Name::new(text).expect("a name")
+}
+
+pub fn message<'a>(topic: &'a str, payload: &'a [u8]) -> Message<'a> {
+    let (retain, duplicate, expiry) = (false, false, None);
+    Message { topic, payload, retain, duplicate, expiry, response_topic: None, correlation: None }
+}
+
+pub fn idle_control() -> ControlView {
+    ControlView { epoch: 1, ..ControlView::default() }
+}
+
+/// `pump`, which this controls, and `fan`, which nobody may, on line `hall`.
+pub fn drives(control: ControlSettings) -> Vec<DriveDescription> {
+    let model = Arc::new(model());
+    let drive = |place: u16, called: &str, control: Option<ControlSettings>| DriveDescription {
+        place: DriveRef { line: 0, drive: DriveIndex(place) },
+        name: name(called),
+        line: name("hall"),
+        model: model.clone(),
+        unit: UnitId::new(1).expect("a unit"),
+        uniform_unit: UnitId::new(101).expect("a unit"),
+        pace: Pace::new(Duration::from_millis(500), 1.0),
+        ratings: Ratings::default(),
+        control: control.map(Arc::new),
+        points: Points { dead_bands: vec![("output_frequency".into(), 0.5)], ..Points::default() },
+    };
+    vec![drive(0, "pump", Some(control)), drive(1, "fan", None)]
+}
+
+/// What a session sees of the plant and of the broker, and the time.
+pub struct Stage {
+    pub views: Vec<DriveView>,
+    /// The pictures as the session gets them: made anew only when one differs.
+    pub shown: Vec<Arc<DriveView>>,
+    pub lines: Vec<LineState>,
+    pub millis: u64,
+    /// By how much the wall clock was set, in milliseconds.
+    pub wall_set_by: i64,
+    pub broker: Broker,
+}
+
+impl Stage {
+    pub fn new() -> Self {
+        let lines = vec![LineState {
+            name: name("hall"),
+            report: LineReport { state: report::LineState::Up, ..LineReport::default() },
+            stations: Vec::new(),
+        }];
+        let mut views = vec![DriveView::default(); 2];
+        views[0].control = Some(idle_control());
+        let broker = Broker { maximum_packet_bytes: None, retains: true };
+        Self { views, shown: Vec::new(), lines, millis: START_MS, wall_set_by: 0, broker }
+    }
+
+    pub fn at(&self) -> Moment {
+        let since = i64::try_from(self.millis - START_MS).expect("a moment");
+        let unix_ms = EPOCH_MS + since + self.wall_set_by;
+        Moment { mono: MonoTime::from_millis(self.millis), wall: WallTime { unix_ms } }
+    }
+
+    pub fn now(&self) -> MonoTime {
+        self.at().mono
+    }
+
+    /// Drive `index` answers now with this output frequency in 0.01 Hz.
+    pub fn poll(&mut self, index: usize, output: u16) {
+        let now = self.now();
+        let view = &mut self.views[index];
+        (view.line_is_up, view.snapshot.presence, view.run_state) = (true, Presence::Online, RunState::Stopped);
+        (view.trip.active, view.trip_kept.count) = (Some(false), Some(2));
+        view.snapshot.take(OUTPUT, &[output], now);
+        view.snapshot.take(0x0112, &[2], now);
+        view.snapshot.take(0x0201, &[4_000], now);
+        view.snapshot.take(0x0211, &[3, 3], now);
+    }
+
+    /// Lets the session see what the drives are now.
+    pub fn show(&mut self) {
+        let is_same = |(shown, view): (&Arc<DriveView>, &DriveView)| shown.as_ref() == view;
+        if self.shown.len() != self.views.len() || !self.shown.iter().zip(&self.views).all(is_same) {
+            self.shown = self.views.iter().cloned().map(Arc::new).collect();
+        }
+    }
+}
+
+/// A session on the stage.
+pub trait Staged {
+    /// What it wants done.
+    type Act;
+
+    fn stage(&mut self) -> &mut Stage;
+    /// When the session wants to be woken.
+    fn next_wake(&self) -> Option<MonoTime>;
+    /// Wakes it.
+    fn tick(&mut self, at: Moment);
+    /// Everything that is to be done now. A probe comes back at once.
+    fn acts(&mut self) -> Vec<Self::Act>;
+
+    /// Time passes, and the session is woken when it asked for it.
+    fn pass(&mut self, millis: u64) -> Vec<Self::Act> {
+        let until = self.stage().millis + millis;
+        let mut all = Vec::new();
+        while let Some(wake) = self.next_wake().filter(|wake| *wake <= MonoTime::from_millis(until)) {
+            // A wake-up within a millisecond is rounded up; one that is past would be an endless loop.
+            let wake = wake.as_nanos().div_ceil(1_000_000);
+            assert!(all.len() < 10_000, "woken for ever");
+            let stage = self.stage();
+            stage.millis = wake.max(stage.millis);
+            let at = stage.at();
+            self.tick(at);
+            let more = self.acts();
+            let next = self.next_wake();
+            assert!(next.is_none_or(|next| next > at.mono), "woken for nothing at {next:?}");
+            all.extend(more);
+        }
+        self.stage().millis = until;
+        all.extend(self.acts());
+        all
+    }
+}
