@@ -57,6 +57,8 @@ pub struct StopLatch {
     /// Looks in a row without an answer.
     missed_looks: u8,
     was_told_late: bool,
+    /// Since when the drive is offline, as long as it is.
+    offline_since: Option<MonoTime>,
     /// When it was declared for a commander that was lost or a gateway that ends; nothing if somebody commanded it, or it
     /// was left to the drive's own watchdog.
     declared_at: Option<MonoTime>,
@@ -95,6 +97,7 @@ impl StopLatch {
             looks: 0,
             missed_looks: 0,
             was_told_late: false,
+            offline_since: None,
             declared_at: None,
             silent_until: MonoTime::ZERO,
         }
@@ -130,8 +133,8 @@ impl StopLatch {
         let is_other = order != self.order;
         if is_other {
             let waiters = std::mem::take(&mut self.waiters);
-            let Self { awaited_since, was_told_late, .. } = *self;
-            *self = Self { waiters, awaited_since, was_told_late, ..Self::new(order, None, now) };
+            let Self { awaited_since, was_told_late, offline_since, .. } = *self;
+            *self = Self { waiters, awaited_since, was_told_late, offline_since, ..Self::new(order, None, now) };
         }
         if waiter.is_some() && now < self.silent_until {
             // Somebody stops it now: that goes before whatever was to come of silence.
@@ -296,24 +299,31 @@ impl StopLatch {
 
     /// What time alone brings about.
     pub fn pass(&mut self, now: MonoTime, is_offline: bool, control: &ControlSettings) -> Turn {
-        if now.since(self.accepted_at) >= control.stop_pending_for && is_offline {
+        self.offline_since = is_offline.then(|| self.offline_since.unwrap_or(now));
+        if self.drop_at(control).is_some_and(|at| now >= at) {
             return Turn::Dropped;
         }
-        if now.since(self.awaited_since) >= control.stop_effect_timeout && !self.was_told_late {
+        if self.late_at(control).is_some_and(|at| now >= at) {
             self.was_told_late = true;
             return Turn::NotEffective;
         }
         Turn::None
     }
 
-    /// When [`Self::pass`] has something to say.
+    /// When [`Self::pass`] has something to say; nothing while it goes on as it does for a drive that answers.
     #[must_use]
-    pub fn next_wake(&self, control: &ControlSettings) -> MonoTime {
-        if self.was_told_late {
-            self.accepted_at + control.stop_pending_for
-        } else {
-            self.awaited_since + control.stop_effect_timeout
-        }
+    pub fn next_wake(&self, control: &ControlSettings) -> Option<MonoTime> {
+        [self.drop_at(control), self.late_at(control)].into_iter().flatten().min()
+    }
+
+    /// Nothing is repeated any more for a drive that has been offline for so long since it was last to stop.
+    fn drop_at(&self, control: &ControlSettings) -> Option<MonoTime> {
+        self.offline_since.map(|since| since.max(self.accepted_at) + control.stop_pending_for)
+    }
+
+    /// When the alarm is due, unless it was given.
+    fn late_at(&self, control: &ControlSettings) -> Option<MonoTime> {
+        (!self.was_told_late).then(|| self.awaited_since + control.stop_effect_timeout)
     }
 
     /// What those who wait are told when it is late: whether the drive ever answered makes the difference.

@@ -102,6 +102,26 @@ fn a_stop_that_the_drive_refuses_is_told_repeated_and_an_alarm() {
 }
 
 #[test]
+fn a_stop_without_effect_is_repeated_for_as_long_as_the_drive_answers() {
+    let mut rig = running();
+    let now = rig.now;
+    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0212, 2);
+    rig.command(MQTT, 0, STOP);
+    rig.pass(Duration::from_secs(620));
+    rig.sent.clear();
+    rig.pass(Duration::from_secs(10));
+    assert!(!rig.written(RUN).is_empty(), "still repeated");
+    let now = rig.now;
+    rig.bus.set_powered(now, Station(1), false);
+    rig.pass(Duration::from_secs(590));
+    assert!(rig.view(0).control.unwrap().stop_pending, "it has been away for less than 10 min");
+    rig.pass(Duration::from_secs(20));
+    assert!(!rig.view(0).control.unwrap().stop_pending);
+    let dropped = rig.notes.iter().filter(|(_, note)| *note == Note::StopDropped);
+    assert_eq!(dropped.count(), 1);
+}
+
+#[test]
 fn a_late_echo_is_no_proof_of_a_stop() {
     let mut rig = running();
     // The echo of the first stop comes after its time-out: the second one's could be it.

@@ -37,7 +37,7 @@ impl DriveWork {
     #[must_use]
     pub fn next_wake(&self) -> Option<MonoTime> {
         let control = self.guard.control();
-        let stop = self.latch.as_ref().zip(control).map(|(latch, control)| latch.next_wake(control));
+        let stop = self.latch.as_ref().zip(control).and_then(|(latch, control)| latch.next_wake(control));
         let current = self.current.as_ref().filter(|list| !list.has_begun() && self.flight.is_none());
         let lists = current.into_iter().chain(&self.waiting).map(List::start_before).min();
         let opening = self.opening.map(|opening| opening.until);
