@@ -17,6 +17,8 @@ const UNIT: u8 = 101;
 const STOP: u16 = 0;
 const FORWARD: u16 = 1;
 const REVERSE: u16 = 2;
+/// More reads in a row than any test waits for.
+const NEVER_FOUND: u32 = 1_000_000;
 
 fn delivered(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/plc").join(name)
@@ -98,6 +100,19 @@ impl Cabinet {
         });
     }
 
+    /// What it has put out since [`look_from_now_on`](Self::look_from_now_on).
+    fn since(&self) -> Vec<Value> {
+        self.outputs().split_off(self.told)
+    }
+
+    fn run_state(&self) -> String {
+        let port = self.port.to_string();
+        let output =
+            vfd_gateway(&["read", "--port", &port, "--unit", &UNIT.to_string(), "--uniform", "run_state", "--json"]);
+        let read: Value = serde_json::from_slice(&output.stdout).unwrap();
+        read["values"][0]["value"].as_str().unwrap().to_owned()
+    }
+
     /// Starts with 20 Hz as somebody at a desk does, and lets the button go.
     fn start_at_20_hz(&mut self) {
         self.set(&json!({ "Enable": true, "Setpoint_Hz": 20.0 }));
@@ -169,8 +184,44 @@ fn a_start_that_is_held_starts_nothing_after_a_trip_or_a_restart() {
     cabinet.gateway = Some(run(&cabinet.file));
     // It finds the drive running, and the first that it writes is a stop.
     cabinet.wait_for(&json!({ "Online": true, "Wanted": false, "Command": [STOP, 2000], "Output_Hz": 0.0 }));
-    let after: Vec<_> = cabinet.outputs().into_iter().skip(cabinet.told).filter(|it| it["Wanted"] == true).collect();
-    assert_eq!(after, Vec::<Value>::new());
+    assert!(cabinet.since().iter().all(|it| it["Wanted"] == false), "{:?}", cabinet.since());
     cabinet.set(&json!({ "Start": false }));
     cabinet.start_at_20_hz();
+}
+
+#[test]
+fn a_lost_read_stops_nothing_and_a_lost_gateway_ends_the_order() {
+    let mut cabinet = Cabinet::new();
+    cabinet.start_at_20_hz();
+    // However slow this machine is, these are not lost for so long.
+    cabinet.set(&json!({ "LostTime": 600.0, "lost": 3 }));
+    cabinet.wait_for(&json!({ "WriteEnable": false, "Online": true, "Wanted": true, "Command": [FORWARD, 2000] }));
+    cabinet.look_from_now_on();
+    cabinet.wait_for(&json!({ "WriteEnable": true, "Output_Hz": 20.0 }));
+    let kept = |it: &Value| it["Online"] == true && it["Running"] == true && it["Wanted"] == true;
+    assert!(cabinet.since().iter().all(kept), "{:?}", cabinet.since());
+
+    cabinet.set(&json!({ "LostTime": 2.0, "lost": NEVER_FOUND }));
+    cabinet.wait_for(&json!({ "Online": false, "Wanted": false, "WriteEnable": false, "Command": [STOP, 2000] }));
+    cabinet.set(&json!({ "lost": 0 }));
+    cabinet.wait_for(&json!({ "Online": true, "Wanted": false, "WriteEnable": true, "Running": false }));
+    assert!(cabinet.since().iter().all(|it| it["Wanted"] == false), "Start was held: {:?}", cabinet.since());
+}
+
+#[test]
+fn a_stop_is_written_although_nothing_is_answered_and_a_start_is_not_kept() {
+    let mut cabinet = Cabinet::new();
+    cabinet.start_at_20_hz();
+    cabinet.set(&json!({ "LostTime": 600.0, "lost": NEVER_FOUND, "Stop": true }));
+    cabinet.wait_for(&json!({ "Wanted": false, "WriteEnable": true, "Command": [STOP, 2000] }));
+    until("the drive stands still", PATIENCE, || (cabinet.run_state() == "stopped").then_some(()));
+    let lost = cabinet.gateway.as_ref().unwrap().find_all(|line| line.contains("commander lost").then_some(()));
+    assert!(lost.is_empty(), "it was the gateway that stopped it");
+    cabinet.set(&json!({ "Stop": false, "Start": false }));
+    cabinet.set(&json!({ "Start": true }));
+    cabinet.set(&json!({ "Setpoint_Hz": 80.0 }));
+    cabinet.wait_for(&json!({ "SetpointRefused": true, "Wanted": false, "WriteEnable": false }));
+    cabinet.set(&json!({ "lost": 0 }));
+    cabinet.wait_for(&json!({ "SetpointRefused": true, "WriteEnable": true, "Running": false }));
+    assert!(cabinet.since().iter().all(|it| it["Wanted"] == false), "{:?}", cabinet.since());
 }

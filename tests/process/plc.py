@@ -4,7 +4,8 @@
 
 FILE has one function block with the inputs Image and LinkOk and the outputs Command and WriteEnable: words 0 to 26 are read
 into Image, then the block is called, then Command is written to 256 and 257 if WriteEnable is TRUE. Other inputs are set by
-lines of JSON, such as {"Start": true}. All outputs are printed as JSON when one of them has changed.
+lines of JSON, such as {"Start": true}; {"lost": 3} lets the next three reads go unanswered, and Image is 0 meanwhile. All
+outputs are printed as JSON when one of them has changed.
 """
 
 import json
@@ -19,6 +20,7 @@ from pymodbus.client import ModbusTcpClient
 from pymodbus.exceptions import ModbusException
 
 CYCLE_S = 0.1
+WORDS = 27
 DEFAULTS = {"BOOL": False, "REAL": 0.0, "TIME": 0.0}
 
 
@@ -187,18 +189,25 @@ def answered(ask):
 
 
 def main(path, host, port, unit):
-    block, inputs, told = Block.read(path), [], None
+    block, inputs, told, lost = Block.read(path), [], None, 0
     threading.Thread(target=listen, args=(inputs,), daemon=True).start()
     client = ModbusTcpClient(host, port=int(port), timeout=2)
     while True:
         begun = time.monotonic()
         # One line a cycle: a button that is pressed is seen.
         if inputs:
-            for name, value in inputs.pop(0).items():
+            line = inputs.pop(0)
+            lost = line.pop("lost", lost)
+            for name, value in line.items():
                 if name not in block.variables:
                     raise NameError(name)
                 block.variables[name] = value
-        image = answered(lambda: client.read_holding_registers(0, count=27, device_id=int(unit)))
+        image = None
+        if lost:
+            # Some clients keep what they had, others show this.
+            lost, block.variables["Image"] = lost - 1, [0] * WORDS
+        else:
+            image = answered(lambda: client.read_holding_registers(0, count=WORDS, device_id=int(unit)))
         block.variables["LinkOk"] = image is not None
         if image is not None:
             block.variables["Image"] = image.registers
