@@ -1,12 +1,11 @@
 //! The Kubernetes files: each is held strictly against the schemas of Kubernetes, all of them against each other and against
-//! the configuration beside them; and the gateway answers the probes as it is configured there.
+//! the configuration beside them; and the gateway answers the probes over its socket.
 
 use super::mosquitto::free_port;
 use super::outsiders::documents_of;
-use super::plant::get;
-use super::rig::{Place, fields, simulate, start};
-use serde_json::Value;
-use std::net::{Ipv4Addr, SocketAddr};
+use super::rig::{Place, fields, simulate, start, vfd_gateway};
+use super::started::{PATIENCE, Started, until};
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// How long the end of the gateway may take: the declared actions and the last words to the broker.
@@ -81,9 +80,10 @@ fn two_gateways_never_own_one_line_and_nothing_ends_one_by_itself() {
         assert_eq!((&toleration["effect"], &toleration["tolerationSeconds"]), (&"NoExecute".into(), &Value::Null));
     }
     let container = &pod["containers"][0];
-    assert_eq!(container["livenessProbe"]["httpGet"]["path"], "/healthz");
-    assert_eq!(container["startupProbe"]["httpGet"]["path"], "/healthz");
-    assert_eq!(container["readinessProbe"]["httpGet"]["path"], "/readyz");
+    let asked = |probe: &str| container[probe]["exec"]["command"].clone();
+    let alive = json!(["vfd-gateway", "health", "--alive"]);
+    assert_eq!((asked("startupProbe"), asked("livenessProbe")), (alive.clone(), alive));
+    assert_eq!(asked("readinessProbe"), json!(["vfd-gateway", "health"]));
     for service in manifests.all("Service") {
         assert_eq!(&service["spec"]["selector"], labels);
         assert_eq!(service["spec"]["publishNotReadyAddresses"], true, "a line that is down cuts off the others");
@@ -126,40 +126,67 @@ fn the_pod_has_what_its_configuration_names() {
     assert_eq!(manifests.pod()["spec"]["securityContext"]["runAsNonRoot"], true);
 }
 
+/// The gateway of the pod on this machine, with a drive.
+struct Pod {
+    socket: PathBuf,
+    drive: Started,
+    _gateway: Started,
+    _place: Place,
+}
+
+impl Pod {
+    /// With `broker` as its section `[mqtt]`.
+    fn new(broker: &str) -> Self {
+        let place = Place::new();
+        let (line, data) = (place.file("line"), place.file("data"));
+        std::fs::create_dir(&data).unwrap();
+        let drive = simulate(&line);
+        let text = configuration();
+        let (before, there) = text.split_once("[mqtt]").unwrap();
+        let (_, after) = there.split_once("# The controllers' network").unwrap();
+        let text = format!("{before}{broker}\n# {after}");
+        let here = [
+            ("/dev/vfd-line-1", line.to_str().unwrap()),
+            ("/var/lib/vfd-gateway", data.to_str().unwrap()),
+            ("0.0.0.0:1502", "127.0.0.1:0"),
+            ("0.0.0.0:8080", "127.0.0.1:0"),
+        ];
+        let text = here.iter().fold(text, |text, (there, here)| {
+            assert!(text.contains(there), "no {there}");
+            text.replace(there, here)
+        });
+        let file = place.write("gateway.toml", &text);
+        let gateway = start(&["run", "-c", file.to_str().unwrap()]);
+        gateway.wait_for("that the drive is there", |line| {
+            let fields = fields(line)?;
+            (fields["message"] == "drive" && fields["presence"] == "Online").then_some(())
+        });
+        Self { socket: data.join("vfd-gateway.sock"), drive, _gateway: gateway, _place: place }
+    }
+
+    /// Whether the gateway says yes to what the manifests have as `probe`.
+    fn passes(&self, probe: &Value) -> bool {
+        let words: Vec<_> =
+            probe["exec"]["command"].as_array().unwrap().iter().map(|it| it.as_str().unwrap()).collect();
+        assert_eq!(words[0], "vfd-gateway");
+        // In the image it lies where it is looked for.
+        let output = vfd_gateway(&[&words[1..], &["--socket", self.socket.to_str().unwrap()]].concat());
+        assert!(matches!(output.status.code(), Some(0 | 1)), "{words:?}: {output:?}");
+        output.status.success()
+    }
+}
+
 #[test]
-fn the_probes_are_answered() {
-    let place = Place::new();
-    let (line, data, port) = (place.file("line"), place.file("data"), free_port());
-    std::fs::create_dir(&data).unwrap();
-    let _drive = simulate(&line);
-    let text = configuration();
-    let (before, broker) = text.split_once("[mqtt]").unwrap();
-    let (_, after) = broker.split_once("# The controllers' network").unwrap();
-    // Without the broker, which is not here; this host is in the network that is allowed.
-    let text = format!("{before}# {after}");
-    let here = [
-        ("/dev/vfd-line-1", line.to_str().unwrap().to_owned()),
-        ("/var/lib/vfd-gateway", data.to_str().unwrap().to_owned()),
-        ("0.0.0.0:1502", "127.0.0.1:0".to_owned()),
-        ("0.0.0.0:8080", format!("0.0.0.0:{port}")),
-        ("10.0.0.0/8", "127.0.0.0/8".to_owned()),
-    ];
-    let text = here.iter().fold(text, |text, (there, here)| {
-        assert!(text.contains(there), "no {there}");
-        text.replace(there, here)
-    });
-    let file = place.write("gateway.toml", &text);
-    let gateway = start(&["run", "-c", file.to_str().unwrap()]);
-    gateway.wait_for("that the drive is there", |line| {
-        let fields = fields(line)?;
-        (fields["message"] == "drive" && fields["presence"] == "Online").then_some(())
-    });
+fn the_probes_are_answered_and_a_broker_or_a_line_that_is_away_restarts_nothing() {
     let manifests = Manifests::read();
     let container = &manifests.pod()["spec"]["containers"][0];
-    let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
-    for probe in ["startupProbe", "livenessProbe", "readinessProbe"] {
-        let path = container[probe]["httpGet"]["path"].as_str().unwrap();
-        let (status, body) = get(address, path).unwrap();
-        assert_eq!(status, 200, "{path}: {body}");
-    }
+    let probes = ["startupProbe", "livenessProbe", "readinessProbe"];
+    let answers = |pod: &Pod| probes.map(|probe| pod.passes(&container[probe]));
+    let mut pod = Pod::new("");
+    assert_eq!(answers(&pod), [true, true, true]);
+    pod.drive.kill();
+    until("that the line is gone", PATIENCE, || (!pod.passes(&container["readinessProbe"])).then_some(()));
+    assert_eq!(answers(&pod), [true, true, false]);
+    let away = format!("[mqtt]\nbroker = \"mqtt://127.0.0.1:{}\"\n", free_port());
+    assert_eq!(answers(&Pod::new(&away)), [true, true, false]);
 }
