@@ -13,7 +13,8 @@ name, localhost, 127.0.0.1 and mosquitto are in it anyway.
 trying out.
 
 A new password for a user: remove secrets/passwords/USER and run this again. A new certificate: remove
-secrets/mosquitto/broker.pem. Afterwards `docker compose kill -s HUP mosquitto`, and for a certificate `restart`.
+secrets/mosquitto/broker.pem. Afterwards `docker compose kill -s HUP mosquitto`; for the gateway's own password also
+`docker compose exec gateway vfd-gateway reload`, and for that of telegraf `docker compose restart telegraf`.
 TEXT
 }
 
@@ -43,11 +44,18 @@ cd "$(dirname "$0")"
 acl=mosquitto/acl
 # Each container reads its own files, and nobody else on the host any.
 umask 077
-mkdir -p secrets/passwords secrets/mosquitto secrets/gateway secrets/grafana secrets/telegraf
+mkdir -p secrets/passwords
 
-# Makes $2 from what comes in, for the user with number $1 and nobody else.
+# Makes $2 from what comes in, for the user with number $1 and nobody else, who may look into the directory too: where that
+# is mounted, a file that takes the place of another is seen.
 keep() {
-    local file=secrets/$2
+    local file=secrets/$2 directory
+    directory=$(dirname "$file")
+    mkdir -p "$directory"
+    if [ -z "$as_me" ]; then
+        chgrp "$1" "$directory"
+        chmod 750 "$directory"
+    fi
     rm -f "$file.new"
     cat >"$file.new"
     [ -n "$as_me" ] || chown "$1:$1" "$file.new"
@@ -96,7 +104,8 @@ password() {
 
 # mosquitto's own hashes; the passwords are on no command line.
 broker_users() {
-    local user plain=secrets/mosquitto/plain
+    local user plain=secrets/hashing/plain
+    mkdir -p secrets/hashing
     : >"$plain"
     while read -r user; do
         [[ $user =~ ^[A-Za-z0-9._-]{1,64}$ ]] || fail "$acl: \`$user\` cannot be a user here"
@@ -105,14 +114,14 @@ broker_users() {
     if command -v mosquitto_passwd >/dev/null; then
         mosquitto_passwd -U "$plain"
     elif command -v docker >/dev/null; then
-        docker run --rm --network none -u "$(id -u):$(id -g)" -v "$PWD/secrets/mosquitto:/here" "$image" \
+        docker run --rm --network none -u "$(id -u):$(id -g)" -v "$PWD/secrets/hashing:/here" "$image" \
             mosquitto_passwd -U /here/plain
     else
-        rm -f "$plain"
+        rm -rf secrets/hashing
         fail "there is neither mosquitto_passwd (apt-get install mosquitto) nor docker to make the broker's hashes with"
     fi
     keep 1883 mosquitto/users <"$plain"
-    rm -f "$plain"
+    rm -rf secrets/hashing
 }
 
 # The broker's user of the gateway, as its configuration says.
@@ -123,8 +132,10 @@ authority
 broker_certificate
 broker_users
 password "$gateway_user" | keep 10001 gateway/mqtt-password
+keep 10001 gateway/broker-ca.pem <secrets/broker-ca.pem
+keep 1883 mosquitto/broker-ca.pem <secrets/broker-ca.pem
 printf '%s\n' "-h localhost" "-p 8883" "--cafile /run/secrets/broker-ca.pem" "-u health" "-P $(password health)" |
-    keep 1883 mosquitto/health
+    keep 1883 mosquitto/mosquitto_sub
 echo "MQTT_PASSWORD=$(password telegraf)" | keep 10002 telegraf/environment
 password grafana-admin | keep 472 grafana/password
 echo "made in $PWD/secrets; passwords for other programs are in secrets/passwords, the authority for them is secrets/broker-ca.pem"

@@ -4,7 +4,7 @@
 use super::mosquitto::{Mosquitto, Subscriber, free_port};
 use super::outsiders::documents_of;
 use super::rig::{Place, fields, simulate, start};
-use super::started::Started;
+use super::started::{PATIENCE, Started, until};
 use serde_json::Value;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
@@ -111,6 +111,18 @@ fn docker_compose_takes_the_files_and_every_file_that_they_name_is_there() {
             assert_eq!(std::fs::metadata(delivered.compose("secrets").join(file)).unwrap().uid(), owner, "{file}");
         }
     }
+    // A file that is mounted alone stays the old one when another takes its place, and these two read anew while they run.
+    for (name, files) in [
+        ("gateway", &["mqtt-password", "broker-ca.pem"][..]),
+        ("mosquitto", &["users", "broker.pem", "broker.key", "broker-ca.pem", "mosquitto_sub"]),
+    ] {
+        assert!(services[name]["secrets"].is_null(), "{name} mounts files alone");
+        let mounts = texts(&services[name]["volumes"]);
+        let folder = mounts.iter().find_map(|it| it.strip_suffix(":/run/secrets:ro")).unwrap();
+        for file in files {
+            assert!(Path::new(folder).join(file).is_file(), "{name}: no {file}");
+        }
+    }
     let replug = delivered.composed(&["compose.yaml", "compose.replug.yaml"]);
     let gateway = &replug["services"]["gateway"];
     assert!(texts(&gateway["volumes"]).contains(&"/dev:/dev:rw") && !texts(&gateway["device_cgroup_rules"]).is_empty());
@@ -168,22 +180,12 @@ impl Running {
     fn new() -> Self {
         let delivered = Delivered::new();
         let port = free_port();
-        let (secrets, data) = (delivered.place.file("run-secrets"), delivered.place.file("broker-data"));
-        std::fs::create_dir(&secrets).unwrap();
+        let (health, data) = (delivered.place.file("health"), delivered.place.file("broker-data"));
+        std::fs::create_dir(&health).unwrap();
         std::fs::create_dir(&data).unwrap();
-        // As the mounts of compose.yaml call them.
-        for (from, to) in [
-            ("broker-ca.pem", "broker-ca.pem"),
-            ("mosquitto/broker.pem", "broker.pem"),
-            ("mosquitto/broker.key", "broker.key"),
-            ("mosquitto/users", "broker-users"),
-            ("mosquitto/health", "mosquitto_sub"),
-            ("gateway/mqtt-password", "mqtt-password"),
-        ] {
-            std::fs::copy(delivered.compose("secrets").join(from), secrets.join(to)).unwrap();
-        }
-        let here = |text: &str| {
-            let config = delivered.compose("mosquitto");
+        // With what compose.yaml mounts there for `service`.
+        let here = |service: &str, text: &str| {
+            let (secrets, config) = (delivered.compose("secrets").join(service), delivered.compose("mosquitto"));
             [
                 ("/run/secrets/", format!("{}/", secrets.display())),
                 ("/mosquitto/config/", format!("{}/", config.display())),
@@ -194,18 +196,17 @@ impl Running {
             .fold(text.to_owned(), |text, (there, here)| text.replace(there, here))
         };
         // On loopback only; and root's broker would become another user, who may not read here.
-        let text = here(&delivered.text("mosquitto/mosquitto.conf"))
+        let text = here("mosquitto", &delivered.text("mosquitto/mosquitto.conf"))
             .replace(&format!("listener {port}"), &format!("listener {port} 127.0.0.1"));
         let user = if delivered.is_root { "user root\n" } else { "" };
         let file = delivered.place.write("mosquitto.conf", &format!("{text}{user}"));
-        let health = here(&delivered.text("secrets/mosquitto/health"));
-        std::fs::remove_file(secrets.join("mosquitto_sub")).unwrap();
-        std::fs::write(secrets.join("mosquitto_sub"), health).unwrap();
+        let options = here("mosquitto", &delivered.text("secrets/mosquitto/mosquitto_sub"));
+        std::fs::write(health.join("mosquitto_sub"), options).unwrap();
         let broker = Mosquitto::with_file(file, port);
         let line = delivered.place.file("line");
         let drive = simulate(&line);
         std::fs::create_dir(delivered.place.file("data")).unwrap();
-        let text = here(&configuration(&delivered, &line));
+        let text = here("gateway", &configuration(&delivered, &line));
         let file = delivered.place.write("gateway.toml", &text);
         let gateway = start(&["run", "-c", file.to_str().unwrap()]);
         gateway.wait_for("that the drive is there", |line| {
@@ -317,7 +318,7 @@ fn whoever_is_not_known_or_not_encrypted_is_turned_away() {
 }
 
 #[test]
-fn the_health_check_of_the_broker_works_and_a_second_run_of_the_script_keeps_what_is_there() {
+fn the_health_check_of_the_broker_works_and_a_second_run_of_the_script_adds_a_user_and_keeps_the_rest() {
     let running = Running::new();
     let composed = running.delivered.composed(&["compose.yaml"]);
     let test = &composed["services"]["mosquitto"]["healthcheck"]["test"];
@@ -326,7 +327,7 @@ fn the_health_check_of_the_broker_works_and_a_second_run_of_the_script_keeps_wha
     let mut command = Command::new(words[1]);
     // Compose makes one dollar of two.
     command.args(words[2..].iter().map(|it| it.replace("$$", "$")));
-    let output = command.env("XDG_CONFIG_HOME", running.delivered.place.file("run-secrets")).output().unwrap();
+    let output = command.env("XDG_CONFIG_HOME", running.delivered.place.file("health")).output().unwrap();
     assert!(output.status.success() && said(&output).contains("seconds"), "{}", said(&output));
 
     let kept = |name: &str| running.delivered.text(&format!("secrets/{name}"));
@@ -339,5 +340,8 @@ fn the_health_check_of_the_broker_works_and_a_second_run_of_the_script_keeps_wha
     assert!(!running.delivered.password("plant-b").is_empty());
     let users = kept("mosquitto/users");
     assert!(users.contains("plant-b:$") && !users.contains(&running.delivered.password("plant-b")), "hashes alone");
+    running.broker.read_anew();
+    let (mine, topic) = (running.credentials("plant-b"), "vfd/plant-b/status");
+    until("the broker knows the user", PATIENCE, || running.pub_as(&mine, topic, "x").status.success().then_some(()));
     drop(running.gateway);
 }

@@ -85,6 +85,11 @@ impl Mosquitto {
         self.running.as_ref().expect("it runs").signal("CONT");
     }
 
+    /// Has it read users, rights and certificates anew.
+    pub fn read_anew(&self) {
+        self.running.as_ref().expect("it runs").signal("HUP");
+    }
+
     pub fn address(&self) -> SocketAddr {
         SocketAddr::from((Ipv4Addr::LOCALHOST, self.port))
     }
