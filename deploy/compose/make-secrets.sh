@@ -9,8 +9,8 @@ make-secrets.sh [--as-me] [NAME...]
 
 NAME: further names and addresses by which clients in the network reach the broker, for its certificate. This host's own
 name, localhost, 127.0.0.1 and mosquitto are in it anyway.
---as-me: all files belong to who runs this, instead of to the users of the containers: for engines without root, and for
-trying out.
+--as-me: all files belong to who runs this, for a broker and a gateway that this user runs without containers. Those of a
+container run as users of their own and cannot read them, also without root: there it is `podman unshare ./make-secrets.sh`.
 
 A new password for a user: remove secrets/passwords/USER and run this again. A new certificate: remove
 secrets/mosquitto/broker.pem. Afterwards `docker compose kill -s HUP mosquitto`; for the gateway's own password also
