@@ -12,8 +12,8 @@ name, localhost, 127.0.0.1 and mosquitto are in it anyway.
 --as-me: all files belong to who runs this, for a broker and a gateway that this user runs without containers. Those of a
 container run as users of their own and cannot read them, also without root: there it is `podman unshare ./make-secrets.sh`.
 
-A new password for a user: remove secrets/passwords/USER and run this again. A new certificate: remove
-secrets/mosquitto/broker.pem. Afterwards `docker compose kill -s HUP mosquitto`; for the gateway's own password also
+A new password for a user: remove secrets/passwords/USER and run this again. A new certificate, for another NAME too: remove
+secrets/mosquitto/broker.pem and give all NAMEs again. Afterwards `docker compose kill -s HUP mosquitto`; for the gateway's own password also
 `docker compose exec gateway vfd-gateway reload`, and for that of telegraf `docker compose restart telegraf`.
 TEXT
 }
@@ -26,6 +26,7 @@ fail() {
 image=eclipse-mosquitto:2.0.20
 as_me=
 names=(localhost 127.0.0.1 mosquitto "$(hostname)")
+wanted=()
 for argument in "$@"; do
     case $argument in
     --as-me) as_me=1 ;;
@@ -33,7 +34,7 @@ for argument in "$@"; do
     -*) usage >&2 && fail "there is no option $argument" ;;
     *)
         [[ $argument =~ ^[A-Za-z0-9._:-]{1,253}$ ]] || fail "\`$argument\` is neither a name nor an address"
-        names+=("$argument")
+        wanted+=("$argument")
         ;;
     esac
 done
@@ -77,11 +78,30 @@ authority() {
     chmod 444 secrets/broker-ca.pem
 }
 
+is_address() {
+    [[ $1 =~ ^[0-9.]+$ || $1 == *:* ]]
+}
+
+# A certificate that is there stays, so it must have every NAME already: clients at another one would refuse the broker.
+has_wanted_names() {
+    local file=secrets/mosquitto/broker.pem name check
+    for name in "${wanted[@]}"; do
+        if is_address "$name"; then check=-checkip; else check=-checkhost; fi
+        openssl x509 -in "$file" -noout "$check" "$name" | grep "does match certificate" >/dev/null ||
+            fail "\`$name\` is not in $file, which stays as it is and is for
+$(openssl x509 -in "$file" -noout -ext subjectAltName | sed 1d)
+For another certificate remove that file and run this again with all names."
+    done
+}
+
 broker_certificate() {
-    [ ! -e secrets/mosquitto/broker.pem ] || return 0
+    if [ -e secrets/mosquitto/broker.pem ]; then
+        has_wanted_names
+        return
+    fi
     local list="" name kind
-    for name in "${names[@]}"; do
-        if [[ $name =~ ^[0-9.]+$ || $name == *:* ]]; then kind=IP; else kind=DNS; fi
+    for name in "${names[@]}" "${wanted[@]}"; do
+        if is_address "$name"; then kind=IP; else kind=DNS; fi
         list+=${list:+,}$kind:$name
     done
     new_key | keep 1883 mosquitto/broker.key

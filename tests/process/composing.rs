@@ -3,7 +3,7 @@
 
 use super::mosquitto::{Mosquitto, Subscriber, free_port};
 use super::outsiders::documents_of;
-use super::rig::{Place, fields, simulate, start};
+use super::rig::{Place, assert_says, fields, simulate, start};
 use super::started::{PATIENCE, Started, until};
 use serde_json::Value;
 use std::os::unix::fs::MetadataExt;
@@ -35,12 +35,17 @@ impl Delivered {
     }
 
     fn make_secrets(&self) {
+        let output = self.run_script("10.0.0.5");
+        assert!(output.status.success(), "{}", said(&output));
+    }
+
+    /// make-secrets.sh for a broker that others reach by `name`.
+    fn run_script(&self, name: &str) -> Output {
         let mut command = Command::new(self.compose("make-secrets.sh"));
         if !self.is_root {
             command.arg("--as-me");
         }
-        let output = command.arg("10.0.0.5").env("PATH", path_with_sbin()).output().unwrap();
-        assert!(output.status.success(), "{}", said(&output));
+        command.arg(name).env("PATH", path_with_sbin()).output().unwrap()
     }
 
     fn compose(&self, name: &str) -> PathBuf {
@@ -344,4 +349,18 @@ fn the_health_check_of_the_broker_works_and_a_second_run_of_the_script_adds_a_us
     let (mine, topic) = (running.credentials("plant-b"), "vfd/plant-b/status");
     until("the broker knows the user", PATIENCE, || running.pub_as(&mine, topic, "x").status.success().then_some(()));
     drop(running.gateway);
+}
+
+#[test]
+fn a_name_that_is_not_in_the_certificate_that_stays_is_not_passed_over() {
+    let delivered = Delivered::new();
+    let file = "secrets/mosquitto/broker.pem";
+    let before = delivered.text(file);
+    assert_says(&delivered.run_script("10.0.0.6"), 2, &["`10.0.0.6` is not in", file, "IP Address:10.0.0.5"]);
+    assert_eq!(delivered.text(file), before);
+    std::fs::remove_file(delivered.compose(file)).unwrap();
+    for _ in 0..2 {
+        let output = delivered.run_script("10.0.0.6");
+        assert!(output.status.success(), "{}", said(&output));
+    }
 }
