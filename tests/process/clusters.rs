@@ -92,6 +92,18 @@ fn two_gateways_never_own_one_line_and_nothing_ends_one_by_itself() {
     assert_eq!(pod["priorityClassName"], manifests.only("PriorityClass")["metadata"]["name"]);
 }
 
+/// It may do everything on its host.
+#[test]
+fn the_device_plugin_is_a_known_one_where_an_adapter_is_and_changes_when_somebody_says_so() {
+    let manifests = Manifests::read();
+    let plugin = &manifests.only("DaemonSet")["spec"];
+    assert_eq!(plugin["updateStrategy"]["type"], "OnDelete");
+    let pod = &plugin["template"]["spec"];
+    let (_, sum) = pod["containers"][0]["image"].as_str().unwrap().split_once("@sha256:").unwrap();
+    assert!(sum.len() == 64 && sum.bytes().all(|it| it.is_ascii_hexdigit()), "{sum}");
+    assert_eq!(pod["affinity"]["nodeAffinity"], manifests.pod()["spec"]["affinity"]["nodeAffinity"]);
+}
+
 #[test]
 fn the_pod_has_what_its_configuration_names() {
     let manifests = Manifests::read();
