@@ -317,13 +317,23 @@ fn a_release_that_was_changed_is_not_taken() {
     let signers = place.join("signers");
     std::fs::write(&signers, format!("release@vfd-gateway {public}")).unwrap();
     let sign = |args: &[&std::ffi::OsStr]| Command::new(root().join("release/sign")).args(args).output().unwrap();
-    let is_taken = || sign(&["--check".as_ref(), out.as_ref(), signers.as_ref()]).status.success();
+    let check = || sign(&["--check".as_ref(), out.as_ref(), signers.as_ref()]);
+    let is_taken = || check().status.success();
     std::fs::write(out.join("vfd-gateway"), "one").unwrap();
     assert!(sign(&[out.as_ref(), key.as_ref()]).status.success());
     assert!(is_taken());
-    std::fs::write(out.join("other"), "one").unwrap();
-    assert!(!is_taken(), "a file more");
-    std::fs::remove_file(out.join("other")).unwrap();
+    std::fs::create_dir(out.join("docs")).unwrap();
+    for name in ["other", "SHA256SUMS.txt", "docs/SHA256SUMS", "docs/SHA256SUMS.sig", "link"] {
+        let file = out.join(name);
+        match name {
+            "link" => std::os::unix::fs::symlink("vfd-gateway", &file).unwrap(),
+            _ => std::fs::write(&file, "one").unwrap(),
+        }
+        let output = check();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(!output.status.success() && said.contains(name), "{name} is passed over: {said}");
+        std::fs::remove_file(file).unwrap();
+    }
     assert!(is_taken());
     std::fs::write(out.join("vfd-gateway"), "two").unwrap();
     assert!(!is_taken(), "another file");
