@@ -305,6 +305,24 @@ fn every_command_of_a_release_is_there() {
     assert!(unknown.is_empty(), "tests/run has no part {unknown:?}");
 }
 
+/// What is made after the signature would go out unsigned, and an image without its commit could be of any.
+#[test]
+fn all_that_is_released_is_made_before_it_is_signed() {
+    let text = read("RELEASING.md");
+    let (_, made) = text.split_once("## What is made").unwrap();
+    let commands: Vec<_> = made.split("```").nth(1).unwrap().lines().collect();
+    let at = |begin: &str| {
+        let at = commands.iter().position(|line| line.starts_with(begin));
+        at.unwrap_or_else(|| panic!("there is no {begin}"))
+    };
+    let signed = at("release/sign \"$out\"");
+    assert!(at("docker save -o \"$out/") < signed);
+    assert!(commands[at("docker build")].contains("--build-arg REVISION=\"$(git rev-parse HEAD)\""));
+    let after: Vec<_> =
+        commands[signed + 1..].iter().filter(|line| !line.starts_with("release/sign --check")).collect();
+    assert!(after.iter().all(|line| !line.contains("$out")), "{after:?}");
+}
+
 /// Sums and signature say of each file whether it is the one that was released.
 #[test]
 fn a_release_that_was_changed_is_not_taken() {
