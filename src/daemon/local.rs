@@ -169,7 +169,7 @@ impl LocalSide {
     /// Orders something of the drive at `place` at once. Whoever does not wait for its end takes nothing back.
     pub fn order(&self, who: Who, place: DriveRef, order: Order) -> Ordered<'_> {
         let start_before = clock::now() + COMMAND_DEADLINE;
-        let tried = (order != Order::Renew).then(|| Tried::Order(order.clone()));
+        let tried = (!order.is_no_attempt()).then(|| Tried::Order(order.clone()));
         let request = |ticket| {
             let (Who { asker, origin }, drive) = (who, place.drive);
             let (issued, epoch) = (None, None);

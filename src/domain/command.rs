@@ -53,6 +53,16 @@ pub enum Order {
     Take,
     /// Only renew the lease. It is no attempt to write.
     Renew,
+    /// The order to reset is taken back, so that the next one is a new one. It is no attempt to write.
+    EndReset,
+}
+
+impl Order {
+    /// Whether it asks for nothing that could be written to the drive.
+    #[must_use]
+    pub const fn is_no_attempt(&self) -> bool {
+        matches!(self, Self::Renew | Self::EndReset)
+    }
 }
 
 /// An order that sets something: at least one part is there.

@@ -114,7 +114,7 @@ impl LineCore {
         effects.set_time(now);
         let works = (0..).zip(&setup.drives).map(|(index, drive)| {
             let range = setup.watchdog_range(usize::from(index));
-            let work = DriveWork::new(DriveIndex(index), &drive.model, drive.control.clone(), setup.first_epoch);
+            let work = DriveWork::new(DriveIndex(index), &drive.model, drive.control.clone(), setup.first_epoch, now);
             let mut work = work.watched(range);
             if setup.keeps {
                 work.remember(&drive.remembered, now, &mut effects);

@@ -47,6 +47,11 @@ impl Outbox {
         self.now = now;
     }
 
+    /// The moment of the event that is being handled.
+    pub const fn now(&self) -> MonoTime {
+        self.now
+    }
+
     /// One more effect.
     pub fn push_back(&mut self, effect: Effect) {
         self.effects.push_back(effect);

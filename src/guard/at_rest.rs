@@ -16,12 +16,22 @@ impl DriveGuard {
         now: MonoTime,
     ) -> Result<Verdict, Report> {
         self.may_do(ControlAction::Reset, control)?;
+        let owner = command.origin.owner;
+        let is_cyclic = command.origin.manner == Manner::Cyclic;
+        let held_until = now + control.lost_after;
+        if is_cyclic && self.holds_reset(owner, held_until, now) {
+            self.renew(owner, now);
+            return Ok(Verdict::Unchanged);
+        }
         let stands_still = facts.at_standstill && self.intent() == RunIntent::Stop;
         match facts.tripped {
             Some(true) => {}
             None if stands_still => {}
-            // A controller that holds the value for reset means the change to it, and that has had its effect.
-            Some(false) if command.origin.manner == Manner::Cyclic => return Ok(Verdict::Unchanged),
+            // A controller that holds the value for reset means the change to it, and there is nothing to reset.
+            Some(false) if is_cyclic => {
+                self.resetting.add(owner, held_until);
+                return Ok(Verdict::Unchanged);
+            }
             Some(false) | None => return Err(refused(Reason::NotTripped)),
         }
         if facts.stop_pending {
@@ -31,8 +41,21 @@ impl DriveGuard {
             return Err(Report::new(Outcome::Expired, Reason::TooLate));
         }
         let steps = steps::of_reset(&self.model).map_err(no_steps)?;
-        self.renew(command.origin.owner, now);
+        self.renew(owner, now);
+        if is_cyclic {
+            self.resetting.add(owner, held_until);
+        }
         Ok(Verdict::Go(self.approve(command, Order::Reset, steps)))
+    }
+
+    /// Whether a reset was taken from `owner`, who has ordered it again and again since; if so, it is held until then.
+    fn holds_reset(&mut self, owner: Owner, until: MonoTime, now: MonoTime) -> bool {
+        self.resetting.forget_past(now);
+        let holds = self.resetting.has(owner);
+        if holds {
+            self.resetting.add(owner, until);
+        }
+        holds
     }
 
     /// Control goes back to panel or terminals: only at standstill, because a closed terminal may start the motor, and
@@ -55,7 +78,7 @@ impl DriveGuard {
         self.may_change_at_rest(command, facts, now)?;
         let steps = steps::of_release(&self.model).map_err(no_steps)?;
         let approved = self.approve(command, Order::Release, steps);
-        self.released();
+        self.released(now);
         Ok(Verdict::Go(approved))
     }
 

@@ -12,6 +12,7 @@ mod interlocks;
 mod leaving;
 mod motion;
 mod orphan;
+mod owners;
 mod ownership;
 mod registers;
 mod review;

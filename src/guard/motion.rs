@@ -33,7 +33,12 @@ impl DriveGuard {
             return Ok(Verdict::Unchanged);
         };
         if go.run().is_some() || go.frequency().is_some() {
-            self.may_move(command, &go, control, facts, now)?;
+            self.may_move(command, &go, control, facts, now).inspect_err(|report| {
+                if go.run().is_some() && command.origin.manner == Manner::Cyclic && is_ended_at_the_drive(report.reason)
+                {
+                    self.armed.remove(owner);
+                }
+            })?;
         }
         let steps = steps::of_go(&self.model, &go, control, self.setpoint()).map_err(no_steps)?;
         let moves = go.run().is_some() || (go.frequency().is_some() && !facts.at_standstill);
@@ -50,7 +55,8 @@ impl DriveGuard {
         Ok(Verdict::Go(self.approve(command, Order::Go(go), steps)))
     }
 
-    /// The parts of a cyclic order that are not in force already; nothing if all are.
+    /// The parts of a cyclic order that are not in force already; nothing if all are. A setpoint beside RUN always goes
+    /// with it: while the motor stood, somebody may have set another one at the drive.
     fn what_changes(&self, origin: Origin, go: &Go, control: &ControlSettings) -> Option<Go> {
         if origin.manner == Manner::Once {
             return Some(go.clone());
@@ -61,9 +67,10 @@ impl DriveGuard {
             .run()
             .filter(|direction| !(holds && self.run_acknowledged && self.intent() == RunIntent::Run(*direction)));
         let frequency = go.frequency().filter(|frequency| {
-            !self
-                .accepted_setpoint()
-                .is_some_and(|last| last.acknowledged && last.value == *frequency && is_his(last.by))
+            run.is_some()
+                || !self
+                    .accepted_setpoint()
+                    .is_some_and(|last| last.acknowledged && last.value == *frequency && is_his(last.by))
         });
         Go::new(go.registers().to_vec(), frequency, run)
     }
@@ -103,7 +110,8 @@ impl DriveGuard {
         if self.is_a_start(direction, facts) && self.interlocks.is_too_soon(control.min_start_interval, now) {
             return Err(refused(Reason::StartsTooOften));
         }
-        let turns_the_other_way = self.turned.is_some_and(|turned| turned != direction) && !facts.at_standstill;
+        let turned = facts.turns.or(self.turned);
+        let turns_the_other_way = turned.is_some_and(|turned| turned != direction) && !facts.at_standstill;
         let too_fast = facts.output.is_none_or(|output| output > control.reverse_below);
         if turns_the_other_way && too_fast {
             return Err(refused(Reason::Reversal));
@@ -129,18 +137,17 @@ impl DriveGuard {
     }
 
     /// The start inhibit. A cyclic commander shows by a stop that it knows; a message shows it by having been sent
-    /// after the last stop, which is believed after a while or by its epoch or moment of issue.
+    /// after the last inhibit: by its epoch, by its moment of issue, or, where it names neither, by coming a while after
+    /// the last stop.
     fn may_start(&self, command: &CommandRequest, control: &ControlSettings, now: MonoTime) -> Result<(), Report> {
         if command.origin.manner == Manner::Cyclic {
-            return if self.is_armed(command.origin.owner) { Ok(()) } else { Err(refused(Reason::StartInhibited)) };
+            return if self.armed.has(command.origin.owner) { Ok(()) } else { Err(refused(Reason::StartInhibited)) };
         }
-        let issued_since = match (command.issued, self.stopped_at) {
-            (Some(issued), Some(stopped)) => issued > stopped,
-            (Some(_), None) => true,
-            (None, _) => false,
-        };
-        if command.epoch.is_some() || issued_since {
+        if command.epoch.is_some() {
             return Ok(());
+        }
+        if let Some(issued) = command.issued {
+            return if issued > self.inhibited_at { Ok(()) } else { Err(refused(Reason::Stale)) };
         }
         // From the page nothing comes that a broker has kept.
         if control.strict && !matches!(command.origin.owner, Owner::Page(_)) {
@@ -164,4 +171,10 @@ impl DriveGuard {
 fn is_within(frequency: Hertz, control: &ControlSettings) -> Result<(), Report> {
     let within = (control.least..=control.most).contains(&frequency);
     if within { Ok(()) } else { Err(refused(Reason::OutsideLimits)) }
+}
+
+/// Whether somebody at the drive or beside the commander ends what stands against RUN. One that is held must not start the
+/// motor at that moment: it is ordered anew.
+const fn is_ended_at_the_drive(reason: Reason) -> bool {
+    matches!(reason, Reason::Tripped | Reason::LocalControl | Reason::Watchdog)
 }

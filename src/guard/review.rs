@@ -3,7 +3,7 @@
 use super::approved::{Approved, StopOrder};
 use super::registers::is_parameter;
 use super::state::DriveGuard;
-use crate::domain::command::{CommandRequest, Go, Manner, Order, Origin, Owner, Reason, Report, RunIntent};
+use crate::domain::command::{CommandRequest, Direction, Go, Manner, Order, Origin, Owner, Reason, Report, RunIntent};
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
@@ -31,6 +31,8 @@ pub struct Facts {
     pub at_standstill: bool,
     /// Output frequency, if it was read.
     pub output: Option<Hertz>,
+    /// The direction in which the motor turns, if the drive shows it.
+    pub turns: Option<Direction>,
     /// Whether the drive obeys its panel or terminals, if that is known.
     pub is_local: Option<bool>,
     /// The drive's own watchdog is known to be on, and to fit what was configured.
@@ -61,6 +63,9 @@ impl DriveGuard {
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
         let origin = command.origin;
         may_come_from(&control, origin.owner, &command.order)?;
+        if ends_a_reset(&command.order) {
+            self.resetting.remove(origin.owner);
+        }
         match &command.order {
             Order::Stop { setpoint } => self.review_stop(command, *setpoint, &control, facts, now),
             Order::Coast => self.review_coast(origin, &control, facts, now),
@@ -74,7 +79,7 @@ impl DriveGuard {
                     Order::Reset => self.review_reset(command, &control, facts, now),
                     Order::Release => self.review_release(command, &control, facts, now),
                     Order::Setup(addresses) => self.review_setup(command, addresses, facts, now),
-                    Order::Renew | Order::Take | Order::Stop { .. } | Order::Coast => {
+                    Order::Renew | Order::EndReset | Order::Take | Order::Stop { .. } | Order::Coast => {
                         self.renew(origin.owner, now);
                         Ok(Verdict::Unchanged)
                     }
@@ -120,7 +125,7 @@ impl DriveGuard {
 
     /// Whether this cyclic order to stop changes nothing: its sender has commanded it since the last inhibit.
     fn is_stop_in_force(&self, origin: Origin, intent: RunIntent) -> bool {
-        origin.manner == Manner::Cyclic && self.intent() == intent && self.is_armed(origin.owner)
+        origin.manner == Manner::Cyclic && self.intent() == intent && self.armed.has(origin.owner)
     }
 
     fn stop(
@@ -164,6 +169,15 @@ pub(super) fn no_steps(no: NoSteps) -> Report {
         NoSteps::BetweenSteps => Reason::BetweenSteps,
         NoSteps::SetpointUnknown => Reason::SetpointUnknown,
     })
+}
+
+/// Whether a commander that orders this holds an order to reset no longer.
+fn ends_a_reset(order: &Order) -> bool {
+    match order {
+        Order::Go(go) => go.run().is_some(),
+        Order::EndReset | Order::Stop { .. } | Order::Coast | Order::Release | Order::Take => true,
+        Order::Reset | Order::Renew | Order::Setup(_) => false,
+    }
 }
 
 /// A stop from Modbus TCP is a matter of the listener's `stop` alone, whatever sides the drive is commanded from.

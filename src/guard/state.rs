@@ -3,6 +3,7 @@
 use super::approved::StopOrder;
 use super::interlocks::Interlocks;
 use super::orphan::Orphan;
+use super::owners::Owners;
 use crate::domain::command::{Direction, Owner, RunIntent};
 use crate::domain::control::{ControlSettings, FailSafe, LeaseMode};
 use crate::domain::frequency::Hertz;
@@ -11,10 +12,6 @@ use crate::drive::steps;
 use crate::journal::Cause;
 use crate::profile::model::Model;
 use std::sync::Arc;
-
-/// Most commanders that are remembered as having commanded stop since the last inhibit. One that is forgotten has to
-/// command stop again.
-pub(super) const ARMED_MAX: usize = 64;
 
 /// Control of one drive.
 #[derive(Debug)]
@@ -34,11 +31,15 @@ pub struct DriveGuard {
     /// The last one that the drive acknowledged.
     held_setpoint: Option<Setpoint>,
     /// Who has commanded stop since the last inhibit and may therefore start.
-    armed: Vec<Owner>,
+    pub(super) armed: Owners,
+    /// Who holds the order to reset: it acted when it came, and acts again once it was taken back or came no more.
+    pub(super) resetting: Owners,
     stops: u64,
     epoch: u64,
     /// When the last stop was accepted.
     pub(super) stopped_at: Option<MonoTime>,
+    /// Since when nobody may simply go on: what was issued until then starts nothing.
+    pub(super) inhibited_at: MonoTime,
     failsafe: bool,
     /// Control was handed back, and nothing was ordered since.
     pub(super) is_released: bool,
@@ -79,10 +80,10 @@ pub struct Lost {
 }
 
 impl DriveGuard {
-    /// The guard of a drive that was just found: nobody holds control, and the start is inhibited. Epochs count from
+    /// The guard of a drive that was found at `now`: nobody holds control, and the start is inhibited. Epochs count from
     /// `first_epoch`, which should differ from those of an earlier run of the gateway.
     #[must_use]
-    pub fn new(model: Arc<Model>, control: Option<Arc<ControlSettings>>, first_epoch: u64) -> Self {
+    pub fn new(model: Arc<Model>, control: Option<Arc<ControlSettings>>, first_epoch: u64, now: MonoTime) -> Self {
         Self {
             model,
             control,
@@ -93,10 +94,12 @@ impl DriveGuard {
             turned: None,
             setpoint: None,
             held_setpoint: None,
-            armed: Vec::new(),
+            armed: Owners::default(),
+            resetting: Owners::default(),
             stops: 0,
             epoch: first_epoch,
             stopped_at: None,
+            inhibited_at: now,
             failsafe: false,
             is_released: false,
             is_ending: false,
@@ -193,7 +196,7 @@ impl DriveGuard {
         self.lease = None;
         let action = self.control.as_ref()?.on_commander_lost;
         let was_ordered = matches!(self.intent, RunIntent::Run(_));
-        self.inhibit();
+        self.inhibit(now);
         if at_rest && !was_ordered {
             return None;
         }
@@ -213,19 +216,26 @@ impl DriveGuard {
         Some(self.lost(owner, action, Cause::Shutdown, now))
     }
 
-    /// Something happened after which nobody may simply go on: a trip, a lost lease, the drive away.
-    pub fn inhibit(&mut self) {
+    /// Something happened at `now` after which nobody may simply go on: a lost lease, a stop that was given up.
+    pub fn inhibit(&mut self, now: MonoTime) {
+        self.inhibited_at = now;
         self.armed.clear();
         self.intent = RunIntent::Stop;
         self.run_acknowledged = false;
         self.obeyed = None;
     }
 
+    /// The drive tripped or is away: besides, it may have lost the setpoint that it held.
+    pub fn lost_touch(&mut self, now: MonoTime) {
+        self.inhibit(now);
+        self.setpoint_may_be_lost();
+    }
+
     /// Control was handed back to panel or terminals: nobody holds it here, and whoever starts again stops first.
-    pub(super) fn released(&mut self) {
+    pub(super) fn released(&mut self, now: MonoTime) {
         self.lease = None;
         self.is_released = true;
-        self.inhibit();
+        self.inhibit(now);
     }
 
     /// The drive stands still after a stop by the one who holds control: there is nothing left to hold.
@@ -233,7 +243,7 @@ impl DriveGuard {
         if matches!(self.intent, RunIntent::Run(_)) {
             return;
         }
-        if self.lease.is_some_and(|lease| lease.orphan.is_some() || self.armed.contains(&lease.owner)) {
+        if self.lease.is_some_and(|lease| lease.orphan.is_some() || self.armed.has(lease.owner)) {
             self.lease = None;
         }
     }
@@ -281,6 +291,14 @@ impl DriveGuard {
         }
     }
 
+    /// The drive was reset, or may have lost its power: an equal setpoint is a new one.
+    pub fn setpoint_may_be_lost(&mut self) {
+        self.setpoint_is_unknown();
+        if let Some(setpoint) = &mut self.setpoint {
+            setpoint.acknowledged = false;
+        }
+    }
+
     /// The setpoint `value` was never sent, or the drive refused it: what is still to be sent stands in its place, or
     /// else what the drive holds.
     pub fn setpoint_failed(&mut self, value: Hertz, still_ordered: Option<(Owner, Hertz)>) {
@@ -292,10 +310,6 @@ impl DriveGuard {
 
     pub(super) fn accepted_setpoint(&self) -> Option<Setpoint> {
         self.setpoint
-    }
-
-    pub(super) fn is_armed(&self, owner: Owner) -> bool {
-        self.armed.contains(&owner)
     }
 
     /// Accepts an order of `owner` to run, or a setpoint for a drive that may turn: control is leased.
@@ -311,7 +325,7 @@ impl DriveGuard {
         self.turned = Some(direction);
         self.run_acknowledged = false;
         self.failsafe = false;
-        self.arm(owner);
+        self.armed.add(owner, MonoTime::NEVER);
     }
 
     pub(super) fn accept_setpoint(&mut self, owner: Owner, value: Hertz) {
@@ -325,29 +339,19 @@ impl DriveGuard {
         self.stops += 1;
         self.epoch += 1;
         self.stopped_at = Some(now);
-        self.inhibit();
+        self.inhibit(now);
         self.intent = if coast { RunIntent::Coast } else { RunIntent::Stop };
         if self.lease.is_some_and(|lease| Some(lease.owner) != owner) {
             self.lease = None;
         }
         if let Some(owner) = owner {
-            self.arm(owner);
+            self.armed.add(owner, MonoTime::NEVER);
         }
     }
 
     pub(super) fn stop_order(&self, coast: bool) -> Option<StopOrder> {
         let (address, value) = steps::of_stop(&self.model, coast).ok()?;
         Some(StopOrder { address, value, coast })
-    }
-
-    fn arm(&mut self, owner: Owner) {
-        if self.armed.contains(&owner) {
-            return;
-        }
-        if self.armed.len() >= ARMED_MAX {
-            self.armed.remove(0);
-        }
-        self.armed.push(owner);
     }
 
     pub(super) fn lost(&mut self, owner: Option<Owner>, action: FailSafe, cause: Cause, now: MonoTime) -> Lost {

@@ -25,6 +25,7 @@ pub(super) const RESTING: Facts = Facts {
     tripped: Some(false),
     at_standstill: true,
     output: Some(Hertz::ZERO),
+    turns: None,
     is_local: None,
     is_watched: false,
 };
@@ -56,7 +57,7 @@ pub(super) fn run(direction: Direction) -> Order {
 }
 
 pub(super) fn guard_of(model: Model, control: ControlSettings) -> DriveGuard {
-    DriveGuard::new(Arc::new(model), Some(Arc::new(control)), 7)
+    DriveGuard::new(Arc::new(model), Some(Arc::new(control)), 7, MonoTime::ZERO)
 }
 
 pub(super) fn reviewed(guard: &mut DriveGuard, command: &CommandRequest) -> Result<(), (Outcome, Reason)> {
@@ -133,13 +134,22 @@ fn strict_messages_must_say_what_they_have_seen() {
 }
 
 #[test]
-fn a_moment_of_issue_counts_only_after_the_last_stop() {
-    let mut guard = guard_of(model(), control());
-    assert_eq!(reviewed(&mut guard, &command(mqtt(), STOP)), Ok(()));
+fn a_moment_of_issue_counts_only_after_the_last_stop_inhibit_or_start_of_the_gateway() {
     let issued = |at| CommandRequest { issued: Some(at), ..command(mqtt(), run(Direction::Forward)) };
-    let before = reviewed(&mut guard, &issued(NOW.before(Duration::from_millis(1))));
-    assert_eq!(before, Err((Outcome::Refused, Reason::RestartDelay)));
-    assert_eq!(reviewed(&mut guard, &issued(NOW + Duration::from_millis(1))), Ok(()));
+    let (until_then, after) = (issued(NOW), issued(NOW + Duration::from_millis(1)));
+    let stale = Err((Outcome::Refused, Reason::Stale));
+    for strict in [false, true] {
+        let settings = || ControlSettings { strict, ..control() };
+        let mut stopped = guard_of(model(), settings());
+        assert_eq!(reviewed(&mut stopped, &command(mqtt(), STOP)), Ok(()));
+        let mut inhibited = guard_of(model(), settings());
+        inhibited.inhibit(NOW);
+        let new = DriveGuard::new(Arc::new(model()), Some(Arc::new(settings())), 7, NOW);
+        for mut guard in [stopped, inhibited, new] {
+            assert_eq!(reviewed(&mut guard, &until_then), stale);
+            assert_eq!(reviewed(&mut guard, &after), Ok(()));
+        }
+    }
 }
 
 #[test]
@@ -345,7 +355,7 @@ fn a_release_ends_control_before_its_frame_goes() {
     let local = Origin { owner: Owner::Local, ..mqtt() };
     reviewed(&mut guard, &command(local, run(Direction::Forward))).unwrap();
     // A trip ends what was ordered and leaves the lease.
-    guard.inhibit();
+    guard.inhibit(NOW);
     assert!(guard.lease().is_some());
     assert!(matches!(judged(&mut guard, Order::Release, RESTING), Ok(Verdict::Go(_))));
     assert_eq!((guard.lease(), guard.is_start_inhibited()), (None, true));

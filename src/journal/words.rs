@@ -34,6 +34,7 @@ fn order(order: &Order) -> String {
         }
         Order::Take => "take".to_owned(),
         Order::Renew => "renew".to_owned(),
+        Order::EndReset => "end of reset".to_owned(),
     }
 }
 

@@ -97,4 +97,11 @@ fn a_client_that_writes_cyclically_runs_the_drive_with_one_frame_for_each_change
     assert_eq!(done(&["coil:101:0:0"])[0].get("exception"), None);
     plant.wait_until_it_stands();
     assert_eq!(plant.written()[3..], [(RUN, 0)]);
+    // Stop repeated is in force already; the coil that stops is pressed anew each time.
+    assert_eq!(done(&["write:101:256:0"])[0].get("exception"), None);
+    assert_eq!(plant.written().len(), 4);
+    for pressed in 1..=2 {
+        assert_eq!(done(&["coil:101:3:1"])[0].get("exception"), None);
+        assert_eq!(plant.written()[4..], vec![(RUN, 0); pressed]);
+    }
 }

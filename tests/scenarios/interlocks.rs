@@ -8,6 +8,7 @@ use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason, RunIntent}
 use vfd_gateway::domain::control::ControlSettings;
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::Station;
+use vfd_gateway::journal::Remembered;
 use vfd_gateway::profile::model::{Flag, Model};
 
 const SECOND: Duration = Duration::from_secs(1);
@@ -85,6 +86,51 @@ fn a_start_that_was_never_sent_counts_for_nothing() {
     rig.outcome_of(stop);
     rig.live(SECOND * 5);
     is_taken(&mut rig, run(FORWARD, Some(3000)));
+}
+
+#[test]
+fn a_start_that_was_cut_off_on_the_wire_may_have_been_one() {
+    for model in models() {
+        let fresh = || rig_of(&model, ControlSettings { min_start_interval: SECOND * 60, ..accepting() });
+        // The last one is the order to run.
+        let mut whole = fresh();
+        is_taken(&mut whole, run(FORWARD, Some(3000)));
+        let frames = whole.writes().len();
+        let mut rig = fresh();
+        let start = rig.command(MQTT, 0, run(FORWARD, Some(3000)));
+        let limit = rig.now + SECOND * 5;
+        while rig.writes().len() < frames {
+            assert!(rig.step(limit), "{}: {:02X?}", model.id, rig.writes());
+        }
+        let stop = rig.command(MQTT, 0, STOP);
+        assert_eq!(rig.outcome_of(start).0, Outcome::Superseded, "{}", model.id);
+        assert_eq!(rig.outcome_of(stop).0, Outcome::Confirmed, "{}", model.id);
+        rig.live(SECOND * 10);
+        let told = rig.commanded(MQTT, run(FORWARD, Some(3000)));
+        assert_eq!(told, (Outcome::Refused, Reason::StartsTooOften), "{}", model.id);
+    }
+}
+
+#[test]
+fn a_motor_that_was_started_in_reverse_elsewhere_is_not_reversed_at_speed() {
+    let mut seen = Vec::new();
+    for model in models().iter().filter(|model| model.status_flag(Flag::Reverse).is_some()) {
+        seen.push(model.id.clone());
+        let reverse_below = Hertz::from_centihertz(1000);
+        let mut rig = rig_of(model, ControlSettings { reverse_below, ..accepting() });
+        is_taken(&mut rig, run(Direction::Reverse, Some(3000)));
+        rig.live(SECOND * 15);
+        assert!(rig.output(1) < -1000, "{}", model.id);
+        rig.restart(Remembered::default());
+        rig.live(SECOND * 5);
+        assert!(rig.output(1) < -1000, "{}: it goes on turning", model.id);
+        rig.sent.clear();
+        let told = rig.commanded(MQTT, run(FORWARD, Some(3000)));
+        assert_eq!(told, (Outcome::Refused, Reason::Reversal), "{}", model.id);
+        assert_eq!(rig.writes(), Vec::<Vec<u8>>::new(), "{}", model.id);
+        is_taken(&mut rig, run(Direction::Reverse, Some(3000)));
+    }
+    assert_eq!(seen, ["frecon-fr500a", "teco-e510", "teco-e510s", "toshiba-vf-as1", "toshiba-vf-s15"]);
 }
 
 #[test]

@@ -377,3 +377,36 @@ fn a_cyclic_reset_acts_once() {
         assert_eq!(rig.written(way.at).len(), words, "{}", way.id);
     }
 }
+
+#[test]
+fn a_controller_that_holds_its_order_to_reset_resets_once() {
+    for way in WAYS.iter().filter(|way| way.shows_trips) {
+        let mut rig = tripped(way, 1);
+        // Whoever started the motor holds it no longer.
+        rig.pass(SECOND * 5);
+        assert_eq!(rig.commanded(plc(1), Order::Reset), (Outcome::Confirmed, Reason::None), "{}", way.id);
+        for _ in 0..5 {
+            rig.commanded(plc(1), Order::Reset);
+            rig.pass(SECOND);
+        }
+        trip(&mut rig);
+        rig.sent.clear();
+        for _ in 0..5 {
+            assert_eq!(rig.commanded(plc(1), Order::Reset), (Outcome::Acknowledged, Reason::Unchanged), "{}", way.id);
+            rig.pass(SECOND);
+        }
+        assert!(is_tripped(&rig) && rig.writes().is_empty(), "{}: {:02X?}", way.id, rig.writes());
+        // One that was taken back or came no more for as long as a lease lasts resets anew, and so does somebody else's.
+        for (by, over) in [(1, Some(Order::EndReset)), (1, Some(STOP)), (2, None), (1, None)] {
+            match over {
+                Some(order) => drop(rig.commanded(plc(by), order)),
+                None => rig.pass(SECOND * 3),
+            }
+            assert_eq!(rig.commanded(plc(by), Order::Reset), (Outcome::Confirmed, Reason::None), "{}", way.id);
+            rig.pass(SECOND * 5);
+            assert!(!is_tripped(&rig), "{}", way.id);
+            trip(&mut rig);
+            rig.pass(SECOND * 4);
+        }
+    }
+}

@@ -2,9 +2,9 @@
 //! and is written with the order to run.
 
 use crate::support::families::{accepting, models, rig_of, single};
-use crate::support::{MQTT, Rig, STOP, model, run, setpoint};
+use crate::support::{MQTT, Rig, STOP, model, plc, run, setpoint};
 use std::time::Duration;
-use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason};
+use vfd_gateway::domain::command::{Direction, Order, Origin, Outcome, Reason};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::gateway::Note;
 
@@ -146,6 +146,40 @@ fn a_drive_that_forgets_its_setpoint_in_a_reset_or_without_power_is_not_started_
             assert_eq!(told, (Outcome::Refused, Reason::SetpointUnknown), "{id}, power {by_power}");
             assert!(rig.writes().is_empty(), "{id}: what the drive has forgotten is not written again by itself");
             assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0, Outcome::Confirmed, "{id}");
+        }
+    }
+}
+
+/// Forward at 30 Hz is ordered.
+fn is_taken(rig: &mut Rig, by: Origin) {
+    let (outcome, reason) = rig.commanded(by, run(Direction::Forward, Some(3000)));
+    assert!(matches!(outcome, Outcome::Acknowledged | Outcome::Confirmed), "{outcome:?} {reason:?}");
+}
+
+#[test]
+fn a_controller_that_repeats_its_setpoint_runs_at_that_whatever_was_set_while_the_motor_stood() {
+    let plc = plc(1);
+    for (id, _, frequency, ..) in SHOWING {
+        for elsewhere in [0, 4900, 5500] {
+            let mut rig = fresh(id);
+            rig.commanded(plc, STOP);
+            is_taken(&mut rig, plc);
+            rig.pass(SECOND * 2);
+            rig.commanded(plc, STOP);
+            rig.pass(SECOND * 15);
+            assert_eq!(rig.output(1), 0, "{id}");
+            set_elsewhere(&mut rig, *frequency, elsewhere);
+            rig.sent.clear();
+            is_taken(&mut rig, plc);
+            // Alone before the order to run, or in one block with it.
+            let written = rig.writes();
+            assert!(written[0].ends_with(&3000_u16.to_be_bytes()), "{id}: {written:02X?}");
+            for _ in 0..10 {
+                is_taken(&mut rig, plc);
+                rig.pass(SECOND);
+            }
+            assert_eq!(rig.output(1), 3000, "{id}, {elsewhere} set elsewhere");
+            assert_eq!(rig.writes(), written, "{id}: what repeats it goes nowhere");
         }
     }
 }

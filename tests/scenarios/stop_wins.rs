@@ -122,6 +122,32 @@ fn a_stop_without_effect_is_repeated_for_as_long_as_the_drive_answers() {
 }
 
 #[test]
+fn a_controller_that_goes_on_ordering_stop_has_a_drive_stopped_that_comes_back_after_the_stop_was_dropped() {
+    let mut rig = Rig::new(&RigOptions { drives: 2, ..RigOptions::controlled() });
+    rig.commanded(plc(1), STOP);
+    rig.commanded(plc(1), run(Direction::Forward, Some(3000)));
+    rig.pass(Duration::from_secs(2));
+    let now = rig.now;
+    rig.bus.set_powered(now, Station(1), false);
+    for _ in 0..66 {
+        rig.command(plc(1), 0, STOP);
+        rig.pass(Duration::from_secs(10));
+    }
+    assert!(rig.notes.iter().any(|(_, note)| *note == Note::StopDropped));
+    rig.sent.clear();
+    let now = rig.now;
+    rig.bus.set_powered(now, Station(1), true);
+    // As a drive does that was out of reach and never stopped.
+    rig.bus.drive_mut(Station(1)).unwrap().obey(now, &[6, 0, 2, 0, 1]);
+    for _ in 0..6 {
+        rig.command(plc(1), 0, STOP);
+        rig.pass(Duration::from_secs(10));
+    }
+    assert_eq!(rig.output(1), 0);
+    assert_eq!(rig.written(RUN).first(), Some(&0), "it did not stop by itself");
+}
+
+#[test]
 fn a_late_echo_is_no_proof_of_a_stop() {
     let mut rig = running();
     // The echo of the first stop comes after its time-out: the second one's could be it.

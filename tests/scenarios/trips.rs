@@ -1,6 +1,7 @@
 //! Trips are seen, read with their record, told once, and end every order to run.
 
-use crate::support::{MQTT, Rig, RigOptions, plc, run};
+use crate::support::families::{accepting, rig_of, single};
+use crate::support::{MQTT, Rig, RigOptions, STOP, model, plc, run};
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason, RunIntent};
 use vfd_gateway::domain::ids::Station;
@@ -99,4 +100,31 @@ fn no_trip_is_lost_on_a_bad_line() {
         })
         .sum();
     assert_eq!(told, 50);
+}
+
+#[test]
+fn run_that_was_held_through_a_trip_does_not_start_the_motor_when_the_drive_is_reset_at_its_panel() {
+    // Model, run command, and the word there that resets.
+    for (id, command, reset) in [("frecon-fr500a", 0x2000, 7), ("teco-e510", 0x2501, 8)] {
+        let mut rig = rig_of(&model(id), accepting());
+        let held = || run(Direction::Forward, Some(3000));
+        rig.commanded(plc(1), STOP);
+        assert_eq!(rig.commanded(plc(1), held()).0, Outcome::Confirmed, "{id}");
+        rig.pass(Duration::from_secs(3));
+        let now = rig.now;
+        rig.bus.drive_mut(Station(1)).unwrap().trip(now, 2);
+        rig.pass(Duration::from_secs(3));
+        rig.commanded(plc(1), STOP);
+        assert_eq!(rig.commanded(plc(1), held()), (Outcome::Refused, Reason::Tripped), "{id}");
+        let now = rig.now;
+        let drive = rig.bus.drive_mut(Station(1)).unwrap();
+        assert!(drive.answer(now, &single(command, reset), 0, &mut Vec::new()) && !drive.is_tripped());
+        rig.pass(Duration::from_secs(3));
+        assert_eq!(rig.view(0).trip.active, Some(false), "{id}");
+        assert_eq!(rig.commanded(plc(1), held()), (Outcome::Refused, Reason::StartInhibited), "{id}");
+        rig.pass(Duration::from_secs(2));
+        assert_eq!(rig.output(1), 0, "{id}");
+        rig.commanded(plc(1), STOP);
+        assert_eq!(rig.commanded(plc(1), held()).0, Outcome::Confirmed, "{id}: ordered anew");
+    }
 }

@@ -49,7 +49,7 @@ fn what_no_line_saw_is_kept_with_who_what_and_why() {
             assert_eq!(owner.to_string(), "modbus-tcp 127.0.0.1");
         }
         // Reads are no attempts, nor is what orders nothing.
-        for (unit, pdu) in [(9, &[3, 0, 0, 0, 1][..]), (101, &[3, 0, 99, 0, 1]), (101, &[5, 0, 2, 0, 0]), (1, &[7])] {
+        for (unit, pdu) in [(9, &[3, 0, 0, 0, 1][..]), (101, &[3, 0, 99, 0, 1]), (101, &[5, 0, 3, 0, 0]), (1, &[7])] {
             ask(&mut stream, unit, pdu).await;
         }
         assert_eq!(kept.take(), []);

@@ -5,14 +5,14 @@ use super::super::clock;
 use super::super::inbox::{Full, Inbox, Message};
 use super::super::router::{Drive, Target};
 use super::Client;
-use crate::domain::command::{CommandAnswer, CommandRequest, Order, Reason, Report};
+use crate::domain::command::{CommandAnswer, CommandRequest, Manner, Order, Origin, Reason, Report};
 use crate::domain::ids::{DriveIndex, Ticket};
 use crate::domain::native::{NativeAsk, NativeRequest};
 use crate::domain::time::MonoTime;
 use crate::guard::COMMAND_DEADLINE;
 use crate::journal::Tried;
 use crate::north::modbus::{
-    Answer, Ask, Call, Connection, Ended, Ordered, Present, ReadBehind, Taken, Words, native, own,
+    Answer, Ask, Call, Connection, Ended, Ordered, Present, ReadBehind, Taken, Words, native, own, presses_stop,
 };
 use crate::wire::exception;
 use std::time::Duration;
@@ -99,13 +99,14 @@ impl Client {
         match (taken.at_once(words, |answer| machine.answer(now, call.ticket, answer)), drive) {
             (Ok(()), _) => {}
             (Err(Ordered::One(order)), Some(drive)) => {
-                let result = self.order(now, call.ticket, drive, order);
+                let manner = if presses_stop(&call.ask) { Manner::Once } else { Manner::Cyclic };
+                let result = self.order(now, call.ticket, drive, order, manner);
                 self.expect(now, machine, call, vec![(call.ticket, result)]);
             }
             (Err(_), _) => {
                 let stop = |drive| {
                     let ticket = machine.fresh_ticket();
-                    (ticket, self.order(now, ticket, drive, Order::Stop { setpoint: None }))
+                    (ticket, self.order(now, ticket, drive, Order::Stop { setpoint: None }, Manner::Once))
                 };
                 let given = self.router().controlled().map(stop).collect();
                 self.expect(now, machine, call, given);
@@ -115,13 +116,13 @@ impl Client {
 
     /// Gives an order to a drive, or returns why not. What its line does not take is an attempt all the same; to renew
     /// a lease is none.
-    fn order(&self, now: MonoTime, ticket: Ticket, drive: Drive<'_>, order: Order) -> Result<(), Full> {
+    fn order(&self, now: MonoTime, ticket: Ticket, drive: Drive<'_>, order: Order, manner: Manner) -> Result<(), Full> {
         let place = drive.shared.description.place;
         let command = CommandRequest {
             asker: self.asker,
             ticket,
             drive: place.drive,
-            origin: self.origin.get(),
+            origin: Origin { manner, ..self.origin.get() },
             order: order.clone(),
             start_before: now + COMMAND_DEADLINE,
             issued: None,
@@ -129,7 +130,7 @@ impl Client {
         };
         self.known_until.set(MonoTime::NEVER);
         drive.inbox.put(Message::Command(command)).inspect_err(|Full| {
-            if order != Order::Renew {
+            if !order.is_no_attempt() {
                 let (owner, report) = (self.origin.get().owner, Report::refused(Reason::QueueFull));
                 self.keeper.keep(Some(place), owner, Tried::Order(order), report);
             }
@@ -191,7 +192,7 @@ impl Client {
         if renewed.get(&drive.place).is_some_and(|at| now.since(*at) < RENEW_EVERY) {
             return;
         }
-        if self.order(now, machine.fresh_ticket(), drive, Order::Renew).is_ok() {
+        if self.order(now, machine.fresh_ticket(), drive, Order::Renew, Manner::Cyclic).is_ok() {
             renewed.insert(drive.place, now);
         }
     }

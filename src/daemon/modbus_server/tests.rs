@@ -251,7 +251,7 @@ fn a_uniform_write_is_a_command_and_answered_by_its_report() {
             assert_eq!(answer(&mut stream).await, (7, 103, right));
             plant.tell(&command, Report::new(Outcome::Confirmed, Reason::None), true);
         }
-        assert_eq!(ask(&mut stream, 103, &[5, 0, 2, 0, 0]).await, [5, 0, 2, 0, 0], "it orders nothing");
+        assert_eq!(ask(&mut stream, 103, &[5, 0, 3, 0, 0]).await, [5, 0, 3, 0, 0], "it orders nothing");
     });
 }
 

@@ -25,7 +25,7 @@ const QUIETLY: Next = Next::Goes(None);
 
 fn list_by(model: &Model, order: Order, owner: Owner) -> List {
     let settings = ControlSettings { strict: false, ..control() };
-    let mut guard = DriveGuard::new(Arc::new(model.clone()), Some(Arc::new(settings)), 1);
+    let mut guard = DriveGuard::new(Arc::new(model.clone()), Some(Arc::new(settings)), 1, MonoTime::ZERO);
     let command = CommandRequest {
         asker: AskerId(1),
         ticket: Ticket(1),
@@ -44,6 +44,7 @@ fn list_by(model: &Model, order: Order, owner: Owner) -> List {
         tripped: Some(matches!(command.order, Order::Reset)),
         at_standstill: true,
         output: Some(Hertz::ZERO),
+        turns: None,
         is_local: None,
         is_watched: false,
     };

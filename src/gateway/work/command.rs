@@ -20,13 +20,13 @@ impl DriveWork {
     pub fn command(&mut self, now: MonoTime, command: &CommandRequest, mut waiter: Waiter, facts: Facts, out: Out<'_>) {
         self.has_changed = true;
         let is_full = self.waiting.len() >= COMMANDS_MAX
-            && !matches!(command.order, Order::Stop { .. } | Order::Coast | Order::Renew);
+            && !matches!(command.order, Order::Stop { .. } | Order::Coast | Order::Renew | Order::EndReset);
         let (owner, tried) = (command.origin.owner, || Tried::Order(command.order.clone()));
         let verdict =
             if is_full { Err(Report::refused(Reason::QueueFull)) } else { self.guard.review(command, &facts, now) };
         match verdict {
             Err(report) => {
-                if command.order != Order::Renew {
+                if !command.order.is_no_attempt() {
                     self.count(&mut waiter);
                     out.attempt_ended(self.drive, owner, tried(), report);
                 }
@@ -35,7 +35,7 @@ impl DriveWork {
             Ok(Verdict::Unchanged) => {
                 let report = Report::new(Outcome::Acknowledged, Reason::Unchanged);
                 let repeats = command.origin.manner == Manner::Cyclic && command.order != Order::Take;
-                if !repeats && command.order != Order::Renew {
+                if !repeats && !command.order.is_no_attempt() {
                     out.attempt_ended(self.drive, owner, tried(), report);
                 }
                 out.tell(&mut waiter, report, true);
@@ -92,8 +92,8 @@ impl DriveWork {
         let moves =
             |list: &List| matches!(list.order(), Order::Go(go) if go.run().is_some() || go.frequency().is_some());
         let is_current = self.current.as_ref().is_some_and(moves);
-        if is_current && matches!(self.flight, Some(Rank::Step | Rank::Start)) {
-            self.flight = None;
+        if is_current {
+            self.leave_flight(out.now());
         }
         let current = if is_current { self.current.take() } else { None };
         let (cut, kept) = std::mem::take(&mut self.waiting).into_iter().partition::<VecDeque<_>, _>(moves);
@@ -135,9 +135,7 @@ impl DriveWork {
     /// A stop cancels everything else that was ordered.
     pub(super) fn cut(&mut self, now: MonoTime, out: Out<'_>) {
         let is_on_the_wire = matches!(self.flight, Some(Rank::Step | Rank::Start));
-        if is_on_the_wire {
-            self.flight = None;
-        }
+        self.leave_flight(now);
         // A drive that was reset is deaf all the same.
         let rest = self.current.as_ref().and_then(|list| list.rest_to_come(is_on_the_wire));
         self.rest_until = rest.map(|rest| now + rest).or(self.rest_until);

@@ -108,6 +108,7 @@ impl DriveWork {
 
     /// The line is down: what waits is not sent, what is on the wire is in doubt. A stop goes on waiting.
     pub fn line_down(&mut self, now: MonoTime, out: Out<'_>) {
+        self.leave_flight(now);
         self.flight = None;
         if let Some(latch) = &mut self.latch {
             latch.unanswered(now);
@@ -195,6 +196,17 @@ impl DriveWork {
         }
     }
 
+    /// What is on the wire is not waited for: the drive may take it all the same.
+    pub(super) fn leave_flight(&mut self, now: MonoTime) {
+        if !matches!(self.flight, Some(Rank::Step | Rank::Start)) {
+            return;
+        }
+        self.flight = None;
+        let list = self.current.as_ref();
+        let written: Vec<Part> = list.into_iter().flat_map(|list| list.present_writes()).map(|it| it.part).collect();
+        written.into_iter().for_each(|part| self.part_in_doubt(part, now));
+    }
+
     fn part_in_doubt(&mut self, part: Part, now: MonoTime) {
         match part {
             Part::Run(direction) => {
@@ -202,7 +214,8 @@ impl DriveWork {
                 self.guard.run_is_unknown(direction);
             }
             Part::Setpoint(_) => self.guard.setpoint_is_unknown(),
-            Part::Register | Part::Reset { .. } | Part::Release => {}
+            Part::Reset { .. } => self.guard.setpoint_may_be_lost(),
+            Part::Register | Part::Release => {}
         }
     }
 
@@ -220,7 +233,12 @@ impl DriveWork {
                 self.starts(now);
                 self.guard.run_was_acknowledged(direction);
             }
-            Part::Reset { ends: true, .. } if is_sure => self.trips.reset_acknowledged(),
+            Part::Reset { ends: true, .. } => {
+                self.guard.setpoint_may_be_lost();
+                if is_sure {
+                    self.trips.reset_acknowledged();
+                }
+            }
             Part::Register | Part::Reset { .. } | Part::Release => {}
         }
     }

@@ -13,7 +13,7 @@ use super::list::List;
 use super::outbox::Outbox;
 use super::stop::StopLatch;
 use super::waiter::Waiter;
-use crate::domain::command::{Order, Owner, Reason, Report};
+use crate::domain::command::{Direction, Order, Owner, Reason, Report};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::DriveIndex;
@@ -99,14 +99,20 @@ pub struct DriveWork {
 type Out<'a> = &'a mut Outbox;
 
 impl DriveWork {
-    /// The work of a drive that was just found.
+    /// The work of a drive that was found at `now`.
     #[must_use]
-    pub fn new(drive: DriveIndex, model: &Arc<Model>, control: Option<Arc<ControlSettings>>, epoch: u64) -> Self {
+    pub fn new(
+        drive: DriveIndex,
+        model: &Arc<Model>,
+        control: Option<Arc<ControlSettings>>,
+        epoch: u64,
+        now: MonoTime,
+    ) -> Self {
         let output = model.register_for(Role::OutputFrequency);
         Self {
             drive,
             model: Arc::clone(model),
-            guard: DriveGuard::new(Arc::clone(model), control, epoch),
+            guard: DriveGuard::new(Arc::clone(model), control, epoch, now),
             latch: None,
             current: None,
             waiting: VecDeque::new(),
@@ -160,6 +166,12 @@ impl DriveWork {
     #[must_use]
     pub fn is_at_standstill(&self) -> bool {
         self.output.is_at_standstill() && self.status.is_running() != Some(true)
+    }
+
+    /// The direction in which the motor turns, if the drive shows it.
+    fn turns(&self) -> Option<Direction> {
+        let is_reverse = self.status.get(Flag::Reverse).filter(|_| self.is_moving())?;
+        Some(if is_reverse { Direction::Reverse } else { Direction::Forward })
     }
 
     /// What the status registers tell beside the run state.
@@ -220,7 +232,7 @@ impl DriveWork {
         self.status.forget();
         self.watchdog.forget();
         self.trips.lost_sight();
-        self.guard.inhibit();
+        self.guard.lost_touch(out.now());
         self.cut_motion(Reason::Offline, out);
     }
 
@@ -236,6 +248,7 @@ impl DriveWork {
             tripped: self.trips.view().active,
             at_standstill: self.is_at_standstill(),
             output: self.output.raw().map(|raw| Hertz::from_word(raw, scale)),
+            turns: self.turns(),
             is_local: self.status.view().is_local(),
             is_watched: self.watchdog.view().is_some_and(|view| view.is_in_order()),
         }

@@ -58,6 +58,9 @@ impl DriveWork {
         let waiters = std::mem::take(latch.waiters());
         if turn == Turn::Dropped {
             self.latch = None;
+            // The stop had no effect, so an equal one is a new one.
+            self.is_stopping = false;
+            self.guard.inhibit(now);
             out.keep(self.drive, Entry::StopOver { is_effective: false });
         }
         for mut waiter in waiters {

@@ -63,7 +63,7 @@ impl DriveWork {
         let is_tripped = self.trips.view().active == Some(true);
         if is_tripped && (event.is_some() || self.guard.intent() != RunIntent::Stop) {
             // A trip ends what was ordered: after a reset a fresh order is needed.
-            self.guard.inhibit();
+            self.guard.lost_touch(out.now());
             self.cut_motion(Reason::Tripped, out);
         }
         self.keep_trips(event.as_ref(), out);

@@ -39,5 +39,5 @@ pub use places::{Entry, Newcomer, Place, Places, RoomId};
 pub use refusal::{exception_for, exception_of, worst};
 pub use request::parse;
 pub use taken::{Ordered, Present, Taken};
-pub use uniform::{Uniform, address};
+pub use uniform::{Uniform, address, presses_stop};
 pub use words::Words;

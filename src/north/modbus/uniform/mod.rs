@@ -7,7 +7,7 @@ mod status;
 mod words;
 
 pub use column::{ABSENT, ABSENT_SIGNED};
-pub use order::run;
+pub use order::{presses_stop, run};
 pub use status::{alarm, bit, capability};
 
 use super::ask::{Ask, BitTable, WordTable};

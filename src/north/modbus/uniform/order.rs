@@ -28,13 +28,14 @@ pub mod run {
 ///
 /// One request is one order. A stop wins over everything that stands beside it:
 ///
-/// * A setpoint beside STOP goes with it; beside COAST it is not taken, because none follows what is not effective.
+/// * A setpoint beside STOP goes with it; beside COAST it is not taken, because none follows what is not effective, nor
+///   beside a reset, which moves nothing.
 /// * Among coils, off on 0 or 1 is STOP unless the other of them is on in the same request; coil 3 is STOP
 ///   whatever stands beside it; and a request that stops does not reset.
 ///
 /// # Errors
 /// `not_capable` if `ask` does not write; `not_listed` outside of what can be written; `not_understood` for a run value
-/// that is not known; `conflict` for both directions at once, or a reset, release or take-over beside RUN or a setpoint;
+/// that is not known; `conflict` for both directions at once, a reset beside RUN, or a release or take-over beside a setpoint;
 /// `setpoint_unknown` for a mask on a setpoint that is not known.
 pub(super) fn order_in(ask: &Ask, control: Option<&ControlView>) -> Result<Option<Order>, Reason> {
     match ask {
@@ -65,10 +66,10 @@ fn words(first: u16, values: &[u16]) -> Result<Option<Order>, Reason> {
         Some(run::FORWARD) => go(setpoint, Some(Direction::Forward)),
         Some(run::REVERSE) => go(setpoint, Some(Direction::Reverse)),
         Some(run::COAST) => Some(Order::Coast),
-        Some(run::RESET) if setpoint.is_none() => Some(Order::Reset),
+        Some(run::RESET) => Some(Order::Reset),
         Some(run::RELEASE) if setpoint.is_none() => Some(Order::Release),
         Some(run::TAKE) if setpoint.is_none() => Some(Order::Take),
-        Some(run::RESET | run::RELEASE | run::TAKE) => return Err(Reason::Conflict),
+        Some(run::RELEASE | run::TAKE) => return Err(Reason::Conflict),
         Some(_) => return Err(Reason::NotUnderstood),
     };
     Ok(order)
@@ -126,7 +127,20 @@ fn coils(first: u16, count: u16, value: impl Fn(u16) -> Option<bool>) -> Result<
         (_, Some(true), _) => Ok(go(None, Some(Direction::Reverse))),
         (Some(false), ..) | (_, Some(false), _) => Ok(Some(Order::Stop { setpoint: None })),
         (None, None, Some(true)) => Ok(Some(Order::Reset)),
-        (None, None, _) => Ok(None),
+        (None, None, Some(false)) => Ok(Some(Order::EndReset)),
+        (None, None, None) => Ok(None),
+    }
+}
+
+/// Whether `ask` presses the stop button, coil 3: that is an action each time, and no level that a controller holds.
+#[must_use]
+pub fn presses_stop(ask: &Ask) -> bool {
+    match ask {
+        Ask::WriteCoil { address, on } => *on && *address == address::STOP,
+        Ask::WriteCoils { address, values } => {
+            address::STOP.checked_sub(*address).and_then(|place| values.get(place)) == Some(true)
+        }
+        _ => false,
     }
 }
 
@@ -193,8 +207,8 @@ mod tests {
             (256, &[2, 4250, 9], Ok(go(Some(HZ), Some(Direction::Reverse)))),
             (256, &[0, 4250, 9], Ok(Some(Order::Stop { setpoint: Some(HZ) }))),
             (256, &[3, 4250], Ok(Some(Order::Coast))),
-            (256, &[4, 4250], Err(3)),
-            (256, &[4, 4250, 9], Err(3)),
+            (256, &[4, 4250], Ok(Some(Order::Reset))),
+            (256, &[4, 4250, 9], Ok(Some(Order::Reset))),
             (256, &[5, 4250], Err(3)),
             (256, &[6, 4250], Err(3)),
             (257, &[4250, 9], Ok(go(Some(HZ), None))),
@@ -247,7 +261,7 @@ mod tests {
             (3, true, Ok(Some(STOP))),
             (0, false, Ok(Some(STOP))),
             (1, false, Ok(Some(STOP))),
-            (2, false, Ok(None)),
+            (2, false, Ok(Some(Order::EndReset))),
             (3, false, Ok(None)),
             (4, true, Err(2)),
             (0xFFFF, false, Err(2)),
@@ -275,7 +289,7 @@ mod tests {
             (0, 4, 0b0100, Ok(Some(STOP))),
             (2, 2, 0b01, Ok(Some(Order::Reset))),
             (2, 2, 0b11, Ok(Some(STOP))),
-            (2, 2, 0b00, Ok(None)),
+            (2, 2, 0b00, Ok(Some(Order::EndReset))),
             (0, 5, 0, Err(2)),
             (4, 1, 1, Err(2)),
         ] {

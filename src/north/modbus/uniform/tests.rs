@@ -334,5 +334,5 @@ fn a_write_that_cannot_also_read_orders_nothing() {
 
 #[test]
 fn a_write_that_orders_nothing_is_done_at_once() {
-    assert_eq!(take(&unit(), &[5, 0, 2, 0, 0], &testing::view(), NOW).0, Taken::Nothing);
+    assert_eq!(take(&unit(), &[5, 0, 3, 0, 0], &testing::view(), NOW).0, Taken::Nothing);
 }
