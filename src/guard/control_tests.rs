@@ -100,6 +100,20 @@ fn where_anybody_may_command_control_goes_to_the_last_who_did() {
 }
 
 #[test]
+fn a_parameter_that_a_controller_sets_is_no_sign_of_life() {
+    for (owner, renews) in [(plc(1), false), (mqtt(), true)] {
+        let mut guard = guard_of(model(), control());
+        at(&mut guard, owner, STOP, &RESTING, NOW).unwrap();
+        let start = CommandRequest { epoch: Some(guard.epoch()), ..command(owner, run(Direction::Forward)) };
+        reviewed(&mut guard, &start).unwrap();
+        let later = NOW + Duration::from_secs(1);
+        assert!(matches!(at(&mut guard, owner, register(RAMP, 1), &RUNNING, later), Ok(Verdict::Go(_))));
+        let renewed_at = if renews { later } else { NOW };
+        assert_eq!(guard.lease(), Some((owner.owner, renewed_at + LEASE)));
+    }
+}
+
+#[test]
 fn a_path_that_is_open_keeps_session_leases_alone() {
     for (lease, until) in [(LeaseMode::Session, NOW + LEASE + LEASE), (LeaseMode::Explicit, NOW + LEASE)] {
         let mut guard = held(ControlSettings { lease, ..control() });

@@ -28,6 +28,8 @@ impl DriveGuard {
         if let Some(direction) = go.run() {
             self.may_turn(direction, control)?;
         }
+        // A controller that only sets parameters may have stopped looking after the motor.
+        let renews = command.origin.manner == Manner::Once || go.run().is_some() || go.frequency().is_some();
         let Some(go) = self.what_changes(command.origin, go, control) else {
             self.renew_unchanged(owner, control, now);
             return Ok(Verdict::Unchanged);
@@ -42,7 +44,7 @@ impl DriveGuard {
         }
         let steps = steps::of_go(&self.model, &go, control, self.setpoint()).map_err(no_steps)?;
         let moves = go.run().is_some() || (go.frequency().is_some() && !facts.at_standstill);
-        if moves || self.counts_as_held_by(owner, control) {
+        if moves || (renews && self.counts_as_held_by(owner, control)) {
             self.take_lease(owner, now);
         }
         self.interlocks.approved(&self.model, go.registers(), now);
