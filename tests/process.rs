@@ -56,6 +56,7 @@
 //! | `sparkplug` | a Sparkplug host finds the gateway and its drives, commands them, and loses them |
 //! | `node_red` | the flow of `deploy/node-red`, in Node-RED as it stands, shows a drive and moves it |
 //! | `fleet` | many gateways on one broker, a user each: what it acknowledges arrives, over bridges and lost nodes too |
+//! | `fleet_commands` | the gateway of the fleet's guide is commanded over a bridge and at a cluster, and never late |
 //! | `trying` | the demo does what it prints |
 //! | `pictures` | the pictures of the page for the documents, on demand |
 //!
@@ -117,6 +118,8 @@ mod failing_disk;
 mod families;
 #[path = "process/fleet.rs"]
 mod fleet;
+#[path = "process/fleet_commands.rs"]
+mod fleet_commands;
 #[path = "process/guides.rs"]
 mod guides;
 #[path = "process/half_open.rs"]

@@ -1,7 +1,7 @@
 //! Many gateways on one broker, with the configuration files of `deploy/fleet`: each gateway is a user of its own, and what the
 //! broker has acknowledged arrives.
 
-use super::mosquitto::{Mosquitto, free_port};
+use super::mosquitto::{Mosquitto, Subscriber, free_port};
 use super::rig::{Place, fields, start, vfd_gateway};
 use super::started::{PATIENCE, Started, until};
 use serde_json::Value;
@@ -21,7 +21,7 @@ fn deploy(file: &str) -> PathBuf {
 }
 
 /// A delivered file with other values in the place of those that it names.
-fn delivered(file: &str, here: &[(&str, String)]) -> String {
+pub(super) fn delivered(file: &str, here: &[(&str, String)]) -> String {
     let text = std::fs::read_to_string(deploy(file)).unwrap();
     here.iter().fold(text, |text, (there, here)| {
         assert!(text.contains(there), "{file} has no {there}");
@@ -29,50 +29,65 @@ fn delivered(file: &str, here: &[(&str, String)]) -> String {
     })
 }
 
-fn path(place: &Place, name: &str) -> String {
+pub(super) fn path(place: &Place, name: &str) -> String {
     place.file(name).to_str().unwrap().to_owned()
 }
 
-/// Credentials of the gateways, of a site and of who reads, in the forms that the brokers want.
-fn make_users(place: &Place) {
+/// Credentials of the gateways, of a site, and of who reads and commands, in the forms that the brokers want.
+pub(super) fn make_users(place: &Place) {
     let mut script = Command::new(deploy("make-users.sh"));
-    script.args([&path(place, "users"), "vfd", "historian"]).stdin(Stdio::piped());
+    script.args(["--commander", "operator", &path(place, "users"), "vfd", "historian"]).stdin(Stdio::piped());
     let mut script = script.spawn().unwrap();
     let names: Vec<_> = (1..=GATEWAYS).map(|number| format!("gw-{number:04}")).chain(["site-1".to_owned()]).collect();
     writeln!(script.stdin.take().unwrap(), "{}", names.join("\n")).unwrap();
     assert!(script.wait().unwrap().success());
 }
 
-fn password(place: &Place, user: &str) -> String {
+pub(super) fn password(place: &Place, user: &str) -> String {
     let credentials = std::fs::read_to_string(place.file("users/credentials")).unwrap();
     let found = credentials.lines().find_map(|line| line.strip_prefix(user)?.strip_prefix(':'));
     found.unwrap_or_else(|| panic!("no password of {user}")).to_owned()
 }
 
 /// The central mosquitto as it is delivered: TLS, a user for each gateway, each with its own topics.
-fn central(place: &Place) -> Mosquitto {
+pub(super) struct Central {
+    /// As gateways and sites reach it.
+    pub broker: Mosquitto,
+    /// As those reach it who read and command.
+    pub others: Mosquitto,
+}
+
+pub(super) fn central(place: &Place) -> Central {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/modbus-security/make-certificates.sh");
     let made = Command::new(script).args([&path(place, ""), "gateway", "127.0.0.1", "localhost"]).output().unwrap();
     assert!(made.status.success(), "{}", said(&made));
     std::fs::create_dir(place.file("central")).unwrap();
-    std::fs::copy(deploy("mosquitto.acl"), place.file("mosquitto.acl")).unwrap();
-    std::fs::copy(place.file("users/mosquitto.passwd"), place.file("mosquitto.passwd")).unwrap();
-    let port = free_port();
+    for file in ["gateways.passwd", "others.passwd", "mosquitto.acl"] {
+        std::fs::copy(place.file("users").join(file), place.file(file)).unwrap();
+    }
+    let (port, others) = (free_port(), free_port());
     // Started as root it would become another user, who may not read here.
     let here = [
         ("listener 8883", format!("user root\nlog_dest stderr\nlistener {port} 127.0.0.1")),
+        ("listener 8884", format!("listener {others} 127.0.0.1")),
         ("/etc/mosquitto/server", path(place, "gateway")),
         ("/etc/mosquitto/", path(place, "")),
         ("/var/lib/mosquitto/", path(place, "central/")),
     ];
-    Mosquitto::with_file(place.write("central.conf", &delivered("mosquitto.conf", &here)), port)
+    let broker = Mosquitto::with_file(place.write("central.conf", &delivered("mosquitto.conf", &here)), port);
+    Central { broker, others: Mosquitto::tools_for(others) }
 }
 
-/// A mosquitto on a site, which tells the central one everything.
-fn site(place: &Place, central: &Mosquitto) -> Mosquitto {
+/// What the tools of mosquitto need to be `user` at the central broker.
+pub(super) fn as_user(place: &Place, user: &str) -> [String; 6] {
+    ["--cafile", &path(place, "ca.pem"), "-u", user, "-P", &password(place, user)].map(str::to_owned)
+}
+
+/// A mosquitto on a site, which tells everything to the central one at the port `central`.
+pub(super) fn site(place: &Place, central: u16) -> Mosquitto {
     let port = free_port();
     let here = [
-        ("central.example:8883", format!("localhost:{}", central.address().port())),
+        ("central.example:8883", format!("localhost:{central}")),
         ("/etc/mosquitto/ca.pem", path(place, "ca.pem")),
         ("CHANGE-ME", password(place, "site-1")),
     ];
@@ -80,7 +95,7 @@ fn site(place: &Place, central: &Mosquitto) -> Mosquitto {
     Mosquitto::with_file(place.write("site.conf", &(head + &delivered("mosquitto-bridge.conf", &here))), port)
 }
 
-fn url(scheme: &str, port: u16) -> String {
+pub(super) fn url(scheme: &str, port: u16) -> String {
     format!("{scheme}://localhost:{port}")
 }
 
@@ -120,12 +135,13 @@ fn assert_nothing_is_lost(result: &Value) {
 fn gateways_with_a_user_each_on_a_mosquitto_lose_nothing() {
     let place = Place::new();
     make_users(&place);
-    let broker = central(&place);
-    let (url, ca, credentials) =
-        (url("mqtts", broker.address().port()), path(&place, "ca.pem"), path(&place, "users/credentials"));
-    let common = ["--broker", &url, "--ca", &ca, "--credentials", &credentials, "--prefix", "vfd", "--seconds", "5"];
+    let Central { broker, others } = central(&place);
+    let (near, far) = (url("mqtts", broker.address().port()), url("mqtts", others.address().port()));
+    let (ca, credentials) = (path(&place, "ca.pem"), path(&place, "users/credentials"));
+    let common = ["--broker", &near, "--ca", &ca, "--credentials", &credentials, "--prefix", "vfd", "--seconds", "5"];
     let pid = broker.id().to_string();
-    let shared = ["--qos", "1", "--consumers", "3", "--reading", "shared", "--watch-pid", &pid];
+    let shared =
+        ["--consumer-broker", &far, "--qos", "1", "--consumers", "3", "--reading", "shared", "--watch-pid", &pid];
     let result = result(begin(&[&common[..], &shared].concat()));
     assert_nothing_is_lost(&result);
     assert_eq!((&result["again"], &result["broken"]), (&0.into(), &0.into()), "{result:#}");
@@ -134,45 +150,82 @@ fn gateways_with_a_user_each_on_a_mosquitto_lose_nothing() {
 
     // Nothing of it is left at the broker.
     let kept = Command::new("mosquitto_sub")
-        .args(["-h", "localhost", "-p", &broker.address().port().to_string(), "--cafile", &ca, "-u", "historian"])
-        .args(["-P", &password(&place, "historian"), "-t", "vfd/#", "--retained-only", "-W", "2", "-v"])
+        .args(["-h", "localhost", "-p", &others.address().port().to_string()])
+        .args(as_user(&place, "historian"))
+        .args(["-t", "vfd/#", "--retained-only", "-W", "2", "-v"])
         .output()
         .unwrap();
     assert_eq!(String::from_utf8_lossy(&kept.stdout), "", "{}", said(&kept));
 }
 
 #[test]
-fn a_gateway_cannot_speak_for_another_one() {
+fn each_user_publishes_where_it_may_and_nowhere_else() {
     let place = Place::new();
     make_users(&place);
-    let broker = central(&place);
-    let tell = |topic: &str| {
+    let Central { broker, others } = central(&place);
+    let tell = |broker: &Mosquitto, user: &str, topic: &str| {
         let mut publish = Command::new("mosquitto_pub");
-        publish.args([
-            "-h",
-            "localhost",
-            "-p",
-            &broker.address().port().to_string(),
-            "--cafile",
-            &path(&place, "ca.pem"),
-        ]);
-        publish.args(["-V", "mqttv5", "-q", "1", "-d", "-u", "gw-0001", "-P", &password(&place, "gw-0001")]);
-        said(&publish.args(["-t", topic, "-m", "x"]).output().unwrap())
+        publish.args(["-h", "localhost", "-p", &broker.address().port().to_string()]).args(as_user(&place, user));
+        said(&publish.args(["-V", "mqttv5", "-q", "1", "-d", "-t", topic, "-m", "x"]).output().unwrap())
     };
-    // 135: not authorised.
-    assert!(!tell("vfd/gw-0001/drive/pump/run/state").contains("RC:135"));
-    for topic in ["vfd/gw-0002/drive/pump/run/state", "vfd/gw-0002/drive/pump/run/set", "vfd/all/run/set"] {
-        let told = tell(topic);
-        assert!(told.contains("RC:135"), "{topic}: {told}");
+    let allowed = [
+        (&broker, "gw-0001", "vfd/gw-0001/drive/pump/run/state"),
+        (&others, "operator", "vfd/gw-0001/by/operator/drive/pump/run/set"),
+        (&others, "operator", "vfd/site-1/gw-0001/by/operator/drive/pump/lease"),
+        (&others, "operator", "vfd/gw-0001/all/run/set"),
+    ];
+    for (broker, user, topic) in allowed {
+        let told = tell(broker, user, topic);
+        // 16: nobody has subscribed it.
+        assert!(told.contains("RC:0") || told.contains("RC:16"), "{user} to {topic}: {told}");
     }
+    let forbidden = [
+        (&broker, "gw-0001", "vfd/gw-0002/drive/pump/run/state"),
+        (&broker, "gw-0001", "vfd/gw-0002/drive/pump/run/set"),
+        (&broker, "gw-0001", "vfd/all/run/set"),
+        // As a gateway of that name would.
+        (&others, "historian", "vfd/historian/drive/pump/run/state"),
+        (&others, "operator", "vfd/operator/drive/pump/run/state"),
+        (&others, "operator", "vfd/gw-0001/drive/pump/run/set"),
+        (&others, "operator", "vfd/gw-0001/by/historian/drive/pump/run/set"),
+    ];
+    for (broker, user, topic) in forbidden {
+        let told = tell(broker, user, topic);
+        // 135: not authorised.
+        assert!(told.contains("RC:135"), "{user} to {topic}: {told}");
+    }
+    for (broker, user) in [(&broker, "historian"), (&others, "gw-0001")] {
+        let told = tell(broker, user, "vfd/x");
+        assert!(told.contains("Not authorized"), "{user} at the listener of others: {told}");
+    }
+}
+
+#[test]
+fn a_gateway_cannot_throw_out_another_one_by_its_identifier() {
+    let place = Place::new();
+    make_users(&place);
+    let Central { broker, others } = central(&place);
+    let with_its_identifier = |user| [&["-i", "gw-0001"].map(str::to_owned)[..], &as_user(&place, user)].concat();
+    let subscribe = |user, filter| {
+        let more = with_its_identifier(user);
+        Subscriber::with(&broker, "mqttv5", filter, &more.iter().map(String::as_str).collect::<Vec<_>>())
+    };
+    let victim = subscribe("gw-0001", "vfd/gw-0001/#");
+    let _thief = subscribe("gw-0002", "vfd/gw-0002/#");
+    let operator = as_user(&place, "operator");
+    let order = ["-t", "vfd/gw-0001/by/operator/drive/pump/run/set", "-m", "stop"];
+    let args: Vec<_> = operator.iter().map(String::as_str).chain(order).collect();
+    others.publish_with(&args);
+    victim.wait_for_payload("drive/pump/run/set", "stop");
+    assert_eq!(victim.connects(), 1, "it was thrown out and came back");
 }
 
 #[test]
 fn wrong_credentials_are_told_before_anything_is_sent() {
     let place = Place::new();
     make_users(&place);
-    let broker = central(&place);
-    let url = url("mqtts", broker.address().port());
+    let central = central(&place);
+    let url = url("mqtts", central.broker.address().port());
     let ca = path(&place, "ca.pem");
     let common = ["fleet", "simulate", "--broker", &url, "--ca", &ca, "--gateways", "21", "--credentials"];
     let unknown = vfd_gateway(&[&common[..], &[&path(&place, "users/credentials")]].concat());
@@ -188,8 +241,8 @@ fn a_site_tells_everything_over_its_bridge_also_what_the_central_broker_missed()
     let place = Place::new();
     make_users(&place);
     let mut central = central(&place);
-    let site = site(&place, &central);
-    let (here, there) = (url("mqtt", site.address().port()), url("mqtts", central.address().port()));
+    let site = site(&place, central.broker.address().port());
+    let (here, there) = (url("mqtt", site.address().port()), url("mqtts", central.others.address().port()));
     let (ca, credentials) = (path(&place, "ca.pem"), path(&place, "users/credentials"));
     let fleet = begin(&[
         "--broker",
@@ -207,27 +260,27 @@ fn a_site_tells_everything_over_its_bridge_also_what_the_central_broker_missed()
         "--qos",
         "1",
     ]);
-    central.end();
-    central.start_again();
+    central.broker.end();
+    central.broker.start_again();
     let result = result(fleet);
     assert_nothing_is_lost(&result);
     assert_eq!(result["broken"], 1, "the consumer alone is at the central broker: {result:#}");
 }
 
 /// Three nodes of NATS as they are delivered.
-struct Cluster {
-    nodes: Vec<Node>,
+pub(super) struct Cluster {
+    pub nodes: Vec<Node>,
 }
 
-struct Node {
+pub(super) struct Node {
     program: Option<Started>,
     directory: PathBuf,
-    mqtt: u16,
+    pub mqtt: u16,
     monitor: u16,
 }
 
 impl Cluster {
-    fn start(place: &Place) -> Self {
+    pub fn start(place: &Place) -> Self {
         let ports: Vec<_> = (0..3).map(|_| [free_port(), free_port(), free_port(), free_port()]).collect();
         let routes: Vec<_> = ports.iter().map(|[_, route, ..]| format!("\"nats://127.0.0.1:{route}\"")).collect();
         let nodes = ports.iter().zip(1..).map(|([clients, route, mqtt, monitor], number)| {

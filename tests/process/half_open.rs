@@ -1,32 +1,55 @@
-//! A way to the broker that lets one direction through and swallows the other: TCP sees nothing wrong.
+//! A way to a broker that can be cut, or lets one direction through and swallows the other: TCP sees nothing wrong then.
 
 use super::plant::{LOST_AFTER, MARGIN, Plant, RUN, Wish};
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, Shutdown, TcpListener, TcpStream};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 
-/// What stands between the gateway and its broker.
+/// What stands between a broker and who connects to it.
 #[derive(Clone, Default)]
-struct Relay {
+pub(super) struct Relay {
+    /// Both sides of every connection so far.
+    ends: Arc<Mutex<Vec<TcpStream>>>,
+    is_cut: Arc<AtomicBool>,
     swallows_to_broker: Arc<AtomicBool>,
     swallows_from_broker: Arc<AtomicBool>,
 }
 
 impl Relay {
     /// Stands before the broker at `port` until the test program ends. Returns its own port.
-    fn start(&self, port: u16) -> u16 {
+    pub fn start(&self, port: u16) -> u16 {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let own = listener.local_addr().unwrap().port();
         let relay = self.clone();
         std::thread::spawn(move || {
             for near in listener.incoming().map_while(Result::ok) {
                 let Ok(far) = TcpStream::connect((Ipv4Addr::LOCALHOST, port)) else { continue };
+                let mut ends = relay.ends.lock().unwrap();
+                if relay.is_cut.load(Ordering::Relaxed) {
+                    continue;
+                }
+                ends.extend([near.try_clone().unwrap(), far.try_clone().unwrap()]);
                 carry(near.try_clone().unwrap(), far.try_clone().unwrap(), Arc::clone(&relay.swallows_to_broker));
                 carry(far, near, Arc::clone(&relay.swallows_from_broker));
             }
         });
         own
+    }
+
+    /// Ends every connection, and lets none through.
+    pub fn cut(&self) {
+        let mut ends = self.ends.lock().unwrap();
+        self.is_cut.store(true, Ordering::Relaxed);
+        for end in ends.drain(..) {
+            // One that is closed already is as good.
+            let _ = end.shutdown(Shutdown::Both);
+        }
+    }
+
+    /// Lets connections through again.
+    pub fn mend(&self) {
+        self.is_cut.store(false, Ordering::Relaxed);
     }
 }
 

@@ -149,6 +149,11 @@ impl Subscriber {
         Self { program }
     }
 
+    /// How often it has connected so far.
+    pub fn connects(&self) -> usize {
+        self.program.find_all(|line| line.contains("sending CONNECT").then_some(())).len()
+    }
+
     /// Everything that came so far on the topics that end with `topic`.
     pub fn on(&self, topic: &str) -> Vec<Message> {
         self.program.find_all(|line| message(line).filter(|it| it.topic.ends_with(topic)))
