@@ -76,8 +76,8 @@ fn a_tripped_drive_becomes_an_alert() {
     let median = number("histogram_quantile(0.5, vfd_gateway_drive_reply_seconds_bucket{class=\"read\"})");
     assert!(median.is_some_and(|seconds| (0.001..1.0).contains(&seconds)), "{median:?}");
     for query in dashboard_queries() {
-        // Nobody has commanded, and this model has no watchdog that can be read.
-        let may_be_empty = ["drive_outcomes", "drive_watchdog"].iter().any(|name| query.contains(name));
+        // Nobody has commanded, this model has no watchdog that can be read, and there is no Sparkplug.
+        let may_be_empty = ["drive_outcomes", "drive_watchdog", "sparkplug"].iter().any(|name| query.contains(name));
         until(&format!("the dashboard shows {query}"), PATIENCE, || {
             let answer = asked(&query)?;
             assert_eq!(answer["status"], "success", "{query}: {answer}");
