@@ -4,7 +4,8 @@
 use super::rig::{text_of, vfd_gateway};
 use std::path::{Path, PathBuf};
 use vfd_gateway::config::keys::{KEYS, Key, Section};
-use vfd_gateway::domain::command::Reason;
+use vfd_gateway::domain::command::{Owner, Reason};
+use vfd_gateway::domain::ids::CommanderName;
 
 #[test]
 fn the_reference_has_every_key_as_the_program_has_it() {
@@ -56,6 +57,43 @@ fn the_reference_has_no_command_that_there_is_not() {
             |known: &&String| words.strip_prefix(known.as_str()).is_some_and(|it| it.is_empty() || it.starts_with(' '));
         assert!(known.iter().any(|it| is_of(&it)), "there is no command {words}");
     }
+}
+
+/// Whoever compares `control/owner` with a word finds every word in the reference.
+#[test]
+fn the_reference_has_every_owner() {
+    let table = text_of("docs/mqtt-topics.md");
+    let row = part(&table, "| `drive/DRIVE/control/owner` |", "\n");
+    let written: Vec<_> = part(row, "who holds control: ", ";").split(", ").collect();
+    let owners = owners().map(|owner| format!("`{owner}`").replace("192.0.2.7", "ADDRESS"));
+    assert_eq!(written, owners);
+}
+
+/// One owner of each kind that can hold control.
+fn owners() -> [Owner; 6] {
+    let name = CommanderName::new("NAME").unwrap();
+    let address = [192, 0, 2, 7].into();
+    let owners = [
+        Owner::Mqtt,
+        Owner::MqttBy(name),
+        Owner::ModbusTcp(address),
+        Owner::ModbusSecurity(name),
+        Owner::Page(name),
+        Owner::Sparkplug,
+    ];
+    // So that nobody adds a kind and forgets it here. What is ordered over the gateway's socket begins no lease.
+    for owner in owners {
+        match owner {
+            Owner::Mqtt
+            | Owner::MqttBy(_)
+            | Owner::ModbusTcp(_)
+            | Owner::ModbusSecurity(_)
+            | Owner::Page(_)
+            | Owner::Sparkplug
+            | Owner::Local => {}
+        }
+    }
+    owners
 }
 
 /// Documents refer to each other by file and heading.
