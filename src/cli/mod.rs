@@ -32,6 +32,7 @@ mod scan;
 mod setup;
 mod simulate;
 mod socket;
+mod start_words;
 mod straight_write;
 mod target;
 mod verify;

@@ -78,6 +78,14 @@ impl DriveArgs {
         let id = self.model.as_deref().ok_or_else(|| Failure::wrong("straight on a port, --model is needed"))?;
         input::model(id, &self.own)
     }
+
+    /// The models that there are, with those in the directories that are given.
+    ///
+    /// # Errors
+    /// Problems of their files, and what cannot be read.
+    pub fn catalog(&self) -> Result<Catalog, Failure> {
+        input::catalog_with(&self.own)
+    }
 }
 
 /// What the tool may do with the drive, and how often it is read.
@@ -156,7 +164,7 @@ impl OwnGateway {
         let station = args.station.ok_or_else(|| Failure::wrong("straight on a port, --station is needed"))?;
         let directory = Directory::new()?;
         let text = text(port, args, station, &model, extra, &directory.0);
-        let config = config_of(&text, &input::catalog_with(&args.own)?)?;
+        let config = config_of(&text, &args.catalog()?)?;
         let line = config.lines.first().ok_or_else(|| Failure::failed("no line"))?;
         let drive = line.drives.first().map_or_else(Name::fallback, |drive| drive.name.clone());
         let link = line.link;

@@ -4,6 +4,7 @@ use super::Failure;
 use super::client::Client;
 use super::own_gateway::{DriveArgs, Extra, OwnGateway, UNIFORM_UNIT, UNIT};
 use crate::config::{self, PortAddress};
+use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;
 use std::sync::Arc;
 
@@ -68,6 +69,14 @@ impl Target {
             Port::Tcp(_) => Ok(None),
             Port::Line(_) => self.on_port.model().map(Some),
         }
+    }
+
+    /// The models that there are, with those in the directories that are given.
+    ///
+    /// # Errors
+    /// Problems of their files, and what cannot be read.
+    pub fn catalog(&self) -> Result<Catalog, Failure> {
+        self.on_port.catalog()
     }
 
     /// Whether there is no gateway between.

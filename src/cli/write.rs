@@ -3,6 +3,7 @@
 
 use super::client::{Client, LEASE_LEFT, NoAnswer, REASON, address};
 use super::log::complain;
+use super::start_words::models_that_run;
 use super::straight_write::{Straight, arm, extra};
 use super::target::Target;
 use super::{Failure, print};
@@ -59,6 +60,9 @@ pub fn write(args: &Args) -> Result<(), Failure> {
     if args.once && args.is_straight() && order.makes_run() {
         return Err(Failure::wrong("straight on a port nobody is left to answer for a motor: leave out --once"));
     }
+    if let Some(what) = order.starts.as_ref().filter(|_| !args.once) {
+        return Err(Failure::wrong(format!("{} {what}, and nobody would stay to hold control: {INSTEAD}", order.text)));
+    }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
     runtime.block_on(async {
         // From before the first frame on, so that no signal leaves a running drive behind.
@@ -85,7 +89,7 @@ async fn carry_out(
             sent = order.send(client) => sent?,
             () = &mut told => return Err(Failure::failed("ended before an answer came: it may have been carried out")),
         }
-        if order.makes_run() || order.takes() {
+        if order.makes_run() || order.takes() || order.starts.is_some() {
             complain(b"warning: nobody renews the lease; the drive will run its fail-safe action when it ends\n");
         }
         return print(&format!("{}: written and acknowledged\n", order.text));
@@ -130,8 +134,14 @@ pub struct Order {
     pub is_uniform: bool,
     /// For people.
     pub text: String,
+    /// What else it does at a unit that is taken for one of registers: it makes a motor run, or takes it over.
+    pub starts: Option<String>,
 }
 
+/// What to do where a word makes a motor run.
+const INSTEAD: &str = "say `run forward`, `run reverse` or `run take` with the drive's uniform unit (its own + 100, if the \
+                       configuration does not say otherwise), which stops the drive at Ctrl-C; or write it with --once, \
+                       and the drive runs its fail-safe action when the lease ends";
 /// The run commands by name.
 const RUN_COMMANDS: [(&str, u16); 7] =
     [("stop", STOP), ("forward", 1), ("reverse", 2), ("coast", 3), ("reset", 4), ("release", 5), ("take", TAKE)];
@@ -150,7 +160,8 @@ impl Order {
             _ => (register_of(args, register)?, word(value)?),
         };
         let is_uniform = args.uniform || matches!(register, "run" | "frequency");
-        Ok(Self { address, word, is_uniform, text })
+        let starts = if is_uniform || args.is_straight() { None } else { starts(args, address, word)? };
+        Ok(Self { address, word, is_uniform, text, starts })
     }
 
     pub fn makes_run(&self) -> bool {
@@ -215,6 +226,18 @@ fn run_command(value: &str) -> Result<u16, Failure> {
     let found = RUN_COMMANDS.iter().find(|(name, _)| *name == value).map(|(_, word)| *word);
     found.ok_or_else(|| {
         Failure::wrong(format!("{value} is no run command; there are {}", names().collect::<Vec<_>>().join(", ")))
+    })
+}
+
+/// What `word` at `address` of a unit behind a gateway does if it makes a motor run, or takes it over: by the drive's own
+/// run command, or at a uniform unit that is not called one.
+fn starts(args: &Args, address: u16, word: u16) -> Result<Option<String>, Failure> {
+    let catalog = args.target.catalog()?;
+    let models = models_that_run(&catalog, address, word);
+    Ok(match (address, word) {
+        _ if !models.is_empty() => Some(format!("makes the motor of {} run", models.join(", "))),
+        (map::RUN, 1 | 2 | TAKE) => Some("makes a motor run at a uniform unit, or takes it over".to_owned()),
+        _ => None,
     })
 }
 
@@ -312,6 +335,72 @@ pub async fn stop(client: &mut Client) -> Result<String, Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::profile::model::Role;
+    use clap::Parser;
+
+    #[derive(clap::Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    /// How `write` of `word` to `register` ends where no gateway listens: only what is not refused beforehand gets that far.
+    fn end_of(register: u16, word: u16, more: &[&str]) -> Failure {
+        let nobody = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port().to_string();
+        let (register, word) = (format!("0x{register:04X}"), word.to_string());
+        let line = [&["write", "--port", &nobody, "--unit", "1", &register, &word], more].concat();
+        write(&Line::try_parse_from(line).unwrap().args).unwrap_err()
+    }
+
+    #[test]
+    fn a_word_that_makes_a_motor_run_is_not_written_and_left_alone() {
+        let catalog = super::super::input::catalog().ok().unwrap();
+        for model in catalog.ids().map(|id| catalog.find(id).unwrap()) {
+            let (run, register) = (model.run.as_ref().unwrap(), model.register_for(Role::RunCommand).unwrap().address);
+            let starts = [Some(&run.forward), run.reverse.as_ref()].into_iter().flatten().map(|it| it.value);
+            for word in starts {
+                let refused = end_of(register, word, &[]);
+                assert_eq!(refused.code, super::super::WRONG_USAGE, "{}: {}", model.id, refused.message);
+                assert!(refused.message.contains(&model.id), "{}: {}", model.id, refused.message);
+                assert!(refused.message.contains("run forward"), "{}", refused.message);
+                let once = end_of(register, word, &["--once"]);
+                assert!(once.message.contains("cannot connect"), "{}: {}", model.id, once.message);
+            }
+            let others = [Some(&run.stop), run.coast.as_ref(), run.reset.as_ref(), run.release.as_ref()];
+            for word in others.into_iter().flatten().map(|it| it.value) {
+                let sent = end_of(register, word, &[]);
+                assert!(sent.message.contains("cannot connect"), "{} {word}: {}", model.id, sent.message);
+            }
+        }
+    }
+
+    #[test]
+    fn straight_on_a_port_no_word_is_written_where_commands_are() {
+        let catalog = super::super::input::catalog().ok().unwrap();
+        for model in catalog.ids().map(|id| catalog.find(id).unwrap()) {
+            let register = model.register_for(Role::RunCommand).unwrap().address;
+            let twin = model.quirks.stored_alias_bit.as_ref().map(|bit| register | 1 << bit.value);
+            let (word, place) = (model.run.as_ref().unwrap().forward.value.to_string(), ["--port", "/dev/none"]);
+            for address in [Some(register), twin].into_iter().flatten().map(|it| format!("0x{it:04X}")) {
+                let drive = ["--model", &model.id, "--station", "1", &address, &word];
+                let line = [&["write"], &place[..], &drive].concat();
+                let refused = write(&Line::try_parse_from(line).unwrap().args).unwrap_err();
+                assert_eq!(refused.code, super::super::WRONG_USAGE, "{} {address}: {}", model.id, refused.message);
+            }
+        }
+    }
+
+    #[test]
+    fn the_run_command_of_a_uniform_unit_is_known_without_the_flag() {
+        for word in [1, 2, TAKE] {
+            let refused = end_of(map::RUN, word, &[]);
+            assert_eq!(refused.code, super::super::WRONG_USAGE, "{word}: {}", refused.message);
+            assert!(refused.message.contains("uniform"), "{}", refused.message);
+        }
+        for word in [STOP, 3, 4, 5] {
+            assert!(end_of(map::RUN, word, &[]).message.contains("cannot connect"), "{word}");
+        }
+    }
 
     #[test]
     fn frequencies_are_exact_or_refused() {
