@@ -197,7 +197,10 @@ fn unknown_model(written: &Written<String>, catalog: &Catalog) -> Problem {
     let problem = written.place.problem(format!("there is no model `{}`", written.value));
     match nearest(&written.value, catalog.ids()) {
         Some(near) => problem.right(format!("\"{near}\"")),
-        None => problem.right(format!("one of {}", catalog.ids().collect::<Vec<_>>().join(", "))),
+        None => problem.right(format!(
+            "one of {}; or any Modbus device that a model file of your own describes, in a directory of `model_dirs`",
+            catalog.ids().collect::<Vec<_>>().join(", ")
+        )),
     }
 }
 

@@ -78,6 +78,22 @@ fn the_model_of_the_tutorial_is_sound() {
     assert_eq!((&as_json[0]["id"], &as_json[0]["registers"]), (&"acme-flux-2".into(), &8.into()));
 }
 
+/// The model of a meter in `docs/drives.md`.
+#[test]
+fn a_device_that_is_no_drive_is_read() {
+    let written = Written::new();
+    let text = super::rig::text_of("docs/drives.md");
+    let (_, rest) = text.split_once("### A device that is no drive").unwrap();
+    let model = written.place.write("models/meter.toml", &blocks(rest)[0]);
+    let said = ask(&["models", "check", model.to_str().unwrap()], 0);
+    assert!(said.contains("acme-meter is sound: 1 register") && said.contains("only read"), "{said}");
+    let line = "[[line]]\nname = 'hall'\nport = '/dev/ttyUSB0'\n[[line.drive]]\nname = 'm'\nstation = 1\n";
+    let dirs = format!("[gateway]\nmodel_dirs = ['{}']\n", written.models.display());
+    let file = written.place.write("meter.conf", &format!("{dirs}{line}model = 'acme-meter'\n"));
+    let said = ask(&["check", "-c", file.to_str().unwrap()], 0);
+    assert!(said.contains("read of 0x0000 x1 (voltage)") && said.contains("read-only"), "{said}");
+}
+
 #[test]
 fn the_configuration_of_the_tutorial_says_what_is_to_be_set() {
     let written = Written::new();
@@ -196,10 +212,12 @@ fn of_document() -> (String, String) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/adding-a-drive.md");
     let text = std::fs::read_to_string(path).unwrap();
     let (model, rest) = text.split_once("\n## Checking it\n").unwrap();
-    let blocks = |text: &str| -> Vec<String> {
-        let blocks = text.split("```toml\n").skip(1);
-        blocks.map(|block| block.split_once("```").unwrap().0.to_owned()).collect()
-    };
     let [configuration] = &blocks(rest)[..] else { panic!("one configuration") };
     (blocks(model).join("\n"), configuration.clone())
+}
+
+/// What of a document is TOML.
+fn blocks(text: &str) -> Vec<String> {
+    let blocks = text.split("```toml\n").skip(1);
+    blocks.map(|block| block.split_once("```").unwrap().0.to_owned()).collect()
 }

@@ -280,6 +280,11 @@ fn a_model_must_be_known() {
         &with(MINIMAL, "hyundai-n700", "hyundai-n70"),
         "line[0].drive[0].model: there is no model `hyundai-n70`; \"hyundai-n700\"",
     );
+    let found = problems(&with(MINIMAL, "hyundai-n700", "generic"));
+    assert_eq!(found.len(), 1, "{found:?}");
+    for said in ["there is no model `generic`", "hyundai-n700", "any Modbus device", "`model_dirs`"] {
+        assert!(found[0].contains(said), "no {said}: {}", found[0]);
+    }
 }
 
 #[test]
