@@ -5,7 +5,8 @@ mod drive;
 use super::{Failure, input, print};
 use crate::config::words::LEASES;
 use crate::config::{
-    Config, HttpSettings, LineSettings, ListenerSettings, MqttSettings, PortAddress, SparkplugSettings, line_plan,
+    BEHIND_A_BRIDGE, Config, HttpSettings, LineSettings, ListenerSettings, MqttSettings, PortAddress,
+    SparkplugSettings, line_plan,
 };
 use crate::domain::command::Rights;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
@@ -39,6 +40,10 @@ fn report(config: &Config) -> String {
     }
     for listener in &config.listeners {
         let _ = writeln!(text, "{}", of_listener(listener));
+        let bridges = listener.bridges();
+        if !bridges.is_empty() {
+            let _ = writeln!(text, "  warning: {}: {BEHIND_A_BRIDGE}", list(bridges));
+        }
     }
     if let Some(mqtt) = &config.mqtt {
         let _ = writeln!(text, "{}", of_mqtt(mqtt, config));
@@ -103,8 +108,8 @@ fn of_mqtt(mqtt: &MqttSettings, config: &Config) -> String {
 }
 
 /// The values with commas between them.
-fn list<T: Display>(values: &[T]) -> String {
-    values.iter().map(T::to_string).collect::<Vec<_>>().join(", ")
+fn list<T: Display>(values: impl IntoIterator<Item = T>) -> String {
+    values.into_iter().map(|value| value.to_string()).collect::<Vec<_>>().join(", ")
 }
 
 fn describe_line(text: &mut String, line: &LineSettings, mqtt: Option<&MqttSettings>) -> std::fmt::Result {
@@ -218,6 +223,30 @@ mod tests {
         let found = super::report(&config::load(&text, &catalog).unwrap());
         let told = "127.0.0.1:1: read-only; units 1 only; at most 9 clients; 127.0.0.1/32 never give way to others\n";
         assert!(found.contains(told), "{found}");
+    }
+
+    #[test]
+    fn addresses_of_a_containers_bridge_are_warned_about() {
+        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+        let text = include_str!("../../tests/golden/config/several_vendors.toml");
+        let told = |allow: &str, write: &str| {
+            let lists = format!("listen = \"0.0.0.0:1\"\nallow = [{allow}]\nwrite = [{write}]");
+            let text = text.replacen("[[modbus_tcp]]", &format!("[[modbus_tcp]]\n{lists}\n[[modbus_tcp]]"), 1);
+            super::report(&config::load(&text, &catalog).unwrap())
+        };
+        for (allow, write, named) in [
+            ("'172.17.0.1/32'", "'172.17.0.1/32'", "172.17.0.1/32"),
+            ("'172.17.0.0/16', '10.0.0.0/24'", "'10.0.0.7/32'", "172.17.0.0/16"),
+            ("'10.0.0.0/8'", "'10.88.0.1/32'", "10.88.0.1/32"),
+        ] {
+            let found = told(allow, write);
+            assert!(found.contains(&format!("\n  warning: {named}: behind the bridge of a container")), "{found}");
+        }
+        for (allow, write) in
+            [("'10.0.0.0/8'", "'10.0.0.7/32'"), ("'172.16.0.0/12'", "'172.18.0.0/24'"), ("'::/0'", "")]
+        {
+            assert!(!told(allow, write).contains("bridge"), "{allow}");
+        }
     }
 
     #[test]

@@ -40,9 +40,9 @@ pub use http::{HashSource, HttpSettings, HttpTls, UserSettings};
 pub use native::{Listed, listed};
 pub use ratings::shown_in_per_cent;
 pub use ready::{
-    BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings, JournalSettings,
-    LineSettings, ListenerSettings, ListenerTls, MqttSettings, PasswordSource, PortAddress, Removal, Silence,
-    SparkplugSettings, TlsSettings, command_deadline,
+    BEHIND_A_BRIDGE, BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings,
+    JournalSettings, LineSettings, ListenerSettings, ListenerTls, MqttSettings, PasswordSource, PortAddress, Removal,
+    Silence, SparkplugSettings, TlsSettings, command_deadline,
 };
 
 use crate::domain::problem::Problem;

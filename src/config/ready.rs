@@ -11,10 +11,10 @@ use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, Link
 use crate::drive::description::{Points, Ratings};
 use crate::guard::COMMAND_DEADLINE;
 use crate::profile::model::Model;
-use ipnet::IpNet;
-use std::collections::BTreeMap;
+use ipnet::{IpNet, Ipv4Net};
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
-use std::net::SocketAddr;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -223,7 +223,24 @@ pub struct ListenerTls {
     pub roles: BTreeMap<String, Rights>,
 }
 
+/// The networks that Docker and Podman give their bridge by default.
+const BRIDGES: [Ipv4Net; 2] =
+    [Ipv4Net::new_assert(Ipv4Addr::new(172, 17, 0, 0), 16), Ipv4Net::new_assert(Ipv4Addr::new(10, 88, 0, 0), 16)];
+
+/// What it means that an address list names one of [`ListenerSettings::bridges`].
+pub const BEHIND_A_BRIDGE: &str = "behind the bridge of a container every client may come from there, whoever it is; use the \
+                                   host's network (--network host) and list the addresses of the clients";
+
 impl ListenerSettings {
+    /// What its lists name of the networks that bridges of containers have by default: in a container behind such a bridge
+    /// all clients may have its address, and whom a list means is anybody then.
+    #[must_use]
+    pub fn bridges(&self) -> BTreeSet<IpNet> {
+        let lists = [self.allow.as_ref(), Some(&self.write), self.stop.as_ref()].into_iter().flatten().flatten();
+        let is_bridge = |net: &&IpNet| BRIDGES.iter().any(|bridge| IpNet::V4(*bridge).contains(*net));
+        lists.filter(is_bridge).copied().collect()
+    }
+
     /// Whether the drives of the line at index `line` are reached through this listener.
     #[must_use]
     pub fn serves(&self, line: usize) -> bool {

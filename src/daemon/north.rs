@@ -17,7 +17,7 @@ use super::secret_files;
 use super::shared::Current;
 use super::totals::ModbusTotals;
 use crate::config::change::Change;
-use crate::config::{Config, ListenerSettings};
+use crate::config::{BEHIND_A_BRIDGE, Config, ListenerSettings};
 use crate::domain::ids::Name;
 use std::io;
 use std::net::SocketAddr;
@@ -62,6 +62,7 @@ impl Bound {
 /// The first address that cannot be taken, or listener whose certificates cannot be used.
 pub async fn bind(config: &Config, kept: &[Option<usize>], has_http_moved: bool) -> Result<Bound, StartError> {
     secret_files::warn(config);
+    warn_of_bridges(config);
     let mut modbus = Vec::with_capacity(config.listeners.len());
     for (place, listener) in config.listeners.iter().enumerate() {
         let is_kept = kept.get(place).is_some_and(Option::is_some);
@@ -72,6 +73,15 @@ pub async fn bind(config: &Config, kept: &[Option<usize>], has_http_moved: bool)
         _ => None,
     };
     Ok(Bound { modbus, security: security(config).await?, http, front: front(config).await?, has_http_moved })
+}
+
+/// As `check` tells it too.
+fn warn_of_bridges(config: &Config) {
+    for listener in &config.listeners {
+        for network in listener.bridges() {
+            tracing::warn!(address = %listener.listen, %network, "{BEHIND_A_BRIDGE}");
+        }
+    }
 }
 
 /// Certificates are read beside the runtime: they may be on something slow.
