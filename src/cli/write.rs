@@ -344,11 +344,13 @@ mod tests {
         args: Args,
     }
 
+    /// Nobody listens at the port of the discard service.
+    const NOBODY: &str = "9";
+
     /// How `write` of `word` to `register` ends where no gateway listens: only what is not refused beforehand gets that far.
     fn end_of(register: u16, word: u16, more: &[&str]) -> Failure {
-        let nobody = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port().to_string();
         let (register, word) = (format!("0x{register:04X}"), word.to_string());
-        let line = [&["write", "--port", &nobody, "--unit", "1", &register, &word], more].concat();
+        let line = [&["write", "--port", NOBODY, "--unit", "1", &register, &word], more].concat();
         write(&Line::try_parse_from(line).unwrap().args).unwrap_err()
     }
 
