@@ -22,7 +22,7 @@ fn changed(text: &str, code: &str, raw: u16) -> String {
 
 /// What was set, as the log has it: old and new.
 fn logged(plant: &Plant) -> Vec<(String, u64, u64, String)> {
-    plant.gateway.find_all(|line| {
+    plant.logged(|line| {
         let fields = fields(line).filter(|fields| fields["message"] == "parameter set")?;
         let text = |key: &str| fields[key].as_str().unwrap().to_owned();
         Some((text("what"), fields["old"].as_u64()?, fields["new"].as_u64()?, text("outcome")))

@@ -171,7 +171,23 @@ impl Plant {
 
     /// The words that were written over the line so far, in order: whatever was sent and is no read.
     pub fn written(&self) -> Vec<Written> {
-        self.gateway.find_all(|line| written(line))
+        self.logged(|line| written(line))
+    }
+
+    /// What `found` makes of all that the gateway has logged up to this moment, or to its end.
+    ///
+    /// A thread of its own writes the log, so what has happened may stand there later than its effect is seen elsewhere.
+    /// The lines keep their order: behind one that tells of something that happens now, nothing of before comes.
+    pub fn logged<T>(&self, found: impl FnMut(&String) -> Option<T>) -> Vec<T> {
+        let seen = self.gateway.lines();
+        if let Ok(visitor) = TcpStream::connect(self.modbus) {
+            let address = format!("\"{}\"", visitor.local_addr().unwrap());
+            drop(visitor);
+            let is_it = |line: &str| (line.contains("connection closed") && line.contains(&address)).then_some(());
+            let told = self.gateway.look_for(seen, is_it);
+            assert!(told.is_some() || self.gateway.is_silent(), "the log never tells that {address} has gone");
+        }
+        self.gateway.find_all(found)
     }
 
     pub fn output(&self) -> Option<u16> {
@@ -181,7 +197,7 @@ impl Plant {
     /// Waits for this word on the line, after `seen` others, at most for `within`.
     pub fn wait_for_write(&self, seen: usize, written: Written, within: Duration) {
         until(&format!("{written:X?} on the line"), within, || {
-            self.written().get(seen..)?.contains(&written).then_some(())
+            self.gateway.find_all(|line| self::written(line)).get(seen..)?.contains(&written).then_some(())
         });
     }
 

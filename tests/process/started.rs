@@ -1,8 +1,12 @@
 //! A program that a test has started: its output line by line, and its end.
 
-use std::io::{BufRead, BufReader, Read, Write};
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
+use rustix::io::Errno;
+use std::io::{BufRead, BufReader, Write};
+use std::os::fd::OwnedFd;
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
-use std::sync::{Arc, Condvar, Mutex};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 /// Longer than anything should take on a busy machine; a test that waits for it fails.
@@ -17,11 +21,88 @@ pub struct Started {
     output: Arc<Output>,
 }
 
-/// The lines of stdout and stderr so far, in order of arrival.
+/// What was printed so far.
 #[derive(Default)]
 struct Output {
-    lines: Mutex<Vec<String>>,
+    said: Mutex<Said>,
     more: Condvar,
+}
+
+/// The lines of stdout and stderr, in order of arrival, and the ends from which more may come.
+#[derive(Default)]
+struct Said {
+    lines: Vec<String>,
+    ends: Vec<End>,
+}
+
+/// One of them, which is read without waiting.
+struct End {
+    pipe: OwnedFd,
+    /// A line that is not complete.
+    rest: Vec<u8>,
+    is_open: bool,
+}
+
+impl Output {
+    /// The lines of all that was printed up to this moment: what the program has done before somebody asks is there.
+    fn so_far(&self) -> MutexGuard<'_, Said> {
+        let mut said = self.said.lock().unwrap();
+        let before = (said.lines.len(), said.is_open());
+        said.take_what_is_there();
+        if before != (said.lines.len(), said.is_open()) {
+            self.more.notify_all();
+        }
+        said
+    }
+}
+
+impl Said {
+    fn take_what_is_there(&mut self) {
+        for end in &mut self.ends {
+            end.take_what_is_there(&mut self.lines);
+        }
+    }
+
+    fn is_open(&self) -> bool {
+        self.ends.iter().any(|end| end.is_open)
+    }
+}
+
+impl End {
+    fn new(pipe: OwnedFd) -> Self {
+        // The flag is that of this end alone: whoever writes still waits for room.
+        fcntl_setfl(&pipe, fcntl_getfl(&pipe).unwrap() | OFlags::NONBLOCK).unwrap();
+        Self { pipe, rest: Vec::new(), is_open: true }
+    }
+
+    fn take_what_is_there(&mut self, lines: &mut Vec<String>) {
+        let mut bytes = [0; 16 * 1024];
+        while self.is_open {
+            match rustix::io::read(&self.pipe, &mut bytes) {
+                Ok(0) => self.is_open = false,
+                Ok(count) => self.take(&bytes[..count], lines),
+                Err(Errno::INTR) => {}
+                Err(_) => return,
+            }
+        }
+        if !self.rest.is_empty() {
+            lines.push(text(&std::mem::take(&mut self.rest)));
+        }
+    }
+
+    fn take(&mut self, bytes: &[u8], lines: &mut Vec<String>) {
+        for part in bytes.split_inclusive(|byte| *byte == b'\n') {
+            self.rest.extend_from_slice(part);
+            if let Some(line) = self.rest.strip_suffix(b"\n") {
+                lines.push(text(line));
+                self.rest.clear();
+            }
+        }
+    }
+}
+
+fn text(line: &[u8]) -> String {
+    String::from_utf8_lossy(line.strip_suffix(b"\r").unwrap_or(line)).into_owned()
 }
 
 impl Started {
@@ -40,8 +121,7 @@ impl Started {
         command.stdin(input).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().unwrap_or_else(|error| panic!("cannot start {name}: {error}; run tests/run"));
         let output = Arc::new(Output::default());
-        collect(child.stdout.take().unwrap(), Arc::clone(&output));
-        collect(child.stderr.take().unwrap(), Arc::clone(&output));
+        collect([child.stdout.take().unwrap().into(), child.stderr.take().unwrap().into()], &output);
         let input = child.stdin.take();
         Self { name, child, input, output }
     }
@@ -58,24 +138,39 @@ impl Started {
     }
 
     /// Waits for a line of which `found` makes something, and returns that.
-    pub fn wait_for<T>(&self, what: &str, mut found: impl FnMut(&str) -> Option<T>) -> T {
-        let until = Instant::now() + PATIENCE;
-        let mut lines = self.output.lines.lock().unwrap();
-        let mut seen = 0;
-        loop {
-            if let Some(it) = lines[seen..].iter().find_map(|line| found(line)) {
-                return it;
-            }
-            seen = lines.len();
-            let left = until.saturating_duration_since(Instant::now());
-            assert!(!left.is_zero(), "{} never said {what}; it said:\n{}", self.name, lines.join("\n"));
-            lines = self.output.more.wait_timeout(lines, left).unwrap().0;
+    pub fn wait_for<T>(&self, what: &str, found: impl FnMut(&str) -> Option<T>) -> T {
+        match self.look_for(0, found) {
+            Some(it) => it,
+            None => panic!("{} never said {what}; it said:\n{}", self.name, self.text()),
         }
+    }
+
+    /// Waits for a line behind `seen` others of which `found` makes something; nothing if none comes, at the latest when
+    /// nobody is left who could say it.
+    pub fn look_for<T>(&self, mut seen: usize, mut found: impl FnMut(&str) -> Option<T>) -> Option<T> {
+        let until = Instant::now() + PATIENCE;
+        let mut said = self.output.so_far();
+        loop {
+            if let Some(it) = said.lines[seen..].iter().find_map(|line| found(line)) {
+                return Some(it);
+            }
+            seen = said.lines.len();
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() || !said.is_open() {
+                return None;
+            }
+            said = self.output.more.wait_timeout(said, left).unwrap().0;
+        }
+    }
+
+    /// How many lines there are so far.
+    pub fn lines(&self) -> usize {
+        self.output.so_far().lines.len()
     }
 
     /// What `found` makes of the lines so far.
     pub fn find_all<T>(&self, found: impl FnMut(&String) -> Option<T>) -> Vec<T> {
-        self.output.lines.lock().unwrap().iter().filter_map(found).collect()
+        self.output.so_far().lines.iter().filter_map(found).collect()
     }
 
     /// Presses the keys of `text` and Enter.
@@ -89,9 +184,14 @@ impl Started {
         self.child.id()
     }
 
+    /// Whether nobody is left who could print something.
+    pub fn is_silent(&self) -> bool {
+        !self.output.so_far().is_open()
+    }
+
     /// Everything that was printed so far.
     pub fn text(&self) -> String {
-        self.output.lines.lock().unwrap().join("\n")
+        self.output.so_far().lines.join("\n")
     }
 
     /// Whether the program has ended.
@@ -142,11 +242,22 @@ impl Drop for Started {
     }
 }
 
-fn collect(from: impl Read + Send + 'static, output: Arc<Output>) {
+/// Takes what comes from `pipes` as it comes, so that they never fill, until their other ends are closed.
+fn collect(pipes: [OwnedFd; 2], output: &Arc<Output>) {
+    let watched = pipes.each_ref().map(|pipe| pipe.try_clone().unwrap());
+    output.said.lock().unwrap().ends.extend(pipes.map(End::new));
+    let output = Arc::clone(output);
     std::thread::spawn(move || {
-        for line in BufReader::new(from).lines().map_while(Result::ok) {
-            output.lines.lock().unwrap().push(line);
-            output.more.notify_all();
+        loop {
+            let is_open: Vec<_> = output.said.lock().unwrap().ends.iter().map(|end| end.is_open).collect();
+            let open = watched.iter().zip(&is_open).filter(|(_, is_open)| **is_open).map(|(pipe, _)| pipe);
+            let mut open: Vec<_> = open.map(|pipe| PollFd::new(pipe, PollFlags::IN)).collect();
+            if open.is_empty() {
+                break;
+            }
+            // Woken by a signal, it looks in vain.
+            let _ = poll(&mut open, None);
+            drop(output.so_far());
         }
     });
 }
