@@ -1,10 +1,11 @@
 //! `health`, `read`, `write` and `watch` against a running gateway, and what they say when something is wrong.
 
-use super::rig::{Place, gateway, simulate, start, vfd_gateway};
+use super::mosquitto::free_port;
+use super::rig::{Place, gateway, reserved, simulate, start, vfd_gateway};
 use super::standin::StandIn;
 use super::started::{PATIENCE, Started, until};
 use serde_json::{Value, json};
-use std::net::SocketAddr;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
 use std::process::Output;
 use std::sync::Arc;
@@ -91,7 +92,8 @@ fn a_write_that_is_refused_says_why_and_writes_nothing() {
 
 #[test]
 fn who_does_not_listen_is_named() {
-    let nobody = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    // Not one that the system would give to whoever listens or connects next.
+    let nobody = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
     for (command, more) in [("read", &["1"][..]), ("write", &["1", "1"]), ("watch", &["1"])] {
         assert_fails(&ask(command, nobody, "1", more), 1, &["cannot connect", &nobody.to_string()]);
     }
@@ -130,6 +132,7 @@ fn watch_goes_on_when_the_gateway_comes_back() {
     let place = Place::new();
     let port = place.file("line");
     let drive = simulate(&port);
+    let _reserved = reserved(&port);
     let gateway = gateway(&place, &port);
     gateway.wait_for_drive();
     let mut watch = begin("watch", gateway.address, "1", &["0x0211", "--every", "20ms", "--all", "--json"]);

@@ -1,6 +1,7 @@
 //! A real browser, told what to do over WebDriver: Chromium with its own driver, both as Debian has them. What is asked
 //! of it are a handful of requests, some of them Chromium's own, so they are made here.
 
+use super::mosquitto::free_port;
 use super::rig::Place;
 use super::started::{PATIENCE, Started, until};
 use serde_json::{Value, json};
@@ -53,13 +54,12 @@ impl Browser {
         // A browser needs a whole core for itself, so there is one at a time.
         let alone = ONE.lock().unwrap_or_else(PoisonError::into_inner);
         let place = Place::new();
+        // It wants one port of IPv6 and IPv4; what it takes for itself it takes of IPv6, where IPv4 may have it in use.
+        let driver = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
         let mut command = Command::new("chromedriver");
-        command.arg("--port=0");
+        command.arg(format!("--port={}", driver.port()));
         let process = Started::new(command);
-        let port = process.wait_for("its port", |line| {
-            line.split_once("successfully on port ")?.1.trim_end_matches('.').parse::<u16>().ok()
-        });
-        let driver = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
+        process.wait_for("that it listens", |line| line.contains("started successfully").then_some(()));
         let profile = format!("--user-data-dir={}", place.file("profile").display());
         let arguments = [
             "--headless",

@@ -1,14 +1,11 @@
 //! Adapters are unplugged, programs are told to end, ports are taken.
 
+use super::mosquitto::free_port;
 use super::outsiders::mbpoll;
 use super::raw::Raw;
-use super::rig::{Place, gateway, only_demo, simulate, start, start_before_a_reader_that_leaves};
+use super::rig::{Place, gateway, only_demo, reserved, simulate, start, start_before_a_reader_that_leaves};
 use super::started::{PATIENCE, until};
-use rustix::fs::OFlags;
-use std::fs::File;
-use std::net::{SocketAddr, TcpListener};
-use std::os::unix::fs::OpenOptionsExt;
-use std::path::Path;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::time::Duration;
 
 /// Exception 0A: the line is down.
@@ -32,19 +29,12 @@ fn an_unplugged_adapter_is_0a_within_a_second_and_back_within_two() {
     }
 }
 
-/// The device that `link` leads to, open and left alone.
-fn terminal(link: &Path) -> File {
-    let not_ours = i32::try_from(OFlags::NOCTTY.bits()).unwrap();
-    File::options().read(true).custom_flags(not_ours).open(link).unwrap()
-}
-
 #[test]
 fn a_simulator_that_was_killed_is_replaced_under_the_same_name() {
     let place = Place::new();
     let port = place.file("line");
     let killed = simulate(&port);
-    // As long as this is open, nobody else gets the device that the link leads to.
-    let _reserved = terminal(&port);
+    let _reserved = reserved(&port);
     let gateway = gateway(&place, &port);
     gateway.wait_for_drive();
     drop(killed);
@@ -130,7 +120,7 @@ fn the_demo_says_that_its_port_is_taken_and_takes_another() {
 #[test]
 fn a_demo_whose_reader_has_gone_goes_on_and_ends_when_it_is_told_to() {
     let _alone = only_demo();
-    let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let free = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
     let (mut demo, _) =
         start_before_a_reader_that_leaves(&["demo", "--port", &free.port().to_string(), "--http-port", "0"]);
     // Every exchange on the line is a log line that nobody takes.

@@ -2,7 +2,7 @@
 
 use super::plant::{Plant, Wish};
 use super::raw::Raw;
-use super::rig::{assert_says, fields, program, vfd_gateway};
+use super::rig::{self, assert_says, fields, program, vfd_gateway};
 use super::started::{PATIENCE, until};
 use serde_json::{Value, json};
 use std::os::unix::fs::PermissionsExt;
@@ -36,7 +36,7 @@ fn sources(plant: &Plant) -> Vec<u16> {
 
 /// `(what, old, new, outcome)` of each line of the log that says what was set.
 fn logged(plant: &Plant) -> Vec<(String, u64, u64, String)> {
-    plant.gateway.find_all(|line| {
+    plant.logged(|line| {
         let fields = fields(line).filter(|fields| fields["message"] == "set for bus control")?;
         assert_eq!((&fields["by"], &fields["drive"]), (&json!("local"), &json!("pump-1")));
         let text = |key: &str| fields[key].as_str().unwrap().to_owned();
@@ -119,7 +119,7 @@ fn the_person_at_the_terminal_is_asked() {
         let terminal = Pty::new().unwrap();
         let mut command = program();
         command.args(["enable", "pump-1", "--socket", &socket(&plant)]);
-        command.stdin(std::fs::File::open(terminal.path()).unwrap()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.stdin(rig::terminal(terminal.path())).stdout(Stdio::piped()).stderr(Stdio::piped());
         let child = command.spawn().unwrap();
         // What is typed waits in the terminal until it is read.
         rustix::io::write(terminal.master(), format!("{typed}\n").as_bytes()).unwrap();

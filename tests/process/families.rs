@@ -34,12 +34,12 @@ const FAMILIES: [Family; 7] = [
 /// Longest time for a ramp to 30 Hz and back, on a machine that is busy with other tests.
 const RAMP: Duration = Duration::from_secs(40);
 
-/// One simulated drive of every family, each on a line of its own, one gateway, one broker.
+/// One simulated drive of every family, each on a line of its own, one gateway, one broker. What is dropped first ends first.
 struct Plant {
+    _gateway: Started,
     modbus: SocketAddr,
     drives: Vec<Started>,
     broker: Mosquitto,
-    _gateway: Started,
     _place: Place,
 }
 
@@ -65,7 +65,7 @@ impl Plant {
             let fields = fields(line)?;
             (fields["message"] == "Modbus TCP").then(|| fields["address"].as_str()?.parse().ok())?
         });
-        Self { modbus, drives, broker, _gateway: gateway, _place: place }
+        Self { _gateway: gateway, modbus, drives, broker, _place: place }
     }
 
     fn subscriber(&self) -> Subscriber {

@@ -2,9 +2,10 @@
 
 use super::mosquitto::free_port;
 use super::raw::Raw;
-use super::rig::{Place, fields, program, vfd_gateway};
+use super::rig::{Place, fields, program, reserved, vfd_gateway};
 use super::started::{PATIENCE, Started, until};
 use serde_json::Value;
+use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpStream};
 use std::sync::mpsc::{Receiver, channel};
@@ -21,6 +22,7 @@ const SETPOINT: u16 = 257;
 struct Site {
     place: Place,
     drives: Started,
+    _reserved: File,
     gateway: Started,
     modbus: SocketAddr,
     http: SocketAddr,
@@ -39,6 +41,7 @@ impl Site {
         }
         let simulated = Started::at_a_keyboard(simulate);
         simulated.wait_for("that it plays", |line| line.contains("station").then_some(()));
+        let reserved = reserved(&port);
         std::fs::create_dir(place.file("data")).unwrap();
         let http = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
         let file = place.write("gateway.toml", &configuration(&place, drives, http));
@@ -49,7 +52,7 @@ impl Site {
             let fields = fields(line)?;
             (fields["message"] == "Modbus TCP").then(|| fields["address"].as_str()?.parse().ok())?
         });
-        let site = Self { place, drives: simulated, gateway, modbus, http };
+        let site = Self { place, drives: simulated, _reserved: reserved, gateway, modbus, http };
         until("all drives are known", PATIENCE, || {
             let state = site.json("/api/v1/state")?;
             let drives = state["drives"].as_array()?.clone();
@@ -82,9 +85,10 @@ impl Site {
         client
     }
 
+    /// Memory of its own in use: how much of the program's file is mapped as well, depends on what else the system does.
     fn resident_kb(&self) -> u64 {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.gateway.id())).unwrap();
-        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap();
+        let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:")).unwrap();
         line.trim().trim_end_matches(" kB").parse().unwrap()
     }
 }

@@ -5,11 +5,10 @@ use super::browser::Browser;
 use super::outsiders::make_certificates;
 use super::plant::{FREQUENCY, LOST_AFTER, MARGIN, Plant, RUN, Wish};
 use super::raw::Raw;
-use super::rig::{program, vfd_gateway};
+use super::rig::{self, program, vfd_gateway};
 use super::started::{PATIENCE, Started, until};
 use rustix::termios::{LocalModes, OptionalActions, tcgetattr, tcsetattr};
 use serde_json::{Value, json};
-use std::fs::File;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
@@ -340,7 +339,7 @@ fn users_and_certificates_change_while_others_stay_signed_in() {
 /// What `password` makes of what is typed on its terminal: its exit code, what it says, and what the terminal shows.
 fn typed(lines: &[&str]) -> (Option<i32>, String, String) {
     let pty = Pty::new().unwrap();
-    let terminal = File::options().read(true).write(true).open(pty.path()).unwrap();
+    let terminal = rig::terminal(pty.path());
     let mut shows = tcgetattr(&terminal).unwrap();
     shows.local_modes.insert(LocalModes::ECHO | LocalModes::ICANON | LocalModes::ISIG);
     tcsetattr(&terminal, OptionalActions::Now, &shows).unwrap();
@@ -363,7 +362,7 @@ fn typed(lines: &[&str]) -> (Option<i32>, String, String) {
     let mut shown = [0; 1000];
     let length = rustix::io::read(pty.master(), &mut shown).unwrap_or(0);
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    let after = tcgetattr(File::open(pty.path()).unwrap()).unwrap();
+    let after = tcgetattr(rig::terminal(pty.path())).unwrap();
     assert!(after.local_modes.contains(LocalModes::ECHO | LocalModes::ISIG), "the terminal shows what is typed again");
     (output.status.code(), text(&said), text(&shown[..length]))
 }

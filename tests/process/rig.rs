@@ -1,7 +1,10 @@
 //! The real program in its roles, each test in a directory of its own.
 
 use super::started::Started;
+use rustix::fs::OFlags;
+use std::fs::File;
 use std::net::SocketAddr;
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -95,6 +98,18 @@ pub fn simulate(link: &Path) -> Started {
     let drive = start(&["simulate", "--model", "hyundai-n700", "--station", "1", "--link", link.to_str().unwrap()]);
     drive.wait_for("that it plays", |line| line.contains("station 1").then_some(()));
     drive
+}
+
+/// The device that `link` leads to, open and left alone. As long as it is, nobody else gets that device: where a simulator
+/// is killed, its link stays and would lead a gateway to the drive of another test.
+pub fn reserved(link: &Path) -> File {
+    terminal(link)
+}
+
+/// The terminal at `path`. It does not become that of this program, which would end with it.
+pub fn terminal(path: &Path) -> File {
+    let not_ours = i32::try_from(OFlags::NOCTTY.bits()).unwrap();
+    File::options().read(true).write(true).custom_flags(not_ours).open(path).unwrap()
 }
 
 /// How many requests a simulated drive says at its end that it has heard.
