@@ -15,6 +15,8 @@ use std::time::{Duration, Instant};
 use vfd_gateway::domain::time::WallTime;
 use vfd_gateway::journal::{Row, Table};
 
+/// How many starts are measured.
+const STARTS: usize = 3;
 /// What is promised.
 const WITHIN: Duration = Duration::from_secs(1);
 /// What else a start may take on a machine that is busy with other tests, the program of a debug build included.
@@ -32,23 +34,33 @@ fn a_large_journal_delays_no_start() {
         let mut command = program();
         command.arg("run").arg("-c").arg(&file);
         let begun = Instant::now();
-        let gateway = Started::new(command);
+        let mut gateway = Started::new(command);
         until("it serves", PATIENCE, || Raw::try_connect(modbus)?.read_unit(101, 0, 1).ok());
-        (gateway, begun.elapsed())
-    };
-    let end = |mut gateway: Started| {
+        let took = begun.elapsed();
         gateway.terminate();
         assert!(gateway.end_within(PATIENCE).success(), "{}", gateway.text());
+        assert!(!gateway.text().contains("ALARM"), "{}", gateway.text());
+        took
     };
-    let (gateway, empty) = serves();
-    end(gateway);
+    // What else goes on at this machine makes a start longer and never shorter.
+    let shortest = |journal: &Path| {
+        let starts = (0..STARTS).map(|_| {
+            // Each finds it as the first one does.
+            std::fs::copy(journal, place.file("data/journal.db")).unwrap();
+            serves()
+        });
+        starts.min().unwrap()
+    };
+    serves();
+    let (small, filled) = (place.file("small.db"), place.file("filled.db"));
+    for copy in [&small, &filled] {
+        std::fs::copy(place.file("data/journal.db"), copy).unwrap();
+    }
     let count = std::env::var("ROWS").ok().and_then(|text| text.parse().ok()).unwrap_or(100_000);
-    fill(&place.file("data/journal.db"), count);
-    let (gateway, large) = serves();
+    fill(&filled, count);
+    let (empty, large) = (shortest(&small), shortest(&filled));
     println!("it serves after {empty:?} without rows, after {large:?} beside {count}");
     assert!(large < WITHIN + MARGIN && large < empty + WITHIN, "{large:?}, {empty:?} without rows");
-    assert!(!gateway.text().contains("ALARM"), "{}", gateway.text());
-    end(gateway);
 }
 
 /// Puts `count` rows into the audit and a tenth of that into each other table, as the gateway itself would have.

@@ -5,6 +5,7 @@ use super::started::{PATIENCE, Started, until};
 use serde_json::Value;
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener};
+use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -46,7 +47,8 @@ impl Patient {
         let file = place.write("gateway.toml", &text);
         let gateway = start(&["run", "-c", file.to_str().unwrap()]);
         let socket = place.file("data/vfd-gateway.sock");
-        until("the gateway is reached", PATIENCE, || socket.exists().then_some(()));
+        // The file is there a moment before anybody may connect.
+        until("the gateway is reached", PATIENCE, || UnixStream::connect(&socket).ok());
         Self { _gateway: gateway, _drive: drive, file, place }
     }
 

@@ -87,7 +87,8 @@ fn reads_keep_no_drive_running() {
     plant.run_over_modbus(&mut client);
     let seen = plant.written().len();
     until("the drive is stopped while its commander only reads", LOST_AFTER + MARGIN, || {
-        assert!(client.read_unit(UNIFORM, 0, 16).is_ok() && client.read_unit(NATIVE, 0x0101, 1).is_ok());
+        let read = (client.read_unit(UNIFORM, 0, 16), client.read_unit(NATIVE, 0x0101, 1));
+        assert!(read.0.is_ok() && read.1.is_ok(), "{read:?}: {}", plant.gateway.text());
         plant.written()[seen..].contains(&(RUN, 0)).then_some(())
     });
 }
@@ -162,7 +163,8 @@ fn a_gateway_that_is_killed_is_offline_by_its_will_and_finds_the_drive_running()
     // Until somebody says so.
     plant.order("run/set", "stop");
     plant.wait_until_it_stands();
-    assert_eq!(plant.written(), [(RUN, 0)]);
+    // Again if the motor takes longer to stop than a commander may be silent.
+    assert_only_stops(&plant, 0);
 }
 
 /// A stop may be repeated; nothing else is written.

@@ -98,8 +98,12 @@ fn a_peer_that_closes_at_once_is_told_of_once() {
     for _ in 0..attempts {
         drop(peer.accept().unwrap());
     }
-    assert_eq!(told(&gateway.program, "line down"), 1, "{}", gateway.program.text());
-    assert_eq!(told(&gateway.program, "line up"), 1, "{}", gateway.program.text());
+    // At its end all of the log is written.
+    let mut program = gateway.program;
+    program.terminate();
+    assert_eq!(program.end_within(PATIENCE).code(), Some(0), "{}", program.text());
+    assert_eq!(told(&program, "line down"), 1, "{}", program.text());
+    assert_eq!(told(&program, "line up"), 1, "{}", program.text());
 }
 
 #[test]

@@ -150,8 +150,11 @@ impl Client {
     fn ask(&mut self, request: &str) -> Value {
         self.program.type_line(request);
         self.asked += 1;
-        let answers = || self.program.find_all(|line| serde_json::from_str(line).ok().filter(Value::is_object));
-        until(&format!("an answer to {request}"), PATIENCE, || answers().get(self.asked - 1).cloned())
+        until(&format!("an answer to {request}"), PATIENCE, || self.answers().get(self.asked - 1).cloned())
+    }
+
+    fn answers(&self) -> Vec<Value> {
+        self.program.find_all(|line| serde_json::from_str(line).ok().filter(Value::is_object))
     }
 
     fn read(&mut self, register: u16) -> Value {
@@ -177,7 +180,12 @@ impl Client {
     fn wait_until_sent_away(mut self) {
         until("it is sent away", PATIENCE, || {
             self.program.type_line("read:101:0:1");
-            self.program.text().contains("Connection").then_some(())
+            self.asked += 1;
+            // One that was sent away ends with the next request, and takes no other.
+            until("an answer or the end", PATIENCE, || match self.program.text().contains("Connection") {
+                true => Some(Some(())),
+                false => (self.answers().len() >= self.asked).then_some(None),
+            })
         });
     }
 }

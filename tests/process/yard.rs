@@ -1,10 +1,11 @@
 //! A drive of each family, each at a port that outlives every gateway, and what was really written to it.
 
-use super::rig::Place;
+use super::rig::{Place, terminal};
 use super::started::{PATIENCE, until};
 use std::fmt::Write as _;
-use std::io;
+use std::io::{self, Write};
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
@@ -20,6 +21,8 @@ use vfd_gateway::sim::{BusOptions, DriveOptions, SimBus, SimDrive};
 use vfd_gateway::vendors;
 
 const STATION: Station = Station(1);
+/// What no gateway sends and no drive understands.
+const MARK: [u8; 8] = [0; 8];
 /// How long a commander may be silent.
 pub const LOST_AFTER: Duration = Duration::from_secs(2);
 
@@ -54,6 +57,7 @@ pub const FAMILIES: [Family; 5] = [
 /// A drive at its port.
 pub struct Drive {
     pub family: &'static Family,
+    port: PathBuf,
     seen: Arc<Seen>,
     player: Option<JoinHandle<()>>,
 }
@@ -65,6 +69,7 @@ struct Seen {
     to_trip: AtomicU32,
     trips: AtomicU32,
     output: AtomicI64,
+    marks: AtomicU32,
     /// Words of the run command, each with its moment.
     runs: Mutex<Vec<(Instant, u16)>>,
 }
@@ -79,7 +84,8 @@ impl Drive {
         let options = DriveOptions { acceleration: ramp, deceleration: ramp, ..DriveOptions::default() };
         bus.connect(STATION, SimDrive::new(model, options));
         let mut pty = Pty::new().expect("a pseudo-terminal");
-        pty.link_as(&place.file(family.name)).expect("a link");
+        let port = place.file(family.name);
+        pty.link_as(&port).expect("a link");
         let seen = Arc::new(Seen::default());
         let ours = Arc::clone(&seen);
         let player = std::thread::spawn(move || {
@@ -100,7 +106,15 @@ impl Drive {
             })
             .expect("the line is played");
         });
-        Self { family, seen, player: Some(player) }
+        Self { family, port, seen, player: Some(player) }
+    }
+
+    /// Waits until everything is read that was sent to the drive up to this moment. Nobody may be at its port.
+    pub fn wait_until_heard(&self) {
+        let heard = || self.seen.marks.load(Ordering::SeqCst);
+        let before = heard();
+        terminal(&self.port).write_all(&MARK).unwrap();
+        until("the drive has heard everything", PATIENCE, || (heard() > before).then_some(()));
     }
 
     pub fn trip(&self) {
@@ -152,6 +166,9 @@ impl LineEnd for Watched<'_> {
         let word = read.and_then(|count| written(&buffer[..count], self.family.run));
         if let Some(word) = word {
             self.seen.runs.lock().unwrap().push((Instant::now(), word));
+        }
+        if read.is_some_and(|count| buffer[..count].ends_with(&MARK)) {
+            self.seen.marks.fetch_add(1, Ordering::SeqCst);
         }
         Ok(read)
     }
