@@ -3,6 +3,16 @@
 use super::rig::{Place, program, vfd_gateway};
 use std::process::Command;
 
+/// A program that would complain of a language for which nothing is installed, and set pages for the width of a terminal.
+fn in_any_place(name: &str) -> Command {
+    let mut command = Command::new(name);
+    for key in ["LANG", "LANGUAGE", "MANOPT", "MANROFFOPT", "MANWIDTH", "COLUMNS"] {
+        command.env_remove(key);
+    }
+    command.env("LC_ALL", "C.UTF-8");
+    command
+}
+
 /// What bash offers for the last of `words`.
 fn offered(script: &str, words: &[&str]) -> Vec<String> {
     let (last, before) = (words[words.len() - 1], words.get(words.len().wrapping_sub(2)).copied().unwrap_or(""));
@@ -11,7 +21,7 @@ fn offered(script: &str, words: &[&str]) -> Vec<String> {
         words.iter().map(|word| format!("'{word}'")).collect::<Vec<_>>().join(" "),
         words.len() - 1,
     );
-    let output = Command::new("bash").args(["--norc", "-c", &ask]).output().unwrap();
+    let output = in_any_place("bash").args(["--norc", "-c", &ask]).output().unwrap();
     assert_eq!(String::from_utf8_lossy(&output.stderr), "");
     String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect()
 }
@@ -56,9 +66,8 @@ fn man_shows_a_page_for_each_command() {
         let text = String::from_utf8_lossy(&parsed.stdout).into_owned();
         assert!(parsed.status.success() && text.contains(" - "), "{name}: {text}");
     }
-    let page =
-        Command::new("man").args(["--warnings", "-E", "UTF-8", "-P", "cat", "-l"]).arg(dir.join(names[1])).output();
-    let page = page.unwrap();
+    let mut man = in_any_place("man");
+    let page = man.args(["--warnings", "-E", "UTF-8", "-P", "cat", "-l"]).arg(dir.join(names[1])).output().unwrap();
     assert_eq!(String::from_utf8_lossy(&page.stderr), "");
     let text = String::from_utf8_lossy(&page.stdout);
     assert!(

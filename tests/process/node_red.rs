@@ -8,7 +8,7 @@ use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// It reads some hundred files before it begins.
 const START_MAX: Duration = Duration::from_secs(60);
@@ -24,7 +24,7 @@ impl NodeRed {
         let (port, directory) = (free_port(), plant.place.file("node-red"));
         std::fs::create_dir(&directory).unwrap();
         let settings = format!(
-            "module.exports = {{ uiHost: '127.0.0.1', uiPort: {port}, credentialSecret: false, \
+            "module.exports = {{ uiHost: '127.0.0.1', uiPort: {port}, lang: 'en-US', credentialSecret: false, \
              telemetry: {{ enabled: false, updateNotification: false }} }};"
         );
         std::fs::write(directory.join("settings.js"), settings).unwrap();
@@ -34,9 +34,12 @@ impl NodeRed {
         let mut command = Command::new("node");
         command.arg(installed).arg("--userDir").arg(&directory).arg(directory.join("flow.json"));
         let program = Started::new(command);
-        until("Node-RED is connected to the broker", START_MAX, || {
-            program.find_all(|line| line.contains("Connected to broker").then_some(())).pop()
-        });
+        let is_connected = || program.find_all(|line| line.contains("Connected to broker").then_some(())).pop();
+        let end = Instant::now() + START_MAX;
+        while is_connected().is_none() {
+            assert!(Instant::now() < end, "Node-RED is not connected to the broker; it said:\n{}", program.text());
+            std::thread::sleep(Duration::from_millis(10));
+        }
         Self { program, port }
     }
 
