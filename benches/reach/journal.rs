@@ -89,7 +89,12 @@ impl Writer {
     fn trip(number: u64) -> Entry {
         let words = (0x0111..0x0117).map(|address| (address, number as u16)).collect();
         let record = TripRecord { at: clock::now(), code: Some(1), words };
-        let event = TripEvent { kind: TripEventKind::Tripped { trips: 1, record }, count: None, at: clock::now() };
+        let event = TripEvent {
+            kind: TripEventKind::Tripped { trips: 1, record },
+            count: None,
+            at: clock::now(),
+            while_away: false,
+        };
         Entry::Trip(event, TripBaseline::default())
     }
 

@@ -158,6 +158,8 @@ pub struct TripEvent {
     pub count: Option<u16>,
     /// When it was seen.
     pub at: MonoTime,
+    /// It happened while the drive was not seen: it was found at the start, or when the drive was back.
+    pub while_away: bool,
 }
 
 /// What happened.

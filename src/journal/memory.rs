@@ -99,7 +99,7 @@ mod tests {
         let mut memory = Remembered::default();
         let baseline = TripBaseline { count: Some(7), held: Some(true), code: Some(3) };
         let record = TripRecord { at: MonoTime::ZERO, code: Some(3), words: Vec::new() };
-        let event = |kind| TripEvent { kind, count: Some(7), at: MonoTime::ZERO };
+        let event = |kind| TripEvent { kind, count: Some(7), at: MonoTime::ZERO, while_away: false };
         memory.take(&Entry::Trip(event(TripEventKind::Tripped { trips: 2, record }), baseline));
         memory.take(&Entry::Trip(event(TripEventKind::Cleared), TripBaseline { held: Some(false), ..baseline }));
         assert_eq!((memory.trips_total, memory.last_code), (2, Some(3)));

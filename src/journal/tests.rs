@@ -240,7 +240,8 @@ fn a_trip_is_worded_once_and_changes_what_is_remembered() {
     let mut rig = Rig::default();
     let record = TripRecord { at: at(90), code: Some(1), words: vec![(0x0111, 250), (0xEEEE, 7)] };
     let baseline = TripBaseline { count: Some(3), held: Some(true), code: Some(1) };
-    let tripped = TripEvent { kind: TripEventKind::Tripped { trips: 2, record }, count: Some(3), at: at(100) };
+    let tripped =
+        TripEvent { kind: TripEventKind::Tripped { trips: 2, record }, count: Some(3), at: at(100), while_away: true };
     rig.tell(100, Entry::Trip(tripped, baseline));
     assert!(rig.book.has_trip());
     let event = rig.book.events().next().unwrap();
@@ -250,14 +251,14 @@ fn a_trip_is_worded_once_and_changes_what_is_remembered() {
         (&body["at"], &body["trips"], &body["code"]),
         (&"1970-01-01T00:00:00.100Z".into(), &2.into(), &1.into())
     );
-    assert_eq!(body["values"]["0xEEEE"]["value"], 7);
+    assert_eq!((&body["values"]["0xEEEE"]["value"], &body["while_away"]), (&7.into(), &true.into()));
     let memory: HashMap<_, _> = rig.book.memory().collect();
     let memory = memory[&Name::new("pump-1").unwrap()];
     assert_eq!((memory.trips_total, memory.last_code, memory.trips), (2, Some(1), Some(baseline)));
     rig.write();
     assert!(rig.book.is_empty() && !rig.book.has_trip());
     for _ in 0..=EVENTS_MAX {
-        let event = TripEvent { kind: TripEventKind::Cleared, count: None, at: at(0) };
+        let event = TripEvent { kind: TripEventKind::Cleared, count: None, at: at(0), while_away: false };
         rig.tell(0, Entry::Trip(event, baseline));
     }
     assert_eq!((rig.book.events().count(), rig.book.take_lost()), (EVENTS_MAX, Lost { attempts: 0, others: 1 }));

@@ -24,6 +24,7 @@ pub fn event(drive: &DriveDescription, label: &Label<'_>, event: &TripEvent) -> 
     // Not the record's own: the moment of the event is the one by which it is told apart.
     say("at", label(event.at).into());
     say("count", event.count.into());
+    say("while_away", event.while_away.into());
     body
 }
 

@@ -76,7 +76,7 @@ fn a_trip_is_an_event_once_and_is_over_when_it_was_reset() {
     assert!(!tripped.retain && tripped.qos == 1, "{tripped:?}");
     let tripped = words(&tripped);
     assert_eq!((&tripped["kind"], &tripped["seq"], &tripped["count"]), (&"tripped".into(), &1.into(), &1.into()));
-    assert_eq!(tripped["code"], 1);
+    assert_eq!((&tripped["code"], &tripped["while_away"]), (&1.into(), &false.into()));
     subscriber.wait_for_payload("trip/count", "1");
     subscriber.wait_for_payload("trip/code", "1");
     let last = subscriber.wait_for("trip/last", |it| serde_json::from_str::<Value>(&it.payload).ok());

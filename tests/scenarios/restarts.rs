@@ -164,6 +164,7 @@ fn a_trip_whose_row_was_lost_is_told_once_more_and_a_kept_one_is_not() {
         let kept = rig.view(0).trip_kept;
         let expected = if is_kept { (0, 7, Some(2)) } else { (1, 8, Some(5)) };
         assert_eq!((rig.trips.len(), kept.total, kept.last_code), expected);
+        assert!(rig.trips.iter().all(|(_, event)| event.while_away), "{:?}", rig.trips);
     }
 }
 

@@ -1,11 +1,14 @@
 //! Trips are seen, read with their record, told once, and end every order to run.
 
-use crate::support::families::{accepting, rig_of, single};
+use crate::support::families::{accepting, models, rig_of, single};
 use crate::support::{MQTT, Rig, RigOptions, STOP, model, plc, run};
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason, RunIntent};
 use vfd_gateway::domain::ids::Station;
-use vfd_gateway::drive::view::{RunState, TripEventKind};
+use vfd_gateway::domain::link::PortKind;
+use vfd_gateway::domain::report::LineFault;
+use vfd_gateway::drive::view::{RunState, TripEvent, TripEventKind};
+use vfd_gateway::gateway::Input;
 
 const RUN: u16 = 0x0002;
 
@@ -22,6 +25,15 @@ fn running() -> Rig {
     rig
 }
 
+/// How often the drive has tripped, as it was told so far.
+fn told(rig: &Rig) -> u32 {
+    let trips = |(_, event): &(_, TripEvent)| match event.kind {
+        TripEventKind::Tripped { trips, .. } => u32::from(trips),
+        TripEventKind::Cleared => 0,
+    };
+    rig.trips.iter().map(trips).sum()
+}
+
 #[test]
 fn a_trip_is_told_once_with_what_was_measured() {
     let mut rig = running();
@@ -30,7 +42,7 @@ fn a_trip_is_told_once_with_what_was_measured() {
     rig.pass(Duration::from_secs(5));
     let [(_, event)] = rig.trips.as_slice() else { panic!("{:?}", rig.trips) };
     let TripEventKind::Tripped { trips: 1, record } = &event.kind else { panic!("{event:?}") };
-    assert_eq!((record.code, event.count), (Some(7), Some(1)));
+    assert_eq!((record.code, event.count, event.while_away), (Some(7), Some(1), false));
     assert_eq!(record.words[1], (0x0114, at_trip as u16), "the frequency at the trip");
     let view = rig.view(0);
     assert_eq!((view.run_state, view.trip.active, view.trip.seen), (RunState::Tripped, Some(true), 1));
@@ -91,15 +103,60 @@ fn no_trip_is_lost_on_a_bad_line() {
     }
     rig.bus.set_faults(vfd_gateway::sim::FaultPlan::NONE);
     rig.pass(Duration::from_secs(60));
-    let told: u32 = rig
-        .trips
-        .iter()
-        .map(|(_, event)| match event.kind {
-            TripEventKind::Tripped { trips, .. } => u32::from(trips),
-            TripEventKind::Cleared => 0,
-        })
-        .sum();
-    assert_eq!(told, 50);
+    assert_eq!(told(&rig), 50);
+}
+
+#[test]
+fn a_trip_while_the_line_was_down_is_told_as_one_that_nobody_saw_happen() {
+    for model in models().into_iter().filter(|model| model.trip_register().is_some()) {
+        let mut rig = rig_of(&model, accepting());
+        rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
+        rig.settle();
+        rig.pass(Duration::from_secs(2));
+        let now = rig.now;
+        rig.bus.drive_mut(Station(1)).unwrap().trip(now, 2);
+        rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+        rig.live(Duration::from_secs(10));
+        let [(_, event)] = rig.trips.as_slice() else { panic!("{}: {:?}", model.id, rig.trips) };
+        let TripEventKind::Tripped { trips: 1, record } = &event.kind else { panic!("{}: {event:?}", model.id) };
+        assert_eq!((event.while_away, record.code), (true, Some(2)), "{}", model.id);
+    }
+}
+
+#[test]
+fn a_trip_whose_record_is_being_read_when_the_line_is_left_is_told() {
+    let mut rig = running();
+    let now = rig.now;
+    rig.bus.drive_mut(Station(1)).unwrap().trip(now, 7);
+    let limit = now + Duration::from_secs(10);
+    while rig.view(0).trip.active != Some(true) {
+        assert!(rig.step(limit), "no trip is seen");
+    }
+    rig.core.end_attempts(rig.now);
+    rig.settle();
+    assert_eq!((told(&rig), rig.view(0).trip.active), (1, Some(true)));
+}
+
+#[test]
+fn a_trip_that_takes_the_power_with_it_is_told_while_the_drive_is_away_and_only_once() {
+    for model in models().into_iter().filter(|model| model.trip_register().is_some()) {
+        let mut rig = rig_of(&model, accepting());
+        let now = rig.now;
+        rig.bus.drive_mut(Station(1)).unwrap().trip(now, 2);
+        let limit = now + Duration::from_secs(10);
+        while rig.view(0).trip.active != Some(true) {
+            assert!(rig.step(limit), "{}: no trip is seen", model.id);
+        }
+        assert_eq!(rig.trips, [], "{}: its record was not read yet", model.id);
+        let now = rig.now;
+        rig.bus.set_powered(now, Station(1), false);
+        rig.live(Duration::from_secs(10));
+        assert_eq!((told(&rig), rig.view(0).trip.active), (1, None), "{}: {:?}", model.id, rig.trips);
+        let now = rig.now;
+        rig.bus.set_powered(now, Station(1), true);
+        rig.live(Duration::from_secs(20));
+        assert_eq!((told(&rig), rig.view(0).trip.seen), (1, 1), "{}: {:?}", model.id, rig.trips);
+    }
 }
 
 #[test]

@@ -85,9 +85,10 @@ fn words(row: &Row, body: &Value) -> String {
         "lease" => lease(body, &word("by")),
         "stop_given_up" => "a stop was given up: the drive stayed away".to_owned(),
         "tripped" => {
+            let away = if body["while_away"] == true { " while away" } else { "" };
             let text = body["text"].as_str().map(|text| format!(": {text}")).unwrap_or_default();
             let code = body["code"].as_u64().map_or_else(|| "?".to_owned(), |code| code.to_string());
-            format!("tripped, code {code}{text} (event {})", row.number)
+            format!("tripped{away}, code {code}{text} (event {})", row.number)
         }
         "cleared" => format!("the trip is cleared (event {})", row.number),
         _ => {
@@ -143,6 +144,14 @@ mod tests {
             "mqtt: run?[2J: refused, tripped (3 times)"
         );
         assert_eq!(said(row), "1970-01-01T00:00:00.000Z pump-1 mqtt: run?[2J: refused, tripped (3 times)\n");
+        for (body, expected) in [
+            (json!({ "code": 7, "text": "overload", "while_away": true }), "tripped while away, code 7: overload"),
+            (json!({ "code": null, "while_away": false }), "tripped, code ?"),
+            (json!({ "code": 7 }), "tripped, code 7"),
+        ] {
+            let row = Row::new(at, "tripped", Some("pump-1"), &body);
+            assert_eq!(said(row), format!("1970-01-01T00:00:00.000Z pump-1 {expected} (event 0)\n"));
+        }
         let down = json!({ "state": "down", "reason": "the port is gone" });
         let said = said(Row::new(at, "line", Some("hall-1"), &down));
         assert_eq!(said, "1970-01-01T00:00:00.000Z hall-1 line down: the port is gone\n");

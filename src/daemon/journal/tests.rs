@@ -106,7 +106,7 @@ impl Rig {
     fn trip(&mut self, count: u16) -> RowNumber {
         let record = TripRecord { at: clock::now(), code: Some(count), words: Vec::new() };
         let kind = TripEventKind::Tripped { trips: 1, record };
-        let event = TripEvent { kind, count: Some(count), at: clock::now() };
+        let event = TripEvent { kind, count: Some(count), at: clock::now(), while_away: false };
         self.keep(Entry::Trip(event, TripBaseline { count: Some(count), held: Some(true), code: None }))
     }
 
@@ -270,7 +270,7 @@ fn what_a_failed_write_has_left_is_taken_back_and_written_once() {
     let trip = |code| {
         let record = TripRecord { at: MonoTime::ZERO, code: Some(code), words: Vec::new() };
         let kind = TripEventKind::Tripped { trips: 1, record };
-        Entry::Trip(TripEvent { kind, count: None, at: MonoTime::ZERO }, TripBaseline::default())
+        Entry::Trip(TripEvent { kind, count: None, at: MonoTime::ZERO, while_away: false }, TripBaseline::default())
     };
     let attempt = |id| {
         let tried = Tried::Registers { address: 1, values: vec![2] };

@@ -6,7 +6,7 @@ use super::super::inbox::Message;
 use super::super::port::Port;
 use super::{ENDING_MAX, LineTask};
 use crate::domain::ids::DriveIndex;
-use crate::drive::view::TripEventKind;
+use crate::drive::view::{TripEvent, TripEventKind};
 use crate::gateway::{Effect, Input};
 use std::io;
 
@@ -75,7 +75,7 @@ impl LineTask<'_> {
                 Effect::Answer(answer) => self.board.tell(News::Native(answer)),
                 Effect::Command(answer) => self.board.tell(News::Command(answer)),
                 Effect::Trip(drive, event) => {
-                    self.log_trip(drive, &event.kind);
+                    self.log_trip(drive, &event);
                     self.board.tell_trip(drive, event);
                 }
                 Effect::Keep(keep) => self.board.keep(keep),
@@ -97,13 +97,13 @@ impl LineTask<'_> {
         Ok(())
     }
 
-    fn log_trip(&self, drive: DriveIndex, kind: &TripEventKind) {
-        let (line, drive) = (&self.port.line, self.name_of(drive));
-        match kind {
+    fn log_trip(&self, drive: DriveIndex, event: &TripEvent) {
+        let (line, drive, while_away) = (&self.port.line, self.name_of(drive), event.while_away);
+        match &event.kind {
             TripEventKind::Tripped { trips, record } => {
-                tracing::warn!(line, drive, trips, code = record.code, "tripped")
+                tracing::warn!(line, drive, trips, code = record.code, while_away, "tripped")
             }
-            TripEventKind::Cleared => tracing::info!(line, drive, "the trip is cleared"),
+            TripEventKind::Cleared => tracing::info!(line, drive, while_away, "the trip is cleared"),
         }
     }
 

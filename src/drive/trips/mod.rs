@@ -5,6 +5,9 @@
 //! * A drive that shows whether a trip holds, by a flag or by the trip's number: each time it begins to hold is a trip,
 //!   and so is another number while it holds.
 //!
+//! A trip that was seen is told, whatever comes before its record was read: if it ends, or the drive goes out of sight,
+//! it is told without one.
+//!
 //! What was told is remembered beyond the life of the gateway, as a [`TripBaseline`]: what goes beyond it is told, also
 //! if it came while nobody looked. Where nothing can be remembered, what held already when the drive was first seen is no
 //! news: its record is read and shown, and not told as an event.
@@ -46,6 +49,8 @@ pub struct TripWatch {
     code: Option<u16>,
     /// What was told outlives the gateway: what is not remembered was never told.
     is_remembered: bool,
+    /// What shows trips was read since the start, or since the drive was out of sight.
+    is_in_sight: bool,
     reading: Option<Reading>,
     /// A reset was acknowledged; the next count tells whether it holds.
     reset_acknowledged: bool,
@@ -59,9 +64,15 @@ struct Reading {
     /// How many of the record's reads have come.
     parts: usize,
     words: Vec<(u16, u16)>,
+    /// The vendor's number as it was seen beside the record.
+    code: Option<u16>,
     tries: u8,
     /// The trip is to be told when the record is there.
     is_news: bool,
+    /// When the trip was seen.
+    seen_at: MonoTime,
+    /// It was there already when the drive came into sight.
+    while_away: bool,
 }
 
 impl TripWatch {
@@ -102,21 +113,24 @@ impl TripWatch {
         }
     }
 
-    /// Takes the words that a read from `address` has brought at `now`, polls included.
-    pub fn take(&mut self, address: u16, words: &[u16], now: MonoTime) -> Option<TripEvent> {
-        let places = self.places.as_ref()?;
+    /// Takes the words that a read from `address` has brought at `now`, polls included. They may tell of a trip and of
+    /// its end.
+    pub fn take(&mut self, address: u16, words: &[u16], now: MonoTime) -> Vec<TripEvent> {
+        let Some(places) = &self.places else { return Vec::new() };
         let word = |register: u16| words.get(usize::from(register.checked_sub(address)?)).copied();
         let (seen, cause) = (places.source.seen(word), places.cause.and_then(word));
-        let part = self.take_part(address, words, now);
-        let shown = match seen {
-            Some(Seen::Held(holds)) => self.take_held(holds, now),
-            Some(Seen::Counted(count)) => self.take_count(count, now),
-            None => None,
-        };
-        if let Some(code) = cause.filter(|_| part.is_none() && shown.is_none()) {
-            self.take_code(code);
+        let mut told = Vec::from_iter(self.take_part(address, words));
+        match seen {
+            Some(Seen::Held(true)) => told.extend(self.take_held(now)),
+            Some(Seen::Held(false)) => self.take_released(now, &mut told),
+            Some(Seen::Counted(count)) => self.take_count(count, now, &mut told),
+            None => {}
         }
-        part.or(shown)
+        self.is_in_sight |= seen.is_some();
+        if let Some(code) = cause.filter(|code| *code != 0 && told.is_empty()) {
+            self.take_code(code, now);
+        }
+        told
     }
 
     /// The drive turns its motor. One that only counts its trips is not tripped then.
@@ -131,22 +145,32 @@ impl TripWatch {
     }
 
     /// The drive stopped answering: it may have lost its power, and with it the trip.
-    pub fn lost_sight(&mut self) {
+    pub fn lost_sight(&mut self) -> Option<TripEvent> {
+        let told = self.tell_unread();
         self.view.active = None;
         self.reset_acknowledged = false;
-        // A trip that was not told yet is news again when the drive is back and it still holds.
-        self.reading = None;
+        self.is_in_sight = false;
+        told
     }
 
-    /// The read that was wanted was not answered well at `now`.
-    pub fn read_failed(&mut self, now: MonoTime) -> Option<TripEvent> {
+    /// What is being read cannot be read any more: what is news is told without it.
+    pub fn tell_unread(&mut self) -> Option<TripEvent> {
+        if self.reading.as_ref()?.is_news {
+            return self.end_reading(false);
+        }
+        self.reading = None;
+        None
+    }
+
+    /// The read that was wanted was not answered well.
+    pub fn read_failed(&mut self) -> Option<TripEvent> {
         let reading = self.reading.as_mut()?;
         reading.tries += 1;
-        if reading.tries < READS_MAX { None } else { self.tell_what_there_is(now) }
+        if reading.tries < READS_MAX { None } else { self.end_reading(false) }
     }
 
     /// Takes one part of the record, if it is the one that is awaited.
-    fn take_part(&mut self, address: u16, words: &[u16], now: MonoTime) -> Option<TripEvent> {
+    fn take_part(&mut self, address: u16, words: &[u16]) -> Option<TripEvent> {
         let (places, reading) = (self.places.as_ref()?, self.reading.as_mut()?);
         let (first, count) = *places.record.get(reading.parts)?;
         if first != address || usize::from(count) != words.len() {
@@ -155,83 +179,92 @@ impl TripWatch {
         reading.words.extend((address..).zip(words.iter().copied()));
         reading.parts += 1;
         let is_whole = reading.parts == places.record.len();
-        if is_whole && reading.count.is_none() { self.tell_what_there_is(now) } else { None }
+        if is_whole && reading.count.is_none() { self.end_reading(true) } else { None }
     }
 
-    /// A trip holds or does not.
-    fn take_held(&mut self, holds: bool, now: MonoTime) -> Option<TripEvent> {
-        if holds {
-            let is_new = self.view.active.replace(true) != Some(true);
-            let was_told = self.held.unwrap_or(!self.is_remembered);
-            return if is_new { self.begin(!was_told, now) } else { None };
-        }
-        if self.reading.as_ref().is_some_and(|reading| reading.is_news) {
-            // It is gone before its record was read: it is told all the same, and its end with the next reading.
-            return self.tell_what_there_is(now);
-        }
-        self.reading = None;
+    /// A trip holds.
+    fn take_held(&mut self, now: MonoTime) -> Option<TripEvent> {
+        let is_new = self.view.active.replace(true) != Some(true);
+        let was_told = self.held.unwrap_or(!self.is_remembered);
+        if is_new { self.begin(!was_told, now) } else { None }
+    }
+
+    /// No trip holds. One that is gone before its record was read is told all the same.
+    fn take_released(&mut self, now: MonoTime, told: &mut Vec<TripEvent>) {
+        told.extend(self.tell_unread());
         let held_before = self.held.replace(false);
         if self.view.active.is_none() && held_before == Some(true) {
             self.view.active = Some(true);
         }
-        self.clear(now)
+        told.extend(self.clear(now));
     }
 
-    /// Another number than the one that was told, while a trip holds, is another trip.
-    fn take_code(&mut self, code: u16) {
+    /// The number of a trip was seen. Another one than was told, while a trip holds, is another trip.
+    fn take_code(&mut self, code: u16, now: MonoTime) {
+        if self.is_counted() || self.view.active != Some(true) {
+            return;
+        }
         let last = self.view.last.as_ref().and_then(|last| last.code);
-        let is_other = last.is_some_and(|last| code != 0 && code != last);
-        if !self.is_counted() && self.view.active == Some(true) && self.reading.is_none() && is_other {
-            self.reading = Some(Reading { is_news: true, ..Reading::default() });
+        let is_other = last.is_some_and(|last| code != last);
+        if self.reading.is_none() && is_other {
+            self.reading = Some(self.new_reading(true, now));
+        }
+        if let Some(reading) = &mut self.reading {
+            reading.code = Some(code);
         }
     }
 
-    fn take_count(&mut self, count: u16, now: MonoTime) -> Option<TripEvent> {
-        let before = self.view.count.replace(count);
+    fn take_count(&mut self, count: u16, now: MonoTime, events: &mut Vec<TripEvent>) {
         let told = *self.told.get_or_insert(count);
         if count <= told {
-            self.told = Some(count);
-            if self.reading.take().is_some() {
-                // It was counted anew before the record was read: what had risen until then is told all the same.
-                let trips = before.map_or(1, |before| before.saturating_sub(told).max(1));
-                return Some(self.tell(trips, TripRecord { at: now, code: None, words: Vec::new() }, now));
+            // Where it is counted anew, what had risen until then is told with the count of then.
+            events.extend(self.tell_unread());
+            (self.told, self.view.count) = (Some(count), Some(count));
+            if self.reset_acknowledged {
+                events.extend(self.clear(now));
             }
-            return if self.reset_acknowledged { self.clear(now) } else { None };
+            return;
         }
+        self.view.count = Some(count);
         self.view.active = Some(true);
         self.reset_acknowledged = false;
         let parts = self.places.as_ref().map_or(0, |places| places.record.len());
-        let reading = self.reading.get_or_insert_with(|| Reading { is_news: true, ..Reading::default() });
+        let mut reading = self.reading.take().unwrap_or_else(|| self.new_reading(true, now));
         let is_whole = reading.parts >= parts;
         let belongs = reading.count == Some(count) || parts == 0;
         let is_worn_out = reading.tries >= READS_MAX;
-        if (is_whole && belongs) || is_worn_out {
-            return self.tell_what_there_is(now);
-        }
-        if reading.count != Some(count) {
+        if reading.count != Some(count) && !is_worn_out {
             let tries = reading.tries + u8::from(is_whole && reading.count.is_some());
-            *reading = Reading { count: Some(count), tries, is_news: true, ..Reading::default() };
+            let Reading { seen_at, while_away, .. } = reading;
+            reading = Reading { count: Some(count), tries, is_news: true, seen_at, while_away, ..Reading::default() };
         }
-        None
+        self.reading = Some(reading);
+        if (is_whole && belongs) || is_worn_out {
+            events.extend(self.end_reading(!is_worn_out));
+        }
     }
 
     /// A trip that holds begins to be read, or is told at once where the model has no record.
     fn begin(&mut self, is_news: bool, now: MonoTime) -> Option<TripEvent> {
-        self.reading = Some(Reading { is_news, ..Reading::default() });
+        self.reading = Some(self.new_reading(is_news, now));
         let has_record = self.places.as_ref().is_some_and(|places| !places.record.is_empty());
-        if has_record { None } else { self.tell_what_there_is(now) }
+        if has_record { None } else { self.end_reading(true) }
     }
 
-    /// The reading is over: its record is shown and, if it is news, told.
-    fn tell_what_there_is(&mut self, now: MonoTime) -> Option<TripEvent> {
+    fn new_reading(&self, is_news: bool, now: MonoTime) -> Reading {
+        Reading { is_news, seen_at: now, while_away: !self.is_in_sight, ..Reading::default() }
+    }
+
+    /// The reading is over: its record is shown and, if it is news, told. `is_sure`: the record is the trip's own.
+    fn end_reading(&mut self, is_sure: bool) -> Option<TripEvent> {
         let (places, reading) = (self.places.as_ref()?, self.reading.take()?);
-        let is_whole = reading.parts >= places.record.len() && reading.tries < READS_MAX;
         // Of a record that may belong to another trip nothing is kept.
-        let words = if is_whole || reading.count.is_none() { reading.words } else { Vec::new() };
-        let code = words.iter().find(|(address, _)| Some(*address) == places.cause).map(|(_, word)| *word);
-        let is_other = matches!((code, self.code), (Some(code), Some(told)) if code != told && code != 0);
+        let words = if is_sure || reading.count.is_none() { reading.words } else { Vec::new() };
+        let cause = words.iter().find(|(address, _)| Some(*address) == places.cause).map(|(_, word)| *word);
+        let code = cause.filter(|code| *code != 0).or(reading.code);
+        let is_other = matches!((code, self.code), (Some(code), Some(told)) if code != told);
         let is_news = reading.is_news || (is_other && self.held == Some(true));
-        let record = TripRecord { at: now, code, words };
+        let record = TripRecord { at: reading.seen_at, code, words };
         let trips = match (reading.count, self.told) {
             (Some(_), Some(told)) => self.view.count.map_or(1, |count| count.saturating_sub(told).max(1)),
             _ => 1,
@@ -241,19 +274,14 @@ impl TripWatch {
         } else {
             self.held = Some(true);
         }
-        if is_news {
-            return Some(self.tell(trips, record, now));
-        }
-        self.code = code.or(self.code);
-        self.view.last = Some(record);
-        None
-    }
-
-    fn tell(&mut self, trips: u16, record: TripRecord, now: MonoTime) -> TripEvent {
-        self.code = record.code;
+        self.code = if is_news { code } else { code.or(self.code) };
         self.view.last = Some(record.clone());
+        if !is_news {
+            return None;
+        }
         self.view.seen += u32::from(trips);
-        TripEvent { kind: TripEventKind::Tripped { trips, record }, count: self.view.count, at: now }
+        let (count, while_away) = (self.view.count, reading.while_away);
+        Some(TripEvent { kind: TripEventKind::Tripped { trips, record }, count, at: reading.seen_at, while_away })
     }
 
     fn is_counted(&self) -> bool {
@@ -263,6 +291,7 @@ impl TripWatch {
     fn clear(&mut self, now: MonoTime) -> Option<TripEvent> {
         self.reset_acknowledged = false;
         let was_active = self.view.active.replace(false) == Some(true);
-        was_active.then_some(TripEvent { kind: TripEventKind::Cleared, count: self.view.count, at: now })
+        let (count, while_away) = (self.view.count, !self.is_in_sight);
+        was_active.then_some(TripEvent { kind: TripEventKind::Cleared, count, at: now, while_away })
     }
 }

@@ -12,7 +12,7 @@ fn at(ms: u64) -> MonoTime {
 
 fn watch(count: u16) -> TripWatch {
     let mut watch = TripWatch::new(&model());
-    assert_eq!(watch.take(COUNT, &[count], at(0)), None, "the first reading is the baseline");
+    assert_eq!(watch.one(COUNT, &[count], at(0)), None, "the first reading is the baseline");
     watch
 }
 
@@ -23,35 +23,44 @@ fn trips(event: Option<TripEvent>) -> (u16, Option<u16>) {
     }
 }
 
+impl TripWatch {
+    /// The one event that these words bring at most.
+    fn one(&mut self, address: u16, words: &[u16], now: MonoTime) -> Option<TripEvent> {
+        let mut told = self.take(address, words, now);
+        assert!(told.len() <= 1, "{told:?}");
+        told.pop()
+    }
+}
+
 #[test]
 fn a_rise_is_read_as_a_record_between_two_equal_counts() {
     let mut watch = watch(3);
-    assert_eq!(watch.take(COUNT, &[4], at(1)), None);
+    assert_eq!(watch.one(COUNT, &[4], at(1)), None);
     assert_eq!((watch.view().active, watch.wants()), (Some(true), Some((0x0113, 4))));
-    assert_eq!(watch.take(0x0113, &RECORD, at(2)), None);
+    assert_eq!(watch.one(0x0113, &RECORD, at(2)), None);
     assert_eq!(watch.wants(), Some((COUNT, 1)));
-    assert_eq!(trips(watch.take(COUNT, &[4], at(3))), (1, Some(7)));
+    assert_eq!(trips(watch.one(COUNT, &[4], at(3))), (1, Some(7)));
     assert_eq!((watch.wants(), watch.view().seen), (None, 1));
     assert_eq!(watch.view().last.as_ref().unwrap().words[1], (0x0114, 2500));
-    assert_eq!(watch.take(COUNT, &[4], at(4)), None, "told once");
+    assert_eq!(watch.one(COUNT, &[4], at(4)), None, "told once");
 }
 
 #[test]
 fn a_record_that_does_not_belong_to_its_count_is_read_anew() {
     let mut watch = watch(3);
-    watch.take(COUNT, &[4], at(1));
-    watch.take(0x0113, &RECORD, at(2));
-    assert_eq!(watch.take(COUNT, &[6], at(3)), None);
-    watch.take(0x0113, &RECORD, at(4));
-    assert_eq!(trips(watch.take(COUNT, &[6], at(5))), (3, Some(7)));
+    watch.one(COUNT, &[4], at(1));
+    watch.one(0x0113, &RECORD, at(2));
+    assert_eq!(watch.one(COUNT, &[6], at(3)), None);
+    watch.one(0x0113, &RECORD, at(4));
+    assert_eq!(trips(watch.one(COUNT, &[6], at(5))), (3, Some(7)));
 }
 
 #[test]
 fn a_drive_that_trips_on_and_on_is_told_all_the_same() {
     let mut watch = watch(0);
     let events = (1..20).filter_map(|count| {
-        watch.take(0x0113, &RECORD, at(2));
-        watch.take(COUNT, &[count], at(3))
+        watch.one(0x0113, &RECORD, at(2));
+        watch.one(COUNT, &[count], at(3))
     });
     assert!(events.count() > 0);
 }
@@ -59,9 +68,9 @@ fn a_drive_that_trips_on_and_on_is_told_all_the_same() {
 #[test]
 fn a_fall_is_a_new_baseline() {
     let mut watch = watch(9);
-    assert_eq!(watch.take(COUNT, &[2], at(1)), None);
+    assert_eq!(watch.one(COUNT, &[2], at(1)), None);
     assert_eq!(watch.wants(), None);
-    watch.take(COUNT, &[3], at(2));
+    watch.one(COUNT, &[3], at(2));
     assert!(watch.wants().is_some());
 }
 
@@ -69,14 +78,14 @@ fn a_fall_is_a_new_baseline() {
 fn a_trip_clears_by_an_acknowledged_reset_or_by_an_active_output() {
     for by_reset in [true, false] {
         let mut watch = watch(0);
-        watch.take(COUNT, &[1], at(1));
+        watch.one(COUNT, &[1], at(1));
         assert_eq!(watch.output_is_active(at(1)), None, "the output may be older than the trip");
-        watch.take(0x0113, &RECORD, at(2));
-        watch.take(COUNT, &[1], at(3));
-        assert_eq!(watch.take(COUNT, &[1], at(4)), None, "nobody reset it");
+        watch.one(0x0113, &RECORD, at(2));
+        watch.one(COUNT, &[1], at(3));
+        assert_eq!(watch.one(COUNT, &[1], at(4)), None, "nobody reset it");
         let event = if by_reset {
             watch.reset_acknowledged();
-            watch.take(COUNT, &[1], at(5))
+            watch.one(COUNT, &[1], at(5))
         } else {
             watch.output_is_active(at(5))
         };
@@ -89,12 +98,20 @@ fn a_trip_clears_by_an_acknowledged_reset_or_by_an_active_output() {
 fn whether_it_is_tripped_is_unknown_at_start_and_after_it_was_away() {
     let mut watch = watch(1);
     assert_eq!(watch.view().active, None);
-    watch.take(COUNT, &[2], at(1));
-    watch.lost_sight();
-    assert_eq!(watch.view().active, None);
-    // The trip that was not read before it went away is read when it is back.
-    assert_eq!(watch.take(COUNT, &[2], at(9)), None);
-    assert!(watch.wants().is_some());
+    watch.one(COUNT, &[2], at(1));
+    assert_eq!(trips(watch.lost_sight()), (1, None));
+    assert_eq!((watch.view().active, watch.wants()), (None, None));
+    assert_eq!((watch.one(COUNT, &[2], at(9)), watch.wants()), (None, None), "told once");
+}
+
+#[test]
+fn a_record_that_no_second_count_has_confirmed_is_not_told_with_a_trip() {
+    let mut watch = watch(1);
+    watch.one(COUNT, &[3], at(1));
+    watch.one(0x0113, &RECORD, at(2));
+    assert_eq!(trips(watch.lost_sight()), (2, None));
+    assert_eq!(watch.view().last.as_ref().unwrap().words, []);
+    assert_eq!(watch.baseline().count, Some(3));
 }
 
 /// A drive with a status word whose bit 3 is the trip, and a record of four words.
@@ -108,64 +125,138 @@ const TRIPPED: u16 = 0b1000;
 #[test]
 fn a_trip_that_begins_to_hold_is_told_once_with_its_record() {
     let mut watch = flagged();
-    assert_eq!(watch.take(STATUS, &[0], at(0)), None);
-    assert_eq!(watch.take(STATUS, &[TRIPPED], at(1)), None);
+    assert_eq!(watch.one(STATUS, &[0], at(0)), None);
+    assert_eq!(watch.one(STATUS, &[TRIPPED], at(1)), None);
     assert_eq!((watch.view().active, watch.wants()), (Some(true), Some((0x0113, 4))));
-    assert_eq!(trips(watch.take(0x0113, &RECORD, at(2))), (1, Some(7)));
-    assert_eq!(watch.take(STATUS, &[TRIPPED], at(3)), None, "told once");
+    assert_eq!(trips(watch.one(0x0113, &RECORD, at(2))), (1, Some(7)));
+    assert_eq!(watch.one(STATUS, &[TRIPPED], at(3)), None, "told once");
     assert_eq!(watch.output_is_active(at(3)), None, "the flag alone tells when it is over");
-    assert_eq!(watch.take(STATUS, &[0], at(4)).unwrap().kind, TripEventKind::Cleared);
-    assert_eq!(watch.take(STATUS, &[0], at(5)), None);
+    assert_eq!(watch.one(STATUS, &[0], at(4)).unwrap().kind, TripEventKind::Cleared);
+    assert_eq!(watch.one(STATUS, &[0], at(5)), None);
 }
 
 #[test]
 fn a_trip_that_held_before_the_drive_was_seen_is_shown_and_not_told() {
     let mut watch = flagged();
-    watch.take(STATUS, &[TRIPPED], at(0));
-    assert_eq!(watch.take(0x0113, &RECORD, at(1)), None);
+    watch.one(STATUS, &[TRIPPED], at(0));
+    assert_eq!(watch.one(0x0113, &RECORD, at(1)), None);
     assert_eq!(watch.view().last.as_ref().unwrap().code, Some(7));
-    assert_eq!(watch.take(STATUS, &[0], at(2)).unwrap().kind, TripEventKind::Cleared);
+    assert_eq!(watch.one(STATUS, &[0], at(2)).unwrap().kind, TripEventKind::Cleared);
 }
 
 #[test]
 fn a_trip_that_is_gone_before_its_record_was_read_is_told_all_the_same() {
     let mut watch = flagged();
-    watch.take(STATUS, &[0], at(0));
-    watch.take(STATUS, &[TRIPPED], at(1));
-    assert_eq!(trips(watch.take(STATUS, &[0], at(2))), (1, None));
-    assert_eq!(watch.take(STATUS, &[0], at(3)).unwrap().kind, TripEventKind::Cleared);
+    watch.one(STATUS, &[0], at(0));
+    watch.one(STATUS, &[TRIPPED], at(1));
+    let told = watch.take(STATUS, &[0], at(2));
+    assert_eq!(trips(told.first().cloned()), (1, None));
+    assert_eq!((told.len(), &told[1].kind, told[1].at), (2, &TripEventKind::Cleared, at(2)));
+    assert_eq!(watch.baseline().held, Some(false), "the next one is told, also after a start");
+    assert_eq!(watch.one(STATUS, &[0], at(3)), None);
 }
 
 #[test]
 fn a_trip_that_came_while_the_drive_was_away_is_told_and_one_that_stayed_is_not() {
     for (before, is_told) in [(0, true), (TRIPPED, false)] {
         let mut watch = flagged();
-        watch.take(STATUS, &[before], at(0));
-        watch.take(0x0113, &RECORD, at(1));
+        watch.one(STATUS, &[before], at(0));
+        watch.one(0x0113, &RECORD, at(1));
         watch.lost_sight();
         assert_eq!(watch.view().active, None);
-        watch.take(STATUS, &[TRIPPED], at(2));
-        assert_eq!(watch.take(0x0113, &RECORD, at(3)).is_some(), is_told, "{before}");
+        watch.one(STATUS, &[TRIPPED], at(2));
+        assert_eq!(watch.one(0x0113, &RECORD, at(3)).is_some(), is_told, "{before}");
     }
 }
 
 #[test]
-fn a_trip_whose_record_was_not_read_before_the_drive_went_away_is_told_when_it_is_back() {
+fn a_trip_whose_record_was_not_read_before_the_drive_went_away_is_told_at_once_and_only_once() {
+    for back in [0, TRIPPED] {
+        let mut watch = flagged();
+        assert_eq!(told(&mut watch, &[0, TRIPPED]), []);
+        let event = watch.lost_sight().unwrap();
+        assert_eq!((event.at, event.while_away), (at(1), false));
+        assert_eq!((trips(Some(event)), watch.lost_sight()), ((1, None), None));
+        let then: &[_] = if back == 0 { &[("cleared", at(0))] } else { &[] };
+        assert_eq!(told(&mut watch, &[back]), then);
+        assert_eq!(watch.one(0x0113, &RECORD, at(4)), None, "told once");
+        let code = (back == TRIPPED).then_some(7);
+        assert_eq!((watch.view().seen, watch.view().last.as_ref().unwrap().code), (1, code), "shown all the same");
+    }
+}
+
+#[test]
+fn a_number_that_was_read_beside_the_record_is_told_with_a_trip_that_ends_unread() {
     let mut watch = flagged();
-    watch.take(STATUS, &[0], at(0));
-    watch.take(STATUS, &[TRIPPED], at(1));
+    told(&mut watch, &[0, TRIPPED]);
+    assert_eq!(watch.one(0x0113, &[7], at(2)), None);
+    assert_eq!(trips(watch.take(STATUS, &[0], at(3)).into_iter().next()), (1, Some(7)));
+}
+
+#[test]
+fn what_nobody_will_read_any_more_is_told_and_what_was_told_is_not() {
+    let mut watch = flagged();
+    told(&mut watch, &[0, TRIPPED]);
+    assert_eq!(trips(watch.tell_unread()), (1, None));
+    assert_eq!((watch.tell_unread(), watch.view().active), (None, Some(true)));
+    let mut watch = flagged();
+    told(&mut watch, &[TRIPPED]);
+    assert_eq!((watch.tell_unread(), watch.lost_sight()), (None, None), "it held before it was seen");
+}
+
+#[test]
+fn a_trip_that_was_found_on_return_or_at_the_start_came_while_the_drive_was_away() {
+    let away = |events: Vec<TripEvent>| events.iter().map(|event| event.while_away).collect::<Vec<_>>();
+    let mut watch = remembering(TripWatch::new(&model()), Some(3), None, None);
+    for (readings, expected) in [([5, 5], true), ([6, 6], false)] {
+        watch.one(COUNT, &readings[..1], at(0));
+        watch.one(0x0113, &RECORD, at(1));
+        assert_eq!(away(watch.take(COUNT, &readings[1..], at(2))), [expected]);
+    }
     watch.lost_sight();
-    watch.take(STATUS, &[TRIPPED], at(2));
-    assert!(watch.take(0x0113, &RECORD, at(3)).is_some());
+    watch.one(COUNT, &[7], at(3));
+    assert!(watch.lost_sight().unwrap().while_away);
+
+    let mut watch = remembering(flagged(), None, Some(false), None);
+    for expected in [true, false] {
+        watch.one(STATUS, &[TRIPPED], at(0));
+        assert_eq!(away(watch.take(0x0113, &RECORD, at(1))), [expected]);
+        assert_eq!(away(watch.take(STATUS, &[0], at(2))), [false]);
+    }
+    watch.one(STATUS, &[TRIPPED], at(3));
+    assert!(!watch.lost_sight().unwrap().while_away);
+    assert_eq!(away(watch.take(STATUS, &[0], at(4))), [true], "it ended while the drive was away");
+}
+
+/// What is told of `readings` of the status, each a millisecond after the one before.
+fn told(watch: &mut TripWatch, readings: &[u16]) -> Vec<(&'static str, MonoTime)> {
+    let mut told = Vec::new();
+    for (status, now) in readings.iter().zip(0..) {
+        told.extend(watch.take(STATUS, &[*status], at(now)).into_iter().map(|event| match event.kind {
+            TripEventKind::Tripped { .. } => ("tripped", event.at),
+            TripEventKind::Cleared => ("cleared", event.at),
+        }));
+    }
+    told
+}
+
+#[test]
+fn a_trip_right_behind_one_that_ended_unread_is_another_trip() {
+    let mut watch = flagged();
+    assert_eq!(told(&mut watch, &[0, TRIPPED, 0, TRIPPED]), [("tripped", at(1)), ("cleared", at(2))]);
+    assert_eq!(watch.wants(), Some((0x0113, 4)), "the record of the second");
+    watch.one(0x0113, &RECORD, at(4));
+    assert_eq!(told(&mut watch, &[TRIPPED, 0]), [("cleared", at(1))]);
+    assert_eq!(watch.view().seen, 2);
 }
 
 #[test]
 fn a_record_that_cannot_be_read_holds_no_trip_back() {
     for mut watch in [flagged(), watch(3)] {
-        watch.take(STATUS, &[0], at(0));
-        watch.take(STATUS, &[TRIPPED], at(1));
-        watch.take(COUNT, &[4], at(1));
-        let told: Vec<_> = (0..10).filter_map(|_| watch.read_failed(at(2))).collect();
+        watch.one(STATUS, &[0], at(0));
+        watch.one(STATUS, &[TRIPPED], at(1));
+        watch.one(COUNT, &[4], at(1));
+        let told: Vec<_> = (0..10).filter_map(|_| watch.read_failed()).collect();
         assert_eq!(told.len(), 1);
         assert_eq!(trips(told.into_iter().next()), (1, None));
         assert_eq!(watch.wants(), None);
@@ -175,12 +266,12 @@ fn a_record_that_cannot_be_read_holds_no_trip_back() {
 #[test]
 fn another_number_while_a_trip_holds_is_another_trip() {
     let mut watch = flagged();
-    watch.take(STATUS, &[0], at(0));
-    watch.take(STATUS, &[TRIPPED], at(1));
-    watch.take(0x0113, &RECORD, at(2));
-    assert_eq!(watch.take(0x0113, &[7], at(3)), None, "the same number");
-    assert_eq!(watch.take(0x0113, &[9], at(4)), None);
-    assert_eq!(trips(watch.take(0x0113, &[9, 0, 0, 530], at(5))), (1, Some(9)));
+    watch.one(STATUS, &[0], at(0));
+    watch.one(STATUS, &[TRIPPED], at(1));
+    watch.one(0x0113, &RECORD, at(2));
+    assert_eq!(watch.one(0x0113, &[7], at(3)), None, "the same number");
+    assert_eq!(watch.one(0x0113, &[9], at(4)), None);
+    assert_eq!(trips(watch.one(0x0113, &[9, 0, 0, 530], at(5))), (1, Some(9)));
 }
 
 fn remembering(watch: TripWatch, count: Option<u16>, held: Option<bool>, code: Option<u16>) -> TripWatch {
@@ -190,15 +281,15 @@ fn remembering(watch: TripWatch, count: Option<u16>, held: Option<bool>, code: O
 #[test]
 fn what_was_counted_while_nobody_looked_is_told_with_its_record() {
     let mut watch = remembering(TripWatch::new(&model()), Some(3), None, None);
-    assert_eq!(watch.take(COUNT, &[5], at(0)), None);
+    assert_eq!(watch.one(COUNT, &[5], at(0)), None);
     assert_eq!(watch.wants(), Some((0x0113, 4)));
-    watch.take(0x0113, &RECORD, at(1));
+    watch.one(0x0113, &RECORD, at(1));
     assert_eq!(watch.baseline().count, Some(3), "not told yet");
-    assert_eq!(trips(watch.take(COUNT, &[5], at(2))), (2, Some(7)));
+    assert_eq!(trips(watch.one(COUNT, &[5], at(2))), (2, Some(7)));
     assert_eq!(watch.baseline(), TripBaseline { count: Some(5), held: None, code: Some(7) });
     for (remembered, baseline) in [(Some(5), 5), (Some(9), 5), (None, 5)] {
         let mut watch = remembering(TripWatch::new(&model()), remembered, None, None);
-        assert_eq!((watch.take(COUNT, &[5], at(0)), watch.wants()), (None, None));
+        assert_eq!((watch.one(COUNT, &[5], at(0)), watch.wants()), (None, None));
         assert_eq!(watch.baseline().count, Some(baseline), "a fall is a new baseline");
     }
 }
@@ -206,9 +297,10 @@ fn what_was_counted_while_nobody_looked_is_told_with_its_record() {
 #[test]
 fn a_count_that_falls_before_the_record_was_read_takes_no_trip_with_it() {
     let mut watch = watch(3);
-    watch.take(COUNT, &[5], at(1));
-    assert_eq!(trips(watch.take(COUNT, &[0], at(2))), (2, None));
-    assert_eq!((watch.baseline().count, watch.take(COUNT, &[0], at(3))), (Some(0), None));
+    watch.one(COUNT, &[5], at(1));
+    let event = watch.one(COUNT, &[0], at(2)).unwrap();
+    assert_eq!((event.count, trips(Some(event))), (Some(5), (2, None)), "with the count of then");
+    assert_eq!((watch.baseline().count, watch.one(COUNT, &[0], at(3))), (Some(0), None));
 }
 
 #[test]
@@ -222,11 +314,11 @@ fn a_trip_that_holds_at_start_is_told_unless_it_was_told_already() {
         (Some(true), Some(9), true),
     ] {
         let mut watch = remembering(flagged(), None, held, code);
-        assert_eq!(watch.take(STATUS, &[TRIPPED], at(0)), None);
+        assert_eq!(watch.one(STATUS, &[TRIPPED], at(0)), None);
         assert_eq!(watch.baseline().held, held, "not told yet");
-        assert_eq!(watch.take(0x0113, &RECORD, at(1)).is_some(), is_told, "{held:?} {code:?}");
+        assert_eq!(watch.one(0x0113, &RECORD, at(1)).is_some(), is_told, "{held:?} {code:?}");
         assert_eq!(watch.baseline(), TripBaseline { count: None, held: Some(true), code: Some(7) });
-        assert_eq!(watch.take(STATUS, &[0], at(2)).unwrap().kind, TripEventKind::Cleared);
+        assert_eq!(watch.one(STATUS, &[0], at(2)).unwrap().kind, TripEventKind::Cleared);
         assert_eq!(watch.baseline().held, Some(false));
     }
 }
@@ -234,27 +326,27 @@ fn a_trip_that_holds_at_start_is_told_unless_it_was_told_already() {
 #[test]
 fn the_end_of_a_trip_that_came_while_nobody_looked_is_told() {
     let mut watch = remembering(flagged(), None, Some(true), Some(7));
-    assert_eq!(watch.take(STATUS, &[0], at(0)).unwrap().kind, TripEventKind::Cleared);
+    assert_eq!(watch.one(STATUS, &[0], at(0)).unwrap().kind, TripEventKind::Cleared);
     let mut watch = remembering(flagged(), None, Some(false), Some(7));
-    assert_eq!(watch.take(STATUS, &[0], at(0)), None);
+    assert_eq!(watch.one(STATUS, &[0], at(0)), None);
 }
 
 #[test]
 fn another_trip_that_came_while_the_drive_was_away_is_told() {
     let mut watch = flagged();
-    watch.take(STATUS, &[0], at(0));
-    watch.take(STATUS, &[TRIPPED], at(1));
-    assert!(watch.take(0x0113, &RECORD, at(2)).is_some());
+    watch.one(STATUS, &[0], at(0));
+    watch.one(STATUS, &[TRIPPED], at(1));
+    assert!(watch.one(0x0113, &RECORD, at(2)).is_some());
     watch.lost_sight();
-    watch.take(STATUS, &[TRIPPED], at(3));
-    assert_eq!(trips(watch.take(0x0113, &[9, 0, 0, 530], at(4))), (1, Some(9)));
+    watch.one(STATUS, &[TRIPPED], at(3));
+    assert_eq!(trips(watch.one(0x0113, &[9, 0, 0, 530], at(4))), (1, Some(9)));
 }
 
 #[test]
 fn what_another_kind_of_drive_was_remembered_for_does_not_count() {
     let mut watch = remembering(flagged(), Some(3), Some(false), None);
     assert_eq!(watch.baseline().count, None);
-    watch.take(STATUS, &[0], at(0));
+    watch.one(STATUS, &[0], at(0));
     let mut watch = remembering(TripWatch::new(&model()), Some(3), Some(true), None);
-    assert_eq!((watch.baseline().held, watch.take(COUNT, &[3], at(0))), (None, None));
+    assert_eq!((watch.baseline().held, watch.one(COUNT, &[3], at(0))), (None, None));
 }

@@ -84,7 +84,7 @@ impl DriveWork {
             }
             Rank::Trip => {
                 if !matches!(ending, Ending::Reply(_)) {
-                    let event = self.trips.read_failed(now);
+                    let event = self.trips.read_failed();
                     self.trip(event, out);
                 }
             }

@@ -115,15 +115,16 @@ impl DriveWork {
         }
     }
 
-    /// Says what is new about its trips: `event`, or only up to where they are told.
-    pub(super) fn keep_trips(&mut self, event: Option<&TripEvent>, out: Out<'_>) {
+    /// Says what is new about its trips: `events`, or only up to where they are told.
+    pub(super) fn keep_trips(&mut self, events: &[TripEvent], out: Out<'_>) {
         let baseline = self.trips.baseline();
-        let entry = match event {
-            Some(event) => Some(Entry::Trip(event.clone(), baseline)),
-            None => (baseline != self.kept.said).then_some(Entry::Baseline(baseline)),
-        };
-        self.kept.said = baseline;
-        let row = entry.and_then(|entry| out.keep(self.drive, entry));
+        let is_other = std::mem::replace(&mut self.kept.said, baseline) != baseline;
+        let moved = (events.is_empty() && is_other).then_some(Entry::Baseline(baseline));
+        let entries = events.iter().map(|event| Entry::Trip(event.clone(), baseline)).chain(moved);
+        let mut row = None;
+        for entry in entries {
+            row = out.keep(self.drive, entry);
+        }
         if let Some(picture) = self.kept.new_picture(&self.trips, out.keeps()) {
             self.kept.show(row, picture);
         }
@@ -135,6 +136,8 @@ impl DriveWork {
             let outcome = if list.has_begun() { Outcome::Unknown } else { Outcome::Refused };
             self.tell(list.waiter(), Report::new(outcome, Reason::ShuttingDown), true, out);
         }
+        let unread = self.trips.tell_unread();
+        self.trip(unread, out);
         let Some(latch) = &mut self.latch else { return };
         let report = latch.late_report();
         for mut waiter in std::mem::take(latch.waiters()) {

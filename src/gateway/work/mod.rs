@@ -231,7 +231,8 @@ impl DriveWork {
         self.output.forget();
         self.status.forget();
         self.watchdog.forget();
-        self.trips.lost_sight();
+        let unread = self.trips.lost_sight();
+        self.trip(unread, out);
         self.guard.lost_touch(out.now());
         self.cut_motion(Reason::Offline, out);
     }

@@ -3,7 +3,7 @@
 use super::{DriveWork, Out};
 use crate::domain::command::{Outcome, Reason, Report, RunIntent};
 use crate::domain::time::MonoTime;
-use crate::drive::view::TripEvent;
+use crate::drive::view::{TripEvent, TripEventKind};
 use crate::gateway::event::Effect;
 use crate::gateway::note::Note;
 use crate::journal::Entry;
@@ -32,8 +32,8 @@ impl DriveWork {
             self.guard.at_standstill();
         }
         self.take_watchdog(address, words, out);
-        let event = self.trips.take(address, words, now);
-        self.trip(event, out);
+        let events = self.trips.take(address, words, now);
+        self.trip(events, out);
     }
 
     pub(super) fn take_output(&mut self, raw: u16, now: MonoTime, out: Out<'_>) {
@@ -59,16 +59,16 @@ impl DriveWork {
         }
     }
 
-    pub(super) fn trip(&mut self, event: Option<TripEvent>, out: Out<'_>) {
+    pub(super) fn trip(&mut self, events: impl IntoIterator<Item = TripEvent>, out: Out<'_>) {
+        let events = Vec::from_iter(events);
+        let is_told = events.iter().any(|event| event.kind != TripEventKind::Cleared);
         let is_tripped = self.trips.view().active == Some(true);
-        if is_tripped && (event.is_some() || self.guard.intent() != RunIntent::Stop) {
+        if is_told || (is_tripped && self.guard.intent() != RunIntent::Stop) {
             // A trip ends what was ordered: after a reset a fresh order is needed.
             self.guard.lost_touch(out.now());
             self.cut_motion(Reason::Tripped, out);
         }
-        self.keep_trips(event.as_ref(), out);
-        if let Some(event) = event {
-            out.push_back(Effect::Trip(self.drive, event));
-        }
+        self.keep_trips(&events, out);
+        events.into_iter().for_each(|event| out.push_back(Effect::Trip(self.drive, event)));
     }
 }

@@ -208,7 +208,8 @@ fn will_and_farewell_say_offline() {
 
 fn trip(rig: &mut Rig, trips: u16) {
     let record = TripRecord { at: rig.now(), code: Some(9), words: vec![(0x0113, 9), (0x0115, 123), (0x0999, 1)] };
-    let event = TripEvent { kind: TripEventKind::Tripped { trips, record }, count: Some(3), at: rig.now() };
+    let event =
+        TripEvent { kind: TripEventKind::Tripped { trips, record }, count: Some(3), at: rig.now(), while_away: false };
     let place = DriveRef { line: 0, drive: DriveIndex(0) };
     rig.session.trip(rig.at(), place, &event);
 }
@@ -226,7 +227,7 @@ fn events(acts: &[Act]) -> Vec<(u64, Value)> {
 fn an_event_says_what_was_measured() {
     let mut rig = Rig::born(Version::V5);
     trip(&mut rig, 2);
-    let cleared = TripEvent { kind: TripEventKind::Cleared, count: None, at: rig.now() };
+    let cleared = TripEvent { kind: TripEventKind::Cleared, count: None, at: rig.now(), while_away: false };
     rig.session.trip(rig.at(), DriveRef { line: 0, drive: DriveIndex(0) }, &cleared);
     rig.session.trip(rig.at(), DriveRef { line: 7, drive: DriveIndex(0) }, &cleared);
     let events = events(&rig.acts());
@@ -234,6 +235,7 @@ fn an_event_says_what_was_measured() {
         "seq": 1, "session": "1767225600000", "drive": "pump", "kind": "tripped", "trips": 2, "count": 3, "code": 9,
         "text": "code 9",
         "at": "2026-01-01T00:00:00.000Z",
+        "while_away": false,
         "values": {
             "trip_cause": { "value": 9.0, "unit": null },
             "trip_current": { "value": 12.3, "unit": "A" },
