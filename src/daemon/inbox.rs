@@ -22,6 +22,8 @@ pub const GONE_MAX: usize = STOPS_MAX / 2;
 pub enum Message {
     /// A client asks.
     Native(NativeRequest),
+    /// The same, and it is a write that the drive's model knows as a stop.
+    NativeStop(NativeRequest),
     /// Somebody commands.
     Command(CommandRequest),
     /// A client is gone.
@@ -85,11 +87,11 @@ impl Inbox {
     }
 
     /// Puts a message in that nobody else may keep out, and has the line thread look at once: where there is no room,
-    /// everything that waits gives way.
+    /// everything that waits gives way but stops, and what was put in so before.
     pub fn put_surely(&self, message: Message) {
         let mut messages = self.lock();
         if messages.len() >= room_for(&message) {
-            messages.clear();
+            messages.retain(stays);
         }
         messages.push(message);
         drop(messages);
@@ -136,27 +138,44 @@ impl Inbox {
     }
 }
 
+/// Whether it is a stop, or the gateway's own word.
+const fn stays(message: &Message) -> bool {
+    matches!(
+        message,
+        Message::Command(CommandRequest { order: Order::Stop { .. } | Order::Coast, .. })
+            | Message::NativeStop(_)
+            | Message::Shutdown
+            | Message::Hurry
+            | Message::Leave { .. }
+            | Message::Stay
+    )
+}
+
 const fn room_for(message: &Message) -> usize {
     match message {
         Message::Native(NativeRequest { ask: NativeAsk::Read { .. }, .. }) => INBOX_MAX,
-        Message::Command(CommandRequest { order: Order::Stop { .. } | Order::Coast, .. })
-        | Message::Kept(_)
-        | Message::Shutdown
-        | Message::Hurry
-        | Message::Leave { .. }
-        | Message::Stay => INBOX_MAX + COMMANDS_MAX + STOPS_MAX,
+        message if stays(message) || matches!(message, Message::Kept(_)) => INBOX_MAX + COMMANDS_MAX + STOPS_MAX,
         Message::AskerGone(_) => INBOX_MAX + COMMANDS_MAX + GONE_MAX,
-        Message::Native(_) | Message::Command(_) | Message::PathAlive(_) | Message::PathOpened(_) => {
-            INBOX_MAX + COMMANDS_MAX
-        }
+        _ => INBOX_MAX + COMMANDS_MAX,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::command::{Manner, Origin, Rights};
+    use crate::domain::ids::Ticket;
+    use crate::domain::time::MonoTime;
 
     const GONE: Message = Message::AskerGone(AskerId(1));
+
+    /// A write that stops.
+    fn stop() -> Message {
+        let origin = Origin { owner: Owner::Mqtt, rights: Rights { write: true, stop: true }, manner: Manner::Once };
+        let ask = NativeAsk::Write { address: 2, values: vec![0] };
+        let (asker, ticket, drive, deadline) = (AskerId(1), Ticket(1), DriveIndex(0), MonoTime::NEVER);
+        Message::NativeStop(NativeRequest { asker, ticket, drive, origin, ask, deadline })
+    }
 
     #[test]
     fn who_sleeps_until_called_is_called() {
@@ -192,13 +211,29 @@ mod tests {
         }
         assert_eq!(inbox.put(GONE), Err(Full), "however many clients leave, stops find room");
         for _ in GONE_MAX..STOPS_MAX {
-            inbox.put(Message::Stay).unwrap();
+            inbox.put(Message::Kept(RowNumber::default())).unwrap();
         }
-        assert_eq!(inbox.put(Message::Stay), Err(Full));
+        assert_eq!(inbox.put(stop()), Err(Full));
         inbox.put_surely(Message::Shutdown);
         let mut batch = Vec::new();
         inbox.take(&mut batch);
         assert!(matches!(batch.as_slice(), [Message::Shutdown]), "whoever floods the line does not keep its end out");
+    }
+
+    #[test]
+    fn neither_a_stop_nor_the_end_gives_way() {
+        let inbox = Inbox::default();
+        for _ in 0..INBOX_MAX + COMMANDS_MAX {
+            inbox.put(Message::PathAlive(Owner::Mqtt)).unwrap();
+        }
+        (0..STOPS_MAX).for_each(|_| inbox.put(stop()).unwrap());
+        inbox.put_surely(Message::Shutdown);
+        inbox.put_surely(Message::Hurry);
+        let mut batch = Vec::new();
+        inbox.take(&mut batch);
+        let (stops, rest) = batch.split_at(STOPS_MAX);
+        assert!(stops.iter().all(|it| matches!(it, Message::NativeStop(_))), "of which somebody waits for the answer");
+        assert!(matches!(rest, [Message::Shutdown, Message::Hurry]));
     }
 
     #[test]

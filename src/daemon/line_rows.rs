@@ -53,7 +53,7 @@ impl LineRows {
     pub fn note<'m>(&mut self, message: &Message, model: impl FnOnce(DriveIndex) -> Option<&'m Arc<Model>>) {
         let waits = match message {
             Message::Command(it) if !is_stop(&it.order) => Some((it.asker, it.ticket)),
-            Message::Native(it) => match &it.ask {
+            Message::Native(it) | Message::NativeStop(it) => match &it.ask {
                 NativeAsk::Write { address, values } => {
                     let order = model(it.drive).and_then(|model| decode::order(model, *address, values).ok());
                     (!order.as_ref().is_some_and(is_stop)).then_some((it.asker, it.ticket))

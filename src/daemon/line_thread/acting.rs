@@ -21,7 +21,7 @@ impl LineTask<'_> {
         for message in self.round.drain(..) {
             self.board.note(&message);
             let input = match message {
-                Message::Native(request) => Input::Native(request),
+                Message::Native(request) | Message::NativeStop(request) => Input::Native(request),
                 Message::Command(command) => Input::Command(command),
                 Message::AskerGone(asker) => Input::AskerGone(asker),
                 Message::PathAlive(owner) => Input::PathAlive(owner),

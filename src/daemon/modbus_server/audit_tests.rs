@@ -161,7 +161,7 @@ fn writes_in(inbox: &super::super::inbox::Inbox) -> usize {
     let mut batch = Vec::new();
     inbox.take(&mut batch);
     let is_write = |message: &Message| match message {
-        Message::Command(_) => true,
+        Message::Command(_) | Message::NativeStop(_) => true,
         Message::Native(request) => matches!(request.ask, NativeAsk::Write { .. }),
         _ => false,
     };

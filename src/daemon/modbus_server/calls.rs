@@ -78,7 +78,9 @@ impl Client {
         };
         let request = NativeRequest { asker: self.asker, ticket, drive, origin: self.origin.get(), ask, deadline };
         let until = if tried.is_some() { MonoTime::NEVER } else { deadline };
-        inbox.put(Message::Native(request)).map_err(|Full| (tried, Reason::QueueFull))?;
+        let is_stop = self.router().is_stop(call.unit, &call.ask);
+        let message = if is_stop { Message::NativeStop(request) } else { Message::Native(request) };
+        inbox.put(message).map_err(|Full| (tried, Reason::QueueFull))?;
         self.known_until.set(self.known_until.get().max(until));
         Ok(())
     }

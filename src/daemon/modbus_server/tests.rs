@@ -13,7 +13,7 @@ use crate::domain::frequency::Hertz;
 use crate::domain::ids::DriveIndex;
 use crate::domain::ids::{Name, UnitId};
 use crate::domain::link::Interface;
-use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome};
+use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, NativeRequest};
 use crate::drive::description::{DriveDescription, DriveRef, Points};
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{ControlView, DriveView};
@@ -188,6 +188,29 @@ impl Plant {
         got
     }
 
+    /// The native request that `line` has got, once there is one.
+    async fn native(&self, line: usize) -> NativeRequest {
+        loop {
+            tokio::task::yield_now().await;
+            let mut batch = Vec::new();
+            self.shared.lines[line].inbox.take(&mut batch);
+            let native = batch.into_iter().find_map(|message| match message {
+                Message::Native(request) | Message::NativeStop(request) => Some(request),
+                _ => None,
+            });
+            if let Some(request) = native {
+                return request;
+            }
+        }
+    }
+
+    /// Nothing but stops and what must not be lost has room on its way to `line`.
+    fn fill(&self, line: usize) {
+        for _ in 0..INBOX_MAX + COMMANDS_MAX {
+            self.shared.lines[line].inbox.put(Message::AskerGone(AskerId(99))).unwrap();
+        }
+    }
+
     pub(super) fn tell(&self, command: &CommandRequest, report: Report, is_final: bool) {
         let CommandRequest { asker, ticket, drive, .. } = *command;
         let answer = CommandAnswer { asker, ticket, drive, report, is_final };
@@ -220,12 +243,7 @@ fn each_unit_is_answered_by_its_own_kind() {
 fn a_native_request_goes_to_its_line_and_comes_back() {
     play(EVERY_LINE, |plant, mut stream| async move {
         send(&mut stream, &[(9, 4, &[4, 1, 1, 0, 1])]).await;
-        let mut batch = Vec::new();
-        while batch.is_empty() {
-            tokio::task::yield_now().await;
-            plant.shared.lines[1].inbox.take(&mut batch);
-        }
-        let Some(Message::Native(request)) = batch.pop() else { panic!("{batch:?}") };
+        let request = plant.native(1).await;
         assert_eq!((request.drive, &request.ask), (DriveIndex(1), &NativeAsk::Read { address: 0x0101, count: 1 }));
         let outcome = NativeOutcome::Words([6000].into());
         let news = NativeAnswer { asker: request.asker, ticket: request.ticket, outcome };
@@ -315,12 +333,19 @@ fn a_stop_reaches_its_line_although_the_client_has_all_its_requests_in_flight() 
 #[test]
 fn a_full_inbox_is_busy_except_for_stops() {
     play(EVERY_LINE, |plant, mut stream| async move {
-        for _ in 0..INBOX_MAX + COMMANDS_MAX {
-            plant.shared.lines[0].inbox.put(Message::AskerGone(AskerId(99))).unwrap();
-        }
+        plant.fill(0);
         assert_eq!(ask(&mut stream, 101, &RUN).await, [0x86, 6]);
         assert_eq!(ask(&mut stream, 1, &[3, 1, 1, 0, 1]).await, [0x83, 6]);
-        send(&mut stream, &[(7, 255, &[5, 0, 0, 0xFF, 0])]).await;
+        // What is refused behind a stop shows that the inbox was full for that too.
+        send(&mut stream, &[(6, 1, &[6, 0, 2, 0, 0]), (8, 1, &[6, 0, 2, 0, 1])]).await;
+        assert_eq!(answer(&mut stream).await, (8, 1, vec![0x86, 6]), "to run is no stop");
+        let NativeRequest { asker, ticket, ask, .. } = plant.native(0).await;
+        assert_eq!(ask, NativeAsk::Write { address: 2, values: vec![0] });
+        plant.answers.put(&mut vec![News::Native(NativeAnswer { asker, ticket, outcome: NativeOutcome::Written })]);
+        assert_eq!(answer(&mut stream).await, (6, 1, vec![6, 0, 2, 0, 0]));
+        plant.fill(0);
+        send(&mut stream, &[(7, 255, &[5, 0, 0, 0xFF, 0]), (9, 101, &RUN)]).await;
+        assert_eq!(answer(&mut stream).await, (9, 101, vec![0x86, 6]));
         for line in [0, 1] {
             for command in plant.commands(line, 1).await {
                 plant.tell(&command, DONE, true);
