@@ -71,11 +71,9 @@ impl Inbox {
     /// # Errors
     /// [`Full`] if too many wait, or the line has ended.
     pub fn put(&self, message: Message) -> Result<(), Full> {
-        if self.is_closed() {
-            return Err(Full);
-        }
         let mut messages = self.lock();
-        if messages.len() >= room_for(&message) {
+        // Under the lock: what is taken after the close is all that will ever come.
+        if self.is_closed() || messages.len() >= room_for(&message) {
             return Err(Full);
         }
         messages.push(message);
@@ -103,9 +101,11 @@ impl Inbox {
         self.bell.notify_one();
     }
 
-    /// Tells the line thread to end.
+    /// Takes nothing more, and tells the line thread to end.
     pub fn close(&self) {
+        let messages = self.lock();
         self.is_closed.store(true, Ordering::SeqCst);
+        drop(messages);
         self.bell.notify_one();
     }
 
@@ -113,6 +113,12 @@ impl Inbox {
     #[must_use]
     pub fn is_closed(&self) -> bool {
         self.is_closed.load(Ordering::SeqCst)
+    }
+
+    /// Whether nothing waits, and nothing will any more.
+    #[must_use]
+    pub fn is_done(&self) -> bool {
+        self.is_closed() && self.lock().is_empty()
     }
 
     /// Exchanges the messages for the empty `batch`.

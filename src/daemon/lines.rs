@@ -16,6 +16,8 @@ use tokio::time::{Instant, timeout_at};
 
 /// Most time for a line's thread to end: what its last stops may take, and a write that a port holds up.
 const ENDS_WITHIN: Duration = Duration::from_secs(7);
+/// The same where one was waited for already.
+const ENDS_SOON: Duration = Duration::from_secs(1);
 /// Most time for a line's thread to say whether its drives are in use. It looks into its inbox between two exchanges.
 const SAYS_WITHIN: Duration = Duration::from_secs(3);
 /// Most time for the stops of drives that leave to show their effect.
@@ -113,7 +115,7 @@ impl Lines {
         let (mut ended, kept): (Vec<_>, Vec<_>) = std::mem::take(&mut self.handles).into_iter().partition(is_meant);
         self.handles = kept;
         ended.iter().for_each(LineHandle::close);
-        wait_for(&mut ended).await;
+        wait_for(&mut ended, ENDS_WITHIN).await;
         ended.into_iter().for_each(LineHandle::join);
     }
 
@@ -122,14 +124,26 @@ impl Lines {
         self.handles.iter().for_each(LineHandle::begin_shutdown);
     }
 
-    /// Has all lines end as soon as each stop was sent once.
+    /// Has no line wait for the effect of a stop any more, once each was sent.
     pub fn hurry(&self) {
         self.handles.iter().for_each(LineHandle::hurry);
     }
 
-    /// Waits until all lines have ended, within a bound.
-    pub async fn ended(&mut self) {
-        wait_for(&mut self.handles).await;
+    /// Waits until the declared actions are through on all lines, within a bound. Stops are served on.
+    pub async fn rested(&mut self) {
+        let until = Instant::now() + ENDS_WITHIN;
+        for handle in &mut self.handles {
+            // One that hangs is told of at the end.
+            handle.rested_by(until).await;
+        }
+    }
+
+    /// Ends all lines behind the stops that they have. A stop that comes later is refused.
+    pub async fn end_all(&mut self) {
+        self.handles.iter().for_each(LineHandle::close);
+        let has_hung = self.handles.iter().any(|handle| !handle.has_rested());
+        // What hangs was waited for already, and the others have little to do.
+        wait_for(&mut self.handles, if has_hung { ENDS_SOON } else { ENDS_WITHIN }).await;
     }
 
     /// Joins the threads that have ended.
@@ -144,8 +158,8 @@ impl Lines {
 
 /// Waits until all these threads have ended. What hangs is left behind: it must not keep the gateway from what else it has
 /// to do.
-async fn wait_for(handles: &mut [LineHandle]) {
-    let until = Instant::now() + ENDS_WITHIN;
+async fn wait_for(handles: &mut [LineHandle], within: Duration) {
+    let until = Instant::now() + within;
     for handle in handles {
         if !handle.ended_by(until).await {
             tracing::error!(line = %handle.line().name, "the line's thread hangs and is left behind");

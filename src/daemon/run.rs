@@ -196,7 +196,8 @@ async fn reload(gateway: &mut Gateway, load: Option<&Load>) -> Reloaded {
     }
 }
 
-/// The declared actions, the last words to the broker, and the end of the lines. A second signal cuts the waits short.
+/// The declared actions, the last words to the broker, and the end of the lines, which serve stops until then. A second
+/// signal cuts the waits short.
 async fn end(gateway: Gateway) -> Lines {
     notify::stopping();
     let alive = tokio::task::spawn_local(notify::keep_alive());
@@ -211,20 +212,21 @@ async fn end(gateway: Gateway) -> Lines {
     };
     let mut again = pin!(again);
     let is_hurried = tokio::select! {
-        () = lines.ended() => false,
+        () = lines.rested() => false,
         () = &mut again => true,
     };
     if is_hurried {
         tracing::warn!("told to end again: stops that were sent are not waited for");
         lines.hurry();
         // The broker tells by itself that the connection broke.
-        lines.ended().await;
+        lines.rested().await;
     } else {
         tokio::select! {
             () = north.farewell() => {}
-            () = &mut again => {}
+            () = &mut again => lines.hurry(),
         }
     }
+    lines.end_all().await;
     if let Some(journal) = &journal {
         journal.close(JOURNAL_MAX).await;
     }

@@ -243,6 +243,30 @@ fn a_second_signal_ends_the_gateway_once_the_stops_were_sent() {
 }
 
 #[test]
+fn a_line_with_nothing_left_to_do_serves_stops_as_long_as_another_ends() {
+    let mut plant = Plant::with(PATIENT);
+    let (_drive, line) = second_line(&plant);
+    let control = "[line.drive.control]\nfrom = [\"modbus-tcp\"]\nfrequency_hz = { min = 5.0, max = 50.0 }\n\
+                   on_commander_lost = \"stop\"\nlost_after = \"60s\"\non_shutdown = \"stop\"\n\n";
+    edit(&plant, "[[line]]\n", &format!("{line}{control}[[line]]\n"));
+    edit(&plant, "name = \"pump-1\"\n", "name = \"pump-1\"\nunit = 1\n");
+    hang_up(&plant);
+    let mut client = Raw::connect(plant.modbus);
+    until("the second drive is known to stand", PATIENCE, || {
+        (client.read_unit(102, 2, 1) == Ok(vec![1])).then_some(())
+    });
+    let seen = plant.run_over_mqtt();
+    // The stop of the first drive shows no effect, so that its line waits for that.
+    plant.silence_the_drive();
+    plant.gateway.terminate();
+    plant.wait_for_write(seen, (RUN, 0), PATIENCE);
+    assert_eq!(client.write(102, 256, 0), Ok(()), "the drive answers to the stop");
+    assert_eq!(client.write(102, 256, 1), Err(6), "nothing else is taken");
+    assert_eq!(plant.gateway.end_within(PATIENCE).code(), Some(0));
+    assert!(plant.gateway.text().contains("a stop shows no effect; the gateway ends"), "{}", plant.gateway.text());
+}
+
+#[test]
 fn the_service_manager_is_told() {
     let plant = Plant::with(PATIENT);
     let socket = UnixDatagram::bind(plant.place.file("notify")).unwrap();

@@ -33,6 +33,8 @@ use tokio::time::{Instant, timeout_at};
 /// Most time that the declared actions at the end of the gateway may take. Drives whose stop shows no effect until then
 /// are named in the log and left.
 const ENDING_MAX: Duration = Duration::from_secs(5);
+/// How much longer a stop that came at the very end may wait to be sent.
+const UNSENT_MAX: Duration = Duration::from_secs(1);
 
 /// What a line thread needs to know beside what its core knows.
 #[derive(Clone, Debug)]
@@ -52,6 +54,9 @@ pub struct LineHandle {
     begin: Option<oneshot::Sender<Vec<Remembered>>>,
     /// Told when all is there that the thread needs.
     ready: oneshot::Receiver<()>,
+    /// Closed when the declared actions are through at the end of the gateway.
+    rested: oneshot::Receiver<()>,
+    has_rested: bool,
     /// Closed when the thread ends.
     ended: oneshot::Receiver<()>,
     has_ended: bool,
@@ -62,6 +67,20 @@ pub struct LineHandle {
 struct Waits {
     begin: oneshot::Receiver<Vec<Remembered>>,
     ready: oneshot::Sender<()>,
+    rests: oneshot::Sender<()>,
+}
+
+/// Dropped with the thread of a line, however that ends: nobody waits for an answer of a line that has nobody.
+struct Alive {
+    line: Arc<SharedLine>,
+    /// Dropped behind the close.
+    _ends: oneshot::Sender<()>,
+}
+
+impl Drop for Alive {
+    fn drop(&mut self) {
+        self.line.inbox.close();
+    }
 }
 
 impl LineHandle {
@@ -78,15 +97,18 @@ impl LineHandle {
     ) -> io::Result<Self> {
         let (begin, begun) = oneshot::channel();
         let (is_ready, ready) = oneshot::channel();
+        let (rests, rested) = oneshot::channel();
         let (ends, ended) = oneshot::channel();
         let board = Board::new(Arc::clone(&line), changed, north);
+        let alive = Alive { line: Arc::clone(&line), _ends: ends };
         let thread = std::thread::Builder::new().name(format!("line {}", port.line)).spawn(move || {
-            if let Err(error) = run(&port, setup, board, Waits { begin: begun, ready: is_ready }) {
+            let _alive = alive;
+            if let Err(error) = run(&port, setup, board, Waits { begin: begun, ready: is_ready, rests }) {
                 tracing::error!(line = port.line, %error, "the line thread could not be set up");
             }
-            drop(ends);
         })?;
-        Ok(Self { line, begin: Some(begin), ready, ended, has_ended: false, thread })
+        let (has_rested, has_ended) = (false, false);
+        Ok(Self { line, begin: Some(begin), ready, rested, has_rested, ended, has_ended, thread })
     }
 
     /// What the line shares.
@@ -122,19 +144,35 @@ impl LineHandle {
         self.tell(Message::Stay);
     }
 
-    /// Has the declared action carried out for every drive that is under control; then the thread ends.
+    /// Has the declared action carried out for every drive that is under control. From then on only stops are taken, until
+    /// the line is [closed](Self::close).
     pub fn begin_shutdown(&self) {
         self.tell(Message::Shutdown);
     }
 
-    /// Has the thread end as soon as each stop was sent once.
+    /// Has the effect of stops not waited for any more, once each was sent.
     pub fn hurry(&self) {
         self.tell(Message::Hurry);
     }
 
-    /// Has the thread end now, and answers what was asked of it with an error.
+    /// Has the thread end: at the end of the gateway with the stops that it has, else now. What was asked of it is answered,
+    /// and nothing more is taken.
     pub fn close(&self) {
         self.line.inbox.close();
+    }
+
+    /// Waits until the declared actions at the end of the gateway are through, or were waited for long enough. Returns
+    /// whether that has come.
+    pub async fn rested_by(&mut self, until: Instant) -> bool {
+        // An error is what it looks like.
+        self.has_rested = self.has_rested || timeout_at(until, &mut self.rested).await.is_ok();
+        self.has_rested
+    }
+
+    /// Whether [`rested_by`](Self::rested_by) has come.
+    #[must_use]
+    pub const fn has_rested(&self) -> bool {
+        self.has_rested
     }
 
     /// Waits for the end of the thread. Returns whether it has come.
@@ -184,6 +222,7 @@ fn run(port: &LinePort, mut setup: LineSetup, board: Board, waits: Waits) -> io:
             round: Vec::new(),
             board,
             ending: None,
+            rests: Some(waits.rests),
             is_hurried: false,
             leaving: None,
             to_reopen: None,
@@ -210,6 +249,9 @@ struct LineTask<'a> {
     round: Vec<Message>,
     /// The gateway ends: until then the thread waits for its stops to show their effect.
     ending: Option<MonoTime>,
+    /// Dropped when nothing is left to wait for at the end of the gateway. Other lines may have more to do, and until they
+    /// are through stops are served here too.
+    rests: Option<oneshot::Sender<()>>,
     /// Nobody waits for the effect of a stop any more.
     is_hurried: bool,
     /// Whoever waits until the drives may be left.
@@ -221,24 +263,24 @@ struct LineTask<'a> {
 
 impl LineTask<'_> {
     /// Whether nothing is left to do on this line.
-    fn is_over(&self) -> bool {
+    fn is_over(&mut self) -> bool {
         let Some(until) = self.ending else { return self.board.inbox().is_closed() };
-        let is_late = clock::now() >= until;
-        if is_late && !self.core.is_at_rest() {
+        let (now, has_unsent) = (clock::now(), self.core.has_unsent_stop());
+        let is_through = self.core.is_at_rest() || self.is_hurried && !has_unsent;
+        if (is_through || now >= until) && self.rests.take().is_some() && !is_through {
             tracing::error!(line = self.port.line, "a stop shows no effect; the gateway ends all the same");
         }
-        is_late || self.core.is_at_rest() || self.is_hurried && !self.core.has_unsent_stop()
+        let is_late = now >= if has_unsent { until + UNSENT_MAX } else { until };
+        (is_through || is_late) && self.board.inbox().is_done()
     }
 
-    /// The last words of a line that ends while the gateway goes on: whoever asked something is told that there is nobody
-    /// any more.
+    /// The last words: whoever asked something is told that there is nobody any more.
     fn take_leave(&mut self) -> io::Result<()> {
-        if self.ending.is_some() {
-            self.core.end_attempts(clock::now());
-            return self.act(None);
-        }
+        self.board.inbox().close();
         self.take_messages();
-        self.core.handle(clock::now(), Input::PortDown(LineFault::Gone));
+        if self.ending.is_none() {
+            self.core.handle(clock::now(), Input::PortDown(LineFault::Gone));
+        }
         self.core.end_attempts(clock::now());
         self.act(None)
     }

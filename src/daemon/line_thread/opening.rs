@@ -88,8 +88,8 @@ enum Meanwhile<T> {
 impl LineTask<'_> {
     /// Opens the port and serves it, again and again, until the thread is told to end.
     pub(super) async fn serve(mut self) -> io::Result<()> {
-        self.serve_ports().await?;
-        self.take_leave()
+        let served = self.serve_ports().await;
+        served.and(self.take_leave())
     }
 
     async fn serve_ports(&mut self) -> io::Result<()> {
