@@ -67,6 +67,44 @@ fn a_command_that_waited_in_a_stalled_broker_moves_nothing() {
 }
 
 #[test]
+fn a_gateway_that_stood_still_carries_out_stops_alone_and_then_whatever_comes() {
+    for version in ["version = 4\n", "version = 5\n"] {
+        // The broker notices that nothing comes from the gateway; the gateway notices that it stood still.
+        for (keep_alive, is_given_up) in [("5s", true), ("60s", false)] {
+            let mqtt = format!("{version}keep_alive = \"{keep_alive}\"");
+            let plant = Plant::with(Wish { mqtt: &mqtt, lost_after: "60s", ..Wish::default() });
+            let case = format!("{version}{keep_alive}");
+            let subscriber = plant.subscriber();
+            subscriber.wait_for_payload("plant/status", "online");
+            let seen = plant.run_over_mqtt();
+            plant.gateway.signal("STOP");
+            plant.order("command", r#"{"id": "faster", "frequency_hz": 44}"#);
+            plant.order("command", r#"{"id": "stop", "run": "stop"}"#);
+            plant.order("command", r#"{"id": "again", "run": "forward", "frequency_hz": 45}"#);
+            if is_given_up {
+                subscriber.wait_for_payload("plant/status", "offline");
+            } else {
+                // Longer than a command may take to begin.
+                std::thread::sleep(Duration::from_secs(2));
+            }
+            plant.gateway.signal("CONT");
+            for id in ["faster", "again"] {
+                let results = subscriber.results(id);
+                assert_eq!(results.last().unwrap()["reason"], "stale", "{case}: {results:?}");
+            }
+            assert_ne!(subscriber.results("stop").last().unwrap()["outcome"], "refused", "{case}");
+            plant.wait_until_it_stands();
+            assert_only_stops(&plant, seen);
+            // Whoever has seen what became of the old commands is heard.
+            let written = plant.written().len();
+            plant.assert_nothing_was_written_since(written);
+            let connections = plant.gateway.text().matches("connected to the broker").count();
+            assert_eq!(connections, if is_given_up { 2 } else { 1 }, "{case}");
+        }
+    }
+}
+
+#[test]
 fn a_modbus_client_that_vanishes_stops_its_drive() {
     let plant = Plant::new();
     let mut client = Raw::connect(plant.modbus);

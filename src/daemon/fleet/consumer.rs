@@ -105,7 +105,7 @@ impl Talk for Consumer {
                 self.is_connected = false;
                 self.board.broken.add();
             }
-            Event::Acknowledged(_) | Event::Refused(..) => {}
+            Event::Acknowledged(_) | Event::Refused(..) | Event::Stalled(_) => {}
         }
     }
 

@@ -179,7 +179,7 @@ impl Talk for Gateway {
                 self.is_connected = false;
                 self.board.broken.add();
             }
-            Event::Subscribed(_) | Event::Message(_) => {}
+            Event::Subscribed(_) | Event::Message(_) | Event::Stalled(_) => {}
         }
     }
 

@@ -4,33 +4,37 @@
 //! will, after a wait that grows. Only this task touches the connection, and it never waits for room in its queue:
 //! as long as that is full, the talk is not asked for more.
 
+mod farewell;
+
 use super::accepted::Link;
 use super::counters::{Counters, count};
 use super::link::{self, Broken, Events, Incident, NotQueued, Received, Terms};
 use super::retry::{Retry, Rival};
-use super::settings::{ConnectionSettings, Keeps};
+use super::settings::ConnectionSettings;
+use super::stall::{LOOK_EVERY, Turns};
 use super::window::Window;
 use super::{Packet, Talk, tls};
 use crate::daemon::clock;
-use crate::north::mqtt::{Event, Publication, Refusal, Version};
+use crate::north::mqtt::{Event, Refusal};
 use std::cell::RefCell;
-use std::collections::VecDeque;
+use std::future::poll_fn;
 use std::pin::{Pin, pin};
+use std::task::Poll;
 use std::time::Duration;
 use tokio::sync::Notify;
-use tokio::time::{Instant, sleep_until, timeout};
+use tokio::time::{Instant, sleep_until};
 
-/// Time for the last words.
-const FAREWELL_MAX: Duration = Duration::from_secs(1);
-/// Time for the broker to close the connection after DISCONNECT, or to read the words where there is none. Closing
-/// first, with something unread, could cost words that it has not read.
-const CLOSING_MAX: Duration = Duration::from_millis(200);
 /// Margin over the library's own limit for a connection to come about.
 const CONNECT_MARGIN: Duration = Duration::from_secs(2);
 /// A sleep that something else ends.
 const LONG: Duration = Duration::from_secs(3600);
 /// How often what is due is looked at while the broker takes nothing.
 const LOOK_WHILE_FULL: Duration = Duration::from_millis(10);
+/// So long nothing is sent after a stall, and longer while there is something to read. Where the broker has closed the
+/// connection meanwhile, to write would break it, and what is still in the socket would be lost with it.
+const LISTEN_FIRST: Duration = Duration::from_millis(100);
+/// The same where there is no end of what can be read.
+const LISTEN_MAX: Duration = Duration::from_secs(1);
 
 /// Talks with the broker until `stop`; then says farewell and ends. Whoever changes what the talk looks at rings
 /// `bell`. Dropped instead of stopped, it leaves the broker to publish the will.
@@ -43,7 +47,8 @@ pub async fn converse<T: Talk>(
 ) {
     let mut stop = pin!(stop);
     let retry = Retry::new(clock::now().as_nanos() ^ u64::from(std::process::id()));
-    let mut client = Client { settings, talk, bell, counters, retry, link: None };
+    let (turns, heard) = (Turns::new(clock::now()), Instant::now());
+    let mut client = Client { settings, talk, bell, counters, retry, turns, heard, listens_until: None, link: None };
     let mut last_reason = String::new();
     loop {
         let had = counters.connected.get();
@@ -66,7 +71,7 @@ pub async fn converse<T: Talk>(
         if let Some(rival) = next.rival {
             client.contested(rival, wait);
         }
-        if let Outcome::Stopped = client.attend(pin!(tokio::time::sleep(wait)), far(), stop.as_mut()).await {
+        if let Outcome::Stopped = client.attend(pin!(tokio::time::sleep(wait)), None, stop.as_mut()).await {
             return;
         }
     }
@@ -78,6 +83,11 @@ struct Client<'a, T> {
     bell: &'a Notify,
     counters: &'a Counters,
     retry: Retry,
+    turns: Turns,
+    /// When the broker was heard last, or could have been heard for the first time since.
+    heard: Instant,
+    /// After a stall: until then it is only listened.
+    listens_until: Option<Instant>,
     /// The accepted connection.
     link: Option<Link>,
 }
@@ -112,11 +122,11 @@ impl<T: Talk> Client<'_, T> {
         if let Some(chore) = chore {
             // A chore that panics has not been done, and says so itself.
             let done = pin!(tokio::task::spawn_blocking(chore));
-            if let Outcome::Stopped = self.attend(done, far(), stop.as_mut()).await {
+            if let Outcome::Stopped = self.attend(done, None, stop.as_mut()).await {
                 return End::Stopped;
             }
         }
-        let tls = match self.attend(pin!(tls::read(self.settings.tls.clone())), far(), stop.as_mut()).await {
+        let tls = match self.attend(pin!(tls::read(self.settings.tls.clone())), None, stop.as_mut()).await {
             Outcome::Done(Ok(tls)) => tls,
             Outcome::Done(Err(reason)) => return End::Broken(Broken::unsent(reason), None),
             Outcome::Stopped => return End::Stopped,
@@ -129,11 +139,11 @@ impl<T: Talk> Client<'_, T> {
         let (sender, mut events) = link::open(&self.settings, will, tls);
         let mut sender = Some(sender);
         let mut patience = link::CONNECT_TIMEOUT + CONNECT_MARGIN;
-        let mut heard = Instant::now();
+        self.heard = Instant::now();
         loop {
             let outcome = {
                 let next = pin!(events.next());
-                self.attend(next, heard + patience, stop.as_mut()).await
+                self.attend(next, Some(patience), stop.as_mut()).await
             };
             let incident = match outcome {
                 Outcome::Done(Ok(incident)) => incident,
@@ -143,7 +153,7 @@ impl<T: Talk> Client<'_, T> {
                 Outcome::Stopped => return self.farewell(&mut events).await,
             };
             if incident.is_heard() {
-                heard = Instant::now();
+                self.heard = Instant::now();
             }
             if let Incident::Connected(terms) = incident {
                 patience = self.patience(&terms);
@@ -164,24 +174,35 @@ impl<T: Talk> Client<'_, T> {
         keep_alive * 3 / 2
     }
 
-    /// Waits for `future`; meanwhile the talk has its ticks.
+    /// Waits for `future`, with `patience` no longer than the broker may be silent; meanwhile the talk has its ticks.
     async fn attend<F: Future, S: Future<Output = ()>>(
         &mut self,
         mut future: Pin<&mut F>,
-        overdue: Instant,
+        patience: Option<Duration>,
         mut stop: Pin<&mut S>,
     ) -> Outcome<F::Output> {
         loop {
-            let wake = self.next_wake().min(overdue);
+            let overdue = patience.map_or_else(far, |patience| self.heard + patience);
+            let wake = self.next_wake().min(overdue).min(Instant::now() + LOOK_EVERY);
             // Without an order, so that a flood of one kind starves none of the others.
-            tokio::select! {
-                // After a stall of this process, what was received is of unknown age.
-                output = future.as_mut() => {
-                    return if Instant::now() < overdue { Outcome::Done(output) } else { Outcome::Overdue };
-                }
+            let done = tokio::select! {
+                output = future.as_mut() => Some(output),
                 () = stop.as_mut() => return Outcome::Stopped,
-                () = self.bell.notified() => {}
-                () = sleep_until(wake) => if Instant::now() >= overdue { return Outcome::Overdue },
+                () = self.bell.notified() => None,
+                () = sleep_until(wake) => None,
+            };
+            self.notice_stall();
+            let done = match done {
+                // What can be read goes before the time that it has for that.
+                None if self.listens() => poll_fn(|cx| Poll::Ready(ready(future.as_mut().poll(cx)))).await,
+                done => done,
+            };
+            if let Some(output) = done {
+                return Outcome::Done(output);
+            }
+            self.listens_until.take_if(|until| *until <= Instant::now());
+            if patience.is_some_and(|patience| self.heard.elapsed() >= patience) {
+                return Outcome::Overdue;
             }
             self.talk.borrow_mut().tick(clock::moment());
             if let Some(how) = self.send() {
@@ -190,16 +211,35 @@ impl<T: Talk> Client<'_, T> {
         }
     }
 
+    /// After a stall of this process what has come may have waited as long, and it is not the broker that was silent.
+    fn notice_stall(&mut self) {
+        let Some(stood) = self.turns.turn(clock::now()) else { return };
+        self.heard = Instant::now();
+        if self.link.is_some() {
+            tracing::warn!(?stood, "the gateway stood still: of what came meanwhile only stops are carried out");
+            self.listens_until = Some(self.heard + LISTEN_FIRST);
+            self.tell(Event::Stalled(stood));
+        }
+    }
+
+    /// Whether nothing is to be sent yet.
+    fn listens(&self) -> bool {
+        self.listens_until.is_some_and(|until| Instant::now() < until + LISTEN_MAX)
+    }
+
     fn next_wake(&self) -> Instant {
         let wake = self.talk.borrow().next_wake();
         // What is due cannot be sent before the broker has taken something, and stays due.
-        let is_full = self.link.as_ref().is_some_and(|link| !link.window.has_room());
+        let is_full = self.listens() || self.link.as_ref().is_some_and(|link| !link.window.has_room());
         let least = if is_full { LOOK_WHILE_FULL } else { Duration::ZERO };
         wake.map_or_else(far, |at| Instant::now() + at.since(clock::now()).clamp(least, LONG))
     }
 
     /// Queues what the talk has for the broker, as far as there is room. Returns how it gives the connection up.
     fn send(&mut self) -> Option<GivenUp> {
+        if self.listens() {
+            return None;
+        }
         while self.link.as_ref().is_none_or(|link| link.window.has_room()) {
             let packet = self.talk.borrow_mut().next_packet(clock::moment())?;
             let Some(link) = &mut self.link else {
@@ -276,20 +316,15 @@ impl<T: Talk> Client<'_, T> {
         self.talk.borrow_mut().handle(clock::moment(), event);
     }
 
-    /// Gives the connection up. Acknowledgements that were received are true at any age; messages count only if
-    /// they are fresh, since a command gets its deadline when it is handed over.
+    /// Gives the connection up. What was received is handed over: acknowledgements are true at any age, and so is a stop.
     fn abandon(&mut self, events: &mut Events, broken: Broken) -> End {
         let life = self.life();
-        for incident in events.rest() {
-            match incident {
-                Incident::Message(_) if !broken.is_fresh && self.settings.keeps == Keeps::Nothing => {
-                    tracing::warn!("a message of unknown age is dropped")
-                }
-                Incident::Connected(_) => {}
-                incident => self.take(incident),
-            }
+        let rest = events.rest();
+        if !broken.is_fresh && rest.iter().any(|it| matches!(it, Incident::Message(_))) {
+            self.tell(Event::Stalled(Duration::MAX));
         }
-        self.link = None;
+        rest.into_iter().filter(|it| !matches!(it, Incident::Connected(_))).for_each(|it| self.take(it));
+        (self.link, self.listens_until) = (None, None);
         if life.is_some() {
             self.tell(Event::Lost);
         }
@@ -343,53 +378,12 @@ impl<T: Talk> Client<'_, T> {
             self.talk.borrow_mut().contested(None);
         }
     }
+}
 
-    /// The last words, DISCONNECT, and the broker's closing of the connection; all in bounded time.
-    async fn farewell(&mut self, events: &mut Events) -> End {
-        if self.link.is_none() {
-            return End::Stopped;
-        }
-        let mut words: VecDeque<Publication> = self.talk.borrow_mut().farewell(clock::moment()).into();
-        match timeout(FAREWELL_MAX, self.say(&mut words, events)).await {
-            Err(_) => tracing::warn!("the broker did not take the last words in time"),
-            Ok(()) => {
-                let closed = async { while events.next().await.is_ok() {} };
-                // Either way there is nothing left to say.
-                let _ = timeout(CLOSING_MAX, closed).await;
-            }
-        }
-        self.link = None;
-        End::Stopped
-    }
-
-    /// Is over when the words are out and DISCONNECT, where one is sent, or when the connection is gone.
-    async fn say(&mut self, words: &mut VecDeque<Publication>, events: &mut Events) {
-        // The library cannot send the DISCONNECT that asks for the will. Without any, closing asks for it.
-        let is_closed_only = self.settings.version == Version::V5 && self.talk.borrow().leaves_will();
-        let mut has_ended = false;
-        while let Some(link) = &mut self.link {
-            while link.window.has_room() && !has_ended {
-                has_ended = match words.pop_front() {
-                    Some(publication) => link.publish(publication, self.counters).is_err(),
-                    // Not before the words are out: a broker may answer nothing once it has read DISCONNECT.
-                    None if link.window.is_empty() => {
-                        if !is_closed_only {
-                            link.disconnect();
-                        }
-                        true
-                    }
-                    None => break,
-                };
-            }
-            if has_ended && link.window.is_empty() {
-                return;
-            }
-            match events.next().await {
-                Ok(Incident::Message(_)) => {}
-                Ok(incident) => self.take(incident),
-                Err(_) => return,
-            }
-        }
+fn ready<O>(polled: Poll<O>) -> Option<O> {
+    match polled {
+        Poll::Ready(output) => Some(output),
+        Poll::Pending => None,
     }
 }
 

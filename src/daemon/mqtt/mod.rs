@@ -15,6 +15,7 @@ mod reason;
 mod retry;
 mod settings;
 pub mod speaker;
+mod stall;
 mod tls;
 mod v4;
 mod v5;

@@ -22,6 +22,7 @@ enum Told {
     Message(Text),
     Acknowledged(u64),
     Refused(u64, Refusal),
+    Stalled,
     Lost,
     Contested(Option<Rival>),
 }
@@ -84,6 +85,7 @@ impl Talk for Script {
             }),
             Event::Acknowledged(token) => Told::Acknowledged(token),
             Event::Refused(token, refusal) => Told::Refused(token, refusal),
+            Event::Stalled(_) => Told::Stalled,
             Event::Lost => Told::Lost,
         });
     }
@@ -417,6 +419,51 @@ async fn a_stop_sent_just_before_the_broker_dies_is_handed_over() {
         });
         let message = Told::Message(Text { topic: "stop".to_owned(), ..Text::default() });
         assert_eq!(told.await, [Told::Connected(ANY), message, Told::Lost], "{version:?}");
+    }
+}
+
+#[tokio::test]
+async fn what_came_during_a_stall_is_handed_over_as_what_may_have_waited() {
+    for version in VERSIONS {
+        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let message = |topic: &str| Told::Message(Text { topic: topic.to_owned(), ..Text::default() });
+        rig.run(&stub, version, async {
+            let mut peer = stub.welcome().await;
+            rig.told_at_least(1).await;
+            peer.publish("stop", b"", &[]).await;
+            // Everything on this thread stands still.
+            std::thread::sleep(Duration::from_millis(1_100));
+            assert_eq!(
+                rig.told_at_least(3).await,
+                [Told::Connected(ANY), Told::Stalled, message("stop")],
+                "{version:?}"
+            );
+            peer.publish("stop", b"", &[]).await;
+            assert_eq!(rig.told_at_least(4).await[3], message("stop"), "{version:?}: told once");
+        })
+        .await;
+    }
+}
+
+#[tokio::test]
+async fn a_stop_that_comes_beside_the_last_words_is_handed_over() {
+    for version in VERSIONS {
+        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        rig.talk.borrow_mut().farewell = vec![text("status", "offline")];
+        let talk = async {
+            converse(settings(stub.address(), version), &rig.talk, &rig.bell, &rig.counters, rig.stop.notified()).await;
+        };
+        let broker = async {
+            let mut peer = stub.welcome().await;
+            rig.told_at_least(1).await;
+            rig.stop.notify_one();
+            peer.published().await;
+            peer.publish("stop", b"", &[]).await;
+            while peer.read().await.is_some_and(|frame| frame.kind != DISCONNECT) {}
+        };
+        tokio::join!(talk, broker);
+        let message = Told::Message(Text { topic: "stop".to_owned(), ..Text::default() });
+        assert_eq!(rig.told(), [Told::Connected(ANY), message], "{version:?}");
     }
 }
 

@@ -3,7 +3,7 @@
 use super::harness::{
     EPOCH_MS, Rig, Staged, commands, kept, message, on, orders, publications, reads, result, results, settings, told,
 };
-use super::types::{Act, Event, Message, Publication, Settings, Version};
+use super::types::{Act, Event, Message, Publication, Qos, Settings, Version};
 use crate::domain::command::{Direction, Go, Order, Outcome, Owner, Reason, RegisterWrite, Report};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{AskerId, CommanderName};
@@ -33,6 +33,19 @@ const INPUTS: [(&str, &[u8]); 11] = [
 
 fn go(registers: Vec<RegisterWrite>, frequency: Option<u32>, run: Option<Direction>) -> Order {
     Order::Go(Go::new(registers, frequency.map(Hertz::from_millihertz), run).expect("an order"))
+}
+
+/// An order to run, and what comes of it while no probe comes back.
+fn run_without_echo(rig: &mut Rig) -> Vec<Act> {
+    rig.handle(Event::Message(message("vfd/plant/drive/pump/run/set", b"forward")));
+    rig.acts_without_echo()
+}
+
+/// The probe that goes out.
+fn probe(acts: &[Act]) -> Publication {
+    let is_probe = |act: &&Act| matches!(act, Act::Publish(it) if it.topic == "vfd/plant/probe");
+    let Some(Act::Publish(probe)) = acts.iter().find(is_probe) else { panic!("no probe in {acts:?}") };
+    probe.clone()
 }
 
 fn refused(reason: &str) -> (String, String) {
@@ -376,6 +389,53 @@ fn a_command_that_was_issued_too_long_ago_is_stale_but_a_stop_never_is() {
     assert_eq!(orders(&send(&mut rig, "stop", 1_000_000)), [&STOP]);
     let far = format!(r#"{{"run":"forward","issued_at":{}}}"#, i64::MIN);
     assert_eq!(result(&rig.send("drive/pump/command", far.as_bytes())), refused("stale"));
+}
+
+#[test]
+fn what_may_have_waited_through_a_stall_is_stale_but_a_stop_is_carried_out() {
+    for version in [Version::V4, Version::V5] {
+        let mut rig = Rig::born(version);
+        rig.pass(10_000);
+        rig.handle(Event::Stalled(Duration::from_secs(3)));
+        let young = format!(r#"{{"id":"young","frequency_hz":40,"issued_at":{}}}"#, EPOCH_MS + 9_900);
+        for (rest, payload) in [
+            ("run/set", "forward"),
+            ("command", r#"{"id":"old","run":"forward","epoch":7}"#),
+            ("command", r#"{"id":"patient","frequency_hz":30,"ttl_ms":4000}"#),
+            ("command", &young),
+            ("run/set", "stop"),
+        ] {
+            rig.handle(Event::Message(message(&format!("vfd/plant/drive/pump/{rest}"), payload.as_bytes())));
+        }
+        // Before any of it the probe goes out that has to come back, behind all that waits at the broker.
+        let acts = rig.acts_without_echo();
+        let probe = probe(&acts);
+        assert_eq!(probe.qos, Qos::AtLeastOnce);
+        assert_eq!(orders(&acts), [&STOP], "{version:?}: it takes back what was still taken");
+        let told: Vec<_> =
+            results(&acts).iter().map(|it| it["reason"].as_str().unwrap_or_default().to_owned()).collect();
+        assert_eq!(told, ["stale", "stale", "stopped", "stopped"], "{version:?}");
+        assert_eq!(result(&run_without_echo(&mut rig)), refused("stale"), "still");
+        rig.handle(Event::Message(message("vfd/plant/probe", &probe.payload)));
+        assert_eq!(orders(&rig.send("drive/pump/run/set", b"forward")), [&go(vec![], None, Some(Direction::Forward))]);
+    }
+}
+
+#[test]
+fn a_probe_from_before_the_stall_proves_nothing_and_a_new_connection_all() {
+    let mut rig = Rig::born(Version::V5);
+    rig.millis += 5_000;
+    let before = probe(&rig.acts_without_echo());
+    rig.handle(Event::Stalled(Duration::from_secs(60)));
+    assert!(
+        !rig.acts_without_echo().iter().any(|act| matches!(act, Act::Reconnect(_))),
+        "it is not the probe that is late"
+    );
+    rig.handle(Event::Message(message("vfd/plant/probe", &before.payload)));
+    assert_eq!(result(&run_without_echo(&mut rig)), refused("stale"));
+    rig.handle(Event::Lost);
+    rig.connect();
+    assert_eq!(orders(&rig.send("drive/pump/run/set", b"forward")).len(), 1);
 }
 
 #[test]

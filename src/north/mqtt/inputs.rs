@@ -186,9 +186,9 @@ impl Session {
     }
 
     fn is_stale(&self, at: Moment, wish: &Wish) -> bool {
-        let Some(issued_at) = wish.issued_at else { return false };
-        let age_ms = at.wall.unix_ms.saturating_sub(issued_at);
         let ttl = wish.ttl.unwrap_or(self.settings.command_ttl);
+        let Some(issued_at) = wish.issued_at else { return self.path.may_have_waited() > ttl };
+        let age_ms = at.wall.unix_ms.saturating_sub(issued_at);
         let millis = |span: Duration| i64::try_from(span.as_millis()).unwrap_or(i64::MAX);
         age_ms > millis(ttl) || age_ms < -millis(AHEAD_MAX)
     }

@@ -47,6 +47,8 @@ pub(in crate::north) struct Path {
     /// Since when a probe is missing.
     missing_since: Option<MonoTime>,
     last_return: Option<MonoTime>,
+    /// Until the probe with this number has returned, what comes may have waited so long.
+    stalled: Option<(u64, Duration)>,
 }
 
 impl Path {
@@ -61,6 +63,7 @@ impl Path {
             next_probe: MonoTime::ZERO,
             missing_since: None,
             last_return: None,
+            stalled: None,
         }
     }
 
@@ -77,6 +80,21 @@ impl Path {
         self.settled = self.sent;
         self.missing_since = None;
         self.last_return = None;
+        self.stalled = None;
+    }
+
+    /// This side stood still for so long. It has missed what came, so that nothing is overdue, and a probe is due.
+    pub(in crate::north) fn stalled(&mut self, at: MonoTime, stood: Duration) {
+        self.stalled = Some((self.sent + 1, self.may_have_waited().saturating_add(stood)));
+        self.probe_from(at);
+        if let Phase::Subscribing(since) = &mut self.phase {
+            *since = at;
+        }
+    }
+
+    /// How long a message that comes now may have waited because this side stood still.
+    pub(in crate::north) fn may_have_waited(&self) -> Duration {
+        self.stalled.map_or(Duration::ZERO, |(_, waited)| waited)
     }
 
     /// Whether the subscription is to be asked for now; once per connection.
@@ -131,6 +149,7 @@ impl Path {
         let number = self.number_of(payload).filter(|number| (self.settled + 1..=self.sent).contains(number));
         let Some(number) = number.filter(|_| self.is_granted()) else { return Returned::Foreign };
         self.settled = number;
+        self.stalled.take_if(|(mark, _)| *mark <= number);
         self.missing_since = (number < self.sent).then_some(at);
         self.last_return = Some(at);
         self.phase = Phase::Open;

@@ -118,6 +118,7 @@ impl Session {
             Event::Message(message) => self.message(at, &message),
             Event::Acknowledged(token) => self.acknowledged(token),
             Event::Refused(token, refusal) => self.refused(at.mono, token, refusal),
+            Event::Stalled(stood) => self.path.stalled(at.mono, stood),
             Event::Lost => self.lost(),
         }
     }
@@ -257,7 +258,9 @@ impl Session {
 
     fn next_publication(&mut self, at: MonoTime, views: &[Arc<DriveView>], lines: &[LineState]) -> Option<Publication> {
         if let Some(payload) = self.path.take_probe(at) {
-            return Some(passing(self.topics.gateway("probe"), payload, Qos::AtMostOnce, None));
+            // One that shall be behind all that waits at the broker has to wait in the same queue.
+            let qos = if self.path.may_have_waited().is_zero() { Qos::AtMostOnce } else { Qos::AtLeastOnce };
+            return Some(passing(self.topics.gateway("probe"), payload, qos, None));
         }
         if !self.path.is_granted() {
             return None;

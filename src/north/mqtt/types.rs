@@ -116,6 +116,9 @@ pub enum Event<'a> {
     Acknowledged(u64),
     /// The broker does not take the publication with this token (MQTT 5).
     Refused(u64, Refusal),
+    /// This side stood still for so long, or nobody knows how long: what comes from now on may have waited for it, up to
+    /// what is said from now on and comes back.
+    Stalled(Duration),
     /// The connection is gone.
     Lost,
 }

@@ -118,6 +118,8 @@ impl Session {
                 self.path.subscribed(at.mono, is_granted);
             }
             Event::Message(message) => self.message(at, &message),
+            // Whatever is no stop tells its age itself.
+            Event::Stalled(stood) => self.path.stalled(at.mono, stood),
             Event::Lost => self.lost(),
             // Nothing is sent that would be acknowledged but the last words.
             Event::Acknowledged(_) | Event::Refused(..) => {}

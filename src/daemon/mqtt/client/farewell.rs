@@ -1,0 +1,67 @@
+//! The last words on a connection.
+
+use super::{Client, End, Events, Talk};
+use crate::daemon::clock;
+use crate::north::mqtt::{Publication, Version};
+use std::collections::VecDeque;
+use std::time::Duration;
+use tokio::time::timeout;
+
+/// Time for the last words.
+const FAREWELL_MAX: Duration = Duration::from_secs(1);
+/// Time for the broker to close the connection after DISCONNECT, or to read the words where there is none. Closing
+/// first, with something unread, could cost words that it has not read.
+const CLOSING_MAX: Duration = Duration::from_millis(200);
+
+impl<T: Talk> Client<'_, T> {
+    /// The last words, DISCONNECT, and the broker's closing of the connection; all in bounded time.
+    pub(super) async fn farewell(&mut self, events: &mut Events) -> End {
+        if self.link.is_none() {
+            return End::Stopped;
+        }
+        let mut words: VecDeque<Publication> = self.talk.borrow_mut().farewell(clock::moment()).into();
+        match timeout(FAREWELL_MAX, self.say(&mut words, events)).await {
+            Err(_) => tracing::warn!("the broker did not take the last words in time"),
+            Ok(()) => {
+                let closed = async {
+                    while let Ok(incident) = events.next().await {
+                        self.take(incident);
+                    }
+                };
+                // Either way there is nothing left to say.
+                let _ = timeout(CLOSING_MAX, closed).await;
+            }
+        }
+        events.rest().into_iter().for_each(|it| self.take(it));
+        self.link = None;
+        End::Stopped
+    }
+
+    /// Is over when the words are out and DISCONNECT, where one is sent, or when the connection is gone. Meanwhile a stop
+    /// may come as at any time.
+    async fn say(&mut self, words: &mut VecDeque<Publication>, events: &mut Events) {
+        // The library cannot send the DISCONNECT that asks for the will. Without any, closing asks for it.
+        let is_closed_only = self.settings.version == Version::V5 && self.talk.borrow().leaves_will();
+        let mut has_ended = false;
+        while let Some(link) = &mut self.link {
+            while link.window.has_room() && !has_ended {
+                has_ended = match words.pop_front() {
+                    Some(publication) => link.publish(publication, self.counters).is_err(),
+                    // Not before the words are out: a broker may answer nothing once it has read DISCONNECT.
+                    None if link.window.is_empty() => {
+                        if !is_closed_only {
+                            link.disconnect();
+                        }
+                        true
+                    }
+                    None => break,
+                };
+            }
+            if has_ended && link.window.is_empty() {
+                return;
+            }
+            let Ok(incident) = events.next().await else { return };
+            self.take(incident);
+        }
+    }
+}
