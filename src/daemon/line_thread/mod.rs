@@ -267,7 +267,8 @@ impl LineTask<'_> {
         let Some(until) = self.ending else { return self.board.inbox().is_closed() };
         let (now, has_unsent) = (clock::now(), self.core.has_unsent_stop());
         let is_through = self.core.is_at_rest() || self.is_hurried && !has_unsent;
-        if (is_through || now >= until) && self.rests.take().is_some() && !is_through {
+        let begins_to_rest = (is_through || now >= until) && self.rests.take().is_some();
+        if begins_to_rest && !is_through {
             tracing::error!(line = self.port.line, "a stop shows no effect; the gateway ends all the same");
         }
         let is_late = now >= if has_unsent { until + UNSENT_MAX } else { until };
