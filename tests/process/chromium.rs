@@ -96,6 +96,12 @@ impl Browser {
         self.post("/refresh", &json!({}));
     }
 
+    /// Loads the page anew, with nothing kept of what was loaded before.
+    pub fn reload_past_the_cache(&self) {
+        self.chromium("Network.setCacheDisabled", &json!({ "cacheDisabled": true }));
+        self.reload();
+    }
+
     /// What a function with this body returns in the page.
     pub fn script(&self, body: &str) -> Value {
         self.post("/execute/sync", &json!({ "script": body, "args": [] }))

@@ -331,6 +331,8 @@ data_dir = "{}"
 name = "hall-1"
 port = "{}"
 baud = 38400
+# As long as nothing is learned. On a busy machine a reply may take longer than all that have come before.
+reply_timeout = "500ms"
 
 [[line.drive]]
 name = "pump-1"

@@ -19,7 +19,8 @@ fn simulate(link: &Path, model: &str, stations: &[&str], more: &[&str]) -> Start
 }
 
 fn scan(port: &Path, more: &[&str]) -> Output {
-    let args = ["scan", "--port", port.to_str().unwrap(), "--seconds-per-station", "0.15"];
+    // The same for every model. On a busy machine a simulated drive may need a part of it.
+    let args = ["scan", "--port", port.to_str().unwrap(), "--seconds-per-station", "0.5"];
     vfd_gateway(&[&args, more].concat())
 }
 
