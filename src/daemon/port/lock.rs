@@ -41,9 +41,14 @@ pub struct Held {
 /// Locks `device`, which no symbolic link leads to, for `line`, in the first directory of `dirs` that can be written.
 /// Nothing if there is none: then the device is kept from others by the system alone, which names nobody.
 pub(super) fn lock(device: &Path, line: &str, dirs: &[PathBuf]) -> Result<Option<PortLock>, Held> {
+    lock_waiting(device, line, dirs, &mut || std::thread::sleep(TO_BE_NAMED))
+}
+
+/// The same, with `wait` for as long as whoever has just taken the lock is not named.
+fn lock_waiting(device: &Path, line: &str, dirs: &[PathBuf], wait: &mut dyn FnMut()) -> Result<Option<PortLock>, Held> {
     for dir in dirs {
         let path = dir.join(file_name(device));
-        match take(&path, line) {
+        match take(&path, line, wait) {
             Ok(Taken::Ours(file)) => return Ok(Some(PortLock { _file: file, path })),
             Ok(Taken::Others(holder)) => return Err(Held { holder, path }),
             Err(error) => tracing::debug!(lock = %path.display(), %error, "no lock file here"),
@@ -71,7 +76,7 @@ enum Taken {
 }
 
 /// Takes the lock at `path`, or says who has it. An error means that this place will not do.
-fn take(path: &Path, line: &str) -> io::Result<Taken> {
+fn take(path: &Path, line: &str, wait: &mut dyn FnMut()) -> io::Result<Taken> {
     let mut unnamed = false;
     for _ in 0..ATTEMPTS {
         let (mut file, is_ours_to_write) = match open(path) {
@@ -87,7 +92,7 @@ fn take(path: &Path, line: &str) -> io::Result<Taken> {
             // Taken a moment ago: who has it is about to say so.
             Err(rustix::io::Errno::WOULDBLOCK) => {
                 unnamed = true;
-                std::thread::sleep(TO_BE_NAMED);
+                wait();
                 continue;
             }
             Err(error) => return Err(error.into()),
@@ -263,14 +268,10 @@ mod tests {
         let mut file = File::create_new(dir.file()).unwrap();
         flock(&file, FlockOperation::NonBlockingLockExclusive).unwrap();
         assert!(dir.lock(DEVICE, "hall-1").unwrap_err().to_string().contains("another program"), "who never says it");
-        let slow = std::thread::spawn(move || {
-            std::thread::sleep(TO_BE_NAMED / 2);
-            file.write_all(b"         1 vfd-gateway hall-2\n").unwrap();
-            std::thread::sleep(TO_BE_NAMED * 20);
-        });
-        let held = dir.lock(DEVICE, "hall-1").unwrap_err().to_string();
+        let mut writes = || file.write_all(b"         1 vfd-gateway hall-2\n").unwrap();
+        let held = lock_waiting(Path::new(DEVICE), "hall-1", std::slice::from_ref(&dir.0), &mut writes);
+        let held = held.unwrap_err().to_string();
         assert!(held.contains("line hall-2 of the vfd-gateway that is process 1"), "{held}");
-        slow.join().unwrap();
     }
 
     #[test]
