@@ -46,10 +46,10 @@ fn hang_up(plant: &Plant) -> String {
 }
 
 fn connections_to_the_broker(plant: &Plant) -> usize {
-    plant.logged(is_connection).len()
+    plant.logged(|line| is_connection(line)).len()
 }
 
-fn is_connection(line: &String) -> Option<()> {
+fn is_connection(line: &str) -> Option<()> {
     line.contains("connected to the broker").then_some(())
 }
 
@@ -209,7 +209,7 @@ fn listeners_come_and_go_and_what_they_grant_holds_for_the_next_request() {
     hang_up(&plant);
     assert!(client.is_closed_in_silence());
     // Nobody is let in any more who could ask; the log has told of the reload.
-    assert_eq!(plant.gateway.find_all(is_connection).len(), 1);
+    assert_eq!(plant.gateway.find_all(|line| is_connection(line)).len(), 1);
 }
 
 #[test]
