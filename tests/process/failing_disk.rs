@@ -113,7 +113,11 @@ impl Site {
 
     fn write(&self, client: &mut Raw, register: u16, word: u16) {
         let answer = until("the stop before is effective", PATIENCE, || match client.write(UNIFORM, register, word) {
-            Err(6) if client.read_unit(UNIFORM, REASON, 1).is_ok_and(|reason| SOON.contains(&reason[0])) => None,
+            Err(6) if client.read_unit(UNIFORM, REASON, 1).is_ok_and(|reason| SOON.contains(&reason[0])) => {
+                // An order to run that came before the trip was seen to be cleared is given anew, behind a stop.
+                (register == 256 && word == 1).then(|| client.write(UNIFORM, register, 0));
+                None
+            }
             answer => Some(answer),
         });
         let mut reason = || client.read_unit(UNIFORM, REASON, 1);

@@ -79,6 +79,12 @@ fn every_configuration_and_every_document_in_the_guides_is_sound() {
     for (name, text) in documents().into_iter().chain([readme]) {
         for block in blocks(&text) {
             match block.language.as_str() {
+                "toml" if block.text.contains("[[register]]") => {
+                    let file = place.write("model.toml", &block.text);
+                    let output = vfd_gateway(&["models", "check", file.to_str().unwrap()]);
+                    assert!(output.status.success(), "{name}: {}", said(&output));
+                    configurations += 1;
+                }
                 "toml" => {
                     let is_whole = block.text.contains("[[line]]");
                     let whole = if is_whole { block.text.clone() } else { around(&block.text) };

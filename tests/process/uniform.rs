@@ -54,7 +54,7 @@ fn every_refusal_has_its_exception_and_no_frame() {
         ("write:101:256:9", 0x03),      // no run command
         ("write:101:257:499", 0x03),    // below the limits
         ("write:101:257:5001", 0x03),   // above
-        ("write:101:256:4,3000", 0x03), // a reset with a setpoint
+        ("write:101:256:5,3000", 0x03), // a release with a setpoint
         ("coil:101:4:1", 0x02),         // there are four
         ("write:101:256:1,3000", 0x06), // nobody has commanded stop yet
         ("write:1:0x0002:1", 0x06),     // the same by the drive's own register
