@@ -1,6 +1,6 @@
 //! The way from the north side into a line thread.
 
-use crate::domain::command::{CommandRequest, Order, Owner};
+use crate::domain::command::{CommandRequest, Owner};
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::native::{NativeAsk, NativeRequest};
 use crate::journal::RowNumber;
@@ -146,15 +146,11 @@ impl Inbox {
 
 /// Whether it is a stop, or the gateway's own word.
 const fn stays(message: &Message) -> bool {
-    matches!(
-        message,
-        Message::Command(CommandRequest { order: Order::Stop { .. } | Order::Coast, .. })
-            | Message::NativeStop(_)
-            | Message::Shutdown
-            | Message::Hurry
-            | Message::Leave { .. }
-            | Message::Stay
-    )
+    match message {
+        Message::Command(command) => command.order.is_stop(),
+        Message::NativeStop(_) | Message::Shutdown | Message::Hurry | Message::Leave { .. } | Message::Stay => true,
+        _ => false,
+    }
 }
 
 const fn room_for(message: &Message) -> usize {

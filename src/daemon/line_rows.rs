@@ -52,11 +52,11 @@ impl LineRows {
     /// Takes notice of what is asked of the line. `model` is that of a drive on it.
     pub fn note<'m>(&mut self, message: &Message, model: impl FnOnce(DriveIndex) -> Option<&'m Arc<Model>>) {
         let waits = match message {
-            Message::Command(it) if !is_stop(&it.order) => Some((it.asker, it.ticket)),
+            Message::Command(it) if !it.order.is_stop() => Some((it.asker, it.ticket)),
             Message::Native(it) | Message::NativeStop(it) => match &it.ask {
                 NativeAsk::Write { address, values } => {
                     let order = model(it.drive).and_then(|model| decode::order(model, *address, values).ok());
-                    (!order.as_ref().is_some_and(is_stop)).then_some((it.asker, it.ticket))
+                    (!order.as_ref().is_some_and(Order::is_stop)).then_some((it.asker, it.ticket))
                 }
                 NativeAsk::Read { .. } | NativeAsk::Loop { .. } => None,
             },
@@ -89,8 +89,4 @@ impl LineRows {
     pub fn held(&mut self) -> impl Iterator<Item = Held> + use<> {
         std::mem::take(&mut self.held).into_iter()
     }
-}
-
-const fn is_stop(order: &Order) -> bool {
-    matches!(order, Order::Stop { .. } | Order::Coast)
 }

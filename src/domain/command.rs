@@ -63,6 +63,12 @@ impl Order {
     pub const fn is_no_attempt(&self) -> bool {
         matches!(self, Self::Renew | Self::EndReset)
     }
+
+    /// Whether it takes energy off the motor. Such an order is exempt from what holds others back.
+    #[must_use]
+    pub const fn is_stop(&self) -> bool {
+        matches!(self, Self::Stop { .. } | Self::Coast)
+    }
 }
 
 /// An order that sets something: at least one part is there.

@@ -182,7 +182,7 @@ fn ends_a_reset(order: &Order) -> bool {
 
 /// A stop from Modbus TCP is a matter of the listener's `stop` alone, whatever sides the drive is commanded from.
 fn may_come_from(control: &ControlSettings, owner: Owner, order: &Order) -> Result<(), Report> {
-    let stops = matches!(order, Order::Stop { .. } | Order::Coast);
+    let stops = order.is_stop();
     let allowed = match owner {
         Owner::ModbusTcp(_) | Owner::ModbusSecurity(_) => control.from_modbus_tcp || stops,
         Owner::Mqtt | Owner::MqttBy(_) => control.from_mqtt,

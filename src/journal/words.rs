@@ -62,7 +62,7 @@ fn joined(parts: impl Iterator<Item = String>) -> String {
 /// Whether it takes energy off the motor: such an attempt has room of its own.
 #[must_use]
 pub const fn is_stop(tried: &Tried) -> bool {
-    matches!(tried, Tried::Order(Order::Stop { .. } | Order::Coast))
+    matches!(tried, Tried::Order(order) if order.is_stop())
 }
 
 /// Whether it is a setpoint and nothing else: controllers send one after the other.

@@ -19,8 +19,7 @@ impl DriveWork {
     /// Somebody commands.
     pub fn command(&mut self, now: MonoTime, command: &CommandRequest, mut waiter: Waiter, facts: Facts, out: Out<'_>) {
         self.has_changed = true;
-        let is_full = self.waiting.len() >= COMMANDS_MAX
-            && !matches!(command.order, Order::Stop { .. } | Order::Coast | Order::Renew | Order::EndReset);
+        let is_full = self.waiting.len() >= COMMANDS_MAX && !(command.order.is_stop() || command.order.is_no_attempt());
         let (owner, tried) = (command.origin.owner, || Tried::Order(command.order.clone()));
         let verdict =
             if is_full { Err(Report::refused(Reason::QueueFull)) } else { self.guard.review(command, &facts, now) };

@@ -625,7 +625,7 @@ proptest! {
         let accounts = orders(&acts).len() + kept(&acts).len();
         prop_assert!(if is_attempt { accounts == 1 } else { kept(&acts).len() <= 1 }, "{} {:?}", accounts, acts);
         prop_assert!(kept(&acts).iter().all(|attempt| attempt.report.is_some()));
-        let is_stop = orders(&acts).iter().all(|order| matches!(order, Order::Stop { .. } | Order::Coast));
+        let is_stop = orders(&acts).iter().all(|order| order.is_stop());
         prop_assert!(!retain || is_stop);
         prop_assert!(!acts.iter().any(|act| matches!(act, Act::Reconnect(_))));
     }

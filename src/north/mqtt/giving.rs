@@ -1,7 +1,7 @@
 //! What was taken of messages, on its way to the lines.
 
 use super::kept;
-use super::payload::{Refused, Wish, is_stop};
+use super::payload::{Refused, Wish};
 use super::pending::{Pending, What};
 use super::results::Reply;
 use super::seen::Known;
@@ -34,7 +34,7 @@ const fn origin(owner: Owner) -> Origin {
 impl Session {
     /// Hands an order to its drive.
     pub(super) fn give(&mut self, at: Moment, drive: usize, asker: Asker, wish: Wish, message: &Message<'_>) {
-        let is_a_stop = is_stop(&wish.order);
+        let is_a_stop = wish.order.is_stop();
         if is_a_stop {
             self.clear_the_way(at, drive);
         }
@@ -90,7 +90,7 @@ impl Session {
 
     /// Puts `act` behind what waits for the lines; a stop behind the stops that wait.
     fn queue(&mut self, act: Act, is_a_stop: bool) {
-        let is_stop_act = |act: &Act| matches!(act, Act::Command(_, request) if is_stop(&request.order));
+        let is_stop_act = |act: &Act| matches!(act, Act::Command(_, request) if request.order.is_stop());
         let stops = self.inward.iter().take_while(|act| is_stop_act(act) || **act == Act::PathOpened).count();
         let place = if is_a_stop { stops } else { self.inward.len() };
         self.inward.insert(place, act);
@@ -101,7 +101,7 @@ impl Session {
         let place = self.drives[drive].place;
         let motion = |act: &Act| match act {
             Act::Command(to, request) if *to == place => {
-                let is_motion = !is_stop(&request.order) && request.order != Order::Renew;
+                let is_motion = !request.order.is_stop() && request.order != Order::Renew;
                 is_motion.then_some(request.ticket)
             }
             _ => None,

@@ -4,7 +4,7 @@ use super::giving::Asker;
 use super::home_assistant::Plant;
 use super::kept;
 use super::path::Returned;
-use super::payload::{self, Asked, Refused, Wish, is_stop, short};
+use super::payload::{self, Asked, Refused, Wish, short};
 use super::results::Reply;
 use super::seen::Known;
 use super::session::Session;
@@ -90,7 +90,7 @@ impl Session {
             return self.unknown_drive(at, place, message);
         };
         let (id, asked) = payload::read(place.input, message.payload, &self.drives[drive].model);
-        let is_a_stop = matches!(&asked, Ok(Asked::Order(wish)) if is_stop(&wish.order));
+        let is_a_stop = matches!(&asked, Ok(Asked::Order(wish)) if wish.order.is_stop());
         let tried = self.tried(place, &asked, message);
         let owner = owner(place);
         let by = *owner.as_ref().unwrap_or(&Owner::Mqtt);
@@ -125,7 +125,7 @@ impl Session {
     fn once(&self, input: Input<'_>, message: &Message<'_>, asked: Asked) -> Result<Asked, Refused> {
         let is_exempt = match &asked {
             Asked::Read(_) => input.only_reads(),
-            Asked::Order(wish) => wish.id.is_some() || is_stop(&wish.order),
+            Asked::Order(wish) => wish.id.is_some() || wish.order.is_stop(),
         };
         if message.duplicate && !is_exempt {
             return Err(Refused::new(Reason::Duplicate, "a repeat of a message without an id, which may be old"));

@@ -40,11 +40,6 @@ impl Wish {
     }
 }
 
-/// Whether `order` takes energy off the motor. Such an order is exempt from what holds others back.
-pub(super) const fn is_stop(order: &Order) -> bool {
-    matches!(order, Order::Stop { .. } | Order::Coast)
-}
-
 /// Reads the payload of `input` for a drive of `model`, with the id if one could be read.
 pub(super) fn read(input: Input<'_>, payload: &[u8], model: &Model) -> (Option<Value>, Result<Asked, Refused>) {
     if payload.len() > PAYLOAD_MAX_BYTES {

@@ -1,6 +1,5 @@
 //! What was handed to the lines and is not answered.
 
-use super::payload::is_stop;
 use super::results::Reply;
 use crate::domain::command::{Order, Owner};
 use crate::domain::ids::Ticket;
@@ -49,7 +48,7 @@ pub(super) struct Unanswered {
 impl Unanswered {
     /// Stops have room of their own.
     pub(super) fn has_room_for_command(&self) -> bool {
-        self.all.iter().filter(|it| matches!(&it.what, What::Order(order) if !is_stop(order))).count() < COMMANDS_MAX
+        self.all.iter().filter(|it| matches!(&it.what, What::Order(order) if !order.is_stop())).count() < COMMANDS_MAX
     }
 
     pub(super) fn has_room_for_read(&self) -> bool {
@@ -58,7 +57,8 @@ impl Unanswered {
 
     /// Takes the oldest stop of `drive` if there is no room for one more.
     pub(super) fn take_surplus_stop(&mut self, drive: usize) -> Option<Pending> {
-        let is_its_stop = |it: &&Pending| it.drive == drive && matches!(&it.what, What::Order(order) if is_stop(order));
+        let is_its_stop =
+            |it: &&Pending| it.drive == drive && matches!(&it.what, What::Order(order) if order.is_stop());
         let oldest = self.all.iter().find(is_its_stop)?.ticket;
         let is_full = self.all.iter().filter(is_its_stop).count() >= STOPS_MAX;
         if is_full { self.take(oldest) } else { None }

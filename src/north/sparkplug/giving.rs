@@ -1,7 +1,7 @@
 //! Commands on their way from a host to the lines, and what becomes of them.
 
 use super::node::{self, Asked as NodeAsked};
-use super::order::{self, is_stop};
+use super::order;
 use super::payload::{Payload, Value};
 use super::session::Session;
 use super::types::Act;
@@ -85,7 +85,7 @@ impl Giving {
     }
 
     fn has_room(&self) -> bool {
-        self.unanswered.iter().filter(|pending| !is_stop(&pending.order)).count() < COMMANDS_MAX
+        self.unanswered.iter().filter(|pending| !pending.order.is_stop()).count() < COMMANDS_MAX
     }
 
     /// Keeps an attempt that no line sees. False if there is no room for it.
@@ -175,7 +175,7 @@ impl Session {
         payload: &Payload,
         message: &Message<'_>,
     ) -> Result<Option<MonoTime>, Refused> {
-        let is_a_stop = is_stop(order);
+        let is_a_stop = order.is_stop();
         if self.is_replay(message, is_a_stop) {
             return Err(Refused::plain(Reason::Retained));
         }
@@ -225,7 +225,7 @@ impl Session {
     }
 
     fn give(&mut self, at: Moment, drive: usize, order: Order, issued: Option<MonoTime>) {
-        let is_a_stop = is_stop(&order);
+        let is_a_stop = order.is_stop();
         if is_a_stop {
             self.clear_the_way(drive);
         }
@@ -246,7 +246,7 @@ impl Session {
             epoch: None,
         };
         let act = (Some(ticket), Act::Command(description.place, request));
-        let is_stop_act = |act: &Act| matches!(act, Act::Command(_, request) if is_stop(&request.order));
+        let is_stop_act = |act: &Act| matches!(act, Act::Command(_, request) if request.order.is_stop());
         let stops = self.giving.inward.iter().take_while(|(_, act)| is_stop_act(act)).count();
         let place = if is_a_stop { stops } else { self.giving.inward.len() };
         self.giving.inward.insert(place, act);
@@ -259,7 +259,7 @@ impl Session {
     fn clear_the_way(&mut self, drive: usize) {
         let waiting: Vec<_> = self.giving.inward.iter().filter_map(|(ticket, _)| *ticket).collect();
         for ticket in waiting {
-            let is_cut = |it: &Pending| it.ticket == ticket && it.drive == drive && !is_stop(&it.order);
+            let is_cut = |it: &Pending| it.ticket == ticket && it.drive == drive && !it.order.is_stop();
             if !self.giving.unanswered.iter().any(is_cut) {
                 continue;
             }
@@ -270,7 +270,7 @@ impl Session {
                 self.tell(drive, report, None);
             }
         }
-        let its_stops = |it: &&Pending| it.drive == drive && is_stop(&it.order);
+        let its_stops = |it: &&Pending| it.drive == drive && it.order.is_stop();
         if self.giving.unanswered.iter().filter(its_stops).count() >= STOPS_MAX {
             let oldest = self.giving.unanswered.iter().find(its_stops).map(|it| it.ticket);
             // The line accounts for it.

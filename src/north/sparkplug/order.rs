@@ -47,11 +47,6 @@ pub(super) fn read(device: &Device, metrics: &[Metric]) -> Asked {
     }
 }
 
-/// Whether a message that is refused as a whole asks for a stop.
-pub(super) const fn is_stop(order: &Order) -> bool {
-    matches!(order, Order::Stop { .. } | Order::Coast)
-}
-
 fn one_order(parts: &[Part]) -> Result<Option<Order>, Refused> {
     let (mut frequency, mut run, mut single) = (None, None, None);
     for part in parts {

@@ -13,7 +13,7 @@ pub use status::{alarm, bit, capability};
 use super::ask::{Ask, BitTable, WordTable};
 use super::taken::{Present, Taken};
 use super::words::Words;
-use crate::domain::command::{Order, Reason};
+use crate::domain::command::Reason;
 use crate::domain::frequency::Hertz;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
@@ -109,7 +109,7 @@ impl Uniform {
     /// Whether `ask` orders this drive to stop or to coast.
     #[must_use]
     pub fn is_stop(&self, ask: &Ask, view: &DriveView) -> bool {
-        matches!(self.write(ask, view), Taken::Order(Order::Stop { .. } | Order::Coast))
+        matches!(self.write(ask, view), Taken::Order(order) if order.is_stop())
     }
 
     /// What can be ordered of the drive: the bits of [`capability`].

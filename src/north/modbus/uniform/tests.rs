@@ -3,7 +3,7 @@
 use super::super::request::parse;
 use super::super::testing::{self, NOW};
 use super::*;
-use crate::domain::command::{Direction, Outcome, Owner, Reason, Report, RunIntent};
+use crate::domain::command::{Direction, Order, Outcome, Owner, Reason, Report, RunIntent};
 use crate::domain::control::ControlAction;
 use crate::domain::ids::CommanderName;
 use crate::domain::time::MonoTime;
