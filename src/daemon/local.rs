@@ -7,6 +7,7 @@ use super::keeper::Keeper;
 use super::north_journal::Journal;
 use super::reload::{Reloaded, Reloads};
 use super::shared::{Current, Shared};
+use super::stall::Stalls;
 use crate::domain::command::{CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights};
 use crate::domain::ids::{AskerId, CommanderName, Ticket};
 use crate::domain::native::{NativeAsk, NativeOutcome, NativeRequest, Refusal};
@@ -65,6 +66,7 @@ pub struct LocalSide {
     last: AtomicU64,
     waiting: Mutex<HashMap<Ticket, oneshot::Sender<News>>>,
     places: Arc<Semaphore>,
+    stalls: Arc<Stalls>,
 }
 
 /// Why a request has no answer.
@@ -82,7 +84,14 @@ impl LocalSide {
     pub fn new(current: impl Into<Current>, reloads: Option<Reloads>) -> Self {
         let places = Arc::new(Semaphore::new(TOOLS_MAX));
         let (last, waiting) = (AtomicU64::new(0), Mutex::default());
-        Self { current: current.into(), reloads, keeper: Keeper::default(), last, waiting, places }
+        let (keeper, stalls) = (Keeper::default(), Arc::default());
+        Self { current: current.into(), reloads, keeper, last, waiting, places, stalls }
+    }
+
+    /// The same side, which takes nothing but stops right behind the end of a stall.
+    #[must_use]
+    pub fn with_stalls(self, stalls: Arc<Stalls>) -> Self {
+        Self { stalls, ..self }
     }
 
     /// The same side with a journal for attempts that no line sees.
@@ -168,18 +177,29 @@ impl LocalSide {
 
     /// Orders something of the drive at `place` at once. Whoever does not wait for its end takes nothing back.
     pub fn order(&self, who: Who, place: DriveRef, order: Order) -> Ordered<'_> {
-        let start_before = clock::now() + COMMAND_DEADLINE;
+        let now = clock::now();
         let tried = (!order.is_no_attempt()).then(|| Tried::Order(order.clone()));
+        let keep_refused = |reason| {
+            if let Some(tried) = tried {
+                self.keep(who, Some(place), tried, Report::refused(reason));
+            }
+        };
+        // Nobody knows when the sockets were read empty last.
+        if !order.is_stop() && self.stalls.may_have_waited(now, MonoTime::ZERO) {
+            keep_refused(Reason::Stale);
+            return Ordered(Err(Reason::Stale));
+        }
+        let start_before = now + COMMAND_DEADLINE;
         let request = |ticket| {
             let (Who { asker, origin }, drive) = (who, place.drive);
             let (issued, epoch) = (None, None);
             Message::Command(CommandRequest { asker, ticket, drive, origin, order, start_before, issued, epoch })
         };
         let asked = self.put(place, COMMAND_WITHIN, request);
-        if let (Err(Missing::Full), Some(tried)) = (&asked.answer, tried) {
-            self.keep(who, Some(place), tried, Report::refused(Reason::QueueFull));
+        if let Err(Missing::Full) = asked.answer {
+            keep_refused(Reason::QueueFull);
         }
-        Ordered(asked)
+        Ordered(Ok(asked))
     }
 
     /// Hands a message to the line of `place`; its answer may come `within`.
@@ -217,14 +237,18 @@ impl Asked<'_> {
     }
 }
 
-/// An order that was given.
+/// An order that was given, or why it was not.
 #[derive(Debug)]
-pub struct Ordered<'a>(Asked<'a>);
+pub struct Ordered<'a>(Result<Asked<'a>, Reason>);
 
 impl Ordered<'_> {
     /// Waits for what becomes of it.
     pub async fn end(self) -> Report {
-        match self.0.answer().await {
+        let asked = match self.0 {
+            Ok(asked) => asked,
+            Err(reason) => return Report::refused(reason),
+        };
+        match asked.answer().await {
             Ok(News::Command(answer)) => answer.report,
             Err(Missing::Full) => Report::refused(Reason::QueueFull),
             Ok(_) | Err(Missing::Silent) => Report::new(Outcome::Unknown, Reason::NoReply),
@@ -248,7 +272,7 @@ impl Drop for Waits<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::command::CommandAnswer;
+    use crate::domain::command::{CommandAnswer, Direction, Go};
     use crate::domain::ids::{DriveIndex, Name};
     use crate::domain::link::Interface;
     use crate::domain::native::NativeAnswer;
@@ -312,6 +336,21 @@ mod tests {
         let failed = third.unwrap_err();
         assert_eq!((failed.reason, failed.exception), (Reason::DriveException, Some(2)));
         assert!(side.lock().is_empty());
+    }
+
+    #[test]
+    fn behind_a_stall_only_stops_are_orders() {
+        let side = Arc::try_unwrap(side()).unwrap().with_stalls(Arc::new(Stalls::just_ended()));
+        let who = Who::signed_in(CommanderName::new("anna").unwrap());
+        let stale = |order| assert_eq!(side.order(who, PLACE, order).0.err(), Some(Reason::Stale));
+        stale(Order::Go(Go::new(Vec::new(), None, Some(Direction::Forward)).unwrap()));
+        stale(Order::Renew);
+        for stop in [Order::Stop { setpoint: None }, Order::Coast] {
+            assert!(side.order(who, PLACE, stop).0.is_ok());
+        }
+        let mut batch = Vec::new();
+        side.shared().lines[0].inbox.take(&mut batch);
+        assert_eq!(batch.len(), 2);
     }
 
     #[test]

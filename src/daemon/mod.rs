@@ -38,6 +38,7 @@ pub mod secret_files;
 pub mod shared;
 pub mod simulator;
 pub mod sparkplug;
+mod stall;
 pub mod sys;
 pub mod timer;
 pub mod told;

@@ -19,6 +19,7 @@ use super::inbox::Message;
 use super::keeper::Keeper;
 use super::north_journal::Journal;
 use super::router::Router;
+use super::stall::Stalls;
 use super::told::Told;
 use super::totals::ModbusTotals;
 use crate::domain::command::{Manner, Origin, Owner, Rights};
@@ -27,7 +28,7 @@ use crate::domain::time::MonoTime;
 use crate::north::modbus::{Commands, Connection, Counters, Kept, Limits, Places};
 use certificate::Certificate;
 use hall::{Dismissal, Hall, Seat};
-use handshake::{Handshakes, Shaken, shake};
+use handshake::Handshakes;
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
 use std::future::poll_fn;
@@ -40,7 +41,6 @@ use std::task::{Poll, ready};
 use std::time::Duration;
 use stream::Stream;
 use tokio::io::{AsyncRead, ReadBuf};
-use tokio::net::TcpStream;
 use tokio::net::tcp::OwnedReadHalf;
 use tokio::sync::Notify;
 use tokio::task::yield_now;
@@ -60,6 +60,7 @@ pub struct Server {
     hall: Rc<Hall>,
     spare: Spare,
     told: Told,
+    stalls: Arc<Stalls>,
     last: Cell<u64>,
 }
 
@@ -75,6 +76,9 @@ struct Client {
     reads_renew: Cell<bool>,
     stream: Stream,
     machine: RefCell<Connection>,
+    stalls: Arc<Stalls>,
+    /// When its socket had nothing more to read.
+    emptied: Cell<MonoTime>,
     commands: RefCell<Commands>,
     /// Until then something of it may wait at a line: reads until their deadlines, those who wait for a stop for longer.
     known_until: Cell<MonoTime>,
@@ -105,6 +109,12 @@ impl Server {
     #[must_use]
     pub fn new(totals: Arc<ModbusTotals>, journal: Journal) -> Self {
         Self { totals, keeper: Rc::new(Keeper::new(journal)), ..Self::default() }
+    }
+
+    /// The same server, which takes nothing but stops from before the end of a stall.
+    #[must_use]
+    pub fn with_stalls(self, stalls: Arc<Stalls>) -> Self {
+        Self { stalls, ..self }
     }
 
     /// The same server with at most so many connections.
@@ -143,35 +153,6 @@ impl Server {
         }
     }
 
-    /// Serves a client, once it has proven itself where its listener asks for that.
-    fn welcome(self: &Rc<Self>, stream: TcpStream, peer: SocketAddr, listener: Rc<Listener>, seat: Seat) {
-        let (source, socket) = stream.into_split();
-        let Some(security) = listener.security() else {
-            return self.begin(source, Stream::Plain(socket), peer, None, listener, seat);
-        };
-        let (server, asker) = (Rc::clone(self), seat.asker);
-        let task = tokio::task::spawn_local(async move {
-            let shaken = shake(source, socket, &security).await;
-            server.handshakes.ended(asker);
-            match shaken {
-                Ok(Shaken { source, stream, certificate }) => {
-                    tracing::info!(%peer, name = %certificate.name, role = &*certificate.role, "secure connection");
-                    let proven = Some(Box::new(Proven { certificate, to: security }));
-                    server.begin(source, Stream::Secured(Box::new(stream)), peer, proven, listener, seat);
-                }
-                Err(reason) => server.shake_failed(peer, &reason),
-            }
-        });
-        if let Some(oldest) = self.handshakes.began(asker, peer, task.abort_handle()) {
-            self.shake_failed(oldest, "it gives way, too many are under way");
-        }
-    }
-
-    fn shake_failed(&self, peer: SocketAddr, reason: &str) {
-        self.totals.handshake_failed();
-        self.told.say(&format!("TLS handshake with {peer} failed: {reason}"));
-    }
-
     /// Serves a client, `proven` where its listener asks for that.
     fn begin(
         self: &Rc<Self>,
@@ -198,6 +179,8 @@ impl Server {
             reads_renew: Cell::new(false),
             stream,
             machine,
+            stalls: Arc::clone(&self.stalls),
+            emptied: Cell::new(MonoTime::ZERO),
             commands: RefCell::default(),
             known_until: Cell::new(MonoTime::ZERO),
             renewed: RefCell::default(),
@@ -261,7 +244,11 @@ impl Client {
                     Ok(0) => Err(io::ErrorKind::UnexpectedEof.into()),
                     read => read.and_then(|read| {
                         has_more = read == READ_BYTES;
-                        self.take(&buffer[..read])
+                        let taken = self.take(&buffer[..read]);
+                        if !has_more {
+                            self.emptied.set(clock::now());
+                        }
+                        taken
                     }),
                 },
                 ready = self.stream.writable(), if has_output => ready.and_then(|()| self.flush()),
@@ -296,7 +283,8 @@ impl Client {
         if self.dismissed.get().is_some() {
             return Ok(());
         }
-        let opened = self.stream.open(bytes, |plain| self.serve_bytes(plain));
+        let has_waited = self.stalls.may_have_waited(clock::now(), self.emptied.get());
+        let opened = self.stream.open(bytes, |plain| self.serve_bytes(plain, has_waited));
         self.keep();
         opened.and_then(|()| self.flush())
     }

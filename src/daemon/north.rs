@@ -15,6 +15,7 @@ use super::router::{Router, Units};
 use super::run::StartError;
 use super::secret_files;
 use super::shared::Current;
+use super::stall::Stalls;
 use super::totals::ModbusTotals;
 use crate::config::change::Change;
 use crate::config::{BEHIND_A_BRIDGE, Config, ListenerSettings};
@@ -180,7 +181,9 @@ impl North {
         tokio::task::spawn_local(report::remember(Arc::clone(&state)));
         tokio::task::spawn_local(http::live::run(Arc::clone(&state)));
         let (socket, reloads) = socket.map_or((None, None), |(socket, reloads)| (Some(socket), reloads));
-        let side = LocalSide::new(current.clone(), reloads);
+        let stalls = Arc::<Stalls>::default();
+        tokio::task::spawn_local(Arc::clone(&stalls).watch());
+        let side = LocalSide::new(current.clone(), reloads).with_stalls(Arc::clone(&stalls));
         let side = Arc::new(side.keeping(north_journal::side(sides.journal.as_ref(), &current)));
         tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&sides.local)));
         if let Some(socket) = socket {
@@ -188,7 +191,7 @@ impl North {
         }
         let control = Arc::new(Control::new(side, Front::default()));
         let server = Server::new(modbus_totals, north_journal::side(sides.journal.as_ref(), &current));
-        let server = Rc::new(server.with_places(places(config)));
+        let server = Rc::new(server.with_places(places(config)).with_stalls(stalls));
         tokio::task::spawn_local(Rc::clone(&server).distribute(Arc::clone(&sides.modbus)));
         let units = Units::new(&current.get());
         let listeners = Vec::new();

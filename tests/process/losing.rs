@@ -105,6 +105,31 @@ fn a_gateway_that_stood_still_carries_out_stops_alone_and_then_whatever_comes() 
 }
 
 #[test]
+fn of_what_modbus_clients_sent_while_the_gateway_stood_still_only_stops_are_carried_out() {
+    let plant = Plant::with(Wish { lost_after: "60s", ..Wish::default() });
+    let mut known = Raw::connect(plant.modbus);
+    plant.run_over_modbus(&mut known);
+    let seen = plant.written().len();
+    plant.gateway.signal("STOP");
+    // The system lets the second one connect.
+    let [faster, newcomer, stop] = std::thread::scope(|scope| {
+        let faster = scope.spawn(|| known.write(UNIFORM, 257, 4400));
+        let newcomer = scope.spawn(|| Raw::connect(plant.modbus).write(UNIFORM, 257, 4500));
+        let stop = scope.spawn(|| Raw::connect(plant.modbus).write(UNIFORM, 256, 0));
+        // Longer than a busy machine lets anybody wait.
+        std::thread::sleep(Duration::from_secs(2));
+        plant.gateway.signal("CONT");
+        [faster, newcomer, stop].map(|asked| asked.join().unwrap())
+    });
+    assert_eq!([faster, newcomer, stop], [Err(0x0B), Err(0x0B), Ok(())], "{}", plant.gateway.text());
+    plant.wait_until_it_stands();
+    assert_only_stops(&plant, seen);
+    // Whoever was told so is heard.
+    assert_eq!(known.write(UNIFORM, 256, 0), Ok(()));
+    until("a setpoint is taken behind the stop", PATIENCE, || known.write(UNIFORM, 257, 4000).ok());
+}
+
+#[test]
 fn a_modbus_client_that_vanishes_stops_its_drive() {
     let plant = Plant::new();
     let mut client = Raw::connect(plant.modbus);

@@ -1,6 +1,9 @@
 //! How connections are accepted, also when the system has no descriptors left.
 
-use super::{Listener, Server};
+use super::hall::Seat;
+use super::handshake::{Shaken, shake};
+use super::stream::Stream;
+use super::{Listener, Proven, Server};
 use rustix::io::Errno;
 use rustix::net::sockopt;
 use std::future::poll_fn;
@@ -56,6 +59,35 @@ impl Server {
         } else {
             self.refuse(peer, "all places are taken, and nobody may be closed");
         }
+    }
+
+    /// Serves a client, once it has proven itself where its listener asks for that.
+    fn welcome(self: &Rc<Self>, stream: TcpStream, peer: SocketAddr, listener: Rc<Listener>, seat: Seat) {
+        let (source, socket) = stream.into_split();
+        let Some(security) = listener.security() else {
+            return self.begin(source, Stream::Plain(socket), peer, None, listener, seat);
+        };
+        let (server, asker) = (Rc::clone(self), seat.asker);
+        let task = tokio::task::spawn_local(async move {
+            let shaken = shake(source, socket, &security).await;
+            server.handshakes.ended(asker);
+            match shaken {
+                Ok(Shaken { source, stream, certificate }) => {
+                    tracing::info!(%peer, name = %certificate.name, role = &*certificate.role, "secure connection");
+                    let proven = Some(Box::new(Proven { certificate, to: security }));
+                    server.begin(source, Stream::Secured(Box::new(stream)), peer, proven, listener, seat);
+                }
+                Err(reason) => server.shake_failed(peer, &reason),
+            }
+        });
+        if let Some(oldest) = self.handshakes.began(asker, peer, task.abort_handle()) {
+            self.shake_failed(oldest, "it gives way, too many are under way");
+        }
+    }
+
+    fn shake_failed(&self, peer: SocketAddr, reason: &str) {
+        self.totals.handshake_failed();
+        self.told.say(&format!("TLS handshake with {peer} failed: {reason}"));
     }
 
     /// Lets in the next one though the system has no descriptors left: with the one that is kept for that, and instead of

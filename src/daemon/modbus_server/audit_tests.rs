@@ -10,6 +10,7 @@ use crate::drive::description::DriveRef;
 use crate::journal::{Attempt, Tried};
 use crate::wire::mbap;
 use tokio::io::AsyncReadExt;
+use tokio::net::TcpStream;
 
 fn text(text: &str) -> Tried {
     Tried::Text(text.to_owned())

@@ -22,8 +22,8 @@ const RENEW_EVERY: Duration = Duration::from_millis(100);
 
 impl Client {
     /// Takes what the client has sent. Each request is answered, if that can be done at once, before the next one is taken:
-    /// only those that wait for a line count as in flight.
-    pub(super) fn serve_bytes(&self, mut bytes: &[u8]) {
+    /// only those that wait for a line count as in flight. Of what `has_waited` through a stall only stops are orders.
+    pub(super) fn serve_bytes(&self, mut bytes: &[u8], has_waited: bool) {
         let now = clock::now();
         let mut words = Words::default();
         let mut machine = self.machine.borrow_mut();
@@ -32,14 +32,18 @@ impl Client {
             let (piece, rest) = bytes.split_at(machine.next_piece(bytes));
             machine.receive(now, piece, &|unit, ask| router.is_stop(unit, ask));
             while let Some(call) = machine.next_call() {
-                self.serve_call(now, &mut machine, call, &mut words);
+                if has_waited && call.ask.writes() && !router.is_stop(call.unit, &call.ask) {
+                    machine.refuse(now, &call, tried_of(&call), Report::refused(Reason::Stale));
+                } else {
+                    self.serve_call(now, &mut machine, call, &mut words, !has_waited);
+                }
             }
             bytes = rest;
         }
     }
 
-    /// Answers a call at once, or hands it on.
-    pub(super) fn serve_call(&self, now: MonoTime, machine: &mut Connection, call: Call, words: &mut Words) {
+    /// Answers a call at once, or hands it on. Only one that `is_fresh` shows that its client is there.
+    fn serve_call(&self, now: MonoTime, machine: &mut Connection, call: Call, words: &mut Words, is_fresh: bool) {
         if !self.may_ask.get() {
             return machine.refuse(now, &call, tried_of(&call), Report::refused(Reason::NotAllowed));
         }
@@ -53,7 +57,7 @@ impl Client {
             Some(Target::Uniform(drive)) => {
                 let taken = drive.unit.take(&call.ask, &drive.shared.view.load(), &self.present(now), words);
                 let is_read = !call.ask.writes() && !matches!(taken, Taken::Exception(_) | Taken::Refused(_));
-                if self.reads_renew.get() && is_read {
+                if self.reads_renew.get() && is_read && is_fresh {
                     self.renew(now, machine, drive);
                 }
                 self.settle(now, machine, &call, taken, words, Some(drive));

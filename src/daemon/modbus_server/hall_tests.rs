@@ -10,7 +10,7 @@ use crate::domain::ids::UnitId;
 use crate::wire::mbap;
 use std::net::Ipv4Addr;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::net::{TcpListener, TcpSocket};
+use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::task::LocalSet;
 
 const READ: [u8; 5] = [3, 0, 0, 0, 1];

@@ -1,7 +1,7 @@
 //! Modbus Security over real sockets, with certificates of every kind and the test in the place of the lines.
 
 use super::super::router::Units;
-use super::handshake::HANDSHAKES_MAX;
+use super::handshake::{HANDSHAKES_MAX, shake};
 use super::issuing::{Authority, Files, Issued, role, role_holding};
 use super::tests::{EVERY_LINE, Kept, Plant, answer, ask, send, shared};
 use super::*;
@@ -16,7 +16,7 @@ use rustls::sign::{CertifiedKey, SingleCertAndKey};
 use rustls::{ClientConfig, ClientConnection, HandshakeKind, RootCertStore, SupportedProtocolVersion, version};
 use std::io::{Read, Write};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::net::TcpListener;
+use tokio::net::{TcpListener, TcpStream};
 use tokio::task::LocalSet;
 use tokio_rustls::TlsConnector;
 use tokio_rustls::client::TlsStream;

@@ -23,7 +23,7 @@ use crate::vendors;
 use crate::wire::mbap;
 use std::net::Ipv4Addr;
 use tokio::io::{AsyncReadExt, AsyncWrite, AsyncWriteExt};
-use tokio::net::TcpListener;
+use tokio::net::{TcpListener, TcpStream};
 use tokio::task::LocalSet;
 
 pub(super) const EVERY_LINE: ListenerSettings = ListenerSettings {

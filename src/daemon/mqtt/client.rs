@@ -11,10 +11,10 @@ use super::counters::{Counters, count};
 use super::link::{self, Broken, Events, Incident, NotQueued, Received, Terms};
 use super::retry::{Retry, Rival};
 use super::settings::ConnectionSettings;
-use super::stall::{LOOK_EVERY, Turns};
 use super::window::Window;
 use super::{Packet, Talk, tls};
 use crate::daemon::clock;
+use crate::daemon::stall::{LOOK_EVERY, Turns};
 use crate::north::mqtt::{Event, Refusal};
 use std::cell::RefCell;
 use std::future::poll_fn;
@@ -216,7 +216,7 @@ impl<T: Talk> Client<'_, T> {
         let Some(stood) = self.turns.turn(clock::now()) else { return };
         self.heard = Instant::now();
         if self.link.is_some() {
-            tracing::warn!(?stood, "the gateway stood still: of what came meanwhile only stops are carried out");
+            tracing::debug!(?stood, "what the broker sends now may have waited as long");
             self.listens_until = Some(self.heard + LISTEN_FIRST);
             self.tell(Event::Stalled(stood));
         }

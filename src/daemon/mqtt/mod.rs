@@ -15,7 +15,6 @@ mod reason;
 mod retry;
 mod settings;
 pub mod speaker;
-mod stall;
 mod tls;
 mod v4;
 mod v5;

@@ -1,0 +1,108 @@
+//! Whether this process stood still: it was stopped, or its machine was suspended.
+//!
+//! What came meanwhile waited in sockets, and whoever sent it has long given it up: only a stop counts at any age.
+
+use super::clock;
+use crate::domain::time::MonoTime;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// How often the clock is looked at by whoever waits.
+pub const LOOK_EVERY: Duration = Duration::from_millis(250);
+/// A busy machine does not let anybody wait so long for a turn.
+const STALLED_AFTER: Duration = Duration::from_secs(1);
+/// So long after a stall what came meanwhile is being read.
+const READ_WITHIN: Duration = Duration::from_secs(1);
+
+/// The turns of somebody who waits again and again.
+#[derive(Debug)]
+pub struct Turns(MonoTime);
+
+impl Turns {
+    /// The first turn.
+    pub const fn new(now: MonoTime) -> Self {
+        Self(now)
+    }
+
+    /// Another turn. Says how long ago the one before was, if that is too long.
+    pub fn turn(&mut self, now: MonoTime) -> Option<Duration> {
+        let stood = now.since(std::mem::replace(&mut self.0, now));
+        (stood >= STALLED_AFTER).then_some(stood)
+    }
+}
+
+/// The last stall, for all who serve connections. Until somebody watches there is none.
+#[derive(Debug, Default)]
+pub struct Stalls(Mutex<Seen>);
+
+#[derive(Debug, Default)]
+struct Seen {
+    turns: Option<Turns>,
+    /// When the last stall was over.
+    ended: Option<MonoTime>,
+}
+
+impl Stalls {
+    /// One that has just ended, however long a test takes.
+    #[cfg(test)]
+    pub fn just_ended() -> Self {
+        Self(Mutex::new(Seen { turns: None, ended: Some(clock::now() + Duration::from_secs(3600)) }))
+    }
+
+    /// Watches the clock until the task is dropped.
+    pub async fn watch(self: Arc<Self>) {
+        self.lock().turns = Some(Turns::new(clock::now()));
+        loop {
+            tokio::time::sleep(LOOK_EVERY).await;
+            self.look(clock::now());
+        }
+    }
+
+    /// Whether what is read `now` may have waited for the end of a stall, where nothing was left to read at `emptied`.
+    pub fn may_have_waited(&self, now: MonoTime, emptied: MonoTime) -> bool {
+        self.look(now).is_some_and(|ended| emptied < ended && now.since(ended) < READ_WITHIN)
+    }
+
+    /// Whoever looks first after a stall sees it. Returns when the last one was over.
+    fn look(&self, now: MonoTime) -> Option<MonoTime> {
+        let mut seen = self.lock();
+        if let Some(stood) = seen.turns.as_mut().and_then(|turns| turns.turn(now)) {
+            tracing::warn!(?stood, "the gateway stood still: of what came meanwhile only stops are carried out");
+            seen.ended = Some(now);
+        }
+        seen.ended
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Seen> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(ms: u64) -> MonoTime {
+        MonoTime::ZERO + Duration::from_millis(ms)
+    }
+
+    fn watched_at(ms: u64) -> Stalls {
+        Stalls(Mutex::new(Seen { turns: Some(Turns::new(at(ms))), ended: None }))
+    }
+
+    #[test]
+    fn what_was_there_at_the_end_of_a_stall_may_have_waited_until_all_of_it_is_read() {
+        let stalls = watched_at(0);
+        assert!(!stalls.may_have_waited(at(999), at(0)), "a busy machine");
+        assert!(stalls.may_have_waited(at(1_999), at(999)), "whoever reads first sees the stall");
+        assert!(stalls.may_have_waited(at(2_500), at(999)));
+        assert!(!stalls.may_have_waited(at(2_500), at(1_999)), "it was read empty since");
+        assert!(!stalls.may_have_waited(at(2_999), at(999)), "nobody is read so late");
+    }
+
+    #[test]
+    fn nothing_has_waited_where_nobody_watches() {
+        let stalls = Stalls::default();
+        assert!(!stalls.may_have_waited(at(0), at(0)) && !stalls.may_have_waited(at(9_000), at(0)));
+    }
+}
