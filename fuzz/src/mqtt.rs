@@ -15,8 +15,8 @@ use vfd_gateway::domain::report::LineReport;
 use vfd_gateway::domain::time::{MonoTime, WallTime};
 use vfd_gateway::drive::view::{ControlView, DriveView};
 use vfd_gateway::north::mqtt::{
-    Act, Broker, Event, HomeAssistant, LeaseMode, LineState, Message, Moment, Publication, Session, Settings, Tree,
-    Version,
+    Act, Broker, Event, HomeAssistant, LeaseMode, LineState, Message, Moment, Publication, Qos, Session, Settings,
+    Tree, Version,
 };
 
 const BASE: &str = "vfd/plant/";
@@ -60,6 +60,7 @@ fn settings(flags: u8) -> Settings {
         gateway: plant::name("plant"),
         version: if flags & 1 == 0 { Version::V4 } else { Version::V5 },
         heartbeat: Duration::from_secs(60),
+        subscription_qos: Qos::AtLeastOnce,
         lease: if flags & 2 == 0 { LeaseMode::Session } else { LeaseMode::Explicit },
         alive_topic: Some("home/status".into()),
         probe_interval: Duration::from_secs(5),

@@ -8,7 +8,7 @@ use crate::domain::control::{ControlAction, FailSafe, Ownership};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{CommanderName, Name, Station, UnitId};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, Parity};
-use crate::north::mqtt::{LeaseMode, Tree, Version};
+use crate::north::mqtt::{LeaseMode, Qos, Tree, Version};
 use crate::profile::reader::{Given, Needed, Place, Written};
 use crate::profile::register::RegisterFile;
 use ipnet::IpNet;
@@ -167,12 +167,14 @@ pub(super) struct NativeFile {
 #[derive(Debug)]
 pub(super) struct MqttFile {
     pub broker: Needed<Address>,
+    pub also_at: Given<Vec<Written<Address>>>,
     pub user: Given<String>,
     pub password_file: Given<PathBuf>,
     pub password_env: Given<String>,
     pub allow_plain_password: Given<bool>,
     pub client_id: Given<String>,
     pub version: Given<Version>,
+    pub subscription_qos: Given<Qos>,
     pub prefix: Given<String>,
     pub heartbeat: Given<Duration>,
     pub keep_alive: Given<Duration>,

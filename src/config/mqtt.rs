@@ -8,7 +8,7 @@ use super::ready::{
 };
 use super::words::Way;
 use crate::domain::problem::Problem;
-use crate::north::mqtt::{HomeAssistant, LeaseMode, Tree, Version};
+use crate::north::mqtt::{HomeAssistant, LeaseMode, Qos, Tree, Version};
 use crate::profile::reader::{Given, Place, Written};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -52,6 +52,7 @@ pub(super) fn settle(
     lease: LeaseMode,
     problems: &mut Vec<Problem>,
 ) -> Option<MqttSettings> {
+    other_nodes(file, problems);
     sparkplug_goes_with(whole, file, problems);
     password(file, problems);
     plain_password(file, problems);
@@ -70,6 +71,7 @@ pub(super) fn settle(
         credentials: credentials(file)?,
         client_id: file.client_id.clone().optional()?,
         version: file.version.or(Version::V5)?,
+        subscription_qos: file.subscription_qos.or(Qos::AtLeastOnce)?,
         prefix: file.prefix.or(DEFAULT_PREFIX.to_owned())?,
         heartbeat: file.heartbeat.or(DEFAULT_HEARTBEAT)?,
         keep_alive: file.keep_alive.or(DEFAULT_KEEP_ALIVE)?,
@@ -108,6 +110,24 @@ fn sparkplug(file: &MqttFile) -> Option<Option<SparkplugSettings>> {
     }))
 }
 
+/// The nodes of a cluster are different ones, reached alike.
+fn other_nodes(file: &MqttFile, problems: &mut Vec<Problem>) {
+    let (Some(broker), Some(list)) = (&file.broker, file.also_at.usable()) else { return };
+    for (index, node) in list.value.iter().enumerate() {
+        let mut earlier = list.value.iter().take(index).chain([broker]);
+        let (what, right) = if [&broker.value, &node.value].contains(&&Address::Embedded) {
+            ("the embedded broker is at one place", "leave it out")
+        } else if earlier.any(|earlier| earlier.value == node.value) {
+            ("a node that is named before", "leave it out")
+        } else if broker.value.is_tls() != node.value.is_tls() {
+            ("one node would be reached over TLS, and another without", "`mqtts://` for all, or `mqtt://`")
+        } else {
+            continue;
+        };
+        problems.push(node.place.problem(what).right(right));
+    }
+}
+
 /// The number of each session is kept beyond the life of the process, and the broker tells both connections apart.
 fn sparkplug_goes_with(file: &File, mqtt: &MqttFile, problems: &mut Vec<Problem>) {
     let Some(SparkplugFile { place, client_id, .. }) = mqtt.sparkplug.usable().map(|it| &it.value) else { return };
@@ -136,10 +156,19 @@ fn broker(file: &MqttFile) -> Option<BrokerSettings> {
     Some(match &file.broker.as_ref()?.value {
         Address::Embedded => BrokerSettings::Embedded,
         Address::Tcp { host, port, tls } => {
-            let (host, port) = (host.clone(), *port);
-            BrokerSettings::Tcp { host, port, tls: if *tls { Some(tls_settings(file)?) } else { None } }
+            let (host, port, also_at) = (host.clone(), *port, also_at(file)?);
+            BrokerSettings::Tcp { host, port, also_at, tls: if *tls { Some(tls_settings(file)?) } else { None } }
         }
     })
+}
+
+/// The other nodes; nothing: see the problems.
+fn also_at(file: &MqttFile) -> Option<Vec<(String, u16)>> {
+    let place = |address| match address {
+        Address::Embedded => None,
+        Address::Tcp { host, port, .. } => Some((host, port)),
+    };
+    lists::values(&file.also_at)?.into_iter().map(place).collect()
 }
 
 fn tls_settings(file: &MqttFile) -> Option<TlsSettings> {
@@ -177,7 +206,9 @@ fn password(file: &MqttFile, problems: &mut Vec<Problem>) {
 fn plain_password(file: &MqttFile, problems: &mut Vec<Problem>) {
     let Some(broker) = &file.broker else { return };
     let secret = place(&file.user).or(place(&file.password_file)).or(place(&file.password_env));
-    let is_exposed = secret.is_some() && !broker.value.is_tls() && !broker.value.is_local();
+    let others = file.also_at.usable().map_or(&[][..], |list| &list.value);
+    let stays = |node: &Written<Address>| node.value.is_tls() || node.value.is_local();
+    let is_exposed = secret.is_some() && !others.iter().chain([broker]).all(stays);
     match &file.allow_plain_password {
         Given::Usable(allowed) if allowed.value && !is_exposed => {
             let what = "nothing is to be allowed: no user or password goes over the network in plain view";

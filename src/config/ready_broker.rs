@@ -1,7 +1,7 @@
 //! Ready values of the broker's table: how it is reached, as whom, and what is said there.
 
 use crate::domain::ids::Name;
-use crate::north::mqtt::{HomeAssistant, LeaseMode, Settings, Tree, Version};
+use crate::north::mqtt::{HomeAssistant, LeaseMode, Qos, Settings, Tree, Version};
 use crate::north::sparkplug;
 use std::fmt;
 use std::path::PathBuf;
@@ -18,6 +18,8 @@ pub struct MqttSettings {
     pub client_id: Option<String>,
     /// Protocol version.
     pub version: Version,
+    /// At which quality of service commands are subscribed.
+    pub subscription_qos: Qos,
     /// First levels of all topics, without a slash at either end.
     pub prefix: String,
     /// A value that does not change is published again after this time, 1 s to 1 h.
@@ -107,6 +109,7 @@ impl MqttSettings {
             prefix: self.prefix.clone(),
             gateway,
             version: self.version,
+            subscription_qos: self.subscription_qos,
             heartbeat: self.heartbeat,
             lease: self.lease,
             alive_topic: self.alive_topic.clone(),
@@ -132,6 +135,8 @@ pub enum BrokerSettings {
         host: String,
         /// Port, from 1.
         port: u16,
+        /// Where the other nodes of its cluster are.
+        also_at: Vec<(String, u16)>,
         /// How the connection is encrypted; nothing: it is not.
         tls: Option<TlsSettings>,
     },
@@ -142,7 +147,7 @@ impl fmt::Display for BrokerSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Embedded => f.write_str("embedded"),
-            Self::Tcp { host, port, tls } => {
+            Self::Tcp { host, port, tls, .. } => {
                 let scheme = if tls.is_some() { "mqtts" } else { "mqtt" };
                 if host.contains(':') {
                     write!(f, "{scheme}://[{host}]:{port}")

@@ -102,9 +102,11 @@ pub fn broker(
     data_dir: Option<&Path>,
     embedded: Option<SocketAddr>,
 ) -> Result<BrokerSide, String> {
-    let (host, port, tls) = match (&mqtt.broker, embedded) {
-        (BrokerSettings::Tcp { host, port, tls }, _) => (host.clone(), *port, tls.as_ref().map(tls_settings)),
-        (BrokerSettings::Embedded, Some(address)) => (address.ip().to_string(), address.port(), None),
+    let (host, port, also_at, tls) = match (&mqtt.broker, embedded) {
+        (BrokerSettings::Tcp { host, port, also_at, tls }, _) => {
+            (host.clone(), *port, also_at.clone(), tls.as_ref().map(tls_settings))
+        }
+        (BrokerSettings::Embedded, Some(address)) => (address.ip().to_string(), address.port(), Vec::new(), None),
         (BrokerSettings::Embedded, None) => return Err("the embedded broker does not listen".to_owned()),
     };
     if let Some(tls) = &tls {
@@ -114,7 +116,7 @@ pub fn broker(
     let connection = ConnectionSettings {
         host,
         port,
-        also_at: Vec::new(),
+        also_at,
         tls,
         client_id: mqtt.client_id(name),
         user: mqtt.credentials.as_ref().map(|credentials| credentials.user.clone()),

@@ -324,7 +324,7 @@ impl Node {
         until("a node listens", PATIENCE, || TcpStream::connect(("127.0.0.1", self.mqtt)).ok());
     }
 
-    fn kill(&mut self) {
+    pub fn kill(&mut self) {
         self.program.take().expect("it runs").kill();
     }
 

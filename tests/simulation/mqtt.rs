@@ -11,7 +11,7 @@ use vfd_gateway::drive::description::DriveRef;
 use vfd_gateway::drive::view::TripEvent;
 use vfd_gateway::gateway::Input;
 use vfd_gateway::north::mqtt::{
-    Act, Broker, Event, LeaseMode, LineState, Message, Moment, Publication, Session, Settings, Tree, Version,
+    Act, Broker, Event, LeaseMode, LineState, Message, Moment, Publication, Qos, Session, Settings, Tree, Version,
 };
 
 /// The wall clock at the start of a world.
@@ -54,6 +54,7 @@ impl MqttSide {
             heartbeat: Duration::from_secs(60),
             lease: LeaseMode::Session,
             alive_topic: Some("home/status".into()),
+            subscription_qos: Qos::AtLeastOnce,
             probe_interval: Duration::from_secs(1),
             probe_timeout: Duration::from_secs(3),
             command_ttl: Duration::from_secs(1),

@@ -5,7 +5,7 @@ use super::super::file::{HomeAssistantFile, MqttFile, SparkplugFile};
 use super::super::keys::Section;
 use super::super::words::{LEASES, TREES};
 use super::{absolute_path, inner, refuse_not_served, turned};
-use crate::north::mqtt::Version;
+use crate::north::mqtt::{Qos, Version};
 use crate::profile::reader::{Given, Needed, Reader, Written};
 use crate::profile::values::Kind;
 use std::ops::RangeInclusive;
@@ -34,6 +34,7 @@ pub(super) fn read_mqtt(mut reader: Reader<'_, '_>) -> MqttFile {
     );
     let mqtt = MqttFile {
         broker: read_broker(&mut reader),
+        also_at: read_also_at(&mut reader),
         user: reader.optional("user", &Kind::text()),
         password_file: reader.optional("password_file", &absolute_path()),
         password_env: reader.optional("password_env", &Kind::parsed("the name of an environment variable", variable)),
@@ -41,6 +42,9 @@ pub(super) fn read_mqtt(mut reader: Reader<'_, '_>) -> MqttFile {
         client_id: reader.optional("client_id", &client_id()),
         version: turned(reader.optional("version", &Kind::number(4..=5_u8)), |version| {
             Some(if version == 4 { Version::V4 } else { Version::V5 })
+        }),
+        subscription_qos: turned(reader.optional("subscription_qos", &Kind::number(0..=1_u8)), |qos| {
+            Some(if qos == 0 { Qos::AtMostOnce } else { Qos::AtLeastOnce })
         }),
         prefix: reader.optional("prefix", &topics()),
         heartbeat: reader.optional("heartbeat", &Kind::duration(HEARTBEAT)),
@@ -94,7 +98,21 @@ fn level() -> Kind<'static, String> {
 }
 
 fn read_broker(reader: &mut Reader<'_, '_>) -> Needed<Address> {
-    let Written { value, place } = reader.required("broker", &Kind::text())?;
+    let written = reader.required("broker", &Kind::text())?;
+    read_address(reader, written)
+}
+
+fn read_also_at(reader: &mut Reader<'_, '_>) -> Given<Vec<Written<Address>>> {
+    let Written { value, place } = match reader.list("also_at", &Kind::text()) {
+        Given::LeftOut => return Given::LeftOut,
+        Given::Unusable => return Given::Unusable,
+        Given::Usable(list) => list,
+    };
+    let read: Option<Vec<_>> = value.into_iter().map(|text| read_address(reader, text)).collect();
+    read.map_or(Given::Unusable, |value| Given::Usable(Written { value, place }))
+}
+
+fn read_address(reader: &mut Reader<'_, '_>, Written { value, place }: Written<String>) -> Needed<Address> {
     match broker::parse(&value) {
         Ok(value) => Some(Written { value, place }),
         Err((what, right)) => {

@@ -218,6 +218,7 @@ fn what_the_example_writes_is_the_default_where_it_says_so() {
                 "command_ttl",
                 "uniform_unit",
                 "client_id",
+                "subscription_qos",
                 "reads_renew",
             ]);
         if !is_default.into_iter().any(|it| it == key) {

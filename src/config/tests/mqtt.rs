@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::domain::ids::Name;
-use crate::north::mqtt::{LeaseMode, Version};
+use crate::north::mqtt::{LeaseMode, Qos, Version};
 use std::path::PathBuf;
 
 fn mqtt(text: &str) -> MqttSettings {
@@ -17,9 +17,13 @@ fn over(broker: &str, lines: &str) -> String {
 #[test]
 fn a_broker_is_all_that_must_be_named() {
     let found = mqtt(&over("mqtt://broker", ""));
-    assert_eq!(found.broker, BrokerSettings::Tcp { host: "broker".to_owned(), port: 1883, tls: None });
+    assert_eq!(
+        found.broker,
+        BrokerSettings::Tcp { host: "broker".to_owned(), port: 1883, also_at: Vec::new(), tls: None }
+    );
     assert_eq!((found.credentials.clone(), found.client_id.clone(), found.version), (None, None, Version::V5));
     assert_eq!((found.prefix.as_str(), found.lease), ("vfd", LeaseMode::Session));
+    assert_eq!(found.session(Name::new("x").unwrap()).subscription_qos, Qos::AtLeastOnce);
     assert_eq!((found.heartbeat, found.keep_alive), (Duration::from_secs(60), Duration::from_secs(15)));
     assert_eq!((found.probe_interval, found.command_ttl), (Duration::from_secs(1), Duration::from_secs(1)));
     assert_eq!(found.home_assistant, None);
@@ -39,7 +43,8 @@ fn a_broker_is_all_that_must_be_named() {
 fn everything_that_is_written_is_taken() {
     let found = mqtt(&over(
         "mqtts://[fd00::7]",
-        "user = 'vfd'\npassword_file = '/run/secrets/mqtt'\nclient_id = 'gw'\nversion = 5\nprefix = 'plant/vfd'\n\
+        "also_at = ['mqtts://node-2', 'mqtts://10.0.0.3:8884']\nsubscription_qos = 0\n\
+         user = 'vfd'\npassword_file = '/run/secrets/mqtt'\nclient_id = 'gw'\nversion = 5\nprefix = 'plant/vfd'\n\
          heartbeat = '10s'\nkeep_alive = '30s'\nalive_topic = ''\nprobe_interval = '500ms'\ncommand_ttl = '2s'\n\
          response_prefix = 'scada/answers'\nkeep_telemetry = 100000\nca_file = '/etc/ca.pem'\nclient_cert_file = '/etc/gw.pem'\n\
          client_key_file = '/etc/gw.key'",
@@ -47,7 +52,9 @@ fn everything_that_is_written_is_taken() {
     let (cert_file, key_file) = (PathBuf::from("/etc/gw.pem"), PathBuf::from("/etc/gw.key"));
     let client = Some(ClientCertificate { cert_file, key_file });
     let tls = Some(TlsSettings { ca_file: Some(PathBuf::from("/etc/ca.pem")), client });
-    assert_eq!(found.broker, BrokerSettings::Tcp { host: "fd00::7".to_owned(), port: 8883, tls });
+    let also_at = vec![("node-2".to_owned(), 8883), ("10.0.0.3".to_owned(), 8884)];
+    assert_eq!(found.broker, BrokerSettings::Tcp { host: "fd00::7".to_owned(), port: 8883, also_at, tls });
+    assert_eq!(found.session(Name::new("x").unwrap()).subscription_qos, Qos::AtMostOnce);
     assert_eq!(found.broker.to_string(), "mqtts://[fd00::7]:8883");
     let password = Some(PasswordSource::File(PathBuf::from("/run/secrets/mqtt")));
     assert_eq!(found.credentials, Some(Credentials { user: "vfd".to_owned(), password }));
@@ -57,6 +64,35 @@ fn everything_that_is_written_is_taken() {
     assert_eq!((explicit.lease, explicit.alive_topic), (LeaseMode::Explicit, None));
     let from_env = mqtt(&over("mqtt://localhost", "user = 'vfd'\npassword_env = 'MQTT_PASSWORD'"));
     assert_eq!(from_env.credentials.unwrap().password, Some(PasswordSource::Env("MQTT_PASSWORD".to_owned())));
+}
+
+#[test]
+fn the_nodes_of_a_cluster_are_different_ones_and_reached_alike() {
+    let twice = "a node that is named before; leave it out";
+    let embedded = "the embedded broker is at one place; leave it out";
+    let mixed = "one node would be reached over TLS, and another without; `mqtts://` for all, or `mqtt://`";
+    for (broker, node, problem) in [
+        ("mqtts://a", "'mqtts://a:8883'", twice),
+        ("mqtts://a", "'mqtt://b'", mixed),
+        ("mqtt://a", "'mqtts://b'", mixed),
+        ("mqtt://a", "'embedded'", embedded),
+        ("embedded", "'mqtt://a'", embedded),
+    ] {
+        only(&over(broker, &format!("also_at = [{node}]")), &format!("mqtt.also_at[0]: {problem}"));
+    }
+    only(&over("mqtt://a", "also_at = ['mqtt://b', 'mqtt://b']"), &format!("mqtt.also_at[1]: {twice}"));
+    let in_plain = "a user or a password does not stand in the address; \
+                    `user`, and `password_file` or `password_env`, beside it";
+    only(&over("mqtt://a", "also_at = ['mqtt://vfd:secret@b']"), &format!("mqtt.also_at[0]: {in_plain}"));
+}
+
+#[test]
+fn a_password_is_as_secret_at_every_node() {
+    let text = over("mqtt://localhost", "also_at = ['mqtt://b']\nuser = 'vfd'");
+    let problem = "user and password would go over the network in plain view; \
+                   `mqtts://`, or `allow_plain_password = true` on a network that you trust";
+    only(&text, &format!("mqtt.broker: {problem}"));
+    good(&text.replace("user =", "allow_plain_password = true\nuser ="));
 }
 
 #[test]

@@ -43,7 +43,8 @@ impl Consumer {
                 own.map(|gateway| shape.filter(Some(gateway))).collect()
             }
         };
-        paths.into_iter().map(|path| Filter { path, wants_retained: false }).collect()
+        let filter = |path| Filter { path, qos: Qos::AtLeastOnce, wants_retained: false };
+        paths.into_iter().map(filter).collect()
     }
 
     fn subscribed(&mut self, granted: &[bool]) {

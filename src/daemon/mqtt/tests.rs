@@ -290,7 +290,7 @@ async fn a_message_above_the_limit_does_not_make_the_client_spin() {
 }
 
 fn filters(paths: &[&str]) -> Vec<Filter> {
-    paths.iter().map(|path| Filter { path: (*path).to_owned(), wants_retained: false }).collect()
+    paths.iter().map(|path| Filter { path: (*path).to_owned(), qos: Qos::AtLeastOnce, wants_retained: false }).collect()
 }
 
 #[tokio::test]

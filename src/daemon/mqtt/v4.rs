@@ -43,7 +43,7 @@ pub fn publish(client: &AsyncClient, it: Publication) -> Result<(), NotQueued> {
 
 /// Queues a subscription.
 pub fn subscribe(client: &AsyncClient, filters: Vec<Filter>) -> Result<(), NotQueued> {
-    let filters = filters.into_iter().map(|filter| SubscribeFilter::new(filter.path, QoS::AtLeastOnce));
+    let filters = filters.into_iter().map(|filter| SubscribeFilter::new(filter.path, qos(filter.qos)));
     client.try_subscribe_many(filters).map_err(|_| NotQueued)
 }
 

@@ -57,12 +57,12 @@ pub fn publish(client: &AsyncClient, it: Publication) -> Result<(), NotQueued> {
 
 /// Queues a subscription, without retained messages and with the retain flag as published.
 pub fn subscribe(client: &AsyncClient, filters: Vec<Wanted>) -> Result<(), NotQueued> {
-    let filters = filters.into_iter().map(|Wanted { path, wants_retained }| Filter {
-        path,
-        qos: QoS::AtLeastOnce,
+    let filters = filters.into_iter().map(|it: Wanted| Filter {
+        path: it.path,
+        qos: qos(it.qos),
         nolocal: false,
         preserve_retain: true,
-        retain_forward_rule: if wants_retained {
+        retain_forward_rule: if it.wants_retained {
             RetainForwardRule::OnEverySubscribe
         } else {
             RetainForwardRule::Never

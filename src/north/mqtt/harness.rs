@@ -1,7 +1,7 @@
 //! What the tests of the session share: a broker that is played by hand, and what is read from what the session does.
 
 use super::session::Session;
-use super::types::{Act, Event, LeaseMode, Message, Moment, Publication, Settings, Tree, Version};
+use super::types::{Act, Event, LeaseMode, Message, Moment, Publication, Qos, Settings, Tree, Version};
 use crate::domain::command::{CommandAnswer, CommandRequest, Direction, Order, Outcome, Reason, Report};
 use crate::domain::control::{ControlSettings, FailSafe};
 use crate::domain::ids::{AskerId, DriveIndex, Ticket};
@@ -23,6 +23,7 @@ pub(super) fn settings(version: Version) -> Settings {
         heartbeat: Duration::from_secs(60),
         lease: LeaseMode::Session,
         alive_topic: Some("home/status".into()),
+        subscription_qos: Qos::AtLeastOnce,
         probe_interval: Duration::from_secs(5),
         probe_timeout: Duration::from_secs(10),
         command_ttl: Duration::from_secs(1),

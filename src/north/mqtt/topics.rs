@@ -1,7 +1,6 @@
 //! The topics of one gateway: building them, and telling what a message's topic asks for.
 
-use super::types::Filter;
-use super::types::Settings;
+use super::types::{Filter, Qos, Settings};
 
 /// All topics of one gateway.
 #[derive(Debug)]
@@ -10,6 +9,8 @@ pub(super) struct Topics {
     /// `PREFIX/GATEWAY/`.
     base: String,
     alive: Option<String>,
+    /// At which quality of service the inputs are subscribed.
+    qos: Qos,
 }
 
 /// What a message's topic is for.
@@ -70,7 +71,12 @@ impl Input<'_> {
 impl Topics {
     pub(super) fn new(settings: &Settings) -> Self {
         let base = format!("{}/{}/", settings.prefix, settings.gateway);
-        Self { prefix: settings.prefix.clone(), base, alive: settings.alive_topic.clone() }
+        Self {
+            prefix: settings.prefix.clone(),
+            base,
+            alive: settings.alive_topic.clone(),
+            qos: settings.subscription_qos,
+        }
     }
 
     /// What is subscribed: inputs only, so that no publication of ours comes back.
@@ -88,10 +94,15 @@ impl Topics {
         ];
         let orders = ["", "by/+/"].into_iter().flat_map(|by| ORDERS.map(|rest| format!("{by}drive/+/{rest}")));
         let others = ["all/run/set", "drive/+/param/+/get", "probe"].map(str::to_owned);
-        let inputs = orders.chain(others).map(|rest| Filter { path: self.gateway(&rest), wants_retained: false });
+        let inputs = orders.chain(others).map(|rest| self.filter(self.gateway(&rest), false));
         // What the alive topic said while we were away holds.
-        let alive = self.alive.clone().map(|path| Filter { path, wants_retained: true });
+        let alive = self.alive.clone().map(|path| self.filter(path, true));
         inputs.chain(alive).collect()
+    }
+
+    /// The subscription of `path`.
+    pub(super) const fn filter(&self, path: String, wants_retained: bool) -> Filter {
+        Filter { path, qos: self.qos, wants_retained }
     }
 
     /// A topic of the gateway as a whole.

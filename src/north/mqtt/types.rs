@@ -22,6 +22,8 @@ pub struct Settings {
     pub version: Version,
     /// A value that does not change is published again after this time.
     pub heartbeat: Duration,
+    /// At which quality of service the inputs are subscribed.
+    pub subscription_qos: Qos,
     /// What keeps a lease of the MQTT side alive.
     pub lease: LeaseMode,
     /// A topic whose payload `offline` says that the commanders behind the broker are gone; nothing: none.
@@ -188,6 +190,8 @@ pub enum Act {
 pub struct Filter {
     /// The topic, with or without wildcards.
     pub path: String,
+    /// The best quality of service at which the broker shall send what it has.
+    pub qos: Qos,
     /// Whether the broker shall send what it has retained (MQTT 5; with 3.1.1 it always does). A retained command is a
     /// replay, but a retained state is what holds.
     pub wants_retained: bool,

@@ -2,7 +2,7 @@
 
 use super::types::Settings;
 use crate::domain::ids::Name;
-use crate::north::mqtt::Filter;
+use crate::north::mqtt::{Filter, Qos};
 
 /// The namespace of Sparkplug B, the same in all versions.
 const NAMESPACE: &str = "spBv1.0";
@@ -95,8 +95,10 @@ impl Topics {
 
     /// What is subscribed. A retained state is what holds; a retained command is a replay.
     pub(super) fn filters(&self) -> Vec<Filter> {
-        let live = |path: String| Filter { path, wants_retained: false };
-        let state = self.state.clone().map(|path| Filter { path, wants_retained: true });
+        // The specification asks for quality of service 1 (tck-id-message-flow-edge-node-ncmd-subscribe).
+        let filter = |path, wants_retained| Filter { path, qos: Qos::AtLeastOnce, wants_retained };
+        let live = |path| filter(path, false);
+        let state = self.state.clone().map(|path| filter(path, true));
         let commands = [self.node_command.clone(), format!("{}+", self.device_commands), self.probe.clone()];
         commands.into_iter().map(live).chain(state).collect()
     }

@@ -205,7 +205,7 @@ impl Discovery {
 impl Plant<'_> {
     /// What is subscribed. Not being granted one of them is no failure.
     pub(super) fn subscriptions(&self) -> Vec<Filter> {
-        self.filters().into_iter().map(|path| Filter { path, wants_retained: true }).collect()
+        self.filters().into_iter().map(|path| self.topics.filter(path, true)).collect()
     }
 }
 

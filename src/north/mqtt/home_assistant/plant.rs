@@ -18,7 +18,7 @@ pub(in crate::north::mqtt) struct Plant<'a> {
     settings: &'a HomeAssistant,
     /// Where the commanders say that they are there.
     alive: Option<&'a str>,
-    topics: &'a Topics,
+    pub(super) topics: &'a Topics,
     gateway: &'a Name,
     lines: &'a [Name],
     drives: &'a [DriveDescription],
