@@ -110,23 +110,34 @@ fn of_what_modbus_clients_sent_while_the_gateway_stood_still_only_stops_are_carr
     let mut known = Raw::connect(plant.modbus);
     plant.run_over_modbus(&mut known);
     let seen = plant.written().len();
+    // The system lets a newcomer connect meanwhile.
+    let faster =
+        while_it_stands_still(&plant, [&mut || known.write(UNIFORM, 257, 4400), &mut || newcomer(&plant, 257, 4500)]);
+    assert_eq!(faster, [Err(0x0B); 2], "{}", plant.gateway.text());
+    let stop = while_it_stands_still(&plant, [&mut || newcomer(&plant, 256, 0)]);
+    assert_eq!(stop, [Ok(())], "{}", plant.gateway.text());
+    plant.wait_until_it_stands();
+    assert_only_stops(&plant, seen);
+    until("a setpoint is taken behind the stop", PATIENCE, || known.write(UNIFORM, 257, 4000).ok());
+}
+
+fn newcomer(plant: &Plant, register: u16, word: u16) -> Result<(), u8> {
+    Raw::connect(plant.modbus).write(UNIFORM, register, word)
+}
+
+/// What becomes of `asks` that begin while the gateway is stopped.
+fn while_it_stands_still<const N: usize>(
+    plant: &Plant,
+    asks: [&mut (dyn FnMut() -> Result<(), u8> + Send); N],
+) -> [Result<(), u8>; N] {
     plant.gateway.signal("STOP");
-    // The system lets the second one connect.
-    let [faster, newcomer, stop] = std::thread::scope(|scope| {
-        let faster = scope.spawn(|| known.write(UNIFORM, 257, 4400));
-        let newcomer = scope.spawn(|| Raw::connect(plant.modbus).write(UNIFORM, 257, 4500));
-        let stop = scope.spawn(|| Raw::connect(plant.modbus).write(UNIFORM, 256, 0));
+    std::thread::scope(|scope| {
+        let asked = asks.map(|ask| scope.spawn(ask));
         // Longer than a busy machine lets anybody wait.
         std::thread::sleep(Duration::from_secs(2));
         plant.gateway.signal("CONT");
-        [faster, newcomer, stop].map(|asked| asked.join().unwrap())
-    });
-    assert_eq!([faster, newcomer, stop], [Err(0x0B), Err(0x0B), Ok(())], "{}", plant.gateway.text());
-    plant.wait_until_it_stands();
-    assert_only_stops(&plant, seen);
-    // Whoever was told so is heard.
-    assert_eq!(known.write(UNIFORM, 256, 0), Ok(()));
-    until("a setpoint is taken behind the stop", PATIENCE, || known.write(UNIFORM, 257, 4000).ok());
+        asked.map(|asked| asked.join().unwrap())
+    })
 }
 
 #[test]
