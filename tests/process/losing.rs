@@ -112,9 +112,9 @@ fn of_what_modbus_clients_sent_while_the_gateway_stood_still_only_stops_are_carr
     let seen = plant.written().len();
     // The system lets a newcomer connect meanwhile.
     let faster =
-        while_it_stands_still(&plant, [&mut || known.write(UNIFORM, 257, 4400), &mut || newcomer(&plant, 257, 4500)]);
+        plant.while_it_stands_still([&mut || known.write(UNIFORM, 257, 4400), &mut || newcomer(&plant, 257, 4500)]);
     assert_eq!(faster, [Err(0x0B); 2], "{}", plant.gateway.text());
-    let stop = while_it_stands_still(&plant, [&mut || newcomer(&plant, 256, 0)]);
+    let stop = plant.while_it_stands_still([&mut || newcomer(&plant, 256, 0)]);
     assert_eq!(stop, [Ok(())], "{}", plant.gateway.text());
     plant.wait_until_it_stands();
     assert_only_stops(&plant, seen);
@@ -123,21 +123,6 @@ fn of_what_modbus_clients_sent_while_the_gateway_stood_still_only_stops_are_carr
 
 fn newcomer(plant: &Plant, register: u16, word: u16) -> Result<(), u8> {
     Raw::connect(plant.modbus).write(UNIFORM, register, word)
-}
-
-/// What becomes of `asks` that begin while the gateway is stopped.
-fn while_it_stands_still<const N: usize>(
-    plant: &Plant,
-    asks: [&mut (dyn FnMut() -> Result<(), u8> + Send); N],
-) -> [Result<(), u8>; N] {
-    plant.gateway.signal("STOP");
-    std::thread::scope(|scope| {
-        let asked = asks.map(|ask| scope.spawn(ask));
-        // Longer than a busy machine lets anybody wait.
-        std::thread::sleep(Duration::from_secs(2));
-        plant.gateway.signal("CONT");
-        asked.map(|asked| asked.join().unwrap())
-    })
 }
 
 #[test]

@@ -71,6 +71,20 @@ fn has_row(rows: &[Value], words: &[&str]) -> bool {
 }
 
 #[test]
+fn of_what_the_page_sent_while_the_gateway_stood_still_only_a_stop_is_carried_out() {
+    let plant = plant_with("", "60s");
+    let anna = signed_in(&plant, "anna");
+    start(&plant, &anna);
+    let seen = plant.written().len();
+    let [faster] = plant.while_it_stands_still([&mut || anna.command(&json!({ "frequency_hz": 44 })).json()]);
+    assert_eq!((&faster["outcome"], &faster["reason"]), (&json!("refused"), &json!("stale")), "{faster}");
+    let [stop] = plant.while_it_stands_still([&mut || anna.command(&json!({ "run": "stop" })).json()]);
+    assert_ne!(stop["outcome"], "refused", "{stop}");
+    plant.wait_until_it_stands();
+    assert!(plant.written()[seen..].iter().all(|it| *it == (RUN, 0)), "{:?}", &plant.written()[seen..]);
+}
+
+#[test]
 fn without_users_the_page_commands_nothing() {
     let plant = Plant::new();
     let mut browser = Browser::new(plant.http);
