@@ -120,7 +120,7 @@ fn other_nodes(file: &MqttFile, problems: &mut Vec<Problem>) {
         } else if earlier.any(|earlier| earlier.value == node.value) {
             ("a node that is named before", "leave it out")
         } else if broker.value.is_tls() != node.value.is_tls() {
-            ("one node would be reached over TLS, and another without", "`mqtts://` for all, or `mqtt://`")
+            ("the nodes of a broker are either all at mqtts:// or all at mqtt://", "as in `broker`")
         } else {
             continue;
         };

@@ -69,14 +69,17 @@ pub struct LocalSide {
     stalls: Arc<Stalls>,
 }
 
-/// Why a request has no answer.
+/// Why nothing is asked of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Missing {
-    /// The line takes nothing more.
+    /// It takes nothing more.
     Full,
-    /// It did not answer in time, or there is no such line.
-    Silent,
+    /// There is no such line.
+    Line,
 }
+
+/// What becomes of an order to which nobody answers.
+const NOT_ANSWERED: Report = Report::new(Outcome::Unknown, Reason::NoReply);
 
 impl LocalSide {
     /// A side on which nobody waits.
@@ -158,11 +161,13 @@ impl LocalSide {
             let Who { asker, origin } = Who::TOOL;
             Message::Native(NativeRequest { asker, ticket, drive: place.drive, origin, ask, deadline })
         };
-        let asked = self.put(place, deadline.since(clock::now()) + LATE, request);
-        let outcome = match asked.answer().await {
-            Ok(News::Native(answer)) => answer.outcome,
+        let outcome = match self.put(place, deadline.since(clock::now()) + LATE, request) {
+            Ok(asked) => match asked.answer().await {
+                Some(News::Native(answer)) => answer.outcome,
+                _ => NativeOutcome::NoReply,
+            },
             Err(Missing::Full) => NativeOutcome::Refused(Refusal::QueueFull),
-            Ok(_) | Err(Missing::Silent) => NativeOutcome::NoReply,
+            Err(Missing::Line) => NativeOutcome::NoReply,
         };
         match &outcome {
             NativeOutcome::Words(words) => words.first().copied().ok_or_else(|| outcome.read_failure()),
@@ -179,15 +184,16 @@ impl LocalSide {
     pub fn order(&self, who: Who, place: DriveRef, order: Order) -> Ordered<'_> {
         let now = clock::now();
         let tried = (!order.is_no_attempt()).then(|| Tried::Order(order.clone()));
-        let keep_refused = |reason| {
+        let refused = |reason| {
+            let report = Report::refused(reason);
             if let Some(tried) = tried {
-                self.keep(who, Some(place), tried, Report::refused(reason));
+                self.keep(who, Some(place), tried, report);
             }
+            Ordered(Err(report))
         };
         // Nobody knows when the sockets were read empty last.
         if !order.is_stop() && self.stalls.may_have_waited(now, MonoTime::ZERO) {
-            keep_refused(Reason::Stale);
-            return Ordered(Err(Reason::Stale));
+            return refused(Reason::Stale);
         }
         let start_before = now + COMMAND_DEADLINE;
         let request = |ticket| {
@@ -195,24 +201,28 @@ impl LocalSide {
             let (issued, epoch) = (None, None);
             Message::Command(CommandRequest { asker, ticket, drive, origin, order, start_before, issued, epoch })
         };
-        let asked = self.put(place, COMMAND_WITHIN, request);
-        if let Err(Missing::Full) = asked.answer {
-            keep_refused(Reason::QueueFull);
+        match self.put(place, COMMAND_WITHIN, request) {
+            Ok(asked) => Ordered(Ok(asked)),
+            Err(Missing::Full) => refused(Reason::QueueFull),
+            Err(Missing::Line) => Ordered(Err(NOT_ANSWERED)),
         }
-        Ordered(Ok(asked))
     }
 
     /// Hands a message to the line of `place`; its answer may come `within`.
-    fn put(&self, place: DriveRef, within: Duration, message: impl FnOnce(Ticket) -> Message) -> Asked<'_> {
+    fn put(
+        &self,
+        place: DriveRef,
+        within: Duration,
+        message: impl FnOnce(Ticket) -> Message,
+    ) -> Result<Asked<'_>, Missing> {
         let ticket = Ticket(self.last.fetch_add(1, Ordering::Relaxed));
         let (give, answer) = oneshot::channel();
         self.lock().insert(ticket, give);
         let (waits, until) = (Waits { side: self, ticket }, Instant::now() + within);
-        let put = match self.shared().inbox(place) {
-            None => Err(Missing::Silent),
-            Some(inbox) => inbox.put(message(ticket)).map_err(|Full| Missing::Full),
-        };
-        Asked { answer: put.map(|()| answer), until, _waits: waits }
+        let shared = self.shared();
+        let inbox = shared.inbox(place).ok_or(Missing::Line)?;
+        inbox.put(message(ticket)).map_err(|Full| Missing::Full)?;
+        Ok(Asked { answer, until, _waits: waits })
     }
 
     fn lock(&self) -> MutexGuard<'_, HashMap<Ticket, oneshot::Sender<News>>> {
@@ -223,35 +233,31 @@ impl LocalSide {
 /// Something that was handed to a line.
 #[derive(Debug)]
 struct Asked<'a> {
-    answer: Result<oneshot::Receiver<News>, Missing>,
+    answer: oneshot::Receiver<News>,
     until: Instant,
     _waits: Waits<'a>,
 }
 
 impl Asked<'_> {
-    async fn answer(self) -> Result<News, Missing> {
-        match timeout_at(self.until, self.answer?).await {
-            Ok(Ok(news)) => Ok(news),
-            Ok(Err(_)) | Err(_) => Err(Missing::Silent),
-        }
+    /// The answer; nothing: it did not come in time.
+    async fn answer(self) -> Option<News> {
+        timeout_at(self.until, self.answer).await.ok()?.ok()
     }
 }
 
-/// An order that was given, or why it was not.
+/// An order that was given, or what became of it at once.
 #[derive(Debug)]
-pub struct Ordered<'a>(Result<Asked<'a>, Reason>);
+pub struct Ordered<'a>(Result<Asked<'a>, Report>);
 
 impl Ordered<'_> {
     /// Waits for what becomes of it.
     pub async fn end(self) -> Report {
-        let asked = match self.0 {
-            Ok(asked) => asked,
-            Err(reason) => return Report::refused(reason),
-        };
-        match asked.answer().await {
-            Ok(News::Command(answer)) => answer.report,
-            Err(Missing::Full) => Report::refused(Reason::QueueFull),
-            Ok(_) | Err(Missing::Silent) => Report::new(Outcome::Unknown, Reason::NoReply),
+        match self.0 {
+            Err(report) => report,
+            Ok(asked) => match asked.answer().await {
+                Some(News::Command(answer)) => answer.report,
+                _ => NOT_ANSWERED,
+            },
         }
     }
 }
@@ -342,7 +348,7 @@ mod tests {
     fn behind_a_stall_only_stops_are_orders() {
         let side = Arc::try_unwrap(side()).unwrap().with_stalls(Arc::new(Stalls::just_ended()));
         let who = Who::signed_in(CommanderName::new("anna").unwrap());
-        let stale = |order| assert_eq!(side.order(who, PLACE, order).0.err(), Some(Reason::Stale));
+        let stale = |order| assert_eq!(side.order(who, PLACE, order).0.err(), Some(Report::refused(Reason::Stale)));
         stale(Order::Go(Go::new(Vec::new(), None, Some(Direction::Forward)).unwrap()));
         stale(Order::Renew);
         for stop in [Order::Stop { setpoint: None }, Order::Coast] {

@@ -244,11 +244,7 @@ impl Client {
                     Ok(0) => Err(io::ErrorKind::UnexpectedEof.into()),
                     read => read.and_then(|read| {
                         has_more = read == READ_BYTES;
-                        let taken = self.take(&buffer[..read]);
-                        if !has_more {
-                            self.emptied.set(clock::now());
-                        }
-                        taken
+                        self.take(&buffer[..read])
                     }),
                 },
                 ready = self.stream.writable(), if has_output => ready.and_then(|()| self.flush()),
@@ -283,8 +279,12 @@ impl Client {
         if self.dismissed.get().is_some() {
             return Ok(());
         }
-        let has_waited = self.stalls.may_have_waited(clock::now(), self.emptied.get());
-        let opened = self.stream.open(bytes, |plain| self.serve_bytes(plain, has_waited));
+        let now = clock::now();
+        let has_waited = self.stalls.may_have_waited(now, self.emptied.get());
+        if (1..READ_BYTES).contains(&bytes.len()) {
+            self.emptied.set(now);
+        }
+        let opened = self.stream.open(bytes, |plain| self.serve_bytes(now, plain, has_waited));
         self.keep();
         opened.and_then(|()| self.flush())
     }

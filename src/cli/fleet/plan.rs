@@ -21,17 +21,17 @@ const RATES: std::ops::RangeInclusive<f64> = 1.0 / 3600.0..=1000.0;
 pub fn plan(args: &SimulateArgs, specimen: &Specimen) -> Result<Plan, Failure> {
     let shape = shape(args)?;
     let credentials = args.credentials.as_deref().map(Credentials::read).transpose()?;
-    let brokers = places(args, specimen, &args.brokers)?;
+    let broker = way(args, specimen, &args.brokers)?;
     let elsewhere =
-        if args.consumer_brokers.is_empty() { None } else { Some(places(args, specimen, &args.consumer_brokers)?) };
-    let consumer_brokers = elsewhere.as_ref().unwrap_or(&brokers);
+        if args.consumer_brokers.is_empty() { None } else { Some(way(args, specimen, &args.consumer_brokers)?) };
+    let consumer_broker = elsewhere.as_ref().unwrap_or(&broker);
     let gateways = (0..shape.gateways).map(|number| {
         let name = Shape::gateway_name(number);
-        as_user(connection(&brokers, number), format!("vfd-gateway-{name}"), &name, credentials.as_ref())
+        as_user(in_turn(&broker, number), format!("vfd-gateway-{name}"), &name, credentials.as_ref())
     });
     let keeps = if args.qos == 1 { Keeps::Session } else { Keeps::Nothing };
     let consumers = (0..args.consumers as usize).map(|number| {
-        let settings = ConnectionSettings { keeps, ..connection(consumer_brokers, number) };
+        let settings = ConnectionSettings { keeps, ..in_turn(consumer_broker, number) };
         as_user(settings, format!("vfd-fleet-consumer-{}", number + 1), &args.consumer_user, credentials.as_ref())
     });
     Ok(Plan {
@@ -76,32 +76,11 @@ fn shape(args: &SimulateArgs) -> Result<Shape, Failure> {
     })
 }
 
-/// The places of a broker, each by its URL; at least one.
-struct Places {
-    first: ConnectionSettings,
-    all: Vec<ConnectionSettings>,
-}
-
-fn places(args: &SimulateArgs, specimen: &Specimen, urls: &[String]) -> Result<Places, Failure> {
-    let all = urls.iter().map(|url| place(args, specimen, url)).collect::<Result<Vec<_>, _>>()?;
-    let first = all.first().cloned().ok_or_else(|| Failure::wrong("no broker is named"))?;
-    if all.iter().any(|place| place.tls.is_some() != first.tls.is_some()) {
-        return Err(Failure::wrong("the nodes of a broker are either all at mqtts:// or all at mqtt://"));
-    }
-    Ok(Places { first, all })
-}
-
-/// The way to a broker, beginning at the place whose turn `number` is.
-fn connection(broker: &Places, number: usize) -> ConnectionSettings {
-    let turn = number % broker.all.len().max(1);
-    let mut places = broker.all.iter().cycle().skip(turn).take(broker.all.len());
-    let first = places.next().unwrap_or(&broker.first).clone();
-    ConnectionSettings { also_at: places.map(|it| (it.host.clone(), it.port)).collect(), ..first }
-}
-
-/// One place of a broker, by the rules of a configuration.
-fn place(args: &SimulateArgs, specimen: &Specimen, url: &str) -> Result<ConnectionSettings, Failure> {
+/// The way to the nodes of a broker, at one of which each begins, by the rules of a configuration.
+fn way(args: &SimulateArgs, specimen: &Specimen, urls: &[String]) -> Result<ConnectionSettings, Failure> {
+    let [url, others @ ..] = urls else { return Err(Failure::wrong("no broker is named")) };
     let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
+    let others: Vec<_> = others.iter().map(|url| quoted(url)).collect();
     // Files of a configuration are named from the root; on the command line they are named from where one is.
     let ca = args.ca.as_ref().filter(|_| url.starts_with("mqtts:")).map(std::path::absolute).transpose();
     let ca = ca.map_err(|error| Failure::wrong(format!("--ca: {error}")))?;
@@ -109,8 +88,9 @@ fn place(args: &SimulateArgs, specimen: &Specimen, url: &str) -> Result<Connecti
     let user = args.credentials.as_ref().map(|_| "user = \"fleet\"\n");
     let plain = args.allow_plain_password.then_some("allow_plain_password = true\n");
     let text = format!(
-        "[mqtt]\nbroker = {}\nversion = {}\nprefix = {}\n{}{}{}{}",
+        "[mqtt]\nbroker = {}\nalso_at = [{}]\nversion = {}\nprefix = {}\n{}{}{}{}",
         quoted(url),
+        others.join(", "),
         args.mqtt_version,
         quoted(&args.prefix),
         ca.unwrap_or_default(),
@@ -123,6 +103,11 @@ fn place(args: &SimulateArgs, specimen: &Specimen, url: &str) -> Result<Connecti
     let mqtt = mqtt.ok_or_else(|| Failure::wrong("--broker: the embedded broker serves no fleet"))?;
     let (connection, _) = build::broker(&mqtt, &Name::fallback(), None, None).map_err(Failure::wrong)?.mqtt;
     Ok(connection)
+}
+
+/// The same way, beginning at the node whose turn `number` is.
+fn in_turn(way: &ConnectionSettings, number: usize) -> ConnectionSettings {
+    (0..number % (1 + way.also_at.len())).fold(way.clone(), |way, _| way.at_next_place())
 }
 
 fn as_user(

@@ -70,7 +70,7 @@ fn everything_that_is_written_is_taken() {
 fn the_nodes_of_a_cluster_are_different_ones_and_reached_alike() {
     let twice = "a node that is named before; leave it out";
     let embedded = "the embedded broker is at one place; leave it out";
-    let mixed = "one node would be reached over TLS, and another without; `mqtts://` for all, or `mqtt://`";
+    let mixed = "the nodes of a broker are either all at mqtts:// or all at mqtt://; as in `broker`";
     for (broker, node, problem) in [
         ("mqtts://a", "'mqtts://a:8883'", twice),
         ("mqtts://a", "'mqtt://b'", mixed),

@@ -1,7 +1,6 @@
 //! The calls of one client: answered from pictures at once, or given to lines and answered when those have answered.
 
 use super::super::answers::News;
-use super::super::clock;
 use super::super::inbox::{Full, Inbox, Message};
 use super::super::router::{Drive, Target};
 use super::Client;
@@ -23,8 +22,7 @@ const RENEW_EVERY: Duration = Duration::from_millis(100);
 impl Client {
     /// Takes what the client has sent. Each request is answered, if that can be done at once, before the next one is taken:
     /// only those that wait for a line count as in flight. Of what `has_waited` through a stall only stops are orders.
-    pub(super) fn serve_bytes(&self, mut bytes: &[u8], has_waited: bool) {
-        let now = clock::now();
+    pub(super) fn serve_bytes(&self, now: MonoTime, mut bytes: &[u8], has_waited: bool) {
         let mut words = Words::default();
         let mut machine = self.machine.borrow_mut();
         let router = self.router();
@@ -32,22 +30,21 @@ impl Client {
             let (piece, rest) = bytes.split_at(machine.next_piece(bytes));
             machine.receive(now, piece, &|unit, ask| router.is_stop(unit, ask));
             while let Some(call) = machine.next_call() {
-                if has_waited && call.ask.writes() && !router.is_stop(call.unit, &call.ask) {
-                    machine.refuse(now, &call, tried_of(&call), Report::refused(Reason::Stale));
-                } else {
-                    self.serve_call(now, &mut machine, call, &mut words, !has_waited);
-                }
+                self.serve_call(now, &mut machine, call, &mut words, has_waited);
             }
             bytes = rest;
         }
     }
 
-    /// Answers a call at once, or hands it on. Only one that `is_fresh` shows that its client is there.
-    fn serve_call(&self, now: MonoTime, machine: &mut Connection, call: Call, words: &mut Words, is_fresh: bool) {
+    /// Answers a call at once, or hands it on. One that `has_waited` does not show that its client is there.
+    fn serve_call(&self, now: MonoTime, machine: &mut Connection, call: Call, words: &mut Words, has_waited: bool) {
+        let router = self.router();
+        if has_waited && call.ask.writes() && !router.is_stop(call.unit, &call.ask) {
+            return machine.refuse(now, &call, tried_of(&call), Report::refused(Reason::Stale));
+        }
         if !self.may_ask.get() {
             return machine.refuse(now, &call, tried_of(&call), Report::refused(Reason::NotAllowed));
         }
-        let router = self.router();
         match router.find(call.unit) {
             Some(Target::Native(inbox, drive)) => {
                 if let Err((tried, reason)) = self.ask_drive(inbox, drive, &call) {
@@ -57,7 +54,7 @@ impl Client {
             Some(Target::Uniform(drive)) => {
                 let taken = drive.unit.take(&call.ask, &drive.shared.view.load(), &self.present(now), words);
                 let is_read = !call.ask.writes() && !matches!(taken, Taken::Exception(_) | Taken::Refused(_));
-                if self.reads_renew.get() && is_read && is_fresh {
+                if self.reads_renew.get() && is_read && !has_waited {
                     self.renew(now, machine, drive);
                 }
                 self.settle(now, machine, &call, taken, words, Some(drive));
