@@ -2,6 +2,8 @@
 
 mod drive;
 
+use super::input::Findings;
+use super::log::complain;
 use super::{Failure, input, print};
 use crate::config::words::LEASES;
 use crate::config::{
@@ -10,10 +12,12 @@ use crate::config::{
 };
 use crate::domain::command::Rights;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
+use crate::domain::problem::Problem;
 use crate::domain::report::StopBounds;
 use crate::line::budget::ASSUMED_TURNAROUND;
 use crate::profile::words::{INTERFACES, word_for};
 use ipnet::IpNet;
+use serde_json::{Value, json};
 use std::fmt::{Display, Write};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -24,12 +28,49 @@ pub struct Args {
     /// The configuration file
     #[arg(short, long, value_name = "FILE")]
     config: PathBuf,
+    /// Print problems and warnings as JSON, and nothing else
+    #[arg(long)]
+    json: bool,
 }
 
-/// Checks the configuration and prints what it means.
+/// Checks the configuration and prints what it means, behind warnings about what of it has no effect.
 pub fn check(args: &Args) -> Result<(), Failure> {
-    let config = input::configuration(&args.config)?;
+    let (loaded, text) = input::looked_through(&args.config)?;
+    let of_this = |problems| Findings { path: args.config.clone(), text, problems };
+    let (config, found) = match loaded {
+        Ok(config) => {
+            let warnings = config.warnings.clone();
+            (Ok(config), vec![of_this(warnings)])
+        }
+        Err(found) => (Err(Failure::wrong(input::drawn(&found))), found),
+    };
+    if args.json {
+        print(&format!("{}\n", findings_json(&found, config.is_ok())))?;
+        return config.map(drop).map_err(|_| Failure::wrong("the configuration cannot be used"));
+    }
+    let config = config?;
+    if !config.warnings.is_empty() {
+        complain(format!("{}\n\n", input::drawn(&found)).as_bytes());
+    }
     print(&report(&config))
+}
+
+/// What was found, for programs.
+fn findings_json(found: &[Findings], is_usable: bool) -> Value {
+    let problem = |of: &Findings, problem: &Problem| {
+        let (line, column) = problem.place_in(&of.text);
+        json!({
+            "severity": if problem.is_warning { "warning" } else { "error" },
+            "file": of.path.display().to_string(),
+            "line": line,
+            "column": column,
+            "key": problem.key,
+            "what": problem.what,
+            "right": problem.right,
+        })
+    };
+    let problems = found.iter().flat_map(|of| of.problems.iter().map(move |it| problem(of, it)));
+    json!({ "usable": is_usable, "problems": problems.collect::<Vec<_>>() })
 }
 
 /// What a sound configuration means, line by line.

@@ -48,21 +48,38 @@ pub fn own_models(dirs: &ModelDirs) -> Result<OwnModels, Failure> {
 /// # Errors
 /// All problems of all files of `own`, drawn.
 pub fn joined(own: &OwnModels) -> Result<Catalog, Failure> {
-    join(catalog()?, own).map_err(|drawn| Failure::wrong(drawn.join("\n\n")))
+    join(catalog()?, own).map_err(|found| Failure::wrong(drawn(&found)))
 }
 
-/// `catalog` with the models of `own`, or the problems of each file, drawn.
-fn join(catalog: Catalog, own: &OwnModels) -> Result<Catalog, Vec<String>> {
+/// `catalog` with the models of `own`, or the problems of each file.
+fn join(catalog: Catalog, own: &OwnModels) -> Result<Catalog, Vec<Findings>> {
     let texts = own.files().map(|(path, text)| (path.display().to_string(), text));
     catalog.with_texts(texts).map_err(|problems| {
-        let drawn = own.files().map(|(path, text)| {
+        let found = own.files().map(|(path, text)| {
             let name = path.display().to_string();
             let of_file = problems.iter().filter(|(file, _)| *file == name).map(|(_, problem)| problem.clone());
-            (path, text, of_file.collect::<Vec<_>>())
+            Findings { path: path.to_owned(), text: text.to_owned(), problems: of_file.collect() }
         });
-        let drawn = drawn.filter(|(.., problems)| !problems.is_empty());
-        drawn.map(|(path, text, problems)| draw(path, text, &problems)).collect()
+        found.filter(|found| !found.problems.is_empty()).collect()
     })
+}
+
+/// What was found in one file.
+#[derive(Clone, Debug)]
+pub struct Findings {
+    /// The file.
+    pub path: PathBuf,
+    /// What stands in it.
+    pub text: String,
+    /// Its problems, in the order of the text.
+    pub problems: Vec<Problem>,
+}
+
+/// Each file with its problems, drawn.
+#[must_use]
+pub fn drawn(found: &[Findings]) -> String {
+    let drawn: Vec<_> = found.iter().map(|it| draw(&it.path, &it.text, &it.problems)).collect();
+    drawn.join("\n\n")
 }
 
 /// The model called `id`, a built-in one or one in `dirs`.
@@ -90,26 +107,41 @@ pub fn read(path: &Path) -> Result<String, Failure> {
 /// # Errors
 /// All its problems and those of the model files, drawn.
 pub fn configuration(path: &Path) -> Result<Config, Failure> {
+    let loaded = looked_through(path)?.0;
+    loaded.map_err(|found| Failure::wrong(drawn(&found)))
+}
+
+/// Reads a configuration as [`configuration`] does: what it says, or all its problems and those of the model files. Its text
+/// comes with it.
+///
+/// # Errors
+/// It cannot be read.
+pub fn looked_through(path: &Path) -> Result<(Result<Config, Vec<Findings>>, String), Failure> {
     let text = read(path)?;
     let built_in = catalog()?;
     let (own, mut problems) = own_models_of(&config::model_dirs(&text));
-    let (catalog, mut drawn) = match join(built_in.clone(), &own) {
+    let of_this = |problems| Findings { path: path.to_owned(), text: text.clone(), problems };
+    let (catalog, mut found) = match join(built_in.clone(), &own) {
         Ok(catalog) if problems.is_empty() => {
-            return config::load(&text, &catalog).map_err(|problems| Failure::wrong(draw(path, &text, &problems)));
+            let loaded = config::load(&text, &catalog).map_err(|problems| vec![of_this(problems)]);
+            return Ok((loaded, text));
         }
         Ok(catalog) => (catalog, Vec::new()),
-        Err(drawn) => (built_in, drawn),
+        Err(found) => (built_in, found),
     };
     problems.extend(config::problems_without_some_models(&text, &catalog));
     problems.sort_by_key(|problem| problem.span.start);
-    drawn.extend((!problems.is_empty()).then(|| draw(path, &text, &problems)));
-    Err(Failure::wrong(drawn.join("\n\n")))
+    found.extend((!problems.is_empty()).then(|| of_this(problems)));
+    Ok((Err(found), text))
 }
 
-/// The model files in `dirs`, and what of them cannot be read, at the place where the directory stands.
+/// The model files in `dirs`, each once, and what of them cannot be read, at the place where the directory stands.
 fn own_models_of(dirs: &[Written<PathBuf>]) -> (OwnModels, Vec<Problem>) {
     let (mut own, mut problems) = (OwnModels::default(), Vec::new());
-    for Written { value: dir, place } in dirs {
+    for (at, Written { value: dir, place }) in dirs.iter().enumerate() {
+        if dirs.iter().take(at).any(|earlier| earlier.value == *dir) {
+            continue;
+        }
         let unread = own.read_dir(dir);
         problems.extend(unread.into_iter().map(|it| place.problem(it.what).right(it.right)));
     }
@@ -124,8 +156,11 @@ pub fn draw(path: &Path, text: &str, problems: &[Problem]) -> String {
     let renderer = if std::io::stderr().is_terminal() { Renderer::styled() } else { Renderer::plain() };
     let mut drawn: Vec<String> =
         problems.iter().map(|problem| renderer.render(&[group(&file, text, problem)])).collect();
-    let count = problems.len();
-    drawn.push(format!("{file}: {count} problem{}", if count == 1 { "" } else { "s" }));
+    let warnings = problems.iter().filter(|problem| problem.is_warning).count();
+    let counts = [(problems.len() - warnings, "problem"), (warnings, "warning")];
+    let counts = counts.into_iter().filter(|(count, _)| *count > 0);
+    let counts = counts.map(|(count, what)| format!("{count} {what}{}", if count == 1 { "" } else { "s" }));
+    drawn.push(format!("{file}: {}", counts.collect::<Vec<_>>().join(", ")));
     drawn.join("\n\n")
 }
 
@@ -151,7 +186,8 @@ fn without_secrets(text: &str) -> String {
 fn group<'a>(file: &'a str, text: &'a str, problem: &'a Problem) -> Group<'a> {
     let annotation = AnnotationKind::Primary.span(problem.span.clone()).label(problem.key.as_str());
     let place = Snippet::source(text).path(file).annotation(annotation);
-    let group = Level::ERROR.primary_title(problem.what.as_str()).element(place);
+    let level = if problem.is_warning { Level::WARNING } else { Level::ERROR };
+    let group = level.primary_title(problem.what.as_str()).element(place);
     match &problem.right {
         Some(right) => group.element(Level::HELP.message(right.as_str())),
         None => group,
@@ -185,7 +221,9 @@ mod tests {
                 let path = entry.unwrap().path();
                 let Ok(text) = read(&path) else { continue };
                 let problems = problems_of(folder, &text);
-                assert!(draw(&path, &text, &problems).contains(&format!("{} problem", problems.len())));
+                let errors = problems.iter().filter(|problem| !problem.is_warning).count();
+                let drawn_problems = draw(&path, &text, &problems);
+                assert!(errors == 0 || drawn_problems.contains(&format!("{errors} problem")), "{drawn_problems}");
                 drawn += problems.len();
             }
         }

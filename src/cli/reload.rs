@@ -41,14 +41,18 @@ pub fn reload(args: &Args) -> Result<(), Failure> {
 }
 
 fn told(answer: &Value) -> String {
-    let changes = answer["changes"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let all = |key: &str| answer[key].as_array().map(Vec::as_slice).unwrap_or_default();
+    let of = |value: &Value, key: &str| value[key].as_str().unwrap_or_default().to_owned();
+    let warning = |it: &Value| format!("warning: {}: {}; {}\n", of(it, "key"), of(it, "what"), of(it, "right"));
+    let warnings: String = all("warnings").iter().map(warning).collect();
+    let changes = all("changes");
     if changes.is_empty() {
-        return "reloaded; nothing is different\n".to_owned();
+        return format!("{warnings}reloaded; nothing is different\n");
     }
     let line = |change: &Value| {
-        let text = |key: &str| change[key].as_str().unwrap_or_default().to_owned();
+        let text = |key: &str| of(change, key);
         let name = change["name"].as_str().map(|name| format!(" {name}")).unwrap_or_default();
         format!("{}{name}: {}\n", text("part"), text("change"))
     };
-    changes.iter().map(line).collect()
+    warnings + &changes.iter().map(line).collect::<String>()
 }

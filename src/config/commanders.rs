@@ -161,12 +161,12 @@ fn rights_matter(listener: &ListenerFile, drives: &[&DriveFile], problems: &mut 
             RoleRight::Stop => (stops, no_stops),
         };
         if !matters {
-            problems.push(role_right.place.problem(what).right(right));
+            problems.push(role_right.place.problem(format!("has no effect: {what}")).right(right).warning());
         }
     }
     for (list, matters, what) in [(&listener.write, commands, no_commands), (&listener.stop, stops, no_stops)] {
         if let Some(list) = list.usable().filter(|list| !matters && !list.value.is_empty()) {
-            problems.push(list.place.problem(what).right(right));
+            problems.push(list.place.problem(format!("has no effect: {what}")).right(right).warning());
         }
     }
 }

@@ -103,11 +103,11 @@ fn ways(file: &ControlFile, problems: &mut Vec<Problem>) {
             let problem = place.problem(
                 "concerns commands over MQTT and Sparkplug only, and `from` names neither \"mqtt\" nor \"sparkplug\"",
             );
-            problems.push(problem.right("leave it out"));
+            problems.push(problem.right("leave it out").warning());
         }
         if let Some(place) = delay.filter(|_| file.names(Way::Page).is_none()) {
             let what = "concerns commands over MQTT, Sparkplug and from the page only, and `from` names none of them";
-            problems.push(place.problem(what).right("leave it out"));
+            problems.push(place.problem(what).right("leave it out").warning());
         }
     }
 }
@@ -129,7 +129,7 @@ fn directions(file: &ControlFile, problems: &mut Vec<Problem>) -> Option<Vec<Dir
     };
     if let Some(below) = file.reverse_below.usable().filter(|_| !goes_both_ways(&directions)) {
         let problem = below.place.problem("there is nothing to reverse: `directions` allows one direction only");
-        problems.push(problem.right("leave it out, or directions = [\"forward\", \"reverse\"]"));
+        problems.push(problem.right("leave it out, or directions = [\"forward\", \"reverse\"]").warning());
     }
     Some(directions)
 }
@@ -215,7 +215,8 @@ fn has(model: &Model, action: ControlAction) -> Has {
     }
 }
 
-/// Each action that the section relies on is there and proven or accepted, and each acceptance accepts something.
+/// Each action that the section relies on is there and proven or accepted. An acceptance that accepts nothing is a warning:
+/// the model may have proven the action since, and nothing changes without it.
 fn actions(file: &ControlFile, directions: Option<&[Direction]>, model: &Model, problems: &mut Vec<Problem>) {
     let reverse = file.directions.usable().and_then(|list| list.value.iter().find(|it| it.value == Direction::Reverse));
     if let Some(Written { place, .. }) = reverse {
@@ -227,7 +228,10 @@ fn actions(file: &ControlFile, directions: Option<&[Direction]>, model: &Model, 
         }
     }
     if let Some(Written { value: true, place }) = file.allow_release.usable() {
-        can_do(file, ControlAction::Release, model, place, "leave it out", problems);
+        match has(model, ControlAction::Release) {
+            Has::No => problems.push(none_of(model, ControlAction::Release, place).right("leave it out").warning()),
+            _ => can_do(file, ControlAction::Release, model, place, "leave it out", problems),
+        }
     }
     let Given::Usable(accepted) = &file.accept_unverified else { return };
     lists::once(&accepted.value, problems);
@@ -246,12 +250,16 @@ fn actions(file: &ControlFile, directions: Option<&[Direction]>, model: &Model, 
             }
             Has::Unproven(_) => continue,
         };
-        problems.push(place.problem(what).right("leave it out"));
+        problems.push(place.problem(what).right("leave it out").warning());
     }
 }
 
 fn may_reverse(directions: Option<&[Direction]>) -> bool {
     directions.is_none_or(|directions| directions.contains(&Direction::Reverse))
+}
+
+fn none_of(model: &Model, action: ControlAction, place: &Place) -> Problem {
+    place.problem(format!("{} has no {}", model.id, action.word()))
 }
 
 fn may_release(file: &ControlFile) -> bool {
@@ -274,7 +282,7 @@ fn can_do(
         Given::Usable(list) => list.value.iter().any(|accepted| accepted.value == action),
     };
     match has(model, action) {
-        Has::No => problems.push(place.problem(format!("{} has no {word}", model.id)).right(instead)),
+        Has::No => problems.push(none_of(model, action, place).right(instead)),
         Has::Unproven(confidence) if !is_accepted => {
             let what = format!("{word} is unproven for {} ({})", model.id, confidence.word());
             let right = format!("{instead}, or accept_unverified = [\"{word}\"] once you have seen it work");

@@ -103,8 +103,9 @@ fn users_command(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) {
         Given::Usable(control) => control.value.from.is_none() || control.value.names(Way::Page).is_some(),
     };
     if !file.lines.iter().flat_map(|line| &line.drives).any(|drive| takes(&drive.control)) {
-        let problem = user.place.problem("no drive takes commands from \"page\"");
-        problems.push(problem.right("`from = [\"page\"]` in the `[line.drive.control]` of a drive, or no `users`"));
+        let problem = user.place.problem("has no effect: no drive takes commands from \"page\"");
+        let right = "`from = [\"page\"]` in the `[line.drive.control]` of a drive, or no `users`";
+        problems.push(problem.right(right).warning());
     }
     if let Some(user) = http.users.get(USERS_MAX) {
         problems.push(user.place.problem("there are too many users").right(format!("at most {USERS_MAX}")));

@@ -44,7 +44,10 @@ fn served(file: &File, listener: &ListenerFile, problems: &mut Vec<Problem>) -> 
     for name in &names.value {
         match line_called(file, name) {
             Ok(line) if lines.insert(line) => {}
-            Ok(_) => problems.push(name.place.problem(format!("line `{}` is listed twice", name.value))),
+            Ok(_) => {
+                let problem = name.place.problem(format!("line `{}` is listed twice", name.value));
+                problems.push(problem.right("each once").warning());
+            }
             Err(problem) => problems.push(problem),
         }
     }
@@ -116,8 +119,8 @@ fn rights(listener: &ListenerFile, problems: &mut Vec<Problem>) {
         }
     }
     if let Some(renew) = listener.reads_renew.usable().filter(|renew| renew.value && !may_be_written(listener)) {
-        let problem = renew.place.problem("nobody may write here, so there is no lease to renew");
-        problems.push(problem.right("`write` with those who may, or leave it out"));
+        let problem = renew.place.problem("has no effect: nobody may write here, so there is no lease to renew");
+        problems.push(problem.right("`write` with those who may, or leave it out").warning());
     }
 }
 
@@ -158,11 +161,13 @@ pub(super) fn units_exist(file: &File, served: &[BTreeSet<usize>], units: &[Vec<
         let mut seen = BTreeSet::new();
         for unit in &listed.value {
             if !seen.insert(unit.value) {
-                problems.push(unit.place.problem(format!("unit {} is listed twice", unit.value)));
+                let problem = unit.place.problem(format!("unit {} is listed twice", unit.value));
+                problems.push(problem.right("each once").warning());
             } else if !known.contains(&unit.value) {
                 let there: Vec<_> = known.iter().map(UnitId::to_string).collect();
-                let problem = unit.place.problem(format!("no drive that is served here has unit {}", unit.value));
-                problems.push(problem.right(format!("of {}; 255 is always served", there.join(", "))));
+                let what = format!("has no effect: no drive that is served here has unit {}", unit.value);
+                let right = format!("of {}; 255 is always served", there.join(", "));
+                problems.push(unit.place.problem(what).right(right).warning());
             }
         }
     }

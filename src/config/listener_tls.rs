@@ -27,8 +27,9 @@ pub(super) fn check(listener: &ListenerFile, problems: &mut Vec<Problem>) {
     for (list, right, verb) in lists {
         let list = list.usable().filter(|list| !list.value.is_empty() && !roles.is_empty());
         if let Some(list) = list.filter(|_| roles.iter().all(|role| !has(&role.rights, right))) {
-            let problem = list.place.problem(format!("no role of `tls` may {verb}"));
-            problems.push(problem.right(format!("\"{verb}\" in the `roles` of those who may, or leave it out")));
+            let problem = list.place.problem(format!("has no effect: no role of `tls` may {verb}"));
+            let right = format!("\"{verb}\" in the `roles` of those who may, or leave it out");
+            problems.push(problem.right(right).warning());
         }
     }
     stops_whom_it_starts(listener, problems);

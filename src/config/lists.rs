@@ -47,7 +47,8 @@ impl Word for Tree {
 pub(super) fn once<T: Word + PartialEq>(list: &[Written<T>], problems: &mut Vec<Problem>) {
     for (index, written) in list.iter().enumerate() {
         if list.iter().take(index).any(|earlier| earlier.value == written.value) {
-            problems.push(written.place.problem(format!("\"{}\" is listed twice", written.value.word())));
+            let problem = written.place.problem(format!("\"{}\" is listed twice", written.value.word()));
+            problems.push(problem.right("each once").warning());
         }
     }
 }

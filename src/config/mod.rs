@@ -4,7 +4,8 @@
 //! not in the table of [`keys`]. `resolve` fills in what is left out and checks what lies between keys: `link`
 //! the lines against their models, `control` and `native` what may be commanded and written, `mqtt` the broker,
 //! `line_plan` what the polls of a line cost, `listen` the listeners with their roles (`listener_tls`), `http` who reaches the page and signs in there, `units` who answers where, `commanders` whether
-//! commands can come at all. Neither stops at the first mistake. What only shows when a port is opened (whether it is a
+//! commands can come at all. Neither stops at the first mistake. A key that has no effect (on this model, or beside the
+//! other keys) is a warning; what changes what may move a motor is an error. What only shows when a port is opened (whether it is a
 //! pseudo-terminal, whether its driver can turn the direction) is left to the daemon.
 
 mod broker;
@@ -69,8 +70,8 @@ pub fn model_dirs(text: &str) -> Vec<Written<PathBuf>> {
 /// The configuration that `text` states, with the models of `catalog`.
 ///
 /// # Errors
-/// Every problem of the text, at least one, in the order of the text. A text that is no TOML is reported as
-/// such, and its keys are not looked at.
+/// Every problem of the text, at least one of them more than a warning, in the order of the text. A text that is no TOML is
+/// reported as such, and its keys are not looked at. Where there are warnings only, they are in the configuration.
 pub fn load(text: &str, catalog: &Catalog) -> Result<Config, Vec<Problem>> {
     with_models(text, Models { catalog, are_all: true })
 }
@@ -86,12 +87,12 @@ fn with_models(text: &str, models: Models<'_>) -> Result<Config, Vec<Problem>> {
     let mut problems = Vec::new();
     let file = read::read(text, &mut problems);
     let config = file.and_then(|file| resolve::resolve(&file, models, &mut problems));
+    problems.sort_by_key(|problem| problem.span.start);
     match config {
-        Some(config) if problems.is_empty() => Ok(Config { digest: digest(text), ..config }),
-        _ => {
-            problems.sort_by_key(|problem| problem.span.start);
-            Err(problems)
+        Some(config) if problems.iter().all(|problem| problem.is_warning) => {
+            Ok(Config { digest: digest(text), warnings: problems, ..config })
         }
+        _ => Err(problems),
     }
 }
 

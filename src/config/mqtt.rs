@@ -115,16 +115,19 @@ fn other_nodes(file: &MqttFile, problems: &mut Vec<Problem>) {
     let (Some(broker), Some(list)) = (&file.broker, file.also_at.usable()) else { return };
     for (index, node) in list.value.iter().enumerate() {
         let mut earlier = list.value.iter().take(index).chain([broker]);
-        let (what, right) = if [&broker.value, &node.value].contains(&&Address::Embedded) {
-            ("the embedded broker is at one place", "leave it out")
+        let problem = if broker.value == Address::Embedded {
+            node.place.problem("has no effect: the embedded broker is at one place").right("leave it out").warning()
+        } else if node.value == Address::Embedded {
+            node.place.problem("the embedded broker is at one place").right("leave it out")
         } else if earlier.any(|earlier| earlier.value == node.value) {
-            ("a node that is named before", "leave it out")
+            node.place.problem("a node that is named before").right("leave it out").warning()
         } else if broker.value.is_tls() != node.value.is_tls() {
-            ("the nodes of a broker are either all at mqtts:// or all at mqtt://", "as in `broker`")
+            let problem = node.place.problem("the nodes of a broker are either all at mqtts:// or all at mqtt://");
+            problem.right("as in `broker`")
         } else {
             continue;
         };
-        problems.push(node.place.problem(what).right(right));
+        problems.push(problem);
     }
 }
 
@@ -168,7 +171,15 @@ fn also_at(file: &MqttFile) -> Option<Vec<(String, u16)>> {
         Address::Embedded => None,
         Address::Tcp { host, port, .. } => Some((host, port)),
     };
-    lists::values(&file.also_at)?.into_iter().map(place).collect()
+    let mut nodes: Vec<(String, u16)> = lists::values(&file.also_at)?.into_iter().map(place).collect::<Option<_>>()?;
+    let first = place(file.broker.as_ref()?.value.clone())?;
+    let mut earlier = vec![first];
+    nodes.retain(|node| {
+        let is_new = !earlier.contains(node);
+        earlier.push(node.clone());
+        is_new
+    });
+    Some(nodes)
 }
 
 fn tls_settings(file: &MqttFile) -> Option<TlsSettings> {
@@ -211,8 +222,8 @@ fn plain_password(file: &MqttFile, problems: &mut Vec<Problem>) {
     let is_exposed = secret.is_some() && !others.iter().chain([broker]).all(stays);
     match &file.allow_plain_password {
         Given::Usable(allowed) if allowed.value && !is_exposed => {
-            let what = "nothing is to be allowed: no user or password goes over the network in plain view";
-            problems.push(allowed.place.problem(what).right("leave it out"));
+            let what = "has no effect: no user or password goes over the network in plain view";
+            problems.push(allowed.place.problem(what).right("leave it out").warning());
         }
         Given::Usable(Written { value: true, .. }) | Given::Unusable => {}
         Given::LeftOut | Given::Usable(_) if is_exposed => {
@@ -286,10 +297,11 @@ fn announced_is_published(file: &MqttFile, problems: &mut Vec<Problem>) {
 fn idle(file: &MqttFile, lease: LeaseMode, problems: &mut Vec<Problem>) {
     let alive_topic = file.alive_topic.usable().filter(|topic| topic.value.is_some());
     if let (Some(topic), LeaseMode::Explicit) = (alive_topic, lease) {
-        let problem = topic.place.problem("an explicit lease does not hang on any topic of others");
-        problems.push(problem.right("leave it out, or lease = \"session\""));
+        let problem = topic.place.problem("has no effect: an explicit lease does not hang on any topic of others");
+        problems.push(problem.right("leave it out, or lease = \"session\"").warning());
     }
     if let (Some(prefix), Some(Version::V4)) = (place(&file.response_prefix), file.version.or(Version::V5)) {
-        problems.push(prefix.problem("MQTT 3.1.1 has no response topics").right("leave it out, or version = 5"));
+        let problem = prefix.problem("has no effect: MQTT 3.1.1 has no response topics");
+        problems.push(problem.right("leave it out, or version = 5").warning());
     }
 }

@@ -16,7 +16,7 @@ pub(super) fn settle(drive: &DriveFile, model: Option<&Model>, problems: &mut Ve
     };
     if matches!(drive.control, Given::LeftOut) {
         let what = "registers are written by those who may command, and the drive has no control section";
-        problems.push(place.problem(what).right("a `[line.drive.control]`, or leave `native` out"));
+        problems.push(place.problem(what).right("a `[line.drive.control]`, or leave `native` out").warning());
     }
     let (list, model) = (file.write.as_ref()?, model?);
     let mut addresses = Vec::new();
@@ -24,7 +24,7 @@ pub(super) fn settle(drive: &DriveFile, model: Option<&Model>, problems: &mut Ve
         match named(written, model).and_then(|listed| listed.writable(written)) {
             Ok(listed) if addresses.contains(&listed.address) => {
                 let what = format!("register `{}`, 0x{:04X}, is listed twice", listed.register.name, listed.address);
-                problems.push(written.place.problem(what));
+                problems.push(written.place.problem(what).right("each once").warning());
             }
             Ok(listed) if model.sets_watchdog(listed.address) => {
                 let problem =

@@ -20,10 +20,12 @@ pub(super) fn settle(
     let dead_bands = named(&drive.dead_bands, "a dead band", model, is_published, problems);
     let heartbeats = named(&drive.heartbeats, "a heartbeat", model, is_published, problems);
     let decimals = named(&drive.decimals, "the count of decimals", model, is_published, problems);
+    let mut points = Points { dead_bands: dead_bands?, heartbeats: heartbeats?, decimals: decimals? };
     if let (Given::Usable(table), Some(model)) = (&drive.decimals, model) {
-        too_fine(&table.value, model, problems);
+        let left_out = too_fine(&table.value, model, problems);
+        points.decimals.retain(|(name, _)| !left_out.contains(&name.as_str()));
     }
-    Some(Points { dead_bands: dead_bands?, heartbeats: heartbeats?, decimals: decimals? })
+    Some(points)
 }
 
 /// The values of one table.
@@ -40,32 +42,38 @@ fn named<T: Copy>(
         Given::Usable(table) => table,
     };
     if !is_published {
-        let problem = place.problem(format!("{what} is about what goes to a broker, and there is no `[mqtt]`"));
-        problems.push(problem.right("leave it out"));
+        let problem =
+            place.problem(format!("has no effect: {what} is about what goes to a broker, and there is no `[mqtt]`"));
+        problems.push(problem.right("leave it out").warning());
     }
     let polled: Vec<&str> = polled(model?).map(|it| it.name.as_str()).collect();
     for (name, written) in table.iter().filter(|(name, _)| !polled.contains(&name.as_str())) {
-        let problem = written.place.problem(format!("no register `{name}` is polled"));
+        let problem = written.place.problem(format!("has no effect: no register `{name}` is polled")).warning();
         problems.push(match nearest(name, polled.iter().copied()) {
             Some(near) => problem.right(format!("`{near}`")),
             None => problem.right(format!("one of {}", polled.join(", "))),
         });
     }
-    Some(table.iter().map(|(name, written)| (name.clone(), written.value)).collect())
+    let of_polled = table.iter().filter(|(name, _)| polled.contains(&name.as_str()));
+    Some(of_polled.map(|(name, written)| (name.clone(), written.value)).collect())
 }
 
 fn polled(model: &Model) -> impl Iterator<Item = &Register> {
     model.registers.iter().filter(|it| it.poll.is_some())
 }
 
-/// Digits that a register has not would only look exact.
-fn too_fine(table: &[(String, Written<u8>)], model: &Model, problems: &mut Vec<Problem>) {
+/// The names of those that would get digits that they have not, which would only look exact.
+fn too_fine<'t>(table: &'t [(String, Written<u8>)], model: &Model, problems: &mut Vec<Problem>) -> Vec<&'t str> {
+    let mut left_out = Vec::new();
     for (name, written) in table {
         let register = polled(model).find(|it| it.name == *name);
         let Some(most) = register.map(|it| digits_of(it.scale)).filter(|most| written.value > *most) else { continue };
-        let problem = written.place.problem(format!("`{name}` is not finer than {most} decimals"));
-        problems.push(problem.right(if most == 0 { "leave it out".to_owned() } else { format!("0 to {most}") }));
+        let problem = written.place.problem(format!("has no effect: `{name}` is not finer than {most} decimals"));
+        let right = if most == 0 { "leave it out".to_owned() } else { format!("0 to {most}") };
+        problems.push(problem.right(right).warning());
+        left_out.push(name.as_str());
     }
+    left_out
 }
 
 /// Tables that would do nothing, because what they are about is not published.
@@ -81,8 +89,8 @@ pub(super) fn idle(file: &File, problems: &mut Vec<Problem>) {
             (drive.heartbeats.usable().map(|it| &it.place), has_values),
         ];
         for place in tables.into_iter().filter(|(_, is_used)| !is_used).filter_map(|(place, _)| place) {
-            let problem = place.problem("it is about topics that `publish` in `[mqtt]` leaves out");
-            problems.push(problem.right("leave it out, or add \"values\" there"));
+            let problem = place.problem("has no effect: it is about topics that `publish` in `[mqtt]` leaves out");
+            problems.push(problem.right("leave it out, or add \"values\" there").warning());
         }
     }
 }

@@ -49,23 +49,32 @@ pub(super) fn parse(text: &str) -> Result<PortAddress, Wrong> {
     Ok(PortAddress::Tcp { host, port })
 }
 
-/// Reports the keys of `line` that do not go with its port or its interface.
+/// Reports the keys of `line` that have no effect with its port or its interface.
 pub(super) fn check(line: &LineFile, problems: &mut Vec<Problem>) {
-    let is_tcp = line.port.as_ref().is_some_and(|port| matches!(port.value, PortAddress::Tcp { .. }));
-    let is_rs232 = line.interface.usable().is_some_and(|interface| interface.value == Interface::Rs232);
-    let mut leave_out = |place: &Place, what: &str| problems.push(place.problem(what).right("leave it out"));
-    if let Given::Usable(rs485) = &line.direction {
-        if is_tcp {
-            leave_out(&rs485.place, "the direction is turned by the serial device server, not from here");
-        } else if is_rs232 {
-            leave_out(&rs485.place, "RS-232 has a wire for each direction, and nothing to turn");
-        }
+    let mut leave_out = |place: &Place, what: &str| {
+        problems.push(place.problem(format!("has no effect: {what}")).right("leave it out").warning());
+    };
+    if let (Given::Usable(rs485), Some(why)) = (&line.direction, why_not_turned(line)) {
+        leave_out(&rs485.place, why);
     }
     if let Given::Usable(low_latency) = &line.low_latency
-        && is_tcp
+        && is_tcp(line)
     {
         leave_out(&low_latency.place, "a network connection has no driver whose latency could be set");
     }
+}
+
+/// Why nobody on this side of `line` turns the direction of an adapter; nothing: somebody may.
+pub(super) fn why_not_turned(line: &LineFile) -> Option<&'static str> {
+    if is_tcp(line) {
+        return Some("the direction is turned by the serial device server, not from here");
+    }
+    let rs232 = line.interface.usable().filter(|interface| interface.value == Interface::Rs232);
+    rs232.map(|_| "RS-232 has a wire for each direction, and nothing to turn")
+}
+
+fn is_tcp(line: &LineFile) -> bool {
+    line.port.as_ref().is_some_and(|port| matches!(port.value, PortAddress::Tcp { .. }))
 }
 
 #[cfg(test)]

@@ -40,8 +40,8 @@ impl Rated {
         if let (Given::Usable(written), Some(model)) = (given, model)
             && !self.is_used_by(model)
         {
-            let what = format!("has no use: {} reports no {} in per cent of the rated one", model.id, self.what);
-            problems.push(written.place.problem(what).right("leave it out"));
+            let what = format!("has no effect: {} reports no {} in per cent of the rated one", model.id, self.what);
+            problems.push(written.place.problem(what).right("leave it out").warning());
         }
         given.clone().optional()
     }

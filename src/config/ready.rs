@@ -8,6 +8,7 @@ use crate::domain::command::Rights;
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::{Name, Station, UnitId};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, LinkSettings};
+use crate::domain::problem::Problem;
 use crate::drive::description::{Points, Ratings};
 use crate::guard::COMMAND_DEADLINE;
 use crate::profile::model::Model;
@@ -36,6 +37,8 @@ pub struct Config {
     pub http: Option<HttpSettings>,
     /// What tells these settings from others: a CRC over what the file says, whatever its order, spaces and comments.
     pub digest: u64,
+    /// What of the file has no effect, in the order of the text.
+    pub warnings: Vec<Problem>,
 }
 
 /// What concerns the gateway as a whole.

@@ -76,14 +76,15 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
         http: http?,
         // Of the text, which is not known here.
         digest: 0,
+        warnings: Vec::new(),
     })
 }
 
 /// Without a directory there is nowhere to keep anything.
 fn ready_journal(journal: &JournalFile, file: &File, problems: &mut Vec<Problem>) -> Option<JournalSettings> {
     if matches!(file.gateway.data_dir, Given::LeftOut) {
-        let problem = journal.place.problem("there is no journal without a data directory");
-        problems.push(problem.right("`data_dir` in `[gateway]`, or no `[journal]`"));
+        let problem = journal.place.problem("has no effect: there is no journal without a data directory");
+        problems.push(problem.right("`data_dir` in `[gateway]`, or no `[journal]`").warning());
     }
     Some(JournalSettings { max_bytes: journal.max_size.or(JournalSettings::default().max_bytes)? })
 }
@@ -120,8 +121,13 @@ fn unique(file: &File, problems: &mut Vec<Problem>) {
     once(drive_names, |name| format!("the name `{name}`"), "a name that no other drive of the gateway has", problems);
     let right = "a port of its own; drives on one bus belong to one line";
     once(ports, |port| format!("the port {port}"), right, problems);
-    let model_dirs = file.gateway.model_dirs.usable().into_iter().flat_map(|dirs| &dirs.value);
-    once(model_dirs, |dir| format!("the directory {}", dir.display()), "each directory once", problems);
+    let model_dirs = file.gateway.model_dirs.usable().map_or(&[][..], |dirs| &dirs.value);
+    for (at, dir) in model_dirs.iter().enumerate() {
+        if model_dirs.iter().take(at).any(|earlier| earlier.value == dir.value) {
+            let problem = dir.place.problem(format!("the directory {} is listed twice", dir.value.display()));
+            problems.push(problem.right("each directory once").warning());
+        }
+    }
 }
 
 fn once<'a, T: Ord + 'a>(
@@ -232,12 +238,16 @@ fn ready_line(line: &LineFile, parts: LineParts, units: &[Units]) -> Option<Line
     };
     let drives = line.drives.iter().zip(parts.drives).zip(units);
     let drives = drives.map(|((drive, parts), units)| ready_drive(drive, parts, &shared, *units));
+    let is_turned = port::why_not_turned(line).is_none();
     Some(LineSettings {
         name: line.name.as_ref()?.value.clone(),
         port: line.port.as_ref()?.value.clone(),
         link,
         interface,
-        direction: line.direction.or(DirectionControl::Adapter)?,
+        direction: line
+            .direction
+            .or(DirectionControl::Adapter)
+            .map(|turned| if is_turned { turned } else { DirectionControl::Adapter })?,
         low_latency: line.low_latency.or(true)?,
         framing,
         echo: line.echo.or(EchoPolicy::Refuse)?,

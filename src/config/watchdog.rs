@@ -7,20 +7,25 @@ use crate::domain::problem::Problem;
 use crate::profile::model::Model;
 use crate::profile::reader::Written;
 use crate::profile::values::duration_text;
-use std::time::Duration;
 
-/// Whoever relies on a watchdog has a model whose watchdog is known.
+/// Whoever relies on a watchdog has a model whose watchdog is known. A time that only limits how long it is waited for
+/// relies on none.
 pub(super) fn check(file: &ControlFile, model: &Model, problems: &mut Vec<Problem>) {
-    let place = |it: Option<&Written<Duration>>| it.map(|it| it.place.clone());
-    let required = file.require_watchdog.usable().filter(|required| required.value).map(|it| it.place.clone());
-    let relying = [required, place(file.watchdog.usable()), place(file.failsafe_confirm_timeout.usable())];
-    for place in relying.into_iter().flatten() {
-        if model.watchdog.is_none() {
-            let what = format!("no watchdog of its own is known for {}", model.id);
-            problems.push(place.problem(what).right("leave it out"));
-        } else if !model.watchdog_is_proven() {
-            let what = format!("the watchdog of {} is unproven, and nothing may rely on it", model.id);
-            problems.push(place.problem(what).right("leave it out"));
+    let why = if model.watchdog.is_none() {
+        Some(format!("no watchdog of its own is known for {}", model.id))
+    } else if !model.watchdog_is_proven() {
+        Some(format!("the watchdog of {} is unproven, and nothing may rely on it", model.id))
+    } else {
+        None
+    };
+    if let Some(why) = why {
+        let required = file.require_watchdog.usable().filter(|required| required.value).map(|it| &it.place);
+        for place in required.into_iter().chain(file.watchdog.usable().map(|it| &it.place)) {
+            problems.push(place.problem(why.clone()).right("leave it out"));
+        }
+        if let Some(timeout) = file.failsafe_confirm_timeout.usable() {
+            let problem = timeout.place.problem(format!("has no effect: {why}"));
+            problems.push(problem.right("leave it out").warning());
         }
     }
     let Some(Written { value: time, place }) = file.watchdog.usable().filter(|_| model.watchdog_is_proven()) else {

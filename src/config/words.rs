@@ -19,6 +19,18 @@ pub enum Way {
     Sparkplug,
 }
 
+impl Way {
+    /// What it means that a drive takes commands by it.
+    pub const fn meaning(self) -> &'static str {
+        match self {
+            Self::Mqtt => "clients of the broker in `[mqtt]` command",
+            Self::ModbusTcp => "clients of a `[[modbus_tcp]]` command, as far as its `write` lets them",
+            Self::Page => "users of `[http]` command from the page",
+            Self::Sparkplug => "hosts of Sparkplug B command",
+        }
+    }
+}
+
 /// Ways by which commands come.
 pub const WAYS: [(&str, Way); 4] =
     [("mqtt", Way::Mqtt), ("modbus-tcp", Way::ModbusTcp), ("page", Way::Page), ("sparkplug", Way::Sparkplug)];
@@ -32,11 +44,29 @@ pub enum RoleRight {
     Stop,
 }
 
+impl RoleRight {
+    /// What a role that has it may do.
+    pub const fn meaning(self) -> &'static str {
+        match self {
+            Self::Write => "starts, sets and writes",
+            Self::Stop => "stops",
+        }
+    }
+}
+
 /// Rights of roles.
 pub const ROLE_RIGHTS: [(&str, RoleRight); 2] = [("write", RoleRight::Write), ("stop", RoleRight::Stop)];
 
 /// Directions.
 pub const DIRECTIONS: [(&str, Direction); 2] = [("forward", Direction::Forward), ("reverse", Direction::Reverse)];
+
+/// What a direction in the list means.
+pub(super) const fn of_direction(direction: Direction) -> &'static str {
+    match direction {
+        Direction::Forward => "the motor may run forward",
+        Direction::Reverse => "the motor may run in reverse",
+    }
+}
 
 /// Who turns the direction of an RS-485 adapter.
 pub const DIRECTION_CONTROLS: [(&str, DirectionControl); 3] =
@@ -49,6 +79,23 @@ pub const FAIL_SAFES: [(&str, FailSafe); 3] = [
     (FailSafe::Hold.word(), FailSafe::Hold),
 ];
 
+/// What happens to a motor.
+pub(super) const fn of_fail_safe(action: FailSafe) -> &'static str {
+    match action {
+        FailSafe::Stop => "the motor is stopped by its ramp",
+        FailSafe::Coast => "the output is cut off, the motor runs out",
+        FailSafe::Hold => "nothing is done: a motor that runs runs on",
+    }
+}
+
+/// What happens to a motor that a reload would take away.
+pub(super) const fn of_removal(removal: Removal) -> &'static str {
+    match removal {
+        Removal::Refuse => "the reload is refused, the motor runs on",
+        Removal::Stop => "the motor is stopped first",
+    }
+}
+
 /// What a reload does about a drive in use that it would take away.
 pub const REMOVALS: [(&str, Removal); 2] = [("refuse", Removal::Refuse), ("stop", Removal::Stop)];
 
@@ -59,6 +106,16 @@ pub const ACTIONS: [(&str, ControlAction); 4] = [
     (ControlAction::Coast.word(), ControlAction::Coast),
     (ControlAction::Release.word(), ControlAction::Release),
 ];
+
+/// What is used although it is not proven.
+pub(super) const fn of_action(action: ControlAction) -> &'static str {
+    match action {
+        ControlAction::Reverse => "running in reverse",
+        ControlAction::Reset => "resetting a trip",
+        ControlAction::Coast => "cutting the output off",
+        ControlAction::Release => "handing control back to panel and terminals",
+    }
+}
 
 /// Parts of what is published over MQTT.
 pub const TREES: [(&str, Tree); 5] = [
@@ -71,6 +128,27 @@ pub const TREES: [(&str, Tree); 5] = [
 
 /// Whether RUN over MQTT must say which stop it follows.
 pub(super) const COMMANDS: [(&str, bool); 2] = [("plain", false), ("strict", true)];
+
+/// What a RUN over MQTT needs.
+pub(super) const fn of_commands(is_strict: bool) -> &'static str {
+    if is_strict { "RUN over MQTT only with `epoch` or `issued_at`" } else { "RUN over MQTT needs neither" }
+}
+
+/// Who commands.
+pub(super) const fn of_ownership(ownership: Ownership) -> &'static str {
+    match ownership {
+        Ownership::One => "only who holds control commands",
+        Ownership::Any => "control passes to whoever commands last",
+    }
+}
+
+/// What a lost commander is.
+pub(super) const fn of_lease(lease: LeaseMode) -> &'static str {
+    match lease {
+        LeaseMode::Session => "control lasts as long as the way through the broker",
+        LeaseMode::Explicit => "control lasts only as long as it is renewed",
+    }
+}
 
 /// Who may command while somebody holds control.
 pub const OWNERSHIPS: [(&str, Ownership); 2] = [("one", Ownership::One), ("any", Ownership::Any)];

@@ -15,6 +15,7 @@ use super::shared::{Current, Shared};
 use crate::config::change::{Change, Part, Told};
 use crate::config::{Config, MqttSettings, Removal};
 use crate::domain::ids::Name;
+use crate::domain::problem::Problem;
 use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
@@ -30,7 +31,16 @@ const MEMORY_WITHIN: Duration = Duration::from_secs(1);
 pub type Load = Arc<dyn Fn() -> Result<Config, String> + Send + Sync>;
 
 /// What becomes of a reload.
-pub type Reloaded = Result<Vec<Told>, Refusal>;
+pub type Reloaded = Result<Applied, Refusal>;
+
+/// A configuration that was taken anew.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Applied {
+    /// What is different.
+    pub changes: Vec<Told>,
+    /// What of the file has no effect.
+    pub warnings: Vec<Problem>,
+}
 
 /// Why everything stays as it was.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -172,8 +182,9 @@ impl Gateway {
         }
         let ending = self.numbers(&change);
         self.have_leave(&ending, new.gateway.on_removal).await?;
+        let warnings = new.warnings.clone();
         self.switch(new, &change, &ending, prepared).await;
-        Ok(told)
+        Ok(Applied { changes: told, warnings })
     }
 
     async fn prepare(&mut self, new: &Config, change: &Change) -> Result<Prepared, Refusal> {

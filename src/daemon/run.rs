@@ -12,6 +12,7 @@ use super::shared::Current;
 use super::{build, notify};
 use crate::config::{Config, MqttSettings};
 use crate::domain::ids::Name;
+use crate::domain::problem::Problem;
 use crate::domain::report::LineCounters;
 use rustix::system::uname;
 use std::io;
@@ -123,6 +124,7 @@ type Addresses = (Vec<SocketAddr>, Option<SocketAddr>, Option<SocketAddr>);
 
 /// Takes all that the gateway needs, and begins.
 async fn start(config: &Config, reloads: Option<Reloads>) -> Result<(Gateway, Addresses), StartError> {
+    warn_of(&config.warnings);
     let name = name_of(config);
     let sides = NorthSides { mqtt: Some(Arc::default()), sparkplug: Some(Arc::default()), ..NorthSides::default() };
     let shared = Arc::new(build::shared(config));
@@ -175,9 +177,10 @@ async fn serve(
             done = reload(gateway, load) => done,
         };
         match &done {
-            Ok(told) => {
-                let changes: Vec<_> = told.iter().map(ToString::to_string).collect();
+            Ok(applied) => {
+                let changes: Vec<_> = applied.changes.iter().map(ToString::to_string).collect();
                 tracing::info!(changes = changes.join("; "), "configuration reloaded");
+                warn_of(&applied.warnings);
             }
             Err(refusal) => {
                 tracing::error!(reason = refusal.word(), "the configuration stays as it was: {refusal}");
@@ -186,6 +189,14 @@ async fn serve(
         notify::ready(&gateway.current);
         // Whoever has asked may be gone.
         let _ = tell.send(done);
+    }
+}
+
+/// What of the configuration has no effect stands in the log.
+fn warn_of(warnings: &[Problem]) {
+    for warning in warnings {
+        let right = warning.right.as_deref().unwrap_or_default();
+        tracing::warn!(key = warning.key, right, "configuration: {}", warning.what);
     }
 }
 

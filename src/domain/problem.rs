@@ -1,4 +1,5 @@
-//! A mistake in a file that a person wrote: where it is, what is wrong, what would be right.
+//! A mistake in a file that a person wrote: where it is, what is wrong, what would be right, and whether the file can be
+//! used all the same.
 
 use std::ops::Range;
 
@@ -13,19 +14,28 @@ pub struct Problem {
     pub what: String,
     /// What would be right: a range, the nearest valid name, a key to add.
     pub right: Option<String>,
+    /// The file can be used all the same: what is written has no effect.
+    pub is_warning: bool,
 }
 
 impl Problem {
     /// A problem at `key`, which stands at `span`.
     #[must_use]
     pub fn new(key: impl Into<String>, span: Range<usize>, what: impl Into<String>) -> Self {
-        Self { key: key.into(), span, what: what.into(), right: None }
+        Self { key: key.into(), span, what: what.into(), right: None, is_warning: false }
     }
 
     /// Adds what would be right.
     #[must_use]
     pub fn right(mut self, right: impl Into<String>) -> Self {
         self.right = Some(right.into());
+        self
+    }
+
+    /// Makes it a warning: what is written has no effect, so that leaving it out changes nothing.
+    #[must_use]
+    pub fn warning(mut self) -> Self {
+        self.is_warning = true;
         self
     }
 

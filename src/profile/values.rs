@@ -86,6 +86,21 @@ impl<'k, T: Copy + 'k> Kind<'k, T> {
     }
 }
 
+impl<'k, T: Copy + 'k> Kind<'k, T> {
+    /// One of `words`, each of which stands for a value that `means` something. For what decides what a motor does and who
+    /// moves it: a word that is none of them is answered with all of them and their meanings, never with the nearest.
+    #[must_use]
+    pub fn choice(words: &'k [(&'k str, T)], means: impl Fn(T) -> &'static str) -> Self {
+        let list: Vec<_> = words.iter().map(|(word, value)| format!("\"{word}\" ({})", means(*value))).collect();
+        let right = if let [one] = &list[..] { one.clone() } else { format!("one of {}", list.join(", ")) };
+        Self::new(right, move |value| {
+            let text = as_text(value)?;
+            let found = words.iter().find(|(word, _)| *word == text);
+            found.map(|(_, value)| *value).ok_or_else(|| Wrong::new(format!("`{text}` is none of the words")))
+        })
+    }
+}
+
 impl<'k, T: Copy + TryFrom<i64> + Into<i64> + Display + 'k> Kind<'k, T> {
     /// A whole number in `range`.
     #[must_use]
@@ -253,6 +268,15 @@ mod tests {
         assert_eq!(wrong.right.as_deref(), Some("\"even\""));
         assert_eq!(kind.right(), "one of \"none\", \"even\"");
         assert_eq!(read(&kind.or_word("auto"), "'auto'"), Ok(None));
+    }
+
+    #[test]
+    fn a_choice_is_never_guessed() {
+        let kind = Kind::choice(&[("stop", 0), ("hold", 1)], |it| if it == 0 { "it stops" } else { "it goes on" });
+        let wrong = kind.read(DeValue::parse("'halt'").unwrap().get_ref()).unwrap_err();
+        assert_eq!(wrong, Wrong::new("`halt` is none of the words"));
+        assert_eq!(kind.right(), "one of \"stop\" (it stops), \"hold\" (it goes on)");
+        assert_eq!(read(&kind, "'hold'"), Ok(1));
     }
 
     #[test]

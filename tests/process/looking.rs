@@ -305,6 +305,65 @@ fn a_trip_is_shown_and_reset() {
     assert_eq!(browser.complaints(), Vec::<String>::new());
 }
 
+/// Where an element is inside another one: left, top, width, height.
+fn place_in(browser: &Browser, css: &str, outer: &str) -> Value {
+    browser.script(&format!(
+        "const [inner, outer] = [{css:?}, {outer:?}].map((it) => document.querySelector(it).getBoundingClientRect()); \
+         return [inner.left - outer.left, inner.top - outer.top, inner.width, inner.height]"
+    ))
+}
+
+#[test]
+fn stop_stays_where_it_is_whatever_the_drive_does() {
+    let mut shop = Shop::open(true);
+    let browser = shop.browser();
+    sign_in(&browser, PASSWORD);
+    browser.wait("document.querySelector('#drive-pump-1 .stop').checkVisibility()");
+    browser.wait_for_text(&in_card(".state"), "STOPPED");
+    for window in [Window::PHONE, Window::DESKTOP] {
+        browser.resize(window);
+        let places = || (place_in(&browser, &in_card(".stop"), CARD), place_in(&browser, ".stop.all", ".top"));
+        let at_rest = places();
+        start_forward(&browser, "30");
+        assert_eq!(places(), at_rest, "it runs");
+        browser.click(&in_card(".stop"));
+        browser.wait_for_text(&in_card(".state"), "STOPPED");
+        browser.wait_for_text(&in_card(".result"), "stop");
+        assert_eq!(places(), at_rest, "it was stopped, and the card says so");
+    }
+    let places = || (place_in(&browser, &in_card(".stop"), CARD), place_in(&browser, ".stop.all", ".top"));
+    let at_rest = places();
+    start_forward(&browser, "30");
+    shop.drive.type_line("");
+    browser.wait_for_text(&in_card(".state"), "TRIPPED");
+    browser.wait_for_text(&in_card(".trip"), "TRIP");
+    assert_eq!(places(), at_rest, "it is tripped");
+    browser.wait_for_text("#advice li:first-child", "pump-1 the drive is tripped");
+    shop.drive.kill();
+    browser.wait_for_text(&in_card(".state"), "OFFLINE");
+    assert_eq!(places(), at_rest, "it does not answer");
+    shop.gateway.kill();
+    browser.wait_for_text("#lost", "No contact with the gateway since");
+    assert_eq!(places(), at_rest, "the gateway is lost");
+}
+
+#[test]
+fn the_age_on_a_card_is_that_of_what_is_polled() {
+    let shop = Shop::open(false);
+    let browser = shop.browser();
+    browser.wait_for_text(&in_card(".age"), "values up to");
+    // What a drive keeps as it is was read 39 minutes ago.
+    let age = browser.script(
+        "return import('/assets/drives.js').then((drives) => { \
+           const constant = { name: 'serial', label: 'Serial', unit: null, value: 1, text: null, quality: 'good', \
+             age_ms: 2_340_000, poll: 'hourly', role: null }; \
+           drives.update(drives.all().map((it) => ({ ...it, values: [...it.values, constant] }))); \
+           return document.querySelector('#drive-pump-1 .age').textContent; })",
+    );
+    let age = age.as_str().unwrap();
+    assert!(age.starts_with("values up to") && !age.contains("min"), "{age}");
+}
+
 #[test]
 fn a_drive_that_a_tab_commands_stops_when_the_tab_is_gone() {
     let shop = Shop::open(true);

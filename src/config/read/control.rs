@@ -2,7 +2,7 @@
 
 use super::super::file::{ControlFile, LimitsFile, NativeFile};
 use super::super::keys::Section;
-use super::super::words::{ACTIONS, COMMANDS, DIRECTIONS, FAIL_SAFES, LEASES, OWNERSHIPS, WAYS};
+use super::super::words::{self, ACTIONS, COMMANDS, DIRECTIONS, FAIL_SAFES, LEASES, OWNERSHIPS, WAYS, Way};
 use super::refuse_not_served;
 use crate::domain::frequency::Hertz;
 use crate::domain::problem::Problem;
@@ -26,22 +26,22 @@ const STOP_PENDING: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration
 pub(super) fn read_control(mut reader: Reader<'_, '_>) -> ControlFile {
     refuse_not_served(&mut reader, Section::Control);
     let control = ControlFile {
-        from: reader.required_list("from", &Kind::one_of(&WAYS)),
+        from: reader.required_list("from", &Kind::choice(&WAYS, Way::meaning)),
         limits: read_limits(&mut reader),
-        directions: reader.list("directions", &Kind::one_of(&DIRECTIONS)),
+        directions: reader.list("directions", &Kind::choice(&DIRECTIONS, words::of_direction)),
         reverse_below: read_hertz(&mut reader, "reverse_below_hz"),
-        on_commander_lost: reader.required("on_commander_lost", &Kind::one_of(&FAIL_SAFES)),
+        on_commander_lost: reader.required("on_commander_lost", &Kind::choice(&FAIL_SAFES, words::of_fail_safe)),
         lost_after: reader.required("lost_after", &Kind::duration(LOST_AFTER)),
-        on_shutdown: reader.required("on_shutdown", &Kind::one_of(&FAIL_SAFES)),
-        accept_unverified: reader.list("accept_unverified", &Kind::one_of(&ACTIONS)),
+        on_shutdown: reader.required("on_shutdown", &Kind::choice(&FAIL_SAFES, words::of_fail_safe)),
+        accept_unverified: reader.list("accept_unverified", &Kind::choice(&ACTIONS, words::of_action)),
         allow_release: reader.optional("allow_release", &Kind::flag()),
-        strict: reader.optional("commands", &Kind::one_of(&COMMANDS)),
+        strict: reader.optional("commands", &Kind::choice(&COMMANDS, words::of_commands)),
         restart_delay: reader.optional("restart_delay", &Kind::duration(RESTART_DELAY)),
         stop_effect_timeout: reader.optional("stop_effect_timeout", &Kind::duration(STOP_EFFECT)),
         stop_pending_for: reader.optional("stop_pending_for", &Kind::duration(STOP_PENDING)),
-        ownership: reader.optional("ownership", &Kind::one_of(&OWNERSHIPS)),
+        ownership: reader.optional("ownership", &Kind::choice(&OWNERSHIPS, words::of_ownership)),
         allow_take: reader.optional("allow_take", &Kind::flag()),
-        lease: reader.optional("lease", &Kind::one_of(&LEASES)),
+        lease: reader.optional("lease", &Kind::choice(&LEASES, words::of_lease)),
         min_start_interval: reader.optional("min_start_interval", &Kind::duration(START_INTERVAL)),
         watchdog: reader.optional("watchdog", &Kind::duration(WATCHDOG)),
         require_watchdog: reader.optional("require_watchdog", &Kind::flag()),

@@ -6,7 +6,7 @@ mod network;
 
 use super::file::{DriveFile, File, GatewayFile, JournalFile, LineFile};
 use super::ready::{PortAddress, Silence};
-use super::words::{DIRECTION_CONTROLS, REMOVALS};
+use super::words::{DIRECTION_CONTROLS, REMOVALS, of_removal};
 use super::{keys, port};
 use crate::domain::ids::{Name, Station, UnitId};
 use crate::domain::problem::Problem;
@@ -65,7 +65,7 @@ fn read_gateway(mut reader: Reader<'_, '_>) -> GatewayFile {
         name: reader.optional("name", &name_kind()),
         data_dir: reader.optional("data_dir", &absolute_path()),
         model_dirs: reader.list("model_dirs", &absolute_path()),
-        on_removal: reader.optional("on_removal", &Kind::one_of(&REMOVALS)),
+        on_removal: reader.optional("on_removal", &Kind::choice(&REMOVALS, of_removal)),
     };
     reader.finish();
     gateway

@@ -3,7 +3,7 @@
 use super::super::broker::{self, Address};
 use super::super::file::{HomeAssistantFile, MqttFile, SparkplugFile};
 use super::super::keys::Section;
-use super::super::words::{LEASES, TREES};
+use super::super::words::{LEASES, TREES, of_lease};
 use super::{absolute_path, inner, refuse_not_served, turned};
 use crate::north::mqtt::{Qos, Version};
 use crate::profile::reader::{Given, Needed, Reader, Written};
@@ -49,7 +49,7 @@ pub(super) fn read_mqtt(mut reader: Reader<'_, '_>) -> MqttFile {
         prefix: reader.optional("prefix", &topics()),
         heartbeat: reader.optional("heartbeat", &Kind::duration(HEARTBEAT)),
         keep_alive: read_keep_alive(&mut reader),
-        lease: reader.optional("lease", &Kind::one_of(&LEASES)),
+        lease: reader.optional("lease", &Kind::choice(&LEASES, of_lease)),
         alive_topic: reader.optional("alive_topic", &topic_or_none()),
         probe_interval: reader.optional("probe_interval", &Kind::duration(PROBE_INTERVAL)),
         command_ttl: reader.optional("command_ttl", &Kind::duration(COMMAND_TTL)),

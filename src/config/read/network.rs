@@ -2,7 +2,7 @@
 
 use super::super::file::{HttpFile, HttpTlsFile, HttpUserFile, ListenerFile, ListenerTlsFile, RoleFile};
 use super::super::keys::Section;
-use super::super::words::ROLE_RIGHTS;
+use super::super::words::{ROLE_RIGHTS, RoleRight};
 use super::{absolute_path, each, inner, refuse_not_served, turned};
 use crate::domain::ids::{CommanderName, UnitId};
 use crate::domain::problem::Problem;
@@ -56,7 +56,7 @@ fn read_tls(mut reader: Reader<'_, '_>) -> ListenerTlsFile {
 fn read_roles(reader: &mut Reader<'_, '_>) -> Needed<Vec<RoleFile>> {
     let section = reader.required_table("roles")?;
     let place = section.place.clone();
-    let roles = reader.open(section).all_lists(&Kind::one_of(&ROLE_RIGHTS)).into_iter();
+    let roles = reader.open(section).all_lists(&Kind::choice(&ROLE_RIGHTS, RoleRight::meaning)).into_iter();
     Some(Written { value: roles.map(|(name, rights)| RoleFile { name, rights }).collect(), place })
 }
 

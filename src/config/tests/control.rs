@@ -90,18 +90,23 @@ fn a_control_section_takes_what_is_written() {
     assert!(one_way.from_modbus_tcp && !one_way.from_mqtt);
 }
 
+const FAIL_SAFES: &str = "one of \"stop\" (the motor is stopped by its ramp), \"coast\" (the output is cut off, the motor runs \
+                          out), \"hold\" (nothing is done: a motor that runs runs on)";
+
 #[test]
 fn what_must_be_chosen_has_no_default() {
     for (line, key, right) in [
         (
             "from = [\"mqtt\", \"modbus-tcp\"]\n",
             "from",
-            "a list, each one of \"mqtt\", \"modbus-tcp\", \"page\", \"sparkplug\"",
+            "a list, each one of \"mqtt\" (clients of the broker in `[mqtt]` command), \"modbus-tcp\" (clients of a \
+             `[[modbus_tcp]]` command, as far as its `write` lets them), \"page\" (users of `[http]` command from the page), \
+             \"sparkplug\" (hosts of Sparkplug B command)",
         ),
         ("frequency_hz = { min = 5.0, max = 50.0 }\n", "frequency_hz", "a table `frequency_hz`"),
-        ("on_commander_lost = \"stop\"\n", "on_commander_lost", "one of \"stop\", \"coast\", \"hold\""),
+        ("on_commander_lost = \"stop\"\n", "on_commander_lost", FAIL_SAFES),
         ("lost_after = \"30s\"\n", "lost_after", "a time from \"1s\" to \"1h\""),
-        ("on_shutdown = \"hold\"\n", "on_shutdown", "one of \"stop\", \"coast\", \"hold\""),
+        ("on_shutdown = \"hold\"\n", "on_shutdown", FAIL_SAFES),
     ] {
         only(&with(CONTROLLED, line, ""), &format!("{AT}.{key}: `{key}` is missing; {right}"));
     }
@@ -115,9 +120,16 @@ fn somebody_commands_and_nobody_twice() {
         "{AT}.from: an empty list lets nobody command; \"mqtt\", \"modbus-tcp\", \"page\", \"sparkplug\" or several of them, or no control section"
     );
     assert_eq!(found[0], empty);
-    assert!(found[1].starts_with("modbus_tcp[0].write: no drive that is served here takes commands"), "{found:?}");
-    only(&from("['mqtt', 'modbus-tcp', 'mqtt']"), &format!("{AT}.from[2]: \"mqtt\" is listed twice; -"));
-    only(&from("['mqtt', 'modbustcp']"), &format!("{AT}.from[1]: `modbustcp` is none of the words; \"modbus-tcp\""));
+    assert!(
+        found[1].starts_with("modbus_tcp[0].write: has no effect: no drive that is served here takes commands"),
+        "{found:?}"
+    );
+    only(&from("['mqtt', 'modbus-tcp', 'mqtt']"), &format!("{AT}.from[2]: \"mqtt\" is listed twice; each once"));
+    let found = problems(&from("['mqtt', 'modbustcp']"));
+    assert!(
+        found[0].starts_with(&format!("{AT}.from[1]: `modbustcp` is none of the words; one of \"mqtt\" (")),
+        "{found:?}"
+    );
 }
 
 #[test]
@@ -199,7 +211,7 @@ fn directions_and_reversal_go_together() {
     );
     only(
         &control_with("directions = ['forward', 'forward']"),
-        &format!("{AT}.directions[1]: \"forward\" is listed twice; -"),
+        &format!("{AT}.directions[1]: \"forward\" is listed twice; each once"),
     );
     for one in ["", "directions = ['forward']\n", "directions = ['reverse']\n"] {
         only(
@@ -301,8 +313,12 @@ fn an_acceptance_accepts_something() {
     for (list, problem) in [
         ("'coast'", "[0]: acme-two has no coast, so nothing is to be accepted; leave it out"),
         ("'reverse'", "[0]: `directions` does not allow \"reverse\", so nothing is to be accepted; leave it out"),
-        ("'reset', 'reset'", "[1]: \"reset\" is listed twice; -"),
-        ("'rest'", "[0]: `rest` is none of the words; \"reset\""),
+        ("'reset', 'reset'", "[1]: \"reset\" is listed twice; each once"),
+        (
+            "'rest'",
+            "[0]: `rest` is none of the words; one of \"reverse\" (running in reverse), \"reset\" (resetting a trip), \
+             \"coast\" (cutting the output off), \"release\" (handing control back to panel and terminals)",
+        ),
     ] {
         only(&with(&two, "[X]", &format!("[{list}]")), &format!("{AT}.accept_unverified{problem}"));
     }

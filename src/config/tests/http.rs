@@ -126,7 +126,7 @@ fn users_and_drives_go_together() {
     );
     only(
         &format!("{CONTROLLED}[[http.users]]\n{}\n", anna()),
-        "http.users[0]: no drive takes commands from \"page\"; \
+        "http.users[0]: has no effect: no drive takes commands from \"page\"; \
          `from = [\"page\"]` in the `[line.drive.control]` of a drive, or no `users`",
     );
 }

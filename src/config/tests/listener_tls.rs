@@ -73,9 +73,9 @@ fn roles_that_make_no_sense_are_refused_all_at_once() {
         problems(&text),
         [
             "modbus_tcp[0].tls.roles.a: role `a` may write and not stop: whoever may start may stop; [\"write\", \"stop\"]",
-            "modbus_tcp[0].tls.roles.b[1]: \"stop\" is listed twice; -",
-            "modbus_tcp[0].tls.roles.c[0]: `run` is none of the words; one of \"write\", \"stop\"",
-            "modbus_tcp[0].tls.roles.d: must be a list, not text; a list, each one of \"write\", \"stop\"",
+            "modbus_tcp[0].tls.roles.b[1]: \"stop\" is listed twice; each once",
+            "modbus_tcp[0].tls.roles.c[0]: `run` is none of the words; one of \"write\" (starts, sets and writes), \"stop\" (stops)",
+            "modbus_tcp[0].tls.roles.d: must be a list, not text; a list, each one of \"write\" (starts, sets and writes), \"stop\" (stops)",
         ]
     );
 }
@@ -94,18 +94,20 @@ fn a_listener_without_a_role_serves_nobody() {
 fn a_right_that_no_role_or_no_drive_can_use_is_refused() {
     only(
         &secured("write = ['127.0.0.1/32']", "watchman = ['stop']"),
-        "modbus_tcp[0].write: no role of `tls` may write; \"write\" in the `roles` of those who may, or leave it out",
+        "modbus_tcp[0].write: has no effect: no role of `tls` may write; \"write\" in the `roles` of those who may, or leave it out",
     );
     let found = problems(&secured("", "watchman = ['stop']"));
     assert!(found[0].contains("commands from \"modbus-tcp\" cannot come"), "{found:?}");
     let found = problems(&from_mqtt(&secured("", OPERATOR)));
     assert_eq!(
         found,
-        ["modbus_tcp[0].tls.roles.operator[0]: no drive that is served here takes commands from \"modbus-tcp\"; \
-          `from = [\"modbus-tcp\"]` in the `[line.drive.control]` of a drive, or leave it out"]
+        [
+            "modbus_tcp[0].tls.roles.operator[0]: has no effect: no drive that is served here takes commands from \"modbus-tcp\"; \
+          `from = [\"modbus-tcp\"]` in the `[line.drive.control]` of a drive, or leave it out"
+        ]
     );
     let found = problems(&from_mqtt(&secured("reads_renew = true", "viewer = []")));
-    assert!(found[0].contains("nobody may write here, so there is no lease to renew"), "{found:?}");
+    assert!(found[0].contains("has no effect: nobody may write here, so there is no lease to renew"), "{found:?}");
 }
 
 #[test]

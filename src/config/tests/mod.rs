@@ -14,6 +14,7 @@ mod ownership;
 mod points;
 mod ports;
 mod units;
+mod upgrades;
 mod watchdog;
 
 use super::*;
@@ -127,21 +128,23 @@ fn good(text: &str) -> Config {
     load(text, &catalog()).unwrap_or_else(|problems| panic!("{}", shown(text, &problems)))
 }
 
-/// One line for each problem: `line:col key: what; right`.
+/// One line for each problem: `line:col key: what; right`, with the word `warning` before what keeps nothing from starting.
 fn shown(text: &str, problems: &[Problem]) -> String {
     let mut shown = String::new();
     for problem in problems {
         let (line, column) = problem.place_in(text);
         let right = problem.right.as_deref().unwrap_or("-");
-        writeln!(shown, "{line}:{column} {}: {}; {right}", problem.key, problem.what).unwrap();
+        let warning = if problem.is_warning { "warning: " } else { "" };
+        writeln!(shown, "{line}:{column} {warning}{}: {}; {right}", problem.key, problem.what).unwrap();
     }
     shown
 }
 
 /// The problems of `text`, without their places.
 pub(super) fn problems(text: &str) -> Vec<String> {
-    let problems = load(text, &catalog()).expect_err(text);
-    problems.iter().map(|it| format!("{}: {}; {}", it.key, it.what, it.right.as_deref().unwrap_or("-"))).collect()
+    let problems = load(text, &catalog()).map_or_else(|problems| problems, |config| config.warnings);
+    let told = |it: &Problem| format!("{}: {}; {}", it.key, it.what, it.right.as_deref().unwrap_or("-"));
+    problems.iter().map(told).collect()
 }
 
 /// `text` has exactly one problem.
@@ -447,8 +450,8 @@ fn a_drive_adds_registers_to_its_own_model_only() {
     };
     let config = good(&drive_with(&register("0x0F00")));
     assert!(config.lines[0].drives[0].model.register_at(0x0F00).is_some());
-    let found = problems(&drive_with(&register("0x0101")));
-    assert!(found[0].starts_with("line[0].drive[0].register[0].address: address 0x0101 is taken by"), "{found:?}");
+    let found = problems(&drive_with(&register("0x0002")));
+    assert!(found[0].starts_with("line[0].drive[0].register[0].address: address 0x0002 is taken by"), "{found:?}");
     let found = problems(&drive_with("[[line.drive.register]]\nname = 'Bus'"));
     let keys: Vec<_> = found.iter().filter_map(|it| it.split(':').next()).collect();
     assert_eq!(keys.len(), 5, "{found:?}");
@@ -509,7 +512,10 @@ fn a_listener_serves_lines_that_exist() {
         &listener_with("lines = ['x']"),
         "modbus_tcp[0].lines[0]: there is no line `x`; names of lines of this file: hall-1",
     );
-    only(&listener_with("lines = ['hall-1', 'hall-1']"), "modbus_tcp[0].lines[1]: line `hall-1` is listed twice; -");
+    only(
+        &listener_with("lines = ['hall-1', 'hall-1']"),
+        "modbus_tcp[0].lines[1]: line `hall-1` is listed twice; each once",
+    );
     only(
         &listener_with("lines = []"),
         "modbus_tcp[0].lines: an empty list of lines serves nothing; names of lines, or leave it out to serve all",

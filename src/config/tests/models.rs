@@ -65,7 +65,7 @@ fn rated_values_are_for_models_that_report_in_per_cent_of_them() {
         ("rated_current_a = 1.0005", "rated_current_a: 1.0005 is finer than 0.001; at most three decimals"),
         (
             "rated_voltage_v = 400",
-            "rated_voltage_v: has no use: acme-two reports no voltage in per cent of the rated one; leave it out",
+            "rated_voltage_v: has no effect: acme-two reports no voltage in per cent of the rated one; leave it out",
         ),
     ] {
         assert_eq!(rated(&model, line), Err(vec![format!("{AT}.{problem}")]), "{line}");
@@ -73,7 +73,7 @@ fn rated_values_are_for_models_that_report_in_per_cent_of_them() {
     only(
         &drive_with("rated_current_a = 12.5"),
         &format!(
-            "{AT}.rated_current_a: has no use: hyundai-n700 reports no current in per cent of the rated one; \
+            "{AT}.rated_current_a: has no effect: hyundai-n700 reports no current in per cent of the rated one; \
              leave it out"
         ),
     );
@@ -206,7 +206,7 @@ fn directories_of_models_are_absolute_and_stand_once() {
     only(&gateway("model_dirs = ['models']"), "gateway.model_dirs[0]: `models` will not do; an absolute path");
     only(
         &gateway("model_dirs = ['/etc/a', '/etc/a']"),
-        "gateway.model_dirs[1]: the directory /etc/a is taken by gateway.model_dirs[0]; each directory once",
+        "gateway.model_dirs[1]: the directory /etc/a is listed twice; each directory once",
     );
 }
 

@@ -76,7 +76,7 @@ fn the_nodes_of_a_cluster_are_different_ones_and_reached_alike() {
         ("mqtts://a", "'mqtt://b'", mixed),
         ("mqtt://a", "'mqtts://b'", mixed),
         ("mqtt://a", "'embedded'", embedded),
-        ("embedded", "'mqtt://a'", embedded),
+        ("embedded", "'mqtt://a'", "has no effect: the embedded broker is at one place; leave it out"),
     ] {
         only(&over(broker, &format!("also_at = [{node}]")), &format!("mqtt.also_at[0]: {problem}"));
     }
@@ -155,7 +155,7 @@ fn a_password_in_plain_view_must_be_meant() {
     {
         only(
             &over(broker, &format!("{lines}\nallow_plain_password = true")),
-            "mqtt.allow_plain_password: nothing is to be allowed: no user or password goes over the network in plain \
+            "mqtt.allow_plain_password: has no effect: no user or password goes over the network in plain \
              view; leave it out",
         );
     }
@@ -197,12 +197,12 @@ fn the_embedded_broker_knows_nobody() {
 fn a_key_that_another_makes_idle_is_refused() {
     only(
         &over("mqtt://broker", "lease = 'explicit'\nalive_topic = 'homeassistant/status'"),
-        "mqtt.alive_topic: an explicit lease does not hang on any topic of others; \
+        "mqtt.alive_topic: has no effect: an explicit lease does not hang on any topic of others; \
          leave it out, or lease = \"session\"",
     );
     only(
         &over("mqtt://broker", "version = 4\nresponse_prefix = 'scada'"),
-        "mqtt.response_prefix: MQTT 3.1.1 has no response topics; leave it out, or version = 5",
+        "mqtt.response_prefix: has no effect: MQTT 3.1.1 has no response topics; leave it out, or version = 5",
     );
 }
 
@@ -235,7 +235,11 @@ fn times_and_versions_stay_in_their_range() {
         ("keep_telemetry = 100001", "keep_telemetry: 100001 is out of range; a whole number from 0 to 100000"),
         ("probe_interval = '100ms'", "probe_interval: 100ms is out of range; a time from \"200ms\" to \"1min\""),
         ("command_ttl = '2min'", "command_ttl: 2min is out of range; a time from \"100ms\" to \"1min\""),
-        ("lease = 'sesion'", "lease: `sesion` is none of the words; \"session\""),
+        (
+            "lease = 'sesion'",
+            "lease: `sesion` is none of the words; one of \"session\" (control lasts as long as the way through the broker), \
+             \"explicit\" (control lasts only as long as it is renewed)",
+        ),
         ("brocker = 1", "brocker: there is no key `brocker` here; `broker`"),
     ] {
         only(&over("mqtt://broker", line), &format!("mqtt.{problem}"));

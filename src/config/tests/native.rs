@@ -68,7 +68,7 @@ fn a_register_that_is_not_there_is_not_written() {
     }
     only(
         &writes("['F007', 'F008', '0x020C']"),
-        &format!("{AT}.write[2]: register `acceleration_time`, 0x020C, is listed twice; -"),
+        &format!("{AT}.write[2]: register `acceleration_time`, 0x020C, is listed twice; each once"),
     );
 }
 

@@ -60,21 +60,25 @@ fn a_right_that_nobody_can_use_is_refused() {
     let leave = "`from = [\"modbus-tcp\"]` in the `[line.drive.control]` of a drive, or leave it out";
     only(
         &listener_with("write = ['127.0.0.1/32']"),
-        &format!("modbus_tcp[0].write: no drive that is served here takes commands from \"modbus-tcp\"; {leave}"),
+        &format!(
+            "modbus_tcp[0].write: has no effect: no drive that is served here takes commands from \"modbus-tcp\"; {leave}"
+        ),
     );
     only(
         &listener_with("stop = ['127.0.0.1/32']"),
-        &format!("modbus_tcp[0].stop: no drive that is served here has a control section; {leave}"),
+        &format!("modbus_tcp[0].stop: has no effect: no drive that is served here has a control section; {leave}"),
     );
     let by_mqtt = with(CONTROLLED, ", \"modbus-tcp\"", "");
     only(
         &by_mqtt,
-        &format!("modbus_tcp[0].write: no drive that is served here takes commands from \"modbus-tcp\"; {leave}"),
+        &format!(
+            "modbus_tcp[0].write: has no effect: no drive that is served here takes commands from \"modbus-tcp\"; {leave}"
+        ),
     );
     good(&with(&by_mqtt, "write = [\"127.0.0.1/32\"]", "stop = ['127.0.0.1/32']"));
     only(
         &listener_with("reads_renew = true"),
-        "modbus_tcp[0].reads_renew: nobody may write here, so there is no lease to renew; \
+        "modbus_tcp[0].reads_renew: has no effect: nobody may write here, so there is no lease to renew; \
          `write` with those who may, or leave it out",
     );
     good(&listener_with("write = []\nstop = []\nreads_renew = false"));
@@ -159,9 +163,12 @@ fn units_that_are_served_are_units_of_drives() {
         &listener_with("units = []"),
         "modbus_tcp[0].units: an empty list of units serves no drive; units of drives, or leave it out to serve all",
     );
-    only(&listener_with("units = [1, 1]"), "modbus_tcp[0].units[1]: unit 1 is listed twice; -");
+    only(&listener_with("units = [1, 1]"), "modbus_tcp[0].units[1]: unit 1 is listed twice; each once");
     let listed = format!("{TWO_LINES}lines = ['hall-1']\nunits = [2, 101]\n");
-    only(&listed, "modbus_tcp[0].units[0]: no drive that is served here has unit 2; of 1, 101; 255 is always served");
+    only(
+        &listed,
+        "modbus_tcp[0].units[0]: has no effect: no drive that is served here has unit 2; of 1, 101; 255 is always served",
+    );
     assert_eq!(problems(&listener_with("units = [7, 8]")).len(), 2, "all at once");
 }
 
@@ -175,5 +182,8 @@ fn whoever_is_to_command_a_drive_reaches_one_of_its_units() {
     assert!(found[0].starts_with(
         "line[0].drive[0].control.from[1]: commands from \"modbus-tcp\" cannot come: no listener of line `hall-1` lets"
     ));
-    assert!(found[1].starts_with("modbus_tcp[0].write: no drive that is served here takes commands"), "{found:?}");
+    assert!(
+        found[1].starts_with("modbus_tcp[0].write: has no effect: no drive that is served here takes commands"),
+        "{found:?}"
+    );
 }

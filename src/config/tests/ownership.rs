@@ -23,7 +23,8 @@ fn ownership_and_interlocks_are_taken_as_written() {
     assert_eq!((found.ownership, found.allow_take), (Ownership::Any, true));
     assert_eq!((found.min_start_interval.as_secs(), found.stored_write_interval.as_secs()), (600, 86_400));
     let told = problems(&control_with("ownership = 'all'"));
-    assert_eq!(told, [format!("{AT}.ownership: `all` is none of the words; one of \"one\", \"any\"")]);
+    let words = "\"one\" (only who holds control commands), \"any\" (control passes to whoever commands last)";
+    assert_eq!(told, [format!("{AT}.ownership: `all` is none of the words; one of {words}")]);
     assert_eq!(problems(&control_with("min_start_interval = '2h'")).len(), 1);
     let often = with(CONTROLLED, "write = [\"F007\"]", "write = ['F007']\nstored_write_interval = '500ms'");
     assert_eq!(problems(&often).len(), 1);
@@ -52,7 +53,10 @@ fn a_drives_lease_goes_before_that_of_the_broker() {
         assert_eq!((found.lease, found.alive_topic.is_some()), (lease, lease == Session), "{mqtt:?} {drive:?}");
     }
     let told = problems(&with(&leases(None, Some("explicit")), "broker =", "alive_topic = 'ha/status'\nbroker ="));
-    assert!(matches!(&told[..], [one] if one.contains("an explicit lease does not hang on any topic")), "{told:?}");
+    assert!(
+        matches!(&told[..], [one] if one.contains("has no effect: an explicit lease does not hang on any topic")),
+        "{told:?}"
+    );
 }
 
 #[test]

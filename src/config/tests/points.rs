@@ -21,12 +21,12 @@ fn dead_bands_are_those_of_polled_registers() {
     let at = "line[0].drive[0].dead_bands";
     only(
         &bands("{ output_freqency = 0.05 }"),
-        &format!("{at}.output_freqency: no register `output_freqency` is polled; `output_frequency`"),
+        &format!("{at}.output_freqency: has no effect: no register `output_freqency` is polled; `output_frequency`"),
     );
     only(
         &bands("{ acceleration_time = 1 }"),
         &format!(
-            "{at}.acceleration_time: no register `acceleration_time` is polled; \
+            "{at}.acceleration_time: has no effect: no register `acceleration_time` is polled; \
              one of output_frequency, trip_count, frequency_setting, frequency_source, run_source"
         ),
     );
@@ -38,7 +38,9 @@ fn dead_bands_are_those_of_polled_registers() {
     }
     only(
         &drive_with("dead_bands = { output_frequency = 0.05 }"),
-        &format!("{at}: a dead band is about what goes to a broker, and there is no `[mqtt]`; leave it out"),
+        &format!(
+            "{at}: has no effect: a dead band is about what goes to a broker, and there is no `[mqtt]`; leave it out"
+        ),
     );
 }
 
@@ -55,7 +57,7 @@ fn heartbeats_and_decimals_are_those_of_polled_registers() {
     for (table, problem) in [
         (
             "heartbeats = { output_freqency = '5s' }",
-            "heartbeats.output_freqency: no register `output_freqency` is polled; `output_frequency`",
+            "heartbeats.output_freqency: has no effect: no register `output_freqency` is polled; `output_frequency`",
         ),
         (
             "heartbeats = { output_frequency = '500ms' }",
@@ -63,11 +65,11 @@ fn heartbeats_and_decimals_are_those_of_polled_registers() {
         ),
         (
             "decimals = { output_frequency = 3 }",
-            "decimals.output_frequency: `output_frequency` is not finer than 2 decimals; 0 to 2",
+            "decimals.output_frequency: has no effect: `output_frequency` is not finer than 2 decimals; 0 to 2",
         ),
         (
             "decimals = { trip_count = 1 }",
-            "decimals.trip_count: `trip_count` is not finer than 0 decimals; leave it out",
+            "decimals.trip_count: has no effect: `trip_count` is not finer than 0 decimals; leave it out",
         ),
         (
             "decimals = { output_frequency = -1 }",
@@ -80,7 +82,9 @@ fn heartbeats_and_decimals_are_those_of_polled_registers() {
     assert_eq!(problems(&drive(several)).len(), 3, "all at once");
     only(
         &drive_with("heartbeats = { output_frequency = '5s' }"),
-        &format!("{at}.heartbeats: a heartbeat is about what goes to a broker, and there is no `[mqtt]`; leave it out"),
+        &format!(
+            "{at}.heartbeats: has no effect: a heartbeat is about what goes to a broker, and there is no `[mqtt]`; leave it out"
+        ),
     );
 }
 
@@ -96,7 +100,7 @@ fn what_is_published_is_listed() {
             "['history']",
             "mqtt.publish[0]: `history` is none of the words; one of \"state\", \"values\", \"param\", \"line\", \"info\"",
         ),
-        ("['line', 'line']", "mqtt.publish[1]: \"line\" is listed twice; -"),
+        ("['line', 'line']", "mqtt.publish[1]: \"line\" is listed twice; each once"),
         (
             "'values'",
             "mqtt.publish: must be a list, not text; a list, each one of \"state\", \"values\", \"param\", \"line\", \"info\"",
@@ -110,7 +114,7 @@ fn what_is_published_is_listed() {
 fn a_table_about_topics_that_are_left_out_is_refused() {
     let refusal = |key: &str| {
         format!(
-            "line[0].drive[0].{key}: it is about topics that `publish` in `[mqtt]` leaves out; \
+            "line[0].drive[0].{key}: has no effect: it is about topics that `publish` in `[mqtt]` leaves out; \
              leave it out, or add \"values\" there"
         )
     };

@@ -80,12 +80,12 @@ fn keys_of_a_device_do_not_go_with_what_has_none() {
     assert_eq!(
         problems(&line_at("tcp://10.0.0.7:4001", "rs485 = 'kernel'\nlow_latency = true")),
         [
-            "line[0].rs485: the direction is turned by the serial device server, not from here; leave it out",
-            "line[0].low_latency: a network connection has no driver whose latency could be set; leave it out",
+            "line[0].rs485: has no effect: the direction is turned by the serial device server, not from here; leave it out",
+            "line[0].low_latency: has no effect: a network connection has no driver whose latency could be set; leave it out",
         ]
     );
     only(
         &line_at("/dev/ttyS1", "interface = 'rs232'\nrs485 = 'rts'"),
-        "line[0].rs485: RS-232 has a wire for each direction, and nothing to turn; leave it out",
+        "line[0].rs485: has no effect: RS-232 has a wire for each direction, and nothing to turn; leave it out",
     );
 }

@@ -4,9 +4,10 @@ use super::routes::json;
 use super::{params, setup, watchdog};
 use crate::config::change::Told;
 use crate::daemon::local::LocalSide;
-use crate::daemon::reload::Refusal;
+use crate::daemon::reload::{Applied, Refusal, Reloaded};
 use crate::daemon::shared::SharedDrive;
 use crate::domain::command::{Go, Outcome, Reason, Report};
+use crate::domain::problem::Problem;
 use crate::north::setup_body::{EXAMPLE, WATCHDOG_EXAMPLE, addresses, watchdog_time};
 use axum::Router;
 use axum::body::Bytes;
@@ -101,12 +102,17 @@ async fn reload(State(side): State<Arc<LocalSide>>) -> Response {
 }
 
 /// What became of a reload.
-fn reload_answer(done: &Result<Vec<Told>, Refusal>) -> Value {
+fn reload_answer(done: &Reloaded) -> Value {
     match done {
-        Ok(told) => {
+        Ok(Applied { changes, warnings }) => {
             let change =
                 |it: &Told| serde_json::json!({ "part": it.part.word(), "name": it.name, "change": it.how.word() });
-            serde_json::json!({ "reloaded": true, "changes": told.iter().map(change).collect::<Vec<_>>() })
+            let warning = |it: &Problem| serde_json::json!({ "key": it.key, "what": it.what, "right": it.right });
+            serde_json::json!({
+                "reloaded": true,
+                "changes": changes.iter().map(change).collect::<Vec<_>>(),
+                "warnings": warnings.iter().map(warning).collect::<Vec<_>>(),
+            })
         }
         Err(refusal) => serde_json::json!({
             "reloaded": false,

@@ -10,6 +10,8 @@ use serde_json::{Value, json};
 /// How much it matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Severity {
+    /// A drive is tripped: what somebody who looks at the page has to see first.
+    Trip,
     /// Something does not work.
     Problem,
     /// It works, and would be better otherwise.
@@ -21,7 +23,7 @@ impl Severity {
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
-            Self::Problem => "problem",
+            Self::Trip | Self::Problem => "problem",
             Self::Advice => "advice",
         }
     }
@@ -51,6 +53,14 @@ impl Advice {
             "text": self.text,
         })
     }
+}
+
+/// All of `said`, what matters most first; otherwise in its order.
+#[must_use]
+pub fn ranked(said: impl IntoIterator<Item = Advice>) -> Vec<Advice> {
+    let mut all: Vec<_> = said.into_iter().collect();
+    all.sort_by_key(|advice| advice.severity);
+    all
 }
 
 /// What there is to say about one thing.

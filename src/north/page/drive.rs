@@ -14,7 +14,7 @@ use crate::journal::trip;
 use crate::north::shown::{self, quality, stale_at};
 use crate::profile::model::{Register, Role};
 use crate::profile::scale::Scaled;
-use crate::profile::words::{ROLES, word_for};
+use crate::profile::words::{POLL_CLASSES, ROLES, word_for};
 use serde_json::{Value, json};
 
 /// Digits of a value that follows from a rated one.
@@ -149,6 +149,7 @@ impl Drive<'_> {
             "text": reading.and_then(|it| self.meaning(register, it.raw)),
             "quality": quality(self.description, register, self.view, now).word(),
             "age_ms": reading.map(|it| whole_millis(now, it.at)),
+            "poll": register.poll.map(|class| word_for(&POLL_CLASSES, &class)),
             "role": register.role.map(|role| word_for(&ROLES, &role).replace('-', "_")),
         })
     }

@@ -231,6 +231,34 @@ fn a_watchdog_a_stop_without_effect_and_a_refusal_are_told() {
 }
 
 #[test]
+fn a_tripped_drive_is_the_first_of_all_problems() {
+    let description = description("teco-e510");
+    let mut view = view(&description, 0);
+    view.trip.active = Some(true);
+    view.trip_kept.last_code = Some(16);
+    view.control.as_mut().unwrap().not_effective = true;
+    let said = drive(&description, &view).advice(Interface::Rs485, NOW);
+    let tripped = said.iter().find(|it| it.text.starts_with("the drive is tripped: 16")).unwrap();
+    assert_eq!((tripped.severity, tripped.severity.word()), (Severity::Trip, "problem"));
+    let others = said.iter().filter(|it| it.severity != Severity::Trip).cloned();
+    let all = super::advice::ranked(others.chain([tripped.clone()]));
+    assert_eq!(all.first(), Some(tripped));
+    view.snapshot.presence = Presence::Offline;
+    assert!(advice(&description, &view).iter().all(|(_, text)| !text.contains("tripped")), "nobody knows by now");
+    view.snapshot.presence = Presence::Online;
+    view.trip.active = Some(false);
+    assert!(advice(&description, &view).iter().all(|(_, text)| !text.contains("tripped")));
+}
+
+#[test]
+fn a_value_says_how_often_it_is_read() {
+    let description = description("toshiba-vf-s15");
+    let shown = document(&description, &view(&description, 3000), NOW);
+    let of = |name: &str| values(&shown).iter().find(|it| it["name"] == name).unwrap()["poll"].clone();
+    assert_eq!((of("output_frequency"), of("model_code")), (json!("fast"), json!("hourly")));
+}
+
+#[test]
 fn a_setpoint_outside_the_limits_is_told() {
     let description = description("hyundai-n700");
     let mut view = view(&description, 3);

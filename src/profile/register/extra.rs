@@ -2,8 +2,9 @@
 
 use super::{RegisterFile, addresses_fit, codes_fit, distinct};
 use crate::domain::problem::Problem;
-use crate::profile::model::{Confidence, Model};
-use crate::profile::reader::{Reader, Section};
+use crate::profile::model::{Confidence, Model, Register, Role};
+use crate::profile::reader::{Reader, Section, Written};
+use std::borrow::Cow;
 
 /// Reads a register that the gateway's configuration adds to a model: `name`, `title`, `address`, `unit` and
 /// `access`, and if need be `code`, `scale`, `signed` and `poll`. Its confidence is
@@ -19,7 +20,14 @@ pub fn extra_register(section: Section<'_>, problems: &mut Vec<Problem>) -> Regi
 
 /// `model` with those registers of `extra` that can be used. Each that has the name, code or address of another, or an
 /// address or code that no register of this model can have, is reported, and then `model` comes back as it is.
+///
+/// What a model was taught since is no reason not to start: a register of `extra` at the address of one that does no more
+/// than show or hold a value is a warning. It stays as the configuration describes it, unless the gateway itself reads
+/// that register: then the model's own counts.
 pub fn with_extra(model: &Model, extra: &[RegisterFile], problems: &mut Vec<Problem>) -> Model {
+    let (known, extra) = known_since(model, extra, problems);
+    let model = &Model { registers: known, ..model.clone() };
+    let extra = &*extra;
     let before = problems.len();
     distinct(&model.registers, extra, problems);
     let alias_bit = model.quirks.stored_alias_bit.as_ref().map(|fact| fact.value);
@@ -33,6 +41,44 @@ pub fn with_extra(model: &Model, extra: &[RegisterFile], problems: &mut Vec<Prob
         model.registers.sort_by_key(|register| register.address);
     }
     model
+}
+
+/// The registers of `model` without those that `extra` replaces, and `extra` without those that the model's own replace.
+fn known_since<'x>(
+    model: &Model,
+    extra: &'x [RegisterFile],
+    problems: &mut Vec<Problem>,
+) -> (Vec<Register>, Cow<'x, [RegisterFile]>) {
+    let (mut known, mut added) = (model.registers.clone(), Cow::Borrowed(extra));
+    for register in extra {
+        let Some(Written { value: address, place }) = &register.address else { continue };
+        let harmless = |own: &&Register| own.address == *address && is_harmless(model, own);
+        let Some(own) = model.registers.iter().find(harmless) else { continue };
+        let what = format!("{} has a register at 0x{address:04X} by now, `{}`", model.id, own.name);
+        if own.role.is_some() {
+            added.to_mut().retain(|it| it != register);
+            let problem = place.problem(format!("has no effect: {what}"));
+            problems.push(problem.right(format!("leave it out, and call it `{}`", own.name)).warning());
+        } else {
+            known.retain(|it| it.address != *address);
+            let problem = place.problem(format!("{what}; it stays as it is described here"));
+            problems.push(problem.right(format!("leave it out, and call it `{}`", own.name)).warning());
+        }
+    }
+    (known, added)
+}
+
+/// Whether a register of `model` only shows or holds a value: nothing that moves the motor, or that decides how the drive
+/// is reached or whom it obeys, hangs on it.
+fn is_harmless(model: &Model, own: &Register) -> bool {
+    let is_status = model.status.iter().any(|flag| flag.address == own.address);
+    let is_setup = model.setup.iter().any(|item| item.address == Some(own.address));
+    own.back_door.is_none()
+        && !own.is_link
+        && !own.role.is_some_and(Role::is_guarded)
+        && !is_status
+        && !is_setup
+        && !model.sets_watchdog(own.address)
 }
 
 #[cfg(test)]
@@ -85,10 +131,8 @@ mod tests {
     right: one of name, title, code, address, scale, signed, unit, access, poll
 16:8 register[1].poll: a register that cannot be read cannot be polled
     right: leave it out, or give it an access that reads
-2:8 register[0].name: the name `d001` is taken by `output_frequency` of the model
-    right: one that no other register of the model has
-4:11 register[0].address: address 0x0101 is taken by `output_frequency` of the model
-    right: one that no other register of the model has
+4:11 register[0].address: has no effect: acme-1 has a register at 0x0101 by now, `output_frequency`
+    right: leave it out, and call it `output_frequency`
 10:8 register[1].name: the name `output_frequency` is taken by `output_frequency` of the model
     right: one that no other register of the model has
 12:8 register[1].code: the code `D001` is taken by `output_frequency` of the model

@@ -6,6 +6,7 @@ use crate::daemon::shared::{Shared, SharedDrive, SharedLine};
 use crate::domain::calendar::rfc3339;
 use crate::domain::ids::Name;
 use crate::drive::view::DriveView;
+use crate::north::page::advice::ranked;
 use crate::north::page::gateway::{BrokerWay, JournalState};
 use crate::north::page::{Advice, Drive, Gateway, Line, LineUse, Present};
 use serde_json::{Value, json};
@@ -68,7 +69,7 @@ impl Source<'_> {
         for (line, drive, view) in self.drives() {
             all.extend(self.drive_advice(line, drive, &view));
         }
-        all
+        ranked(all)
     }
 
     /// What there is to say about `drive` with this picture.

@@ -5,6 +5,7 @@ use super::source::{Source, documents, shown};
 use crate::daemon::shared::{SharedDrive, SharedLine};
 use crate::domain::time::MonoTime;
 use crate::drive::view::DriveView;
+use crate::north::page::advice::ranked;
 use crate::north::page::{Advice, Gateway, trips};
 use serde_json::{Map, Value};
 use std::sync::Arc;
@@ -94,7 +95,7 @@ impl Told {
     fn all_advice(&self, source: &Source<'_>) -> Vec<Advice> {
         let lines = source.shared.lines.iter().flat_map(|line| source.line(line, |line| line.advice()));
         let drives = self.drives.iter().flat_map(|told| told.advice.iter().cloned());
-        self.gateway.advice().into_iter().chain(lines).chain(drives).collect()
+        ranked(self.gateway.advice().into_iter().chain(lines).chain(drives))
     }
 }
 

@@ -1,6 +1,6 @@
 //! What there is to say about one drive.
 
-use super::{Advice, Said};
+use super::{Advice, Said, Severity};
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::control::ControlSettings;
 use crate::domain::link::Interface;
@@ -8,6 +8,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::ControlView;
 use crate::drive::watchdog::{WatchdogState, WatchdogView};
+use crate::journal::trip;
 use crate::north::page::drive::Drive;
 use crate::north::shown::fresh;
 use crate::profile::model::{Register, RunForm, SetupItem};
@@ -27,6 +28,7 @@ impl Drive<'_> {
                 "the drive does not answer{station}: check its power, its wiring, its station number, speed and parity"
             ));
         }
+        self.tripped(&mut said);
         if let Some(settings) = &description.control {
             self.obedience(&mut said, interface, now);
             self.setpoint_limits(&mut said, settings, now);
@@ -34,6 +36,23 @@ impl Drive<'_> {
             self.view.control.iter().for_each(|it| control(&mut said, it));
         }
         said.all
+    }
+
+    /// A drive that does not answer may not be tripped any more: then that is said, and not this.
+    fn tripped(&self, said: &mut Said) {
+        let trip = &self.view.trip;
+        if trip.active != Some(true) || !self.view.is_online() {
+            return;
+        }
+        let code = trip.last.as_ref().map_or(self.view.trip_kept.last_code, |last| last.code);
+        let words = code.and_then(|code| trip::text(self.description, code));
+        let name = match (code, words) {
+            (Some(code), Some(words)) if words.contains(&code.to_string()) => format!(": {words}"),
+            (Some(code), Some(words)) => format!(": {code} {words}"),
+            (Some(code), None) => format!(": {code}"),
+            (None, _) => String::new(),
+        };
+        said.say(Severity::Trip, format!("the drive is tripped{name}; find its cause before it is reset"));
     }
 
     /// Whether it obeys the bus, as far as what was read tells.

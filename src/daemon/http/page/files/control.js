@@ -52,10 +52,10 @@ export class Controls {
     );
     const buttons = [...this.holds.values()].map((hold) => hold.element);
     this.result = h("p", { class: "result" });
+    this.stops = h("div", { class: "stops", role: "group", "aria-label": `Stops of ${drive}` }, this.stop, this.coast);
     this.element = h(
       "div",
       { class: "controls", role: "group", "aria-label": `Control of ${drive}` },
-      h("div", { class: "stops" }, this.stop, this.coast),
       this.form,
       h("div", { class: "holds" }, ...buttons),
       this.result,
@@ -74,7 +74,7 @@ export class Controls {
     this.may_be_tripped = trip?.active === true || (trip?.active !== false && presence === "online");
     this.is_live = is_live;
     const { user } = session.current();
-    show(this.element, Boolean(user && control?.from?.includes("page")));
+    for (const part of [this.stops, this.element]) show(part, Boolean(user && control?.from?.includes("page")));
     if (control) this.draw();
   }
 

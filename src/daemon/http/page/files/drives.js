@@ -6,6 +6,8 @@ import * as leases from "./leases.js";
 
 // What an operator looks for comes first; the rest is one click away.
 const FIRST_VALUES = 5;
+/** What is read again and again. What a drive keeps as it is, or a person changes, is read once a minute or an hour. */
+const POLLED = new Set(["fast", "second", "slow"]);
 /** What an operator looks for before all else. */
 const LOOKED_FOR = ["output_current", "output_power", "torque", "output_voltage", "dc_link_voltage", "temperature"];
 
@@ -67,7 +69,9 @@ class Card {
     this.element = h(
       "article",
       { class: "card drive", id, "aria-labelledby": `${id}-name` },
-      h("header", {}, h("h3", { id: `${id}-name` }, name), h("p", { class: "state" }, this.shape, this.state)),
+      h("header", {}, h("h3", { id: `${id}-name`, title: name }, name), h("p", { class: "state" }, this.shape, this.state)),
+      // Above all that comes and goes: a hand that is on its way finds it where it was.
+      this.controls.stops,
       this.about,
       h(
         "div",
@@ -169,7 +173,8 @@ class Card {
     if (!drive) return;
     const since = performance.now() - this.taken;
     [...this.rows.values(), ...this.rest.values()].forEach((row) => row.draw_age(since));
-    const ages = (drive.values ?? []).filter((value) => value.quality === "good" && value.age_ms !== null);
+    const is_polled = ({ poll, quality, age_ms }) => POLLED.has(poll) && quality === "good" && age_ms !== null;
+    const ages = (drive.values ?? []).filter(is_polled);
     const oldest = Math.max(...ages.map((value) => value.age_ms));
     text(this.age, ages.length > 0 ? `values up to ${span(oldest + since)} old` : "no fresh value");
     this.draw_owner(drive.control, since);
