@@ -3,6 +3,7 @@
 use super::Failure;
 use super::own_models::{ModelDirs, OwnModels};
 use crate::config::{self, Config};
+use crate::daemon::user_files;
 use crate::domain::problem::{Problem, nearest};
 use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;
@@ -94,12 +95,13 @@ pub fn model(id: &str, dirs: &ModelDirs) -> Result<Arc<Model>, Failure> {
     })
 }
 
-/// Reads a text file.
+/// Reads a text file of at most 1 MiB.
 ///
 /// # Errors
-/// The system's reason, with the file's name.
+/// The reason of the system or of [`user_files::text`], with the file's name.
 pub fn read(path: &Path) -> Result<String, Failure> {
-    std::fs::read_to_string(path).map_err(|error| Failure::wrong(format!("{}: {error}", path.display())))
+    user_files::text(path, user_files::BYTES_MAX)
+        .map_err(|error| Failure::wrong(format!("{}: {error}", path.display())))
 }
 
 /// Reads a configuration, and the models of the operator's own that it names.

@@ -4,9 +4,11 @@ use super::{Failure, input, print};
 use crate::daemon::clock;
 use crate::daemon::journal::file_in;
 use crate::daemon::journal::listing::{COLUMNS, in_csv, in_json, in_words};
-use crate::daemon::journal::reader::{Seen, connect};
+use crate::daemon::journal::reader::{Seen, connect, salvage};
+use crate::daemon::journal::rescue::{Standing, standing};
 use crate::daemon::journal::search::{Merged, Since, Wanted};
 use crate::journal::Table;
+use rusqlite::ErrorCode;
 use std::collections::VecDeque;
 use std::path::PathBuf;
 
@@ -67,7 +69,20 @@ pub fn journal(args: &Args) -> Result<(), Failure> {
         return Err(Failure::failed(format!("{}: there is no journal", path.display())));
     }
     let failed = |error: rusqlite::Error| Failure::failed(format!("{}: {error}", path.display()));
-    let connection = connect(&path).map_err(failed)?;
+    let damage = match standing(&path).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))? {
+        Standing::New | Standing::Whole => None,
+        Standing::Empty => return Err(Failure::failed(format!("{}: the journal is empty", path.display()))),
+        Standing::Broken(what) => Some(what),
+    };
+    let mut lost: Vec<_> = damage.into_iter().collect();
+    let connection = match connect(&path) {
+        Ok(connection) if lost.is_empty() => connection,
+        Err(error) if lost.is_empty() && !is_damaged(&error) => return Err(failed(error)),
+        tried => {
+            lost.extend(tried.err().map(|error| error.to_string()));
+            salvage(&path).map_err(failed)?
+        }
+    };
     if args.csv {
         print(COLUMNS)?;
     }
@@ -75,7 +90,14 @@ pub fn journal(args: &Args) -> Result<(), Failure> {
     let mut newest = VecDeque::new();
     let wanted = args.wanted();
     for found in Merged::new(&connection, wanted.tables) {
-        let found = found.map_err(failed)?;
+        let found = match found {
+            Ok(found) => found,
+            Err(error) => {
+                // The other tables are read on: what is sound of them is shown.
+                lost.push(error.to_string());
+                continue;
+            }
+        };
         if !wanted.wants(&found.1) {
             continue;
         }
@@ -89,7 +111,19 @@ pub fn journal(args: &Args) -> Result<(), Failure> {
             }
         }
     }
-    newest.iter().try_for_each(|found| print(&args.shown(found)))
+    newest.iter().try_for_each(|found| print(&args.shown(found)))?;
+    match lost.is_empty() {
+        true => Ok(()),
+        false => Err(Failure::failed(format!(
+            "{}: the journal is damaged: {}; shown is what could be read",
+            path.display(),
+            lost.join("; ")
+        ))),
+    }
+}
+
+fn is_damaged(error: &rusqlite::Error) -> bool {
+    matches!(error.sqlite_error_code(), Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase))
 }
 
 fn data_dir_of(config: &std::path::Path) -> Result<PathBuf, Failure> {

@@ -1,14 +1,15 @@
 //! Model files of the operator's own, read from their directories within bounds.
 
+use crate::daemon::user_files;
 use std::fmt::Display;
-use std::fs::{self, File};
-use std::io::{self, Read};
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Most files of one catalogue, over all its directories.
 const FILES_MAX: usize = 256;
 /// Longest file, in bytes. The largest of the models that are built in has a tenth of it.
-const BYTES_MAX: u64 = 1024 * 1024;
+const BYTES_MAX: u64 = user_files::BYTES_MAX;
 
 /// Where models of the operator's own are.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -99,13 +100,8 @@ fn model_files(dir: &Path) -> io::Result<Vec<PathBuf>> {
 }
 
 fn text_of(path: &Path) -> Result<String, Unread> {
-    let mut text = String::new();
-    let read = File::open(path).and_then(|file| file.take(BYTES_MAX + 1).read_to_string(&mut text));
-    match read {
-        Err(error) => Err(Unread::new(path, error, "a text file that can be read")),
-        Ok(length) if length as u64 > BYTES_MAX => {
-            Err(Unread::new(path, format!("longer than {BYTES_MAX} bytes"), "a description of one drive model"))
-        }
-        Ok(_) => Ok(text),
-    }
+    user_files::text(path, BYTES_MAX).map_err(|error| match error.kind() {
+        io::ErrorKind::FileTooLarge => Unread::new(path, error, "a description of one drive model"),
+        _ => Unread::new(path, error, "a text file that can be read"),
+    })
 }

@@ -121,9 +121,13 @@ fn listen(address: SocketAddr, send_buffer_bytes: Option<u32>) -> Result<TcpList
     open().map_err(|error| StartError::Listen { address, error })
 }
 
+/// Connections of Modbus TCP unless listeners ask for more: they cost some 28 MB.
+const PLACES_USUAL: usize = 10_240;
+
 /// The places for connections; what a listener wants beyond that is told.
 fn places(config: &Config) -> usize {
-    let most = descriptors::room_for_connections();
+    let wanted: usize = config.listeners.iter().filter_map(|it| it.connections_max).sum();
+    let most = descriptors::room_for_connections().min(wanted.max(PLACES_USUAL));
     tracing::info!(most, "room for clients of Modbus TCP");
     for listener in config.listeners.iter().filter(|it| it.connections_max.is_some_and(|max| max > most)) {
         let address = listener.listen;
@@ -174,6 +178,7 @@ impl North {
             sparkplug: None.into(),
             journal: sides.journal.clone(),
             history: History::default(),
+            socket: socket.as_ref().map(|(socket, _)| socket.reachable()),
             live: Live::new(started),
             started: started.mono,
             started_at: started.wall,

@@ -1,5 +1,6 @@
 //! Certificates and keys in PEM files.
 
+use super::user_files;
 use rustls::pki_types::pem::{self, PemObject};
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use std::path::{Path, PathBuf};
@@ -19,7 +20,8 @@ pub struct FileError {
 /// # Errors
 /// It cannot be read, something in it is no PEM, or it has no certificate.
 pub fn certificates(file: &Path) -> Result<Vec<CertificateDer<'static>>, FileError> {
-    let read = CertificateDer::pem_file_iter(file).and_then(Iterator::collect::<Result<Vec<_>, _>>);
+    let bytes = read(file)?;
+    let read = CertificateDer::pem_slice_iter(&bytes).collect::<Result<Vec<_>, _>>();
     let found = read.and_then(|found| if found.is_empty() { Err(pem::Error::NoItemsFound) } else { Ok(found) });
     found.map_err(|error| wrong(file, error, "there is no certificate in it"))
 }
@@ -29,8 +31,13 @@ pub fn certificates(file: &Path) -> Result<Vec<CertificateDer<'static>>, FileErr
 /// # Errors
 /// It cannot be read, or has no key that is not encrypted.
 pub fn key(file: &Path) -> Result<PrivateKeyDer<'static>, FileError> {
-    PrivateKeyDer::from_pem_file(file)
+    PrivateKeyDer::from_pem_slice(&read(file)?)
         .map_err(|error| wrong(file, error, "there is no private key in it, or it is encrypted"))
+}
+
+fn read(file: &Path) -> Result<Vec<u8>, FileError> {
+    user_files::bytes(file, user_files::BYTES_MAX)
+        .map_err(|error| FileError { file: file.to_path_buf(), what: error.to_string() })
 }
 
 fn wrong(file: &Path, error: pem::Error, nothing: &str) -> FileError {

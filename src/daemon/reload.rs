@@ -20,12 +20,17 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{mpsc, oneshot};
+use tokio::task::JoinHandle;
+use tokio::time::timeout;
 
 /// Reloads that may wait; a person asks for one.
 const WAITING_MAX: usize = 4;
 
 /// Most time for the journal to say what it remembers.
 const MEMORY_WITHIN: Duration = Duration::from_secs(1);
+
+/// Most time for the files of the configuration to be read.
+const LOADED_WITHIN: Duration = Duration::from_secs(10);
 
 /// Loads the configuration, or tells all its problems, for people.
 pub type Load = Arc<dyn Fn() -> Result<Config, String> + Send + Sync>;
@@ -153,6 +158,37 @@ pub struct Gateway {
     pub broker: Option<BrokerChild>,
     /// The journal, if there is one.
     pub journal: Option<Arc<Journal>>,
+    /// What loads the configuration.
+    pub loader: Loader,
+}
+
+/// Loads the configuration beside the runtime, since its files may be on something slow: one load at a time, and none is waited
+/// for without an end.
+#[derive(Debug, Default)]
+pub struct Loader {
+    running: Option<JoinHandle<Result<Config, String>>>,
+}
+
+impl Loader {
+    async fn load(&mut self, load: &Load, within: Duration) -> Result<Config, Refusal> {
+        let late = || {
+            let what = format!("the files of the configuration cannot be read within {} s", within.as_secs());
+            Refusal::System(what)
+        };
+        if let Some(earlier) = &mut self.running {
+            // What it has read may be out of date by now.
+            let _ = timeout(within, earlier).await.map_err(|_| late())?;
+            self.running = None;
+        }
+        let load = Arc::clone(load);
+        let running = self.running.insert(tokio::task::spawn_blocking(move || load()));
+        let loaded = timeout(within, running).await.map_err(|_| late())?;
+        self.running = None;
+        match loaded {
+            Ok(loaded) => loaded.map_err(Refusal::Configuration),
+            Err(error) => Err(Refusal::System(error.to_string())),
+        }
+    }
 }
 
 /// All that a new configuration needs, held ready. What is not used is given back when it is dropped.
@@ -170,7 +206,7 @@ impl Gateway {
     /// # Errors
     /// Why everything stays as it was; but drives that were to be stopped first may be.
     pub async fn reload(&mut self, load: &Load) -> Reloaded {
-        let new = loaded(load).await?;
+        let new = self.loader.load(load, LOADED_WITHIN).await?;
         let change = Change::between(&self.config, &new);
         if !change.needs_restart.is_empty() {
             return Err(Refusal::NeedsRestart(change.needs_restart));
@@ -270,11 +306,28 @@ impl Gateway {
     }
 }
 
-/// Files may be on something slow, so they are read beside the runtime.
-async fn loaded(load: &Load) -> Result<Config, Refusal> {
-    let load = Arc::clone(load);
-    match tokio::task::spawn_blocking(move || load()).await {
-        Ok(loaded) => loaded.map_err(Refusal::Configuration),
-        Err(error) => Err(Refusal::System(error.to_string())),
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Mutex;
+    use std::sync::mpsc;
+
+    #[tokio::test]
+    async fn a_file_that_is_never_read_holds_up_one_reload_and_no_later_one() {
+        let (release, hangs) = mpsc::channel::<()>();
+        let hangs = Mutex::new(Some(hangs));
+        let load: Load = Arc::new(move || {
+            let hangs = hangs.lock().unwrap().take();
+            let _ = hangs.map(|hangs| hangs.recv());
+            Err("read".to_owned())
+        });
+        let mut loader = Loader::default();
+        for _ in 0..2 {
+            let refused = loader.load(&load, Duration::from_millis(10)).await.unwrap_err();
+            assert!(matches!(&refused, Refusal::System(what) if what.contains("cannot be read within")), "{refused}");
+        }
+        drop(release);
+        let refused = loader.load(&load, LOADED_WITHIN).await.unwrap_err();
+        assert_eq!(refused, Refusal::Configuration("read".to_owned()), "it is read anew");
     }
 }

@@ -2,14 +2,15 @@
 
 use super::answers::NorthSides;
 use super::bell::Bell;
-use super::http::socket::{OwnSocket, SocketError};
+use super::http::socket::OwnSocket;
 use super::journal::Journal;
 use super::lines::Lines;
 use super::mqtt::broker_child::BrokerChild;
 use super::north::{self, North};
-use super::reload::{Gateway, Load, Refusal, Reloaded, Reloads};
+use super::own_lock::Taken;
+use super::reload::{Gateway, Load, Loader, Refusal, Reloaded, Reloads};
 use super::shared::Current;
-use super::{build, notify};
+use super::{build, notify, sys};
 use crate::config::{Config, MqttSettings};
 use crate::domain::ids::Name;
 use crate::domain::problem::Problem;
@@ -26,6 +27,10 @@ use tokio::task::LocalSet;
 
 /// Most time for the journal's last rows.
 const JOURNAL_MAX: Duration = Duration::from_secs(2);
+/// Most threads that read files, look up names and compare passwords beside the runtime: each keeps some memory.
+const BESIDE_THREADS_MAX: usize = 16;
+/// Most time for what reads files or looks up names beside the runtime: it may hang, and ends with the process.
+const BESIDE_MAX: Duration = Duration::from_secs(1);
 
 /// Why the daemon could not start.
 #[derive(Debug, thiserror::Error)]
@@ -49,9 +54,9 @@ pub enum StartError {
     /// The users or the certificate of the HTTP listener cannot be used.
     #[error("http: {0}")]
     Http(String),
-    /// The socket for the program's own commands could not be made.
+    /// Another gateway runs on the same data directory.
     #[error(transparent)]
-    Socket(#[from] SocketError),
+    Taken(#[from] Taken),
     /// The broker for trying out does not start.
     #[error("the embedded broker does not start: {0}")]
     Broker(io::Error),
@@ -98,7 +103,9 @@ pub fn run<F>(config: &Config, load: Option<Load>, until: F) -> Result<(), Start
 where
     F: AsyncFnOnce(&Running<'_>),
 {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    sys::give_memory_back();
+    let mut runtime = tokio::runtime::Builder::new_current_thread();
+    let runtime = runtime.enable_all().max_blocking_threads(BESIDE_THREADS_MAX).build()?;
     let local = LocalSet::new();
     let ended = runtime.block_on(local.run_until(async {
         let (reloads, asked) = Reloads::channel();
@@ -116,7 +123,7 @@ where
         Ok(end(gateway).await)
     }));
     drop(local);
-    drop(runtime);
+    runtime.shutdown_timeout(BESIDE_MAX);
     ended.map(Lines::join)
 }
 
@@ -147,7 +154,8 @@ async fn start(config: &Config, reloads: Option<Reloads>) -> Result<(Gateway, Ad
     let current = Current::from(shared);
     let north = North::start(config, &name, current.clone(), sides, bound, socket, broker_side);
     lines.begin(handles, &memory);
-    let gateway = Gateway { config: config.clone(), name, current, lines, north, broker, journal };
+    let loader = Loader::default();
+    let gateway = Gateway { config: config.clone(), name, current, lines, north, broker, journal, loader };
     Ok((gateway, (listening, http, broker_at)))
 }
 

@@ -1,28 +1,22 @@
 //! Files with secrets: which the configuration names, and whether everybody on this host may read them.
 
+use super::user_files;
 use crate::config::{BrokerSettings, Config, HashSource, PasswordSource};
-use std::fs::File;
-use std::io::{self, Read};
+use std::io;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
 /// Longest file with a password or a hash in bytes.
-const BYTES_MAX: usize = 4096;
+const BYTES_MAX: u64 = 4096;
 /// The permission of everybody to read.
 const BY_EVERYBODY: u32 = 0o004;
 
 /// The text of a file with a password or a hash.
 ///
 /// # Errors
-/// The system's, or the file is longer than any secret.
+/// Those of [`user_files::text`]: it is longer than any secret, or no regular file.
 pub fn read(path: &Path) -> io::Result<String> {
-    let mut text = String::new();
-    let most = u64::try_from(BYTES_MAX).unwrap_or(u64::MAX).saturating_add(1);
-    File::open(path)?.take(most).read_to_string(&mut text)?;
-    match text.len() > BYTES_MAX {
-        true => Err(io::Error::other(format!("more than {BYTES_MAX} bytes are no secret"))),
-        false => Ok(text),
-    }
+    user_files::text(path, BYTES_MAX)
 }
 
 /// Warns of each file with a secret that everybody on this host may read.
@@ -128,7 +122,7 @@ key_file = "/secret/http.key"
             assert_eq!(is_open(&place), right, "{mode:o}");
         }
         assert_eq!(read(&place).unwrap(), "hunter2\n");
-        std::fs::write(&place, "x".repeat(BYTES_MAX + 1)).unwrap();
+        std::fs::write(&place, "x".repeat(4097)).unwrap();
         assert!(read(&place).unwrap_err().to_string().contains("4096"));
         std::fs::remove_file(&place).unwrap();
         assert!(!is_open(&place) && read(&place).is_err());

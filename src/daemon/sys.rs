@@ -14,6 +14,13 @@ use tokio::io::unix::AsyncFd;
 /// interrupt threads (50).
 const LINE_THREAD_PRIORITY: i32 = 20;
 
+/// Blocks of this size and more are the system's own, and go back to it alone.
+#[cfg(target_env = "gnu")]
+const LARGE_BLOCK_BYTES: libc::c_int = 128 * 1024;
+/// So much that is free at the end of the heap is kept for what comes next.
+#[cfg(target_env = "gnu")]
+const UNUSED_BYTES_MAX: libc::c_int = 512 * 1024;
+
 /// Asks the kernel to run the calling thread before all ordinary ones (`SCHED_FIFO`).
 ///
 /// # Errors
@@ -24,6 +31,19 @@ pub fn ask_for_real_time() -> io::Result<()> {
     match unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const param) } {
         0 => Ok(()),
         _ => Err(io::Error::last_os_error()),
+    }
+}
+
+/// Has the allocator give large blocks back to the system as soon as they are freed. By itself it keeps them for the next one,
+/// in each of its arenas: some passwords that are compared would take hundreds of megabytes for good. Other C libraries give
+/// them back anyway.
+pub fn give_memory_back() {
+    #[cfg(target_env = "gnu")]
+    for (setting, bytes) in [(libc::M_MMAP_THRESHOLD, LARGE_BLOCK_BYTES), (libc::M_TRIM_THRESHOLD, UNUSED_BYTES_MAX)] {
+        // SAFETY: the call only sets a number of the allocator's own, under its own lock.
+        if unsafe { libc::mallopt(setting, bytes) } == 0 {
+            tracing::warn!(setting, bytes, "the allocator does not take a setting: memory that is freed may be kept");
+        }
     }
 }
 

@@ -125,9 +125,9 @@ pub fn ended(at: WallTime) -> Row {
     Row::new(at, "gateway", None, &json!({ "state": "ended" }))
 }
 
-/// The journal begins anew, and why.
+/// The journal begins anew, and why; the file that was there may be kept elsewhere.
 #[must_use]
-pub fn begun_anew(at: WallTime, reason: &str, kept_as: &str) -> Row {
+pub fn begun_anew(at: WallTime, reason: &str, kept_as: Option<&str>) -> Row {
     Row::new(at, "journal", None, &json!({ "state": "begun_anew", "reason": reason, "kept_as": kept_as }))
 }
 

@@ -258,6 +258,7 @@ fn served(directory: &Path) -> (SocketAddr, Arc<State>) {
     let state = Arc::new(State {
         journal: None,
         history: Default::default(),
+        socket: None,
         gateway: "plant-a".to_owned(),
         shared: shared.into(),
         modbus: Arc::default(),

@@ -33,11 +33,13 @@ pub(super) struct Patience {
     /// For the connection: then it answers the request that it has and ends, so that nobody holds a place for ever. An
     /// answer without an end goes on.
     pub connection: Duration,
+    /// For a client to take a piece of its answer.
+    pub piece: Duration,
 }
 
 impl Default for Patience {
     fn default() -> Self {
-        Self { head: Duration::from_secs(10), connection: Duration::from_secs(300) }
+        Self { head: Duration::from_secs(10), connection: Duration::from_secs(300), piece: Duration::from_secs(10) }
     }
 }
 

@@ -5,6 +5,7 @@
 use super::connections::{CONNECTIONS_MAX, Patience, converse_by};
 use super::front::Front;
 use super::lasting::{self, Lasting, Life};
+use super::taking::Taking;
 use crate::daemon::clock;
 use crate::daemon::told::Told;
 use crate::domain::time::MonoTime;
@@ -78,10 +79,12 @@ pub(super) async fn serve(
 
 async fn receive(stream: TcpStream, tls: Option<Arc<ServerConfig>>, guest: Guest, (patience, life): (Patience, Life)) {
     let life = (guest.seat.lasting.clone(), life);
-    let Some(tls) = tls else { return converse_by(stream, guest, patience, life).await };
+    let Some(tls) = tls else {
+        return converse_by(Taking::new(stream, patience.piece), guest, patience, life).await;
+    };
     let peer = guest.peer.0;
     match timeout(HANDSHAKE_MAX, TlsAcceptor::from(tls).accept(stream)).await {
-        Ok(Ok(stream)) => converse_by(stream, guest, patience, life).await,
+        Ok(Ok(stream)) => converse_by(Taking::new(stream, patience.piece), guest, patience, life).await,
         Ok(Err(error)) => tracing::debug!(%peer, %error, "TLS handshake on the HTTP listener failed"),
         Err(_) => tracing::debug!(%peer, "TLS handshake on the HTTP listener is not finished in time"),
     }

@@ -29,6 +29,7 @@ pub(super) fn health(state: &State, now: MonoTime) -> Value {
         "mqtt": mqtt(state),
         "sparkplug": sparkplug(state),
         "journal": journal(state),
+        "socket": socket(state),
     })
 }
 
@@ -82,6 +83,12 @@ fn sparkplug(state: &State) -> Value {
             "history_waiting": sparkplug.counters().history_waiting,
         })
     })
+}
+
+fn socket(state: &State) -> Value {
+    let Some(socket) = &state.socket else { return Value::Null };
+    let reason = socket.refusal();
+    json!({ "state": if reason.is_none() { "ok" } else { "missing" }, "reason": reason })
 }
 
 fn journal(state: &State) -> Value {

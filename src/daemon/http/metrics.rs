@@ -61,6 +61,9 @@ impl Collector for Scrape {
         if let Some(sparkplug) = state.sparkplug.load().as_ref() {
             each(&mut encoder, table::SPARKPLUG, || [(Vec::new(), sparkplug.as_ref())])?;
         }
+        if let Some(socket) = &state.socket {
+            each(&mut encoder, table::SOCKET, || [(Vec::new(), socket.as_ref())])?;
+        }
         if let Some(report) = state.journal.as_ref().map(|journal| journal.report()) {
             each(&mut encoder, table::JOURNAL, || [(Vec::new(), &report)])?;
         }

@@ -11,6 +11,7 @@ mod doorkeeper;
 mod entrance;
 mod front;
 mod health;
+mod large;
 pub mod lasting;
 pub mod live;
 mod metrics;
@@ -25,6 +26,7 @@ mod setup_tests;
 pub mod socket;
 pub mod state;
 mod table;
+mod taking;
 #[cfg(test)]
 mod tests;
 mod traffic;
@@ -51,6 +53,7 @@ pub const SEND_BUFFER_BYTES: u32 = 128 * 1024;
 pub async fn serve(listener: TcpListener, state: Arc<State>, control: Arc<Control>) {
     let (front, changed) = (Arc::clone(control.front()), Arc::clone(control.changed()));
     let router = routes::router(state).merge(control::router(control));
+    let router = router.layer(from_fn_with_state(large::Room::default(), large::look));
     let router = router.layer(from_fn_with_state(Arc::clone(&front), doorkeeper::look));
     entrance::serve(listener, router, (front, changed), Patience::default()).await;
 }

@@ -4,35 +4,25 @@ use super::connections::{self, Patience};
 use super::state::State;
 use super::{own_routes, routes};
 use crate::daemon::local::LocalSide;
+use crate::daemon::own_lock::{Lock, Taken};
+use arc_swap::ArcSwapOption;
 use rustix::fs::{FileType, Mode};
-use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{self, Read, Seek, Write};
-use std::os::unix::fs::OpenOptionsExt;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::net::{UnixListener, UnixSocket};
 
 /// Name of the socket in the data directory.
 pub const SOCKET_NAME: &str = "vfd-gateway.sock";
-/// Name of the lock beside it. It is held by the gateway that owns the socket, and it ends with that process however
-/// it ends: a socket without it is a dead one's.
-const LOCK_NAME: &str = "vfd-gateway.lock";
 /// Connections that wait to be accepted.
 const BACKLOG: u32 = 16;
-/// Most of a lock file that is read: a process number and some.
-const HOLDER_BYTES_MAX: u64 = 32;
+/// How often it is tried again to make a socket that could not be made.
+const AGAIN_AFTER: Duration = Duration::from_secs(10);
 
 /// Why there is no socket.
 #[derive(Debug, thiserror::Error)]
 pub enum SocketError {
-    /// Another gateway runs on this data directory.
-    #[error("another gateway (process {holder}) is running on {}", directory.display())]
-    Taken {
-        /// Its process number, as far as it said so.
-        holder: String,
-        /// The data directory.
-        directory: PathBuf,
-    },
     /// Something stands where the socket should be.
     #[error("{} is not a socket and is left alone", .0.display())]
     NoSocket(PathBuf),
@@ -46,27 +36,50 @@ pub enum SocketError {
     },
 }
 
+/// Whether the program's own commands reach the gateway: why not.
+#[derive(Debug, Default)]
+pub struct Reachable(ArcSwapOption<String>);
+
+impl Reachable {
+    /// Why they do not; none: they do.
+    #[must_use]
+    pub fn refusal(&self) -> Option<String> {
+        self.0.load().as_ref().map(|refusal| refusal.to_string())
+    }
+
+    fn set(&self, refusal: Option<String>) {
+        self.0.store(refusal.map(Arc::new));
+    }
+}
+
 /// The socket of this gateway. Its file is gone when this is dropped.
 #[derive(Debug)]
 pub struct OwnSocket {
+    /// None: it could not be made as yet.
     listener: Option<UnixListener>,
+    /// The file is ours.
+    is_made: bool,
     path: PathBuf,
-    /// Unlocked when it is closed.
-    _lock: File,
+    reachable: Arc<Reachable>,
+    /// Given back behind the socket.
+    _lock: Lock,
 }
 
 impl OwnSocket {
-    /// Makes `vfd-gateway.sock` in `directory`, for its owner alone. The socket of a gateway that is gone is replaced.
+    /// Makes `vfd-gateway.sock` in `directory`, for its owner alone. The socket of a gateway that is gone is replaced. Where none
+    /// can be made, the log says so, and it is tried again while it is served: the gateway controls without it.
     /// It must be called on a runtime.
     ///
     /// # Errors
-    /// [`SocketError`]; a gateway that runs on the same directory is left alone.
-    pub fn open(directory: &Path) -> Result<Self, SocketError> {
-        let lock = lock(directory)?;
-        let path = directory.join(SOCKET_NAME);
-        remove_dead(&path)?;
-        let listener = listen(&path).map_err(|error| SocketError::System { path: path.clone(), error })?;
-        Ok(Self { listener: Some(listener), path, _lock: lock })
+    /// [`Taken`]: a gateway runs on the same directory, and is left alone.
+    pub fn open(directory: &Path) -> Result<Self, Taken> {
+        let lock = Lock::take(directory)?;
+        let (path, reachable) = (directory.join(SOCKET_NAME), Arc::default());
+        let mut own = Self { listener: None, is_made: false, path, reachable, _lock: lock };
+        if let Err(error) = own.make() {
+            tracing::error!(%error, "ALARM: the socket for the program's own commands cannot be made; control goes on");
+        }
+        Ok(own)
     }
 
     /// The file.
@@ -75,53 +88,43 @@ impl OwnSocket {
         &self.path
     }
 
+    /// Whether the program's own commands reach the gateway, from now on.
+    #[must_use]
+    pub fn reachable(&self) -> Arc<Reachable> {
+        Arc::clone(&self.reachable)
+    }
+
     /// Serves HTTP on it until the task is dropped, and the file with it. It must run on a `LocalSet`.
     pub async fn serve(mut self, state: Arc<State>, side: Arc<LocalSide>) {
+        while self.listener.is_none() {
+            tokio::time::sleep(AGAIN_AFTER).await;
+            if self.make().is_ok() {
+                tracing::warn!("the socket for the program's own commands is there");
+            }
+        }
         if let Some(listener) = self.listener.take() {
             let router = routes::router(state).merge(own_routes::router(side));
             connections::serve(listener, router, Patience::default()).await;
         }
     }
+
+    fn make(&mut self) -> Result<(), SocketError> {
+        let made = remove_dead(&self.path)
+            .and_then(|()| listen(&self.path).map_err(|error| SocketError::System { path: self.path.clone(), error }));
+        self.reachable.set(made.as_ref().err().map(ToString::to_string));
+        self.listener = Some(made?);
+        self.is_made = true;
+        Ok(())
+    }
 }
 
 impl Drop for OwnSocket {
     fn drop(&mut self) {
-        // The lock is still held, so the file is ours. If it stays, the next gateway replaces it.
-        let _ = std::fs::remove_file(&self.path);
-    }
-}
-
-/// Takes the lock and writes our process number into it.
-fn lock(directory: &Path) -> Result<File, SocketError> {
-    let path = directory.join(LOCK_NAME);
-    let system = |error| SocketError::System { path: path.clone(), error };
-    let mut options = OpenOptions::new();
-    // Whoever can open it can hold the lock, and so keep the gateway from starting.
-    let mut file =
-        options.read(true).write(true).create(true).truncate(false).mode(0o600).open(&path).map_err(system)?;
-    match file.try_lock() {
-        Ok(()) => {}
-        Err(TryLockError::WouldBlock) => {
-            return Err(SocketError::Taken { holder: holder(&mut file), directory: directory.to_owned() });
+        if self.is_made {
+            // The lock is still held, so the file is ours. If it stays, the next gateway replaces it.
+            let _ = std::fs::remove_file(&self.path);
         }
-        Err(TryLockError::Error(error)) => return Err(system(error)),
     }
-    let sign = |file: &mut File| {
-        // An earlier gateway may have made it for everybody.
-        rustix::fs::fchmod(&*file, Mode::RUSR | Mode::WUSR)?;
-        file.set_len(0)?;
-        file.rewind()?;
-        writeln!(file, "{}", std::process::id())
-    };
-    sign(&mut file).map_err(system)?;
-    Ok(file)
-}
-
-fn holder(file: &mut File) -> String {
-    let mut text = String::new();
-    let read = file.take(HOLDER_BYTES_MAX).read_to_string(&mut text);
-    let number = text.trim();
-    if read.is_ok() && !number.is_empty() { number.to_owned() } else { "unknown".to_owned() }
 }
 
 /// Removes a socket that a gateway which is gone has left.

@@ -2,6 +2,7 @@
 
 use super::live::Live;
 use super::report::History;
+use super::socket::Reachable;
 use crate::daemon::journal::Journal;
 use crate::daemon::shared::Current;
 use crate::daemon::totals::{ModbusTotals, MqttTotals, SparkplugTotals};
@@ -25,6 +26,8 @@ pub struct State {
     pub sparkplug: ArcSwapOption<SparkplugTotals>,
     /// The journal; nothing if there is no data directory.
     pub journal: Option<Arc<Journal>>,
+    /// Whether the program's own commands reach the gateway; nothing if there is no data directory.
+    pub socket: Option<Arc<Reachable>>,
     /// What was counted some minutes ago.
     pub history: History,
     /// What the live documents rest on.

@@ -31,7 +31,7 @@ use tokio::time::{Interval, MissedTickBehavior, interval};
 /// How often what has come is handed on: a person sees no difference, and the main thread is not woken by each frame.
 const EVERY: Duration = Duration::from_millis(50);
 /// Most records in one piece of an answer.
-const RECORDS_AT_ONCE: usize = 256;
+const RECORDS_AT_ONCE: usize = 64;
 /// After this time in which nothing happened it is said that the line is still watched.
 const ALIVE_EVERY: Duration = Duration::from_secs(2);
 /// How long an answer lasts: less than its connection may.

@@ -40,6 +40,7 @@ fn state(line: &Arc<SharedLine>) -> Arc<State> {
         mqtt: None.into(),
         sparkplug: None.into(),
         history: crate::daemon::http::report::History::default(),
+        socket: None,
         live: crate::daemon::http::live::Live::new(clock::moment()),
         started: clock::now(),
         started_at: WallTime { unix_ms: 0 },

@@ -28,10 +28,11 @@ pub fn move_aside(path: &Path, now: WallTime) -> io::Result<PathBuf> {
     // The lock of the data directory is ours, so nobody else makes one meanwhile.
     let target = (0..=ASIDE_MAX).map(target).find(|target| !target.exists());
     let target = target.ok_or_else(|| io::Error::other("no name is free"))?;
+    // The file itself may be what is missing.
     for part in PARTS {
         let (from, to) = (format!("{}{part}", path.display()), format!("{}{part}", target.display()));
         match std::fs::rename(from, to) {
-            Err(error) if part.is_empty() || error.kind() != io::ErrorKind::NotFound => return Err(error),
+            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
             _ => {}
         }
     }

@@ -2,6 +2,7 @@
 
 use super::events;
 use super::reader;
+use super::rescue::{self, Rescued};
 use super::schema::{self, Made};
 use crate::domain::ids::Name;
 use crate::journal::audit::Change;
@@ -62,6 +63,17 @@ pub struct Mark {
     session: String,
     last_event: u64,
     last_availability: u64,
+}
+
+/// What was taken over from a damaged database.
+#[derive(Debug, Default)]
+pub struct TakenOver {
+    /// Rows of all tables.
+    pub rows: usize,
+    /// Of these: events that nobody has taken.
+    pub waiting: usize,
+    /// What is lost, for people.
+    pub lost: Vec<String>,
 }
 
 /// What was found in a database.
@@ -211,21 +223,46 @@ impl Database {
         events::waiting(&self.connection, after, most)
     }
 
-    /// Takes over what is not taken yet from a database that was moved aside, as far as it can be read; what stands
-    /// behind `mark` is still to be written.
+    /// Takes over the sound rows of a database that was moved aside, as far as they can be read; what stands behind `mark` is
+    /// still to be written. Events that nobody has taken are to be told again. Returns what was taken over and what is lost.
     ///
     /// # Errors
     /// SQLite's, of this database.
-    pub fn take_over(&mut self, old: &Path, mark: Option<&Mark>) -> Result<usize, Error> {
-        let (mut rows, highest) = events::rescued(old);
-        rows.retain(|row| mark.is_none_or(|mark| row.number <= mark.last_event));
+    pub fn take_over(&mut self, old: &Path, mark: Option<&Mark>) -> Result<TakenOver, Error> {
+        let (mut waiting, highest) = events::rescued(old);
+        waiting.retain(|row| mark.is_none_or(|mark| row.number <= mark.last_event));
+        let mut taken_over = TakenOver { waiting: waiting.len(), ..TakenOver::default() };
         let transaction = self.connection.transaction()?;
-        for row in &rows {
+        for table in Table::ALL {
+            let Rescued { mut rows, lost } = rescue::rescued(old, table);
+            let last = mark.and_then(|mark| match table {
+                Table::Event => Some(mark.last_event),
+                Table::Availability => Some(mark.last_availability),
+                // The book has what may be missing, under the same numbers.
+                Table::Audit => None,
+            });
+            rows.retain(|row| last.is_none_or(|last| row.number <= last));
+            for row in &rows {
+                put(&transaction, table, row)?;
+            }
+            let numbers = rows.iter().map(|row| row.number);
+            match table {
+                Table::Event => {
+                    events::mark(&transaction, &numbers.clone().collect(), events::TAKEN)?;
+                    self.last_event = self.last_event.max(numbers.max().unwrap_or(0));
+                }
+                Table::Availability => self.last_availability = self.last_availability.max(numbers.max().unwrap_or(0)),
+                Table::Audit => self.audit_base = self.audit_base.max(numbers.max().unwrap_or(0)),
+            }
+            taken_over.rows += rows.len();
+            taken_over.lost.extend(lost);
+        }
+        for row in &waiting {
             put(&transaction, Table::Event, row)?;
         }
         transaction.commit()?;
         self.last_event = self.last_event.max(highest);
-        Ok(rows.len())
+        Ok(taken_over)
     }
 
     /// Cuts what gives way if the journal is nearly full. Returns the size of its file in bytes.
@@ -309,7 +346,8 @@ fn found(connection: &Connection) -> Result<Found, Error> {
 pub fn rescued(path: &Path) -> BTreeMap<Name, Remembered> {
     let mut found = Found::default();
     // What was read before an error is sound all the same.
-    let _ = reader::salvage(path).and_then(|connection| remembered(&connection, &mut found));
+    let connection = reader::connect(path).or_else(|_| reader::salvage(path));
+    let _ = connection.and_then(|connection| remembered(&connection, &mut found));
     found.memory
 }
 

@@ -51,6 +51,11 @@ pub fn waiting(connection: &Connection, after: u64, most: usize) -> Result<(Vec<
         }
         tracing::error!(numbers = ?damaged, "ALARM: trip events in the journal are damaged and cannot be published");
         mark(connection, &damaged, DAMAGED)?;
+        let still = unread(connection, after, most + 1)?;
+        if still.iter().any(|seen| damaged.contains(&seen.number())) {
+            // It would be found for ever.
+            return Err(reader::out_of_order(Table::Event));
+        }
     }
 }
 
@@ -78,7 +83,9 @@ pub fn rescued(path: &Path) -> (Vec<Row>, u64) {
         let after = rows.last().map_or(0, |row| row.number);
         let Ok(seen) = unread(&connection, after, 16) else { break };
         let before = rows.len();
-        rows.extend(seen.into_iter().filter_map(|seen| if let Seen::Sound(row) = seen { Some(row) } else { None }));
+        let sound = seen.into_iter().filter_map(|seen| if let Seen::Sound(row) = seen { Some(row) } else { None });
+        // A damaged index leads in circles.
+        rows.extend(sound.filter(|row| row.number > after));
         if rows.len() == before {
             break;
         }

@@ -11,6 +11,7 @@ mod events;
 mod inbox;
 pub mod listing;
 pub mod reader;
+pub mod rescue;
 mod schema;
 pub mod search;
 pub mod status;

@@ -9,7 +9,11 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Rows that are read at once. No transaction is open between, so that a reader who pauses holds up nothing.
-const PAGE: usize = 1000;
+const PAGE: usize = 250;
+/// What SQLite keeps of the file for one reader, in KiB.
+const CACHE_KIB: i64 = 512;
+/// The smallest page of a database. What is shorter than that SQLite takes for an empty one.
+pub const PAGE_BYTES_MIN: u64 = 512;
 /// How long a read waits for the writer.
 const BUSY_WAIT: Duration = Duration::from_secs(2);
 
@@ -56,6 +60,8 @@ pub fn connect(path: &Path) -> Result<Connection, Error> {
     let open = |target: &Path| {
         let connection = Connection::open_with_flags(target, flags)?;
         connection.busy_timeout(BUSY_WAIT)?;
+        // Negative: in KiB, not in pages.
+        connection.pragma_update(None, "cache_size", -CACHE_KIB)?;
         connection.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()))?;
         Ok(connection)
     };
@@ -71,6 +77,11 @@ pub fn connect(path: &Path) -> Result<Connection, Error> {
 /// # Errors
 /// SQLite's.
 pub fn salvage(path: &Path) -> Result<Connection, Error> {
+    if std::fs::metadata(path).is_ok_and(|it| it.len() < PAGE_BYTES_MIN) {
+        // SQLite would take it for an empty one and remove its log.
+        let what = "it is shorter than any page".to_owned();
+        return Err(Error::SqliteFailure(rusqlite::ffi::Error::new(rusqlite::ffi::SQLITE_CORRUPT), Some(what)));
+    }
     let connection = Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_ONLY)?;
     // SQLite reads a file that was cut short only for those who say that they repair it.
     connection.pragma_update(None, "writable_schema", true)?;
@@ -81,6 +92,19 @@ fn escaped(path: &Path) -> String {
     path.display().to_string().replace('%', "%25").replace('?', "%3f").replace('#', "%23")
 }
 
+/// The row `number` of `table`; none if it is gone.
+///
+/// # Errors
+/// SQLite's.
+pub fn row(connection: &Connection, table: Table, number: u64) -> Result<Option<Seen>, Error> {
+    let sql = format!("SELECT number, at, kind, name, body, crc FROM {} WHERE number = ?", table.name());
+    let mut select = connection.prepare_cached(&sql)?;
+    match select.query_row([number], |row| seen(table, row)) {
+        Err(Error::QueryReturnedNoRows) => Ok(None),
+        found => found.map(Some),
+    }
+}
+
 /// The rows of one table, in the order of their numbers or against it.
 #[derive(Debug)]
 pub struct Rows<'c> {
@@ -89,13 +113,23 @@ pub struct Rows<'c> {
     is_backward: bool,
     last: u64,
     page: VecDeque<Seen>,
+    has_failed: bool,
+    failure: Option<Error>,
 }
 
 impl<'c> Rows<'c> {
     /// The rows behind number `after`, oldest first.
     #[must_use]
     pub const fn after(connection: &'c Connection, table: Table, after: u64) -> Self {
-        Self { connection, table, is_backward: false, last: after, page: VecDeque::new() }
+        Self {
+            connection,
+            table,
+            is_backward: false,
+            last: after,
+            page: VecDeque::new(),
+            has_failed: false,
+            failure: None,
+        }
     }
 
     /// All rows, the newest first.
@@ -103,7 +137,7 @@ impl<'c> Rows<'c> {
     pub const fn newest_first(connection: &'c Connection, table: Table) -> Self {
         // SQLite's greatest number.
         let last = i64::MAX.unsigned_abs();
-        Self { connection, table, is_backward: true, last, page: VecDeque::new() }
+        Self { connection, table, is_backward: true, last, page: VecDeque::new(), has_failed: false, failure: None }
     }
 
     fn read(&mut self) -> Result<(), Error> {
@@ -116,6 +150,10 @@ impl<'c> Rows<'c> {
         let rows = select.query_map((self.last, PAGE), |row| seen(self.table, row))?;
         for row in rows {
             let row = row?;
+            // A damaged index leads in circles.
+            if (row.number() > self.last) == self.is_backward || row.number() == self.last {
+                return Err(out_of_order(self.table));
+            }
             self.last = row.number();
             self.page.push_back(row);
         }
@@ -127,13 +165,21 @@ impl Iterator for Rows<'_> {
     type Item = Result<Seen, Error>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if self.page.is_empty()
-            && let Err(error) = self.read()
-        {
-            return Some(Err(error));
+        if self.page.is_empty() && !self.has_failed {
+            let read = self.read();
+            self.has_failed = read.is_err();
+            // What was read before it is sound.
+            self.failure = read.err();
         }
-        self.page.pop_front().map(Ok)
+        self.page.pop_front().map(Ok).or_else(|| self.failure.take().map(Err))
     }
+}
+
+/// The numbers of `table` do not rise, as those of a sound one do.
+#[must_use]
+pub fn out_of_order(table: Table) -> Error {
+    let what = format!("the rows of {} are out of order: the file is damaged", table.name());
+    Error::SqliteFailure(rusqlite::ffi::Error::new(rusqlite::ffi::SQLITE_CORRUPT), Some(what))
 }
 
 /// Problems that a check of the whole file finds, as SQLite words them; none: it is sound.

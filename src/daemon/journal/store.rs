@@ -2,7 +2,8 @@
 //! the system refuses.
 
 use super::aside::move_aside;
-use super::database::{Broken, Database, Found, Mark, rescued};
+use super::database::{Broken, Database, Found, Mark, TakenOver, rescued};
+use super::rescue::{Standing, standing};
 use super::status::{JournalState, Status};
 use crate::daemon::clock;
 use crate::domain::time::MonoTime;
@@ -54,7 +55,9 @@ impl Store {
             has_begun_anew: false,
         };
         let found = store.connect();
-        (store, found.unwrap_or_default())
+        // What an earlier life has left is read even where nothing can be written.
+        let found = found.unwrap_or_else(|| Found { memory: rescued(path), ..Found::default() });
+        (store, found)
     }
 
     /// Opens it; a damaged one is moved aside first. Nothing: the system refuses.
@@ -78,6 +81,18 @@ impl Store {
     }
 
     fn open_once(&mut self) -> Result<Found, Broken> {
+        match standing(&self.path).map_err(|error| Broken::Refused(error.to_string()))? {
+            Standing::New | Standing::Whole => {}
+            Standing::Broken(what) => return Err(Broken::Damaged(what)),
+            // Said once, however often it cannot be opened.
+            Standing::Empty if !self.notes.is_empty() => {}
+            Standing::Empty => {
+                let (now, file) = (clock::wall(), self.path.display().to_string());
+                let reason = "its file was empty: rows that an earlier one may have held are lost";
+                tracing::warn!(file, "the journal's file is empty: it begins anew, and earlier rows, if any, are lost");
+                self.notes.push(row::begun_anew(now, reason, None));
+            }
+        }
         let session = clock::wall().unix_ms.to_string();
         let (mut database, found) = Database::open(&self.path, &session, self.max_bytes)?;
         let base = *self.audit_base.get_or_insert(database.audit_base());
@@ -102,20 +117,31 @@ impl Store {
         let aside = move_aside(&self.path, now)?;
         let lies_at = aside.display().to_string();
         tracing::error!(reason, lies_at, "ALARM: the journal cannot be used; it was moved aside and a new one begins");
-        self.notes.push(row::begun_anew(now, reason, &lies_at));
-        self.status.change(|report| report.moved_aside = Some(lies_at));
+        self.status.change(|report| report.moved_aside = Some(lies_at.clone()));
         self.has_begun_anew = true;
-        let mark = self.mark.take();
+        let (mark, is_first) = (self.mark.take(), self.audit_base.is_none());
         let opened = self.open_once();
+        let mut told = reason.to_owned();
         match (opened, &mut self.database) {
             (Ok(_), Some(database)) => match database.take_over(&aside, mark.as_ref()) {
-                Ok(0) => {}
-                Ok(events) => tracing::warn!(events, "trip events that nobody had taken were rescued"),
-                Err(error) => tracing::error!(%error, "trip events could not be rescued"),
+                Ok(TakenOver { rows, waiting, lost }) => {
+                    if is_first {
+                        self.audit_base = Some(database.audit_base());
+                    } else {
+                        // The audit of this life goes on under its own numbers.
+                        database.count_audit_from(self.audit_base.unwrap_or_default());
+                    }
+                    told += &format!("; {rows} rows were taken over");
+                    told += &lost.iter().map(|lost| format!("; lost: {lost}")).collect::<String>();
+                    let lost = lost.join("; ");
+                    tracing::warn!(rows, events_to_tell = waiting, lost, "rows of the damaged journal were taken over");
+                }
+                Err(error) => tracing::error!(%error, "rows of the damaged journal could not be taken over"),
             },
             // It is tried again, and says then why.
             _ => self.database = None,
         }
+        self.notes.push(row::begun_anew(now, &told, Some(&lies_at)));
         Ok(aside)
     }
 

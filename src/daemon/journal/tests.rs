@@ -444,6 +444,82 @@ fn a_truncated_journal_gives_what_nobody_had_taken_to_the_next() {
     assert_eq!(sound(place.rows(Table::Event)).iter().map(|row| row.number).collect::<Vec<_>>(), [1, 2, 3, 4, 5]);
 }
 
+/// The sound rows of a table that can be read at `path`, which may be damaged. It ends whatever is there.
+fn readable(path: &Path, table: Table, most: usize) -> Vec<Row> {
+    let Ok(connection) = reader::salvage(path) else { return Vec::new() };
+    let rows: Vec<_> = Rows::after(&connection, table, 0).take(most + 1).collect();
+    assert!(rows.len() <= most, "{}: {} rows of {most}", table.name(), rows.len());
+    rows.into_iter().filter_map(|row| if let Ok(Seen::Sound(row)) = row { Some(row) } else { None }).collect()
+}
+
+#[test]
+fn a_journal_that_was_cut_anywhere_is_read_to_its_end_and_its_sound_rows_are_kept() {
+    let place = Place::new();
+    let mut rig = Rig::start(&place);
+    for count in 1..=20 {
+        rig.trip(count);
+        (0..20).for_each(|number| {
+            rig.refuse(u64::from(count) * 100 + number);
+        });
+    }
+    let row = rig.trip(21);
+    rig.wait_for(row);
+    rig.close();
+    place.wait_for_file();
+    let whole = std::fs::read(place.file()).unwrap();
+    let rows = Table::ALL.map(|table| sound(place.rows(table)));
+    let most = rows.iter().map(Vec::len).max().unwrap() + 2;
+    assert!(whole.len() >= 10 * 4096 && most > 300, "{} bytes, {most} rows", whole.len());
+    let at_pages = (0..=whole.len() / 4096).flat_map(|page| [0, 1, 41, 2048, 4095].map(|more| page * 4096 + more));
+    let cuts: BTreeSet<_> = at_pages.chain((0..whole.len()).step_by(1999)).filter(|cut| *cut < whole.len()).collect();
+    for (number, cut) in cuts.into_iter().enumerate() {
+        let place = Place::new();
+        std::fs::write(place.file(), &whole[..cut]).unwrap();
+        let left = Table::ALL.map(|table| readable(&place.file(), table, most));
+        for (left, rows) in left.iter().zip(&rows) {
+            assert!(left.iter().all(|row| rows.contains(row)), "cut to {cut}: rows that never were");
+        }
+        if cut > 4096 && number % 3 != 0 {
+            continue;
+        }
+        let mut rig = Rig::start(&place);
+        let row = rig.trip(99);
+        rig.wait_for(row);
+        let report = rig.journal.report();
+        assert_eq!((report.state, report.moved_aside.is_some()), (JournalState::Ok, cut > 0), "cut to {cut}");
+        rig.close();
+        let now = Table::ALL.map(|table| sound(place.rows(table)));
+        for (left, now) in left.iter().zip(&now) {
+            assert!(left.iter().all(|row| now.contains(row)), "cut to {cut}: sound rows are lost");
+        }
+        assert!(now.iter().flatten().any(|row| row.body.contains("begun_anew")), "cut to {cut}: without a word");
+    }
+    let almost = Place::new();
+    std::fs::write(almost.file(), &whole[..whole.len() - 1]).unwrap();
+    let left: usize = Table::ALL.iter().map(|table| readable(&almost.file(), *table, most).len()).sum();
+    assert!(left > 200, "{left} rows are left where one byte is missing");
+}
+
+#[test]
+fn a_log_without_its_file_is_kept_and_not_removed() {
+    let place = Place::new();
+    std::fs::write(place.0.join("journal.db-wal"), "all there is").unwrap();
+    for is_there in [false, true] {
+        if is_there {
+            std::fs::remove_dir_all(&place.0).unwrap();
+            std::fs::create_dir(&place.0).unwrap();
+            std::fs::write(place.0.join("journal.db-wal"), "all there is").unwrap();
+            std::fs::write(place.file(), "").unwrap();
+        }
+        let mut rig = Rig::start(&place);
+        let row = rig.trip(1);
+        rig.wait_for(row);
+        let aside = rig.journal.report().moved_aside.unwrap();
+        rig.close();
+        assert_eq!(std::fs::read_to_string(format!("{aside}-wal")).unwrap(), "all there is");
+    }
+}
+
 #[test]
 fn too_many_damaged_ones_are_not_added_to_and_control_goes_on() {
     let place = Place::new();

@@ -17,6 +17,7 @@ use super::port::PortSettings;
 use super::shared::{SharedDrive, SharedLine};
 use super::sys;
 use super::timer::Timer;
+use crate::config::PortAddress;
 use crate::domain::ids::DriveIndex;
 use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
@@ -195,8 +196,10 @@ impl LineHandle {
 }
 
 fn run(port: &LinePort, mut setup: LineSetup, board: Board, waits: Waits) -> io::Result<()> {
-    // Without character times there is no moment to hit, and preempting everybody only costs throughput.
+    // Without character times there is no moment to hit, and preempting everybody only costs throughput. Behind `tcp://` the
+    // silence is kept by the device server, and its peer may send without an end.
     if setup.timing.paced
+        && matches!(port.settings.address, PortAddress::Device(_))
         && let Err(error) = sys::ask_for_real_time()
     {
         tracing::info!(line = port.line, %error, "no real-time priority: gaps may be longer under load, never shorter");

@@ -12,8 +12,11 @@ use std::pin::pin;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
-/// Reads of the port in one round. At 512 bytes each this is more than any port buffers.
-const READS_PER_ROUND: usize = 64;
+/// Reads of the port in one round, of 512 bytes each: 15 of the longest replies.
+const READS_PER_ROUND: usize = 8;
+/// How long a line that has sent more than that is left alone. So no node takes the processor from other lines, whatever the
+/// rights of its thread: 4 MB/s are more than any serial line carries, and far more than any reply.
+const FLOOD_PAUSE: Duration = Duration::from_millis(1);
 /// How long before the end of the silence the thread wakes up and then watches the clock: what waking up takes
 /// on an ordinary machine. It keeps gaps exact at the cost of this much processor time a frame.
 const WAKE_EARLY: Duration = Duration::from_micros(100);
@@ -99,7 +102,9 @@ impl LineTask<'_> {
                 let ends_silence = wake.reason == WakeReason::SilentInterval;
                 self.timer.arm(if ends_silence { wake.at.before(WAKE_EARLY) } else { wake.at })?;
             }
-            if !has_more && !self.reply_comes_at_once(device, &mut buffer)? {
+            if has_more {
+                tokio::time::sleep(FLOOD_PAUSE).await;
+            } else if !self.reply_comes_at_once(device, &mut buffer)? {
                 self.wait(|cx| device.poll_readable(cx)).await.transpose()?;
             }
             self.watch_the_silence_end();
@@ -159,8 +164,8 @@ impl LineTask<'_> {
     }
 
     /// Reads until the port has nothing more, asking the port itself and not what the runtime remembers. A
-    /// node that never stops is left after a while, so that messages and deadlines have their turn; returns
-    /// whether that happened.
+    /// node that never stops is left after a while, so that messages, deadlines and other lines have their turn;
+    /// returns whether that happened.
     fn drain(&mut self, device: &mut Port, buffer: &mut [u8]) -> io::Result<bool> {
         for _ in 0..READS_PER_ROUND {
             let Some(bytes) = device.read_now(buffer)? else { return Ok(false) };

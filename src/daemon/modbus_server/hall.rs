@@ -10,7 +10,7 @@ use std::rc::Rc;
 
 /// Most bytes of answers that all clients together have not read. What one may leave is bounded by its connection; this
 /// bounds thousands of them.
-pub(super) const UNREAD_MAX: usize = 32 * 1024 * 1024;
+pub(super) const UNREAD_MAX: usize = 8 * 1024 * 1024;
 /// Down to this many bytes the greediest are closed then, so that it is not done anew for each answer.
 const UNREAD_KEPT: usize = UNREAD_MAX / 4 * 3;
 

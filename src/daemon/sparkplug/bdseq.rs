@@ -4,12 +4,15 @@
 //! twice with the same number, and a late NDEATH of the first connection would bury the second.
 
 use crate::daemon::mqtt::Chore;
+use crate::daemon::user_files;
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// The file, in the data directory.
 const FILE_NAME: &str = "sparkplug-bdseq";
+/// Most bytes of it.
+const BYTES_MAX: u64 = 64;
 
 /// Numbers connections.
 #[derive(Debug)]
@@ -25,7 +28,7 @@ impl BdSeq {
     #[must_use]
     pub fn read(data_dir: &Path) -> Self {
         let file = data_dir.join(FILE_NAME);
-        let last = match fs::read_to_string(&file) {
+        let last = match user_files::text(&file, BYTES_MAX) {
             Ok(text) => text.trim().parse().map_or_else(
                 |_| {
                     tracing::warn!(file = %file.display(), "holds no number from 0 to 255: sessions are counted from 0");

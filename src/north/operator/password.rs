@@ -8,7 +8,7 @@ use std::ops::RangeInclusive;
 
 /// Memory that a hash must need, in KiB, and passes over it: what is recommended at least, and what a sign-in may cost a
 /// small machine at most.
-const MEMORY_KIB: RangeInclusive<u32> = Params::DEFAULT_M_COST..=256 * 1024;
+const MEMORY_KIB: RangeInclusive<u32> = Params::DEFAULT_M_COST..=64 * 1024;
 const PASSES: RangeInclusive<u32> = Params::DEFAULT_T_COST..=16;
 const LANES: RangeInclusive<u32> = 1..=16;
 /// Bytes of the salt and of the hash itself, at least.
@@ -141,8 +141,9 @@ mod tests {
     fn what_is_weak_or_no_hash_is_refused() {
         let with = |from: &str, to: &str| StoredHash::parse(&REFERENCE.replace(from, to)).unwrap_err().to_string();
         for (from, to, why) in [
-            ("m=19456", "m=19455", "m = 19455 is out of range (19456 to 262144)"),
-            ("m=19456", "m=1000000", "m = 1000000 is out of range (19456 to 262144)"),
+            ("m=19456", "m=19455", "m = 19455 is out of range (19456 to 65536)"),
+            ("m=19456", "m=65537", "m = 65537 is out of range (19456 to 65536)"),
+            ("m=19456", "m=1000000", "m = 1000000 is out of range (19456 to 65536)"),
             ("t=2", "t=1", "t = 1 is out of range (2 to 16)"),
             ("p=1", "p=17", "p = 17 is out of range (1 to 16)"),
             ("argon2id", "argon2i", "is made by argon2i in version 19, not by argon2id in its version 19"),

@@ -15,6 +15,8 @@ pub struct Gateway {
     pub mqtt: Option<BrokerWay>,
     /// The journal; nothing if there is none.
     pub journal: Option<JournalState>,
+    /// Why the program's own commands do not reach it; nothing if they do.
+    pub unreachable: Option<String>,
 }
 
 /// The way to the broker.

@@ -348,6 +348,7 @@ fn the_gateway_tells_of_its_broker_and_its_journal() {
         is_ready: true,
         mqtt: Some(BrokerWay { is_connected: true, is_contested: false }),
         journal: Some(JournalState { state: "ok", is_ok: true, reason: None, moved_aside: None, lost: 0 }),
+        unreachable: None,
     };
     assert_eq!(sound.advice(), []);
     let shown = sound.document(61);

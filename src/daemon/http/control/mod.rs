@@ -19,7 +19,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::{Notify, Semaphore};
 
 /// Most passwords that are compared at once: each takes 19 MiB and more, and a core for a while.
-const VERIFICATIONS_MAX: usize = 2;
+const VERIFICATIONS_MAX: usize = 1;
+/// Most sign-ins at once, with those that wait for that.
+const SIGN_INS_MAX: usize = 8;
 
 /// Who is signed in, and the way of their orders.
 #[derive(Debug)]
@@ -30,6 +32,7 @@ pub struct Control {
     sessions: Mutex<Sessions>,
     attempts: Mutex<Attempts>,
     verifications: Arc<Semaphore>,
+    sign_ins: Semaphore,
 }
 
 impl Control {
@@ -43,6 +46,7 @@ impl Control {
             sessions: Mutex::default(),
             attempts: Mutex::default(),
             verifications: Arc::new(Semaphore::new(VERIFICATIONS_MAX)),
+            sign_ins: Semaphore::new(SIGN_INS_MAX),
         }
     }
 

@@ -49,6 +49,8 @@ async fn signed_in(control: &Control, request: Request) -> Result<Response, Refu
     let expected = || refused(StatusCode::BAD_REQUEST, &format!("a body such as {SIGN_IN_EXAMPLE} is expected"));
     let (name, password) = body::sign_in(&body).ok_or_else(expected)?;
     let peer = parts.extensions.get::<Peer>().map_or(IpAddr::V4(Ipv4Addr::LOCALHOST), |Peer(peer)| *peer);
+    // Not an attempt yet: nothing was compared.
+    let Ok(_place) = control.sign_ins.try_acquire() else { return Err(busy()) };
     control.attempts().begin(clock::now(), peer).map_err(|wait| wait_first(wait, peer))?;
     let Some(user) = verified(control, &name, password).await? else {
         control.attempts().failed(clock::now(), peer);
@@ -68,6 +70,10 @@ async fn signed_in(control: &Control, request: Request) -> Result<Response, Refu
     Ok(answer)
 }
 
+fn busy() -> Refused {
+    refused(StatusCode::SERVICE_UNAVAILABLE, "too many sign in at once: try again")
+}
+
 fn wait_first(wait: Duration, peer: IpAddr) -> Refused {
     tracing::debug!(%peer, ?wait, "a sign-in on the page has to wait");
     let seconds = wait.as_secs() + u64::from(wait.subsec_nanos() > 0);
@@ -79,7 +85,6 @@ fn wait_first(wait: Duration, peer: IpAddr) -> Refused {
 
 /// The user called `name`, if this is the password. It takes as long for a user who does not exist.
 async fn verified(control: &Control, name: &str, password: String) -> Result<Option<CommanderName>, Refused> {
-    let busy = || refused(StatusCode::SERVICE_UNAVAILABLE, "too many sign in at once: try again");
     let place = timeout(VERIFIED_WITHIN, Arc::clone(&control.verifications).acquire_owned()).await;
     let Ok(Ok(place)) = place else { return Err(busy()) };
     let front = control.front.load_full();

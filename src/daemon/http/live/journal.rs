@@ -4,15 +4,25 @@ use super::query::Query;
 use super::routes::wrong;
 use crate::daemon::clock;
 use crate::daemon::http::state::State as Gateway;
+use crate::daemon::http::taking::PIECE_BYTES;
 use crate::daemon::journal::listing;
-use crate::daemon::journal::reader::connect;
+use crate::daemon::journal::reader::{connect, row};
 use crate::daemon::journal::search::{self, Found, Since, Wanted};
+use crate::journal::Table;
+use axum::BoxError;
+use axum::body::{Body, HttpBody};
 use axum::extract::{RawQuery, State};
 use axum::http::{HeaderName, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use serde_json::{Value, json};
-use std::path::PathBuf;
+use bytes::Bytes;
+use hyper::body::Frame;
+use rusqlite::{Connection, Error};
+use std::path::Path;
+use std::pin::Pin;
 use std::sync::Arc;
+use std::task::{Context, Poll};
+use tokio::sync::OwnedSemaphorePermit;
+use tokio::task::JoinHandle;
 
 /// Most who read the journal at once. Reading is work for a processor that lines need too.
 pub const READERS_MAX: usize = 2;
@@ -48,12 +58,9 @@ pub async fn rows(State(gateway): State<Arc<Gateway>>, RawQuery(query): RawQuery
         return wrong(StatusCode::SERVICE_UNAVAILABLE, "others read the journal: try again in a moment");
     };
     let (path, format) = (journal.file().to_owned(), asked.format);
-    let read = tokio::task::spawn_blocking(move || {
-        let _place = place;
-        text(path, &asked)
-    });
-    match read.await {
-        Ok(Ok(text)) => (headers(format), text).into_response(),
+    let read = tokio::task::spawn_blocking(move || Reading::begin(&path, &asked, place)).await;
+    match read {
+        Ok(Ok(begun)) => (headers(format), Body::new(Pieces::Ready(begun))).into_response(),
         Ok(Err(error)) => wrong(StatusCode::SERVICE_UNAVAILABLE, format!("the journal cannot be read: {error}")),
         Err(error) => wrong(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()),
     }
@@ -83,18 +90,98 @@ fn asked(query: Option<&str>) -> Result<Asked, String> {
     Ok(Asked { wanted, last, format })
 }
 
-fn text(path: PathBuf, asked: &Asked) -> Result<String, rusqlite::Error> {
-    let Found { rows, is_complete } = search::newest(&connect(&path)?, &asked.wanted, asked.last)?;
-    Ok(match asked.format {
-        Format::Json => {
-            let rows: Vec<Value> = rows.iter().map(|(table, seen)| listing::in_json(*table, seen, true)).collect();
-            json!({ "rows": rows, "is_complete": is_complete }).to_string()
+/// What is left to be told of the journal. No transaction is open between two pieces.
+#[derive(Debug)]
+struct Reading {
+    connection: Connection,
+    rows: std::vec::IntoIter<(Table, u64)>,
+    format: Format,
+    is_first: bool,
+    /// What stands before the rows; empty when it was told.
+    begin: String,
+    /// What stands behind them.
+    end: &'static str,
+    /// Free again when the last piece is taken.
+    _place: OwnedSemaphorePermit,
+}
+
+impl Reading {
+    /// Finds the rows, and reads the first piece of them.
+    fn begin(path: &Path, asked: &Asked, place: OwnedSemaphorePermit) -> Result<(Self, Option<Bytes>), Error> {
+        let connection = connect(path)?;
+        let Found { rows, is_complete } = search::newest(&connection, &asked.wanted, asked.last)?;
+        let (begin, end) = match asked.format {
+            Format::Json => (format!("{{\"is_complete\":{is_complete},\"rows\":["), "]}"),
+            Format::Csv => (listing::COLUMNS.to_owned(), ""),
+        };
+        let (rows, format) = (rows.into_iter(), asked.format);
+        let mut reading = Self { connection, rows, format, is_first: true, begin, end, _place: place };
+        let first = reading.piece()?;
+        Ok((reading, first))
+    }
+
+    /// The next piece; none behind the last.
+    fn piece(&mut self) -> Result<Option<Bytes>, Error> {
+        let mut text = std::mem::take(&mut self.begin);
+        while text.len() < PIECE_BYTES / 2 {
+            let Some((table, number)) = self.rows.next() else {
+                text += std::mem::take(&mut self.end);
+                break;
+            };
+            // The writer may have cut it away meanwhile.
+            let Some(seen) = row(&self.connection, table, number)? else { continue };
+            match self.format {
+                Format::Json => {
+                    text += if std::mem::replace(&mut self.is_first, false) { "" } else { "," };
+                    text += &listing::in_json(table, &seen, true).to_string();
+                }
+                Format::Csv => text += &listing::in_csv(table, &seen),
+            }
         }
-        Format::Csv => {
-            let rows = rows.iter().map(|(table, seen)| listing::in_csv(*table, seen));
-            std::iter::once(listing::COLUMNS.to_owned()).chain(rows).collect()
+        Ok(Some(text).filter(|text| !text.is_empty()).map(Bytes::from))
+    }
+}
+
+/// The body of an answer. Each piece is read when the one before it is taken, so that a slow reader holds no thread and little
+/// memory.
+#[derive(Debug)]
+enum Pieces {
+    /// The next one is there.
+    Ready((Reading, Option<Bytes>)),
+    /// It is being read.
+    Reading(JoinHandle<Result<(Reading, Option<Bytes>), Error>>),
+    /// All are taken, or reading has failed.
+    Ended,
+}
+
+impl HttpBody for Pieces {
+    type Data = Bytes;
+    type Error = BoxError;
+
+    fn poll_frame(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, BoxError>>> {
+        loop {
+            *self = match std::mem::replace(&mut *self, Self::Ended) {
+                Self::Ready((mut reading, Some(piece))) => {
+                    *self = Self::Reading(tokio::task::spawn_blocking(move || {
+                        let next = reading.piece()?;
+                        Ok((reading, next))
+                    }));
+                    return Poll::Ready(Some(Ok(Frame::data(piece))));
+                }
+                Self::Reading(mut read) => match Pin::new(&mut read).poll(context) {
+                    Poll::Pending => {
+                        *self = Self::Reading(read);
+                        return Poll::Pending;
+                    }
+                    Poll::Ready(Ok(Ok(next))) => Self::Ready(next),
+                    // The answer breaks off, so that it is not taken for whole.
+                    Poll::Ready(Ok(Err(error))) => return Poll::Ready(Some(Err(error.into()))),
+                    Poll::Ready(Err(error)) => return Poll::Ready(Some(Err(error.into()))),
+                },
+                Self::Ready((_, None)) | Self::Ended => return Poll::Ready(None),
+            };
         }
-    })
+    }
 }
 
 fn headers(format: Format) -> [(HeaderName, &'static str); 3] {

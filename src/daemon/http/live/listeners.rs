@@ -1,5 +1,6 @@
 //! Those who listen to changes. Each text is made once for all of them; who does not keep up is let go.
 
+use crate::daemon::http::large::Pieces;
 use crate::daemon::http::lasting::Stay;
 use axum::body::HttpBody;
 use bytes::Bytes;
@@ -28,19 +29,19 @@ struct Ear {
 /// One who listens: the body of an answer.
 #[derive(Debug)]
 pub struct Listener {
-    first: Option<Bytes>,
+    first: Pieces,
     texts: mpsc::Receiver<Bytes>,
     _stay: Arc<Stay>,
 }
 
 impl Listeners {
     /// One more, who hears `first` before all else. Its bound is that of `stay`.
-    pub fn add(&mut self, first: String, stay: Stay) -> Listener {
+    pub fn add(&mut self, first: Pieces, stay: Stay) -> Listener {
         let (sender, texts) = mpsc::channel(WAITING_MAX);
         let stay = Arc::new(stay);
         self.forget_gone();
         self.0.push(Ear { texts: sender, stay: Arc::downgrade(&stay) });
-        Listener { first: Some(first.into()), texts, _stay: stay }
+        Listener { first, texts, _stay: stay }
     }
 
     /// Forgets those who have left.
@@ -83,7 +84,7 @@ impl HttpBody for Listener {
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
     ) -> Poll<Option<Result<Frame<Bytes>, Infallible>>> {
-        if let Some(first) = self.first.take() {
+        if let Some(first) = self.first.next() {
             return Poll::Ready(Some(Ok(Frame::data(first))));
         }
         self.texts.poll_recv(context).map(|text| text.map(|text| Ok(Frame::data(text))))

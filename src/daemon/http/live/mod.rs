@@ -15,6 +15,7 @@ mod told;
 
 pub(super) use routes::router;
 
+use super::large::Room;
 use super::state::State;
 use crate::daemon::clock;
 use crate::daemon::shared::Shared;
@@ -42,6 +43,8 @@ pub struct Live {
     kept: Mutex<Kept>,
     /// Places for those who read the journal.
     readers: Arc<Semaphore>,
+    /// For the states with which events begin.
+    room: Room,
 }
 
 #[derive(Debug)]
@@ -71,7 +74,7 @@ impl Live {
             told: None,
             last_sent: started.mono,
         };
-        Self { kept: Mutex::new(kept), readers: Arc::new(Semaphore::new(journal::READERS_MAX)) }
+        Self { kept: Mutex::new(kept), readers: Arc::new(Semaphore::new(journal::READERS_MAX)), room: Room::default() }
     }
 
     fn lock(&self) -> MutexGuard<'_, Kept> {
@@ -143,13 +146,14 @@ impl Kept {
         made(&Source { state, shared: &state.shared.get(), uses: &self.uses, present })
     }
 
-    /// Somebody who listens from now on, with the state as the first event.
-    fn listen(&mut self, state: &State, stay: super::lasting::Stay) -> Listener {
+    /// Somebody who listens from now on, with the state as the first event; nothing if too many large ones wait to be taken.
+    fn listen(&mut self, state: &State, stay: super::lasting::Stay) -> Option<Listener> {
         let (first, told) =
             self.source(state, |source| (events::first(&source.document().to_string()), Told::now(source)));
+        let first = state.live.room.pieces(first.into())?;
         // Whoever listens already was told less, and will be told all of it.
         self.told.get_or_insert(told);
-        self.listeners.add(first, stay)
+        Some(self.listeners.add(first, stay))
     }
 
     /// The trend of the drive called `name`; nothing as long as it was not looked at.

@@ -45,7 +45,9 @@ async fn events(State(gateway): State<Arc<Gateway>>, Extension(lasting): Extensi
     let Some(stay) = lasting.stay() else {
         return wrong(StatusCode::SERVICE_UNAVAILABLE, "as many listen to changes as may: close other windows");
     };
-    let listener = gateway.live.lock().listen(&gateway, stay);
+    let Some(listener) = gateway.live.lock().listen(&gateway, stay) else {
+        return wrong(StatusCode::SERVICE_UNAVAILABLE, "others take large answers just now: try again in some seconds");
+    };
     (EVENTS, Body::new(listener)).into_response()
 }
 

@@ -97,6 +97,7 @@ impl Source<'_> {
                 .as_ref()
                 .map(|mqtt| BrokerWay { is_connected: mqtt.is_connected(), is_contested: mqtt.is_contested() }),
             journal,
+            unreachable: state.socket.as_ref().and_then(|socket| socket.refusal()),
         }
     }
 

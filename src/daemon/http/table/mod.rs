@@ -2,6 +2,7 @@
 //!
 //! Each name begins with [`PREFIX`] and ends with its unit; a counter's ends with `_total` besides.
 
+use super::socket::Reachable;
 use super::state::State;
 use crate::daemon::journal::{JournalReport, JournalState};
 use crate::daemon::totals::{ModbusTotals, MqttTotals, SparkplugTotals};
@@ -208,6 +209,12 @@ pub(super) const MQTT: &[Metric<MqttTotals>] = &[
         Some(mqtt.counters().history_dropped)
     }),
 ];
+
+/// The socket for the program's own commands, if there is a data directory.
+pub(super) const SOCKET: &[Metric<Reachable>] =
+    &[gauge("socket_ok", "1 while the program's own commands reach the gateway.", |socket| {
+        truth(socket.refusal().is_none())
+    })];
 
 /// The journal, if there is a data directory.
 pub(super) const JOURNAL: &[Metric<JournalReport>] = &[

@@ -22,6 +22,12 @@ impl Gateway {
             }
         }
         self.journal.iter().for_each(|journal| of_journal(&mut said, journal));
+        if let Some(reason) = &self.unreachable {
+            said.problem(format!(
+                "the program's own commands (health, read, write, reload) do not reach the gateway: {reason}; let it write in \
+                 `data_dir`. To reload, send it SIGHUP"
+            ));
+        }
         said.all
     }
 }

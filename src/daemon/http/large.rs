@@ -1,0 +1,123 @@
+//! Large answers: all that wait for their clients share one bound, and each is handed over in pieces.
+//!
+//! A document of a plant with hundreds of drives has some hundred kilobytes, and every connection may ask for one and not take
+//! it.
+
+use super::refusal;
+use super::taking::PIECE_BYTES;
+use axum::body::{Body, Bytes, HttpBody, to_bytes};
+use axum::extract::{Request, State};
+use axum::http::StatusCode;
+use axum::middleware::Next;
+use axum::response::Response;
+use hyper::body::{Frame, SizeHint};
+use std::convert::Infallible;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+
+/// Kilobytes of large answers of one listener that may wait at once. An answer that is longer waits alone.
+const KIB_MAX: u32 = 8 * 1024;
+
+/// The room for large answers of one listener.
+#[derive(Clone, Debug)]
+pub struct Room(Arc<Semaphore>);
+
+impl Default for Room {
+    fn default() -> Self {
+        Self(Arc::new(Semaphore::new(KIB_MAX as usize)))
+    }
+}
+
+/// An answer that goes out in pieces. Its room is free again when the last one is taken.
+#[derive(Debug)]
+pub struct Pieces {
+    rest: Bytes,
+    room: Option<OwnedSemaphorePermit>,
+}
+
+impl Room {
+    /// `bytes` in pieces; without them if there is no room for as many.
+    pub fn pieces(&self, bytes: Bytes) -> Option<Pieces> {
+        if bytes.len() <= PIECE_BYTES {
+            return Some(Pieces { rest: bytes, room: None });
+        }
+        let kib = u32::try_from(bytes.len().div_ceil(1024)).unwrap_or(u32::MAX).min(KIB_MAX);
+        let room = Arc::clone(&self.0).try_acquire_many_owned(kib).ok()?;
+        Some(Pieces { rest: bytes, room: Some(room) })
+    }
+}
+
+impl Pieces {
+    /// The next one.
+    pub fn next(&mut self) -> Option<Bytes> {
+        if self.rest.is_empty() {
+            self.room = None;
+            return None;
+        }
+        Some(self.rest.split_to(self.rest.len().min(PIECE_BYTES)))
+    }
+}
+
+impl HttpBody for Pieces {
+    type Data = Bytes;
+    type Error = Infallible;
+
+    fn poll_frame(mut self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, Infallible>>> {
+        Poll::Ready(self.next().map(|piece| Ok(Frame::data(piece))))
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.rest.is_empty()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        SizeHint::with_exact(self.rest.len() as u64)
+    }
+}
+
+/// Hands a large answer over in pieces, or refuses it. What is part of the program takes no memory and passes.
+pub(super) async fn look(State(room): State<Room>, request: Request, next: Next) -> Response {
+    let path = request.uri().path();
+    let is_made = path.starts_with("/api/") || path == "/metrics";
+    let answer = next.run(request).await;
+    let is_large = answer.body().size_hint().exact().is_some_and(|bytes| bytes > PIECE_BYTES as u64);
+    if !(is_made && is_large) {
+        return answer;
+    }
+    let (head, body) = answer.into_parts();
+    // It is whole already: its length is known.
+    let pieces = to_bytes(body, usize::MAX).await.ok().and_then(|bytes| room.pieces(bytes));
+    match pieces {
+        Some(pieces) => Response::from_parts(head, Body::new(pieces)),
+        None => {
+            tracing::info!("too many clients do not take their large answers: another one is refused");
+            refusal(StatusCode::SERVICE_UNAVAILABLE, "others take large answers just now: try again in some seconds")
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn large_answers_share_their_room_and_give_it_back() {
+        let room = Room::default();
+        let mut large: Vec<_> = (0..8).map(|_| room.pieces(vec![1; 1024 * 1024].into()).unwrap()).collect();
+        assert!(room.pieces(vec![1; PIECE_BYTES + 1].into()).is_none());
+        assert!(room.pieces(vec![1; PIECE_BYTES].into()).is_some(), "small ones are bounded by their connections");
+        large.pop();
+        assert!(room.pieces(vec![1; PIECE_BYTES + 1].into()).is_some());
+        large.clear();
+        let mut all = room.pieces(vec![1; 20 * 1024 * 1024].into()).unwrap();
+        assert!(room.pieces(vec![1; PIECE_BYTES + 1].into()).is_none(), "it waits alone");
+        let mut taken = 0;
+        while let Some(piece) = all.next() {
+            assert!(piece.len() <= PIECE_BYTES);
+            taken += piece.len();
+        }
+        assert_eq!(taken, 20 * 1024 * 1024);
+    }
+}

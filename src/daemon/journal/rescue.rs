@@ -1,0 +1,106 @@
+//! What is left of a damaged journal: whether a file was cut short, and which of its rows are sound.
+
+use super::reader::{self, PAGE_BYTES_MIN, Rows, Seen};
+use crate::journal::{Row, Table};
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+/// The beginning of a database, which says how long it is.
+const HEADER_BYTES: usize = 100;
+/// Most rows of one table that are taken over from a damaged file, the newest of those that can be read; and most that are looked
+/// at for that. It is done before the gateway serves, so it must not take long.
+const RESCUED_MAX: usize = 10_000;
+const LOOKED_AT_MAX: usize = 100_000;
+
+/// What stands where the journal belongs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Standing {
+    /// Nothing: a new one begins.
+    New,
+    /// A file without a byte: a journal that was begun and never written, or one whose rows are lost.
+    Empty,
+    /// A file that may be a sound one.
+    Whole,
+    /// What cannot be one any more, and why.
+    Broken(String),
+}
+
+/// What stands at `path`, as far as its length tells.
+///
+/// # Errors
+/// The system's.
+pub fn standing(path: &Path) -> io::Result<Standing> {
+    let log = std::fs::metadata(PathBuf::from(format!("{}-wal", path.display()))).map_or(0, |log| log.len());
+    let broken = |what: &str| Ok(Standing::Broken(what.to_owned()));
+    let found = match std::fs::metadata(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound && log == 0 => return Ok(Standing::New),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return broken("it is gone, and its log is there"),
+        found => found?,
+    };
+    match found.len() {
+        // A pipe would be waited for.
+        _ if !found.is_file() => broken("it is no regular file"),
+        0 if log == 0 => Ok(Standing::Empty),
+        0 => broken("it is empty, and its log is not"),
+        bytes if bytes < PAGE_BYTES_MIN => broken(&format!("it was cut to {bytes} bytes")),
+        // What is missing in the file may stand in its log.
+        _ if log > 0 => Ok(Standing::Whole),
+        bytes => Ok(match bytes_of(path)? {
+            Some(whole) if whole > bytes => Standing::Broken(format!("it was cut to {bytes} of {whole} bytes")),
+            _ => Standing::Whole,
+        }),
+    }
+}
+
+/// How many bytes the database at `path` says that it has, if it does.
+fn bytes_of(path: &Path) -> io::Result<Option<u64>> {
+    let mut header = [0; HEADER_BYTES];
+    File::open(path)?.read_exact(&mut header)?;
+    let number = |at: usize| header.get(at..at + 4).and_then(|it| it.try_into().ok()).map(u32::from_be_bytes);
+    let page = match header.get(16..18) {
+        Some([0, 1]) => 65_536,
+        Some([high, low]) => u64::from(u16::from_be_bytes([*high, *low])),
+        _ => return Ok(None),
+    };
+    // The number of pages is right if it was written with the last change.
+    let (change, pages, valid_for) = (number(24), number(28), number(92));
+    Ok(pages.filter(|_| change == valid_for).map(|pages| u64::from(pages) * page))
+}
+
+/// What was read of one table.
+#[derive(Debug, Default)]
+pub struct Rescued {
+    /// The newest of the sound rows that can be read, in order.
+    pub rows: Vec<Row>,
+    /// Where it ends and why; none: all of it was read.
+    pub lost: Option<String>,
+}
+
+/// The sound rows of `table` in the damaged file at `path`, up to the first place that cannot be read.
+#[must_use]
+pub fn rescued(path: &Path, table: Table) -> Rescued {
+    let connection = match reader::salvage(path) {
+        Ok(connection) => connection,
+        Err(error) => return Rescued { rows: Vec::new(), lost: Some(format!("all of {}: {error}", table.name())) },
+    };
+    let sql = format!("SELECT max(number) FROM {}", table.name());
+    let newest = connection.query_row(&sql, [], |row| row.get::<_, Option<u64>>(0)).ok().flatten();
+    let after = newest.map_or(0, |newest| newest.saturating_sub(RESCUED_MAX as u64));
+    let (mut rows, mut last, mut lost) = (VecDeque::new(), after, None);
+    for seen in Rows::after(&connection, table, after).take(LOOKED_AT_MAX) {
+        match seen {
+            Ok(Seen::Sound(row)) => {
+                last = row.number;
+                rows.push_back(row);
+                if rows.len() > RESCUED_MAX {
+                    rows.pop_front();
+                }
+            }
+            Ok(Seen::Damaged(_)) => {}
+            Err(error) => lost = Some(format!("{} behind number {last}: {error}", table.name())),
+        }
+    }
+    Rescued { rows: rows.into(), lost }
+}

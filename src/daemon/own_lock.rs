@@ -1,0 +1,162 @@
+//! One gateway for one data directory: a lock that ends with its process, however that ends.
+//!
+//! It is held twice. A lock on a file in the directory names its holder, and is seen by gateways in other containers that share
+//! the directory. A name in the system's own list of sockets needs no disk: it is there where the directory cannot be written,
+//! or is gone.
+
+use ring::digest::{SHA256, digest};
+use rustix::fs::{Mode, fchmod};
+use rustix::io::Errno;
+use rustix::net::{
+    AddressFamily, SocketAddrUnix, SocketFlags, SocketType, bind, connect, listen, socket_with, sockopt,
+};
+use rustix::process::geteuid;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{self, Read, Seek, Write};
+use std::os::fd::OwnedFd;
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::{Path, PathBuf};
+
+/// Name of the lock's file in the data directory.
+const FILE_NAME: &str = "vfd-gateway.lock";
+/// Most of it that is read: a process number and some.
+const HOLDER_BYTES_MAX: u64 = 32;
+/// Bytes of the path's digest in the name.
+const NAME_BYTES: usize = 16;
+
+/// Another gateway runs on this data directory.
+#[derive(Debug, thiserror::Error)]
+#[error("another gateway (process {holder}) is running on {}", directory.display())]
+pub struct Taken {
+    /// Its process number, as far as it is known.
+    pub holder: String,
+    /// The data directory.
+    pub directory: PathBuf,
+}
+
+/// The lock of a data directory.
+#[derive(Debug)]
+pub struct Lock {
+    _file: Option<File>,
+    _name: Option<OwnedFd>,
+}
+
+/// Why a name is not ours.
+enum Refused {
+    /// A process of the same user has it, or of root.
+    Gateway(String),
+    /// It cannot be had, and nothing says that a gateway has it.
+    Unknown(String),
+}
+
+impl Lock {
+    /// Takes the lock of `directory`, whether it can be written or not.
+    ///
+    /// # Errors
+    /// Another gateway has it.
+    pub fn take(directory: &Path) -> Result<Self, Taken> {
+        let taken = |holder| Taken { holder, directory: directory.to_owned() };
+        let file = match file(&directory.join(FILE_NAME)) {
+            Ok(Ok(file)) => Some(file),
+            Ok(Err(holder)) => return Err(taken(holder)),
+            Err(error) => {
+                tracing::error!(
+                    directory = %directory.display(), %error,
+                    "ALARM: no lock file can be held in the data directory; control goes on"
+                );
+                None
+            }
+        };
+        let name = match name(directory) {
+            Ok(name) => Some(name),
+            Err(Refused::Gateway(holder)) => return Err(taken(holder)),
+            Err(Refused::Unknown(why)) => {
+                tracing::warn!(directory = %directory.display(), why, "the name that locks the data directory is not ours");
+                None
+            }
+        };
+        Ok(Self { _file: file, _name: name })
+    }
+}
+
+/// Locks the file at `path` and writes our process number into it, as far as it can be written. Or says who has it.
+fn file(path: &Path) -> io::Result<Result<File, String>> {
+    let mut options = OpenOptions::new();
+    // Whoever can open it can hold the lock, and so keep the gateway from starting.
+    let opened = options.read(true).write(true).create(true).truncate(false).mode(0o600).open(path);
+    // Where nothing can be written, one that is there can be locked all the same.
+    let (mut file, is_ours_to_write) = match opened {
+        Ok(file) => (file, true),
+        Err(error) => (File::open(path).map_err(|_| error)?, false),
+    };
+    match file.try_lock() {
+        Ok(()) => {}
+        Err(TryLockError::WouldBlock) => return Ok(Err(holder(&mut file))),
+        Err(TryLockError::Error(error)) => return Err(error),
+    }
+    if is_ours_to_write && let Err(error) = sign(&mut file) {
+        tracing::warn!(lock = %path.display(), %error, "the lock file cannot name this process");
+    }
+    Ok(Ok(file))
+}
+
+fn sign(file: &mut File) -> io::Result<()> {
+    // An earlier gateway may have made it for everybody.
+    fchmod(&*file, Mode::RUSR | Mode::WUSR)?;
+    file.set_len(0)?;
+    file.rewind()?;
+    writeln!(file, "{}", std::process::id())
+}
+
+fn holder(file: &mut File) -> String {
+    let mut text = String::new();
+    let read = file.take(HOLDER_BYTES_MAX).read_to_string(&mut text);
+    let number = text.trim();
+    if read.is_ok() && !number.is_empty() { number.to_owned() } else { "unknown".to_owned() }
+}
+
+/// A socket with the name of `directory` that nobody serves: it is there as long as this process is.
+fn name(directory: &Path) -> Result<OwnedFd, Refused> {
+    let unknown = |error: Errno| Refused::Unknown(io::Error::from(error).to_string());
+    // However it is written, and also where it is not there.
+    let place = directory.canonicalize().or_else(|_| std::path::absolute(directory));
+    let place = place.unwrap_or_else(|_| directory.to_owned());
+    let digest = digest(&SHA256, place.as_os_str().as_bytes());
+    let digest: String = digest.as_ref().iter().take(NAME_BYTES).map(|byte| format!("{byte:02x}")).collect();
+    let address = SocketAddrUnix::new_abstract_name(format!("vfd-gateway {digest}").as_bytes()).map_err(unknown)?;
+    let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
+    let socket = || socket_with(AddressFamily::UNIX, SocketType::STREAM, flags, None).map_err(unknown);
+    let own = socket()?;
+    match bind(&own, &address) {
+        Ok(()) => listen(&own, 1).map(|()| own).map_err(unknown),
+        Err(Errno::ADDRINUSE) => {
+            let other = socket()?;
+            // Any account of the host may take the name: such a one keeps no gateway from its drives.
+            connect(&other, &address).map_err(unknown)?;
+            let other = sockopt::socket_peercred(&other).map_err(unknown)?;
+            let process = other.pid.as_raw_nonzero();
+            match other.uid.is_root() || other.uid == geteuid() {
+                true => Err(Refused::Gateway(process.to_string())),
+                false => Err(Refused::Unknown(format!("process {process} of another user has it"))),
+            }
+        }
+        Err(error) => Err(unknown(error)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_directory_that_is_gone_has_one_gateway() {
+        let directory = std::env::temp_dir().join(format!("vfd-own-lock-{}", std::process::id()));
+        let first = Lock::take(&directory).unwrap();
+        let taken = Lock::take(&directory).unwrap_err().to_string();
+        assert!(taken.contains(&format!("process {}", std::process::id())), "{taken}");
+        assert!(Lock::take(&directory.join("another")).is_ok());
+        drop(first);
+        assert!(Lock::take(&directory).is_ok());
+    }
+}

@@ -1,0 +1,130 @@
+//! Files that the user names: read only if they are regular files, and only up to a bound.
+//!
+//! A FIFO would be waited for, a device has no end or does something when it is opened, and a file that is much too large costs
+//! time and memory. What is no such file is refused before a byte of it is read.
+
+use rustix::fs::OFlags;
+use std::fs::{FileType, Metadata, OpenOptions};
+use std::io::{self, Read};
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
+use std::path::Path;
+
+/// Longest configuration, model file, dump or PEM file in bytes.
+pub const BYTES_MAX: u64 = 1024 * 1024;
+
+/// The bytes of the regular file at `path`, at most `most`.
+///
+/// # Errors
+/// The system's; or it is something else than a regular file, or longer.
+pub fn bytes(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    // Looked at before it is opened: to open a serial device would move its lines.
+    is_fit(&std::fs::metadata(path)?, most)?;
+    // Whatever takes its place in this moment is not waited for.
+    let flags = i32::try_from((OFlags::NONBLOCK | OFlags::NOCTTY).bits()).unwrap_or(0);
+    let file = OpenOptions::new().read(true).custom_flags(flags).open(path)?;
+    is_fit(&file.metadata()?, most)?;
+    let mut bytes = Vec::new();
+    // It may grow meanwhile, or be one whose length the system does not know.
+    file.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
+    if u64::try_from(bytes.len()).unwrap_or(u64::MAX) > most { Err(too_long(None, most)) } else { Ok(bytes) }
+}
+
+/// The text of the regular file at `path`, of at most `most` bytes.
+///
+/// # Errors
+/// As [`bytes`]; or it is no text in UTF-8.
+pub fn text(path: &Path, most: u64) -> io::Result<String> {
+    String::from_utf8(bytes(path, most)?)
+        .map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is no text in UTF-8"))
+}
+
+fn is_fit(found: &Metadata, most: u64) -> io::Result<()> {
+    if !found.is_file() {
+        let what = format!("it is {}, and a regular file is needed", kind(found.file_type()));
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, what));
+    }
+    if found.len() > most { Err(too_long(Some(found.len()), most)) } else { Ok(()) }
+}
+
+fn too_long(bytes: Option<u64>, most: u64) -> io::Error {
+    let found = bytes.map_or_else(|| "too long".to_owned(), |bytes| format!("{bytes} bytes long"));
+    io::Error::new(io::ErrorKind::FileTooLarge, format!("it is {found}; {most} bytes are the most"))
+}
+
+fn kind(of: FileType) -> &'static str {
+    match of {
+        _ if of.is_dir() => "a directory",
+        _ if of.is_fifo() => "a pipe",
+        _ if of.is_socket() => "a socket",
+        _ if of.is_char_device() || of.is_block_device() => "a device",
+        _ => "no regular file",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rustix::fs::{CWD, FileType as Kind, Mode, mknodat};
+    use std::fs::File;
+    use std::os::unix::net::UnixListener;
+    use std::path::PathBuf;
+
+    /// A directory that is gone afterwards.
+    struct Dir(PathBuf);
+
+    impl Dir {
+        fn new(name: &str) -> Self {
+            let path = std::env::temp_dir().join(format!("vfd-user-files-{name}-{}", std::process::id()));
+            std::fs::create_dir(&path).unwrap();
+            Self(path)
+        }
+    }
+
+    impl Drop for Dir {
+        fn drop(&mut self) {
+            let _ = std::fs::remove_dir_all(&self.0);
+        }
+    }
+
+    fn refused(path: &Path) -> String {
+        bytes(path, 10).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn only_regular_files_are_read_and_nothing_is_waited_for() {
+        let dir = Dir::new("kinds");
+        let pipe = dir.0.join("pipe");
+        mknodat(CWD, &pipe, Kind::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
+        let socket = dir.0.join("socket");
+        let _listener = UnixListener::bind(&socket).unwrap();
+        for (path, right) in [
+            (pipe.as_path(), "it is a pipe, and a regular file is needed"),
+            (&dir.0, "it is a directory, and a regular file is needed"),
+            (&socket, "it is a socket, and a regular file is needed"),
+            (Path::new("/dev/zero"), "it is a device, and a regular file is needed"),
+        ] {
+            assert_eq!(refused(path), right);
+        }
+        let link = dir.0.join("link");
+        std::fs::write(dir.0.join("file"), "0123456789").unwrap();
+        std::os::unix::fs::symlink("file", &link).unwrap();
+        assert_eq!(text(&link, 10).unwrap(), "0123456789", "secrets of a container are links");
+    }
+
+    #[test]
+    fn what_is_too_long_is_refused_by_its_length() {
+        let dir = Dir::new("lengths");
+        let path = dir.0.join("file");
+        let file = File::create(&path).unwrap();
+        for (length, right) in [(10, None), (11, Some("it is 11 bytes long; 10 bytes are the most"))] {
+            file.set_len(length).unwrap();
+            assert_eq!(bytes(&path, 10).err().map(|error| error.to_string()).as_deref(), right);
+        }
+        file.set_len(1 << 40).unwrap();
+        assert!(refused(&path).contains("1099511627776 bytes"), "nothing of it was read");
+        // The system says that such a file has no byte.
+        assert!(refused(Path::new("/proc/self/status")).contains("too long"));
+        std::fs::write(&path, [0xFF, 0xFE]).unwrap();
+        assert_eq!(text(&path, 10).unwrap_err().to_string(), "it is no text in UTF-8");
+    }
+}
