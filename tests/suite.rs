@@ -97,6 +97,8 @@ mod resets;
 mod restarts;
 #[path = "scenarios/setpoint_before_run.rs"]
 mod setpoint_before_run;
+#[path = "scenarios/shaped_bursts.rs"]
+mod shaped_bursts;
 #[path = "scenarios/sharing.rs"]
 mod sharing;
 #[path = "scenarios/stop_all.rs"]

@@ -5,6 +5,7 @@
 //! | --- | --- |
 //! | `--what year` | everything: clients, broker, faults; 316,000,000 exchanges, which is a year at 10 a second |
 //! | `--what late` | 10,000,000 late replies, none of them taken for another request |
+//! | `--what bursts` | 10,000,000 reads among bytes in the shape of requests and replies, none answered with others' words |
 //! | `--what gaps` | 10,000,000 frames, no silence before one too short |
 //! | `--what stop` | 10,000 stops while reads crowd, each to the nanosecond |
 //! | `--what kills` | 10,000 kills of the gateway at any moment |
@@ -31,7 +32,8 @@ mod simulation;
 
 use simulation::trouble::Trouble;
 use simulation::world::Tally;
-use simulation::{WORLD, audit, holders, kills, stale, trials};
+use simulation::bursts::BurstTally;
+use simulation::{WORLD, audit, bursts, holders, kills, stale, trials};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -46,6 +48,7 @@ struct Job {
     is_over: AtomicBool,
     tally: Mutex<Tally>,
     worst_stop: Mutex<Duration>,
+    bursts: Mutex<BurstTally>,
     failures: Mutex<Vec<String>>,
 }
 
@@ -71,6 +74,11 @@ impl Job {
             "late" => {
                 let tally = trials::late(seed, left.min(20_000))?;
                 (tally, tally.late)
+            }
+            "bursts" => {
+                let tally = bursts::bursts(seed, left.min(20_000))?;
+                self.bursts.lock().expect("nobody panics").add(&tally);
+                return Ok(tally.reads);
             }
             "gaps" => {
                 let tally = trials::gaps(seed, left.min(50_000))?;
@@ -113,7 +121,7 @@ fn main() {
     let number = |name: &str| text(name).and_then(|text| text.replace('_', "").parse::<u64>().ok());
     let what = text("--what").unwrap_or_else(|| "year".to_owned());
     let wanted = match what.as_str() {
-        "late" | "gaps" => 10_000_000,
+        "late" | "bursts" | "gaps" => 10_000_000,
         "stop" | "kills" => 10_000,
         "audit" | "stale" => 1_000_000,
         "holders" => 1_024,
@@ -130,6 +138,7 @@ fn main() {
         is_over: AtomicBool::new(false),
         tally: Mutex::new(Tally { shortest_excess: u64::MAX, ..Tally::default() }),
         worst_stop: Mutex::new(Duration::ZERO),
+        bursts: Mutex::new(BurstTally::default()),
         failures: Mutex::new(Vec::new()),
         what,
     };
@@ -142,6 +151,32 @@ fn main() {
     report(&job, begun.elapsed());
     if !job.failures.lock().expect("nobody panics").is_empty() {
         std::process::exit(1);
+    }
+}
+
+/// What happened among bursts, and what they cost a line on which one exchange in a hundred has one.
+fn report_bursts(tally: &BurstTally) {
+    let row = |name: &str, value: String| println!("{name:<34}{value:>20}");
+    for (name, value) in [
+        ("reads", tally.reads),
+        ("reads with words, all right", tally.right),
+        ("bursts", tally.bursts),
+        ("late replies", tally.late),
+        ("frames that answered nothing", tally.strays),
+        ("requests on the wire", tally.requests),
+    ] {
+        row(name, value.to_string());
+    }
+    row("virtual time", format!("{:.1} days", tally.virtual_ns as f64 / 86_400e9));
+    println!("\nreads a second of a line without bursts, and with one at each hundredth exchange:");
+    match bursts::costs(20_000) {
+        Ok(rows) => {
+            for (name, clean, noisy, longest) in rows {
+                let lost = 100.0 * (1.0 - noisy / clean);
+                println!("{name:<34}{clean:>8.1}{noisy:>8.1}{lost:>7.1} % less, longest read {longest:?}");
+            }
+        }
+        Err(text) => println!("{text}"),
     }
 }
 
@@ -169,6 +204,9 @@ fn report(job: &Job, wall: Duration) {
             "longest wait of a stop",
             format!("{:.3} ms", job.worst_stop.lock().expect("nobody panics").as_secs_f64() * 1e3),
         );
+    }
+    if job.what == "bursts" {
+        report_bursts(&job.bursts.lock().expect("nobody panics"));
     }
     for (name, value) in [
         ("worlds", tally.worlds),

@@ -199,6 +199,8 @@ fn stops(text: &mut String, line: &LineSettings) -> std::fmt::Result {
     let StopBounds { all_healthy, one_silent, each_further } = line_plan::stop_bounds(line);
     writeln!(text, "  a stop starts at most {} after it is accepted while every drive answers,", ms(all_healthy))?;
     writeln!(text, "  and at most {} after it with a drive that does not", ms(one_silent))?;
+    let costs = line_plan::missing_reply_costs(line);
+    writeln!(text, "  its confirmation takes at most {} longer if a reply is missing or damaged", ms(costs))?;
     if line.drives.len() > 1 {
         writeln!(text, "  each further stop at the same time adds up to {}", ms(each_further))?;
     }

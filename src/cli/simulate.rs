@@ -56,7 +56,7 @@ pub struct Args {
     /// Milliseconds that the drives take from the end of a request to the start of the reply
     #[arg(long, value_name = "MS", default_value_t = 2)]
     turnaround_ms: u64,
-    /// What goes wrong, per mille of all replies: noise=5,lost=2,late=3,cut=1,flip=2,foreign=1
+    /// What goes wrong, per mille of all replies: noise=5,lost=2,late=3,cut=1,flip=2,foreign=1,burst=1
     #[arg(long, value_name = "PLAN", default_value = "")]
     faults: FaultPlan,
     /// Seed of the faults: the same seed gives the same faults

@@ -51,6 +51,14 @@ pub fn stop_bounds(line: &LineSettings) -> StopBounds {
     budget::stop_bounds(&timing(line).0, line.drives.iter().map(station))
 }
 
+/// By how much longer the stop of a drive of `line` is unconfirmed, at the most, if a reply of it is missing.
+#[must_use]
+pub fn missing_reply_costs(line: &LineSettings) -> Duration {
+    let timing = timing(line).0;
+    let costs = line.drives.iter().map(|drive| budget::missing_reply_costs(&timing, &station(drive)));
+    costs.max().unwrap_or_default()
+}
+
 /// The longest time between two frames to the drive at `place` of `line`, while it answers and everything that may
 /// hold them up does so once; nothing if it is not polled fast. The drive's own watchdog has to be set to more than
 /// twice that.

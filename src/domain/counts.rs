@@ -91,7 +91,7 @@ pub struct ExchangeCounts {
     pub garbled: u64,
     /// Without any frame from it in time.
     pub silent: u64,
-    /// Exchanges that were repeated at once after damage. They are none of their own.
+    /// Reads that were repeated after damage. They are none of their own.
     pub retries: u64,
 }
 
@@ -126,10 +126,12 @@ pub struct DamageCounts {
     pub cut: u64,
     /// Sound replies with bytes in front of them that belong to no frame.
     pub led: u64,
-    /// Sound frames from it behind its reply.
+    /// Sound frames from it that no request explains.
     pub doubled: u64,
-    /// Sound frames from it when nothing, or something else, was waited for.
+    /// Replies of it that came when nothing, or something else, was waited for.
     pub late: u64,
+    /// Of these: later than the longest lateness that is declared.
+    pub beyond_limit: u64,
     /// Exchanges whose reply is long, see [`LONG_REPLY_PDU_BYTES`].
     pub long: u64,
     /// Of these: damaged ones.
@@ -147,6 +149,7 @@ impl DamageCounts {
             led: self.led.saturating_sub(before.led),
             doubled: self.doubled.saturating_sub(before.doubled),
             late: self.late.saturating_sub(before.late),
+            beyond_limit: self.beyond_limit.saturating_sub(before.beyond_limit),
             long: self.long.saturating_sub(before.long),
             long_damaged: self.long_damaged.saturating_sub(before.long_damaged),
         }

@@ -191,7 +191,7 @@ pub struct LineCounters {
     pub noise_bytes: u64,
     /// Times that such bytes came while no reply was waited for.
     pub noise_between: u64,
-    /// Exchanges repeated at once after damage.
+    /// Reads repeated after damage.
     pub retries: u64,
     /// Exchanges sent only to prove that no late reply can follow.
     pub barriers: u64,

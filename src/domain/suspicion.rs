@@ -26,9 +26,18 @@ pub enum Suspicion {
     /// One drive is silent and others answer.
     #[error("station {} was never heard while others answer: check its station number, speed, parity and power", .0.0)]
     OneSilent(Station),
-    /// Two replies to one request.
-    #[error("two answers come to requests for station {}: two drives probably have this number", .0.0)]
-    TwoAnswer(Station),
+    /// More replies than requests.
+    #[error(
+        "more answers come from station {} than requests go to it: two drives probably have this number; its trips are not \
+         believed until that is over (duplicate_station)", .0.0
+    )]
+    DuplicateStation(Station),
+    /// Replies that come later than the longest lateness that is declared.
+    #[error(
+        "station {} answers later than its `max_lateness` allows: raise that, or find what holds the replies back \
+         (late_beyond_limit)", .0.0
+    )]
+    LateBeyondLimit(Station),
     /// Somebody else asks drives on this line.
     #[error("somebody else sends requests on this line: a serial line takes one master only; disconnect the other one")]
     OtherMaster,
@@ -50,7 +59,8 @@ impl Suspicion {
             Self::DrivesAreSlower => "drives_are_slower",
             Self::AlwaysDamaged => "always_damaged",
             Self::OneSilent(_) => "one_silent",
-            Self::TwoAnswer(_) => "two_answer",
+            Self::DuplicateStation(_) => "duplicate_station",
+            Self::LateBeyondLimit(_) => "late_beyond_limit",
             Self::OtherMaster => "other_master",
             Self::Echo => "echo",
             Self::Jam => "jam",

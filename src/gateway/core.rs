@@ -80,6 +80,8 @@ pub(super) struct Flight {
     pub(super) overdue_at: Option<MonoTime>,
     /// That moment has passed.
     pub(super) is_overdue: bool,
+    /// Before its reply a frame of the station came that nothing explains: what comes as the reply may be another one, too.
+    pub(super) is_spoilt: bool,
 }
 
 /// Why an exchange was sent.
@@ -317,8 +319,10 @@ impl LineCore {
     }
 
     fn on_time(&mut self, now: MonoTime) {
-        let done = self.wire.pass(now).and_then(|(exchange, ending)| self.ended(now, exchange, ending));
+        let ended = self.wire.pass(now);
+        // What was heard before a reply may tell what that is worth.
         self.tell_heard(now);
+        let done = ended.and_then(|(exchange, ending)| self.ended(now, exchange, ending));
         self.conclude(now, done);
         let mut expired = 0;
         while let Some(answer) = self.natives.expire(now) {
@@ -342,8 +346,10 @@ impl LineCore {
 
     fn on_bytes(&mut self, now: MonoTime, bytes: &[u8]) {
         let ended = self.wire.receive(now, bytes);
-        let done = ended.and_then(|(exchange, ending)| self.ended(now, exchange, ending));
+        // More bytes may change whether the wait may be cut short for a stop.
+        self.flight.iter_mut().for_each(|flight| flight.is_overdue = false);
         self.tell_heard(now);
+        let done = ended.and_then(|(exchange, ending)| self.ended(now, exchange, ending));
         self.health.is_mute = false;
         self.conclude(now, done);
     }

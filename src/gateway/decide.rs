@@ -50,14 +50,13 @@ impl LineCore {
         let patience = self.patience(drive, &request);
         let doubt = now < station.unmistakable_at(&request);
         let in_doubt = station.misses_function(request.function(), now);
-        let line_is_clean = !self.stations.iter().any(|station| station.is_dirty(now));
         let proves_nothing = request.is_repeated_by_its_reply() && !self.echo.proves_echoes();
         if matches!(request, Request::Loopback { .. } | Request::Unserved { .. }) {
             self.nonces.advance();
         }
         let differs = !request.is_repeated_by_its_reply();
         let function = request.function();
-        let exchange = Exchange { station: setup.station, request, timeout, in_doubt, line_is_clean };
+        let exchange = Exchange { station: setup.station, request, timeout, in_doubt };
         let mut frame = Vec::with_capacity(16);
         self.measured.sent(now.since(self.wire.may_send_from()));
         self.wire.send(now, exchange, &mut frame);
@@ -65,6 +64,7 @@ impl LineCore {
         self.health.diagnosis.sent(drive.get());
         self.health.damage.sent(drive.get(), function);
         let request_end = now + self.setup.timing.on_wire(frame.len());
+        self.stations[drive.get()].asked(request_end);
         let overdue_at = patience.map(|patience| request_end + patience);
         let why = purpose.why();
         self.flight = Some(Flight {
@@ -77,6 +77,7 @@ impl LineCore {
             request_end,
             overdue_at,
             is_overdue: false,
+            is_spoilt: false,
         });
         self.counters.requests += 1;
         self.transmit(now, frame, why);
@@ -180,6 +181,7 @@ impl LineCore {
                 let station = &self.stations[drive.get()];
                 want.at.max(station.rests_until()).max(station.unmistakable_at(&want.request))
             }
+            Rank::Trip if self.stations[drive.get()].is_doubtful() => MonoTime::NEVER,
             Rank::Step | Rank::Trip | Rank::Start => {
                 let station = &self.stations[drive.get()];
                 want.at.max(station.may_be_asked_from()).max(station.unmistakable_at(&want.request))
@@ -265,6 +267,7 @@ impl LineCore {
                     let rests_until = self.stations[drive.get()].rests_until();
                     want.at.max(unmistakable.min(self.free_at(drive, &want.request))).max(rests_until)
                 }
+                Rank::Trip if self.stations[drive.get()].is_doubtful() => MonoTime::NEVER,
                 _ => want.at.max(self.free_at(drive, &want.request)),
             })
         });

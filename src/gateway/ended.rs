@@ -1,6 +1,7 @@
 //! An exchange has ended: who gets what, and what follows for the station.
 
 use super::core::{Flight, LineCore, Purpose};
+use super::decide::is_stop;
 use super::event::Effect;
 use super::health::Done;
 use super::port::waiters_of;
@@ -14,8 +15,9 @@ use crate::journal::Entry;
 use crate::line::exchange::{Ending, Exchange};
 use crate::line::fault::{Fault, consequence};
 use crate::line::schedule::ReadJob;
-use crate::line::station::Missing;
+use crate::line::station::{Missing, Stray};
 use crate::profile::model::PollClass;
+use crate::wire::framing;
 use crate::wire::pdu::{Reply, Request};
 use std::sync::Arc;
 
@@ -24,13 +26,20 @@ impl LineCore {
         let flight = self.flight.take()?;
         let until = self.may_come_until(now, &flight, &exchange);
         let is_jammed = self.health.is_jammed();
-        // What comes clean out of babble may be made up of it.
-        let ending = if is_jammed { Ending::Silent } else { ending };
+        // What comes clean out of babble may be made up of it, and what follows a frame that nothing explains may be
+        // another one of that kind. A stop goes without proof, and is confirmed by a look.
+        let is_spoilt = flight.is_spoilt && ending != Ending::Silent;
+        let ending = match ending {
+            _ if is_jammed => Ending::Silent,
+            _ if is_spoilt && !matches!(flight.purpose, Purpose::Work(rank) if is_stop(rank)) => Ending::Garbled,
+            ending => ending,
+        };
         let proves_nothing = flight.proves_nothing && matches!(ending, Ending::Reply(_));
         if !proves_nothing {
             self.learn(&flight, &exchange, &ending);
         }
-        let Flight { drive, purpose, doubt, was_silent, sent_at, request_end, .. } = flight;
+        let Flight { drive, purpose, was_silent, sent_at, request_end, .. } = flight;
+        let doubt = flight.doubt || is_spoilt;
         self.counters.busy_us += u64::try_from(now.since(sent_at).as_micros()).unwrap_or(0);
         self.count_end(drive, &exchange.request, &ending);
         let fault = match fault_of(&ending) {
@@ -42,7 +51,10 @@ impl LineCore {
         match fault {
             // It may not have come from the drive, whose reply may still come.
             None if proves_nothing => self.stations[drive.get()].reply_missing(missing(), now),
-            None => self.answered(now, drive, doubt.then(missing)),
+            None => {
+                self.stations[drive.get()].exchange_ended(now);
+                self.answered(now, drive, doubt.then(missing));
+            }
             Some(fault) => self.was_not_answered(now, drive, fault, missing),
         }
         if !proves_nothing {
@@ -104,20 +116,22 @@ impl LineCore {
 
     /// Counts what was heard, tells it to whoever watches, and notes which stations are there.
     pub(super) fn tell_heard(&mut self, now: MonoTime) {
+        let mut was_answered = false;
         for heard in self.wire.take_heard() {
             match heard.kind {
-                TrafficKind::Request | TrafficKind::Reply => {}
+                TrafficKind::Request => {}
+                TrafficKind::Reply => was_answered = true,
                 TrafficKind::Echo => self.counters.echoes += 1,
                 TrafficKind::OtherMaster(_) => self.counters.other_master += 1,
                 TrafficKind::Stray(station) => {
                     self.counters.strays += 1;
                     self.learn_late(now, station, &heard.bytes);
-                    self.spoke(station);
+                    self.spoke(now, station, &heard.bytes, was_answered);
                 }
                 TrafficKind::Foreign(station) => {
                     self.counters.foreign += 1;
                     self.learn_late(now, station, &heard.bytes);
-                    self.spoke(station);
+                    self.spoke(now, station, &heard.bytes, was_answered);
                 }
                 TrafficKind::Noise => self.counters.noise_bytes += heard.bytes.len() as u64,
             }
@@ -157,7 +171,8 @@ impl LineCore {
                 snapshot.take(address, &[*word], now);
             }
         }
-        self.works[drive.get()].take_words(address, words, now, &mut self.effects);
+        let believes_trips = !self.stations[drive.get()].is_doubtful();
+        self.works[drive.get()].take_words(address, words, believes_trips, now, &mut self.effects);
     }
 
     fn work_ended(
@@ -239,12 +254,25 @@ impl LineCore {
         }
     }
 
-    /// A frame of `station` was heard that answers nothing: if it is one of ours, it is there.
-    fn spoke(&mut self, station: Station) {
-        if let Some(at) = self.setup.drives.iter().position(|drive| drive.station == station)
-            && consequence(Fault::Stray).drive_is_there
-        {
+    /// A frame of `station` was heard that answers nothing: if it is one of ours, it is there. If nothing explains it,
+    /// another drive may have its number, or its replies come later than any may: it is not asked again before it was
+    /// silent for long enough.
+    fn spoke(&mut self, now: MonoTime, station: Station, adu: &[u8], was_answered: bool) {
+        let Some(at) = self.setup.drives.iter().position(|drive| drive.station == station) else { return };
+        let stray = match framing::decode(self.setup.timing.framing, adu) {
+            Some((_, pdu)) => self.stations[at].stray(&pdu, now),
+            None => return,
+        };
+        if consequence(Fault::Stray).drive_is_there {
             self.stations[at].is_there();
+        }
+        self.health.diagnosis.stray(at, stray);
+        self.health.damage.stray(at, stray);
+        if let Some(flight) = self.flight.as_mut().filter(|flight| flight.drive.get() == at)
+            && stray != Stray::Explained
+            && !was_answered
+        {
+            flight.is_spoilt = true;
         }
     }
 

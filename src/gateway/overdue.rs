@@ -1,6 +1,7 @@
 //! How long a reply is waited for, until when one may still come late, and what its time teaches.
 
 use super::core::{Flight, LineCore};
+use super::work::DriveWork;
 use crate::domain::ids::{DriveIndex, Station};
 use crate::domain::time::MonoTime;
 use crate::line::exchange::{Ending, Exchange};
@@ -51,28 +52,41 @@ impl LineCore {
         let setup = &self.setup.drives[flight.drive.get()];
         let (reply, longer) = setup.reply_time(&exchange.request, &self.setup.timing);
         let due = flight.request_end + self.full_wait(flight.drive, &exchange.request) + (reply - longer);
-        now.max(due) + setup.max_lateness
+        now.max(due) + self.stations[flight.drive.get()].lateness(setup.max_lateness)
     }
 
-    /// When the exchange on the wire becomes one that a stop for another drive ends, if it still may.
+    /// When the exchange on the wire becomes one that a stop for another drive ends, if it still may; or one that any stop
+    /// ends, because something that may have been the reply came damaged.
     pub(super) fn overdue_at(&self) -> Option<MonoTime> {
         let flight = self.flight.as_ref().filter(|flight| !flight.is_overdue)?;
+        if let Some(damaged_from) = self.wire.damaged_from() {
+            return Some(flight.overdue_at.unwrap_or(damaged_from).max(damaged_from));
+        }
         flight.overdue_at.filter(|_| !self.wire.has_heard_after(flight.request_end))
     }
 
-    /// Ends the wait for a drive that has answered every time before now, if another drive waits for its stop. What
-    /// follows is what follows from a time-out.
+    /// Ends the wait for a drive that has answered every time before now, if another drive waits for its stop; and the
+    /// wait for a reply that may come behind a damaged one, if any drive does. What follows is what follows from a
+    /// time-out.
     pub(super) fn end_overdue_for_a_stop(&mut self, now: MonoTime) {
-        let Some(flight) = self.flight.as_mut().filter(|flight| flight.overdue_at.is_some_and(|at| now >= at)) else {
-            return;
-        };
-        flight.is_overdue = true;
-        let (drive, request_end) = (flight.drive, flight.request_end);
-        let mut others = (0..).map(DriveIndex).zip(&self.works).filter(|(other, _)| *other != drive);
-        if self.wire.has_heard_after(request_end) || !others.any(|(_, work)| work.has_new_stop()) {
+        let damaged_from = self.wire.damaged_from();
+        let Some(flight) = self.flight.as_mut() else { return };
+        let is_damaged = damaged_from.is_some_and(|at| now >= flight.overdue_at.unwrap_or(at).max(at));
+        let is_late = flight.overdue_at.is_some_and(|at| now >= at);
+        if !is_damaged && !is_late {
             return;
         }
-        if let Some((exchange, ending)) = self.wire.cut_short() {
+        flight.is_overdue = true;
+        let (drive, request_end) = (flight.drive, flight.request_end);
+        let waits_for_stop = |(other, work): (DriveIndex, &DriveWork)| {
+            work.has_new_stop() && (is_damaged || other != drive)
+        };
+        let may_cut = is_damaged || !self.wire.has_heard_after(request_end);
+        if !may_cut || !(0..).map(DriveIndex).zip(&self.works).any(waits_for_stop) {
+            return;
+        }
+        let ended = if is_damaged { self.wire.cut_damaged() } else { self.wire.cut_short() };
+        if let Some((exchange, ending)) = ended {
             self.cut_short = Some(drive);
             self.ended(now, exchange, ending);
         }

@@ -5,7 +5,7 @@ use super::timeouts::{Class, ReplyTimeouts, longer_reply, reply_delay, turnaroun
 use super::timing::Timing;
 use crate::domain::report::StopBounds;
 use crate::drive::plan::{self, PollGroup};
-use crate::profile::model::{BlockWrite, Model, PollClass};
+use crate::profile::model::{Barrier, BlockWrite, Model, PollClass};
 use std::time::Duration;
 
 /// Turnaround that is assumed for a drive whose documents give no processing time. An estimate for people
@@ -148,6 +148,24 @@ pub fn stop_bounds<'a>(timing: &Timing, stations: impl IntoIterator<Item = Plann
     bounds
 }
 
+/// By how much longer a stop is unconfirmed if a reply of `station` is missing, damaged ones included: the looks at its
+/// effect wait until no late reply can be taken for theirs. The read that settles it takes an exchange; where only time
+/// settles it, so long.
+#[must_use]
+pub fn missing_reply_costs(timing: &Timing, station: &PlannedStation<'_>) -> Duration {
+    // Other barriers have to be shown by the drive first, and on some lines they prove nothing.
+    let settles = |barrier: &Barrier| match barrier {
+        Barrier::Read(read) => Some(read.count),
+        Barrier::Loop(_) | Barrier::Refused(_) => None,
+    };
+    let words = station.model.barriers.iter().find_map(settles);
+    let wait = station.timeouts.read;
+    words.map_or(wait + station.max_lateness, |words| {
+        let usual = turnaround(&station.model.timing, Class::Read) + reply_delay(&station.model.timing);
+        read_time(timing, words, usual.min(wait)) + longer(timing, station.model, reply_bytes(words))
+    })
+}
+
 /// Whether one frame may stop all `stations`, as far as their models tell.
 fn may_stop_at_once(stations: &[PlannedStation<'_>]) -> bool {
     let Some((first, others)) = stations.split_first() else { return false };
@@ -207,7 +225,7 @@ mod tests {
     use super::super::timing::testing::{ASCII, N700};
     use super::*;
     use crate::profile::check;
-    use crate::profile::model::{Confidence, Fact};
+    use crate::profile::model::{BarrierRead, Confidence, Fact};
     use crate::vendors;
 
     fn fact<T>(value: T) -> Fact<T> {
@@ -268,6 +286,16 @@ mod tests {
     fn ascii_frames_cost_two_characters_for_each_byte() {
         // 10 silence + 17 characters request + 10 turnaround + 15 characters reply
         assert_eq!(read_time(&ASCII, 1, ASSUMED_TURNAROUND).as_micros(), 10_000 + 17_708 + 10_000 + 15_625);
+    }
+
+    #[test]
+    fn a_missing_reply_costs_a_barrier_or_the_longest_lateness() {
+        let with = |barriers| model(|model| model.barriers = barriers);
+        let read = with(vec![Barrier::Read(BarrierRead { address: 1, count: 2 })]);
+        assert_near(missing_reply_costs(&N700, &station(&read)), chars(8 + 9, 1, 10));
+        for barriers in [vec![], vec![Barrier::Loop(fact(()))]] {
+            assert_eq!(missing_reply_costs(&N700, &station(&with(barriers))), Duration::from_millis(100 + 300));
+        }
     }
 
     /// So many characters at 9600 bit/s 8N1, `silences`, and so many milliseconds of waiting.

@@ -2,6 +2,7 @@
 //! anything, and whether something comes that nobody waits for.
 
 use super::fault::Fault;
+use super::station::Stray;
 use crate::domain::counts::{DamageCounts, LONG_REPLY_PDU_BYTES};
 use crate::domain::ids::Station;
 use crate::domain::link::Framing;
@@ -66,14 +67,17 @@ impl DamageWatch {
                 self.loose.extend_from_slice(&bytes[..bytes.len().min(room)]);
             }
             TrafficKind::Reply => self.was_answered = true,
-            TrafficKind::Stray(station) | TrafficKind::Foreign(station) => {
-                let place = self.stations.iter().position(|(known, _)| *known == station);
-                // Behind the reply of the same station it is no late one: that would have come before.
-                let is_second = self.was_answered && place == Some(self.asked);
-                if let Some((_, counts)) = place.and_then(|place| self.stations.get_mut(place)) {
-                    *(if is_second { &mut counts.doubled } else { &mut counts.late }) += 1;
-                }
-            }
+            TrafficKind::Stray(_) | TrafficKind::Foreign(_) => {}
+        }
+    }
+
+    /// A frame of the station at `place` came that answers nothing that is on the wire.
+    pub fn stray(&mut self, place: usize, stray: Stray) {
+        let Some((_, counts)) = self.stations.get_mut(place) else { return };
+        match stray {
+            Stray::Explained => counts.late += 1,
+            Stray::BeyondLimit(_) => (counts.late, counts.beyond_limit) = (counts.late + 1, counts.beyond_limit + 1),
+            Stray::TooMany(_) => counts.doubled += 1,
         }
     }
 
@@ -135,6 +139,7 @@ impl DamageWatch {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::Duration;
 
     /// Reply of station 1 to a read of one word: 60.00 Hz.
     const RTU: [u8; 7] = [0x01, 0x03, 0x02, 0x17, 0x70, 0xB6, 0x50];
@@ -209,19 +214,19 @@ mod tests {
 
     #[test]
     fn a_second_reply_is_no_late_one() {
-        let stray = |station| TrafficKind::Stray(Station(station));
         let mut watch = watch(Framing::Rtu);
-        watch.heard(stray(1), &RTU);
-        watch.sent(0, READ);
-        watch.heard(stray(1), &RTU);
-        watch.heard(TrafficKind::Foreign(Station(2)), &RTU);
-        watch.heard(TrafficKind::Foreign(Station(9)), &RTU);
-        watch.heard(TrafficKind::Reply, &RTU);
-        watch.ended(None, RTU.len());
-        watch.heard(stray(1), &RTU);
-        watch.heard(stray(2), &RTU);
-        let counts = |place| (watch.of(place).late, watch.of(place).doubled);
-        assert_eq!((counts(0), counts(1)), ((2, 1), (2, 0)));
+        let late = Duration::from_millis(700);
+        for (place, stray) in [
+            (0, Stray::Explained),
+            (0, Stray::TooMany(late)),
+            (1, Stray::BeyondLimit(late)),
+            (1, Stray::Explained),
+            (9, Stray::Explained),
+        ] {
+            watch.stray(place, stray);
+        }
+        let counts = |place: usize| (watch.of(place).late, watch.of(place).doubled, watch.of(place).beyond_limit);
+        assert_eq!((counts(0), counts(1)), ((1, 1, 0), (2, 0, 1)));
     }
 
     #[test]

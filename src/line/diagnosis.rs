@@ -1,6 +1,7 @@
 //! What is probably wrong with a line, from the pattern of what has been heard since its port was opened.
 
 use super::fault::Fault;
+use super::station::Stray;
 use crate::domain::ids::Station;
 use crate::domain::suspicion::Suspicion;
 use crate::domain::traffic::TrafficKind;
@@ -19,6 +20,8 @@ struct Seen {
     was_heard: bool,
     silences: u32,
     second_replies: u32,
+    /// Replies that came later than any may.
+    beyond_limit: u32,
 }
 
 /// The evidence of one line.
@@ -37,16 +40,15 @@ pub struct Diagnosis {
     other_requests: u32,
     /// Bytes in the present exchange that make no frame.
     loose_bytes: usize,
-    /// The station that was asked last, and whether its reply has come.
+    /// The station that was asked last.
     asked: usize,
-    was_answered: bool,
     found: Option<Suspicion>,
 }
 
 impl Diagnosis {
     /// A line with these stations of which nothing was heard.
     pub fn new(stations: impl Iterator<Item = Station>) -> Self {
-        let seen = |station| Seen { station, was_heard: false, silences: 0, second_replies: 0 };
+        let seen = |station| Seen { station, was_heard: false, silences: 0, second_replies: 0, beyond_limit: 0 };
         Self {
             stations: stations.map(seen).collect(),
             exchanges: 0,
@@ -59,7 +61,6 @@ impl Diagnosis {
             other_requests: 0,
             loose_bytes: 0,
             asked: 0,
-            was_answered: false,
             found: None,
         }
     }
@@ -71,7 +72,7 @@ impl Diagnosis {
 
     /// A request goes out to the station at `place`.
     pub const fn sent(&mut self, place: usize) {
-        (self.loose_bytes, self.asked, self.was_answered) = (0, place, false);
+        (self.loose_bytes, self.asked) = (0, place);
     }
 
     /// Something was heard.
@@ -81,19 +82,18 @@ impl Diagnosis {
             TrafficKind::Request | TrafficKind::Echo => {}
             TrafficKind::Noise => self.loose_bytes += bytes.len(),
             TrafficKind::OtherMaster(_) => self.other_requests += 1,
-            TrafficKind::Reply => {
-                (self.was_frame_heard, self.was_answered) = (true, true);
-            }
-            TrafficKind::Stray(station) | TrafficKind::Foreign(station) => {
-                self.was_frame_heard = true;
-                let place = self.stations.iter().position(|seen| seen.station == station);
-                // Behind the reply, so that it is no late one: that would have come before.
-                let is_second = self.was_answered && place == Some(self.asked);
-                if let Some(seen) = place.and_then(|place| self.stations.get_mut(place)) {
-                    seen.was_heard = true;
-                    seen.second_replies += u32::from(is_second);
-                }
-            }
+            TrafficKind::Reply | TrafficKind::Stray(_) | TrafficKind::Foreign(_) => self.was_frame_heard = true,
+        }
+    }
+
+    /// A frame of the station at `place` came that answers nothing that is on the wire.
+    pub fn stray(&mut self, place: usize, stray: Stray) {
+        let Some(seen) = self.stations.get_mut(place) else { return };
+        seen.was_heard = true;
+        match stray {
+            Stray::Explained => {}
+            Stray::BeyondLimit(_) => seen.beyond_limit += 1,
+            Stray::TooMany(_) => seen.second_replies += 1,
         }
     }
 
@@ -125,7 +125,7 @@ impl Diagnosis {
         let is_settled = match self.found {
             Some(Suspicion::OneSilent(station)) => self.stations.iter().any(|it| it.station == station && it.was_heard),
             Some(Suspicion::NothingHeard) => self.was_anything_heard,
-            Some(Suspicion::TwoAnswer(_) | Suspicion::OtherMaster) => false,
+            Some(Suspicion::DuplicateStation(_) | Suspicion::LateBeyondLimit(_) | Suspicion::OtherMaster) => false,
             _ => self.was_frame_heard,
         };
         let is_over = self.exchanges >= WINDOW;
@@ -139,11 +139,15 @@ impl Diagnosis {
     }
 
     fn pattern(&self) -> Option<Suspicion> {
-        if let Some(twice) = self.stations.iter().find(|seen| seen.second_replies >= SIGNS) {
-            return Some(Suspicion::TwoAnswer(twice.station));
-        }
+        // The replies to somebody else's requests look like second ones.
         if self.other_requests >= SIGNS {
             return Some(Suspicion::OtherMaster);
+        }
+        if let Some(twice) = self.stations.iter().find(|seen| seen.second_replies >= SIGNS) {
+            return Some(Suspicion::DuplicateStation(twice.station));
+        }
+        if let Some(late) = self.stations.iter().find(|seen| seen.beyond_limit > 0) {
+            return Some(Suspicion::LateBeyondLimit(late.station));
         }
         if !self.was_anything_heard {
             return (self.silences >= SILENCES).then_some(Suspicion::NothingHeard);
@@ -169,13 +173,14 @@ impl Diagnosis {
     fn count_anew(&mut self) {
         (self.exchanges, self.other_requests) = (0, 0);
         (self.right_length, self.too_few, self.too_many) = (0, 0, 0);
-        self.stations.iter_mut().for_each(|seen| seen.second_replies = 0);
+        self.stations.iter_mut().for_each(|seen| (seen.second_replies, seen.beyond_limit) = (0, 0));
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::Duration;
 
     /// One exchange with the first station: what is heard and how it ends, with 7 bytes due.
     fn exchange(diagnosis: &mut Diagnosis, heard: &[(TrafficKind, &[u8])], fault: Option<Fault>) -> Option<Suspicion> {
@@ -191,14 +196,13 @@ mod tests {
 
     #[test]
     fn each_pattern_has_its_suspicion() {
-        use TrafficKind::{Noise, OtherMaster, Reply, Stray};
+        use TrafficKind::{Noise, OtherMaster, Reply};
         let (noise, reply) = ([0xFE; 20], [1; 7]);
         for (heard, fault, expected) in [
             (&[][..], Some(Fault::Silent), Suspicion::NothingHeard),
             (&[(Noise, &noise[..7])], Some(Fault::Garbled), Suspicion::AlwaysDamaged),
             (&[(Noise, &noise[..3])], Some(Fault::Silent), Suspicion::DrivesAreFaster),
             (&[(Noise, &noise[..15])], Some(Fault::Silent), Suspicion::DrivesAreSlower),
-            (&[(Reply, &reply), (Stray(Station(1)), &reply)], None, Suspicion::TwoAnswer(Station(1))),
             (&[(OtherMaster(Station(9)), &noise), (Reply, &reply)], None, Suspicion::OtherMaster),
         ] {
             let mut diagnosis = line();
@@ -232,13 +236,30 @@ mod tests {
     }
 
     #[test]
+    fn frames_that_nothing_explains_name_their_station() {
+        let reply = [(TrafficKind::Reply, &[1; 7][..])];
+        for (stray, signs, expected) in [
+            (Stray::TooMany(Duration::ZERO), SIGNS, Some(Suspicion::DuplicateStation(Station(2)))),
+            (Stray::TooMany(Duration::ZERO), SIGNS - 1, None),
+            (Stray::BeyondLimit(Duration::ZERO), 1, Some(Suspicion::LateBeyondLimit(Station(2)))),
+            (Stray::Explained, 100, None),
+        ] {
+            let mut diagnosis = line();
+            (0..signs).for_each(|_| diagnosis.stray(1, stray));
+            assert_eq!(exchange(&mut diagnosis, &reply, None), expected, "{stray:?}");
+        }
+    }
+
+    #[test]
     fn a_pattern_that_has_ended_is_forgotten() {
         let mut diagnosis = line();
-        let twice = [(TrafficKind::Reply, &[1; 7][..]), (TrafficKind::Stray(Station(1)), &[1; 7])];
+        let reply = [(TrafficKind::Reply, &[1; 7][..])];
         for _ in 0..SIGNS {
-            exchange(&mut diagnosis, &twice, None);
+            diagnosis.stray(0, Stray::TooMany(Duration::ZERO));
+            exchange(&mut diagnosis, &reply, None);
         }
-        let left = (0..3 * WINDOW).position(|_| exchange(&mut diagnosis, &twice[..1], None).is_none());
+        assert_eq!(diagnosis.suspicion(), Some(Suspicion::DuplicateStation(Station(1))));
+        let left = (0..3 * WINDOW).position(|_| exchange(&mut diagnosis, &reply, None).is_none());
         assert!(left.is_some_and(|left| left <= 2 * WINDOW as usize), "{left:?}");
     }
 }

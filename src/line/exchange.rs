@@ -18,9 +18,6 @@ pub struct Exchange {
     /// An exception, or a write's reply with another value, could be the late answer to an earlier request
     /// of the same function: neither is taken for the answer to this one.
     pub in_doubt: bool,
-    /// No station of the line misses a reply. Otherwise damaged bytes prove nothing: they may be what two late
-    /// replies have made of each other, and the reply to this exchange may still come.
-    pub line_is_clean: bool,
 }
 
 /// How an exchange ended.
@@ -30,7 +27,8 @@ pub enum Ending {
     Reply(Reply),
     /// With an exception of the drive's own.
     Exception(u8),
-    /// With a damaged reply of the right length.
+    /// Without a sound frame of the station in time; what came looks like the reply and is damaged. It may have been that,
+    /// or anything else, and the reply comes late.
     Garbled,
     /// Without any frame of the station in time.
     Silent,

@@ -3,7 +3,8 @@
 /// What went wrong in an exchange, or instead of one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Fault {
-    /// The reply came, but damaged: as long as it should be, with a wrong CRC.
+    /// No sound frame came from the station in time. What came begins like the reply and is as long, and its check is
+    /// wrong: the reply, damaged, or noise, an echo that lost a byte, another drive, so that the reply may still come.
     Garbled,
     /// No frame came from the station in time.
     Silent,
@@ -36,7 +37,7 @@ pub enum Fault {
 pub struct Consequence {
     /// The exchange is over; otherwise the wait for its reply goes on.
     pub ends_exchange: bool,
-    /// A read is sent once more before it is given up. A write never is.
+    /// A read is sent once more before it is given up, once no late reply can be taken for its own. A write never is.
     pub repeats_read: bool,
     /// A reply to this exchange may still come, so the station's next answers must not be mistakable.
     pub reply_may_come_late: bool,
@@ -60,7 +61,9 @@ pub const fn consequence(fault: Fault) -> Consequence {
         reopens_port: false,
     };
     match fault {
-        Fault::Garbled => Consequence { ends_exchange: true, repeats_read: true, ..none },
+        Fault::Garbled => {
+            Consequence { ends_exchange: true, repeats_read: true, reply_may_come_late: true, ..none }
+        }
         Fault::Silent => Consequence { ends_exchange: true, reply_may_come_late: true, backs_off: true, ..none },
         Fault::Ignored => Consequence { ends_exchange: true, reply_may_come_late: true, ..none },
         Fault::Deaf => Consequence { ends_exchange: true, ..none },
@@ -79,7 +82,7 @@ mod tests {
 
     /// ends, repeats a read, late reply possible, backs off, drive is there, reopens
     const TABLE: [(Fault, [bool; 6]); 13] = [
-        (Fault::Garbled, [true, true, false, false, false, false]),
+        (Fault::Garbled, [true, true, true, false, false, false]),
         (Fault::Silent, [true, false, true, true, false, false]),
         (Fault::Ignored, [true, false, true, false, false, false]),
         (Fault::Deaf, [true, false, false, false, false, false]),

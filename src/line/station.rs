@@ -20,6 +20,16 @@ pub const PROBE_TIMEOUT: Duration = Duration::from_millis(100);
 /// The wait before a station is asked again that may be deaf because it was switched on.
 pub const DEAF_WAIT: Duration = Duration::from_millis(250);
 
+/// The shortest silence that is asked of a station of which a frame came that nothing explains.
+pub const QUIET_LEAST: Duration = Duration::from_millis(100);
+/// The longest: replies that come later than that are no longer waited for.
+pub const QUIET_MAX: Duration = Duration::from_secs(30);
+/// Exchanges in a row without such a frame after which no silence is asked for any more.
+pub const QUIET_EXCHANGES: u8 = 8;
+/// How long a reply that did not come within the longest lateness is remembered, so that one that comes after all is
+/// known for what it is.
+pub const EXPIRED_FOR: Duration = Duration::from_secs(60);
+
 /// A request whose reply did not come in time.
 #[derive(Clone, Debug)]
 pub struct Missing {
@@ -31,6 +41,17 @@ pub struct Missing {
     pub until: MonoTime,
 }
 
+/// A sound frame of a station that answers nothing that is on the wire.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stray {
+    /// A reply that was missing.
+    Explained,
+    /// A reply that came later than any may: so long after its request.
+    BeyondLimit(Duration),
+    /// A reply too many, or one to somebody else: so long after the newest request.
+    TooMany(Duration),
+}
+
 /// What the line remembers of one station.
 #[derive(Debug)]
 pub struct StationState {
@@ -39,6 +60,18 @@ pub struct StationState {
     /// How long it hears nothing after it was switched on.
     deaf_after_power_up: Duration,
     missing: Vec<Missing>,
+    /// Replies that were missing until they could no longer come.
+    expired: Vec<Missing>,
+    /// When the last character of the newest request had left.
+    asked_at: MonoTime,
+    /// How long after its request the latest reply came that was later than declared.
+    latest: Duration,
+    /// The silence that is asked of it at present, and until when that is: a frame came that nothing explains, so that
+    /// another one may follow.
+    quiet: Duration,
+    quiet_until: MonoTime,
+    /// Exchanges since the last such frame.
+    exchanges_since: u8,
     /// Until then a reply may come to something that was asked before this memory began.
     asked_before_until: MonoTime,
     silent_in_a_row: u32,
@@ -60,6 +93,12 @@ impl StationState {
             refused: model.write.refused.value,
             deaf_after_power_up: deaf.map_or(Duration::ZERO, |fact| fact.value),
             missing: Vec::new(),
+            expired: Vec::new(),
+            asked_at: MonoTime::ZERO,
+            latest: Duration::ZERO,
+            quiet: Duration::ZERO,
+            quiet_until: MonoTime::ZERO,
+            exchanges_since: 0,
             asked_before_until: MonoTime::ZERO,
             silent_in_a_row: 0,
             back_offs: 0,
@@ -79,7 +118,7 @@ impl StationState {
     #[must_use]
     pub fn clean_at(&self) -> MonoTime {
         let known = self.missing.iter().map(|missing| missing.until).max();
-        known.unwrap_or(MonoTime::ZERO).max(self.asked_before_until)
+        known.unwrap_or(MonoTime::ZERO).max(self.asked_before_until).max(self.quiet_until)
     }
 
     /// When a late answer can no longer be mistaken for the answer to `request`. A moment that has passed
@@ -87,10 +126,11 @@ impl StationState {
     #[must_use]
     pub fn unmistakable_at(&self, request: &Request) -> MonoTime {
         if self.missing.len() >= MISSING_MAX {
-            return self.missing.iter().map(|missing| missing.until).min().unwrap_or(MonoTime::ZERO);
+            let oldest = self.missing.iter().map(|missing| missing.until).min();
+            return oldest.unwrap_or(MonoTime::ZERO).max(self.quiet_until);
         }
         let mistakable = self.missing.iter().filter(|missing| self.is_mistakable(&missing.request, request));
-        let known = mistakable.map(|missing| missing.until).max().unwrap_or(MonoTime::ZERO);
+        let known = mistakable.map(|missing| missing.until).max().unwrap_or(MonoTime::ZERO).max(self.quiet_until);
         match request {
             // Its data are fresh: no earlier question had them.
             Request::Loopback { .. } => known,
@@ -102,7 +142,7 @@ impl StationState {
     #[must_use]
     pub fn misses_function(&self, function: u8, now: MonoTime) -> bool {
         let misses = |missing: &Missing| now < missing.until && missing.request.function() == function;
-        now < self.asked_before_until || self.missing.iter().any(misses)
+        now < self.asked_before_until.max(self.quiet_until) || self.missing.iter().any(misses)
     }
 
     /// Before this moment the station is not asked, because it has been silent.
@@ -135,6 +175,7 @@ impl StationState {
 
     /// Its line was opened at `now`, perhaps because the power came back to both.
     pub fn line_opened(&mut self, now: MonoTime) {
+        (self.latest, self.quiet) = (Duration::ZERO, Duration::ZERO);
         self.may_be_deaf(now);
         if now < self.may_be_deaf_until {
             self.ask_again_at = self.ask_again_at.min(now + DEAF_WAIT);
@@ -155,18 +196,70 @@ impl StationState {
 
     /// A request stays without an answer at `now`.
     pub fn reply_missing(&mut self, missing: Missing, now: MonoTime) {
-        self.missing.retain(|missing| now < missing.until);
+        self.expire(now);
         self.missing.push(missing);
+    }
+
+    /// A request goes out to it; its last character leaves at `end`.
+    pub const fn asked(&mut self, end: MonoTime) {
+        self.asked_at = end;
+    }
+
+    /// How late a reply may come of which no model and no configuration knows more than `declared`.
+    #[must_use]
+    pub fn lateness(&self, declared: Duration) -> Duration {
+        declared.max(with_margin(self.latest))
+    }
+
+    /// Whether its replies may belong to other requests, or to another drive.
+    #[must_use]
+    pub fn is_doubtful(&self) -> bool {
+        self.quiet > Duration::ZERO
+    }
+
+    /// A sound frame of the station with `pdu` came at `now` that answers nothing that is on the wire. What nothing
+    /// explains makes it dirty until it was silent for as long as the latest reply was late.
+    pub fn stray(&mut self, pdu: &[u8], now: MonoTime) -> Stray {
+        self.expire(now);
+        if now < self.asked_before_until || self.missing.iter().any(|missing| answers(&missing.request, pdu)) {
+            self.heard(now);
+            return Stray::Explained;
+        }
+        let expired = self.expired.iter().position(|expired| answers(&expired.request, pdu));
+        let late = match expired {
+            Some(place) => now.since(self.expired.remove(place).sent_at),
+            None => now.since(self.asked_at),
+        };
+        if expired.is_some() {
+            self.latest = self.latest.max(late).min(QUIET_MAX);
+        }
+        self.quiet = self.quiet.max(with_margin(late)).max(QUIET_LEAST);
+        self.exchanges_since = 0;
+        self.heard(now);
+        if expired.is_some() { Stray::BeyondLimit(late) } else { Stray::TooMany(late) }
+    }
+
+    /// A frame of it was heard at `now`: a silence that is asked of it begins anew.
+    pub fn heard(&mut self, now: MonoTime) {
+        if self.quiet > Duration::ZERO {
+            self.quiet_until = self.quiet_until.max(now + self.quiet);
+        }
+    }
+
+    fn expire(&mut self, now: MonoTime) {
+        let (missing, expired): (Vec<_>, Vec<_>) = self.missing.drain(..).partition(|missing| now < missing.until);
+        self.missing = missing;
+        self.expired.retain(|expired| now < expired.until + EXPIRED_FOR);
+        self.expired.extend(expired);
+        let excess = self.expired.len().saturating_sub(MISSING_MAX);
+        self.expired.drain(..excess);
     }
 
     /// The request that `pdu` answers late, and when its last character had left; nothing if that is not certain.
     #[must_use]
     pub fn answered_late(&self, pdu: &[u8], now: MonoTime) -> Option<(&Request, MonoTime)> {
-        let answers = |request: &Request| match pdu {
-            [code, _] => *code == request.function() | function::EXCEPTION_BIT,
-            _ => request.reply_in(pdu).is_some(),
-        };
-        let mut answered = self.missing.iter().filter(|missing| now < missing.until && answers(&missing.request));
+        let is_answered = |missing: &&Missing| now < missing.until && answers(&missing.request, pdu);
+        let mut answered = self.missing.iter().filter(is_answered);
         let only = answered.next()?;
         answered.next().is_none().then_some((&only.request, only.sent_at))
     }
@@ -194,6 +287,15 @@ impl StationState {
         self.missing.clear();
         self.asked_before_until = MonoTime::ZERO;
         self.is_there();
+    }
+
+    /// An exchange with it had its answer at `now`.
+    pub fn exchange_ended(&mut self, now: MonoTime) {
+        self.exchanges_since = self.exchanges_since.saturating_add(1);
+        if self.exchanges_since >= QUIET_EXCHANGES {
+            self.quiet = Duration::ZERO;
+        }
+        self.heard(now);
     }
 
     /// A frame of the station was heard that was not the answer: it is there, but slow.
@@ -226,6 +328,19 @@ impl StationState {
             _ => false,
         }
     }
+}
+
+/// Whether `pdu` looks like the reply to `request`, or its exception.
+fn answers(request: &Request, pdu: &[u8]) -> bool {
+    match pdu {
+        [code, _] => *code == request.function() | function::EXCEPTION_BIT,
+        _ => request.reply_in(pdu).is_some(),
+    }
+}
+
+/// What is waited for where something was seen to take `time`: the next one may take longer.
+fn with_margin(time: Duration) -> Duration {
+    (time + time / 2).min(QUIET_MAX)
 }
 
 #[cfg(test)]

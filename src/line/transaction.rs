@@ -26,6 +26,8 @@ struct Open {
     /// An exception that counts once silence follows it, where frames do not end by themselves: one flipped bit can
     /// turn a read's reply into an exception frame with bytes behind it, so the frame alone is no proof.
     exception: Option<u8>,
+    /// An exception came with bytes behind it: it was none.
+    was_damaged: bool,
 }
 
 /// The wire of one line. At most one exchange is open on it.
@@ -132,7 +134,7 @@ impl Wire {
         let is_sure = self.strips_echo || !exchange.request.is_repeated_by_its_reply();
         self.own_echo.await_copy_of(&out[start..], is_sure, earliest);
         let sent_until = if self.is_timed { self.quiet_from } else { now };
-        self.open = Some(Open { exchange, expected, sent_until, reply_due, give_up, exception: None });
+        self.open = Some(Open { exchange, expected, sent_until, reply_due, give_up, exception: None, was_damaged: false });
     }
 
     /// Hands a frame to `station`, which stands for all and answers nothing, to the port at `now`, and puts it into the
@@ -166,25 +168,8 @@ impl Wire {
         self.arrivals.read(bytes.len(), now);
         let pushed_out = self.assembler.push(bytes);
         self.note(TrafficKind::Noise, pushed_out);
-        let mut ended = None;
         self.take_echo(now);
-        while let Some(found) = self.assembler.take(self.open.as_ref().map(|open| &open.expected)) {
-            self.note(TrafficKind::Noise, found.noise);
-            let (kind, ending) = self.judge(&found.adu);
-            self.note(kind, found.adu);
-            if let Some(Ending::Exception(code)) = ending
-                && !self.assembler.sees_ends()
-            {
-                self.open.iter_mut().for_each(|open| open.exception = Some(code));
-            } else if let Some(ending) = ending
-                && let Some(open) = self.open.take()
-            {
-                self.own_echo.is_over();
-                ended = Some((open.exchange, ending));
-            }
-        }
-        let is_damaged = self.assembler.sees_ends() && self.holds_damaged_reply();
-        if is_damaged { self.finish(Ending::Garbled) } else { ended }
+        self.take_frames(false)
     }
 
     /// Lets time pass up to `now`. Returns how the open exchange ended, if it did.
@@ -194,20 +179,35 @@ impl Wire {
             return None;
         };
         let silent_since_frame = now >= self.pause_at();
-        let ending = if let Some(code) = open.exception {
-            match (silent_since_frame, self.assembler.is_empty()) {
-                (true, true) => Ending::Exception(code),
-                (true, false) => Ending::Garbled,
-                (false, _) => return None,
+        if let (true, Some(code)) = (silent_since_frame, open.exception) {
+            if self.assembler.is_empty() {
+                return self.finish(Ending::Exception(code));
             }
-        } else if silent_since_frame && self.holds_damaged_reply() {
-            Ending::Garbled
-        } else if now >= open.give_up || (now >= open.reply_due && (silent_since_frame || self.assembler.is_empty())) {
-            Ending::Silent
-        } else {
+            self.open.iter_mut().for_each(|open| (open.exception, open.was_damaged) = (None, true));
+        }
+        if silent_since_frame && let Some(ended) = self.take_frames(true) {
+            return Some(ended);
+        }
+        let open = self.open.as_ref()?;
+        let is_due = now >= open.reply_due && (silent_since_frame || self.assembler.is_empty());
+        if !is_due && now < open.give_up {
             return None;
-        };
-        self.finish(ending)
+        }
+        // Bytes in the shape of the reply prove nothing before its time is over, and little then.
+        let is_damaged = open.was_damaged || self.holds_damaged_reply();
+        self.finish(if is_damaged { Ending::Garbled } else { Ending::Silent })
+    }
+
+    /// From when on what was heard may be taken for the reply, damaged: silence has followed then.
+    #[must_use]
+    pub fn damaged_from(&self) -> Option<MonoTime> {
+        let was_damaged = self.open.as_ref().is_some_and(|open| open.was_damaged);
+        (was_damaged || self.holds_damaged_reply()).then(|| self.pause_at())
+    }
+
+    /// Ends the open exchange as one whose reply came damaged, before its time is over.
+    pub fn cut_damaged(&mut self) -> Option<(Exchange, Ending)> {
+        self.finish(Ending::Garbled)
     }
 
     /// Whether a byte has come after `moment`.
@@ -239,7 +239,7 @@ impl Wire {
             Some(open) => match has_bytes.then(|| self.pause_at()) {
                 // Past its due moment a reply may still be coming in: look again when the bytes pause.
                 Some(pause) if pause > open.reply_due => Some(pause.min(open.give_up)),
-                Some(pause) if self.holds_damaged_reply() => Some(pause),
+                Some(pause) if self.assembler.waits_for_silence(&open.expected) => Some(pause),
                 _ => Some(open.reply_due),
             },
         }
@@ -264,6 +264,29 @@ impl Wire {
     /// When nothing that has begun can go on any more.
     fn frame_end_at(&self) -> MonoTime {
         self.last_byte_at + self.timing.longest_hole()
+    }
+
+    /// Takes the frames out of what was received. `is_over`: silence has followed. Returns how the open exchange ended, if
+    /// it did.
+    fn take_frames(&mut self, is_over: bool) -> Option<(Exchange, Ending)> {
+        let mut ended = None;
+        while let Some(found) = self.assembler.take_certain(self.open.as_ref().map(|open| &open.expected), is_over) {
+            self.note(TrafficKind::Noise, found.noise);
+            let (kind, ending) = self.judge(&found.adu);
+            self.note(kind, found.adu);
+            if let Some(Ending::Exception(code)) = ending
+                && !self.assembler.sees_ends()
+                && !is_over
+            {
+                self.open.iter_mut().for_each(|open| open.exception = Some(code));
+            } else if let Some(ending) = ending
+                && let Some(open) = self.open.take()
+            {
+                self.own_echo.is_over();
+                ended = Some((open.exchange, ending));
+            }
+        }
+        ended
     }
 
     fn finish(&mut self, ending: Ending) -> Option<(Exchange, Ending)> {
@@ -304,12 +327,11 @@ impl Wire {
         }
     }
 
-    /// Whether the reply has come and is damaged. Anything else, also what another drive's late reply left of both, may
-    /// be noise before a reply that is still to come.
+    /// Whether what was heard begins like the reply, is as long, and is none.
     fn holds_damaged_reply(&self) -> bool {
         // What is as long as the reply may also be a damaged echo, and the reply still comes.
         let may_be_echo = self.strips_echo && self.own_echo.is_awaited();
-        let open = self.open.as_ref().filter(|open| open.exchange.line_is_clean && !may_be_echo);
+        let open = self.open.as_ref().filter(|_| !may_be_echo);
         open.is_some_and(|open| self.assembler.holds_damaged(&open.expected))
     }
 
@@ -358,7 +380,7 @@ mod tests {
     }
 
     fn exchange(request: Request, in_doubt: bool) -> Exchange {
-        Exchange { station: Station(1), request, timeout: Duration::from_millis(300), in_doubt, line_is_clean: true }
+        Exchange { station: Station(1), request, timeout: Duration::from_millis(300), in_doubt }
     }
 
     fn read() -> Exchange {
@@ -426,20 +448,22 @@ mod tests {
     }
 
     #[test]
-    fn a_damaged_reply_ends_with_the_silence_behind_it() {
+    fn bytes_in_the_shape_of_the_reply_end_nothing_before_its_time_is_over() {
         let mut wire = sent(read());
+        let due = wire.wake_at().unwrap();
         let mut reply = frame(1, &[3, 2, 0x17, 0x70]);
         reply[4] ^= 1;
         let at = MonoTime::from_millis(25);
         assert_eq!(wire.receive(at, &reply), None);
-        let end = at + Duration::from_nanos(4_687_500);
-        assert_eq!(wire.wake_at(), Some(end));
-        assert_eq!(wire.pass(end), Some((read(), Ending::Garbled)));
+        let end = at + N700.silence;
+        assert_eq!((wire.damaged_from(), wire.wake_at()), (Some(end), Some(due)));
+        assert_eq!(wire.pass(end), None);
+        assert_eq!(wire.pass(due), Some((read(), Ending::Garbled)));
     }
 
     #[test]
-    fn while_replies_are_missing_damage_proves_nothing() {
-        let mut wire = sent(Exchange { line_is_clean: false, ..read() });
+    fn the_reply_that_comes_behind_bytes_in_its_shape_is_the_reply() {
+        let mut wire = sent(read());
         let due = wire.wake_at();
         let mut reply = frame(1, &[3, 2, 0x17, 0x70]);
         reply[4] ^= 1;
@@ -487,13 +511,45 @@ mod tests {
     fn an_exception_counts_once_silence_follows_it() {
         let at = MonoTime::from_millis(25);
         let silence = Duration::from_nanos(4_687_500);
-        for (behind, ending) in [(&[][..], Ending::Exception(2)), (&[0x17, 0x70], Ending::Garbled)] {
+        let refused = |behind: &[u8]| {
             let mut wire = sent(read());
+            let due = wire.wake_at();
             assert_eq!(wire.receive(at, &[&frame(1, &[0x83, 2])[..], behind].concat()), None);
             assert_eq!(wire.pass(at + silence / 2), None);
             assert_eq!(wire.wake_at(), Some(at + silence));
-            assert_eq!(wire.pass(at + silence), Some((read(), ending)));
-        }
+            (due.unwrap(), wire.pass(at + silence), wire)
+        };
+        assert_eq!(refused(&[]).1, Some((read(), Ending::Exception(2))));
+        let (due, ended, mut wire) = refused(&[0x17, 0x70]);
+        assert_eq!((ended, wire.wake_at()), (None, Some(due)), "the reply may still come");
+        assert_eq!(wire.pass(due), Some((read(), Ending::Garbled)));
+        let (_, _, mut wire) = refused(&[0x17, 0x70]);
+        assert!(wire.receive(at + silence * 2, &frame(1, &[3, 2, 0x17, 0x70])).is_some());
+    }
+
+    /// The beginning of a reply that was cut off, and the beginning of the reply itself, with the right check by chance.
+    #[test]
+    fn a_sound_frame_that_the_reply_may_begin_inside_of_counts_only_with_silence_behind_it() {
+        let reply_with = |high: u8, low: u8| frame(1, &[3, 2, high, low]);
+        let (cut, reply) = (0..=u8::MAX)
+            .flat_map(|high| (0..=u8::MAX).map(move |low| (high, low)))
+            .find_map(|(high, low)| {
+                let reply = reply_with(high, low);
+                let cut = [&[1, 3, 2][..], &reply[..4]].concat();
+                rtu::decode(&cut).is_some().then_some((cut, reply))
+            })
+            .expect("one of 65,536");
+        let at = MonoTime::from_millis(25);
+        let mut wire = sent(read());
+        assert_eq!(wire.receive(at, &cut), None);
+        assert_eq!(wire.wake_at(), Some(at + N700.silence));
+        let ended = wire.receive(at + Duration::from_millis(3), &reply[4..]);
+        let words = vec![u16::from_be_bytes([reply[3], reply[4]])];
+        assert_eq!(ended, Some((read(), Ending::Reply(Reply::Words(words)))));
+        // A reply that only looks like that is one once silence has followed.
+        let mut wire = sent(read());
+        assert_eq!(wire.receive(at, &cut), None);
+        assert!(matches!(wire.pass(at + N700.silence), Some((_, Ending::Reply(_)))));
     }
 
     #[test]

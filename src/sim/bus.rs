@@ -83,6 +83,8 @@ pub struct SimBus {
     report: BusReport,
     /// The newest reply that a drive gave, before anything went wrong with it.
     newest_reply: Vec<u8>,
+    /// What the master sends comes back, as on a half-duplex line whose adapter hears itself.
+    echoes: bool,
 }
 
 /// A drive at its place on the bus.
@@ -113,7 +115,13 @@ impl SimBus {
             outbox: Outbox::new((options.pacing == Pacing::CharacterTimes).then_some(link), options.delivery),
             report: BusReport::default(),
             newest_reply: Vec::new(),
+            echoes: false,
         }
+    }
+
+    /// Whether what the master sends comes back from now on, as on a half-duplex line whose adapter hears itself.
+    pub const fn set_echoes(&mut self, echoes: bool) {
+        self.echoes = echoes;
     }
 
     /// Connects `drive` as `station`, in the place of a drive that had this station before. Its exchanges are
@@ -195,6 +203,18 @@ impl SimBus {
         self.report.collisions += self.outbox.add(NOBODY, at, false, frame, usize::MAX);
     }
 
+    /// The same, but whoever else begins to talk cuts it off: what a burst and a frame make of each other has the right
+    /// check once in 65,536 times, whatever a master does.
+    fn burst(&mut self, at: MonoTime, bytes: &[u8]) {
+        if bytes.is_empty() || self.outbox.is_full() {
+            return;
+        }
+        let mut frame = self.outbox.buffer();
+        frame.extend_from_slice(bytes);
+        self.report.bursts += 1;
+        self.outbox.add_yielding(NOBODY, at, frame);
+    }
+
     /// Most transmissions that may wait to be taken.
     pub const WAITING_MAX: usize = Outbox::MAX_WAITING;
 
@@ -222,6 +242,7 @@ impl SimBus {
         self.newest_reply.clear();
         let start = if self.outbox.is_paced() { at.max(self.master_end) } else { at };
         self.end_request_by_silence(start);
+        let echo = self.echoes.then(|| bytes.to_vec()).unwrap_or_default();
         for (n, byte) in bytes.iter().enumerate() {
             if self.request.begins_with(*byte) {
                 self.drop_request();
@@ -234,6 +255,7 @@ impl SimBus {
                 self.end_request(self.master_end);
             }
         }
+        self.speak(start, &echo);
     }
 
     /// When to call [`Self::take_due`] next; nothing if nothing will happen until the master transmits.
@@ -287,16 +309,16 @@ impl SimBus {
         match framing::decode(self.options.framing, &request) {
             Some((station, pdu)) if request.len() <= framing::max_adu_bytes(self.options.framing) => {
                 self.report.requests_heard += 1;
-                self.deliver(end, Station(station), &pdu);
+                self.deliver(end, Station(station), &pdu, &request);
             }
             _ => self.report.bad_crc += 1,
         }
         self.request.clear(request);
     }
 
-    fn deliver(&mut self, end: MonoTime, station: Station, pdu: &[u8]) {
+    fn deliver(&mut self, end: MonoTime, station: Station, pdu: &[u8], request: &[u8]) {
         if let Some(place) = self.nodes.iter().position(|node| node.station == station) {
-            return self.ask(place, end, pdu);
+            return self.ask(place, end, pdu, request);
         }
         for node in &mut self.nodes {
             let broadcast = node.drive.model().link.broadcast.as_ref();
@@ -306,8 +328,8 @@ impl SimBus {
         }
     }
 
-    /// Gives a request that ended at `end` to the drive at `place` and puts its reply on the way.
-    fn ask(&mut self, place: usize, end: MonoTime, pdu: &[u8]) {
+    /// Gives a `request` with `pdu` that ended at `end` to the drive at `place` and puts its reply on the way.
+    fn ask(&mut self, place: usize, end: MonoTime, pdu: &[u8], request: &[u8]) {
         let node = &mut self.nodes[place];
         node.exchanges += 1;
         if end < node.late_until && self.faults.ignores_new_request() {
@@ -323,20 +345,31 @@ impl SimBus {
             return self.outbox.recycle(frame);
         }
         self.newest_reply.extend_from_slice(&frame);
+        let (outbox, turnaround) = (&self.outbox, self.options.turnaround);
+        let burst = self.faults.burst(request, &frame, turnaround, |bytes| outbox.time(bytes));
+        if let Some((after, bytes)) = burst {
+            self.burst(end + after, &bytes);
+        }
         let (fate, hole) = self.faults.spoil(&mut frame);
         if fate == Fate::Lost || self.outbox.is_full() {
             self.report.replies_lost += 1;
             return self.outbox.recycle(frame);
         }
-        self.schedule(place, end, fate == Fate::Late, frame, hole);
+        self.schedule(place, end, fate, frame, hole);
     }
 
     /// Decides when `frame`, the reply to a request that ended at `end`, goes out; from the byte at `hole` on it is handed
     /// on late.
-    fn schedule(&mut self, place: usize, end: MonoTime, is_late: bool, frame: Vec<u8>, hole: usize) {
+    fn schedule(&mut self, place: usize, end: MonoTime, fate: Fate, frame: Vec<u8>, hole: usize) {
         let length = self.outbox.time(frame.len());
         let right_time = if self.outbox.is_paced() { end + self.options.turnaround } else { end };
-        let wanted = if is_late { end + self.faults.late_start(length) } else { right_time };
+        let wanted = match fate {
+            Fate::Late => end + self.faults.late_start(length),
+            Fate::Beyond => end + self.faults.beyond_start(),
+            Fate::OnTime | Fate::Lost => right_time,
+        };
+        let is_late = matches!(fate, Fate::Late | Fate::Beyond);
+        let twin = self.faults.twin().map(|behind| (behind, frame.clone()));
         let node = &mut self.nodes[place];
         let start = wanted.max(node.busy_until);
         node.busy_until = start + length;
@@ -345,7 +378,11 @@ impl SimBus {
         }
         self.report.replies_sent += 1;
         self.report.replies_late += u64::from(is_late);
-        self.report.collisions += self.outbox.add(node.station, start, start <= right_time, frame, hole);
+        let station = node.station;
+        self.report.collisions += self.outbox.add(station, start, start <= right_time, frame, hole);
+        if let Some((behind, frame)) = twin.filter(|_| !self.outbox.is_full()) {
+            self.report.collisions += self.outbox.add(station, start + length + behind, false, frame, usize::MAX);
+        }
     }
 }
 

@@ -28,6 +28,13 @@ pub struct FaultPlan {
     pub foreign: u16,
     /// The adapter hands the rest of the reply on 16 ms after its beginning, as a USB chip does whose packet was full.
     pub hole: u16,
+    /// A part of the request, of its reply or of the reply before comes from nobody, at any moment after the request while
+    /// nobody else talks: its beginning or its end, any length, or the whole with a byte lost or wrong.
+    pub burst: u16,
+    /// The reply comes a second time, 15 to 40 ms behind the first, as from another drive of the same number.
+    pub twin: u16,
+    /// The reply comes later than [`Self::reply_timeout`] and [`Self::max_lateness`] together, up to twice as late.
+    pub beyond: u16,
     /// The master's time-out from the end of its request, beyond which a reply is late.
     pub reply_timeout: Duration,
     /// How long after the time-out a late reply may end.
@@ -35,7 +42,23 @@ pub struct FaultPlan {
 }
 
 /// The names of a plan's parts, as they stand in its text.
-const NAMES: [&str; 9] = ["noise", "lost", "late", "cut", "flip", "foreign", "hole", "timeout-ms", "lateness-ms"];
+const NAMES: [&str; 12] = [
+    "noise",
+    "lost",
+    "late",
+    "cut",
+    "flip",
+    "foreign",
+    "hole",
+    "burst",
+    "twin",
+    "beyond",
+    "timeout-ms",
+    "lateness-ms",
+];
+
+/// When the second reply of a [`FaultPlan::twin`] begins behind the first, in milliseconds.
+const TWIN_MS: std::ops::RangeInclusive<u64> = 15..=40;
 
 impl FaultPlan {
     /// No faults; late replies, should they be switched on, come 200 to 700 ms after the request.
@@ -47,6 +70,9 @@ impl FaultPlan {
         flip: 0,
         foreign: 0,
         hole: 0,
+        burst: 0,
+        twin: 0,
+        beyond: 0,
         reply_timeout: Duration::from_millis(200),
         max_lateness: Duration::from_millis(500),
     };
@@ -61,6 +87,9 @@ impl FaultPlan {
             "flip" => &mut self.flip,
             "foreign" => &mut self.foreign,
             "hole" => &mut self.hole,
+            "burst" => &mut self.burst,
+            "twin" => &mut self.twin,
+            "beyond" => &mut self.beyond,
             "timeout-ms" => return set_ms(&mut self.reply_timeout, name, value),
             "lateness-ms" => return set_ms(&mut self.max_lateness, name, value),
             _ => return Err(PlanError::unknown(name)),
@@ -133,6 +162,8 @@ pub(super) enum Fate {
     OnTime,
     /// It comes after the time-out.
     Late,
+    /// It comes when it can no longer be waited for.
+    Beyond,
     /// It does not come.
     Lost,
 }
@@ -147,11 +178,13 @@ pub(super) struct Faults {
     rng: Rng,
     /// Those on the bus. A sound frame in the name of one could not be told from its own.
     stations: Vec<u8>,
+    /// The reply before the present one.
+    before: Vec<u8>,
 }
 
 impl Faults {
     pub fn new(plan: FaultPlan, framing: Framing, data_bits: u8, seed: u64) -> Self {
-        Self { plan, framing, data_bits: data_bits.into(), rng: Rng::with_seed(seed), stations: Vec::new() }
+        Self { plan, framing, data_bits: data_bits.into(), rng: Rng::with_seed(seed), stations: Vec::new(), before: Vec::new() }
     }
 
     /// `station` is on the bus.
@@ -165,7 +198,7 @@ impl Faults {
         if self.hits(self.plan.lost) {
             return (Fate::Lost, usize::MAX);
         }
-        let late = self.hits(self.plan.late);
+        let (late, beyond) = (self.hits(self.plan.late), self.hits(self.plan.beyond));
         let foreign = self.hits(self.plan.foreign).then(|| reply.clone());
         if self.hits(self.plan.flip) {
             self.flip(reply);
@@ -187,7 +220,79 @@ impl Faults {
         // it from the answer to the next one. Somebody always hears that the first is followed by something.
         let second = reply.len() - whole + first;
         let hole = if hole == second && whole > first { hole + 1 } else { hole };
-        (if late { Fate::Late } else { Fate::OnTime }, hole)
+        let fate = match (late, beyond) {
+            (_, true) => Fate::Beyond,
+            (true, false) => Fate::Late,
+            (false, false) => Fate::OnTime,
+        };
+        (fate, hole)
+    }
+
+    /// Draws what comes beside the `reply` to `request`, and how long after the end of the request: nothing, if no burst
+    /// hits. `right_time`: when the reply begins.
+    pub fn burst(
+        &mut self,
+        request: &[u8],
+        reply: &[u8],
+        right_time: Duration,
+        time: impl Fn(usize) -> Duration,
+    ) -> Option<(Duration, Vec<u8>)> {
+        let is_hit = self.hits(self.plan.burst);
+        let before = if self.plan.burst > 0 { std::mem::replace(&mut self.before, reply.to_vec()) } else { Vec::new() };
+        if !is_hit {
+            return None;
+        }
+        // The whole of a write is what its drive answers.
+        let is_read = framing::decode(self.framing, request).is_some_and(|(_, pdu)| pdu.first() == Some(&0x03));
+        let (whole, may_be_whole) = match self.rng.u8(0..4) {
+            0 => (before.as_slice(), false),
+            1 => (request, is_read),
+            _ => (reply, false),
+        };
+        let mut bytes = self.part_of(whole, may_be_whole);
+        if bytes.is_empty() || (!may_be_whole && framing::decode(self.framing, &bytes).is_some()) {
+            return None;
+        }
+        let window = self.plan.reply_timeout + Duration::from_millis(50);
+        let after = match self.rng.u8(0..4) {
+            // Right behind the request, as an echo; or right in front of the reply.
+            0 => Duration::from_micros(self.rng.u64(0..3_000)),
+            1 => {
+                let room = (0..=bytes.len()).rev().find(|count| time(*count) <= right_time).unwrap_or_default();
+                bytes.drain(..bytes.len() - room);
+                right_time - time(bytes.len())
+            }
+            _ => Duration::from_nanos(self.rng.u64(0..u64::try_from(window.as_nanos()).unwrap_or(u64::MAX))),
+        };
+        Some((after, bytes))
+    }
+
+    /// The beginning or the end of `whole`, of any length, or all of it with a byte lost or wrong.
+    fn part_of(&mut self, whole: &[u8], may_be_whole: bool) -> Vec<u8> {
+        let most = whole.len() + usize::from(may_be_whole);
+        if most < 2 {
+            return Vec::new();
+        }
+        let (length, at) = (self.rng.usize(1..most), self.rng.usize(0..whole.len()));
+        let mut bytes = whole.to_vec();
+        match self.rng.u8(0..5) {
+            0 | 1 => bytes.truncate(length),
+            2 => _ = bytes.drain(..whole.len() - length),
+            3 => _ = bytes.remove(at),
+            _ => bytes[at] ^= 1 << self.rng.usize(0..self.data_bits),
+        }
+        bytes
+    }
+
+    /// Draws when the second reply of two drives of one number begins behind the first, if there are two.
+    pub fn twin(&mut self) -> Option<Duration> {
+        self.hits(self.plan.twin).then(|| Duration::from_millis(self.rng.u64(TWIN_MS)))
+    }
+
+    /// Draws when a reply begins that is later than any may be, counted from the end of its request.
+    pub fn beyond_start(&mut self) -> Duration {
+        let limit = self.plan.reply_timeout + self.plan.max_lateness;
+        limit + Duration::from_nanos(self.rng.u64(1_000_000..u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX)))
     }
 
     /// Draws when a late reply begins, counted from the end of its request, so that a frame that takes
@@ -291,7 +396,7 @@ mod tests {
         assert_eq!(
             message("nose=5"),
             "there is no fault called \"nose\" (did you mean \"noise\"?); there are noise, lost, late, cut, flip, \
-             foreign, hole, timeout-ms, lateness-ms"
+             foreign, hole, burst, twin, beyond, timeout-ms, lateness-ms"
         );
         assert!(message("earthquake=1").starts_with("there is no fault called \"earthquake\"; there are noise"));
         assert!(message("noise").contains("noise=5"));
@@ -353,6 +458,31 @@ mod tests {
             let both = spoilt("foreign=1000", seed);
             let (first, second) = both.split_at(reply.len());
             assert!(framing::decode(Framing::Ascii, first).is_some() && second == reply);
+        }
+    }
+
+    #[test]
+    fn a_burst_is_a_part_of_what_is_said_and_never_a_reply() {
+        const REQUEST: [u8; 8] = [0x01, 0x03, 0x01, 0x01, 0x00, 0x01, 0xD4, 0x36];
+        let time = |bytes: usize| Duration::from_millis(bytes as u64);
+        let mut faults = faults("burst=1000", 3);
+        let (mut shaped, mut before_the_reply) = (0, 0);
+        for _ in 0..5_000 {
+            let Some((after, bytes)) = faults.burst(&REQUEST, &REPLY, Duration::from_millis(5), time) else { continue };
+            assert!(!bytes.is_empty() || after == Duration::from_millis(5));
+            assert!(bytes == REQUEST || !crc::is_sound(&bytes), "{bytes:02X?}");
+            shaped += usize::from(bytes.len() == 7 && bytes.starts_with(&[1, 3]));
+            before_the_reply += usize::from(after + time(bytes.len()) == Duration::from_millis(5));
+        }
+        assert!(shaped > 300 && before_the_reply > 800, "{shaped} {before_the_reply}");
+    }
+
+    #[test]
+    fn a_reply_beyond_the_limit_is_later_than_any_late_one() {
+        let mut faults = faults("timeout-ms=100,lateness-ms=50", 7);
+        for _ in 0..1000 {
+            let start = faults.beyond_start();
+            assert!((Duration::from_millis(151)..=Duration::from_millis(300)).contains(&start));
         }
     }
 

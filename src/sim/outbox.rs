@@ -33,6 +33,8 @@ pub(super) struct Transmission {
     pub bytes: Vec<u8>,
     /// From this byte on the adapter hands it on [`HOLE`] later than it came.
     pub hole: usize,
+    /// Whoever begins to talk cuts it off, and it does not begin while somebody talks.
+    yields: bool,
     /// How many of the bytes were taken or swallowed by a collision.
     sent: usize,
 }
@@ -85,9 +87,49 @@ impl Outbox {
     /// Adds `bytes` of `station` from `start` on, handed on late from the byte at `hole`; returns with how many others
     /// they collide.
     pub fn add(&mut self, station: Station, start: MonoTime, on_time: bool, bytes: Vec<u8>, hole: usize) -> u64 {
+        self.cut_yielding(start, start + self.time(bytes.len()));
+        self.insert(station, start, on_time, bytes, hole, false)
+    }
+
+    /// Adds `bytes` of `station` from `start` on, as far as nobody talks.
+    pub fn add_yielding(&mut self, station: Station, start: MonoTime, mut bytes: Vec<u8>) {
+        let end = start + self.time(bytes.len());
+        let others = self.waiting.iter().filter(|other| other.start < end && start < other.end);
+        let room = others.map(|other| other.start.since(start)).min();
+        if let Some(room) = room {
+            let count = (0..=bytes.len()).rev().find(|count| self.time(*count) <= room).unwrap_or_default();
+            bytes.truncate(count);
+        }
+        if bytes.is_empty() {
+            return self.recycle(bytes);
+        }
+        self.insert(station, start, false, bytes, usize::MAX, true);
+    }
+
+    /// Somebody talks from `start` to `end`: what gives way to others ends before that.
+    fn cut_yielding(&mut self, start: MonoTime, end: MonoTime) {
+        let pace = self.pace;
+        let time = |bytes| pace.map_or(Duration::ZERO, |link| link.bytes(bytes));
+        for other in self.waiting.iter_mut().filter(|other| other.yields && start < other.end && other.start < end) {
+            let whole = (1..=other.bytes.len()).filter(|bytes| other.start + time(*bytes) <= start).count();
+            other.bytes.truncate(whole.max(other.sent));
+            other.end = other.start + time(other.bytes.len());
+        }
+        self.waiting.retain(|other| !other.yields || other.sent < other.bytes.len());
+    }
+
+    fn insert(
+        &mut self,
+        station: Station,
+        start: MonoTime,
+        on_time: bool,
+        bytes: Vec<u8>,
+        hole: usize,
+        yields: bool,
+    ) -> u64 {
         let end = start + self.time(bytes.len());
         let place = self.waiting.partition_point(|other| other.start <= start);
-        self.waiting.insert(place, Transmission { station, start, end, on_time, bytes, hole, sent: 0 });
+        self.waiting.insert(place, Transmission { station, start, end, on_time, bytes, hole, yields, sent: 0 });
         let Some(link) = self.pace else { return 0 };
         let mut collisions = 0;
         for other in (0..self.waiting.len()).filter(|other| *other != place) {
@@ -221,6 +263,18 @@ mod tests {
         let expected = [(101, 1), (102, 2), (103, 3 ^ 0x55), (104, 4 ^ 0x55), (105, 7), (106, 8)];
         assert_eq!(taken(&mut outbox, ms(200)), expected);
         assert_eq!(outbox.next_due(), None);
+    }
+
+    #[test]
+    fn a_burst_gives_way_to_whoever_talks() {
+        let mut outbox = Outbox::new(Some(LINK), Delivery::Characters);
+        outbox.add_yielding(Station(0), ms(100), vec![1, 2, 3, 4]);
+        assert_eq!(outbox.add(Station(1), ms(102), true, vec![7, 8], usize::MAX), 0);
+        outbox.add_yielding(Station(0), ms(103), vec![9, 9]);
+        assert_eq!(taken(&mut outbox, ms(200)), [(101, 1), (102, 2), (103, 7), (104, 8)]);
+        outbox.add(Station(1), ms(305), true, vec![7], usize::MAX);
+        outbox.add_yielding(Station(0), ms(304), vec![5, 6]);
+        assert_eq!(taken(&mut outbox, ms(400)), [(305, 5), (306, 7)]);
     }
 
     #[test]

@@ -5,6 +5,7 @@ use super::pdu::MAX_PDU_BYTES;
 use super::{ascii, rtu};
 use crate::domain::link::Framing;
 use std::borrow::Cow;
+use std::ops::Range;
 
 /// Length on the wire of the frame that carries a PDU of `pdu_bytes`.
 #[must_use]
@@ -71,10 +72,28 @@ impl Assembler {
             Framing::Rtu => rtu::find(&self.bytes, expected),
             Framing::Ascii => ascii::find(&self.bytes),
         }?;
+        Some(self.take_out(place))
+    }
+
+    fn take_out(&mut self, place: Range<usize>) -> Found {
         let adu = self.bytes[place.clone()].to_vec();
         let noise = self.bytes[..place.start].to_vec();
         self.bytes.drain(..place.end);
-        Some(Found { noise, adu })
+        Found { noise, adu }
+    }
+
+    /// Takes the next sound frame out that cannot be made up of others, with the noise before it: see
+    /// [`rtu::find_certain`]. `is_over`: silence has followed behind the bytes.
+    pub fn take_certain(&mut self, expected: Option<&Expected>, is_over: bool) -> Option<Found> {
+        let (Framing::Rtu, Some(expected)) = (self.framing, expected) else { return self.take(expected) };
+        let place = rtu::find_certain(&self.bytes, expected, is_over)?;
+        Some(self.take_out(place))
+    }
+
+    /// Whether a sound frame waits for the silence that makes it certain.
+    #[must_use]
+    pub fn waits_for_silence(&self, expected: &Expected) -> bool {
+        self.framing == Framing::Rtu && rtu::find_certain(&self.bytes, expected, true).is_some()
     }
 
     /// Takes the first copy of `frame` out, with all before it; returns what stood before it.

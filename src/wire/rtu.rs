@@ -83,8 +83,50 @@ pub fn find(bytes: &[u8], expected: Option<&Expected>) -> Option<Range<usize>> {
     })
 }
 
+/// Where the next sound frame stands in `bytes` that cannot be made up of others.
+///
+/// The beginning of a frame that was cut off, and the beginning of the next one behind it, have the right check once in
+/// 65,536 times. What the expected reply may begin inside of is therefore a frame only if silence has followed right
+/// behind it: `is_over`.
+#[must_use]
+pub fn find_certain(bytes: &[u8], expected: &Expected, is_over: bool) -> Option<Range<usize>> {
+    let by_its_own_length = match reply_adu_bytes(bytes) {
+        ReplyLength::Known(length) if length <= MAX_ADU_BYTES => Some(0..length),
+        _ => None,
+    };
+    let as_expected =
+        (0..bytes.len()).filter_map(|start| Some(start..start + adu_bytes_at(expected, &bytes[start..])?));
+    let is_sound = |place: &Range<usize>| bytes.get(place.clone()).is_some_and(crc::is_sound);
+    for place in by_its_own_length.into_iter().chain(as_expected).filter(is_sound) {
+        let is_last = place.end == bytes.len();
+        if (is_last && is_over) || !(place.start + 1..place.end).any(|start| may_begin(&bytes[start..], expected)) {
+            return Some(place);
+        }
+        if is_last {
+            return None;
+        }
+    }
+    None
+}
+
+/// Whether the expected reply or its exception may begin with `bytes`, as far as there are any: one that is whole and
+/// damaged does not.
+fn may_begin(bytes: &[u8], expected: &Expected) -> bool {
+    let head = [expected.station, expected.function];
+    let has_count = (0x01..=0x04).contains(&expected.function);
+    let data = if has_count { expected.adu_bytes.checked_sub(OVERHEAD_BYTES + 2) } else { None };
+    let is_like = |head: &[u8], length: usize| {
+        let known = bytes.len().min(head.len());
+        let is_whole = bytes.len() >= length;
+        bytes[..known] == head[..known] && (!is_whole || crc::is_sound(&bytes[..length]))
+    };
+    let count = data.and_then(|data| u8::try_from(data).ok());
+    let normal: Vec<u8> = head.into_iter().chain(count).collect();
+    is_like(&normal, expected.adu_bytes) || is_like(&[head[0], head[1] | function::EXCEPTION_BIT], EXCEPTION_ADU_BYTES)
+}
+
 /// Whether `bytes` begin like the expected reply or its exception and are as long. With nothing sound among them, they
-/// are that reply, damaged, once silence has followed.
+/// may be that reply, damaged, once silence has followed.
 #[must_use]
 pub fn holds_damaged(bytes: &[u8], expected: &Expected) -> bool {
     adu_bytes_at(expected, bytes) == Some(bytes.len())

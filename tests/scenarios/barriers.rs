@@ -76,7 +76,7 @@ fn walk(rig: &mut Rig, frames: u64) -> u64 {
     while rig.core.counters().requests < end {
         rig.run_until(rig.now + Duration::from_secs(10), |rig, answer| {
             if let NativeOutcome::Words(words) = &answer.outcome {
-                let expected = rig.sent.last().expect("an answer follows a request").proof;
+                let expected = rig.proof(answer.ticket);
                 assert_eq!(words[..], [expected], "{words:04X?} for exchange {expected:04X}");
                 right += 1;
             }

@@ -381,7 +381,7 @@ fn two_replies_to_one_request_name_the_station() {
             rig.core.handle(rig.now, Input::Bytes(&second));
             rig.pass(Duration::from_secs(1));
         }
-        assert_eq!(rig.core.report().suspicion, Some(Suspicion::TwoAnswer(Station(1))));
+        assert_eq!(rig.core.report().suspicion, Some(Suspicion::DuplicateStation(Station(1))));
     });
 }
 

@@ -23,7 +23,7 @@ fn walk(rig: &mut Rig, drives: u16, late_replies: u64) -> u64 {
         let until = rig.now + Duration::from_secs(60);
         rig.run_until(until, |rig, answer| {
             if let NativeOutcome::Words(words) = &answer.outcome {
-                let expected = rig.sent.last().expect("an answer follows a request").proof;
+                let expected = rig.proof(answer.ticket);
                 assert!(words.iter().all(|word| *word == expected), "{words:04X?} for exchange {expected:04X}");
                 right += 1;
             }
@@ -76,7 +76,7 @@ fn two_late_replies_that_collide_are_no_damaged_reply() {
     }
     rig.run_until(rig.now + Duration::from_secs(600), |rig, answer| {
         if let NativeOutcome::Words(words) = &answer.outcome {
-            let expected = rig.sent.last().expect("an answer follows a request").proof;
+            let expected = rig.proof(answer.ticket);
             assert!(words.iter().all(|word| *word == expected), "{words:04X?} for exchange {expected:04X}");
         }
         let n = answer.ticket.0;

@@ -9,11 +9,12 @@
 //! | `mqtt` | the MQTT session and a small broker |
 //! | `trouble` | what goes wrong beside replies |
 //! | `journal`, `kills` | what outlives the gateway, and its ends |
-//! | `trials`, `audit`, `stale`, `holders` | single promises, counted |
+//! | `trials`, `bursts`, `audit`, `stale`, `holders` | single promises, counted |
 //! | `checker` | who looks on |
 //! | `tests` | that the checker objects, that a seed is a world, found seeds, a million exchanges |
 
 pub mod audit;
+pub mod bursts;
 pub mod checker;
 mod client;
 pub mod holders;

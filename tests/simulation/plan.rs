@@ -125,7 +125,9 @@ fn draw_faults(rng: &mut Rng) -> FaultPlan {
     let mut chance = || rng.u16(0..=roughness);
     let (noise, lost, late, cut, flip, foreign, hole) =
         (chance(), chance(), chance(), chance(), chance(), chance(), chance());
-    FaultPlan { noise, lost, late, cut, flip, foreign, hole, max_lateness: LATENESS, ..FaultPlan::NONE }
+    // The draws that follow stay what they are.
+    let burst = rng.clone().u16(0..=roughness);
+    FaultPlan { noise, lost, late, cut, flip, foreign, hole, burst, max_lateness: LATENESS, ..FaultPlan::NONE }
 }
 
 fn draw_drive(rng: &mut Rng, place: usize, same: Option<Kind>) -> Drive {

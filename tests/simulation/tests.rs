@@ -5,7 +5,7 @@ use crate::simulation::checker::kept::{Kept, Known};
 use crate::simulation::checker::messages::Inbound;
 use crate::simulation::checker::tables::{Action, Drive, Kind, Line};
 use crate::simulation::checker::{Checker, crc};
-use crate::simulation::{WORLD, audit, holders, kills, run, stale, trials};
+use crate::simulation::{WORLD, audit, bursts, holders, kills, run, stale, trials};
 
 /// Seeds whose worlds once showed a violation, of the gateway or of its picture in the checker, with what was found.
 const FOUND: [(u64, &str); 12] = [
@@ -481,6 +481,10 @@ fn all_holders_of_a_line_vanish_at_once() {
 #[test]
 fn single_promises_hold() {
     trials::late(1, 20_000).unwrap_or_else(|text| panic!("{text}"));
+    for seed in 0..14 {
+        let tally = bursts::bursts(seed, 1_500).unwrap_or_else(|text| panic!("{text}"));
+        assert!(tally.bursts > 10 && tally.right * 10 > tally.reads * 3, "{seed}: {tally:?}");
+    }
     trials::gaps(1, 50_000).unwrap_or_else(|text| panic!("{text}"));
     let (worst, pool) = trials::stops(1, 200).unwrap_or_else(|text| panic!("{text}"));
     assert!(worst.as_millis() < 60 && pool > 100_000, "{worst:?}, {pool} reads on offer");

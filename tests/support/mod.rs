@@ -218,6 +218,8 @@ pub struct Rig {
     /// What the line wants kept.
     pub kept: Vec<Keep>,
     pub sent: Vec<Sent>,
+    /// The number that the words of the exchange carry in which the newest answers were given, each with its ticket.
+    proofs: Vec<(Ticket, u16)>,
     /// Keep every frame in `sent`, not just the last one.
     pub keeps_sent: bool,
     /// The next reply to a request of this function is lost.
@@ -277,6 +279,7 @@ impl Rig {
             reopens: Vec::new(),
             kept: Vec::new(),
             sent: Vec::new(),
+            proofs: Vec::new(),
             keeps_sent: true,
             loses_reply_to: None,
             swallows: None,
@@ -512,6 +515,8 @@ impl Rig {
                 Effect::Answer(answer) => {
                     let asker = self.open.remove(&answer.ticket.0);
                     assert_eq!(asker, Some(answer.asker), "each request is answered once, to its asker");
+                    let proof = self.sent.last().map_or(0, |sent| sent.proof);
+                    self.proofs.push((answer.ticket, proof));
                     self.answers.push((self.now, answer));
                 }
                 Effect::Traffic(record) => self.traffic.push(record),
@@ -524,6 +529,12 @@ impl Rig {
                 Effect::Presence(..) => {}
             }
         }
+    }
+
+    /// The number that the words of the exchange carry in which `ticket` was answered.
+    pub fn proof(&mut self, ticket: Ticket) -> u16 {
+        let place = self.proofs.iter().position(|(known, _)| *known == ticket).expect("it was answered");
+        self.proofs.swap_remove(place).1
     }
 
     /// The frames sent so far.

@@ -1,7 +1,8 @@
 //! Trips of a drive: what shows them is watched, and each is told once, with its record.
 //!
 //! * A drive that only counts its trips: a rise by n is n trips, a fall is a new baseline. The record is read between two
-//!   equal counts, so that it belongs to the count.
+//!   equal counts, so that it belongs to the count. A fall, and a rise by more than a few at once, are read again before
+//!   they are believed, and a rise that the next reading takes back was none.
 //! * A drive that shows whether a trip holds, by a flag or by the trip's number: each time it begins to hold is a trip,
 //!   and so is another number while it holds.
 //!
@@ -25,6 +26,10 @@ use places::{Places, Seen, Source};
 /// that the trips are told with what there is: they must not wait for ever.
 const READS_MAX: u8 = 4;
 
+/// A count that rises by more at once, or falls, is read again before it is believed: it may be the answer to something
+/// else.
+const TRIPS_AT_ONCE: u16 = 16;
+
 /// Up to where the trips of a drive were told.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TripBaseline {
@@ -43,6 +48,10 @@ pub struct TripWatch {
     view: TripView,
     /// The count up to which everything was told.
     told: Option<u16>,
+    /// That count was read more than once.
+    told_is_sure: bool,
+    /// A reading of the count that is believed once it was read again.
+    doubted: Option<u16>,
     /// Whether a trip held when that was last known and told, also before the drive was out of sight.
     held: Option<bool>,
     /// The vendor's number of the trip that was told or shown last.
@@ -73,6 +82,10 @@ struct Reading {
     seen_at: MonoTime,
     /// It was there already when the drive came into sight.
     while_away: bool,
+    /// The count was read more than once.
+    is_sure: bool,
+    /// Whether a trip held before, as far as that was known.
+    was_active: Option<bool>,
 }
 
 impl TripWatch {
@@ -87,7 +100,15 @@ impl TripWatch {
     pub fn remembering(self, baseline: TripBaseline) -> Self {
         let TripBaseline { count, held, code } = baseline;
         let counts = self.is_counted();
-        Self { told: count.filter(|_| counts), held: held.filter(|_| !counts), code, is_remembered: true, ..self }
+        let told = count.filter(|_| counts);
+        Self {
+            told,
+            told_is_sure: told.is_some(),
+            held: held.filter(|_| !counts),
+            code,
+            is_remembered: true,
+            ..self
+        }
     }
 
     /// Up to where everything was told.
@@ -105,6 +126,9 @@ impl TripWatch {
     /// First register and number of words that should be read now, beside the polls.
     #[must_use]
     pub fn wants(&self) -> Option<(u16, u16)> {
+        if let (Some(Places { source: Source::Count(count), .. }), Some(_)) = (&self.places, self.doubted) {
+            return Some((*count, 1));
+        }
         let (places, reading) = (self.places.as_ref()?, self.reading.as_ref()?);
         match (places.record.get(reading.parts), &places.source) {
             (Some(part), _) => Some(*part),
@@ -150,6 +174,7 @@ impl TripWatch {
         self.view.active = None;
         self.reset_acknowledged = false;
         self.is_in_sight = false;
+        self.doubted = None;
         told
     }
 
@@ -164,6 +189,10 @@ impl TripWatch {
 
     /// The read that was wanted was not answered well.
     pub fn read_failed(&mut self) -> Option<TripEvent> {
+        if self.doubted.take().is_some() {
+            // The next poll shows it again, if it is true.
+            return None;
+        }
         let reading = self.reading.as_mut()?;
         reading.tries += 1;
         if reading.tries < READS_MAX { None } else { self.end_reading(false) }
@@ -215,7 +244,23 @@ impl TripWatch {
     }
 
     fn take_count(&mut self, count: u16, now: MonoTime, events: &mut Vec<TripEvent>) {
+        let is_first = self.told.is_none();
         let told = *self.told.get_or_insert(count);
+        if self.is_doubted(count, told) {
+            return;
+        }
+        self.told_is_sure |= !is_first && count == told;
+        if count > told.saturating_add(TRIPS_AT_ONCE) && !self.told_is_sure {
+            // Of two numbers the one that was read twice is the baseline.
+            (self.told, self.view.count, self.told_is_sure) = (Some(count), Some(count), true);
+            return;
+        }
+        if count == told
+            && let Some(reading) = self.reading.take_if(|reading| !reading.is_sure)
+        {
+            // A rise that only one reading has shown, and no other.
+            self.view.active = reading.was_active;
+        }
         if count <= told {
             // Where it is counted anew, what had risen until then is told with the count of then.
             events.extend(self.tell_unread());
@@ -225,23 +270,36 @@ impl TripWatch {
             }
             return;
         }
+        let parts = self.places.as_ref().map_or(0, |places| places.record.len());
+        let mut reading = self.reading.take().unwrap_or_else(|| self.new_reading(true, now));
         self.view.count = Some(count);
         self.view.active = Some(true);
         self.reset_acknowledged = false;
-        let parts = self.places.as_ref().map_or(0, |places| places.record.len());
-        let mut reading = self.reading.take().unwrap_or_else(|| self.new_reading(true, now));
+        reading.is_sure |= reading.count == Some(count);
         let is_whole = reading.parts >= parts;
         let belongs = reading.count == Some(count) || parts == 0;
         let is_worn_out = reading.tries >= READS_MAX;
         if reading.count != Some(count) && !is_worn_out {
             let tries = reading.tries + u8::from(is_whole && reading.count.is_some());
-            let Reading { seen_at, while_away, .. } = reading;
-            reading = Reading { count: Some(count), tries, is_news: true, seen_at, while_away, ..Reading::default() };
+            reading = Reading { count: Some(count), tries, is_news: true, parts: 0, words: Vec::new(), ..reading };
+            reading.code = None;
         }
         self.reading = Some(reading);
         if (is_whole && belongs) || is_worn_out {
             events.extend(self.end_reading(!is_worn_out));
         }
+    }
+
+    /// Whether `count` has to be read again before it is believed.
+    fn is_doubted(&mut self, count: u16, told: u16) -> bool {
+        let is_usual = count.checked_sub(told).is_some_and(|rise| rise <= TRIPS_AT_ONCE);
+        let is_known = self.reading.as_ref().is_some_and(|reading| reading.count == Some(count));
+        if is_usual || is_known || self.doubted == Some(count) {
+            self.doubted = None;
+            return false;
+        }
+        self.doubted = Some(count);
+        true
     }
 
     /// A trip that holds begins to be read, or is told at once where the model has no record.
@@ -252,7 +310,8 @@ impl TripWatch {
     }
 
     fn new_reading(&self, is_news: bool, now: MonoTime) -> Reading {
-        Reading { is_news, seen_at: now, while_away: !self.is_in_sight, ..Reading::default() }
+        let was_active = self.view.active;
+        Reading { is_news, seen_at: now, while_away: !self.is_in_sight, was_active, ..Reading::default() }
     }
 
     /// The reading is over: its record is shown and, if it is news, told. `is_sure`: the record is the trip's own.
@@ -270,7 +329,7 @@ impl TripWatch {
             _ => 1,
         };
         if self.is_counted() {
-            self.told = self.view.count;
+            (self.told, self.told_is_sure) = (self.view.count, true);
         } else {
             self.held = Some(true);
         }

@@ -69,9 +69,55 @@ fn a_drive_that_trips_on_and_on_is_told_all_the_same() {
 fn a_fall_is_a_new_baseline() {
     let mut watch = watch(9);
     assert_eq!(watch.one(COUNT, &[2], at(1)), None);
-    assert_eq!(watch.wants(), None);
+    assert_eq!((watch.wants(), watch.baseline().count), (Some((COUNT, 1)), Some(9)), "it is read again");
+    assert_eq!(watch.one(COUNT, &[2], at(1)), None);
+    assert_eq!((watch.wants(), watch.baseline().count), (None, Some(2)));
     watch.one(COUNT, &[3], at(2));
     assert!(watch.wants().is_some());
+}
+
+#[test]
+fn a_count_that_jumps_is_told_only_when_it_was_read_again() {
+    let mut watch = watch(9);
+    assert_eq!(watch.one(COUNT, &[9], at(1)), None);
+    assert_eq!(watch.one(COUNT, &[22_720], at(2)), None);
+    assert_eq!((watch.wants(), watch.view().active), (Some((COUNT, 1)), None));
+    // It was the answer to something else.
+    assert_eq!(watch.one(COUNT, &[9], at(3)), None);
+    assert_eq!((watch.wants(), watch.view().seen, watch.baseline().count), (None, 0, Some(9)));
+    // It was none: the record is read as always.
+    watch.one(COUNT, &[9 + 17], at(4));
+    assert_eq!(watch.one(COUNT, &[9 + 17], at(5)), None);
+    assert_eq!(watch.wants(), Some((0x0113, 4)));
+    watch.one(0x0113, &RECORD, at(6));
+    assert_eq!(trips(watch.one(COUNT, &[9 + 17], at(7))), (17, Some(7)));
+}
+
+#[test]
+fn of_a_wrong_first_count_no_trip_is_made() {
+    let mut watch = watch(0);
+    for ms in 1..=2 {
+        assert_eq!(watch.one(COUNT, &[22_720], at(ms)), None);
+    }
+    assert_eq!((watch.wants(), watch.baseline().count, watch.view().active), (None, Some(22_720), None));
+}
+
+#[test]
+fn a_rise_that_the_next_reading_takes_back_is_no_trip() {
+    let mut watch = watch(5);
+    watch.one(COUNT, &[5], at(1));
+    assert_eq!(watch.one(COUNT, &[6], at(2)), None);
+    watch.one(0x0113, &RECORD, at(3));
+    assert_eq!(watch.one(COUNT, &[5], at(4)), None);
+    assert_eq!((watch.wants(), watch.view().active, watch.view().seen), (None, None, 0));
+}
+
+#[test]
+fn a_count_that_cannot_be_read_again_is_left_to_the_next_poll() {
+    let mut watch = watch(9);
+    watch.one(COUNT, &[9], at(1));
+    watch.one(COUNT, &[2_000], at(2));
+    assert_eq!((watch.read_failed(), watch.wants()), (None, None));
 }
 
 #[test]

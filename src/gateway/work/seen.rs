@@ -10,7 +10,15 @@ use crate::journal::Entry;
 
 impl DriveWork {
     /// Words came from `address` on, for whatever reason they were read.
-    pub fn take_words(&mut self, address: u16, words: &[u16], now: MonoTime, out: Out<'_>) {
+    /// `believes_trips`: they are certainly its own.
+    pub fn take_words(
+        &mut self,
+        address: u16,
+        words: &[u16],
+        believes_trips: bool,
+        now: MonoTime,
+        out: Out<'_>,
+    ) {
         self.has_changed = true;
         if let Some(running) = self.status.take(address, words)
             && self.latch.as_mut().is_some_and(|latch| latch.shows(running, now))
@@ -32,8 +40,10 @@ impl DriveWork {
             self.guard.at_standstill();
         }
         self.take_watchdog(address, words, out);
-        let events = self.trips.take(address, words, now);
-        self.trip(events, out);
+        if believes_trips {
+            let events = self.trips.take(address, words, now);
+            self.trip(events, out);
+        }
     }
 
     pub(super) fn take_output(&mut self, raw: u16, now: MonoTime, out: Out<'_>) {

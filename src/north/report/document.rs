@@ -66,6 +66,7 @@ fn drive(drive: &DriveObserved, line_is_up: bool) -> Value {
         "first_characters_damaged": damage.head,
         "cut": damage.cut,
         "late": damage.late,
+        "late_beyond_limit": damage.beyond_limit,
         "doubled": damage.doubled,
         "exceptions": exchanges.exceptions,
         "retries": exchanges.retries,

@@ -31,17 +31,29 @@ pub(super) fn offline(seen: &Observed, drive: &DriveObserved) -> Said {
     is_offline.then(|| (Severity::Problem, text()))
 }
 
-pub(super) fn two_answer(seen: &Observed, drive: &DriveObserved) -> Said {
+pub(super) fn duplicate_station(seen: &Observed, drive: &DriveObserved) -> Said {
     let (station, doubled) = (drive.now.station, drive.damage.doubled);
-    let is_told = seen.line.suspicion == Some(Suspicion::TwoAnswer(station));
+    let is_told = seen.line.suspicion == Some(Suspicion::DuplicateStation(station));
     let text = || {
         format!(
-            "{doubled} times a second answer came to one request: two drives probably have station {}; disconnect one and \
-             look whether it still answers",
+            "{doubled} times an answer came that no request explains: two drives probably have station {}; disconnect one \
+             and look whether it still answers",
             station.0
         )
     };
     (doubled >= SIGNS && !is_told).then(|| (Severity::Problem, text()))
+}
+
+pub(super) fn late_beyond_limit(seen: &Observed, drive: &DriveObserved) -> Said {
+    let (station, beyond) = (drive.now.station, drive.damage.beyond_limit);
+    let is_told = seen.line.suspicion == Some(Suspicion::LateBeyondLimit(station));
+    let text = || {
+        format!(
+            "{beyond} replies came later than `max_lateness` allows, when they could be taken for others: raise \
+             `max_lateness`, and look at what stands between (a serial device server, a radio)"
+        )
+    };
+    (beyond > 0 && !is_told).then(|| (Severity::Problem, text()))
 }
 
 /// Where damage is. Each names one cause; what comes first goes before the rest.

@@ -26,11 +26,16 @@ pub(in super::super) const STATION: &[Metric<StationReport>] = &[
     }),
     counter("drive_silent", "Time-outs without any frame from the drive.", |station| Some(station.exchanges.silent)),
     counter("drive_garbled", "Exchanges that ended with a damaged reply.", |station| Some(station.exchanges.garbled)),
-    counter("drive_retries", "Exchanges repeated at once after damage.", |station| Some(station.exchanges.retries)),
+    counter("drive_retries", "Reads repeated after damage.", |station| Some(station.exchanges.retries)),
     counter("drive_late", "Sound frames of the drive that nobody waited for any more.", |station| {
         Some(station.damage.late)
     }),
-    counter("drive_doubled", "Second replies to one request.", |station| Some(station.damage.doubled)),
+    counter("drive_late_beyond_limit", "Of these: later than the longest lateness that is declared.", |station| {
+        Some(station.damage.beyond_limit)
+    }),
+    counter("drive_doubled", "Sound frames of the drive that no request explains.", |station| {
+        Some(station.damage.doubled)
+    }),
     gauge(
         "drive_bad",
         "Bad ones of the last 100 exchanges; absent while too few were seen.",

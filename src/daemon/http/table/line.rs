@@ -40,7 +40,7 @@ pub(in super::super) const LINE: &[Metric<LineReport>] = &[
     counter("line_noise_between", "Times that such bytes came while no reply was waited for.", |line| {
         Some(line.counters.noise_between)
     }),
-    counter("line_retries", "Exchanges repeated at once after damage.", |line| Some(line.counters.retries)),
+    counter("line_retries", "Reads repeated after damage.", |line| Some(line.counters.retries)),
     counter("line_barriers", "Exchanges sent only to prove that no late reply can follow.", |line| {
         Some(line.counters.barriers)
     }),
