@@ -1,0 +1,169 @@
+//! The sockets of the broker: a task for each, which carries bytes between its client and the machine.
+
+use super::PACKET_MAX;
+use super::machine::{ConnectionId, Machine};
+use super::packet::Fault;
+use super::reader;
+use crate::daemon::clock;
+use bytes::{Buf, BytesMut};
+use std::collections::HashMap;
+use std::io;
+use std::net::SocketAddr;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
+use tokio::sync::Notify;
+
+/// Time for a client to take the last bytes.
+const FAREWELL: Duration = Duration::from_secs(2);
+/// How often it is said in the log that there was no room.
+const REPORT_EVERY: u32 = 40;
+
+/// The machine, and who is woken when it has something for a connection.
+pub struct Shared {
+    state: Mutex<State>,
+}
+
+struct State {
+    machine: Machine,
+    bells: HashMap<ConnectionId, Arc<Notify>>,
+    beats: u32,
+}
+
+/// The place of a connection, which is free when this is dropped.
+pub struct Place {
+    id: ConnectionId,
+    bell: Arc<Notify>,
+    shared: Arc<Shared>,
+}
+
+impl Shared {
+    pub fn new() -> Arc<Self> {
+        // It makes names, which are not secrets.
+        let machine = Machine::new(clock::wall_micros().unsigned_abs(), clock::now());
+        Arc::new(Self { state: Mutex::new(State { machine, bells: HashMap::new(), beats: 0 }) })
+    }
+
+    /// A place for one more connection; nothing: there is none.
+    pub fn open(self: &Arc<Self>) -> Option<Place> {
+        let bell = Arc::new(Notify::new());
+        let mut state = self.state();
+        let id = state.machine.open(clock::now())?;
+        state.bells.insert(id, Arc::clone(&bell));
+        Some(Place { id, bell, shared: Arc::clone(self) })
+    }
+
+    /// Lets time pass.
+    pub fn tick(&self) {
+        self.with(|machine| machine.tick(clock::now()));
+        let mut state = self.state();
+        state.beats = state.beats.wrapping_add(1);
+        if state.beats.is_multiple_of(REPORT_EVERY) {
+            let report = state.machine.take_report();
+            drop(state);
+            for (client, count) in report.dropped {
+                tracing::warn!(%client, count, "messages for a client were dropped: it takes them too slowly, or not at all");
+            }
+            if report.not_kept > 0 {
+                tracing::warn!(count = report.not_kept, "retained messages were not kept: there are too many");
+            }
+        }
+    }
+
+    /// Does something with the machine, and wakes whoever has something to send then.
+    fn with<T>(&self, act: impl FnOnce(&mut Machine) -> T) -> T {
+        let mut state = self.state();
+        let done = act(&mut state.machine);
+        for id in state.machine.take_woken() {
+            if let Some(bell) = state.bells.get(&id) {
+                bell.notify_one();
+            }
+        }
+        done
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Place {
+    /// Gives what has come to the machine, packet by packet.
+    fn received(&self, bytes: &mut BytesMut, peer: SocketAddr) {
+        loop {
+            let done = match reader::frame(bytes, PACKET_MAX as usize) {
+                Ok(None) => return,
+                Ok(Some(frame)) => {
+                    let body = &bytes[frame.body..frame.end];
+                    let done = self.shared.with(|it| it.received(self.id, frame.first, body, clock::now()));
+                    bytes.advance(frame.end);
+                    done
+                }
+                Err(fault) => {
+                    self.shared.with(|it| it.fail(self.id, fault, clock::now()));
+                    bytes.clear();
+                    Err(fault)
+                }
+            };
+            if let Err(Fault { reason, why }) = done {
+                tracing::info!(%peer, reason, why, "the broker ends a connection");
+            }
+        }
+    }
+
+    /// What is to be sent now, and whether the connection ends then.
+    fn hand_over(&self, out: &mut Vec<u8>) -> bool {
+        self.shared.with(|machine| {
+            machine.hand_over(self.id, clock::now(), out);
+            machine.is_ending(self.id)
+        })
+    }
+
+    fn may_say_more(&self) -> bool {
+        self.shared.state().machine.may_say_more(self.id)
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.shared.with(|machine| machine.closed(self.id, clock::now()));
+        self.shared.state().bells.remove(&self.id);
+    }
+}
+
+/// Serves one client until one of both ends the connection.
+pub async fn serve(stream: TcpStream, peer: SocketAddr, place: Place) {
+    // Small packets are not to wait for each other; without it they only come later.
+    let _ = stream.set_nodelay(true);
+    let (mut from, mut to) = stream.into_split();
+    if let Err(error) = carry(&mut from, &mut to, &place, peer).await {
+        tracing::debug!(%peer, %error, "a connection of the broker broke");
+    }
+}
+
+async fn carry(from: &mut OwnedReadHalf, to: &mut OwnedWriteHalf, place: &Place, peer: SocketAddr) -> io::Result<()> {
+    let mut incoming = BytesMut::new();
+    let (mut outgoing, mut sent) = (Vec::new(), 0);
+    loop {
+        if sent == outgoing.len() {
+            (outgoing, sent) = (Vec::new(), 0);
+            if place.hand_over(&mut outgoing) {
+                break;
+            }
+        }
+        tokio::select! {
+            read = from.read_buf(&mut incoming), if place.may_say_more() => {
+                if read? == 0 {
+                    return Ok(());
+                }
+                place.received(&mut incoming, peer);
+            }
+            written = to.write(&outgoing[sent..]), if sent < outgoing.len() => sent += written?,
+            () = place.bell.notified() => {}
+        }
+    }
+    // A client that takes nothing does not hold its place for long.
+    tokio::time::timeout(FAREWELL, to.write_all(&outgoing)).await.unwrap_or(Ok(()))
+}

@@ -1,0 +1,245 @@
+//! Packets of clients, read strictly: what the specification forbids is an error here.
+
+use super::packet::{
+    Connect, Expiry, Fault, Incoming, Message, Options, Qos, Refusal, RetainHandling, Wanted, Will, reason,
+};
+use super::properties::{self, Properties};
+use super::reader::Reader;
+use super::topic;
+use crate::north::mqtt::Version;
+use std::time::Duration;
+
+/// CONNECT, as the first nibble of a packet.
+pub const CONNECT: u8 = 1;
+
+/// Reads CONNECT.
+pub fn connect(first: u8, body: &[u8], packet_max: usize) -> Result<Connect, Refusal> {
+    let mut reader = Reader::new(body);
+    let version = version(first, &mut reader)?;
+    rest_of_connect(version, &mut reader, packet_max).map_err(|fault| match version {
+        Version::V4 => Refusal::Silent(fault),
+        Version::V5 => Refusal::Said(version, fault.reason),
+    })
+}
+
+fn version(first: u8, reader: &mut Reader<'_>) -> Result<Version, Refusal> {
+    if first != CONNECT << 4 {
+        return Err(Refusal::Silent(Fault::protocol("no CONNECT at the beginning")));
+    }
+    let name = reader.text().map_err(Refusal::Silent)?;
+    let level = reader.byte().map_err(Refusal::Silent)?;
+    match (name, level) {
+        ("MQTT", 4) => Ok(Version::V4),
+        ("MQTT", 5) => Ok(Version::V5),
+        // 3.1 and bridges of mosquitto, which set the highest bit; both know this answer.
+        ("MQIsdp", _) | ("MQTT", 0..4 | 0x80..) => Err(Refusal::Said(Version::V4, 1)),
+        ("MQTT", _) => Err(Refusal::Said(Version::V5, reason::UNSUPPORTED_VERSION)),
+        _ => Err(Refusal::Silent(Fault::protocol("another protocol"))),
+    }
+}
+
+fn rest_of_connect(version: Version, reader: &mut Reader<'_>, packet_max: usize) -> Result<Connect, Fault> {
+    let flags = Flags(reader.byte()?);
+    flags.check(version)?;
+    let keep_alive = Duration::from_secs(u64::from(reader.two()?));
+    let properties = properties_of(version, reader, properties::OF_CONNECT)?;
+    if properties.has(properties::AUTHENTICATION_METHOD) {
+        return Err(Fault { reason: reason::BAD_AUTHENTICATION_METHOD, why: "enhanced authentication" });
+    }
+    let receive_maximum = properties.number(properties::RECEIVE_MAXIMUM).unwrap_or(u32::from(u16::MAX));
+    let packet_maximum = properties.number(properties::PACKET_MAXIMUM).map_or(packet_max, |it| it as usize);
+    if receive_maximum == 0 || packet_maximum == 0 {
+        return Err(Fault::protocol("a maximum of 0"));
+    }
+    let expiry = match version {
+        Version::V4 if flags.is(0x02) => Expiry::AT_ONCE,
+        Version::V4 => Expiry::Never,
+        Version::V5 => Expiry::from_seconds(properties.number(properties::SESSION_EXPIRY).unwrap_or(0)),
+    };
+    let client = reader.text()?.to_owned();
+    let will = if flags.is(0x04) { Some(will(version, flags, reader)?) } else { None };
+    // Everybody may come; what they say of themselves only has to be right.
+    if flags.is(0x80) {
+        reader.text()?;
+    }
+    if flags.is(0x40) {
+        reader.binary()?;
+    }
+    reader.end()?;
+    Ok(Connect {
+        version,
+        client,
+        clean_start: flags.is(0x02),
+        keep_alive,
+        expiry,
+        receive_maximum: u16::try_from(receive_maximum).unwrap_or(u16::MAX),
+        packet_maximum: packet_maximum.min(packet_max),
+        will,
+    })
+}
+
+/// Flags of CONNECT.
+#[derive(Clone, Copy)]
+struct Flags(u8);
+
+impl Flags {
+    const fn is(self, bit: u8) -> bool {
+        self.0 & bit != 0
+    }
+
+    fn check(self, version: Version) -> Result<(), Fault> {
+        let has_no_will = !self.is(0x04) && self.is(0x38);
+        let has_password_alone = version == Version::V4 && self.is(0x40) && !self.is(0x80);
+        if self.is(0x01) || has_no_will || has_password_alone {
+            return Err(Fault::malformed("flags of CONNECT that contradict each other"));
+        }
+        Ok(())
+    }
+}
+
+fn will(version: Version, flags: Flags, reader: &mut Reader<'_>) -> Result<Will, Fault> {
+    let qos = Qos::new(flags.0 >> 3 & 3).ok_or(Fault::malformed("quality of service 3"))?;
+    let properties = properties_of(version, reader, properties::OF_WILL)?;
+    let delay = properties.number(properties::WILL_DELAY).unwrap_or(0);
+    let topic = reader.text()?;
+    let payload = reader.binary()?;
+    let message = message(topic, payload, qos, flags.is(0x20), properties)?;
+    Ok(Will { message, delay: Duration::from_secs(u64::from(delay)) })
+}
+
+/// Reads any other packet.
+pub fn packet(first: u8, body: &[u8], version: Version) -> Result<Incoming, Fault> {
+    let mut reader = Reader::new(body);
+    let packet = match (first >> 4, first & 0x0F) {
+        (3, flags) => return publish(flags, &mut reader, version),
+        (4, 0) => Incoming::Acked(ack(&mut reader, version)?.0),
+        (5, 0) => {
+            let (packet_id, code) = ack(&mut reader, version)?;
+            Incoming::Received { packet_id, is_taken: code < reason::REFUSED }
+        }
+        (6, 2) => Incoming::Released(ack(&mut reader, version)?.0),
+        (7, 0) => Incoming::Completed(ack(&mut reader, version)?.0),
+        (8, 2) => subscribe(&mut reader, version)?,
+        (10, 2) => unsubscribe(&mut reader, version)?,
+        (12, 0) => Incoming::Ping,
+        (14, 0) => disconnect(&mut reader, version)?,
+        (CONNECT, _) => return Err(Fault::protocol("a second CONNECT")),
+        (15, _) if version == Version::V5 => return Err(Fault::protocol("AUTH without a method")),
+        (2 | 9 | 11 | 13, _) => return Err(Fault::protocol("a packet that only brokers send")),
+        _ => return Err(Fault::malformed("an unknown packet, or wrong flags")),
+    };
+    reader.end()?;
+    Ok(packet)
+}
+
+fn properties_of<'a>(version: Version, reader: &mut Reader<'a>, allowed: &[u8]) -> Result<Properties<'a>, Fault> {
+    match version {
+        Version::V4 => Ok(Properties::default()),
+        Version::V5 => Properties::read(reader, allowed),
+    }
+}
+
+fn publish(flags: u8, reader: &mut Reader<'_>, version: Version) -> Result<Incoming, Fault> {
+    let qos = Qos::new(flags >> 1 & 3).ok_or(Fault::malformed("quality of service 3"))?;
+    if qos == Qos::AtMostOnce && flags & 0x08 != 0 {
+        return Err(Fault::malformed("a repeat at quality of service 0"));
+    }
+    let topic = reader.text()?;
+    let packet_id = if qos == Qos::AtMostOnce { None } else { Some(reader.packet_id()?) };
+    let properties = properties_of(version, reader, properties::OF_PUBLISH)?;
+    if properties.has(properties::TOPIC_ALIAS) {
+        return Err(Fault { reason: reason::TOPIC_ALIAS_INVALID, why: "a topic alias, of which none is allowed" });
+    }
+    let message = message(topic, reader.rest(), qos, flags & 1 != 0, properties)?;
+    Ok(Incoming::Publish { message, packet_id })
+}
+
+fn message(topic: &str, payload: &[u8], qos: Qos, retain: bool, properties: Properties<'_>) -> Result<Message, Fault> {
+    if !topic::is_name(topic) {
+        return Err(Fault { reason: reason::TOPIC_INVALID, why: "a topic that nothing can be published on" });
+    }
+    if properties.text(properties::RESPONSE_TOPIC).is_some_and(|it| !topic::is_name(it)) {
+        return Err(Fault::protocol("a response topic that nothing can be published on"));
+    }
+    let expiry = properties.number(properties::MESSAGE_EXPIRY).map(|it| Duration::from_secs(u64::from(it)));
+    let (topic, payload) = (topic.into(), payload.to_vec());
+    Ok(Message { topic, payload, qos, retain, expiry, properties: properties.passed_on() })
+}
+
+/// The identifier and the reason of an acknowledgement.
+fn ack(reader: &mut Reader<'_>, version: Version) -> Result<(u16, u8), Fault> {
+    let packet_id = reader.packet_id()?;
+    if version == Version::V4 || reader.is_empty() {
+        return Ok((packet_id, reason::SUCCESS));
+    }
+    let code = reader.byte()?;
+    if !reader.is_empty() {
+        Properties::read(reader, properties::OF_ACK)?;
+    }
+    Ok((packet_id, code))
+}
+
+fn subscribe(reader: &mut Reader<'_>, version: Version) -> Result<Incoming, Fault> {
+    let packet_id = reader.packet_id()?;
+    let properties = properties_of(version, reader, properties::OF_SUBSCRIBE)?;
+    let identifier = properties.number(properties::SUBSCRIPTION_IDENTIFIER);
+    if identifier == Some(0) {
+        return Err(Fault::protocol("subscription identifier 0"));
+    }
+    let mut wanted = Vec::new();
+    while !reader.is_empty() {
+        let filter = reader.text()?;
+        wanted.push(one_wanted(filter, reader.byte()?, identifier, version)?);
+    }
+    if wanted.is_empty() {
+        return Err(Fault::protocol("a subscription without a filter"));
+    }
+    Ok(Incoming::Subscribe { packet_id, wanted })
+}
+
+fn one_wanted(filter: &str, options: u8, identifier: Option<u32>, version: Version) -> Result<Wanted, Fault> {
+    let reserved = if version == Version::V4 { 0xFC } else { 0xC0 };
+    if options & reserved != 0 {
+        return Err(Fault::malformed("options of a subscription that do not exist"));
+    }
+    let qos = Qos::new(options & 3).ok_or(Fault::malformed("quality of service 3"))?;
+    let no_local = options & 0x04 != 0;
+    if no_local && filter.starts_with("$share/") {
+        return Err(Fault::protocol("a shared subscription that leaves out the client's own messages"));
+    }
+    let retained = match options >> 4 & 3 {
+        0 => RetainHandling::Always,
+        1 => RetainHandling::IfNew,
+        2 => RetainHandling::Never,
+        _ => return Err(Fault::protocol("retain handling 3")),
+    };
+    let options = Options { qos, no_local, as_published: options & 0x08 != 0, identifier };
+    Ok(Wanted { filter: filter.to_owned(), options, retained })
+}
+
+fn unsubscribe(reader: &mut Reader<'_>, version: Version) -> Result<Incoming, Fault> {
+    let packet_id = reader.packet_id()?;
+    properties_of(version, reader, properties::OF_UNSUBSCRIBE)?;
+    let mut filters = Vec::new();
+    while !reader.is_empty() {
+        filters.push(reader.text()?.to_owned());
+    }
+    if filters.is_empty() {
+        return Err(Fault::protocol("no filter that is given up"));
+    }
+    Ok(Incoming::Unsubscribe { packet_id, filters })
+}
+
+fn disconnect(reader: &mut Reader<'_>, version: Version) -> Result<Incoming, Fault> {
+    if version == Version::V4 || reader.is_empty() {
+        return Ok(Incoming::Disconnect { with_will: false, expiry: None });
+    }
+    let code = reader.byte()?;
+    let mut expiry = None;
+    if !reader.is_empty() {
+        let properties = Properties::read(reader, properties::OF_DISCONNECT)?;
+        expiry = properties.number(properties::SESSION_EXPIRY).map(Expiry::from_seconds);
+    }
+    // Every reason but the ordinary one leaves the will.
+    Ok(Incoming::Disconnect { with_will: code != reason::SUCCESS, expiry })
+}

@@ -1,0 +1,306 @@
+//! The broker without sockets and clocks: it is given packets and the time, and says what is to be sent.
+
+use super::decode;
+use super::encode;
+use super::outbox::Taking;
+use super::packet::{Fault, Incoming, Outgoing, Qos, Refusal, reason};
+use super::retained::{Post, Retained};
+use super::session::{Session, SessionId};
+use super::tree::Tree;
+use super::{CONNECTIONS_MAX, IN_FLIGHT_MAX, INCOMING_MAX, PACKET_MAX, RETAINED_BYTES_MAX, RETAINED_MAX};
+use crate::domain::time::MonoTime;
+use crate::north::mqtt::Version;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Time for a client to say who it is.
+const CONNECT_WITHIN: Duration = Duration::from_secs(10);
+/// How often retained messages that are over are looked for.
+const SWEEP: Duration = Duration::from_secs(10);
+/// A tick that comes this late: the process stood still, and what clients sent waits in their sockets.
+const STALL: Duration = Duration::from_secs(2);
+/// Bytes that are handed over at once, about.
+const HANDED_OVER: usize = 64 * 1024;
+/// Answers that wait for a client before nothing more is read from it, in bytes.
+const REPLIES_MAX: usize = 64 * 1024;
+
+/// The number of a connection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ConnectionId(u64);
+
+/// The broker.
+#[derive(Debug)]
+pub struct Machine {
+    pub(super) connections: BTreeMap<ConnectionId, Connection>,
+    pub(super) sessions: BTreeMap<SessionId, Session>,
+    pub(super) clients: HashMap<Arc<str>, SessionId>,
+    pub(super) subscriptions: Tree,
+    pub(super) retained: Retained,
+    /// Connections that have something to send, or end.
+    pub(super) woken: BTreeSet<ConnectionId>,
+    /// Messages of sessions that are over for which there was no room.
+    pub(super) dropped: BTreeMap<Arc<str>, u64>,
+    /// Retained messages for which there was no room.
+    pub(super) not_kept: u64,
+    pub(super) random: fastrand::Rng,
+    /// Counts connections and sessions.
+    pub(super) number: u64,
+    /// Whose turn it is in groups.
+    pub(super) turn: usize,
+    ticked: MonoTime,
+    swept: MonoTime,
+}
+
+/// One connection.
+#[derive(Debug)]
+pub(super) struct Connection {
+    /// What it takes; known from CONNECT on.
+    pub taking: Taking,
+    pub session: Option<SessionId>,
+    /// Silence that ends it.
+    pub silence_max: Option<Duration>,
+    heard: MonoTime,
+    /// Answers that wait for the socket.
+    pub replies: Vec<u8>,
+    /// It is closed when those have gone.
+    pub is_ending: bool,
+}
+
+impl Connection {
+    /// Messages at quality of service 2 that it may leave unreleased. 3.1.1 has no way to say how many.
+    fn incoming_max(&self) -> usize {
+        if self.taking.version == Version::V4 { INCOMING_MAX } else { usize::from(IN_FLIGHT_MAX) }
+    }
+
+    pub fn reply(&mut self, packet: &Outgoing<'_>) {
+        encode::packet(packet, self.taking.version, &mut self.replies);
+    }
+}
+
+/// For whom there was no room since it was asked last.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct Report {
+    /// Clients, and how many messages for them were dropped.
+    pub dropped: BTreeMap<Arc<str>, u64>,
+    /// Retained messages that were not kept.
+    pub not_kept: u64,
+}
+
+impl Machine {
+    /// A broker that begins at `now`; `seed` makes identifiers of clients that have none.
+    pub fn new(seed: u64, now: MonoTime) -> Self {
+        Self {
+            connections: BTreeMap::new(),
+            sessions: BTreeMap::new(),
+            clients: HashMap::new(),
+            subscriptions: Tree::default(),
+            retained: Retained::new(RETAINED_MAX, RETAINED_BYTES_MAX),
+            woken: BTreeSet::new(),
+            dropped: BTreeMap::new(),
+            not_kept: 0,
+            random: fastrand::Rng::with_seed(seed),
+            number: 0,
+            turn: 0,
+            ticked: now,
+            swept: now,
+        }
+    }
+
+    /// Somebody connects; nothing: there are too many.
+    pub fn open(&mut self, now: MonoTime) -> Option<ConnectionId> {
+        if self.connections.len() >= CONNECTIONS_MAX {
+            return None;
+        }
+        self.number += 1;
+        let id = ConnectionId(self.number);
+        let taking =
+            Taking { version: Version::V4, window: usize::from(IN_FLIGHT_MAX), packet_max: PACKET_MAX as usize };
+        let connection = Connection {
+            taking,
+            session: None,
+            silence_max: Some(CONNECT_WITHIN),
+            heard: now,
+            replies: Vec::new(),
+            is_ending: false,
+        };
+        self.connections.insert(id, connection);
+        Some(id)
+    }
+
+    /// A packet has come as a whole.
+    ///
+    /// # Errors
+    /// Why the connection ends. That is already done; it is for the log.
+    pub fn received(&mut self, id: ConnectionId, first: u8, body: &[u8], now: MonoTime) -> Result<(), Fault> {
+        let Some(connection) = self.connections.get_mut(&id).filter(|it| !it.is_ending) else { return Ok(()) };
+        connection.heard = now;
+        let version = connection.taking.version;
+        let Some(session) = connection.session else { return self.received_first(id, first, body, now) };
+        let done = decode::packet(first, body, version).and_then(|packet| self.handle(id, session, packet, now));
+        if let Err(fault) = done {
+            self.fail(id, fault, now);
+        }
+        done
+    }
+
+    /// What has come is not a packet.
+    pub fn fail(&mut self, id: ConnectionId, fault: Fault, now: MonoTime) {
+        let Some(connection) = self.connections.get_mut(&id).filter(|it| !it.is_ending) else { return };
+        connection.is_ending = true;
+        self.woken.insert(id);
+        if let Some(session) = connection.session.take() {
+            connection.reply(&Outgoing::Disconnect(fault.reason));
+            self.detach(session, true, now);
+        }
+    }
+
+    /// The socket is closed.
+    pub fn closed(&mut self, id: ConnectionId, now: MonoTime) {
+        if let Some(session) = self.connections.remove(&id).and_then(|it| it.session) {
+            self.detach(session, true, now);
+        }
+    }
+
+    /// Writes what is to be sent behind `out`, as far as it may be much.
+    pub fn hand_over(&mut self, id: ConnectionId, now: MonoTime, out: &mut Vec<u8>) {
+        let Some(connection) = self.connections.get_mut(&id) else { return };
+        out.append(&mut connection.replies);
+        let Some(session) = connection.session.and_then(|it| self.sessions.get_mut(&it)) else { return };
+        while out.len() < HANDED_OVER && session.outbox.next(connection.taking, &self.retained, now, out) {}
+    }
+
+    /// Whether the connection is to be closed, once all is sent.
+    pub fn is_ending(&self, id: ConnectionId) -> bool {
+        self.connections.get(&id).is_none_or(|it| it.is_ending)
+    }
+
+    /// Whether more may be read from it: one that does not take its answers has to wait.
+    pub fn may_say_more(&self, id: ConnectionId) -> bool {
+        self.connections.get(&id).is_some_and(|it| it.replies.len() < REPLIES_MAX)
+    }
+
+    /// Lets time pass: silent clients, wills and sessions whose time has come.
+    pub fn tick(&mut self, now: MonoTime) {
+        if now.since(std::mem::replace(&mut self.ticked, now)) >= STALL {
+            self.connections.values_mut().for_each(|it| it.heard = now);
+        }
+        let is_silent = |it: &Connection| it.silence_max.is_some_and(|max| now.since(it.heard) >= max);
+        let silent = self.connections.iter().filter(|(_, it)| is_silent(it)).map(|(id, _)| *id);
+        for id in silent.collect::<Vec<_>>() {
+            self.fail(id, Fault { reason: reason::KEEP_ALIVE_TIMEOUT, why: "silence" }, now);
+        }
+        self.let_sessions_pass(now);
+        if now.since(self.swept) >= SWEEP {
+            self.swept = now;
+            self.retained.sweep(now);
+        }
+    }
+
+    /// Connections that have something to send, or end.
+    pub fn take_woken(&mut self) -> BTreeSet<ConnectionId> {
+        std::mem::take(&mut self.woken)
+    }
+
+    /// What had no room since this was asked last.
+    pub fn take_report(&mut self) -> Report {
+        let mut dropped = std::mem::take(&mut self.dropped);
+        for session in self.sessions.values_mut() {
+            let count = session.outbox.take_dropped();
+            if count > 0 {
+                *dropped.entry(Arc::clone(&session.client)).or_default() += count;
+            }
+        }
+        Report { dropped, not_kept: std::mem::take(&mut self.not_kept) }
+    }
+
+    fn received_first(&mut self, id: ConnectionId, first: u8, body: &[u8], now: MonoTime) -> Result<(), Fault> {
+        match decode::connect(first, body, PACKET_MAX as usize) {
+            Ok(connect) => {
+                self.connect(id, connect, now);
+                Ok(())
+            }
+            Err(Refusal::Silent(fault)) => {
+                self.fail(id, fault, now);
+                Err(fault)
+            }
+            Err(Refusal::Said(version, code)) => {
+                self.refuse(id, version, code);
+                Err(Fault { reason: code, why: "a connection that is refused" })
+            }
+        }
+    }
+
+    fn handle(&mut self, id: ConnectionId, session: SessionId, packet: Incoming, now: MonoTime) -> Result<(), Fault> {
+        match packet {
+            Incoming::Publish { message, packet_id } => {
+                let (qos, post) = (message.qos, Post::new(message, now));
+                return self.published(id, session, qos, packet_id, &post);
+            }
+            Incoming::Subscribe { packet_id, wanted } => self.subscribe(id, session, packet_id, &wanted),
+            Incoming::Unsubscribe { packet_id, filters } => self.unsubscribe(id, session, packet_id, &filters),
+            Incoming::Ping => self.reply(id, &Outgoing::Pong),
+            Incoming::Disconnect { with_will, expiry } => return self.leave(id, session, with_will, expiry, now),
+            Incoming::Released(packet_id) => {
+                let was_there = self.sessions.get_mut(&session).is_some_and(|it| it.incoming.remove(&packet_id));
+                let code = if was_there { reason::SUCCESS } else { reason::IDENTIFIER_NOT_FOUND };
+                self.reply(id, &Outgoing::Completed(packet_id, code));
+            }
+            Incoming::Acked(packet_id) => self.outbox(session, |outbox| outbox.acked(packet_id)),
+            Incoming::Completed(packet_id) => self.outbox(session, |outbox| outbox.completed(packet_id)),
+            Incoming::Received { packet_id, is_taken } => {
+                let mut answer = None;
+                self.outbox(session, |outbox| answer = outbox.received(packet_id, is_taken));
+                if let Some(code) = answer {
+                    self.reply(id, &Outgoing::Released(packet_id, code));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// A message of a client: it is acknowledged, and delivered once.
+    fn published(
+        &mut self,
+        id: ConnectionId,
+        session: SessionId,
+        qos: Qos,
+        packet_id: Option<u16>,
+        post: &Post,
+    ) -> Result<(), Fault> {
+        match (qos, packet_id) {
+            (Qos::ExactlyOnce, Some(packet_id)) => {
+                let Some(incoming) = self.sessions.get_mut(&session).map(|it| &mut it.incoming) else { return Ok(()) };
+                let is_new = incoming.insert(packet_id);
+                if incoming.len() > self.connections.get(&id).map_or(0, Connection::incoming_max) {
+                    let why = "more messages than the receive maximum without their release";
+                    return Err(Fault { reason: reason::RECEIVE_MAXIMUM_EXCEEDED, why });
+                }
+                self.reply(id, &Outgoing::Received(packet_id));
+                if is_new {
+                    self.deliver(post, Some(session));
+                }
+            }
+            (Qos::AtLeastOnce, Some(packet_id)) => {
+                self.reply(id, &Outgoing::Acked(packet_id));
+                self.deliver(post, Some(session));
+            }
+            _ => self.deliver(post, Some(session)),
+        }
+        Ok(())
+    }
+
+    pub(super) fn reply(&mut self, id: ConnectionId, packet: &Outgoing<'_>) {
+        if let Some(connection) = self.connections.get_mut(&id) {
+            connection.reply(packet);
+            self.woken.insert(id);
+        }
+    }
+
+    fn outbox(&mut self, session: SessionId, change: impl FnOnce(&mut super::outbox::Outbox)) {
+        if let Some(session) = self.sessions.get_mut(&session) {
+            change(&mut session.outbox);
+            self.woken.extend(session.connection);
+        }
+    }
+}

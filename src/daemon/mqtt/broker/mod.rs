@@ -1,0 +1,134 @@
+//! A broker inside this process, for the demo and for trying out: MQTT 3.1.1 and 5, in memory, anonymous, on
+//! loopback only.
+//!
+//! [`machine`] is all of it but sockets and clocks: packets and time go in, bytes come out. `decode` and `encode` are its
+//! own: the client library reads what brokers send, but refuses right packets of clients (a DISCONNECT of MQTT 5 without a
+//! reason) and lets wrong ones pass. [`connection`] is a task for each client.
+
+mod connection;
+mod decode;
+mod encode;
+mod machine;
+mod outbox;
+mod packet;
+mod properties;
+mod reader;
+mod retained;
+mod routing;
+mod session;
+mod sessions;
+mod topic;
+mod tree;
+
+#[cfg(test)]
+mod tests;
+
+use connection::Shared;
+use std::io;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::task::JoinSet;
+use tokio::time::MissedTickBehavior;
+
+/// Retained messages at most. A message for another topic is then delivered, but not kept.
+const RETAINED_MAX: usize = 100_000;
+/// What they may weigh together, in bytes.
+const RETAINED_BYTES_MAX: usize = 256 * 1024 * 1024;
+/// Longest packet, in bytes. More than the gateway takes, so that its own limits can be tried.
+const PACKET_MAX: u32 = 1024 * 1024;
+/// Connections at once.
+const CONNECTIONS_MAX: usize = 1000;
+/// Sessions, with those that wait for their client; the one that waits longest gives way.
+const SESSIONS_MAX: usize = 2000;
+/// Subscriptions of one client.
+const SUBSCRIPTIONS_MAX: usize = 10_000;
+/// Messages that wait for one client.
+const WAITING_MAX: usize = 10_000;
+/// What they may weigh together, in bytes.
+const WAITING_BYTES_MAX: usize = 64 * 1024 * 1024;
+/// Messages that wait for an acknowledgement, to and from one client.
+const IN_FLIGHT_MAX: u16 = 64;
+/// Those from a client with MQTT 3.1.1, which cannot be told a limit.
+const INCOMING_MAX: usize = 1000;
+/// Longest identifier of a client, in bytes.
+const CLIENT_IDENTIFIER_MAX: usize = 1024;
+/// How often time passes for the machine.
+const BEAT: Duration = Duration::from_millis(250);
+/// After a connection could not be accepted, for want of descriptors.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// Why there is no broker.
+#[derive(Debug, thiserror::Error)]
+pub enum BrokerError {
+    /// The address can be reached from elsewhere.
+    #[error("{0} is not a loopback address; this broker asks nobody for a password and stays on this machine")]
+    NotLoopback(SocketAddr),
+    /// The address cannot be taken.
+    #[error("cannot listen on {address}: {error}")]
+    Listen {
+        /// As asked for.
+        address: SocketAddr,
+        /// The system's reason.
+        error: io::Error,
+    },
+}
+
+/// A broker that listens.
+pub struct Listening {
+    listener: TcpListener,
+    address: SocketAddr,
+    shared: Arc<Shared>,
+}
+
+/// Begins to listen. It is called on a runtime.
+///
+/// # Errors
+/// [`BrokerError`].
+pub async fn listen(address: SocketAddr) -> Result<Listening, BrokerError> {
+    if !address.ip().is_loopback() {
+        return Err(BrokerError::NotLoopback(address));
+    }
+    let refused = |error: io::Error| BrokerError::Listen { address, error };
+    let listener = TcpListener::bind(address).await.map_err(refused)?;
+    let address = listener.local_addr().map_err(refused)?;
+    Ok(Listening { listener, address, shared: Shared::new() })
+}
+
+impl Listening {
+    /// Where it really listens.
+    #[must_use]
+    pub const fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Serves until it is dropped.
+    pub async fn serve(self) {
+        let mut clients = JoinSet::new();
+        let mut beat = tokio::time::interval(BEAT);
+        beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            tokio::select! {
+                accepted = self.listener.accept() => match accepted {
+                    Ok((stream, peer)) => self.welcome(&mut clients, stream, peer),
+                    Err(error) => {
+                        tracing::warn!(%error, "a client cannot be accepted");
+                        tokio::time::sleep(PAUSE).await;
+                    }
+                },
+                _ = beat.tick() => self.shared.tick(),
+                Some(ended) = clients.join_next() => if let Err(error) = ended {
+                    tracing::error!(%error, "a connection of the broker ended by an error of its own");
+                },
+            }
+        }
+    }
+
+    fn welcome(&self, clients: &mut JoinSet<()>, stream: TcpStream, peer: SocketAddr) {
+        match self.shared.open() {
+            Some(place) => drop(clients.spawn(connection::serve(stream, peer, place))),
+            None => tracing::warn!(%peer, max = CONNECTIONS_MAX, "too many connections; this one is closed"),
+        }
+    }
+}

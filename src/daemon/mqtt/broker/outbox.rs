@@ -1,0 +1,234 @@
+//! What is to go to one client: messages that wait, those that it has not acknowledged, retained ones that it asked for.
+
+use super::encode;
+use super::packet::{Options, Outgoing, Qos, reason};
+use super::retained::{Post, Retained};
+use super::{IN_FLIGHT_MAX, WAITING_BYTES_MAX, WAITING_MAX};
+use crate::domain::time::MonoTime;
+use crate::north::mqtt::Version;
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// A message for one client.
+#[derive(Clone, Debug)]
+pub struct Delivery {
+    pub post: Post,
+    pub qos: Qos,
+    pub retain: bool,
+    pub identifiers: Vec<u32>,
+}
+
+/// What a connection takes.
+#[derive(Clone, Copy, Debug)]
+pub struct Taking {
+    pub version: Version,
+    /// Messages that may wait for an acknowledgement.
+    pub window: usize,
+    /// The longest packet.
+    pub packet_max: usize,
+}
+
+/// All that is to go to one client.
+#[derive(Debug, Default)]
+pub struct Outbox {
+    waiting: VecDeque<Delivery>,
+    /// Their weight.
+    bytes: usize,
+    /// Those among them at quality of service 0.
+    passing: usize,
+    in_flight: VecDeque<InFlight>,
+    asked: VecDeque<Asked>,
+    last_id: u16,
+    dropped: u64,
+}
+
+#[derive(Debug)]
+struct InFlight {
+    id: u16,
+    stage: Stage,
+    /// On this connection.
+    is_sent: bool,
+}
+
+#[derive(Debug)]
+enum Stage {
+    Published(Delivery),
+    /// The client has it; it has not said so for the second time.
+    Released,
+}
+
+/// Retained messages that a subscription wants, one after the other.
+#[derive(Debug)]
+struct Asked {
+    filter: String,
+    options: Options,
+    after: Option<Arc<str>>,
+    /// Those that are kept later come live.
+    number: u64,
+}
+
+impl Outbox {
+    /// Adds a message. Where there is no room, the oldest at quality of service 0 gives way, or else this one.
+    pub fn add(&mut self, delivery: Delivery) {
+        let weight = delivery.post.message.weight();
+        while self.waiting.len() >= WAITING_MAX || self.bytes + weight > WAITING_BYTES_MAX {
+            self.dropped += 1;
+            let oldest = if self.passing == 0 { None } else { self.waiting.iter().position(is_passing) };
+            let Some(oldest) = oldest.and_then(|at| self.waiting.remove(at)) else { return };
+            self.count_out(&oldest);
+        }
+        self.bytes += weight;
+        self.passing += usize::from(is_passing(&delivery));
+        self.waiting.push_back(delivery);
+    }
+
+    /// Sends what is retained for `filter` now, before what waits.
+    pub fn ask(&mut self, filter: &str, options: Options, retained: &Retained) {
+        self.forget(filter);
+        let number = retained.number();
+        self.asked.push_back(Asked { filter: filter.to_owned(), options, after: None, number });
+    }
+
+    /// A subscription is over.
+    pub fn forget(&mut self, filter: &str) {
+        self.asked.retain(|it| it.filter != filter);
+    }
+
+    /// A connection begins: what was not acknowledged is sent again.
+    pub fn begin(&mut self) {
+        self.in_flight.iter_mut().for_each(|it| it.is_sent = false);
+    }
+
+    /// A connection has ended: what may be lost is.
+    pub fn end(&mut self) {
+        let gone: Vec<Delivery> = self.waiting.iter().filter(|it| is_passing(it)).cloned().collect();
+        gone.iter().for_each(|it| self.count_out(it));
+        self.waiting.retain(|it| !is_passing(it));
+    }
+
+    /// How many messages had no room since it was asked last.
+    pub const fn take_dropped(&mut self) -> u64 {
+        std::mem::replace(&mut self.dropped, 0)
+    }
+
+    /// The client acknowledges at quality of service 1.
+    pub fn acked(&mut self, id: u16) {
+        self.in_flight.retain(|it| it.id != id || it.qos() != Some(Qos::AtLeastOnce));
+    }
+
+    /// The client has a message at quality of service 2, or does not want it; returns the reason to answer with.
+    pub fn received(&mut self, id: u16, is_taken: bool) -> Option<u8> {
+        let is_it = |it: &InFlight| it.id == id && it.qos() != Some(Qos::AtLeastOnce);
+        let Some(at) = self.in_flight.iter().position(is_it) else { return Some(reason::IDENTIFIER_NOT_FOUND) };
+        if !is_taken {
+            self.in_flight.remove(at);
+            return None;
+        }
+        self.in_flight[at].stage = Stage::Released;
+        self.in_flight[at].is_sent = true;
+        Some(reason::SUCCESS)
+    }
+
+    /// The client ends a message at quality of service 2.
+    pub fn completed(&mut self, id: u16) {
+        self.in_flight.retain(|it| it.id != id || it.qos().is_some());
+    }
+
+    /// Writes the next packet behind `out`; false: there is none now.
+    pub fn next(&mut self, taking: Taking, retained: &Retained, now: MonoTime, out: &mut Vec<u8>) -> bool {
+        let sent = self.in_flight.iter().filter(|it| it.is_sent).count();
+        if sent < taking.window
+            && let Some(again) = self.in_flight.iter_mut().find(|it| !it.is_sent)
+        {
+            again.write(taking, now, out);
+            return true;
+        }
+        let window = taking.window.min(usize::from(IN_FLIGHT_MAX));
+        while let Some(delivery) = self.take(self.in_flight.len() < window, retained, now) {
+            if delivery.post.is_expired(now) {
+                continue;
+            }
+            let before = out.len();
+            let id = self.free_id();
+            write(&delivery, id, false, taking.version, now, out);
+            if out.len() - before > taking.packet_max {
+                out.truncate(before);
+                self.dropped += 1;
+                continue;
+            }
+            if delivery.qos != Qos::AtMostOnce {
+                self.last_id = id;
+                self.in_flight.push_back(InFlight { id, stage: Stage::Published(delivery), is_sent: true });
+            }
+            return true;
+        }
+        false
+    }
+
+    /// The next message that may go: those above quality of service 0 only if there is room for them.
+    fn take(&mut self, has_room: bool, retained: &Retained, now: MonoTime) -> Option<Delivery> {
+        while let Some(asked) = self.asked.front_mut() {
+            let Some(post) = retained.next(&asked.filter, asked.after.as_ref(), asked.number, now) else {
+                self.asked.pop_front();
+                continue;
+            };
+            let qos = post.message.qos.min(asked.options.qos);
+            if qos != Qos::AtMostOnce && !has_room {
+                return None;
+            }
+            asked.after = Some(Arc::clone(&post.message.topic));
+            let identifiers = asked.options.identifier.into_iter().collect();
+            return Some(Delivery { post: post.clone(), qos, retain: true, identifiers });
+        }
+        let delivery = self.waiting.pop_front_if(|it| has_room || is_passing(it))?;
+        self.count_out(&delivery);
+        Some(delivery)
+    }
+
+    fn count_out(&mut self, delivery: &Delivery) {
+        self.bytes -= delivery.post.message.weight();
+        self.passing -= usize::from(is_passing(delivery));
+    }
+
+    /// A packet identifier that is not in use; there are more of them than places in flight.
+    fn free_id(&self) -> u16 {
+        let mut id = self.last_id;
+        loop {
+            id = id.checked_add(1).unwrap_or(1);
+            if self.in_flight.iter().all(|it| it.id != id) {
+                return id;
+            }
+        }
+    }
+}
+
+impl InFlight {
+    /// The quality of service of what waits for its first acknowledgement.
+    const fn qos(&self) -> Option<Qos> {
+        match &self.stage {
+            Stage::Published(delivery) => Some(delivery.qos),
+            Stage::Released => None,
+        }
+    }
+
+    /// Again, on another connection.
+    fn write(&mut self, taking: Taking, now: MonoTime, out: &mut Vec<u8>) {
+        self.is_sent = true;
+        match &self.stage {
+            Stage::Published(delivery) => write(delivery, self.id, true, taking.version, now, out),
+            Stage::Released => encode::packet(&Outgoing::Released(self.id, reason::SUCCESS), taking.version, out),
+        }
+    }
+}
+
+fn is_passing(delivery: &Delivery) -> bool {
+    delivery.qos == Qos::AtMostOnce
+}
+
+fn write(delivery: &Delivery, id: u16, is_repeat: bool, version: Version, now: MonoTime, out: &mut Vec<u8>) {
+    let Delivery { post, qos, retain, identifiers } = delivery;
+    let packet_id = (*qos != Qos::AtMostOnce).then_some((id, is_repeat));
+    let (message, expiry) = (&*post.message, post.seconds_left(now));
+    let packet = Outgoing::Publish { message, qos: *qos, retain: *retain, packet_id, expiry, identifiers };
+    encode::packet(&packet, version, out);
+}

@@ -1,0 +1,114 @@
+//! Who gets what: subscriptions, and messages on their way to them.
+
+use super::SUBSCRIPTIONS_MAX;
+use super::machine::{ConnectionId, Machine};
+use super::outbox::Delivery;
+use super::packet::{Options, Outgoing, Qos, RetainHandling, Wanted, reason};
+use super::retained::Post;
+use super::session::{Session, SessionId};
+use super::topic::Filter;
+use super::tree::{Members, Taker};
+use crate::north::mqtt::Version;
+use std::collections::BTreeMap;
+
+impl Machine {
+    pub(super) fn subscribe(&mut self, id: ConnectionId, session: SessionId, packet_id: u16, wanted: &[Wanted]) {
+        let Some(connection) = self.connections.get(&id) else { return };
+        let version = connection.taking.version;
+        let codes: Vec<u8> = wanted.iter().map(|it| self.subscribe_one(session, it)).collect();
+        // 3.1.1 knows one way to refuse.
+        let said = |code: u8| if version == Version::V4 { code.min(reason::REFUSED) } else { code };
+        let codes: Vec<u8> = codes.into_iter().map(said).collect();
+        self.reply(id, &Outgoing::SubAck(packet_id, &codes));
+    }
+
+    fn subscribe_one(&mut self, id: SessionId, wanted: &Wanted) -> u8 {
+        let Some(filter) = Filter::new(&wanted.filter) else { return reason::FILTER_INVALID };
+        let Some(session) = self.sessions.get_mut(&id) else { return reason::REFUSED };
+        if session.filters.len() >= SUBSCRIPTIONS_MAX && !session.filters.contains(&wanted.filter) {
+            return reason::QUOTA_EXCEEDED;
+        }
+        session.filters.insert(wanted.filter.clone());
+        let is_new = self.subscriptions.insert(filter, id, wanted.options);
+        let wants_retained = match wanted.retained {
+            RetainHandling::Always => true,
+            RetainHandling::IfNew => is_new,
+            RetainHandling::Never => false,
+        };
+        if wants_retained && filter.group.is_none() {
+            session.outbox.ask(&wanted.filter, wanted.options, &self.retained);
+        }
+        wanted.options.qos as u8
+    }
+
+    pub(super) fn unsubscribe(&mut self, id: ConnectionId, session: SessionId, packet_id: u16, filters: &[String]) {
+        let codes: Vec<u8> = filters.iter().map(|it| self.unsubscribe_one(session, it)).collect();
+        self.reply(id, &Outgoing::UnsubAck(packet_id, &codes));
+    }
+
+    fn unsubscribe_one(&mut self, id: SessionId, text: &str) -> u8 {
+        let Some(filter) = Filter::new(text) else { return reason::FILTER_INVALID };
+        if let Some(session) = self.sessions.get_mut(&id) {
+            session.filters.remove(text);
+            session.outbox.forget(text);
+        }
+        if self.subscriptions.remove(filter, id) { reason::SUCCESS } else { reason::NO_SUBSCRIPTION_EXISTED }
+    }
+
+    /// Keeps `post` if it is to be kept, and gives it to all who want it. `from` has published it.
+    pub(super) fn deliver(&mut self, post: &Post, from: Option<SessionId>) {
+        if post.message.retain && !self.retained.set(post) {
+            self.not_kept += 1;
+        }
+        let mut once = BTreeMap::new();
+        let mut shared = Vec::new();
+        for taker in self.subscriptions.takers(&post.message.topic) {
+            match taker {
+                Taker::Each(members) => {
+                    for (session, options) in members {
+                        if !(options.no_local && from == Some(*session)) {
+                            merge(once.entry(*session).or_insert_with(|| none_of(post)), *options);
+                        }
+                    }
+                }
+                Taker::OneOf(members) => {
+                    self.turn = self.turn.wrapping_add(1);
+                    if let Some((session, options)) = one_of(members, &self.sessions, self.turn) {
+                        let mut delivery = none_of(post);
+                        merge(&mut delivery, options);
+                        shared.push((session, delivery));
+                    }
+                }
+            }
+        }
+        for (id, delivery) in once.into_iter().chain(shared) {
+            let Some(session) = self.sessions.get_mut(&id) else { continue };
+            // Nothing at quality of service 0 waits for a client that is away.
+            if session.connection.is_some() || delivery.qos != Qos::AtMostOnce {
+                session.outbox.add(delivery);
+                self.woken.extend(session.connection);
+            }
+        }
+    }
+}
+
+fn none_of(post: &Post) -> Delivery {
+    Delivery { post: post.clone(), qos: Qos::AtMostOnce, retain: false, identifiers: Vec::new() }
+}
+
+/// Adds what a subscription wants to a message that a client gets once, however many of its filters match.
+fn merge(delivery: &mut Delivery, options: Options) {
+    delivery.qos = delivery.qos.max(options.qos.min(delivery.post.message.qos));
+    delivery.retain |= options.as_published && delivery.post.message.retain;
+    delivery.identifiers.extend(options.identifier);
+}
+
+/// The member whose turn it is; one that is away only if all are.
+fn one_of(members: &Members, sessions: &BTreeMap<SessionId, Session>, turn: usize) -> Option<(SessionId, Options)> {
+    let is_here = |id: &SessionId| sessions.get(id).is_some_and(|it| it.connection.is_some());
+    let here = members.iter().filter(|(id, _)| is_here(id));
+    let here: Vec<(SessionId, Options)> = here.map(|(id, options)| (*id, *options)).collect();
+    let all = || members.iter().map(|(id, options)| (*id, *options)).collect();
+    let those: Vec<(SessionId, Options)> = if here.is_empty() { all() } else { here };
+    those.get(turn.checked_rem(those.len())?).copied()
+}

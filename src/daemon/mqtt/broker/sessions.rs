@@ -1,0 +1,172 @@
+//! How sessions begin, are taken over and end.
+
+use super::machine::{ConnectionId, Machine};
+use super::outbox::Taking;
+use super::packet::{Connect, Expiry, Fault, Outgoing, Will, reason};
+use super::retained::Post;
+use super::session::{Session, SessionId};
+use super::topic::Filter;
+use super::{CLIENT_IDENTIFIER_MAX, IN_FLIGHT_MAX, SESSIONS_MAX};
+use crate::domain::time::MonoTime;
+use crate::north::mqtt::Version;
+use std::sync::Arc;
+
+impl Machine {
+    /// A client has said who it is.
+    pub(super) fn connect(&mut self, id: ConnectionId, connect: Connect, now: MonoTime) {
+        let version = connect.version;
+        let is_nameless = connect.client.is_empty();
+        // 3.1.1 lets clients leave out their identifier only if nothing is kept for them.
+        if (version == Version::V4 && is_nameless && !connect.clean_start)
+            || connect.client.len() > CLIENT_IDENTIFIER_MAX
+        {
+            let code = if version == Version::V4 { 2 } else { reason::CLIENT_IDENTIFIER_INVALID };
+            return self.refuse(id, version, code);
+        }
+        let client = if is_nameless { self.free_identifier() } else { connect.client.as_str().into() };
+        let kept = self.take_over(&client, connect.clean_start, now);
+        let session_present = kept.is_some();
+        let session_id = kept.unwrap_or_else(|| self.begin(Arc::clone(&client), now));
+        let Some(connection) = self.connections.get_mut(&id) else { return };
+        let window = usize::from(connect.receive_maximum.min(IN_FLIGHT_MAX));
+        connection.taking = Taking { version, window, packet_max: connect.packet_maximum };
+        connection.session = Some(session_id);
+        connection.silence_max = (!connect.keep_alive.is_zero()).then(|| connect.keep_alive * 3 / 2);
+        let assigned = is_nameless.then_some(&*client);
+        connection.reply(&Outgoing::ConnAck { session_present, code: reason::SUCCESS, assigned });
+        self.woken.insert(id);
+        if let Some(session) = self.sessions.get_mut(&session_id) {
+            session.connection = Some(id);
+            session.expiry = connect.expiry;
+            session.will = connect.will;
+            session.outbox.begin();
+        }
+    }
+
+    /// Says no, and closes.
+    pub(super) fn refuse(&mut self, id: ConnectionId, version: Version, code: u8) {
+        let Some(connection) = self.connections.get_mut(&id) else { return };
+        connection.taking.version = version;
+        connection.reply(&Outgoing::ConnAck { session_present: false, code, assigned: None });
+        connection.is_ending = true;
+        self.woken.insert(id);
+    }
+
+    /// DISCONNECT of a client.
+    pub(super) fn leave(
+        &mut self,
+        id: ConnectionId,
+        session: SessionId,
+        with_will: bool,
+        expiry: Option<Expiry>,
+        now: MonoTime,
+    ) -> Result<(), Fault> {
+        if let (Some(expiry), Some(session)) = (expiry, self.sessions.get_mut(&session)) {
+            if session.expiry == Expiry::AT_ONCE && expiry != Expiry::AT_ONCE {
+                return Err(Fault::protocol("a session that is to last after all"));
+            }
+            session.expiry = expiry;
+        }
+        if let Some(connection) = self.connections.get_mut(&id) {
+            connection.session = None;
+            connection.is_ending = true;
+            self.woken.insert(id);
+        }
+        self.detach(session, with_will, now);
+        Ok(())
+    }
+
+    /// The connection of `session` has ended.
+    pub(super) fn detach(&mut self, session: SessionId, with_will: bool, now: MonoTime) {
+        let Some(kept) = self.sessions.get_mut(&session) else { return };
+        kept.connection = None;
+        kept.gone_at = now;
+        kept.outbox.end();
+        if !with_will {
+            kept.will = None;
+        }
+        self.let_pass(session, now);
+    }
+
+    /// Wills whose delay is over, and sessions that are.
+    pub(super) fn let_sessions_pass(&mut self, now: MonoTime) {
+        let away = self.sessions.iter().filter(|(_, it)| it.connection.is_none());
+        for session in away.map(|(id, _)| *id).collect::<Vec<_>>() {
+            self.let_pass(session, now);
+        }
+    }
+
+    fn let_pass(&mut self, id: SessionId, now: MonoTime) {
+        let Some(session) = self.sessions.get_mut(&id) else { return };
+        let is_over = session.is_over(now);
+        let will = session.take_due_will(now);
+        self.publish_will(will, id, now);
+        if is_over {
+            self.end(id, now);
+        }
+    }
+
+    /// Ends a session; its will waits no longer.
+    fn end(&mut self, id: SessionId, now: MonoTime) {
+        let Some(mut session) = self.sessions.remove(&id) else { return };
+        self.clients.remove(&session.client);
+        for filter in session.filters.iter().filter_map(|it| Filter::new(it)) {
+            self.subscriptions.remove(filter, id);
+        }
+        let dropped = session.outbox.take_dropped();
+        if dropped > 0 && self.dropped.len() < SESSIONS_MAX {
+            *self.dropped.entry(Arc::clone(&session.client)).or_default() += dropped;
+        }
+        self.publish_will(session.will, id, now);
+    }
+
+    /// Ends another connection of `client`. Returns the session that goes on.
+    fn take_over(&mut self, client: &str, clean_start: bool, now: MonoTime) -> Option<SessionId> {
+        let id = *self.clients.get(client)?;
+        let session = self.sessions.get_mut(&id)?;
+        let other = session.connection;
+        let will = if clean_start { None } else { session.take_will_at_once() };
+        session.connection = None;
+        if let Some((other, connection)) = other.and_then(|it| Some((it, self.connections.get_mut(&it)?))) {
+            connection.session = None;
+            connection.is_ending = true;
+            connection.reply(&Outgoing::Disconnect(reason::TAKEN_OVER));
+            self.woken.insert(other);
+            session.outbox.end();
+        }
+        self.publish_will(will, id, now);
+        if clean_start {
+            self.end(id, now);
+        }
+        (!clean_start).then_some(id)
+    }
+
+    fn begin(&mut self, client: Arc<str>, now: MonoTime) -> SessionId {
+        if self.sessions.len() >= SESSIONS_MAX {
+            let away = self.sessions.iter().filter(|(_, it)| it.connection.is_none());
+            if let Some(oldest) = away.min_by_key(|(_, it)| it.gone_at).map(|(id, _)| *id) {
+                self.end(oldest, now);
+            }
+        }
+        self.number += 1;
+        let id = SessionId(self.number);
+        self.clients.insert(Arc::clone(&client), id);
+        self.sessions.insert(id, Session::new(client, now));
+        id
+    }
+
+    fn free_identifier(&mut self) -> Arc<str> {
+        loop {
+            let client: Arc<str> = format!("auto-{:016x}", self.random.u64(..)).into();
+            if !self.clients.contains_key(&client) {
+                return client;
+            }
+        }
+    }
+
+    fn publish_will(&mut self, will: Option<Will>, session: SessionId, now: MonoTime) {
+        if let Some(Will { message, .. }) = will {
+            self.deliver(&Post::new(message, now), Some(session));
+        }
+    }
+}

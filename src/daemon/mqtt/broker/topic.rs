@@ -1,0 +1,122 @@
+//! Names of topics, and filters over them.
+
+/// Levels of a filter at most: subscriptions are a tree of this depth.
+const LEVELS_MAX: usize = 128;
+
+/// Whether something can be published there.
+pub fn is_name(topic: &str) -> bool {
+    !topic.is_empty() && !topic.contains(['+', '#', '\0'])
+}
+
+/// A filter that is right, perhaps of a group whose members share its messages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Filter<'a> {
+    pub group: Option<&'a str>,
+    pub levels: &'a str,
+}
+
+impl<'a> Filter<'a> {
+    /// Nothing: it is not a filter.
+    pub fn new(text: &'a str) -> Option<Self> {
+        let (group, levels) = match text.strip_prefix("$share/") {
+            Some(rest) => {
+                let (group, levels) = rest.split_once('/')?;
+                (Some(group), levels)
+            }
+            None if text == "$share" => return None,
+            None => (None, text),
+        };
+        let is_group = group.is_none_or(|name| !name.is_empty() && !name.contains(['+', '#']));
+        (is_group && is_filter(levels)).then_some(Self { group, levels })
+    }
+}
+
+fn is_filter(text: &str) -> bool {
+    let mut levels = text.split('/').rev();
+    let last = levels.next().unwrap_or_default();
+    let is_level = |level: &str| level == "+" || !level.contains(['+', '#']);
+    !text.is_empty() && text.split('/').count() <= LEVELS_MAX && (last == "#" || is_level(last)) && levels.all(is_level)
+}
+
+/// Whether what is published on `topic` belongs to `filter`. Wildcards at the beginning leave out topics that begin
+/// with `$`.
+pub fn matches(filter: &str, topic: &str) -> bool {
+    if topic.starts_with('$') && filter.starts_with(['+', '#']) {
+        return false;
+    }
+    let mut levels = topic.split('/');
+    for wanted in filter.split('/') {
+        if wanted == "#" {
+            return true;
+        }
+        match levels.next() {
+            Some(level) if wanted == "+" || wanted == level => {}
+            _ => return false,
+        }
+    }
+    levels.next().is_none()
+}
+
+/// What every topic of `filter` begins with.
+pub fn literal(filter: &str) -> &str {
+    let literal = filter.find(['+', '#']).map_or(filter, |at| &filter[..at]);
+    // `a/#` is also `a`.
+    if filter.ends_with('#') { literal.strip_suffix('/').unwrap_or(literal) } else { literal }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Filter, topic, whether they match: the examples of the specification, and others.
+    pub const MATCHES: &[(&str, &str, bool)] = &[
+        ("sport/tennis/player1/#", "sport/tennis/player1", true),
+        ("sport/tennis/player1/#", "sport/tennis/player1/ranking", true),
+        ("sport/tennis/player1/#", "sport/tennis/player1/score/wimbledon", true),
+        ("sport/#", "sport", true),
+        ("sport/#", "sports", false),
+        ("#", "a/b", true),
+        ("#", "/", true),
+        ("sport/tennis/+", "sport/tennis/player1", true),
+        ("sport/tennis/+", "sport/tennis/player1/ranking", false),
+        ("sport/+", "sport", false),
+        ("sport/+", "sport/", true),
+        ("+/+", "/finance", true),
+        ("/+", "/finance", true),
+        ("+", "/finance", false),
+        ("#", "$SYS/x", false),
+        ("+/monitor/Clients", "$SYS/monitor/Clients", false),
+        ("$SYS/#", "$SYS/x", true),
+        ("$SYS/#", "$SYS", true),
+        ("$SYS/monitor/+", "$SYS/monitor/Clients", true),
+        ("a/+/c", "a/b/c", true),
+        ("a/+/c", "a/b/d", false),
+        ("a//c", "a//c", true),
+        ("a/+/#", "a/b", true),
+        ("a/b", "a/b/c", false),
+        ("ä/+", "ä/ö", true),
+    ];
+
+    #[test]
+    fn filters_match_as_the_specification_says() {
+        for (filter, topic, expected) in MATCHES {
+            assert_eq!(matches(filter, topic), *expected, "{filter} {topic}");
+            assert!(!expected || topic.starts_with(literal(filter)), "{filter} {topic}");
+        }
+    }
+
+    #[test]
+    fn wrong_filters_and_names_are_refused() {
+        for wrong in ["", "a#", "a/#/b", "a+", "a/+b/c", "##", "$share", "$share/g", "$share//a", "$share/g+/a"] {
+            assert_eq!(Filter::new(wrong), None, "{wrong}");
+        }
+        assert_eq!(Filter::new("$share/g/"), None);
+        assert_eq!(Filter::new("$share/g/a/#"), Some(Filter { group: Some("g"), levels: "a/#" }));
+        for right in ["/", "+", "#", "a/+/+/#", "$SYS/#", "a b", "//"] {
+            assert_eq!(Filter::new(right), Some(Filter { group: None, levels: right }), "{right}");
+        }
+        assert!(Filter::new(&"/".repeat(LEVELS_MAX - 1)).is_some());
+        assert_eq!(Filter::new(&"/".repeat(LEVELS_MAX)), None);
+        assert!(is_name("a/b") && is_name("/") && !is_name("") && !is_name("a/+") && !is_name("#"));
+    }
+}
