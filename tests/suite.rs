@@ -113,3 +113,5 @@ mod unproven;
 mod watchdog;
 #[path = "scenarios/watching.rs"]
 mod watching;
+#[path = "scenarios/written_zero.rs"]
+mod written_zero;

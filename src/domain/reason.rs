@@ -139,6 +139,8 @@ reasons! {
     NoTake = 51, "no_take", "control cannot be taken over: its holder has to release it, or its lease to end";
     /// The drive leaves the configuration.
     Removed = 52, "removed", "the drive is leaving the configuration";
+    /// The drive has refused a stop, and none was effective since.
+    StopRefused = 53, "stop_refused", "the drive has refused to be stopped: it is not started before a stop was effective";
 }
 
 impl Reason {

@@ -16,6 +16,7 @@ use super::view::RunState;
 use crate::domain::command::{Direction, RunIntent};
 use crate::domain::time::MonoTime;
 use crate::profile::model::Flag;
+use std::time::Duration;
 
 /// How many readings of zero in a row count as standstill.
 pub const ZEROS_FOR_STANDSTILL: u8 = 2;
@@ -25,6 +26,8 @@ pub const ZEROS_FOR_STANDSTILL: u8 = 2;
 pub struct OutputWatch {
     last: Option<(u16, MonoTime)>,
     zeros: u8,
+    /// The lowest reading since a stop has taken effect, and when it came.
+    ramp: Option<(u16, MonoTime)>,
 }
 
 impl OutputWatch {
@@ -32,6 +35,34 @@ impl OutputWatch {
     pub fn take(&mut self, raw: u16, at: MonoTime) {
         self.last = Some((raw, at));
         self.zeros = if raw == 0 { self.zeros.saturating_add(1) } else { 0 };
+        if let Some(lowest) = self.ramp.as_mut().filter(|(lowest, _)| raw < *lowest) {
+            *lowest = (raw, at);
+        }
+    }
+
+    /// A stop has taken effect at `at`: from here on the output falls.
+    pub fn ramps_down(&mut self, at: MonoTime) {
+        self.ramp = Some((self.raw().unwrap_or(u16::MAX), at));
+    }
+
+    /// Whether the motor turns otherwise than a stop explains: the output has risen by more than `rise` above its lowest
+    /// reading, or has not fallen for `within`.
+    #[must_use]
+    pub fn has_left_its_ramp(&self, rise: u32, within: Duration) -> bool {
+        let (Some((lowest, since)), Some((raw, at))) = (self.ramp, self.last) else { return false };
+        raw > 0 && (u32::from(raw) > u32::from(lowest).saturating_add(rise) || at.since(since) >= within)
+    }
+
+    /// Whether the last reading is the lowest since a stop has taken effect.
+    #[must_use]
+    pub fn falls(&self) -> bool {
+        self.ramp.is_some() && self.ramp == self.last
+    }
+
+    /// When the last reading came; nothing if there is none.
+    #[must_use]
+    pub fn at(&self) -> Option<MonoTime> {
+        self.last.map(|(_, at)| at)
     }
 
     /// Forgets everything: the drive is out of sight.
@@ -131,6 +162,31 @@ mod tests {
             );
         }
     }
+
+    #[test]
+    fn a_motor_leaves_the_ramp_of_a_stop_by_rising_or_by_not_falling() {
+        let (rise, within) = (100, Duration::from_secs(3));
+        for (readings, has_left) in [
+            (&[(0, 3000), (1, 2500), (2, 2000)][..], false),
+            (&[(0, 3000), (1, 2500), (2, 2600)], false),
+            (&[(0, 3000), (1, 2500), (2, 2601)], true),
+            (&[(0, 3000), (2, 3000)], false),
+            (&[(0, 3000), (3, 3000)], true),
+            (&[(0, 3000), (5, 2999), (7, 2999)], false),
+            (&[(0, 3000), (1, 0), (90, 0)], false),
+        ] {
+            let mut watch = OutputWatch::default();
+            for (index, (second, raw)) in readings.iter().enumerate() {
+                watch.take(*raw, MonoTime::from_millis(second * 1000));
+                if index == 0 {
+                    assert!(!watch.has_left_its_ramp(rise, within), "no stop was given");
+                    watch.ramps_down(MonoTime::ZERO);
+                }
+            }
+            assert_eq!(watch.has_left_its_ramp(rise, within), has_left, "{readings:?}");
+        }
+    }
+
     #[test]
     fn what_the_status_word_tells() {
         let (forward, stop) = (RunIntent::Run(Direction::Forward), RunIntent::Stop);

@@ -4,6 +4,7 @@ use crate::domain::command::{Direction, Go, RegisterWrite};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
 use crate::profile::model::{Flag, Model, Register, Role, RunCommand};
+use crate::wire::pdu::function;
 use std::time::Duration;
 
 /// How long a drive may take to show what it has acknowledged: the next turn of its own program, or a ramp's start.
@@ -155,6 +156,17 @@ pub fn of_stop(model: &Model, coast: bool) -> Result<(u16, u16), NoSteps> {
     let (register, run) = command_register(model)?;
     let value = if coast { run.coast.as_ref().ok_or(NoSteps::NotCapable)?.value } else { run.stop.value };
     Ok((register.address, value))
+}
+
+/// Whether the model declares that the register at `address` is written by function 10 hex as well as by 06.
+#[must_use]
+pub fn takes_in_a_block(model: &Model, address: u16) -> bool {
+    model.serves(function::WRITE_MULTIPLE)
+        && model
+            .write
+            .block
+            .as_ref()
+            .is_some_and(|block| (block.address..block.address.saturating_add(block.count.value)).contains(&address))
 }
 
 /// The step that hands control back.

@@ -5,6 +5,7 @@ use super::watchdog::WatchdogView;
 use crate::domain::command::{Owner, Report, RunIntent};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
+use std::time::Duration;
 
 /// Everything about one drive that can be shown. It is made by the line and never changed by anybody else.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -204,4 +205,24 @@ pub struct ControlView {
     pub last: Option<Report>,
     /// Commands so far, wrapping.
     pub commands: u16,
+    /// Who stops the drive again and again although it was started elsewhere.
+    pub stopped_again: Option<StoppedAgain>,
+}
+
+/// Somebody stops a drive again and again that others start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StoppedAgain {
+    /// Who.
+    pub by: Owner,
+    /// How often in a row.
+    pub times: u16,
+    /// When the last time.
+    pub at: MonoTime,
+}
+
+impl StoppedAgain {
+    /// So many in a row are told.
+    pub const TOLD_FROM: u16 = 3;
+    /// After so long without one the next is the first again.
+    pub const WITHIN: Duration = Duration::from_secs(60);
 }

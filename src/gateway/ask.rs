@@ -43,7 +43,7 @@ impl LineCore {
         };
         let facts = Facts {
             line_is_bad: self.health.quality.is_suspended(command.drive.get()),
-            ..work.facts(self.takes_requests(), self.is_offline(command.drive))
+            ..work.facts(self.takes_requests(), self.is_offline(command.drive), now)
         };
         self.works[command.drive.get()].command(now, command, waiter, facts, &mut self.effects);
     }

@@ -117,7 +117,7 @@ impl LineCore {
         let works = (0..).zip(&setup.drives).map(|(index, drive)| {
             let range = setup.watchdog_range(usize::from(index));
             let work = DriveWork::new(DriveIndex(index), &drive.model, drive.control.clone(), setup.first_epoch, now);
-            let mut work = work.watched(range);
+            let mut work = work.watched(range).polled(pace(drive.poll));
             if setup.keeps {
                 work.remember(&drive.remembered, now, &mut effects);
             }

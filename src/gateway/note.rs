@@ -32,6 +32,17 @@ pub enum Note {
     /// A stop shows no effect.
     #[error("ALARM: a stop shows no effect; it is repeated")]
     NotEffective,
+    /// The drive refuses to be stopped.
+    #[error("ALARM: the drive refuses to be stopped; it is not started before a stop was effective")]
+    StopRefused,
+    /// Somebody stops the drive again and again although others start it.
+    #[error(
+        "{by} stops the drive again and again although it was started elsewhere: a controller that is not in charge writes nothing"
+    )]
+    StoppedAgain {
+        /// Who.
+        by: Owner,
+    },
     /// A stop became effective after the alarm.
     #[error("the stop is effective now")]
     EffectiveAtLast,

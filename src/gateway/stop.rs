@@ -46,8 +46,11 @@ pub struct StopLatch {
     send_at: MonoTime,
     /// The drive has answered it in an exchange without doubt.
     is_acknowledged: bool,
-    /// The drive refused it, because somebody else has control of it: it is settled once the motor stands still.
+    /// The drive refused every form of it: it is settled once the motor stands still.
     was_refused: bool,
+    /// In which of its forms it goes next, and how many the drive has refused so far.
+    form: usize,
+    refusals: usize,
     /// The last frame had no answer at all: it goes again as soon as the drive shows itself.
     is_unanswered: bool,
     look_at: MonoTime,
@@ -91,6 +94,8 @@ impl StopLatch {
             send_at: now,
             is_acknowledged: false,
             was_refused: false,
+            form: 0,
+            refusals: 0,
             is_unanswered: false,
             look_at: MonoTime::NEVER,
             watch: FallWatch::default(),
@@ -163,13 +168,19 @@ impl StopLatch {
     #[must_use]
     pub fn frame(&self) -> (MonoTime, Request) {
         let at = if self.is_away() && !self.is_first() { MonoTime::NEVER } else { self.send_at.max(self.silent_until) };
-        (at, self.order.request())
+        (at, self.order.request_in(self.form))
+    }
+
+    /// The word that it writes.
+    #[must_use]
+    pub const fn word(&self) -> u16 {
+        self.order.word()
     }
 
     /// Its frame, if that has gone to nobody yet, neither to this drive nor to all at once.
     #[must_use]
     pub fn unsent(&self) -> Option<Request> {
-        (self.is_first() && !self.was_broadcast).then(|| self.order.request())
+        (self.is_first() && !self.was_broadcast).then(|| self.frame().1)
     }
 
     /// It went to all drives of the line in one frame. Nobody answers that, so its own frame still follows. Returns when
@@ -230,10 +241,31 @@ impl StopLatch {
         Some(Report::new(Outcome::Acknowledged, Reason::None))
     }
 
-    /// The drive refused it: it goes again in its time. Meanwhile the drive is looked at, and at standstill there is
-    /// nothing left to stop.
-    pub fn refused(&mut self, now: MonoTime) {
-        (self.look_at, self.was_refused) = (now, true);
+    /// The drive refused it in its present form: another one that its model declares goes at once. Where it has refused
+    /// all of them, it goes again in its time; meanwhile the drive is looked at, and at standstill there is nothing left
+    /// to stop. Returns whether no other form is left.
+    pub fn refused(&mut self, now: MonoTime) -> bool {
+        self.look_at = now;
+        self.form = (self.form + 1) % self.order.forms();
+        self.refusals = self.refusals.saturating_add(1);
+        if self.refusals < self.order.forms() {
+            self.send_at = now;
+            return false;
+        }
+        self.was_refused = true;
+        true
+    }
+
+    /// Whether the drive has refused every form of it and acknowledged none.
+    #[must_use]
+    pub const fn is_refused(&self) -> bool {
+        self.was_refused && !self.is_acknowledged
+    }
+
+    /// Whether the drive has answered it in an exchange without doubt.
+    #[must_use]
+    pub const fn is_acknowledged(&self) -> bool {
+        self.is_acknowledged
     }
 
     /// The frame had no good answer: it goes again, at once when the drive shows itself.

@@ -44,6 +44,13 @@ impl Waiter {
         Self { asker, ticket, drive, is_native, is_answered: false, number: None, attempt: None }
     }
 
+    /// Nobody waits: only the end of the attempt is to be kept and counted.
+    #[must_use]
+    pub const fn of_nobody(drive: DriveIndex) -> Self {
+        let (asker, ticket) = (AskerId::LOCAL, Ticket(0));
+        Self { asker, ticket, drive, is_native: true, is_answered: true, number: None, attempt: None }
+    }
+
     /// The answer with `report`, if this waiter is still to be told it. A native writer is answered once: at the
     /// drive's acknowledgement, or at the end.
     pub fn answer(&mut self, report: Report, is_final: bool) -> Option<Effect> {

@@ -89,13 +89,37 @@ pub struct StopOrder {
     pub(super) address: u16,
     pub(super) value: u16,
     pub(super) coast: bool,
+    /// The model declares that its register is written by function 10 hex as well.
+    pub(super) in_block: bool,
 }
 
 impl StopOrder {
-    /// What goes on the wire.
+    /// What goes on the wire, in its first form.
     #[must_use]
-    pub const fn request(&self) -> Request {
-        Request::WriteSingle { address: self.address, value: self.value }
+    pub fn request(&self) -> Request {
+        self.request_in(0)
+    }
+
+    /// How many forms the model declares for it. Where the drive refuses one, the next is tried.
+    #[must_use]
+    pub const fn forms(&self) -> usize {
+        1 + self.in_block as usize
+    }
+
+    /// What goes on the wire in the form with this number, counted on from the first behind the last.
+    #[must_use]
+    pub fn request_in(&self, form: usize) -> Request {
+        let Self { address, value, .. } = *self;
+        match form % self.forms() {
+            0 => Request::WriteSingle { address, value },
+            _ => Request::WriteMultiple { address, values: vec![value] },
+        }
+    }
+
+    /// The word that it writes.
+    #[must_use]
+    pub const fn word(&self) -> u16 {
+        self.value
     }
 
     /// Whether the output is cut off instead of ramped down.

@@ -89,6 +89,9 @@ impl DriveGuard {
         if facts.stop_pending {
             return Err(refused(Reason::StopPending));
         }
+        if facts.stop_refused && go.run().is_some() {
+            return Err(refused(Reason::StopRefused));
+        }
         if command.epoch.is_some_and(|epoch| epoch != self.epoch()) {
             return Err(refused(Reason::StaleEpoch));
         }

@@ -3,7 +3,7 @@
 use super::approved::{Approved, StopOrder};
 use super::registers::is_parameter;
 use super::state::DriveGuard;
-use crate::domain::command::{CommandRequest, Direction, Go, Manner, Order, Origin, Owner, Reason, Report, RunIntent};
+use crate::domain::command::{CommandRequest, Direction, Manner, Order, Origin, Owner, Reason, Report, RunIntent};
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
@@ -29,6 +29,11 @@ pub struct Facts {
     pub tripped: Option<bool>,
     /// The motor is known to stand still.
     pub at_standstill: bool,
+    /// Fresh readings show that the motor does not run, or ramps down because of a stop that was given here. Only then a
+    /// stop that is ordered again changes nothing.
+    pub rests: bool,
+    /// The drive has refused the last stop that it was sent, and none has taken effect since.
+    pub stop_refused: bool,
     /// Output frequency, if it was read.
     pub output: Option<Hertz>,
     /// The direction in which the motor turns, if the drive shows it.
@@ -48,6 +53,8 @@ pub enum Verdict {
     JoinsStop,
     /// It goes to the line before everything else.
     Stop(StopOrder),
+    /// The same, and it is the order that is in force already: the drive has refused it, and may take it now.
+    StopAgain(StopOrder),
     /// It goes to the line in its turn.
     Go(Approved),
     /// Control has passed to the one who took it, from the one who held it, if anybody did.
@@ -67,7 +74,8 @@ impl DriveGuard {
             self.resetting.remove(origin.owner);
         }
         match &command.order {
-            Order::Stop { setpoint } => self.review_stop(command, *setpoint, &control, facts, now),
+            // A setpoint beside a stop is never taken: what the commander reads back shows it.
+            Order::Stop { .. } => self.review_stop(origin, facts, now),
             Order::Coast => self.review_coast(origin, &control, facts, now),
             Order::Take => self.review_take(origin, &control, facts, now),
             order => {
@@ -88,26 +96,9 @@ impl DriveGuard {
         }
     }
 
-    fn review_stop(
-        &mut self,
-        command: &CommandRequest,
-        setpoint: Option<Hertz>,
-        control: &ControlSettings,
-        facts: &Facts,
-        now: MonoTime,
-    ) -> Result<Verdict, Report> {
-        let origin = command.origin;
+    fn review_stop(&mut self, origin: Origin, facts: &Facts, now: MonoTime) -> Result<Verdict, Report> {
         may_stop(origin)?;
-        let in_force = self.is_stop_in_force(origin, RunIntent::Stop);
-        if let Some(setpoint) = setpoint.filter(|_| in_force && !facts.stop_pending) {
-            // The stop changes nothing any more, so the setpoint is a command of its own.
-            let go = Go::new(Vec::new(), Some(setpoint), None).ok_or(refused(Reason::NotUnderstood))?;
-            self.may_command(origin, control, facts)?;
-            return self.review_go(command, &go, control, facts, now);
-        }
-        // A setpoint beside a stop that acts is dropped: none follows a stop that is not effective. What the
-        // commander reads back shows it.
-        self.stop(origin, in_force, false, facts, now)
+        self.stop(origin, false, facts, now)
     }
 
     fn review_coast(
@@ -119,31 +110,44 @@ impl DriveGuard {
     ) -> Result<Verdict, Report> {
         may_stop(origin)?;
         self.may_do(ControlAction::Coast, control)?;
-        let in_force = self.is_stop_in_force(origin, RunIntent::Coast);
-        self.stop(origin, in_force, true, facts, now)
+        self.stop(origin, true, facts, now)
     }
 
-    /// Whether this cyclic order to stop changes nothing: its sender has commanded it since the last inhibit.
-    fn is_stop_in_force(&self, origin: Origin, intent: RunIntent) -> bool {
-        origin.manner == Manner::Cyclic && self.intent() == intent && self.armed.has(origin.owner)
+    /// Whether this cyclic order to stop is the one in force: its sender has commanded it since the last inhibit. Where
+    /// the drive has shown the effect of a stop since then, whoever else commands it has commanded the same.
+    fn is_stop_in_force(&mut self, origin: Origin, intent: RunIntent, facts: &Facts) -> bool {
+        if origin.manner != Manner::Cyclic || self.intent() != intent {
+            return false;
+        }
+        if self.stop_took_effect && facts.rests {
+            self.armed.add(origin.owner, MonoTime::NEVER);
+        }
+        self.armed.has(origin.owner)
     }
 
-    fn stop(
-        &mut self,
-        origin: Origin,
-        in_force: bool,
-        coast: bool,
-        facts: &Facts,
-        now: MonoTime,
-    ) -> Result<Verdict, Report> {
-        if in_force {
+    fn stop(&mut self, origin: Origin, coast: bool, facts: &Facts, now: MonoTime) -> Result<Verdict, Report> {
+        let in_force = self.is_stop_in_force(origin, if coast { RunIntent::Coast } else { RunIntent::Stop }, facts);
+        if in_force && (facts.stop_pending || facts.rests) {
             self.renew(origin.owner, now);
             return Ok(if facts.stop_pending { Verdict::JoinsStop } else { Verdict::Unchanged });
         }
-        let order = self.stop_order(coast).ok_or(refused(Reason::NotCapable))?;
-        self.accept_stop(Some(origin.owner), coast, now);
-        self.renew(origin.owner, now);
-        Ok(Verdict::Stop(order))
+        let order = self.stop_of(origin.owner, coast, now).ok_or(refused(Reason::NotCapable))?;
+        Ok(if in_force && facts.stop_refused { Verdict::StopAgain(order) } else { Verdict::Stop(order) })
+    }
+
+    /// Accepts a stop of `owner`, which is sent. Nothing on a model that has none of this kind.
+    fn stop_of(&mut self, owner: Owner, coast: bool, now: MonoTime) -> Option<StopOrder> {
+        let order = self.stop_order(coast)?;
+        self.accept_stop(Some(owner), coast, now);
+        self.renew(owner, now);
+        Some(order)
+    }
+
+    /// A stop of `owner` was answered from memory, because the drive had been seen not running, and is now seen running:
+    /// it goes out after all.
+    pub fn stop_after_all(&mut self, owner: Owner, coast: bool, now: MonoTime) -> Option<StopOrder> {
+        self.control.as_ref()?;
+        self.stop_of(owner, coast, now)
     }
 
     /// A control action needs a fact of the model that is proven, or that the control section accepts as it is.

@@ -41,6 +41,8 @@ pub struct DriveGuard {
     /// Since when nobody may simply go on: what was issued until then starts nothing.
     pub(super) inhibited_at: MonoTime,
     failsafe: bool,
+    /// The last stop has taken effect, and nothing has ended that since.
+    pub(super) stop_took_effect: bool,
     /// Control was handed back, and nothing was ordered since.
     pub(super) is_released: bool,
     pub(super) is_ending: bool,
@@ -101,6 +103,7 @@ impl DriveGuard {
             stopped_at: None,
             inhibited_at: now,
             failsafe: false,
+            stop_took_effect: false,
             is_released: false,
             is_ending: false,
             interlocks: Interlocks::default(),
@@ -219,6 +222,7 @@ impl DriveGuard {
     /// Something happened at `now` after which nobody may simply go on: a lost lease, a stop that was given up.
     pub fn inhibit(&mut self, now: MonoTime) {
         self.inhibited_at = now;
+        self.stop_took_effect = false;
         self.armed.clear();
         self.intent = RunIntent::Stop;
         self.run_acknowledged = false;
@@ -236,6 +240,11 @@ impl DriveGuard {
         self.lease = None;
         self.is_released = true;
         self.inhibit(now);
+    }
+
+    /// The last stop has taken effect.
+    pub const fn stop_was_effective(&mut self) {
+        self.stop_took_effect = true;
     }
 
     /// The drive stands still after a stop by the one who holds control: there is nothing left to hold.
@@ -321,6 +330,7 @@ impl DriveGuard {
 
     pub(super) fn accept_run(&mut self, owner: Owner, direction: Direction) {
         self.is_released = false;
+        self.stop_took_effect = false;
         self.intent = RunIntent::Run(direction);
         self.turned = Some(direction);
         self.run_acknowledged = false;
@@ -351,7 +361,8 @@ impl DriveGuard {
 
     pub(super) fn stop_order(&self, coast: bool) -> Option<StopOrder> {
         let (address, value) = steps::of_stop(&self.model, coast).ok()?;
-        Some(StopOrder { address, value, coast })
+        let in_block = steps::takes_in_a_block(&self.model, address);
+        Some(StopOrder { address, value, coast, in_block })
     }
 
     pub(super) fn lost(&mut self, owner: Option<Owner>, action: FailSafe, cause: Cause, now: MonoTime) -> Lost {

@@ -24,6 +24,8 @@ pub(super) const RESTING: Facts = Facts {
     stop_pending: false,
     tripped: Some(false),
     at_standstill: true,
+    rests: true,
+    stop_refused: false,
     output: Some(Hertz::ZERO),
     turns: None,
     is_local: None,

@@ -42,6 +42,8 @@ fn list_by(model: &Model, order: Order, owner: Owner) -> List {
         is_offline: false,
         stop_pending: false,
         tripped: Some(matches!(command.order, Order::Reset)),
+        rests: true,
+        stop_refused: false,
         at_standstill: true,
         output: Some(Hertz::ZERO),
         turns: None,

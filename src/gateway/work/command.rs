@@ -21,6 +21,7 @@ impl DriveWork {
         self.has_changed = true;
         let is_full = self.waiting.len() >= COMMANDS_MAX && !(command.order.is_stop() || command.order.is_no_attempt());
         let (owner, tried) = (command.origin.owner, || Tried::Order(command.order.clone()));
+        let runs_by_others = self.runs_by_others();
         let verdict =
             if is_full { Err(Report::refused(Reason::QueueFull)) } else { self.guard.review(command, &facts, now) };
         match verdict {
@@ -37,10 +38,21 @@ impl DriveWork {
                 if !repeats && !command.order.is_no_attempt() {
                     out.attempt_ended(self.drive, owner, tried(), report);
                 }
+                if command.order.is_stop() {
+                    self.was_answered(command);
+                }
                 out.tell(&mut waiter, report, true);
             }
             Ok(Verdict::JoinsStop) => self.join_stop(waiter, out),
+            Ok(Verdict::StopAgain(order)) => {
+                self.cut(now, out);
+                self.is_stopping = true;
+                self.stop(order, Some(waiter), now, out);
+            }
             Ok(Verdict::Stop(order)) => {
+                if runs_by_others {
+                    self.is_stopped_by(owner, now, out);
+                }
                 self.count(&mut waiter);
                 out.attempt_taken(self.drive, owner, tried(), &mut waiter);
                 self.cut(now, out);
@@ -156,7 +168,7 @@ impl DriveWork {
         }
     }
 
-    fn stop(&mut self, order: StopOrder, waiter: Option<Waiter>, now: MonoTime, out: Out<'_>) {
+    pub(super) fn stop(&mut self, order: StopOrder, waiter: Option<Waiter>, now: MonoTime, out: Out<'_>) {
         let coast = order.is_coast();
         let is_new = match &mut self.latch {
             Some(latch) => latch.also(order, waiter, now, out),

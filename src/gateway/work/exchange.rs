@@ -126,24 +126,32 @@ impl DriveWork {
 
     pub(super) fn stop_ended(&mut self, ending: &Ending, doubt: bool, now: MonoTime, out: Out<'_>) {
         let Some(latch) = &mut self.latch else { return };
-        let Request::WriteSingle { value, .. } = latch.frame().1 else { return };
         let failed = Report::new(Outcome::Failed, Reason::KeptOldValue);
+        let refused = match ending {
+            Ending::Reply(Reply::Holds { value: held }) if *held != latch.word() => {
+                Some(Report { held: Some(*held), ..failed })
+            }
+            Ending::Exception(code) => {
+                Some(Report { exception: Some(*code), reason: Reason::DriveException, ..failed })
+            }
+            _ => None,
+        };
         let (report, is_final) = match ending {
-            Ending::Reply(Reply::Holds { value: held }) if *held != value => {
-                latch.refused(now);
-                (Some(Report { held: Some(*held), ..failed }), true)
+            _ if refused.is_some() => {
+                self.is_stop_refused = true;
+                (refused.filter(|_| latch.refused(now)), true)
             }
             Ending::Reply(_) => (latch.echoed(now, doubt), false),
-            Ending::Exception(code) => {
-                latch.refused(now);
-                (Some(Report { exception: Some(*code), reason: Reason::DriveException, ..failed }), true)
-            }
-            Ending::Garbled | Ending::Silent => {
+            Ending::Exception(_) | Ending::Garbled | Ending::Silent => {
                 latch.unanswered(now);
                 (None, false)
             }
         };
         let Some(report) = report else { return };
+        if is_final {
+            self.stop_was_refused(now, out);
+        }
+        let Some(latch) = &mut self.latch else { return };
         let waiters = std::mem::take(latch.waiters());
         for mut waiter in waiters {
             self.tell(&mut waiter, report, is_final, out);
@@ -151,6 +159,14 @@ impl DriveWork {
             if let (true, Some(latch)) = (goes_on, &mut self.latch) {
                 latch.waiters().push(waiter);
             }
+        }
+    }
+
+    /// The drive refuses to be stopped, in every form that its model declares: that is told at once, and once.
+    fn stop_was_refused(&mut self, now: MonoTime, out: Out<'_>) {
+        self.stop_refused_at = Some(now);
+        if !std::mem::replace(&mut self.told_refused, true) {
+            out.push_back(Effect::Note(self.drive, Note::StopRefused));
         }
     }
 

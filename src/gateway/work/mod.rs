@@ -1,5 +1,6 @@
 //! One drive's own work beside polls and native reads: its stop, its commands, its trips; and the picture of it.
 
+mod again;
 mod command;
 mod exchange;
 mod kept;
@@ -18,17 +19,20 @@ use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::DriveIndex;
 use crate::domain::time::MonoTime;
+use crate::drive::plan::Pace;
 use crate::drive::run_state::OutputWatch;
 use crate::drive::status::StatusWatch;
 use crate::drive::trips::TripWatch;
-use crate::drive::view::{ControlView, RunState, StatusView};
+use crate::drive::view::{ControlView, RunState, StatusView, StoppedAgain};
 use crate::drive::watchdog::{WatchdogRange, WatchdogWatch};
 use crate::guard::{DriveGuard, Facts};
 use crate::profile::model::{Flag, Model, Role};
 use crate::wire::pdu::Request;
+use again::Answered;
 use kept::{KeptDesk, Opening};
 use std::collections::VecDeque;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Most commands of one drive that wait behind the one that is being carried out.
 pub const COMMANDS_MAX: usize = 8;
@@ -82,13 +86,28 @@ pub struct DriveWork {
     output: OutputWatch,
     output_register: Option<(u16, u32)>,
     status: StatusWatch,
+    /// When it was last shown whether the drive is ordered to run.
+    status_at: Option<MonoTime>,
+    /// How often it is polled.
+    pace: Pace,
     watchdog: WatchdogWatch,
     /// The reads that show whether a stop takes effect, in turn.
     looks: Vec<(u16, u16)>,
     /// Up to this moment the drive hears nothing; taken by the line.
     rest_until: Option<MonoTime>,
-    /// The last order given here was a stop, and the motor has not been seen at standstill since.
+    /// The last order given here was a stop, and the motor has not been seen at standstill since, nor turning otherwise
+    /// than the ramp of that stop explains.
     is_stopping: bool,
+    /// The drive has refused a stop, and none has taken effect since.
+    is_stop_refused: bool,
+    /// When it refused every form of one last.
+    stop_refused_at: Option<MonoTime>,
+    /// People were told of that.
+    told_refused: bool,
+    /// A stop that was answered from memory, until the drive has shown that this was right.
+    answered: Option<Answered>,
+    /// Who stops the drive although others start it.
+    again: Option<StoppedAgain>,
     /// What became of the newest command so far.
     last: Option<Report>,
     /// Commands so far; the newest one has this number.
@@ -124,10 +143,17 @@ impl DriveWork {
             output: OutputWatch::default(),
             output_register: output.map(|register| (register.address, register.scale)),
             status: StatusWatch::new(model),
+            status_at: None,
+            pace: Pace::new(Duration::ZERO, 1.0),
             watchdog: WatchdogWatch::new(Arc::clone(model), WatchdogRange::ANY),
             looks: looks(model),
             rest_until: None,
             is_stopping: false,
+            is_stop_refused: false,
+            stop_refused_at: None,
+            told_refused: false,
+            answered: None,
+            again: None,
             last: None,
             commands: 0,
             has_changed: true,
@@ -230,6 +256,10 @@ impl DriveWork {
         self.has_changed = true;
         self.output.forget();
         self.status.forget();
+        self.status_at = None;
+        self.answered = None;
+        // Whatever it does when it is back, it was not seen to ramp down to that.
+        self.is_stopping &= self.latch.is_some();
         self.watchdog.forget();
         let unread = self.trips.lost_sight();
         self.trip(unread, out);
@@ -239,7 +269,7 @@ impl DriveWork {
 
     /// Facts for the review.
     #[must_use]
-    pub fn facts(&self, line_is_up: bool, is_offline: bool) -> Facts {
+    pub fn facts(&self, line_is_up: bool, is_offline: bool, now: MonoTime) -> Facts {
         let scale = self.output_register.map_or(1, |(_, scale)| scale);
         Facts {
             line_is_up,
@@ -248,6 +278,8 @@ impl DriveWork {
             stop_pending: self.latch.is_some(),
             tripped: self.trips.view().active,
             at_standstill: self.is_at_standstill(),
+            rests: line_is_up && !is_offline && self.rests(now),
+            stop_refused: self.is_stop_refused,
             output: self.output.raw().map(|raw| Hertz::from_word(raw, scale)),
             turns: self.turns(),
             is_local: self.status.view().is_local(),
@@ -279,11 +311,12 @@ impl DriveWork {
             start_inhibited: guard.is_start_inhibited(),
             command_pending: self.latch.is_some() || self.current.is_some() || !self.waiting.is_empty(),
             stop_pending: self.latch.is_some(),
-            not_effective: self.latch.as_ref().is_some_and(StopLatch::is_late),
+            not_effective: self.latch.as_ref().is_some_and(|latch| latch.is_late() || latch.is_refused()),
             failsafe: guard.has_failed_safe(),
             epoch: guard.epoch(),
             last: self.last,
             commands: self.commands,
+            stopped_again: self.again.filter(|again| again.times >= StoppedAgain::TOLD_FROM),
         })
     }
 

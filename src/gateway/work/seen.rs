@@ -20,10 +20,14 @@ impl DriveWork {
         out: Out<'_>,
     ) {
         self.has_changed = true;
-        if let Some(running) = self.status.take(address, words)
-            && self.latch.as_mut().is_some_and(|latch| latch.shows(running, now))
-        {
-            self.effective(out);
+        let ran = self.status.is_running();
+        if let Some(running) = self.status.take(address, words) {
+            self.status_at = Some(now);
+            // What a stop had ended was ordered again, and not here.
+            self.is_stopping &= self.latch.is_some() || !(running && ran == Some(false));
+            if self.latch.as_mut().is_some_and(|latch| latch.shows(running, now)) {
+                self.effective(out);
+            }
         }
         let output = self.output_register.and_then(|(register, _)| {
             let offset = register.checked_sub(address)?;
@@ -39,6 +43,7 @@ impl DriveWork {
             self.is_stopping = false;
             self.guard.at_standstill();
         }
+        self.bear_out(output.is_some(), now, out);
         self.take_watchdog(address, words, out);
         if believes_trips {
             let events = self.trips.take(address, words, now);
@@ -52,6 +57,7 @@ impl DriveWork {
         if self.latch.as_mut().is_some_and(|latch| latch.takes_effect(raw, runs, now)) {
             self.effective(out);
         }
+        self.is_stopping &= self.latch.is_some() || !self.has_left_its_ramp();
         if self.output.is_active() {
             let event = self.trips.output_is_active(now);
             self.trip(event, out);
@@ -60,8 +66,15 @@ impl DriveWork {
 
     pub(super) fn effective(&mut self, out: Out<'_>) {
         let Some(mut latch) = self.latch.take() else { return };
+        if latch.is_acknowledged() {
+            self.guard.stop_was_effective();
+            (self.is_stop_refused, self.stop_refused_at) = (false, None);
+        }
+        self.output.ramps_down(out.now());
+        let was_told = latch.is_late() || (self.told_refused && !self.is_stop_refused);
+        self.told_refused &= self.is_stop_refused;
         out.keep(self.drive, Entry::StopOver { is_effective: true });
-        if latch.is_late() {
+        if was_told {
             out.push_back(Effect::Note(self.drive, Note::EffectiveAtLast));
         }
         for mut waiter in std::mem::take(latch.waiters()) {

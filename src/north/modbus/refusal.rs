@@ -44,6 +44,7 @@ pub const fn exception_of(reason: Reason) -> u8 {
         | Reason::NotEffective => exception::SERVER_DEVICE_FAILURE,
         Reason::StartInhibited
         | Reason::StopPending
+        | Reason::StopRefused
         | Reason::OtherOwner
         | Reason::RestartDelay
         | Reason::StaleEpoch

@@ -186,6 +186,9 @@ impl Session {
     }
 
     fn is_stale(&self, at: Moment, wish: &Wish) -> bool {
+        if self.path.is_unproven() {
+            return true;
+        }
         let ttl = wish.ttl.unwrap_or(self.settings.command_ttl);
         let Some(issued_at) = wish.issued_at else { return self.path.may_have_waited() > ttl };
         let age_ms = at.wall.unix_ms.saturating_sub(issued_at);

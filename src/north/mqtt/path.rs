@@ -1,7 +1,29 @@
-//! The way through the broker: subscription, probe, and when a connection is given up.
+//! The way through the broker: subscription, probe, what may have waited on it, and when a connection is given up.
+//!
+//! Probes go and come in the same queues as commands. A probe that was sent after a command was published cannot come
+//! back before that command. So a command is young as long as every probe comes back in time, and one that waited is
+//! noticed at the latest when the next probe is overdue: after [`unnoticed`].
 
 use crate::domain::time::MonoTime;
+use std::collections::VecDeque;
 use std::time::Duration;
+
+/// A probe that comes back so much later than usual is overdue.
+const LATE: Duration = Duration::from_millis(250);
+/// The longest round trip that counts as usual, so that a way that becomes slower and slower is noticed. It is also
+/// what is assumed of a way that is not known yet.
+const USUAL_MAX: Duration = Duration::from_millis(500);
+/// By what part of the difference the usual round trip follows a faster one; it follows a slower one at once.
+const USUAL_PART: u32 = 8;
+/// Most probes whose moments are kept. With more under way the oldest is overdue long since.
+const UNDER_WAY_MAX: usize = 16;
+
+/// The longest time that a command can wait without a sign of it, where the way is probed every `interval`: it waits
+/// behind a probe that has just come back, and the next one is overdue.
+#[must_use]
+pub const fn unnoticed(interval: Duration) -> Duration {
+    interval.saturating_add(USUAL_MAX).saturating_add(LATE)
+}
 
 /// Where the connection stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,8 +69,23 @@ pub(in crate::north) struct Path {
     /// Since when a probe is missing.
     missing_since: Option<MonoTime>,
     last_return: Option<MonoTime>,
-    /// Until the probe with this number has returned, what comes may have waited so long.
-    stalled: Option<(u64, Duration)>,
+    /// Probes that were sent and did not return, each with the moment at which it was due. Bounded.
+    under_way: VecDeque<(u64, MonoTime)>,
+    /// The usual time from the moment at which a probe is due to its return.
+    usual: Duration,
+    /// What comes may have waited.
+    stall: Option<Stall>,
+}
+
+/// Why what comes may have waited.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Stall {
+    /// It ends when the probe with this number, or a later one, has come back in time.
+    until: u64,
+    /// How long this side stood still.
+    stood: Duration,
+    /// The way itself is not proven: a probe is overdue, or none came back on this connection.
+    is_of_the_way: bool,
 }
 
 impl Path {
@@ -63,7 +100,9 @@ impl Path {
             next_probe: MonoTime::ZERO,
             missing_since: None,
             last_return: None,
-            stalled: None,
+            under_way: VecDeque::new(),
+            usual: USUAL_MAX,
+            stall: None,
         }
     }
 
@@ -80,21 +119,47 @@ impl Path {
         self.settled = self.sent;
         self.missing_since = None;
         self.last_return = None;
-        self.stalled = None;
+        self.under_way.clear();
+        self.usual = USUAL_MAX;
+        // Even the answer to the subscription may have waited, and commands right behind it.
+        self.stall = Some(Stall { until: self.sent + 1, stood: Duration::ZERO, is_of_the_way: true });
     }
 
     /// This side stood still for so long. It has missed what came, so that nothing is overdue, and a probe is due.
     pub(in crate::north) fn stalled(&mut self, at: MonoTime, stood: Duration) {
-        self.stalled = Some((self.sent + 1, self.may_have_waited().saturating_add(stood)));
+        let before = self.stall.unwrap_or(Stall { until: 0, stood: Duration::ZERO, is_of_the_way: false });
+        self.stall = Some(Stall { until: self.sent + 1, stood: before.stood.saturating_add(stood), ..before });
+        self.under_way.clear();
         self.probe_from(at);
         if let Phase::Subscribing(since) = &mut self.phase {
             *since = at;
         }
     }
 
+    /// Looks whether a probe is overdue, sent or not. From then on what comes may have waited, until a probe that is sent
+    /// later has come back in time. To be asked before anything that came is judged.
+    pub(in crate::north) fn look(&mut self, at: MonoTime) {
+        if !self.is_granted() {
+            return;
+        }
+        let until = self.stall.map_or(0, |stall| stall.until);
+        // Of those from before a stall only one thing is known: that it was there.
+        let sent = self.under_way.iter().find(|(number, _)| *number >= until).map(|(_, due)| *due);
+        let oldest = sent.unwrap_or(self.next_probe);
+        if at.since(oldest) > self.usual + LATE {
+            let stood = self.stall.map_or(Duration::ZERO, |stall| stall.stood);
+            self.stall = Some(Stall { until: self.sent + 1, stood, is_of_the_way: true });
+        }
+    }
+
     /// How long a message that comes now may have waited because this side stood still.
     pub(in crate::north) fn may_have_waited(&self) -> Duration {
-        self.stalled.map_or(Duration::ZERO, |(_, waited)| waited)
+        self.stall.map_or(Duration::ZERO, |stall| stall.stood)
+    }
+
+    /// Whether a message that comes now may have waited on the way, for a time that is not known.
+    pub(in crate::north) fn is_unproven(&self) -> bool {
+        self.stall.is_some_and(|stall| stall.is_of_the_way)
     }
 
     /// Whether the subscription is to be asked for now; once per connection.
@@ -137,10 +202,16 @@ impl Path {
         if !self.is_granted() || at < self.next_probe {
             return None;
         }
-        // What was missed while nobody asked is left out.
-        self.missing_since.get_or_insert(self.next_probe);
-        self.next_probe = at + self.interval;
+        self.look(at);
+        let due = self.next_probe;
+        self.missing_since.get_or_insert(due);
+        // In step, so that none is late for those before; what was missed while nobody asked is left out.
+        let next = due + self.interval;
+        self.next_probe = if next > at { next } else { at + self.interval };
         self.sent += 1;
+        if self.under_way.len() < UNDER_WAY_MAX {
+            self.under_way.push_back((self.sent, due));
+        }
         Some(format!("{}-{}", self.run, self.sent).into_bytes())
     }
 
@@ -148,12 +219,27 @@ impl Path {
     pub(in crate::north) fn returned(&mut self, at: MonoTime, payload: &[u8]) -> Returned {
         let number = self.number_of(payload).filter(|number| (self.settled + 1..=self.sent).contains(number));
         let Some(number) = number.filter(|_| self.is_granted()) else { return Returned::Foreign };
+        self.look(at);
         self.settled = number;
-        self.stalled.take_if(|(mark, _)| *mark <= number);
+        let due = self.under_way.iter().find(|(sent, _)| *sent == number).map(|(_, due)| *due);
+        self.under_way.retain(|(sent, _)| *sent > number);
+        self.learn(at, due);
+        self.stall.take_if(|stall| stall.until <= number);
+        if self.stall.is_some_and(|stall| stall.until > self.sent) {
+            // The way moves again: the probe that proves it goes at once.
+            self.next_probe = self.next_probe.min(at);
+        }
         self.missing_since = (number < self.sent).then_some(at);
         self.last_return = Some(at);
         self.phase = Phase::Open;
         Returned::Ours
+    }
+
+    /// Takes the round trip of a probe that was due then. It is usual up to a bound only.
+    fn learn(&mut self, at: MonoTime, due: Option<MonoTime>) {
+        let Some(due) = due else { return };
+        let trip = at.since(due).min(USUAL_MAX);
+        self.usual = trip.max(self.usual - self.usual.saturating_sub(trip) / USUAL_PART);
     }
 
     fn number_of(&self, payload: &[u8]) -> Option<u64> {

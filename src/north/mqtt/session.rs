@@ -112,6 +112,7 @@ impl Session {
     /// Takes what happened on the connection.
     pub fn handle(&mut self, at: Moment, event: Event<'_>) {
         self.clock.see(at);
+        self.path.look(at.mono);
         match event {
             Event::Connected(broker) => self.connected(broker),
             Event::Subscribed(granted) => self.subscribed(at, &granted),
@@ -258,9 +259,8 @@ impl Session {
 
     fn next_publication(&mut self, at: MonoTime, views: &[Arc<DriveView>], lines: &[LineState]) -> Option<Publication> {
         if let Some(payload) = self.path.take_probe(at) {
-            // One that shall be behind all that waits at the broker has to wait in the same queue.
-            let qos = if self.path.may_have_waited().is_zero() { Qos::AtMostOnce } else { Qos::AtLeastOnce };
-            return Some(passing(self.topics.gateway("probe"), payload, qos, None));
+            // It is to wait wherever a command waits, so that it has to be in the same queue of the broker.
+            return Some(passing(self.topics.gateway("probe"), payload, Qos::AtLeastOnce, None));
         }
         if !self.path.is_granted() {
             return None;

@@ -106,6 +106,7 @@ impl Session {
     /// Takes what happened on the connection.
     pub fn handle(&mut self, at: Moment, event: Event<'_>) {
         self.clock.see(at);
+        self.path.look(at.mono);
         match event {
             Event::Connected(broker) => {
                 self.lost();

@@ -32,7 +32,9 @@ impl Session {
             return Some(publication);
         }
         if let Some(payload) = self.path.take_probe(at) {
-            return Some(Act::Publish(publication(self.topics.probe(), payload)));
+            // It is to wait wherever a command waits, so that it has to be in the same queue of the broker.
+            let qos = Qos::AtLeastOnce;
+            return Some(Act::Publish(Publication { qos, ..publication(self.topics.probe(), payload) }));
         }
         if self.rebirth_at.is_some() {
             // No data from the wish for births on; what changes until they are due is not lost.

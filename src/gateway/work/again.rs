@@ -1,0 +1,103 @@
+//! A stop that is ordered again: whether what the drive shows bears out that there is nothing to stop, and who stops it
+//! again and again although others start it.
+
+use super::{DriveWork, Out};
+use crate::domain::command::{CommandRequest, Order, Owner, RunIntent};
+use crate::domain::time::MonoTime;
+use crate::drive::description::STALE_PERIODS;
+use crate::drive::plan::Pace;
+use crate::drive::view::StoppedAgain;
+use crate::gateway::event::Effect;
+use crate::gateway::note::Note;
+use crate::gateway::waiter::Waiter;
+use crate::journal::Tried;
+use crate::profile::model::{Flag, PollClass};
+
+/// Readings that bear out a stop that was answered from memory: the first may have been asked for before it.
+const READINGS: u8 = 2;
+
+/// A stop that was answered from memory.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Answered {
+    by: Owner,
+    coast: bool,
+    /// Readings that are still to come.
+    left: u8,
+}
+
+impl DriveWork {
+    /// The same work of a drive that is polled at this pace.
+    #[must_use]
+    pub fn polled(self, pace: Pace) -> Self {
+        Self { pace, ..self }
+    }
+
+    /// Whether fresh readings show that the motor does not run, or ramps down because of a stop of ours.
+    pub(super) fn rests(&self, now: MonoTime) -> bool {
+        let is_fresh = |address: u16, at: Option<MonoTime>| {
+            let class = self.model.register_at(address).and_then(|register| register.poll);
+            let limit = self.pace.period(class.unwrap_or(PollClass::Fast)) * STALE_PERIODS;
+            at.is_some_and(|at| now.since(at) < limit)
+        };
+        let output = self.output_register.is_none_or(|(address, _)| is_fresh(address, self.output.at()));
+        let status = self.model.status_flag(Flag::Running);
+        let status = status.is_none_or(|flag| is_fresh(flag.address, self.status_at));
+        // A refused stop goes again, but not in every cycle of a controller.
+        let waits = |at: MonoTime| self.guard.control().is_some_and(|it| now.since(at) < it.stop_effect_timeout);
+        let may_wait = !self.is_stop_refused || self.stop_refused_at.is_some_and(waits);
+        let ramps_down = self.is_stopping && self.latch.is_none();
+        output && status && may_wait && (self.is_at_standstill() || ramps_down)
+    }
+
+    /// Whether the motor turns otherwise than the ramp of a stop of ours explains.
+    pub(super) fn has_left_its_ramp(&self) -> bool {
+        let (Some((_, hertz)), Some(control)) = (self.output_register, self.guard.control()) else { return false };
+        self.status.is_running() != Some(false) && self.output.has_left_its_ramp(hertz, control.stop_effect_timeout)
+    }
+
+    /// Whether the motor runs and nobody has ordered that here.
+    pub(super) fn runs_by_others(&self) -> bool {
+        let is_ordered = matches!(self.guard.intent(), RunIntent::Run(_));
+        self.is_moving() && !is_ordered && !self.is_stopping && self.latch.is_none()
+    }
+
+    /// `command` was a stop and was answered from memory.
+    pub(super) const fn was_answered(&mut self, command: &CommandRequest) {
+        let coast = matches!(command.order, Order::Coast);
+        self.answered = Some(Answered { by: command.origin.owner, coast, left: READINGS });
+    }
+
+    /// The drive has shown something. If it runs although a stop was just answered from memory, that goes out after all.
+    pub(super) fn bear_out(&mut self, shows_output: bool, now: MonoTime, out: Out<'_>) {
+        let Some(answered) = &mut self.answered else { return };
+        let is_over = self.latch.is_some() || matches!(self.guard.intent(), RunIntent::Run(_));
+        let by_readings = shows_output && (self.output.is_at_standstill() || self.output.falls());
+        answered.left -= u8::from(by_readings).min(answered.left);
+        let Answered { by, coast, left } = *answered;
+        if is_over || left == 0 || self.runs_by_others() {
+            self.answered = None;
+        }
+        if is_over || !self.runs_by_others() {
+            return;
+        }
+        self.is_stopped_by(by, now, out);
+        let Some(order) = self.guard.stop_after_all(by, coast, now) else { return };
+        let mut waiter = Waiter::of_nobody(self.drive);
+        let tried = if coast { Order::Coast } else { Order::Stop { setpoint: None } };
+        self.count(&mut waiter);
+        out.attempt_taken(self.drive, by, Tried::Order(tried), &mut waiter);
+        self.cut(now, out);
+        self.is_stopping = true;
+        self.stop(order, Some(waiter), now, out);
+    }
+
+    /// The drive runs by an order of others, and `by` stops it.
+    pub(super) fn is_stopped_by(&mut self, by: Owner, now: MonoTime, out: Out<'_>) {
+        let before = self.again.filter(|it| it.by == by && now.since(it.at) < StoppedAgain::WITHIN);
+        let times = before.map_or(0, |it| it.times).saturating_add(1);
+        self.again = Some(StoppedAgain { by, times, at: now });
+        if times == StoppedAgain::TOLD_FROM {
+            out.push_back(Effect::Note(self.drive, Note::StoppedAgain { by }));
+        }
+    }
+}
