@@ -3,13 +3,13 @@
 use super::file::{ControlFile, DriveFile, File, HttpFile, LineFile, ListenerFile, MqttFile};
 use super::listen::may_be_written;
 use super::listener_tls;
-use super::mqtt::{DEFAULT_COMMAND_TTL, DEFAULT_LEASE, DEFAULT_PROBE_INTERVAL};
+use super::mqtt::{DEFAULT_COMMAND_TTL, DEFAULT_LEASE, DEFAULT_PROBE_INTERVAL, least_restart_delay};
 use super::ready::MqttSettings;
 use super::units::Units;
 use super::words::{RoleRight, Way};
 use crate::domain::problem::Problem;
 use crate::guard::COMMAND_DEADLINE;
-use crate::north::mqtt::LeaseMode;
+use crate::north::mqtt::{LeaseMode, unnoticed};
 use crate::profile::reader::{Given, Written};
 use crate::profile::values::duration_text;
 use std::collections::BTreeSet;
@@ -30,6 +30,7 @@ pub(super) fn check(file: &File, served: &[BTreeSet<usize>], units: &[Vec<Units>
             });
             let is_reached = serving.any(|(listener, _)| may_be_written(listener));
             modbus_reaches(&control.value, line, is_reached, problems);
+            tells_old_from_new(&control.value, file.mqtt.usable().map(|mqtt| &mqtt.value), problems);
             outlasts(&control.value, file.mqtt.usable().map(|mqtt| &mqtt.value), problems);
         }
     }
@@ -101,6 +102,30 @@ fn modbus_reaches(control: &ControlFile, line: &LineFile, is_reached: bool, prob
         let what =
             format!("commands from \"modbus-tcp\" cannot come: no listener of {} lets anybody write", line.label());
         problems.push(place.problem(what).right("`write = [\"10.0.0.10/32\"]` in a `[[modbus_tcp]]`, or leave it out"));
+    }
+}
+
+/// A plain message that waited unnoticed in front of us is not taken for one that was sent after a stop. With
+/// `commands = "strict"` no plain one is taken at all.
+fn tells_old_from_new(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<Problem>) {
+    let by_broker = control.names(Way::Mqtt).or(control.names(Way::Sparkplug));
+    let Some(mqtt) = mqtt.filter(|_| by_broker.is_some() && control.strict.or(false) == Some(false)) else { return };
+    let (Some(delay), Some(interval)) =
+        (control.restart_delay.usable(), mqtt.probe_interval.or(DEFAULT_PROBE_INTERVAL))
+    else {
+        return;
+    };
+    let least = least_restart_delay(interval);
+    if delay.value < least {
+        let what = format!(
+            "{} is too short to tell a RUN that waited in front of the broker from one that was sent after the stop: with \
+             `probe_interval` = \"{}\" one may wait {} before that is noticed",
+            duration_text(delay.value),
+            duration_text(interval),
+            duration_text(unnoticed(interval)),
+        );
+        let right = format!("at least \"{}\", or leave it out", duration_text(least));
+        problems.push(delay.place.problem(what).right(right));
     }
 }
 

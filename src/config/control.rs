@@ -2,11 +2,12 @@
 
 use super::file::{ControlFile, DriveFile, LimitsFile};
 use super::lists;
+use super::mqtt::Defaults;
 use super::native;
 use super::watchdog;
 use super::words::Way;
 use crate::domain::command::Direction;
-use crate::domain::control::{ControlAction, ControlSettings, FailSafe, LeaseMode, Ownership};
+use crate::domain::control::{ControlAction, ControlSettings, FailSafe, Ownership};
 use crate::domain::frequency::Hertz;
 use crate::domain::problem::Problem;
 use crate::domain::units::UnitOfMeasure;
@@ -21,11 +22,11 @@ use std::time::Duration;
 const SLOWEST_POLL: Duration = Duration::from_secs(5);
 
 /// The ready control section of `drive`, nothing inside where it has none; nothing at all: see `problems`.
-/// `default_lease` holds where the section says nothing of it. Without a `model`, which is then reported as unknown, only what does not hang on it is checked.
+/// `defaults` hold where the section says nothing of it. Without a `model`, which is then reported as unknown, only what does not hang on it is checked.
 pub(super) fn settle(
     drive: &DriveFile,
     model: Option<&Model>,
-    default_lease: LeaseMode,
+    defaults: Defaults,
     problems: &mut Vec<Problem>,
 ) -> Option<Option<Arc<ControlSettings>>> {
     let native_write = native::settle(drive, model, problems);
@@ -60,14 +61,14 @@ pub(super) fn settle(
         accept_unverified: lists::values(&file.accept_unverified).unwrap_or_default(),
         allow_release: file.allow_release.or(false)?,
         strict: file.strict.or(false)?,
-        restart_delay: file.restart_delay.or(ControlSettings::RESTART_DELAY)?,
+        restart_delay: file.restart_delay.or(defaults.restart_delay)?,
         stop_effect_timeout: file.stop_effect_timeout.or(ControlSettings::STOP_EFFECT_TIMEOUT)?,
         stop_pending_for: file.stop_pending_for.or(ControlSettings::STOP_PENDING_FOR)?,
         native_write: native_write?,
         stored_write_interval: native::stored_write_interval(drive)?,
         ownership: file.ownership.or(Ownership::One)?,
         allow_take: file.allow_take.or(false)?,
-        lease: file.lease.or(default_lease)?,
+        lease: file.lease.or(defaults.lease)?,
         min_start_interval: file.min_start_interval.or(Duration::ZERO)?,
         require_watchdog: file.require_watchdog.or(false)?,
         watchdog: file.watchdog.clone().optional()?,

@@ -7,9 +7,11 @@ use super::ready::{
     BrokerSettings, ClientCertificate, Credentials, MqttSettings, PasswordSource, SparkplugSettings, TlsSettings,
 };
 use super::words::Way;
+use crate::domain::control::ControlSettings;
 use crate::domain::problem::Problem;
-use crate::north::mqtt::{HomeAssistant, LeaseMode, Qos, Tree, Version};
+use crate::north::mqtt::{HomeAssistant, LeaseMode, Qos, Tree, Version, unnoticed};
 use crate::profile::reader::{Given, Place, Written};
+use crate::profile::values::duration_text;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -26,8 +28,59 @@ pub(super) const DEFAULT_PROBE_INTERVAL: Duration = Duration::from_secs(1);
 pub(super) const DEFAULT_COMMAND_TTL: Duration = Duration::from_secs(1);
 pub(super) const DEFAULT_LEASE: LeaseMode = LeaseMode::Session;
 
+/// A message that waited unnoticed in front of us is told from one that was sent after a stop by so much more than it can
+/// have waited.
+const AFTER_UNNOTICED: Duration = Duration::from_secs(1);
+/// Nobody waits longer than this to run again after a stop only because the way through the broker is probed rarely.
+const LONGEST_LEAST: Duration = Duration::from_secs(5);
+
+/// The shortest `restart_delay` where the way through the broker is probed every `probe_interval`.
+pub(super) const fn least_restart_delay(probe_interval: Duration) -> Duration {
+    unnoticed(probe_interval).saturating_add(AFTER_UNNOTICED)
+}
+
+/// What drives take from the section where they say nothing else.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Defaults {
+    /// What keeps a lease.
+    pub lease: LeaseMode,
+    /// How long plain RUN is refused after a stop.
+    pub restart_delay: Duration,
+}
+
+impl Default for Defaults {
+    fn default() -> Self {
+        Self { lease: LeaseMode::default(), restart_delay: ControlSettings::RESTART_DELAY }
+    }
+}
+
+/// What the drives of `file` take from its section, or would.
+pub(super) fn defaults(file: &File) -> Defaults {
+    let mqtt = file.mqtt.usable().map(|mqtt| &mqtt.value);
+    let least = mqtt.and_then(|mqtt| mqtt.probe_interval.or(DEFAULT_PROBE_INTERVAL)).map(least_restart_delay);
+    let restart_delay = least.unwrap_or_default().min(LONGEST_LEAST).max(ControlSettings::RESTART_DELAY);
+    Defaults { lease: default_lease(file), restart_delay }
+}
+
+/// A way by which drives are commanded is probed often enough.
+pub(super) fn probed_often(file: &MqttFile, whole: &File, problems: &mut Vec<Problem>) {
+    let Some(Written { value: interval, place }) = file.probe_interval.usable() else { return };
+    let controls = whole.lines.iter().flat_map(|line| &line.drives).filter_map(|drive| drive.control.usable());
+    let mut by_broker = controls.filter(|it| it.value.names(Way::Mqtt).or(it.value.names(Way::Sparkplug)).is_some());
+    if least_restart_delay(*interval) <= LONGEST_LEAST || by_broker.next().is_none() {
+        return;
+    }
+    let most = LONGEST_LEAST.saturating_sub(least_restart_delay(Duration::ZERO));
+    let (unnoticed, longest) = (duration_text(unnoticed(*interval)), duration_text(LONGEST_LEAST));
+    let what = format!(
+        "a command could wait {unnoticed} in front of the broker before that is noticed, so that no RUN could be taken \
+         for more than {longest} after a stop"
+    );
+    problems.push(place.problem(what).right(format!("at most \"{}\"", duration_text(most))));
+}
+
 /// What keeps a lease of the MQTT side where a drive says nothing of it.
-pub(super) fn default_lease(file: &File) -> LeaseMode {
+fn default_lease(file: &File) -> LeaseMode {
     let mqtt = file.mqtt.usable().map(|mqtt| &mqtt.value);
     mqtt.and_then(|mqtt| mqtt.lease.or(DEFAULT_LEASE)).unwrap_or(DEFAULT_LEASE)
 }
@@ -59,6 +112,7 @@ pub(super) fn settle(
     tls_files(file, problems);
     embedded(file, problems);
     idle(file, lease, problems);
+    probed_often(file, whole, problems);
     if let Given::Usable(list) = &file.publish {
         lists::once(&list.value, problems);
     }

@@ -2,12 +2,13 @@
 
 use super::file::{DriveFile, File, JournalFile, LineFile, ListenerFile};
 use super::link::{self, OnLine, Settled};
+use super::mqtt::Defaults;
 use super::ready::{
     Config, DriveSettings, GatewaySettings, JournalSettings, LineSettings, ListenerSettings, Removal, Silence,
 };
 use super::units::{self, Units};
 use super::{commanders, control, http, line_plan, listen, listener_tls, lists, mqtt, points, port, ratings, watchdog};
-use crate::domain::control::{ControlSettings, LeaseMode};
+use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
 use crate::domain::problem::{Problem, nearest};
@@ -38,12 +39,12 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
     let are_all = models.are_all && !matches!(file.gateway.model_dirs, Given::Unusable);
     let models = Models { are_all, ..models };
     let is_published = !matches!(file.mqtt, Given::LeftOut);
-    let lease = mqtt::default_lease(file);
-    let of_mqtt = is_published.then_some(lease);
+    let defaults = mqtt::defaults(file);
+    let of_mqtt = is_published.then_some(defaults);
     let parts: Vec<LineParts> = file.lines.iter().map(|line| parts_of(line, models, of_mqtt, problems)).collect();
     let served = listen::settle(file, problems);
     let units = units::settle(file, &served, problems);
-    let session_lease = mqtt::session_lease(file, lease);
+    let session_lease = mqtt::session_lease(file, defaults.lease);
     let mqtt = whole(&file.mqtt, |mqtt| mqtt::settle(mqtt, file, session_lease, problems));
     let http = whole(&file.http, |http| http::settle(http, file, problems));
     listen::units_exist(file, &served, &units, problems);
@@ -148,9 +149,9 @@ fn once<'a, T: Ord + 'a>(
 }
 
 /// Looks up the models of a line and checks what one line must keep, whatever the others do.
-/// `lease` is what keeps a lease of the MQTT side; nothing: there is none.
-fn parts_of(line: &LineFile, models: Models<'_>, lease: Option<LeaseMode>, problems: &mut Vec<Problem>) -> LineParts {
-    let drives: Vec<_> = line.drives.iter().map(|drive| drive_parts(drive, models, lease, problems)).collect();
+/// `of_mqtt` is what drives take from the MQTT side; nothing: there is none.
+fn parts_of(line: &LineFile, models: Models<'_>, of_mqtt: Option<Defaults>, problems: &mut Vec<Problem>) -> LineParts {
+    let drives: Vec<_> = line.drives.iter().map(|drive| drive_parts(drive, models, of_mqtt, problems)).collect();
     stations(line, &drives, problems);
     alone_on_rs232(line, problems);
     port::check(line, problems);
@@ -168,13 +169,13 @@ fn parts_of(line: &LineFile, models: Models<'_>, lease: Option<LeaseMode>, probl
 fn drive_parts(
     drive: &DriveFile,
     models: Models<'_>,
-    lease: Option<LeaseMode>,
+    of_mqtt: Option<Defaults>,
     problems: &mut Vec<Problem>,
 ) -> DriveParts {
     let model = model_of(drive, models, problems);
-    let control = control::settle(drive, model.as_deref(), lease.unwrap_or_default(), problems);
+    let control = control::settle(drive, model.as_deref(), of_mqtt.unwrap_or_default(), problems);
     let ratings = ratings::settle(drive, model.as_deref(), problems);
-    let points = points::settle(drive, model.as_deref(), lease.is_some(), problems);
+    let points = points::settle(drive, model.as_deref(), of_mqtt.is_some(), problems);
     DriveParts { model, control, ratings, points }
 }
 

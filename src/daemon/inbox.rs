@@ -84,6 +84,24 @@ impl Inbox {
         Ok(())
     }
 
+    /// Puts messages in that the line thread finds together. Returns which of them were taken.
+    pub fn put_together(&self, messages: impl IntoIterator<Item = Message>) -> Vec<bool> {
+        let mut waiting = self.lock();
+        let mut take = |message: Message| {
+            let is_taken = !self.is_closed() && waiting.len() < room_for(&message);
+            if is_taken {
+                waiting.push(message);
+            }
+            is_taken
+        };
+        let taken: Vec<_> = messages.into_iter().map(&mut take).collect();
+        drop(waiting);
+        if self.is_idle.load(Ordering::SeqCst) {
+            self.bell.notify_one();
+        }
+        taken
+    }
+
     /// Puts a message in that nobody else may keep out, and has the line thread look at once: where there is no room,
     /// everything that waits gives way but stops, and what was put in so before.
     pub fn put_surely(&self, message: Message) {
@@ -236,6 +254,41 @@ mod tests {
         let (stops, rest) = batch.split_at(STOPS_MAX);
         assert!(stops.iter().all(|it| matches!(it, Message::NativeStop(_))), "of which somebody waits for the answer");
         assert!(matches!(rest, [Message::Shutdown, Message::Hurry]));
+    }
+
+    /// So a stop for all drives of an idle line is one frame, whenever its thread looks.
+    #[test]
+    fn what_is_put_together_is_found_together() {
+        const TOGETHER: usize = 3;
+        const TIMES: usize = 1000;
+        let inbox = Inbox::default();
+        std::thread::scope(|threads| {
+            threads.spawn(|| {
+                for _ in 0..TIMES {
+                    while inbox.lock().len() > STOPS_MAX - TOGETHER {
+                        std::thread::yield_now();
+                    }
+                    assert_eq!(inbox.put_together((0..TOGETHER).map(|_| stop())), [true; TOGETHER]);
+                }
+            });
+            let (mut found, mut batch) = (0, Vec::new());
+            while found < TIMES * TOGETHER {
+                inbox.take(&mut batch);
+                assert_eq!(batch.len() % TOGETHER, 0, "some of them only");
+                found += batch.drain(..).count();
+                std::thread::yield_now();
+            }
+        });
+    }
+
+    #[test]
+    fn what_does_not_fit_of_those_put_together_is_told() {
+        let inbox = Inbox::default();
+        let room = INBOX_MAX + COMMANDS_MAX + STOPS_MAX;
+        (1..room).for_each(|_| inbox.put(stop()).unwrap());
+        assert_eq!(inbox.put_together([stop(), stop()]), [true, false]);
+        inbox.close();
+        assert_eq!(inbox.put_together([stop()]), [false]);
     }
 
     #[test]

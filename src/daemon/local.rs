@@ -208,6 +208,32 @@ impl LocalSide {
         }
     }
 
+    /// Orders the drives at `places` to stop, all at once: what goes to one line is found there together.
+    pub fn stop_all(&self, who: Who, places: &[DriveRef]) -> Vec<Ordered<'_>> {
+        let (start_before, order) = (clock::now() + COMMAND_DEADLINE, Order::Stop { setpoint: None });
+        let (commands, asked): (Vec<_>, Vec<_>) = places
+            .iter()
+            .map(|place| {
+                let (ticket, asked) = self.ask(COMMAND_WITHIN);
+                let (Who { asker, origin }, drive, order) = (who, place.drive, order.clone());
+                let (issued, epoch) = (None, None);
+                let command = CommandRequest { asker, ticket, drive, origin, order, start_before, issued, epoch };
+                ((*place, command), asked)
+            })
+            .unzip();
+        let taken = self.shared().put_together(commands);
+        let all = places.iter().zip(asked).zip(taken);
+        all.map(|((place, asked), is_taken)| {
+            if is_taken {
+                return Ordered(Ok(asked));
+            }
+            let report = Report::refused(Reason::QueueFull);
+            self.keep(who, Some(*place), Tried::Order(order.clone()), report);
+            Ordered(Err(report))
+        })
+        .collect()
+    }
+
     /// Hands a message to the line of `place`; its answer may come `within`.
     fn put(
         &self,
@@ -215,14 +241,20 @@ impl LocalSide {
         within: Duration,
         message: impl FnOnce(Ticket) -> Message,
     ) -> Result<Asked<'_>, Missing> {
+        let (ticket, asked) = self.ask(within);
+        let shared = self.shared();
+        let inbox = shared.inbox(place).ok_or(Missing::Line)?;
+        inbox.put(message(ticket)).map_err(|Full| Missing::Full)?;
+        Ok(asked)
+    }
+
+    /// A place for the answer to something that is handed to a line under this ticket, which may come `within`.
+    fn ask(&self, within: Duration) -> (Ticket, Asked<'_>) {
         let ticket = Ticket(self.last.fetch_add(1, Ordering::Relaxed));
         let (give, answer) = oneshot::channel();
         self.lock().insert(ticket, give);
         let (waits, until) = (Waits { side: self, ticket }, Instant::now() + within);
-        let shared = self.shared();
-        let inbox = shared.inbox(place).ok_or(Missing::Line)?;
-        inbox.put(message(ticket)).map_err(|Full| Missing::Full)?;
-        Ok(Asked { answer, until, _waits: waits })
+        (ticket, Asked { answer, until, _waits: waits })
     }
 
     fn lock(&self) -> MutexGuard<'_, HashMap<Ticket, oneshot::Sender<News>>> {

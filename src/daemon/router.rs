@@ -113,6 +113,12 @@ impl Router {
         Self { units, routes, serves, serves_drive }
     }
 
+    /// Lines and drives.
+    #[must_use]
+    pub fn shared(&self) -> &Shared {
+        &self.units.shared
+    }
+
     /// What answers for `unit`; nothing if nobody does.
     #[must_use]
     pub fn find(&self, unit: u8) -> Option<Target<'_>> {

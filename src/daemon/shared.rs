@@ -1,14 +1,16 @@
 //! What the north sides read and the lines write: one picture of each drive, one report of each line.
 
 use super::bell::Bell;
-use super::inbox::Inbox;
+use super::inbox::{Inbox, Message};
 use super::traffic::Traffic;
+use crate::domain::command::CommandRequest;
 use crate::domain::ids::Name;
 use crate::domain::link::{Interface, Wiring};
 use crate::domain::report::{LineReport, StationReport};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::DriveView;
 use arc_swap::{ArcSwap, Guard};
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -93,6 +95,26 @@ impl Shared {
     #[must_use]
     pub fn inbox(&self, place: DriveRef) -> Option<&Inbox> {
         self.line(place).map(|line| line.inbox.as_ref())
+    }
+
+    /// Hands each command to the line of its drive. What goes to one line is found there together, so that a stop for all
+    /// its drives can be one frame. Returns which of them were taken.
+    #[must_use]
+    pub fn put_together(&self, commands: Vec<(DriveRef, CommandRequest)>) -> Vec<bool> {
+        let mut taken = vec![false; commands.len()];
+        let mut by_line = BTreeMap::<u16, Vec<(usize, DriveRef, CommandRequest)>>::new();
+        for (index, (place, command)) in commands.into_iter().enumerate() {
+            by_line.entry(place.line).or_default().push((index, place, command));
+        }
+        for of_line in by_line.into_values() {
+            let Some(inbox) = of_line.first().and_then(|(_, place, _)| self.inbox(*place)) else { continue };
+            let indices: Vec<_> = of_line.iter().map(|(index, ..)| *index).collect();
+            let messages = of_line.into_iter().map(|(.., command)| Message::Command(command));
+            for (index, is_taken) in indices.into_iter().zip(inbox.put_together(messages)) {
+                taken.get_mut(index).into_iter().for_each(|it| *it = is_taken);
+            }
+        }
+        taken
     }
 }
 

@@ -258,6 +258,10 @@ impl Report {
     pub fn message(&self) -> String {
         match self.holder {
             Some(holder) => format!("{holder} holds control of the drive"),
+            // A stop is never refused for that.
+            None if (self.outcome, self.reason) == (Outcome::Unknown, Reason::LineDown) => {
+                "the line is down: the stop is pending, and is sent as soon as the line is back".to_owned()
+            }
             None => self.reason.text().to_owned(),
         }
     }

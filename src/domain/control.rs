@@ -136,7 +136,7 @@ pub struct ControlSettings {
 
 impl ControlSettings {
     /// How long plain RUN over MQTT or from the page is refused after a stop, where nothing else is said.
-    pub const RESTART_DELAY: Duration = Duration::from_secs(2);
+    pub const RESTART_DELAY: Duration = Duration::from_secs(3);
     /// When a stop without effect is an alarm, where nothing else is said.
     pub const STOP_EFFECT_TIMEOUT: Duration = Duration::from_secs(3);
     /// How long a stop waits for a drive that does not answer, where nothing else is said.

@@ -141,6 +141,8 @@ reasons! {
     Removed = 52, "removed", "the drive is leaving the configuration";
     /// The drive has refused a stop, and none was effective since.
     StopRefused = 53, "stop_refused", "the drive has refused to be stopped: it is not started before a stop was effective";
+    /// Its moment of issue is still to come.
+    ClockAhead = 54, "clock_ahead", "the moment of issue is ahead of the gateway's clock: set the commander's clock";
 }
 
 impl Reason {

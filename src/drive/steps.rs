@@ -94,6 +94,8 @@ pub enum Part {
     },
     /// It hands control back.
     Release,
+    /// It takes back a word that resets and was left standing.
+    TakesBack,
 }
 
 /// Why an order has no steps on a model.
@@ -156,6 +158,23 @@ pub fn of_stop(model: &Model, coast: bool) -> Result<(u16, u16), NoSteps> {
     let (register, run) = command_register(model)?;
     let value = if coast { run.coast.as_ref().ok_or(NoSteps::NotCapable)?.value } else { run.stop.value };
     Ok((register.address, value))
+}
+
+/// The steps that take back the word of a reset that was cut off: a stop, where the register can be read only if that word
+/// still stands there.
+///
+/// # Errors
+/// [`NoSteps::NotCapable`] where a reset leaves no word standing.
+pub fn of_take_back(model: &Model) -> Result<Vec<Step>, NoSteps> {
+    let (register, run) = command_register(model)?;
+    let reset = run.reset.as_ref().ok_or(NoSteps::NotCapable)?.value;
+    if run.reset_sequence.last() != Some(&run.stop.value) {
+        return Err(NoSteps::NotCapable);
+    }
+    let check =
+        register.access.can_read().then(|| Step::Check { address: register.address, least: reset, most: reset });
+    let write = Write { address: register.address, value: run.stop.value, part: Part::TakesBack, shown: Vec::new() };
+    Ok(check.into_iter().chain([Step::Write(vec![write])]).collect())
 }
 
 /// Whether the model declares that the register at `address` is written by function 10 hex as well as by 06.

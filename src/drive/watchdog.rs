@@ -147,12 +147,13 @@ impl WatchdogWatch {
         if word == watchdog.off.value {
             return WatchdogState::Off;
         }
-        let must_tell = watchdog.action.is_some() && !watchdog.keeps_running.is_empty();
-        match (self.action, self.read_time()) {
-            (None, _) if must_tell => WatchdogState::Unknown,
-            (Some(action), _) if watchdog.keeps_running.contains(&action) => WatchdogState::KeepsRunning,
-            (_, Some(time)) => self.range.judge(time),
-            (_, None) => WatchdogState::Unknown,
+        let says = |word: u16| watchdog.action_digit.map_or(word, |digit| word / digit.max(1) % 10);
+        match (watchdog.action, self.action.map(says), self.read_time()) {
+            (Some(_), Some(action), _) if watchdog.keeps_running.contains(&action) => WatchdogState::KeepsRunning,
+            // What a word means that nobody has named is not known, and a reaction that was not read is none.
+            (Some(_), action, _) if !action.is_some_and(|it| watchdog.stops.contains(&it)) => WatchdogState::Unknown,
+            (_, _, Some(time)) => self.range.judge(time),
+            (_, _, None) => WatchdogState::Unknown,
         }
     }
 }
@@ -169,8 +170,9 @@ mod tests {
 
     fn watched() -> Arc<Model> {
         let mut model = model();
-        let keeps_running = vec![3];
-        model.watchdog = Some(Watchdog { time: TIME, off: fact(0), action: Some(ACTION), keeps_running });
+        let (keeps_running, stops) = (vec![3], vec![0, 1]);
+        let (action, action_digit) = (Some(ACTION), None);
+        model.watchdog = Some(Watchdog { time: TIME, off: fact(0), action, action_digit, keeps_running, stops });
         for register in model.registers.iter_mut().filter(|register| register.address == TIME) {
             (register.unit, register.scale) = (UnitOfMeasure::Second, 10);
         }
@@ -191,13 +193,36 @@ mod tests {
             (31, 0, WatchdogState::TooLong),
             (20, 3, WatchdogState::KeepsRunning),
             (0, 3, WatchdogState::Off),
+            (20, 4, WatchdogState::Unknown),
+            (20, 0xFFFF, WatchdogState::Unknown),
         ] {
             let mut watch = WatchdogWatch::new(watched(), range());
             assert_eq!(watch.view().unwrap().state, WatchdogState::Unknown);
-            assert_eq!(watch.take(TIME, &[time, 0, 0, action]), Some(state), "{time} {action}");
+            let told = Some(state).filter(|it| *it != WatchdogState::Unknown);
+            assert_eq!(watch.take(TIME, &[time, 0, 0, action]), told, "{time} {action}");
             assert_eq!(watch.take(TIME, &[time, 0, 0, action]), None, "told once");
             let stops = matches!(state, WatchdogState::InOrder | WatchdogState::TooShort);
             assert_eq!(watch.stops_after().is_some(), stops, "{time} {action}");
+        }
+    }
+
+    #[test]
+    fn one_digit_of_a_word_may_be_the_reaction() {
+        for (word, state) in [
+            (0, WatchdogState::InOrder),
+            (122, WatchdogState::InOrder),
+            (200, WatchdogState::KeepsRunning),
+            (1211, WatchdogState::KeepsRunning),
+            (300, WatchdogState::Unknown),
+            (0x0200, WatchdogState::Unknown),
+        ] {
+            let mut model = Model::clone(&watched());
+            if let Some(watchdog) = &mut model.watchdog {
+                (watchdog.action_digit, watchdog.keeps_running) = (Some(100), vec![2]);
+            }
+            let mut watch = WatchdogWatch::new(Arc::new(model), range());
+            watch.take(TIME, &[20, 0, 0, word]);
+            assert_eq!(watch.view().unwrap().state, state, "{word}");
         }
     }
 

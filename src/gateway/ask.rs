@@ -46,6 +46,9 @@ impl LineCore {
             ..work.facts(self.takes_requests(), self.is_offline(command.drive), now)
         };
         self.works[command.drive.get()].command(now, command, waiter, facts, &mut self.effects);
+        if !self.is_open {
+            self.works[command.drive.get()].stop_waits_for_the_line(&mut self.effects);
+        }
     }
 
     fn take_read(

@@ -3,6 +3,7 @@
 
 use super::core::LineCore;
 use super::setup::LineSetup;
+use super::work::DriveWork;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::Why;
 use crate::line::budget::BROADCAST_TURNAROUND;
@@ -20,10 +21,13 @@ pub(super) fn station_for_all(setup: &LineSetup) -> Option<u8> {
     (is_sure && are_alike && are_controlled && !others.is_empty()).then_some(station.value)
 }
 
+/// So many drives have to be sent their first stop: a single one is sent its own.
+const MANY: usize = 2;
+
 impl LineCore {
     /// Sends the stop that every drive of the line waits for as one frame, if there is such a stop. Whether it did.
     pub(super) fn stop_all(&mut self, now: MonoTime) -> bool {
-        let Some((station, request)) = self.common_stop() else { return false };
+        let Some((station, request)) = self.common_stop(now) else { return false };
         self.measured.sent(now.since(self.wire.may_send_from()));
         for work in &mut self.works {
             if let Some(accepted) = work.stop_was_broadcast() {
@@ -38,12 +42,13 @@ impl LineCore {
         true
     }
 
-    /// The stop that was never sent to any of the drives and is the same for all.
-    fn common_stop(&self) -> Option<(u8, Request)> {
+    /// The stop that every drive waits for and that is the same for all, if several of them were never sent it. One that
+    /// was sent and has shown no effect so far is repeated anyway.
+    fn common_stop(&self, now: MonoTime) -> Option<(u8, Request)> {
         let station = self.all_stop_at?;
-        let (first, others) = self.works.split_first()?;
-        let stop = first.unsent_stop()?;
-        let is_common = others.iter().all(|other| other.unsent_stop().as_ref() == Some(&stop));
+        let unsent = self.works.iter().filter_map(DriveWork::unsent_stop);
+        let stop = unsent.clone().next().filter(|_| unsent.count() >= MANY)?;
+        let is_common = self.works.iter().all(|work| work.stop_frame(now).as_ref() == Some(&stop));
         is_common.then_some((station, stop))
     }
 }

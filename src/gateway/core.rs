@@ -183,6 +183,7 @@ impl LineCore {
         }
         for work in &mut self.works {
             work.keep_lease(&mut self.effects);
+            work.keep_reset(&mut self.effects);
         }
     }
 

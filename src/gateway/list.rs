@@ -221,6 +221,14 @@ impl List {
         }
     }
 
+    /// Whether the next request writes the word that resets, behind which another one takes it back.
+    #[must_use]
+    pub fn leaves_a_reset_standing(&self) -> bool {
+        let stop = self.first_word();
+        let resets = |write: &Write| matches!(write.part, Part::Reset { ends: false, .. }) && Some(write.value) != stop;
+        self.present_writes().iter().any(resets)
+    }
+
     /// The writes that were not answered and that the next read tells about.
     #[must_use]
     pub fn writes_in_question(&self) -> &[Write] {
@@ -261,6 +269,7 @@ impl List {
         };
         let (part, is_first_word) = (write.part, self.first_word() == Some(write.value));
         match part {
+            Part::TakesBack => self.end_of_reset_unanswered(),
             Part::Reset { .. } if index > 0 && is_first_word => self.end_of_reset_unanswered(),
             Part::Reset { ends, .. } if index > 0 => {
                 self.is_in_doubt = true;

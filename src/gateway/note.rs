@@ -35,6 +35,9 @@ pub enum Note {
     /// The drive refuses to be stopped.
     #[error("ALARM: the drive refuses to be stopped; it is not started before a stop was effective")]
     StopRefused,
+    /// A reset of an earlier life of the gateway, or one that had no answer, may not have been taken back.
+    #[error("the word that resets may stand in the drive's run command: it is taken back")]
+    ResetTakenBack,
     /// Somebody stops the drive again and again although others start it.
     #[error(
         "{by} stops the drive again and again although it was started elsewhere: a controller that is not in charge writes nothing"

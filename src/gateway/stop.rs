@@ -190,6 +190,12 @@ impl StopLatch {
         self.accepted_at
     }
 
+    /// Whether it is left to the drive's own watchdog at `now`.
+    #[must_use]
+    pub fn is_silent(&self, now: MonoTime) -> bool {
+        now < self.silent_until
+    }
+
     /// Whether it has never been sent: such frames go before repeats.
     #[must_use]
     pub const fn is_first(&self) -> bool {

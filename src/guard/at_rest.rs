@@ -1,5 +1,6 @@
 //! The review of orders that are carried out while the motor stands still: reset, release, set-up.
 
+use super::approved::Approved;
 use super::review::{Facts, Verdict, no_steps, refused};
 use super::state::DriveGuard;
 use crate::domain::command::{CommandRequest, Manner, Order, Outcome, Owner, Reason, Report, RunIntent};
@@ -46,6 +47,26 @@ impl DriveGuard {
             self.resetting.add(owner, held_until);
         }
         Ok(Verdict::Go(self.approve(command, Order::Reset, steps)))
+    }
+
+    /// Whether a reset of this model is ended by a word of its own, which may be missing.
+    #[must_use]
+    pub fn leaves_a_reset_standing(&self) -> bool {
+        self.control.is_some() && steps::of_take_back(&self.model).is_ok()
+    }
+
+    /// Takes back the word of a reset that was cut off: the end of what was ordered then, and nothing new. Nothing where
+    /// nobody may command the drive any more.
+    pub fn take_reset_back(&self) -> Option<Approved> {
+        self.control.as_ref().filter(|_| !self.is_ending && !self.is_leaving)?;
+        let steps = steps::of_take_back(&self.model).ok()?;
+        Some(Approved {
+            order: Order::Reset,
+            owner: Owner::Local,
+            stops: self.stops(),
+            start_before: MonoTime::NEVER,
+            steps,
+        })
     }
 
     /// Whether a reset was taken from `owner`, who has ordered it again and again since; if so, it is held until then.

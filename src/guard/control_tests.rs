@@ -212,7 +212,14 @@ fn the_watchdog_is_set_by_the_gateways_own_tool_at_standstill_alone() {
     for register in watched.registers.iter_mut().filter(|register| register.address == RAMP) {
         (register.unit, register.scale, register.range) = (UnitOfMeasure::Second, 10, Some(0..=255));
     }
-    watched.watchdog = Some(Watchdog { time: RAMP, off: fact(0), action: None, keeps_running: Vec::new() });
+    watched.watchdog = Some(Watchdog {
+        time: RAMP,
+        off: fact(0),
+        action: None,
+        action_digit: None,
+        keeps_running: Vec::new(),
+        stops: Vec::new(),
+    });
     let local = Origin { owner: LOCAL, rights: Rights { write: true, stop: false }, manner: Manner::Once };
     let judged = |origin, order, facts: &Facts| {
         let mut guard = guard_of(watched.clone(), control());

@@ -80,7 +80,7 @@ impl Book {
                     self.audit.add(at, Record::of_lease(moment, &drive.name, owner, change), None);
                 }
             }
-            Entry::Baseline(_) | Entry::StopPending { .. } | Entry::StopOver { .. } => {}
+            Entry::Baseline(_) | Entry::ResetWord { .. } | Entry::StopPending { .. } | Entry::StopOver { .. } => {}
         }
     }
 

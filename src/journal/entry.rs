@@ -59,6 +59,11 @@ pub enum Entry {
         /// It took effect. If not, it was given up because the drive stayed away.
         is_effective: bool,
     },
+    /// The word that resets may stand in the drive's run command from now on, or does not any more.
+    ResetWord {
+        /// It may.
+        may_stand: bool,
+    },
     /// A declared action runs although nobody commanded it.
     FailSafe {
         /// Whose control it ends.

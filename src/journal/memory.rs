@@ -23,6 +23,7 @@ impl Remembered {
             }
             Entry::StopPending { coast } => self.stop = Some(RememberedStop { coast: *coast }),
             Entry::StopOver { .. } => self.stop = None,
+            Entry::ResetWord { may_stand } => self.reset = *may_stand,
             Entry::Attempt(_) | Entry::Ended { .. } | Entry::FailSafe { .. } | Entry::Presence(_) => {}
         }
     }
@@ -35,6 +36,7 @@ impl Remembered {
             "trips_total": self.trips_total,
             "last_code": self.last_code,
             "lease": self.lease.map(|it| json!({ "owner": it.owner.to_string(), "was_orphaned": it.was_orphaned })),
+            "reset": self.reset,
             "stop": self.stop.map(|stop| if stop.coast { "coast" } else { "stop" }),
         })
         .to_string()
@@ -64,6 +66,8 @@ impl Remembered {
                 None => None,
             },
             stop: there("stop").map(|stop| RememberedStop { coast: stop == "coast" }),
+            // Earlier versions did not write it.
+            reset: value["reset"].as_bool().unwrap_or(false),
         })
     }
 }
@@ -84,11 +88,13 @@ mod tests {
             last_code: Some(12),
             lease: Some(lease),
             stop: Some(RememberedStop { coast: true }),
+            reset: true,
         };
         let stop = Some(RememberedStop { coast: false });
         for memory in [Remembered::default(), whole, Remembered { stop, ..Remembered::default() }] {
             assert_eq!(Remembered::from_json(&memory.to_json()), Some(memory));
         }
+        assert_eq!(Remembered::from_json("{\"trips_total\":0}"), Some(Remembered::default()), "of an earlier version");
         for text in ["", "{}", "{\"trips_total\":-1}", "{\"trips_total\":0,\"lease\":{\"owner\":\"x\"}}"] {
             assert_eq!(Remembered::from_json(text), None, "{text}");
         }
@@ -111,5 +117,9 @@ mod tests {
         memory.take(&Entry::StopOver { is_effective: true });
         memory.take(&Entry::Lease(None));
         assert_eq!((memory.lease, memory.stop), (None, None));
+        for may_stand in [true, false] {
+            memory.take(&Entry::ResetWord { may_stand });
+            assert_eq!(memory.reset, may_stand);
+        }
     }
 }

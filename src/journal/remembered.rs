@@ -16,6 +16,8 @@ pub struct Remembered {
     pub lease: Option<RememberedLease>,
     /// A stop was not effective yet when the gateway ended.
     pub stop: Option<RememberedStop>,
+    /// The word that resets may stand in its run command.
+    pub reset: bool,
 }
 
 /// A lease that nobody ended.

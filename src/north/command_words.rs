@@ -145,6 +145,89 @@ fn pairs_below(value: &Value) -> usize {
     }
 }
 
+/// So much of a payload is looked through for a stop, in bytes, however long it is.
+pub const STOP_WITHIN_BYTES: usize = 8 * 1024;
+
+/// The stop that `payload` orders, whatever stands beside it and whether or not it is JSON to its end: the word of a `run`
+/// of the object that it writes, of any of them if there are several. Only the first bytes are looked at.
+#[must_use]
+pub fn stop_in(payload: &[u8]) -> Option<RunWord> {
+    let payload = payload.get(..STOP_WITHIN_BYTES).unwrap_or(payload);
+    let mut rest = payload.trim_ascii_start();
+    if rest.first() != Some(&b'{') {
+        return None;
+    }
+    let (mut depth, mut found) = (0_usize, None);
+    while let Some((first, after)) = rest.split_first() {
+        match first {
+            b'{' | b'[' => depth += 1,
+            b'}' | b']' => depth = depth.saturating_sub(1),
+            b'"' => {
+                let Some((key, behind)) = text_at(rest) else { return found };
+                let value = behind.trim_ascii_start().strip_prefix(b":").map(<[u8]>::trim_ascii_start);
+                let is_run = depth == 1 && is_text(key, "run");
+                match value.filter(|value| is_run && value.first() == Some(&b'"')).and_then(text_at) {
+                    Some((word, behind)) => {
+                        match text_of(word).as_deref().map(run_word) {
+                            Some(Ok(RunWord::Stop)) => return Some(RunWord::Stop),
+                            Some(Ok(RunWord::Coast)) => found = Some(RunWord::Coast),
+                            _ => {}
+                        }
+                        rest = behind;
+                    }
+                    None => rest = behind,
+                }
+                continue;
+            }
+            _ => {}
+        }
+        rest = after;
+    }
+    found
+}
+
+/// The text in quotes that `bytes` begin with, quotes and all, and what follows; nothing if it does not end.
+fn text_at(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let mut is_escaped = false;
+    let end = bytes.iter().skip(1).position(|byte| {
+        let is_end = *byte == b'"' && !is_escaped;
+        is_escaped = *byte == b'\\' && !is_escaped;
+        is_end
+    })?;
+    bytes.split_at_checked(end + 2)
+}
+
+fn text_of(quoted: &[u8]) -> Option<String> {
+    serde_json::from_slice(quoted).ok()
+}
+
+fn is_text(quoted: &[u8], text: &str) -> bool {
+    // No longer one is the same, even with every character escaped.
+    quoted.len() <= 2 + 6 * text.len() && text_of(quoted).as_deref() == Some(text)
+}
+
+/// What is said of what stands beside a stop.
+#[must_use]
+pub fn beside_a_stop(refused: &Refused) -> String {
+    format!("the stop was taken all the same: {}", refused.message)
+}
+
+/// Longest number, in characters.
+pub const NUMBER_CHARS_MAX: usize = 32;
+
+/// Whether `text`, which is to be a number as in `example`, is no longer than one.
+///
+/// # Errors
+/// It is.
+pub fn short_number(text: &str, example: &str) -> Result<(), Refused> {
+    if text.len() <= NUMBER_CHARS_MAX {
+        return Ok(());
+    }
+    let message =
+        format!("`{}` is longer than {NUMBER_CHARS_MAX} characters; right is, for example, {example}", short(text));
+    Err(not_understood(message))
+}
+
 /// The word of `run`.
 ///
 /// # Errors
@@ -190,4 +273,55 @@ pub fn not_understood(message: impl Into<String>) -> Refused {
 #[must_use]
 pub fn not_a_number(key: &str, example: &str) -> Refused {
     Refused::new(Reason::NotANumber, format!("`{key}` takes a number, such as {example}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stop_is_found_whatever_stands_beside_it() {
+        for text in [
+            r#"{"run":"stop"}"#,
+            r#" { "run" : " STOP " , "x": 1 }"#,
+            r#"{"run":"forward","run":"stop"}"#,
+            r#"{"run":"stop","run":"forward"}"#,
+            r#"{"run":"coast","run":"stop"}"#,
+            r#"{"a":{"run":"forward"},"b":[1,{"c":"}"}],"run":"stop","run":7}"#,
+            r#"{"\u0072un":"\u0073top"}"#,
+            r#"{"x":"\"","run":"stop""#,
+            r#"{"run":"stop"} x"#,
+            r#"{"run":"stop","x":"#,
+            r#"{"run":"stop","x":"not ended"#,
+        ] {
+            assert_eq!(stop_in(text.as_bytes()), Some(RunWord::Stop), "{text}");
+        }
+        assert_eq!(stop_in(br#"{"run":"coast","run":"forward"}"#), Some(RunWord::Coast));
+        assert_eq!(stop_in(b"{\"run\":\"stop\",\"x\":\"\xFF\"}"), Some(RunWord::Stop));
+        let large = format!(r#"{{"run":"stop","x":"{}"}}"#, "x".repeat(1_000_000));
+        assert_eq!(stop_in(large.as_bytes()), Some(RunWord::Stop));
+        let late = format!(r#"{{"x":"{}","run":"stop"}}"#, "x".repeat(STOP_WITHIN_BYTES));
+        assert_eq!(stop_in(late.as_bytes()), None, "nobody looks so far");
+    }
+
+    #[test]
+    fn what_only_speaks_of_a_stop_is_none() {
+        for text in [
+            "",
+            "stop",
+            r#""stop""#,
+            r#"["run","stop"]"#,
+            r#"[{"run":"stop"}]"#,
+            r#"{"run":"forward"}"#,
+            r#"{"run":["stop"]}"#,
+            r#"{"a":{"run":"stop"}}"#,
+            r#"{"x":"\"run\":\"stop\""}"#,
+            r#"{"runs":"stop"}"#,
+            r#"{"id":"run","x":"stop"}"#,
+            r#"{"run":"sto"#,
+        ] {
+            assert_eq!(stop_in(text.as_bytes()), None, "{text}");
+        }
+        assert_eq!(stop_in(&vec![b'{'; 100_000]), None);
+    }
 }

@@ -2,6 +2,7 @@
 
 pub mod clock;
 pub mod command_words;
+mod issued;
 pub mod modbus;
 pub mod mqtt;
 pub mod operator;

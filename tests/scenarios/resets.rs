@@ -10,6 +10,7 @@ use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::snapshot::Presence;
 use vfd_gateway::drive::view::RunState;
 use vfd_gateway::gateway::Input;
+use vfd_gateway::journal::{Entry, Remembered};
 use vfd_gateway::profile::model::Model;
 use vfd_gateway::sim::{DriveOptions, SimDrive};
 
@@ -409,4 +410,118 @@ fn a_controller_that_holds_its_order_to_reset_resets_once() {
             rig.pass(SECOND * 4);
         }
     }
+}
+
+/// What the journal would hand to the next life.
+fn remembered(rig: &Rig) -> Remembered {
+    let mut memory = Remembered::default();
+    rig.entries().into_iter().for_each(|entry| memory.take(entry));
+    memory
+}
+
+/// A tripped drive whose gateway has a journal.
+fn kept(way: &Way) -> Rig {
+    let options = options_of(&model(way.id), accepting());
+    let mut rig = Rig::new(&RigOptions { keeps: true, poll: SECOND / 5, ..options });
+    rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
+    rig.live(SECOND * 3);
+    trip(&mut rig);
+    rig.live(SECOND * 4);
+    rig.sent.clear();
+    rig
+}
+
+fn takes_it_back(way: &Way) -> bool {
+    way.words.last() == Some(&way.stop)
+}
+
+#[test]
+fn the_next_life_takes_back_the_word_that_resets_wherever_the_last_one_was_killed() {
+    for way in WAYS {
+        for count in 1..=way.words.len() {
+            let mut rig = kept(way);
+            reset_up_to(&mut rig, way, count);
+            let memory = remembered(&rig);
+            assert!(memory.reset, "{}: kept before it is written", way.id);
+            rig.restart(memory);
+            rig.pass(SECOND * 10);
+            let taken_back = rig.written(way.at);
+            if !takes_it_back(way) {
+                assert_eq!(taken_back, [0; 0], "{}: it leaves no word standing", way.id);
+                continue;
+            }
+            assert!(taken_back.iter().all(|word| *word == way.stop), "{} {count}: {taken_back:02X?}", way.id);
+            let may_stand = way.words[count - 1] == way.reset;
+            // A drive that starts anew with its reset has forgotten the word; one that shows it is asked first.
+            let shown = reads(&mut rig, way.at);
+            assert!(!may_stand || shown.is_some() || !taken_back.is_empty(), "{} {count}", way.id);
+            assert_ne!(shown, Some(way.reset), "{} {count}", way.id);
+            assert!(taken_back.len() <= 1, "{} {count}: {taken_back:02X?}", way.id);
+            assert_eq!(rig.output(1), 0, "{}", way.id);
+            keeps_the_rules(&rig, way);
+            let said = rig.entries().into_iter().filter(|it| matches!(it, Entry::ResetWord { may_stand: false }));
+            assert_eq!(said.count(), 1, "{} {count}: and that is kept", way.id);
+        }
+    }
+}
+
+#[test]
+fn a_motor_that_turns_by_others_after_that_is_left_alone_until_it_stands_still() {
+    for way in WAYS.iter().filter(|way| takes_it_back(way)) {
+        let mut rig = kept(way);
+        reset_up_to(&mut rig, way, 2);
+        let memory = remembered(&rig);
+        let now = rig.now;
+        let drive = rig.bus.drive_mut(Station(1)).unwrap();
+        drive.set_powered(now, false);
+        drive.set_powered(now, true);
+        rig.pass(SECOND * 3);
+        let model = model(way.id);
+        let word = model.run.as_ref().unwrap().forward.value;
+        for (address, word) in [(way.at, way.stop), (way.at, way.reset), (way.at, way.stop)] {
+            send(&mut rig, address, word);
+        }
+        rig.pass(SECOND * 3);
+        let frequency =
+            crate::support::families::address_of(&model, vfd_gateway::profile::model::Role::FrequencyCommand);
+        send(&mut rig, frequency, 2000);
+        send(&mut rig, way.at, word);
+        rig.pass(SECOND * 3);
+        assert!(rig.output(1) > 0, "{}: it runs", way.id);
+        rig.restart(Remembered { lease: None, ..memory });
+        rig.pass(SECOND * 10);
+        assert_eq!((rig.written(way.at), rig.output(1) > 0), (vec![], true), "{}", way.id);
+    }
+}
+
+#[test]
+fn a_reset_that_is_over_leaves_nothing_to_take_back() {
+    for way in WAYS {
+        let mut rig = kept(way);
+        rig.commanded(MQTT, Order::Reset);
+        rig.pass(SECOND);
+        assert!(!remembered(&rig).reset, "{}", way.id);
+        // Nor does one that a stop cuts off, once that is acknowledged.
+        let mut rig = kept(way);
+        reset_up_to(&mut rig, way, way.words.len().min(2));
+        rig.commanded(plc(1), STOP);
+        rig.pass(SECOND * 5);
+        assert!(!remembered(&rig).reset, "{}", way.id);
+    }
+}
+
+/// What the drive shows in a register, if that can be read.
+fn reads(rig: &mut Rig, address: u16) -> Option<u16> {
+    let now = rig.now;
+    let pdu = [vec![3], address.to_be_bytes().to_vec(), vec![0, 1]].concat();
+    let mut reply = Vec::new();
+    rig.bus.drive_mut(Station(1)).unwrap().answer(now, &pdu, 0, &mut reply);
+    (reply.first() == Some(&3)).then(|| u16::from_be_bytes([reply[2], reply[3]]))
+}
+
+/// Another master writes a word.
+fn send(rig: &mut Rig, address: u16, word: u16) {
+    let now = rig.now;
+    let pdu = crate::support::families::single(address, word);
+    rig.bus.drive_mut(Station(1)).unwrap().answer(now, &pdu, 0, &mut Vec::new());
 }

@@ -123,3 +123,17 @@ fn where_no_broadcast_is_proven_or_a_drive_is_not_under_control_there_is_none() 
         assert_eq!(rig.core.counters().broadcasts, 0);
     }
 }
+
+#[test]
+fn a_drive_whose_stop_has_no_effect_yet_does_not_keep_the_others_from_one_frame() {
+    let mut rig = running(&line());
+    rig.bus.set_powered(rig.now, vfd_gateway::domain::ids::Station(1), false);
+    rig.command(MQTT, 0, STOP);
+    rig.pass(Duration::from_millis(300));
+    rig.sent.clear();
+    (0..DRIVES.into()).for_each(|index| _ = rig.command_unsettled(MQTT, index, STOP));
+    rig.settle();
+    rig.pass(Duration::from_secs(2));
+    assert_eq!(starts(&rig.sent, &TO_ALL).count(), 1);
+    assert!((2..=DRIVES).all(|station| rig.output(station) < 3000));
+}

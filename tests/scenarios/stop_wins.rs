@@ -1,11 +1,16 @@
 //! STOP overtakes everything, waits for at most the exchange on the wire, and holds until it is effective.
 
+use crate::support::families::{accepting, models};
 use crate::support::{MQTT, PROOF, Rig, RigOptions, STOP, model, plc, run, setpoint};
+use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason};
 use vfd_gateway::domain::ids::Station;
+use vfd_gateway::domain::link::PortKind;
 use vfd_gateway::domain::native::NativeAsk;
+use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::gateway::{Input, Note};
+use vfd_gateway::profile::model::Model;
 use vfd_gateway::sim::FaultPlan;
 
 const RUN: u16 = 0x0002;
@@ -294,4 +299,122 @@ fn a_stop_that_a_resting_drive_refuses_is_settled() {
     rig.pass(Duration::from_secs(2));
     let control = rig.view(0).control.unwrap();
     assert!(!control.stop_pending && !control.not_effective, "{control:?}");
+}
+
+/// A drive of `id` that serves only these functions, whatever its model says, and runs.
+fn serving(id: &str, functions: &[u8]) -> Rig {
+    let model = model(id);
+    let mut really = Model::clone(&model);
+    really.functions.value = functions.to_vec();
+    let control = Some(accepting());
+    let (really, proof_words) = (Some(Arc::new(really)), None);
+    Rig::new(&RigOptions { model, really, proof_words, control, ..RigOptions::controlled() })
+}
+
+#[test]
+fn a_stop_that_is_refused_in_one_form_is_tried_in_the_other_that_the_model_declares() {
+    for id in ["teco-e510", "teco-e510s"] {
+        let mut rig = serving(id, &[0x03, 0x08, 0x10]);
+        let now = rig.now;
+        let run = [0x10, 0x25, 0x01, 0, 2, 4, 0, 1, 0x0B, 0xB8];
+        rig.bus.drive_mut(Station(1)).unwrap().answer(now, &run, 0, &mut Vec::new());
+        rig.pass(Duration::from_secs(2));
+        assert!(rig.output(1) > 0, "{id}");
+        rig.sent.clear();
+        assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None), "{id}");
+        // Typed here: 06 first, and 10 hex with one word.
+        assert_eq!(rig.writes(), [vec![6, 0x25, 1, 0, 0], vec![0x10, 0x25, 1, 0, 1, 2, 0, 0]], "{id}");
+        assert!(!rig.notes.iter().any(|(_, note)| *note == Note::StopRefused), "{id}: {:?}", rig.notes);
+        rig.pass(Duration::from_secs(20));
+        assert_eq!(rig.output(1), 0, "{id}");
+        // And where a stop takes effect it may start again.
+        assert_ne!(rig.commanded(MQTT, crate::support::run(Direction::Forward, Some(2000))).1, Reason::StopRefused);
+    }
+}
+
+#[test]
+fn a_drive_that_refuses_to_be_stopped_is_not_started_and_people_hear_of_it_at_once() {
+    for model in models() {
+        // It reads and does everything but the function of the stop.
+        let mut functions = model.functions.value.clone();
+        functions.retain(|it| ![0x06, 0x10].contains(it));
+        let mut rig = serving(&model.id, &functions);
+        assert_eq!(
+            rig.commanded(MQTT, STOP).0,
+            if model.exceptions.is_empty() { Outcome::Unknown } else { Outcome::Failed }
+        );
+        if model.exceptions.is_empty() {
+            // Such a drive says nothing to what it does not serve: its stop stays pending.
+            assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(2000))).1, Reason::StopPending, "{}", model.id);
+            continue;
+        }
+        let told: Vec<_> = rig.notes.iter().filter(|(_, note)| *note == Note::StopRefused).collect();
+        assert!(matches!(told[..], [(at, _)] if rig.now.since(*at) < Duration::from_millis(100)), "{}", model.id);
+        rig.pass(Duration::from_secs(5));
+        assert!(!rig.view(0).control.unwrap().stop_pending, "{}: it stands still", model.id);
+        for by in [MQTT, plc(1)] {
+            rig.commanded(plc(1), STOP);
+            rig.pass(Duration::from_secs(5));
+            let told = rig.commanded(by, run(Direction::Forward, Some(2000)));
+            assert_eq!(told, (Outcome::Refused, Reason::StopRefused), "{}", model.id);
+        }
+        // A controller that holds 0 asks again, at a bounded rate.
+        rig.sent.clear();
+        for _ in 0..300 {
+            rig.command(plc(1), 0, STOP);
+            rig.pass(Duration::from_millis(100));
+        }
+        let forms = if model.write.block.is_some() { 2 } else { 1 };
+        let sent = rig.writes().len();
+        assert!((5 * forms..=11 * forms).contains(&sent), "{}: {sent} in 30 s", model.id);
+        let told = rig.notes.iter().filter(|(_, note)| *note == Note::StopRefused).count();
+        assert_eq!(told, 1, "{}: told once", model.id);
+    }
+}
+
+#[test]
+fn a_drive_that_takes_stops_again_may_be_started() {
+    let model = model("frecon-fr500a");
+    let mut rig = Rig::new(&RigOptions { model, proof_words: None, ..RigOptions::controlled() });
+    let set = |rig: &mut Rig, word| {
+        let now = rig.now;
+        // F02.00: where run commands come from.
+        rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0200, word);
+    };
+    set(&mut rig, 0);
+    assert_eq!(rig.commanded(plc(1), STOP), (Outcome::Failed, Reason::DriveException));
+    rig.pass(Duration::from_secs(5));
+    assert_eq!(rig.commanded(plc(1), run(Direction::Forward, Some(2000))).1, Reason::StopRefused);
+    set(&mut rig, 2);
+    assert_eq!(rig.commanded(plc(1), STOP), (Outcome::Confirmed, Reason::None));
+    let (outcome, reason) = rig.commanded(plc(1), run(Direction::Forward, Some(2000)));
+    assert_ne!(outcome, Outcome::Refused, "{reason:?}");
+    assert!(rig.notes.iter().any(|(_, note)| *note == Note::EffectiveAtLast), "{:?}", rig.notes);
+}
+
+#[test]
+fn a_stop_on_an_unplugged_line_is_told_at_once_and_goes_out_when_it_is_back() {
+    for model in models() {
+        let options = RigOptions { model: Arc::clone(&model), proof_words: None, ..RigOptions::controlled() };
+        let mut rig = Rig::new(&RigOptions { control: Some(accepting()), ..options });
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
+        rig.live(Duration::from_secs(3));
+        rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
+        rig.settle();
+        let (from, first) = (rig.now, rig.command(MQTT, 0, STOP));
+        assert_eq!(rig.told(first), [(Outcome::Unknown, Reason::LineDown, true)], "{}", model.id);
+        let (_, answer) = rig.reports.last().unwrap();
+        assert!(answer.report.message().contains("pending"), "{}", answer.report.message());
+        assert!(rig.view(0).control.unwrap().stop_pending, "{}", model.id);
+        // Those that come behind it are told at once too.
+        let second = rig.command(plc(1), 0, STOP);
+        assert_eq!(rig.told(second), [(Outcome::Unknown, Reason::LineDown, true)], "{}", model.id);
+        assert_eq!(rig.now, from);
+        rig.pass(Duration::from_secs(1));
+        rig.sent.clear();
+        rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+        rig.settle();
+        rig.pass(Duration::from_secs(20));
+        assert_eq!(rig.output(1), 0, "{}", model.id);
+    }
 }

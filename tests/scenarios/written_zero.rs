@@ -154,7 +154,11 @@ fn a_written_zero_stops_a_motor_that_was_started_elsewhere() {
                 assert_eq!(owner, None, "{what}: a stop opens no lease");
                 // A drive that obeys its panel takes no stop from the bus: that is told, and never as a success.
                 let obeys = !rig.bus.drive(Station(1)).unwrap().is_local();
-                assert_eq!((outcome == Outcome::Confirmed, sent == 1), (obeys, obeys || sent == 1), "{what}: {reason:?}");
+                assert_eq!(
+                    (outcome == Outcome::Confirmed, sent == 1),
+                    (obeys, obeys || sent == 1),
+                    "{what}: {reason:?}"
+                );
                 rig.live(SECOND * 12);
                 assert_eq!(rig.output(1) == 0, obeys, "{what}");
             }
@@ -306,5 +310,21 @@ fn two_controllers_that_write_zero_do_not_flood_the_line() {
         let owner = rig.view(0).control.unwrap().lease.map(|(owner, _)| owner);
         assert_eq!(owner, Some(plc(2).owner), "{}", model.id);
         assert_ne!(owner, Some(Owner::Mqtt));
+    }
+}
+
+/// The drive is there, and no reply of it is sound: what was read before says nothing any more.
+#[test]
+fn a_zero_goes_out_and_nothing_is_set_up_by_values_that_have_grown_stale() {
+    for model in models() {
+        let mut rig = stopped(&model);
+        rig.bus.set_faults("cut=1000".parse().unwrap());
+        rig.pass(SECOND * 2);
+        let told = rig.commanded(ORIGIN, Order::Release);
+        assert_eq!(told.0, Outcome::Refused, "{}: {:?}", model.id, told.1);
+        rig.sent.clear();
+        rig.command(ORIGIN, 0, STOP);
+        rig.pass(SECOND / 2);
+        assert!(stops(&rig, &model) >= 1, "{}", model.id);
     }
 }

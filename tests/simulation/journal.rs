@@ -84,6 +84,7 @@ impl Journal {
             }
             Entry::StopPending { coast } => memory.stop = Some(RememberedStop { coast: *coast }),
             Entry::StopOver { .. } => memory.stop = None,
+            Entry::ResetWord { may_stand } => memory.reset = *may_stand,
             Entry::Attempt(_) | Entry::Ended { .. } | Entry::FailSafe { .. } | Entry::Presence(_) => {}
         }
     }

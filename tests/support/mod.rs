@@ -120,6 +120,8 @@ pub struct RigOptions {
     pub keeps: bool,
     /// What every drive is.
     pub model: Arc<Model>,
+    /// What every drive really is, if its model says otherwise.
+    pub really: Option<Arc<Model>>,
     /// What every drive does with a request that it cannot serve.
     pub bad_request: BadRequest,
     /// Addresses whose words carry the number of the exchange that asked for them.
@@ -180,6 +182,7 @@ impl Default for RigOptions {
             control: None,
             keeps: false,
             model: n700(),
+            really: None,
             bad_request: BadRequest::default(),
             proof_words: Some(PROOF..=PROOF + 0xFF),
         }
@@ -241,7 +244,8 @@ impl Rig {
         for station in 1..=options.drives {
             let proof_words = options.proof_words.clone();
             let drive = DriveOptions { proof_words, bad_request: options.bad_request, ..DriveOptions::default() };
-            bus.connect(Station(station), SimDrive::new(Arc::clone(model), drive));
+            let really = options.really.as_ref().unwrap_or(model);
+            bus.connect(Station(station), SimDrive::new(Arc::clone(really), drive));
             drives.push(DriveSetup {
                 station: Station(station),
                 model: Arc::clone(model),

@@ -47,7 +47,7 @@ fn a_control_section_gets_its_defaults() {
             accept_unverified: Vec::new(),
             allow_release: false,
             strict: false,
-            restart_delay: seconds(2),
+            restart_delay: seconds(3),
             stop_effect_timeout: seconds(3),
             stop_pending_for: seconds(600),
             native_write: vec![0x020C],
@@ -169,6 +169,36 @@ fn what_concerns_mqtt_only_is_not_there_without_it() {
     assert_eq!(problems(&text), [at("commands"), format!("{AT}.restart_delay: {neither}")]);
     let by_page = with(&text, "[\"modbus-tcp\"]", "['page']");
     assert!(!problems(&by_page).iter().any(|it| it.contains("restart_delay")));
+}
+
+#[test]
+fn a_run_that_waited_unnoticed_at_the_broker_is_told_from_one_after_a_stop() {
+    let text = |control: &str, mqtt: &str| with(&control_with(control), "[mqtt]\n", &format!("[mqtt]\n{mqtt}\n"));
+    only(
+        &text("restart_delay = '2s'", ""),
+        &format!(
+            "{AT}.restart_delay: 2s is too short to tell a RUN that waited in front of the broker from one that was sent \
+             after the stop: with `probe_interval` = \"1s\" one may wait 1750ms before that is noticed; at least \
+             \"2750ms\", or leave it out"
+        ),
+    );
+    only(
+        &text("", "probe_interval = '10s'"),
+        "mqtt.probe_interval: a command could wait 10750ms in front of the broker before that is noticed, so that no RUN \
+         could be taken for more than 5s after a stop; at most \"3250ms\"",
+    );
+    for (keys, mqtt, millis) in [
+        ("", "", 3_000),
+        ("", "probe_interval = '3250ms'", 5_000),
+        ("", "probe_interval = '200ms'", 3_000),
+        ("restart_delay = '2750ms'", "", 2_750),
+        ("restart_delay = '2s'", "probe_interval = '250ms'", 2_000),
+        ("restart_delay = '0s'\ncommands = 'strict'", "", 0),
+    ] {
+        let found = good(&text(keys, mqtt));
+        let control = found.lines[0].drives[0].control.as_ref().unwrap();
+        assert_eq!(control.restart_delay, Duration::from_millis(millis), "{keys} {mqtt}");
+    }
 }
 
 #[test]

@@ -142,7 +142,14 @@ fn an_item_of_the_other_interface_is_left_out() {
 
 fn watched(model: &mut Model) {
     let off = Fact { value: 0, confidence: Confidence::Manual, source: "test".to_owned() };
-    model.watchdog = Some(Watchdog { time: F007, off, action: Some(F010), keeps_running: Vec::new() });
+    model.watchdog = Some(Watchdog {
+        time: F007,
+        off,
+        action: Some(F010),
+        action_digit: None,
+        keeps_running: Vec::new(),
+        stops: vec![0, 1, 2, 3],
+    });
 }
 
 #[test]

@@ -351,6 +351,7 @@ fn metrics_show_control() {
         epoch: 1,
         last: None,
         commands: 9,
+        stopped_again: None,
     };
     show(&state, UP, DriveView { control: Some(control), ..online(clock::now()) });
     let text = super::metrics::text(state, clock::now()).unwrap();

@@ -8,6 +8,7 @@ use crate::domain::command::{CommandAnswer, CommandRequest, Manner, Order, Origi
 use crate::domain::ids::{DriveIndex, Ticket};
 use crate::domain::native::{NativeAsk, NativeRequest};
 use crate::domain::time::MonoTime;
+use crate::drive::description::DriveRef;
 use crate::guard::COMMAND_DEADLINE;
 use crate::journal::Tried;
 use crate::north::modbus::{
@@ -107,11 +108,7 @@ impl Client {
                 self.expect(now, machine, call, vec![(call.ticket, result)]);
             }
             (Err(_), _) => {
-                let stop = |drive| {
-                    let ticket = machine.fresh_ticket();
-                    (ticket, self.order(now, ticket, drive, Order::Stop { setpoint: None }, Manner::Once))
-                };
-                let given = self.router().controlled().map(stop).collect();
+                let given = self.stop_all(now, machine);
                 self.expect(now, machine, call, given);
             }
         }
@@ -121,23 +118,53 @@ impl Client {
     /// a lease is none.
     fn order(&self, now: MonoTime, ticket: Ticket, drive: Drive<'_>, order: Order, manner: Manner) -> Result<(), Full> {
         let place = drive.shared.description.place;
-        let command = CommandRequest {
+        let command = self.command_for(now, ticket, place, order.clone(), manner);
+        drive.inbox.put(Message::Command(command)).inspect_err(|Full| self.found_no_room(place, order))
+    }
+
+    /// Gives a stop to each drive of this listener that has control. Each line finds its own together.
+    fn stop_all(&self, now: MonoTime, machine: &mut Connection) -> Vec<(Ticket, Result<(), Full>)> {
+        let (router, order) = (self.router(), Order::Stop { setpoint: None });
+        let places = router.controlled().map(|drive| drive.shared.description.place);
+        let commands: Vec<_> = places
+            .map(|place| (place, self.command_for(now, machine.fresh_ticket(), place, order.clone(), Manner::Once)))
+            .collect();
+        let given: Vec<_> = commands.iter().map(|(place, command)| (*place, command.ticket)).collect();
+        let taken = router.shared().put_together(commands);
+        let result = |((place, ticket), is_taken)| {
+            let result = if is_taken { Ok(()) } else { Err(Full) };
+            (ticket, result.inspect_err(|Full| self.found_no_room(place, order.clone())))
+        };
+        given.into_iter().zip(taken).map(result).collect()
+    }
+
+    fn command_for(
+        &self,
+        now: MonoTime,
+        ticket: Ticket,
+        place: DriveRef,
+        order: Order,
+        manner: Manner,
+    ) -> CommandRequest {
+        self.known_until.set(MonoTime::NEVER);
+        CommandRequest {
             asker: self.asker,
             ticket,
             drive: place.drive,
             origin: Origin { manner, ..self.origin.get() },
-            order: order.clone(),
+            order,
             start_before: now + COMMAND_DEADLINE,
             issued: None,
             epoch: None,
-        };
-        self.known_until.set(MonoTime::NEVER);
-        drive.inbox.put(Message::Command(command)).inspect_err(|Full| {
-            if !order.is_no_attempt() {
-                let (owner, report) = (self.origin.get().owner, Report::refused(Reason::QueueFull));
-                self.keeper.keep(Some(place), owner, Tried::Order(order), report);
-            }
-        })
+        }
+    }
+
+    /// What a line does not take is an attempt all the same.
+    fn found_no_room(&self, place: DriveRef, order: Order) {
+        if !order.is_no_attempt() {
+            let (owner, report) = (self.origin.get().owner, Report::refused(Reason::QueueFull));
+            self.keeper.keep(Some(place), owner, Tried::Order(order), report);
+        }
     }
 
     /// Waits for the answers to what was ordered for `call`. If nothing was (no drive has control), it is never

@@ -9,6 +9,8 @@ const BROKEN_MAX: Duration = Duration::from_secs(3);
 /// The first wait for another client with the same identifier: it may have been there only once.
 const CONTESTED_FIRST: Duration = Duration::from_secs(1);
 const CONTESTED_MAX: Duration = Duration::from_secs(30);
+/// The longest wait where there may be another client, or a broker that starts again and again.
+const SUSPECTED_MAX: Duration = Duration::from_secs(2);
 /// A connection that lived this long was a good one: the next wait is the first again.
 const GOOD_LIFE: Duration = Duration::from_secs(5);
 /// The same where another client wants the identifier: longer than the two take turns.
@@ -25,6 +27,8 @@ pub enum Ended {
     Broken(Duration),
     /// It ended after so long, because another client has the same identifier.
     Contested(Duration),
+    /// It ended after so long, as it would if another client had the same identifier.
+    Suspected(Duration),
 }
 
 /// Waits that double, each kind for itself, with a jitter of a quarter, so that gateways do not come back in step.
@@ -44,7 +48,8 @@ impl BackOff {
 
     /// The wait after a connection that ended so.
     pub fn wait_after(&mut self, ended: Ended) -> Duration {
-        let (Ended::Closed(life) | Ended::Broken(life) | Ended::Contested(life)) = ended else {
+        let (Ended::Closed(life) | Ended::Broken(life) | Ended::Contested(life) | Ended::Suspected(life)) = ended
+        else {
             // That the broker was away explains the ends before.
             self.broken = FIRST;
             return self.doubling(|it| &mut it.away, AWAY_MAX);
@@ -58,6 +63,7 @@ impl BackOff {
         }
         match ended {
             Ended::Contested(_) => self.doubling(|it| &mut it.contested, CONTESTED_MAX),
+            Ended::Suspected(_) => self.with_jitter(SUSPECTED_MAX),
             Ended::Closed(_) => self.with_jitter(FIRST),
             _ => self.doubling(|it| &mut it.broken, BROKEN_MAX),
         }
@@ -110,6 +116,13 @@ mod tests {
         assert_waits(&mut back_off, Ended::Broken(SECOND), &[200, 400]);
         assert_waits(&mut back_off, Ended::Closed(SECOND), &[200, 200, 200]);
         assert_waits(&mut back_off, Ended::Broken(SECOND), &[800]);
+    }
+
+    #[test]
+    fn a_broker_that_may_only_start_again_is_asked_for_soon() {
+        let mut back_off = BackOff::new(5);
+        assert_waits(&mut back_off, Ended::Suspected(SECOND), &[2000, 2000, 2000]);
+        assert_waits(&mut back_off, Ended::Contested(SECOND), &[1000]);
     }
 
     #[test]

@@ -25,7 +25,7 @@ use tokio::sync::Notify;
 use tokio::time::{Instant, sleep_until};
 
 /// Margin over the library's own limit for a connection to come about.
-const CONNECT_MARGIN: Duration = Duration::from_secs(2);
+const CONNECT_MARGIN: Duration = Duration::from_secs(1);
 /// A sleep that something else ends.
 const LONG: Duration = Duration::from_secs(3600);
 /// How often what is due is looked at while the broker takes nothing.
@@ -154,6 +154,10 @@ impl<T: Talk> Client<'_, T> {
             };
             if incident.is_heard() {
                 self.heard = Instant::now();
+            }
+            if let Incident::Offence(what) = incident {
+                let reason = format!("the broker breaks the protocol: {what}");
+                return self.abandon(&mut events, Broken::because(reason));
             }
             if let Incident::Connected(terms) = incident {
                 patience = self.patience(&terms);
@@ -303,7 +307,7 @@ impl<T: Talk> Client<'_, T> {
                     window.other_left();
                 }
             }
-            Incident::Heard | Incident::Nothing => {}
+            Incident::Offence(_) | Incident::Heard | Incident::Nothing => {}
         }
     }
 
@@ -374,7 +378,7 @@ impl<T: Talk> Client<'_, T> {
         if let Some(life) = self.life()
             && self.retry.is_settled(life)
         {
-            tracing::info!("no other client has taken our identifier for a minute");
+            tracing::info!("no other client takes our identifier any more");
             self.talk.borrow_mut().contested(None);
         }
     }

@@ -21,7 +21,7 @@ pub const PACKET_MAX: usize = 256 * 1024;
 /// Publications that wait for their acknowledgement at once.
 pub const INFLIGHT_MAX: u16 = 64;
 /// Time for name, TCP, TLS and CONNACK together.
-pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
+pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 /// Longest topic, and longest correlation data: their length is sent in two bytes.
 const FIELD_MAX: usize = 65_535;
 
@@ -42,6 +42,8 @@ pub enum Incident {
     PublicationLeft(u16),
     /// A subscription or DISCONNECT went out of the queue.
     OtherLeft,
+    /// The broker sent what the protocol forbids: the connection ends, and what came with it is not believed.
+    Offence(&'static str),
     /// The broker said something else.
     Heard,
     /// Nothing that matters.

@@ -11,6 +11,11 @@ use std::time::Duration;
 const SHORT_LIFE: Duration = Duration::from_secs(5);
 /// So many short lives, one behind the other and without a moment in which the broker was away, are no accident.
 const SHORT_LIVES: u32 = 5;
+/// So many are not even a broker that starts again and again.
+const SHORT_LIVES_MAX: u32 = 16;
+/// A connection that lived so long after a rival was only suspected speaks for a broker that had started again. With the
+/// longest wait before it that is less than 5 s.
+const UNSUSPECTED_LIFE: Duration = Duration::from_millis(2_400);
 
 /// How a client with our identifier showed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,7 +54,8 @@ impl Retry {
     pub fn after(&mut self, broken: &Broken, life: Option<Duration>) -> Next {
         let rival = life.and_then(|life| self.rival_behind(broken.cause, life));
         let ended = match (rival, life) {
-            (Some(_), _) => Ended::Contested(life.unwrap_or_default()),
+            (Some(_), _) if !self.may_be_restarts(rival) => Ended::Contested(life.unwrap_or_default()),
+            (Some(_), _) => Ended::Suspected(life.unwrap_or_default()),
             (None, None) if broken.cause == Cause::Gone => Ended::Away,
             (None, Some(life)) if broken.cause == Cause::Gone => Ended::Closed(life),
             (None, _) => Ended::Broken(life.unwrap_or_default()),
@@ -57,8 +63,13 @@ impl Retry {
         if ended == Ended::Away {
             self.short_lives = 0;
         }
-        self.rival = rival.or(self.rival);
+        self.rival = if self.rival == Some(Rival::Told) { self.rival } else { rival.or(self.rival) };
         Next { wait: self.back_off.wait_after(ended), rival }
+    }
+
+    /// Whether what looks like `rival` may be a broker that has started a few times.
+    fn may_be_restarts(&self, rival: Option<Rival>) -> bool {
+        rival == Some(Rival::Suspected) && self.short_lives <= SHORT_LIVES_MAX
     }
 
     fn rival_behind(&mut self, cause: Cause, life: Duration) -> Option<Rival> {
@@ -74,7 +85,8 @@ impl Retry {
 
     /// The present connection has lived so long. True once, if a rival was there and is not any more.
     pub fn is_settled(&mut self, life: Duration) -> bool {
-        life >= SETTLED_LIFE && self.rival.take().is_some()
+        let least = if self.may_be_restarts(self.rival) { UNSUSPECTED_LIFE } else { SETTLED_LIFE };
+        life >= least && self.rival.take().is_some()
     }
 }
 
@@ -117,6 +129,21 @@ mod tests {
         assert_eq!(ends(&mut retry, Cause::Gone, Some(59)).rival, Some(Rival::Suspected), "they take turns");
         assert_eq!(ends(&mut retry, Cause::Gone, Some(60)).rival, None);
         assert_eq!(ends(&mut retry, Cause::Gone, Some(4)).rival, None, "counted from the start");
+    }
+
+    #[test]
+    fn a_broker_that_starts_again_twelve_times_is_no_rival_five_seconds_later() {
+        for seed in 0..1_000 {
+            let mut retry = Retry::new(seed);
+            let mut last = Next { wait: Duration::ZERO, rival: None };
+            for restart in 0..12_u32 {
+                let life = Duration::from_millis(u64::from(restart) * 173 % 1_500);
+                last = retry.after(&broken(Cause::Gone), Some(life));
+            }
+            assert_eq!(last.rival, Some(Rival::Suspected), "nothing tells it from one");
+            let until = SECOND * 5 - last.wait;
+            assert!(retry.is_settled(until) && !retry.is_settled(until), "{seed}: {last:?}");
+        }
     }
 
     #[test]

@@ -6,7 +6,7 @@ use crate::daemon::inbox::Message as LineMessage;
 use crate::daemon::north_journal::{Journal, NorthJournal};
 use crate::daemon::shared::{Current, Shared, SharedLine};
 use crate::daemon::totals::MqttTotals;
-use crate::domain::command::Owner;
+use crate::domain::command::{CommandRequest, Owner};
 use crate::domain::ids::{Name, Ticket};
 use crate::domain::time::MonoTime;
 use crate::drive::description::{DriveDescription, DriveRef};
@@ -96,8 +96,25 @@ impl Speaker {
 
     /// Hands everything for the lines to them. It never waits for the broker.
     fn pass_inward(&mut self, at: Moment) {
+        let mut stops = Vec::new();
         while let Some(act) = self.session.next_inward() {
-            self.carry_out(at, act);
+            match act {
+                Act::Command(place, command) if command.order.is_stop() => stops.push((place, command)),
+                act => {
+                    self.put_stops(at, &mut stops);
+                    self.carry_out(at, act);
+                }
+            }
+        }
+        self.put_stops(at, &mut stops);
+    }
+
+    /// Hands stops that follow each other to their lines, so that each finds all of its own.
+    fn put_stops(&mut self, at: Moment, stops: &mut Vec<(DriveRef, CommandRequest)>) {
+        let tickets: Vec<_> = stops.iter().map(|(_, command)| command.ticket).collect();
+        let taken = self.shared.put_together(std::mem::take(stops));
+        for (ticket, _) in tickets.into_iter().zip(taken).filter(|(_, is_taken)| !is_taken) {
+            self.session.refused_by_line(at, ticket);
         }
     }
 
@@ -188,6 +205,7 @@ impl Talk for Speaker {
 
     fn next_packet(&mut self, at: Moment) -> Option<Packet> {
         loop {
+            self.pass_inward(at);
             match self.session.next_act(at, &self.views, &self.lines)? {
                 Act::Subscribe(filters) => return Some(Packet::Subscribe(filters)),
                 Act::Publish(publication) => return Some(Packet::Publish(publication)),

@@ -139,7 +139,10 @@ fn heard(packet: Packet) -> Incident {
     match packet {
         Packet::ConnAck(answer) => Incident::Connected(terms(&answer)),
         Packet::SubAck(answer) => Incident::Subscribed(answer.return_codes.iter().map(is_granted).collect()),
-        Packet::Publish(publish) => received(publish).map_or(Incident::Heard, Incident::Message),
+        Packet::Publish(publish) => match offence(&publish) {
+            Some(what) => Incident::Offence(what),
+            None => received(publish).map_or(Incident::Heard, Incident::Message),
+        },
         Packet::PubAck(answer) => match answer.reason {
             PubAckReason::Success | PubAckReason::NoMatchingSubscribers => Incident::Acknowledged(answer.pkid),
             reason => Incident::Refused(answer.pkid, refusal(reason), format!("{reason:?}")),
@@ -191,6 +194,32 @@ fn received(publish: Publish) -> Option<Received> {
         response_topic: properties.response_topic,
         correlation: properties.correlation_data,
     })
+}
+
+/// What the protocol forbids about a message; the library takes it all the same.
+fn offence(publish: &Publish) -> Option<&'static str> {
+    if publish.properties.as_ref().is_some_and(|it| it.topic_alias.is_some()) {
+        return Some("a message with a topic alias, of which we offer none");
+    }
+    // Topic and payload are parts of the packet as it came: what lies between them is identifier and properties.
+    let identifier = if publish.qos == QoS::AtMostOnce { 0 } else { 2 };
+    let between = publish.payload.as_ptr().addr().checked_sub(publish.topic.as_ptr().addr())?;
+    let came = between.checked_sub(publish.topic.len() + identifier)?;
+    let told = publish.properties.as_ref().map_or(0, property_bytes);
+    (came != link::length_bytes(told) + told)
+        .then_some("a message with a property that stands there twice, or ill-formed")
+}
+
+/// Bytes of properties on the wire, each once.
+fn property_bytes(it: &PublishProperties) -> usize {
+    let text = |text: &String| 2 + text.len();
+    let fixed = [(it.payload_format_indicator.is_some(), 2), (it.message_expiry_interval.is_some(), 5)];
+    let fixed = fixed.into_iter().filter(|(is_there, _)| *is_there).map(|(_, bytes)| bytes).sum::<usize>();
+    let texts = [it.response_topic.as_ref(), it.content_type.as_ref()].into_iter().flatten().map(|it| 1 + text(it));
+    let users = it.user_properties.iter().map(|(key, value)| 1 + text(key) + text(value));
+    let identifiers = it.subscription_identifiers.iter().map(|id| 1 + link::length_bytes(*id));
+    let correlation = it.correlation_data.as_ref().map_or(0, |data| 3 + data.len());
+    fixed + correlation + texts.chain(users).chain(identifiers).sum::<usize>()
 }
 
 fn last_will(will: Publication) -> LastWill {

@@ -7,10 +7,10 @@ use crate::daemon::mqtt::{Chore, Packet, Rival, Talk};
 use crate::daemon::north_journal::Journal;
 use crate::daemon::shared::{Current, Shared, SharedLine};
 use crate::daemon::totals::SparkplugTotals;
-use crate::domain::command::Owner;
+use crate::domain::command::{CommandRequest, Owner};
 use crate::domain::ids::{Name, Ticket};
 use crate::domain::time::MonoTime;
-use crate::drive::description::DriveDescription;
+use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::DriveView;
 use crate::north::mqtt::{Event, LineState, Moment, Publication};
 use crate::north::sparkplug::{Act, Session, Settings};
@@ -99,8 +99,25 @@ impl Speaker {
 
     /// Hands everything for the lines to them. It never waits for the broker.
     fn pass_inward(&mut self) {
+        let mut stops = Vec::new();
         while let Some(act) = self.session.next_inward() {
-            self.carry_out(act);
+            match act {
+                Act::Command(place, command) if command.order.is_stop() => stops.push((place, command)),
+                act => {
+                    self.put_stops(&mut stops);
+                    self.carry_out(act);
+                }
+            }
+        }
+        self.put_stops(&mut stops);
+    }
+
+    /// Hands stops that follow each other to their lines, so that each finds all of its own.
+    fn put_stops(&mut self, stops: &mut Vec<(DriveRef, CommandRequest)>) {
+        let tickets: Vec<_> = stops.iter().map(|(_, command)| command.ticket).collect();
+        let taken = self.shared.put_together(std::mem::take(stops));
+        for (ticket, _) in tickets.into_iter().zip(taken).filter(|(_, is_taken)| !is_taken) {
+            self.session.refused_by_line(ticket);
         }
     }
 
@@ -176,6 +193,7 @@ impl Talk for Speaker {
 
     fn next_packet(&mut self, at: Moment) -> Option<Packet> {
         loop {
+            self.pass_inward();
             match self.session.next_act(at, &self.views, &self.lines)? {
                 Act::Subscribe(filters) => return Some(Packet::Subscribe(filters)),
                 Act::Publish(publication) => return Some(Packet::Publish(publication)),

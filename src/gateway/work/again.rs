@@ -34,6 +34,15 @@ impl DriveWork {
 
     /// Whether fresh readings show that the motor does not run, or ramps down because of a stop of ours.
     pub(super) fn rests(&self, now: MonoTime) -> bool {
+        // A refused stop goes again, but not in every cycle of a controller.
+        let waits = |at: MonoTime| self.guard.control().is_some_and(|it| now.since(at) < it.stop_effect_timeout);
+        let may_wait = !self.is_stop_refused || self.stop_refused_at.is_some_and(waits);
+        let ramps_down = self.is_stopping && self.latch.is_none();
+        may_wait && self.is_fresh(now) && (self.is_at_standstill() || ramps_down)
+    }
+
+    /// Whether what is known of the motor was read not longer ago than its values may be old.
+    pub(super) fn is_fresh(&self, now: MonoTime) -> bool {
         let is_fresh = |address: u16, at: Option<MonoTime>| {
             let class = self.model.register_at(address).and_then(|register| register.poll);
             let limit = self.pace.period(class.unwrap_or(PollClass::Fast)) * STALE_PERIODS;
@@ -41,12 +50,7 @@ impl DriveWork {
         };
         let output = self.output_register.is_none_or(|(address, _)| is_fresh(address, self.output.at()));
         let status = self.model.status_flag(Flag::Running);
-        let status = status.is_none_or(|flag| is_fresh(flag.address, self.status_at));
-        // A refused stop goes again, but not in every cycle of a controller.
-        let waits = |at: MonoTime| self.guard.control().is_some_and(|it| now.since(at) < it.stop_effect_timeout);
-        let may_wait = !self.is_stop_refused || self.stop_refused_at.is_some_and(waits);
-        let ramps_down = self.is_stopping && self.latch.is_none();
-        output && status && may_wait && (self.is_at_standstill() || ramps_down)
+        output && status.is_none_or(|flag| is_fresh(flag.address, self.status_at))
     }
 
     /// Whether the motor turns otherwise than the ramp of a stop of ours explains.

@@ -71,6 +71,9 @@ impl DriveWork {
                 out.attempt_taken(self.drive, owner, tried(), &mut waiter);
                 self.open_lease(runs, now, out);
                 self.push(List::new(approved, waiter), out);
+                if let Some(row) = self.keep_reset(out) {
+                    self.opens_behind(row, now);
+                }
             }
         }
     }
@@ -95,6 +98,14 @@ impl DriveWork {
     pub(super) fn join_stop(&mut self, waiter: Waiter, out: Out<'_>) {
         if let Some(latch) = &mut self.latch {
             latch.join(waiter, out);
+        }
+    }
+
+    /// There is no port to send to: whoever waits for a stop is told so at once. The stop stays pending.
+    pub fn stop_waits_for_the_line(&mut self, out: Out<'_>) {
+        let waiters = self.latch.as_mut().map(|latch| std::mem::take(latch.waiters()));
+        for mut waiter in waiters.into_iter().flatten() {
+            self.tell(&mut waiter, Report::new(Outcome::Unknown, Reason::LineDown), true, out);
         }
     }
 
@@ -201,7 +212,7 @@ impl DriveWork {
                         });
                         self.guard.setpoint_failed(value, still_ordered);
                     }
-                    Part::Register | Part::Reset { .. } | Part::Release => {}
+                    Part::Register | Part::Reset { .. } | Part::Release | Part::TakesBack => {}
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! What a drive wants from the wire, and what follows from the end of an exchange of its own.
 
 use super::{DriveWork, Out, Rank, Want};
-use crate::domain::command::{Outcome, Owner, Reason, Report};
+use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
 use crate::domain::time::MonoTime;
 use crate::drive::steps::Part;
 use crate::gateway::event::Effect;
@@ -55,6 +55,7 @@ impl DriveWork {
                     return false;
                 }
                 list.was_sent();
+                self.reset_stands |= list.leaves_a_reset_standing();
             }
             Rank::Look | Rank::Trip => {}
         }
@@ -97,9 +98,17 @@ impl DriveWork {
         self.latch.as_ref().and_then(StopLatch::unsent)
     }
 
-    /// Its stop went to all drives at once. Returns when that was accepted.
+    /// The frame of the stop that is not effective yet, unless the drive is to hear nothing at `now`.
+    #[must_use]
+    pub fn stop_frame(&self, now: MonoTime) -> Option<Request> {
+        self.latch.as_ref().filter(|latch| !latch.is_silent(now)).map(|latch| latch.frame().1)
+    }
+
+    /// Its stop went to all drives at once. Returns when that was accepted, if it was sent to nobody before.
     pub fn stop_was_broadcast(&mut self) -> Option<MonoTime> {
-        self.latch.as_mut().map(StopLatch::was_broadcast)
+        let latch = self.latch.as_mut()?;
+        let is_first = latch.unsent().is_some();
+        Some(latch.was_broadcast()).filter(|_| is_first)
     }
 
     fn is_latched(&self, request: &Request) -> bool {
@@ -141,7 +150,10 @@ impl DriveWork {
                 self.is_stop_refused = true;
                 (refused.filter(|_| latch.refused(now)), true)
             }
-            Ending::Reply(_) => (latch.echoed(now, doubt), false),
+            Ending::Reply(_) => {
+                self.reset_stands &= doubt;
+                (latch.echoed(now, doubt), false)
+            }
             Ending::Exception(_) | Ending::Garbled | Ending::Silent => {
                 latch.unanswered(now);
                 (None, false)
@@ -204,7 +216,10 @@ impl DriveWork {
                 self.current = Some(list);
             }
             Next::Ends(report) => {
-                if report.reason == Reason::SetpointUnknown {
+                if report.reason == Reason::SetpointUnknown && *list.order() == Order::Reset {
+                    // The word that was to be taken back does not stand there.
+                    self.reset_is_taken_back();
+                } else if report.reason == Reason::SetpointUnknown {
                     out.push_back(Effect::Note(self.drive, Note::SetpointOutside));
                 }
                 self.finish(&mut list, report, out);
@@ -231,7 +246,7 @@ impl DriveWork {
             }
             Part::Setpoint(_) => self.guard.setpoint_is_unknown(),
             Part::Reset { .. } => self.guard.setpoint_may_be_lost(),
-            Part::Register | Part::Release => {}
+            Part::Register | Part::Release | Part::TakesBack => {}
         }
     }
 
@@ -247,15 +262,18 @@ impl DriveWork {
             Part::Setpoint(value) => self.guard.setpoint_was_acknowledged(owner, value),
             Part::Run(direction) => {
                 self.starts(now);
+                self.reset_is_taken_back();
                 self.guard.run_was_acknowledged(direction);
             }
+            Part::TakesBack | Part::Release => self.reset_is_taken_back(),
             Part::Reset { ends: true, .. } => {
+                self.reset_is_taken_back();
                 self.guard.setpoint_may_be_lost();
                 if is_sure {
                     self.trips.reset_acknowledged();
                 }
             }
-            Part::Register | Part::Reset { .. } | Part::Release => {}
+            Part::Register | Part::Reset { .. } => {}
         }
     }
 }

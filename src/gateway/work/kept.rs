@@ -97,8 +97,13 @@ impl DriveWork {
         let row = self.keep_lease(out);
         let is_opened = self.guard.lease().map(|(owner, _)| owner) != held_before;
         if let Some(row) = row.filter(|_| runs && is_opened) {
-            self.opening = Some(Opening { row, until: now + WAIT_MAX });
+            self.opens_behind(row, now);
         }
+    }
+
+    /// What was accepted begins once `row` is kept.
+    pub(super) fn opens_behind(&mut self, row: RowNumber, now: MonoTime) {
+        self.opening = Some(Opening { row, until: now + WAIT_MAX });
     }
 
     /// From when `list` may begin as far as the journal is concerned.
@@ -158,7 +163,11 @@ impl KeptDesk {
     }
 }
 
-/// Whether it is an order to run that has not begun.
+/// Whether it is an order to run, or a reset, that has not begun.
 fn waits_for_row(list: &List) -> bool {
-    list.is_new() && !list.has_begun() && matches!(list.order(), Order::Go(go) if go.run().is_some())
+    let waits = match list.order() {
+        Order::Go(go) => go.run().is_some(),
+        order => *order == Order::Reset,
+    };
+    list.is_new() && !list.has_begun() && waits
 }

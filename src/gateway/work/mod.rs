@@ -7,6 +7,7 @@ mod kept;
 mod leaving;
 mod pass;
 mod remembered;
+mod reset;
 mod seen;
 mod watchdog;
 
@@ -98,6 +99,12 @@ pub struct DriveWork {
     /// The last order given here was a stop, and the motor has not been seen at standstill since, nor turning otherwise
     /// than the ramp of that stop explains.
     is_stopping: bool,
+    /// The word that resets may stand in the drive's run command.
+    reset_stands: bool,
+    /// What was said of that last.
+    said_reset: bool,
+    /// When it is taken back at the earliest.
+    take_back_at: MonoTime,
     /// The drive has refused a stop, and none has taken effect since.
     is_stop_refused: bool,
     /// When it refused every form of one last.
@@ -149,6 +156,9 @@ impl DriveWork {
             looks: looks(model),
             rest_until: None,
             is_stopping: false,
+            reset_stands: false,
+            said_reset: false,
+            take_back_at: MonoTime::ZERO,
             is_stop_refused: false,
             stop_refused_at: None,
             told_refused: false,
@@ -271,16 +281,18 @@ impl DriveWork {
     #[must_use]
     pub fn facts(&self, line_is_up: bool, is_offline: bool, now: MonoTime) -> Facts {
         let scale = self.output_register.map_or(1, |(_, scale)| scale);
+        // What was read longer ago decides nothing: the motor may have been started since.
+        let is_fresh = self.is_fresh(now);
         Facts {
             line_is_up,
             line_is_bad: false,
             is_offline,
             stop_pending: self.latch.is_some(),
             tripped: self.trips.view().active,
-            at_standstill: self.is_at_standstill(),
+            at_standstill: is_fresh && self.is_at_standstill(),
             rests: line_is_up && !is_offline && self.rests(now),
             stop_refused: self.is_stop_refused,
-            output: self.output.raw().map(|raw| Hertz::from_word(raw, scale)),
+            output: self.output.raw().filter(|_| is_fresh).map(|raw| Hertz::from_word(raw, scale)),
             turns: self.turns(),
             is_local: self.status.view().is_local(),
             is_watched: self.watchdog.view().is_some_and(|view| view.is_in_order()),

@@ -31,6 +31,7 @@ impl DriveWork {
         self.pass_stop(now, is_offline, out);
         self.leave_to_watchdog(now, out);
         self.expire_lists(now, out);
+        self.take_reset_back(now, out);
     }
 
     /// When [`Self::pass`] has something to do.

@@ -13,6 +13,7 @@ impl DriveWork {
     pub fn remember(&mut self, remembered: &Remembered, now: MonoTime, out: Out<'_>) {
         self.trips = std::mem::take(&mut self.trips).remembering(remembered.trips.unwrap_or_default());
         self.kept.remember(remembered);
+        self.remember_reset(remembered.reset);
         if let Some(lease) = remembered.lease {
             self.said_owner = Some((lease.owner, true));
             self.guard.remember_lease(lease);

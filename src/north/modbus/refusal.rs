@@ -67,7 +67,7 @@ pub const fn exception_of(reason: Reason) -> u8 {
         | Reason::ShuttingDown
         | Reason::CommanderLost => exception::SERVER_DEVICE_BUSY,
         Reason::LineDown | Reason::Offline | Reason::UnknownDrive => exception::GATEWAY_PATH_UNAVAILABLE,
-        Reason::Stale | Reason::TooLate | Reason::NoReply => exception::GATEWAY_TARGET_FAILED,
+        Reason::Stale | Reason::ClockAhead | Reason::TooLate | Reason::NoReply => exception::GATEWAY_TARGET_FAILED,
     }
 }
 
@@ -106,13 +106,14 @@ mod tests {
 
     /// By number.
     #[rustfmt::skip]
-    const CODES: [u8; 53] = [
+    const CODES: [u8; 54] = [
         4, 1, 1, 1, 3, 3, 3, 3, 3, 1, // none, read_only, not_from_here, ... direction_not_allowed, not_capable
         1, 2, 6, 6, 6, 6, 6, 6, 6, 6, // unverified, not_listed, start_inhibited, ... tripped
         6, 6, 6, 10, 10, 1, 11, 6, 11, 6, // not_tripped, reversal, queue_full, line_down, ... stopped
         6, 4, 4, 11, 4, 4, 10, 3, 3, 3, // newer, kept_old_value, ... too_large
         4, 6, 6, 1, 6, 3, // unchanged, shutting_down, commander_lost, no_release, moving, outside_range
-        6, 6, 6, 6, 6, 1, 6, // line_quality, starts_too_often, ... written_too_often, no_take, removed
+        6, 6, 6, 6, 6, 1, 6, 6, // line_quality, starts_too_often, ... no_take, removed, stop_refused
+        11, // clock_ahead
     ];
 
     #[test]

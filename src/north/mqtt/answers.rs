@@ -80,9 +80,17 @@ impl Session {
             What::Order(order) => values(&self.drives[pending.drive].model, order, &report),
             What::Read(_) => Map::new(),
         };
-        let remark = pending.remark.map(str::to_owned);
-        let message = remark.or_else(|| self.limits_of(pending, report));
-        let message = message.or_else(|| report.holder.map(|_| report.message()));
+        let message = self.limits_of(pending, report).or_else(|| report.holder.map(|_| report.message()));
+        let own_words = || Some(report.reason.text().to_owned()).filter(|_| report.reason != Reason::None);
+        // Beside why it was refused, if it was.
+        let message = pending.remark.as_ref().map_or_else(
+            || message.clone(),
+            |remark| {
+                Some(
+                    message.clone().or_else(own_words).map_or_else(|| remark.clone(), |why| format!("{why}; {remark}")),
+                )
+            },
+        );
         let asker = (pending.by, &pending.id, pending.reply.as_ref());
         let stage = Stage { report, is_final, is_repeat: false, message, values };
         self.tell(at, pending.drive, asker, stage);

@@ -1,11 +1,11 @@
 //! The JSON form of a command: everything that is not exactly known is refused by name.
 
 use super::params;
-use super::payload::{Wish, go};
+use super::payload::{Wish, go, stop_order};
 use crate::domain::command::{Go, Order, Reason, RegisterWrite};
 use crate::north::command_words::{
-    Refused, RunWord, frequency, keys_stand_once, known_keys, not_a_number, not_understood, object, only_true, run,
-    short,
+    Refused, RunWord, beside_a_stop, frequency, keys_stand_once, known_keys, not_a_number, not_understood, object,
+    only_true, run, short, stop_in,
 };
 use crate::profile::model::Model;
 use serde_json::{Map, Value};
@@ -16,8 +16,15 @@ const EXAMPLE: &str = r#"{"id": "a1", "run": "forward", "frequency_hz": 42.5}"#;
 const ID_MAX_CHARS: usize = 64;
 const TTL_MAX_MS: u64 = 60_000;
 
-/// The wish that `payload` writes, with its id as far as one could be read.
+/// The wish that `payload` writes, with its id as far as one could be read. A stop is one whatever stands beside it.
 pub(super) fn read(payload: &[u8], model: &Model) -> (Option<Value>, Result<Wish, Refused>) {
+    let (id, wish) = whole_command(payload, model);
+    let Some(stop) = stop_in(payload) else { return (id, wish) };
+    let remark = wish.err().map(|refused| beside_a_stop(&refused));
+    (id.clone(), Ok(Wish { id, remark, ..Wish::plain(stop_order(stop)) }))
+}
+
+fn whole_command(payload: &[u8], model: &Model) -> (Option<Value>, Result<Wish, Refused>) {
     let object = match object(payload, EXAMPLE) {
         Ok(object) => object,
         Err(refused) => return (None, Err(refused)),
@@ -37,6 +44,8 @@ fn wish(id: Option<Value>, object: &Map<String, Value>, payload: &[u8], model: &
         ttl: ttl(object)?,
         issued_at: whole(object, "issued_at", "milliseconds since 1970 in UTC, such as 1767225600000", Value::as_i64)?,
         epoch: whole(object, "epoch", "the number from the drive's `state`, such as 7", Value::as_u64)?,
+        issued: None,
+        remark: None,
     })
 }
 
@@ -151,6 +160,34 @@ mod tests {
         assert_eq!(order(r#"{"run":"stop","frequency_hz":5}"#), stop);
         assert_eq!(order(r#"{"run":"stop","reset":true,"frequency_hz":"fast"}"#), stop);
         assert_eq!(order(r#"{"run":"coast","param":{"F007":1}}"#), Order::Coast);
+        for beside in [
+            r#""speed":5"#,
+            r#""run":"forward""#,
+            r#""run":"go""#,
+            r#""id":1.5"#,
+            r#""id":"""#,
+            r#""id":{}"#,
+            r#""ttl_ms":0"#,
+            r#""ttl_ms":60001"#,
+            r#""issued_at":"now""#,
+            r#""epoch":-1"#,
+            r#""param":{"F007":1,"F007":2}"#,
+            r#""x":"#,
+        ] {
+            for text in [format!(r#"{{"run":"stop",{beside}}}"#), format!(r#"{{{beside},"run":"stop"}}"#)] {
+                let wish = read(text.as_bytes(), &model()).1.expect(&text);
+                assert_eq!(wish.order, stop, "{text}");
+                assert!(
+                    wish.remark.is_some_and(|remark| remark.starts_with("the stop was taken all the same: ")),
+                    "{text}"
+                );
+            }
+        }
+        let (id, wish) = read(br#"{"id":"a","run":"stop","x":1}"#, &model());
+        assert_eq!((id, wish.unwrap().id), (Some(json!("a")), Some(json!("a"))));
+        assert_eq!(order(r#"{"run":"stop"} x"#), stop);
+        assert_eq!(order(r#"{"run":"stop""#), stop);
+        assert_eq!(order(&json!({ "run": "stop", "id": "x".repeat(65) }).to_string()), stop);
     }
 
     #[test]
@@ -161,8 +198,8 @@ mod tests {
             ("[]", NotUnderstood),
             ("\"stop\"", NotUnderstood),
             ("{}", NotUnderstood),
-            ("{\"run\":\"stop\"", NotUnderstood),
-            (r#"{"run":"stop"} x"#, NotUnderstood),
+            ("{\"run\":\"forward\"", NotUnderstood),
+            (r#"{"run":"forward"} x"#, NotUnderstood),
             (r#"{"frequency_hz":NaN}"#, NotUnderstood),
             (r#"{"frequency_hz":4,5}"#, NotUnderstood),
             (r#"{"frequency_hz":1e999}"#, NotUnderstood),
@@ -184,21 +221,21 @@ mod tests {
             (r#"{"reset":false}"#, NotUnderstood),
             (r#"{"reset":true,"run":"forward"}"#, Conflict),
             (r#"{"reset":true,"frequency_hz":5}"#, Conflict),
-            (r#"{"run":"stop","id":1.5}"#, NotUnderstood),
-            (r#"{"run":"stop","id":""}"#, NotUnderstood),
-            (r#"{"run":"stop","id":{}}"#, NotUnderstood),
-            (r#"{"run":"stop","ttl_ms":0}"#, NotUnderstood),
-            (r#"{"run":"stop","ttl_ms":60001}"#, NotUnderstood),
-            (r#"{"run":"stop","ttl_ms":1.5}"#, NotUnderstood),
-            (r#"{"run":"stop","issued_at":"now"}"#, NotUnderstood),
-            (r#"{"run":"stop","epoch":-1}"#, NotUnderstood),
+            (r#"{"run":"forward","id":1.5}"#, NotUnderstood),
+            (r#"{"run":"forward","id":""}"#, NotUnderstood),
+            (r#"{"run":"forward","id":{}}"#, NotUnderstood),
+            (r#"{"run":"forward","ttl_ms":0}"#, NotUnderstood),
+            (r#"{"run":"forward","ttl_ms":60001}"#, NotUnderstood),
+            (r#"{"run":"forward","ttl_ms":1.5}"#, NotUnderstood),
+            (r#"{"run":"forward","issued_at":"now"}"#, NotUnderstood),
+            (r#"{"run":"forward","epoch":-1}"#, NotUnderstood),
         ];
         for (text, expected) in table {
             assert_eq!(reason(text), expected, "{text}");
         }
         let many: Map<_, _> = (0..17).map(|number| (format!("p{number}"), json!(1))).collect();
         assert_eq!(reason(&json!({ "param": many }).to_string()), TooManyFrames);
-        assert_eq!(reason(&json!({ "run": "stop", "id": "x".repeat(65) }).to_string()), NotUnderstood);
+        assert_eq!(reason(&json!({ "run": "forward", "id": "x".repeat(65) }).to_string()), NotUnderstood);
         assert_eq!(reason(&"[".repeat(8000)), NotUnderstood);
     }
 

@@ -97,6 +97,8 @@ fn what_comes_under_a_name_is_answered_with_it_and_no_other_word_is_a_name() {
     let long = "x".repeat(33);
     for name in ["", "a b", "\u{FC}", long.as_str()] {
         let acts = rig.send(&format!("by/{name}/drive/pump/run/set"), b"stop");
+        assert_eq!(orders(&acts), [&STOP], "a stop is one whatever its topic says: {name}");
+        let acts = rig.send(&format!("by/{name}/drive/pump/run/set"), b"forward");
         assert_eq!((commands(&acts).len(), result(&acts)), (0, refused("not_understood")), "{name}");
         assert_eq!((kept(&acts).len(), kept(&acts)[0].owner), (1, Owner::Mqtt));
     }
@@ -384,11 +386,44 @@ fn a_command_that_was_issued_too_long_ago_is_stale_but_a_stop_never_is() {
     let request = commands(&acts)[0];
     assert_eq!((request.issued, request.epoch), (Some(MonoTime::from_millis(10_600)), Some(7)));
     assert_eq!(result(&send(&mut rig, "forward", 1_001)), refused("stale"));
-    assert_eq!(result(&send(&mut rig, "forward", -60_001)), refused("stale"));
+    assert_eq!(result(&send(&mut rig, "forward", -2_001)), refused("clock_ahead"));
     assert_eq!(commands(&send(&mut rig, "forward", -500))[0].issued, Some(rig.now()), "nothing is issued later");
     assert_eq!(orders(&send(&mut rig, "stop", 1_000_000)), [&STOP]);
     let far = format!(r#"{{"run":"forward","issued_at":{}}}"#, i64::MIN);
     assert_eq!(result(&rig.send("drive/pump/command", far.as_bytes())), refused("stale"));
+}
+
+#[test]
+fn a_command_ahead_of_our_clock_is_the_same_moment_when_it_comes_again() {
+    for (ahead_ms, is_taken) in [(0, true), (500, true), (2_000, true), (2_001, false), (50_000, false)] {
+        let mut rig = Rig::born(Version::V5);
+        rig.pass(10_000);
+        let come = rig.now();
+        let issued_at = EPOCH_MS + 10_000 + ahead_ms;
+        let run = json!({ "run": "forward", "issued_at": issued_at, "ttl_ms": 60_000 }).to_string();
+        let acts = rig.send("drive/pump/command", run.as_bytes());
+        if !is_taken {
+            assert_eq!(result(&acts), refused("clock_ahead"), "{ahead_ms}");
+            let told = results(&acts)[0]["message"].as_str().unwrap_or_default().to_owned();
+            assert!(
+                told.contains(&format!("{:.1} s ahead", f64::from(i32::try_from(ahead_ms).unwrap()) / 1000.0)),
+                "{told}"
+            );
+        } else {
+            assert_eq!(commands(&acts)[0].issued, Some(come), "{ahead_ms}");
+            let ticket = commands(&acts)[0].ticket;
+            let acts = rig.answer(ticket, Outcome::Acknowledged, Reason::None, true);
+            let message = results(&acts)[0]["message"].as_str().unwrap_or_default().to_owned();
+            assert_eq!(message.contains("s ahead of the gateway's clock"), ahead_ms >= 100, "{message}");
+        }
+        // The same message after a stop, at any time.
+        for later_ms in [1_000, 1_500, 49_000] {
+            rig.pass(later_ms);
+            let acts = rig.send("drive/pump/command", run.as_bytes());
+            assert!(commands(&acts).iter().all(|it| it.issued == Some(come)), "{ahead_ms} {later_ms}");
+            assert!(is_taken || commands(&acts).is_empty(), "{ahead_ms} {later_ms}");
+        }
+    }
 }
 
 #[test]

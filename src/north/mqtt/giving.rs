@@ -57,7 +57,7 @@ impl Session {
             id: asker.id,
             what: What::Order(wish.order),
             reply: asker.reply,
-            remark: is_retained_stop.then_some(RETAINED_STOP),
+            remark: if is_retained_stop { Some(RETAINED_STOP.to_owned()) } else { wish.remark },
             forget_at: self.forget_at(drive, request.start_before, is_a_stop),
         });
         self.queue(Act::Command(self.drives[drive].place, request), is_a_stop);
@@ -78,7 +78,7 @@ impl Session {
             origin: origin(by),
             order: wish.order.clone(),
             start_before: at.mono + expiry.map_or(ttl, |expiry| expiry.min(ttl)),
-            issued: wish.issued_at.map(|issued_at| issued(at, issued_at)),
+            issued: wish.issued,
             epoch: wish.epoch,
         }
     }
@@ -176,10 +176,4 @@ impl Session {
         let Ticket(number) = self.next_ticket();
         format!("{}-{number}", self.run).into()
     }
-}
-
-/// When a command was issued, on our clock. Nothing is issued after it came.
-fn issued(at: Moment, issued_at: i64) -> MonoTime {
-    let age_ms = u64::try_from(at.wall.unix_ms.saturating_sub(issued_at)).unwrap_or(0);
-    at.mono.before(Duration::from_millis(age_ms))
 }

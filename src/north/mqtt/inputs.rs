@@ -14,10 +14,11 @@ use crate::domain::command::{Order, Owner, Reason, Report};
 use crate::domain::ids::{CommanderName, Name};
 use crate::domain::problem::nearest;
 use crate::journal::Tried;
-use std::time::Duration;
+use crate::north::command_words::beside_a_stop;
 
-/// How far ahead of ours the clock of a commander may be.
-const AHEAD_MAX: Duration = Duration::from_secs(60);
+/// Why a command is refused while nobody knows how long it was on its way.
+const WAY_UNPROVEN: &str =
+    "the gateway's probe through the broker is late, so that the command may have waited: send it again";
 /// The longest correlation data that is carried back.
 const CORRELATION_MAX_BYTES: usize = 1_024;
 
@@ -51,7 +52,8 @@ impl Session {
                 self.discovery.opened(at.mono);
             }
         }
-        let is_sign_of_life = self.settings.lease == LeaseMode::Session && !self.are_commanders_gone;
+        let is_alive = self.path.is_sign_of_life(at.mono) && !self.are_commanders_gone;
+        let is_sign_of_life = is_alive && self.settings.lease == LeaseMode::Session;
         if is_sign_of_life && !self.inward.contains(&Act::PathAlive) {
             self.inward.push_back(Act::PathAlive);
         }
@@ -94,6 +96,13 @@ impl Session {
         let tried = self.tried(place, &asked, message);
         let owner = owner(place);
         let by = *owner.as_ref().unwrap_or(&Owner::Mqtt);
+        let (owner, asked) = match (owner, asked) {
+            // A stop is carried out whatever stands beside it, in its topic too.
+            (Err(refused), Ok(Asked::Order(wish))) if is_a_stop => {
+                (Ok(by), Ok(Asked::Order(Wish { remark: Some(beside_a_stop(&refused)), ..wish })))
+            }
+            other => other,
+        };
         let live = self.live(message, is_a_stop).and(owner.map(|_| ()));
         let taken = live.and(asked).and_then(|asked| self.once(place.input, message, asked));
         let reply = self.reply_to(message);
@@ -153,7 +162,7 @@ impl Session {
     }
 
     /// An order that is held to deadline, ids and bounds.
-    fn order(&mut self, at: Moment, drive: usize, asker: Asker, wish: Wish, message: &Message<'_>) {
+    fn order(&mut self, at: Moment, drive: usize, asker: Asker, mut wish: Wish, message: &Message<'_>) {
         let tried = kept::of_order(&wish.order);
         if wish.id.is_some() {
             let known = self.seen[drive].look(at.mono, (asker.by, &asker.id), &wish.order, wish.epoch);
@@ -171,8 +180,8 @@ impl Session {
                 Known::Other => return self.refuse_for(at, drive, &asker, &Refused::plain(Reason::Duplicate), tried),
             }
         }
-        if self.is_stale(at, &wish) {
-            return self.refuse_for(at, drive, &asker, &Refused::plain(Reason::Stale), tried);
+        if let Err(refused) = self.date(at, &mut wish) {
+            return self.refuse_for(at, drive, &asker, &refused, tried);
         }
         if !self.unanswered.has_room_for_command() {
             return self.refuse_for(at, drive, &asker, &Refused::plain(Reason::QueueFull), tried);
@@ -185,15 +194,21 @@ impl Session {
         self.tell_again(at, drive, asker, &wish.order, report);
     }
 
-    fn is_stale(&self, at: Moment, wish: &Wish) -> bool {
-        if self.path.is_unproven() {
-            return true;
-        }
+    /// Finds out when a command was issued, and refuses one that is too old or may be.
+    fn date(&mut self, at: Moment, wish: &mut Wish) -> Result<(), Refused> {
         let ttl = wish.ttl.unwrap_or(self.settings.command_ttl);
-        let Some(issued_at) = wish.issued_at else { return self.path.may_have_waited() > ttl };
-        let age_ms = at.wall.unix_ms.saturating_sub(issued_at);
-        let millis = |span: Duration| i64::try_from(span.as_millis()).unwrap_or(i64::MAX);
-        age_ms > millis(ttl) || age_ms < -millis(AHEAD_MAX)
+        let issue = wish.issued_at.map(|issued_at| self.issued.take(at, issued_at)).transpose()?;
+        if self.path.is_unproven() {
+            return Err(Refused::new(Reason::Stale, WAY_UNPROVEN));
+        }
+        let age = issue.as_ref().map_or_else(|| self.path.may_have_waited(), |issue| issue.age);
+        if age > ttl {
+            return Err(Refused::plain(Reason::Stale));
+        }
+        if let Some(issue) = issue {
+            (wish.issued, wish.remark) = (Some(issue.moment), issue.remark);
+        }
+        Ok(())
     }
 
     /// Refuses what was tried on a drive, before any line sees it.

@@ -57,6 +57,7 @@ mod telemetry_tests;
 
 pub use counters::Counters;
 pub(in crate::north) use drive_topics::{Kind, code as trip_code, kinds, trips_are_fresh};
+pub use path::unnoticed;
 pub(in crate::north) use path::{Path, Returned};
 pub(in crate::north) use points::Points;
 pub use session::Session;

@@ -13,6 +13,8 @@ const LATE: Duration = Duration::from_millis(250);
 /// The longest round trip that counts as usual, so that a way that becomes slower and slower is noticed. It is also
 /// what is assumed of a way that is not known yet.
 const USUAL_MAX: Duration = Duration::from_millis(500);
+/// A connection that ended sooner than this was a brief one.
+const BRIEF: Duration = Duration::from_secs(5);
 /// By what part of the difference the usual round trip follows a faster one; it follows a slower one at once.
 const USUAL_PART: u32 = 8;
 /// Most probes whose moments are kept. With more under way the oldest is overdue long since.
@@ -75,6 +77,10 @@ pub(in crate::north) struct Path {
     usual: Duration,
     /// What comes may have waited.
     stall: Option<Stall>,
+    /// When the first probe came back on this connection.
+    opened_at: Option<MonoTime>,
+    /// So long the way has to be open without a break before it is a sign of life again.
+    proves_after: Duration,
 }
 
 /// Why what comes may have waited.
@@ -103,6 +109,8 @@ impl Path {
             under_way: VecDeque::new(),
             usual: USUAL_MAX,
             stall: None,
+            opened_at: None,
+            proves_after: Duration::ZERO,
         }
     }
 
@@ -110,7 +118,12 @@ impl Path {
         self.reset(Phase::Connected);
     }
 
-    pub(in crate::north) fn lost(&mut self) {
+    /// The connection is over. The next one is a sign of life of the commanders when it has lasted for another probe; after
+    /// a brief one when it has lasted longer than that. A way that is open only for moments keeps no lease.
+    pub(in crate::north) fn lost(&mut self, at: MonoTime) {
+        if let Some(opened) = self.opened_at {
+            self.proves_after = if at.since(opened) < BRIEF { BRIEF } else { self.interval / 2 };
+        }
         self.reset(Phase::Down);
     }
 
@@ -119,16 +132,18 @@ impl Path {
         self.settled = self.sent;
         self.missing_since = None;
         self.last_return = None;
+        self.opened_at = None;
         self.under_way.clear();
         self.usual = USUAL_MAX;
         // Even the answer to the subscription may have waited, and commands right behind it.
         self.stall = Some(Stall { until: self.sent + 1, stood: Duration::ZERO, is_of_the_way: true });
     }
 
-    /// This side stood still for so long. It has missed what came, so that nothing is overdue, and a probe is due.
+    /// This side stood still for so long; [`Duration::MAX`]: nobody knows how long what comes now has waited. It has missed what came, so that nothing is overdue, and a probe is due.
     pub(in crate::north) fn stalled(&mut self, at: MonoTime, stood: Duration) {
         let before = self.stall.unwrap_or(Stall { until: 0, stood: Duration::ZERO, is_of_the_way: false });
-        self.stall = Some(Stall { until: self.sent + 1, stood: before.stood.saturating_add(stood), ..before });
+        let is_of_the_way = before.is_of_the_way || stood == Duration::MAX;
+        self.stall = Some(Stall { until: self.sent + 1, stood: before.stood.saturating_add(stood), is_of_the_way });
         self.under_way.clear();
         self.probe_from(at);
         if let Phase::Subscribing(since) = &mut self.phase {
@@ -224,13 +239,18 @@ impl Path {
         let due = self.under_way.iter().find(|(sent, _)| *sent == number).map(|(_, due)| *due);
         self.under_way.retain(|(sent, _)| *sent > number);
         self.learn(at, due);
-        self.stall.take_if(|stall| stall.until <= number);
+        match &mut self.stall {
+            // With too many under way nobody knows whether this one is in time.
+            Some(stall) if stall.until <= number && due.is_none() => stall.until = self.sent + 1,
+            stall => drop(stall.take_if(|stall| stall.until <= number)),
+        }
         if self.stall.is_some_and(|stall| stall.until > self.sent) {
             // The way moves again: the probe that proves it goes at once.
             self.next_probe = self.next_probe.min(at);
         }
         self.missing_since = (number < self.sent).then_some(at);
         self.last_return = Some(at);
+        self.opened_at.get_or_insert(at);
         self.phase = Phase::Open;
         Returned::Ours
     }
@@ -284,6 +304,11 @@ impl Path {
         self.is_open() && self.last_return.is_some_and(is_fresh)
     }
 
+    /// Whether the way has been open for long enough to be a sign of life of those who command by it.
+    pub(in crate::north) fn is_sign_of_life(&self, at: MonoTime) -> bool {
+        self.opened_at.is_some_and(|opened| at.since(opened) >= self.proves_after)
+    }
+
     /// When something is to be done without a cause from outside.
     pub(in crate::north) fn wake(&self) -> Option<MonoTime> {
         let probe = self.is_granted().then_some(self.next_probe);
@@ -331,7 +356,7 @@ mod tests {
         assert_eq!(path.returned(at(2), &first), Returned::Ours);
         assert!(path.is_open() && path.is_alive(at(2)));
         assert_eq!(path.returned(at(2), &first), Returned::Foreign, "each counts once");
-        path.lost();
+        path.lost(at(2));
         path.connected();
         path.take_subscription(at(3));
         path.subscribed(at(3), true);
@@ -364,5 +389,103 @@ mod tests {
         path.take_subscription(at(0));
         assert!(!path.subscribed(at(0), false));
         assert!(path.take_reconnect().is_some());
+    }
+
+    /// A way with a round trip of `trip` that stands still between two moments, in milliseconds: what is sent into it then
+    /// comes at the end, in order. `run` is published at that moment. Gives back when it comes, and whether it is trusted.
+    fn run_through(interval: u64, trip: u64, stall: (u64, u64), run: u64) -> (u64, bool) {
+        let ms = |millis: u64| MonoTime::from_millis(millis);
+        let mut path = Path::new("7".into(), Duration::from_millis(interval), Duration::from_secs(3600));
+        path.connected();
+        path.take_subscription(ms(0));
+        path.subscribed(ms(0), true);
+        // What is under way from the broker: when it comes, and a probe or the run.
+        let mut coming: VecDeque<(u64, Option<Vec<u8>>)> = VecDeque::new();
+        let through = |sent: u64, coming: &VecDeque<(u64, Option<Vec<u8>>)>, trip: u64| {
+            let free = if (stall.0..stall.1).contains(&(sent + trip)) { stall.1 } else { sent + trip };
+            coming.back().map_or(free, |(last, _)| free.max(*last))
+        };
+        for now in (0..).step_by(10) {
+            while coming.front().is_some_and(|(at, _)| *at <= now) {
+                let Some((_, what)) = coming.pop_front() else { break };
+                path.look(ms(now));
+                match what {
+                    Some(probe) => assert_eq!(path.returned(ms(now), &probe), Returned::Ours),
+                    None => return (now, !path.is_unproven()),
+                }
+            }
+            if now == run {
+                let at = through(now, &coming, trip / 2);
+                coming.push_back((at, None));
+            }
+            while let Some(probe) = path.take_probe(ms(now)) {
+                let at = through(now, &coming, trip);
+                coming.push_back((at, Some(probe)));
+            }
+        }
+        unreachable!()
+    }
+
+    #[test]
+    fn no_command_that_waited_longer_than_is_noticed_is_trusted_however_long_the_way_stood_still() {
+        const BEGIN: u64 = 6_000;
+        let mut trusted = [0, 0];
+        for (interval, phases) in [(200, 130), (1_000, 390), (3_250, 1_170)] {
+            let most = u64::try_from(unnoticed(Duration::from_millis(interval)).as_millis()).unwrap();
+            for trip in [0, 20, 600] {
+                for phase in (0..interval).step_by(phases) {
+                    for length in (0..15_000).step_by(1_130) {
+                        let stall = (BEGIN + phase / 10 * 10, BEGIN + phase / 10 * 10 + length / 10 * 10);
+                        for run in (stall.0..=stall.1 + 2_000).step_by(870) {
+                            let (came, is_trusted) = run_through(interval, trip, stall, run);
+                            let waited = came - run;
+                            trusted[usize::from(is_trusted)] += 1;
+                            assert!(
+                                !is_trusted || waited <= most,
+                                "{interval} {trip} {stall:?}: {run} waited {waited}"
+                            );
+                        }
+                    }
+                }
+            }
+        }
+        assert!(trusted[0] > 500 && trusted[1] > 500, "{trusted:?}");
+    }
+
+    #[test]
+    fn a_way_that_works_is_trusted_and_again_soon_after_it_stood_still() {
+        for trip in [0, 20, 300, 600] {
+            for run in (2_000..5_000).step_by(170) {
+                assert!(run_through(1_000, trip, (0, 0), run).1, "{trip} {run}");
+            }
+            // Two round trips after the end, at most: of the probe that was late, and of the one that proves.
+            let back = 15_000 + 2 * trip + 100;
+            assert!(run_through(1_000, trip, (5_000, 15_000), back).1, "{trip}");
+        }
+    }
+
+    #[test]
+    fn a_way_that_was_never_proven_or_becomes_ever_slower_is_not_trusted() {
+        let mut path = granted();
+        assert!(path.is_unproven(), "right behind the subscription");
+        let probe = path.take_probe(at(1)).unwrap();
+        path.returned(at(1), &probe);
+        assert!(!path.is_unproven());
+        for second in 2..100 {
+            path.next_probe = at(10 * second);
+            let probe = path.take_probe(at(10 * second)).unwrap();
+            let slow = at(10 * second) + Duration::from_millis(50 * second);
+            path.look(slow);
+            path.returned(slow, &probe);
+            assert!(second <= 15 || path.is_unproven(), "{second}");
+        }
+        // Not even one that cannot be sent, because nothing leaves.
+        let mut path = granted();
+        let probe = path.take_probe(at(1)).unwrap();
+        path.returned(at(1), &probe);
+        path.look(at(6));
+        assert!(!path.is_unproven());
+        path.look(at(7));
+        assert!(path.is_unproven());
     }
 }

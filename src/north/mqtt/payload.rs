@@ -5,7 +5,10 @@ use super::params;
 use super::topics::Input;
 use crate::domain::command::{Direction, Go, Order, Reason, RegisterWrite};
 use crate::domain::frequency::Hertz;
-use crate::north::command_words::{RUN_EXAMPLE, RunWord, no_frequency, run_word, unknown_word};
+use crate::domain::time::MonoTime;
+use crate::north::command_words::{
+    RUN_EXAMPLE, RunWord, beside_a_stop, no_frequency, run_word, short_number, stop_in, unknown_word,
+};
 pub(super) use crate::north::command_words::{Refused, short};
 use crate::profile::model::Model;
 use serde_json::Value;
@@ -32,18 +35,30 @@ pub(super) struct Wish {
     /// Milliseconds since 1970.
     pub(super) issued_at: Option<i64>,
     pub(super) epoch: Option<u64>,
+    /// When it was issued, on our clock.
+    pub(super) issued: Option<MonoTime>,
+    /// What there is to say about it, for people.
+    pub(super) remark: Option<String>,
 }
 
 impl Wish {
     pub(super) const fn plain(order: Order) -> Self {
-        Self { id: None, order, ttl: None, issued_at: None, epoch: None }
+        Self { id: None, order, ttl: None, issued_at: None, epoch: None, issued: None, remark: None }
     }
 }
 
 /// Reads the payload of `input` for a drive of `model`, with the id if one could be read.
 pub(super) fn read(input: Input<'_>, payload: &[u8], model: &Model) -> (Option<Value>, Result<Asked, Refused>) {
     if payload.len() > PAYLOAD_MAX_BYTES {
-        return (None, Err(too_large(payload.len())));
+        let refused = too_large(payload.len());
+        let stop = match input {
+            Input::Command => stop_in(payload),
+            Input::Run => stop_word(payload),
+            _ => None,
+        };
+        let Some(stop) = stop else { return (None, Err(refused)) };
+        let remark = Some(beside_a_stop(&refused));
+        return (None, Ok(Asked::Order(Wish { remark, ..Wish::plain(stop_order(stop)) })));
     }
     if input == Input::Command {
         let (id, wish) = command_json::read(payload, model);
@@ -72,10 +87,22 @@ fn plain(input: Input<'_>, payload: &[u8], model: &Model) -> Result<Asked, Refus
     Ok(Asked::Order(Wish::plain(order)))
 }
 
+/// The stop that the first bytes of a payload which is too large are, where nothing else stands among them.
+fn stop_word(payload: &[u8]) -> Option<RunWord> {
+    let start = std::str::from_utf8(payload.get(..PAYLOAD_MAX_BYTES)?).ok()?;
+    run_word(start).ok().filter(|word| matches!(word, RunWord::Stop | RunWord::Coast))
+}
+
+/// The order of a word that is a stop.
+pub(super) const fn stop_order(word: RunWord) -> Order {
+    if matches!(word, RunWord::Coast) { Order::Coast } else { Order::Stop { setpoint: None } }
+}
+
 /// What `all/run/set` takes.
 pub(super) fn read_all(payload: &[u8]) -> Result<(), Refused> {
     if payload.len() > PAYLOAD_MAX_BYTES {
-        return Err(too_large(payload.len()));
+        let is_stop = stop_word(payload) == Some(RunWord::Stop);
+        return if is_stop { Ok(()) } else { Err(too_large(payload.len())) };
     }
     let word = text(payload, "`stop`")?;
     if word.eq_ignore_ascii_case("stop") { Ok(()) } else { Err(unknown_word(word, "`stop` and nothing else")) }
@@ -90,6 +117,7 @@ fn run_order(text: &str) -> Result<Order, Refused> {
 }
 
 fn frequency_order(text: &str) -> Result<Order, Refused> {
+    short_number(text, "42.5")?;
     let frequency = Hertz::parse(text).map_err(|why| no_frequency(why, "frequency/set", text))?;
     go(Vec::new(), Some(frequency), None)
 }
@@ -105,6 +133,7 @@ fn only(text: &str, word: &str, order: Order) -> Result<Order, Refused> {
 
 fn param_order(model: &Model, code: &str, payload: &[u8]) -> Result<Order, Refused> {
     let text = text(payload, "such as 10.5")?;
+    short_number(text, "10.5")?;
     let is_decimal = text.bytes().all(|byte| byte.is_ascii_digit() || matches!(byte, b'.' | b'-' | b'+'));
     let value: Option<f64> = text.parse().ok().filter(|_| is_decimal);
     let value = value.ok_or_else(|| {
@@ -178,10 +207,41 @@ mod tests {
         for (input, payload, reason) in table {
             assert_eq!(order(input, payload), Err(reason), "{payload}");
         }
+        let absurd = format!("{}1", "0".repeat(4_000));
+        for input in [Input::Frequency, Input::ParamSet("F007")] {
+            let (_, refused) = read(input, absurd.as_bytes(), &model());
+            let refused = refused.unwrap_err();
+            assert_eq!(refused.reason, Reason::NotUnderstood);
+            assert!(refused.message.contains("for example, ") && refused.message.len() < 200, "{}", refused.message);
+        }
         let (_, not_text) = read(Input::Run, b"stop\xFF", &model());
         assert_eq!(not_text.unwrap_err().reason, Reason::NotUnderstood);
         let (_, large) = read(Input::Run, &vec![b' '; PAYLOAD_MAX_BYTES + 1], &model());
         assert_eq!(large.unwrap_err().reason, Reason::TooLarge);
+    }
+
+    #[test]
+    fn a_stop_in_a_payload_that_is_too_large_is_one() {
+        let padded = |text: &str| format!("{text}{}", " ".repeat(PAYLOAD_MAX_BYTES)).into_bytes();
+        let stop = Order::Stop { setpoint: None };
+        for (input, payload, expected) in [
+            (Input::Run, padded(" Stop"), &stop),
+            (Input::Run, padded("coast"), &Order::Coast),
+            (Input::Command, padded(r#"{"run":"stop","x":"#), &stop),
+        ] {
+            let Ok(Asked::Order(wish)) = read(input, &payload, &model()).1 else { panic!("{input:?}") };
+            assert_eq!(&wish.order, expected);
+            assert!(wish.remark.is_some_and(|remark| remark.contains("8192")));
+        }
+        for (input, payload) in [
+            (Input::Run, padded("forward")),
+            (Input::Run, padded("stop it")),
+            (Input::Command, padded(r#"{"run":"forward""#)),
+            (Input::Reset, padded("stop")),
+        ] {
+            assert_eq!(read(input, &payload, &model()).1.unwrap_err().reason, Reason::TooLarge);
+        }
+        assert!(read_all(&padded("stop")).is_ok() && read_all(&padded("go")).is_err());
     }
 
     #[test]

@@ -26,7 +26,7 @@ pub(super) struct Pending {
     pub(super) what: What,
     pub(super) reply: Option<Reply>,
     /// What its results say besides.
-    pub(super) remark: Option<&'static str>,
+    pub(super) remark: Option<String>,
     /// When it is given up: long after the line must have answered.
     pub(super) forget_at: MonoTime,
 }

@@ -19,6 +19,7 @@ use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::{DriveView, TripEvent};
 use crate::journal::trip;
 use crate::north::clock::Clock;
+use crate::north::issued::Issued;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -48,6 +49,7 @@ pub struct Session {
     /// Distinguishes this process from others of the same gateway: when it was started, in milliseconds since 1970.
     pub(super) run: String,
     pub(super) clock: Clock,
+    pub(super) issued: Issued,
     pub(super) started: MonoTime,
     pub(super) path: Path,
     broker: Broker,
@@ -99,6 +101,7 @@ impl Session {
             lines,
             run,
             clock,
+            issued: Issued::default(),
             started: started.mono,
         }
     }
@@ -112,20 +115,22 @@ impl Session {
     /// Takes what happened on the connection.
     pub fn handle(&mut self, at: Moment, event: Event<'_>) {
         self.clock.see(at);
-        self.path.look(at.mono);
+        if !matches!(event, Event::Stalled(_)) {
+            self.path.look(at.mono);
+        }
         match event {
-            Event::Connected(broker) => self.connected(broker),
+            Event::Connected(broker) => self.connected(at.mono, broker),
             Event::Subscribed(granted) => self.subscribed(at, &granted),
             Event::Message(message) => self.message(at, &message),
             Event::Acknowledged(token) => self.acknowledged(token),
             Event::Refused(token, refusal) => self.refused(at.mono, token, refusal),
             Event::Stalled(stood) => self.path.stalled(at.mono, stood),
-            Event::Lost => self.lost(),
+            Event::Lost => self.lost(at.mono),
         }
     }
 
-    fn connected(&mut self, broker: Broker) {
-        self.lost();
+    fn connected(&mut self, at: MonoTime, broker: Broker) {
+        self.lost(at);
         self.broker = broker;
         self.path.connected();
     }
@@ -172,8 +177,8 @@ impl Session {
         self.counters.history_waiting = self.history.len() as u64;
     }
 
-    fn lost(&mut self) {
-        self.path.lost();
+    fn lost(&mut self, at: MonoTime) {
+        self.path.lost(at);
         self.outbox.lost();
         self.stored.lost();
         self.history.lost();

@@ -160,7 +160,8 @@ fn a_lost_probe_ends_the_connection_and_the_signs_of_life() {
     assert_eq!(rig.session.counters().probes_lost, 1);
     let acts = rig.connect();
     assert_eq!(on(&acts, "status").as_deref(), Some("online"), "a new birth");
-    assert_eq!((alive(&acts), on(&acts, "drive/pump/run/state").is_some()), (1, true));
+    assert_eq!((alive(&acts), on(&acts, "drive/pump/run/state").is_some()), (0, true));
+    assert_eq!(alive(&rig.pass(5_000)), 1, "when the way has stayed open");
 }
 
 #[test]
@@ -300,4 +301,26 @@ fn results_wait_for_the_connection() {
     assert_eq!(publications(&rig.send("drive/pump/run/set", b"bad")), [] as [&Publication; 0]);
     let acts = rig.connect();
     assert_eq!(results(&acts).len(), 1);
+}
+
+#[test]
+fn a_way_that_is_open_for_moments_only_keeps_no_lease() {
+    let mut rig = Rig::with(super::types::Settings {
+        probe_interval: Duration::from_secs(1),
+        ..super::harness::settings(Version::V4)
+    });
+    let alive = |acts: &[Act]| acts.iter().filter(|act| **act == Act::PathAlive).count();
+    assert_eq!(alive(&rig.connect()), 1, "the first connection");
+    assert_eq!(alive(&rig.pass(10_000)), 10);
+    for lives_ms in [900, 100, 2_900, 4_900, 0] {
+        rig.handle(Event::Lost);
+        rig.millis += 1_000;
+        let mut acts = rig.connect();
+        acts.extend(rig.pass(lives_ms));
+        assert_eq!(alive(&acts), 0, "{lives_ms} ms");
+    }
+    rig.handle(Event::Lost);
+    let mut acts = rig.connect();
+    acts.extend(rig.pass(10_000));
+    assert_eq!(alive(&acts), 6, "from the fifth second on");
 }

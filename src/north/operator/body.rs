@@ -2,7 +2,8 @@
 
 use crate::domain::command::{Go, Order};
 use crate::north::command_words::{
-    Refused, RunWord, frequency, keys_stand_once, known_keys, not_understood, object, only_true, run,
+    Refused, RunWord, beside_a_stop, frequency, keys_stand_once, known_keys, not_understood, object, only_true, run,
+    stop_in,
 };
 use serde_json::{Map, Value};
 
@@ -21,13 +22,22 @@ pub struct Wish {
     pub takes: bool,
     /// To order.
     pub order: Option<Order>,
+    /// What is wrong with what stands beside a stop, for people.
+    pub beside: Option<String>,
 }
 
-/// The wish that `body` writes. A stop stands alone, whatever stands beside it.
+/// The wish that `body` writes. A stop is one whatever stands beside it, and nothing else of that body counts.
 ///
 /// # Errors
 /// Why it is none.
 pub fn wish(body: &[u8]) -> Result<Wish, Refused> {
+    let wish = whole_wish(body);
+    let Some(stop) = stop_in(body) else { return wish };
+    let order = if stop == RunWord::Coast { Order::Coast } else { Order::Stop { setpoint: None } };
+    Ok(Wish { takes: false, order: Some(order), beside: wish.err().map(|refused| beside_a_stop(&refused)) })
+}
+
+fn whole_wish(body: &[u8]) -> Result<Wish, Refused> {
     let object = object(body, EXAMPLE)?;
     known_keys(&object, &KEYS)?;
     keys_stand_once(body, &object)?;
@@ -38,7 +48,7 @@ pub fn wish(body: &[u8]) -> Result<Wish, Refused> {
         Some(RunWord::Run(_)) | None => None,
     };
     if stop.is_some() {
-        return Ok(Wish { takes: false, order: stop });
+        return Ok(Wish { takes: false, order: stop, beside: None });
     }
     let (frequency, is_reset, takes) = (frequency(&object)?, only_true(&object, "reset")?, only_true(&object, "take")?);
     let direction = match run {
@@ -48,11 +58,11 @@ pub fn wish(body: &[u8]) -> Result<Wish, Refused> {
     let go = Go::new(Vec::new(), frequency, direction).map(Order::Go);
     match (go, is_reset) {
         (Some(_), true) => Err(not_understood("`reset` stands alone: send the rest after it")),
-        (None, true) => Ok(Wish { takes, order: Some(Order::Reset) }),
+        (None, true) => Ok(Wish { takes, order: Some(Order::Reset), beside: None }),
         (None, false) if !takes => {
             Err(not_understood(format!("the command orders nothing; right is, for example, {EXAMPLE}")))
         }
-        (order, false) => Ok(Wish { takes, order }),
+        (order, false) => Ok(Wish { takes, order, beside: None }),
     }
 }
 
@@ -96,7 +106,18 @@ mod tests {
             ),
             (r#"{"run": "coast", "frequency_hz": 5}"#, false, Some(Order::Coast)),
         ] {
-            assert_eq!(wish(body.as_bytes()), Ok(Wish { takes, order }), "{body}");
+            assert_eq!(wish(body.as_bytes()), Ok(Wish { takes, order, beside: None }), "{body}");
+        }
+        for body in [
+            r#"{"run": "stop", "speed": 3}"#,
+            r#"{"run": "stop", "run": "forward"}"#,
+            r#"{"run": "forward", "run": "stop"}"#,
+            r#"{"run": "stop""#,
+            r#"{"run": "stop"} x"#,
+        ] {
+            let wish = wish(body.as_bytes()).expect(body);
+            assert_eq!((wish.takes, wish.order), (false, Some(Order::Stop { setpoint: None })), "{body}");
+            assert!(wish.beside.is_some(), "{body}");
         }
     }
 
@@ -109,7 +130,7 @@ mod tests {
             (r#"{"run": "start"}"#, Reason::NotUnderstood),
             (r#"{"run": true}"#, Reason::NotUnderstood),
             (r#"{"run": "forward", "speed": 3}"#, Reason::NotUnderstood),
-            (r#"{"run": "stop", "run": "forward"}"#, Reason::NotUnderstood),
+            (r#"{"run": "reverse", "run": "forward"}"#, Reason::NotUnderstood),
             (r#"{"reset": true, "run": "forward"}"#, Reason::NotUnderstood),
             (r#"{"reset": false}"#, Reason::NotUnderstood),
             (r#"{"take": 1}"#, Reason::NotUnderstood),

@@ -23,8 +23,6 @@ const COMMANDS_MAX: usize = 64;
 const STOPS_MAX: usize = 4;
 /// Most attempts that wait to be fetched.
 const KEPT_MAX: usize = 256;
-/// How far ahead of ours the clock of a host may be.
-const AHEAD_MAX: Duration = Duration::from_secs(60);
 /// How much longer than its deadline a command may stay without its last answer.
 const ANSWERED_WITHIN: Duration = Duration::from_secs(60);
 
@@ -167,9 +165,9 @@ impl Session {
     }
 
     /// Replays, what is too old, and what comes while nobody could be told of its outcome. Gives back when it was issued,
-    /// as far as that can be compared with our clock.
+    /// on our clock; nothing for a stop.
     fn may_be_given(
-        &self,
+        &mut self,
         at: Moment,
         order: &Order,
         payload: &Payload,
@@ -191,10 +189,15 @@ impl Session {
             let why = "the births of this connection are not told and proven yet, or the primary host is offline";
             return Err(Refused::new(Reason::CommanderLost, why));
         }
+        if self.path.is_unproven() {
+            let why =
+                "the gateway's probe through the broker is late, so that the command may have waited: send it again";
+            return Err(Refused::new(Reason::Stale, why));
+        }
         if !self.giving.has_room() {
             return Err(Refused::plain(Reason::QueueFull));
         }
-        Ok(issued)
+        Ok(Some(issued))
     }
 
     /// With MQTT 5 no retained message is delivered at subscribe, so a stop with the retain flag is a live one.
@@ -202,26 +205,23 @@ impl Session {
         message.retain && !(is_a_stop && self.settings.version == Version::V5)
     }
 
-    fn issued(&self, at: Moment, payload: &Payload) -> Result<Option<MonoTime>, Refused> {
-        let Some(timestamp) = payload.timestamp.and_then(|it| i64::try_from(it).ok()) else {
+    fn issued(&mut self, at: Moment, payload: &Payload) -> Result<MonoTime, Refused> {
+        let Some(timestamp) = payload.timestamp.map(|it| i64::try_from(it).unwrap_or(i64::MAX)) else {
             let why = "the message has no timestamp, so nobody can tell whether it is an old one";
             return Err(Refused::new(Reason::Stale, why));
         };
-        let age_ms = at.wall.unix_ms.saturating_sub(timestamp);
+        let issue = self.issued.take(at, timestamp)?;
         let most = self.settings.max_command_age;
-        if age_ms > whole_millis(most) || age_ms < -whole_millis(AHEAD_MAX) {
-            #[allow(clippy::cast_precision_loss, reason = "shown to people with one digit")]
-            let seconds = age_ms as f64 / 1000.0;
+        if issue.age > most {
             let why = format!(
-                "by its timestamp it was issued {seconds:.1} s ago; taken are {} s at most and {} s ahead: are the \
-                 clocks of host and gateway set?",
+                "by its timestamp it was issued {:.1} s ago; taken are {} s at most: are the clocks of host and gateway \
+                 set?",
+                issue.age.as_secs_f64(),
                 most.as_secs_f64(),
-                AHEAD_MAX.as_secs()
             );
             return Err(Refused::new(Reason::Stale, why));
         }
-        // A moment that is still to come proves nothing about what happened until now.
-        Ok(u64::try_from(age_ms).ok().map(|age_ms| at.mono.before(Duration::from_millis(age_ms))))
+        Ok(issue.moment)
     }
 
     fn give(&mut self, at: Moment, drive: usize, order: Order, issued: Option<MonoTime>) {
@@ -376,8 +376,4 @@ fn said(payload: &Payload) -> String {
         }
     };
     payload.metrics.iter().take(METRICS_MAX).map(metric).collect::<Vec<_>>().join(", ")
-}
-
-fn whole_millis(span: Duration) -> i64 {
-    i64::try_from(span.as_millis()).unwrap_or(i64::MAX)
 }

@@ -13,6 +13,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
 use crate::north::clock::Clock;
+use crate::north::issued::Issued;
 use crate::north::mqtt::{Broker, Event, LineState, Message, Moment, Path, Publication, Qos, Returned};
 use std::sync::Arc;
 use std::time::Duration;
@@ -34,6 +35,7 @@ pub struct Session {
     pub(super) devices: Vec<Device>,
     pub(super) node: Node,
     pub(super) clock: Clock,
+    pub(super) issued: Issued,
     pub(super) path: Path,
     pub(super) host: Host,
     pub(super) broker: Broker,
@@ -65,6 +67,7 @@ impl Session {
             lines: lines.len(),
             node: Node::default(),
             clock: Clock::new(started),
+            issued: Issued::default(),
             path: Path::new(run, settings.probe_interval, settings.probe_timeout),
             host: Host::new(settings.primary_host.is_some()),
             broker: Broker::default(),
@@ -106,10 +109,12 @@ impl Session {
     /// Takes what happened on the connection.
     pub fn handle(&mut self, at: Moment, event: Event<'_>) {
         self.clock.see(at);
-        self.path.look(at.mono);
+        if !matches!(event, Event::Stalled(_)) {
+            self.path.look(at.mono);
+        }
         match event {
             Event::Connected(broker) => {
-                self.lost();
+                self.lost(at.mono);
                 self.broker = broker;
                 self.host.forget();
                 self.path.connected();
@@ -121,7 +126,7 @@ impl Session {
             Event::Message(message) => self.message(at, &message),
             // Whatever is no stop tells its age itself.
             Event::Stalled(stood) => self.path.stalled(at.mono, stood),
-            Event::Lost => self.lost(),
+            Event::Lost => self.lost(at.mono),
             // Nothing is sent that would be acknowledged but the last words.
             Event::Acknowledged(_) | Event::Refused(..) => {}
         }
@@ -151,7 +156,7 @@ impl Session {
         }
         let proven = self.path.settled();
         self.devices.iter_mut().for_each(|device| device.history.proven(proven));
-        if self.host.is_there() && self.is_born {
+        if self.host.is_there() && self.is_born && self.path.is_sign_of_life(at.mono) {
             self.giving.path_alive();
         }
     }
@@ -164,8 +169,8 @@ impl Session {
         }
     }
 
-    fn lost(&mut self) {
-        self.path.lost();
+    fn lost(&mut self, at: MonoTime) {
+        self.path.lost(at);
         (self.is_born, self.is_known, self.rebirth_at, self.leaving) = (false, false, None, None);
         self.devices.iter_mut().for_each(Device::lost);
         self.giving.lost();

@@ -3,8 +3,8 @@
 use super::{once, readable};
 use crate::domain::link::Interface;
 use crate::domain::problem::Problem;
-use crate::profile::file::{ModelFile, SetupFile};
-use crate::profile::reader::{Given, Written};
+use crate::profile::file::{ModelFile, SetupFile, WatchdogFile};
+use crate::profile::reader::{Given, Place, Written};
 use crate::profile::register::RegisterFile;
 use crate::profile::words::{INTERFACES, word_for};
 
@@ -16,10 +16,56 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
         setting_can_be_made(setup, &file.registers, problems);
         interface_is_there(setup, interfaces, problems);
     }
-    if let Given::Usable(Written { value: watchdog, .. }) = &file.watchdog {
+    if let Given::Usable(Written { value: watchdog, place }) = &file.watchdog {
+        reaction_is_told_apart(watchdog, place, &file.registers, problems);
         for name in watchdog.register.iter().chain(watchdog.action.usable()) {
             readable(name, &file.registers, problems);
         }
+    }
+}
+
+/// Where a register says what the drive does when its watchdog acts, it is said with which words the motor runs on and with
+/// which it stops: without that any word would pass for one that stops.
+fn reaction_is_told_apart(
+    watchdog: &WatchdogFile,
+    place: &Place,
+    registers: &[RegisterFile],
+    problems: &mut Vec<Problem>,
+) {
+    let right = "the words of that register with which the motor runs on";
+    let is_digit = |digit: u16| [1, 10, 100, 1000].contains(&digit);
+    match (&watchdog.action, &watchdog.keeps_running) {
+        (Given::Usable(_), Given::LeftOut) => {
+            let problem = place.missing("keeps_running").problem("`keeps_running` is left out, and `action` is given");
+            problems.push(problem.right(right));
+        }
+        (Given::LeftOut, Given::Usable(words)) => {
+            let problem = words.place.problem("`keeps_running` is given, and `action` is left out");
+            problems.push(problem.right("the register that holds one of them, or leave it out"));
+        }
+        (Given::Usable(_), Given::Usable(words)) => {
+            let both = |stops: &Written<Vec<Written<u16>>>| {
+                words.value.iter().find(|word| stops.value.iter().any(|it| it.value == word.value)).cloned()
+            };
+            if let Some(word) = watchdog.stops.usable().and_then(both) {
+                let problem = word.place.problem(format!("{} is in `stops` as well", word.value));
+                problems.push(problem.right("each word in one of them"));
+            }
+            let is_there =
+                |action: &Written<String>| registers.iter().any(|it| it.name() == Some(action.value.as_str()));
+            let is_silent = matches!(watchdog.stops, Given::LeftOut) && watchdog.action.usable().is_some_and(is_there);
+            if is_silent && watchdog.words_that_stop(registers).is_empty() {
+                let problem =
+                    place.missing("stops").problem("`stops` is left out, and the register has no such `values`");
+                problems.push(problem.right("the words of that register with which the drive stops the motor"));
+            }
+        }
+        _ => {}
+    }
+    if let Given::Usable(digit) = &watchdog.action_digit
+        && !is_digit(digit.value)
+    {
+        problems.push(digit.place.problem(format!("{} is no digit", digit.value)).right("1, 10, 100 or 1000"));
     }
 }
 
@@ -108,6 +154,40 @@ mod tests {
             "interfaces = { value = [\"rs485\"]",
             "setup[1].interface: the model has no rs232 -> one of `link.interfaces`",
         )]);
+    }
+
+    #[test]
+    fn a_reaction_is_told_apart_by_its_words() {
+        each_is_told(&[
+            (
+                "keeps_running = [2]\n",
+                "",
+                "watchdog.keeps_running: `keeps_running` is left out, and `action` is given -> \
+                 the words of that register with which the motor runs on",
+            ),
+            (
+                "action = \"loss_reaction\"\n",
+                "",
+                "watchdog.keeps_running: `keeps_running` is given, and `action` is left out -> \
+                 the register that holds one of them, or leave it out",
+            ),
+            (
+                "stops = [0, 1]",
+                "stops = [0, 2]",
+                "watchdog.keeps_running[0]: 2 is in `stops` as well -> each word in one of them",
+            ),
+            (
+                "keeps_running = [2]\nstops = [0, 1]",
+                "keeps_running = [0, 1, 2]",
+                "watchdog.stops: `stops` is left out, and the register has no such `values` -> \
+                 the words of that register with which the drive stops the motor",
+            ),
+            (
+                "keeps_running = [2]",
+                "keeps_running = [2]\naction_digit = 20",
+                "watchdog.action_digit: 20 is no digit -> 1, 10, 100 or 1000",
+            ),
+        ]);
     }
 
     #[test]

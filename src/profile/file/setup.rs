@@ -56,12 +56,23 @@ impl SetupFile {
     }
 }
 
+/// The words of a list; nothing if they cannot be used.
+fn words_of(list: &Given<Vec<Written<u16>>>) -> Option<Option<Vec<u16>>> {
+    match list {
+        Given::LeftOut => Some(None),
+        Given::Unusable => None,
+        Given::Usable(words) => Some(Some(words.value.iter().map(|word| word.value).collect())),
+    }
+}
+
 /// `[watchdog]`
 pub(in crate::profile) struct WatchdogFile {
     pub register: Needed<String>,
     off: Needed<u16>,
     pub action: Given<String>,
+    pub action_digit: Given<u16>,
     pub keeps_running: Given<Vec<Written<u16>>>,
+    pub stops: Given<Vec<Written<u16>>>,
     origin: Option<Origin>,
 }
 
@@ -71,7 +82,9 @@ impl WatchdogFile {
             register: reader.required("register", &Kind::text()),
             off: reader.required("off", &Kind::number(0..=u16::MAX)),
             action: reader.optional("action", &Kind::text()),
+            action_digit: reader.optional("action_digit", &Kind::number(1..=1000)),
             keeps_running: reader.list("keeps_running", &Kind::number(0..=u16::MAX)),
+            stops: reader.list("stops", &Kind::number(0..=u16::MAX)),
             origin: facts.origin(&mut reader),
         };
         reader.finish();
@@ -87,11 +100,22 @@ impl WatchdogFile {
                 None => None,
                 Some(name) => Some(address_of(&name, registers)?),
             },
-            keeps_running: match &self.keeps_running {
-                Given::LeftOut => Vec::new(),
-                Given::Unusable => return None,
-                Given::Usable(words) => words.value.iter().map(|word| word.value).collect(),
+            action_digit: self.action_digit.clone().optional()?,
+            keeps_running: words_of(&self.keeps_running)?.unwrap_or_default(),
+            stops: match words_of(&self.stops)? {
+                Some(words) => words,
+                None => self.words_that_stop(registers),
             },
         })
+    }
+
+    /// The words of the reaction with which the drive stops the motor where `stops` is left out: those that have a meaning
+    /// and do not keep it running.
+    pub fn words_that_stop(&self, registers: &[RegisterFile]) -> Vec<u16> {
+        let Given::Usable(action) = &self.action else { return Vec::new() };
+        let runs_on = words_of(&self.keeps_running).flatten().unwrap_or_default();
+        let is_it = |register: &&RegisterFile| register.name().is_some_and(|name| *name == action.value);
+        let meanings = registers.iter().find(is_it).into_iter().flat_map(RegisterFile::meaning_words);
+        meanings.filter(|word| !runs_on.contains(word)).collect()
     }
 }

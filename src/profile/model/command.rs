@@ -155,6 +155,11 @@ pub struct Watchdog {
     pub off: Fact<u16>,
     /// The register that holds what the drive does when the time is up, where there is one.
     pub action: Option<u16>,
+    /// Where one decimal digit of that register says it, what that digit counts: 1, 10, 100 or 1000. Otherwise the whole
+    /// word does.
+    pub action_digit: Option<u16>,
     /// The words there with which the motor runs on.
     pub keeps_running: Vec<u16>,
+    /// Those with which the drive stops it. Every other word is unknown.
+    pub stops: Vec<u16>,
 }

@@ -60,7 +60,14 @@ mod tests {
         };
         (register.unit, register.scale, register.range) = (UnitOfMeasure::Second, 10, Some(0..=255));
         assert_eq!((model.watchdog_time(20), model.watchdog_word(None)), (None, None), "it has none");
-        model.watchdog = Some(Watchdog { time: 0x020C, off: fact(0), action: None, keeps_running: Vec::new() });
+        model.watchdog = Some(Watchdog {
+            time: 0x020C,
+            off: fact(0),
+            action: None,
+            action_digit: None,
+            keeps_running: Vec::new(),
+            stops: Vec::new(),
+        });
         let word = |millis| model.watchdog_word(Some(Duration::from_millis(millis)));
         assert_eq!([0, 50, 100, 2500, 25_500, 25_600].map(word), [None, None, Some(1), Some(25), Some(255), None]);
         assert_eq!((model.watchdog_word(None), model.watchdog_time(0)), (Some(0), None));

@@ -41,6 +41,16 @@ pub struct RegisterFile {
 }
 
 impl RegisterFile {
+    /// Its name.
+    pub(in crate::profile) fn name(&self) -> Option<&str> {
+        self.name.as_ref().map(|name| name.value.as_str())
+    }
+
+    /// The words of it that have a meaning.
+    pub(in crate::profile) fn meaning_words(&self) -> impl Iterator<Item = u16> + '_ {
+        self.meanings.iter().map(|(word, _)| *word)
+    }
+
     /// The register; nothing if any part of it cannot be used.
     #[must_use]
     pub fn register(&self) -> Option<Register> {

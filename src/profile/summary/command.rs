@@ -67,8 +67,10 @@ pub(super) fn watchdog(model: &Model) -> Vec<Row> {
     let Some(watchdog) = &model.watchdog else { return Vec::new() };
     let time = format!("{}, off with {}", name_at(model, watchdog.time), watchdog.off.value);
     let mut rows = vec![row("time", time, &watchdog.off)];
-    let words: Vec<_> = watchdog.keeps_running.iter().map(u16::to_string).collect();
-    let runs_on = if words.is_empty() { String::new() } else { format!(", runs on with {}", words.join(", ")) };
+    let words = |words: &[u16]| words.iter().map(u16::to_string).collect::<Vec<_>>().join(", ");
+    let digit = watchdog.action_digit.map_or(String::new(), |digit| format!(", digit of {digit}"));
+    let runs_on =
+        format!("{digit}, runs on with {}, stops with {}", words(&watchdog.keeps_running), words(&watchdog.stops));
     rows.extend(watchdog.action.map(|action| vec!["reaction".to_owned(), name_at(model, action) + &runs_on]));
     rows
 }

@@ -5,14 +5,18 @@ use super::Control;
 use crate::daemon::clock;
 use crate::daemon::http::refusal;
 use crate::domain::ids::CommanderName;
+use crate::guard::COMMAND_DEADLINE;
 use crate::north::operator::body::BODY_BYTES_MAX;
 use crate::north::operator::request::{is_own_page, key_text, session_id};
 use crate::north::operator::sessions::Key;
-use axum::body::{Body, Bytes, to_bytes};
+use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::Request;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::Response;
+use bytes::BytesMut;
 use ring::digest::{Context, SHA256};
+use std::future::poll_fn;
+use std::pin::pin;
 use std::time::Duration;
 use tokio::time::timeout;
 
@@ -27,9 +31,27 @@ pub(super) type Refused = Box<Response>;
 /// A request of somebody who is signed in.
 pub(super) struct Admitted {
     pub user: CommanderName,
+    /// As much of it as may be there.
     pub body: Bytes,
+    /// It came in one piece: its body came soon after its head. Else only a stop counts, as with everything that waited.
+    pub is_prompt: bool,
+    /// What is wrong with the body as a whole: it is too long, broke off or is of another kind. A stop in it counts.
+    pub flaw: Option<Refused>,
     /// By which the session is known.
     pub key: Key,
+}
+
+impl Admitted {
+    /// The same, if its body is as it shall be.
+    ///
+    /// # Errors
+    /// What is answered instead.
+    pub fn whole(self) -> Result<Self, Refused> {
+        match self.flaw {
+            Some(flaw) => Err(flaw),
+            None => Ok(self),
+        }
+    }
 }
 
 /// A refusal in words.
@@ -86,9 +108,11 @@ pub(super) async fn admit(control: &Control, request: Request) -> Result<Admitte
             "the header X-CSRF-Token with the token of this session is missing",
         ));
     }
-    let body = json_body(&parts.headers, body).await?;
+    let begun = clock::now();
+    let (body, flaw) = body_of(&parts.headers, body).await;
+    let is_prompt = clock::now().since(begun) <= COMMAND_DEADLINE;
     let user = control.sessions().used(clock::now(), &key).ok_or_else(signed_out)?;
-    Ok(Admitted { user, body, key })
+    Ok(Admitted { user, body, is_prompt, flaw, key })
 }
 
 /// Whether anybody can sign in.
@@ -123,18 +147,39 @@ pub(super) fn comes_from_own_page(headers: &HeaderMap) -> Result<(), Refused> {
 /// # Errors
 /// What is answered instead.
 pub(super) async fn json_body(headers: &HeaderMap, body: Body) -> Result<Bytes, Refused> {
-    let body = match timeout(BODY_WITHIN, to_bytes(body, BODY_BYTES_MAX)).await {
-        Ok(Ok(body)) => body,
-        Ok(Err(_)) => {
+    let (body, flaw) = body_of(headers, body).await;
+    flaw.map_or(Ok(body), Err)
+}
+
+/// The first bytes of a body, and what is wrong with it.
+async fn body_of(headers: &HeaderMap, body: Body) -> (Bytes, Option<Refused>) {
+    let mut bytes = BytesMut::new();
+    let flaw = match timeout(BODY_WITHIN, collect(body, &mut bytes)).await {
+        Ok(true) => None,
+        Ok(false) => {
             let what = format!("the body is longer than {BODY_BYTES_MAX} bytes, or broke off");
-            return Err(refused(StatusCode::PAYLOAD_TOO_LARGE, &what));
+            Some(refused(StatusCode::PAYLOAD_TOO_LARGE, &what))
         }
-        Err(_) => return Err(refused(StatusCode::REQUEST_TIMEOUT, "the body did not come in time")),
+        Err(_) => Some(refused(StatusCode::REQUEST_TIMEOUT, "the body did not come in time")),
     };
     let kind = headers.get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
     let is_json = kind.split(';').next().is_some_and(|kind| kind.trim().eq_ignore_ascii_case("application/json"));
-    if is_json || (body.is_empty() && kind.is_empty()) {
-        return Ok(body);
+    let is_right = is_json || (bytes.is_empty() && kind.is_empty());
+    let of_kind = || refused(StatusCode::UNSUPPORTED_MEDIA_TYPE, "the content type must be application/json");
+    (bytes.freeze(), flaw.or_else(|| (!is_right).then(of_kind)))
+}
+
+/// Takes as much of `body` as there may be, and no more. False if that is not all of it.
+async fn collect(body: Body, bytes: &mut BytesMut) -> bool {
+    let mut body = pin!(body);
+    while let Some(frame) = poll_fn(|cx| body.as_mut().poll_frame(cx)).await {
+        let Ok(frame) = frame else { return false };
+        let Ok(piece) = frame.into_data() else { continue };
+        let room = BODY_BYTES_MAX.saturating_sub(bytes.len());
+        bytes.extend_from_slice(piece.get(..room).unwrap_or(&piece));
+        if piece.len() > room {
+            return false;
+        }
     }
-    Err(refused(StatusCode::UNSUPPORTED_MEDIA_TYPE, "the content type must be application/json"))
+    true
 }

@@ -8,7 +8,7 @@ use crate::daemon::local::Who;
 use crate::daemon::shared::SharedDrive;
 use crate::domain::command::{Order, Outcome, Reason, Report};
 use crate::journal::Tried;
-use crate::north::command_words::Refused;
+use crate::north::command_words::{Refused, stop_in};
 use crate::north::operator::body::{Wish, is_empty, wish};
 use axum::extract::{Path, Request, State};
 use axum::http::StatusCode;
@@ -25,10 +25,15 @@ pub(super) async fn command(
     Path(name): Path<String>,
     request: Request,
 ) -> Response {
-    let Admitted { user, body, .. } = match admit(&control, request).await {
+    let Admitted { user, body, is_prompt, flaw, .. } = match admit(&control, request).await {
         Ok(admitted) => admitted,
         Err(refused) => return *refused,
     };
+    if let Some(flaw) = flaw
+        && stop_in(&body).is_none()
+    {
+        return *flaw;
+    }
     let (who, drive) = (Who::signed_in(user), find(&control, &name));
     let place = drive.as_ref().map(|drive| drive.description.place);
     let keep = |reason| {
@@ -41,7 +46,18 @@ pub(super) async fn command(
         return unknown(&control, &name);
     };
     match wish(&body) {
-        Ok(wish) => json(&told(drive, carry_out(&control, who, drive, wish).await)).into_response(),
+        Ok(wish) if !is_prompt && !wish.order.as_ref().is_some_and(Order::is_stop) => {
+            keep(Reason::Stale);
+            json(&told(drive, Report::refused(Reason::Stale))).into_response()
+        }
+        Ok(wish) => {
+            let beside = wish.beside.clone();
+            let mut answer = told(drive, carry_out(&control, who, drive, wish).await);
+            if let Some(beside) = beside {
+                answer["message"] = beside.into();
+            }
+            json(&answer).into_response()
+        }
         Err(Refused { reason, message }) => {
             keep(reason);
             let mut answer = told(drive, Report::refused(reason));
@@ -54,7 +70,7 @@ pub(super) async fn command(
 
 async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: Wish) -> Report {
     let place = drive.description.place;
-    let Wish { takes, order } = wish;
+    let Wish { takes, order, .. } = wish;
     let taken = if takes { Some(control.side.command(who, place, Order::Take).await) } else { None };
     let is_refused = taken.is_some_and(|taken| taken.outcome != Outcome::Acknowledged);
     match (taken, order) {
@@ -67,7 +83,7 @@ async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: Wish)
 
 /// Renews the lease of whoever is signed in.
 pub(super) async fn renew(State(control): State<Arc<Control>>, Path(name): Path<String>, request: Request) -> Response {
-    let Admitted { user, body, .. } = match admit(&control, request).await {
+    let Admitted { user, body, is_prompt, .. } = match admit(&control, request).await.and_then(Admitted::whole) {
         Ok(admitted) => admitted,
         Err(refused) => return *refused,
     };
@@ -75,7 +91,11 @@ pub(super) async fn renew(State(control): State<Arc<Control>>, Path(name): Path<
         return refusal(StatusCode::BAD_REQUEST, "an empty body is expected: {}");
     }
     let Some(drive) = find(&control, &name) else { return unknown(&control, &name) };
-    let report = control.side.command(Who::signed_in(user), drive.description.place, Order::Renew).await;
+    let report = if is_prompt {
+        control.side.command(Who::signed_in(user), drive.description.place, Order::Renew).await
+    } else {
+        Report::refused(Reason::Stale)
+    };
     if report.outcome == Outcome::Acknowledged {
         return StatusCode::NO_CONTENT.into_response();
     }
@@ -84,22 +104,19 @@ pub(super) async fn renew(State(control): State<Arc<Control>>, Path(name): Path<
     (StatusCode::CONFLICT, json(&answer)).into_response()
 }
 
-/// Stops every drive that may be commanded from the page. All are ordered before any is waited for, so that their lines can
-/// stop them by one frame.
+/// Stops every drive that may be commanded from the page, whatever the body says. Each line finds its orders together, so that
+/// it can stop its drives by one frame.
 pub(super) async fn stop_all(State(control): State<Arc<Control>>, request: Request) -> Response {
-    let Admitted { user, body, .. } = match admit(&control, request).await {
+    let Admitted { user, body, flaw, .. } = match admit(&control, request).await {
         Ok(admitted) => admitted,
         Err(refused) => return *refused,
     };
-    if !is_empty(&body) {
-        return refusal(StatusCode::BAD_REQUEST, "an empty body is expected: {}");
-    }
     let (who, shared) = (Who::signed_in(user), control.side.shared());
     let order = Order::Stop { setpoint: None };
     let is_ours = |drive: &&Arc<SharedDrive>| drive.description.control.as_ref().is_some_and(|it| it.from_page);
     let drives: Vec<_> = shared.drives.iter().filter(is_ours).collect();
-    let ordered = drives.iter().map(|drive| control.side.order(who, drive.description.place, order.clone()));
-    let ordered: Vec<_> = ordered.collect();
+    let places: Vec<_> = drives.iter().map(|drive| drive.description.place).collect();
+    let ordered = control.side.stop_all(who, &places);
     tracing::info!(%user, drives = ordered.len(), "stop of all drives from the page");
     if ordered.is_empty() {
         control.side.keep(who, None, Tried::Order(order), Report::refused(Reason::ReadOnly));
@@ -109,7 +126,11 @@ pub(super) async fn stop_all(State(control): State<Arc<Control>>, request: Reque
     for (drive, ordered) in drives.into_iter().zip(ordered) {
         ends.push(told(drive, ordered.end().await));
     }
-    json(&json!({ "drives": ends })).into_response()
+    let mut answer = json!({ "drives": ends });
+    if flaw.is_some() || !is_empty(&body) {
+        answer["message"] = "the stop was taken all the same: an empty body is expected: {}".into();
+    }
+    json(&answer).into_response()
 }
 
 /// What became of an order.

@@ -171,6 +171,55 @@ fn orders_go_to_the_line_under_the_name_of_whoever_is_signed_in() {
 }
 
 #[test]
+fn a_stop_is_carried_out_whatever_stands_beside_it() {
+    on_a_runtime(async {
+        let house = house_of(&["anna"]);
+        let head = house.sign_in("anna").await;
+        let stop = (owner("anna"), Order::Stop { setpoint: None });
+        let large = format!(r#"{{"run": "stop", "x": "{}"}}"#, "x".repeat(10_000));
+        let bodies =
+            [r#"{"run": "stop", "speed": 3}"#, r#"{"run": "stop", "run": "forward"}"#, r#"{"run": "stop"} x"#, &large];
+        for body in bodies {
+            let (status, _, told) = house.ask("POST", "/api/v1/drives/pump-1/command", &head, body).await;
+            assert_eq!((status, &told["outcome"]), (200, &"confirmed".into()), "{told}");
+            assert!(told["message"].as_str().unwrap().starts_with("the stop was taken all the same: "), "{told}");
+            assert_eq!(house.heard.borrow_mut().drain(..).collect::<Vec<_>>(), [stop.clone()], "{told}");
+        }
+        let (status, _, told) = house.ask("POST", "/api/v1/stop", &head, &large).await;
+        assert_eq!((status, &told["drives"][0]["outcome"]), (200, &"confirmed".into()), "{told}");
+        assert!(told["message"].as_str().unwrap().contains("an empty body is expected"), "{told}");
+        house.heard.borrow_mut().clear();
+        let large = format!(r#"{{"run": "forward", "x": "{}"}}"#, "x".repeat(10_000));
+        assert_eq!(house.ask("POST", "/api/v1/drives/pump-1/command", &head, &large).await.0, 413);
+        assert!(house.heard.borrow().is_empty());
+    });
+}
+
+#[test]
+fn an_order_whose_body_came_late_is_stale_and_a_stop_is_not() {
+    on_a_runtime(async {
+        let house = house_of(&["anna"]);
+        let head = house.sign_in("anna").await;
+        for (body, outcome, orders) in [(r#"{"run": "forward"}"#, "refused", 0), (r#"{"run": "stop"}"#, "confirmed", 1)]
+        {
+            let mut stream = TcpStream::connect(house.address).await.unwrap();
+            let request = format!(
+                "POST /api/v1/drives/pump-1/command HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n{head}\
+                 Content-Type: application/json\r\nContent-Length: {}\r\n\r\n",
+                body.len()
+            );
+            stream.write_all(request.as_bytes()).await.unwrap();
+            tokio::time::sleep(Duration::from_millis(1_500)).await;
+            stream.write_all(body.as_bytes()).await.unwrap();
+            let mut text = String::new();
+            stream.read_to_string(&mut text).await.unwrap();
+            assert!(text.contains(&format!(r#""outcome":"{outcome}""#)), "{text}");
+            assert_eq!(house.heard.borrow().len(), orders, "{text}");
+        }
+    });
+}
+
+#[test]
 fn a_new_front_signs_out_whoever_is_not_in_it_any_more() {
     on_a_runtime(async {
         let house = house_of(&["anna", "bob", "carl"]);

@@ -6,7 +6,7 @@ use crate::domain::control::ControlSettings;
 use crate::domain::link::Interface;
 use crate::domain::time::MonoTime;
 use crate::drive::snapshot::Presence;
-use crate::drive::view::ControlView;
+use crate::drive::view::{ControlView, StoppedAgain};
 use crate::drive::watchdog::{WatchdogState, WatchdogView};
 use crate::journal::trip;
 use crate::north::page::drive::Drive;
@@ -33,7 +33,7 @@ impl Drive<'_> {
             self.obedience(&mut said, interface, now);
             self.setpoint_limits(&mut said, settings, now);
             self.view.watchdog.iter().for_each(|it| self.watchdog(&mut said, settings, *it));
-            self.view.control.iter().for_each(|it| control(&mut said, it));
+            self.view.control.iter().for_each(|it| control(&mut said, it, now));
         }
         said.all
     }
@@ -117,9 +117,16 @@ impl Drive<'_> {
     }
 }
 
-fn control(said: &mut Said, control: &ControlView) {
+fn control(said: &mut Said, control: &ControlView, now: MonoTime) {
     if control.not_effective {
         said.problem("a stop shows no effect: look after the motor at the drive itself");
+    }
+    if let Some(again) = control.stopped_again.filter(|it| now.since(it.at) < StoppedAgain::WITHIN) {
+        said.advice(format!(
+            "{} stops the drive again and again ({} times in a row) although it was started elsewhere: a controller that is \
+             not in charge writes nothing",
+            again.by, again.times
+        ));
     }
     if control.failsafe {
         said.advice(

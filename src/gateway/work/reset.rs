@@ -1,0 +1,53 @@
+//! The word that resets must not be left standing in the drive's run command: while it may, that is remembered beyond the
+//! life of the process, and it is taken back as soon as the motor stands still and nothing else is ordered.
+
+use super::{DriveWork, Out};
+use crate::domain::command::{Order, RunIntent};
+use crate::domain::time::MonoTime;
+use crate::gateway::event::Effect;
+use crate::gateway::list::List;
+use crate::gateway::note::Note;
+use crate::gateway::waiter::Waiter;
+use crate::journal::{Entry, RowNumber};
+use std::time::Duration;
+
+/// Time between two attempts to take the word back.
+const AGAIN_AFTER: Duration = Duration::from_secs(5);
+
+impl DriveWork {
+    /// Says whether the word that resets may stand from now on, if that is something new. Returns the row of that.
+    pub fn keep_reset(&mut self, out: Out<'_>) -> Option<RowNumber> {
+        let resets = |list: &List| *list.order() == Order::Reset;
+        let may_stand = self.reset_stands || self.current.iter().chain(&self.waiting).any(resets);
+        if may_stand == self.said_reset {
+            return None;
+        }
+        self.said_reset = may_stand;
+        out.keep(self.drive, Entry::ResetWord { may_stand })
+    }
+
+    /// An earlier life of the gateway may have left the word standing.
+    pub(super) fn remember_reset(&mut self, may_stand: bool) {
+        self.said_reset = may_stand;
+        self.reset_stands = may_stand && self.guard.leaves_a_reset_standing();
+    }
+
+    /// Takes the word back if it may stand and nothing else is going on. A motor that turns is left alone: what it obeys
+    /// is not that word.
+    pub(super) fn take_reset_back(&mut self, now: MonoTime, out: Out<'_>) {
+        let is_busy = self.latch.is_some() || self.current.is_some() || !self.waiting.is_empty();
+        let may_go = self.is_at_standstill() && !matches!(self.guard.intent(), RunIntent::Run(_));
+        if !self.reset_stands || is_busy || !may_go || now < self.take_back_at {
+            return;
+        }
+        self.take_back_at = now + AGAIN_AFTER;
+        let Some(approved) = self.guard.take_reset_back() else { return };
+        out.push_back(Effect::Note(self.drive, Note::ResetTakenBack));
+        self.push(List::new(approved, Waiter::of_nobody(self.drive)), out);
+    }
+
+    /// The run command holds another word than the one that resets.
+    pub(super) const fn reset_is_taken_back(&mut self) {
+        self.reset_stands = false;
+    }
+}

@@ -1,0 +1,150 @@
+//! When a command was issued, by the clock of its commander.
+//!
+//! That clock may be ahead of ours. How far is seen when a command comes before its own moment, and is taken off the
+//! moments that follow: a command that comes a second time then has the moment at which it came first, and is older than
+//! a stop between the two. It is as good as the clocks: one that is ahead without ever having shown it is believed.
+
+use super::clock::Moment;
+use super::command_words::Refused;
+use crate::domain::command::Reason;
+use crate::domain::time::MonoTime;
+use std::collections::VecDeque;
+use std::time::Duration;
+
+/// How far ahead of ours the clock of a commander may be.
+const AHEAD_MAX_MS: i64 = 2_000;
+/// From here on the difference is told.
+const TOLD_FROM_MS: i64 = 100;
+/// A difference that was not seen for so long has been mended. No command is as old.
+const SEEN_FOR: Duration = Duration::from_secs(600);
+/// Most moments that were refused and are remembered.
+const REFUSED_MAX: usize = 64;
+
+/// What is known about the clocks of those who command.
+#[derive(Debug, Default)]
+pub(super) struct Issued {
+    /// How far ahead they were at most, in milliseconds, and when that was seen last.
+    lead: Option<(i64, MonoTime)>,
+    /// Moments that were too far ahead. They stay refused when they have come.
+    refused: VecDeque<i64>,
+}
+
+/// When one command was issued.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Issue {
+    /// How long ago, at least. Nothing is issued after it came.
+    pub(super) age: Duration,
+    /// The moment on our clock that counts against stops, trips and lost leases.
+    pub(super) moment: MonoTime,
+    /// That the clock is ahead, for people.
+    pub(super) remark: Option<String>,
+}
+
+impl Issued {
+    /// Takes a command that came `at`, and was issued at `issued_at` in milliseconds since 1970.
+    ///
+    /// # Errors
+    /// Its moment is too far ahead, or was when it came first.
+    pub(super) fn take(&mut self, at: Moment, issued_at: i64) -> Result<Issue, Refused> {
+        let ahead_ms = issued_at.saturating_sub(at.wall.unix_ms);
+        if ahead_ms > AHEAD_MAX_MS {
+            if !self.refused.contains(&issued_at) {
+                self.refused.truncate(REFUSED_MAX - 1);
+                self.refused.push_front(issued_at);
+            }
+            return Err(Refused::new(Reason::ClockAhead, format!("{}; at most 2 s are taken", ahead(ahead_ms))));
+        }
+        if self.refused.contains(&issued_at) {
+            let why = "this moment was refused before, when it was too far ahead of the gateway's clock";
+            return Err(Refused::new(Reason::ClockAhead, why));
+        }
+        let known = self.lead.filter(|(_, seen)| at.mono.since(*seen) < SEEN_FOR).map_or(0, |(lead, _)| lead);
+        let lead = known.max(ahead_ms);
+        if ahead_ms > 0 && ahead_ms >= known || lead == 0 {
+            self.lead = (lead > 0).then_some((lead, at.mono));
+        }
+        let remark = (ahead_ms >= TOLD_FROM_MS).then(|| ahead(ahead_ms));
+        Ok(Issue {
+            age: millis(ahead_ms.saturating_neg()),
+            moment: at.mono.before(millis(lead.saturating_sub(ahead_ms))),
+            remark,
+        })
+    }
+}
+
+/// How far a moment is ahead, for people.
+fn ahead(ahead_ms: i64) -> String {
+    #[allow(clippy::cast_precision_loss, reason = "shown to people with one digit")]
+    let seconds = ahead_ms as f64 / 1000.0;
+    format!("its moment of issue is {seconds:.1} s ahead of the gateway's clock: set both clocks")
+}
+
+/// So many milliseconds; none if it is less than none.
+fn millis(span: i64) -> Duration {
+    Duration::from_millis(u64::try_from(span).unwrap_or(0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::time::WallTime;
+
+    const EPOCH: i64 = 1_767_225_600_000;
+
+    fn at(millis: u64) -> Moment {
+        let wall = WallTime { unix_ms: EPOCH + i64::try_from(millis).unwrap() };
+        Moment { mono: MonoTime::from_millis(millis), wall }
+    }
+
+    fn reason(taken: Result<Issue, Refused>) -> Reason {
+        taken.expect_err("a refusal").reason
+    }
+
+    #[test]
+    fn a_moment_in_the_past_is_what_it_says() {
+        let mut issued = Issued::default();
+        let issue = issued.take(at(50_000), EPOCH + 49_000).unwrap();
+        assert_eq!(issue, Issue { age: Duration::from_secs(1), moment: at(49_000).mono, remark: None });
+        assert!(issued.take(at(50_000), i64::MIN).unwrap().age > Duration::from_secs(3600));
+    }
+
+    #[test]
+    fn a_moment_ahead_counts_as_now_and_comes_again_as_that_one() {
+        for ahead in [1, 500, 2_000] {
+            let mut issued = Issued::default();
+            let first = issued.take(at(50_000), EPOCH + 50_000 + ahead).unwrap();
+            assert_eq!((first.age, first.moment), (Duration::ZERO, at(50_000).mono), "{ahead}");
+            assert_eq!(first.remark.is_some(), ahead >= 100);
+            for later in [1, 400, 1_999, 30_000] {
+                let again = issued.take(at(50_000 + later), EPOCH + 50_000 + ahead).unwrap();
+                assert_eq!(again.moment, at(50_000).mono, "{ahead} {later}");
+            }
+            let new = issued.take(at(51_000), EPOCH + 51_000 + ahead).unwrap();
+            assert_eq!(new.moment, at(51_000).mono, "a new command of the same clock");
+        }
+    }
+
+    #[test]
+    fn a_moment_too_far_ahead_is_refused_with_the_difference_and_stays_refused() {
+        let mut issued = Issued::default();
+        let far = issued.take(at(50_000), EPOCH + 100_000).unwrap_err();
+        assert_eq!(far.reason, Reason::ClockAhead);
+        assert!(far.message.contains("50.0 s ahead"), "{}", far.message);
+        assert_eq!(reason(issued.take(at(50_000), EPOCH + 52_001)), Reason::ClockAhead);
+        assert_eq!(reason(issued.take(at(50_000), i64::MAX)), Reason::ClockAhead);
+        assert_eq!(reason(issued.take(at(99_500), EPOCH + 100_000)), Reason::ClockAhead, "when it has come");
+        assert!(issued.take(at(99_500), EPOCH + 99_400).is_ok(), "others are taken");
+    }
+
+    #[test]
+    fn what_is_remembered_of_clocks_is_bounded_and_forgotten() {
+        let mut issued = Issued::default();
+        for number in 0..1_000 {
+            assert!(issued.take(at(0), EPOCH + 1_000_000 + number).is_err());
+        }
+        assert_eq!(issued.refused.len(), REFUSED_MAX);
+        issued.take(at(0), EPOCH + 1_500).unwrap();
+        assert_eq!(issued.take(at(599_000), EPOCH + 599_000).unwrap().moment, at(597_500).mono);
+        assert_eq!(issued.take(at(601_000), EPOCH + 601_000).unwrap().moment, at(601_000).mono);
+    }
+}
