@@ -30,9 +30,9 @@
 #[allow(dead_code, reason = "shared with the tests, which use more of it")]
 mod simulation;
 
+use simulation::bursts::BurstTally;
 use simulation::trouble::Trouble;
 use simulation::world::Tally;
-use simulation::bursts::BurstTally;
 use simulation::{WORLD, audit, bursts, holders, kills, stale, trials};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

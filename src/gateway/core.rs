@@ -82,6 +82,8 @@ pub(super) struct Flight {
     pub(super) is_overdue: bool,
     /// Before its reply a frame of the station came that nothing explains: what comes as the reply may be another one, too.
     pub(super) is_spoilt: bool,
+    /// Bytes that came before its reply and make no frame.
+    pub(super) noise: usize,
 }
 
 /// Why an exchange was sent.

@@ -78,6 +78,7 @@ impl LineCore {
             overdue_at,
             is_overdue: false,
             is_spoilt: false,
+            noise: 0,
         });
         self.counters.requests += 1;
         self.transmit(now, frame, why);

@@ -38,7 +38,7 @@ impl LineCore {
         if !proves_nothing {
             self.learn(&flight, &exchange, &ending);
         }
-        let Flight { drive, purpose, was_silent, sent_at, request_end, .. } = flight;
+        let Flight { drive, purpose, was_silent, sent_at, request_end, noise, .. } = flight;
         let doubt = flight.doubt || is_spoilt;
         self.counters.busy_us += u64::try_from(now.since(sent_at).as_micros()).unwrap_or(0);
         self.count_end(drive, &exchange.request, &ending);
@@ -52,7 +52,7 @@ impl LineCore {
             // It may not have come from the drive, whose reply may still come.
             None if proves_nothing => self.stations[drive.get()].reply_missing(missing(), now),
             None => {
-                self.stations[drive.get()].exchange_ended(now);
+                self.stations[drive.get()].exchange_ended(&exchange.request, noise > 1, now);
                 self.answered(now, drive, doubt.then(missing));
             }
             Some(fault) => self.was_not_answered(now, drive, fault, missing),
@@ -133,7 +133,11 @@ impl LineCore {
                     self.learn_late(now, station, &heard.bytes);
                     self.spoke(now, station, &heard.bytes, was_answered);
                 }
-                TrafficKind::Noise => self.counters.noise_bytes += heard.bytes.len() as u64,
+                TrafficKind::Noise => {
+                    self.counters.noise_bytes += heard.bytes.len() as u64;
+                    let flight = self.flight.as_mut().filter(|flight| !was_answered && heard.end > flight.sent_at);
+                    flight.into_iter().for_each(|flight| flight.noise += heard.bytes.len());
+                }
             }
             self.echo.heard(heard.kind, &heard.bytes);
             self.health.diagnosis.heard(heard.kind, &heard.bytes);
@@ -260,7 +264,7 @@ impl LineCore {
     fn spoke(&mut self, now: MonoTime, station: Station, adu: &[u8], was_answered: bool) {
         let Some(at) = self.setup.drives.iter().position(|drive| drive.station == station) else { return };
         let stray = match framing::decode(self.setup.timing.framing, adu) {
-            Some((_, pdu)) => self.stations[at].stray(&pdu, now),
+            Some((_, pdu)) => self.stations[at].stray(&pdu, now, self.setup.drives[at].max_lateness),
             None => return,
         };
         if consequence(Fault::Stray).drive_is_there {

@@ -78,9 +78,8 @@ impl LineCore {
         }
         flight.is_overdue = true;
         let (drive, request_end) = (flight.drive, flight.request_end);
-        let waits_for_stop = |(other, work): (DriveIndex, &DriveWork)| {
-            work.has_new_stop() && (is_damaged || other != drive)
-        };
+        let waits_for_stop =
+            |(other, work): (DriveIndex, &DriveWork)| work.has_new_stop() && (is_damaged || other != drive);
         let may_cut = is_damaged || !self.wire.has_heard_after(request_end);
         if !may_cut || !(0..).map(DriveIndex).zip(&self.works).any(waits_for_stop) {
             return;

@@ -158,7 +158,7 @@ pub fn missing_reply_costs(timing: &Timing, station: &PlannedStation<'_>) -> Dur
         Barrier::Read(read) => Some(read.count),
         Barrier::Loop(_) | Barrier::Refused(_) => None,
     };
-    let words = station.model.barriers.iter().find_map(settles);
+    let words = station.model.barriers.iter().filter_map(settles).max();
     let wait = station.timeouts.read;
     words.map_or(wait + station.max_lateness, |words| {
         let usual = turnaround(&station.model.timing, Class::Read) + reply_delay(&station.model.timing);

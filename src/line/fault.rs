@@ -61,9 +61,7 @@ pub const fn consequence(fault: Fault) -> Consequence {
         reopens_port: false,
     };
     match fault {
-        Fault::Garbled => {
-            Consequence { ends_exchange: true, repeats_read: true, reply_may_come_late: true, ..none }
-        }
+        Fault::Garbled => Consequence { ends_exchange: true, repeats_read: true, reply_may_come_late: true, ..none },
         Fault::Silent => Consequence { ends_exchange: true, reply_may_come_late: true, backs_off: true, ..none },
         Fault::Ignored => Consequence { ends_exchange: true, reply_may_come_late: true, ..none },
         Fault::Deaf => Consequence { ends_exchange: true, ..none },

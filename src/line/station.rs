@@ -28,7 +28,9 @@ pub const QUIET_MAX: Duration = Duration::from_secs(30);
 pub const QUIET_EXCHANGES: u8 = 8;
 /// How long a reply that did not come within the longest lateness is remembered, so that one that comes after all is
 /// known for what it is.
-pub const EXPIRED_FOR: Duration = Duration::from_secs(60);
+pub const EXPIRED_FOR: Duration = Duration::from_secs(30);
+/// Exchanges in which noise came before the reply and behind which a silence shows whether that was all, among so many.
+pub const LOOKS: (u8, u16) = (8, 256);
 
 /// A request whose reply did not come in time.
 #[derive(Clone, Debug)]
@@ -72,6 +74,10 @@ pub struct StationState {
     quiet_until: MonoTime,
     /// Exchanges since the last such frame.
     exchanges_since: u8,
+    /// The newest answer may have been a reply that could no longer come: so late it was then.
+    taken: Option<Duration>,
+    /// Looks that are left, and exchanges until they are counted anew.
+    looks: (u8, u16),
     /// Until then a reply may come to something that was asked before this memory began.
     asked_before_until: MonoTime,
     silent_in_a_row: u32,
@@ -99,6 +105,8 @@ impl StationState {
             quiet: Duration::ZERO,
             quiet_until: MonoTime::ZERO,
             exchanges_since: 0,
+            taken: None,
+            looks: LOOKS,
             asked_before_until: MonoTime::ZERO,
             silent_in_a_row: 0,
             back_offs: 0,
@@ -218,25 +226,24 @@ impl StationState {
     }
 
     /// A sound frame of the station with `pdu` came at `now` that answers nothing that is on the wire. What nothing
-    /// explains makes it dirty until it was silent for as long as the latest reply was late.
-    pub fn stray(&mut self, pdu: &[u8], now: MonoTime) -> Stray {
+    /// explains makes it dirty until it was silent for as long as the latest reply was late. `declared`: how late one may
+    /// be.
+    pub fn stray(&mut self, pdu: &[u8], now: MonoTime, declared: Duration) -> Stray {
         self.expire(now);
         if now < self.asked_before_until || self.missing.iter().any(|missing| answers(&missing.request, pdu)) {
             self.heard(now);
             return Stray::Explained;
         }
         let expired = self.expired.iter().position(|expired| answers(&expired.request, pdu));
-        let late = match expired {
-            Some(place) => now.since(self.expired.remove(place).sent_at),
-            None => now.since(self.asked_at),
-        };
-        if expired.is_some() {
+        let beyond = expired.map(|place| now.since(self.expired.remove(place).sent_at)).or(self.taken.take());
+        let late = beyond.unwrap_or_else(|| now.since(self.asked_at).min(declared));
+        if beyond.is_some() {
             self.latest = self.latest.max(late).min(QUIET_MAX);
         }
         self.quiet = self.quiet.max(with_margin(late)).max(QUIET_LEAST);
-        self.exchanges_since = 0;
+        (self.exchanges_since, self.looks) = (0, LOOKS);
         self.heard(now);
-        if expired.is_some() { Stray::BeyondLimit(late) } else { Stray::TooMany(late) }
+        if beyond.is_some() { Stray::BeyondLimit(late) } else { Stray::TooMany(late) }
     }
 
     /// A frame of it was heard at `now`: a silence that is asked of it begins anew.
@@ -289,8 +296,20 @@ impl StationState {
         self.is_there();
     }
 
-    /// An exchange with it had its answer at `now`.
-    pub fn exchange_ended(&mut self, now: MonoTime) {
+    /// The exchange of `request` with it had its answer at `now`. `was_noisy`: something else came before that, which may
+    /// have been the reply, so that the answer is another one and the next is still to come: a silence shows it.
+    pub fn exchange_ended(&mut self, request: &Request, was_noisy: bool, now: MonoTime) {
+        self.expire(now);
+        // Drives answer in order: what could no longer come has been taken for this answer, or never comes.
+        let taken = self.expired.iter().find(|expired| self.is_mistakable(&expired.request, request));
+        self.taken = taken.map(|expired| now.since(expired.sent_at));
+        self.expired.clear();
+        let (looks, until_anew) = self.looks;
+        self.looks = if until_anew == 0 { LOOKS } else { (looks, until_anew - 1) };
+        if was_noisy && self.looks.0 > 0 {
+            self.looks.0 -= 1;
+            self.quiet_until = self.quiet_until.max(now + QUIET_LEAST);
+        }
         self.exchanges_since = self.exchanges_since.saturating_add(1);
         if self.exchanges_since >= QUIET_EXCHANGES {
             self.quiet = Duration::ZERO;
@@ -399,6 +418,67 @@ mod tests {
         miss(&mut station, read(1, 1), MonoTime::ZERO, LATENESS);
         station.answered();
         assert_eq!(station.unmistakable_at(&read(1, 1)), MonoTime::ZERO);
+    }
+
+    /// The PDU of a reply with one word.
+    const ONE_WORD: [u8; 4] = [3, 2, 0, 7];
+
+    #[test]
+    fn a_frame_that_nothing_explains_makes_a_station_dirty_until_it_was_silent() {
+        let mut station = station();
+        let at = MonoTime::from_millis;
+        station.asked(at(1_000));
+        station.exchange_ended(&read(1, 1), false, at(1_010));
+        let late = Duration::from_millis(80);
+        assert_eq!(station.stray(&ONE_WORD, at(1_080), LATENESS), Stray::TooMany(late));
+        assert!(station.is_doubtful());
+        assert_eq!(station.unmistakable_at(&read(1, 9)), at(1_080) + late * 3 / 2, "not even a barrier");
+        assert!(station.misses_function(6, at(1_100)));
+        // Each further frame of it begins the silence anew, an answer too.
+        station.heard(at(1_100));
+        assert_eq!(station.clean_at(), at(1_100) + late * 3 / 2);
+        for n in 0..QUIET_EXCHANGES {
+            assert!(station.is_doubtful(), "{n}");
+            station.exchange_ended(&read(1, 1), false, at(2_000));
+        }
+        assert!(!station.is_doubtful());
+    }
+
+    #[test]
+    fn a_missing_reply_explains_a_frame_and_one_that_comes_too_late_is_learned() {
+        let at = MonoTime::from_millis;
+        let mut station = station();
+        miss(&mut station, read(1, 1), at(1_000), LATENESS);
+        assert_eq!(station.stray(&ONE_WORD, at(1_400), LATENESS), Stray::Explained);
+        assert!(!station.is_doubtful());
+        let late = Duration::from_millis(900);
+        assert_eq!(station.stray(&ONE_WORD, at(1_900), LATENESS), Stray::BeyondLimit(late));
+        assert_eq!(station.lateness(LATENESS), late * 3 / 2);
+        station.line_opened(at(3_000));
+        assert_eq!((station.lateness(LATENESS), station.is_doubtful()), (LATENESS, false));
+        // Taken for an answer, it shows by the reply that comes behind it.
+        let mut station = station_with(RefusedWrite::Exception, Duration::ZERO);
+        miss(&mut station, read(1, 1), at(1_000), LATENESS);
+        miss(&mut station, read(1, 2), at(1_800), LATENESS);
+        station.asked(at(1_850));
+        station.exchange_ended(&read(2, 1), false, at(1_900));
+        assert_eq!(station.stray(&ONE_WORD, at(1_950), LATENESS), Stray::BeyondLimit(late));
+    }
+
+    #[test]
+    fn behind_noise_and_an_answer_a_silence_shows_whether_that_was_all() {
+        let mut station = station();
+        let now = MonoTime::from_millis(5);
+        for _ in 0..LOOKS.0 {
+            station.exchange_ended(&read(1, 1), true, now);
+            assert_eq!((station.clean_at(), station.is_doubtful()), (now + QUIET_LEAST, false));
+        }
+        let later = MonoTime::from_millis(5_000);
+        station.exchange_ended(&read(1, 1), true, later);
+        assert!(!station.is_dirty(later), "where there is always noise, it tells nothing");
+        (0..=LOOKS.1).for_each(|_| station.exchange_ended(&read(1, 1), false, later));
+        station.exchange_ended(&read(1, 1), true, later);
+        assert!(station.is_dirty(later));
     }
 
     #[test]

@@ -134,7 +134,8 @@ impl Wire {
         let is_sure = self.strips_echo || !exchange.request.is_repeated_by_its_reply();
         self.own_echo.await_copy_of(&out[start..], is_sure, earliest);
         let sent_until = if self.is_timed { self.quiet_from } else { now };
-        self.open = Some(Open { exchange, expected, sent_until, reply_due, give_up, exception: None, was_damaged: false });
+        self.open =
+            Some(Open { exchange, expected, sent_until, reply_due, give_up, exception: None, was_damaged: false });
     }
 
     /// Hands a frame to `station`, which stands for all and answers nothing, to the port at `now`, and puts it into the

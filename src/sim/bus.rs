@@ -2,13 +2,12 @@
 
 use super::drive::SimDrive;
 use super::fault::{Fate, FaultPlan, Faults};
-use super::incoming::Incoming;
+use super::incoming::{Incoming, least_silence, silence_for};
 use super::outbox::{Delivery, Outbox};
 use super::report::BusReport;
 use crate::domain::ids::Station;
 use crate::domain::link::{Framing, LinkSettings};
 use crate::domain::time::MonoTime;
-use crate::profile::model::Model;
 use crate::wire::framing;
 use std::time::Duration;
 
@@ -384,24 +383,6 @@ impl SimBus {
             self.report.collisions += self.outbox.add(station, start + length + behind, false, frame, usize::MAX);
         }
     }
-}
-
-/// The silence that a line needs whoever is on it: above 19,200 bit/s character times are too short to be told.
-fn least_silence(framing: Framing, link: LinkSettings) -> Duration {
-    match framing {
-        Framing::Ascii => Duration::from_millis(10),
-        Framing::Rtu if link.baud > 19_200 => Duration::from_micros(1_750),
-        Framing::Rtu => Duration::ZERO,
-    }
-}
-
-/// The silence that a drive of `model` needs before a request.
-fn silence_for(model: &Model, framing: Framing, link: LinkSettings) -> Duration {
-    let gap = match framing {
-        Framing::Rtu => link.chars(model.timing.gap_chars.value),
-        Framing::Ascii => Duration::ZERO,
-    };
-    model.quirks.pause_before_request.as_ref().map_or(gap, |pause| gap.max(pause.value))
 }
 
 #[cfg(test)]

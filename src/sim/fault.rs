@@ -42,20 +42,8 @@ pub struct FaultPlan {
 }
 
 /// The names of a plan's parts, as they stand in its text.
-const NAMES: [&str; 12] = [
-    "noise",
-    "lost",
-    "late",
-    "cut",
-    "flip",
-    "foreign",
-    "hole",
-    "burst",
-    "twin",
-    "beyond",
-    "timeout-ms",
-    "lateness-ms",
-];
+const NAMES: [&str; 12] =
+    ["noise", "lost", "late", "cut", "flip", "foreign", "hole", "burst", "twin", "beyond", "timeout-ms", "lateness-ms"];
 
 /// When the second reply of a [`FaultPlan::twin`] begins behind the first, in milliseconds.
 const TWIN_MS: std::ops::RangeInclusive<u64> = 15..=40;
@@ -184,7 +172,14 @@ pub(super) struct Faults {
 
 impl Faults {
     pub fn new(plan: FaultPlan, framing: Framing, data_bits: u8, seed: u64) -> Self {
-        Self { plan, framing, data_bits: data_bits.into(), rng: Rng::with_seed(seed), stations: Vec::new(), before: Vec::new() }
+        Self {
+            plan,
+            framing,
+            data_bits: data_bits.into(),
+            rng: Rng::with_seed(seed),
+            stations: Vec::new(),
+            before: Vec::new(),
+        }
     }
 
     /// `station` is on the bus.

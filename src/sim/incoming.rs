@@ -1,6 +1,7 @@
 //! What the drives make of the master's bytes: where a request begins and where it ends.
 
-use crate::domain::link::Framing;
+use crate::domain::link::{Framing, LinkSettings};
+use crate::profile::model::Model;
 use crate::wire::framing;
 use crate::wire::{crc, pdu::function};
 use std::time::Duration;
@@ -76,4 +77,22 @@ fn is_whole_rtu(request: &[u8]) -> bool {
         _ => return false,
     };
     request.len() == length && crc::is_sound(request)
+}
+
+/// The silence that a line needs whoever is on it: above 19,200 bit/s character times are too short to be told.
+pub(super) fn least_silence(framing: Framing, link: LinkSettings) -> Duration {
+    match framing {
+        Framing::Ascii => Duration::from_millis(10),
+        Framing::Rtu if link.baud > 19_200 => Duration::from_micros(1_750),
+        Framing::Rtu => Duration::ZERO,
+    }
+}
+
+/// The silence that a drive of `model` needs before a request.
+pub(super) fn silence_for(model: &Model, framing: Framing, link: LinkSettings) -> Duration {
+    let gap = match framing {
+        Framing::Rtu => link.chars(model.timing.gap_chars.value),
+        Framing::Ascii => Duration::ZERO,
+    };
+    model.quirks.pause_before_request.as_ref().map_or(gap, |pause| gap.max(pause.value))
 }

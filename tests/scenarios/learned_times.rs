@@ -96,7 +96,7 @@ fn late_replies_are_not_mistaken_where_waits_are_learned() {
             let until = rig.now + Duration::from_secs(200);
             rig.run_until(until, |rig, answer| {
                 if let NativeOutcome::Words(words) = &answer.outcome {
-                    let expected = rig.sent.last().expect("an answer follows a request").proof;
+                    let expected = rig.proof(answer.ticket);
                     assert!(words.iter().all(|word| *word == expected), "{words:04X?} for exchange {expected:04X}");
                     right += 1;
                 }

@@ -520,7 +520,9 @@ impl Rig {
                     let asker = self.open.remove(&answer.ticket.0);
                     assert_eq!(asker, Some(answer.asker), "each request is answered once, to its asker");
                     let proof = self.sent.last().map_or(0, |sent| sent.proof);
-                    self.proofs.push((answer.ticket, proof));
+                    if matches!(answer.outcome, NativeOutcome::Words(_)) {
+                        self.proofs.push((answer.ticket, proof));
+                    }
                     self.answers.push((self.now, answer));
                 }
                 Effect::Traffic(record) => self.traffic.push(record),

@@ -101,14 +101,7 @@ impl TripWatch {
         let TripBaseline { count, held, code } = baseline;
         let counts = self.is_counted();
         let told = count.filter(|_| counts);
-        Self {
-            told,
-            told_is_sure: told.is_some(),
-            held: held.filter(|_| !counts),
-            code,
-            is_remembered: true,
-            ..self
-        }
+        Self { told, told_is_sure: told.is_some(), held: held.filter(|_| !counts), code, is_remembered: true, ..self }
     }
 
     /// Up to where everything was told.

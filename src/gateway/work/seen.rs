@@ -11,14 +11,7 @@ use crate::journal::Entry;
 impl DriveWork {
     /// Words came from `address` on, for whatever reason they were read.
     /// `believes_trips`: they are certainly its own.
-    pub fn take_words(
-        &mut self,
-        address: u16,
-        words: &[u16],
-        believes_trips: bool,
-        now: MonoTime,
-        out: Out<'_>,
-    ) {
+    pub fn take_words(&mut self, address: u16, words: &[u16], believes_trips: bool, now: MonoTime, out: Out<'_>) {
         self.has_changed = true;
         let ran = self.status.is_running();
         if let Some(running) = self.status.take(address, words) {
