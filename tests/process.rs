@@ -8,6 +8,8 @@
 //! | `crowding` | more clients than there is room for: who gives way, and that priority finds a place |
 //! | `failing_disk` | the disk refuses writes, syncs and room: control goes on, it is seen, nothing is lost or doubled |
 //! | `beginning` | a start beside a large journal |
+//! | `burdening` | clients without rights cost little memory, and a drive that runs stays commanded |
+//! | `flooding` | a line whose peer never stops sending takes no time from another |
 //! | `coming_and_going` | unplugged adapters, signals, taken ports |
 //! | `unplugging` | an adapter that comes and goes leaks nothing and is back within a second; a device has one holder |
 //! | `network` | lines behind ser2net and other serial device servers |
@@ -80,6 +82,8 @@ mod beginning;
 mod brokers;
 #[path = "process/browser.rs"]
 mod browser;
+#[path = "process/burdening.rs"]
+mod burdening;
 #[path = "process/capturing.rs"]
 mod capturing;
 #[path = "process/checking.rs"]
@@ -120,6 +124,8 @@ mod families;
 mod fleet;
 #[path = "process/fleet_commands.rs"]
 mod fleet_commands;
+#[path = "process/flooding.rs"]
+mod flooding;
 #[path = "process/guides.rs"]
 mod guides;
 #[path = "process/half_open.rs"]

@@ -268,7 +268,7 @@ pub const KEYS: &[Key] = &[
     key(Section::ModbusTcp, "stop", "list of networks inside `allow`", Some("`write`"), "Who may stop; it must hold whoever may write."),
     key(Section::ModbusTcp, "reads_renew", "true or false", Some("false"), "Whether reads of the one who controls a drive count as a sign of life."),
     key(Section::ModbusTcp, "units", "list of units of its drives", Some("all of its lines"), "The units that answer here, native or uniform; 255, the gateway itself, always does."),
-    key(Section::ModbusTcp, "connections_max", "1 to 65536", Some("as many as the system's limit of open files leaves room for"), "Most clients at once, those with `priority` not counted; one more takes the place of the one that was silent for longest."),
+    key(Section::ModbusTcp, "connections_max", "1 to 65536", Some("as many as there is room for: 10,240 for all listeners, or less by the system's limit of open files"), "Most clients at once, those with `priority` not counted; one more takes the place of the one that was silent for longest."),
     key(Section::ModbusTcp, "priority", "list of networks inside `allow`", Some("[]: nobody"), "Whose connections never give way to others, and for whom places are kept free."),
     key(Section::ModbusTcp, "idle_timeout", "\"1s\" to \"24h\", or \"0s\" for none", Some("\"10min\""), "A connection without a request is closed after this time."),
     key(Section::ModbusTcp, "keep_alive", "\"1s\" to \"2h\", whole seconds, or \"0s\" for none", Some("\"60s\""), "After this time of silence a client is asked whether it is still there; one that is gone is noticed within twice that."),

@@ -64,7 +64,7 @@ fn a_large_journal_delays_no_start() {
 }
 
 /// Puts `count` rows into the audit and a tenth of that into each other table, as the gateway itself would have.
-fn fill(path: &Path, count: u64) {
+pub fn fill(path: &Path, count: u64) {
     let mut connection = Connection::open(path).unwrap();
     let transaction = connection.transaction().unwrap();
     for (table, count) in [(Table::Audit, count), (Table::Availability, count / 10), (Table::Event, count / 10)] {

@@ -44,6 +44,38 @@ fn check_reports_every_mistake_at_once_with_its_line() {
 }
 
 #[test]
+fn what_is_no_file_or_much_too_long_is_refused_before_it_is_read() {
+    let place = Place::new();
+    let (pipe, long) = (place.file("pipe"), place.file("long"));
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    std::fs::File::create(&long).unwrap().set_len(50_000_000).unwrap();
+    let dir = place.file("dir");
+    std::fs::create_dir(&dir).unwrap();
+    for (path, why) in [
+        (pipe.as_path(), "it is a pipe, and a regular file is needed"),
+        (&dir, "it is a directory, and a regular file is needed"),
+        (Path::new("/dev/zero"), "it is a device, and a regular file is needed"),
+        (&long, "it is 50000000 bytes long; 1048576 bytes are the most"),
+    ] {
+        for command in [&["check", "-c"][..], &["run", "-c"], &["models", "check"], &["params", "diff", "x"]] {
+            let mut program = super::rig::program();
+            // A dump that is no dump is met first, where two are read.
+            let command = if command[0] == "params" { &["params", "diff"][..] } else { command };
+            program.args(command).arg(path);
+            if command[0] == "params" {
+                program.arg(path);
+            }
+            let mut program = super::started::Started::new(program);
+            let status = program.end_within(super::started::PATIENCE);
+            let said = super::started::until("it says why", super::started::PATIENCE, || {
+                Some(program.text()).filter(|said| said.contains(why))
+            });
+            assert_eq!(status.code(), Some(2), "{command:?} {}: {said}", path.display());
+        }
+    }
+}
+
+#[test]
 fn check_accepts_the_example_and_says_what_it_costs() {
     let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/vfd-gateway.toml");
     let output = vfd_gateway(&["check", "-c", example.to_str().unwrap()]);

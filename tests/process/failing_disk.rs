@@ -227,6 +227,59 @@ fn a_call_that_fails_loses_and_doubles_nothing() {
     }
 }
 
+/// What is done to the data directory before the gateway starts, what undoes it, and what the journal says meanwhile.
+const AT_START: [(&str, &str, &str); 3] = [
+    ("mount -t tmpfs none \"$D\" && mount -o remount,ro \"$D\"", "mount -o remount,rw \"$D\"", "memory"),
+    (
+        "mount -t tmpfs -o size=64k none \"$D\" && { cat /dev/zero >\"$D/ballast\" 2>/dev/null; :; }",
+        "rm \"$D/ballast\" && mount -o remount,size=8m \"$D\"",
+        "memory",
+    ),
+    ("rmdir \"$D\"", "mkdir \"$D\"", "memory"),
+];
+
+#[test]
+fn a_data_directory_that_cannot_be_written_at_the_start_is_told_and_stops_no_control() {
+    for (before, after, state) in AT_START {
+        let site = Site::new();
+        let data = site.place.file("data");
+        let mut unshare = Command::new("unshare");
+        let prepare = format!("{before} && exec \"$@\"");
+        unshare.args([if is_root() { "-m" } else { "-rm" }, "sh", "-c", &prepare, "sh"]).env("D", &data);
+        let gateway = site.run(unshare);
+        let shell = |text: &str| inside(gateway.id()).env("D", &data).args(["sh", "-c", text]).status().unwrap();
+        site.control();
+        let health: Value = serde_json::from_str(&site.get("/api/v1/health").unwrap()).unwrap();
+        assert_eq!(health["journal"]["state"], state, "{before}: {health}");
+        assert_eq!(site.metric("journal_ok"), Some(0.0), "{before}");
+        let is_reached = health["socket"]["state"] == "ok";
+        assert_eq!(site.metric("socket_ok"), Some(f64::from(u8::from(is_reached))), "{before}");
+        let advice = site.get("/api/v1/advice").unwrap();
+        assert!(advice.contains("the journal cannot be written"), "{before}: {advice}");
+        assert!(is_reached || advice.contains("do not reach the gateway"), "{before}: {advice}");
+        assert!(gateway.text().contains("ALARM: the journal cannot be written"), "{before}");
+
+        // Nobody else may command the same drives meanwhile.
+        let text = std::fs::read_to_string(&site.file).unwrap();
+        let text = [site.modbus, site.http].iter().fold(text, |text, address| {
+            text.replace(&address.to_string(), &SocketAddr::from(([127, 0, 0, 1], free_port())).to_string())
+        });
+        let other = site.place.write("other.toml", &text);
+        let run = program();
+        let mut second = inside(gateway.id());
+        second.arg(run.get_program()).arg("run").arg("-c").arg(&other);
+        let mut second = Started::new(second);
+        assert!(!second.end_within(PATIENCE).success(), "{before}");
+        until("the second one says why", PATIENCE, || second.text().contains("another gateway").then_some(()));
+
+        assert!(shell(after).success(), "{after}");
+        site.wait_until_it_works(before);
+        until("its own commands reach it", PATIENCE * 2, || (site.metric("socket_ok")? == 1.0).then_some(()));
+        site.control();
+        end(gateway);
+    }
+}
+
 #[test]
 fn a_disk_that_is_full_is_seen_and_what_waited_is_written_when_there_is_room() {
     let site = Site::new();

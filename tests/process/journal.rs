@@ -23,6 +23,34 @@ fn events(data: &Path) -> Vec<(u64, String)> {
 }
 
 #[test]
+fn a_file_that_was_cut_is_shown_as_far_as_it_can_be_and_said_to_be() {
+    let place = Place::new();
+    let whole = place.file("whole");
+    std::fs::create_dir(&whole).unwrap();
+    {
+        let mut database = rusqlite::Connection::open(whole.join("journal.db")).unwrap();
+        vfd_gateway::daemon::journal::schema::make(&mut database, "test").unwrap();
+    }
+    super::beginning::fill(&whole.join("journal.db"), 100);
+    let bytes = std::fs::read(whole.join("journal.db")).unwrap();
+    let cuts = (0..bytes.len() / 4096).flat_map(|page| [0, 1, 47, 2000].map(|more| page * 4096 + more));
+    for cut in cuts {
+        let data = place.file("cut");
+        std::fs::create_dir(&data).unwrap();
+        std::fs::write(data.join("journal.db"), &bytes[..cut]).unwrap();
+        let mut journal = program();
+        journal.args(["journal", "--last", "1000", "--data-dir", data.to_str().unwrap()]);
+        let mut journal = Started::new(journal);
+        assert_eq!(journal.end_within(PATIENCE).code(), Some(1), "cut to {cut}");
+        until("it says why", PATIENCE, || {
+            let said = journal.text();
+            (said.contains("damaged") || said.contains("the journal is empty") || said.contains("short")).then_some(())
+        });
+        std::fs::remove_dir_all(&data).unwrap();
+    }
+}
+
+#[test]
 fn a_trip_outlives_a_kill_once_and_numbers_go_on() {
     let mut plant = Plant::with(Wish { simulate: &["--trip-every", "5"], ..Wish::default() });
     let data = plant.place.file("data");

@@ -292,7 +292,9 @@ fn who_does_not_read_is_let_go_and_memory_stays_bounded() {
     let before = site.resident_kb();
     let slow: Vec<_> = (0..4).map(|_| who_does_not_read(site.http)).collect();
     until("all of them are let go", PATIENCE * 3, || {
-        let gone = site.gateway.find_all(|line| line.contains("does not keep up").then_some(()));
+        let gone = site.gateway.find_all(|line| {
+            (line.contains("does not keep up") || line.contains("does not take its answer")).then_some(())
+        });
         (gone.len() == slow.len()).then_some(())
     });
     let grown = site.resident_kb().saturating_sub(before);

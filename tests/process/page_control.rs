@@ -34,7 +34,7 @@ fn hash() -> &'static str {
     })
 }
 
-fn users() -> String {
+pub fn users() -> String {
     let user = |name| format!("[[http.users]]\nname = \"{name}\"\npassword_hash = \"{}\"\n", hash());
     user("anna") + &user("bob")
 }

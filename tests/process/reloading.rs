@@ -146,6 +146,25 @@ fn a_file_with_problems_changes_nothing() {
 }
 
 #[test]
+fn a_pipe_in_the_place_of_the_file_holds_up_no_reload() {
+    let plant = Plant::with(PATIENT);
+    let mut client = holding(&plant);
+    let good = std::fs::read_to_string(&plant.file).unwrap();
+    for make in ["mkfifo", "mkdir", "ln -s /dev/zero", "truncate -s 50M"] {
+        let make = format!("rm '{0}' && {make} '{0}'", plant.file.display());
+        assert!(std::process::Command::new("sh").args(["-c", &make]).status().unwrap().success(), "{make}");
+        let (code, said) = reload(&plant, &[]);
+        let is_told = said.contains("a regular file is needed") || said.contains("bytes are the most");
+        assert!(code == Some(2) && is_told && said.contains("stays as it was"), "{make}: {code:?} {said}");
+        // To write into a pipe would wait for who reads it.
+        std::fs::remove_file(&plant.file).or_else(|_| std::fs::remove_dir(&plant.file)).unwrap();
+        std::fs::write(&plant.file, &good).unwrap();
+        assert_eq!(reload(&plant, &[]), (Some(0), "reloaded; nothing is different\n".to_owned()), "behind {make}");
+    }
+    assert_held(&mut client);
+}
+
+#[test]
 fn a_running_drive_is_not_taken_away_unless_that_is_declared() {
     let plant = Plant::with(PATIENT);
     let mut client = holding(&plant);

@@ -90,7 +90,7 @@ fn a_user_has_one_password_that_is_kept_well() {
         "it is not repeated"
     );
     let weak = problems(&with_user(&anna().replace("m=19456", "m=1024")));
-    assert!(weak[0].contains("the text m = 1024 is out of range (19456 to 262144)"), "{weak:?}");
+    assert!(weak[0].contains("the text m = 1024 is out of range (19456 to 65536)"), "{weak:?}");
 }
 
 #[test]

@@ -399,6 +399,7 @@ fn metrics() -> Vec<(&'static table::Name, &'static str)> {
     all.push((&table::MODBUS_EXCEPTIONS, "`code`"));
     all.extend(names(table::MQTT).map(of("-")));
     all.extend(names(table::SPARKPLUG).map(of("-")));
+    all.extend(names(table::SOCKET).map(of("-")));
     all.extend(names(table::JOURNAL).map(of("-")));
     all
 }

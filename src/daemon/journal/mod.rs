@@ -12,7 +12,7 @@ mod inbox;
 pub mod listing;
 pub mod reader;
 pub mod rescue;
-mod schema;
+pub mod schema;
 pub mod search;
 pub mod status;
 mod store;

@@ -56,6 +56,7 @@ pub fn seen(table: Table, row: &rusqlite::Row<'_>) -> Result<Seen, Error> {
 /// # Errors
 /// SQLite's.
 pub fn connect(path: &Path) -> Result<Connection, Error> {
+    is_long_enough(path)?;
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_URI | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let open = |target: &Path| {
         let connection = Connection::open_with_flags(target, flags)?;
@@ -77,15 +78,20 @@ pub fn connect(path: &Path) -> Result<Connection, Error> {
 /// # Errors
 /// SQLite's.
 pub fn salvage(path: &Path) -> Result<Connection, Error> {
-    if std::fs::metadata(path).is_ok_and(|it| it.len() < PAGE_BYTES_MIN) {
-        // SQLite would take it for an empty one and remove its log.
-        let what = "it is shorter than any page".to_owned();
-        return Err(Error::SqliteFailure(rusqlite::ffi::Error::new(rusqlite::ffi::SQLITE_CORRUPT), Some(what)));
-    }
+    is_long_enough(path)?;
     let connection = Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_ONLY)?;
     // SQLite reads a file that was cut short only for those who say that they repair it.
     connection.pragma_update(None, "writable_schema", true)?;
     Ok(connection)
+}
+
+/// What is shorter than a page SQLite takes for an empty database, and removes its log.
+fn is_long_enough(path: &Path) -> Result<(), Error> {
+    if std::fs::metadata(path).is_ok_and(|it| it.len() < PAGE_BYTES_MIN) {
+        let what = "it is shorter than any database".to_owned();
+        return Err(Error::SqliteFailure(rusqlite::ffi::Error::new(rusqlite::ffi::SQLITE_CORRUPT), Some(what)));
+    }
+    Ok(())
 }
 
 fn escaped(path: &Path) -> String {

@@ -60,7 +60,11 @@ pub async fn rows(State(gateway): State<Arc<Gateway>>, RawQuery(query): RawQuery
     let (path, format) = (journal.file().to_owned(), asked.format);
     let read = tokio::task::spawn_blocking(move || Reading::begin(&path, &asked, place)).await;
     match read {
-        Ok(Ok(begun)) => (headers(format), Body::new(Pieces::Ready(begun))).into_response(),
+        // What fits into one piece has a length, as other documents have.
+        Ok(Ok((reading, first))) if reading.is_over() => (headers(format), first.unwrap_or_default()).into_response(),
+        Ok(Ok((reading, first))) => {
+            (headers(format), Body::new(Pieces::Ready(Box::new(reading), first))).into_response()
+        }
         Ok(Err(error)) => wrong(StatusCode::SERVICE_UNAVAILABLE, format!("the journal cannot be read: {error}")),
         Err(error) => wrong(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()),
     }
@@ -120,6 +124,11 @@ impl Reading {
         Ok((reading, first))
     }
 
+    /// Whether all of it is in the pieces that were read.
+    fn is_over(&self) -> bool {
+        self.rows.as_slice().is_empty() && self.end.is_empty()
+    }
+
     /// The next piece; none behind the last.
     fn piece(&mut self) -> Result<Option<Bytes>, Error> {
         let mut text = std::mem::take(&mut self.begin);
@@ -147,9 +156,9 @@ impl Reading {
 #[derive(Debug)]
 enum Pieces {
     /// The next one is there.
-    Ready((Reading, Option<Bytes>)),
+    Ready(Box<Reading>, Option<Bytes>),
     /// It is being read.
-    Reading(JoinHandle<Result<(Reading, Option<Bytes>), Error>>),
+    Reading(JoinHandle<Result<(Box<Reading>, Option<Bytes>), Error>>),
     /// All are taken, or reading has failed.
     Ended,
 }
@@ -161,7 +170,7 @@ impl HttpBody for Pieces {
     fn poll_frame(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, BoxError>>> {
         loop {
             *self = match std::mem::replace(&mut *self, Self::Ended) {
-                Self::Ready((mut reading, Some(piece))) => {
+                Self::Ready(mut reading, Some(piece)) => {
                     *self = Self::Reading(tokio::task::spawn_blocking(move || {
                         let next = reading.piece()?;
                         Ok((reading, next))
@@ -173,12 +182,12 @@ impl HttpBody for Pieces {
                         *self = Self::Reading(read);
                         return Poll::Pending;
                     }
-                    Poll::Ready(Ok(Ok(next))) => Self::Ready(next),
+                    Poll::Ready(Ok(Ok((reading, next)))) => Self::Ready(reading, next),
                     // The answer breaks off, so that it is not taken for whole.
                     Poll::Ready(Ok(Err(error))) => return Poll::Ready(Some(Err(error.into()))),
                     Poll::Ready(Err(error)) => return Poll::Ready(Some(Err(error.into()))),
                 },
-                Self::Ready((_, None)) | Self::Ended => return Poll::Ready(None),
+                Self::Ready(_, None) | Self::Ended => return Poll::Ready(None),
             };
         }
     }
