@@ -13,10 +13,13 @@ pub fn run(bytes: &[u8]) {
     match config::load(text, plant::catalog()) {
         Ok(config) => {
             assert!(fewer.is_empty(), "sound, but: {fewer:?}");
+            assert!(config.warnings.iter().all(|it| it.is_warning), "sound, but: {:?}", config.warnings);
+            assert!(config.warnings.is_sorted_by_key(|it| it.span.start), "{:?}", config.warnings);
             check(&config);
         }
         Err(problems) => {
             text::check_file(text, &problems);
+            assert!(problems.iter().any(|it| !it.is_warning), "only warnings keep it from starting: {problems:?}");
             assert!(fewer.len() <= problems.len(), "{fewer:?}\n{problems:?}");
         }
     }

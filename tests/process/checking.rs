@@ -102,6 +102,35 @@ fn check_accepts_the_example_and_says_what_it_costs() {
 }
 
 #[test]
+fn check_warns_about_what_has_no_effect() {
+    let place = Place::new();
+    let text = "[[line]]\nname = \"hall-1\"\nport = \"/dev/ttyUSB0\"\n\n[[line.drive]]\nname = \"pump-1\"\n\
+                model = \"hyundai-n700\"\nstation = 1\nrated_current_a = 7.5\n";
+    let file = place.write("useless.toml", text);
+    let file = file.to_str().unwrap();
+    let plain = vfd_gateway(&["check", "-c", file]);
+    let warned = String::from_utf8(plain.stderr.clone()).unwrap();
+    assert_eq!(plain.status.code(), Some(0), "{warned}");
+    assert!(warned.contains(&format!("{file}:9:")) && warned.contains("has no effect"), "{warned}");
+    assert!(warned.contains(": 1 warning") && !warned.contains("problem"), "{warned}");
+    assert!(String::from_utf8_lossy(&plain.stdout).contains("drive pump-1"));
+    let found = |file: &str| {
+        let output = vfd_gateway(&["check", "-c", file, "--json"]);
+        (output.status.code(), serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap())
+    };
+    let (code, json) = found(file);
+    assert_eq!((code, &json["usable"]), (Some(0), &serde_json::json!(true)));
+    let problem = &json["problems"][0];
+    assert_eq!((&problem["severity"], &problem["line"]), (&"warning".into(), &9.into()), "{json}");
+    assert_eq!(problem["key"], "line[0].drive[0].rated_current_a");
+    let wrong = place.write("wrong.toml", &text.replace("station = 1", "station = 33"));
+    let (code, json) = found(wrong.to_str().unwrap());
+    assert_eq!((code, &json["usable"]), (Some(2), &serde_json::json!(false)));
+    let severities: Vec<_> = json["problems"].as_array().unwrap().iter().map(|it| it["severity"].clone()).collect();
+    assert_eq!(severities, ["error", "warning"], "{json}");
+}
+
+#[test]
 fn check_says_what_a_line_is_reached_through() {
     let place = Place::new();
     for (keys, says) in [

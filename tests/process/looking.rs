@@ -320,25 +320,24 @@ fn stop_stays_where_it_is_whatever_the_drive_does() {
     sign_in(&browser, PASSWORD);
     browser.wait("document.querySelector('#drive-pump-1 .stop').checkVisibility()");
     browser.wait_for_text(&in_card(".state"), "STOPPED");
-    for window in [Window::PHONE, Window::DESKTOP] {
-        browser.resize(window);
-        let places = || (place_in(&browser, &in_card(".stop"), CARD), place_in(&browser, ".stop.all", ".top"));
-        let at_rest = places();
-        start_forward(&browser, "30");
-        assert_eq!(places(), at_rest, "it runs");
-        browser.click(&in_card(".stop"));
-        browser.wait_for_text(&in_card(".state"), "STOPPED");
-        browser.wait_for_text(&in_card(".result"), "stop");
-        assert_eq!(places(), at_rest, "it was stopped, and the card says so");
-    }
-    let places = || (place_in(&browser, &in_card(".stop"), CARD), place_in(&browser, ".stop.all", ".top"));
+    let places = || {
+        [(Window::PHONE, "innerWidth < 500"), (Window::DESKTOP, "innerWidth >= 500")].map(|(window, is_there)| {
+            browser.resize(window);
+            browser.wait(is_there);
+            (place_in(&browser, &in_card(".stop"), CARD), place_in(&browser, ".stop.all", ".top"))
+        })
+    };
     let at_rest = places();
     start_forward(&browser, "30");
+    assert_eq!(places(), at_rest, "it runs");
     shop.drive.type_line("");
     browser.wait_for_text(&in_card(".state"), "TRIPPED");
     browser.wait_for_text(&in_card(".trip"), "TRIP");
     assert_eq!(places(), at_rest, "it is tripped");
     browser.wait_for_text("#advice li:first-child", "pump-1 the drive is tripped");
+    browser.click(&in_card(".stop"));
+    browser.wait_for_text(&in_card(".result"), "stop");
+    assert_eq!(places(), at_rest, "the card tells how a stop ended");
     shop.drive.kill();
     browser.wait_for_text(&in_card(".state"), "OFFLINE");
     assert_eq!(places(), at_rest, "it does not answer");

@@ -65,6 +65,46 @@ fn a_drive_is_dumped_compared_and_restored_through_its_gateway() {
 }
 
 #[test]
+fn a_dump_and_a_restore_say_what_they_do_not_hold() {
+    let plant = Plant::new();
+    let socket = plant.place.file("data/vfd-gateway.sock");
+    let socket = socket.to_str().unwrap();
+    let dump = params(&["dump", "pump-1", "--socket", socket]);
+    let text = String::from_utf8(dump.stdout).unwrap();
+    for part in ["# It holds ", "It does not hold:", "#   run_command: commands are written there", "[[left_out]]"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    let (before, after) = text.split_once("[[parameter]]\ncode = \"F007\"").unwrap();
+    let (_, after) = after.split_once("\n\n").unwrap();
+    let file = plant.place.write("without.toml", &format!("{before}{after}"));
+    let restored = params(&["restore", file.to_str().unwrap(), "--socket", socket, "--dry-run"]);
+    assert_says(&restored, 0, &["the file does not hold:", "run_command", "F007", "it is not in the file"]);
+}
+
+#[test]
+fn a_drive_with_groups_is_dumped_by_them() {
+    let place = Place::new();
+    let port = place.file("line");
+    let drive =
+        ["simulate", "--model", "frecon-fr500a", "--station", "1", "--strict", "--link", port.to_str().unwrap()];
+    let drive = start(&drive);
+    drive.wait_for("that it plays", |line| line.contains("station 1").then_some(()));
+    let on_port = ["--port", port.to_str().unwrap(), "--model", "frecon-fr500a", "--station", "1"];
+    let run = |args: &[&str]| params(&[args, &on_port].concat());
+    let dump = run(&["dump"]);
+    let text = String::from_utf8(dump.stdout).unwrap();
+    assert!(text.contains("#   F22.00 to F22.15: the drive refuses to show it"), "{text}");
+    assert!(text.contains("#   group F22 behind F22.15: not asked for"), "{text}");
+    // A parameter that the model does not describe is compared, and never written.
+    let other = "[[parameter]]\ncode = \"F22.01\"\naddress = 0x1601\nraw = 5\ntitle = \"\"\n";
+    let file = place.write("wanted.toml", &format!("{text}\n{other}"));
+    let file = file.to_str().unwrap();
+    assert_says(&run(&["diff", file, "live"]), 0, &["F22.01"]);
+    let shown = ["F22.01", "the model does not know what it does", "nothing has to be written"];
+    assert_says(&run(&["restore", file, "--dry-run"]), 0, &shown);
+}
+
+#[test]
 fn a_motor_that_turns_is_not_set() {
     let plant = Plant::new();
     let socket = plant.place.file("data/vfd-gateway.sock");

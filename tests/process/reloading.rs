@@ -117,6 +117,19 @@ fn a_line_comes_and_goes_and_the_others_do_not_notice() {
 }
 
 #[test]
+fn what_has_no_effect_is_warned_about_and_taken() {
+    let plant = Plant::new();
+    let text = std::fs::read_to_string(&plant.file).unwrap();
+    std::fs::write(&plant.file, text.replacen("station = ", "rated_current_a = 7.5\nstation = ", 1)).unwrap();
+    let socket = plant.place.file("data/vfd-gateway.sock");
+    let reloaded = super::rig::vfd_gateway(&["reload", "--socket", socket.to_str().unwrap()]);
+    super::rig::assert_says(&reloaded, 0, &["warning: line[0].drive[0].rated_current_a: has no effect"]);
+    plant.gateway.wait_for("the warning", |line| {
+        (line.contains("configuration: has no effect") && line.contains("WARN")).then_some(())
+    });
+}
+
+#[test]
 fn a_file_with_problems_changes_nothing() {
     let plant = Plant::with(PATIENT);
     let mut client = holding(&plant);

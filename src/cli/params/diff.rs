@@ -105,7 +105,7 @@ pub fn plan(wanted: &Dump, live: &Dump, known: &[Known], with_link: bool) -> Pla
         let Difference { first: old, second: Some(new) } = difference else { continue };
         let of = known.iter().find(|known| known.address == new.address);
         let left = match (&old, of) {
-            (_, None) => Some("the model does not know it".to_owned()),
+            (_, None) => Some("the model does not know what it does: set it at the drive itself".to_owned()),
             (None, _) => Some("the drive does not show it now".to_owned()),
             (Some(_), Some(known)) => match known.kind.as_str() {
                 "read_only" | "command" => continue,

@@ -20,6 +20,17 @@ pub struct Dump {
     pub parameters: Vec<Parameter>,
     /// What could not.
     pub unreadable: Vec<Unreadable>,
+    /// What it does not hold besides.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// Something that a dump does not hold.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LeftOut {
+    /// A code, or codes in words.
+    pub what: String,
+    /// Why.
+    pub reason: String,
 }
 
 /// One parameter with its value.
@@ -69,8 +80,10 @@ impl Dump {
         let quoted = |text: &str| Value::String(text.to_owned()).to_string();
         let mut file = String::from(
             "# Made by `vfd-gateway params dump`. `raw` is what counts; `text` is for people.\n\
-             # `vfd-gateway params diff` compares two of these, `params restore` writes one back.\n\n[drive]\n",
+             # `vfd-gateway params diff` compares two of these, `params restore` writes one back.\n",
         );
+        file.push_str(&self.header());
+        file.push_str("\n[drive]\n");
         let _ = writeln!(file, "name = {}\nmodel = {}", quoted(&self.drive), quoted(&self.model));
         if let Some(station) = self.station {
             let _ = writeln!(file, "station = {station}");
@@ -87,7 +100,28 @@ impl Dump {
             let _ = write!(file, "\n[[unreadable]]\ncode = {}\naddress = 0x{address:04X}\n", quoted(code));
             let _ = writeln!(file, "reason = {}", quoted(reason));
         }
+        for LeftOut { what, reason } in &self.left_out {
+            let _ = writeln!(file, "\n[[left_out]]\nwhat = {}\nreason = {}", quoted(what), quoted(reason));
+        }
         file
+    }
+
+    /// What the file does not hold, as comments at its head.
+    fn header(&self) -> String {
+        let mut header = format!("#\n# It holds {} parameters. It does not hold:\n", self.parameters.len());
+        for LeftOut { what, reason } in self.missing() {
+            let one_line = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+            let _ = writeln!(header, "#   {}: {}", one_line(&what), one_line(&reason));
+        }
+        header.push_str("#   what the drive keeps where no register shows it\n");
+        header
+    }
+
+    /// All that it does not hold, as far as that is known.
+    #[must_use]
+    pub fn missing(&self) -> Vec<LeftOut> {
+        let unread = self.unreadable.iter().map(|it| LeftOut { what: it.code.clone(), reason: it.reason.clone() });
+        unread.chain(self.left_out.iter().cloned()).collect()
     }
 
     /// Reads the file at `path`.
@@ -105,7 +139,7 @@ impl Dump {
     /// What is wrong with it.
     pub fn parse(text: &str) -> Result<Self, String> {
         let table: Table = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
-        let known = ["drive", "parameter", "unreadable"];
+        let known = ["drive", "parameter", "unreadable", "left_out"];
         if let Some(other) = table.keys().find(|key| !known.contains(&key.as_str())) {
             return Err(format!("there is no `{other}` in a dump of parameters, only {}", known.join(", ")));
         }
@@ -135,6 +169,9 @@ impl Dump {
                 address,
                 reason: word(one, &place, "reason")?,
             });
+        }
+        for (place, one) in tables(&table, "left_out")? {
+            dump.left_out.push(LeftOut { what: word(one, &place, "what")?, reason: word(one, &place, "reason")? });
         }
         let mut addresses: Vec<u16> = dump.parameters.iter().map(|parameter| parameter.address).collect();
         addresses.sort_unstable();
@@ -184,6 +221,7 @@ mod tests {
             at: "2026-01-31T08:00:00.000Z".to_owned(),
             parameters: vec![parameter("F007", 0x020C, 100, Some("10.0 s")), parameter("F010", 0x0211, 3, None)],
             unreadable: vec![Unreadable { code: "F9".to_owned(), address: 9, reason: "no answer".to_owned() }],
+            left_out: vec![LeftOut { what: "F23 to F38".to_owned(), reason: "the drive\nrefuses".to_owned() }],
         }
     }
 
@@ -191,8 +229,22 @@ mod tests {
     fn what_is_written_is_read_again() {
         let dump = dump();
         assert_eq!(Dump::parse(&dump.text()), Ok(dump.clone()));
-        let without = Dump { station: None, unreadable: Vec::new(), parameters: Vec::new(), ..dump };
+        let without =
+            Dump { station: None, unreadable: Vec::new(), parameters: Vec::new(), left_out: Vec::new(), ..dump };
         assert_eq!(Dump::parse(&without.text()), Ok(without));
+    }
+
+    #[test]
+    fn the_head_says_what_is_not_in_it() {
+        let text = dump().text();
+        let head: Vec<_> = text.lines().take_while(|line| line.starts_with('#')).collect();
+        let wanted = [
+            "# It holds 2 parameters. It does not hold:",
+            "#   F9: no answer",
+            "#   F23 to F38: the drive refuses",
+            "#   what the drive keeps where no register shows it",
+        ];
+        assert_eq!(head[3..], wanted);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The parameters of a drive as they are now: asked of the gateway that serves it, over its socket.
 
-use super::file::{Dump, Parameter, Unreadable};
+use super::file::{Dump, LeftOut, Parameter, Unreadable};
+use super::walk::{Tried, Walk};
 use crate::cli::Failure;
 use crate::cli::progress::Bar;
 use crate::cli::setup::{outcome, unknown};
@@ -16,6 +17,10 @@ use std::time::Duration;
 /// Longest time for one question: longer than the gateway waits for a drive.
 const PATIENCE: Duration = Duration::from_secs(30);
 
+/// How often a drive that passes for silent is asked whether it answers again, and how many times.
+const BACK_EVERY: Duration = Duration::from_millis(500);
+const BACK_WITHIN: usize = 20;
+
 /// A drive behind a gateway.
 #[derive(Clone, Debug)]
 pub struct Live {
@@ -28,7 +33,7 @@ pub struct Live {
 }
 
 /// A parameter that the model of a drive knows.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Known {
     /// The vendor's code.
     pub code: String,
@@ -53,6 +58,27 @@ pub struct Catalogue {
     pub may_be_written: bool,
     /// Its parameters.
     pub parameters: Vec<Known>,
+    /// The registers of the model that are no parameters.
+    pub left_out: Vec<LeftOut>,
+    /// The groups of the drive's parameters, where the model has a rule for them.
+    pub groups: Vec<UnknownOf>,
+}
+
+/// The parameters of a group that the model does not describe: the drive may have them or not.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct UnknownOf {
+    /// The group.
+    pub group: String,
+    /// Their addresses, in order; at most 100.
+    pub addresses: Vec<u16>,
+}
+
+impl Catalogue {
+    /// Whether the drive may have a parameter at `address` that its model does not describe.
+    #[must_use]
+    pub fn may_have(&self, address: u16) -> bool {
+        self.groups.iter().any(|group| group.addresses.contains(&address))
+    }
 }
 
 impl Live {
@@ -73,8 +99,20 @@ impl Live {
                 is_stored: one["is_stored"] != false,
             })
         };
-        let parameters = list["parameters"].as_array().into_iter().flatten().filter_map(known).collect();
-        Ok(Catalogue { model: text(&list, "model"), may_be_written: list["may_be_written"] == true, parameters })
+        let all = |key: &str| list[key].as_array().into_iter().flatten();
+        let left_out = |one: &Value| LeftOut { what: text(one, "code"), reason: text(one, "reason") };
+        let address = |it: &Value| u16::try_from(it.as_u64()?).ok();
+        let group = |one: &Value| UnknownOf {
+            group: text(one, "name"),
+            addresses: one["unknown"].as_array().into_iter().flatten().filter_map(address).collect(),
+        };
+        Ok(Catalogue {
+            model: text(&list, "model"),
+            may_be_written: list["may_be_written"] == true,
+            parameters: all("parameters").filter_map(known).collect(),
+            left_out: all("left_out").map(left_out).collect(),
+            groups: all("groups").map(group).collect(),
+        })
     }
 
     /// Reads one parameter; nothing but the reason if the drive does not show it.
@@ -83,15 +121,75 @@ impl Live {
     /// The gateway does not answer.
     pub async fn read(&self, known: &Known) -> Result<Result<Parameter, Unreadable>, Failure> {
         let seen = self.ask(Question::look(&self.path(Some(known.address)))).await?;
+        Ok(Self::told(known, &seen))
+    }
+
+    /// Reads what the drive may have at `address`.
+    async fn try_at(&self, address: u16) -> Result<Tried, Failure> {
+        let seen = self.ask(Question::look(&self.path(Some(address)))).await?;
+        let code = seen["code"].as_str().unwrap_or_default().to_owned();
+        let known = Known { code: code.clone(), address, ..Known::default() };
+        Ok(match (Self::told(&known, &seen), seen["exception"].is_u64()) {
+            (Ok(parameter), _) => Tried::Shown(parameter),
+            (Err(_), true) => Tried::Refused(code),
+            (Err(unreadable), false) => Tried::Silent(code, unreadable.reason),
+        })
+    }
+
+    /// Reads what of `groups` the drive has besides what its model describes, into `dump`. `there` is a parameter that it is
+    /// known to answer: it is read where one was not answered, so that the drive does not pass for silent.
+    ///
+    /// # Errors
+    /// The gateway does not answer.
+    pub async fn dump_groups(
+        &self,
+        groups: &[UnknownOf],
+        there: Option<&Known>,
+        dump: &mut Dump,
+    ) -> Result<(), Failure> {
+        let mut bar = Bar::new(groups.iter().map(|group| group.addresses.len()).sum());
+        let mut done = 0;
+        for group in groups {
+            let mut walk = Walk::default();
+            for (at, address) in group.addresses.iter().enumerate() {
+                bar.to(done + at, &group.group);
+                let tried = self.try_at(*address).await?;
+                if let (Tried::Silent(..), Some(there)) = (&tried, there) {
+                    self.wait_for(there).await?;
+                }
+                if !walk.goes_on_after(tried, dump) {
+                    break;
+                }
+            }
+            done += group.addresses.len();
+            walk.end(&group.group, dump);
+        }
+        bar.end();
+        dump.parameters.sort_by_key(|parameter| parameter.address);
+        Ok(())
+    }
+
+    /// Waits until the drive answers again, where it passes for silent.
+    async fn wait_for(&self, there: &Known) -> Result<(), Failure> {
+        for _ in 0..BACK_WITHIN {
+            if self.read(there).await?.is_ok() {
+                return Ok(());
+            }
+            tokio::time::sleep(BACK_EVERY).await;
+        }
+        Ok(())
+    }
+
+    fn told(known: &Known, seen: &Value) -> Result<Parameter, Unreadable> {
         let found = &seen["found"];
         let Some(raw) = found["raw"].as_u64().and_then(|raw| u16::try_from(raw).ok()) else {
             let exception = seen["exception"].as_u64().map(|code| format!(" (exception {code:02X})"));
             let reason = format!("{}{}", seen["message"].as_str().unwrap_or("?"), exception.unwrap_or_default());
-            return Ok(Err(Unreadable { code: known.code.clone(), address: known.address, reason }));
+            return Err(Unreadable { code: known.code.clone(), address: known.address, reason });
         };
         let text = found["text"].as_str().map(str::to_owned);
         let (code, title, address) = (known.code.clone(), known.title.clone(), known.address);
-        Ok(Ok(Parameter { code, address, raw, text, title }))
+        Ok(Parameter { code, address, raw, text, title })
     }
 
     /// Reads all of `wanted`, showing how far it has come.

@@ -4,6 +4,7 @@ mod diff;
 mod file;
 mod live;
 mod restore;
+mod walk;
 
 use super::own_gateway::{DriveArgs, Extra, OwnGateway};
 use super::setup::table;
@@ -19,7 +20,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// How often a drive on a port is looked at while its parameters are written.
+/// How often a drive on a port is looked at while its parameters are read or written.
 const POLL: Duration = Duration::from_millis(500);
 
 /// Arguments of `params`.
@@ -31,7 +32,10 @@ pub struct Args {
 
 #[derive(Debug, clap::Subcommand)]
 enum Action {
-    /// Read all parameters that the drive's model knows, and write them to a file or print them
+    /// Read all parameters that the drive shows, and write them to a file or print them
+    ///
+    /// Those that its model knows, and, where the model has a rule for the addresses of its groups, every number of each
+    /// group that the drive answers, while its motor stands still. The head of the file says what it does not hold.
     Dump(DumpArgs),
     /// Show what differs between two files, or between a file and the drive as it is now
     Diff(DiffArgs),
@@ -148,8 +152,7 @@ impl Of {
         if let Some(port) = &self.port {
             let control = writes.then(Extra::control_at_rest).unwrap_or_default();
             // The motor is known to stand still only while it is looked at.
-            let poll = writes.then_some(POLL);
-            let extra = Extra { control, poll, ..Extra::default() };
+            let extra = Extra { control, poll: Some(POLL), ..Extra::default() };
             let own = OwnGateway::start(port, &self.on_port, &extra).await?;
             let live = Live { socket: own.socket(), drive: own.drive(), station: Some(own.station()) };
             return Ok(Reached { live, own: Some(own) });
@@ -183,7 +186,14 @@ async fn dump(args: &DumpArgs) -> Result<(), Failure> {
 
 async fn whole(live: &Live) -> Result<Dump, Failure> {
     let catalogue = live.catalogue().await?;
-    live.dump(&catalogue.model, &catalogue.parameters).await
+    let mut dump = live.dump(&catalogue.model, &catalogue.parameters).await?;
+    // A drive that shows nothing is not asked for more.
+    if !dump.parameters.is_empty() {
+        let there = catalogue.parameters.iter().find(|known| dump.at(known.address).is_some()).cloned();
+        live.dump_groups(&catalogue.groups, there.as_ref(), &mut dump).await?;
+    }
+    dump.left_out.splice(..0, catalogue.left_out);
+    Ok(dump)
 }
 
 async fn compare(args: &DiffArgs) -> Result<(), Failure> {

@@ -1,8 +1,8 @@
 //! Writing a dump back: what would change is shown first, each value is read back, and the first refusal ends it.
 
 use super::diff::{Change, Plan, plan};
-use super::file::Dump;
-use super::live::Live;
+use super::file::{Dump, LeftOut};
+use super::live::{Catalogue, Known, Live};
 use crate::cli::enable::ask_for_consent;
 use crate::cli::progress::Bar;
 use crate::cli::setup::table;
@@ -31,9 +31,11 @@ pub async fn restore(wanted: &Dump, live: &Live, wish: Wish) -> Result<(), Failu
     }
     let of_interest: Vec<_> =
         catalogue.parameters.iter().filter(|known| wanted.at(known.address).is_some()).cloned().collect();
-    let now = live.dump(&catalogue.model, &of_interest).await?;
+    let others = wanted.parameters.iter().filter(|it| catalogue.may_have(it.address));
+    let others = others.map(|it| Known { code: it.code.clone(), address: it.address, ..Known::default() });
+    let now = live.dump(&catalogue.model, &of_interest.into_iter().chain(others).collect::<Vec<_>>()).await?;
     let plan = plan(wanted, &now, &catalogue.parameters, wish.with_link);
-    print(&shown(&plan, live))?;
+    print(&format!("{}{}", not_held(wanted, &catalogue), shown(&plan, live)))?;
     if plan.writes.is_empty() || wish.dry_run {
         return Ok(());
     }
@@ -45,6 +47,29 @@ pub async fn restore(wanted: &Dump, live: &Live, wish: Wish) -> Result<(), Failu
         ask_for_consent()?;
     }
     write(&plan.writes, live).await
+}
+
+/// What a copy by `wanted` lacks, whatever is written.
+fn not_held(wanted: &Dump, catalogue: &Catalogue) -> String {
+    let is_told = |code: &str| wanted.unreadable.iter().any(|it| it.code == code);
+    let unread =
+        catalogue.parameters.iter().filter(|known| wanted.at(known.address).is_none() && !is_told(&known.code));
+    let unread = unread.map(|it| LeftOut { what: it.code.clone(), reason: "it is not in the file".to_owned() });
+    let mut missing: Vec<_> = wanted.missing().into_iter().chain(unread).collect();
+    // A file of an earlier version does not say this itself.
+    for known in &catalogue.left_out {
+        if !missing.contains(known) {
+            missing.push(known.clone());
+        }
+    }
+    if !catalogue.groups.is_empty() && !wanted.parameters.iter().any(|it| catalogue.may_have(it.address)) {
+        let what = "what the model does not describe".to_owned();
+        missing.push(LeftOut { what, reason: "the file holds only what the model describes".to_owned() });
+    }
+    if missing.is_empty() {
+        return String::new();
+    }
+    format!("the file does not hold:\n{}", table(missing.into_iter().map(|it| [it.what, it.reason])))
 }
 
 /// What would change, what is left, and what it costs.

@@ -8,8 +8,10 @@ use crate::daemon::clock;
 use crate::daemon::local::{LocalSide, Who};
 use crate::daemon::shared::SharedDrive;
 use crate::domain::command::{Go, Order, Outcome, Owner, Reason, RegisterWrite, Report};
+use crate::drive::view::RunState;
 use crate::north::setup_body::{PARAMETER_EXAMPLE, parameter_word};
-use crate::profile::model::{Model, Register};
+use crate::north::shown::run_state;
+use crate::profile::model::{Group, Model, Register, Role};
 use axum::Router;
 use axum::body::Bytes;
 use axum::extract::{Path, State};
@@ -40,6 +42,8 @@ async fn list(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> R
         "model": model.id,
         "may_be_written": description.control.is_some(),
         "parameters": model.parameters().map(|register| parameter(model, register)).collect::<Vec<_>>(),
+        "left_out": left_out(model),
+        "groups": model.groups().iter().map(|group| others(model, group)).collect::<Vec<_>>(),
     });
     answer(&shown).into_response()
 }
@@ -57,14 +61,47 @@ fn parameter(model: &Model, register: &Register) -> Value {
     })
 }
 
+/// The registers of the model that are no parameters, each with the reason.
+fn left_out(model: &Model) -> Vec<Value> {
+    let reason = |register: &Register| match (register.access.can_read(), register.role) {
+        (false, Some(Role::RunCommand | Role::FrequencyCommand)) => {
+            Some("commands are written there; it cannot be read")
+        }
+        (false, _) => Some("it can be written only"),
+        (true, _) if register.code.is_none() => Some("the vendor has no code for it: it is no parameter"),
+        (true, _) => None,
+    };
+    let left_out = model.registers.iter().filter_map(|register| {
+        let reason = reason(register)?;
+        Some(json!({ "code": register.label(), "address": register.address, "reason": reason }))
+    });
+    left_out.collect()
+}
+
+/// A group of parameters, with those that the model does not describe: the drive may have them or not.
+fn others(model: &Model, group: &Group) -> Value {
+    let unknown = model.addresses_of(group).filter(|address| model.register_at(*address).is_none());
+    json!({ "name": group.name, "unknown": unknown.collect::<Vec<_>>() })
+}
+
 /// What one of them holds now.
 async fn look(State(side): State<Arc<LocalSide>>, Path((name, address)): Path<(String, u16)>) -> Response {
     let Some(_place) = side.place() else { return too_many(&name) };
     let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
-    let Some(register) = readable(&drive, address) else { return no_parameter(&name, address) };
-    let found = side.read(drive.description.place, address, clock::now() + READ_WITHIN).await;
-    let mut shown = seen(Some(register), Some(&found));
+    let model = &drive.description.model;
+    let register = readable(&drive, address);
+    // What no register stands for is read as the number that it is, where it lies in a group of parameters.
+    let in_group = model.code_in_group(address).filter(|_| model.register_at(address).is_none());
+    let Some(code) = register.map(|it| it.label().to_owned()).or(in_group) else { return no_parameter(&name, address) };
+    // Some drives do not answer for a number that they do not have, and pass for silent then: not while the motor turns.
+    let at_rest = matches!(run_state(&drive.view.load()), RunState::Stopped | RunState::Tripped);
+    let found = match register {
+        None if !at_rest => Err(Report::refused(Reason::Moving)),
+        _ => side.read(drive.description.place, address, clock::now() + READ_WITHIN).await,
+    };
+    let mut shown = seen(register, Some(&found));
     shown.insert("address".to_owned(), address.into());
+    shown.insert("code".to_owned(), code.into());
     answer(&shown.into()).into_response()
 }
 

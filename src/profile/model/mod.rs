@@ -2,6 +2,7 @@
 
 mod codes;
 mod command;
+mod groups;
 mod link;
 mod parameter;
 mod register;
@@ -10,6 +11,7 @@ mod watchdog;
 
 pub use codes::CodeRule;
 pub use command::{BitMeaning, BlockWrite, RefusedWrite, RunBit, RunCommand, RunForm, SetupItem, Watchdog, WriteRules};
+pub use groups::{Group, NUMBERS_MAX};
 pub use link::{Broadcast, Link, Timing};
 pub use parameter::ParameterKind;
 pub use register::{Access, Memory, PollClass, Register, Role};

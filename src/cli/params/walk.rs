@@ -1,0 +1,145 @@
+//! How far a group of parameters is read that the model does not describe: until its end is found, within bounds.
+
+use super::file::{Dump, LeftOut, Parameter};
+
+/// Numbers that the drive refuses in a row until the group is taken to end before them: groups have gaps.
+const REFUSED_MAX: usize = 16;
+/// Numbers that it does not answer in a row: each of these takes the line a whole time-out.
+const SILENT_MAX: usize = 3;
+
+/// What came of a number.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Tried {
+    /// The drive has it.
+    Shown(Parameter),
+    /// It answered with an exception.
+    Refused(String),
+    /// It did not answer, or could not be asked, for this reason.
+    Silent(String, String),
+}
+
+/// One group while it is read.
+#[derive(Clone, Debug, Default)]
+pub struct Walk {
+    /// Codes that the drive refused, since it last showed one.
+    refused: Vec<String>,
+    /// Codes that it did not answer, since it last answered one, and why.
+    silent: Vec<(String, String)>,
+    /// It was left before its last number.
+    is_cut: bool,
+}
+
+impl Walk {
+    /// Takes what came of the next number into `dump`; whether the one behind it is worth asking for.
+    pub fn goes_on_after(&mut self, tried: Tried, dump: &mut Dump) -> bool {
+        match tried {
+            Tried::Shown(parameter) => {
+                self.note(dump);
+                dump.parameters.push(parameter);
+            }
+            Tried::Refused(code) => {
+                self.note_silent(dump);
+                self.refused.push(code);
+            }
+            Tried::Silent(code, reason) => {
+                self.note_refused(dump);
+                self.silent.push((code, reason));
+            }
+        }
+        self.is_cut = self.refused.len() >= REFUSED_MAX || self.silent.len() >= SILENT_MAX;
+        !self.is_cut
+    }
+
+    /// Ends the group called `name`.
+    pub fn end(mut self, name: &str, dump: &mut Dump) {
+        let last = self.silent.last().map(|(code, _)| code).or(self.refused.last()).cloned();
+        self.note(dump);
+        if let Some(last) = last.filter(|_| self.is_cut) {
+            let reason = "not asked for: the drive showed none of those before them".to_owned();
+            dump.left_out.push(LeftOut { what: format!("group {name} behind {last}"), reason });
+        }
+    }
+
+    fn note(&mut self, dump: &mut Dump) {
+        self.note_refused(dump);
+        self.note_silent(dump);
+    }
+
+    fn note_refused(&mut self, dump: &mut Dump) {
+        let codes = std::mem::take(&mut self.refused);
+        dump.left_out
+            .extend(range(&codes).map(|what| LeftOut { what, reason: "the drive refuses to show it".to_owned() }));
+    }
+
+    fn note_silent(&mut self, dump: &mut Dump) {
+        let silent = std::mem::take(&mut self.silent);
+        let reason = silent.last().map(|(_, reason)| reason.clone()).unwrap_or_default();
+        let codes: Vec<_> = silent.into_iter().map(|(code, _)| code).collect();
+        dump.left_out.extend(range(&codes).map(|what| LeftOut { what, reason }));
+    }
+}
+
+/// From the first to the last of `codes`.
+fn range(codes: &[String]) -> Option<String> {
+    match codes {
+        [] => None,
+        [one] => Some(one.clone()),
+        [first, .., last] => Some(format!("{first} to {last}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn code(number: usize) -> String {
+        format!("F{number:02}")
+    }
+
+    fn shown(number: usize) -> Tried {
+        let address = u16::try_from(number).unwrap();
+        Tried::Shown(Parameter { code: code(number), address, raw: 7, text: None, title: String::new() })
+    }
+
+    /// The numbers that are asked for, and what the dump holds then.
+    fn walked(has: impl Fn(usize) -> Tried) -> (usize, Dump) {
+        let (mut walk, mut dump) = (Walk::default(), Dump::default());
+        let asked = (0..100).take_while(|number| walk.goes_on_after(has(*number), &mut dump)).count();
+        walk.end("F", &mut dump);
+        (asked, dump)
+    }
+
+    fn left_out(dump: &Dump) -> Vec<String> {
+        dump.left_out.iter().map(|it| format!("{}: {}", it.what, it.reason)).collect()
+    }
+
+    #[test]
+    fn a_group_is_read_to_its_end_and_what_is_not_in_it_is_named() {
+        let has =
+            |number| if matches!(number, 0 | 5..=9 | 20..) { Tried::Refused(code(number)) } else { shown(number) };
+        let (asked, dump) = walked(has);
+        assert_eq!((asked, dump.parameters.len()), (20 + REFUSED_MAX - 1, 14));
+        let told = [
+            "F00: the drive refuses to show it",
+            "F05 to F09: the drive refuses to show it",
+            "F20 to F35: the drive refuses to show it",
+            "group F behind F35: not asked for: the drive showed none of those before them",
+        ];
+        assert_eq!(left_out(&dump), told);
+        let (asked, dump) = walked(shown);
+        assert_eq!((asked, dump.parameters.len(), dump.left_out.len()), (100, 100, 0));
+    }
+
+    #[test]
+    fn a_drive_that_does_not_answer_is_not_asked_on_and_on() {
+        let silent = |number| Tried::Silent(code(number), "no answer".to_owned());
+        let (asked, dump) = walked(|number| if number == 0 || number > 3 { silent(number) } else { shown(number) });
+        assert_eq!((asked, dump.parameters.len()), (4 + SILENT_MAX - 1, 3));
+        let told = [
+            "F00: no answer",
+            "F04 to F06: no answer",
+            "group F behind F06: not asked for: the drive showed none of those before them",
+        ];
+        assert_eq!(left_out(&dump), told);
+    }
+}

@@ -1,0 +1,87 @@
+//! Groups of parameters, as far as the rule of a model's codes tells: which addresses a group may hold, and their codes. A
+//! drive has more parameters than its model describes, and a copy of it needs them all.
+
+use super::{CodeRule, Model};
+use std::collections::BTreeSet;
+
+/// Numbers of a group, from 0: codes have two digits.
+pub const NUMBERS_MAX: u8 = 100;
+
+/// A group of parameters.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Group {
+    /// How the vendor's codes begin in it; of a drive whose codes are addresses, the first two digits.
+    pub name: String,
+    /// The high byte of its addresses.
+    pub high: u8,
+}
+
+impl Model {
+    /// The groups that the rule of its codes names; of a drive whose codes are addresses, those in which it has a register
+    /// with a code, because no others are known. None without a rule.
+    #[must_use]
+    pub fn groups(&self) -> Vec<Group> {
+        match &self.codes {
+            None => Vec::new(),
+            Some(CodeRule::Groups { groups, .. }) => {
+                groups.iter().map(|(name, high)| Group { name: name.clone(), high: *high }).collect()
+            }
+            Some(CodeRule::Hexadecimal(_)) => {
+                let bytes: BTreeSet<u8> = self.parameters().map(|it| it.address.to_be_bytes()[0]).collect();
+                bytes.into_iter().map(|high| Group { name: format!("{high:02X}"), high }).collect()
+            }
+        }
+    }
+
+    /// The addresses that `group` may hold, as the drive counts.
+    pub fn addresses_of(&self, group: &Group) -> impl Iterator<Item = u16> {
+        let first = u16::from_be_bytes([group.high, 0]);
+        let all = std::iter::successors(Some(first), |address| Some(self.next_address(*address)));
+        all.take(usize::from(NUMBERS_MAX)).filter(|address| self.code_in_group(*address).is_some())
+    }
+
+    /// The vendor's code of the parameter at `address`, if it lies in a group.
+    #[must_use]
+    pub fn code_in_group(&self, address: u16) -> Option<String> {
+        let rule = self.codes.as_ref()?;
+        let [high, low] = address.to_be_bytes();
+        let code = match rule {
+            CodeRule::Hexadecimal(_) => {
+                let is_decimal = low & 0xF <= 9 && low >> 4 <= 9;
+                let is_known = self.parameters().any(|it| it.address.to_be_bytes()[0] == high);
+                (is_decimal && is_known).then(|| format!("{address:04X}"))?
+            }
+            CodeRule::Groups { groups, separator, .. } => {
+                let (name, _) = groups.iter().find(|(_, byte)| *byte == high).filter(|_| low < NUMBERS_MAX)?;
+                format!("{name}{separator}{low:02}")
+            }
+        };
+        // Where the rule of a group ends sooner, there is no code.
+        (rule.address(&code) == Some(address)).then_some(code)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::check;
+    use crate::profile::testing::{EVERYTHING, MODEL};
+
+    #[test]
+    fn a_group_is_what_its_rule_covers() {
+        let model = check::model(EVERYTHING).unwrap();
+        let groups = model.groups();
+        assert!(!groups.is_empty());
+        for group in &groups {
+            let addresses: Vec<_> = model.addresses_of(group).collect();
+            assert!(!addresses.is_empty() && addresses.len() <= usize::from(NUMBERS_MAX), "{group:?}");
+            for address in addresses {
+                let code = model.code_in_group(address).unwrap();
+                assert!(code.starts_with(&group.name), "{code}");
+                assert_eq!(model.codes.as_ref().unwrap().address(&code), Some(address));
+            }
+        }
+        let without = check::model(MODEL).unwrap();
+        assert_eq!((without.groups(), without.code_in_group(0x0101)), (Vec::new(), None));
+    }
+}
