@@ -6,6 +6,9 @@ use crate::profile::model::{Barrier, CodeRule, Confidence, Fact, Link, Model, Qu
 use crate::profile::words::{FLAGS, word_for};
 use std::collections::BTreeMap;
 
+/// What every drive that takes orders can be ordered, and what is accepted together.
+pub const BASICS: [&str; 3] = ["stop", "frequency", "forward"];
+
 /// Something that a drive can be ordered, with the confidence of its fact.
 pub type OrderWord = (&'static str, Confidence);
 
@@ -19,12 +22,15 @@ pub fn orders(model: &Model) -> Result<Vec<OrderWord>, String> {
     }
     let Some(run) = &model.run else { return Ok(Vec::new()) };
     let of = |fact: &Option<Fact<u16>>| fact.as_ref().map(|fact| fact.confidence);
-    let forward = Some(run.forward.confidence);
+    // Stop, forward and the setpoint are accepted together, so that they are as sure as the least of them.
+    let basic = model.unproven_basics().into_iter().map(|basic| basic.confidence).max();
+    let least = |confidence: Confidence| Some(basic.map_or(confidence, |basic| basic.max(confidence)));
+    let forward = least(run.forward.confidence);
     let all = [
-        ("stop", Some(run.stop.confidence)),
+        (BASICS[0], least(run.stop.confidence)),
         // Whatever can be controlled takes a frequency.
-        ("frequency", forward),
-        ("forward", forward),
+        (BASICS[1], forward),
+        (BASICS[2], forward),
         (ControlAction::Reverse.word(), of(&run.reverse)),
         (ControlAction::Coast.word(), of(&run.coast)),
         (ControlAction::Reset.word(), of(&run.reset)),
@@ -87,6 +93,11 @@ impl Unproven {
         }
         for register in &model.registers {
             unproven.note(format!("register `{}`", register.name), register.confidence);
+            if register.confidence.is_proven() {
+                for part in &register.not_stated {
+                    unproven.note(format!("{} of register `{}`", part.word(), register.name), Confidence::Inferred);
+                }
+            }
         }
         unproven
     }

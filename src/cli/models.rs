@@ -3,7 +3,7 @@
 use super::model_facts::{OrderWord, Unproven, orders, orders_text};
 use super::own_models::ModelDirs;
 use super::{Failure, input, print};
-use crate::profile::model::{Model, Register};
+use crate::profile::model::{Document, Model, Register};
 use crate::profile::words::{FRAMINGS, POLL_CLASSES, word_for};
 use crate::profile::{check, summary};
 use serde_json::{Value, json};
@@ -88,6 +88,9 @@ fn check_file(path: &Path, own: &ModelDirs) -> Result<(), Failure> {
     let Some(model) = of_file.and_then(|model| catalog.find(&model.id).cloned()) else { return Ok(()) };
     let mut text = format!("{} is sound: {} registers\n", model.id, model.registers.len());
     let _ = writeln!(text, "can be ordered: {}", orders_text(&orders(&model)));
+    if !model.unproven_basics().is_empty() {
+        text.push_str("a drive of it takes orders only with accept_unverified = [\"basic\"]\n");
+    }
     text.push_str(&unproven_text(&model));
     print(&text)
 }
@@ -128,8 +131,19 @@ fn in_full(model: &Model) -> Value {
     let unproven = unproven.groups().map(|(confidence, names)| (confidence.word().to_owned(), json!(names)));
     value["unproven"] = Value::Object(unproven.collect());
     value["registers"] = model.registers.iter().map(of_register).collect();
-    value["documents"] = model.documents.iter().map(|(name, title)| json!({ "name": name, "title": title })).collect();
+    value["documents"] = model.documents.iter().map(|document| of_document(document, model)).collect();
     value
+}
+
+fn of_document(document: &Document, model: &Model) -> Value {
+    json!({
+        "name": document.name,
+        "title": document.title,
+        "kind": document.kind.word(),
+        "of_this_model": document.is_of(&model.id),
+        "of": document.of,
+        "best": document.best(&model.id).word(),
+    })
 }
 
 fn of_register(register: &Register) -> Value {
@@ -146,6 +160,7 @@ fn of_register(register: &Register) -> Value {
         "memory": register.memory.map(|memory| memory.word()),
         "confidence": register.confidence.word(),
         "source": register.source,
+        "not_stated": register.not_stated.iter().map(|part| part.word()).collect::<Vec<_>>(),
     })
 }
 

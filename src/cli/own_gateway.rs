@@ -10,6 +10,7 @@ use crate::daemon::http::socket::SOCKET_NAME;
 use crate::daemon::run;
 use crate::daemon::shared::Current;
 use crate::daemon::tool_line::ToolPort;
+use crate::domain::control::ControlAction;
 use crate::domain::ids::Name;
 use crate::domain::report::LineState;
 use crate::drive::snapshot::Presence;
@@ -93,6 +94,10 @@ impl DriveArgs {
 pub struct Extra {
     /// The control section, without its head; nothing: nothing may be written.
     pub control: String,
+    /// It may set the motor going, or give it another setpoint.
+    pub moves: bool,
+    /// Unproven facts that the person accepts.
+    pub accept_unverified: Vec<String>,
     /// Registers that may be written.
     pub native_write: Vec<u16>,
     /// How often the drive is polled; nothing: once.
@@ -103,19 +108,18 @@ impl Extra {
     /// A control section under which nothing ever moves but what stands still may be set.
     #[must_use]
     pub fn control_at_rest() -> String {
-        control((1.0, 1.0), "forward", "hold", &[])
+        control((1.0, 1.0), "forward", "hold")
     }
 }
 
-/// The text of a control section: limits in hertz, one direction, what happens when the tool ends on purpose, and control
-/// facts that are accepted as they are. A tool that is lost has the drive stopped.
+/// The text of a control section: limits in hertz, one direction, and what happens when the tool ends on purpose. A tool
+/// that is lost has the drive stopped.
 #[must_use]
-pub fn control(limits_hz: (f64, f64), direction: &str, on_shutdown: &str, unverified: &[String]) -> String {
+pub fn control(limits_hz: (f64, f64), direction: &str, on_shutdown: &str) -> String {
     let (least, most) = limits_hz;
     format!(
         "from = [\"modbus-tcp\"]\nfrequency_hz = {{ min = {least:?}, max = {most:?} }}\ndirections = [\"{direction}\"]\n\
-         on_commander_lost = \"stop\"\nlost_after = \"5s\"\non_shutdown = \"{on_shutdown}\"\naccept_unverified = {}\n",
-        json!(unverified)
+         on_commander_lost = \"stop\"\nlost_after = \"5s\"\non_shutdown = \"{on_shutdown}\"\n"
     )
 }
 
@@ -290,6 +294,7 @@ fn text(port: &PortAddress, args: &DriveArgs, station: u8, model: &Model, extra:
     let mut write = "";
     if !extra.control.is_empty() {
         let _ = write!(text, "\n[line.drive.control]\n{}", extra.control);
+        let _ = writeln!(text, "accept_unverified = {}", json!(accepted(model, extra)));
         write = "write = [\"127.0.0.1/32\"]\n";
     }
     if !extra.native_write.is_empty() {
@@ -298,6 +303,18 @@ fn text(port: &PortAddress, args: &DriveArgs, station: u8, model: &Model, extra:
     }
     let _ = write!(text, "\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n{write}");
     text
+}
+
+/// The unproven facts that are accepted: those that the person names. Where nothing can be moved nobody has to name what
+/// a stop rests on.
+fn accepted(model: &Model, extra: &Extra) -> Vec<String> {
+    let basic = ControlAction::Basic.word();
+    let needs_no_naming = !extra.moves && !model.unproven_basics().is_empty();
+    let mut words = extra.accept_unverified.clone();
+    if needs_no_naming && !words.iter().any(|word| word == basic) {
+        words.push(basic.to_owned());
+    }
+    words
 }
 
 #[cfg(test)]
@@ -309,10 +326,13 @@ mod tests {
         let catalog = input::catalog().ok().unwrap();
         let port = PortAddress::Device(PathBuf::from("/dev/ttyUSB0"));
         for model in catalog.ids().map(|id| catalog.find(id).unwrap()) {
-            let commands = control((5.0, 50.0), "forward", "stop", &[]);
-            for control in [String::new(), Extra::control_at_rest(), commands] {
+            let commands = control((5.0, 50.0), "forward", "stop");
+            let basic = ControlAction::Basic.word().to_owned();
+            let unproven = if model.unproven_basics().is_empty() { Vec::new() } else { vec![basic] };
+            for (control, moves) in [(String::new(), false), (Extra::control_at_rest(), false), (commands, true)] {
                 let poll = (!control.is_empty()).then_some(Duration::from_millis(500));
-                let extra = Extra { control, native_write: Vec::new(), poll };
+                let accept_unverified = if moves { unproven.clone() } else { Vec::new() };
+                let extra = Extra { control, moves, accept_unverified, poll, native_write: Vec::new() };
                 let text = text(&port, &DriveArgs::default(), 1, model, &extra, Path::new("/run/x"));
                 if let Err(failure) = config_of(&text, &catalog) {
                     panic!("{}: {failure}\n{text}", model.id);

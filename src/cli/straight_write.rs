@@ -7,8 +7,9 @@ use super::own_gateway::{Extra, control};
 use super::target::Target;
 use super::write::{Order, frequency, reason, stop};
 use crate::domain::command::Reason;
+use crate::domain::control::ControlAction;
 use crate::north::modbus::address as map;
-use crate::profile::model::ParameterKind;
+use crate::profile::model::{Model, ParameterKind};
 use std::time::Duration;
 use tokio::time::{Instant, sleep};
 
@@ -61,7 +62,8 @@ pub fn extra(target: &Target, straight: &Straight, order: &Order) -> Result<Extr
         if register.is_some_and(|it| it.parameter_kind() == ParameterKind::Command) {
             return Err(Failure::wrong("commands are not written as words: say `run` or `frequency`"));
         }
-        return Ok(Extra { control: Extra::control_at_rest(), native_write: vec![order.address], poll: Some(POLL) });
+        let native_write = vec![order.address];
+        return Ok(Extra { control: Extra::control_at_rest(), native_write, poll: Some(POLL), ..Extra::default() });
     }
     let moves = order.makes_run() || order.address == map::SETPOINT;
     let limits = match straight.limits {
@@ -72,8 +74,28 @@ pub fn extra(target: &Target, straight: &Straight, order: &Order) -> Result<Extr
     let direction = if order.makes_run() && order.word == 2 { "reverse" } else { "forward" };
     // Who only sets something leaves the drive as it is; who makes it run stops it, whatever happens.
     let on_shutdown = if order.makes_run() { "stop" } else { "hold" };
-    let control = control(limits, direction, on_shutdown, &straight.accept_unverified);
-    Ok(Extra { control, native_write: Vec::new(), poll: Some(POLL) })
+    let control = control(limits, direction, on_shutdown);
+    let accept_unverified = straight.accept_unverified.clone();
+    if moves {
+        basics_are_accepted(&model, &accept_unverified)?;
+    }
+    Ok(Extra { control, moves, accept_unverified, native_write: Vec::new(), poll: Some(POLL) })
+}
+
+/// What is set going can be stopped: that is proven, or the person has seen it.
+fn basics_are_accepted(model: &Model, accepted: &[String]) -> Result<(), Failure> {
+    let basic = ControlAction::Basic.word();
+    let unproven = model.unproven_basics();
+    if unproven.is_empty() || accepted.iter().any(|word| word == basic) {
+        return Ok(());
+    }
+    let what: Vec<_> = unproven.iter().map(|it| format!("{} ({})", it.what, it.confidence.word())).collect();
+    Err(Failure::wrong(format!(
+        "{} takes no orders to move: not proven by a manual of it: {}; add --accept-unverified {basic} if you have seen \
+         a stop work",
+        model.id,
+        what.join(", ")
+    )))
 }
 
 /// Makes ready for a run command: a guard that has just begun wants a stop first, and to see the motor stand still.

@@ -42,6 +42,7 @@ pub(super) fn settle(
     let able = model.filter(|model| can_be_controlled(model, place, problems));
     let limits = limits(file.limits.as_ref(), able, problems);
     if let Some(model) = able {
+        basics(file, place, model, problems);
         actions(file, directions.as_deref(), model, problems);
         watchdog::check(file, model, problems);
     }
@@ -139,7 +140,7 @@ fn goes_both_ways(directions: &[Direction]) -> bool {
     [Direction::Forward, Direction::Reverse].iter().all(|direction| directions.contains(direction))
 }
 
-/// Whether commands can be given to a drive of this model at all, on facts that are proven.
+/// Whether commands can be given to a drive of this model at all, whether its facts are proven or not.
 fn can_be_controlled(model: &Model, place: &Place, problems: &mut Vec<Problem>) -> bool {
     let Some(why) = why_not(model) else { return true };
     let problem = place.problem(format!("{} cannot be controlled: {why}", model.id));
@@ -150,9 +151,11 @@ fn can_be_controlled(model: &Model, place: &Place, problems: &mut Vec<Problem>) 
 /// Why no drive of `model` can be controlled; nothing: it can.
 #[must_use]
 pub fn why_not(model: &Model) -> Option<String> {
-    let Some(run) = &model.run else { return Some("its description has no run commands".to_owned()) };
+    if model.run.is_none() {
+        return Some("its description has no run commands".to_owned());
+    }
     let role = |role| model.register_for(role);
-    let (Some(run_register), Some(frequency)) = (role(Role::RunCommand), role(Role::FrequencyCommand)) else {
+    let (Some(_), Some(frequency)) = (role(Role::RunCommand), role(Role::FrequencyCommand)) else {
         return Some("its description has no registers for run and frequency commands".to_owned());
     };
     if frequency.unit != UnitOfMeasure::Hertz {
@@ -163,14 +166,27 @@ pub fn why_not(model: &Model) -> Option<String> {
             "its description has no output frequency that is polled, to see that a stop takes effect".to_owned(),
         );
     }
-    let facts = [
-        ("stop", run.stop.confidence),
-        ("forward", run.forward.confidence),
-        ("the run command's register", run_register.confidence),
-        ("the frequency command's register", frequency.confidence),
-    ];
-    let unproven = facts.into_iter().find(|(_, confidence)| !confidence.is_proven());
-    unproven.map(|(what, confidence)| format!("{what} is unproven ({})", confidence.word()))
+    None
+}
+
+/// Stop, forward and the setpoint are proven, or accepted together: no drive may be one that is started and not stopped.
+fn basics(file: &ControlFile, place: &Place, model: &Model, problems: &mut Vec<Problem>) {
+    let unproven = model.unproven_basics();
+    let (place, others) = match &file.accept_unverified {
+        Given::Unusable => return,
+        Given::LeftOut => (place.missing("accept_unverified"), Vec::new()),
+        Given::Usable(list) => (list.place.clone(), list.value.iter().map(|accepted| accepted.value).collect()),
+    };
+    if unproven.is_empty() || others.contains(&ControlAction::Basic) {
+        return;
+    }
+    let what: Vec<_> = unproven.iter().map(|it| format!("{} ({})", it.what, it.confidence.word())).collect();
+    let what = format!("{} takes no orders: not proven by a manual of it: {}", model.id, what.join(", "));
+    let words = std::iter::once(ControlAction::Basic).chain(others);
+    let words: Vec<_> = words.map(|action| format!("\"{}\"", action.word())).collect();
+    let line = format!("accept_unverified = [{}]", words.join(", "));
+    let right = format!("{line} once a stop was seen to work, or no control section; the drive is read-only then");
+    problems.push(place.problem(what).right(right));
 }
 
 /// Lowest and highest setpoint; nothing: see `problems`.
@@ -208,6 +224,15 @@ enum Has {
 }
 
 fn has(model: &Model, action: ControlAction) -> Has {
+    if action == ControlAction::Basic {
+        let unproven = model.unproven_basics().into_iter().map(|basic| basic.confidence).max();
+        let stop = model.run.as_ref().map(|run| run.stop.confidence);
+        return match (unproven, stop) {
+            (Some(confidence), _) => Has::Unproven(confidence),
+            (None, Some(confidence)) => Has::Proven(confidence),
+            (None, None) => Has::No,
+        };
+    }
     let fact = model.run.as_ref().and_then(|run| run.action(action));
     match fact.map(|fact| fact.confidence) {
         None => Has::No,

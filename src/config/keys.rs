@@ -212,7 +212,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Control, "on_commander_lost", "\"stop\", \"coast\" or \"hold\"", None, "What is done when the commander falls silent."),
     key(Section::Control, "lost_after", "\"1s\" to \"1h\", more than \"1s\"", None, "How long it may be silent; more than a command may wait, and with a session lease at least three probes."),
     key(Section::Control, "on_shutdown", "\"stop\", \"coast\" or \"hold\"", None, "What is done when the gateway is ended on purpose."),
-    key(Section::Control, "accept_unverified", "list of \"reverse\", \"reset\", \"coast\", \"release\"", Some("[]"), "Actions that the model marks as unproven and that are used all the same."),
+    key(Section::Control, "accept_unverified", "list of \"basic\", \"reverse\", \"reset\", \"coast\", \"release\"", Some("[]"), "Actions that the model marks as unproven and that are used all the same; \"basic\" is stop, forward and the setpoint together."),
     key(Section::Control, "allow_release", "true or false", Some("false"), "Whether control may be handed back to panel and terminals; a closed terminal may then start the motor."),
     key(Section::Control, "commands", "\"plain\" or \"strict\"", Some("\"plain\""), "Strict: RUN over MQTT only with `epoch` or `issued_at`."),
     key(Section::Control, "restart_delay", "\"0s\" to \"1min\"", Some("\"3s\""), "RUN over MQTT without `epoch` and `issued_at`, or from the page, is refused for this long after a stop; over MQTT at least 1.75 s more than `probe_interval`."),

@@ -100,7 +100,8 @@ pub(super) const fn of_removal(removal: Removal) -> &'static str {
 pub const REMOVALS: [(&str, Removal); 2] = [("refuse", Removal::Refuse), ("stop", Removal::Stop)];
 
 /// Actions that may rest on an unproven fact.
-pub const ACTIONS: [(&str, ControlAction); 4] = [
+pub const ACTIONS: [(&str, ControlAction); 5] = [
+    (ControlAction::Basic.word(), ControlAction::Basic),
     (ControlAction::Reverse.word(), ControlAction::Reverse),
     (ControlAction::Reset.word(), ControlAction::Reset),
     (ControlAction::Coast.word(), ControlAction::Coast),

@@ -30,6 +30,8 @@ impl FailSafe {
 /// A control action that may rest on an unproven fact of the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum ControlAction {
+    /// Stop, forward and the setpoint together: without them a drive takes no orders at all.
+    Basic,
     /// Running in reverse.
     Reverse,
     /// Cutting the output off.
@@ -42,12 +44,13 @@ pub enum ControlAction {
 
 impl ControlAction {
     /// All of them.
-    pub const ALL: &[Self] = &[Self::Reverse, Self::Coast, Self::Reset, Self::Release];
+    pub const ALL: &[Self] = &[Self::Basic, Self::Reverse, Self::Coast, Self::Reset, Self::Release];
 
     /// The word as it stands in the configuration.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
+            Self::Basic => "basic",
             Self::Reverse => "reverse",
             Self::Coast => "coast",
             Self::Reset => "reset",

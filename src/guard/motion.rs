@@ -22,6 +22,7 @@ impl DriveGuard {
     ) -> Result<Verdict, Report> {
         let owner = command.origin.owner;
         self.may_be_written(go.registers(), control, now)?;
+        self.may_be_ordered(go, control)?;
         if let Some(frequency) = go.frequency() {
             is_within(frequency, control)?;
         }

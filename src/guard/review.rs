@@ -157,6 +157,14 @@ impl DriveGuard {
         if run.may(action, &control.accept_unverified) { Ok(()) } else { Err(refused(Reason::Unverified)) }
     }
 
+    /// A motor is moved only where stop, forward and the setpoint are proven or accepted: what cannot be stopped is not
+    /// started. A stop itself is never refused for that.
+    pub(super) fn may_be_ordered(&self, go: &Go, control: &ControlSettings) -> Result<(), Report> {
+        let moves = go.run().is_some() || go.frequency().is_some();
+        let may = !moves || self.model.may_be_ordered(&control.accept_unverified);
+        if may { Ok(()) } else { Err(refused(Reason::Unverified)) }
+    }
+
     pub(super) fn approve(&self, command: &CommandRequest, order: Order, steps: Vec<steps::Step>) -> Approved {
         let (owner, start_before) = (command.origin.owner, command.start_before);
         Approved { order, owner, stops: self.stops(), start_before, steps }

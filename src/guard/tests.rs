@@ -91,6 +91,23 @@ fn an_unproven_fact_carries_an_action_only_where_that_is_accepted() {
 }
 
 #[test]
+fn a_motor_whose_stop_is_unproven_is_not_started_and_may_always_be_stopped() {
+    let mut unproven = model();
+    unproven.run.as_mut().unwrap().stop.confidence = Confidence::ThirdParty;
+    let setpoint = Order::Go(Go::new(Vec::new(), Some(Hertz::from_centihertz(2000)), None).unwrap());
+    let orders = [run(Direction::Forward), run(Direction::Reverse), setpoint];
+    for order in orders {
+        let mut strict = guard_of(unproven.clone(), control());
+        let refusal = reviewed(&mut strict, &command(mqtt(), order.clone()));
+        assert_eq!(refusal, Err((Outcome::Refused, Reason::Unverified)), "{order:?}");
+        assert_eq!(reviewed(&mut strict, &command(mqtt(), STOP)), Ok(()));
+        let settings = ControlSettings { accept_unverified: vec![ControlAction::Basic], ..control() };
+        let mut accepting = guard_of(unproven.clone(), settings);
+        assert_eq!(reviewed(&mut accepting, &command(mqtt(), order)), Ok(()));
+    }
+}
+
+#[test]
 fn what_a_model_cannot_do_is_refused_by_name_and_stop_never_stands_in_for_coast() {
     let mut plain = model();
     let run_facts = plain.run.as_mut().unwrap();

@@ -136,6 +136,14 @@ pub fn document<'a>(text: &'a str, problems: &mut Vec<Problem>) -> Option<Docume
     sound.then_some(Document { root })
 }
 
+/// A value, or a table in its place.
+pub enum Entry<'a, T> {
+    /// A value.
+    Value(Written<T>),
+    /// A table.
+    Table(Section<'a>),
+}
+
 /// A table of a document and where it stands.
 #[derive(Clone, Debug)]
 pub struct Section<'a> {
@@ -264,6 +272,21 @@ impl<'a, 'p> Reader<'a, 'p> {
                 Some((key.get_ref().to_string(), written))
             })
             .collect()
+    }
+
+    /// What stands under all keys, a table or a value; otherwise as [`Self::all`].
+    pub fn entries<T>(&mut self, kind: &Kind<'_, T>) -> Vec<(String, Entry<'a, T>)> {
+        let table = self.section.table;
+        let mut entries = Vec::new();
+        for (key, value) in table {
+            let place = self.section.place.inner(key.get_ref(), value.span());
+            let entry = match value.get_ref() {
+                DeValue::Table(table) => Some(Entry::Table(Section { table, place })),
+                value => read_value(place, value, kind, self.problems).map(Entry::Value),
+            };
+            entries.extend(entry.map(|entry| (key.get_ref().to_string(), entry)));
+        }
+        entries
     }
 
     /// The lists of all keys; otherwise as [`Self::all`].

@@ -1,6 +1,8 @@
 //! The words that files use for enumerations: one table each, for reading and for showing.
 
-use super::model::{Access, BitMeaning, Boundary, Confidence, Flag, Memory, PollClass, RefusedWrite, Role};
+use super::model::{
+    Access, BitMeaning, Boundary, Confidence, DocumentKind, Flag, Memory, Part, PollClass, RefusedWrite, Role,
+};
 use crate::domain::link::{EchoPolicy, Framing, Interface, Parity};
 use crate::domain::units::UnitOfMeasure;
 
@@ -46,6 +48,16 @@ pub const POLL_CLASSES: [(&str, PollClass); 5] = [
 /// Where a register keeps what is written to it.
 pub const MEMORIES: [(&str, Memory); 2] = [(Memory::Ram.word(), Memory::Ram), (Memory::Stored.word(), Memory::Stored)];
 
+/// What of a register its source may not state.
+pub(super) const PARTS: [(&str, Part); 6] = [
+    (Part::Reading.word(), Part::Reading),
+    (Part::Writing.word(), Part::Writing),
+    (Part::Scale.word(), Part::Scale),
+    (Part::Sign.word(), Part::Sign),
+    (Part::Memory.word(), Part::Memory),
+    (Part::Meaning.word(), Part::Meaning),
+];
+
 /// What a status register can tell.
 pub const FLAGS: [(&str, Flag); 8] = [
     ("running", Flag::Running),
@@ -79,6 +91,18 @@ pub(super) const BOUNDARIES: [(&str, Boundary); 1] = [("high-byte", Boundary::Hi
 /// What a refused write looks like.
 pub(super) const REFUSED_WRITES: [(&str, RefusedWrite); 2] =
     [("exception", RefusedWrite::Exception), ("keeps-old-value", RefusedWrite::KeepsOldValue)];
+
+/// What a document is.
+pub(super) const DOCUMENT_KINDS: [(&str, DocumentKind); 8] = [
+    (DocumentKind::Manual.word(), DocumentKind::Manual),
+    (DocumentKind::Addendum.word(), DocumentKind::Addendum),
+    (DocumentKind::DistributorManual.word(), DocumentKind::DistributorManual),
+    (DocumentKind::Program.word(), DocumentKind::Program),
+    (DocumentKind::RegisterMap.word(), DocumentKind::RegisterMap),
+    (DocumentKind::SiteNote.word(), DocumentKind::SiteNote),
+    (DocumentKind::CommissioningSheet.word(), DocumentKind::CommissioningSheet),
+    (DocumentKind::Forum.word(), DocumentKind::Forum),
+];
 
 /// How sure a fact is.
 pub(super) const CONFIDENCES: [(&str, Confidence); 7] = [

@@ -23,11 +23,11 @@ struct Family {
 #[rustfmt::skip]
 const FAMILIES: [Family; 7] = [
     Family { model: "hyundai-n700", name: "n700", unproven: &[], can_coast: true, keys: "" },
-    Family { model: "hyundai-n100plus", name: "n100plus", unproven: &["reset"], can_coast: false, keys: "" },
-    Family { model: "toshiba-vf-as1", name: "vf-as1", unproven: &["reverse", "reset", "coast"], can_coast: true, keys: "rated_current_a = 11.0\nrated_voltage_v = 400.0" },
-    Family { model: "toshiba-vf-s15", name: "vf-s15", unproven: &["reverse", "reset", "coast"], can_coast: true, keys: "rated_current_a = 11.0\nrated_voltage_v = 400.0" },
-    Family { model: "teco-e510", name: "e510", unproven: &["reset"], can_coast: false, keys: "" },
-    Family { model: "teco-e510s", name: "e510s", unproven: &["reset"], can_coast: false, keys: "" },
+    Family { model: "hyundai-n100plus", name: "n100plus", unproven: &[], can_coast: false, keys: "" },
+    Family { model: "toshiba-vf-as1", name: "vf-as1", unproven: &["basic", "reverse", "reset", "coast"], can_coast: true, keys: "rated_current_a = 11.0\nrated_voltage_v = 400.0" },
+    Family { model: "toshiba-vf-s15", name: "vf-s15", unproven: &["basic", "reverse", "reset", "coast"], can_coast: true, keys: "rated_current_a = 11.0\nrated_voltage_v = 400.0" },
+    Family { model: "teco-e510", name: "e510", unproven: &["basic", "reverse", "reset"], can_coast: false, keys: "" },
+    Family { model: "teco-e510s", name: "e510s", unproven: &["basic", "reverse", "reset"], can_coast: false, keys: "" },
     Family { model: "frecon-fr500a", name: "fr500a", unproven: &[], can_coast: true, keys: "" },
 ];
 

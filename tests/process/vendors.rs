@@ -163,7 +163,7 @@ const E510_FREQUENCY: u64 = 0x2502;
 
 #[test]
 fn an_ascii_drive_obeys_a_controller_and_echoes_its_loop_test() {
-    let mut plant = Plant::new("e510", "teco-e510", 7, "framing = \"ascii\"", "\"reset\"");
+    let mut plant = Plant::new("e510", "teco-e510", 7, "framing = \"ascii\"", "\"basic\", \"reverse\", \"reset\"");
     let mut client = Raw::connect(plant.modbus);
     waits_until_polled_in_full(&mut client, 107);
     let polled = [0x0002, 0x0005, 0x0906, 0x0907, 0x0D00, 0x0D01].into_iter().chain(0x2520..0x2528);

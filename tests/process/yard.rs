@@ -48,9 +48,9 @@ const fn link(baud: u32, parity: Parity, stop_bits: u8) -> LinkSettings {
 #[rustfmt::skip]
 pub const FAMILIES: [Family; 5] = [
     Family { name: "n700", model: "hyundai-n700", link: link(38_400, Parity::None, 1), run: 0x0002, runs: |word| matches!(word, 1 | 2), counts: true, unproven: &[], keys: "" },
-    Family { name: "n100plus", model: "hyundai-n100plus", link: link(9_600, Parity::None, 1), run: 0x0002, runs: |word| word & 0b11 != 0, counts: true, unproven: &["reset"], keys: "" },
-    Family { name: "vf-s15", model: "toshiba-vf-s15", link: link(19_200, Parity::Even, 1), run: 0xFA00, runs: |word| word & 0x0400 != 0, counts: false, unproven: &["reset"], keys: "rated_current_a = 11.0\nrated_voltage_v = 400.0" },
-    Family { name: "e510", model: "teco-e510", link: link(38_400, Parity::None, 1), run: 0x2501, runs: |word| word & 1 != 0, counts: false, unproven: &["reset"], keys: "" },
+    Family { name: "n100plus", model: "hyundai-n100plus", link: link(9_600, Parity::None, 1), run: 0x0002, runs: |word| word & 0b11 != 0, counts: true, unproven: &[], keys: "" },
+    Family { name: "vf-s15", model: "toshiba-vf-s15", link: link(19_200, Parity::Even, 1), run: 0xFA00, runs: |word| word & 0x0400 != 0, counts: false, unproven: &["basic", "reset"], keys: "rated_current_a = 11.0\nrated_voltage_v = 400.0" },
+    Family { name: "e510", model: "teco-e510", link: link(38_400, Parity::None, 1), run: 0x2501, runs: |word| word & 1 != 0, counts: false, unproven: &["basic", "reset"], keys: "" },
     Family { name: "fr500a", model: "frecon-fr500a", link: link(57_600, Parity::None, 2), run: 0x2000, runs: |word| matches!(word, 1 | 2), counts: false, unproven: &[], keys: "" },
 ];
 

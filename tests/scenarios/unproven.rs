@@ -2,25 +2,25 @@
 //! by that name.
 
 use crate::support::families::{accepting, models, rig_of};
-use crate::support::{MQTT, Rig, model, run};
+use crate::support::{MQTT, Rig, model, run, setpoint};
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason};
 use vfd_gateway::domain::control::{ControlAction, ControlSettings};
 use vfd_gateway::domain::ids::Station;
 
-use ControlAction::{Coast, Release, Reset, Reverse};
+use ControlAction::{Basic, Coast, Release, Reset, Reverse};
 
-const ACTIONS: [ControlAction; 4] = [Reverse, Coast, Reset, Release];
+const ACTIONS: [ControlAction; 5] = [Basic, Reverse, Coast, Reset, Release];
 const SECOND: Duration = Duration::from_secs(1);
 
 /// Model, what its documents do not prove, and what it cannot do; typed from them.
 const FACTS: &[(&str, &[ControlAction], &[ControlAction])] = &[
     ("hyundai-n700", &[], &[Release]),
-    ("hyundai-n100plus", &[Reset], &[Coast, Release]),
-    ("toshiba-vf-as1", &[Reverse, Coast, Reset, Release], &[]),
-    ("toshiba-vf-s15", &[Reverse, Coast, Reset, Release], &[]),
-    ("teco-e510", &[Reset], &[Coast, Release]),
-    ("teco-e510s", &[Reset], &[Coast, Release]),
+    ("hyundai-n100plus", &[], &[Coast, Release]),
+    ("toshiba-vf-as1", &[Basic, Reverse, Coast, Reset, Release], &[]),
+    ("toshiba-vf-s15", &[Basic, Reverse, Coast, Reset, Release], &[]),
+    ("teco-e510", &[Basic, Reverse, Reset], &[Coast, Release]),
+    ("teco-e510s", &[Basic, Reverse, Reset], &[Coast, Release]),
     ("frecon-fr500a", &[], &[Release]),
 ];
 
@@ -30,6 +30,7 @@ fn rig(id: &str, accept_unverified: Vec<ControlAction>) -> Rig {
 
 fn order_of(action: ControlAction) -> Order {
     match action {
+        Basic => run(Direction::Forward, Some(2000)),
         Reverse => run(Direction::Reverse, Some(2000)),
         Coast => Order::Coast,
         Reset => Order::Reset,
@@ -86,7 +87,7 @@ fn an_unproven_action_is_off_until_the_file_accepts_that_very_one() {
 fn what_is_accepted_is_done() {
     for (id, unproven, _) in FACTS {
         for action in *unproven {
-            let mut rig = ready_for(*action, id, vec![*action]);
+            let mut rig = ready_for(*action, id, vec![Basic, *action]);
             let (outcome, reason) = rig.commanded(MQTT, order_of(*action));
             assert!(matches!(outcome, Outcome::Confirmed | Outcome::Acknowledged), "{id}: {action:?}: {reason:?}");
             assert!(!rig.writes().is_empty(), "{id}: {action:?}");
@@ -95,12 +96,19 @@ fn what_is_accepted_is_done() {
 }
 
 #[test]
-fn forward_and_stop_need_no_acceptance() {
-    for model in models() {
-        let mut rig = rig(&model.id, Vec::new());
-        let (outcome, reason) = rig.commanded(MQTT, run(Direction::Forward, Some(2000)));
-        assert!(matches!(outcome, Outcome::Confirmed | Outcome::Acknowledged), "{}: {reason:?}", model.id);
+fn forward_needs_what_it_rests_on_and_a_stop_is_never_refused_for_that() {
+    for (id, unproven, _) in FACTS {
+        let mut rig = rig(id, Vec::new());
+        for order in [run(Direction::Forward, Some(2000)), run(Direction::Forward, None), setpoint(2000)] {
+            let (outcome, reason) = rig.commanded(MQTT, order);
+            if unproven.contains(&Basic) {
+                assert_eq!((outcome, reason), (Outcome::Refused, Reason::Unverified), "{id}");
+                assert!(rig.writes().is_empty(), "{id}: {:02X?}", rig.writes());
+            } else {
+                assert!(matches!(outcome, Outcome::Confirmed | Outcome::Acknowledged), "{id}: {reason:?}");
+            }
+        }
         let stop = Order::Stop { setpoint: None };
-        assert_eq!(rig.commanded(MQTT, stop), (Outcome::Confirmed, Reason::None), "{}", model.id);
+        assert_eq!(rig.commanded(MQTT, stop), (Outcome::Confirmed, Reason::None), "{id}");
     }
 }

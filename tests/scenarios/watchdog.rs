@@ -11,7 +11,7 @@ use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::drive::watchdog::{WatchdogState, WatchdogView};
 use vfd_gateway::gateway::{Input, Note};
-use vfd_gateway::profile::model::Model;
+use vfd_gateway::profile::model::{Confidence, Model};
 
 const SECOND: Duration = Duration::from_secs(1);
 /// 09-06, time without a request in 0.1 s, and 09-07, what the drive does then: 1 coast, 3 keep running. Typed from the
@@ -26,8 +26,14 @@ fn settings() -> ControlSettings {
     ControlSettings { lost_after: SECOND * 12, ..accepting() }
 }
 
+/// An E510 of which a manual shows where its watchdog is on the line.
 fn e510() -> Arc<Model> {
-    model("teco-e510")
+    let mut model = (*model("teco-e510")).clone();
+    for register in model.registers.iter_mut().filter(|it| [TIME, REACTION].contains(&it.address)) {
+        register.confidence = Confidence::Manual;
+    }
+    assert!(model.watchdog_is_proven());
+    Arc::new(model)
 }
 
 /// Somebody sets a register at the drive.

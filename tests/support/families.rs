@@ -19,8 +19,7 @@ pub fn models() -> Vec<Arc<Model>> {
 
 /// Everything that a model has, proven or not; no native register.
 pub fn accepting() -> ControlSettings {
-    let accept_unverified =
-        vec![ControlAction::Reverse, ControlAction::Coast, ControlAction::Reset, ControlAction::Release];
+    let accept_unverified = ControlAction::ALL.to_vec();
     ControlSettings { accept_unverified, allow_release: true, native_write: Vec::new(), ..control() }
 }
 

@@ -1,11 +1,11 @@
 //! What `check` says of one drive: its polls, what it can be ordered, and what has to be set on it.
 
-use super::super::model_facts::orders;
+use super::super::model_facts::{BASICS, orders};
 use super::{list, ms};
 use crate::config::words::{DIRECTIONS, LEASES};
 use crate::config::{DriveSettings, LineSettings, Listed, MqttSettings};
 use crate::config::{command_deadline, line_plan, listed, shown_in_per_cent};
-use crate::domain::control::{ControlSettings, FailSafe, Ownership};
+use crate::domain::control::{ControlAction, ControlSettings, FailSafe, Ownership};
 use crate::line::budget::{Budget, PlannedRead};
 use crate::line::timeouts::Class;
 use crate::profile::model::{Memory, Model, RunForm, SetupItem, Watchdog};
@@ -140,7 +140,11 @@ fn ownership(text: &mut String, control: &ControlSettings) -> Result {
 /// What the drive can be ordered, and what of that is refused or rests on an acceptance.
 fn capabilities(text: &mut String, control: &ControlSettings, model: &Model) -> Result {
     let orders = orders(model).unwrap_or_default();
-    let is_accepted = |word: &str| control.accept_unverified.iter().any(|action| action.word() == word);
+    // Stop, frequency and forward are accepted under one word.
+    let is_accepted = |word: &str| {
+        let word = if BASICS.contains(&word) { ControlAction::Basic.word() } else { word };
+        control.accept_unverified.iter().any(|action| action.word() == word)
+    };
     let is_wanted = |word: &str| match word {
         "release" => control.allow_release,
         word => DIRECTIONS.iter().all(|(name, it)| *name != word || control.directions.contains(it)),

@@ -137,7 +137,9 @@ fn drive_section(text: &mut String, drive: &Drive, unit: u8, from: &[&str]) {
 /// The actions that `model` has and does not prove. The simulator plays them as they are described, so the demo accepts
 /// them all but the release, which nobody is offered here.
 fn unproven(model: &Model) -> impl Iterator<Item = ControlAction> + '_ {
+    let basic = (!model.unproven_basics().is_empty()).then_some(ControlAction::Basic);
     let unproven = model.run.iter().flat_map(RunCommand::unproven).map(|(action, _)| action);
+    let unproven = basic.into_iter().chain(unproven);
     unproven.filter(|action| *action != ControlAction::Release)
 }
 

@@ -267,13 +267,9 @@ fn a_model_that_cannot_be_commanded_has_no_control_section() {
 }
 
 #[test]
-fn control_rests_on_proven_facts() {
+fn control_needs_registers_to_command_by() {
     let acme = include_str!("../../../tests/golden/config/acme-two.toml");
-    let stop = "stop = { value = 0, confidence = \"manual\"";
-    let run_register = "role = \"run-command\"\nconfidence = \"manual\"";
     for (from, to, why) in [
-        (stop, stop.replace("manual", "inferred"), "stop is unproven (inferred)"),
-        (run_register, run_register.replace("manual", "sibling"), "the run command's register is unproven (sibling)"),
         (
             "unit = \"Hz\"\naccess = \"read-write\"",
             "unit = \"%\"\naccess = \"read-write\"".to_owned(),
@@ -289,6 +285,54 @@ fn control_rests_on_proven_facts() {
         let found = load(&of_model("acme-two"), &catalog).unwrap_err();
         let what = format!("acme-two cannot be controlled: {why}");
         assert_eq!(found.iter().map(|it| it.what.as_str()).collect::<Vec<_>>(), [what]);
+    }
+}
+
+#[test]
+fn a_drive_whose_stop_is_unproven_takes_no_orders_until_that_is_accepted() {
+    let acme = include_str!("../../../tests/golden/config/acme-two.toml");
+    let stop = "stop = { value = 0, confidence = \"manual\"";
+    let run_register = "role = \"run-command\"\nconfidence = \"manual\"";
+    let told = |from: &str, to: &str, lines: &str| {
+        let catalog = Catalog::from_texts([("acme-two.toml", with(acme, from, to).as_str())]).unwrap();
+        let text =
+            with(&of_model("acme-two"), "on_shutdown = \"hold\"\n", &format!("on_shutdown = \"hold\"\n{lines}\n"));
+        let told = |it: &Problem| format!("{}: {}; {}", it.key, it.what, it.right.as_deref().unwrap_or("-"));
+        load(&text, &catalog).map(drop).map_err(|problems| problems.iter().map(told).collect::<Vec<_>>())
+    };
+    let inferred = stop.replace("manual", "inferred");
+    let error = |what: &str, list: &str| {
+        Err(vec![format!(
+            "{AT}.accept_unverified: acme-two takes no orders: not proven by a manual of it: {what}; \
+             accept_unverified = [{list}] once a stop was seen to work, or no control section; the drive is read-only then"
+        )])
+    };
+    assert_eq!(told(stop, &inferred, ""), error("stop (inferred)", "\"basic\""));
+    assert_eq!(
+        told(stop, &inferred, "accept_unverified = ['reset']"),
+        error("stop (inferred)", "\"basic\", \"reset\""),
+        "the line is the whole line"
+    );
+    let sibling = run_register.replace("manual", "sibling");
+    assert_eq!(told(run_register, &sibling, ""), error("the run command's register (sibling)", "\"basic\""));
+    for accepted in ["accept_unverified = ['basic']", "accept_unverified = ['reset', 'basic']"] {
+        assert_eq!(told(stop, &inferred, accepted), Ok(()), "{accepted}");
+        assert_eq!(told(run_register, &sibling, accepted), Ok(()), "{accepted}");
+    }
+}
+
+#[test]
+fn every_built_in_model_names_the_line_with_which_it_takes_orders() {
+    let catalog = Catalog::from_texts(crate::vendors::texts().iter().copied()).unwrap();
+    for id in catalog.ids() {
+        let unproven = !catalog.find(id).unwrap().unproven_basics().is_empty();
+        let text = with(CONTROLLED, "[line.drive.native]\nwrite = [\"F007\"]\n", "");
+        let text = with(&text, "model = \"hyundai-n700\"\nstation = 1", &format!("model = '{id}'\nstation = 1"));
+        let line = "accept_unverified = [\"basic\"]";
+        let found: Vec<_> = load(&text, &catalog).map_or_else(|it| it, |_| Vec::new());
+        let named: Vec<_> = found.iter().filter(|it| it.key == format!("{AT}.accept_unverified")).collect();
+        assert_eq!(named.len(), usize::from(unproven), "{id}: {found:?}");
+        assert!(named.iter().all(|it| it.right.as_deref().unwrap().starts_with(line)), "{id}: {named:?}");
     }
 }
 

@@ -137,6 +137,43 @@ mod tests {
     }
 
     #[test]
+    fn a_fact_is_no_surer_than_the_document_that_states_it() {
+        let title = "IM = \"Interface manual\"";
+        let facts = MODEL.matches("confidence = \"manual\"").count();
+        for (document, what, best) in [
+            ("kind = \"program\"", "a program of this model", "third-party"),
+            ("kind = \"addendum\", of = [\"acme-2\"]", "an addendum of acme-2", "sibling"),
+            ("kind = \"distributor-manual\", of = [\"acme-1\"]", "a distributor-manual of this model", "second-source"),
+        ] {
+            let found = told_with(MODEL, title, &format!("IM = {{ title = \"One\", {document} }}"));
+            let told = format!(
+                "the source does not make it \"manual\": `IM` is {what}\n    right: at best \"{best}\", or another source"
+            );
+            assert_eq!(found.matches(&told).count(), facts, "{found}");
+            let labelled = MODEL.replace("\"manual\"", &format!("\"{best}\""));
+            model(&labelled.replace(title, &format!("IM = {{ title = \"One\", {document} }}"))).unwrap();
+        }
+        let of_both = "IM = { title = \"One\", kind = \"manual\", of = [\"acme-1\", \"acme-2\"] }";
+        assert_eq!(model(&MODEL.replace(title, of_both)).unwrap().documents[0].of, ["acme-1", "acme-2"]);
+        assert!(model(MODEL).unwrap().documents[0].of.is_empty(), "a title alone is a manual of this very model");
+    }
+
+    #[test]
+    fn a_document_says_what_it_is() {
+        let title = "IM = \"Interface manual\"";
+        for (document, expected) in [
+            ("IM = { title = \"One\" }", "documents.IM.kind: `kind` is missing"),
+            ("IM = { title = \"One\", kind = \"manuel\" }", "documents.IM.kind: `manuel` is none of the words"),
+            ("IM = { title = \"One\", kind = \"manual\", of = [] }", "documents.IM.of: is empty"),
+            ("IM = { title = \"One\", kind = \"manual\", off = 1 }", "documents.IM.off: there is no key `off` here"),
+            ("IM = 1", "documents.IM: must be text"),
+        ] {
+            let found = told_with(MODEL, title, document);
+            assert!(found.contains(expected), "{document}: {found}");
+        }
+    }
+
+    #[test]
     fn a_third_party_may_be_cited_but_a_default_only_for_a_time() {
         let fact = "confidence = \"third-party\", source = \"FN 2\"";
         let found = told_with(EVERYTHING, fact, "confidence = \"default\", source = \"FN 2\"");

@@ -3,7 +3,7 @@
 use super::facts::{Facts, Origin, fact};
 use crate::domain::problem::Problem;
 use crate::profile::model::CodeRule;
-use crate::profile::reader::{Given, Place, Reader, Written};
+use crate::profile::reader::{Given, Place, Reader, Section, Written};
 use crate::profile::values::Kind;
 
 /// What a rule may say of its form.
@@ -17,22 +17,27 @@ pub(in crate::profile) struct CodesFile {
 
 enum CodesForm {
     Hexadecimal,
-    Groups { groups: Vec<(String, u8)>, separator: Given<String> },
+    Groups { groups: Vec<(String, u8)>, ends: Vec<(String, u8)>, separator: Given<String> },
 }
 
 impl CodesFile {
     pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
         let groups = reader.table("groups");
+        let ends = reader.table("ends");
         let form = reader.optional("form", &Kind::one_of(&FORMS));
         let separator = reader.optional("separator", &Kind::parsed("text", |text| Some(text.to_owned())));
         let place = reader.place().clone();
         let form = match (groups, form) {
             (Given::Usable(section), Given::LeftOut) => {
                 let groups = read_groups(reader.open(section.value));
-                Some(CodesForm::Groups { groups, separator })
+                let ends = read_ends(ends, &groups, &mut reader);
+                Some(CodesForm::Groups { groups, ends, separator })
             }
             (Given::LeftOut, Given::Usable(_)) => {
                 no_separator(&separator, reader.problems());
+                if let Given::Usable(Written { place, .. }) = &ends {
+                    reader.problems().push(place.problem("only groups have an end").right("leave it out"));
+                }
                 Some(CodesForm::Hexadecimal)
             }
             (Given::Unusable, Given::LeftOut) | (Given::LeftOut, Given::Unusable) => None,
@@ -49,9 +54,12 @@ impl CodesFile {
         let origin = fact((), self.origin.as_ref())?;
         Some(match self.form.as_ref()? {
             CodesForm::Hexadecimal => CodeRule::Hexadecimal(origin),
-            CodesForm::Groups { groups, separator } => {
-                CodeRule::Groups { groups: groups.clone(), separator: separator.or(String::new())?, origin }
-            }
+            CodesForm::Groups { groups, ends, separator } => CodeRule::Groups {
+                groups: groups.clone(),
+                ends: ends.clone(),
+                separator: separator.or(String::new())?,
+                origin,
+            },
         })
     }
 }
@@ -63,6 +71,19 @@ fn read_groups(mut reader: Reader<'_, '_>) -> Vec<(String, u8)> {
     }
     let groups = reader.all(&Kind::number(0..=u8::MAX));
     groups.into_iter().map(|(name, byte)| (name, byte.value)).collect()
+}
+
+/// The last numbers of groups, each of which is one of `groups`.
+fn read_ends<'a>(ends: Given<Section<'a>>, groups: &[(String, u8)], reader: &mut Reader<'a, '_>) -> Vec<(String, u8)> {
+    let Given::Usable(Written { value: section, .. }) = ends else { return Vec::new() };
+    let ends = reader.open(section).all(&Kind::number(0..=u8::MAX));
+    for (name, end) in &ends {
+        if !groups.iter().any(|(group, _)| group == name) {
+            let problem = end.place.problem(format!("there is no group `{name}`"));
+            reader.problems().push(problem.right("one of `groups`"));
+        }
+    }
+    ends.into_iter().map(|(name, end)| (name, end.value)).collect()
 }
 
 fn no_separator(separator: &Given<String>, problems: &mut Vec<Problem>) {

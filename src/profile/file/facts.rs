@@ -1,5 +1,6 @@
 //! Facts: a value beside how sure it is and where it comes from.
 
+use super::documents::{DocumentsFile, at_best};
 use crate::domain::problem::Problem;
 use crate::profile::model::{Confidence, Fact};
 use crate::profile::reader::{Given, Needed, Reader, Section, Written};
@@ -43,10 +44,12 @@ pub(super) fn optional<T: Clone>(fact: Option<&FactFile<T>>) -> Option<Option<Fa
     fact.map_or(Some(None), |fact| fact.ready().map(Some))
 }
 
-/// Reads facts and checks that each names one of the documents.
+/// Reads facts and checks that each names one of the documents, and is no surer than that document makes it.
 pub(super) struct Facts<'d> {
     /// Nothing: the documents themselves cannot be read, so no source can be told wrong.
-    pub documents: Option<&'d [(String, String)]>,
+    pub documents: Option<&'d DocumentsFile>,
+    /// The model's identifier, where it can be used: what a document proves depends on what it is about.
+    pub model: Option<&'d str>,
     /// Whether a fact may be a choice without a document.
     pub defaults: bool,
 }
@@ -122,9 +125,10 @@ impl Facts<'_> {
         let confidence = reader.required("confidence", &Kind::one_of(&CONFIDENCES));
         let right = "a document's short name and a place in it, or the reason of a default";
         let source = reader.required("source", &Kind::parsed(right, filled));
-        let confidence = confidence.filter(|it| self.may_be(it, reader.problems()))?.value;
-        let cites = confidence != Confidence::Default;
-        Some((confidence, source.filter(|it| !cites || self.is_cited(it, reader.problems()))?.value))
+        let confidence = confidence.filter(|it| self.may_be(it, reader.problems()))?;
+        let cites = confidence.value != Confidence::Default;
+        let source = source.filter(|it| !cites || self.is_cited(it, &confidence, reader.problems()))?;
+        Some((confidence.value, source.value))
     }
 
     fn may_be(&self, confidence: &Written<Confidence>, problems: &mut Vec<Problem>) -> bool {
@@ -138,15 +142,29 @@ impl Facts<'_> {
         false
     }
 
-    fn is_cited(&self, source: &Written<String>, problems: &mut Vec<Problem>) -> bool {
+    /// Whether `source` begins with a document and a place in it, and that document lets the fact be as sure as it says.
+    fn is_cited(
+        &self,
+        source: &Written<String>,
+        confidence: &Written<Confidence>,
+        problems: &mut Vec<Problem>,
+    ) -> bool {
         let Some(documents) = self.documents else { return true };
         let (name, place) = source.value.split_once(' ').unwrap_or((&source.value, ""));
-        if !place.is_empty() && documents.iter().any(|(document, _)| document == name) {
+        let Some(document) = documents.find(name).filter(|_| !place.is_empty()) else {
+            let names: Vec<_> = documents.names().map(|name| format!("`{name} ...`")).collect();
+            let problem = source.place.problem(format!("`{}` cites no place in a declared document", source.value));
+            problems.push(problem.right(names.join(" or ")));
+            return false;
+        };
+        let (Some(document), Some(model)) = (document, self.model) else { return true };
+        let (what, best) = at_best(document, model);
+        if confidence.value >= best {
             return true;
         }
-        let names: Vec<_> = documents.iter().map(|(document, _)| format!("`{document} ...`")).collect();
-        let problem = source.place.problem(format!("`{}` cites no place in a declared document", source.value));
-        problems.push(problem.right(names.join(" or ")));
+        let word = confidence.value.word();
+        let problem = confidence.place.problem(format!("the source does not make it \"{word}\": {what}"));
+        problems.push(problem.right(format!("at best \"{}\", or another source", best.word())));
         false
     }
 }

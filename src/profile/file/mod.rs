@@ -2,6 +2,7 @@
 //! that can be used as a whole can be made into the model's.
 
 mod codes;
+mod documents;
 mod exchange;
 mod facts;
 mod link;
@@ -24,6 +25,7 @@ use super::reader::{Given, Needed, Reader, Section, Written};
 use super::register::RegisterFile;
 use super::values::Kind;
 use crate::domain::problem::Problem;
+use documents::DocumentsFile;
 use facts::Facts;
 
 /// The whole file.
@@ -31,7 +33,7 @@ pub(super) struct ModelFile {
     pub id: Needed<String>,
     vendor: Needed<String>,
     title: Needed<String>,
-    documents: Option<Vec<(String, String)>>,
+    documents: Option<DocumentsFile>,
     pub link: Option<LinkFile>,
     timing: Option<TimingFile>,
     pub functions: FactFile<Vec<u8>>,
@@ -53,11 +55,13 @@ impl ModelFile {
     /// Reads the outermost table of a model file.
     pub fn read(section: Section<'_>, problems: &mut Vec<Problem>) -> Self {
         let mut reader = Reader::new(section, problems);
-        let documents = reader.required_table("documents").map(|it| documents(reader.open(it)));
-        let proven = &Facts { documents: documents.as_deref(), defaults: false };
-        let chosen = &Facts { documents: documents.as_deref(), defaults: true };
+        let documents = reader.required_table("documents").map(|it| DocumentsFile::read(reader.open(it)));
+        let id = reader.required("id", &Kind::parsed("`vendor-model`: a to z and 0 to 9 between single dashes", id));
+        let of = id.as_ref().map(|id| id.value.clone());
+        let proven = &Facts { documents: documents.as_ref(), model: of.as_deref(), defaults: false };
+        let chosen = &Facts { defaults: true, ..*proven };
         let file = Self {
-            id: reader.required("id", &Kind::parsed("`vendor-model`: a to z and 0 to 9 between single dashes", id)),
+            id,
             vendor: reader.required("vendor", &Kind::text()),
             title: reader.required("title", &Kind::text()),
             link: reader.required_table("link").map(|it| LinkFile::read(proven, reader.open(it))),
@@ -96,7 +100,7 @@ impl ModelFile {
             id: self.id.as_ref()?.value.clone(),
             vendor: self.vendor.as_ref()?.value.clone(),
             title: self.title.as_ref()?.value.clone(),
-            documents: self.documents.clone()?,
+            documents: self.documents.as_ref()?.ready()?,
             link: self.link.as_ref()?.ready()?,
             timing: self.timing.as_ref()?.ready()?,
             functions: self.functions.ready()?,
@@ -149,11 +153,6 @@ fn made<T, U>(given: &Given<T>, make: impl FnOnce(&T) -> Option<U>) -> Option<Op
 
 fn each<T, U>(parts: &[T], make: impl Fn(&T) -> Option<U>) -> Option<Vec<U>> {
     parts.iter().map(make).collect()
-}
-
-/// Titles of documents by their short names.
-fn documents(reader: Reader<'_, '_>) -> Vec<(String, String)> {
-    reader.all(&Kind::text()).into_iter().map(|(name, title)| (name, title.value)).collect()
 }
 
 fn id(text: &str) -> Option<String> {

@@ -9,6 +9,8 @@ pub enum CodeRule {
     Groups {
         /// The groups with their high bytes. Letters count as they are written: `F` is not `f`.
         groups: Vec<(String, u8)>,
+        /// The groups that it covers up to a number only, with that number: a code behind it may be at any address.
+        ends: Vec<(String, u8)>,
         /// What stands between group and number.
         separator: String,
         /// How sure the rule is.
@@ -27,14 +29,16 @@ impl CodeRule {
                 let is_hex = code.len() == 4 && code.bytes().all(|digit| digit.is_ascii_hexdigit());
                 is_hex.then(|| u16::from_str_radix(code, 16).ok())?
             }
-            Self::Groups { groups, separator, .. } => {
+            Self::Groups { groups, ends, separator, .. } => {
                 // The longest group first: `U0` must not hide `U00`.
-                let of = |(group, byte): &(String, u8)| Some((group.len(), *byte, code.strip_prefix(group.as_str())?));
-                let (_, byte, rest) = groups.iter().filter_map(of).max_by_key(|(length, ..)| *length)?;
+                let of =
+                    |(group, byte): &(String, u8)| Some((group.clone(), *byte, code.strip_prefix(group.as_str())?));
+                let (group, byte, rest) = groups.iter().filter_map(of).max_by_key(|(group, ..)| group.len())?;
                 let number = rest.strip_prefix(separator.as_str())?;
                 let is_number = (1..=3).contains(&number.len()) && number.bytes().all(|it| it.is_ascii_digit());
                 let low: u8 = is_number.then(|| number.parse().ok())??;
-                Some(u16::from_be_bytes([byte, low]))
+                let end = ends.iter().find(|(it, _)| *it == group).map_or(u8::MAX, |(_, end)| *end);
+                (low <= end).then(|| u16::from_be_bytes([byte, low]))
             }
         }
     }
@@ -52,15 +56,21 @@ mod tests {
     #[test]
     fn a_code_is_its_group_and_number() {
         let groups = vec![("F01".to_owned(), 0x01), ("U00".to_owned(), 0x30)];
-        let rule = CodeRule::Groups { groups, separator: ".".to_owned(), origin: origin() };
+        let rule = CodeRule::Groups { groups, ends: Vec::new(), separator: ".".to_owned(), origin: origin() };
         assert_eq!(rule.address("F01.08"), Some(0x0108));
         assert_eq!(rule.address("U00.41"), Some(0x3029));
         for wrong in ["F01", "F01.", "F02.00", "F01.+1", "F01.0100", "F01.256", "f01.08"] {
             assert_eq!(rule.address(wrong), None, "{wrong}");
         }
         let letters = vec![("A".to_owned(), 3), ("b".to_owned(), 4)];
-        let rule = CodeRule::Groups { groups: letters, separator: String::new(), origin: origin() };
+        let rule = CodeRule::Groups {
+            groups: letters,
+            ends: vec![("b".to_owned(), 17)],
+            separator: String::new(),
+            origin: origin(),
+        };
         assert_eq!((rule.address("A60"), rule.address("b17"), rule.address("B17")), (Some(0x033C), Some(0x0411), None));
+        assert_eq!((rule.address("b18"), rule.address("b255")), (None, None), "the rule ends at b17");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! How a model is commanded: run commands, writes, and what has to be set on the drive before it obeys.
 
-use super::Fact;
+use super::{Confidence, Fact, Model, Part, Role};
 use crate::domain::control::ControlAction;
 use crate::domain::link::Interface;
 
@@ -29,10 +29,11 @@ pub struct RunCommand {
 }
 
 impl RunCommand {
-    /// The word for `action`, where the model has it.
+    /// The word for `action`, where the model has it; none for what is several words.
     #[must_use]
     pub const fn action(&self, action: ControlAction) -> Option<&Fact<u16>> {
         match action {
+            ControlAction::Basic => None,
             ControlAction::Reverse => self.reverse.as_ref(),
             ControlAction::Coast => self.coast.as_ref(),
             ControlAction::Reset => self.reset.as_ref(),
@@ -50,6 +51,48 @@ impl RunCommand {
     pub fn unproven(&self) -> impl Iterator<Item = (ControlAction, &Fact<u16>)> {
         let all = ControlAction::ALL.iter().filter_map(|action| Some((*action, self.action(*action)?)));
         all.filter(|(_, fact)| !fact.confidence.is_proven())
+    }
+}
+
+/// One of the facts on which stop, forward and the setpoint rest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Basic<'m> {
+    /// What it is.
+    pub what: &'static str,
+    /// How sure it is.
+    pub confidence: Confidence,
+    /// Where it comes from.
+    pub source: &'m str,
+}
+
+impl Model {
+    /// What of stop, forward and the setpoint is not proven: words, and the registers that take them. A drive of such a
+    /// model takes orders only where [`ControlAction::Basic`] is accepted.
+    #[must_use]
+    pub fn unproven_basics(&self) -> Vec<Basic<'_>> {
+        let Some(run) = &self.run else { return Vec::new() };
+        let mut basics = vec![
+            Basic { what: "stop", confidence: run.stop.confidence, source: &run.stop.source },
+            Basic { what: "forward", confidence: run.forward.confidence, source: &run.forward.source },
+        ];
+        let registers = [
+            ("the run command's register", Role::RunCommand),
+            ("the frequency command's register", Role::FrequencyCommand),
+        ];
+        for (what, role) in registers {
+            let Some(register) = self.register_for(role) else { continue };
+            let is_inferred = register.not_stated.contains(&Part::Writing);
+            let confidence = if is_inferred { Confidence::Inferred } else { register.confidence };
+            basics.push(Basic { what, confidence: confidence.max(register.confidence), source: &register.source });
+        }
+        basics.retain(|basic| !basic.confidence.is_proven());
+        basics
+    }
+
+    /// Whether a drive of this model takes orders at all, with `accepted` of what is unproven.
+    #[must_use]
+    pub fn may_be_ordered(&self, accepted: &[ControlAction]) -> bool {
+        accepted.contains(&ControlAction::Basic) || self.unproven_basics().is_empty()
     }
 }
 

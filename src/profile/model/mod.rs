@@ -2,6 +2,7 @@
 
 mod codes;
 mod command;
+mod document;
 mod groups;
 mod link;
 mod parameter;
@@ -10,11 +11,14 @@ mod status;
 mod watchdog;
 
 pub use codes::CodeRule;
-pub use command::{BitMeaning, BlockWrite, RefusedWrite, RunBit, RunCommand, RunForm, SetupItem, Watchdog, WriteRules};
+pub use command::{
+    Basic, BitMeaning, BlockWrite, RefusedWrite, RunBit, RunCommand, RunForm, SetupItem, Watchdog, WriteRules,
+};
+pub use document::{Document, DocumentKind};
 pub use groups::{Group, NUMBERS_MAX};
 pub use link::{Broadcast, Link, Timing};
 pub use parameter::ParameterKind;
-pub use register::{Access, Memory, PollClass, Register, Role};
+pub use register::{Access, Memory, Part, PollClass, Register, Role};
 pub use status::{Barrier, BarrierRead, CodeText, Flag, Quirks, StatusFlag};
 
 use crate::domain::link::Framing;
@@ -22,11 +26,11 @@ use crate::domain::link::Framing;
 /// How sure a fact is. A control action rests on a fact only as far as its confidence allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Confidence {
-    /// Stated in the manual of this very model.
+    /// Stated in a manual of this very model.
     Manual,
-    /// Stated in a second document for this model.
+    /// Stated in a second manual of this model, its distributor's included.
     SecondSource,
-    /// Stated by somebody else for this model: an open program, a map, a note from the field.
+    /// Stated for this model by others than those who make or sell it: an open program, a map, a note from the field.
     ThirdParty,
     /// Stated for a sibling model only.
     Sibling,
@@ -83,8 +87,8 @@ pub struct Model {
     pub vendor: String,
     /// The product's name.
     pub title: String,
-    /// Documents that the facts cite, as (short name, full title).
-    pub documents: Vec<(String, String)>,
+    /// Documents that the facts cite.
+    pub documents: Vec<Document>,
     /// What the model says of the line.
     pub link: Link,
     /// Times on the line.
@@ -148,11 +152,12 @@ impl Model {
         self.registers.iter().find(|register| register.role == Some(role))
     }
 
-    /// The register called `name` or, by the vendor's code, `name` in any case.
+    /// The register called `name`, by its name or by the vendor's code, in any case.
     #[must_use]
     pub fn register_named(&self, name: &str) -> Option<&Register> {
         self.registers.iter().find(|register| {
-            register.name == name || register.code.as_deref().is_some_and(|code| code.eq_ignore_ascii_case(name))
+            let is_called = |label: &str| label.eq_ignore_ascii_case(name);
+            is_called(&register.name) || register.code.as_deref().is_some_and(is_called)
         })
     }
 

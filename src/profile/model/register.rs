@@ -75,6 +75,38 @@ impl Role {
     }
 }
 
+/// Something about a register that its source may not state, although it states the register.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Part {
+    /// That it can be read.
+    Reading,
+    /// That it can be written.
+    Writing,
+    /// In what steps it counts.
+    Scale,
+    /// How negative numbers are written.
+    Sign,
+    /// Where it keeps what is written to it.
+    Memory,
+    /// What its words mean.
+    Meaning,
+}
+
+impl Part {
+    /// The word as it stands in model files.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Reading => "reading",
+            Self::Writing => "writing",
+            Self::Scale => "scale",
+            Self::Sign => "sign",
+            Self::Memory => "memory",
+            Self::Meaning => "meaning",
+        }
+    }
+}
+
 /// Where a register keeps what is written to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Memory {
@@ -179,13 +211,21 @@ pub struct Register {
     pub back_door: Option<String>,
     /// It decides how the drive is reached: its station, speed or character format, its protocol.
     pub is_link: bool,
-    /// How sure the row is.
+    /// How sure the row is, but for what is `not_stated`.
     pub confidence: Confidence,
     /// Where the row comes from.
     pub source: String,
+    /// What of the row that source does not state.
+    pub not_stated: Vec<Part>,
 }
 
 impl Register {
+    /// Whether documents of the model prove `part` of the row.
+    #[must_use]
+    pub fn proves(&self, part: Part) -> bool {
+        self.confidence.is_proven() && !self.not_stated.contains(&part)
+    }
+
     /// What `word` means, where the register holds codes and the model knows this one.
     #[must_use]
     pub fn meaning(&self, word: u16) -> Option<&str> {

@@ -7,11 +7,11 @@ pub use extra::{extra_register, with_extra};
 pub(super) use rules::{addresses_fit, codes_fit, distinct, has_decimal_digits};
 
 use super::file::Origin;
-use super::model::{Access, Memory, PollClass, Register, Role};
+use super::model::{Access, Memory, Part, PollClass, Register, Role};
 use super::reader::{Given, Needed, Reader, Written};
 use super::scale::steps;
 use super::values::Kind;
-use super::words::{ACCESSES, MEMORIES, POLL_CLASSES, ROLES, UNITS};
+use super::words::{ACCESSES, MEMORIES, PARTS, POLL_CLASSES, ROLES, UNITS};
 use crate::domain::units::UnitOfMeasure;
 use std::ops::RangeInclusive;
 
@@ -38,6 +38,7 @@ pub struct RegisterFile {
     range: Given<RangeInclusive<i32>>,
     meanings: Vec<(u16, String)>,
     origin: Option<Origin>,
+    not_stated: Given<Vec<Written<Part>>>,
 }
 
 impl RegisterFile {
@@ -73,6 +74,11 @@ impl RegisterFile {
             is_link: self.is_link.or(false)?,
             confidence,
             source,
+            not_stated: match &self.not_stated {
+                Given::LeftOut => Vec::new(),
+                Given::Unusable => return None,
+                Given::Usable(parts) => parts.value.iter().map(|part| part.value).collect(),
+            },
         })
     }
 
@@ -95,6 +101,7 @@ impl RegisterFile {
             back_door: Given::LeftOut,
             is_link: Given::LeftOut,
             origin: None,
+            not_stated: Given::LeftOut,
         };
         let unreadable = register.access.as_ref().is_some_and(|access| !access.value.can_read());
         if let Some(poll) = register.poll.usable().filter(|_| unreadable) {
@@ -113,6 +120,7 @@ impl RegisterFile {
         register.meanings = meanings(&mut reader);
         register.back_door = reader.optional("back_door", &Kind::text());
         register.is_link = reader.optional("link", &Kind::flag());
+        register.not_stated = reader.list("not_stated", &Kind::one_of(&PARTS));
         register.origin = origin;
         reader.finish();
         register

@@ -37,7 +37,10 @@ impl Taken {
         }
         if let Some(code) = register.code.usable() {
             let called = format!("the code `{}`", code.value);
-            claim(&mut self.labels, code.value.to_lowercase(), &called, &code.place, problems);
+            let is_own = register.name.as_ref().is_some_and(|name| name.value.eq_ignore_ascii_case(&code.value));
+            if !is_own {
+                claim(&mut self.labels, code.value.to_lowercase(), &called, &code.place, problems);
+            }
         }
         if let Some(address) = &register.address {
             let called = format!("address 0x{:04X}", address.value);

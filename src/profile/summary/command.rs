@@ -2,6 +2,7 @@
 
 use super::layout::{Row, choice, list, row};
 use super::registers::name_at;
+use crate::domain::control::ControlAction;
 use crate::profile::model::{Model, RunCommand, RunForm};
 use crate::profile::words::{BIT_MEANINGS, INTERFACES, word_for};
 
@@ -36,11 +37,15 @@ pub(super) fn run_bits(run: &RunCommand) -> Vec<Row> {
 }
 
 /// What the gateway does only where the configuration accepts it.
-pub(super) fn unproven_actions(run: &RunCommand) -> Vec<Row> {
+pub(super) fn unproven_actions(model: &Model, run: &RunCommand) -> Vec<Row> {
+    let basic = model.unproven_basics().into_iter().map(|it| {
+        let source = format!("{}: {}", it.what, it.source);
+        vec![ControlAction::Basic.word().to_owned(), it.confidence.word().to_owned(), source]
+    });
     let unproven = run
         .unproven()
         .map(|(action, fact)| vec![action.word().to_owned(), fact.confidence.word().to_owned(), fact.source.clone()]);
-    let rows: Vec<_> = unproven.collect();
+    let rows: Vec<_> = basic.chain(unproven).collect();
     if rows.is_empty() { vec![vec!["none".to_owned()]] } else { rows }
 }
 

@@ -5,15 +5,24 @@ mod layout;
 mod line;
 mod registers;
 
-use super::model::Model;
-use layout::section;
+use super::model::{Document, Model};
+use layout::{Row, list, section};
+
+/// The documents, each with what it is, what it is of, and the best that it proves.
+fn documents(model: &Model) -> Vec<Row> {
+    let row = |document: &Document| {
+        let of = if document.is_of(&model.id) { "this model".to_owned() } else { list(&document.of) };
+        let (kind, best) = (document.kind.word().to_owned(), document.best(&model.id).word());
+        vec![document.name.clone(), kind, of, format!("at best {best}"), document.title.clone()]
+    };
+    model.documents.iter().map(row).collect()
+}
 
 /// What is known of `model`, as plain text that ends with a line end.
 #[must_use]
 pub fn summary(model: &Model) -> String {
     let mut text = format!("{}: {} {}\n", model.id, model.vendor, model.title);
-    let documents = model.documents.iter().map(|(name, title)| vec![name.clone(), title.clone()]);
-    section(&mut text, "Documents", documents.collect());
+    section(&mut text, "Documents", documents(model));
     section(&mut text, "Link", line::link(&model.link));
     section(&mut text, "Timing", line::timing(&model.timing));
     section(&mut text, "Reads and writes", line::reads_and_writes(model));
@@ -24,7 +33,7 @@ pub fn summary(model: &Model) -> String {
         section(&mut text, "Run commands", command::run_commands(run));
         section(&mut text, "Bits of run commands", command::run_bits(run));
         let heading = "Unproven control actions, each off until `accept_unverified` names it";
-        section(&mut text, heading, command::unproven_actions(run));
+        section(&mut text, heading, command::unproven_actions(model, run));
     }
     section(&mut text, "Set-up, in this order", command::setup(model));
     section(&mut text, "Watchdog of the drive", command::watchdog(model));
@@ -46,7 +55,12 @@ mod tests {
     #[test]
     fn only_what_is_known_is_shown() {
         let text = summary(&check::model(MODEL).unwrap());
-        assert!(text.starts_with("acme-1: Acme One\n\nDocuments\n  IM  Interface manual\n\nLink\n"), "{text}");
+        assert!(
+            text.starts_with(
+                "acme-1: Acme One\n\nDocuments\n  IM  manual  this model  at best manual  Interface manual\n\nLink\n"
+            ),
+            "{text}"
+        );
         let absent =
             ["broadcast", "processing", "Barrier", "Quirks", "Run", "Unproven", "Set-up", "Status", "Meanings"];
         for absent in absent {

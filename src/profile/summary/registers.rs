@@ -43,10 +43,19 @@ fn register(register: &Register) -> Row {
         register.poll.map_or("-", |poll| word_for(&POLL_CLASSES, &poll)).to_owned(),
         memory.to_owned(),
         register.range.as_ref().map_or_else(|| "-".to_owned(), |range| range_text(range, register)),
-        register.confidence.word().to_owned(),
+        confidence(register),
         register.source.clone(),
         register.title.clone(),
     ]
+}
+
+/// How sure the row is, and what of it is not.
+fn confidence(register: &Register) -> String {
+    let word = register.confidence.word();
+    if register.not_stated.is_empty() {
+        return word.to_owned();
+    }
+    format!("{word}, but not {}", list(register.not_stated.iter().map(|part| part.word())))
 }
 
 fn range_text(range: &RangeInclusive<i32>, register: &Register) -> String {
@@ -95,8 +104,13 @@ pub(super) fn codes(rule: Option<&CodeRule>) -> Vec<Row> {
     match rule {
         None => Vec::new(),
         Some(CodeRule::Hexadecimal(origin)) => vec![row("a code is", "the address in hexadecimal", origin)],
-        Some(CodeRule::Groups { groups, separator, origin }) => {
-            let groups = list(groups.iter().map(|(name, byte)| format!("{name}{separator}n = 0x{byte:02X}00 + n")));
+        Some(CodeRule::Groups { groups, ends, separator, origin }) => {
+            let end = |name: &String| ends.iter().find(|(it, _)| it == name).map(|(_, end)| *end);
+            let group = |(name, byte): &(String, u8)| {
+                let end = end(name).map(|end| format!(" up to {name}{separator}{end:02}")).unwrap_or_default();
+                format!("{name}{separator}n = 0x{byte:02X}00 + n{end}")
+            };
+            let groups = list(groups.iter().map(group));
             vec![row("a code is", groups, origin)]
         }
     }

@@ -1,5 +1,6 @@
 //! The built-in models against what their documents say, typed a second time, and against every frame that is known.
 
+mod evidence;
 mod frames;
 mod frecon;
 mod n100plus;
@@ -8,6 +9,7 @@ mod teco;
 mod toshiba;
 
 use super::texts;
+use crate::domain::control::ControlAction;
 use crate::domain::link::{Framing, Interface, LinkSettings, Parity};
 use crate::domain::units::UnitOfMeasure;
 use crate::profile::catalog::Catalog;
@@ -186,14 +188,23 @@ fn the_models_are_these() {
 }
 
 #[test]
-fn no_order_to_stop_or_run_forward_rests_on_what_is_unproven() {
-    for id in CATALOG.ids() {
+fn what_stop_forward_and_setpoint_rest_on_is_proven_or_has_to_be_accepted() {
+    for (id, unproven) in [
+        ("frecon-fr500a", &[][..]),
+        ("hyundai-n100plus", &[]),
+        ("hyundai-n700", &[]),
+        ("teco-e510", &["stop"]),
+        ("teco-e510s", &["stop", "forward", "the run command's register"]),
+        ("toshiba-vf-as1", &["stop"]),
+        ("toshiba-vf-s15", &["stop"]),
+    ] {
         let model = model(id);
-        let run = model.run.as_ref().unwrap();
-        let of = |role| model.register_for(role).unwrap().confidence;
-        let all = [run.stop.confidence, run.forward.confidence, of(Role::RunCommand), of(Role::FrequencyCommand)];
-        assert!(all.into_iter().all(Confidence::is_proven), "{id}: {all:?}");
+        let found: Vec<_> = model.unproven_basics().iter().map(|basic| basic.what).collect();
+        assert_eq!(found, unproven, "{id}");
+        assert_eq!(model.may_be_ordered(&[]), unproven.is_empty(), "{id}");
+        assert!(model.may_be_ordered(&[ControlAction::Basic]), "{id}");
     }
+    assert_eq!(CATALOG.ids().count(), 7);
 }
 
 #[test]

@@ -6,6 +6,8 @@ use crate::profile::model::Access::{Read, ReadWrite, Write};
 use crate::profile::model::BitMeaning::{Reset, RunForward, RunReverse};
 use crate::profile::model::Confidence::{Default, Inferred, Manual, Sibling};
 use crate::profile::model::{Boundary, CodeRule, Quirks, RefusedWrite};
+use crate::profile::reader::document;
+use crate::profile::register::{extra_register, with_extra};
 
 fn n100plus() -> Arc<Model> {
     model("hyundai-n100plus")
@@ -138,7 +140,7 @@ fn times_and_limits_are_those_of_the_sheet() {
 fn run_commands_are_those_of_the_manual() {
     let model = n100plus();
     let [stop, forward, reverse] = [0, 1, 2].map(|word| Some((word, Manual)));
-    assert_eq!(run_words(&model), [stop, forward, reverse, None, Some((4, Inferred)), None]);
+    assert_eq!(run_words(&model), [stop, forward, reverse, None, Some((4, Manual)), None]);
     let run = model.run.as_ref().unwrap();
     assert_eq!(run.reset_sequence, [0, 4, 0]);
     assert_eq!(run.never.iter().map(|fact| fact.value).collect::<Vec<_>>(), [3]);
@@ -162,4 +164,39 @@ fn trips_sources_and_codes_are_those_of_the_manual() {
     let rule = model.codes.as_ref().unwrap();
     assert_eq!((rule.address("A60"), rule.address("H01"), rule.address("D01")), (Some(0x033C), Some(0x0701), None));
     assert!(matches!(rule, CodeRule::Groups { origin, .. } if origin.confidence == Manual));
+    assert_eq!((rule.address("d13"), rule.address("d14"), rule.address("d17")), (Some(0x010D), None, None));
+}
+
+/// What a configuration adds to the model with these lines, and what is wrong with them.
+fn extended(lines: &str) -> (Model, Vec<String>) {
+    let mut problems = Vec::new();
+    let document = document(lines, &mut problems).unwrap();
+    let extra = vec![extra_register(document.section(), &mut problems)];
+    let model = with_extra(&n100plus(), &extra, &mut problems);
+    (model, problems.into_iter().map(|problem| format!("{}: {}", problem.key, problem.what)).collect())
+}
+
+#[test]
+fn a_register_may_be_named_like_its_own_code() {
+    let a60 = |more: &str| format!("title = 'A60'\nunit = '-'\naccess = 'read'\n{more}\n");
+    for lines in ["name = 'a60'\ncode = 'A60'\naddress = 0x033C", "name = 'a60'\naddress = 0x033C"] {
+        let (model, problems) = extended(&a60(lines));
+        assert_eq!(problems, [""; 0], "{lines}");
+        for name in ["a60", "A60"] {
+            let found = model.register_named(name).map(|register| register.address);
+            assert_eq!(found, Some(0x033C), "{lines}: {name}");
+        }
+    }
+    let (_, problems) = extended(&a60("name = 'a60'\ncode = 'A60'\naddress = 0x0303"));
+    assert!(problems.iter().any(|it| it.contains("`A60` is 0x033C by `codes`")), "{problems:?}");
+    let (_, problems) = extended(&a60("name = 'd01'\naddress = 0x033C"));
+    assert_eq!(problems, ["name: the name `d01` is taken by `output_frequency` of the model"]);
+}
+
+#[test]
+fn behind_d13_a_code_may_be_at_any_address() {
+    let (model, problems) =
+        extended("name = 'trips'\ncode = 'd17'\ntitle = 'x'\nunit = '-'\naccess = 'read'\naddress = 0x0120");
+    assert_eq!(problems, [""; 0]);
+    assert_eq!(model.register_named("d17").map(|register| register.address), Some(0x0120));
 }

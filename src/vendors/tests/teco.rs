@@ -17,39 +17,39 @@ fn e510s() -> Arc<Model> {
 
 #[rustfmt::skip]
 const E510: [Row; 38] = [
-    (0x0002, Some("00-02"),   1, Plain,    ReadWrite, SecondSource), // run source
-    (0x0005, Some("00-05"),   1, Plain,    ReadWrite, SecondSource), // frequency source
+    (0x0002, Some("00-02"),   1, Plain,    ReadWrite, ThirdParty), // run source
+    (0x0005, Some("00-05"),   1, Plain,    ReadWrite, ThirdParty), // frequency source
     (0x0008, Some("00-08"), 100, Hertz,    ReadWrite, Sibling),      // communication frequency
-    (0x000C, Some("00-12"),   1, Plain,    ReadWrite, SecondSource), // upper limit, scale in conflict
-    (0x000D, Some("00-13"),   1, Plain,    ReadWrite, SecondSource), // lower limit, scale in conflict
-    (0x000E, Some("00-14"),  10, Second,   ReadWrite, SecondSource), // acceleration time
-    (0x000F, Some("00-15"),  10, Second,   ReadWrite, SecondSource), // deceleration time
-    (0x0201, Some("02-01"),  10, Ampere,   ReadWrite, SecondSource), // motor: current
-    (0x0203, Some("02-03"),   1, Rpm,      ReadWrite, SecondSource), // speed
-    (0x0204, Some("02-04"),  10, Volt,     ReadWrite, SecondSource), // voltage
-    (0x0205, Some("02-05"),  10, Kilowatt, ReadWrite, SecondSource), // power
-    (0x0206, Some("02-06"),  10, Hertz,    ReadWrite, SecondSource), // frequency
-    (0x0207, Some("02-07"),   1, Plain,    ReadWrite, SecondSource), // poles
-    (0x0900, Some("09-00"),   1, Plain,    ReadWrite, SecondSource), // station
-    (0x0901, Some("09-01"),   1, Plain,    ReadWrite, SecondSource), // mode
+    (0x000C, Some("00-12"),   1, Plain,    ReadWrite, ThirdParty), // upper limit, scale in conflict
+    (0x000D, Some("00-13"),   1, Plain,    ReadWrite, ThirdParty), // lower limit, scale in conflict
+    (0x000E, Some("00-14"),  10, Second,   ReadWrite, ThirdParty), // acceleration time
+    (0x000F, Some("00-15"),  10, Second,   ReadWrite, ThirdParty), // deceleration time
+    (0x0201, Some("02-01"),  10, Ampere,   ReadWrite, ThirdParty), // motor: current
+    (0x0203, Some("02-03"),   1, Rpm,      ReadWrite, ThirdParty), // speed
+    (0x0204, Some("02-04"),  10, Volt,     ReadWrite, ThirdParty), // voltage
+    (0x0205, Some("02-05"),  10, Kilowatt, ReadWrite, ThirdParty), // power
+    (0x0206, Some("02-06"),  10, Hertz,    ReadWrite, ThirdParty), // frequency
+    (0x0207, Some("02-07"),   1, Plain,    ReadWrite, ThirdParty), // poles
+    (0x0900, Some("09-00"),   1, Plain,    ReadWrite, ThirdParty), // station
+    (0x0901, Some("09-01"),   1, Plain,    ReadWrite, ThirdParty), // mode
     (0x0902, Some("09-02"),   1, Plain,    ReadWrite, Sibling),      // speed, two codes of the L510
-    (0x0903, Some("09-03"),   1, Plain,    ReadWrite, SecondSource), // stop bits
+    (0x0903, Some("09-03"),   1, Plain,    ReadWrite, ThirdParty), // stop bits
     (0x0904, Some("09-04"),   1, Plain,    ReadWrite, Sibling),      // parity, codes of the L510
-    (0x0905, Some("09-05"),   1, Plain,    ReadWrite, SecondSource), // data bits
-    (0x0906, Some("09-06"),  10, Second,   ReadWrite, SecondSource), // loss detection time
-    (0x0907, Some("09-07"),   1, Plain,    ReadWrite, SecondSource), // loss reaction
-    (0x0D00, Some("13-00"),   1, Plain,    Read,      SecondSource), // model
-    (0x0D01, Some("13-01"),   1, Plain,    Read,      SecondSource), // software version
+    (0x0905, Some("09-05"),   1, Plain,    ReadWrite, ThirdParty), // data bits
+    (0x0906, Some("09-06"),  10, Second,   ReadWrite, ThirdParty), // loss detection time
+    (0x0907, Some("09-07"),   1, Plain,    ReadWrite, ThirdParty), // loss reaction
+    (0x0D00, Some("13-00"),   1, Plain,    Read,      ThirdParty), // model
+    (0x0D01, Some("13-01"),   1, Plain,    Read,      ThirdParty), // software version
     (0x2501, None,            1, Plain,    Write,     SecondSource), // operation command
     (0x2502, None,          100, Hertz,    Write,     SecondSource), // frequency command
-    (0x2520, None,            1, Plain,    Read,      SecondSource), // state
+    (0x2520, None,            1, Plain,    Read,      ThirdParty), // state
     (0x2521, None,            1, Plain,    Read,      Sibling),      // fault code
     (0x2522, None,            1, Plain,    Read,      Sibling),      // terminals
     (0x2523, None,          100, Hertz,    Read,      SecondSource), // frequency command
-    (0x2524, None,          100, Hertz,    Read,      SecondSource), // output frequency
-    (0x2525, None,           10, Volt,     Read,      SecondSource), // output voltage
-    (0x2526, None,            1, Volt,     Read,      SecondSource), // DC bus
-    (0x2527, None,           10, Ampere,   Read,      SecondSource), // output current
+    (0x2524, None,          100, Hertz,    Read,      ThirdParty), // output frequency
+    (0x2525, None,           10, Volt,     Read,      ThirdParty), // output voltage
+    (0x2526, None,            1, Volt,     Read,      ThirdParty), // DC bus
+    (0x2527, None,           10, Ampere,   Read,      ThirdParty), // output current
     (0x2528, None,            1, Plain,    Read,      ThirdParty),   // in conflict
     (0x2529, None,            1, Plain,    Read,      ThirdParty),   // in conflict
     (0x2531, None,           10, Celsius,  Read,      Sibling),      // heatsink
@@ -76,7 +76,7 @@ const E510S: [Row; 28] = [
     (0x0909, Some("09-09"), 1000, Second, ReadWrite, Inferred), // reply waiting time, in ms
     (0x090A, Some("09-10"),   1, Plain,  ReadWrite, Inferred), // BACnet instance
     (0x0C10, Some("12-16"), 100, Hertz,  Read,      SecondSource),
-    (0x2501, None,            1, Plain,  Write,     SecondSource),
+    (0x2501, None,            1, Plain,  Write,     Sibling),
     (0x2502, None,          100, Hertz,  Write,     SecondSource),
     (0x2520, None,            1, Plain,  Read,      Inferred),
     (0x2521, None,            1, Plain,  Read,      Inferred),
@@ -151,7 +151,7 @@ fn registers_have_their_uses() {
 fn the_link_is_that_of_the_sheet() {
     let (e510, e510s) = (e510(), e510s());
     let factory = LinkSettings { baud: 19_200, ..LinkSettings::DEFAULT };
-    assert_eq!(parts(&e510.link.default), (factory, SecondSource));
+    assert_eq!(parts(&e510.link.default), (factory, ThirdParty));
     assert_eq!(parts(&e510s.link.default), (factory, Sibling));
     for (model, codes) in [(&e510, Sibling), (&e510s, SecondSource)] {
         let link = &model.link;
@@ -227,14 +227,14 @@ fn what_they_do_differently_is_named() {
 
 #[test]
 fn run_commands_are_those_of_the_sheet() {
-    for model in [e510(), e510s()] {
-        let [stop, forward, reverse] = [0, 1, 3].map(|word| Some((word, SecondSource)));
+    for (model, others, shown) in [(e510(), ThirdParty, SecondSource), (e510s(), Sibling, Sibling)] {
+        let [stop, forward, reverse] = [(0, others), (1, shown), (3, others)].map(Some);
         assert_eq!(run_words(&model), [stop, forward, reverse, None, Some((8, Sibling)), None]);
         let run = model.run.as_ref().unwrap();
         assert_eq!((&run.reset_sequence[..], &run.never[..]), (&[0, 8, 0][..], &[][..]));
         let RunForm::Bits { bits, priority } = &run.form else { panic!("bits") };
         let first: Vec<_> = bits.iter().take(4).map(|bit| (bit.bit.value, bit.meaning, bit.bit.confidence)).collect();
-        let expected = [(0, Run, SecondSource), (1, Reverse, SecondSource), (2, Trip, Sibling), (3, Reset, Sibling)];
+        let expected = [(0, Run, others), (1, Reverse, others), (2, Trip, Sibling), (3, Reset, Sibling)];
         assert_eq!(first, expected);
         let others: Vec<_> = bits.iter().skip(4).map(|bit| (bit.bit.value, bit.meaning)).collect();
         assert_eq!(others, (6..=15).map(|bit| (bit, Other)).collect::<Vec<_>>());
@@ -244,7 +244,7 @@ fn run_commands_are_those_of_the_sheet() {
 
 #[test]
 fn the_state_word_is_that_of_the_sheet() {
-    for (model, sure) in [(e510(), SecondSource), (e510s(), Inferred)] {
+    for (model, sure) in [(e510(), ThirdParty), (e510s(), Inferred)] {
         let flag = |flag, bit: u16| (flag, 0x2520, 1 << bit, vec![1 << bit], sure);
         let flags = [flag(Flag::Running, 0), flag(Flag::Reverse, 1), flag(Flag::Ready, 2), flag(Flag::Tripped, 3)];
         assert_eq!(status(&model), flags);
@@ -266,9 +266,10 @@ fn trips_are_those_of_a_sibling() {
 
 #[test]
 fn the_drive_has_a_watchdog_and_two_sources() {
-    for (model, sure) in [(e510(), SecondSource), (e510s(), Sibling)] {
+    for (model, off, sure) in [(e510(), SecondSource, ThirdParty), (e510s(), Sibling, Sibling)] {
         let watchdog = model.watchdog.as_ref().unwrap();
-        assert_eq!((watchdog.time, parts(&watchdog.off), watchdog.action), (0x0906, (0, sure), Some(0x0907)));
+        assert_eq!((watchdog.time, parts(&watchdog.off), watchdog.action), (0x0906, (0, off), Some(0x0907)));
+        assert!(!model.watchdog_is_proven(), "where 09-06 is on the line, a program alone shows");
         assert_eq!(setup(&model), [("00-05", Some(0x0005), &[5][..], sure), ("00-02", Some(0x0002), &[2][..], sure)]);
     }
 }

@@ -1,0 +1,67 @@
+//! `[documents]`: what the facts cite.
+
+use super::facts::filled_with;
+use crate::profile::model::{Confidence, Document, DocumentKind};
+use crate::profile::reader::{Entry, Given, Needed, Reader};
+use crate::profile::values::Kind;
+use crate::profile::words::DOCUMENT_KINDS;
+
+/// The documents of a file, each under its short name.
+pub(in crate::profile) struct DocumentsFile(Vec<(String, Option<Document>)>);
+
+impl DocumentsFile {
+    /// Reads `[documents]`: under each short name a title alone, which is that of a manual of this very model, or a table
+    /// that says more.
+    pub(super) fn read(mut reader: Reader<'_, '_>) -> Self {
+        let mut documents = Vec::new();
+        for (name, entry) in reader.entries(&Kind::text()) {
+            let document = match entry {
+                Entry::Value(title) => {
+                    let (title, kind) = (title.value, DocumentKind::Manual);
+                    Some(Document { name: name.clone(), title, kind, of: Vec::new() })
+                }
+                Entry::Table(section) => document(&name, reader.open(section)),
+            };
+            documents.push((name, document));
+        }
+        Self(documents)
+    }
+
+    /// The document called `name`: nothing where there is none, nothing inside where it cannot be used.
+    pub(super) fn find(&self, name: &str) -> Option<Option<&Document>> {
+        self.0.iter().find(|(it, _)| it == name).map(|(_, document)| document.as_ref())
+    }
+
+    pub(super) fn names(&self) -> impl Iterator<Item = &str> {
+        self.0.iter().map(|(name, _)| name.as_str())
+    }
+
+    /// Nothing where any of them cannot be used.
+    pub(super) fn ready(&self) -> Option<Vec<Document>> {
+        self.0.iter().map(|(_, document)| document.clone()).collect()
+    }
+}
+
+fn document(name: &str, mut reader: Reader<'_, '_>) -> Option<Document> {
+    let title = reader.required("title", &Kind::text());
+    let kind: Needed<DocumentKind> = reader.required("kind", &Kind::one_of(&DOCUMENT_KINDS));
+    let of = match reader.list("of", &Kind::text()) {
+        Given::Usable(of) => filled_with(of, &Kind::text(), reader.problems()).map_or(Given::Unusable, Given::Usable),
+        other => other,
+    };
+    reader.finish();
+    let of = of.optional()?.unwrap_or_default().into_iter().map(|it| it.value).collect();
+    Some(Document { name: name.to_owned(), title: title?.value, kind: kind?.value, of })
+}
+
+/// Why a fact of the model called `id` that `document` states is no surer than the second: the words say what it is.
+pub(super) fn at_best(document: &Document, id: &str) -> (String, Confidence) {
+    let article = match document.kind {
+        DocumentKind::Addendum => "an",
+        _ => "a",
+    };
+    let kind = format!("{article} {}", document.kind.word());
+    let best = document.best(id);
+    let of = if document.is_of(id) { "this model".to_owned() } else { document.of.join(", ") };
+    (format!("`{}` is {kind} of {of}", document.name), best)
+}

@@ -1,0 +1,108 @@
+//! The documents that a model's facts cite, and how sure a fact may be that one of them states.
+
+use super::Confidence;
+
+/// A document that facts cite.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Document {
+    /// Its short name, with which sources begin.
+    pub name: String,
+    /// Its full title.
+    pub title: String,
+    /// What it is.
+    pub kind: DocumentKind,
+    /// The models that it is about, by identifier or by name. Empty: this very model.
+    pub of: Vec<String>,
+}
+
+/// What a document is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum DocumentKind {
+    /// A manual of the vendor.
+    Manual,
+    /// A vendor's addition to a manual.
+    Addendum,
+    /// The manual of a firm that sells the same drive under another name.
+    DistributorManual,
+    /// A program that talks to the drive.
+    Program,
+    /// A list of registers that somebody else has made.
+    RegisterMap,
+    /// What was noted at one site.
+    SiteNote,
+    /// The settings with which drives were put into service at one site.
+    CommissioningSheet,
+    /// What was said in public.
+    Forum,
+}
+
+impl DocumentKind {
+    /// The word as it stands in model files.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Manual => "manual",
+            Self::Addendum => "addendum",
+            Self::DistributorManual => "distributor-manual",
+            Self::Program => "program",
+            Self::RegisterMap => "register-map",
+            Self::SiteNote => "site-note",
+            Self::CommissioningSheet => "commissioning-sheet",
+            Self::Forum => "forum",
+        }
+    }
+}
+
+impl Document {
+    /// Whether it is about the model called `id`.
+    #[must_use]
+    pub fn is_of(&self, id: &str) -> bool {
+        self.of.is_empty() || self.of.iter().any(|of| of == id)
+    }
+
+    /// The best that a fact of the model called `id` may be for being stated here.
+    #[must_use]
+    pub fn best(&self, id: &str) -> Confidence {
+        if !self.is_of(id) {
+            return Confidence::Sibling;
+        }
+        match self.kind {
+            DocumentKind::Manual | DocumentKind::Addendum => Confidence::Manual,
+            DocumentKind::DistributorManual => Confidence::SecondSource,
+            DocumentKind::Program
+            | DocumentKind::RegisterMap
+            | DocumentKind::SiteNote
+            | DocumentKind::CommissioningSheet
+            | DocumentKind::Forum => Confidence::ThirdParty,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_manual_of_the_model_proves_anything() {
+        let document = |kind, of: &[&str]| Document {
+            name: "X".to_owned(),
+            title: "X".to_owned(),
+            kind,
+            of: of.iter().map(|it| (*it).to_owned()).collect(),
+        };
+        for (kind, best) in [
+            (DocumentKind::Manual, Confidence::Manual),
+            (DocumentKind::Addendum, Confidence::Manual),
+            (DocumentKind::DistributorManual, Confidence::SecondSource),
+            (DocumentKind::Program, Confidence::ThirdParty),
+            (DocumentKind::RegisterMap, Confidence::ThirdParty),
+            (DocumentKind::SiteNote, Confidence::ThirdParty),
+            (DocumentKind::CommissioningSheet, Confidence::ThirdParty),
+            (DocumentKind::Forum, Confidence::ThirdParty),
+        ] {
+            assert_eq!(document(kind, &["acme-1", "acme-2"]).best("acme-1"), best);
+            assert_eq!(document(kind, &[]).best("acme-1"), best, "it is of this very model where nothing is said");
+            assert_eq!(document(kind, &["acme-2"]).best("acme-1"), Confidence::Sibling);
+        }
+    }
+}
