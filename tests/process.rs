@@ -59,6 +59,7 @@
 //! | `node_red` | the flow of `deploy/node-red`, in Node-RED as it stands, shows a drive and moves it |
 //! | `fleet` | many gateways on one broker, a user each: what it acknowledges arrives, over bridges and lost nodes too |
 //! | `fleet_commands` | the gateway of the fleet's guide is commanded over a bridge and at a cluster, and never late |
+//! | `embedded` | the embedded broker serves mosquitto's tools and paho-mqtt |
 //! | `trying` | the demo does what it prints |
 //! | `pictures` | the pictures of the page for the documents, on demand |
 //!
@@ -112,6 +113,8 @@ mod demo;
 mod doctoring;
 #[path = "process/documents.rs"]
 mod documents;
+#[path = "process/embedded.rs"]
+mod embedded;
 #[path = "process/enabling.rs"]
 mod enabling;
 #[path = "process/encrypted.rs"]

@@ -12,6 +12,7 @@
 //! | `--what audit` | 1,000,000 attempts to write, each accounted for once |
 //! | `--what stale` | 1,000,000 stale, retained, doubled and reordered commands, none executed |
 //! | `--what holders` | 1,024 lease holders vanish, all of a line at once |
+//! | `--extras LIST` | what goes wrong beside the line: `on`, `all`, `none`, or names from `tests/simulation/extras.rs` |
 //! | `--exchanges N` | another number |
 //! | `--seed S` | the first seed, 1 |
 //! | `--shards K` | threads, one for each processor |
@@ -31,8 +32,9 @@
 mod simulation;
 
 use simulation::bursts::BurstTally;
+use simulation::extras::Extras;
+use simulation::tally::Tally;
 use simulation::trouble::Trouble;
-use simulation::world::Tally;
 use simulation::{WORLD, audit, bursts, holders, kills, stale, trials};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -41,6 +43,7 @@ use std::time::{Duration, Instant};
 /// What is run, and how far.
 struct Job {
     what: String,
+    extras: Extras,
     wanted: u64,
     seed: AtomicU64,
     done: AtomicU64,
@@ -103,7 +106,7 @@ impl Job {
                 return Ok(count);
             }
             _ => {
-                let (tally, _) = simulation::run(seed, WORLD.min(left))?;
+                let (tally, _) = simulation::run(seed, WORLD.min(left), self.extras)?;
                 (tally, tally.exchanges)
             }
         };
@@ -129,6 +132,7 @@ fn main() {
     };
     let shards =
         number("--shards").unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |it| it.get() as u64));
+    let extras = text("--extras").map_or_else(Extras::on, |text| Extras::named(&text).expect("names of extras"));
     let begun = Instant::now();
     let job = Job {
         wanted: number("--exchanges").unwrap_or(wanted),
@@ -141,6 +145,7 @@ fn main() {
         bursts: Mutex::new(BurstTally::default()),
         failures: Mutex::new(Vec::new()),
         what,
+        extras,
     };
     std::thread::scope(|scope| {
         let workers: Vec<_> = (0..shards).map(|_| scope.spawn(|| job.work())).collect();
@@ -222,6 +227,12 @@ fn report(job: &Job, wall: Duration) {
         ("MQTT results", tally.checked.results),
         ("clients gone", tally.clients_gone),
         ("kills", tally.kills),
+        ("run states checked", tally.checked.states),
+        ("acts of others", tally.others),
+        ("stalls of the way to the broker", tally.broker_stalls),
+        ("stalls of connections", tally.client_stalls),
+        ("standstills of the process", tally.standstills),
+        ("steps of clocks", tally.clock_steps),
         ("late replies", tally.late),
         ("lost replies", tally.lost),
         ("collisions", tally.collisions),

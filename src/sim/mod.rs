@@ -38,7 +38,7 @@ pub mod trip;
 pub use bus::{BusOptions, Pacing, SimBus};
 pub use drive::SimDrive;
 pub use fault::FaultPlan;
-pub use options::{BadRequest, DriveOptions};
+pub use options::{BadRequest, DriveOptions, RefusedStops};
 pub use outbox::Delivery;
 pub use report::{BusReport, DriveReport};
 

@@ -17,6 +17,18 @@ pub enum BadRequest {
     Exception,
 }
 
+/// Which stops a drive does not take, as one that lacks the function or the register.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RefusedStops {
+    /// None.
+    #[default]
+    None,
+    /// Those by function 06.
+    Single,
+    /// Those by any function.
+    All,
+}
+
 /// What a model does not say of its drives.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DriveOptions {
@@ -46,6 +58,8 @@ pub struct DriveOptions {
     pub panel_frequency_hz: Option<u16>,
     /// A trip still holds when the power comes back.
     pub trip_outlasts_power: bool,
+    /// Stops that it does not take.
+    pub refused_stops: RefusedStops,
     /// Addresses that can be read on top of the model's registers and whose every word is the low half of
     /// the exchange number, see [`super::SimBus::exchange`]. They hide registers of the model.
     pub proof_words: Option<RangeInclusive<u16>>,
@@ -68,6 +82,7 @@ impl Default for DriveOptions {
             panel_runs: None,
             panel_frequency_hz: None,
             trip_outlasts_power: false,
+            refused_stops: RefusedStops::None,
             proof_words: None,
         }
     }

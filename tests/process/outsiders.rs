@@ -154,6 +154,14 @@ pub fn paho(port: u16, version: &str, topic: &str, payload: &str, retain: bool) 
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
+/// What came in a round of all that paho-mqtt asks of the broker at `port` with MQTT `version` 4 (3.1.1) or 5; see
+/// `round.py`.
+pub fn paho_round(port: u16, version: &str) -> serde_json::Value {
+    let output = run(Command::new(python()).arg(script("round.py")).args([&port.to_string(), version]));
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
 /// A drive played by pymodbus at `station` on `port`; see `drive.py`.
 pub fn pymodbus_drive(port: &Path, station: u8) -> Started {
     let mut command = Command::new(python());

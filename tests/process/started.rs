@@ -179,6 +179,11 @@ impl Started {
         writeln!(input, "{text}").unwrap();
     }
 
+    /// Its input ends.
+    pub fn end_of_input(&mut self) {
+        self.input = None;
+    }
+
     /// The number of the process.
     pub fn id(&self) -> u32 {
         self.child.id()

@@ -18,6 +18,9 @@ pub struct Client {
     pub asker: AskerId,
     pub origin: Origin,
     transaction: u16,
+    /// The connection stalls until then, and what is sent waits.
+    pub stalled_until: Option<MonoTime>,
+    pub waiting: Vec<u8>,
     /// The rest of a message that was begun.
     rest: Vec<u8>,
     /// The setpoint and the direction that it writes again and again.
@@ -36,6 +39,8 @@ impl Client {
             asker: AskerId(asker),
             origin: Origin { owner: Owner::ModbusTcp(address), rights, manner: Manner::Cyclic },
             transaction: 0,
+            stalled_until: None,
+            waiting: Vec::new(),
             rest: Vec::new(),
             habit: (3_000, 1),
         }

@@ -1,6 +1,7 @@
 //! The MQTT side: the real session, a small broker, and commanders behind it.
 
 use super::checker::messages::Inbound;
+use super::extras::Extra;
 use super::world::World;
 use std::time::Duration;
 use vfd_gateway::domain::command::{CommandAnswer, Owner};
@@ -21,28 +22,35 @@ const LOOK_EVERY: Duration = Duration::from_secs(2);
 
 /// Something on its way to the session.
 #[derive(Debug)]
-enum Coming {
+pub(super) enum Coming {
     Connected,
     Granted(usize),
     Acknowledged(u64),
-    Message { topic: String, payload: String, retain: bool, duplicate: bool },
+    Message { topic: String, payload: String, retain: bool, duplicate: bool, issued: MonoTime },
 }
 
 /// The session with its broker.
 pub struct MqttSide {
-    session: Session,
+    pub(super) session: Session,
     pub wake_at: MonoTime,
-    coming: Vec<(MonoTime, Coming)>,
-    is_connected: bool,
+    pub(super) coming: Vec<(MonoTime, Coming)>,
+    pub(super) is_connected: bool,
     /// The broker delivers what is published.
     is_subscribed: bool,
-    message_at: MonoTime,
+    pub message_at: MonoTime,
     outage_at: MonoTime,
     lines: Vec<LineState>,
     last_id: u64,
     /// The last command with an id, and epochs as they were shown.
-    last: Option<(String, String)>,
+    last: Option<(String, String, MonoTime)>,
     epochs: Vec<u64>,
+    /// The way stalls: what comes, and what goes, is held until then.
+    pub(super) stall_at: MonoTime,
+    pub(super) held: (MonoTime, MonoTime),
+    /// How far the gateway's wall clock is ahead, when that changes next, and how far that of the commanders is, in ms.
+    pub(super) ahead: i64,
+    pub(super) clock_at: MonoTime,
+    pub(super) commanders_ahead: i64,
 }
 
 impl MqttSide {
@@ -64,7 +72,9 @@ impl MqttSide {
             home_assistant: None,
         };
         let name = Name::new("line").expect("a name");
-        let session = Session::new(settings, world.descriptions.clone(), vec![name], moment(world.now));
+        let session = Session::new(settings, world.descriptions.clone(), vec![name], moment(world.now, 0));
+        let from = world.now + Duration::from_secs(8);
+        let first = |extra| if world.plan.extras.has(extra) { from } else { MonoTime::NEVER };
         Self {
             session,
             wake_at: world.now,
@@ -77,16 +87,22 @@ impl MqttSide {
             last_id: 0,
             last: None,
             epochs: vec![0; world.descriptions.len()],
+            stall_at: first(Extra::BrokerStalls),
+            held: (MonoTime::ZERO, MonoTime::ZERO),
+            ahead: 0,
+            clock_at: first(Extra::Clocks),
+            commanders_ahead: 0,
         }
     }
 
     fn put(&mut self, at: MonoTime, coming: Coming) {
+        let at = at.max(self.held.0);
         let place = self.coming.partition_point(|(other, _)| *other <= at);
         self.coming.insert(place, (at, coming));
     }
 
     fn lose(&mut self, now: MonoTime, back_in: Duration) {
-        self.session.handle(moment(now), Event::Lost);
+        self.session.handle(moment(now, self.ahead), Event::Lost);
         (self.is_connected, self.is_subscribed) = (false, false);
         self.coming.clear();
         self.put(now + back_in, Coming::Connected);
@@ -97,8 +113,8 @@ const fn wall_ms(now: MonoTime) -> i64 {
     WALL_MS + (now.as_nanos() / 1_000_000) as i64
 }
 
-const fn moment(now: MonoTime) -> Moment {
-    Moment { mono: now, wall: WallTime { unix_ms: wall_ms(now) } }
+pub(super) const fn moment(now: MonoTime, ahead: i64) -> Moment {
+    Moment { mono: now, wall: WallTime { unix_ms: wall_ms(now) + ahead } }
 }
 
 impl World {
@@ -107,11 +123,12 @@ impl World {
         let Some(mut side) = self.mqtt.take() else { return };
         if side.wake_at <= self.now {
             self.broker_turn(&mut side);
-            side.session.tick(moment(self.now));
+            side.session.tick(moment(self.now, side.ahead));
             self.pump(&mut side);
             let session = side.session.next_wake().unwrap_or(MonoTime::NEVER);
             let coming = side.coming.first().map_or(MonoTime::NEVER, |(at, _)| *at);
-            let own = side.message_at.min(side.outage_at).min(self.now + LOOK_EVERY);
+            let own =
+                side.message_at.min(side.outage_at).min(side.stall_at).min(side.clock_at).min(self.now + LOOK_EVERY);
             side.wake_at = session.min(coming).min(own).max(self.now + Duration::from_micros(10));
         }
         self.mqtt = Some(side);
@@ -131,7 +148,8 @@ impl World {
     pub fn deliver(&mut self, input: &str, payload: &str, retain: bool, duplicate: bool) {
         let Some(mut side) = self.mqtt.take() else { return };
         let topic = format!("vfd/plant/drive/d0/{input}");
-        self.comes(&mut side, Coming::Message { topic, payload: payload.to_owned(), retain, duplicate });
+        let issued = self.now;
+        self.comes(&mut side, Coming::Message { topic, payload: payload.to_owned(), retain, duplicate, issued });
         side.wake_at = self.now;
         self.mqtt = Some(side);
     }
@@ -144,6 +162,16 @@ impl World {
             let back_in = self.about(Duration::from_secs(6));
             side.lose(self.now, back_in);
         }
+        self.spoil_the_way(side);
+        self.command(side);
+        while side.coming.first().is_some_and(|(at, _)| *at <= self.now) {
+            let (_, coming) = side.coming.remove(0);
+            self.comes(side, coming);
+        }
+    }
+
+    /// Commanders behind the broker do what is due.
+    fn command(&mut self, side: &mut MqttSide) {
         if side.message_at <= self.now {
             side.message_at = self.now + self.about(self.plan.ask_every * 3);
             if self.may_write && side.is_subscribed {
@@ -151,14 +179,17 @@ impl World {
                 side.put(self.now, message);
             }
         }
-        while side.coming.first().is_some_and(|(at, _)| *at <= self.now) {
-            let (_, coming) = side.coming.remove(0);
-            self.comes(side, coming);
-        }
+    }
+
+    /// The same while the gateway stands still.
+    pub fn commanders_act(&mut self) {
+        let Some(mut side) = self.mqtt.take() else { return };
+        self.command(&mut side);
+        self.mqtt = Some(side);
     }
 
     fn comes(&mut self, side: &mut MqttSide, coming: Coming) {
-        let at = moment(self.now);
+        let at = moment(self.now, side.ahead);
         match coming {
             Coming::Connected => {
                 side.is_connected = true;
@@ -171,10 +202,10 @@ impl World {
                 side.session.handle(at, Event::Subscribed(vec![true; filters]));
             }
             Coming::Acknowledged(token) => side.session.handle(at, Event::Acknowledged(token)),
-            Coming::Message { topic, payload, retain, duplicate } => {
+            Coming::Message { topic, payload, retain, duplicate, issued } => {
                 self.tally.messages += 1;
-                let wall_ms = wall_ms(self.now).unsigned_abs();
-                let inbound = Inbound { topic: &topic, payload: &payload, retain, duplicate, wall_ms };
+                let (wall_ms, issued) = ((wall_ms(self.now) + side.ahead).unsigned_abs(), issued.as_nanos());
+                let inbound = Inbound { topic: &topic, payload: &payload, retain, duplicate, wall_ms, issued };
                 self.checker.message(self.now.as_nanos(), inbound);
                 let payload = payload.as_bytes();
                 let message = Message {
@@ -209,26 +240,38 @@ impl World {
             10 => ("vfd/plant/all/run/set".to_owned(), "stop".to_owned()),
             11 => ("home/status".to_owned(), ["online", "offline"][rng.usize(0..2)].to_owned()),
             12 => (to("param/D001/get"), String::new()),
-            13 if side.last.is_some() => side.last.clone().unwrap_or_default(),
+            13 if let Some((topic, payload, issued)) = side.last.clone() => {
+                // A replay that names no moment is known by its id alone, if the first one ever came.
+                let issued = if payload.contains("issued_at") { issued } else { self.now };
+                return Coming::Message { topic, payload, retain, duplicate, issued };
+            }
             _ => {
                 side.last_id += 1;
                 let mut payload = format!("{{\"id\":\"o{}\",\"run\":\"{}\"", side.last_id, word.trim());
+                let wall = wall_ms(self.now) + side.commanders_ahead;
+                if self.plan.extras.has(Extra::Clocks) && rng.u8(0..3) == 0 {
+                    // Known by its moment alone.
+                    payload = format!("{{\"issued_at\":{wall},\"run\":\"{}\"}}", word.trim());
+                    side.last = Some((to("command"), payload.clone(), self.now));
+                    let topic = to("command");
+                    return Coming::Message { topic, payload, retain: false, duplicate: false, issued: self.now };
+                }
                 if rng.u8(0..4) > 0 {
                     payload += &format!(",\"frequency_hz\":{frequency}");
                 }
                 match rng.u8(0..5) {
                     0 => payload += &format!(",\"ttl_ms\":{}", rng.u16(50..3_000)),
-                    1 => payload += &format!(",\"issued_at\":{}", wall_ms(self.now) - rng.i64(0..3_000)),
+                    1 => payload += &format!(",\"issued_at\":{}", wall - rng.i64(0..3_000)),
                     // Now and then with an epoch that was shown a while ago.
                     2 | 3 => payload += &format!(",\"epoch\":{}", side.epochs[drive]),
                     _ => {}
                 }
                 payload += "}";
-                side.last = Some((to("command"), payload.clone()));
+                side.last = Some((to("command"), payload.clone(), self.now));
                 (to("command"), payload)
             }
         };
-        Coming::Message { topic, payload, retain, duplicate }
+        Coming::Message { topic, payload, retain, duplicate, issued: self.now }
     }
 
     /// Everything that the session wants done.
@@ -244,7 +287,7 @@ impl World {
         if !side.is_connected {
             return;
         }
-        while let Some(act) = side.session.next_act(moment(self.now), &self.views, &side.lines) {
+        while let Some(act) = side.session.next_act(moment(self.now, side.ahead), &self.views, &side.lines) {
             match act {
                 Act::Subscribe(filters) => {
                     side.put(self.now + Duration::from_millis(3), Coming::Granted(filters.len()))
@@ -259,12 +302,13 @@ impl World {
     fn publish(&mut self, side: &mut MqttSide, it: Publication) {
         let payload = String::from_utf8(it.payload).unwrap_or_default();
         self.checker.published(self.now.as_nanos(), &it.topic, &payload);
-        let back_at = self.now + Duration::from_millis(self.rng.u64(1..40));
+        let back_at = self.now.max(side.held.1) + Duration::from_millis(self.rng.u64(1..40));
         if let Some(token) = it.token {
             side.put(back_at, Coming::Acknowledged(token));
         }
         if it.topic.ends_with("/probe") && side.is_subscribed {
-            side.put(back_at, Coming::Message { topic: it.topic, payload, retain: false, duplicate: false });
+            let issued = self.now;
+            side.put(back_at, Coming::Message { topic: it.topic, payload, retain: false, duplicate: false, issued });
         } else if it.topic.ends_with("/state")
             && let Some(drive) = it.topic.bytes().rev().nth(6).map(|digit| usize::from(digit - b'0'))
             && let Some((_, rest)) = payload.split_once("\"epoch\":")
@@ -299,7 +343,7 @@ impl World {
         let (now, Some(side)) = (self.now, self.mqtt.as_mut().filter(|_| answer.asker == AskerId::MQTT)) else {
             return;
         };
-        side.session.command_answer(moment(now), answer);
+        side.session.command_answer(moment(now, side.ahead), answer);
         side.wake_at = now;
         self.mqtt_turn();
     }
@@ -309,14 +353,14 @@ impl World {
         let (now, Some(side)) = (self.now, self.mqtt.as_mut().filter(|_| answer.asker == AskerId::MQTT)) else {
             return;
         };
-        side.session.native_answer(moment(now), answer);
+        side.session.native_answer(moment(now, side.ahead), answer);
         side.wake_at = now;
     }
 
     /// A drive has tripped, or its trip holds no more.
     pub fn mqtt_trip(&mut self, drive: DriveIndex, event: &TripEvent) {
         let (now, Some(side)) = (self.now, self.mqtt.as_mut()) else { return };
-        side.session.trip(moment(now), DriveRef { line: 0, drive }, event);
+        side.session.trip(moment(now, side.ahead), DriveRef { line: 0, drive }, event);
         side.wake_at = now;
     }
 }

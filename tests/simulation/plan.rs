@@ -1,6 +1,7 @@
 //! What one seed stands for: the line, its drives, its clients, and how much goes wrong.
 
 use super::checker::tables::{Action, Drive, Kind, Line};
+use super::extras::Extras;
 use fastrand::Rng;
 use std::cell::LazyCell;
 use std::sync::Arc;
@@ -55,6 +56,8 @@ pub struct Plan {
     pub only_reads: bool,
     /// There is a journal.
     pub keeps: bool,
+    /// What goes wrong beside the line.
+    pub extras: Extras,
 }
 
 impl Plan {
@@ -77,6 +80,7 @@ impl Plan {
             trouble_every: Duration::from_secs(rng.u64(5..60)),
             only_reads: false,
             keeps: false,
+            extras: Extras::NONE,
         }
     }
 

@@ -9,9 +9,10 @@ use vfd_gateway::domain::command::{CommandAnswer, CommandRequest, Order};
 use vfd_gateway::domain::ids::{AskerId, DriveIndex, Ticket};
 use vfd_gateway::domain::native::{NativeAnswer, NativeRequest};
 use vfd_gateway::domain::report::LineReport;
+use vfd_gateway::drive::description::DriveDescription;
 use vfd_gateway::drive::view::DriveView;
 use vfd_gateway::gateway::Input;
-use vfd_gateway::north::modbus::{Answer, Call, Ended, Ordered, Present, Taken, Uniform, Words, native, own};
+use vfd_gateway::north::modbus::{Answer, Ask, Call, Ended, Ordered, Present, Taken, Uniform, Words, native, own};
 
 /// A command leaves within this time or never.
 const COMMAND_DEADLINE: Duration = Duration::from_secs(1);
@@ -41,22 +42,28 @@ impl own::Gateway for Shown<'_> {
     }
 }
 
+/// Whether what a client asks of `unit` is a stop.
+fn is_stop(drives: &[DriveDescription], uniform: &[Uniform], views: &[Arc<DriveView>], unit: u8, ask: &Ask) -> bool {
+    let place = drives.iter().position(|it| it.unit.get() == unit);
+    let picture = drives.iter().position(|it| it.uniform_unit.get() == unit);
+    match (place, picture) {
+        (Some(place), _) => native::is_stop(&drives[place].model, ask),
+        (_, Some(place)) => uniform[place].is_stop(ask, &views[place]),
+        _ => own::is_stop(unit, ask),
+    }
+}
+
 impl World {
     /// A client sends `bytes`, and what they ask is handed on.
     pub fn client_sends(&mut self, who: usize, bytes: &[u8]) {
+        if self.clients[who].stalled_until.is_some_and(|until| until > self.now) {
+            return self.clients[who].waiting.extend_from_slice(bytes);
+        }
         self.tally.client_events += 1;
         self.checker.client_sent(self.now.as_nanos(), who, bytes);
         self.look_at_views();
         let (drives, uniform, views) = (&self.descriptions, &self.uniform, &self.views);
-        let is_stop = |unit: u8, ask: &vfd_gateway::north::modbus::Ask| {
-            let place = drives.iter().position(|it| it.unit.get() == unit);
-            let picture = drives.iter().position(|it| it.uniform_unit.get() == unit);
-            match (place, picture) {
-                (Some(place), _) => native::is_stop(&drives[place].model, ask),
-                (_, Some(place)) => uniform[place].is_stop(ask, &views[place]),
-                _ => own::is_stop(unit, ask),
-            }
-        };
+        let is_stop = |unit: u8, ask: &Ask| is_stop(drives, uniform, views, unit, ask);
         self.clients[who].machine.receive(self.now, bytes, &is_stop);
         while let Some(call) = self.clients[who].machine.next_call() {
             self.serve(who, call);
@@ -65,6 +72,10 @@ impl World {
     }
 
     fn serve(&mut self, who: usize, call: Call) {
+        let is_stop = || is_stop(&self.descriptions, &self.uniform, &self.views, call.unit, &call.ask);
+        if self.has_waited && call.ask.writes() && !is_stop() {
+            return self.clients[who].machine.answer(self.now, call.ticket, Answer::Exception(6));
+        }
         let native_place = self.descriptions.iter().position(|it| it.unit.get() == call.unit);
         if let Some(place) = native_place {
             return self.ask_drive(who, place, call);
@@ -185,7 +196,9 @@ impl World {
         self.checker.client_closed(now, who, by_gateway);
         self.core.handle(self.now, Input::AskerGone(self.clients[who].asker));
         self.askers += 1;
+        let stalled_until = self.clients[who].stalled_until;
         self.clients[who] = Client::new(who, self.askers, self.now);
+        self.clients[who].stalled_until = stalled_until;
         self.checker.client_opened(now, who);
     }
 

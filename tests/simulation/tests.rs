@@ -3,8 +3,10 @@
 
 use crate::simulation::checker::kept::{Kept, Known};
 use crate::simulation::checker::messages::Inbound;
+use crate::simulation::checker::motor::State;
 use crate::simulation::checker::tables::{Action, Drive, Kind, Line};
 use crate::simulation::checker::{Checker, crc};
+use crate::simulation::extras::Extras;
 use crate::simulation::{WORLD, audit, bursts, holders, kills, run, stale, trials};
 
 /// Seeds whose worlds once showed a violation, of the gateway or of its picture in the checker, with what was found.
@@ -113,9 +115,15 @@ impl Trace {
     }
 
     /// A message comes for the drive.
-    fn message(mut self, input: &str, payload: &str) -> Self {
+    fn message(self, input: &str, payload: &str) -> Self {
+        self.late(input, payload, 0)
+    }
+
+    /// A message comes that was issued so many ms ago.
+    fn late(mut self, input: &str, payload: &str, millis: u64) -> Self {
+        let issued = self.now - millis * MS;
         let topic = format!("vfd/plant/drive/d0/{input}");
-        let inbound = Inbound { topic: &topic, payload, retain: false, duplicate: false, wall_ms: 0 };
+        let inbound = Inbound { topic: &topic, payload, retain: false, duplicate: false, wall_ms: 0, issued };
         self.checker.message(self.now, inbound);
         self
     }
@@ -352,6 +360,17 @@ impl Trace {
 
     fn keeps_a_trip(mut self) -> Self {
         self.checker.kept(self.now, 0, Kept::Trips { trips: 1, count: Some(1) });
+        self.sees(State { is_on: true, trips: 1, ..State::default() }).tells(1)
+    }
+
+    /// This is how the motor is.
+    fn sees(mut self, state: State) -> Self {
+        self.checker.sees_motor(self.now, 0, state);
+        self
+    }
+
+    fn tells(mut self, trips: u16) -> Self {
+        self.checker.trips_told(0, trips);
         self
     }
 
@@ -381,6 +400,90 @@ fn o9_a_trip_is_kept_once_and_then_shown() {
     let mut trace = Trace::new().tripped();
     trace.checker.trips_shown(0, 1);
     trace.violates("O9");
+}
+
+/// A motor that turns at 30 Hz, whoever started it.
+const TURNS: State = State {
+    is_on: true,
+    is_ordered: true,
+    output: 3_000,
+    is_tripped: false,
+    trips: 0,
+    run_word: 0,
+    refuses_stops: false,
+};
+
+#[test]
+fn m1_a_stop_that_is_answered_was_sent_to_a_motor_that_turns() {
+    let turns = |millis| Trace::new().sees(TURNS).pass(millis).asks(1, 101, &STOP);
+    turns(4_000).told(1, 101, &STOP).violates("M1");
+    turns(4_000).told(1, 101, &[0x86, 6]).holds();
+    turns(4_000).exchange(&STOP_FRAME, &STOP_FRAME).told(1, 101, &STOP).holds();
+    // Nobody could know of it yet, or it has stopped since.
+    turns(1_000).told(1, 101, &STOP).holds();
+    turns(4_000).sees(State { is_ordered: false, ..TURNS }).told(1, 101, &STOP).holds();
+    // A frame of an earlier stop does not count.
+    let started_again = || turns(100).exchange(&STOP_FRAME, &STOP_FRAME).told(1, 101, &STOP).exchange(&READ, &AT_REST);
+    started_again().pass(5_000).asks(2, 101, &STOP).told(2, 101, &STOP).violates("M1");
+}
+
+#[test]
+fn m2_what_waited_too_long_or_was_issued_before_a_stop_is_no_order() {
+    let runs = |trace: Trace| trace.sends(&RUN_FRAME, &RUN_FRAME);
+    let later = || Trace::new().pass(10_000);
+    runs(later().late("run/set", "forward", 1_300)).holds();
+    runs(later().late("run/set", "forward", 1_400)).violates("M2");
+    let stopped = || later().asks(1, 101, &STOP).pass(1).exchange(&STOP_FRAME, &STOP_FRAME).exchange(&READ, &AT_REST);
+    let order = r#"{"id":"o1","run":"forward"}"#;
+    runs(stopped().pass(500).late("command", order, 400)).holds();
+    runs(stopped().pass(500).late("command", order, 900)).violates("M2");
+}
+
+/// The gateway's clock stands at 0.
+#[test]
+fn m2_a_moment_in_the_future_proves_nothing() {
+    let runs = |issued_at: u64| {
+        let order = format!(r#"{{"run":"forward","issued_at":{issued_at}}}"#);
+        Trace::new().message("command", &order).sends(&RUN_FRAME, &RUN_FRAME)
+    };
+    runs(2_000).holds();
+    runs(2_001).violates("M2");
+}
+
+#[test]
+fn m3_no_reset_is_left_in_a_run_command() {
+    let resets = State { is_on: true, run_word: 4, ..State::default() };
+    Trace::new().sees(resets).pass(14_000).holds();
+    Trace::new().sees(resets).pass(16_000).violates("M3");
+    Trace::new().sees(resets).pass(14_000).sees(State { run_word: 0, ..resets }).pass(16_000).holds();
+    Trace::new().sees(State { refuses_stops: true, ..resets }).pass(16_000).holds();
+}
+
+#[test]
+fn m4_as_many_trips_are_told_as_there_were() {
+    let tripped = || Trace::new().sees(State { is_on: true, trips: 1, ..State::default() });
+    tripped().tells(1).holds();
+    tripped().tells(2).violates("M4");
+    tripped().tells(1).tells(1).violates("M4");
+    let shown = |trace: Trace| trace.exchange(&COUNT, &ONE_TRIP).pass(11_000).exchange(&COUNT, &ONE_TRIP).ends();
+    shown(tripped()).violates("M4");
+    shown(tripped().tells(1)).holds();
+}
+
+#[test]
+fn m5_a_run_state_is_true_within_its_age() {
+    let shown = |state: State, millis, status: [u8; 2], run_state| {
+        let trace = Trace::new().sees(state).pass(millis).asks(1, 101, &[3, 0, 1, 0, 2]);
+        trace.told(1, 101, &[3, 4, status[0], status[1], 0, run_state])
+    };
+    let rests = State { is_ordered: false, output: 0, ..TURNS };
+    shown(TURNS, 4_000, [0, 1], 1).violates("M5");
+    shown(TURNS, 1_000, [0, 1], 1).holds();
+    shown(TURNS, 4_000, [1, 1], 1).holds();
+    shown(TURNS, 4_000, [0, 3], 2).holds();
+    shown(rests, 4_000, [0, 3], 2).violates("M5");
+    shown(rests, 4_000, [0, 1], 1).holds();
+    shown(State { is_on: false, ..rests }, 4_000, [0, 3], 2).holds();
 }
 
 #[test]
@@ -426,7 +529,7 @@ fn l1_a_stop_leaves() {
 
 #[test]
 fn one_seed_is_one_world() {
-    let hashes = |seed| (0..2).map(|_| run(seed, 3_000).expect("no violation").1).collect::<Vec<_>>();
+    let hashes = |seed| (0..2).map(|_| run(seed, 3_000, Extras::on()).expect("no violation").1).collect::<Vec<_>>();
     let (one, other) = (hashes(11), hashes(12));
     assert_eq!((one[0], other[0]), (one[1], other[1]));
     assert_ne!(one[0], other[0]);
@@ -435,7 +538,7 @@ fn one_seed_is_one_world() {
 #[test]
 fn what_was_found_stays_found() {
     for (seed, what) in FOUND {
-        run(seed, WORLD).unwrap_or_else(|text| panic!("{what}: {text}"));
+        run(seed, WORLD, Extras::NONE).unwrap_or_else(|text| panic!("{what}: {text}"));
     }
 }
 
@@ -443,7 +546,7 @@ fn what_was_found_stays_found() {
 fn a_million_exchanges_hold_what_is_promised() {
     let mut exchanges = 0;
     for seed in 1_000.. {
-        match run(seed, WORLD) {
+        match run(seed, WORLD, Extras::on()) {
             Ok((tally, _)) => exchanges += tally.exchanges,
             Err(text) => panic!("{text}"),
         }

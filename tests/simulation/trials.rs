@@ -2,9 +2,11 @@
 
 use super::checker::messages::Inbound;
 use super::checker::tables::{Action, Drive, Kind, Line};
+use super::extras::Extras;
 use super::plan::Plan;
+use super::tally::Tally;
 use super::told;
-use super::world::{Tally, World};
+use super::world::World;
 use fastrand::Rng;
 use std::time::Duration;
 use vfd_gateway::domain::command::{CommandRequest, Manner, Order, Origin, Owner, Rights};
@@ -40,6 +42,7 @@ pub(super) fn reads(drives: u8, kind: Kind, clients: usize, faults: FaultPlan) -
         trouble_every: Duration::from_secs(3_600),
         only_reads: true,
         keeps: false,
+        extras: Extras::NONE,
     }
 }
 
@@ -131,7 +134,14 @@ pub fn stops(seed: u64, count: u64) -> Result<(Duration, u64), String> {
 
 fn stop_one(world: &mut World, trial: u64, drive: u16) {
     let topic = format!("vfd/plant/drive/d{drive}/run/set");
-    let message = Inbound { topic: &topic, payload: "stop", retain: false, duplicate: false, wall_ms: 0 };
+    let message = Inbound {
+        topic: &topic,
+        payload: "stop",
+        retain: false,
+        duplicate: false,
+        wall_ms: 0,
+        issued: world.now.as_nanos(),
+    };
     world.checker.message(world.now.as_nanos(), message);
     let rights = Rights { write: true, stop: true };
     let command = CommandRequest {

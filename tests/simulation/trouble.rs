@@ -54,6 +54,7 @@ impl World {
         match trouble {
             Trouble::PowerOff => {
                 self.bus.set_powered(now, station, false);
+                self.look_at_motor(which.into(), now);
                 self.repair_in(lasts, trouble, which);
             }
             Trouble::Trip => {
@@ -64,6 +65,7 @@ impl World {
                     }
                     drive.trip(now, cause);
                 }
+                self.look_at_motor(which.into(), now);
             }
             Trouble::PortDown if self.is_port_up => {
                 self.is_port_up = false;
@@ -123,6 +125,7 @@ impl World {
             Trouble::PowerOff => {
                 let station = self.station(which.into());
                 self.bus.set_powered(self.now, station, true);
+                self.look_at_motor(which.into(), self.now);
             }
             Trouble::PortDown if !self.is_port_up => self.open_port(),
             Trouble::Babble => {

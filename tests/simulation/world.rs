@@ -4,10 +4,14 @@
 use super::checker::Checker;
 use super::checker::Violation;
 use super::client::Client;
+use super::extras::Extras;
 use super::journal::Journal;
 use super::kills::Doom;
 use super::mqtt::MqttSide;
+use super::others::Others;
 use super::plan::Plan;
+use super::stalls::Stalls;
+use super::tally::Tally;
 use super::trouble::Trouble;
 use fastrand::Rng;
 use std::sync::Arc;
@@ -18,7 +22,7 @@ use vfd_gateway::domain::native::NativeOutcome;
 use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::description::DriveDescription;
-use vfd_gateway::drive::view::DriveView;
+use vfd_gateway::drive::view::{DriveView, TripEventKind};
 use vfd_gateway::gateway::{Effect, Input, LineCore};
 use vfd_gateway::north::modbus::Uniform;
 use vfd_gateway::sim::{FaultPlan, SimBus};
@@ -27,25 +31,6 @@ use vfd_gateway::sim::{FaultPlan, SimBus};
 const ENDING: Duration = Duration::from_secs(6);
 /// How long it takes until the drives are known and things begin to go wrong.
 const CALM: Duration = Duration::from_secs(5);
-
-/// What has happened.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Tally {
-    pub worlds: u64,
-    pub exchanges: u64,
-    pub virtual_ns: u64,
-    pub client_events: u64,
-    pub clients_gone: u64,
-    pub messages: u64,
-    pub kills: u64,
-    pub troubles: [u64; Trouble::COUNT],
-    pub late: u64,
-    pub lost: u64,
-    pub collisions: u64,
-    pub checked: super::checker::Counts,
-    /// How much longer than asked for the shortest silence was, in ns.
-    pub shortest_excess: u64,
-}
 
 /// One world.
 pub struct World {
@@ -82,45 +67,19 @@ pub struct World {
     /// What outlives the gateway, where it has a journal.
     pub journal: Option<Journal>,
     pub doom: Option<Doom>,
-}
-
-impl Tally {
-    /// Adds what happened in another world.
-    pub fn add(&mut self, other: &Self) {
-        let (mine, its) = (&mut self.checked, &other.checked);
-        for (to, from) in [
-            (&mut self.worlds, other.worlds),
-            (&mut self.exchanges, other.exchanges),
-            (&mut self.virtual_ns, other.virtual_ns),
-            (&mut self.client_events, other.client_events),
-            (&mut self.clients_gone, other.clients_gone),
-            (&mut self.messages, other.messages),
-            (&mut self.kills, other.kills),
-            (&mut self.late, other.late),
-            (&mut self.lost, other.lost),
-            (&mut self.collisions, other.collisions),
-            (&mut mine.requests, its.requests),
-            (&mut mine.answers, its.answers),
-            (&mut mine.exceptions, its.exceptions),
-            (&mut mine.words_checked, its.words_checked),
-            (&mut mine.pictures, its.pictures),
-            (&mut mine.writes, its.writes),
-            (&mut mine.replies, its.replies),
-            (&mut mine.mistakable, its.mistakable),
-            (&mut mine.results, its.results),
-        ] {
-            *to += from;
-        }
-        self.troubles.iter_mut().zip(other.troubles).for_each(|(to, from)| *to += from);
-        self.shortest_excess = self.shortest_excess.min(other.shortest_excess);
-    }
+    /// Others at the drives, and stalls of clients and of the gateway itself.
+    pub others: Option<Others>,
+    pub stalls: Option<Stalls>,
+    /// What clients send now has waited for a process that stood still.
+    pub has_waited: bool,
 }
 
 impl World {
-    /// The world of `seed`.
-    pub fn new(seed: u64) -> Self {
+    /// The world of `seed`, with those of `extras` that it draws.
+    pub fn new(seed: u64, extras: Extras) -> Self {
         let mut rng = Rng::with_seed(seed);
-        let plan = Plan::draw(&mut rng);
+        let mut plan = Plan::draw(&mut rng);
+        plan.extras = extras.drawn(&mut Rng::with_seed(!seed));
         Self::with(plan, rng)
     }
 
@@ -153,6 +112,9 @@ impl World {
             to_reopen: None,
             journal,
             doom: None,
+            others: None,
+            stalls: None,
+            has_waited: false,
             core,
             bus,
             checker,
@@ -164,6 +126,11 @@ impl World {
         (0..world.clients.len()).for_each(|who| world.checker.client_opened(now.as_nanos(), who));
         if world.plan.has_mqtt {
             world.mqtt = Some(MqttSide::new(&world));
+        }
+        if !world.plan.extras.is_none() {
+            let seed = world.rng.u64(..);
+            world.others = Some(Others::new(seed, now + CALM));
+            world.stalls = Some(Stalls::new(!seed, world.plan.extras, now + CALM));
         }
         world.open_port();
         world.decide();
@@ -190,6 +157,8 @@ impl World {
     /// The gateway is told to end; what goes wrong stops.
     pub fn end(&mut self) {
         self.is_over = true;
+        self.others_leave();
+        self.stalls_end();
         if !self.is_port_up {
             self.open_port();
         }
@@ -220,7 +189,8 @@ impl World {
         let mqtt = self.mqtt.as_ref().map_or(never, |mqtt| mqtt.wake_at);
         let repair = self.repairs.first().map_or(never, |(at, ..)| *at);
         let world = if self.is_over { never } else { self.client_at.min(self.trouble_at) };
-        let next = wake.min(due).min(north).min(world).min(repair).min(mqtt).min(self.kept_due());
+        let extra = if self.is_over { never } else { self.others_due().min(self.stalls_due()) };
+        let next = wake.min(due).min(north).min(world).min(repair).min(mqtt).min(self.kept_due()).min(extra);
         if next > until {
             self.now = until;
             return false;
@@ -236,6 +206,11 @@ impl World {
             });
         }
         self.keep_due();
+        if extra <= self.now {
+            self.checker.time(self.now.as_nanos());
+            self.others_act();
+            self.stalls_act();
+        }
         if north.min(world).min(repair).min(mqtt) <= self.now {
             self.happen();
         }
@@ -318,6 +293,7 @@ impl World {
             Effect::Transmit(frame) => {
                 self.bus.receive(self.now, &frame);
                 self.checker.request(self.now.as_nanos(), &frame, self.bus.newest_reply());
+                self.look_after(&frame);
             }
             Effect::Answer(answer) => {
                 self.hear_native(&answer);
@@ -335,11 +311,28 @@ impl World {
                 self.hear_command(&answer);
                 self.mqtt_hears(&answer);
             }
-            Effect::Trip(drive, event) => self.mqtt_trip(drive, &event),
+            Effect::Trip(drive, event) => {
+                if let TripEventKind::Tripped { trips, .. } = event.kind {
+                    self.look_at_motor(drive.get(), self.now);
+                    self.checker.trips_told(drive.get(), trips);
+                }
+                self.mqtt_trip(drive, &event);
+            }
             // As a line's thread does: once all that was said in this round is done.
             Effect::Reopen(fault) => self.to_reopen = Some(fault),
             Effect::Keep(keep) => self.keep(keep),
             Effect::Note(..) | Effect::LineNote(_) | Effect::Presence(..) | Effect::Traffic(_) => {}
+        }
+    }
+
+    /// The observer looks at the motors that `frame` was for, once it has come to its end.
+    fn look_after(&mut self, frame: &[u8]) {
+        let at = self.now + Duration::from_nanos(self.plan.line.on_wire(frame.len()));
+        for place in 0..self.plan.line.drives.len() {
+            let station = self.plan.line.drives[place].station;
+            if frame[0] == station || Some(frame[0]) == self.plan.line.broadcast() {
+                self.look_at_motor(place, at);
+            }
         }
     }
 

@@ -130,7 +130,11 @@ impl SimDrive {
     /// Takes `value` or keeps the old one; returns what the register at `address` then holds.
     fn write(&mut self, at: MonoTime, address: u16, value: u16) -> Result<u16, Denied> {
         let place = place_of(&self.model, address).ok_or(Denied::Request(Objection::Address))?;
-        match self.store(at, place, value) {
+        // One that answers with the word it holds refuses nothing where that is the same.
+        let is_new = self.model.write.refused.value == RefusedWrite::Exception || self.held(at, place.index) != value;
+        let is_refused = is_new && self.refuses_stop(function::WRITE_SINGLE, address, value);
+        let done = if is_refused { Err(Objection::Address) } else { self.store(at, place, value) };
+        match done {
             Ok(()) => Ok(value),
             Err(objection) if self.model.write.refused.value == RefusedWrite::Exception => {
                 Err(Denied::Refused(objection))
@@ -146,6 +150,9 @@ impl SimDrive {
         let most = block.map_or(1, |block| block.count.value);
         if values.is_empty() || values.len() > usize::from(most) {
             return Err(Denied::Request(Objection::Quantity));
+        }
+        if self.refuses_stop(function::WRITE_MULTIPLE, first, values[0]) {
+            return Err(Denied::Request(Objection::Address));
         }
         let (first, end) = (u32::from(first), u32::from(first) + values.len() as u32);
         let is_inside = |block: &BlockWrite| {

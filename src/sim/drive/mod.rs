@@ -11,12 +11,14 @@
 //! | `status` | status words |
 //! | `watchdog` | what the drive does when the bus is silent |
 //! | `back_door` | other ways to the motor |
+//! | `elsewhere` | what others do to it, and the truth about its motor |
 
 mod answer;
 mod back_door;
 mod command;
 mod control;
 mod denied;
+mod elsewhere;
 mod memory;
 mod shown;
 mod status;

@@ -33,6 +33,8 @@ pub struct Order {
     pub is_over: bool,
     /// It came over MQTT.
     pub is_message: bool,
+    /// It was too old when it came: when it was issued.
+    pub issued_old: Option<u64>,
 }
 
 /// The stop of a drive.

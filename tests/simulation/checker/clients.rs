@@ -180,7 +180,7 @@ impl Checker {
                 }
                 self.order_succeeded(at, drive, order);
             }
-            Ask::StopAll { order } => self.all_stopped(order),
+            Ask::StopAll { order } => self.all_stopped(at, order),
             Ask::Other => {}
             Ask::Never => self.object("O8", || format!("a write that nothing allows is answered {pdu:02X?}")),
             Ask::Nobody => self.object("O3", || format!("unit {unit} is nobody and answers {pdu:02X?}")),
@@ -221,8 +221,11 @@ impl Checker {
     pub fn check_waiting(&mut self, at: u64) {
         for who in 0..self.clients.len() {
             let pending = &self.clients[who].pending;
+            // While the gateway stands still, no request is answered.
+            let (from, until) = self.stood;
+            let excuse = |asked: u64| if asked < until { until - from + ANSWERED_WITHIN } else { 0 };
             let oldest = pending.first().map(|it| it.at);
-            if oldest.is_some_and(|oldest| at > oldest + ANSWERED_WITHIN) || pending.len() > PENDING {
+            if oldest.is_some_and(|oldest| at > oldest + ANSWERED_WITHIN + excuse(oldest)) || pending.len() > PENDING {
                 let text = format!("client {who} waits for {:?}", pending.first());
                 self.object("O7", || text);
             }

@@ -136,6 +136,10 @@ impl Checker {
             trips.count = trips.count.map(|(count, _)| (count, at));
         }
         self.messages_forgotten();
+        for drive in 0..self.trips.len() {
+            let kept = self.trips[drive].kept;
+            self.telling_starts_again(drive, kept);
+        }
         for book in &mut self.books {
             book.orders.iter_mut().for_each(|it| (it.is_void, it.is_over) = (true, true));
             book.fresh.clear();
@@ -160,10 +164,12 @@ impl Checker {
         }
         for drive in 0..self.trips.len() {
             let book = &self.trips[drive];
-            if book.kept < book.owed.max(book.sure_count.into()) && self.keeps {
+            let shown = book.owed.max(book.sure_count.into());
+            if book.kept < shown && self.keeps {
                 let text = format!("drive {drive} showed a trip that is not kept: {book:?}");
                 self.object("O9", || text);
             }
+            self.check_told(drive, shown);
         }
     }
 }

@@ -8,6 +8,11 @@ use super::tables::Run;
 
 /// After a stop a plain RUN counts only behind this time.
 const RESTART_DELAY: u64 = 2_000_000_000;
+/// How old something can be that came while nothing showed that the way stalls: the time between two probes, and until
+/// one is overdue.
+const UNNOTICED: u64 = 1_350_000_000;
+/// So far the clock of a commander may be ahead, in ms.
+const AHEAD: u64 = 2_000;
 /// Commands with an id, and epochs, that are remembered.
 const KEPT: usize = 64;
 
@@ -30,8 +35,10 @@ pub struct Inbound<'a> {
     pub payload: &'a str,
     pub retain: bool,
     pub duplicate: bool,
-    /// Wall clock of now, in ms.
+    /// The gateway's wall clock, in ms.
     pub wall_ms: u64,
+    /// When it was really issued, or first issued where it is a replay.
+    pub issued: u64,
 }
 
 impl Checker {
@@ -79,6 +86,7 @@ impl Checker {
         let runs = matches!(run, Some(Run::Forward | Run::Reverse));
         if !stops {
             self.messages.plain = Some((at, drive, order));
+            self.outdate(at, drive, order, it.issued, DEADLINE);
         }
         if runs && stopped_at.is_some_and(|stopped| at < stopped + RESTART_DELAY) {
             self.void(drive, order);
@@ -86,7 +94,7 @@ impl Checker {
     }
 
     fn command(&mut self, at: u64, drive: usize, it: Inbound<'_>) {
-        let id = number_behind(it.payload, "\"id\":\"o").unwrap_or(0);
+        let id = number_behind(it.payload, "\"id\":\"o");
         let run = text_behind(it.payload, "\"run\":\"").and_then(run_word);
         let setpoint = text_behind(it.payload, "\"frequency_hz\":").and_then(centihertz);
         let reset = it.payload.contains("\"reset\":true").then_some(Run::Reset);
@@ -94,7 +102,7 @@ impl Checker {
         if !self.line.drives[drive].has_control || (it.retain && !stops) {
             return;
         }
-        let is_known = self.messages.ids.iter().any(|(other, of, _)| *other == id && *of == drive);
+        let is_known = self.messages.ids.iter().any(|(other, of, _)| Some(*other) == id && *of == drive);
         if is_known && !stops {
             return;
         }
@@ -103,16 +111,32 @@ impl Checker {
         if is_stale && !stops {
             return;
         }
+        let is_ahead = number_behind(it.payload, "\"issued_at\":").is_some_and(|ms| ms > it.wall_ms + AHEAD);
         let epoch = number_behind(it.payload, "\"epoch\":");
         let is_old = epoch.is_some_and(|epoch| self.is_old(drive, epoch));
         let order = self.take_order(at, drive, Wish { run: run.or(reset), setpoint, register: None }, at + ttl, None);
         if is_old {
             self.void(drive, order);
         }
+        if !stops {
+            self.outdate(at, drive, order, it.issued, ttl);
+            if is_ahead {
+                self.outdate_order(drive, order, it.issued);
+            }
+        }
+        let Some(id) = id else { return };
         if self.messages.ids.len() >= KEPT {
             self.messages.ids.remove(0);
         }
         self.messages.ids.push((id, drive, order));
+    }
+
+    /// What was issued before the last stop, or too long ago for its time, is no order any more.
+    fn outdate(&mut self, at: u64, drive: usize, order: u64, issued: u64, ttl: u64) {
+        let is_before_stop = self.books[drive].stopped_at.is_some_and(|stopped| issued < stopped);
+        if is_before_stop || at > issued + ttl.max(UNNOTICED) {
+            self.outdate_order(drive, order, issued);
+        }
     }
 
     /// The gateway has forgotten which commands it had.

@@ -12,6 +12,7 @@
 //! | `picture` | what is served from memory; O13 |
 //! | `kept` | what is kept, and what a restart may do; O9, O14 |
 //! | `lease` | stops that have to leave, commanders that fall silent; L1, O11 |
+//! | `motor` | the true state of the motors, and what is reported of them; M1 to M5 |
 //! | `tables` | numbers typed from the vendors' manuals |
 //! | `crc`, `log` | the check of frames; the last events, for people |
 
@@ -22,6 +23,7 @@ pub mod kept;
 mod lease;
 pub mod log;
 pub mod messages;
+pub mod motor;
 pub mod orders;
 mod picture;
 pub mod tables;
@@ -32,6 +34,7 @@ use book::Book;
 use clients::Client;
 use log::{Log, What};
 use messages::Messages;
+use motor::Motor;
 
 use tables::Line;
 use wire::Wire;
@@ -63,6 +66,8 @@ pub struct Counts {
     pub mistakable: u64,
     pub messages: u64,
     pub results: u64,
+    /// Run states that were held against the truth.
+    pub states: u64,
 }
 
 /// The observer.
@@ -75,10 +80,13 @@ pub struct Checker {
     pub books: Vec<Book>,
     pub counts: Counts,
     messages: Messages,
+    motors: Vec<Motor>,
     trips: Vec<kept::Trips>,
     attempts: kept::Attempts,
     /// There is a journal.
     pub keeps: bool,
+    /// When the gateway stood still last.
+    stood: (u64, u64),
     order_count: u64,
     bound: u64,
     now: u64,
@@ -98,9 +106,11 @@ impl Checker {
             books: line.drives.iter().map(|_| Book::default()).collect(),
             counts: Counts::default(),
             messages: Messages::default(),
+            motors: line.drives.iter().map(|_| Motor::default()).collect(),
             trips: line.drives.iter().map(|_| kept::Trips::default()).collect(),
             attempts: kept::Attempts::default(),
             keeps: false,
+            stood: (0, 0),
             order_count: 0,
             bound: 0,
             now: 0,
@@ -124,7 +134,15 @@ impl Checker {
             self.checked_at = at;
             self.check_waiting(at);
             self.check_leases(at);
+            self.check_resets(at);
         }
+    }
+
+    /// The gateway stood still: no request was answered, and no frame was sent.
+    pub fn stood_still(&mut self, from: u64, until: u64) {
+        self.log.add(until, What::World, 0, b"the process goes on");
+        self.stood = (from, until);
+        self.wire.noise_at = until;
     }
 
     /// Something was done to drives or line that explains what follows.

@@ -83,6 +83,9 @@ impl Checker {
         let cyclic = by.is_some();
         self.order_count += 1;
         let number = self.order_count;
+        if matches!(wish.run, Some(Run::Stop | Run::Coast)) {
+            self.stop_asked(at, drive, number);
+        }
         let book = &mut self.books[drive];
         book.sign_at = at;
         if let Some(kind @ (Run::Stop | Run::Coast)) = wish.run {
@@ -127,6 +130,7 @@ impl Checker {
             is_void,
             is_over: false,
             is_message: !cyclic,
+            issued_old: None,
         };
         book.orders.push(order);
         number
@@ -145,12 +149,19 @@ impl Checker {
                 book.fresh.push((self.order_count, at, false));
             }
         }
-        self.order_count
+        let number = self.order_count;
+        for drive in 0..self.books.len() {
+            if self.line.drives[drive].has_control {
+                self.stop_asked(at, drive, number);
+            }
+        }
+        number
     }
 
     /// All drives were told to stop, and that is answered.
-    pub(super) fn all_stopped(&mut self, number: u64) {
+    pub(super) fn all_stopped(&mut self, at: u64, number: u64) {
         self.books.iter_mut().for_each(|book| book.fresh.retain(|(it, ..)| *it != number));
+        (0..self.books.len()).for_each(|drive| self.stop_answered(at, drive, number));
     }
 
     /// Stops that came and were not answered from memory at once are new ones.
@@ -182,6 +193,12 @@ impl Checker {
         }
     }
 
+    /// Nothing may follow from this order, which was issued too long ago, or before a stop.
+    pub(super) fn outdate_order(&mut self, drive: usize, number: u64, issued: u64) {
+        let order = self.books[drive].orders.iter_mut().find(|it| it.number == number);
+        order.into_iter().for_each(|it| (it.is_void, it.issued_old) = (true, Some(issued)));
+    }
+
     /// Nothing may follow from this order.
     pub(super) fn void_order(&mut self, drive: usize, number: u64) {
         let orders = &mut self.books[drive].orders;
@@ -201,15 +218,26 @@ impl Checker {
 
     /// A request that may have ordered something is answered with an exception.
     pub(super) fn order_excepted(&mut self, at: u64, drive: usize, number: u64, code: u8) {
-        let lost_after = self.line.drives[drive].lost_after;
+        self.stop_refused(drive, number);
+        let it = self.line.drives[drive];
+        let lost_after = it.lost_after;
+        // What the drive itself answers is passed on.
+        let newest = self.wire.newest().filter(|newest| newest.station == it.station);
+        let is_of_drive = newest.is_some_and(|newest| newest.truth == Truth::Exception(code));
         let book = &mut self.books[drive];
         book.fresh.retain(|(it, ..)| *it != number || matches!(code, 4 | 0x0B));
         let Some(order) = book.orders.iter_mut().find(|it| it.number == number) else { return };
         let is_refused = matches!(code, 1 | 2 | 3 | 6);
-        order.is_over |= is_refused || code == 4;
+        order.is_over |= is_refused || code == 4 || is_of_drive;
         // What a stop or the end of a lease has cut is told so, also when a frame of it is out.
         let is_lost = at >= order.at + lost_after;
-        if is_refused && order.sent > 0 && !order.is_void && book.last_stop_at < order.at && !book.is_ending && !is_lost
+        if is_refused
+            && !is_of_drive
+            && order.sent > 0
+            && !order.is_void
+            && book.last_stop_at < order.at
+            && !book.is_ending
+            && !is_lost
         {
             let text = format!("refused with {code:02X} after {} frames: {order:?}", order.sent);
             self.object("O8", || text);
@@ -217,7 +245,8 @@ impl Checker {
     }
 
     /// A request that ordered something is answered as done.
-    pub(super) fn order_succeeded(&mut self, _at: u64, drive: usize, number: u64) {
+    pub(super) fn order_succeeded(&mut self, at: u64, drive: usize, number: u64) {
+        self.stop_answered(at, drive, number);
         let book = &mut self.books[drive];
         if let Some(place) = book.fresh.iter().position(|(it, ..)| *it == number) {
             // It changed nothing, or joined a stop that was answered.
@@ -288,7 +317,7 @@ impl Checker {
                     book.shows_status(is_running(status));
                 }
             }
-            (6, Truth::Holds(value)) if exchange.address == facts.run && value == exchange.values[0] => {
+            (6 | 16, Truth::Holds(value)) if exchange.address == facts.run && value == exchange.values[0] => {
                 let is_stop = matches!(facts.run_of(value), Some(Run::Stop | Run::Coast));
                 book.echoes += u32::from(is_stop);
                 book.stop.echoed |= is_stop;

@@ -15,6 +15,7 @@ impl Checker {
         if pdu.len() != 2 + 2 * usize::from(count) {
             return self.object("O3", || format!("{count} words were asked for, {} bytes came", pdu.len()));
         }
+        self.check_run_state(at, drive, address, count, pdu);
         let Some(offset) = OUTPUT.checked_sub(address).filter(|offset| *offset < count) else { return };
         let place = 2 + 2 * usize::from(offset);
         let word = u16::from_be_bytes([pdu[place], pdu[place + 1]]);

@@ -76,6 +76,8 @@ pub struct Wire {
     is_up: bool,
     /// Something was heard that looks like the reply to the open exchange and is another one.
     was_mistakable: bool,
+    /// When the port opened last.
+    up_since: u64,
     /// When something was heard last that was no reply as a whole.
     pub noise_at: u64,
     pub shortest_excess: u64,
@@ -97,6 +99,7 @@ impl Wire {
             is_open: false,
             is_up: false,
             was_mistakable: false,
+            up_since: 0,
             noise_at: 0,
             shortest_excess: u64::MAX,
         }
@@ -109,6 +112,11 @@ impl Wire {
 
     pub const fn is_up(&self) -> bool {
         self.is_up
+    }
+
+    /// When the port opened last.
+    pub const fn up_since(&self) -> u64 {
+        self.up_since
     }
 
     /// The exchange that was sent last.
@@ -162,6 +170,7 @@ impl Checker {
         self.wire.is_up = is_up;
         self.wire.is_open = false;
         self.wire.quiet_from = at;
+        self.wire.up_since = at;
         self.port_changed(at, is_up);
     }
 
@@ -224,7 +233,12 @@ impl Checker {
             let own = [&[drive.station], &frame[1..frame.len() - 2]].concat();
             let sound = [own.as_slice(), &crc::of(&own).to_le_bytes()].concat();
             match self.read_frame(at, &sound) {
-                Some(exchange) if self.is_stop(&sound) => self.written(&exchange),
+                Some(exchange) if self.is_stop(&sound) => {
+                    self.written(&exchange);
+                    if let Some(place) = self.line.drives.iter().position(|it| it.station == drive.station) {
+                        self.stop_sent(at, place);
+                    }
+                }
                 _ => self.object("O1", || format!("not for all: {frame:02X?}")),
             }
         }

@@ -26,6 +26,7 @@ impl Checker {
                         self.explain(exchange.at, drive, is_taken, run_part(run))
                     }
                     Some(Run::Stop | Run::Coast) => {
+                        self.stop_sent(exchange.at, drive);
                         let is_explained = self.explain_stop(exchange, drive, value, is_taken);
                         let book = &mut self.books[drive];
                         (book.stop_due, book.remembered_stop) = (None, false);
@@ -44,14 +45,35 @@ impl Checker {
                 self.explain(exchange.at, drive, is_taken, register_part(address, value))
             };
             if !is_explained {
-                let rule = if self.books[drive].stop.is_pending { "O2" } else { "O1" };
+                let old = self.old_order(drive, address, value, exchange.at);
+                let rule = match old {
+                    Some(_) => "M2",
+                    None if self.books[drive].stop.is_pending => "O2",
+                    None => "O1",
+                };
                 let text = format!(
-                    "{value:04X} to {address:04X} of drive {drive} belongs to no order: {:?}",
+                    "{value:04X} to {address:04X} of drive {drive} belongs to no order{}: {:?}",
+                    old.map_or_else(String::new, |age| format!(
+                        " but to one that does not count, issued {} ms before",
+                        age / 1_000_000
+                    )),
                     self.books[drive]
                 );
                 self.object(rule, || text);
             }
         }
+    }
+
+    /// The age of an order that this would belong to, were it not too old.
+    fn old_order(&self, drive: usize, address: u16, value: u16, at: u64) -> Option<u64> {
+        let facts = self.line.drives[drive].kind.facts();
+        let run = (address == facts.run).then(|| facts.run_of(value)).flatten();
+        let is_it = |it: &&Order| {
+            let is_setpoint = address == facts.setpoint && it.wish.setpoint == Some(value);
+            it.issued_old.is_some() && (is_setpoint || (run.is_some() && it.wish.run == run))
+        };
+        let issued = self.books[drive].orders.iter().rev().find(is_it).and_then(|it| it.issued_old)?;
+        Some(at.saturating_sub(issued))
     }
 
     /// Finds the order that a written part belongs to.

@@ -46,7 +46,7 @@ impl Shared {
         Arc::new(Self { state: Mutex::new(State { machine, bells: HashMap::new(), beats: 0 }) })
     }
 
-    /// A place for one more connection; nothing: there is none.
+    /// A place for one more connection; `None`: there is none.
     pub fn open(self: &Arc<Self>) -> Option<Place> {
         let bell = Arc::new(Notify::new());
         let mut state = self.state();
@@ -72,7 +72,7 @@ impl Shared {
         }
     }
 
-    /// Does something with the machine, and wakes whoever has something to send then.
+    /// Does something with the machine, and wakes the connections that have something to send then.
     fn with<T>(&self, act: impl FnOnce(&mut Machine) -> T) -> T {
         let mut state = self.state();
         let done = act(&mut state.machine);
@@ -164,6 +164,6 @@ async fn carry(from: &mut OwnedReadHalf, to: &mut OwnedWriteHalf, place: &Place,
             () = place.bell.notified() => {}
         }
     }
-    // A client that takes nothing does not hold its place for long.
+    // A client that does not read does not hold its place for long.
     tokio::time::timeout(FAREWELL, to.write_all(&outgoing)).await.unwrap_or(Ok(()))
 }

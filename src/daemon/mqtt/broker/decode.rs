@@ -156,10 +156,10 @@ fn publish(flags: u8, reader: &mut Reader<'_>, version: Version) -> Result<Incom
 
 fn message(topic: &str, payload: &[u8], qos: Qos, retain: bool, properties: Properties<'_>) -> Result<Message, Fault> {
     if !topic::is_name(topic) {
-        return Err(Fault { reason: reason::TOPIC_INVALID, why: "a topic that nothing can be published on" });
+        return Err(Fault { reason: reason::TOPIC_INVALID, why: "a topic name that is not valid" });
     }
     if properties.text(properties::RESPONSE_TOPIC).is_some_and(|it| !topic::is_name(it)) {
-        return Err(Fault::protocol("a response topic that nothing can be published on"));
+        return Err(Fault::protocol("a response topic that is not valid"));
     }
     let expiry = properties.number(properties::MESSAGE_EXPIRY).map(|it| Duration::from_secs(u64::from(it)));
     let (topic, payload) = (topic.into(), payload.to_vec());

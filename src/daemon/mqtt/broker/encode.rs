@@ -5,7 +5,7 @@ use super::properties;
 use super::{IN_FLIGHT_MAX, PACKET_MAX};
 use crate::north::mqtt::Version;
 
-/// Writes `packet` behind `out`.
+/// Appends `packet` to `out`.
 pub fn packet(packet: &Outgoing<'_>, version: Version, out: &mut Vec<u8>) {
     match packet {
         Outgoing::ConnAck { session_present, code, assigned } => {
@@ -27,9 +27,8 @@ pub fn packet(packet: &Outgoing<'_>, version: Version, out: &mut Vec<u8>) {
         Outgoing::UnsubAck(id, codes) => frame(0xB0, &[&id.to_be_bytes(), &[0], codes], out),
         Outgoing::Pong => frame(0xD0, &[], out),
         // In 3.1.1 a broker only closes the connection.
-        Outgoing::Disconnect(_) if version == Version::V4 => {}
-        // The length of no properties might be left out, but not every client reads it then.
-        Outgoing::Disconnect(code) => frame(0xE0, &[&[*code, 0]], out),
+        Outgoing::Disconnect(..) if version == Version::V4 => {}
+        Outgoing::Disconnect(code, why) => disconnect(*code, why, out),
     }
 }
 
@@ -92,6 +91,18 @@ fn publish_head(
     head.extend(list);
     head.extend(&message.properties);
     head
+}
+
+/// The length of no properties might be left out, but not every client reads it then.
+fn disconnect(code: u8, why: &str, out: &mut Vec<u8>) {
+    let mut list = Vec::new();
+    if !why.is_empty() {
+        list.push(properties::REASON_STRING);
+        text(why, &mut list);
+    }
+    let mut length = Vec::new();
+    variable(list.len(), &mut length);
+    frame(0xE0, &[&[code], &length, &list], out);
 }
 
 fn ack(first: u8, id: u16, code: u8, version: Version, out: &mut Vec<u8>) {

@@ -22,7 +22,9 @@ const SWEEP: Duration = Duration::from_secs(10);
 const STALL: Duration = Duration::from_secs(2);
 /// Bytes that are handed over at once, about.
 const HANDED_OVER: usize = 64 * 1024;
-/// Answers that wait for a client before nothing more is read from it, in bytes.
+/// A DISCONNECT with words is shorter than this.
+const FAREWELL_MAX: usize = 128;
+/// Answers that wait for a client before reading from it pauses, in bytes.
 const REPLIES_MAX: usize = 64 * 1024;
 
 /// The number of a connection.
@@ -73,6 +75,13 @@ impl Connection {
         if self.taking.version == Version::V4 { INCOMING_MAX } else { usize::from(IN_FLIGHT_MAX) }
     }
 
+    /// DISCONNECT, after which the connection ends.
+    pub fn dismiss(&mut self, reason: u8, why: &'static str) {
+        let why = if self.taking.packet_max < FAREWELL_MAX { "" } else { why };
+        self.reply(&Outgoing::Disconnect(reason, why));
+        self.is_ending = true;
+    }
+
     pub fn reply(&mut self, packet: &Outgoing<'_>) {
         encode::packet(packet, self.taking.version, &mut self.replies);
     }
@@ -107,7 +116,7 @@ impl Machine {
         }
     }
 
-    /// Somebody connects; nothing: there are too many.
+    /// A client connects; `None`: there are too many.
     pub fn open(&mut self, now: MonoTime) -> Option<ConnectionId> {
         if self.connections.len() >= CONNECTIONS_MAX {
             return None;
@@ -150,7 +159,7 @@ impl Machine {
         connection.is_ending = true;
         self.woken.insert(id);
         if let Some(session) = connection.session.take() {
-            connection.reply(&Outgoing::Disconnect(fault.reason));
+            connection.dismiss(fault.reason, fault.why);
             self.detach(session, true, now);
         }
     }
@@ -162,7 +171,7 @@ impl Machine {
         }
     }
 
-    /// Writes what is to be sent behind `out`, as far as it may be much.
+    /// Appends what is to be sent to `out`, up to a limit; what is left comes with the next call.
     pub fn hand_over(&mut self, id: ConnectionId, now: MonoTime, out: &mut Vec<u8>) {
         let Some(connection) = self.connections.get_mut(&id) else { return };
         out.append(&mut connection.replies);

@@ -50,7 +50,7 @@ const WAITING_MAX: usize = 10_000;
 const WAITING_BYTES_MAX: usize = 64 * 1024 * 1024;
 /// Messages that wait for an acknowledgement, to and from one client.
 const IN_FLIGHT_MAX: u16 = 64;
-/// Those from a client with MQTT 3.1.1, which cannot be told a limit.
+/// The same from a client with MQTT 3.1.1, which has no way to learn a limit.
 const INCOMING_MAX: usize = 1000;
 /// Longest identifier of a client, in bytes.
 const CLIENT_IDENTIFIER_MAX: usize = 1024;

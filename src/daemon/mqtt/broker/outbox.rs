@@ -134,7 +134,7 @@ impl Outbox {
         self.in_flight.retain(|it| it.id != id || it.qos().is_some());
     }
 
-    /// Writes the next packet behind `out`; false: there is none now.
+    /// Appends the next packet to `out`; false: there is none now.
     pub fn next(&mut self, taking: Taking, retained: &Retained, now: MonoTime, out: &mut Vec<u8>) -> bool {
         let sent = self.in_flight.iter().filter(|it| it.is_sent).count();
         if sent < taking.window

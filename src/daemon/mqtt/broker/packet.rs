@@ -229,5 +229,6 @@ pub enum Outgoing<'a> {
     SubAck(u16, &'a [u8]),
     UnsubAck(u16, &'a [u8]),
     Pong,
-    Disconnect(u8),
+    /// The reason, as a number and in words; no words for a client that takes only short packets.
+    Disconnect(u8, &'static str),
 }

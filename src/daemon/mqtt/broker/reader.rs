@@ -94,7 +94,7 @@ pub struct Frame {
     pub end: usize,
 }
 
-/// The packet with which `bytes` begin; nothing: it has not come as a whole. One above `max` bytes is an error before
+/// The packet with which `bytes` begin; `None`: it has not come as a whole. One above `max` bytes is an error before
 /// it has come.
 pub fn frame(bytes: &[u8], max: usize) -> Result<Option<Frame>, Fault> {
     let Some((first, after)) = bytes.split_first() else { return Ok(None) };
@@ -107,13 +107,13 @@ pub fn frame(bytes: &[u8], max: usize) -> Result<Option<Frame>, Fault> {
     Ok((bytes.len() >= end).then_some(Frame { first: *first, body, end }))
 }
 
-/// The number with which `bytes` begin, and in how many bytes it stands; nothing: they end within it.
+/// The number with which `bytes` begin, and how many bytes it takes; `None`: they end within it.
 fn variable(bytes: &[u8]) -> Result<Option<(u32, usize)>, Fault> {
     let mut number = 0;
     for (at, byte) in bytes.iter().take(4).enumerate() {
         number |= u32::from(byte & 0x7F) << (7 * at);
         if byte & 0x80 == 0 {
-            // Nothing but the shortest way to write it.
+            // Only the shortest form is allowed.
             let is_shortest = at == 0 || *byte != 0;
             return if is_shortest {
                 Ok(Some((number, at + 1)))

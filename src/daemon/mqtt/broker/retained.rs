@@ -50,7 +50,7 @@ impl Retained {
         Self { kept: BTreeMap::new(), bytes: 0, count_max, bytes_max, number: 0 }
     }
 
-    /// Keeps `post` in place of what its topic had; without a payload, nothing is kept. Returns whether there was room.
+    /// Keeps `post` in place of what its topic had; one without a payload only removes that. Returns whether there was room.
     pub fn set(&mut self, post: &Post) -> bool {
         self.remove(&post.message.topic);
         if post.message.payload.is_empty() {
@@ -71,7 +71,7 @@ impl Retained {
         self.number
     }
 
-    /// The next message for `filter` behind the topic `after`, of those that were there at `number`.
+    /// The next message for `filter` after the topic `after`, of those that were there at `number`.
     pub fn next(&self, filter: &str, after: Option<&Arc<str>>, number: u64, now: MonoTime) -> Option<&Post> {
         let literal = topic::literal(filter);
         let from = match after {
@@ -143,7 +143,7 @@ mod tests {
         let number = retained.number();
         retained.set(&post("a/b", "newer", None));
         retained.set(&post("a", "", None));
-        assert_eq!(topics(&retained, "a/#", number, MonoTime::ZERO), ["a/b/c"], "what came later is told live");
+        assert_eq!(topics(&retained, "a/#", number, MonoTime::ZERO), ["a/b/c"], "what came later comes live");
     }
 
     #[test]

@@ -83,7 +83,7 @@ impl Machine {
         }
         for (id, delivery) in once.into_iter().chain(shared) {
             let Some(session) = self.sessions.get_mut(&id) else { continue };
-            // Nothing at quality of service 0 waits for a client that is away.
+            // Messages at quality of service 0 do not wait for a client that is away.
             if session.connection.is_some() || delivery.qos != Qos::AtMostOnce {
                 session.outbox.add(delivery);
                 self.woken.extend(session.connection);

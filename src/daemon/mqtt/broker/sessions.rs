@@ -16,7 +16,7 @@ impl Machine {
     pub(super) fn connect(&mut self, id: ConnectionId, connect: Connect, now: MonoTime) {
         let version = connect.version;
         let is_nameless = connect.client.is_empty();
-        // 3.1.1 lets clients leave out their identifier only if nothing is kept for them.
+        // 3.1.1 lets clients leave out their identifier only if no session is kept for them.
         if (version == Version::V4 && is_nameless && !connect.clean_start)
             || connect.client.len() > CLIENT_IDENTIFIER_MAX
         {
@@ -129,8 +129,7 @@ impl Machine {
         session.connection = None;
         if let Some((other, connection)) = other.and_then(|it| Some((it, self.connections.get_mut(&it)?))) {
             connection.session = None;
-            connection.is_ending = true;
-            connection.reply(&Outgoing::Disconnect(reason::TAKEN_OVER));
+            connection.dismiss(reason::TAKEN_OVER, "another connection of the same client");
             self.woken.insert(other);
             session.outbox.end();
         }

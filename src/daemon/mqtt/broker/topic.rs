@@ -16,7 +16,7 @@ pub struct Filter<'a> {
 }
 
 impl<'a> Filter<'a> {
-    /// Nothing: it is not a filter.
+    /// `None`: it is not a filter.
     pub fn new(text: &'a str) -> Option<Self> {
         let (group, levels) = match text.strip_prefix("$share/") {
             Some(rest) => {

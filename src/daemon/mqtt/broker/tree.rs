@@ -1,4 +1,4 @@
-//! Subscriptions as a tree of levels, so that a message looks at those that may want it and not at all.
+//! Subscriptions as a tree of levels, so that a message is compared with those that may match only.
 
 use super::packet::Options;
 use super::session::SessionId;
@@ -81,7 +81,7 @@ impl Node {
     }
 }
 
-/// Removes from `node` downwards, and each level that nothing needs any more. It goes as deep as filters are long.
+/// Removes from `node` downwards, and each level that is no longer needed. The recursion is as deep as filters are long, which is bounded.
 fn remove<'a>(
     node: &mut Node,
     mut levels: impl Iterator<Item = &'a str>,
@@ -140,7 +140,7 @@ mod tests {
             assert!(tree.remove(filter(text), SessionId(number)));
             assert!(!tree.remove(filter(text), SessionId(number)));
         }
-        assert!(tree.root.is_empty(), "nothing is left of what is gone");
+        assert!(tree.root.is_empty(), "no empty levels stay");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! from the vendors' manuals.
 
 mod bits;
+mod elsewhere;
 mod memory;
 mod power;
 mod priority;

@@ -52,7 +52,7 @@ fn quality_2_is_delivered_once_however_often_it_is_sent() {
     assert!(matches!(&rig.take(reader)[..], [v5::Packet::PubRel(it)] if it.pkid == got[0].pkid));
     assert!(rig.say(reader, &v5::Packet::PubComp(v5::PubComp::new(got[0].pkid, None))));
     assert!(rig.take(reader).is_empty());
-    // What nobody knows.
+    // An identifier that is not in use.
     assert!(rig.say(reader, &v5::Packet::PubRec(v5::PubRec::new(77, None))));
     let not_found = v5::PubRelReason::PacketIdentifierNotFound;
     assert!(matches!(&rig.take(reader)[..], [v5::Packet::PubRel(it)] if it.reason == not_found));
@@ -160,7 +160,7 @@ fn retained_messages_come_at_a_subscription_as_it_asks_for_them() {
     rig.subscribe(reader, &[new]);
     assert_eq!(rig.payloads(reader), ["b"]);
     rig.publish(writer, retained("a/1", ""));
-    assert_eq!(rig.payloads(reader), [""], "that it is cleared is told");
+    assert_eq!(rig.payloads(reader), [""], "that it is cleared is delivered");
     let (old, _) = rig.connect_v4("old", true);
     rig.say_v4(
         old,
@@ -183,7 +183,7 @@ fn all_that_is_retained_comes_however_much_it_is() {
     rig.publish(writer, message("live", "y", QoS::AtMostOnce));
     let got = rig.messages(reader);
     assert_eq!(got.len(), count + 1);
-    assert_eq!(got[count].topic, "live", "behind what was there before");
+    assert_eq!(got[count].topic, "live", "after what was there before");
     assert_eq!(rig.machine.take_report(), Default::default());
 }
 
@@ -209,7 +209,7 @@ fn the_options_of_mqtt_5_are_kept() {
     rig.publish(writer, message("other", "x", QoS::AtLeastOnce));
     let bytes = rig.sent(reader);
     // 200 takes two bytes.
-    assert_eq!(&bytes[11..], [5, 0x0B, 0xC8, 1, 0x0B, 3, b'x'], "{bytes:?}");
+    assert_eq!(&bytes[11..], [5, 0x0B, 3, 0x0B, 0xC8, 1, b'x'], "{bytes:?}");
 }
 
 #[test]
@@ -277,7 +277,7 @@ fn a_shared_subscription_gives_each_message_to_one_of_its_members() {
     let readers: Vec<Id> = (0..3).map(|number| rig.connect_with(lasting(&number.to_string(), 60), None).0).collect();
     for id in &readers {
         rig.subscribe(*id, &filters(&["$share/g/a"], QoS::AtLeastOnce));
-        assert_eq!(rig.payloads(*id), [""; 0], "nothing that is retained");
+        assert_eq!(rig.payloads(*id), [""; 0], "no retained message");
     }
     for number in 0..30 {
         rig.publish(writer, message("a", &number.to_string(), QoS::AtLeastOnce));

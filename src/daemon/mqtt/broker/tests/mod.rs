@@ -114,7 +114,6 @@ impl Rig {
         let packets = self.take(id);
         let Some(v5::Packet::ConnAck(ack)) = packets.first() else { panic!("{packets:?}") };
         let ack = ack.clone();
-        // What waited comes behind it; whoever wants to see that connects by hand.
         (id, ack)
     }
 

@@ -1,9 +1,9 @@
-//! What is no MQTT: connections end with the right reason, and nothing panics.
+//! What is no MQTT: connections end with the right reason, and there is no panic.
 
 use super::*;
 use proptest::prelude::*;
 
-/// Packets behind CONNECT that end a connection, and the reason with MQTT 5.
+/// Packets after CONNECT that end a connection, and the reason with MQTT 5.
 const WRONG: &[(&str, &[u8], u8)] = &[
     ("a second CONNECT", b"\x10\x0d\x00\x04MQTT\x05\x02\x00\x3c\x00\x00\x00", 0x82),
     ("AUTH", &[0xF0, 0], 0x82),
@@ -28,7 +28,7 @@ const WRONG: &[(&str, &[u8], u8)] = &[
     ("properties beyond the packet", &[0x30, 4, 0, 1, b'a', 9], 0x81),
     ("a property beyond the others", &[0x30, 8, 0, 1, b'a', 1, 0x02, 0, 0, 0], 0x81),
     ("a topic beyond the packet", &[0x30, 3, 0, 9, b'a'], 0x81),
-    ("bytes behind PINGREQ", &[0xC0, 1, 0], 0x81),
+    ("bytes after PINGREQ", &[0xC0, 1, 0], 0x81),
     ("a length of five bytes", &[0xC0, 0xFF, 0xFF, 0xFF, 0xFF, 1], 0x81),
     ("a packet that is too large", &[0x30, 0x80, 0x80, 0x40], 0x95),
 ];
@@ -40,8 +40,8 @@ fn what_is_wrong_ends_the_connection_with_its_reason() {
         let (other, id) = (rig.connect("other"), rig.connect("a"));
         assert!(!rig.bytes(id, bytes), "{name}");
         assert!(rig.machine.is_ending(id), "{name}");
-        assert_eq!(&*rig.sent(id), [0xE0, 2, *reason, 0], "{name}");
-        assert!(rig.bytes(id, &[0xC0, 0]) && rig.sent(id).is_empty(), "{name}: nothing is read any more");
+        assert_eq!(farewell(&mut rig, id), *reason, "{name}");
+        assert!(rig.bytes(id, &[0xC0, 0]) && rig.sent(id).is_empty(), "{name}: no more is read");
         assert!(!rig.machine.is_ending(other), "{name}");
         let (old, _) = rig.connect_v4("old", true);
         let is_right_there = rig.bytes(old, bytes);
@@ -59,7 +59,7 @@ fn wrong_connections_are_refused() {
         ("an end too soon", b"\x10\x08\x00\x04MQTT\x05\x02", &[0x20, 3, 0, 0x81, 0]),
         ("3.1.1 with a password alone", b"\x10\x0f\x00\x04MQTT\x04\x42\x00\x3c\x00\x01a\x00\x00", &[]),
         ("another packet", &[0xC0, 0], &[]),
-        ("nothing of it", b"GET / HTTP/1.1\r\n\r\n", &[]),
+        ("another protocol", b"GET / HTTP/1.1\r\n\r\n", &[]),
     ] {
         let mut rig = Rig::new();
         let id = rig.open();
@@ -77,13 +77,31 @@ fn more_unreleased_messages_than_were_offered_end_the_connection() {
     }
     rig.sent(id);
     assert!(!rig.publish(id, v5::Publish { pkid: 65, ..message("a", "x", QoS::ExactlyOnce) }));
-    assert_eq!(&*rig.sent(id), [0xE0, 2, 0x93, 0]);
+    assert_eq!(farewell(&mut rig, id), 0x93);
     // With 3.1.1 a client cannot know.
     let (old, _) = rig.connect_v4("b", true);
     for pkid in 1..=1000 {
         let publish = v4::Publish { pkid, ..v4::Publish::new("a", rumqttc::QoS::ExactlyOnce, "x") };
         assert!(rig.say_v4(old, &v4::Packet::Publish(publish)));
     }
+}
+
+/// The reason with which the broker dismisses a client, which it also says in words.
+fn farewell(rig: &mut Rig, id: Id) -> u8 {
+    let packets = rig.take(id);
+    let [v5::Packet::Disconnect(it)] = &packets[..] else { panic!("{packets:?}") };
+    let words = it.properties.as_ref().and_then(|it| it.reason_string.clone());
+    assert!(words.is_some_and(|it| !it.is_empty()));
+    it.reason_code as u8
+}
+
+#[test]
+fn a_client_that_takes_only_short_packets_gets_the_reason_without_words() {
+    let mut rig = Rig::new();
+    let properties = v5::ConnectProperties { max_packet_size: Some(40), ..Default::default() };
+    let (id, _) = rig.connect_with(v5::Connect { properties: Some(properties), ..connect("a") }, None);
+    assert!(!rig.bytes(id, &[0xF0, 0]));
+    assert_eq!(&*rig.sent(id), [0xE0, 2, 0x82, 0]);
 }
 
 /// A packet with any body.

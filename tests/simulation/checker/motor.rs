@@ -1,0 +1,214 @@
+//! The true state of each motor, read at the drive and never over the line, and what must hold between it and what the
+//! gateway answers and reports:
+//!
+//! | rule | what it says |
+//! | --- | --- |
+//! | M1 | a STOP that is answered with success was sent to a drive that runs, or one was on its way |
+//! | M2 | no order goes out that is older than a STOP of that drive, or older than its time |
+//! | M3 | a drive is not left with a reset in its run command |
+//! | M4 | each trip is reported once, and none that did not happen |
+//! | M5 | a run state that is shown was true within its age |
+
+use super::Checker;
+use super::tables::{Kind, Run};
+
+/// What is shown and counts as fresh is at most so many poll periods old.
+const PERIODS: u64 = 3;
+/// The time that a reset may take on a line that is there.
+const RESET_TAKES: u64 = 15_000_000_000;
+/// A stop that is not effective goes again within this time; one that is ordered again meanwhile is the same.
+const GOES_AGAIN: u64 = 4_300_000_000;
+/// Output below that is standstill to a drive that only shows its frequency, in 0.01 Hz.
+const TURNS: u32 = 10;
+/// Stops of a drive that wait for their answers.
+const ASKED: usize = 64;
+
+/// Words of the uniform map: bits, and the run state.
+const STATUS: u16 = 1;
+const RUN_STATE: u16 = 2;
+/// The bit that says that something polled is stale.
+const IS_STALE: u16 = 1 << 8;
+/// Numbers of the run state.
+const STOPPED: u16 = 1;
+const FORWARD: u16 = 2;
+const REVERSE: u16 = 3;
+const TRIPPED: u16 = 4;
+const RUNNING: u16 = 6;
+
+/// A motor and its drive, as they are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct State {
+    pub is_on: bool,
+    /// It is ordered to run, whoever ordered it.
+    pub is_ordered: bool,
+    /// Output frequency in 0.01 Hz, without its sign.
+    pub output: u32,
+    pub is_tripped: bool,
+    /// How often it tripped.
+    pub trips: u16,
+    /// What its run command holds.
+    pub run_word: u16,
+    /// It does not take stops.
+    pub refuses_stops: bool,
+}
+
+/// What is known of one motor.
+#[derive(Debug, Default)]
+pub struct Motor {
+    state: State,
+    /// Since when it was seen to run, to rest, and to be tripped or not, without a break.
+    runs_since: Option<u64>,
+    rests_since: Option<u64>,
+    tripped_since: Option<u64>,
+    sound_since: Option<u64>,
+    /// When the last frame of ours that stops went out to it.
+    stopped_by_us: Option<u64>,
+    /// Since when its run command holds a reset, and whether it has refused to end that.
+    resets_since: Option<u64>,
+    keeps_reset: bool,
+    /// Stops that are not answered yet: number and moment.
+    asked: Vec<(u64, u64)>,
+    /// Trips that were reported.
+    told: u32,
+}
+
+fn since(is_so: bool, before: Option<u64>, at: u64) -> Option<u64> {
+    is_so.then(|| before.unwrap_or(at))
+}
+
+impl Checker {
+    /// This is how the motor of `drive` and its drive are at `at`.
+    pub fn sees_motor(&mut self, at: u64, drive: usize, state: State) {
+        let facts = self.line.drives[drive].kind.facts();
+        let holds_reset = facts.run_of(state.run_word) == Some(Run::Reset)
+            && facts.reset.last() != Some(&state.run_word)
+            && state.is_on;
+        let motor = &mut self.motors[drive];
+        motor.runs_since = since(state.is_on && state.is_ordered && state.output >= TURNS, motor.runs_since, at);
+        motor.rests_since = since(!state.is_ordered && state.output == 0, motor.rests_since, at);
+        motor.tripped_since = since(state.is_tripped, motor.tripped_since, at);
+        motor.sound_since = since(!state.is_tripped, motor.sound_since, at);
+        motor.keeps_reset = holds_reset && (motor.keeps_reset || state.refuses_stops);
+        motor.resets_since = since(holds_reset && !motor.keeps_reset, motor.resets_since, at);
+        motor.state = state;
+    }
+
+    /// A frame of ours that stops went to `drive`, or to all.
+    pub(super) fn stop_sent(&mut self, at: u64, drive: usize) {
+        self.motors[drive].stopped_by_us = Some(at);
+    }
+
+    /// A stop is asked for.
+    pub(super) fn stop_asked(&mut self, at: u64, drive: usize, number: u64) {
+        let asked = &mut self.motors[drive].asked;
+        if asked.len() >= ASKED {
+            asked.remove(0);
+        }
+        asked.push((number, at));
+    }
+
+    /// How long what counts as fresh may lag behind the truth.
+    fn lag(&self, drive: usize) -> u64 {
+        PERIODS * self.line.drives[drive].poll + self.bound
+    }
+
+    /// M1: a stop is answered with success.
+    pub(super) fn stop_answered(&mut self, at: u64, drive: usize, number: u64) {
+        let lag = self.lag(drive);
+        let motor = &mut self.motors[drive];
+        let Some(place) = motor.asked.iter().position(|(it, _)| *it == number) else { return };
+        let (_, asked) = motor.asked.remove(place);
+        let Some(runs_since) =
+            motor.runs_since.filter(|_| motor.stopped_by_us.is_none_or(|sent| sent + GOES_AGAIN < asked))
+        else {
+            return;
+        };
+        if at > runs_since + lag {
+            let text = format!(
+                "a stop of drive {drive} is answered with success, no frame was sent for it, and the motor runs on at \
+                 {} since {} ms",
+                motor.state.output,
+                (at - runs_since) / 1_000_000
+            );
+            self.object("M1", || text);
+        }
+    }
+
+    /// A stop is refused.
+    pub(super) fn stop_refused(&mut self, drive: usize, number: u64) {
+        self.motors[drive].asked.retain(|(it, _)| *it != number);
+    }
+
+    /// M3, as time goes by.
+    pub(super) fn check_resets(&mut self, at: u64) {
+        if !self.wire.is_up() {
+            return;
+        }
+        let from = self.wire.up_since().max(self.wire.noise_at);
+        for drive in 0..self.motors.len() {
+            let Some(since) = self.motors[drive].resets_since else { continue };
+            if at > since.max(from) + RESET_TAKES && self.line.drives[drive].has_control {
+                let text =
+                    format!("drive {drive} holds a reset in its run command since {} ms", (at - since) / 1_000_000);
+                self.object("M3", || text);
+            }
+        }
+    }
+
+    /// So many trips of `drive` are reported.
+    pub fn trips_told(&mut self, drive: usize, trips: u16) {
+        let motor = &mut self.motors[drive];
+        motor.told += u32::from(trips);
+        if motor.told > u32::from(motor.state.trips) {
+            let text = format!("{} trips of drive {drive} are told, it had {}", motor.told, motor.state.trips);
+            self.object("M4", || text);
+        }
+    }
+
+    /// The gateway is killed: what was reported and not kept may be reported again.
+    pub(super) fn telling_starts_again(&mut self, drive: usize, kept: u32) {
+        let motor = &mut self.motors[drive];
+        (motor.told, _) = (motor.told.min(kept), motor.asked.clear());
+    }
+
+    /// M4: trips that were shown for long were reported.
+    pub(super) fn check_told(&mut self, drive: usize, shown: u32) {
+        if self.motors[drive].told < shown {
+            let text = format!("drive {drive} showed {shown} trips for long, {} are told", self.motors[drive].told);
+            self.object("M4", || text);
+        }
+    }
+
+    /// M5: the run state among `count` words from `address` on that a client got.
+    pub(super) fn check_run_state(&mut self, at: u64, drive: usize, address: u16, count: u16, pdu: &[u8]) {
+        if address > STATUS || address + count <= RUN_STATE {
+            return;
+        }
+        let word = |register: u16| {
+            let place = 2 + 2 * usize::from(register - address);
+            u16::from_be_bytes([pdu[place], pdu[place + 1]])
+        };
+        if word(STATUS) & IS_STALE != 0 {
+            return;
+        }
+        let (motor, kind) = (&self.motors[drive], self.line.drives[drive].kind);
+        // What a drive without a status shows of a trip is inferred.
+        let not_so = match word(RUN_STATE) {
+            STOPPED => motor.runs_since,
+            FORWARD | REVERSE | RUNNING => motor.rests_since.filter(|_| motor.state.is_on),
+            TRIPPED if kind != Kind::N700 => motor.sound_since.filter(|_| motor.state.is_on),
+            _ => return,
+        };
+        self.counts.states += 1;
+        let lag = self.lag(drive);
+        if let Some(since) = not_so.filter(|since| at > since + lag) {
+            let text = format!(
+                "run state {} of drive {drive} is shown as fresh, and has not been true for {} ms: {:?}",
+                word(RUN_STATE),
+                (at - since) / 1_000_000,
+                motor.state
+            );
+            self.object("M5", || text);
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! Kinds of trouble beside the line: others at the drives, drives that refuse to stop, ways in that stall, clocks that are
+//! wrong. Each world draws some of those that are switched on.
+
+use fastrand::Rng;
+
+/// A kind of trouble beside the line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Extra {
+    /// Panel, terminals, another master and the drive itself start, stop, reverse, trip, reset and restart.
+    Others,
+    /// Drives refuse to stop for a while.
+    RefusedStops,
+    /// The way between gateway and broker stalls, and what waited comes afterwards, in order.
+    BrokerStalls,
+    /// The clocks of gateway and commanders are wrong, and jump.
+    Clocks,
+    /// Connections of Modbus TCP clients stall.
+    ClientStalls,
+    /// The gateway's process stands still.
+    Standstills,
+}
+
+/// Kinds whose worlds still show violations that wait for their fixes. They are drawn only where they are asked for.
+pub const AWAITED: &[Extra] = &[Extra::RefusedStops, Extra::Clocks];
+
+impl Extra {
+    pub const ALL: [Self; 6] =
+        [Self::Others, Self::RefusedStops, Self::BrokerStalls, Self::Clocks, Self::ClientStalls, Self::Standstills];
+    const NAMES: [&str; 6] = ["others", "refused-stops", "broker-stalls", "clocks", "client-stalls", "standstills"];
+}
+
+/// Some kinds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Extras(u8);
+
+impl Extras {
+    pub const NONE: Self = Self(0);
+    pub const ALL: Self = Self((1 << Extra::ALL.len()) - 1);
+
+    /// Those that are switched on.
+    pub fn on() -> Self {
+        AWAITED.iter().fold(Self::ALL, |all, extra| Self(all.0 & !(1 << *extra as u8)))
+    }
+
+    /// Those that `text` names: `all`, `none`, `on`, or names with commas between them.
+    pub fn named(text: &str) -> Option<Self> {
+        match text {
+            "all" => return Some(Self::ALL),
+            "none" => return Some(Self::NONE),
+            "on" => return Some(Self::on()),
+            _ => {}
+        }
+        text.split(',').try_fold(Self::NONE, |all, name| {
+            let place = Extra::NAMES.iter().position(|it| *it == name)?;
+            Some(Self(all.0 | 1 << place))
+        })
+    }
+
+    /// Half of these, as `rng` draws them.
+    pub fn drawn(self, rng: &mut Rng) -> Self {
+        Self(self.0 & rng.u8(..))
+    }
+
+    pub const fn has(self, extra: Extra) -> bool {
+        self.0 & (1 << extra as u8) != 0
+    }
+
+    pub fn is_none(self) -> bool {
+        self == Self::NONE
+    }
+}
