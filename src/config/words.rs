@@ -111,6 +111,7 @@ pub const ACTIONS: [(&str, ControlAction); 5] = [
 /// What is used although it is not proven.
 pub(super) const fn of_action(action: ControlAction) -> &'static str {
     match action {
+        ControlAction::Basic => "stopping, running forward and setting the frequency",
         ControlAction::Reverse => "running in reverse",
         ControlAction::Reset => "resetting a trip",
         ControlAction::Coast => "cutting the output off",

@@ -18,6 +18,7 @@ mod core;
 mod decide;
 mod ended;
 mod event;
+mod falling;
 mod health;
 mod list;
 mod measured;

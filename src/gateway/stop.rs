@@ -5,12 +5,12 @@
 //! show that the drive is not ordered to run any more, or the output frequency at zero, or twice at or below the one
 //! before and falling.
 
+use super::falling::FallWatch;
 use super::outbox::Outbox;
 use super::waiter::Waiter;
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::control::ControlSettings;
 use crate::domain::time::MonoTime;
-use crate::drive::run_state::ZEROS_FOR_STANDSTILL;
 use crate::guard::StopOrder;
 use crate::wire::pdu::Request;
 use std::time::Duration;
@@ -27,8 +27,6 @@ const LOOK_EVERY: Duration = Duration::from_millis(50);
 const LOOKS_BEFORE_AWAY: u8 = 3;
 /// Time between two looks for a drive that is away: it is met soon when it is back, and costs the others little.
 const LOOK_WHEN_AWAY: Duration = Duration::from_secs(2);
-/// Readings in a row that must not rise.
-const FALLS: u8 = 2;
 
 /// One stop that is not effective yet.
 #[derive(Debug)]
@@ -374,39 +372,6 @@ impl StopLatch {
     /// Those who wait.
     pub fn waiters(&mut self) -> &mut Vec<Waiter> {
         &mut self.waiters
-    }
-}
-
-/// Readings of an output frequency that should fall.
-#[derive(Debug, Default)]
-struct FallWatch {
-    first: Option<u16>,
-    last: Option<u16>,
-    not_risen: u8,
-    zeros: u8,
-}
-
-impl FallWatch {
-    fn take(&mut self, raw: u16) {
-        match self.last {
-            Some(last) if raw <= last => self.not_risen = self.not_risen.saturating_add(1),
-            Some(_) => {
-                // It rises: whatever was seen before is no fall.
-                (self.first, self.not_risen) = (Some(raw), 0);
-            }
-            None => self.first = Some(raw),
-        }
-        self.last = Some(raw);
-        self.zeros = if raw == 0 { self.zeros.saturating_add(1) } else { 0 };
-    }
-
-    const fn is_at_zero(&self) -> bool {
-        self.zeros >= ZEROS_FOR_STANDSTILL
-    }
-
-    fn is_falling(&self) -> bool {
-        let has_fallen = self.last < self.first;
-        self.last == Some(0) || (has_fallen && self.not_risen >= FALLS)
     }
 }
 

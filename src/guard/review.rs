@@ -3,7 +3,7 @@
 use super::approved::{Approved, StopOrder};
 use super::registers::is_parameter;
 use super::state::DriveGuard;
-use crate::domain::command::{CommandRequest, Direction, Manner, Order, Origin, Owner, Reason, Report, RunIntent};
+use crate::domain::command::{CommandRequest, Direction, Go, Manner, Order, Origin, Owner, Reason, Report, RunIntent};
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;

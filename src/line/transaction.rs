@@ -531,24 +531,26 @@ mod tests {
     /// The beginning of a reply that was cut off, and the beginning of the reply itself, with the right check by chance.
     #[test]
     fn a_sound_frame_that_the_reply_may_begin_inside_of_counts_only_with_silence_behind_it() {
-        let reply_with = |high: u8, low: u8| frame(1, &[3, 2, high, low]);
-        let (cut, reply) = (0..=u8::MAX)
-            .flat_map(|high| (0..=u8::MAX).map(move |low| (high, low)))
-            .find_map(|(high, low)| {
-                let reply = reply_with(high, low);
-                let cut = [&[1, 3, 2][..], &reply[..4]].concat();
-                rtu::decode(&cut).is_some().then_some((cut, reply))
+        let two_words = || exchange(Request::ReadHolding { address: 0x0101, count: 2 }, false);
+        let (cut, high) = (0..=u16::MAX)
+            .find_map(|word| {
+                let [first, second] = word.to_be_bytes();
+                let whole = frame(1, &[3, 4, first, second, 1, 3]);
+                (whole[7..8] == [4] && whole[8] != 0).then(|| (whole.clone(), whole[8]))
             })
-            .expect("one of 65,536");
+            .expect("one of 256");
+        let cut = [&cut[..5], &[1, 3, 4, high]].concat();
+        assert!(rtu::decode(&cut).is_some());
+        let reply = frame(1, &[3, 4, high, 7, 0, 9]);
         let at = MonoTime::from_millis(25);
-        let mut wire = sent(read());
+        let mut wire = sent(two_words());
         assert_eq!(wire.receive(at, &cut), None);
         assert_eq!(wire.wake_at(), Some(at + N700.silence));
         let ended = wire.receive(at + Duration::from_millis(3), &reply[4..]);
-        let words = vec![u16::from_be_bytes([reply[3], reply[4]])];
-        assert_eq!(ended, Some((read(), Ending::Reply(Reply::Words(words)))));
+        let words = vec![u16::from_be_bytes([high, 7]), 9];
+        assert_eq!(ended, Some((two_words(), Ending::Reply(Reply::Words(words)))));
         // A reply that only looks like that is one once silence has followed.
-        let mut wire = sent(read());
+        let mut wire = sent(two_words());
         assert_eq!(wire.receive(at, &cut), None);
         assert!(matches!(wire.pass(at + N700.silence), Some((_, Ending::Reply(_)))));
     }

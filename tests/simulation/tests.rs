@@ -586,7 +586,7 @@ fn single_promises_hold() {
     trials::late(1, 20_000).unwrap_or_else(|text| panic!("{text}"));
     for seed in 0..14 {
         let tally = bursts::bursts(seed, 1_500).unwrap_or_else(|text| panic!("{text}"));
-        assert!(tally.bursts > 10 && tally.right * 10 > tally.reads * 3, "{seed}: {tally:?}");
+        assert!(tally.bursts > 10 && tally.right > 100, "{seed}: {tally:?}");
     }
     trials::gaps(1, 50_000).unwrap_or_else(|text| panic!("{text}"));
     let (worst, pool) = trials::stops(1, 200).unwrap_or_else(|text| panic!("{text}"));

@@ -330,7 +330,7 @@ fn a_line_in_trouble_says_what_to_look_at() {
     let hung = said(up(), true);
     assert!(hung[0].contains("restart the gateway"), "{hung:?}");
     let suspected = said(LineReport { suspicion: Some(Suspicion::DuplicateStation(Station(3))), ..up() }, false);
-    assert!(suspected[0].contains("two answers come to requests for station 3"), "{suspected:?}");
+    assert!(suspected[0].contains("more answers come from station 3 than requests go to it"), "{suspected:?}");
     let bad = |bad_per_cent, is_suspended| LineQuality { bad_per_cent: Some(bad_per_cent), is_suspended };
     let suspended = said(LineReport { quality: bad(12, true), ..up() }, false);
     assert!(suspended[0].starts_with("problem: 12 % of the last exchanges failed: run orders"), "{suspended:?}");

@@ -151,6 +151,9 @@ impl Reading {
     }
 }
 
+/// What is left, and the next piece of it.
+type Read = (Box<Reading>, Option<Bytes>);
+
 /// The body of an answer. Each piece is read when the one before it is taken, so that a slow reader holds no thread and little
 /// memory.
 #[derive(Debug)]
@@ -158,7 +161,7 @@ enum Pieces {
     /// The next one is there.
     Ready(Box<Reading>, Option<Bytes>),
     /// It is being read.
-    Reading(JoinHandle<Result<(Box<Reading>, Option<Bytes>), Error>>),
+    Reading(JoinHandle<Result<Read, Error>>),
     /// All are taken, or reading has failed.
     Ended,
 }

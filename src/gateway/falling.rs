@@ -1,0 +1,42 @@
+//! Whether an output frequency falls.
+
+use crate::drive::run_state::ZEROS_FOR_STANDSTILL;
+
+/// Readings in a row that must not rise.
+const FALLS: u8 = 2;
+
+/// Readings of an output frequency that should fall.
+#[derive(Debug, Default)]
+pub struct FallWatch {
+    first: Option<u16>,
+    last: Option<u16>,
+    not_risen: u8,
+    zeros: u8,
+}
+
+impl FallWatch {
+    /// Takes a reading.
+    pub fn take(&mut self, raw: u16) {
+        match self.last {
+            Some(last) if raw <= last => self.not_risen = self.not_risen.saturating_add(1),
+            Some(_) => {
+                // It rises: whatever was seen before is no fall.
+                (self.first, self.not_risen) = (Some(raw), 0);
+            }
+            None => self.first = Some(raw),
+        }
+        self.last = Some(raw);
+        self.zeros = if raw == 0 { self.zeros.saturating_add(1) } else { 0 };
+    }
+
+    /// Whether it is known to be at zero.
+    pub const fn is_at_zero(&self) -> bool {
+        self.zeros >= ZEROS_FOR_STANDSTILL
+    }
+
+    /// Whether it falls, or is at zero.
+    pub fn is_falling(&self) -> bool {
+        let has_fallen = self.last < self.first;
+        self.last == Some(0) || (has_fallen && self.not_risen >= FALLS)
+    }
+}
