@@ -172,7 +172,7 @@ pub fn of_take_back(model: &Model) -> Result<Vec<Step>, NoSteps> {
         return Err(NoSteps::NotCapable);
     }
     let check =
-        register.access.can_read().then(|| Step::Check { address: register.address, least: reset, most: reset });
+        register.access.can_read().then_some(Step::Check { address: register.address, least: reset, most: reset });
     let write = Write { address: register.address, value: run.stop.value, part: Part::TakesBack, shown: Vec::new() };
     Ok(check.into_iter().chain([Step::Write(vec![write])]).collect())
 }

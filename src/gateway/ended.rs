@@ -163,6 +163,7 @@ impl LineCore {
 
     /// Words that the drive showed to us: the picture takes what is polled, the drive's own work the rest.
     fn take_words(&mut self, now: MonoTime, drive: DriveIndex, address: u16, words: &[u16]) {
+        let heard_at = self.wire.last_byte_at().min(now);
         let model = &self.setup.drives[drive.get()].model;
         for (address, word) in (address..=u16::MAX).zip(words) {
             if let Some(class) = model.register_at(address).and_then(|register| register.poll) {
@@ -172,7 +173,8 @@ impl LineCore {
                 {
                     self.measured.of(drive).aged(now.since(last.at), now);
                 }
-                snapshot.take(address, &[*word], now);
+                // A reply that had to wait for the silence behind it is as old as its last byte.
+                snapshot.take(address, &[*word], heard_at);
             }
         }
         let believes_trips = !self.stations[drive.get()].is_doubtful();

@@ -194,24 +194,18 @@ impl SimBus {
     /// Somebody who is no drive puts `bytes` on the wire from `at` on, asked by nobody: a foreign master, a node that
     /// babbles, an adapter that hears itself. What is put there behind [`Self::WAITING_MAX`] others is lost.
     pub fn speak(&mut self, at: MonoTime, bytes: &[u8]) {
-        if bytes.is_empty() || self.outbox.is_full() {
-            return;
+        if let Some(frame) = self.outbox.frame_of(bytes) {
+            self.report.collisions += self.outbox.add(NOBODY, at, false, frame, usize::MAX);
         }
-        let mut frame = self.outbox.buffer();
-        frame.extend_from_slice(bytes);
-        self.report.collisions += self.outbox.add(NOBODY, at, false, frame, usize::MAX);
     }
 
     /// The same, but whoever else begins to talk cuts it off: what a burst and a frame make of each other has the right
     /// check once in 65,536 times, whatever a master does.
     fn burst(&mut self, at: MonoTime, bytes: &[u8]) {
-        if bytes.is_empty() || self.outbox.is_full() {
-            return;
+        if let Some(frame) = self.outbox.frame_of(bytes) {
+            self.report.bursts += 1;
+            self.outbox.add_yielding(NOBODY, at, frame);
         }
-        let mut frame = self.outbox.buffer();
-        frame.extend_from_slice(bytes);
-        self.report.bursts += 1;
-        self.outbox.add_yielding(NOBODY, at, frame);
     }
 
     /// Most transmissions that may wait to be taken.
@@ -241,7 +235,6 @@ impl SimBus {
         self.newest_reply.clear();
         let start = if self.outbox.is_paced() { at.max(self.master_end) } else { at };
         self.end_request_by_silence(start);
-        let echo = self.echoes.then(|| bytes.to_vec()).unwrap_or_default();
         for (n, byte) in bytes.iter().enumerate() {
             if self.request.begins_with(*byte) {
                 self.drop_request();
@@ -254,7 +247,9 @@ impl SimBus {
                 self.end_request(self.master_end);
             }
         }
-        self.speak(start, &echo);
+        if self.echoes {
+            self.speak(start, bytes);
+        }
     }
 
     /// When to call [`Self::take_due`] next; nothing if nothing will happen until the master transmits.

@@ -78,6 +78,16 @@ impl Outbox {
         self.spare.pop().unwrap_or_default()
     }
 
+    /// A frame of `bytes`; `None` if there are none, or too many transmissions wait already.
+    pub fn frame_of(&mut self, bytes: &[u8]) -> Option<Vec<u8>> {
+        if bytes.is_empty() || self.is_full() {
+            return None;
+        }
+        let mut frame = self.buffer();
+        frame.extend_from_slice(bytes);
+        Some(frame)
+    }
+
     /// Takes a buffer back that is no longer needed.
     pub fn recycle(&mut self, mut buffer: Vec<u8>) {
         buffer.clear();

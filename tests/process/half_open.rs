@@ -133,7 +133,7 @@ fn a_run_that_waited_in_a_way_that_stood_still_starts_nothing_after_a_stop() {
                 plant.order("command", r#"{"id": "behind", "reset": false}"#);
                 subscriber.on("/result").iter().any(|it| it.payload.contains("behind")).then_some(())
             });
-            assert!(!plant.written()[seen..].iter().any(|it| *it == (RUN, 1)), "{case}: {:?}", plant.written());
+            assert!(!plant.written()[seen..].contains(&(RUN, 1)), "{case}: {:?}", plant.written());
             for result in subscriber.on("drive/pump-1/result").iter().filter(|it| it.payload.contains("waited")) {
                 assert!(result.payload.contains("refused"), "{case}: {}", result.payload);
             }

@@ -390,8 +390,8 @@ fn an_acceptance_accepts_something() {
         ("'reset', 'reset'", "[1]: \"reset\" is listed twice; each once"),
         (
             "'rest'",
-            "[0]: `rest` is none of the words; one of \"reverse\" (running in reverse), \"reset\" (resetting a trip), \
-             \"coast\" (cutting the output off), \"release\" (handing control back to panel and terminals)",
+            "[0]: `rest` is none of the words; one of \"basic\" (stopping, running forward and setting the frequency), \
+             \"reverse\" (running in reverse), \"reset\" (resetting a trip), \"coast\" (cutting the output off), \"release\" (handing control back to panel and terminals)",
         ),
     ] {
         only(&with(&two, "[X]", &format!("[{list}]")), &format!("{AT}.accept_unverified{problem}"));

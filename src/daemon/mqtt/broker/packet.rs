@@ -48,6 +48,7 @@ impl Fault {
 
 /// Quality of service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[expect(clippy::enum_variant_names, reason = "the specification calls them so")]
 pub enum Qos {
     AtMostOnce = 0,
     AtLeastOnce = 1,
