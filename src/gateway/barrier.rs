@@ -71,7 +71,9 @@ impl LineCore {
 
     fn waiting_requests(&self, now: MonoTime, drive: DriveIndex) -> impl Iterator<Item = Request> + '_ {
         let reads = self.schedule.reads().filter(move |key| key.drive == drive).map(ReadKey::request);
-        let wants = self.works[drive.get()].wants().filter(move |want| want.at <= now && !is_stop(want.rank));
+        let wants = self.works[drive.get()]
+            .wants()
+            .filter(move |want| want.at <= now && !is_stop(want.rank) && !self.is_withheld(drive, want.rank));
         let polls = self.plans[drive.get()].iter().filter(move |(_, _, due)| *due <= now);
         wants.map(|want| want.request).chain(reads).chain(polls.map(|(_, group, _)| poll_request(group)))
     }

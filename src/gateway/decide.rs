@@ -182,12 +182,17 @@ impl LineCore {
                 let station = &self.stations[drive.get()];
                 want.at.max(station.rests_until()).max(station.unmistakable_at(&want.request))
             }
-            Rank::Trip if self.stations[drive.get()].is_doubtful() => MonoTime::NEVER,
+            rank if self.is_withheld(drive, rank) => MonoTime::NEVER,
             Rank::Step | Rank::Trip | Rank::Start => {
                 let station = &self.stations[drive.get()];
                 want.at.max(station.may_be_asked_from()).max(station.unmistakable_at(&want.request))
             }
         }
+    }
+
+    /// No trip is read from a station whose replies may be another drive's: nothing of that would be believed.
+    pub(super) fn is_withheld(&self, drive: DriveIndex, rank: Rank) -> bool {
+        rank == Rank::Trip && self.stations[drive.get()].is_doubtful()
     }
 
     fn pick_read(&mut self, now: MonoTime) -> Option<Picked> {
@@ -268,7 +273,7 @@ impl LineCore {
                     let rests_until = self.stations[drive.get()].rests_until();
                     want.at.max(unmistakable.min(self.free_at(drive, &want.request))).max(rests_until)
                 }
-                Rank::Trip if self.stations[drive.get()].is_doubtful() => MonoTime::NEVER,
+                rank if self.is_withheld(drive, rank) => MonoTime::NEVER,
                 _ => want.at.max(self.free_at(drive, &want.request)),
             })
         });

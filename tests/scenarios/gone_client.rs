@@ -183,7 +183,7 @@ fn writes_to_the_drives_own_registers_are_withdrawn_too() {
     assert_eq!(rig.answer_to(ramp), NativeOutcome::Refused(Refusal::Guard(Reason::CommanderLost)));
     rig.pass(Duration::from_secs(1));
     assert_eq!(rig.writes(), Vec::<Vec<u8>>::new());
-    busy(&mut rig);
+    let mut rig = busy_and_running();
     rig.ask(GONE, 0, NativeAsk::Write { address: RUN, values: vec![0] });
     leaves(&mut rig);
     rig.pass(Duration::from_secs(1));

@@ -112,7 +112,7 @@ fn an_explicit_lease_does_not_live_by_the_way_alone() {
         let model = &models()[0];
         let mut rig = rig_of(model, ControlSettings { lease, ..accepting() });
         rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
-        rig.live(SECOND * 5);
+        rig.live(SECOND * 3 + ControlSettings::RESTART_DELAY);
         assert_eq!(owner(&rig).is_some(), still, "{lease:?}");
         if still {
             continue;

@@ -115,7 +115,12 @@ fn where_one_drive_goes_on_there_is_no_broadcast() {
 
 #[test]
 fn where_no_broadcast_is_proven_or_a_drive_is_not_under_control_there_is_none() {
-    let teco = RigOptions { model: model("teco-e510"), proof_words: None, ..line() };
+    let teco = RigOptions {
+        model: model("teco-e510"),
+        control: Some(crate::support::families::accepting()),
+        proof_words: None,
+        ..line()
+    };
     let alone = RigOptions { drives: 1, ..line() };
     for (options, drives) in [(teco, u16::from(DRIVES)), (alone, 1)] {
         let mut rig = running(&options);

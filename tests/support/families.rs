@@ -55,7 +55,8 @@ pub fn quiet(id: &str, control: ControlSettings) -> Rig {
 pub fn stopped(id: &str, control: ControlSettings) -> Rig {
     let mut rig = rig_of(&model(id), control);
     assert_eq!(rig.commanded(ORIGIN, STOP), (Outcome::Confirmed, Reason::None), "{id}");
-    rig.pass(Duration::from_secs(2));
+    // Until a RUN over MQTT may follow the stop.
+    rig.pass(ControlSettings::RESTART_DELAY);
     rig.sent.clear();
     rig
 }

@@ -25,7 +25,7 @@ pub fn of_native(facts: &Facts, pdu: &[u8]) -> Option<Wish> {
         _ => return None,
     };
     let mut wish = Wish::default();
-    for (address, value) in (address..).zip(values.into_iter().flatten()) {
+    for (address, value) in (address..=u16::MAX).zip(values.into_iter().flatten()) {
         match address {
             it if it == facts.run => wish.run = Some(facts.run_of(value)?),
             it if it == facts.setpoint => wish.setpoint = Some(value),
