@@ -5,8 +5,9 @@ use super::book::Order;
 use super::tables::{Action, Run};
 use super::wire::{Exchange, Truth};
 
-/// A stop that the drive has answered this often since anybody asked for one goes no more: an echo may be in doubt.
-const REPEATS: u32 = 5;
+/// A stop that the drive has answered this often since it was asked for is repeated no more. Behind bursts and strays several
+/// echoes in a row may be in doubt.
+const REPEATS: u32 = 12;
 /// Within this time a reset that has begun is over.
 const RESET_TAKES: u64 = 10_000_000_000;
 
