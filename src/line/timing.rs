@@ -17,6 +17,10 @@ pub const ASCII_SILENCE: Duration = Duration::from_millis(10);
 /// Longest pause between two characters of an ASCII frame (Modbus over serial line V1.02, 2.5.2.1).
 pub const ASCII_HOLE: Duration = Duration::from_secs(1);
 
+/// Longest pause that an adapter makes between two characters of a reply that came without one: the latency timer of common
+/// USB chips is 16 ms, and the bus and the driver need a little. What comes later on a serial port is not the same frame.
+pub const ADAPTER_HOLE: Duration = Duration::from_millis(20);
+
 /// Times of one line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {

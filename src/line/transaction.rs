@@ -3,7 +3,7 @@
 use super::arrivals::Arrivals;
 use super::exchange::{Ending, Exchange, Heard, answer_in};
 use super::own_echo::OwnEcho;
-use super::timing::Timing;
+use super::timing::{ADAPTER_HOLE, Timing};
 use crate::domain::ids::Station;
 use crate::domain::link::PortKind;
 use crate::domain::time::MonoTime;
@@ -157,10 +157,13 @@ impl Wire {
 
     /// Takes bytes that were read at `now`. Returns how the open exchange ended, if it did.
     pub fn receive(&mut self, now: MonoTime, bytes: &[u8]) -> Option<(Exchange, Ending)> {
-        // Where only silence ends frames, a hole may be an adapter's, and the reply still goes on behind it.
-        if self.open.is_none() || self.assembler.sees_ends() {
+        // Where only silence ends frames, a short hole may be an adapter's, and the reply still goes on behind it.
+        let ended = if self.open.is_none() || self.assembler.sees_ends() {
             self.flush_if_silent(now);
-        }
+            None
+        } else {
+            self.end_before_hole(now, bytes.len())
+        };
         if now >= self.pause_at() {
             self.talks_since = now;
         }
@@ -170,7 +173,8 @@ impl Wire {
         let pushed_out = self.assembler.push(bytes);
         self.note(TrafficKind::Noise, pushed_out);
         self.take_echo(now);
-        self.take_frames(false)
+        let later = self.take_frames(false);
+        ended.or(later)
     }
 
     /// Lets time pass up to `now`. Returns how the open exchange ended, if it did.
@@ -334,6 +338,21 @@ impl Wire {
         let may_be_echo = self.strips_echo && self.own_echo.is_awaited();
         let open = self.open.as_ref().filter(|_| !may_be_echo);
         open.is_some_and(|open| self.assembler.holds_damaged(&open.expected))
+    }
+
+    /// `count` bytes were read at `now`. Where the pause before them is longer than any adapter makes, what came before it is
+    /// over: a reply that was cut off and the end of another one behind it, long after, are no frame, whatever their check
+    /// says. Returns how the open exchange ended, if it did.
+    fn end_before_hole(&mut self, now: MonoTime, count: usize) -> Option<(Exchange, Ending)> {
+        let hole = now.before(self.timing.on_wire(count)).since(self.last_byte_at);
+        if !self.is_timed || self.assembler.is_empty() || hole <= ADAPTER_HOLE.max(self.timing.silence) {
+            return None;
+        }
+        let ended = self.take_frames(true);
+        let is_damaged = self.holds_damaged_reply();
+        self.open.iter_mut().for_each(|open| open.was_damaged |= is_damaged);
+        self.flush_idle_bytes();
+        ended
     }
 
     fn flush_if_silent(&mut self, now: MonoTime) {
@@ -553,6 +572,30 @@ mod tests {
         let mut wire = sent(two_words());
         assert_eq!(wire.receive(at, &cut), None);
         assert!(matches!(wire.pass(at + N700.silence), Some((_, Ending::Reply(_)))));
+    }
+
+    /// The beginning of a reply that was cut off, and the end of an earlier one.
+    #[test]
+    fn what_comes_after_a_pause_that_no_adapter_makes_does_not_complete_a_frame() {
+        let reply = frame(1, &[3, 2, 0x17, 0x70]);
+        let at = MonoTime::from_millis(40);
+        for (kind, hole, is_one) in [
+            (PortKind::Serial, Duration::from_millis(16), true),
+            (PortKind::Serial, ADAPTER_HOLE, true),
+            (PortKind::Serial, ADAPTER_HOLE + Duration::from_millis(1), false),
+            (PortKind::Virtual, Duration::from_millis(100), true),
+        ] {
+            let (mut wire, mut out) = (wire(), Vec::new());
+            wire.port_opened(MonoTime::ZERO, kind);
+            wire.send(SENT, read(), &mut out);
+            assert_eq!(wire.receive(at, &reply[..3]), None);
+            assert_eq!(wire.pass(at + N700.silence), None);
+            let behind = at + hole + N700.on_wire(4);
+            assert_eq!(wire.receive(behind, &reply[3..]).is_some(), is_one, "{kind:?} {hole:?}");
+            // The reply itself may still come.
+            let later = behind + Duration::from_millis(50);
+            assert_eq!(wire.receive(later, &reply).is_some(), !is_one, "{kind:?} {hole:?}");
+        }
     }
 
     #[test]

@@ -3,10 +3,13 @@
 use crate::domain::ids::Station;
 use crate::domain::link::LinkSettings;
 use crate::domain::time::MonoTime;
+use crate::wire::{crc, rtu};
 use std::time::Duration;
 
 /// How long an adapter keeps the rest of a transmission back behind a hole: the latency timer of common USB chips.
 pub const HOLE: Duration = Duration::from_millis(16);
+/// How far apart two transmissions are at the most that a master may take for one with an adapter's hole in it.
+const HOLE_MAX: Duration = Duration::from_millis(20);
 /// Characters that are handed on together of a transmission that nobody expects: fewer than any silence between frames
 /// has, so that whoever listens always knows that somebody talks.
 const UNEXPECTED_CHARS: usize = 3;
@@ -48,6 +51,8 @@ pub(super) struct Outbox {
     /// What the adapter handed on last; nothing behind it comes sooner.
     handed_on: MonoTime,
     waiting: Vec<Transmission>,
+    /// What was handed on last, as far as an RTU frame may begin in it.
+    newest: Vec<u8>,
     /// Emptied buffers, to be used again.
     spare: Vec<Vec<u8>>,
 }
@@ -57,7 +62,7 @@ impl Outbox {
     pub const MAX_WAITING: usize = 64;
 
     pub const fn new(pace: Option<LinkSettings>, delivery: Delivery) -> Self {
-        Self { pace, delivery, handed_on: MonoTime::ZERO, waiting: Vec::new(), spare: Vec::new() }
+        Self { pace, delivery, handed_on: MonoTime::ZERO, waiting: Vec::new(), newest: Vec::new(), spare: Vec::new() }
     }
 
     pub const fn is_paced(&self) -> bool {
@@ -167,14 +172,38 @@ impl Outbox {
             if is_left && due > at {
                 break;
             }
+            if self.makes_up_a_frame(first) {
+                let burst = self.waiting.remove(0);
+                self.recycle(burst.bytes);
+                continue;
+            }
             let upto = if is_left { self.upto(first) } else { first.bytes.len() };
             if is_left {
-                sink(due, &first.bytes[first.sent..upto]);
+                let bytes = &first.bytes[first.sent..upto];
+                sink(due, bytes);
+                self.newest.extend_from_slice(bytes);
+                let excess = self.newest.len().saturating_sub(rtu::MAX_ADU_BYTES);
+                self.newest.drain(..excess);
                 self.handed_on = if self.is_paced() { due } else { self.handed_on };
             }
             last_end = last_end.max(self.mark_sent(upto));
         }
         last_end
+    }
+
+    /// Whether the beginning of a frame was handed on, and `next`, which comes from nobody, is the end of one, so that both
+    /// together have the right check, and the pause between them may be an adapter's: a reply that was cut off and the end of
+    /// an earlier one are that earlier one, said again. No master tells it from the reply it waits for.
+    fn makes_up_a_frame(&self, next: &Transmission) -> bool {
+        if !next.yields || next.sent > 0 || next.start.since(self.handed_on) > HOLE_MAX {
+            return false;
+        }
+        let both = [self.newest.as_slice(), &next.bytes].concat();
+        let (seam, least) = (self.newest.len(), rtu::adu_bytes(2));
+        (0..seam).any(|begin| {
+            let ends = (seam + 1..=both.len()).filter(|end| end - begin >= least);
+            ends.map(|end| &both[begin..end]).any(crc::is_sound)
+        })
     }
 
     /// Whether a drive is transmitting at `at`.
@@ -285,6 +314,19 @@ mod tests {
         outbox.add(Station(1), ms(305), true, vec![7], usize::MAX);
         outbox.add_yielding(Station(0), ms(304), vec![5, 6]);
         assert_eq!(taken(&mut outbox, ms(400)), [(305, 5), (306, 7)]);
+    }
+
+    #[test]
+    fn a_burst_does_not_end_what_was_cut_off_within_an_adapters_hole() {
+        let reply = [0x01, 0x03, 0x02, 0x17, 0x70, 0xB6, 0x50];
+        for (pause, is_heard) in [(0, false), (20, false), (21, true)] {
+            let mut outbox = Outbox::new(Some(LINK), Delivery::Replies);
+            outbox.add(Station(1), ms(100), false, reply[..3].to_vec(), usize::MAX);
+            outbox.add_yielding(Station(0), ms(103 + pause), reply[3..].to_vec());
+            let mut count = 0;
+            outbox.take(ms(400), |_, bytes| count += bytes.len());
+            assert_eq!(count, if is_heard { 7 } else { 3 }, "{pause}");
+        }
     }
 
     #[test]

@@ -37,7 +37,8 @@ impl Hall {
              write = [\"127.0.0.1/32\"]\n\n[[line]]\nname = \"hall-1\"\nport = \"{}\"\n{line}\n\n\
              [[line.drive]]\nname = \"pump-1\"\nmodel = \"{model}\"\nstation = 1\npoll = \"{poll}\"\n\n\
              [line.drive.control]\nfrom = [\"modbus-tcp\"]\nfrequency_hz = {{ min = 5.0, max = 50.0 }}\n\
-             directions = [\"forward\"]\non_commander_lost = \"stop\"\nlost_after = \"60s\"\non_shutdown = \"stop\"\n",
+             directions = [\"forward\"]\non_commander_lost = \"stop\"\nlost_after = \"60s\"\non_shutdown = \"stop\"\n\
+             accept_unverified = [\"basic\"]\n",
             place.file("data").display(),
             port.display()
         );

@@ -22,7 +22,7 @@ pub enum Extra {
 }
 
 /// Kinds whose worlds still show violations that wait for their fixes. They are drawn only where they are asked for.
-pub const AWAITED: &[Extra] = &[Extra::RefusedStops, Extra::Clocks];
+pub const AWAITED: &[Extra] = &[];
 
 impl Extra {
     pub const ALL: [Self; 6] =

@@ -586,7 +586,10 @@ fn single_promises_hold() {
     trials::late(1, 20_000).unwrap_or_else(|text| panic!("{text}"));
     for seed in 0..14 {
         let tally = bursts::bursts(seed, 1_500).unwrap_or_else(|text| panic!("{text}"));
-        assert!(tally.bursts > 10 && tally.right > 100, "{seed}: {tally:?}");
+        // Behind a late reply a drive is dirty for up to its longest lateness, most of it without a barrier, and a client whose
+        // read had no words asks again 20 ms later: one fault costs a dozen reads. Without late replies most have words.
+        let least = if tally.late == 0 { tally.reads / 2 } else { tally.reads / 5 };
+        assert!(tally.bursts > 10 && tally.right > least, "{seed}: {tally:?}");
     }
     trials::gaps(1, 50_000).unwrap_or_else(|text| panic!("{text}"));
     let (worst, pool) = trials::stops(1, 200).unwrap_or_else(|text| panic!("{text}"));

@@ -135,6 +135,11 @@ impl Checker {
         let is_lost = it.on_lost == action && book.moved_at.into_iter().chain(waited).any(is_over);
         let is_ending = book.is_ending && it.on_shutdown == action;
         let has_moved = book.moved_at > book.stop.was_accepted_at;
+        // A reset that was accepted at the very end begins with a stop, and goes on.
+        if is_ending && !is_coast && self.explain_reset(drive, exchange.at, value, is_taken) {
+            return true;
+        }
+        let book = &mut self.books[drive];
         // A reset begins with a stop as well, but never while the motor turns.
         if !book.stop.is_pending && ((is_lost && has_moved && was_running) || is_ending) {
             book.fresh.push((u64::MAX, exchange.at, is_coast));
@@ -166,12 +171,14 @@ impl Checker {
         is_explained
     }
 
-    /// The stop that ends a reset goes up to four times.
+    /// The stop that ends a reset goes up to four times. Where the drive has not taken it, it is sent again whenever the motor
+    /// is seen at standstill: the reset word must not stay.
     fn repeats_end_of_reset(&mut self, drive: usize, at: u64, value: u16) -> bool {
         let words = self.line.drives[drive].kind.facts().reset;
         let book = &mut self.books[drive];
         let is_last = |it: &&mut Order| {
-            it.wish.run == Some(Run::Reset) && it.reset_step == words.len() && at < it.at + RESET_TAKES
+            let is_left = at >= it.at + RESET_TAKES && it.taken as usize == words.len();
+            it.wish.run == Some(Run::Reset) && it.reset_step == words.len() && !is_left
         };
         let Some(order) = book.orders.iter_mut().rev().find(is_last) else { return false };
         order.sent += 1;
