@@ -61,7 +61,7 @@ fn a_drive_that_obeys_its_panel_is_found_and_set() {
         ],
     );
     let json: Value = serde_json::from_slice(&run(&plant, "verify", &["--json"]).stdout).unwrap();
-    let of_f010 = json["items"].as_array().unwrap().iter().find(|item| item["code"] == "F010");
+    let of_f010 = json["items"].as_array().unwrap().iter().find(|item| item["what"] == "F010");
     assert_eq!((&json["right"], of_f010.map(|item| &item["result"])), (&json!(false), Some(&json!("wrong"))), "{json}");
     assert_eq!(plant.written(), [], "whoever looks writes nothing");
 
