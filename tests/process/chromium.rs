@@ -197,8 +197,8 @@ impl Browser {
         let message = |entry: &Value| serde_json::from_str::<Value>(entry["message"].as_str()?).ok();
         let messages = log.as_array().unwrap().iter().filter_map(message);
         let urls = messages.filter_map(|it| Some(it["message"]["params"]["request"]["url"].as_str()?.to_owned()));
-        // Its own icons and pages come from nobody's host.
-        let own = |url: &String| ["data:", "chrome:"].iter().any(|scheme| url.starts_with(scheme));
+        // Its own icons and pages come from no host: which they are differs between versions.
+        let own = |url: &String| ["data:", "chrome:", "chrome-untrusted:"].iter().any(|scheme| url.starts_with(scheme));
         urls.filter(|url| !own(url)).map(|url| host(&url).to_owned()).collect()
     }
 
