@@ -1,9 +1,11 @@
 //! One exchange after the other on a half-duplex wire: wait for silence, send, wait for the one right reply.
 
+mod hole;
+
 use super::arrivals::Arrivals;
 use super::exchange::{Ending, Exchange, Heard, answer_in};
 use super::own_echo::OwnEcho;
-use super::timing::{ADAPTER_HOLE, Timing};
+use super::timing::Timing;
 use crate::domain::ids::Station;
 use crate::domain::link::PortKind;
 use crate::domain::time::MonoTime;
@@ -340,21 +342,6 @@ impl Wire {
         open.is_some_and(|open| self.assembler.holds_damaged(&open.expected))
     }
 
-    /// `count` bytes were read at `now`. Where the pause before them is longer than any adapter makes, what came before it is
-    /// over: a reply that was cut off and the end of another one behind it, long after, are no frame, whatever their check
-    /// says. Returns how the open exchange ended, if it did.
-    fn end_before_hole(&mut self, now: MonoTime, count: usize) -> Option<(Exchange, Ending)> {
-        let hole = now.before(self.timing.on_wire(count)).since(self.last_byte_at);
-        if !self.is_timed || self.assembler.is_empty() || hole <= ADAPTER_HOLE.max(self.timing.silence) {
-            return None;
-        }
-        let ended = self.take_frames(true);
-        let is_damaged = self.holds_damaged_reply();
-        self.open.iter_mut().for_each(|open| open.was_damaged |= is_damaged);
-        self.flush_idle_bytes();
-        ended
-    }
-
     fn flush_if_silent(&mut self, now: MonoTime) {
         if now >= self.frame_end_at() {
             self.flush_idle_bytes();
@@ -384,6 +371,7 @@ impl Wire {
 
 #[cfg(test)]
 mod tests {
+    use super::super::timing::ADAPTER_HOLE;
     use super::super::timing::testing::N700;
     use super::*;
     use crate::wire::pdu::Reply;

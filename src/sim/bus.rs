@@ -247,9 +247,7 @@ impl SimBus {
                 self.end_request(self.master_end);
             }
         }
-        if self.echoes {
-            self.speak(start, bytes);
-        }
+        self.speak(start, if self.echoes { bytes } else { &[] });
     }
 
     /// When to call [`Self::take_due`] next; nothing if nothing will happen until the master transmits.

@@ -153,7 +153,7 @@ fn what_is_retained_or_old_or_no_command_moves_nothing() {
     };
     scada.wait_for_reason("retained", order(json!({ "retain": true })));
     scada.wait_for_reason("stale", order(json!({ "age_ms": 11_000 })));
-    scada.wait_for_reason("stale", order(json!({ "age_ms": -61_000 })));
+    scada.wait_for_reason("clock_ahead", order(json!({ "age_ms": -61_000 })));
     let unknown = json!([{ "name": "run/sett", "type": "String", "value": "forward" }]);
     scada.wait_for_reason("not_understood", order(json!({ "metrics": unknown })));
     assert_eq!(plant.metric("vfd_gateway_sparkplug_refused_retained_total"), 1.0);

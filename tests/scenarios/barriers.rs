@@ -105,7 +105,8 @@ fn late_replies_are_never_mixed_up_where_every_reply_is_one_word() {
             let right = walk(&mut rig, 2000);
             let counters = rig.core.counters();
             assert!(right > 500, "{}: work went on: {right}", model.id);
-            assert!(counters.strays > 200, "{}: late replies were seen: {counters:?}", model.id);
+            // Those that come while the other drive is asked are foreign.
+            assert!(counters.strays + counters.foreign > 200, "{}: late replies were seen: {counters:?}", model.id);
             assert_eq!(counters.barriers > before + 200, settles, "{}: {counters:?}", model.id);
         }
     }

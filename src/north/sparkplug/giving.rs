@@ -281,7 +281,7 @@ impl Session {
     fn refuse(&mut self, drive: Option<usize>, tried: Option<Tried>, refused: &Refused) {
         self.counters.refused += 1;
         self.counters.refused_retained += u64::from(refused.reason == Reason::Retained);
-        self.counters.refused_stale += u64::from(refused.reason == Reason::Stale);
+        self.counters.refused_stale += u64::from(matches!(refused.reason, Reason::Stale | Reason::ClockAhead));
         let report = Report::refused(refused.reason);
         self.keep(drive, tried, report);
         if let Some(device) = drive.and_then(|drive| self.devices.get_mut(drive)) {

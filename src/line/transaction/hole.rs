@@ -1,0 +1,23 @@
+//! What a pause in the middle of a reply means.
+
+use super::super::exchange::{Ending, Exchange};
+use super::super::timing::ADAPTER_HOLE;
+use super::Wire;
+use crate::domain::time::MonoTime;
+
+impl Wire {
+    /// `count` bytes were read at `now`. Where the pause before them is longer than any adapter makes, what came before it is
+    /// over: a reply that was cut off and the end of another one behind it, long after, are no frame, whatever their check
+    /// says. Returns how the open exchange ended, if it did.
+    pub(super) fn end_before_hole(&mut self, now: MonoTime, count: usize) -> Option<(Exchange, Ending)> {
+        let hole = now.before(self.timing.on_wire(count)).since(self.last_byte_at);
+        if !self.is_timed || self.assembler.is_empty() || hole <= ADAPTER_HOLE.max(self.timing.silence) {
+            return None;
+        }
+        let ended = self.take_frames(true);
+        let is_damaged = self.holds_damaged_reply();
+        self.open.iter_mut().for_each(|open| open.was_damaged |= is_damaged);
+        self.flush_idle_bytes();
+        ended
+    }
+}
