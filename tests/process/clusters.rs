@@ -195,6 +195,8 @@ fn the_probes_are_answered_and_a_broker_or_a_line_that_is_away_restarts_nothing(
     let probes = ["startupProbe", "livenessProbe", "readinessProbe"];
     let answers = |pod: &Pod| probes.map(|probe| pod.passes(&container[probe]));
     let mut pod = Pod::new("");
+    // What the log says of a drive is shown a moment later.
+    until("that it is ready", PATIENCE, || pod.passes(&container["readinessProbe"]).then_some(()));
     assert_eq!(answers(&pod), [true, true, true]);
     pod.drive.kill();
     until("that the line is gone", PATIENCE, || (!pod.passes(&container["readinessProbe"])).then_some(()));
