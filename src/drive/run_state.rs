@@ -42,7 +42,7 @@ impl OutputWatch {
 
     /// A stop has taken effect at `at`: from here on the output falls.
     pub fn ramps_down(&mut self, at: MonoTime) {
-        self.ramp = Some((self.raw().unwrap_or(u16::MAX), at));
+        self.ramp = self.last.or(Some((u16::MAX, at)));
     }
 
     /// Whether the motor turns otherwise than a stop explains: the output has risen by more than `rise` above its lowest
@@ -53,7 +53,7 @@ impl OutputWatch {
         raw > 0 && (u32::from(raw) > u32::from(lowest).saturating_add(rise) || at.since(since) >= within)
     }
 
-    /// Whether the last reading is the lowest since a stop has taken effect.
+    /// Whether the output has not stopped falling since a stop has taken effect: the last reading is the lowest.
     #[must_use]
     pub fn falls(&self) -> bool {
         self.ramp.is_some() && self.ramp == self.last

@@ -93,8 +93,8 @@ pub(super) enum Purpose {
     Read(ReadJob),
     /// The drive's own work: stops, commands, what has to be looked at.
     Work(Rank),
-    /// A poll that began at this register.
-    Poll { address: u16 },
+    /// A poll.
+    Poll,
     /// Only to prove that no late reply can follow.
     Barrier,
     /// Only to see whether the line sends back what is sent.

@@ -231,7 +231,7 @@ impl LineCore {
         let may_go = |address, count| now >= station.unmistakable_at(&Request::ReadHolding { address, count });
         let taken = self.plans[drive.get()].take(index, now, &self.setup.drives[drive.get()].model, may_go);
         let (address, count) = taken.unwrap_or((group.address, group.count));
-        (drive, Request::ReadHolding { address, count }, Purpose::Poll { address })
+        (drive, Request::ReadHolding { address, count }, Purpose::Poll)
     }
 
     /// From when a frame may go. Over babble no silence is waited for.

@@ -5,7 +5,7 @@ use super::decide::is_stop;
 use super::event::Effect;
 use super::health::Done;
 use super::port::waiters_of;
-use super::work::Rank;
+use super::work::Reading;
 use crate::domain::ids::{DriveIndex, Station};
 use crate::domain::native::NativeOutcome;
 use crate::domain::time::MonoTime;
@@ -68,10 +68,21 @@ impl LineCore {
             counts: matches!(fault, None | Some(Fault::Garbled)) || (fault == Some(Fault::Silent) && !was_silent),
             reply_bytes: self.setup.timing.adu_bytes(exchange.request.reply_pdu_bytes()),
         };
+        if let Purpose::Work(_) | Purpose::Poll = purpose
+            && let (Request::ReadHolding { address, .. }, Ending::Reply(Reply::Words(words))) =
+                (&exchange.request, &ending)
+        {
+            // What a process that was suspended finds had come in time.
+            let read_at = self.wire.last_byte_at().min(now).min(request_end + exchange.timeout);
+            self.take_words(now, read_at, drive, (*address, words));
+        }
         match (purpose, ending) {
             (Purpose::Trial(place), ending) => self.trial_ended(drive, place, &exchange.request, &ending),
-            (Purpose::Work(rank), ending) => self.work_ended(now, drive, rank, &exchange, &ending, doubt),
-            (purpose, Ending::Reply(Reply::Words(words))) => self.deliver(now, drive, purpose, words),
+            (Purpose::Work(rank), ending) => {
+                let work = &mut self.works[drive.get()];
+                work.ended(rank, &exchange.request, &ending, doubt, now, &mut self.effects);
+            }
+            (Purpose::Read(job), Ending::Reply(Reply::Words(words))) => self.deliver(job, words),
             (Purpose::Read(job), Ending::Reply(Reply::Echo)) => self.end_all(job.waiters, &NativeOutcome::Written),
             (purpose, Ending::Reply(_)) => self.end_all(waiters_of(purpose), &NativeOutcome::NoReply),
             (purpose, Ending::Exception(code)) => {
@@ -146,24 +157,18 @@ impl LineCore {
         }
     }
 
-    fn deliver(&mut self, now: MonoTime, drive: DriveIndex, purpose: Purpose, words: Vec<u16>) {
-        match purpose {
-            Purpose::Read(job) => {
-                let words: Arc<[u16]> = Arc::from(words);
-                for waiter in job.waiters {
-                    if let Some(answer) = self.natives.words(waiter, &words) {
-                        self.answer(answer);
-                    }
-                }
+    fn deliver(&mut self, job: ReadJob, words: Vec<u16>) {
+        let words: Arc<[u16]> = Arc::from(words);
+        for waiter in job.waiters {
+            if let Some(answer) = self.natives.words(waiter, &words) {
+                self.answer(answer);
             }
-            Purpose::Poll { address } => self.take_words(now, drive, address, &words),
-            Purpose::Work(_) | Purpose::Barrier | Purpose::Probe | Purpose::Trial(_) => {}
         }
     }
 
     /// Words that the drive showed to us: the picture takes what is polled, the drive's own work the rest.
-    fn take_words(&mut self, now: MonoTime, drive: DriveIndex, address: u16, words: &[u16]) {
-        let heard_at = self.wire.last_byte_at().min(now);
+    fn take_words(&mut self, now: MonoTime, read_at: MonoTime, drive: DriveIndex, read: (u16, &[u16])) {
+        let (address, words) = read;
         let model = &self.setup.drives[drive.get()].model;
         for (address, word) in (address..=u16::MAX).zip(words) {
             if let Some(class) = model.register_at(address).and_then(|register| register.poll) {
@@ -174,27 +179,11 @@ impl LineCore {
                     self.measured.of(drive).aged(now.since(last.at), now);
                 }
                 // A reply that had to wait for the silence behind it is as old as its last byte.
-                snapshot.take(address, &[*word], heard_at);
+                snapshot.take(address, &[*word], read_at);
             }
         }
-        let believes_trips = !self.stations[drive.get()].is_doubtful();
-        self.works[drive.get()].take_words(address, words, believes_trips, now, &mut self.effects);
-    }
-
-    fn work_ended(
-        &mut self,
-        now: MonoTime,
-        drive: DriveIndex,
-        rank: Rank,
-        exchange: &Exchange,
-        ending: &Ending,
-        doubt: bool,
-    ) {
-        if let (Request::ReadHolding { address, .. }, Ending::Reply(Reply::Words(words))) = (&exchange.request, ending)
-        {
-            self.take_words(now, drive, *address, words);
-        }
-        self.works[drive.get()].ended(rank, &exchange.request, ending, doubt, now, &mut self.effects);
+        let reading = Reading { at: read_at, is_its_own: !self.stations[drive.get()].is_doubtful() };
+        self.works[drive.get()].take_words(address, words, reading, now, &mut self.effects);
     }
 
     /// The exchange had no good answer: a late one may follow, and a silent drive is asked less and less often.

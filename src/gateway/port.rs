@@ -91,6 +91,6 @@ impl LineCore {
 pub(super) fn waiters_of(purpose: Purpose) -> Vec<WaiterId> {
     match purpose {
         Purpose::Read(job) => job.waiters,
-        Purpose::Work(_) | Purpose::Poll { .. } | Purpose::Barrier | Purpose::Probe | Purpose::Trial(_) => Vec::new(),
+        Purpose::Work(_) | Purpose::Poll | Purpose::Barrier | Purpose::Probe | Purpose::Trial(_) => Vec::new(),
     }
 }

@@ -319,6 +319,12 @@ impl StopLatch {
         }
     }
 
+    /// The drive cannot be asked. What it has acknowledged proves nothing when it can be asked again: others may have
+    /// started it in between.
+    pub const fn out_of_sight(&mut self) {
+        self.is_acknowledged = false;
+    }
+
     /// The look was not answered.
     pub fn look_failed(&mut self, now: MonoTime) {
         self.missed_looks = self.missed_looks.saturating_add(1);

@@ -38,7 +38,7 @@ fn knows_no_hole(rig: &mut Rig, bad_request: BadRequest) {
 
 #[test]
 fn listed_registers_between_two_polls_are_read_along() {
-    let mut rig = polled(BadRequest::Exception);
+    let mut rig = polled(BadRequest::AsDocumented);
     rig.sent.clear();
     rig.pass(20 * SECOND);
     assert_eq!(is_read(&rig, BRIDGED), 5, "{:02X?}", rig.frames());
@@ -50,14 +50,14 @@ fn listed_registers_between_two_polls_are_read_along() {
 
 #[test]
 fn a_drive_that_refuses_a_read_over_a_hole_is_read_group_by_group() {
-    for bad_request in [BadRequest::Exception, BadRequest::Silence] {
+    for bad_request in [BadRequest::AsDocumented, BadRequest::Silence] {
         let mut rig = polled(bad_request);
         knows_no_hole(&mut rig, bad_request);
         rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
         rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
         rig.sent.clear();
         rig.pass(60 * SECOND);
-        let tries = if bad_request == BadRequest::Exception { 1 } else { 3 };
+        let tries = if bad_request == BadRequest::AsDocumented { 1 } else { 3 };
         assert_eq!(is_read(&rig, BRIDGED), tries, "{bad_request:?}");
         for address in [0x17, 0x1B] {
             assert!(is_read(&rig, [3, 0x30, address, 0, 1]) >= 10, "{bad_request:?} {address:02X}");
@@ -200,4 +200,23 @@ fn a_line_that_comes_back_knows_all_its_drives_again_soon() {
     let ages = oldest(&mut rig, &model, 32, 20 * SECOND);
     let fast = ages.iter().filter(|(it, _)| it.1 == 0x0101).map(|(_, age)| *age).max().unwrap();
     assert!(fast <= 3 * SECOND, "{fast:?}");
+}
+
+/// The process was suspended while the reply was on its way: what it shows is as old as the reply, not as the process.
+#[test]
+fn a_reading_that_waited_for_a_suspended_process_is_not_fresh() {
+    let mut rig = polled(BadRequest::AsDocumented);
+    rig.sent.clear();
+    while rig.sent.is_empty() {
+        rig.step(rig.now + SECOND);
+    }
+    let (asked_at, begins) = (rig.now, u16::from_be_bytes([rig.sent[0].pdu[1], rig.sent[0].pdu[2]]));
+    rig.now = rig.now + SECOND * 8;
+    let mut waited = Vec::new();
+    rig.bus.take_due(rig.now, |_, bytes| waited.extend_from_slice(bytes));
+    rig.core.handle(rig.now, Input::Bytes(&waited));
+    rig.settle();
+    rig.pass(Duration::from_millis(20));
+    let read_at = rig.view(0).snapshot.reading(begins).expect("it was taken").at;
+    assert!(read_at >= asked_at && read_at < asked_at + SECOND, "{:?} after the request", read_at.since(asked_at));
 }

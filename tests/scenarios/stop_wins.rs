@@ -1,6 +1,6 @@
 //! STOP overtakes everything, waits for at most the exchange on the wire, and holds until it is effective.
 
-use crate::support::families::{accepting, models};
+use crate::support::families::{accepting, listing, models, quiet, register};
 use crate::support::{MQTT, PROOF, Rig, RigOptions, STOP, model, plc, run, setpoint};
 use std::sync::Arc;
 use std::time::Duration;
@@ -418,4 +418,44 @@ fn a_stop_on_an_unplugged_line_is_told_at_once_and_goes_out_when_it_is_back() {
         rig.pass(Duration::from_secs(20));
         assert_eq!(rig.output(1), 0, "{}", model.id);
     }
+}
+
+/// What the drive acknowledged before its line was lost proves nothing: others may have started it since.
+#[test]
+fn a_stop_that_joins_one_on_a_lost_line_is_no_success() {
+    for model in models() {
+        let options = RigOptions { model: Arc::clone(&model), proof_words: None, ..RigOptions::controlled() };
+        let mut rig = Rig::new(&RigOptions { control: Some(accepting()), ..options });
+        rig.commanded(plc(1), run(Direction::Forward, Some(5000)));
+        rig.live(Duration::from_secs(6));
+        let first = rig.command(plc(1), 0, STOP);
+        while !rig.told(first).iter().any(|it| it.0 == Outcome::Acknowledged) {
+            assert!(rig.step(rig.now + Duration::from_secs(5)), "{}", model.id);
+        }
+        assert!(rig.view(0).control.unwrap().stop_pending, "{}: not effective yet", model.id);
+        rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
+        rig.settle();
+        for by in [plc(1), plc(2)] {
+            let again = rig.command(by, 0, STOP);
+            assert_eq!(rig.told(again), [(Outcome::Unknown, Reason::LineDown, true)], "{}", model.id);
+        }
+        rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+        rig.settle();
+        rig.sent.clear();
+        rig.pass(Duration::from_secs(20));
+        assert!(!rig.writes().is_empty(), "{}: it goes out once more", model.id);
+        assert_eq!((rig.output(1), rig.view(0).control.unwrap().stop_pending), (0, false), "{}", model.id);
+    }
+}
+
+#[test]
+fn a_register_that_was_being_written_when_a_stop_came_is_unknown_and_not_refused() {
+    let mut rig = quiet("teco-e510", listing(vec![0x000E]));
+    rig.loses_reply_to = Some(6);
+    let write = rig.command(plc(1), 0, register(0x000E, 20));
+    while rig.writes().is_empty() {
+        assert!(rig.step(rig.now + Duration::from_secs(1)), "its frame goes out");
+    }
+    rig.command(plc(1), 0, STOP);
+    assert_eq!(rig.outcome_of(write), (Outcome::Unknown, Reason::Stopped));
 }

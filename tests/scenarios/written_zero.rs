@@ -9,6 +9,7 @@ use vfd_gateway::domain::command::{Direction, Order, Outcome, Owner, Reason};
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::native::NativeAsk;
+use vfd_gateway::drive::view::RunState;
 use vfd_gateway::gateway::Note;
 use vfd_gateway::profile::model::{Model, Role};
 use vfd_gateway::sim::FaultPlan;
@@ -70,10 +71,17 @@ fn operate_panel(rig: &mut Rig, runs: Option<Direction>) {
 }
 
 /// Another master orders RUN behind the gateway's back.
-fn other_master_runs(rig: &mut Rig, model: &Model) {
+fn other_master_runs(rig: &mut Rig, model: &Model, direction: Direction) {
+    other_master_orders(rig, model, direction, 2000);
+}
+
+fn other_master_orders(rig: &mut Rig, model: &Model, direction: Direction, setpoint: u16) {
     let (at, run) = (address_of(model, Role::RunCommand), model.run.as_ref().unwrap());
-    let setpoint = address_of(model, Role::FrequencyCommand);
-    for (address, value) in [(setpoint, 2000_u16), (at, run.forward.value)] {
+    let word = match direction {
+        Direction::Forward => run.forward.value,
+        Direction::Reverse => run.reverse.as_ref().unwrap().value,
+    };
+    for (address, value) in [(address_of(model, Role::FrequencyCommand), setpoint), (at, word)] {
         let pdu = [vec![6], address.to_be_bytes().to_vec(), value.to_be_bytes().to_vec()].concat();
         let now = rig.now;
         let mut reply = Vec::new();
@@ -94,7 +102,7 @@ fn start(rig: &mut Rig, model: &Model, starter: Starter) {
             release_priority(rig, model);
             operate_panel(rig, Some(Direction::Forward));
         }
-        Starter::OtherMaster => other_master_runs(rig, model),
+        Starter::OtherMaster => other_master_runs(rig, model, Direction::Forward),
         Starter::OtherOwner => {
             rig.live(SECOND * 3);
             let (outcome, reason) = rig.commanded(MQTT, run(Direction::Forward, Some(2000)));
@@ -107,7 +115,7 @@ fn start(rig: &mut Rig, model: &Model, starter: Starter) {
             drive.set_powered(now, false);
             drive.set_powered(now + Duration::from_millis(50), true);
             rig.live(SECOND * 4);
-            other_master_runs(rig, model);
+            other_master_runs(rig, model, Direction::Forward);
         }
     }
 }
@@ -193,7 +201,7 @@ fn a_single_zero_between_two_polls_stops_a_motor_that_had_just_been_started() {
     for model in models() {
         for ms in [1, 60, 150, 199] {
             let mut rig = stopped(&model);
-            other_master_runs(&mut rig, &model);
+            other_master_runs(&mut rig, &model, Direction::Forward);
             rig.pass(Duration::from_millis(ms));
             rig.command(ORIGIN, 0, STOP);
             rig.pass(SECOND * 10);
@@ -240,7 +248,7 @@ fn a_controller_that_writes_zero_in_every_cycle_holds_the_drive_stopped() {
         let mut rig = stopped(&model);
         const STARTS: usize = 6;
         for _ in 0..STARTS {
-            other_master_runs(&mut rig, &model);
+            other_master_runs(&mut rig, &model, Direction::Forward);
             for _ in 0..40 {
                 rig.command(ORIGIN, 0, STOP);
                 rig.pass(SECOND / 10);
@@ -257,24 +265,56 @@ fn a_controller_that_writes_zero_in_every_cycle_holds_the_drive_stopped() {
     }
 }
 
+/// A drive that was started elsewhere, and that the controller has stopped: it ramps down.
+fn ramping_down(model: &Arc<Model>) -> Rig {
+    let mut rig = stopped(model);
+    other_master_runs(&mut rig, model, Direction::Forward);
+    rig.pass(SECOND * 6);
+    assert_eq!(rig.commanded(ORIGIN, STOP).0, Outcome::Confirmed, "{}", model.id);
+    rig.pass(SECOND);
+    assert!(rig.output(1) > 0, "{}: it ramps down", model.id);
+    rig.sent.clear();
+    rig
+}
+
 /// The motor is started again while it still ramps down from the controller's own stop.
 #[test]
 fn a_start_into_the_ramp_of_a_stop_is_seen() {
     for model in models() {
-        let mut rig = stopped(&model);
-        other_master_runs(&mut rig, &model);
-        rig.pass(SECOND * 6);
-        assert_eq!(rig.commanded(ORIGIN, STOP).0, Outcome::Confirmed, "{}", model.id);
-        rig.pass(SECOND);
-        assert!(rig.output(1) > 0, "{}: it ramps down", model.id);
-        assert_eq!(rig.commanded(ORIGIN, STOP).1, Reason::Unchanged, "{}: by a stop of ours", model.id);
-        rig.sent.clear();
-        other_master_runs(&mut rig, &model);
+        let mut rig = ramping_down(&model);
+        other_master_runs(&mut rig, &model, Direction::Forward);
         rig.pass(SECOND * 4);
-        assert!(rig.view(0).run_state != vfd_gateway::drive::view::RunState::Stopping, "{}", model.id);
+        assert!(rig.view(0).run_state != RunState::Stopping, "{}", model.id);
         rig.command(ORIGIN, 0, STOP);
         rig.pass(SECOND * 8);
         assert_eq!((rig.output(1), stops(&rig, &model)), (0, 1), "{}", model.id);
+    }
+}
+
+/// A ramp does not bear out a stop that was answered from memory: a motor that was started the other way falls as well.
+#[test]
+fn a_start_into_the_ramp_ends_at_the_stop_that_was_answered_there() {
+    for model in models() {
+        for direction in [Direction::Forward, Direction::Reverse] {
+            let mut rig = ramping_down(&model);
+            assert_eq!(rig.commanded(ORIGIN, STOP).1, Reason::Unchanged, "{}: by a stop of ours", model.id);
+            other_master_runs(&mut rig, &model, direction);
+            rig.pass(SECOND * 20);
+            assert_eq!((rig.output(1), stops(&rig, &model)), (0, 1), "{} {direction:?}", model.id);
+        }
+    }
+}
+
+#[test]
+fn an_output_that_does_not_fall_is_no_ramp() {
+    for model in models() {
+        let mut rig = ramping_down(&model);
+        // Started again just as fast as it is: the output neither rises nor falls.
+        let at = rig.output(1) as u16;
+        other_master_orders(&mut rig, &model, Direction::Forward, at);
+        rig.pass(SECOND);
+        rig.commanded(ORIGIN, STOP);
+        assert_eq!(stops(&rig, &model), 1, "{}", model.id);
     }
 }
 

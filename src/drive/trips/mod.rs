@@ -63,6 +63,8 @@ pub struct TripWatch {
     reading: Option<Reading>,
     /// A reset was acknowledged; the next count tells whether it holds.
     reset_acknowledged: bool,
+    /// A reading that may be another drive's contradicts what is known.
+    is_contradicted: bool,
 }
 
 /// A record that is being read.
@@ -144,10 +146,26 @@ impl TripWatch {
             None => {}
         }
         self.is_in_sight |= seen.is_some();
+        self.is_contradicted &= seen.is_none();
         if let Some(code) = cause.filter(|code| *code != 0 && told.is_empty()) {
             self.take_code(code, now);
         }
         told
+    }
+
+    /// Takes words that may be another drive's: of trips they tell nothing, except that what is known may not be so.
+    pub fn take_unsure(&mut self, address: u16, words: &[u16]) {
+        let Some(places) = &self.places else { return };
+        let word = |register: u16| words.get(usize::from(register.checked_sub(address)?)).copied();
+        if let (Some(Seen::Held(held)), Some(active)) = (places.source.seen(word), self.view.active) {
+            self.is_contradicted = held != active;
+        }
+    }
+
+    /// Whether a reading that may be another drive's contradicts what is known.
+    #[must_use]
+    pub const fn is_contradicted(&self) -> bool {
+        self.is_contradicted
     }
 
     /// The drive turns its motor. One that only counts its trips is not tripped then.
@@ -167,6 +185,7 @@ impl TripWatch {
         self.view.active = None;
         self.reset_acknowledged = false;
         self.is_in_sight = false;
+        self.is_contradicted = false;
         self.doubted = None;
         told
     }

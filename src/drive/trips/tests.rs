@@ -398,3 +398,22 @@ fn what_another_kind_of_drive_was_remembered_for_does_not_count() {
     let mut watch = remembering(TripWatch::new(&model()), Some(3), Some(true), None);
     assert_eq!((watch.baseline().held, watch.one(COUNT, &[3], at(0))), (None, None));
 }
+
+#[test]
+fn a_reading_that_may_be_another_drives_makes_no_trip_and_no_end_of_one_but_doubt() {
+    let mut watch = flagged();
+    watch.one(STATUS, &[0], at(0));
+    watch.take_unsure(STATUS, &[0]);
+    assert!(!watch.is_contradicted());
+    watch.take_unsure(STATUS, &[TRIPPED]);
+    assert_eq!((watch.is_contradicted(), watch.view().active, watch.wants()), (true, Some(false), None));
+    watch.take_unsure(0x0113, &RECORD);
+    assert!(watch.is_contradicted(), "another register tells nothing of it");
+    watch.one(STATUS, &[0], at(1));
+    assert!(!watch.is_contradicted());
+    watch.one(STATUS, &[TRIPPED], at(2));
+    watch.take_unsure(STATUS, &[0]);
+    assert_eq!((watch.is_contradicted(), watch.view().active), (true, Some(true)));
+    watch.lost_sight();
+    assert!(!watch.is_contradicted());
+}

@@ -13,7 +13,8 @@ use crate::gateway::waiter::Waiter;
 use crate::journal::Tried;
 use crate::profile::model::{Flag, PollClass};
 
-/// Readings that bear out a stop that was answered from memory: the first may have been asked for before it.
+/// Readings at standstill that bear out a stop that was answered from memory: the first may have been asked for before
+/// it. A ramp bears out nothing, because a motor that was started the other way falls as well.
 const READINGS: u8 = 2;
 
 /// A stop that was answered from memory.
@@ -37,7 +38,7 @@ impl DriveWork {
         // A refused stop goes again, but not in every cycle of a controller.
         let waits = |at: MonoTime| self.guard.control().is_some_and(|it| now.since(at) < it.stop_effect_timeout);
         let may_wait = !self.is_stop_refused || self.stop_refused_at.is_some_and(waits);
-        let ramps_down = self.is_stopping && self.latch.is_none();
+        let ramps_down = self.is_stopping && self.latch.is_none() && self.output.falls();
         may_wait && self.is_fresh(now) && (self.is_at_standstill() || ramps_down)
     }
 
@@ -75,8 +76,8 @@ impl DriveWork {
     pub(super) fn bear_out(&mut self, shows_output: bool, now: MonoTime, out: Out<'_>) {
         let Some(answered) = &mut self.answered else { return };
         let is_over = self.latch.is_some() || matches!(self.guard.intent(), RunIntent::Run(_));
-        let by_readings = shows_output && (self.output.is_at_standstill() || self.output.falls());
-        answered.left -= u8::from(by_readings).min(answered.left);
+        let by_reading = shows_output && self.output.is_at_standstill();
+        answered.left -= u8::from(by_reading).min(answered.left);
         let Answered { by, coast, left } = *answered;
         if is_over || left == 0 || self.runs_by_others() {
             self.answered = None;

@@ -162,7 +162,10 @@ impl DriveWork {
         let rest = self.current.as_ref().and_then(|list| list.rest_to_come(is_on_the_wire));
         self.rest_until = rest.map(|rest| now + rest).or(self.rest_until);
         for mut list in self.current.take().into_iter().chain(std::mem::take(&mut self.waiting)) {
-            self.tell(list.waiter(), Report::new(Outcome::Superseded, Reason::Stopped), true, out);
+            // What a stop does to a motor is known; whether a register took its value is not.
+            let is_register = matches!(list.order(), Order::Go(go) if go.run().is_none() && go.frequency().is_none());
+            let outcome = if is_register && list.has_begun() { Outcome::Unknown } else { Outcome::Superseded };
+            self.tell(list.waiter(), Report::new(outcome, Reason::Stopped), true, out);
         }
     }
 

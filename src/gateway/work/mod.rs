@@ -31,6 +31,7 @@ use crate::profile::model::{Flag, Model, Role};
 use crate::wire::pdu::Request;
 use again::Answered;
 use kept::{KeptDesk, Opening};
+pub use seen::Reading;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
@@ -89,6 +90,8 @@ pub struct DriveWork {
     status: StatusWatch,
     /// When it was last shown whether the drive is ordered to run.
     status_at: Option<MonoTime>,
+    /// Whether the drive showed reverse when the last stop took effect.
+    ramps_reverse: Option<bool>,
     /// How often it is polled.
     pace: Pace,
     watchdog: WatchdogWatch,
@@ -151,6 +154,7 @@ impl DriveWork {
             output_register: output.map(|register| (register.address, register.scale)),
             status: StatusWatch::new(model),
             status_at: None,
+            ramps_reverse: None,
             pace: Pace::new(Duration::ZERO, 1.0),
             watchdog: WatchdogWatch::new(Arc::clone(model), WatchdogRange::ANY),
             looks: looks(model),
@@ -270,6 +274,7 @@ impl DriveWork {
         self.answered = None;
         // Whatever it does when it is back, it was not seen to ramp down to that.
         self.is_stopping &= self.latch.is_some();
+        self.latch.iter_mut().for_each(StopLatch::out_of_sight);
         self.watchdog.forget();
         let unread = self.trips.lost_sight();
         self.trip(unread, out);
@@ -304,6 +309,8 @@ impl DriveWork {
     pub fn run_state(&self, is_offline: bool) -> RunState {
         if is_offline {
             RunState::Offline
+        } else if self.trips.is_contradicted() {
+            RunState::Unknown
         } else if self.trips.view().active == Some(true) {
             RunState::Tripped
         } else {

@@ -7,17 +7,27 @@ use crate::drive::view::{TripEvent, TripEventKind};
 use crate::gateway::event::Effect;
 use crate::gateway::note::Note;
 use crate::journal::Entry;
+use crate::profile::model::Flag;
+
+/// Where words come from.
+#[derive(Clone, Copy, Debug)]
+pub struct Reading {
+    /// Not later than this the drive showed them.
+    pub at: MonoTime,
+    /// They are certainly its own: only then they tell of trips.
+    pub is_its_own: bool,
+}
 
 impl DriveWork {
     /// Words came from `address` on, for whatever reason they were read.
-    /// `believes_trips`: they are certainly its own.
-    pub fn take_words(&mut self, address: u16, words: &[u16], believes_trips: bool, now: MonoTime, out: Out<'_>) {
+    pub fn take_words(&mut self, address: u16, words: &[u16], reading: Reading, now: MonoTime, out: Out<'_>) {
         self.has_changed = true;
         let ran = self.status.is_running();
         if let Some(running) = self.status.take(address, words) {
-            self.status_at = Some(now);
+            self.status_at = Some(reading.at);
             // What a stop had ended was ordered again, and not here.
-            self.is_stopping &= self.latch.is_some() || !(running && ran == Some(false));
+            let is_started = running && ran == Some(false);
+            self.is_stopping &= self.latch.is_some() || !(is_started || self.is_turned_round());
             if self.latch.as_mut().is_some_and(|latch| latch.shows(running, now)) {
                 self.effective(out);
             }
@@ -27,7 +37,7 @@ impl DriveWork {
             words.get(usize::from(offset)).copied()
         });
         if let Some(raw) = output {
-            self.take_output(raw, now, out);
+            self.take_output(raw, reading.at, now, out);
         }
         if self.is_moving() {
             self.guard.found_running(now);
@@ -38,14 +48,23 @@ impl DriveWork {
         }
         self.bear_out(output.is_some(), now, out);
         self.take_watchdog(address, words, out);
-        if believes_trips {
+        if reading.is_its_own {
             let events = self.trips.take(address, words, now);
             self.trip(events, out);
+        } else {
+            self.trips.take_unsure(address, words);
         }
     }
 
-    pub(super) fn take_output(&mut self, raw: u16, now: MonoTime, out: Out<'_>) {
-        self.output.take(raw, now);
+    /// Whether the drive shows another direction than when the stop that it ramps down for took effect: somebody else has
+    /// ordered it to turn the other way.
+    fn is_turned_round(&self) -> bool {
+        let is_reverse = self.status.get(Flag::Reverse);
+        self.ramps_reverse.is_some() && is_reverse.is_some() && self.ramps_reverse != is_reverse
+    }
+
+    pub(super) fn take_output(&mut self, raw: u16, read_at: MonoTime, now: MonoTime, out: Out<'_>) {
+        self.output.take(raw, read_at);
         let runs = self.status.is_running() == Some(true);
         if self.latch.as_mut().is_some_and(|latch| latch.takes_effect(raw, runs, now)) {
             self.effective(out);
@@ -64,6 +83,7 @@ impl DriveWork {
             (self.is_stop_refused, self.stop_refused_at) = (false, None);
         }
         self.output.ramps_down(out.now());
+        self.ramps_reverse = self.status.get(Flag::Reverse);
         let was_told = latch.is_late() || (self.told_refused && !self.is_stop_refused);
         self.told_refused &= self.is_stop_refused;
         out.keep(self.drive, Entry::StopOver { is_effective: true });

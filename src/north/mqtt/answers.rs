@@ -47,7 +47,6 @@ impl Session {
     pub fn refused_by_line(&mut self, at: Moment, ticket: Ticket) {
         self.clock.see(at);
         let Some(pending) = self.unanswered.take(ticket) else { return };
-        self.seen[pending.drive].forget(ticket);
         let report = Report::refused(Reason::QueueFull);
         self.keep_pending(&pending, report);
         self.end(at, &pending, report);

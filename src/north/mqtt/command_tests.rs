@@ -543,13 +543,24 @@ fn a_stop_overtakes_and_cuts_what_still_waits_here() {
 }
 
 #[test]
-fn what_a_line_could_not_take_may_be_sent_again() {
+fn a_refused_command_is_not_executed_when_the_same_message_comes_again() {
     let mut rig = Rig::born(Version::V5);
     let command = br#"{"id":"a","run":"forward"}"#;
     let ticket = commands(&rig.send("drive/pump/command", command))[0].ticket;
     rig.session.refused_by_line(rig.at(), ticket);
     assert_eq!(result(&rig.acts()), refused("queue_full"));
-    assert_eq!(commands(&rig.send("drive/pump/command", command)).len(), 1);
+    let acts = rig.send("drive/pump/command", command);
+    assert_eq!((commands(&acts).len(), result(&acts)), (0, refused("queue_full")), "that was its final result");
+
+    let waited = br#"{"id":"b","run":"forward"}"#;
+    rig.handle(Event::Stalled(Duration::from_secs(3)));
+    rig.handle(Event::Message(message("vfd/plant/drive/pump/command", waited)));
+    let acts = rig.acts_without_echo();
+    assert_eq!(result(&acts), refused("stale"));
+    rig.handle(Event::Message(message("vfd/plant/probe", &probe(&acts).payload)));
+    let acts = rig.send("drive/pump/command", waited);
+    assert_eq!((commands(&acts).len(), result(&acts)), (0, refused("stale")), "nor does a proven way make it young");
+    assert_eq!(commands(&rig.send("drive/pump/command", br#"{"id":"c","run":"forward"}"#)).len(), 1);
 }
 
 #[test]

@@ -18,7 +18,7 @@ use crate::north::command_words::beside_a_stop;
 
 /// Why a command is refused while nobody knows how long it was on its way.
 const WAY_UNPROVEN: &str =
-    "the gateway's probe through the broker is late, so that the command may have waited: send it again";
+    "the gateway's probe through the broker is late, so the command may have waited: send it again with a new id";
 /// The longest correlation data that is carried back.
 const CORRELATION_MAX_BYTES: usize = 1_024;
 
@@ -180,13 +180,27 @@ impl Session {
                 Known::Other => return self.refuse_for(at, drive, &asker, &Refused::plain(Reason::Duplicate), tried),
             }
         }
-        if let Err(refused) = self.date(at, &mut wish) {
-            return self.refuse_for(at, drive, &asker, &refused, tried);
+        let dated = self.date(at, &mut wish);
+        let has_room = self.unanswered.has_room_for_command();
+        let queue_full = || Refused::plain(Reason::QueueFull);
+        match dated.and_then(|()| has_room.then_some(()).ok_or_else(queue_full)) {
+            Ok(()) => self.give(at, drive, asker, wish, message),
+            Err(refused) => {
+                self.remember_refusal(at, drive, &asker, &wish, refused.reason);
+                self.refuse_for(at, drive, &asker, &refused, tried);
+            }
         }
-        if !self.unanswered.has_room_for_command() {
-            return self.refuse_for(at, drive, &asker, &Refused::plain(Reason::QueueFull), tried);
+    }
+
+    /// A refusal is final: the same message delivered again is answered with it and never executed.
+    fn remember_refusal(&mut self, at: Moment, drive: usize, asker: &Asker, wish: &Wish, reason: Reason) {
+        if wish.id.is_none() {
+            return;
         }
-        self.give(at, drive, asker, wish, message);
+        let ticket = self.next_ticket();
+        let seen = &mut self.seen[drive];
+        seen.add(at.mono, (asker.by, asker.id.clone()), wish.order.clone(), wish.epoch, ticket);
+        seen.ended(ticket, Report::refused(reason));
     }
 
     fn repeat(&mut self, at: Moment, drive: usize, asker: &Asker, wish: &Wish, report: Report) {

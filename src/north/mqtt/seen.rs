@@ -75,11 +75,6 @@ impl Seen {
             used.outcome = Some(report);
         }
     }
-
-    /// Forgets a command that no drive ever saw, so that its commander may send it again.
-    pub(super) fn forget(&mut self, ticket: Ticket) {
-        self.ids.retain(|used| used.ticket != ticket);
-    }
 }
 
 #[cfg(test)]
@@ -110,7 +105,5 @@ mod tests {
         assert_eq!(seen.look(at(1), (MQTT, &json!(1)), &Order::Reset, Some(1)), Known::Other);
         let other = Owner::MqttBy(CommanderName::new("plc").unwrap());
         assert_eq!(seen.look(at(1), (other, &json!(1)), &Order::Reset, None), Known::New, "the id of somebody else");
-        seen.forget(Ticket(1));
-        assert_eq!(look(&seen, 1, 1), Known::New);
     }
 }
