@@ -9,6 +9,9 @@ use std::collections::HashMap;
 
 /// A trip that a drive showed for so long in one life must be kept.
 const SHOWN: u64 = 10_000_000_000;
+/// And in so many replies: of a station that is left alone, because its replies may be another one's, those between are not
+/// believed.
+const REPLIES: u32 = 3;
 
 /// Something that is kept now.
 #[derive(Clone, Copy, Debug)]
@@ -38,6 +41,7 @@ pub struct Trips {
     kept_count: Option<u16>,
     /// A trip is shown: since when in this life.
     held_since: Option<u64>,
+    held_replies: u32,
     is_sure: bool,
     /// Trips that were shown for long.
     owed: u32,
@@ -102,11 +106,12 @@ impl Checker {
         match holds {
             Some(true) => {
                 let since = *book.held_since.get_or_insert(at);
-                if at > since + SHOWN && !book.is_sure {
+                book.held_replies += 1;
+                if at > since + SHOWN && book.held_replies >= REPLIES && !book.is_sure {
                     (book.is_sure, book.owed) = (true, book.owed + 1);
                 }
             }
-            Some(false) => (book.held_since, book.is_sure) = (None, false),
+            Some(false) => (book.held_since, book.held_replies, book.is_sure) = (None, 0, false),
             None => {}
         }
     }

@@ -61,15 +61,42 @@ pub struct Motor {
     rests_since: Option<u64>,
     tripped_since: Option<u64>,
     sound_since: Option<u64>,
-    /// When the last frame of ours that stops went out to it.
+    /// When the last frame of ours that stops went out to it, the lowest output since, and since when it is above that.
     stopped_by_us: Option<u64>,
+    lowest: u32,
+    risen_since: Option<u64>,
+    /// Since when it may have to be stopped after all: a stop was answered with success while it fell after a stop,
+    /// although others had started it, which nothing shows as long as it falls.
+    owes_since: Option<u64>,
     /// Since when its run command holds a reset, and whether it has refused to end that.
     resets_since: Option<u64>,
     keeps_reset: bool,
+    /// When we wrote the stop that takes it back last.
+    taken_back_at: u64,
     /// Stops that are not answered yet: number and moment.
     asked: Vec<(u64, u64)>,
     /// Trips that were reported.
     told: u32,
+}
+
+impl Motor {
+    /// Whether it was seen to run.
+    pub const fn turns(&self) -> bool {
+        self.runs_since.is_some()
+    }
+
+    /// Whether it was seen to rest.
+    pub const fn rests(&self) -> bool {
+        self.rests_since.is_some()
+    }
+
+    /// Whether a stop that is written at `at` takes back a reset that the drive keeps, not sooner than `every` after the one
+    /// before.
+    pub fn takes_back(&mut self, at: u64, every: u64) -> bool {
+        let is_due = (self.keeps_reset || self.resets_since.is_some()) && at >= self.taken_back_at + every;
+        self.taken_back_at = if is_due { at } else { self.taken_back_at };
+        is_due
+    }
 }
 
 fn since(is_so: bool, before: Option<u64>, at: u64) -> Option<u64> {
@@ -90,12 +117,24 @@ impl Checker {
         motor.sound_since = since(!state.is_tripped, motor.sound_since, at);
         motor.keeps_reset = holds_reset && (motor.keeps_reset || state.refuses_stops);
         motor.resets_since = since(holds_reset && !motor.keeps_reset, motor.resets_since, at);
+        motor.lowest = motor.lowest.min(state.output);
+        motor.risen_since = since(motor.runs_since.is_some() && state.output > motor.lowest, motor.risen_since, at);
+        motor.owes_since = motor.owes_since.filter(|_| motor.rests_since.is_none());
         motor.state = state;
+        let lag = self.lag(drive);
+        let motor = &self.motors[drive];
+        let owes_since = motor.owes_since.zip(motor.risen_since).map(|(owes, risen)| owes.max(risen).max(self.stood.1));
+        if owes_since.is_some_and(|since| at > since + lag) && self.wire.is_up() {
+            let text = format!("a stop of drive {drive} was answered with success, and the motor runs on: {state:?}");
+            self.object("M1", || text);
+        }
     }
 
     /// A frame of ours that stops went to `drive`, or to all.
     pub(super) fn stop_sent(&mut self, at: u64, drive: usize) {
-        self.motors[drive].stopped_by_us = Some(at);
+        let motor = &mut self.motors[drive];
+        (motor.stopped_by_us, motor.owes_since) = (Some(at), None);
+        (motor.lowest, motor.risen_since) = (u32::MAX, None);
     }
 
     /// A stop is asked for.
@@ -123,7 +162,15 @@ impl Checker {
         else {
             return;
         };
-        if at > runs_since + lag {
+        if at <= runs_since + lag {
+            return;
+        }
+        let has_risen = motor.risen_since.is_some_and(|risen| at > risen + lag);
+        // A stop that was on its way when the process was suspended goes on with it.
+        let goes_on = asked < self.stood.1 + lag;
+        if motor.stopped_by_us.is_some() && (goes_on || !has_risen) {
+            motor.owes_since = Some(at);
+        } else {
             let text = format!(
                 "a stop of drive {drive} is answered with success, no frame was sent for it, and the motor runs on at \
                  {} since {} ms",

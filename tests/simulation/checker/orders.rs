@@ -231,6 +231,8 @@ impl Checker {
         order.is_over |= is_refused || code == 4 || is_of_drive;
         // What a stop or the end of a lease has cut is told so, also when a frame of it is out.
         let is_lost = at >= order.at + lost_after;
+        // A motor that others have started is stopped after all, where a stop was answered from memory.
+        let is_started_by_others = self.motors[drive].turns() && book.run_taken == Some(Run::Stop);
         if is_refused
             && !is_of_drive
             && order.sent > 0
@@ -238,6 +240,7 @@ impl Checker {
             && book.last_stop_at < order.at
             && !book.is_ending
             && !is_lost
+            && !is_started_by_others
         {
             let text = format!("refused with {code:02X} after {} frames: {order:?}", order.sent);
             self.object("O8", || text);
@@ -321,6 +324,10 @@ impl Checker {
                 let is_stop = matches!(facts.run_of(value), Some(Run::Stop | Run::Coast));
                 book.echoes += u32::from(is_stop);
                 book.stop.echoed |= is_stop;
+            }
+            // A stop that a resting drive refuses is settled.
+            (6 | 16, Truth::Exception(_)) if exchange.address == facts.run && self.motors[drive].rests() => {
+                self.books[drive].stop.is_pending = false;
             }
             _ => {}
         }

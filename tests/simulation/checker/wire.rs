@@ -247,14 +247,13 @@ impl Checker {
     /// Whether `frame` is a stop, whomever it is for.
     fn is_stop(&self, frame: &[u8]) -> bool {
         let word = |at: usize| u16::from_be_bytes([frame[at], frame[at + 1]]);
-        frame.len() == 8
-            && frame[1] == 6
-            && self
-                .line
-                .drives
-                .iter()
-                .map(|drive| drive.kind.facts())
-                .any(|facts| word(2) == facts.run && matches!(facts.run_of(word(4)), Some(Run::Stop | Run::Coast)))
+        let written = match (frame[1], frame.len()) {
+            (6, 8) => word(4),
+            (16, 11) => word(7),
+            _ => return false,
+        };
+        let mut kinds = self.line.drives.iter().map(|drive| drive.kind.facts());
+        kinds.any(|facts| word(2) == facts.run && matches!(facts.run_of(written), Some(Run::Stop | Run::Coast)))
     }
 
     /// O6: the exchange before must be over: answered, damaged with silence behind it, or waited for. A stop for another

@@ -5,9 +5,12 @@ use super::book::Order;
 use super::tables::{Action, Run};
 use super::wire::{Exchange, Truth};
 
-/// A stop that the drive has answered this often since it was asked for is repeated no more. Behind bursts and strays several
-/// echoes in a row may be in doubt.
+/// A stop that the drive has answered this often since it was asked for is repeated no more, and once more for each
+/// [`REPEATED_EVERY`]: after bursts and strays its echoes may be in doubt, and what it does may not be known for long.
 const REPEATS: u32 = 12;
+const REPEATED_EVERY: u64 = 3_000_000_000;
+/// A drive that keeps a reset word is told to take it back this often at most.
+const TAKEN_BACK_EVERY: u64 = 1_000_000_000;
 /// Within this time a reset that has begun is over.
 const RESET_TAKES: u64 = 10_000_000_000;
 
@@ -120,6 +123,7 @@ impl Checker {
     fn explain_stop(&mut self, exchange: &Exchange, drive: usize, value: u16, is_taken: bool) -> bool {
         let it = self.line.drives[drive];
         let facts = it.kind.facts();
+        let turns = self.motors[drive].turns();
         let is_coast = facts.run_of(value) == Some(Run::Coast);
         let action = if is_coast { Action::Coast } else { Action::Stop };
         let book = &mut self.books[drive];
@@ -148,7 +152,8 @@ impl Checker {
         }
         if !is_coast
             && (self.explain_reset(drive, exchange.at, value, is_taken)
-                || self.repeats_end_of_reset(drive, exchange.at, value))
+                || self.repeats_end_of_reset(drive, exchange.at, value)
+                || self.motors[drive].takes_back(exchange.at, TAKEN_BACK_EVERY))
         {
             return true;
         }
@@ -163,8 +168,11 @@ impl Checker {
             return true;
         }
         // Until it is answered as it should be, and that is in no doubt, it goes on at its rate.
-        let is_explained = is_lost || (book.asked[usize::from(is_coast)] && book.echoes <= REPEATS);
-        if is_explained && has_moved {
+        let since = exchange.at.saturating_sub(book.last_stop_at);
+        let repeats = REPEATS + u32::try_from(since / REPEATED_EVERY).unwrap_or(u32::MAX - REPEATS);
+        let is_explained = is_lost || (book.asked[usize::from(is_coast)] && book.echoes <= repeats);
+        // One that was answered from memory, and goes out after all because the motor turns, is new.
+        if is_explained && (has_moved || (turns && !book.stop.is_pending)) {
             book.fresh.push((u64::MAX, exchange.at, is_coast));
             self.settle_stops(drive);
         }
