@@ -65,6 +65,8 @@ pub struct StopLatch {
     declared_at: Option<MonoTime>,
     /// Neither it nor a look goes before this moment.
     silent_until: MonoTime,
+    /// It was ordered in an earlier life of the gateway, and nothing was sent for it in this one.
+    is_remembered: bool,
 }
 
 /// What became of the stop on an event.
@@ -103,6 +105,7 @@ impl StopLatch {
             offline_since: None,
             declared_at: None,
             silent_until: MonoTime::ZERO,
+            is_remembered: false,
         }
     }
 
@@ -110,7 +113,8 @@ impl StopLatch {
     /// stop is settled, otherwise it goes out.
     #[must_use]
     pub fn remembered(order: StopOrder, now: MonoTime) -> Self {
-        Self { sent: 1, look_at: now, missed_looks: LOOKS_BEFORE_AWAY, ..Self::new(order, None, now) }
+        let away = Self { sent: 1, look_at: now, missed_looks: LOOKS_BEFORE_AWAY, ..Self::new(order, None, now) };
+        Self { is_remembered: true, ..away }
     }
 
     /// Nobody commanded it: it was declared at `now`.
@@ -159,6 +163,10 @@ impl StopLatch {
         }
         if !waiter.is_done() {
             self.waiters.push(waiter);
+        }
+        if std::mem::take(&mut self.is_remembered) {
+            // Now it is ordered in this life, and waits for no look.
+            (self.sent, self.missed_looks) = (0, 0);
         }
     }
 
@@ -312,6 +320,7 @@ impl StopLatch {
 
     /// The drive answers: what was not answered goes again at once.
     fn is_back(&mut self, now: MonoTime) {
+        self.is_remembered = false;
         let was_away = self.is_away();
         self.missed_looks = 0;
         if std::mem::take(&mut self.is_unanswered) || was_away {

@@ -177,3 +177,16 @@ fn a_run_of_an_earlier_life_is_never_sent() {
     rig.live(Duration::from_secs(20));
     assert!(!rig.written(RUN).contains(&1), "{:?}", rig.written(RUN));
 }
+
+/// A remembered stop looks first, because the drive may be at standstill for long. One that is ordered now does not.
+#[test]
+fn a_stop_that_is_ordered_right_after_a_restart_waits_for_no_look() {
+    let mut rig = running();
+    rig.restart(stopped());
+    let begun = rig.now;
+    rig.command(plc(1), 0, STOP);
+    rig.pass(Duration::from_millis(100));
+    let first = rig.sent.first().expect("a frame");
+    assert_eq!(first.pdu, [6, 0, 2, 0, 0]);
+    assert!(first.at.since(begun) < Duration::from_millis(10), "only the silence before a frame: {:?}", first.at);
+}
