@@ -41,6 +41,8 @@ pub mod simulator;
 pub mod sparkplug;
 mod stall;
 pub mod sys;
+#[cfg(test)]
+mod testing;
 pub mod timer;
 pub mod told;
 pub mod tool_line;

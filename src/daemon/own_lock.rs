@@ -148,10 +148,11 @@ fn name(directory: &Path) -> Result<OwnedFd, Refused> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::daemon::testing::Dir;
 
     #[test]
     fn a_directory_that_is_gone_has_one_gateway() {
-        let directory = std::env::temp_dir().join(format!("vfd-own-lock-{}", std::process::id()));
+        let directory = Dir::new().join("gone");
         let first = Lock::take(&directory).unwrap();
         let taken = Lock::take(&directory).unwrap_err().to_string();
         assert!(taken.contains(&format!("process {}", std::process::id())), "{taken}");

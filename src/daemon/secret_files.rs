@@ -60,6 +60,7 @@ fn is_open(file: &Path) -> bool {
 mod tests {
     use super::*;
     use crate::config;
+    use crate::daemon::testing::Dir;
     use crate::profile::catalog::Catalog;
     use crate::vendors;
     use std::fs::Permissions;
@@ -115,7 +116,8 @@ key_file = "/secret/http.key"
 
     #[test]
     fn a_file_that_everybody_may_read_is_open() {
-        let place = std::env::temp_dir().join(format!("vfd-secret-files-{}", std::process::id()));
+        let dir = Dir::new();
+        let place = dir.join("secret");
         std::fs::write(&place, "hunter2\n").unwrap();
         for (mode, right) in [(0o600, false), (0o640, false), (0o644, true), (0o604, true)] {
             std::fs::set_permissions(&place, Permissions::from_mode(mode)).unwrap();

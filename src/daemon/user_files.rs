@@ -64,27 +64,10 @@ fn kind(of: FileType) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::daemon::testing::Dir;
     use rustix::fs::{CWD, FileType as Kind, Mode, mknodat};
     use std::fs::File;
     use std::os::unix::net::UnixListener;
-    use std::path::PathBuf;
-
-    /// A directory that is gone afterwards.
-    struct Dir(PathBuf);
-
-    impl Dir {
-        fn new(name: &str) -> Self {
-            let path = std::env::temp_dir().join(format!("vfd-user-files-{name}-{}", std::process::id()));
-            std::fs::create_dir(&path).unwrap();
-            Self(path)
-        }
-    }
-
-    impl Drop for Dir {
-        fn drop(&mut self) {
-            let _ = std::fs::remove_dir_all(&self.0);
-        }
-    }
 
     fn refused(path: &Path) -> String {
         bytes(path, 10).unwrap_err().to_string()
@@ -92,29 +75,29 @@ mod tests {
 
     #[test]
     fn only_regular_files_are_read_and_nothing_is_waited_for() {
-        let dir = Dir::new("kinds");
-        let pipe = dir.0.join("pipe");
+        let dir = Dir::new();
+        let pipe = dir.join("pipe");
         mknodat(CWD, &pipe, Kind::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
-        let socket = dir.0.join("socket");
+        let socket = dir.join("socket");
         let _listener = UnixListener::bind(&socket).unwrap();
         for (path, right) in [
             (pipe.as_path(), "it is a pipe, and a regular file is needed"),
-            (&dir.0, "it is a directory, and a regular file is needed"),
+            (&dir, "it is a directory, and a regular file is needed"),
             (&socket, "it is a socket, and a regular file is needed"),
             (Path::new("/dev/zero"), "it is a device, and a regular file is needed"),
         ] {
             assert_eq!(refused(path), right);
         }
-        let link = dir.0.join("link");
-        std::fs::write(dir.0.join("file"), "0123456789").unwrap();
+        let link = dir.join("link");
+        std::fs::write(dir.join("file"), "0123456789").unwrap();
         std::os::unix::fs::symlink("file", &link).unwrap();
         assert_eq!(text(&link, 10).unwrap(), "0123456789", "secrets of a container are links");
     }
 
     #[test]
     fn what_is_too_long_is_refused_by_its_length() {
-        let dir = Dir::new("lengths");
-        let path = dir.0.join("file");
+        let dir = Dir::new();
+        let path = dir.join("file");
         let file = File::create(&path).unwrap();
         for (length, right) in [(10, None), (11, Some("it is 11 bytes long; 10 bytes are the most"))] {
             file.set_len(length).unwrap();

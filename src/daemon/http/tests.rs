@@ -10,6 +10,7 @@ use super::table;
 use crate::daemon::clock;
 use crate::daemon::local::LocalSide;
 use crate::daemon::shared::Shared;
+use crate::daemon::testing::Dir;
 use crate::daemon::totals::{ModbusTotals, MqttTotals};
 use crate::domain::command::{Outcome, Owner};
 use crate::domain::counts::{CommandCounts, DamageCounts, ExchangeCounts, ReplyCounts};
@@ -29,7 +30,7 @@ use prometheus_client::metrics::MetricType;
 use std::collections::BTreeSet;
 use std::net::SocketAddr;
 use std::os::unix::fs::PermissionsExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -520,29 +521,12 @@ fn one_connection_too_many_waits_for_its_place() {
     });
 }
 
-/// A directory that is gone after the test.
-struct Place(PathBuf);
-
-impl Place {
-    fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("vfd-gateway-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&path).unwrap();
-        Self(path)
-    }
-}
-
-impl Drop for Place {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
-
 #[test]
 fn the_socket_is_its_owners_alone_and_goes_with_the_gateway() {
-    let place = Place::new("own");
-    let path = place.0.join(SOCKET_NAME);
+    let place = Dir::new();
+    let path = place.join(SOCKET_NAME);
     on_a_runtime(async {
-        let socket = OwnSocket::open(&place.0).unwrap();
+        let socket = OwnSocket::open(&place).unwrap();
         assert_eq!(socket.path(), path);
         assert_eq!(path.metadata().unwrap().permissions().mode() & 0o777, 0o600);
         let state = state(false);
@@ -564,45 +548,45 @@ fn the_socket_is_its_owners_alone_and_goes_with_the_gateway() {
 /// Whoever can open the lock can hold it, and no gateway would start.
 #[test]
 fn the_lock_is_its_owners_alone() {
-    let place = Place::new("lock");
-    let lock = place.0.join("vfd-gateway.lock");
+    let place = Dir::new();
+    let lock = place.join("vfd-gateway.lock");
     let mode = || lock.metadata().unwrap().permissions().mode() & 0o777;
     on_a_runtime(async {
-        drop(OwnSocket::open(&place.0).unwrap());
+        drop(OwnSocket::open(&place).unwrap());
         assert_eq!(mode(), 0o600);
         std::fs::set_permissions(&lock, std::fs::Permissions::from_mode(0o644)).unwrap();
-        drop(OwnSocket::open(&place.0).unwrap());
+        drop(OwnSocket::open(&place).unwrap());
         assert_eq!(mode(), 0o600, "one of an earlier version");
     });
 }
 
 #[test]
 fn the_socket_of_the_dead_is_replaced_and_that_of_the_living_is_not() {
-    let place = Place::new("dead");
-    let path = place.0.join(SOCKET_NAME);
+    let place = Dir::new();
+    let path = place.join(SOCKET_NAME);
     drop(std::os::unix::net::UnixListener::bind(&path).unwrap());
     assert!(path.symlink_metadata().is_ok(), "nobody has removed it");
     on_a_runtime(async {
-        let living = OwnSocket::open(&place.0).unwrap();
-        let refusal = OwnSocket::open(&place.0).unwrap_err().to_string();
+        let living = OwnSocket::open(&place).unwrap();
+        let refusal = OwnSocket::open(&place).unwrap_err().to_string();
         assert!(refusal.contains(&format!("process {}", std::process::id())), "{refusal}");
         assert!(UnixStream::connect(&path).await.is_ok(), "the living one is left alone");
         drop(living);
-        OwnSocket::open(&place.0).unwrap();
+        OwnSocket::open(&place).unwrap();
     });
 }
 
 #[test]
 fn what_is_no_socket_is_left_alone() {
-    let place = Place::new("file");
-    std::fs::write(place.0.join(SOCKET_NAME), "notes").unwrap();
+    let place = Dir::new();
+    std::fs::write(place.join(SOCKET_NAME), "notes").unwrap();
     on_a_runtime(async {
-        for (directory, why) in [(place.0.as_path(), "is not a socket"), (Path::new("/nonexistent"), "/nonexistent")] {
+        for (directory, why) in [(&*place, "is not a socket"), (Path::new("/nonexistent"), "/nonexistent")] {
             let refusal = OwnSocket::open(directory).unwrap().reachable().refusal().unwrap();
             assert!(refusal.contains(why), "the gateway runs without it: {refusal}");
         }
     });
-    assert_eq!(std::fs::read_to_string(place.0.join(SOCKET_NAME)).unwrap(), "notes");
+    assert_eq!(std::fs::read_to_string(place.join(SOCKET_NAME)).unwrap(), "notes");
 }
 
 #[test]

@@ -8,6 +8,7 @@ use crate::config::{self, Config};
 use crate::daemon::answers::News;
 use crate::daemon::build;
 use crate::daemon::inbox::Message;
+use crate::daemon::testing::Dir;
 use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
 use crate::domain::ids::DriveIndex;
 use crate::domain::time::{MonoTime, WallTime};
@@ -17,7 +18,6 @@ use crate::profile::catalog::Catalog;
 use crate::vendors;
 use std::collections::BTreeSet;
 use std::sync::LazyLock;
-use std::sync::atomic::AtomicU32;
 use std::time::Instant;
 
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -29,16 +29,12 @@ static CONFIG: LazyLock<Config> = LazyLock::new(|| {
     config::load(text, &catalog).unwrap()
 });
 
-/// A directory that is gone afterwards.
-struct Place(PathBuf);
+/// Where a journal is.
+struct Place(Dir);
 
 impl Place {
     fn new() -> Self {
-        static COUNT: AtomicU32 = AtomicU32::new(0);
-        let name = format!("vfd-journal-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
-        let path = std::env::temp_dir().join(name);
-        std::fs::create_dir(&path).unwrap();
-        Self(path)
+        Self(Dir::new())
     }
 
     fn file(&self) -> PathBuf {
@@ -62,12 +58,6 @@ impl Place {
     }
 }
 
-impl Drop for Place {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
-
 /// A journal with one line and an MQTT side, both played by hand.
 struct Rig {
     journal: Arc<Journal>,
@@ -87,7 +77,7 @@ impl Rig {
     fn with(place: &Place, max_bytes: u64) -> Self {
         let shared = Arc::new(build::shared(&CONFIG));
         let sides = NorthSides { mqtt: Some(Arc::default()), ..NorthSides::default() };
-        let settings = Settings { directory: place.0.clone(), max_bytes, configuration: "one".to_owned() };
+        let settings = Settings { directory: place.0.to_owned(), max_bytes, configuration: "one".to_owned() };
         let (journal, memory) = Journal::start(&settings, sides.clone(), Arc::clone(&shared.changed)).unwrap();
         let inbox = Arc::<LineInbox>::default();
         let drives = vec![shared.drives[0].description.clone()];
@@ -251,7 +241,7 @@ fn what_no_row_is_about_is_forgotten_unless_the_drive_is_there() {
     assert!(is_remembered(&rig.journal), "its line is here");
     rig.close();
     let shared = Arc::new(build::shared(&CONFIG));
-    let settings = Settings { directory: place.0.clone(), max_bytes: 64_000_000, configuration: "one".to_owned() };
+    let settings = Settings { directory: place.0.to_owned(), max_bytes: 64_000_000, configuration: "one".to_owned() };
     let (journal, memory) = Journal::start(&settings, NorthSides::default(), Arc::clone(&shared.changed)).unwrap();
     assert!(memory.contains_key(&name()));
     until("it is forgotten", || (!is_remembered(&journal)).then_some(()));

@@ -1,12 +1,12 @@
 //! An authority for tests, the certificates that it issues, and their files.
 
 use crate::config::ListenerTls;
+use crate::daemon::testing::Dir;
 use crate::domain::command::Rights;
 use rcgen::{
     BasicConstraints, CertificateParams, CustomExtension, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair,
 };
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Where the role stands, typed from the specification.
 const ROLE: [u64; 9] = [1, 3, 6, 1, 4, 1, 50316, 802, 1];
@@ -65,16 +65,12 @@ pub(super) fn role_holding(der: Vec<u8>) -> CustomExtension {
 
 /// Files of a listener. They are gone after the test.
 pub(super) struct Files {
-    directory: PathBuf,
+    directory: Dir,
 }
 
 impl Files {
     pub fn new() -> Self {
-        static COUNT: AtomicU32 = AtomicU32::new(0);
-        let number = COUNT.fetch_add(1, Ordering::Relaxed);
-        let directory = std::env::temp_dir().join(format!("vfd-gateway-tls-{}-{number}", std::process::id()));
-        std::fs::create_dir(&directory).unwrap();
-        Self { directory }
+        Self { directory: Dir::new() }
     }
 
     pub fn write(&self, name: &str, text: &str) -> PathBuf {
@@ -93,12 +89,5 @@ impl Files {
             client_ca_file: self.write("clients.pem", &clients.certificate.pem()),
             roles: roles.into_iter().map(|(name, rights)| (name.to_owned(), rights)).collect(),
         }
-    }
-}
-
-impl Drop for Files {
-    fn drop(&mut self) {
-        // What is left in the temporary directory harms nobody.
-        let _ = std::fs::remove_dir_all(&self.directory);
     }
 }

@@ -187,32 +187,22 @@ impl Holder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::atomic::{AtomicU32, Ordering};
+    use crate::daemon::testing;
 
-    /// A directory that is gone afterwards.
-    struct Dir(PathBuf);
+    /// A directory for locks.
+    struct Dir(testing::Dir);
 
     impl Dir {
         fn new() -> Self {
-            static COUNT: AtomicU32 = AtomicU32::new(0);
-            let name = format!("vfd-lock-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
-            let path = std::env::temp_dir().join(name);
-            std::fs::create_dir(&path).unwrap();
-            Self(path)
+            Self(testing::Dir::new())
         }
 
         fn lock(&self, device: &str, line: &str) -> Result<Option<PortLock>, Held> {
-            lock(Path::new(device), line, std::slice::from_ref(&self.0))
+            lock(Path::new(device), line, &[self.0.to_owned()])
         }
 
         fn file(&self) -> PathBuf {
             self.0.join("LCK..ttyUSB0")
-        }
-    }
-
-    impl Drop for Dir {
-        fn drop(&mut self) {
-            let _ = std::fs::remove_dir_all(&self.0);
         }
     }
 
@@ -269,7 +259,7 @@ mod tests {
         flock(&file, FlockOperation::NonBlockingLockExclusive).unwrap();
         assert!(dir.lock(DEVICE, "hall-1").unwrap_err().to_string().contains("another program"), "who never says it");
         let mut writes = || file.write_all(b"         1 vfd-gateway hall-2\n").unwrap();
-        let held = lock_waiting(Path::new(DEVICE), "hall-1", std::slice::from_ref(&dir.0), &mut writes);
+        let held = lock_waiting(Path::new(DEVICE), "hall-1", &[dir.0.to_owned()], &mut writes);
         let held = held.unwrap_err().to_string();
         assert!(held.contains("line hall-2 of the vfd-gateway that is process 1"), "{held}");
     }
@@ -278,7 +268,7 @@ mod tests {
     fn where_nothing_can_be_written_the_next_directory_serves_or_none() {
         let dir = Dir::new();
         let nowhere = PathBuf::from("/nonexistent");
-        let second = lock(Path::new(DEVICE), "hall-1", &[nowhere.clone(), dir.0.clone()]).unwrap();
+        let second = lock(Path::new(DEVICE), "hall-1", &[nowhere.clone(), dir.0.to_owned()]).unwrap();
         assert!(second.is_some() && dir.file().exists());
         assert!(lock(Path::new(DEVICE), "hall-1", &[nowhere]).unwrap().is_none());
     }

@@ -81,26 +81,7 @@ fn keep(file: &Path, number: u8) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    struct Place(PathBuf);
-
-    impl Place {
-        fn new(name: &str) -> Self {
-            let place = std::env::temp_dir().join(format!("bdseq-{name}-{}", std::process::id()));
-            fs::create_dir_all(&place).unwrap();
-            Self(place)
-        }
-
-        fn text(&self) -> String {
-            fs::read_to_string(self.0.join(FILE_NAME)).unwrap()
-        }
-    }
-
-    impl Drop for Place {
-        fn drop(&mut self) {
-            fs::remove_dir_all(&self.0).unwrap();
-        }
-    }
+    use crate::daemon::testing::Dir;
 
     fn connect(numbers: &mut BdSeq) -> u8 {
         let (number, chore) = numbers.begin();
@@ -111,21 +92,21 @@ mod tests {
     /// tck-id-message-flow-edge-node-birth-publish-will-message-payload-bdSeq.
     #[test]
     fn it_rises_by_one_over_restarts_and_begins_again_behind_255() {
-        let place = Place::new("rises");
+        let place = Dir::new();
         let mut all = Vec::new();
         for _ in 0..130 {
-            let mut numbers = BdSeq::read(&place.0);
+            let mut numbers = BdSeq::read(&place);
             all.extend([connect(&mut numbers), connect(&mut numbers)]);
         }
         let expected: Vec<_> = (0..=255).chain(0..4).collect();
         assert_eq!(all, expected);
-        assert_eq!(place.text(), "3\n");
+        assert_eq!(fs::read_to_string(place.join(FILE_NAME)).unwrap(), "3\n");
     }
 
     #[test]
     fn a_number_that_no_broker_saw_is_used_for_the_next_connection() {
-        let place = Place::new("spare");
-        let mut numbers = BdSeq::read(&place.0);
+        let place = Dir::new();
+        let mut numbers = BdSeq::read(&place);
         assert_eq!(connect(&mut numbers), 0);
         numbers.unsent();
         assert_eq!((connect(&mut numbers), connect(&mut numbers)), (0, 1));
@@ -133,10 +114,10 @@ mod tests {
 
     #[test]
     fn a_damaged_file_or_a_full_disk_does_not_stop_it() {
-        let place = Place::new("damaged");
-        fs::write(place.0.join(FILE_NAME), "256").unwrap();
-        assert_eq!(connect(&mut BdSeq::read(&place.0)), 0);
-        let mut nowhere = BdSeq::read(&place.0.join("missing"));
+        let place = Dir::new();
+        fs::write(place.join(FILE_NAME), "256").unwrap();
+        assert_eq!(connect(&mut BdSeq::read(&place)), 0);
+        let mut nowhere = BdSeq::read(&place.join("missing"));
         assert_eq!((connect(&mut nowhere), connect(&mut nowhere)), (0, 1));
     }
 }

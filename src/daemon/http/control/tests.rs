@@ -9,6 +9,7 @@ use crate::daemon::http::{self, CONNECTIONS_MAX, State};
 use crate::daemon::inbox::Message;
 use crate::daemon::local::LocalSide;
 use crate::daemon::shared::Shared;
+use crate::daemon::testing::Dir;
 use crate::domain::command::{CommandAnswer, CommandRequest, Order, Outcome, Owner, Reason, Report};
 use crate::domain::control::{ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
@@ -255,8 +256,7 @@ fn a_new_list_of_networks_ends_the_connections_that_it_would_not_let_in() {
 /// Passwords would still come in plain view over a connection from before.
 #[test]
 fn no_connection_stays_in_plain_view_once_there_is_a_certificate() {
-    let place = std::env::temp_dir().join(format!("vfd-gateway-front-{}", std::process::id()));
-    std::fs::create_dir_all(&place).unwrap();
+    let place = Dir::new();
     let own = rcgen::generate_simple_self_signed(vec!["localhost".to_owned()]).unwrap();
     let tls = HttpTls { cert_file: place.join("gateway.pem"), key_file: place.join("gateway.key") };
     std::fs::write(&tls.cert_file, own.cert.pem()).unwrap();
@@ -267,7 +267,6 @@ fn no_connection_stays_in_plain_view_once_there_is_a_certificate() {
         house.control.change(Front::read(&HttpSettings { tls: Some(tls), ..settings(&["anna"]) }).unwrap());
         ends(&mut idle).await;
     });
-    std::fs::remove_dir_all(&place).unwrap();
 }
 
 #[test]
