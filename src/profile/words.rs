@@ -6,6 +6,11 @@ use super::model::{
 use crate::domain::link::{EchoPolicy, Framing, Interface, Parity};
 use crate::domain::units::UnitOfMeasure;
 
+/// The table of an enumeration that knows its own words.
+macro_rules! own_words {
+    ($kind:ident: $($value:ident),+) => { [$(($kind::$value.word(), $kind::$value)),+] };
+}
+
 /// Parities.
 pub const PARITIES: [(&str, Parity); 3] = [("none", Parity::None), ("even", Parity::Even), ("odd", Parity::Odd)];
 
@@ -46,17 +51,10 @@ pub const POLL_CLASSES: [(&str, PollClass); 5] = [
 ];
 
 /// Where a register keeps what is written to it.
-pub const MEMORIES: [(&str, Memory); 2] = [(Memory::Ram.word(), Memory::Ram), (Memory::Stored.word(), Memory::Stored)];
+pub const MEMORIES: [(&str, Memory); 2] = own_words!(Memory: Ram, Stored);
 
 /// What of a register its source may not state.
-pub(super) const PARTS: [(&str, Part); 6] = [
-    (Part::Reading.word(), Part::Reading),
-    (Part::Writing.word(), Part::Writing),
-    (Part::Scale.word(), Part::Scale),
-    (Part::Sign.word(), Part::Sign),
-    (Part::Memory.word(), Part::Memory),
-    (Part::Meaning.word(), Part::Meaning),
-];
+pub(super) const PARTS: [(&str, Part); 6] = own_words!(Part: Reading, Writing, Scale, Sign, Memory, Meaning);
 
 /// What a status register can tell.
 pub const FLAGS: [(&str, Flag); 8] = [
@@ -93,27 +91,13 @@ pub(super) const REFUSED_WRITES: [(&str, RefusedWrite); 2] =
     [("exception", RefusedWrite::Exception), ("keeps-old-value", RefusedWrite::KeepsOldValue)];
 
 /// What a document is.
-pub(super) const DOCUMENT_KINDS: [(&str, DocumentKind); 8] = [
-    (DocumentKind::Manual.word(), DocumentKind::Manual),
-    (DocumentKind::Addendum.word(), DocumentKind::Addendum),
-    (DocumentKind::DistributorManual.word(), DocumentKind::DistributorManual),
-    (DocumentKind::Program.word(), DocumentKind::Program),
-    (DocumentKind::RegisterMap.word(), DocumentKind::RegisterMap),
-    (DocumentKind::SiteNote.word(), DocumentKind::SiteNote),
-    (DocumentKind::CommissioningSheet.word(), DocumentKind::CommissioningSheet),
-    (DocumentKind::Forum.word(), DocumentKind::Forum),
-];
+pub(super) const DOCUMENT_KINDS: [(&str, DocumentKind); 8] = own_words!(
+    DocumentKind: Manual, Addendum, DistributorManual, Program, RegisterMap, SiteNote, CommissioningSheet, Forum
+);
 
 /// How sure a fact is.
-pub(super) const CONFIDENCES: [(&str, Confidence); 7] = [
-    (Confidence::Manual.word(), Confidence::Manual),
-    (Confidence::SecondSource.word(), Confidence::SecondSource),
-    (Confidence::ThirdParty.word(), Confidence::ThirdParty),
-    (Confidence::Sibling.word(), Confidence::Sibling),
-    (Confidence::Inferred.word(), Confidence::Inferred),
-    (Confidence::Default.word(), Confidence::Default),
-    (Confidence::Configured.word(), Confidence::Configured),
-];
+pub(super) const CONFIDENCES: [(&str, Confidence); 7] =
+    own_words!(Confidence: Manual, SecondSource, ThirdParty, Sibling, Inferred, Default, Configured);
 
 /// What the gateway uses a register for.
 pub const ROLES: [(&str, Role); 22] = [
