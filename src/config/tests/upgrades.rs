@@ -27,14 +27,16 @@ fn line_with(lines: &str) -> String {
     with(CONTROLLED, "port = \"/dev/ttyUSB0\"\n", &format!("{lines}\n"))
 }
 
+/// A register of one's own.
+fn register_at(address: &str) -> String {
+    format!(
+        "[[line.drive.register]]\nname = 'mine'\ntitle = 'Mine'\naddress = {address}\nunit = '-'\naccess = 'read'\n\
+         poll = 'slow'\n"
+    )
+}
+
 /// Configurations of 0.7.0 and 0.8.0, each with one key that does nothing.
 fn useless() -> Vec<Useless> {
-    let extra = |address: &str| {
-        format!(
-            "[[line.drive.register]]\nname = 'mine'\ntitle = 'Mine'\naddress = {address}\nunit = '-'\naccess = 'read'\n\
-             poll = 'slow'\n"
-        )
-    };
     let second = |lines: &str| with(CONTROLLED, "station = 2\n", &format!("station = 2\n{lines}\n"));
     let of = |key, text: String| Useless { text, key };
     vec![
@@ -45,8 +47,8 @@ fn useless() -> Vec<Useless> {
         of("line[0].drive[0].control.failsafe_confirm_timeout", control_with("failsafe_confirm_timeout = '5s'")),
         of("line[0].drive[1].rated_current_a", second("rated_current_a = 7.5")),
         of("line[0].drive[1].rated_voltage_v", second("rated_voltage_v = 400")),
-        of("line[0].drive[1].register[0].address", second(&extra("0x020C"))),
-        of("line[0].drive[1].register[0].address", second(&extra("0x0101"))),
+        of("line[0].drive[1].register[0].address", second(&register_at("0x020C"))),
+        of("line[0].drive[1].register[0].address", second(&register_at("0x0101"))),
         of("line[0].drive[1].dead_bands.gone", second("dead_bands = { gone = 1 }")),
         of("line[0].drive[1].decimals.trip_count", second("decimals = { trip_count = 1 }")),
         // What has no effect beside other keys.
@@ -90,8 +92,6 @@ fn a_useless_key_is_a_warning_and_the_gateway_starts() {
 #[test]
 fn what_changes_what_may_move_a_motor_stays_an_error() {
     let native = |register: &str| with(CONTROLLED, "[\"F007\"]", &format!("[\"F007\", \"{register}\"]"));
-    let extra =
-        "[[line.drive.register]]\nname = 'mine'\ntitle = 'Mine'\naddress = 0x1001\nunit = '-'\naccess = 'read'\n";
     for (key, text) in [
         ("line[0].drive[0].control.require_watchdog", control_with("require_watchdog = true")),
         ("line[0].drive[0].control.watchdog", control_with("watchdog = '2s'")),
@@ -101,7 +101,7 @@ fn what_changes_what_may_move_a_motor_stays_an_error() {
         ("line[0].drive[0].native.write[1]", native("F001")),
         ("line[0].drive[0].native.write[1]", native("F010")),
         ("line[0].drive[0].native.write[1]", native("0x7777")),
-        ("line[0].drive[0].register[0].address", drive_with(&extra.replace("0x1001", "0x0211"))),
+        ("line[0].drive[0].register[0].address", drive_with(&register_at("0x0211"))),
         ("modbus_tcp[0].write[1]", with(CONTROLLED, "[\"127.0.0.1/32\"]", "['127.0.0.1/32', '10.0.0.1/32']")),
     ] {
         let problems = load(&text, &catalog()).expect_err(key);
@@ -112,12 +112,7 @@ fn what_changes_what_may_move_a_motor_stays_an_error() {
 
 #[test]
 fn a_register_that_the_model_knows_by_now_stays_as_the_configuration_describes_it() {
-    let extra = |address: &str| {
-        drive_with(&format!(
-            "[[line.drive.register]]\nname = 'mine'\ntitle = 'Mine'\naddress = {address}\nunit = '-'\naccess = 'read'\n\
-             poll = 'slow'\n"
-        ))
-    };
+    let extra = |address| drive_with(&register_at(address));
     let at = |text: &str, address| {
         let config = load(text, &catalog()).unwrap();
         config.lines[0].drives[0].model.register_at(address).unwrap().name.clone()
