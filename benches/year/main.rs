@@ -159,9 +159,17 @@ fn main() {
     }
 }
 
+/// One line of the report.
+fn row(name: &str, value: impl std::fmt::Display) {
+    println!("{name:<34}{value:>20}");
+}
+
+fn days(virtual_ns: u64) -> String {
+    format!("{:.1} days", virtual_ns as f64 / 86_400e9)
+}
+
 /// What happened among bursts, and what they cost a line on which one exchange in a hundred has one.
 fn report_bursts(tally: &BurstTally) {
-    let row = |name: &str, value: String| println!("{name:<34}{value:>20}");
     for (name, value) in [
         ("reads", tally.reads),
         ("reads with words, all right", tally.right),
@@ -170,9 +178,9 @@ fn report_bursts(tally: &BurstTally) {
         ("frames that answered nothing", tally.strays),
         ("requests on the wire", tally.requests),
     ] {
-        row(name, value.to_string());
+        row(name, value);
     }
-    row("virtual time", format!("{:.1} days", tally.virtual_ns as f64 / 86_400e9));
+    row("virtual time", days(tally.virtual_ns));
     println!("\nreads a second of a line without bursts, and with one at each hundredth exchange:");
     match bursts::costs(20_000) {
         Ok(rows) => {
@@ -200,8 +208,7 @@ fn progress(job: &Job, begun: Instant) {
 fn report(job: &Job, wall: Duration) {
     let tally = job.tally.lock().expect("nobody panics");
     let done = job.done.load(Ordering::Relaxed);
-    let row = |name: &str, value: String| println!("{name:<34}{value:>20}");
-    row(&format!("{} done", job.what), done.to_string());
+    row(&format!("{} done", job.what), done);
     row("wall time", format!("{:.1} s", wall.as_secs_f64()));
     row("rate", format!("{:.0} /s", done as f64 / wall.as_secs_f64()));
     if job.what == "stop" {
@@ -239,15 +246,15 @@ fn report(job: &Job, wall: Duration) {
         ("mistakable replies heard", tally.checked.mistakable),
     ] {
         if value > 0 {
-            row(name, value.to_string());
+            row(name, value);
         }
     }
     if tally.exchanges > 0 {
-        row("virtual time", format!("{:.1} days", tally.virtual_ns as f64 / 86_400e9));
+        row("virtual time", days(tally.virtual_ns));
         row("shortest silence too long by", format!("{} ns", tally.shortest_excess));
     }
     for (name, count) in Trouble::NAMES.iter().zip(tally.troubles).filter(|(_, count)| *count > 0) {
-        row(&format!("trouble: {name}"), count.to_string());
+        row(&format!("trouble: {name}"), count);
     }
-    row("violations", job.failures.lock().expect("nobody panics").len().to_string());
+    row("violations", job.failures.lock().expect("nobody panics").len());
 }
