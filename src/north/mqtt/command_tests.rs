@@ -473,6 +473,59 @@ fn a_probe_from_before_the_stall_proves_nothing_and_a_new_connection_all() {
     assert_eq!(orders(&rig.send("drive/pump/run/set", b"forward")).len(), 1);
 }
 
+/// The probe's usual round trip takes no time here.
+#[test]
+fn while_the_probe_is_overdue_everything_but_a_stop_is_stale_until_a_later_one_is_back() {
+    for version in [Version::V4, Version::V5] {
+        let mut rig = Rig::born(version);
+        rig.pass(60_000);
+        rig.millis += 5_000;
+        let late = probe(&rig.acts_without_echo());
+        rig.millis += 200;
+        assert_eq!(commands(&run_without_echo(&mut rig)).len(), 1, "{version:?}: not late yet");
+        rig.millis += 600;
+        let young = format!(r#"{{"frequency_hz":40,"issued_at":{}}}"#, rig.at().wall.unix_ms);
+        for (rest, payload) in [
+            ("run/set", "forward"),
+            ("command", r#"{"id":"a","run":"forward","epoch":7}"#),
+            ("command", r#"{"id":"b","frequency_hz":30,"ttl_ms":60000}"#),
+            ("command", &young),
+            ("trip/reset", "reset"),
+        ] {
+            rig.handle(Event::Message(message(&format!("vfd/plant/drive/pump/{rest}"), payload.as_bytes())));
+            let acts = rig.acts_without_echo();
+            assert_eq!((commands(&acts).len(), result(&acts)), (0, refused("stale")), "{version:?}: {payload}");
+        }
+        let told = results(&run_without_echo(&mut rig))[0]["message"].as_str().unwrap_or_default().to_owned();
+        assert!(told.contains("the gateway's probe through the broker is late"), "{told}");
+        rig.handle(Event::Message(message("vfd/plant/drive/pump/run/set", b"stop")));
+        assert_eq!(orders(&rig.acts_without_echo()), [&STOP], "{version:?}");
+        // The late one proves nothing of what waited with it, but the next one goes at once.
+        rig.handle(Event::Message(message("vfd/plant/probe", &late.payload)));
+        let acts = run_without_echo(&mut rig);
+        assert_eq!(result(&acts), refused("stale"), "{version:?}: still");
+        rig.handle(Event::Message(message("vfd/plant/probe", &probe(&acts).payload)));
+        assert_eq!(commands(&run_without_echo(&mut rig)).len(), 1, "{version:?}: it is back");
+    }
+}
+
+#[test]
+fn a_new_connection_is_no_way_for_commands_before_its_first_probe_is_back() {
+    let mut rig = Rig::born(Version::V5);
+    rig.pass(10_000);
+    rig.handle(Event::Lost);
+    rig.handle(Event::Connected(rig.broker));
+    let acts = rig.acts_without_echo();
+    let filters = acts.iter().find_map(|act| if let Act::Subscribe(it) = act { Some(it.len()) } else { None });
+    rig.handle(Event::Subscribed(vec![true; filters.expect("a subscription")]));
+    let first = probe(&rig.acts_without_echo());
+    assert_eq!(result(&run_without_echo(&mut rig)), refused("stale"));
+    rig.handle(Event::Message(message("vfd/plant/drive/pump/run/set", b"stop")));
+    assert_eq!(orders(&rig.acts_without_echo()), [&STOP]);
+    rig.handle(Event::Message(message("vfd/plant/probe", &first.payload)));
+    assert_eq!(commands(&run_without_echo(&mut rig)).len(), 1);
+}
+
 #[test]
 fn responses_go_where_they_are_allowed_and_nowhere_else() {
     let ask = |topic, correlation| Message {

@@ -458,9 +458,11 @@ mod tests {
             for run in (2_000..5_000).step_by(170) {
                 assert!(run_through(1_000, trip, (0, 0), run).1, "{trip} {run}");
             }
-            // Two round trips after the end, at most: of the probe that was late, and of the one that proves.
-            let back = 15_000 + 2 * trip + 100;
-            assert!(run_through(1_000, trip, (5_000, 15_000), back).1, "{trip}");
+            // Two round trips after the end, at most: of the probe that was late, and of the one that proves. It does not
+            // wait until it is its turn.
+            for end in [15_000, 15_100, 15_500] {
+                assert!(run_through(1_000, trip, (5_000, end), end + 2 * trip + 100).1, "{trip} {end}");
+            }
         }
     }
 

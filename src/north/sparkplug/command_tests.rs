@@ -7,7 +7,7 @@ use crate::domain::command::{Direction, Go, Order, Outcome, Owner, Reason};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::AskerId;
 use crate::journal::Tried;
-use crate::north::mqtt::{Event, Message};
+use crate::north::mqtt::{Event, Message, Qos};
 use std::time::Duration;
 
 const DCMD: &str = "spBv1.0/hall 1/DCMD/plant/pump";
@@ -187,6 +187,28 @@ fn a_command_without_a_proven_way_back_is_refused_and_a_stop_is_not() {
     rig.is_deaf = false;
     rig.pass(1_000);
     assert_eq!(commands(&rig.command(vec![text("run/set", "forward")])).len(), 1);
+}
+
+#[test]
+fn while_the_probe_is_overdue_everything_but_a_stop_is_stale_until_a_later_one_is_back() {
+    let (mut rig, births) = born();
+    rig.pass(20_000);
+    rig.is_deaf = true;
+    rig.millis += 1_000;
+    let is_probe = |act: &Act| matches!(act, Act::Publish(it) if it.topic == PROBE && it.qos == Qos::AtLeastOnce);
+    assert!(rig.acts().iter().any(is_probe), "it waits where commands wait");
+    rig.millis += 200;
+    assert_eq!(commands(&rig.command(vec![text("run/set", "forward")])).len(), 1, "not late yet");
+    rig.millis += 600;
+    for metric in [text("run/set", "forward"), metric("frequency/set", Value::Double(30.0))] {
+        let acts = rig.command(vec![metric]);
+        assert_eq!((commands(&acts).len(), told(&acts, &births)[1].as_str()), (0, "stale"));
+        assert!(told(&acts, &births)[2].contains("the gateway's probe through the broker is late"));
+    }
+    assert_eq!(orders(&rig.command(vec![text("run/set", "stop")])), [&stop()]);
+    rig.is_deaf = false;
+    rig.pass(1_000);
+    assert_eq!(commands(&rig.command(vec![text("run/set", "forward")])).len(), 1, "it is back");
 }
 
 #[test]
