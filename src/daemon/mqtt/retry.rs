@@ -147,6 +147,17 @@ mod tests {
     }
 
     #[test]
+    fn a_rival_that_was_named_is_one_until_a_connection_lived_for_a_minute() {
+        let mut retry = Retry::new(4);
+        ends(&mut retry, Cause::TakenOver, Some(20));
+        for _ in 0..SHORT_LIVES {
+            ends(&mut retry, Cause::Gone, Some(1));
+        }
+        assert!(!retry.is_settled(SECOND * 59), "short lives speak for it as well");
+        assert!(retry.is_settled(SECOND * 60));
+    }
+
+    #[test]
     fn a_broker_that_restarts_or_a_connection_that_breaks_otherwise_is_no_rival() {
         let mut retry = Retry::new(3);
         for _ in 0..10 {

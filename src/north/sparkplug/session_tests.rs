@@ -432,6 +432,27 @@ fn a_probe_that_does_not_come_back_ends_the_connection_and_signs_of_life_come_wi
 }
 
 #[test]
+fn a_way_that_is_open_for_moments_only_keeps_no_lease() {
+    let mut rig = Rig::born();
+    let alive = |acts: &[Act]| acts.iter().filter(|act| **act == Act::PathAlive).count();
+    assert!(alive(&rig.pass(10_000)) >= 9);
+    let mut number = 0;
+    let mut again = |rig: &mut Rig, lives_ms| {
+        number += 1;
+        rig.handle(Event::Lost);
+        rig.millis += 1_000;
+        let mut acts = rig.connect(number);
+        acts.extend(rig.host(true, 1 + u64::from(number)));
+        acts.extend(rig.pass(lives_ms));
+        alive(&acts)
+    };
+    for lives_ms in [900, 100, 2_900, 4_900, 0] {
+        assert_eq!(again(&mut rig, lives_ms), 0, "{lives_ms} ms");
+    }
+    assert_eq!(again(&mut rig, 10_000), 6, "from the fifth second on");
+}
+
+#[test]
 fn what_is_larger_than_the_broker_takes_is_not_sent_and_uses_no_number() {
     let mut rig = Rig::new();
     rig.broker = Broker { maximum_packet_bytes: Some(700), retains: true };
