@@ -324,12 +324,16 @@ async fn a_message_against_the_protocol_ends_the_connection_and_is_not_handed_ov
         rig.run(&stub, Version::V5, async {
             let mut peer = stub.welcome().await;
             peer.publish("run", b"forward", &properties).await;
+            peer.publish("run", b"forward", &[]).await;
             while peer.read().await.is_some() {}
             rig.told_at_least(2).await
         })
         .await;
         let told = rig.told();
-        assert!(!told.iter().any(|it| matches!(it, Told::Message(_))), "{properties:?}: {told:?}");
+        // Nobody knows how long what came right after it has waited, if it is handed over at all.
+        let believed = told.iter().take_while(|it| **it != Told::Stalled);
+        assert_eq!(believed.filter(|it| matches!(it, Told::Message(_))).count(), 0, "{properties:?}: {told:?}");
+        assert!(told.iter().filter(|it| matches!(it, Told::Message(_))).count() <= 1, "{properties:?}: {told:?}");
         assert!(told.contains(&Told::Lost), "{properties:?}: {told:?}");
     }
 }
