@@ -11,7 +11,7 @@ use vfd_gateway::domain::native::NativeAsk;
 use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::gateway::{Input, Note};
 use vfd_gateway::profile::model::Model;
-use vfd_gateway::sim::FaultPlan;
+use vfd_gateway::sim::{FaultPlan, RefusedStops};
 
 const RUN: u16 = 0x0002;
 const STOP_FRAME: [u8; 6] = [1, 6, 0, 2, 0, 0];
@@ -324,6 +324,8 @@ fn a_stop_that_is_refused_in_one_form_is_tried_in_the_other_that_the_model_decla
         assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None), "{id}");
         // Typed here: 06 first, and 10 hex with one word.
         assert_eq!(rig.writes(), [vec![6, 0x25, 1, 0, 0], vec![0x10, 0x25, 1, 0, 1, 2, 0, 0]], "{id}");
+        let first = rig.sent.iter().position(|sent| sent.pdu[0] == 6).unwrap();
+        assert_eq!(rig.sent[first + 1].pdu[0], 0x10, "{id}: at once");
         assert!(!rig.notes.iter().any(|(_, note)| *note == Note::StopRefused), "{id}: {:?}", rig.notes);
         rig.pass(Duration::from_secs(20));
         assert_eq!(rig.output(1), 0, "{id}");
@@ -369,6 +371,28 @@ fn a_drive_that_refuses_to_be_stopped_is_not_started_and_people_hear_of_it_at_on
         assert!((5 * forms..=11 * forms).contains(&sent), "{}: {sent} in 30 s", model.id);
         let told = rig.notes.iter().filter(|(_, note)| *note == Note::StopRefused).count();
         assert_eq!(told, 1, "{}: told once", model.id);
+    }
+}
+
+#[test]
+fn a_motor_that_runs_on_after_a_refused_stop_is_an_alarm_until_it_obeys() {
+    for model in models() {
+        let mut rig = serving(&model.id, &model.functions.value);
+        rig.commanded(MQTT, run(Direction::Forward, Some(2000)));
+        rig.live(Duration::from_secs(3));
+        assert!(rig.output(1) > 0, "{}", model.id);
+        rig.bus.drive_mut(Station(1)).unwrap().refuse_stops(RefusedStops::All);
+        let ticket = rig.command(MQTT, 0, STOP);
+        assert_eq!(rig.outcome_of(ticket).0, Outcome::Failed, "{}", model.id);
+        let control = rig.view(0).control.unwrap();
+        assert!(control.stop_pending && control.not_effective, "{}: {control:?}", model.id);
+        rig.bus.drive_mut(Station(1)).unwrap().refuse_stops(RefusedStops::None);
+        rig.pass(Duration::from_secs(60));
+        let control = rig.view(0).control.unwrap();
+        assert!(!control.stop_pending && !control.not_effective, "{}: {control:?}", model.id);
+        let told = |wanted: Note| rig.notes.iter().filter(|(_, note)| *note == wanted).count();
+        assert_eq!((told(Note::StopRefused), told(Note::EffectiveAtLast)), (1, 1), "{}: {:?}", model.id, rig.notes);
+        assert_eq!(rig.output(1), 0, "{}", model.id);
     }
 }
 
