@@ -93,6 +93,7 @@ impl Watch {
             tells_traffic: true,
             first_epoch: 1,
             asked_before: false,
+            joins_late: false,
             keeps: false,
         };
         let now = MonoTime::from_millis(1);

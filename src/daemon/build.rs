@@ -25,9 +25,9 @@ use std::sync::Arc;
 pub type Memory = BTreeMap<Name, Remembered>;
 
 /// The pure side of a line, at a start of the gateway that no other start shares `first_epoch` with. Whether there is
-/// a journal: `keeps`. What that remembers is not known yet.
+/// a journal: `keeps`. What that remembers is not known yet. Whether commands are taken already: `joins_late`.
 #[must_use]
-pub fn line_setup(line: &LineSettings, first_epoch: u64, keeps: bool) -> LineSetup {
+pub fn line_setup(line: &LineSettings, first_epoch: u64, keeps: bool, joins_late: bool) -> LineSetup {
     let drives = line.drives.iter().map(drive_setup).collect();
     let tells_traffic = tracing::enabled!(tracing::Level::TRACE);
     LineSetup {
@@ -37,6 +37,7 @@ pub fn line_setup(line: &LineSettings, first_epoch: u64, keeps: bool) -> LineSet
         tells_traffic,
         first_epoch,
         asked_before: true,
+        joins_late,
         keeps,
     }
 }

@@ -31,6 +31,8 @@ pub struct Lines {
     changed: Arc<Bell>,
     data_dir: Option<PathBuf>,
     last_number: u16,
+    /// Lines have begun, and commands are taken.
+    have_begun: bool,
 }
 
 impl Lines {
@@ -38,7 +40,7 @@ impl Lines {
     #[must_use]
     pub fn new(sides: NorthSides, changed: Arc<Bell>, data_dir: Option<PathBuf>, numbered: usize) -> Self {
         let last_number = u16::try_from(numbered).unwrap_or(u16::MAX);
-        Self { handles: Vec::new(), sides, changed, data_dir, last_number }
+        Self { handles: Vec::new(), sides, changed, data_dir, last_number, have_begun: false }
     }
 
     /// A number that no line has.
@@ -57,7 +59,7 @@ impl Lines {
     /// The system refuses something that it needs.
     pub async fn prepare(&self, settings: &LineSettings, line: Arc<SharedLine>) -> io::Result<LineHandle> {
         let port = build::line_port(settings, self.data_dir.as_deref());
-        let setup = build::line_setup(settings, first_epoch(), self.sides.journal.is_some());
+        let setup = build::line_setup(settings, first_epoch(), self.sides.journal.is_some(), self.have_begun);
         let StopBounds { all_healthy, one_silent, .. } = setup.stop_bounds();
         tracing::info!(line = %settings.name, ?all_healthy, ?one_silent, "a stop starts within these times");
         let mut handle = LineHandle::prepare(port, setup, line, Arc::clone(&self.changed), self.sides.clone())?;
@@ -72,6 +74,7 @@ impl Lines {
     pub fn begin(&mut self, mut handles: Vec<LineHandle>, memory: &Memory) {
         handles.iter_mut().for_each(|handle| handle.begin(memory));
         self.handles.append(&mut handles);
+        self.have_begun = true;
     }
 
     /// Asks the lines with these numbers to take no command any more, and whether any of their drives is in use; with
@@ -168,7 +171,7 @@ async fn wait_for(handles: &mut [LineHandle], within: Duration) {
 }
 
 /// Where the epochs of a line's drives begin. Those of an earlier start must be others, whatever the wall clock was then and
-/// is now; JSON still holds them exactly, and there is room for all stops of a life.
+/// is now; JSON still holds them exactly, and there is room for every time that a start is inhibited in a life.
 fn first_epoch() -> u64 {
     const BITS: u32 = 52;
     const STOPS_BITS: u32 = 20;

@@ -115,6 +115,7 @@ impl ToolLine {
             tells_traffic: tracing::enabled!(tracing::Level::TRACE),
             first_epoch: 1,
             asked_before: true,
+            joins_late: false,
             keeps: false,
         };
         let line = Arc::new(SharedLine::new(0, name.clone(), Interface::Rs485, []));

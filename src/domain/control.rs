@@ -111,7 +111,7 @@ pub struct ControlSettings {
     pub allow_release: bool,
     /// RUN over MQTT only with an epoch or a moment of issue.
     pub strict: bool,
-    /// Plain RUN over MQTT or from the page is refused for this long after a stop.
+    /// Plain RUN over MQTT or from the page is refused for this long after everything that inhibits the start.
     pub restart_delay: Duration,
     /// A stop without effect is an alarm after this time.
     pub stop_effect_timeout: Duration,
@@ -138,7 +138,7 @@ pub struct ControlSettings {
 }
 
 impl ControlSettings {
-    /// How long plain RUN over MQTT or from the page is refused after a stop, where nothing else is said.
+    /// How long plain RUN over MQTT or from the page is refused after what inhibits the start, where nothing else is said.
     pub const RESTART_DELAY: Duration = Duration::from_secs(3);
     /// When a stop without effect is an alarm, where nothing else is said.
     pub const STOP_EFFECT_TIMEOUT: Duration = Duration::from_secs(3);

@@ -63,8 +63,8 @@ reasons! {
     StopPending = 13, "stop_pending", "a stop is not effective yet";
     /// Somebody else holds control.
     OtherOwner = 14, "other_owner", "somebody else holds control of the drive";
-    /// Too soon after a stop to know that it was sent after it.
-    RestartDelay = 15, "restart_delay", "too soon after a stop: send run again, or with `epoch` or `issued_at`";
+    /// Too soon after what inhibits the start to know that it was sent after that.
+    RestartDelay = 15, "restart_delay", "too soon after a stop, a trip, a lost lease or an outage: send run again, or with `epoch` or `issued_at`";
     /// The epoch is not the present one.
     StaleEpoch = 16, "stale_epoch", "the epoch is not the drive's present one";
     /// RUN without `epoch` or `issued_at` where they are demanded.

@@ -120,6 +120,9 @@ impl LineCore {
             let range = setup.watchdog_range(usize::from(index));
             let work = DriveWork::new(DriveIndex(index), &drive.model, drive.control.clone(), setup.first_epoch, now);
             let mut work = work.watched(range).polled(pace(drive.poll));
+            if setup.joins_late {
+                work.inhibit(now);
+            }
             if setup.keeps {
                 work.remember(&drive.remembered, now, &mut effects);
             }

@@ -30,6 +30,9 @@ pub struct LineSetup {
     /// Whether somebody may have asked its drives just before it is opened, so that a reply is still to come: an
     /// earlier life of the gateway, or a tool.
     pub asked_before: bool,
+    /// Whether commands were taken before the line was made, as when a reload brings it: what comes for its drives may be
+    /// older than it.
+    pub joins_late: bool,
     /// Whether there is a journal: what must be kept first is waited for.
     pub keeps: bool,
 }

@@ -130,7 +130,7 @@ fn a_motor_is_not_started_again_too_soon() {
     let after = |facts: &Facts, time| {
         let mut guard = held(settings.clone());
         guard.started(NOW);
-        guard.inhibit(NOW);
+        guard.inhibit(NOW.before(settings.restart_delay));
         at(&mut guard, mqtt(), order(), facts, NOW + time).map(drop)
     };
     assert_eq!(after(&RESTING, minute - Duration::from_millis(1)), Err(Reason::StartsTooOften));

@@ -15,6 +15,8 @@ mod orphan;
 mod owners;
 mod ownership;
 mod registers;
+#[cfg(test)]
+mod restart_tests;
 mod review;
 mod state;
 #[cfg(test)]

@@ -144,7 +144,7 @@ impl DriveGuard {
 
     /// The start inhibit. A cyclic commander shows by a stop that it knows; a message shows it by having been sent
     /// after the last inhibit: by its epoch, by its moment of issue, or, where it names neither, by coming a while after
-    /// the last stop.
+    /// it. The start of the process is not among these: no message from before that reaches it.
     fn may_start(&self, command: &CommandRequest, control: &ControlSettings, now: MonoTime) -> Result<(), Report> {
         if command.origin.manner == Manner::Cyclic {
             return if self.armed.has(command.origin.owner) { Ok(()) } else { Err(refused(Reason::StartInhibited)) };
@@ -153,13 +153,13 @@ impl DriveGuard {
             return Ok(());
         }
         if let Some(issued) = command.issued {
-            return if issued > self.inhibited_at { Ok(()) } else { Err(refused(Reason::Stale)) };
+            return if issued > self.starts_after() { Ok(()) } else { Err(refused(Reason::Stale)) };
         }
         // From the page nothing comes that a broker has kept.
         if control.strict && !matches!(command.origin.owner, Owner::Page(_)) {
             return Err(refused(Reason::EpochNeeded));
         }
-        let too_soon = self.stopped_at.is_some_and(|stopped| now.since(stopped) < control.restart_delay);
+        let too_soon = self.inhibited_at.is_some_and(|inhibited| now.since(inhibited) < control.restart_delay);
         if too_soon { Err(refused(Reason::RestartDelay)) } else { Ok(()) }
     }
 

@@ -36,10 +36,10 @@ pub struct DriveGuard {
     pub(super) resetting: Owners,
     stops: u64,
     epoch: u64,
-    /// When the last stop was accepted.
-    pub(super) stopped_at: Option<MonoTime>,
-    /// Since when nobody may simply go on: what was issued until then starts nothing.
-    pub(super) inhibited_at: MonoTime,
+    /// When the drive was found: nothing that was issued before starts it.
+    found_at: MonoTime,
+    /// When something ended the right to start last: a stop, a trip, a lost lease. What was issued before starts nothing.
+    pub(super) inhibited_at: Option<MonoTime>,
     failsafe: bool,
     /// The last stop has taken effect, and nothing has ended that since.
     pub(super) stop_took_effect: bool,
@@ -100,8 +100,8 @@ impl DriveGuard {
             resetting: Owners::default(),
             stops: 0,
             epoch: first_epoch,
-            stopped_at: None,
-            inhibited_at: now,
+            found_at: now,
+            inhibited_at: None,
             failsafe: false,
             stop_took_effect: false,
             is_released: false,
@@ -157,6 +157,11 @@ impl DriveGuard {
     #[must_use]
     pub const fn epoch(&self) -> u64 {
         self.epoch
+    }
+
+    /// Until when a moment of issue is too early to start the drive.
+    pub(super) fn starts_after(&self) -> MonoTime {
+        self.inhibited_at.unwrap_or(self.found_at)
     }
 
     /// The way from commanders was opened anew: what was issued before is stale.
@@ -219,9 +224,11 @@ impl DriveGuard {
         Some(self.lost(owner, action, Cause::Shutdown, now))
     }
 
-    /// Something happened at `now` after which nobody may simply go on: a lost lease, a stop that was given up.
+    /// Something happened at `now` after which nobody may simply go on: a lost lease, a stop that was given up. What was
+    /// issued before that, with an epoch or without, starts nothing.
     pub fn inhibit(&mut self, now: MonoTime) {
-        self.inhibited_at = now;
+        self.inhibited_at = Some(now);
+        self.epoch += 1;
         self.stop_took_effect = false;
         self.armed.clear();
         self.intent = RunIntent::Stop;
@@ -347,8 +354,6 @@ impl DriveGuard {
     pub(super) fn accept_stop(&mut self, owner: Option<Owner>, coast: bool, now: MonoTime) {
         self.is_released = false;
         self.stops += 1;
-        self.epoch += 1;
-        self.stopped_at = Some(now);
         self.inhibit(now);
         self.intent = if coast { RunIntent::Coast } else { RunIntent::Stop };
         if self.lease.is_some_and(|lease| Some(lease.owner) != owner) {

@@ -318,6 +318,24 @@ fn an_epoch_or_a_moment_of_issue_lets_a_message_start_at_once() {
     }
 }
 
+/// What ends an order to run, and is no stop, does so for a RUN that waited in front of the gateway too.
+#[test]
+fn a_run_that_was_sent_before_the_drive_was_away_does_not_start_it_when_it_is_back() {
+    let mut rig = rig();
+    rig.commanded(MQTT, setpoint(2000));
+    let epoch = rig.view(0).control.unwrap().epoch;
+    rig.reopen();
+    rig.pass(Duration::from_secs(1));
+    let tell = |rig: &mut Rig, named| {
+        let ticket = rig.command_with(MQTT, 0, run(Forward, None), |command| command.epoch = named);
+        rig.outcome_of(ticket).1
+    };
+    assert_eq!(tell(&mut rig, None), Reason::RestartDelay);
+    assert_eq!(tell(&mut rig, Some(epoch)), Reason::StaleEpoch);
+    let epoch = rig.view(0).control.unwrap().epoch;
+    assert_eq!(tell(&mut rig, Some(epoch)), Reason::None);
+}
+
 #[test]
 fn the_last_outcome_is_that_of_the_newest_command() {
     let mut rig = rig();

@@ -151,7 +151,11 @@ fn no_write_but_a_stop_goes_before_a_read_has_told_about_an_echo() {
                 reopen(&mut rig, LineFault::Gone, kind);
                 rig.settle();
                 rig.sent.clear();
-                assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0, Outcome::Acknowledged);
+                // A plain RUN would have to wait.
+                let epoch = rig.view(0).control.map(|control| control.epoch);
+                let start = run(Direction::Forward, Some(3000));
+                let ticket = rig.command_with(MQTT, 0, start, |command| command.epoch = epoch);
+                assert_eq!(rig.outcome_of(ticket).0, Outcome::Acknowledged);
                 let functions: Vec<u8> = rig.sent.iter().map(|sent| sent.pdu[0]).collect();
                 assert_eq!(functions[..3], [3, 6, 6], "one read, then setpoint and run");
             },

@@ -168,6 +168,20 @@ fn a_trip_whose_row_was_lost_is_told_once_more_and_a_kept_one_is_not() {
     }
 }
 
+/// A message may have waited in front of the gateway since before a reload stopped the drive.
+#[test]
+fn a_line_that_a_reload_brings_takes_a_plain_run_after_a_while_and_that_of_a_start_at_once() {
+    for (joins_late, reason) in [(true, Reason::RestartDelay), (false, Reason::None)] {
+        let mut rig = Rig::new(&RigOptions::controlled());
+        rig.setup.joins_late = joins_late;
+        rig.restart(Remembered::default());
+        rig.pass(Duration::from_millis(1_500));
+        assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).1, reason);
+        rig.live(ControlSettings::RESTART_DELAY);
+        assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0, Outcome::Acknowledged);
+    }
+}
+
 #[test]
 fn a_run_of_an_earlier_life_is_never_sent() {
     let mut rig = Rig::new(&RigOptions { keeps: true, ..RigOptions::controlled() });

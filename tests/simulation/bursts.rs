@@ -149,6 +149,7 @@ impl Walk {
             tells_traffic: false,
             first_epoch: rng.u64(1..1 << 40),
             asked_before: false,
+            joins_late: false,
             keeps: false,
         };
         let now = MonoTime::from_millis(1_000);

@@ -114,6 +114,7 @@ impl Plan {
             tells_traffic: false,
             first_epoch,
             asked_before: false,
+            joins_late: false,
             keeps: self.keeps,
         }
     }

@@ -265,6 +265,7 @@ impl Rig {
             tells_traffic: options.tells_traffic,
             first_epoch: 1,
             asked_before: false,
+            joins_late: false,
             keeps: options.keeps,
         };
         let mut core = LineCore::new(setup.clone(), now);

@@ -91,6 +91,7 @@ impl Asker for Simulated {
             tells_traffic: false,
             first_epoch: 1,
             asked_before: true,
+            joins_late: false,
             keeps: false,
         };
         self.now = self.now + if self.core.is_none() { LISTEN } else { Duration::from_millis(20) };

@@ -259,6 +259,11 @@ impl DriveWork {
         }
     }
 
+    /// What was sent until `now` starts nothing.
+    pub fn inhibit(&mut self, now: MonoTime) {
+        self.guard.inhibit(now);
+    }
+
     /// The way from commanders was opened anew.
     pub fn new_epoch(&mut self) {
         self.guard.new_epoch();
