@@ -101,7 +101,7 @@ impl Rig {
         let lines = vec![LineState { name: plant::name("hall"), report: LineReport::default(), stations: Vec::new() }];
         Self {
             views: views.collect(),
-            session: Session::new(settings.clone(), drives, vec![plant::name("hall")], moment(1_000)),
+            session: Session::new(settings.clone(), drives, vec![plant::name("hall")], moment(1_000), 1),
             settings,
             broker: Broker { maximum_packet_bytes: (flags & 4 != 0).then_some(400), retains: flags & 8 == 0 },
             lines,

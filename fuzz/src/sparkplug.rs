@@ -83,7 +83,7 @@ impl Rig {
         });
         Self {
             views: views.collect(),
-            session: Session::new(settings, drives, &[plant::name("hall")], moment(1_000)),
+            session: Session::new(settings, drives, &[plant::name("hall")], moment(1_000), 1),
             version,
             broker: Broker { maximum_packet_bytes: (flags & 4 != 0).then_some(1_500), retains: true },
             lines: vec![LineState { name: plant::name("hall"), report: LineReport::default(), stations: Vec::new() }],

@@ -32,6 +32,7 @@ pub mod own_lock;
 pub mod pem_files;
 pub mod port;
 pub mod pty;
+mod random;
 pub mod reload;
 pub mod router;
 pub mod run;

@@ -8,6 +8,7 @@ pub mod mqtt;
 pub mod operator;
 pub mod page;
 pub mod report;
+mod seal;
 pub mod setup_body;
 pub mod shown;
 pub mod sparkplug;

@@ -72,7 +72,7 @@ impl MqttSide {
             home_assistant: None,
         };
         let name = Name::new("line").expect("a name");
-        let session = Session::new(settings, world.descriptions.clone(), vec![name], moment(world.now, 0));
+        let session = Session::new(settings, world.descriptions.clone(), vec![name], moment(world.now, 0), 1);
         let from = world.now + Duration::from_secs(8);
         let first = |extra| if world.plan.extras.has(extra) { from } else { MonoTime::NEVER };
         Self {

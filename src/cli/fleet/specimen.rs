@@ -130,7 +130,7 @@ fn birth(config: &Config, mqtt: &MqttSettings, publish: &[Tree]) -> Result<Vec<P
     let name = config.gateway.name.clone().unwrap_or_else(Name::fallback);
     let settings = Settings { publish: publish.to_vec(), ..mqtt.session(name) };
     let probe = format!("{}/{}/probe", settings.prefix, settings.gateway);
-    let mut session = Session::new(settings, drives, names, at);
+    let mut session = Session::new(settings, drives, names, at, 1);
     session.handle(at, Event::Connected(Broker { maximum_packet_bytes: None, retains: true }));
     let mut published = Vec::new();
     for _ in 0..ACTS_MAX {

@@ -4,6 +4,7 @@ use super::{Packet, Rival, Talk};
 use crate::daemon::answers::{AnswerBox, News};
 use crate::daemon::inbox::Message as LineMessage;
 use crate::daemon::north_journal::{Journal, NorthJournal};
+use crate::daemon::random;
 use crate::daemon::shared::{Current, Shared, SharedLine};
 use crate::daemon::totals::MqttTotals;
 use crate::domain::command::{CommandRequest, Owner};
@@ -45,7 +46,7 @@ impl Speaker {
         at: Moment,
     ) -> Self {
         let shared = current.get();
-        let mut session = Session::new(settings, drives_of(&shared), lines_of(&shared), at);
+        let mut session = Session::new(settings, drives_of(&shared), lines_of(&shared), at, random::secret());
         session.count_tickets_from(first_ticket);
         let (views, lines, batch) = (Vec::new(), Vec::new(), Vec::new());
         Self { session, current, shared, news, totals, journal, views, lines, batch }

@@ -5,6 +5,7 @@ use crate::daemon::answers::{AnswerBox, News};
 use crate::daemon::inbox::Message as LineMessage;
 use crate::daemon::mqtt::{Chore, Packet, Rival, Talk};
 use crate::daemon::north_journal::Journal;
+use crate::daemon::random;
 use crate::daemon::shared::{Current, Shared, SharedLine};
 use crate::daemon::totals::SparkplugTotals;
 use crate::domain::command::{CommandRequest, Owner};
@@ -49,7 +50,7 @@ impl Speaker {
     #[must_use]
     pub fn new(settings: Settings, bdseq: BdSeq, sides: Sides, first_ticket: Ticket, at: Moment) -> Self {
         let shared = sides.current.get();
-        let mut session = Session::new(settings, drives_of(&shared), &lines_of(&shared), at);
+        let mut session = Session::new(settings, drives_of(&shared), &lines_of(&shared), at, random::secret());
         session.count_tickets_from(first_ticket);
         let (views, lines, batch) = (Vec::new(), Vec::new(), Vec::new());
         let mut speaker = Self { session, bdseq, sides, shared, views, lines, batch };

@@ -108,7 +108,7 @@ impl Rig {
 
     pub(super) fn with(settings: Settings) -> Self {
         let stage = Stage::new();
-        Self { session: Session::new(settings, drives(), vec![name("hall")], stage.at()), stage }
+        Self { session: Session::new(settings, drives(), vec![name("hall")], stage.at(), 7), stage }
     }
 
     /// A session that is born, with `pump` polled just now; what was published for it is left out.

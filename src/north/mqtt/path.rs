@@ -5,6 +5,7 @@
 //! noticed at the latest when the next probe is overdue: after [`unnoticed`].
 
 use crate::domain::time::MonoTime;
+use crate::north::seal::Seal;
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -60,8 +61,8 @@ pub(in crate::north) enum Returned {
 pub(in crate::north) struct Path {
     interval: Duration,
     timeout: Duration,
-    /// What distinguishes the probes of this process.
-    run: String,
+    /// What marks the probes of this session, so that no peer can write one.
+    seal: Seal,
     phase: Phase,
     /// Number of the last probe sent.
     sent: u64,
@@ -95,11 +96,12 @@ struct Stall {
 }
 
 impl Path {
-    pub(in crate::north) const fn new(run: String, interval: Duration, timeout: Duration) -> Self {
+    /// A way that is not connected. `probe_key` is random, and of this session alone.
+    pub(in crate::north) fn new(probe_key: u128, interval: Duration, timeout: Duration) -> Self {
         Self {
             interval,
             timeout,
-            run,
+            seal: Seal::new(probe_key),
             phase: Phase::Down,
             sent: 0,
             settled: 0,
@@ -227,12 +229,12 @@ impl Path {
         if self.under_way.len() < UNDER_WAY_MAX {
             self.under_way.push_back((self.sent, due));
         }
-        Some(format!("{}-{}", self.run, self.sent).into_bytes())
+        Some(self.seal.text(self.sent).into_bytes())
     }
 
     /// A probe came in.
     pub(in crate::north) fn returned(&mut self, at: MonoTime, payload: &[u8]) -> Returned {
-        let number = self.number_of(payload).filter(|number| (self.settled + 1..=self.sent).contains(number));
+        let number = self.seal.number(payload).filter(|number| (self.settled + 1..=self.sent).contains(number));
         let Some(number) = number.filter(|_| self.is_granted()) else { return Returned::Foreign };
         self.look(at);
         self.settled = number;
@@ -260,11 +262,6 @@ impl Path {
         let Some(due) = due else { return };
         let trip = at.since(due).min(USUAL_MAX);
         self.usual = trip.max(self.usual - self.usual.saturating_sub(trip) / USUAL_PART);
-    }
-
-    fn number_of(&self, payload: &[u8]) -> Option<u64> {
-        let text = std::str::from_utf8(payload).ok()?;
-        text.strip_prefix(self.run.as_str())?.strip_prefix('-')?.parse().ok()
     }
 
     /// Gives the connection up if the broker has been silent for too long. True if it was a probe that got lost.
@@ -337,7 +334,7 @@ mod tests {
     }
 
     fn granted() -> Path {
-        let mut path = Path::new("7".into(), SECOND * 5, SECOND * 15);
+        let mut path = Path::new(7, SECOND * 5, SECOND * 15);
         path.connected();
         assert!(path.take_subscription(at(0)) && !path.take_subscription(at(0)));
         assert!(path.subscribed(at(1), true));
@@ -349,9 +346,11 @@ mod tests {
         let mut path = granted();
         let first = path.take_probe(at(1)).unwrap();
         assert_eq!(path.take_probe(at(1)), None);
-        for foreign in [&b"7-2"[..], b"7-0", b"8-1", b"7-", b"", b"\xFF", b"7-99999999999999999999999"] {
-            assert_eq!(path.returned(at(2), foreign), Returned::Foreign);
+        let (ours, another) = (Seal::new(7), Seal::new(8));
+        for foreign in [ours.text(2), ours.text(0), another.text(1), "1".to_owned(), "1-".to_owned(), String::new()] {
+            assert_eq!(path.returned(at(2), foreign.as_bytes()), Returned::Foreign, "{foreign}");
         }
+        assert_eq!(path.returned(at(2), b"\xFF"), Returned::Foreign);
         assert!(!path.is_open());
         assert_eq!(path.returned(at(2), &first), Returned::Ours);
         assert!(path.is_open() && path.is_alive(at(2)));
@@ -361,6 +360,24 @@ mod tests {
         path.take_subscription(at(3));
         path.subscribed(at(3), true);
         assert_eq!(path.returned(at(3), &first), Returned::Foreign, "a probe of the connection before");
+    }
+
+    #[test]
+    fn the_next_probe_cannot_be_forged_from_those_before() {
+        let mut path = granted();
+        let first = path.take_probe(at(1)).unwrap();
+        assert_eq!(path.returned(at(1), &first), Returned::Ours);
+        let second = path.take_probe(at(6)).unwrap();
+        // One who has read the first writes the second, which is still on its way.
+        let first = String::from_utf8(first).unwrap();
+        for (place, digit) in first.match_indices('1') {
+            let mut forged = first.clone();
+            forged.replace_range(place..place + digit.len(), "2");
+            assert_eq!(path.returned(at(6), forged.as_bytes()), Returned::Foreign, "{forged}");
+        }
+        path.look(at(20));
+        assert!(path.is_unproven(), "it is still overdue");
+        assert_eq!(path.returned(at(20), &second), Returned::Ours);
     }
 
     #[test]
@@ -383,7 +400,7 @@ mod tests {
 
     #[test]
     fn a_filter_that_is_not_granted_gives_the_connection_up() {
-        let mut path = Path::new("7".into(), SECOND, SECOND);
+        let mut path = Path::new(7, SECOND, SECOND);
         assert!(!path.subscribed(at(0), true), "not asked for");
         path.connected();
         path.take_subscription(at(0));
@@ -395,7 +412,7 @@ mod tests {
     /// comes at the end, in order. `run` is published at that moment. Gives back when it comes, and whether it is trusted.
     fn run_through(interval: u64, trip: u64, stall: (u64, u64), run: u64) -> (u64, bool) {
         let ms = |millis: u64| MonoTime::from_millis(millis);
-        let mut path = Path::new("7".into(), Duration::from_millis(interval), Duration::from_secs(3600));
+        let mut path = Path::new(7, Duration::from_millis(interval), Duration::from_secs(3600));
         path.connected();
         path.take_subscription(ms(0));
         path.subscribed(ms(0), true);

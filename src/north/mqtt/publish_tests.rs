@@ -25,7 +25,7 @@ fn with_drive(version: Version, change: impl FnOnce(&mut DriveDescription)) -> R
     let mut rig = Rig::new(version);
     let mut drives = drives();
     change(&mut drives[0]);
-    rig.session = Session::new(settings(version), drives, vec![name("hall")], rig.at());
+    rig.session = Session::new(settings(version), drives, vec![name("hall")], rig.at(), 7);
     rig.poll(0, 3_000);
     rig.connect();
     rig

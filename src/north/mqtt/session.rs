@@ -73,15 +73,22 @@ pub struct Session {
 }
 
 impl Session {
-    /// The session of a gateway with these drives and lines, started now.
+    /// The session of a gateway with these drives and lines, started now. `probe_key` is random, and of this session alone:
+    /// with it nobody else can write a probe.
     #[must_use]
-    pub fn new(settings: Settings, drives: Vec<DriveDescription>, lines: Vec<Name>, started: Moment) -> Self {
+    pub fn new(
+        settings: Settings,
+        drives: Vec<DriveDescription>,
+        lines: Vec<Name>,
+        started: Moment,
+        probe_key: u128,
+    ) -> Self {
         let topics = Topics::new(&settings);
         let clock = Clock::new(started);
         let run = started.wall.unix_ms.to_string();
         Self {
             telemetry: Telemetry::new(&settings, &topics, &drives, &lines, &clock.text(started.mono)),
-            path: Path::new(run.clone(), settings.probe_interval, settings.probe_timeout),
+            path: Path::new(probe_key, settings.probe_interval, settings.probe_timeout),
             seen: drives.iter().map(|_| Seen::default()).collect(),
             broker: Broker::default(),
             inward: VecDeque::new(),

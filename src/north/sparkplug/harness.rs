@@ -122,7 +122,7 @@ impl Rig {
 
     pub(super) fn with(settings: Settings) -> Self {
         let stage = Stage::new();
-        Self { session: Session::new(settings, drives(), &[name("hall")], stage.at()), stage, is_deaf: false }
+        Self { session: Session::new(settings, drives(), &[name("hall")], stage.at(), 7), stage, is_deaf: false }
     }
 
     /// A session that is born, with `pump` polled just now and the host there.

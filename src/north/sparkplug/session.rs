@@ -57,10 +57,16 @@ pub struct Session {
 }
 
 impl Session {
-    /// The session of a gateway with these drives and lines, started now.
+    /// The session of a gateway with these drives and lines, started now. `probe_key` is random, and of this session alone:
+    /// with it nobody else can write a probe.
     #[must_use]
-    pub fn new(settings: Settings, drives: Vec<DriveDescription>, lines: &[Name], started: Moment) -> Self {
-        let run = started.wall.unix_ms.to_string();
+    pub fn new(
+        settings: Settings,
+        drives: Vec<DriveDescription>,
+        lines: &[Name],
+        started: Moment,
+        probe_key: u128,
+    ) -> Self {
         let mut session = Self {
             topics: Topics::new(&settings),
             devices: devices_of(&settings, &drives, lines.len()),
@@ -68,7 +74,7 @@ impl Session {
             node: Node::default(),
             clock: Clock::new(started),
             issued: Issued::default(),
-            path: Path::new(run, settings.probe_interval, settings.probe_timeout),
+            path: Path::new(probe_key, settings.probe_interval, settings.probe_timeout),
             host: Host::new(settings.primary_host.is_some()),
             broker: Broker::default(),
             bdseq: 0,

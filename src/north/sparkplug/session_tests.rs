@@ -453,6 +453,23 @@ fn a_way_that_is_open_for_moments_only_keeps_no_lease() {
 }
 
 #[test]
+fn who_has_read_every_probe_cannot_write_the_next() {
+    let mut rig = Rig::born();
+    rig.is_deaf = true;
+    let acts = rig.pass(2_500);
+    let is_probe = |act: &&Act| matches!(act, Act::Publish(it) if it.topic == PROBE);
+    let Some(Act::Publish(probe)) = acts.iter().find(is_probe) else { panic!("{acts:?}") };
+    let text = String::from_utf8(probe.payload.clone()).unwrap();
+    let (number, code) = text.split_once('-').unwrap();
+    let next = number.parse::<u64>().unwrap() + 1;
+    for forged in [format!("{next}-{code}"), format!("{next}"), format!("{}-{next}", rig.at().wall.unix_ms)] {
+        let acts = rig.deliver(&message(PROBE, forged.as_bytes()));
+        assert!(!acts.contains(&Act::PathAlive), "{forged}");
+    }
+    assert!(rig.deliver(&message(PROBE, text.as_bytes())).contains(&Act::PathAlive), "its own");
+}
+
+#[test]
 fn what_is_larger_than_the_broker_takes_is_not_sent_and_uses_no_number() {
     let mut rig = Rig::new();
     rig.broker = Broker { maximum_packet_bytes: Some(700), retains: true };

@@ -34,7 +34,7 @@ impl Home {
     fn again(&mut self, settings: Settings, drives: Vec<DriveDescription>) {
         self.rig = Self::new(settings.clone()).rig;
         self.rig.views.truncate(drives.len());
-        self.rig.session = Session::new(settings, drives, vec![name("hall")], self.rig.at());
+        self.rig.session = Session::new(settings, drives, vec![name("hall")], self.rig.at(), 7);
     }
 
     /// Plays the broker for these acts and for what follows from them at once. Gives back what was announced.
