@@ -194,7 +194,7 @@ impl North {
         if let Some(socket) = socket {
             tokio::task::spawn_local(socket.serve(Arc::clone(&state), Arc::clone(&side)));
         }
-        let control = Arc::new(Control::new(side, Front::default()));
+        let control = Arc::new(Control::new(side, state.live.moments().clone(), Front::default()));
         let server = Server::new(modbus_totals, north_journal::side(sides.journal.as_ref(), &current));
         let server = Rc::new(server.with_places(places(config)).with_stalls(stalls));
         tokio::task::spawn_local(Rc::clone(&server).distribute(Arc::clone(&sides.modbus)));

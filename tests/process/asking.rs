@@ -277,7 +277,7 @@ fn served(directory: &Path) -> (SocketAddr, Arc<State>) {
             let socket = OwnSocket::open(&directory).unwrap();
             say.send(listener.local_addr().unwrap()).unwrap();
             let side = Arc::new(LocalSide::new(served.shared.clone(), None));
-            let control = Arc::new(Control::new(Arc::clone(&side), Front::default()));
+            let control = Arc::new(Control::new(Arc::clone(&side), served.live.moments().clone(), Front::default()));
             tokio::join!(http::serve(listener, Arc::clone(&served), control), socket.serve(served, side));
         });
     });

@@ -21,6 +21,8 @@ pub struct Browser {
     pub host: String,
     pub origin: Option<String>,
     pub content_type: String,
+    /// The moment that its orders name; without one, the newest there is.
+    pub moment: Option<String>,
 }
 
 /// What was answered.
@@ -54,6 +56,7 @@ impl Browser {
             host: address.to_string(),
             origin: Some(format!("http://{address}")),
             content_type: "application/json".to_owned(),
+            moment: None,
         }
     }
 
@@ -92,6 +95,12 @@ impl Browser {
         self.post("/api/v1/drives/pump-1/command", body)
     }
 
+    /// The present moment, as the gateway calls it; none if it does not answer.
+    pub fn newest_moment(&self) -> Option<String> {
+        let session: Value = serde_json::from_str(&self.get("/api/v1/session").body).ok()?;
+        session["moment"].as_str().map(str::to_owned)
+    }
+
     pub fn ask(&self, method: &str, path: &str, body: &str) -> Answer {
         let mut request = format!("{method} {path} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n", self.host);
         let mut add = |name: &str, value: &str| request += &format!("{name}: {value}\r\n");
@@ -104,6 +113,9 @@ impl Browser {
             self.origin.iter().for_each(|origin| add("Origin", origin));
             if !self.token.is_empty() {
                 add("X-CSRF-Token", &self.token);
+            }
+            if let Some(moment) = self.moment.clone().or_else(|| self.newest_moment()) {
+                add("Vfd-Moment", &moment);
             }
         }
         request += &format!("\r\n{body}");

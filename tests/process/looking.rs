@@ -2,6 +2,7 @@
 //! unasked, and what a person does with it who is signed in.
 
 use super::chromium::{Browser, Window};
+use super::half_open::Relay;
 use super::mosquitto::free_port;
 use super::rig::{Place, program};
 use super::started::{PATIENCE, Started, until};
@@ -15,6 +16,8 @@ use std::time::{Duration, Instant};
 
 /// How long the page may be silent before the drive is stopped: longer than a busy machine takes to load it anew.
 const LOST_AFTER: Duration = Duration::from_secs(8);
+/// Longer than an order may be on its way, and shorter than the page waits until it takes the gateway for lost.
+const STALL: Duration = Duration::from_secs(3);
 /// How often the first paint is measured.
 const PAINTS: usize = 3;
 /// What the page promises on loopback.
@@ -100,12 +103,17 @@ impl Shop {
 
     /// A browser that shows the page.
     fn browser(&self) -> Browser {
-        let browser = Browser::start();
-        browser.resize(Window::DESKTOP);
-        browser.open(&format!("http://{}/", self.http));
-        browser.wait(IS_LIVE);
-        browser
+        browser_at(self.http)
     }
+}
+
+/// A browser that shows the page at `address`.
+fn browser_at(address: SocketAddr) -> Browser {
+    let browser = Browser::start();
+    browser.resize(Window::DESKTOP);
+    browser.open(&format!("http://{address}/"));
+    browser.wait(IS_LIVE);
+    browser
 }
 
 fn run(file: &std::path::Path) -> Started {
@@ -285,6 +293,30 @@ fn whoever_signs_in_starts_and_stops_the_drive() {
     browser.wait_for_text("#stop-results", "pump-1");
     browser.wait_for_text(&in_card(".state"), "STOPPED");
     assert_eq!(browser.complaints(), Vec::<String>::new());
+}
+
+#[test]
+fn an_order_that_waited_on_its_way_to_the_gateway_is_shown_as_refused() {
+    let shop = Shop::open(true);
+    let relay = Relay::default();
+    let browser = browser_at(SocketAddr::from((Ipv4Addr::LOCALHOST, relay.start(shop.http.port()))));
+    sign_in(&browser, PASSWORD);
+    browser.wait("document.querySelector('#drive-pump-1 .stop').checkVisibility()");
+    browser.fill(&in_card("input"), "30");
+    let forward = mark(&browser, "Forward");
+    relay.hold(true);
+    let held = Instant::now();
+    browser.hold(&forward);
+    browser.wait_for_text(&in_card(".result"), ": sent");
+    until("it has waited for long enough", PATIENCE, || (held.elapsed() > STALL).then_some(()));
+    relay.hold(false);
+    browser.wait_for_text(&in_card(".result"), "may have waited for");
+    assert_eq!(shop.run_state(), "stopped");
+    // The next one is a new one.
+    browser.wait(IS_LIVE);
+    start_forward(&browser, "30");
+    browser.click(&in_card(".stop"));
+    browser.wait_for_text(&in_card(".state"), "STOPPED");
 }
 
 #[test]

@@ -2,6 +2,7 @@
 //! when the page is gone, the drive does what was declared.
 
 use super::browser::Browser;
+use super::half_open::Relay;
 use super::outsiders::make_certificates;
 use super::plant::{FREQUENCY, LOST_AFTER, MARGIN, Plant, RUN, Wish};
 use super::raw::Raw;
@@ -10,7 +11,7 @@ use super::started::{PATIENCE, Started, until};
 use rustix::termios::{LocalModes, OptionalActions, tcgetattr, tcsetattr};
 use serde_json::{Value, json};
 use std::io::{Read, Write};
-use std::net::TcpStream;
+use std::net::{Ipv4Addr, SocketAddr, TcpStream};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
@@ -19,6 +20,8 @@ use std::time::{Duration, Instant};
 use vfd_gateway::daemon::pty::Pty;
 
 const PASSWORD: &str = "correct horse";
+/// Longer than an order may be on its way.
+const STALL: Duration = Duration::from_secs(2);
 
 /// The hash of the password, as the program makes it.
 fn hash() -> &'static str {
@@ -73,9 +76,10 @@ fn has_row(rows: &[Value], words: &[&str]) -> bool {
 #[test]
 fn of_what_the_page_sent_while_the_gateway_stood_still_only_a_stop_is_carried_out() {
     let plant = plant_with("", "60s");
-    let anna = signed_in(&plant, "anna");
+    let mut anna = signed_in(&plant, "anna");
     start(&plant, &anna);
     let seen = plant.written().len();
+    anna.moment = anna.newest_moment();
     let [faster] = plant.while_it_stands_still([&mut || anna.command(&json!({ "frequency_hz": 44 })).json()]);
     assert_eq!((&faster["outcome"], &faster["reason"]), (&json!("refused"), &json!("stale")), "{faster}");
     let [stop] = plant.while_it_stands_still([&mut || anna.command(&json!({ "run": "stop" })).json()]);
@@ -85,11 +89,46 @@ fn of_what_the_page_sent_while_the_gateway_stood_still_only_a_stop_is_carried_ou
 }
 
 #[test]
+fn of_what_waited_between_page_and_gateway_only_a_stop_is_carried_out() {
+    let plant = plant_with("", "60s");
+    let relay = Relay::default();
+    let way = SocketAddr::from((Ipv4Addr::LOCALHOST, relay.start(plant.http.port())));
+    let mut anna = Browser::new(way);
+    assert_eq!(anna.sign_in("anna", PASSWORD).status, 200);
+    start(&plant, &anna);
+    let seen = plant.written().len();
+    let mut delayed = |body: Value| {
+        anna.moment = anna.newest_moment();
+        relay.hold(true);
+        let held = Instant::now();
+        std::thread::scope(|scope| {
+            let asked = scope.spawn(|| anna.command(&body).json());
+            until("it has waited for long enough", PATIENCE, || (held.elapsed() > STALL).then_some(()));
+            relay.hold(false);
+            asked.join().unwrap()
+        })
+    };
+    let faster = delayed(json!({ "frequency_hz": 44 }));
+    assert_eq!((&faster["outcome"], &faster["reason"]), (&json!("refused"), &json!("stale")), "{faster}");
+    assert!(faster["message"].as_str().unwrap().contains("may have waited for"), "{faster}");
+    assert_eq!(plant.written().len(), seen);
+    let stop = delayed(json!({ "run": "stop" }));
+    assert_ne!(stop["outcome"], "refused", "{stop}");
+    plant.wait_until_it_stands();
+    assert_eq!(delayed(json!({ "run": "forward" }))["reason"], "stale");
+    assert!(plant.written()[seen..].iter().all(|it| *it == (RUN, 0)), "{:?}", &plant.written()[seen..]);
+    until("the journal has kept what was refused", PATIENCE, || {
+        has_row(&audit(&plant), &["page anna", "stale"]).then_some(())
+    });
+}
+
+#[test]
 fn without_users_the_page_commands_nothing() {
     let plant = Plant::new();
     let mut browser = Browser::new(plant.http);
     let session = browser.get("/api/v1/session");
-    assert_eq!(session.json(), json!({ "enabled": false, "user": null, "token": null }));
+    let moment = session.json()["moment"].clone();
+    assert_eq!(session.json(), json!({ "enabled": false, "user": null, "token": null, "moment": moment }));
     for (name, value) in
         [("cache-control", "no-store"), ("x-content-type-options", "nosniff"), ("referrer-policy", "no-referrer")]
     {
@@ -118,7 +157,8 @@ fn who_signs_in_commands_under_a_name_of_their_own() {
     let cookie = answer.header("set-cookie").unwrap();
     assert!(cookie.ends_with("; HttpOnly; SameSite=Strict; Path=/"), "{cookie}");
     let session = anna.get("/api/v1/session").json();
-    assert_eq!(session, json!({ "enabled": true, "user": "anna", "token": anna.token }));
+    let moment = session["moment"].as_str().unwrap();
+    assert_eq!(session, json!({ "enabled": true, "user": "anna", "token": anna.token, "moment": moment }));
     refused_on_the_way(&plant, &anna);
 
     start(&plant, &anna);

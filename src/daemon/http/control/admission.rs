@@ -5,8 +5,8 @@ use super::Control;
 use crate::daemon::clock;
 use crate::daemon::http::refusal;
 use crate::domain::ids::CommanderName;
-use crate::guard::COMMAND_DEADLINE;
 use crate::north::operator::body::BODY_BYTES_MAX;
+use crate::north::operator::moments::Old;
 use crate::north::operator::request::{is_own_page, key_text, session_id};
 use crate::north::operator::sessions::Key;
 use axum::body::{Body, Bytes, HttpBody};
@@ -22,6 +22,8 @@ use tokio::time::timeout;
 
 /// The header with the token.
 const TOKEN_HEADER: &str = "x-csrf-token";
+/// The header with the newest moment that the page has seen.
+const MOMENT_HEADER: &str = "vfd-moment";
 /// Most time for a body.
 const BODY_WITHIN: Duration = Duration::from_secs(10);
 
@@ -33,8 +35,8 @@ pub(super) struct Admitted {
     pub user: CommanderName,
     /// As much of it as may be there.
     pub body: Bytes,
-    /// It came in one piece: its body came soon after its head. Else only a stop counts, as with everything that waited.
-    pub is_prompt: bool,
+    /// Why it may have waited on its way; none if it has not. Else only a stop counts.
+    pub old: Option<Old>,
     /// What is wrong with the body as a whole: it is too long, broke off or is of another kind. A stop in it counts.
     pub flaw: Option<Refused>,
     /// By which the session is known.
@@ -110,9 +112,10 @@ pub(super) async fn admit(control: &Control, request: Request) -> Result<Admitte
     }
     let begun = clock::now();
     let (body, flaw) = body_of(&parts.headers, body).await;
-    let is_prompt = clock::now().since(begun) <= COMMAND_DEADLINE;
+    let named = parts.headers.get(MOMENT_HEADER).map(header::HeaderValue::as_bytes);
+    let old = control.moments.review(named, begun, clock::now()).err();
     let user = control.sessions().used(clock::now(), &key).ok_or_else(signed_out)?;
-    Ok(Admitted { user, body, is_prompt, flaw, key })
+    Ok(Admitted { user, body, old, flaw, key })
 }
 
 /// Whether anybody can sign in.

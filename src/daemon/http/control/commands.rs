@@ -25,7 +25,7 @@ pub(super) async fn command(
     Path(name): Path<String>,
     request: Request,
 ) -> Response {
-    let Admitted { user, body, is_prompt, flaw, .. } = match admit(&control, request).await {
+    let Admitted { user, body, old, flaw, .. } = match admit(&control, request).await {
         Ok(admitted) => admitted,
         Err(refused) => return *refused,
     };
@@ -46,15 +46,18 @@ pub(super) async fn command(
         return unknown(&control, &name);
     };
     match wish(&body) {
-        Ok(wish) if !is_prompt && !wish.order.as_ref().is_some_and(Order::is_stop) => {
-            keep(Reason::Stale);
-            json(&told(drive, Report::refused(Reason::Stale))).into_response()
-        }
         Ok(wish) => {
-            let beside = wish.beside.clone();
-            let mut answer = told(drive, carry_out(&control, who, drive, wish).await);
-            if let Some(beside) = beside {
-                answer["message"] = beside.into();
+            let old = old.filter(|_| !wish.order.as_ref().is_some_and(Order::is_stop)).map(|old| old.to_string());
+            let (report, message) = match old {
+                Some(old) => {
+                    keep(Reason::Stale);
+                    (Report::refused(Reason::Stale), Some(old))
+                }
+                None => (carry_out(&control, who, drive, &wish).await, wish.beside),
+            };
+            let mut answer = told(drive, report);
+            if let Some(message) = message {
+                answer["message"] = message.into();
             }
             json(&answer).into_response()
         }
@@ -68,12 +71,11 @@ pub(super) async fn command(
     }
 }
 
-async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: Wish) -> Report {
+async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: &Wish) -> Report {
     let place = drive.description.place;
-    let Wish { takes, order, .. } = wish;
-    let taken = if takes { Some(control.side.command(who, place, Order::Take).await) } else { None };
+    let taken = if wish.takes { Some(control.side.command(who, place, Order::Take).await) } else { None };
     let is_refused = taken.is_some_and(|taken| taken.outcome != Outcome::Acknowledged);
-    match (taken, order) {
+    match (taken, wish.order.clone()) {
         (Some(taken), None) => taken,
         (Some(taken), Some(_)) if is_refused => taken,
         (_, Some(order)) => control.side.command(who, place, order).await,
@@ -83,7 +85,7 @@ async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: Wish)
 
 /// Renews the lease of whoever is signed in.
 pub(super) async fn renew(State(control): State<Arc<Control>>, Path(name): Path<String>, request: Request) -> Response {
-    let Admitted { user, body, is_prompt, .. } = match admit(&control, request).await.and_then(Admitted::whole) {
+    let Admitted { user, body, old, .. } = match admit(&control, request).await.and_then(Admitted::whole) {
         Ok(admitted) => admitted,
         Err(refused) => return *refused,
     };
@@ -91,16 +93,15 @@ pub(super) async fn renew(State(control): State<Arc<Control>>, Path(name): Path<
         return refusal(StatusCode::BAD_REQUEST, "an empty body is expected: {}");
     }
     let Some(drive) = find(&control, &name) else { return unknown(&control, &name) };
-    let report = if is_prompt {
-        control.side.command(Who::signed_in(user), drive.description.place, Order::Renew).await
-    } else {
-        Report::refused(Reason::Stale)
+    let report = match old {
+        None => control.side.command(Who::signed_in(user), drive.description.place, Order::Renew).await,
+        Some(_) => Report::refused(Reason::Stale),
     };
     if report.outcome == Outcome::Acknowledged {
         return StatusCode::NO_CONTENT.into_response();
     }
     let mut answer = told(&drive, report);
-    answer["error"] = report.message().into();
+    answer["error"] = old.map_or_else(|| report.message(), |old| old.to_string()).into();
     (StatusCode::CONFLICT, json(&answer)).into_response()
 }
 

@@ -11,6 +11,7 @@ use super::front::Front;
 use crate::daemon::local::LocalSide;
 use crate::domain::ids::CommanderName;
 use crate::north::operator::attempts::Attempts;
+use crate::north::operator::moments::Moments;
 use crate::north::operator::sessions::Sessions;
 use arc_swap::ArcSwap;
 use axum::Router;
@@ -27,6 +28,8 @@ const SIGN_INS_MAX: usize = 8;
 #[derive(Debug)]
 pub struct Control {
     side: Arc<LocalSide>,
+    /// What orders name.
+    moments: Moments,
     front: Arc<ArcSwap<Front>>,
     changed: Arc<Notify>,
     sessions: Mutex<Sessions>,
@@ -36,11 +39,12 @@ pub struct Control {
 }
 
 impl Control {
-    /// Nobody is signed in. Orders go through `side`, and users are those of `front`.
+    /// Nobody is signed in. Orders go through `side` and name one of `moments`, and users are those of `front`.
     #[must_use]
-    pub fn new(side: Arc<LocalSide>, front: Front) -> Self {
+    pub fn new(side: Arc<LocalSide>, moments: Moments, front: Front) -> Self {
         Self {
             side,
+            moments,
             front: Arc::new(ArcSwap::from_pointee(front)),
             changed: Arc::default(),
             sessions: Mutex::default(),

@@ -23,14 +23,15 @@ use tokio::time::timeout;
 /// Longest wait until a password can be compared.
 const VERIFIED_WITHIN: Duration = Duration::from_secs(5);
 
-/// Whether control is possible, and who is signed in.
+/// Whether control is possible, who is signed in, and the moment for an order that follows.
 pub(super) async fn session(State(control): State<Arc<Control>>, headers: HeaderMap) -> Response {
     let is_enabled = !control.front.load().users().is_empty();
     let id = id_in(&headers).filter(|_| is_enabled);
     let user = |id: &Key| control.sessions().user(clock::now(), &key_of(id));
     let of = id.and_then(|id| Some((user(&id)?, token_of(&id))));
     let (user, token) = of.map_or((Value::Null, Value::Null), |(user, token)| (user.as_str().into(), token.into()));
-    json(&json!({ "enabled": is_enabled, "user": user, "token": token })).into_response()
+    let moment = control.moments.at(clock::now());
+    json(&json!({ "enabled": is_enabled, "user": user, "token": token, "moment": moment })).into_response()
 }
 
 /// Signs in.
@@ -65,7 +66,9 @@ async fn signed_in(control: &Control, request: Request) -> Result<Response, Refu
     }
     control.sessions().open(clock::now(), key_of(&id), user);
     tracing::info!(%user, %peer, "signed in on the page");
-    let mut answer = json(&json!({ "user": user.as_str(), "token": token_of(&id) })).into_response();
+    let mut answer =
+        json(&json!({ "user": user.as_str(), "token": token_of(&id), "moment": control.moments.at(clock::now()) }))
+            .into_response();
     set_cookie(control, &mut answer, &key_text(&id), "");
     Ok(answer)
 }

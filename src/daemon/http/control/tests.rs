@@ -5,6 +5,7 @@ use super::super::tests::{on_a_runtime, state};
 use super::Control;
 use crate::config::{HashSource, HttpSettings, HttpTls, UserSettings};
 use crate::daemon::answers::{AnswerBox, News};
+use crate::daemon::clock;
 use crate::daemon::http::{self, CONNECTIONS_MAX, State};
 use crate::daemon::inbox::Message;
 use crate::daemon::local::LocalSide;
@@ -14,6 +15,7 @@ use crate::domain::command::{CommandAnswer, CommandRequest, Order, Outcome, Owne
 use crate::domain::control::{ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::CommanderName;
+use crate::north::operator::moments::{AGE_MAX, Moments};
 use crate::north::operator::password::StoredHash;
 use serde_json::{Value, json};
 use std::cell::RefCell;
@@ -73,7 +75,7 @@ fn house_of(users: &[&str]) -> House {
     let side = Arc::new(LocalSide::new(Arc::clone(&shared), None));
     tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&answers)));
     tokio::task::spawn_local(play(shared, answers, Rc::clone(&heard)));
-    let control = Arc::new(Control::new(side, Front::read(&settings(users)).unwrap()));
+    let control = Arc::new(Control::new(side, state.live.moments().clone(), Front::read(&settings(users)).unwrap()));
     let listener = TcpListener::from_std(listener).unwrap();
     let served = tokio::task::spawn_local(http::serve(listener, Arc::new(state), Arc::clone(&control)));
     House { address, control, heard, listener: served.abort_handle() }
@@ -109,7 +111,14 @@ impl House {
         stream
     }
 
+    /// Asks as somebody who has seen the present moment.
     async fn ask(&self, method: &str, path: &str, head: &str, body: &str) -> (u16, String, Value) {
+        let head = format!("{head}Vfd-Moment: {}\r\n", self.control.moments.at(clock::now()));
+        self.ask_as(method, path, &head, body).await
+    }
+
+    /// Asks with nothing but this head.
+    async fn ask_as(&self, method: &str, path: &str, head: &str, body: &str) -> (u16, String, Value) {
         let stream = TcpStream::connect(self.address).await.unwrap();
         self.ask_on(stream, method, path, head, body).await
     }
@@ -216,6 +225,71 @@ fn an_order_whose_body_came_late_is_stale_and_a_stop_is_not() {
             stream.read_to_string(&mut text).await.unwrap();
             assert!(text.contains(&format!(r#""outcome":"{outcome}""#)), "{text}");
             assert_eq!(house.heard.borrow().len(), orders, "{text}");
+        }
+    });
+}
+
+#[test]
+fn of_what_waited_as_a_whole_on_its_way_only_a_stop_is_carried_out() {
+    on_a_runtime(async {
+        let house = house_of(&["anna"]);
+        let signed_in = house.sign_in("anna").await;
+        let named = |moment: String| format!("{signed_in}Vfd-Moment: {moment}\r\n");
+        let waited = house.control.moments.at(clock::now().before(AGE_MAX + Duration::from_millis(30_000)));
+        let of_another_process = Moments::new(1).at(clock::now());
+        let guessed = house.control.moments.at(clock::now()).replace(char::is_alphabetic, "0");
+        for (head, text) in [
+            (named(waited), "the order may have waited for 31.5 s on its way"),
+            (named(of_another_process), "the gateway has restarted since"),
+            (named(guessed), "the gateway has restarted since"),
+            (signed_in.clone(), "the order does not say how old it may be"),
+        ] {
+            for body in [r#"{"run": "forward"}"#, r#"{"frequency_hz": 30}"#, r#"{"reset": true}"#, r#"{"take": true}"#]
+            {
+                let (status, _, told) = house.ask_as("POST", "/api/v1/drives/pump-1/command", &head, body).await;
+                let words = (status, &told["outcome"], &told["reason"]);
+                assert_eq!(words, (200, &"refused".into(), &"stale".into()), "{body}: {told}");
+                assert!(told["message"].as_str().unwrap().starts_with(text), "{body}: {told}");
+            }
+            let (status, _, told) = house.ask_as("POST", "/api/v1/drives/pump-1/lease", &head, "{}").await;
+            assert_eq!((status, &told["reason"]), (409, &"stale".into()), "{told}");
+            assert!(told["error"].as_str().unwrap().starts_with(text), "{told}");
+            assert_eq!(*house.heard.borrow(), [], "{text}");
+            for (path, body) in [
+                ("/api/v1/drives/pump-1/command", r#"{"run": "stop"}"#),
+                ("/api/v1/drives/pump-1/command", r#"{"run": "coast"}"#),
+                ("/api/v1/drives/pump-1/command", r#"{"run": "stop", "run": "forward", "x": 1}"#),
+                ("/api/v1/stop", ""),
+            ] {
+                let (status, _, told) = house.ask_as("POST", path, &head, body).await;
+                assert_eq!((status, house.heard.borrow_mut().drain(..).count()), (200, 1), "{path} {body}: {told}");
+            }
+        }
+    });
+}
+
+#[test]
+fn a_session_and_the_events_hand_out_the_moment_that_an_order_names() {
+    on_a_runtime(async {
+        let house = house_of(&["anna"]);
+        let head = house.sign_in("anna").await;
+        let (_, _, session) = house.ask_as("GET", "/api/v1/session", &head, "").await;
+        let mut events = TcpStream::connect(house.address).await.unwrap();
+        events.write_all(b"GET /api/v1/events HTTP/1.1\r\nHost: localhost\r\n\r\n").await.unwrap();
+        let mut text = String::new();
+        let told = loop {
+            let mut bytes = [0; 4096];
+            let length = events.read(&mut bytes).await.unwrap();
+            assert_ne!(length, 0, "{text}");
+            text += &String::from_utf8_lossy(&bytes[..length]);
+            let alive = text.split("event: alive\ndata: ").nth(1).and_then(|it| it.split_once("\n\n"));
+            if let Some((data, _)) = alive {
+                break serde_json::from_str::<Value>(data).unwrap();
+            }
+        };
+        for moment in [&session["moment"], &told["moment"]] {
+            let moment = moment.as_str().unwrap().as_bytes();
+            assert_eq!(house.control.moments.review(Some(moment), clock::now(), clock::now()), Ok(()));
         }
     });
 }

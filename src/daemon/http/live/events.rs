@@ -8,7 +8,12 @@ pub fn event(name: &str, data: &str) -> String {
     format!("event: {name}\ndata: {data}\n\n")
 }
 
-/// The first event of a connection.
-pub fn first(state: &str) -> String {
-    format!("retry: {RETRY_MS}\n{}", event("state", state))
+/// The first events of a connection.
+pub fn first(state: &str, moment: &str) -> String {
+    format!("retry: {RETRY_MS}\n{}{}", event("state", state), alive(moment))
+}
+
+/// The gateway is there, and it is this moment, which orders may name.
+pub fn alive(moment: &str) -> String {
+    event("alive", &format!("{{\"moment\":\"{moment}\"}}"))
 }

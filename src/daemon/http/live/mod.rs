@@ -17,10 +17,10 @@ pub(super) use routes::router;
 
 use super::large::Room;
 use super::state::State;
-use crate::daemon::clock;
 use crate::daemon::shared::Shared;
-use crate::domain::time::MonoTime;
+use crate::daemon::{clock, random};
 use crate::north::clock::{Clock, Moment};
+use crate::north::operator::moments::{self, Moments};
 use crate::north::page::{Drive, LineUse, Present, Trends};
 use listeners::{Listener, Listeners};
 use serde_json::Value;
@@ -32,10 +32,8 @@ use tokio::sync::Semaphore;
 use tokio::time::MissedTickBehavior;
 use told::Told;
 
-/// How often the pictures are looked at.
-const TICK: Duration = Duration::from_millis(500);
-/// Who hears nothing for so long is told that the gateway is alive.
-const ALIVE_AFTER: Duration = Duration::from_secs(2);
+/// How often the pictures are looked at, and a moment is handed to those who listen.
+const TICK: Duration = moments::EVERY;
 
 /// What the live documents rest on, beside the pictures.
 #[derive(Debug)]
@@ -45,6 +43,8 @@ pub struct Live {
     readers: Arc<Semaphore>,
     /// For the states with which events begin.
     room: Room,
+    /// What orders name.
+    moments: Moments,
 }
 
 #[derive(Debug)]
@@ -58,7 +58,6 @@ struct Kept {
     listeners: Listeners,
     /// What those who listen were told; nothing while nobody does.
     told: Option<Told>,
-    last_sent: MonoTime,
 }
 
 impl Live {
@@ -72,9 +71,19 @@ impl Live {
             trends: Trends::default(),
             listeners: Listeners::default(),
             told: None,
-            last_sent: started.mono,
         };
-        Self { kept: Mutex::new(kept), readers: Arc::new(Semaphore::new(journal::READERS_MAX)), room: Room::default() }
+        Self {
+            kept: Mutex::new(kept),
+            readers: Arc::new(Semaphore::new(journal::READERS_MAX)),
+            room: Room::default(),
+            moments: Moments::new(random::secret()),
+        }
+    }
+
+    /// The moments that those who listen are handed.
+    #[must_use]
+    pub const fn moments(&self) -> &Moments {
+        &self.moments
     }
 
     fn lock(&self) -> MutexGuard<'_, Kept> {
@@ -121,12 +130,7 @@ impl Kept {
                 events + &events::event("state", &source.document().to_string())
             }
         };
-        let is_quiet = now.since(self.last_sent) >= ALIVE_AFTER;
-        let news = if news.is_empty() && is_quiet { events::event("alive", "{}") } else { news };
-        if !news.is_empty() {
-            self.last_sent = now;
-            self.listeners.tell(news);
-        }
+        self.listeners.tell(news + &events::alive(&state.live.moments.at(now)));
     }
 
     /// Takes notice of another configuration. Returns whether there is one since the last look.
@@ -148,8 +152,10 @@ impl Kept {
 
     /// Somebody who listens from now on, with the state as the first event; nothing if too many large ones wait to be taken.
     fn listen(&mut self, state: &State, stay: super::lasting::Stay) -> Option<Listener> {
-        let (first, told) =
-            self.source(state, |source| (events::first(&source.document().to_string()), Told::now(source)));
+        let (first, told) = self.source(state, |source| {
+            let moment = state.live.moments.at(source.present.now);
+            (events::first(&source.document().to_string(), &moment), Told::now(source))
+        });
         let first = state.live.room.pieces(first.into())?;
         // Whoever listens already was told less, and will be told all of it.
         self.told.get_or_insert(told);

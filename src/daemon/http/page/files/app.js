@@ -102,6 +102,10 @@ const on = {
     journal.news();
   },
 
+  alive({ moment }) {
+    session.see(moment);
+  },
+
   configuration() {
     announce("The gateway has a new configuration");
   },

@@ -6,9 +6,14 @@ const TIMEOUT_MS = 20_000;
 const STOP_TIMEOUT_MS = 8000;
 const NO_GATEWAY = "No answer from the gateway. Stop the drive by its own means.";
 const NO_EFFECT = "The stop is not confirmed yet. If the motor turns, stop it by its own means.";
+// The gateway takes a moment for 1.5 s. Where no events bring one, as in a hidden tab, a renewal asks for one first.
+const FRESH_MS = 700;
 
 const session = { is_known: false, enabled: false, user: null, token: null };
 const listeners = [];
+// The newest moment from the gateway. An order names the one that was newest when it was given: what waits on its way is old.
+let moment = null;
+let seen_at = -Infinity;
 
 /** What is known of the session. */
 export function current() {
@@ -25,12 +30,26 @@ function take(next) {
   listeners.forEach((listener) => listener(session));
 }
 
+/** The gateway has handed out a moment. */
+export function see(next) {
+  if (!next) return;
+  moment = next;
+  seen_at = performance.now();
+}
+
+async function ask(timeout_ms) {
+  const begun = performance.now();
+  const response = await fetch("/api/v1/session", { cache: "no-store", signal: AbortSignal.timeout(timeout_ms) });
+  const answer = response.ok ? await response.json() : {};
+  // An event may have brought a newer one meanwhile.
+  if (seen_at < begun) see(answer.moment);
+  return answer;
+}
+
 /** Asks the gateway who is signed in. Where it knows of no sessions, control is off. */
 export async function refresh() {
   try {
-    const response = await fetch("/api/v1/session", { cache: "no-store", signal: AbortSignal.timeout(TIMEOUT_MS) });
-    const answer = response.ok ? await response.json() : {};
-    const { enabled = false, user = null, token = null } = answer;
+    const { enabled = false, user = null, token = null } = await ask(TIMEOUT_MS);
     take({ is_known: true, enabled, user, token });
   } catch {
     // It is asked again when the gateway is back.
@@ -41,6 +60,7 @@ export async function refresh() {
 export async function sign_in(user, password) {
   const { status, answer } = await send("POST", "/api/v1/session", { user, password }, TIMEOUT_MS);
   if (status === 200) {
+    see(answer.moment);
     take({ is_known: true, enabled: true, user: answer.user ?? user, token: answer.token ?? null });
     announce(`Signed in as ${session.user}`);
     return null;
@@ -55,9 +75,10 @@ export async function sign_out() {
   await refresh();
 }
 
-async function send(method, path, body, timeout_ms) {
+async function send(method, path, body, timeout_ms, named = null) {
   const headers = { "Content-Type": "application/json" };
   if (session.token) headers["X-CSRF-Token"] = session.token;
+  if (named) headers["Vfd-Moment"] = named;
   try {
     const response = await fetch(path, {
       method,
@@ -75,12 +96,14 @@ async function send(method, path, body, timeout_ms) {
 
 /** Sends with the session's token; once more with a new one if the old one is no longer taken. */
 async function send_signed(path, body, timeout_ms) {
-  const first = await send("POST", path, body, timeout_ms);
+  // An order is as old as the click, however long it takes to get a new token.
+  const named = moment;
+  const first = await send("POST", path, body, timeout_ms, named);
   if (first.status !== 401 && first.status !== 403) return first;
   const before = session.token;
   await refresh();
   if (session.user === null || session.token === before) return first;
-  return send("POST", path, body, timeout_ms);
+  return send("POST", path, body, timeout_ms, named);
 }
 
 /** Commands a drive. Always returns an outcome with a sentence. */
@@ -112,6 +135,11 @@ export async function stop_all() {
 /** Renews the lease of a drive. Returns whether we may still do so; who holds control is told by the events. */
 export async function renew(drive, timeout_ms) {
   const path = `/api/v1/drives/${encodeURIComponent(drive)}/lease`;
-  const { status } = await send("POST", path, {}, timeout_ms);
+  try {
+    if (performance.now() - seen_at > FRESH_MS) await ask(timeout_ms / 2);
+  } catch {
+    // What is sent now is refused, or lost as well.
+  }
+  const { status } = await send("POST", path, {}, timeout_ms, moment);
   return status !== 401 && status !== 403 && status !== 404;
 }

@@ -1,6 +1,6 @@
 // The way to the gateway: its events, and whether it is still there.
 
-// The gateway says at least every 2 s that it is there.
+// The gateway says twice a second that it is there.
 const LOST_AFTER_MS = 5000;
 const RETRY_MS = 1000;
 // A tab that nobody sees gives its connection back: a browser has few of them for one host, and a stop needs one.
