@@ -3,13 +3,14 @@
 use super::file::{ControlFile, DriveFile, File, HttpFile, LineFile, ListenerFile, MqttFile};
 use super::listen::may_be_written;
 use super::listener_tls;
-use super::mqtt::{DEFAULT_COMMAND_TTL, DEFAULT_LEASE, DEFAULT_PROBE_INTERVAL, least_restart_delay};
+use super::mqtt::{AFTER_UNNOTICED, DEFAULT_COMMAND_TTL, DEFAULT_LEASE, DEFAULT_PROBE_INTERVAL, least_restart_delay};
 use super::ready::MqttSettings;
 use super::units::Units;
 use super::words::{RoleRight, Way};
 use crate::domain::problem::Problem;
 use crate::guard::COMMAND_DEADLINE;
 use crate::north::mqtt::{LeaseMode, unnoticed};
+use crate::north::operator::moments;
 use crate::profile::reader::{Given, Written};
 use crate::profile::values::duration_text;
 use std::collections::BTreeSet;
@@ -31,6 +32,7 @@ pub(super) fn check(file: &File, served: &[BTreeSet<usize>], units: &[Vec<Units>
             let is_reached = serving.any(|(listener, _)| may_be_written(listener));
             modbus_reaches(&control.value, line, is_reached, problems);
             tells_old_from_new(&control.value, file.mqtt.usable().map(|mqtt| &mqtt.value), problems);
+            tells_old_from_new_on_the_page(&control.value, problems);
             outlasts(&control.value, file.mqtt.usable().map(|mqtt| &mqtt.value), problems);
         }
     }
@@ -123,6 +125,22 @@ fn tells_old_from_new(control: &ControlFile, mqtt: Option<&MqttFile>, problems: 
             duration_text(delay.value),
             duration_text(interval),
             duration_text(unnoticed(interval)),
+        );
+        let right = format!("at least \"{}\", or leave it out", duration_text(least));
+        problems.push(delay.place.problem(what).right(right));
+    }
+}
+
+/// The same for an order of the page, which names no stop that it has seen.
+fn tells_old_from_new_on_the_page(control: &ControlFile, problems: &mut Vec<Problem>) {
+    let least = moments::AGE_MAX + AFTER_UNNOTICED;
+    let Some(delay) = control.restart_delay.usable().filter(|_| control.names(Way::Page).is_some()) else { return };
+    if delay.value < least {
+        let what = format!(
+            "{} is too short to tell a RUN of the page that waited on its way from one that was sent after the stop: one may \
+             wait {} before that is noticed",
+            duration_text(delay.value),
+            duration_text(moments::AGE_MAX),
         );
         let right = format!("at least \"{}\", or leave it out", duration_text(least));
         problems.push(delay.place.problem(what).right(right));

@@ -215,7 +215,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Control, "accept_unverified", "list of \"basic\", \"reverse\", \"reset\", \"coast\", \"release\"", Some("[]"), "Actions that the model marks as unproven and that are used all the same; \"basic\" is stop, forward and the setpoint together."),
     key(Section::Control, "allow_release", "true or false", Some("false"), "Whether control may be handed back to panel and terminals; a closed terminal may then start the motor."),
     key(Section::Control, "commands", "\"plain\" or \"strict\"", Some("\"plain\""), "Strict: RUN over MQTT only with `epoch` or `issued_at`."),
-    key(Section::Control, "restart_delay", "\"0s\" to \"1min\"", Some("\"3s\""), "RUN over MQTT without `epoch` and `issued_at`, or from the page, is refused for this long after a stop; over MQTT at least 1.75 s more than `probe_interval`."),
+    key(Section::Control, "restart_delay", "\"0s\" to \"1min\"", Some("\"3s\""), "RUN over MQTT without `epoch` and `issued_at`, or from the page, is refused for this long after a stop, a trip, a lost lease or an outage; over MQTT at least 1.75 s more than `probe_interval`, from the page at least 2.5 s."),
     key(Section::Control, "stop_effect_timeout", "\"500ms\" to \"1min\"", Some("\"3s\""), "A stop that shows no effect for this long is an alarm."),
     key(Section::Control, "stop_pending_for", "\"1s\" to \"1h\"", Some("\"10min\""), "How long a stop waits for a drive that does not answer."),
     key(Section::Control, "ownership", "\"one\" or \"any\"", Some("\"one\""), "Who may command while somebody holds control: only that one, or whoever has the rights."),

@@ -30,7 +30,7 @@ pub(super) const DEFAULT_LEASE: LeaseMode = LeaseMode::Session;
 
 /// A message that waited unnoticed in front of us is told from one that was sent after a stop by so much more than it can
 /// have waited.
-const AFTER_UNNOTICED: Duration = Duration::from_secs(1);
+pub(super) const AFTER_UNNOTICED: Duration = Duration::from_secs(1);
 /// Nobody waits longer than this to run again after a stop only because the way through the broker is probed rarely.
 const LONGEST_LEAST: Duration = Duration::from_secs(5);
 

@@ -202,6 +202,25 @@ fn a_run_that_waited_unnoticed_at_the_broker_is_told_from_one_after_a_stop() {
 }
 
 #[test]
+fn a_run_of_the_page_that_waited_unnoticed_is_told_from_one_after_a_stop() {
+    let text = |delay: &str| {
+        let text = control_with(&format!("restart_delay = '{delay}'"));
+        with(&text, "\"mqtt\", \"modbus-tcp\"", "'page'")
+    };
+    let of_the_delay = |delay: &str| {
+        let mut all = problems(&text(delay));
+        all.retain(|it| it.contains("restart_delay"));
+        all
+    };
+    let too_short = format!(
+        "{AT}.restart_delay: 2s is too short to tell a RUN of the page that waited on its way from one that was sent after the \
+         stop: one may wait 1500ms before that is noticed; at least \"2500ms\", or leave it out"
+    );
+    assert_eq!(of_the_delay("2s"), [too_short]);
+    assert!(of_the_delay("2500ms").is_empty());
+}
+
+#[test]
 fn limits_are_setpoints_that_the_drive_can_be_given() {
     let limits = |min: &str, max: &str| with(CONTROLLED, "min = 5.0, max = 50.0", &format!("min = {min}, max = {max}"));
     let settable = "a frequency that `frequency_command` can be set to";
