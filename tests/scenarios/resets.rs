@@ -6,10 +6,12 @@ use crate::support::{MQTT, Rig, RigOptions, STOP, model, plc, run};
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason};
 use vfd_gateway::domain::ids::{Station, Ticket};
+use vfd_gateway::domain::link::PortKind;
+use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::snapshot::Presence;
 use vfd_gateway::drive::view::RunState;
-use vfd_gateway::gateway::Input;
+use vfd_gateway::gateway::{Input, Note};
 use vfd_gateway::journal::{Entry, Remembered};
 use vfd_gateway::profile::model::Model;
 use vfd_gateway::sim::{DriveOptions, SimDrive};
@@ -443,6 +445,7 @@ fn the_next_life_takes_back_the_word_that_resets_wherever_the_last_one_was_kille
             reset_up_to(&mut rig, way, count);
             let memory = remembered(&rig);
             assert!(memory.reset, "{}: kept before it is written", way.id);
+            let stands = reads(&mut rig, way.at);
             rig.restart(memory);
             rig.pass(SECOND * 10);
             let taken_back = rig.written(way.at);
@@ -455,12 +458,56 @@ fn the_next_life_takes_back_the_word_that_resets_wherever_the_last_one_was_kille
             // A drive that starts anew with its reset has forgotten the word; one that shows it is asked first.
             let shown = reads(&mut rig, way.at);
             assert!(!may_stand || shown.is_some() || !taken_back.is_empty(), "{} {count}", way.id);
+            if stands.is_some_and(|word| word != way.reset) {
+                assert_eq!(taken_back, [0; 0], "{} {count}: it shows that there is nothing to take back", way.id);
+            }
             assert_ne!(shown, Some(way.reset), "{} {count}", way.id);
             assert!(taken_back.len() <= 1, "{} {count}: {taken_back:02X?}", way.id);
             assert_eq!(rig.output(1), 0, "{}", way.id);
             keeps_the_rules(&rig, way);
             let said = rig.entries().into_iter().filter(|it| matches!(it, Entry::ResetWord { may_stand: false }));
             assert_eq!(said.count(), 1, "{} {count}: and that is kept", way.id);
+        }
+    }
+}
+
+#[test]
+fn a_reset_that_an_unplugged_line_has_cut_off_is_taken_back_when_that_is_back() {
+    for way in WAYS.iter().filter(|way| takes_it_back(way)) {
+        let mut rig = kept(way);
+        reset_up_to(&mut rig, way, 2);
+        rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
+        rig.settle();
+        rig.pass(SECOND);
+        rig.sent.clear();
+        rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+        rig.settle();
+        rig.pass(SECOND * 15);
+        // A drive that starts anew with its reset has forgotten the word, and one that shows that is not written to.
+        let is_shown = reads(&mut rig, way.at).is_some();
+        assert_eq!(rig.written(way.at), if is_shown { vec![] } else { vec![way.stop] }, "{}", way.id);
+        assert!(!remembered(&rig).reset, "{}", way.id);
+        keeps_the_rules(&rig, way);
+    }
+}
+
+#[test]
+fn a_reset_waits_for_the_row_that_remembers_its_word_but_not_for_long() {
+    for way in WAYS {
+        for is_kept in [true, false] {
+            let mut rig = kept(way);
+            rig.all_is_kept();
+            rig.notes.clear();
+            rig.command(MQTT, 0, Order::Reset);
+            rig.pass(Duration::from_millis(12));
+            assert_eq!(rig.written(way.at), [0; 0], "{}", way.id);
+            if is_kept {
+                rig.all_is_kept();
+            }
+            rig.pass(SECOND * 5);
+            assert_eq!(rig.written(way.at), way.words, "{}", way.id);
+            let is_slow = rig.notes.iter().any(|(_, note)| *note == Note::JournalSlow);
+            assert_eq!(is_slow, !is_kept, "{}: {:?}", way.id, rig.notes);
         }
     }
 }
@@ -496,17 +543,21 @@ fn a_motor_that_turns_by_others_after_that_is_left_alone_until_it_stands_still()
 
 #[test]
 fn a_reset_that_is_over_leaves_nothing_to_take_back() {
+    let nothing_is_left = |rig: &Rig, way: &Way| {
+        assert!(!remembered(rig).reset, "{}", way.id);
+        assert!(!rig.notes.iter().any(|(_, note)| *note == Note::ResetTakenBack), "{}: {:?}", way.id, rig.notes);
+    };
     for way in WAYS {
         let mut rig = kept(way);
         rig.commanded(MQTT, Order::Reset);
         rig.pass(SECOND);
-        assert!(!remembered(&rig).reset, "{}", way.id);
+        nothing_is_left(&rig, way);
         // Nor does one that a stop cuts off, once that is acknowledged.
         let mut rig = kept(way);
         reset_up_to(&mut rig, way, way.words.len().min(2));
         rig.commanded(plc(1), STOP);
         rig.pass(SECOND * 5);
-        assert!(!remembered(&rig).reset, "{}", way.id);
+        nothing_is_left(&rig, way);
     }
 }
 

@@ -12,16 +12,16 @@ use crate::journal::{Entry, Remembered, RowNumber};
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// A run order that opens a lease waits for the row of that at most so long. Control goes before the journal.
+/// A run order that opens a lease, and a reset, wait for their rows at most so long. Control goes before the journal.
 const WAIT_MAX: Duration = Duration::from_millis(20);
 /// Pictures of trips that wait for their rows. Where there are more, the newest two become one.
 const UNKEPT_MAX: usize = 16;
 
-/// A lease was opened by a run order.
+/// A lease was opened by a run order, or a reset was accepted.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Opening {
     row: RowNumber,
-    /// Whether or not its row is kept, the run order goes then.
+    /// Whether or not its row is kept, the order goes then.
     pub until: MonoTime,
 }
 
