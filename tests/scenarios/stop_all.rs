@@ -142,3 +142,18 @@ fn a_drive_whose_stop_has_no_effect_yet_does_not_keep_the_others_from_one_frame(
     assert_eq!(starts(&rig.sent, &TO_ALL).count(), 1);
     assert!((2..=DRIVES).all(|station| rig.output(station) < 3000));
 }
+
+#[test]
+fn a_single_drive_is_sent_its_own_stop_also_where_the_others_wait_for_theirs() {
+    let mut rig = running(&line());
+    for station in 1..DRIVES {
+        rig.bus.set_powered(rig.now, vfd_gateway::domain::ids::Station(station), false);
+        rig.command(MQTT, u16::from(station) - 1, STOP);
+        rig.pass(Duration::from_millis(300));
+    }
+    rig.sent.clear();
+    rig.command(MQTT, u16::from(DRIVES) - 1, STOP);
+    rig.pass(Duration::from_secs(2));
+    assert_eq!(starts(&rig.sent, &TO_ALL).count(), 0);
+    assert!(starts(&rig.sent, &[DRIVES, 6, 0, 2, 0, 0]).next().is_some() && rig.output(DRIVES) < 3000);
+}
