@@ -183,9 +183,12 @@ const fn room_for(message: &Message) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::daemon::testing::Sleeper;
     use crate::domain::command::{Manner, Origin, Rights};
     use crate::domain::ids::Ticket;
     use crate::domain::time::MonoTime;
+    use std::sync::Arc;
+    use std::time::Duration;
 
     const GONE: Message = Message::AskerGone(AskerId(1));
 
@@ -260,7 +263,12 @@ mod tests {
     #[test]
     fn what_is_put_together_is_found_together() {
         const TOGETHER: usize = 3;
-        const TIMES: usize = 1000;
+        const TIMES: usize = 100;
+        // Long enough for the other thread to look, if it could.
+        let slow_stop = |_| {
+            std::thread::sleep(Duration::from_micros(100));
+            stop()
+        };
         let inbox = Inbox::default();
         std::thread::scope(|threads| {
             threads.spawn(|| {
@@ -268,7 +276,7 @@ mod tests {
                     while inbox.lock().len() > STOPS_MAX - TOGETHER {
                         std::thread::yield_now();
                     }
-                    assert_eq!(inbox.put_together((0..TOGETHER).map(|_| stop())), [true; TOGETHER]);
+                    assert_eq!(inbox.put_together((0..TOGETHER).map(slow_stop)), [true; TOGETHER]);
                 }
             });
             let (mut found, mut batch) = (0, Vec::new());
@@ -279,6 +287,14 @@ mod tests {
                 std::thread::yield_now();
             }
         });
+    }
+
+    #[test]
+    fn a_line_that_looks_as_soon_as_it_is_called_finds_all_that_was_put_together() {
+        let inbox = Arc::<Inbox>::default();
+        let sleeper = Sleeper::new(&inbox);
+        assert_eq!(inbox.put_together([stop(), stop(), stop()]), [true; 3]);
+        assert_eq!(sleeper.found(), 3);
     }
 
     #[test]

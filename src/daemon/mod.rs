@@ -41,9 +41,11 @@ pub mod shared;
 pub mod simulator;
 pub mod sparkplug;
 mod stall;
+#[cfg(test)]
+mod stop_all_tests;
 pub mod sys;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 pub mod timer;
 pub mod told;
 pub mod tool_line;

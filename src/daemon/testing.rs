@@ -1,14 +1,19 @@
-//! What tests of several parts of the daemon share: a directory of their own.
+//! What tests of several parts of the daemon share: a directory of their own, and a line thread that sleeps.
 
+use super::inbox::{Inbox, Message};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
+use std::pin::Pin;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex};
+use std::task::{Context, Wake, Waker};
 
 /// A directory that is gone afterwards.
 #[derive(Debug)]
 pub struct Dir(PathBuf);
 
 impl Dir {
+    /// A new one, with nothing in it.
     pub fn new() -> Self {
         static COUNT: AtomicU32 = AtomicU32::new(0);
         let name = format!("vfd-gateway-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
@@ -36,5 +41,45 @@ impl Drop for Dir {
     fn drop(&mut self) {
         // What is left in the temporary directory harms nobody.
         let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// A line thread that sleeps until it is called, and looks into its inbox in that very moment.
+pub struct Sleeper {
+    first: Arc<First>,
+    called: Pin<Box<dyn Future<Output = ()>>>,
+}
+
+/// What it finds then.
+struct First {
+    inbox: Arc<Inbox>,
+    found: Mutex<Vec<Message>>,
+}
+
+impl Sleeper {
+    /// The thread of the line with this inbox, in which nothing waits.
+    pub fn new(inbox: &Arc<Inbox>) -> Self {
+        let called = Arc::clone(inbox);
+        let mut sleeper = Self {
+            first: Arc::new(First { inbox: Arc::clone(inbox), found: Mutex::default() }),
+            called: Box::pin(async move { called.called().await }),
+        };
+        assert!(inbox.may_sleep(true), "something waits");
+        let waker = Waker::from(Arc::clone(&sleeper.first));
+        assert!(sleeper.called.as_mut().poll(&mut Context::from_waker(&waker)).is_pending());
+        sleeper
+    }
+
+    /// How many messages it has found when it was called first.
+    pub fn found(self) -> usize {
+        let found = self.first.found.lock().expect("nobody panics").len();
+        drop(self.called);
+        found
+    }
+}
+
+impl Wake for First {
+    fn wake(self: Arc<Self>) {
+        self.inbox.take(&mut self.found.lock().expect("nobody panics"));
     }
 }

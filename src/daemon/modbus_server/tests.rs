@@ -6,6 +6,7 @@ use super::super::router::Units;
 use super::super::shared::Shared;
 use super::*;
 use crate::config::ListenerSettings;
+use crate::daemon::testing::Sleeper;
 use crate::domain::command::{CommandAnswer, Outcome, Reason, Report};
 use crate::domain::command::{CommandRequest, Order, Rights};
 use crate::domain::control::ControlSettings;
@@ -67,6 +68,11 @@ fn control() -> ControlView {
 }
 
 pub(super) fn shared() -> Arc<Shared> {
+    shared_with(|number| number.is_multiple_of(2))
+}
+
+/// The same with control for other drives.
+fn shared_with(has_control: impl Fn(u8) -> bool) -> Arc<Shared> {
     let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
     let model = catalog.find("hyundai-n700").unwrap();
     let drives = (0..4_u8).map(|number| DriveDescription {
@@ -78,7 +84,7 @@ pub(super) fn shared() -> Arc<Shared> {
         uniform_unit: UnitId::new(101 + number).unwrap(),
         pace: crate::drive::plan::Pace::new(Duration::from_secs(1), 1.0),
         ratings: crate::drive::description::Ratings::default(),
-        control: number.is_multiple_of(2).then(|| Arc::new(settings())),
+        control: has_control(number).then(|| Arc::new(settings())),
         points: Points::default(),
     });
     let line = |text| (name(text), Interface::Rs485);
@@ -125,11 +131,20 @@ pub(super) fn play_with<F: Future<Output = ()>>(
     journal: Journal,
     test: impl FnOnce(Plant, TcpStream) -> F,
 ) {
+    play_on(shared(), settings, journal, test);
+}
+
+fn play_on<F: Future<Output = ()>>(
+    shared: Arc<Shared>,
+    settings: ListenerSettings,
+    journal: Journal,
+    test: impl FnOnce(Plant, TcpStream) -> F,
+) {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     runtime.block_on(LocalSet::new().run_until(async {
         let listener = TcpListener::bind(settings.listen).await.unwrap();
         let address = listener.local_addr().unwrap();
-        let (shared, answers) = (shared(), Arc::new(AnswerBox::default()));
+        let answers = Arc::new(AnswerBox::default());
         let router = Router::new(&settings, Units::new(&shared));
         let server = Rc::new(Server::new(Arc::default(), journal));
         tokio::task::spawn_local(Rc::clone(&server).listen(listener, Listener::new(settings, router, None)));
@@ -298,6 +313,17 @@ fn stop_all_goes_to_every_drive_with_control_and_is_answered_by_the_worst() {
         plant.tell(&one, Report::new(Outcome::Unknown, Reason::NoReply), true);
         plant.tell(&other, DONE, true);
         assert_eq!(answer(&mut stream).await.2, [0x85, 0x0B]);
+    });
+}
+
+#[test]
+fn each_line_finds_its_stops_of_a_stop_for_all_together() {
+    play_on(shared_with(|_| true), EVERY_LINE, None, |plant, mut stream| async move {
+        let sleepers = [0, 1].map(|line: usize| Sleeper::new(&plant.shared.lines[line].inbox));
+        // What is answered from memory shows that the stop before it was given.
+        send(&mut stream, &[(7, 255, &[5, 0, 0, 0xFF, 0]), (8, 101, &[3, 0, 0, 0, 1])]).await;
+        assert_eq!(answer(&mut stream).await, (8, 101, vec![3, 2, 0, 1]));
+        assert_eq!(sleepers.map(Sleeper::found), [2, 2]);
     });
 }
 

@@ -1,0 +1,98 @@
+//! A stop for all drives is found together by each line, by whatever way it comes, so that it can be one frame there.
+
+use super::conversations::BrokerSide;
+use super::inbox::Inbox;
+use super::local::{LocalSide, Who};
+use super::mqtt::Talk;
+use super::mqtt::speaker::Speaker;
+use super::shared::{Current, Shared};
+use super::sparkplug::BdSeq;
+use super::sparkplug::speaker::{Sides, Speaker as SparkplugSpeaker};
+use super::testing::{Dir, Sleeper};
+use super::{build, clock};
+use crate::config::{self, Config};
+use crate::domain::ids::{CommanderName, Ticket};
+use crate::north::mqtt::{Event, Message};
+use crate::north::sparkplug::payload::{Metric, Payload, Value};
+use crate::profile::catalog::Catalog;
+use crate::vendors;
+use std::fmt::Write;
+use std::path::Path;
+use std::sync::Arc;
+
+const DRIVES: usize = 3;
+
+/// One line of drives that everybody may command.
+fn config() -> Config {
+    let mut text = "[gateway]\nname = \"plant\"\ndata_dir = \"/data\"\n[mqtt]\nbroker = \"mqtt://127.0.0.1\"\n\
+                    [mqtt.sparkplug]\ngroup = \"hall\"\nprimary_host = \"scada\"\n[[modbus_tcp]]\nlisten = \"127.0.0.1:1502\"\n\
+                    write = [\"127.0.0.1/32\"]\n[[line]]\nname = \"hall-1\"\nport = \"/dev/ttyUSB0\"\n"
+        .to_owned();
+    for station in 1..=DRIVES {
+        write!(
+            text,
+            "[[line.drive]]\nname = \"pump-{station}\"\nmodel = \"hyundai-n700\"\nstation = {station}\n\
+             [line.drive.control]\nfrom = [\"mqtt\", \"sparkplug\", \"modbus-tcp\"]\n\
+             frequency_hz = {{ min = 5.0, max = 50.0 }}\non_commander_lost = \"stop\"\nlost_after = \"30s\"\n\
+             on_shutdown = \"hold\"\n",
+        )
+        .unwrap();
+    }
+    let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+    config::load(&text, &catalog).unwrap()
+}
+
+/// Gives a stop for all, and says how many stops the line finds when it is called.
+fn found(shared: &Shared, give: impl FnOnce()) -> usize {
+    let inbox: &Arc<Inbox> = &shared.lines[0].inbox;
+    let sleeper = Sleeper::new(inbox);
+    give();
+    sleeper.found()
+}
+
+fn message<'a>(topic: &'a str, payload: &'a [u8]) -> Event<'a> {
+    let (retain, duplicate, expiry) = (false, false, None);
+    Event::Message(Message { topic, payload, retain, duplicate, expiry, response_topic: None, correlation: None })
+}
+
+/// What both sides with a broker are made of.
+fn broker_side(config: &Config, dir: &Path) -> BrokerSide {
+    let name = config.gateway.name.clone().unwrap();
+    build::broker(config.mqtt.as_ref().unwrap(), &name, Some(dir), None).unwrap()
+}
+
+#[test]
+fn by_way_of_mqtt() {
+    let config = config();
+    let ((_, settings), shared) = (broker_side(&config, &Dir::new()).mqtt, Arc::new(build::shared(&config)));
+    let (current, news, totals) = (Current::from(Arc::clone(&shared)), Arc::default(), Arc::default());
+    let mut speaker = Speaker::new(settings, current, news, totals, None, Ticket(1), clock::moment());
+    let stop = message("vfd/plant/all/run/set", b"stop");
+    assert_eq!(found(&shared, || speaker.handle(clock::moment(), stop)), DRIVES);
+}
+
+#[test]
+fn by_way_of_sparkplug() {
+    let (config, dir) = (config(), Dir::new());
+    let settings = broker_side(&config, &dir).sparkplug.unwrap().settings;
+    let shared = Arc::new(build::shared(&config));
+    let (news, totals, journal) = (Arc::default(), Arc::default(), None);
+    let sides = Sides { current: Current::from(Arc::clone(&shared)), news, totals, journal };
+    let mut speaker = SparkplugSpeaker::new(settings, BdSeq::read(&dir), sides, Ticket(1), clock::moment());
+    let value = Some(Value::Text("stop".to_owned()));
+    let metrics = vec![Metric { name: Some("all/run/set".to_owned()), value, ..Metric::default() }];
+    let payload = Payload { timestamp: None, metrics, seq: None }.bytes();
+    let stop = message("spBv1.0/hall/NCMD/plant", &payload);
+    assert_eq!(found(&shared, || speaker.handle(clock::moment(), stop)), DRIVES);
+}
+
+#[test]
+fn by_way_of_the_page() {
+    let shared = Arc::new(build::shared(&config()));
+    let side = LocalSide::new(Arc::clone(&shared), None);
+    let places: Vec<_> = shared.drives.iter().map(|drive| drive.description.place).collect();
+    let who = Who::signed_in(CommanderName::new("anna").unwrap());
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
+    let _within = runtime.enter();
+    assert_eq!(found(&shared, || drop(side.stop_all(who, &places))), DRIVES);
+}
