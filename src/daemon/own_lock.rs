@@ -151,6 +151,18 @@ mod tests {
     use crate::daemon::testing::Dir;
 
     #[test]
+    fn a_lock_file_that_cannot_be_written_is_locked_all_the_same() {
+        let directory = Dir::new();
+        let path = directory.join(FILE_NAME);
+        // Nobody can write into it, not even root.
+        std::fs::create_dir(&path).unwrap();
+        let first = file(&path).unwrap().unwrap();
+        assert_eq!(file(&path).unwrap().unwrap_err(), "unknown", "nobody has signed it");
+        drop(first);
+        assert!(file(&path).unwrap().is_ok());
+    }
+
+    #[test]
     fn a_directory_that_is_gone_has_one_gateway() {
         let directory = Dir::new().join("gone");
         let first = Lock::take(&directory).unwrap();

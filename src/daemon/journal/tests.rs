@@ -225,6 +225,31 @@ fn what_is_remembered_of_a_drive_is_found_again() {
     assert!(states.iter().filter(|body| body.contains("started")).count() >= 4, "{states:?}");
 }
 
+/// The gateway controls on, and what it is to do for its drives at the start it knows.
+#[test]
+fn what_is_remembered_is_found_also_where_nothing_can_be_written() {
+    let place = Place::new();
+    let mut rig = Rig::start(&place);
+    rig.trip(7);
+    rig.keep(Entry::Lease(Some(Owner::Mqtt)));
+    rig.keep(Entry::ResetWord { may_stand: true });
+    let row = rig.keep(Entry::StopPending { coast: true });
+    rig.wait_for(row);
+    rig.close();
+    place.wait_for_file();
+    // Somebody else reads it, and has left no log that could be written: such a lock holds for root, too.
+    let other = rusqlite::Connection::open(place.file()).unwrap();
+    other.execute_batch("PRAGMA journal_mode = DELETE; BEGIN").unwrap();
+    other.query_row("SELECT count(*) FROM drive", [], |_| Ok(())).unwrap();
+    let rig = Rig::start(&place);
+    assert_eq!(rig.journal.report().state, JournalState::Memory);
+    let memory = rig.memory[&name()];
+    assert_eq!(memory.lease.map(|lease| lease.owner), Some(Owner::Mqtt));
+    assert_eq!((memory.stop, memory.reset), (Some(RememberedStop { coast: true }), true));
+    assert_eq!((memory.trips_total, memory.last_code), (1, Some(7)));
+    rig.close();
+}
+
 #[test]
 fn what_no_row_is_about_is_forgotten_unless_the_drive_is_there() {
     let place = Place::new();
