@@ -199,6 +199,20 @@ fn group<'a>(file: &'a str, text: &'a str, problem: &'a Problem) -> Group<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::daemon::testing::Dir;
+
+    #[test]
+    fn what_is_no_file_or_much_too_long_is_not_read() {
+        let dir = Dir::new();
+        let long = dir.join("long");
+        std::fs::File::create(&long).unwrap().set_len(user_files::BYTES_MAX + 1).unwrap();
+        for (path, why) in [(&*dir, "a regular file is needed"), (&*long, "1048576 bytes are the most")] {
+            for told in [read(path).err(), configuration(path).err()] {
+                let told = told.unwrap().to_string();
+                assert!(told.contains(why) && told.contains(&path.display().to_string()), "{told}");
+            }
+        }
+    }
 
     #[test]
     fn passwords_are_not_drawn() {

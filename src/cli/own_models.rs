@@ -105,3 +105,19 @@ fn text_of(path: &Path) -> Result<String, Unread> {
         _ => Unread::new(path, error, "a text file that can be read"),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::daemon::testing::Dir;
+
+    #[test]
+    fn a_model_file_that_is_much_too_long_is_not_read() {
+        let dir = Dir::new();
+        let long = dir.join("long.toml");
+        fs::File::create(&long).unwrap().set_len(BYTES_MAX + 1).unwrap();
+        assert!(text_of(&long).is_err());
+        fs::write(&long, "id = 1").unwrap();
+        assert_eq!(text_of(&long).ok().as_deref(), Some("id = 1"));
+    }
+}

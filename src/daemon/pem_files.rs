@@ -48,3 +48,19 @@ fn wrong(file: &Path, error: pem::Error, nothing: &str) -> FileError {
     };
     FileError { file: file.to_path_buf(), what }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::daemon::testing::Dir;
+
+    #[test]
+    fn a_file_that_is_much_too_long_is_not_read() {
+        let dir = Dir::new();
+        let long = dir.join("long.pem");
+        std::fs::File::create(&long).unwrap().set_len(user_files::BYTES_MAX + 1).unwrap();
+        for error in [certificates(&long).err(), key(&long).err()] {
+            assert!(error.unwrap().to_string().ends_with("1048576 bytes are the most"));
+        }
+    }
+}
