@@ -16,8 +16,11 @@ fn page() -> Origin {
     Origin { owner: Owner::Page(CommanderName::new("anna").unwrap()), ..mqtt() }
 }
 
+/// What it is called, and what happens.
+type Ending = (&'static str, fn(&mut DriveGuard));
+
 /// What ends the right to start, at [`NOW`].
-const CAUSES: [(&str, fn(&mut DriveGuard)); 6] = [
+const ENDINGS: [Ending; 6] = [
     ("a stop", |guard| reviewed(guard, &command(mqtt(), STOP)).unwrap()),
     ("a trip, or a drive that is away", |guard| guard.lost_touch(NOW)),
     ("a stop that was given up", |guard| guard.inhibit(NOW)),
@@ -51,7 +54,7 @@ fn at(guard: &mut DriveGuard, plain: &CommandRequest, now: MonoTime) -> Result<(
 
 #[test]
 fn a_plain_run_is_refused_for_a_time_after_whatever_inhibits_the_start() {
-    for (cause, happens) in CAUSES {
+    for (cause, happens) in ENDINGS {
         for owner in [mqtt(), page()] {
             let plain = command(owner, run(Direction::Forward));
             let mut guard = running(owner);
@@ -66,7 +69,7 @@ fn a_plain_run_is_refused_for_a_time_after_whatever_inhibits_the_start() {
 
 #[test]
 fn an_epoch_that_was_shown_before_whatever_inhibits_the_start_is_stale() {
-    for (cause, happens) in CAUSES {
+    for (cause, happens) in ENDINGS {
         let mut guard = running(mqtt());
         let seen_before = CommandRequest { epoch: Some(guard.epoch()), ..command(mqtt(), run(Direction::Forward)) };
         happens(&mut guard);
