@@ -67,6 +67,10 @@ impl DriveWork {
             Ok(Verdict::Go(approved)) => {
                 let runs = matches!(approved.order(), Order::Go(go) if go.run().is_some());
                 self.is_stopping &= !runs;
+                if runs {
+                    // Newer than a stop that was answered from memory.
+                    self.answered = None;
+                }
                 self.count(&mut waiter);
                 out.attempt_taken(self.drive, owner, tried(), &mut waiter);
                 self.open_lease(runs, now, out);

@@ -26,8 +26,8 @@ impl DriveWork {
         if let Some(running) = self.status.take(address, words) {
             self.status_at = Some(reading.at);
             // What a stop had ended was ordered again, and not here.
-            let is_started = running && ran == Some(false);
-            self.is_stopping &= self.latch.is_some() || !(is_started || self.is_turned_round());
+            let is_started = running && (ran == Some(false) || self.is_turned_round());
+            self.is_stopping &= self.latch.is_some() || !is_started;
             if self.latch.as_mut().is_some_and(|latch| latch.shows(running, now)) {
                 self.effective(out);
             }

@@ -166,7 +166,7 @@ impl Session {
         self.queue(Act::Read(place, request), false);
     }
 
-    pub(super) fn next_ticket(&mut self) -> Ticket {
+    fn next_ticket(&mut self) -> Ticket {
         self.last_ticket += 1;
         Ticket(self.last_ticket)
     }

@@ -197,10 +197,8 @@ impl Session {
         if wish.id.is_none() {
             return;
         }
-        let ticket = self.next_ticket();
-        let seen = &mut self.seen[drive];
-        seen.add(at.mono, (asker.by, asker.id.clone()), wish.order.clone(), wish.epoch, ticket);
-        seen.ended(ticket, Report::refused(reason));
+        let by_id = (asker.by, asker.id.clone());
+        self.seen[drive].add_refused(at.mono, by_id, wish.order.clone(), wish.epoch, Report::refused(reason));
     }
 
     fn repeat(&mut self, at: Moment, drive: usize, asker: &Asker, wish: &Wish, report: Report) {

@@ -16,6 +16,9 @@ const KEPT_FOR: Duration = Duration::from_secs(600);
 #[derive(Debug, Default)]
 pub(super) struct Seen {
     ids: VecDeque<Used>,
+    /// Ids of commands that no drive ever saw. They have room of their own, so that a flood of them makes no executed id
+    /// forgotten.
+    refused: VecDeque<Used>,
 }
 
 #[derive(Debug)]
@@ -46,7 +49,7 @@ pub(super) enum Known {
 impl Seen {
     pub(super) fn look(&self, at: MonoTime, (by, id): (Owner, &Value), order: &Order, epoch: Option<u64>) -> Known {
         let is_known = |used: &&Used| used.by == by && used.id == *id && at.since(used.at) < KEPT_FOR;
-        let used = self.ids.iter().find(is_known);
+        let used = self.ids.iter().chain(&self.refused).find(is_known);
         match used {
             None => Known::New,
             Some(used) if used.order != *order || used.epoch != epoch => Known::Other,
@@ -63,10 +66,20 @@ impl Seen {
         epoch: Option<u64>,
         ticket: Ticket,
     ) {
-        while self.ids.front().is_some_and(|used| at.since(used.at) >= KEPT_FOR) || self.ids.len() >= IDS_MAX {
-            self.ids.pop_front();
-        }
-        self.ids.push_back(Used { by, id, order, epoch, at, ticket, outcome: None });
+        push(&mut self.ids, Used { by, id, order, epoch, at, ticket, outcome: None });
+    }
+
+    /// Remembers a new id whose command is refused, and was given to no drive.
+    pub(super) fn add_refused(
+        &mut self,
+        at: MonoTime,
+        (by, id): (Owner, Value),
+        order: Order,
+        epoch: Option<u64>,
+        report: Report,
+    ) {
+        let (ticket, outcome) = (Ticket(0), Some(report));
+        push(&mut self.refused, Used { by, id, order, epoch, at, ticket, outcome });
     }
 
     /// Remembers what became of a command.
@@ -75,6 +88,13 @@ impl Seen {
             used.outcome = Some(report);
         }
     }
+}
+
+fn push(ids: &mut VecDeque<Used>, used: Used) {
+    while ids.front().is_some_and(|oldest| used.at.since(oldest.at) >= KEPT_FOR) || ids.len() >= IDS_MAX {
+        ids.pop_front();
+    }
+    ids.push_back(used);
 }
 
 #[cfg(test)]
@@ -105,5 +125,11 @@ mod tests {
         assert_eq!(seen.look(at(1), (MQTT, &json!(1)), &Order::Reset, Some(1)), Known::Other);
         let other = Owner::MqttBy(CommanderName::new("plc").unwrap());
         assert_eq!(seen.look(at(1), (other, &json!(1)), &Order::Reset, None), Known::New, "the id of somebody else");
+        let refused = Report::refused(Reason::Stale);
+        for id in 1_000..2_000 {
+            seen.add_refused(at(2), (MQTT, json!(id)), Order::Reset, None, refused);
+        }
+        assert_eq!((look(&seen, 2, 1_743), look(&seen, 2, 1_744)), (Known::New, Known::Ended(refused)));
+        assert_eq!(look(&seen, 2, 1), Known::Ended(report), "refused ones take no room of executed ones");
     }
 }

@@ -157,6 +157,11 @@ impl Checker {
         let motor = &mut self.motors[drive];
         let Some(place) = motor.asked.iter().position(|(it, _)| *it == number) else { return };
         let (_, asked) = motor.asked.remove(place);
+        if motor.rests() {
+            // There was nothing to stop.
+            self.books[drive].stop.is_pending = false;
+            return;
+        }
         let Some(runs_since) =
             motor.runs_since.filter(|_| motor.stopped_by_us.is_none_or(|sent| sent + GOES_AGAIN < asked))
         else {
