@@ -120,7 +120,7 @@ fn every_link_leads_somewhere() {
 
 /// What is written for people, by its path.
 fn documents(root: &Path) -> Vec<(PathBuf, String)> {
-    let folders = ["", "docs", "docs/first-steps", "deploy", "fuzz"].map(|folder| root.join(folder));
+    let folders = ["", "docs", "docs/first-steps", "docs/design", "deploy", "fuzz"].map(|folder| root.join(folder));
     let files = folders.iter().flat_map(|folder| std::fs::read_dir(folder).unwrap()).map(|entry| entry.unwrap().path());
     let written = files.filter(|path| path.extension().is_some_and(|it| it == "md"));
     written.map(|path| (path.clone(), std::fs::read_to_string(path).unwrap())).collect()
