@@ -106,18 +106,17 @@ fn those_who_wait_for_one_stop_are_bounded_and_the_stop_goes_all_the_same() {
     assert_eq!(rig.written(0x0002), [0], "one stop for all");
 }
 
-/// Every queue from a socket to the wire stands with its bound in the table of ARCHITECTURE.md.
+/// Every queue from a socket to the wire is in the tables of `docs/design/bounds.md`, with its bound.
 #[test]
 fn the_table_of_bounds_names_every_queue_as_it_is() {
     use vfd_gateway::daemon::inbox;
-    let text = include_str!("../../ARCHITECTURE.md");
-    let (_, table) = text.split_once("## Bounds").expect("a table of bounds");
+    let tables = include_str!("../../docs/design/bounds.md");
     let rows = [
         ("Modbus TCP connections", vfd_gateway::north::modbus::Places::MOST),
         ("requests of a connection", vfd_gateway::north::modbus::Limits::default().pending_max),
         ("messages for a line: reads", inbox::INBOX_MAX),
-        ("then writes, commands, signs of life", inbox::COMMANDS_MAX),
-        ("then stops, clients that left, the end", inbox::STOPS_MAX),
+        ("then writes, commands, heartbeats", inbox::COMMANDS_MAX),
+        ("then stops, clients that left, shutdown", inbox::STOPS_MAX),
         ("native requests that wait on a line", REQUESTS_MAX),
         ("different native reads that wait on a line", READS_MAX),
         ("commands that wait for a drive", COMMANDS_MAX),
@@ -127,7 +126,7 @@ fn the_table_of_bounds_names_every_queue_as_it_is() {
     ];
     for (what, bound) in rows {
         let row =
-            table.lines().find(|line| line.starts_with(&format!("| {what} | "))).unwrap_or_else(|| panic!("{what}"));
+            tables.lines().find(|line| line.starts_with(&format!("| {what} | "))).unwrap_or_else(|| panic!("{what}"));
         let most = row.split('|').nth(2).unwrap().trim();
         assert!(most.split([' ', ',']).next() == Some(&bound.to_string()), "{what}: {most}, not {bound}");
     }
