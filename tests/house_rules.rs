@@ -2,7 +2,7 @@
 //! and each is shown to fail on a snippet that breaks it.
 //!
 //! Code that only tests see (`#[cfg(test)]`) is exempt except from the rules about the opening sentence, `unsafe`
-//! and machine paths.
+//! and machine paths. The documents about the source text are read here too: they name files that exist.
 
 #![allow(
     clippy::unwrap_used,
@@ -281,6 +281,36 @@ fn no_file_names_a_path_of_one_machine() {
 }
 
 #[test]
+fn the_design_documents_name_files_that_exist() {
+    let known = BTreeSet::from(["src/guard/state.rs".to_owned(), "src/guard".to_owned()]);
+    let text =
+        "`guard/state.rs`, `state.rs`, `guard/`, `ard/state.rs`, `/api/`, `tcp://`, `x.rs`\n```\n`y.rs`\n```\n`z.rs`";
+    assert_eq!(unknown_files(text, &known), ["ard/state.rs", "x.rs", "z.rs"]);
+    let known = everything_below(Path::new(env!("CARGO_MANIFEST_DIR")));
+    for (file, text) in design_documents() {
+        assert_eq!(unknown_files(&text, &known), [""; 0], "in {file}");
+    }
+}
+
+#[test]
+fn the_map_finds_what_it_says() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let map = std::fs::read_to_string(root.join("ARCHITECTURE.md")).unwrap();
+    let (_, rest) = map.split_once("\n## Where to find\n").unwrap();
+    let (table, _) = rest.split_once("\n## ").unwrap();
+    let answers: Vec<_> = table.lines().flat_map(answers).collect();
+    assert!(answers.len() > 20, "{answers:?}");
+    for (file, names) in answers {
+        let path = root.join("src").join(file);
+        let text = if path.is_dir() { String::new() } else { std::fs::read_to_string(&path).expect(file) };
+        for name in names {
+            let last = name.rsplit("::").next().unwrap_or(name);
+            assert!(words(&text).any(|word| word == last), "{file} has no {name}");
+        }
+    }
+}
+
+#[test]
 fn the_reader_of_sources_is_not_fooled() {
     let text = "let a = '\"'; let b = \"}\"; /* { /* } */ */ let c = r#\"\"{\"#; fn f<'a>(x: &'a str) {} // {\n";
     let bare = without_words(text);
@@ -304,6 +334,67 @@ fn the_reader_of_sources_is_not_fooled() {
         paths("use a::{b, c::{self, d}};\ne::f()").into_iter().map(|(_, path)| path.join("::")).collect();
     assert_eq!(names, ["use", "a::b", "a::c::self", "a::c::d", "e::f"]);
     assert!(sources().len() > 50, "the sources are found");
+}
+
+/// The map for those who change the program, and its details.
+fn design_documents() -> Vec<(String, String)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let details = std::fs::read_dir(root.join("docs/design")).unwrap().map(|entry| entry.unwrap().path());
+    let files: Vec<_> = details.chain([root.join("ARCHITECTURE.md")]).collect();
+    assert!(files.len() > 10, "{files:?}");
+    files.iter().map(|file| (file.display().to_string(), std::fs::read_to_string(file).unwrap())).collect()
+}
+
+/// The files and folders that `text` marks as code and that are not the end of any path in `known`.
+fn unknown_files<'t>(text: &'t str, known: &BTreeSet<String>) -> Vec<&'t str> {
+    let is_file = |code: &&str| {
+        let ends_like_one = code.ends_with('/') || [".rs", ".toml", ".js"].iter().any(|end| code.ends_with(end));
+        ends_like_one && !code.starts_with('/') && !code.contains("://") && !code.contains(char::is_whitespace)
+    };
+    let is_known = |file: &&str| {
+        let end = format!("/{}", file.trim_end_matches('/'));
+        known.iter().any(|path| *path == end[1..] || path.ends_with(&end))
+    };
+    text.split("```").step_by(2).flat_map(codes).filter(is_file).filter(|file| !is_known(file)).collect()
+}
+
+/// Each file that a row of the map names, with the names in it that follow.
+fn answers(row: &str) -> Vec<(&str, Vec<&str>)> {
+    let mut found: Vec<(&str, Vec<&str>)> = Vec::new();
+    for code in codes(row) {
+        match found.last_mut() {
+            _ if code.contains('/') => found.push((code, Vec::new())),
+            Some((_, names)) => names.push(code),
+            None => {}
+        }
+    }
+    found
+}
+
+/// What `prose` marks as code.
+fn codes(prose: &str) -> impl Iterator<Item = &str> {
+    prose.split('`').skip(1).step_by(2)
+}
+
+/// The paths of all files and folders that belong to the repository, from its root.
+fn everything_below(root: &Path) -> BTreeSet<String> {
+    let mut found = BTreeSet::new();
+    let mut folders = vec![root.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            // What tools put there is of others.
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            if name.starts_with('.') || name == "target" || name == "node_modules" {
+                continue;
+            }
+            found.insert(path.strip_prefix(root).unwrap().to_string_lossy().into_owned());
+            if path.is_dir() {
+                folders.push(path);
+            }
+        }
+    }
+    found
 }
 
 /// All files in `src/`.
