@@ -3,7 +3,7 @@
 use ring::rand::{SecureRandom, SystemRandom};
 use std::hash::{BuildHasher, RandomState};
 
-/// A number that nobody else can know, and another one each time.
+/// A number that no one else can know, and a new one each time.
 #[must_use]
 pub fn secret() -> u128 {
     let mut bytes = [0; 16];

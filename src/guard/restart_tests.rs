@@ -36,7 +36,7 @@ const ENDINGS: [Ending; 6] = [
     ("a release", |guard| guard.released(NOW)),
 ];
 
-/// A drive that was started long ago by `owner`, who gives no sign of life until `NOW`.
+/// A drive that `owner` has started, with a lease that ends at [`NOW`].
 fn running(owner: Origin) -> DriveGuard {
     let settings = ControlSettings { on_commander_lost: FailSafe::Hold, ..control() };
     let lost_after = settings.lost_after;

@@ -36,9 +36,9 @@ pub struct DriveGuard {
     pub(super) resetting: Owners,
     stops: u64,
     epoch: u64,
-    /// When the drive was found: nothing that was issued before starts it.
+    /// When the drive was found. What was issued before does not start it.
     found_at: MonoTime,
-    /// When something ended the right to start last: a stop, a trip, a lost lease. What was issued before starts nothing.
+    /// When something ended the right to start last: a stop, a trip, a lost lease. What was issued before does not start it.
     pub(super) inhibited_at: Option<MonoTime>,
     failsafe: bool,
     /// The last stop has taken effect, and nothing has ended that since.
@@ -225,7 +225,7 @@ impl DriveGuard {
     }
 
     /// Something happened at `now` after which nobody may simply go on: a lost lease, a stop that was given up. What was
-    /// issued before that, with an epoch or without, starts nothing.
+    /// issued before that, with an epoch or without, does not start the drive.
     pub fn inhibit(&mut self, now: MonoTime) {
         self.inhibited_at = Some(now);
         self.epoch += 1;

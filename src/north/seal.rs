@@ -1,4 +1,4 @@
-//! Numbers that the gateway gives away and gets back: each is followed by a code that is made with a secret key, so that nobody
+//! Numbers that the gateway gives away and gets back: each is followed by a code that is made with a secret key, so that no one
 //! else can write one, whatever others they have read.
 
 use blake2::Blake2sMac;

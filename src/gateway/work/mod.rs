@@ -259,7 +259,7 @@ impl DriveWork {
         }
     }
 
-    /// What was sent until `now` starts nothing.
+    /// What was sent until `now` does not start the drive.
     pub fn inhibit(&mut self, now: MonoTime) {
         self.guard.inhibit(now);
     }

@@ -15,7 +15,7 @@ pub const AGE_MAX: Duration = EVERY.saturating_add(COMMAND_DEADLINE);
 
 const NANOS_PER_MS: u64 = 1_000_000;
 
-/// The moments of this process. Nobody else can write one, so that none is named that was not seen.
+/// The moments of this process. No one else can write one, so that an order only names what its sender has seen.
 #[derive(Clone, Debug)]
 pub struct Moments(Seal);
 
@@ -60,7 +60,7 @@ impl Moments {
 }
 
 impl fmt::Display for Old {
-    /// What to do about it is said beside.
+    /// For people: why, and what to do.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (most, deadline) = (AGE_MAX.as_secs_f32(), COMMAND_DEADLINE.as_secs_f32());
         match self {

@@ -58,7 +58,7 @@ pub struct Session {
 
 impl Session {
     /// The session of a gateway with these drives and lines, started now. `probe_key` is random, and of this session alone:
-    /// with it nobody else can write a probe.
+    /// with it no one else can write a probe.
     #[must_use]
     pub fn new(
         settings: Settings,

@@ -111,13 +111,13 @@ impl House {
         stream
     }
 
-    /// Asks as somebody who has seen the present moment.
+    /// Asks as a client that has received the present moment.
     async fn ask(&self, method: &str, path: &str, head: &str, body: &str) -> (u16, String, Value) {
         let head = format!("{head}Vfd-Moment: {}\r\n", self.control.moments.at(clock::now()));
         self.ask_as(method, path, &head, body).await
     }
 
-    /// Asks with nothing but this head.
+    /// Asks with this head alone.
     async fn ask_as(&self, method: &str, path: &str, head: &str, body: &str) -> (u16, String, Value) {
         let stream = TcpStream::connect(self.address).await.unwrap();
         self.ask_on(stream, method, path, head, body).await
