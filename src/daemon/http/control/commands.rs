@@ -2,11 +2,13 @@
 
 use super::Control;
 use super::admission::{Admitted, admit};
+use crate::daemon::clock;
 use crate::daemon::http::routes::json;
 use crate::daemon::http::{refusal, setup};
 use crate::daemon::local::Who;
 use crate::daemon::shared::SharedDrive;
 use crate::domain::command::{Order, Outcome, Reason, Report};
+use crate::guard::COMMAND_DEADLINE;
 use crate::journal::Tried;
 use crate::north::command_words::{Refused, stop_in};
 use crate::north::operator::body::{Wish, is_empty, wish};
@@ -72,12 +74,18 @@ pub(super) async fn command(
 }
 
 async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: &Wish) -> Report {
-    let place = drive.description.place;
+    let (place, begun) = (drive.description.place, clock::now());
     let taken = if wish.takes { Some(control.side.command(who, place, Order::Take).await) } else { None };
     let is_refused = taken.is_some_and(|taken| taken.outcome != Outcome::Acknowledged);
     match (taken, wish.order.clone()) {
         (Some(taken), None) => taken,
         (Some(taken), Some(_)) if is_refused => taken,
+        // The line took longer to give control than an order may wait.
+        (Some(_), Some(order)) if clock::now().since(begun) >= COMMAND_DEADLINE => {
+            let report = Report::new(Outcome::Expired, Reason::TooLate);
+            control.side.keep(who, Some(place), Tried::Order(order), report);
+            report
+        }
         (_, Some(order)) => control.side.command(who, place, order).await,
         (None, None) => Report::refused(Reason::NotUnderstood),
     }

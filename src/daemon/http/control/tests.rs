@@ -15,10 +15,11 @@ use crate::domain::command::{CommandAnswer, CommandRequest, Order, Outcome, Owne
 use crate::domain::control::{ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::CommanderName;
+use crate::guard::COMMAND_DEADLINE;
 use crate::north::operator::moments::{AGE_MAX, Moments};
 use crate::north::operator::password::StoredHash;
 use serde_json::{Value, json};
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::net::SocketAddr;
 use std::rc::Rc;
 use std::sync::{Arc, OnceLock};
@@ -50,6 +51,8 @@ struct House {
     address: SocketAddr,
     control: Arc<Control>,
     heard: Rc<RefCell<Vec<(Owner, Order)>>>,
+    /// The line gives control to who takes it, after longer than an order may wait.
+    gives_late: Rc<Cell<bool>>,
     listener: AbortHandle,
 }
 
@@ -74,14 +77,20 @@ fn house_of(users: &[&str]) -> House {
     let (answers, heard) = (Arc::<AnswerBox>::default(), Rc::<RefCell<Vec<_>>>::default());
     let side = Arc::new(LocalSide::new(Arc::clone(&shared), None));
     tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&answers)));
-    tokio::task::spawn_local(play(shared, answers, Rc::clone(&heard)));
+    let gives_late = Rc::<Cell<bool>>::default();
+    tokio::task::spawn_local(play(shared, answers, Rc::clone(&heard), Rc::clone(&gives_late)));
     let control = Arc::new(Control::new(side, state.live.moments().clone(), Front::read(&settings(users)).unwrap()));
     let listener = TcpListener::from_std(listener).unwrap();
     let served = tokio::task::spawn_local(http::serve(listener, Arc::new(state), Arc::clone(&control)));
-    House { address, control, heard, listener: served.abort_handle() }
+    House { address, control, heard, gives_late, listener: served.abort_handle() }
 }
 
-async fn play(shared: Arc<Shared>, answers: Arc<AnswerBox>, heard: Rc<RefCell<Vec<(Owner, Order)>>>) {
+async fn play(
+    shared: Arc<Shared>,
+    answers: Arc<AnswerBox>,
+    heard: Rc<RefCell<Vec<(Owner, Order)>>>,
+    gives_late: Rc<Cell<bool>>,
+) {
     let mut batch = Vec::new();
     loop {
         shared.lines[0].inbox.take(&mut batch);
@@ -92,6 +101,10 @@ async fn play(shared: Arc<Shared>, answers: Arc<AnswerBox>, heard: Rc<RefCell<Ve
             };
             let report = match &order {
                 Order::Renew => Report::new(Outcome::Acknowledged, Reason::Unchanged),
+                Order::Take if gives_late.get() => {
+                    tokio::time::sleep(COMMAND_DEADLINE + Duration::from_millis(100)).await;
+                    Report::new(Outcome::Acknowledged, Reason::None)
+                }
                 Order::Take => Report::held_by(Owner::Mqtt),
                 _ => Report::new(Outcome::Confirmed, Reason::None),
             };
@@ -265,6 +278,20 @@ fn of_what_waited_as_a_whole_on_its_way_only_a_stop_is_carried_out() {
                 assert_eq!((status, house.heard.borrow_mut().drain(..).count()), (200, 1), "{path} {body}: {told}");
             }
         }
+    });
+}
+
+#[test]
+fn an_order_that_waited_until_control_was_taken_over_has_its_deadline_too() {
+    on_a_runtime(async {
+        let house = house_of(&["anna"]);
+        let head = house.sign_in("anna").await;
+        house.gives_late.set(true);
+        let body = r#"{"take": true, "run": "forward"}"#;
+        let (status, _, told) = house.ask("POST", "/api/v1/drives/pump-1/command", &head, body).await;
+        let words = (status, &told["outcome"], &told["reason"]);
+        assert_eq!(words, (200, &"expired".into(), &"too_late".into()), "{told}");
+        assert_eq!(*house.heard.borrow(), [(owner("anna"), Order::Take)]);
     });
 }
 
