@@ -28,7 +28,7 @@ const WARM_UP_S: u32 = 3;
 
 /// A gateway as a process of its own, with one drive.
 struct Program {
-    child: Child,
+    child: Running,
     address: SocketAddr,
     line: TappedLine,
     _place: Place,
@@ -41,10 +41,11 @@ impl Program {
         let setup = Setup { device: line.path(), drives: 1, unpaced: false, poll: "500ms", mqtt: None, listen };
         let place = Place::new();
         let file = place.path().join("gateway.toml");
-        std::fs::write(&file, setup.text()).expect("a file");
+        // As many as the system's limit of open files leaves room for: the usual limit is lower.
+        std::fs::write(&file, format!("{}connections_max = 65536\n", setup.text())).expect("a file");
         let mut command = Command::new(env!("CARGO_BIN_EXE_vfd-gateway"));
         command.args(["run", "-c"]).arg(&file).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-        let child = command.spawn().expect("the gateway starts");
+        let child = Running(command.spawn().expect("the gateway starts"));
         let address = SocketAddr::from((Ipv4Addr::LOCALHOST, listen));
         wait_for(address);
         std::thread::sleep(Duration::from_secs(1));
@@ -52,22 +53,30 @@ impl Program {
     }
 
     fn megabytes(&self) -> f64 {
-        resident_kb(&self.child) as f64 / 1024.0
+        resident_kb(&self.child.0) as f64 / 1024.0
     }
 
     /// Processor time so far, in seconds.
     fn processor_s(&self) -> f64 {
-        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.child.id())).expect("its times");
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.child.0.id())).expect("its times");
         let (_, behind) = stat.rsplit_once(')').expect("its name");
         let ticks = behind.split_whitespace().skip(11).take(2).map(|it| it.parse::<f64>().expect("ticks"));
         ticks.sum::<f64>() / 100.0
     }
 
-    fn stop(mut self) {
-        // Its drive has not run.
-        self.child.kill().expect("killed");
-        self.child.wait().expect("collected");
+    fn stop(self) {
+        drop(self.child);
         self.line.stop();
+    }
+}
+
+/// A process that is killed with its owner, so that a bench that panics leaves none behind. Its drive has not run.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
     }
 }
 
