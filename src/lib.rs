@@ -6,6 +6,7 @@
 //! | --- | --- |
 //! | [`domain`] | words of the trade: time, ids, frequencies, commands, requests, reports |
 //! | [`wire`] | bytes to PDUs and back; knows no drive |
+//! | [`toml_file`] | reads any TOML file and reports all its mistakes at once, each with its place |
 //! | [`profile`] | what a drive description may say, and the proof that it is sound |
 //! | [`vendors`] | one folder per vendor: model files, data only |
 //! | [`drive`] | what is known about one drive: poll plan, picture, trips; commands as steps |
@@ -32,6 +33,7 @@ pub mod line;
 pub mod north;
 pub mod profile;
 pub mod sim;
+pub mod toml_file;
 pub mod vendors;
 pub mod wire;
 

@@ -16,9 +16,22 @@ use std::fmt::Write;
 use std::path::Path;
 
 /// The rooms; each uses only those before it.
-const ROOMS: [&str; 14] = [
-    "domain", "wire", "profile", "vendors", "drive", "journal", "guard", "line", "gateway", "north", "config", "sim",
-    "daemon", "cli",
+const ROOMS: [&str; 15] = [
+    "domain",
+    "wire",
+    "toml_file",
+    "profile",
+    "vendors",
+    "drive",
+    "journal",
+    "guard",
+    "line",
+    "gateway",
+    "north",
+    "config",
+    "sim",
+    "daemon",
+    "cli",
 ];
 /// What needs a clock, a file, a socket or a thread belongs here.
 const ROOMS_WITH_IO: [&str; 3] = ["daemon", "cli", "main"];

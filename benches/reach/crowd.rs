@@ -144,7 +144,11 @@ impl Crowd {
             let client = &mut self.clients[event.data.u64() as usize];
             let mut buffer = [0; 2 * ANSWER_BYTES];
             let read = client.stream.read(&mut buffer).expect("the gateway keeps the connection");
-            assert!(read > 0 && (client.received > 0 || buffer[7] == 3), "an answer with words, not {:02x?}", &buffer[..read]);
+            assert!(
+                read > 0 && (client.received > 0 || buffer[7] == 3),
+                "an answer with words, not {:02x?}",
+                &buffer[..read]
+            );
             client.received += read;
             if client.received == ANSWER_BYTES {
                 client.received = 0;

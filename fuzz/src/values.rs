@@ -6,10 +6,10 @@ use std::path::Path;
 use std::time::Duration;
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::Name;
-use vfd_gateway::profile::reader::{Given, Reader, document};
-use vfd_gateway::profile::values::{Kind, duration_text};
-use vfd_gateway::profile::words::PARITIES;
 use vfd_gateway::sim::FaultPlan;
+use vfd_gateway::toml_file::values::{Kind, duration_text};
+use vfd_gateway::toml_file::words::PARITIES;
+use vfd_gateway::toml_file::{OptionalKey, Reader, document};
 
 const TIMES: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(3600);
 const NUMBERS: RangeInclusive<u8> = 1..=247;
@@ -43,9 +43,9 @@ fn read<T>(text: &str, kind: &Kind<'_, T>) -> Option<T> {
     let given = reader.optional("v", kind);
     reader.finish();
     match given {
-        Given::Usable(written) => Some(written.value),
-        Given::LeftOut => panic!("`v` stands there"),
-        Given::Unusable => {
+        OptionalKey::Valid(written) => Some(written.value),
+        OptionalKey::Absent => panic!("`v` stands there"),
+        OptionalKey::Invalid => {
             assert!(problems.iter().any(|problem| problem.key == "v" && problem.right.is_some()), "{problems:?}");
             None
         }

@@ -15,7 +15,7 @@ use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
 use crate::domain::problem::Problem;
 use crate::domain::report::StopBounds;
 use crate::line::budget::ASSUMED_TURNAROUND;
-use crate::profile::words::{INTERFACES, word_for};
+use crate::toml_file::words::{INTERFACES, word_for};
 use ipnet::IpNet;
 use serde_json::{Value, json};
 use std::fmt::{Display, Write};

@@ -7,7 +7,7 @@ use crate::daemon::user_files;
 use crate::domain::problem::{Problem, nearest};
 use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;
-use crate::profile::reader::Written;
+use crate::toml_file::Spanned;
 use crate::vendors;
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use std::io::IsTerminal;
@@ -138,14 +138,14 @@ pub fn looked_through(path: &Path) -> Result<(Result<Config, Vec<Findings>>, Str
 }
 
 /// The model files in `dirs`, each once, and what of them cannot be read, at the place where the directory stands.
-fn own_models_of(dirs: &[Written<PathBuf>]) -> (OwnModels, Vec<Problem>) {
+fn own_models_of(dirs: &[Spanned<PathBuf>]) -> (OwnModels, Vec<Problem>) {
     let (mut own, mut problems) = (OwnModels::default(), Vec::new());
-    for (at, Written { value: dir, place }) in dirs.iter().enumerate() {
+    for (at, Spanned { value: dir, location }) in dirs.iter().enumerate() {
         if dirs.iter().take(at).any(|earlier| earlier.value == *dir) {
             continue;
         }
         let unread = own.read_dir(dir);
-        problems.extend(unread.into_iter().map(|it| place.problem(it.what).right(it.right)));
+        problems.extend(unread.into_iter().map(|it| location.problem(it.what).right(it.right)));
     }
     (own, problems)
 }
@@ -187,9 +187,9 @@ fn without_secrets(text: &str) -> String {
 
 fn group<'a>(file: &'a str, text: &'a str, problem: &'a Problem) -> Group<'a> {
     let annotation = AnnotationKind::Primary.span(problem.span.clone()).label(problem.key.as_str());
-    let place = Snippet::source(text).path(file).annotation(annotation);
+    let location = Snippet::source(text).path(file).annotation(annotation);
     let level = if problem.is_warning { Level::WARNING } else { Level::ERROR };
-    let group = level.primary_title(problem.what.as_str()).element(place);
+    let group = level.primary_title(problem.what.as_str()).element(location);
     match &problem.right {
         Some(right) => group.element(Level::HELP.message(right.as_str())),
         None => group,

@@ -3,7 +3,8 @@
 use crate::config;
 use crate::domain::control::ControlAction;
 use crate::profile::model::{Barrier, CodeRule, Confidence, Fact, Link, Model, Quirks, RunCommand, RunForm, Timing};
-use crate::profile::words::{FLAGS, word_for};
+use crate::profile::words::FLAGS;
+use crate::toml_file::words::word_for;
 use std::collections::BTreeMap;
 
 /// What every drive that takes orders can be ordered, and what is accepted together.

@@ -16,7 +16,7 @@ use crate::domain::report::LineState;
 use crate::drive::snapshot::Presence;
 use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;
-use crate::profile::words::{PARITIES, word_for};
+use crate::toml_file::words::{PARITIES, word_for};
 use serde_json::json;
 use std::fmt::Write;
 use std::net::SocketAddr;

@@ -3,7 +3,7 @@
 use super::enable::ask_for_consent;
 use super::setup::{self, outcome, text, word};
 use super::{Failure, print, socket};
-use crate::profile::values::parse_duration;
+use crate::toml_file::values::parse_duration;
 use serde_json::Value;
 use std::time::Duration;
 

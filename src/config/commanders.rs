@@ -11,8 +11,8 @@ use crate::domain::problem::Problem;
 use crate::guard::COMMAND_DEADLINE;
 use crate::north::mqtt::{LeaseMode, unnoticed};
 use crate::north::operator::moments;
-use crate::profile::reader::{Given, Written};
-use crate::profile::values::duration_text;
+use crate::toml_file::values::duration_text;
+use crate::toml_file::{OptionalKey, Spanned};
 use std::collections::BTreeSet;
 
 /// Compares every control section with `[mqtt]` and the listeners. `served` holds, per listener of `file`, the
@@ -20,27 +20,27 @@ use std::collections::BTreeSet;
 pub(super) fn check(file: &File, served: &[BTreeSet<usize>], units: &[Vec<Units>], problems: &mut Vec<Problem>) {
     let at = |line: usize, drive: usize| units.get(line)?.get(drive).copied();
     for (index, line) in file.lines.iter().enumerate() {
-        for (place, drive) in line.drives.iter().enumerate() {
-            let Some(control) = drive.control.usable() else { continue };
+        for (location, drive) in line.drives.iter().enumerate() {
+            let Some(control) = drive.control.valid() else { continue };
             mqtt_reaches(&control.value, &file.mqtt, problems);
             sparkplug_reaches(&control.value, &file.mqtt, problems);
             page_reaches(&control.value, &file.http, problems);
             // A listener that serves nothing has a wrong list, which is reported by itself.
             let mut serving = file.listeners.iter().zip(served).filter(|(listener, lines)| {
-                (lines.is_empty() || lines.contains(&index)) && answers(listener, at(index, place))
+                (lines.is_empty() || lines.contains(&index)) && answers(listener, at(index, location))
             });
             let is_reached = serving.any(|(listener, _)| may_be_written(listener));
             modbus_reaches(&control.value, line, is_reached, problems);
-            tells_old_from_new(&control.value, file.mqtt.usable().map(|mqtt| &mqtt.value), problems);
+            tells_old_from_new(&control.value, file.mqtt.valid().map(|mqtt| &mqtt.value), problems);
             tells_old_from_new_on_the_page(&control.value, problems);
-            outlasts(&control.value, file.mqtt.usable().map(|mqtt| &mqtt.value), problems);
+            outlasts(&control.value, file.mqtt.valid().map(|mqtt| &mqtt.value), problems);
         }
     }
     for (listener, lines) in file.listeners.iter().zip(served) {
         let drives = lines.iter().filter_map(|line| Some((*line, file.lines.get(*line)?)));
         let drives = drives.flat_map(|(index, line)| {
             let drives = line.drives.iter().enumerate();
-            drives.filter(move |(place, _)| answers(listener, at(index, *place))).map(|(_, drive)| drive)
+            drives.filter(move |(location, _)| answers(listener, at(index, *location))).map(|(_, drive)| drive)
         });
         rights_matter(listener, &drives.collect::<Vec<_>>(), problems);
     }
@@ -48,62 +48,63 @@ pub(super) fn check(file: &File, served: &[BTreeSet<usize>], units: &[Vec<Units>
 
 /// Whether a drive with these units answers at the listener, once all is right.
 fn answers(listener: &ListenerFile, units: Option<Units>) -> bool {
-    let Some(listed) = listener.units.usable() else { return true };
+    let Some(listed) = listener.units.valid() else { return true };
     let Some(Units { native: Some(native), uniform: Some(uniform) }) = units else { return true };
     listed.value.iter().any(|unit| unit.value == native || unit.value == uniform)
 }
 
-fn mqtt_reaches(control: &ControlFile, mqtt: &Given<MqttFile>, problems: &mut Vec<Problem>) {
-    if let (Some(place), Given::LeftOut) = (control.names(Way::Mqtt), mqtt) {
-        let problem = place.problem("commands from \"mqtt\" cannot come: there is no `[mqtt]`");
+fn mqtt_reaches(control: &ControlFile, mqtt: &OptionalKey<MqttFile>, problems: &mut Vec<Problem>) {
+    if let (Some(location), OptionalKey::Absent) = (control.names(Way::Mqtt), mqtt) {
+        let problem = location.problem("commands from \"mqtt\" cannot come: there is no `[mqtt]`");
         problems.push(problem.right("`[mqtt]` with `broker`, or leave it out"));
     }
 }
 
 /// A host is there as long as it says so itself: without that, only commands can keep control.
-fn sparkplug_reaches(control: &ControlFile, mqtt: &Given<MqttFile>, problems: &mut Vec<Problem>) {
-    let Some(place) = control.names(Way::Sparkplug) else { return };
+fn sparkplug_reaches(control: &ControlFile, mqtt: &OptionalKey<MqttFile>, problems: &mut Vec<Problem>) {
+    let Some(location) = control.names(Way::Sparkplug) else { return };
     let (mqtt, sparkplug) = match mqtt {
-        Given::Unusable => return,
-        Given::LeftOut => (None, None),
-        Given::Usable(mqtt) => match &mqtt.value.sparkplug {
-            Given::Unusable => return,
-            Given::LeftOut => (Some(&mqtt.value), None),
-            Given::Usable(sparkplug) => (Some(&mqtt.value), Some(&sparkplug.value)),
+        OptionalKey::Invalid => return,
+        OptionalKey::Absent => (None, None),
+        OptionalKey::Valid(mqtt) => match &mqtt.value.sparkplug {
+            OptionalKey::Invalid => return,
+            OptionalKey::Absent => (Some(&mqtt.value), None),
+            OptionalKey::Valid(sparkplug) => (Some(&mqtt.value), Some(&sparkplug.value)),
         },
     };
     let (Some(mqtt), Some(sparkplug)) = (mqtt, sparkplug) else {
-        let problem = place.problem("commands from \"sparkplug\" cannot come: there is no `[mqtt.sparkplug]`");
+        let problem = location.problem("commands from \"sparkplug\" cannot come: there is no `[mqtt.sparkplug]`");
         problems.push(problem.right("`[mqtt.sparkplug]` with `group` and `primary_host`, or leave it out"));
         return;
     };
     let lease = mqtt.lease.or(DEFAULT_LEASE).and_then(|default| control.lease.or(default));
-    if lease == Some(LeaseMode::Session) && matches!(sparkplug.primary_host, Given::LeftOut) {
+    if lease == Some(LeaseMode::Session) && matches!(sparkplug.primary_host, OptionalKey::Absent) {
         let what = "a session lease of a Sparkplug host lives while that is online, and no host is named";
         let right = "`primary_host` in `[mqtt.sparkplug]`, or lease = \"explicit\"";
-        problems.push(place.problem(what).right(right));
+        problems.push(location.problem(what).right(right));
     }
 }
 
-fn page_reaches(control: &ControlFile, http: &Given<HttpFile>, problems: &mut Vec<Problem>) {
-    let Some(place) = control.names(Way::Page) else { return };
+fn page_reaches(control: &ControlFile, http: &OptionalKey<HttpFile>, problems: &mut Vec<Problem>) {
+    let Some(location) = control.names(Way::Page) else { return };
     let signs_in = match http {
-        Given::LeftOut => false,
-        Given::Unusable => true,
-        Given::Usable(http) => !http.value.users.is_empty(),
+        OptionalKey::Absent => false,
+        OptionalKey::Invalid => true,
+        OptionalKey::Valid(http) => !http.value.users.is_empty(),
     };
     if !signs_in {
-        let problem = place.problem("commands from \"page\" cannot come: nobody can sign in there");
+        let problem = location.problem("commands from \"page\" cannot come: nobody can sign in there");
         problems.push(problem.right("`[[http.users]]` with `name` and `password_hash_file`, or leave it out"));
     }
 }
 
 fn modbus_reaches(control: &ControlFile, line: &LineFile, is_reached: bool, problems: &mut Vec<Problem>) {
-    let Some(place) = control.names(Way::ModbusTcp) else { return };
+    let Some(location) = control.names(Way::ModbusTcp) else { return };
     if !is_reached {
         let what =
             format!("commands from \"modbus-tcp\" cannot come: no listener of {} lets anybody write", line.label());
-        problems.push(place.problem(what).right("`write = [\"10.0.0.10/32\"]` in a `[[modbus_tcp]]`, or leave it out"));
+        problems
+            .push(location.problem(what).right("`write = [\"10.0.0.10/32\"]` in a `[[modbus_tcp]]`, or leave it out"));
     }
 }
 
@@ -112,8 +113,7 @@ fn modbus_reaches(control: &ControlFile, line: &LineFile, is_reached: bool, prob
 fn tells_old_from_new(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<Problem>) {
     let by_broker = control.names(Way::Mqtt).or(control.names(Way::Sparkplug));
     let Some(mqtt) = mqtt.filter(|_| by_broker.is_some() && control.strict.or(false) == Some(false)) else { return };
-    let (Some(delay), Some(interval)) =
-        (control.restart_delay.usable(), mqtt.probe_interval.or(DEFAULT_PROBE_INTERVAL))
+    let (Some(delay), Some(interval)) = (control.restart_delay.valid(), mqtt.probe_interval.or(DEFAULT_PROBE_INTERVAL))
     else {
         return;
     };
@@ -127,14 +127,14 @@ fn tells_old_from_new(control: &ControlFile, mqtt: Option<&MqttFile>, problems: 
             duration_text(unnoticed(interval)),
         );
         let right = format!("at least \"{}\", or leave it out", duration_text(least));
-        problems.push(delay.place.problem(what).right(right));
+        problems.push(delay.location.problem(what).right(right));
     }
 }
 
 /// The same for an order of the page, which names no stop that it has seen.
 fn tells_old_from_new_on_the_page(control: &ControlFile, problems: &mut Vec<Problem>) {
     let least = moments::AGE_MAX + AFTER_UNNOTICED;
-    let Some(delay) = control.restart_delay.usable().filter(|_| control.names(Way::Page).is_some()) else { return };
+    let Some(delay) = control.restart_delay.valid().filter(|_| control.names(Way::Page).is_some()) else { return };
     if delay.value < least {
         let what = format!(
             "{} is too short to tell a RUN of the page that waited on its way from one that was sent after the stop: one may \
@@ -143,27 +143,27 @@ fn tells_old_from_new_on_the_page(control: &ControlFile, problems: &mut Vec<Prob
             duration_text(moments::AGE_MAX),
         );
         let right = format!("at least \"{}\", or leave it out", duration_text(least));
-        problems.push(delay.place.problem(what).right(right));
+        problems.push(delay.location.problem(what).right(right));
     }
 }
 
 /// A lease lasts longer than a command may wait, and one that lives by probes longer than probes may stay out.
 fn outlasts(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<Problem>) {
-    let Some(Written { value: lost_after, place }) = &control.lost_after else { return };
+    let Some(Spanned { value: lost_after, location }) = &control.lost_after else { return };
     if *lost_after <= COMMAND_DEADLINE {
         let what = format!(
             "a lease of {} is not longer than the deadline of a command, {}",
             duration_text(*lost_after),
             duration_text(COMMAND_DEADLINE)
         );
-        problems.push(place.problem(what).right("a longer time, as \"5s\""));
+        problems.push(location.problem(what).right("a longer time, as \"5s\""));
     }
     let by_broker = control.names(Way::Mqtt).or(control.names(Way::Sparkplug));
     let Some(mqtt) = mqtt.filter(|_| by_broker.is_some()) else { return };
     let ttl = mqtt.command_ttl.or(DEFAULT_COMMAND_TTL).filter(|ttl| *ttl > COMMAND_DEADLINE && *lost_after <= *ttl);
     if let Some(ttl) = ttl {
         let (lease, ttl) = (duration_text(*lost_after), duration_text(ttl));
-        let problem = place.problem(format!("a lease of {lease} is not longer than `command_ttl`, {ttl}"));
+        let problem = location.problem(format!("a lease of {lease} is not longer than `command_ttl`, {ttl}"));
         problems.push(problem.right(format!("more than \"{ttl}\", or a shorter `command_ttl`")));
     }
     if mqtt.lease.or(DEFAULT_LEASE).and_then(|default| control.lease.or(default)) != Some(LeaseMode::Session) {
@@ -178,7 +178,7 @@ fn outlasts(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<P
             "a session lease of {lease} is shorter than {} probes of the way through the broker, {least}",
             MqttSettings::PROBES
         );
-        problems.push(place.problem(what).right(format!("at least \"{least}\", or a shorter `probe_interval`")));
+        problems.push(location.problem(what).right(format!("at least \"{least}\", or a shorter `probe_interval`")));
     }
 }
 
@@ -189,9 +189,9 @@ fn rights_matter(listener: &ListenerFile, drives: &[&DriveFile], problems: &mut 
     let any = |matters: &dyn Fn(&ControlFile) -> bool| {
         drives.is_empty()
             || drives.iter().any(|drive| match &drive.control {
-                Given::LeftOut => false,
-                Given::Unusable => true,
-                Given::Usable(control) => matters(&control.value),
+                OptionalKey::Absent => false,
+                OptionalKey::Invalid => true,
+                OptionalKey::Valid(control) => matters(&control.value),
             })
     };
     let right = "`from = [\"modbus-tcp\"]` in the `[line.drive.control]` of a drive, or leave it out";
@@ -204,12 +204,12 @@ fn rights_matter(listener: &ListenerFile, drives: &[&DriveFile], problems: &mut 
             RoleRight::Stop => (stops, no_stops),
         };
         if !matters {
-            problems.push(role_right.place.problem(format!("has no effect: {what}")).right(right).warning());
+            problems.push(role_right.location.problem(format!("has no effect: {what}")).right(right).warning());
         }
     }
     for (list, matters, what) in [(&listener.write, commands, no_commands), (&listener.stop, stops, no_stops)] {
-        if let Some(list) = list.usable().filter(|list| !matters && !list.value.is_empty()) {
-            problems.push(list.place.problem(format!("has no effect: {what}")).right(right).warning());
+        if let Some(list) = list.valid().filter(|list| !matters && !list.value.is_empty()) {
+            problems.push(list.location.problem(format!("has no effect: {what}")).right(right).warning());
         }
     }
 }

@@ -12,9 +12,9 @@ use crate::domain::frequency::Hertz;
 use crate::domain::problem::Problem;
 use crate::domain::units::UnitOfMeasure;
 use crate::profile::model::{Confidence, Model, Register, Role};
-use crate::profile::reader::{Given, Needed, Place, Written};
 use crate::profile::scale::to_raw;
-use crate::profile::values::duration_text;
+use crate::toml_file::values::duration_text;
+use crate::toml_file::{Location, OptionalKey, RequiredKey, Spanned};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -30,19 +30,19 @@ pub(super) fn settle(
     problems: &mut Vec<Problem>,
 ) -> Option<Option<Arc<ControlSettings>>> {
     let native_write = native::settle(drive, model, problems);
-    let Written { value: file, place } = match &drive.control {
-        Given::LeftOut => return Some(None),
-        Given::Unusable => return None,
-        Given::Usable(control) => control,
+    let Spanned { value: file, location } = match &drive.control {
+        OptionalKey::Absent => return Some(None),
+        OptionalKey::Invalid => return None,
+        OptionalKey::Valid(control) => control,
     };
     is_looked_at(drive, problems);
     ways(file, problems);
     let directions = directions(file, problems);
     // What cannot be commanded at all is said once, not for each key.
-    let able = model.filter(|model| can_be_controlled(model, place, problems));
+    let able = model.filter(|model| can_be_controlled(model, location, problems));
     let limits = limits(file.limits.as_ref(), able, problems);
     if let Some(model) = able {
-        basics(file, place, model, problems);
+        basics(file, location, model, problems);
         actions(file, directions.as_deref(), model, problems);
         watchdog::check(file, model, problems);
     }
@@ -79,8 +79,8 @@ pub(super) fn settle(
 
 /// What may be moved is looked at: on old readings nobody can tell whether it stands still.
 fn is_looked_at(drive: &DriveFile, problems: &mut Vec<Problem>) {
-    if let Some(poll) = drive.poll.usable().filter(|poll| poll.value > SLOWEST_POLL) {
-        let problem = poll.place.problem("too slow for a drive with a control section");
+    if let Some(poll) = drive.poll.valid().filter(|poll| poll.value > SLOWEST_POLL) {
+        let problem = poll.location.problem("too slow for a drive with a control section");
         problems.push(problem.right(format!("at most \"{}\"", duration_text(SLOWEST_POLL))));
     }
 }
@@ -89,27 +89,27 @@ fn is_looked_at(drive: &DriveFile, problems: &mut Vec<Problem>) {
 fn ways(file: &ControlFile, problems: &mut Vec<Problem>) {
     let Some(from) = &file.from else { return };
     if from.value.is_empty() {
-        let problem = from.place.problem("an empty list lets nobody command");
+        let problem = from.location.problem("an empty list lets nobody command");
         problems.push(
             problem
                 .right("\"mqtt\", \"modbus-tcp\", \"page\", \"sparkplug\" or several of them, or no control section"),
         );
     }
     lists::once(&from.value, problems);
-    let strict = file.strict.usable().map(|strict| &strict.place);
-    let delay = file.restart_delay.usable().map(|delay| &delay.place);
-    let lease = file.lease.usable().map(|lease| &lease.place);
+    let strict = file.strict.valid().map(|strict| &strict.location);
+    let delay = file.restart_delay.valid().map(|delay| &delay.location);
+    let lease = file.lease.valid().map(|lease| &lease.location);
     let by_broker = file.names(Way::Mqtt).or(file.names(Way::Sparkplug));
     if !from.value.is_empty() && by_broker.is_none() {
-        for place in [strict, lease].into_iter().flatten() {
-            let problem = place.problem(
+        for location in [strict, lease].into_iter().flatten() {
+            let problem = location.problem(
                 "concerns commands over MQTT and Sparkplug only, and `from` names neither \"mqtt\" nor \"sparkplug\"",
             );
             problems.push(problem.right("leave it out").warning());
         }
-        if let Some(place) = delay.filter(|_| file.names(Way::Page).is_none()) {
+        if let Some(location) = delay.filter(|_| file.names(Way::Page).is_none()) {
             let what = "concerns commands over MQTT, Sparkplug and from the page only, and `from` names none of them";
-            problems.push(place.problem(what).right("leave it out").warning());
+            problems.push(location.problem(what).right("leave it out").warning());
         }
     }
 }
@@ -117,11 +117,11 @@ fn ways(file: &ControlFile, problems: &mut Vec<Problem>) {
 /// The directions in which the drive may run; nothing: see `problems`.
 fn directions(file: &ControlFile, problems: &mut Vec<Problem>) -> Option<Vec<Direction>> {
     let directions = match &file.directions {
-        Given::LeftOut => vec![Direction::Forward],
-        Given::Unusable => return None,
-        Given::Usable(list) => {
+        OptionalKey::Absent => vec![Direction::Forward],
+        OptionalKey::Invalid => return None,
+        OptionalKey::Valid(list) => {
             if list.value.is_empty() {
-                let problem = list.place.problem("an empty list lets the drive run in no direction");
+                let problem = list.location.problem("an empty list lets the drive run in no direction");
                 problems.push(problem.right("\"forward\", \"reverse\" or both"));
                 return None;
             }
@@ -129,8 +129,8 @@ fn directions(file: &ControlFile, problems: &mut Vec<Problem>) -> Option<Vec<Dir
             list.value.iter().map(|direction| direction.value).collect()
         }
     };
-    if let Some(below) = file.reverse_below.usable().filter(|_| !goes_both_ways(&directions)) {
-        let problem = below.place.problem("there is nothing to reverse: `directions` allows one direction only");
+    if let Some(below) = file.reverse_below.valid().filter(|_| !goes_both_ways(&directions)) {
+        let problem = below.location.problem("there is nothing to reverse: `directions` allows one direction only");
         problems.push(problem.right("leave it out, or directions = [\"forward\", \"reverse\"]").warning());
     }
     Some(directions)
@@ -141,9 +141,9 @@ fn goes_both_ways(directions: &[Direction]) -> bool {
 }
 
 /// Whether commands can be given to a drive of this model at all, whether its facts are proven or not.
-fn can_be_controlled(model: &Model, place: &Place, problems: &mut Vec<Problem>) -> bool {
+fn can_be_controlled(model: &Model, location: &Location, problems: &mut Vec<Problem>) -> bool {
     let Some(why) = why_not(model) else { return true };
-    let problem = place.problem(format!("{} cannot be controlled: {why}", model.id));
+    let problem = location.problem(format!("{} cannot be controlled: {why}", model.id));
     problems.push(problem.right("leave `control` out; the drive is read-only then"));
     false
 }
@@ -170,12 +170,12 @@ pub fn why_not(model: &Model) -> Option<String> {
 }
 
 /// Stop, forward and the setpoint are proven, or accepted together: no drive may be one that is started and not stopped.
-fn basics(file: &ControlFile, place: &Place, model: &Model, problems: &mut Vec<Problem>) {
+fn basics(file: &ControlFile, location: &Location, model: &Model, problems: &mut Vec<Problem>) {
     let unproven = model.unproven_basics();
-    let (place, others) = match &file.accept_unverified {
-        Given::Unusable => return,
-        Given::LeftOut => (place.missing("accept_unverified"), Vec::new()),
-        Given::Usable(list) => (list.place.clone(), list.value.iter().map(|accepted| accepted.value).collect()),
+    let (location, others) = match &file.accept_unverified {
+        OptionalKey::Invalid => return,
+        OptionalKey::Absent => (location.missing("accept_unverified"), Vec::new()),
+        OptionalKey::Valid(list) => (list.location.clone(), list.value.iter().map(|accepted| accepted.value).collect()),
     };
     if unproven.is_empty() || others.contains(&ControlAction::Basic) {
         return;
@@ -186,7 +186,7 @@ fn basics(file: &ControlFile, place: &Place, model: &Model, problems: &mut Vec<P
     let words: Vec<_> = words.map(|action| format!("\"{}\"", action.word())).collect();
     let line = format!("accept_unverified = [{}]", words.join(", "));
     let right = format!("{line} once a stop was seen to work, or no control section; the drive is read-only then");
-    problems.push(place.problem(what).right(right));
+    problems.push(location.problem(what).right(right));
 }
 
 /// Lowest and highest setpoint; nothing: see `problems`.
@@ -197,22 +197,22 @@ fn limits(file: Option<&LimitsFile>, model: Option<&Model>, problems: &mut Vec<P
         can_be_set(max, register, problems);
     }
     if let Some(max) = max.as_ref().filter(|max| max.value == Hertz::ZERO) {
-        problems.push(max.place.problem("a drive that may be given 0 Hz at most never turns").right("more than 0"));
+        problems.push(max.location.problem("a drive that may be given 0 Hz at most never turns").right("more than 0"));
     }
     let (min, max) = (min.as_ref()?, max.as_ref()?);
     if min.value > max.value {
         let what = format!("the lowest frequency, {} Hz, is above the highest, {} Hz", min.value, max.value);
-        problems.push(min.place.problem(what).right(format!("at most {}", max.value)));
+        problems.push(min.location.problem(what).right(format!("at most {}", max.value)));
     }
     Some((min.value, max.value))
 }
 
 /// A limit is a setpoint that the drive can be given: one between two steps could never be reached.
-fn can_be_set(limit: &Needed<Hertz>, register: &Register, problems: &mut Vec<Problem>) {
-    let Some(Written { value, place }) = limit else { return };
+fn can_be_set(limit: &RequiredKey<Hertz>, register: &Register, problems: &mut Vec<Problem>) {
+    let Some(Spanned { value, location }) = limit else { return };
     if let Err(wrong) = to_raw(value.as_f64(), register) {
         let right = format!("a frequency that `{}` can be set to", register.name);
-        problems.push(place.problem(format!("{value} Hz is {wrong}")).right(right));
+        problems.push(location.problem(format!("{value} Hz is {wrong}")).right(right));
     }
 }
 
@@ -244,24 +244,24 @@ fn has(model: &Model, action: ControlAction) -> Has {
 /// Each action that the section relies on is there and proven or accepted. An acceptance that accepts nothing is a warning:
 /// the model may have proven the action since, and nothing changes without it.
 fn actions(file: &ControlFile, directions: Option<&[Direction]>, model: &Model, problems: &mut Vec<Problem>) {
-    let reverse = file.directions.usable().and_then(|list| list.value.iter().find(|it| it.value == Direction::Reverse));
-    if let Some(Written { place, .. }) = reverse {
-        can_do(file, ControlAction::Reverse, model, place, "leave it out", problems);
+    let reverse = file.directions.valid().and_then(|list| list.value.iter().find(|it| it.value == Direction::Reverse));
+    if let Some(Spanned { location, .. }) = reverse {
+        can_do(file, ControlAction::Reverse, model, location, "leave it out", problems);
     }
     for fail_safe in [&file.on_commander_lost, &file.on_shutdown].into_iter().flatten() {
         if fail_safe.value == FailSafe::Coast {
-            can_do(file, ControlAction::Coast, model, &fail_safe.place, "\"stop\" or \"hold\"", problems);
+            can_do(file, ControlAction::Coast, model, &fail_safe.location, "\"stop\" or \"hold\"", problems);
         }
     }
-    if let Some(Written { value: true, place }) = file.allow_release.usable() {
+    if let Some(Spanned { value: true, location }) = file.allow_release.valid() {
         match has(model, ControlAction::Release) {
-            Has::No => problems.push(none_of(model, ControlAction::Release, place).right("leave it out").warning()),
-            _ => can_do(file, ControlAction::Release, model, place, "leave it out", problems),
+            Has::No => problems.push(none_of(model, ControlAction::Release, location).right("leave it out").warning()),
+            _ => can_do(file, ControlAction::Release, model, location, "leave it out", problems),
         }
     }
-    let Given::Usable(accepted) = &file.accept_unverified else { return };
+    let OptionalKey::Valid(accepted) = &file.accept_unverified else { return };
     lists::once(&accepted.value, problems);
-    for Written { value: action, place } in &accepted.value {
+    for Spanned { value: action, location } in &accepted.value {
         let word = action.word();
         let what = match has(model, *action) {
             Has::No => format!("{} has no {word}, so nothing is to be accepted", model.id),
@@ -276,7 +276,7 @@ fn actions(file: &ControlFile, directions: Option<&[Direction]>, model: &Model, 
             }
             Has::Unproven(_) => continue,
         };
-        problems.push(place.problem(what).right("leave it out").warning());
+        problems.push(location.problem(what).right("leave it out").warning());
     }
 }
 
@@ -284,8 +284,8 @@ fn may_reverse(directions: Option<&[Direction]>) -> bool {
     directions.is_none_or(|directions| directions.contains(&Direction::Reverse))
 }
 
-fn none_of(model: &Model, action: ControlAction, place: &Place) -> Problem {
-    place.problem(format!("{} has no {}", model.id, action.word()))
+fn none_of(model: &Model, action: ControlAction, location: &Location) -> Problem {
+    location.problem(format!("{} has no {}", model.id, action.word()))
 }
 
 fn may_release(file: &ControlFile) -> bool {
@@ -297,22 +297,22 @@ fn can_do(
     file: &ControlFile,
     action: ControlAction,
     model: &Model,
-    place: &Place,
+    location: &Location,
     instead: &str,
     problems: &mut Vec<Problem>,
 ) {
     let word = action.word();
     let is_accepted = match &file.accept_unverified {
-        Given::LeftOut => false,
-        Given::Unusable => true,
-        Given::Usable(list) => list.value.iter().any(|accepted| accepted.value == action),
+        OptionalKey::Absent => false,
+        OptionalKey::Invalid => true,
+        OptionalKey::Valid(list) => list.value.iter().any(|accepted| accepted.value == action),
     };
     match has(model, action) {
-        Has::No => problems.push(none_of(model, action, place).right(instead)),
+        Has::No => problems.push(none_of(model, action, location).right(instead)),
         Has::Unproven(confidence) if !is_accepted => {
             let what = format!("{word} is unproven for {} ({})", model.id, confidence.word());
             let right = format!("{instead}, or accept_unverified = [\"{word}\"] once you have seen it work");
-            problems.push(place.problem(what).right(right));
+            problems.push(location.problem(what).right(right));
         }
         Has::Unproven(_) | Has::Proven(_) => {}
     }

@@ -9,8 +9,8 @@ use crate::domain::frequency::Hertz;
 use crate::domain::ids::{CommanderName, Name, Station, UnitId};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, Parity};
 use crate::north::mqtt::{LeaseMode, Qos, Tree, Version};
-use crate::profile::reader::{Given, Needed, Place, Written};
 use crate::profile::register::RegisterFile;
+use crate::toml_file::{Location, OptionalKey, RequiredKey, Spanned};
 use ipnet::IpNet;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -20,55 +20,59 @@ use std::time::Duration;
 #[derive(Debug)]
 pub(super) struct File {
     pub gateway: GatewayFile,
-    pub journal: Given<JournalFile>,
+    pub journal: OptionalKey<JournalFile>,
     pub lines: Vec<LineFile>,
-    pub mqtt: Given<MqttFile>,
+    pub mqtt: OptionalKey<MqttFile>,
     pub listeners: Vec<ListenerFile>,
-    pub http: Given<HttpFile>,
+    pub http: OptionalKey<HttpFile>,
 }
 
 /// `[gateway]`
 #[derive(Debug)]
 pub(super) struct GatewayFile {
-    pub name: Given<Name>,
-    pub data_dir: Given<PathBuf>,
-    pub model_dirs: Given<Vec<Written<PathBuf>>>,
-    pub on_removal: Given<Removal>,
+    pub name: OptionalKey<Name>,
+    pub data_dir: OptionalKey<PathBuf>,
+    pub model_dirs: OptionalKey<Vec<Spanned<PathBuf>>>,
+    pub on_removal: OptionalKey<Removal>,
 }
 
 impl GatewayFile {
     /// What holds without the table.
-    pub const LEFT_OUT: Self =
-        Self { name: Given::LeftOut, data_dir: Given::LeftOut, model_dirs: Given::LeftOut, on_removal: Given::LeftOut };
+    pub const LEFT_OUT: Self = Self {
+        name: OptionalKey::Absent,
+        data_dir: OptionalKey::Absent,
+        model_dirs: OptionalKey::Absent,
+        on_removal: OptionalKey::Absent,
+    };
 }
 
 /// `[journal]`
 #[derive(Debug)]
 pub(super) struct JournalFile {
-    pub place: Place,
+    pub location: Location,
     /// In bytes.
-    pub max_size: Given<u64>,
+    pub max_size: OptionalKey<u64>,
 }
 
 /// One `[[line]]`.
 #[derive(Debug)]
 pub(super) struct LineFile {
-    pub place: Place,
-    pub name: Needed<Name>,
-    pub port: Needed<PortAddress>,
-    pub baud: Given<u32>,
-    pub data_bits: Given<u8>,
-    pub parity: Given<Parity>,
-    pub stop_bits: Given<u8>,
-    pub framing: Given<Framing>,
-    pub interface: Given<Interface>,
-    pub echo: Given<EchoPolicy>,
-    pub direction: Given<DirectionControl>,
-    pub low_latency: Given<bool>,
-    pub silence: Given<Silence>,
-    pub min_request_gap: Given<Duration>,
-    pub reply_timeout: Given<Option<Duration>>,
-    pub max_status_age: Given<Duration>,
+    pub location: Location,
+    pub name: RequiredKey<Name>,
+    pub port: RequiredKey<PortAddress>,
+    pub baud: OptionalKey<u32>,
+    pub data_bits: OptionalKey<u8>,
+    pub parity: OptionalKey<Parity>,
+    pub stop_bits: OptionalKey<u8>,
+    pub framing: OptionalKey<Framing>,
+    pub interface: OptionalKey<Interface>,
+    pub echo: OptionalKey<EchoPolicy>,
+    pub direction: OptionalKey<DirectionControl>,
+    pub low_latency: OptionalKey<bool>,
+    pub silence: OptionalKey<Silence>,
+    pub min_request_gap: OptionalKey<Duration>,
+    pub reply_timeout: OptionalKey<Option<Duration>>,
+    pub max_status_age: OptionalKey<Duration>,
     pub drives: Vec<DriveFile>,
 }
 
@@ -77,7 +81,7 @@ impl LineFile {
     pub fn label(&self) -> String {
         match &self.name {
             Some(name) => format!("line `{}`", name.value),
-            None => format!("the line at {}", self.place.key),
+            None => format!("the line at {}", self.location.key),
         }
     }
 }
@@ -85,25 +89,25 @@ impl LineFile {
 /// One `[[line.drive]]`.
 #[derive(Debug)]
 pub(super) struct DriveFile {
-    pub place: Place,
-    pub name: Needed<Name>,
-    pub model: Needed<String>,
-    pub station: Needed<Station>,
-    pub unit: Given<UnitId>,
-    pub uniform_unit: Given<UnitId>,
-    pub poll: Given<Duration>,
-    pub reply_timeout: Given<Option<Duration>>,
-    pub max_lateness: Given<Duration>,
+    pub location: Location,
+    pub name: RequiredKey<Name>,
+    pub model: RequiredKey<String>,
+    pub station: RequiredKey<Station>,
+    pub unit: OptionalKey<UnitId>,
+    pub uniform_unit: OptionalKey<UnitId>,
+    pub poll: OptionalKey<Duration>,
+    pub reply_timeout: OptionalKey<Option<Duration>>,
+    pub max_lateness: OptionalKey<Duration>,
     /// In mA.
-    pub rated_current: Given<u32>,
+    pub rated_current: OptionalKey<u32>,
     /// In mV.
-    pub rated_voltage: Given<u32>,
+    pub rated_voltage: OptionalKey<u32>,
     pub registers: Vec<RegisterFile>,
-    pub dead_bands: Given<Vec<(String, Written<f64>)>>,
-    pub heartbeats: Given<Vec<(String, Written<Duration>)>>,
-    pub decimals: Given<Vec<(String, Written<u8>)>>,
-    pub control: Given<ControlFile>,
-    pub native: Given<NativeFile>,
+    pub dead_bands: OptionalKey<Vec<(String, Spanned<f64>)>>,
+    pub heartbeats: OptionalKey<Vec<(String, Spanned<Duration>)>>,
+    pub decimals: OptionalKey<Vec<(String, Spanned<u8>)>>,
+    pub control: OptionalKey<ControlFile>,
+    pub native: OptionalKey<NativeFile>,
 }
 
 impl DriveFile {
@@ -111,7 +115,7 @@ impl DriveFile {
     pub fn label(&self) -> String {
         match &self.name {
             Some(name) => format!("drive `{}`", name.value),
-            None => format!("the drive at {}", self.place.key),
+            None => format!("the drive at {}", self.location.key),
         }
     }
 }
@@ -119,157 +123,157 @@ impl DriveFile {
 /// `[line.drive.control]`
 #[derive(Debug)]
 pub(super) struct ControlFile {
-    pub from: Needed<Vec<Written<Way>>>,
+    pub from: RequiredKey<Vec<Spanned<Way>>>,
     pub limits: Option<LimitsFile>,
-    pub directions: Given<Vec<Written<Direction>>>,
-    pub reverse_below: Given<Hertz>,
-    pub on_commander_lost: Needed<FailSafe>,
-    pub lost_after: Needed<Duration>,
-    pub on_shutdown: Needed<FailSafe>,
-    pub accept_unverified: Given<Vec<Written<ControlAction>>>,
-    pub allow_release: Given<bool>,
-    pub strict: Given<bool>,
-    pub restart_delay: Given<Duration>,
-    pub stop_effect_timeout: Given<Duration>,
-    pub stop_pending_for: Given<Duration>,
-    pub ownership: Given<Ownership>,
-    pub allow_take: Given<bool>,
-    pub lease: Given<LeaseMode>,
-    pub min_start_interval: Given<Duration>,
-    pub watchdog: Given<Duration>,
-    pub require_watchdog: Given<bool>,
-    pub failsafe_confirm_timeout: Given<Duration>,
+    pub directions: OptionalKey<Vec<Spanned<Direction>>>,
+    pub reverse_below: OptionalKey<Hertz>,
+    pub on_commander_lost: RequiredKey<FailSafe>,
+    pub lost_after: RequiredKey<Duration>,
+    pub on_shutdown: RequiredKey<FailSafe>,
+    pub accept_unverified: OptionalKey<Vec<Spanned<ControlAction>>>,
+    pub allow_release: OptionalKey<bool>,
+    pub strict: OptionalKey<bool>,
+    pub restart_delay: OptionalKey<Duration>,
+    pub stop_effect_timeout: OptionalKey<Duration>,
+    pub stop_pending_for: OptionalKey<Duration>,
+    pub ownership: OptionalKey<Ownership>,
+    pub allow_take: OptionalKey<bool>,
+    pub lease: OptionalKey<LeaseMode>,
+    pub min_start_interval: OptionalKey<Duration>,
+    pub watchdog: OptionalKey<Duration>,
+    pub require_watchdog: OptionalKey<bool>,
+    pub failsafe_confirm_timeout: OptionalKey<Duration>,
 }
 
 impl ControlFile {
     /// Whether `from` names `way`; its place if so.
-    pub fn names(&self, way: Way) -> Option<&Place> {
+    pub fn names(&self, way: Way) -> Option<&Location> {
         let from = self.from.as_ref()?;
-        from.value.iter().find(|named| named.value == way).map(|named| &named.place)
+        from.value.iter().find(|named| named.value == way).map(|named| &named.location)
     }
 }
 
 /// `frequency_hz` of a control section.
 #[derive(Debug)]
 pub(super) struct LimitsFile {
-    pub min: Needed<Hertz>,
-    pub max: Needed<Hertz>,
+    pub min: RequiredKey<Hertz>,
+    pub max: RequiredKey<Hertz>,
 }
 
 /// `[line.drive.native]`
 #[derive(Debug)]
 pub(super) struct NativeFile {
-    pub write: Needed<Vec<Written<String>>>,
-    pub stored_write_interval: Given<Duration>,
+    pub write: RequiredKey<Vec<Spanned<String>>>,
+    pub stored_write_interval: OptionalKey<Duration>,
 }
 
 /// `[mqtt]`
 #[derive(Debug)]
 pub(super) struct MqttFile {
-    pub broker: Needed<Address>,
-    pub also_at: Given<Vec<Written<Address>>>,
-    pub user: Given<String>,
-    pub password_file: Given<PathBuf>,
-    pub password_env: Given<String>,
-    pub allow_plain_password: Given<bool>,
-    pub client_id: Given<String>,
-    pub version: Given<Version>,
-    pub subscription_qos: Given<Qos>,
-    pub prefix: Given<String>,
-    pub heartbeat: Given<Duration>,
-    pub keep_alive: Given<Duration>,
-    pub lease: Given<LeaseMode>,
-    pub alive_topic: Given<Option<String>>,
-    pub probe_interval: Given<Duration>,
-    pub command_ttl: Given<Duration>,
-    pub response_prefix: Given<String>,
-    pub keep_telemetry: Given<u32>,
-    pub publish: Given<Vec<Written<Tree>>>,
-    pub home_assistant: Given<HomeAssistantFile>,
-    pub sparkplug: Given<SparkplugFile>,
-    pub ca_file: Given<PathBuf>,
-    pub client_cert_file: Given<PathBuf>,
-    pub client_key_file: Given<PathBuf>,
+    pub broker: RequiredKey<Address>,
+    pub also_at: OptionalKey<Vec<Spanned<Address>>>,
+    pub user: OptionalKey<String>,
+    pub password_file: OptionalKey<PathBuf>,
+    pub password_env: OptionalKey<String>,
+    pub allow_plain_password: OptionalKey<bool>,
+    pub client_id: OptionalKey<String>,
+    pub version: OptionalKey<Version>,
+    pub subscription_qos: OptionalKey<Qos>,
+    pub prefix: OptionalKey<String>,
+    pub heartbeat: OptionalKey<Duration>,
+    pub keep_alive: OptionalKey<Duration>,
+    pub lease: OptionalKey<LeaseMode>,
+    pub alive_topic: OptionalKey<Option<String>>,
+    pub probe_interval: OptionalKey<Duration>,
+    pub command_ttl: OptionalKey<Duration>,
+    pub response_prefix: OptionalKey<String>,
+    pub keep_telemetry: OptionalKey<u32>,
+    pub publish: OptionalKey<Vec<Spanned<Tree>>>,
+    pub home_assistant: OptionalKey<HomeAssistantFile>,
+    pub sparkplug: OptionalKey<SparkplugFile>,
+    pub ca_file: OptionalKey<PathBuf>,
+    pub client_cert_file: OptionalKey<PathBuf>,
+    pub client_key_file: OptionalKey<PathBuf>,
 }
 
 /// `home_assistant` of `[mqtt]`
 #[derive(Clone, Debug)]
 pub(super) struct HomeAssistantFile {
-    pub discovery: Needed<bool>,
-    pub prefix: Given<String>,
-    pub devices: Given<bool>,
+    pub discovery: RequiredKey<bool>,
+    pub prefix: OptionalKey<String>,
+    pub devices: OptionalKey<bool>,
 }
 
 /// `[mqtt.sparkplug]`
 #[derive(Debug)]
 pub(super) struct SparkplugFile {
-    pub place: Place,
-    pub group: Needed<String>,
-    pub primary_host: Given<String>,
-    pub client_id: Given<String>,
-    pub max_command_age: Given<Duration>,
-    pub keep_telemetry: Given<u32>,
+    pub location: Location,
+    pub group: RequiredKey<String>,
+    pub primary_host: OptionalKey<String>,
+    pub client_id: OptionalKey<String>,
+    pub max_command_age: OptionalKey<Duration>,
+    pub keep_telemetry: OptionalKey<u32>,
 }
 
 /// `[http]`
 #[derive(Debug)]
 pub(super) struct HttpFile {
-    pub place: Place,
-    pub listen: Needed<SocketAddr>,
-    pub allow: Given<Vec<IpNet>>,
-    pub hosts: Given<Vec<Written<String>>>,
+    pub location: Location,
+    pub listen: RequiredKey<SocketAddr>,
+    pub allow: OptionalKey<Vec<IpNet>>,
+    pub hosts: OptionalKey<Vec<Spanned<String>>>,
     pub users: Vec<HttpUserFile>,
-    pub tls: Given<HttpTlsFile>,
+    pub tls: OptionalKey<HttpTlsFile>,
 }
 
 /// One `[[http.users]]`.
 #[derive(Debug)]
 pub(super) struct HttpUserFile {
-    pub place: Place,
-    pub name: Needed<CommanderName>,
-    pub password_hash: Given<String>,
-    pub password_hash_file: Given<PathBuf>,
+    pub location: Location,
+    pub name: RequiredKey<CommanderName>,
+    pub password_hash: OptionalKey<String>,
+    pub password_hash_file: OptionalKey<PathBuf>,
 }
 
 /// `[http.tls]`
 #[derive(Debug)]
 pub(super) struct HttpTlsFile {
-    pub cert_file: Needed<PathBuf>,
-    pub key_file: Needed<PathBuf>,
+    pub cert_file: RequiredKey<PathBuf>,
+    pub key_file: RequiredKey<PathBuf>,
 }
 
 /// One `[[modbus_tcp]]`.
 #[derive(Debug)]
 pub(super) struct ListenerFile {
-    pub place: Place,
-    pub listen: Needed<SocketAddr>,
-    pub allow: Given<Vec<IpNet>>,
-    pub lines: Given<Vec<Written<String>>>,
-    pub write: Given<Vec<Written<IpNet>>>,
-    pub stop: Given<Vec<Written<IpNet>>>,
-    pub reads_renew: Given<bool>,
-    pub units: Given<Vec<Written<UnitId>>>,
-    pub connections_max: Given<u32>,
-    pub priority: Given<Vec<Written<IpNet>>>,
-    pub idle_timeout: Given<Duration>,
-    pub keep_alive: Given<Duration>,
-    pub tls: Given<ListenerTlsFile>,
+    pub location: Location,
+    pub listen: RequiredKey<SocketAddr>,
+    pub allow: OptionalKey<Vec<IpNet>>,
+    pub lines: OptionalKey<Vec<Spanned<String>>>,
+    pub write: OptionalKey<Vec<Spanned<IpNet>>>,
+    pub stop: OptionalKey<Vec<Spanned<IpNet>>>,
+    pub reads_renew: OptionalKey<bool>,
+    pub units: OptionalKey<Vec<Spanned<UnitId>>>,
+    pub connections_max: OptionalKey<u32>,
+    pub priority: OptionalKey<Vec<Spanned<IpNet>>>,
+    pub idle_timeout: OptionalKey<Duration>,
+    pub keep_alive: OptionalKey<Duration>,
+    pub tls: OptionalKey<ListenerTlsFile>,
 }
 
 /// `[modbus_tcp.tls]`
 #[derive(Debug)]
 pub(super) struct ListenerTlsFile {
-    pub cert_file: Needed<PathBuf>,
-    pub key_file: Needed<PathBuf>,
-    pub client_ca_file: Needed<PathBuf>,
-    pub roles: Needed<Vec<RoleFile>>,
+    pub cert_file: RequiredKey<PathBuf>,
+    pub key_file: RequiredKey<PathBuf>,
+    pub client_ca_file: RequiredKey<PathBuf>,
+    pub roles: RequiredKey<Vec<RoleFile>>,
 }
 
 /// A role, and what it may do.
 #[derive(Clone, Debug)]
 pub(super) struct RoleFile {
     pub name: String,
-    pub rights: Written<Vec<Written<RoleRight>>>,
+    pub rights: Spanned<Vec<Spanned<RoleRight>>>,
 }
 
 impl ListenerFile {
@@ -277,7 +281,7 @@ impl ListenerFile {
     pub fn label(&self) -> String {
         match &self.listen {
             Some(listen) => format!("the listener {}", listen.value),
-            None => format!("the listener at {}", self.place.key),
+            None => format!("the listener at {}", self.location.key),
         }
     }
 }

@@ -7,7 +7,7 @@ use super::words::Way;
 use crate::domain::ids::CommanderName;
 use crate::domain::problem::Problem;
 use crate::north::operator::password::StoredHash;
-use crate::profile::reader::{Given, Place, Written};
+use crate::toml_file::{Location, OptionalKey, Spanned};
 use ipnet::IpNet;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -59,16 +59,16 @@ pub struct HttpTls {
 
 /// The ready settings of `http`, which stands in `file`; nothing: see `problems`.
 pub(super) fn settle(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) -> Option<HttpSettings> {
-    guarded(&http.listen, &http.allow, &http.place, problems);
+    guarded(&http.listen, &http.allow, &http.location, problems);
     users_are_protected(http, problems);
     users_command(http, file, problems);
     names_are_unique(&http.users, problems);
     let hosts = hosts(&http.hosts, problems);
     let users: Vec<_> = http.users.iter().map(|user| ready_user(user, problems)).collect();
     let tls = match &http.tls {
-        Given::LeftOut => None,
-        Given::Unusable => return None,
-        Given::Usable(tls) => Some(HttpTls {
+        OptionalKey::Absent => None,
+        OptionalKey::Invalid => return None,
+        OptionalKey::Valid(tls) => Some(HttpTls {
             cert_file: tls.value.cert_file.as_ref()?.value.clone(),
             key_file: tls.value.key_file.as_ref()?.value.clone(),
         }),
@@ -85,30 +85,30 @@ pub(super) fn settle(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) 
 /// A password never crosses the network in plain view.
 fn users_are_protected(http: &HttpFile, problems: &mut Vec<Problem>) {
     let elsewhere = http.listen.as_ref().filter(|listen| !is_loopback(listen.value.ip()));
-    let (Some(listen), false, Given::LeftOut) = (elsewhere, http.users.is_empty(), &http.tls) else { return };
+    let (Some(listen), false, OptionalKey::Absent) = (elsewhere, http.users.is_empty(), &http.tls) else { return };
     let what = format!(
         "{} can be reached from other hosts, and passwords would cross the network in plain view",
         listen.value
     );
     let right = "`[http.tls]` with `cert_file` and `key_file`, or a loopback address, or no `users`";
-    problems.push(http.place.missing("tls").problem(what).right(right));
+    problems.push(http.location.missing("tls").problem(what).right(right));
 }
 
 /// Whoever may sign in may command something.
 fn users_command(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) {
     let Some(user) = http.users.first() else { return };
-    let takes = |control: &Given<super::file::ControlFile>| match control {
-        Given::LeftOut => false,
-        Given::Unusable => true,
-        Given::Usable(control) => control.value.from.is_none() || control.value.names(Way::Page).is_some(),
+    let takes = |control: &OptionalKey<super::file::ControlFile>| match control {
+        OptionalKey::Absent => false,
+        OptionalKey::Invalid => true,
+        OptionalKey::Valid(control) => control.value.from.is_none() || control.value.names(Way::Page).is_some(),
     };
     if !file.lines.iter().flat_map(|line| &line.drives).any(|drive| takes(&drive.control)) {
-        let problem = user.place.problem("has no effect: no drive takes commands from \"page\"");
+        let problem = user.location.problem("has no effect: no drive takes commands from \"page\"");
         let right = "`from = [\"page\"]` in the `[line.drive.control]` of a drive, or no `users`";
         problems.push(problem.right(right).warning());
     }
     if let Some(user) = http.users.get(USERS_MAX) {
-        problems.push(user.place.problem("there are too many users").right(format!("at most {USERS_MAX}")));
+        problems.push(user.location.problem("there are too many users").right(format!("at most {USERS_MAX}")));
     }
 }
 
@@ -116,23 +116,23 @@ fn names_are_unique(users: &[HttpUserFile], problems: &mut Vec<Problem>) {
     let names: Vec<_> = users.iter().filter_map(|user| user.name.as_ref()).collect();
     for (index, name) in names.iter().enumerate() {
         if let Some(first) = names.iter().take(index).find(|earlier| earlier.value == name.value) {
-            let what = format!("the name `{}` is taken by {}", name.value, first.place.key);
-            problems.push(name.place.problem(what).right("a name that no other user has"));
+            let what = format!("the name `{}` is taken by {}", name.value, first.location.key);
+            problems.push(name.location.problem(what).right("a name that no other user has"));
         }
     }
 }
 
 /// The names in lower case, as they are compared.
-fn hosts(given: &Given<Vec<Written<String>>>, problems: &mut Vec<Problem>) -> Option<Vec<String>> {
+fn hosts(given: &OptionalKey<Vec<Spanned<String>>>, problems: &mut Vec<Problem>) -> Option<Vec<String>> {
     let list = match given {
-        Given::LeftOut => return Some(Vec::new()),
-        Given::Unusable => return None,
-        Given::Usable(list) => &list.value,
+        OptionalKey::Absent => return Some(Vec::new()),
+        OptionalKey::Invalid => return None,
+        OptionalKey::Valid(list) => &list.value,
     };
-    let host = |written: &Written<String>| match host_and_port(&written.value) {
+    let host = |written: &Spanned<String>| match host_and_port(&written.value) {
         Some((host, None)) => Some(host.to_ascii_lowercase()),
         _ => {
-            let problem = written.place.problem(format!("`{}` is no name of a host", written.value));
+            let problem = written.location.problem(format!("`{}` is no name of a host", written.value));
             problems.push(problem.right("a name without a port, as \"gateway.plant.example\""));
             None
         }
@@ -142,14 +142,14 @@ fn hosts(given: &Given<Vec<Written<String>>>, problems: &mut Vec<Problem>) -> Op
 
 fn ready_user(user: &HttpUserFile, problems: &mut Vec<Problem>) -> Option<UserSettings> {
     let hash = match (&user.password_hash, &user.password_hash_file) {
-        (Given::Usable(text), Given::LeftOut) => read_hash(text, problems).map(HashSource::Text),
-        (Given::LeftOut, Given::Usable(file)) => Some(HashSource::File(file.value.clone())),
-        (Given::LeftOut, Given::LeftOut) => {
-            one_is_needed(&user.place.missing("password_hash_file"), "the user has no password", problems);
+        (OptionalKey::Valid(text), OptionalKey::Absent) => read_hash(text, problems).map(HashSource::Text),
+        (OptionalKey::Absent, OptionalKey::Valid(file)) => Some(HashSource::File(file.value.clone())),
+        (OptionalKey::Absent, OptionalKey::Absent) => {
+            one_is_needed(&user.location.missing("password_hash_file"), "the user has no password", problems);
             None
         }
-        (Given::Usable(_), Given::Usable(file)) => {
-            one_is_needed(&file.place, "the user has a `password_hash` already", problems);
+        (OptionalKey::Valid(_), OptionalKey::Valid(file)) => {
+            one_is_needed(&file.location, "the user has a `password_hash` already", problems);
             None
         }
         _ => None,
@@ -157,13 +157,13 @@ fn ready_user(user: &HttpUserFile, problems: &mut Vec<Problem>) -> Option<UserSe
     Some(UserSettings { name: user.name.as_ref()?.value, hash: hash? })
 }
 
-fn one_is_needed(place: &Place, what: &str, problems: &mut Vec<Problem>) {
+fn one_is_needed(location: &Location, what: &str, problems: &mut Vec<Problem>) {
     let right = "`password_hash_file` with the file that holds what `vfd-gateway password` prints, or `password_hash` with that itself";
-    problems.push(place.problem(what).right(right));
+    problems.push(location.problem(what).right(right));
 }
 
-fn read_hash(text: &Written<String>, problems: &mut Vec<Problem>) -> Option<StoredHash> {
+fn read_hash(text: &Spanned<String>, problems: &mut Vec<Problem>) -> Option<StoredHash> {
     // What is no hash may be a password, which belongs into no message.
-    let unfit = |why| text.place.problem(format!("the text {why}")).right("what `vfd-gateway password` prints");
+    let unfit = |why| text.location.problem(format!("the text {why}")).right("what `vfd-gateway password` prints");
     StoredHash::parse(&text.value).map_err(|why| problems.push(unfit(why))).ok()
 }

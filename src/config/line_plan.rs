@@ -8,7 +8,7 @@ use crate::line::budget::{self, Budget, PlannedRead, PlannedStation};
 use crate::line::timeouts::ReplyTimeouts;
 use crate::line::timing::Timing;
 use crate::profile::model::PollClass;
-use crate::profile::values::duration_text;
+use crate::toml_file::values::duration_text;
 use std::time::Duration;
 
 /// How old the fast values of a line may become where the file says nothing.
@@ -63,22 +63,22 @@ pub fn missing_reply_costs(line: &LineSettings) -> Duration {
 /// hold them up does so once; nothing if it is not polled fast. The drive's own watchdog has to be set to more than
 /// twice that.
 #[must_use]
-pub fn longest_gap(line: &LineSettings, place: usize) -> Option<Duration> {
+pub fn longest_gap(line: &LineSettings, location: usize) -> Option<Duration> {
     let stations: Vec<_> = line.drives.iter().map(station).collect();
     let commanded = line.drives.iter().filter(|drive| drive.control.is_some()).count();
-    budget::longest_gap_on_line(&timing(line).0, &stations, place, commanded)
+    budget::longest_gap_on_line(&timing(line).0, &stations, location, commanded)
 }
 
 /// A plan that does not fit is stretched; it is refused where that makes the fast values older than they may be.
 pub(super) fn check(file: &LineFile, line: &LineSettings, problems: &mut Vec<Problem>) {
     let budget = budget(line);
-    let ages = line.drives.iter().enumerate().filter_map(|(place, drive)| Some((budget.fast_age(place)?, drive)));
+    let ages = line.drives.iter().enumerate().filter_map(|(location, drive)| Some((budget.fast_age(location)?, drive)));
     let Some((age, oldest)) = ages.max_by_key(|(age, _)| *age) else { return };
     if budget.stretch <= 1.0 || age <= line.max_status_age {
         return;
     }
-    let place = file.max_status_age.usable().map(|written| written.place.clone());
-    let place = place.unwrap_or_else(|| file.place.missing("max_status_age"));
+    let location = file.max_status_age.valid().map(|written| written.location.clone());
+    let location = location.unwrap_or_else(|| file.location.missing("max_status_age"));
     let limit = duration_text(line.max_status_age);
     let what = format!(
         "line `{}` cannot carry its polls: {}. Stretched {:.1} times, the fast values of `{}` would become {} old, \
@@ -89,7 +89,7 @@ pub(super) fn check(file: &LineFile, line: &LineSettings, problems: &mut Vec<Pro
         oldest.name,
         seconds(age),
     );
-    problems.push(place.problem(what).right(advice(line, &budget)));
+    problems.push(location.problem(what).right(advice(line, &budget)));
 }
 
 /// The sum that does not come out: how many drives, what each second of the line would have to carry.

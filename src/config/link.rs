@@ -4,8 +4,8 @@ use super::file::{DriveFile, LineFile};
 use crate::domain::link::{Framing, Interface, LinkSettings, Parity};
 use crate::domain::problem::Problem;
 use crate::profile::model::{Link, Model};
-use crate::profile::reader::{Given, Place};
-use crate::profile::words::{FRAMINGS, INTERFACES, PARITIES, word_for};
+use crate::toml_file::words::{FRAMINGS, INTERFACES, PARITIES, word_for};
+use crate::toml_file::{Location, OptionalKey};
 
 /// Data bits of a line that names none.
 const DEFAULT_DATA_BITS: u8 = 8;
@@ -38,8 +38,8 @@ pub(super) fn settle(line: &LineFile, models: &[OnLine], problems: &mut Vec<Prob
 /// Data bits: RTU frames are bytes, so 7 bits are wrong there whatever the models have.
 fn data_bits(line: &LineFile, models: &[OnLine], framing: Option<Framing>, problems: &mut Vec<Problem>) -> Option<u8> {
     match (&line.data_bits, framing) {
-        (Given::Usable(written), Some(Framing::Rtu)) if written.value != 8 => {
-            problems.push(written.place.problem("RTU frames need 8 data bits").right("8, or leave it out"));
+        (OptionalKey::Valid(written), Some(Framing::Rtu)) if written.value != 8 => {
+            problems.push(written.location.problem("RTU frames need 8 data bits").right("8, or leave it out"));
             None
         }
         (given, _) => choose(line, models, given, DEFAULT_DATA_BITS, &DATA_BITS, problems),
@@ -86,15 +86,15 @@ const STOP_BITS: FactoryPart<u8> = FactoryPart {
 fn choose<T: Copy + PartialEq>(
     line: &LineFile,
     models: &[OnLine],
-    given: &Given<T>,
+    given: &OptionalKey<T>,
     default: T,
     part: &Part<T>,
     problems: &mut Vec<Problem>,
 ) -> Option<T> {
     match given {
-        Given::LeftOut => possible(&line.place.missing(part.name), models, default, part, problems),
-        Given::Unusable => None,
-        Given::Usable(written) => possible(&written.place, models, written.value, part, problems),
+        OptionalKey::Absent => possible(&line.location.missing(part.name), models, default, part, problems),
+        OptionalKey::Invalid => None,
+        OptionalKey::Valid(written) => possible(&written.location, models, written.value, part, problems),
     }
 }
 
@@ -102,20 +102,20 @@ fn choose<T: Copy + PartialEq>(
 fn setting<T: Copy + PartialEq>(
     line: &LineFile,
     models: &[OnLine],
-    given: &Given<T>,
+    given: &OptionalKey<T>,
     it: &FactoryPart<T>,
     problems: &mut Vec<Problem>,
 ) -> Option<T> {
     match given {
-        Given::LeftOut => shared_factory(line, models, it, problems),
-        Given::Unusable => None,
-        Given::Usable(written) => possible(&written.place, models, written.value, &it.part, problems),
+        OptionalKey::Absent => shared_factory(line, models, it, problems),
+        OptionalKey::Invalid => None,
+        OptionalKey::Valid(written) => possible(&written.location, models, written.value, &it.part, problems),
     }
 }
 
 /// `value`, if every model has it.
 fn possible<T: Copy + PartialEq>(
-    place: &Place,
+    location: &Location,
     models: &[OnLine],
     value: T,
     part: &Part<T>,
@@ -126,7 +126,7 @@ fn possible<T: Copy + PartialEq>(
         let allowed = (part.allowed)(&on_line.model.link);
         if !allowed.contains(&value) {
             let what = format!("{} {} is not possible with {}", part.name, (part.written)(value), who(on_line));
-            problems.push(place.problem(what).right(list(part, allowed)));
+            problems.push(location.problem(what).right(list(part, allowed)));
         }
     }
     (problems.len() == before).then_some(value)
@@ -150,7 +150,7 @@ fn shared_factory<T: Copy + PartialEq>(
         it.part.name,
         each.collect::<Vec<_>>().join(", ")
     );
-    problems.push(line.place.missing(it.part.name).problem(what).right(advice(first, others, &it.part)));
+    problems.push(line.location.missing(it.part.name).problem(what).right(advice(first, others, &it.part)));
     None
 }
 

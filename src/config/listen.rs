@@ -7,7 +7,7 @@ use super::units::Units;
 use super::words::RoleRight;
 use crate::domain::ids::UnitId;
 use crate::domain::problem::{Problem, nearest};
-use crate::profile::reader::{Given, Needed, Place, Written};
+use crate::toml_file::{Location, OptionalKey, RequiredKey, Spanned};
 use ipnet::IpNet;
 use std::collections::BTreeSet;
 use std::net::{IpAddr, SocketAddr};
@@ -22,7 +22,7 @@ const TIMEOUT_LEAST: Duration = Duration::from_secs(1);
 pub(super) fn settle(file: &File, problems: &mut Vec<Problem>) -> Vec<BTreeSet<usize>> {
     apart(file, problems);
     for listener in &file.listeners {
-        guarded(&listener.listen, &listener.allow, &listener.place, problems);
+        guarded(&listener.listen, &listener.allow, &listener.location, problems);
         rights(listener, problems);
         listener_tls::check(listener, problems);
         times(listener, problems);
@@ -32,12 +32,12 @@ pub(super) fn settle(file: &File, problems: &mut Vec<Problem>) -> Vec<BTreeSet<u
 
 fn served(file: &File, listener: &ListenerFile, problems: &mut Vec<Problem>) -> BTreeSet<usize> {
     let names = match &listener.lines {
-        Given::LeftOut => return (0..file.lines.len()).collect(),
-        Given::Unusable => return BTreeSet::new(),
-        Given::Usable(names) => names,
+        OptionalKey::Absent => return (0..file.lines.len()).collect(),
+        OptionalKey::Invalid => return BTreeSet::new(),
+        OptionalKey::Valid(names) => names,
     };
     if names.value.is_empty() {
-        let problem = names.place.problem("an empty list of lines serves nothing");
+        let problem = names.location.problem("an empty list of lines serves nothing");
         problems.push(problem.right("names of lines, or leave it out to serve all"));
     }
     let mut lines = BTreeSet::new();
@@ -45,7 +45,7 @@ fn served(file: &File, listener: &ListenerFile, problems: &mut Vec<Problem>) -> 
         match line_called(file, name) {
             Ok(line) if lines.insert(line) => {}
             Ok(_) => {
-                let problem = name.place.problem(format!("line `{}` is listed twice", name.value));
+                let problem = name.location.problem(format!("line `{}` is listed twice", name.value));
                 problems.push(problem.right("each once").warning());
             }
             Err(problem) => problems.push(problem),
@@ -54,12 +54,12 @@ fn served(file: &File, listener: &ListenerFile, problems: &mut Vec<Problem>) -> 
     lines
 }
 
-fn line_called(file: &File, name: &Written<String>) -> Result<usize, Problem> {
+fn line_called(file: &File, name: &Spanned<String>) -> Result<usize, Problem> {
     let names: Vec<Option<&str>> =
         file.lines.iter().map(|line| line.name.as_ref().map(|name| name.value.as_str())).collect();
     names.iter().position(|it| *it == Some(name.value.as_str())).ok_or_else(|| {
         let names: Vec<&str> = names.iter().copied().flatten().collect();
-        let problem = name.place.problem(format!("there is no line `{}`", name.value));
+        let problem = name.location.problem(format!("there is no line `{}`", name.value));
         match nearest(&name.value, names.iter().copied()) {
             Some(near) => problem.right(format!("\"{near}\"")),
             None => problem.right(format!("names of lines of this file: {}", names.join(", "))),
@@ -69,13 +69,13 @@ fn line_called(file: &File, name: &Written<String>) -> Result<usize, Problem> {
 
 /// No two listeners on the same address, where an address that means all covers every other.
 fn apart(file: &File, problems: &mut Vec<Problem>) {
-    let http = file.http.usable().and_then(|http| http.value.listen.as_ref());
+    let http = file.http.valid().and_then(|http| http.value.listen.as_ref());
     let modbus = file.listeners.iter().filter_map(|it| it.listen.as_ref());
-    let addresses: Vec<&Written<SocketAddr>> = modbus.chain(http).collect();
+    let addresses: Vec<&Spanned<SocketAddr>> = modbus.chain(http).collect();
     for (index, later) in addresses.iter().enumerate() {
         if let Some(earlier) = addresses.iter().take(index).find(|earlier| collide(earlier.value, later.value)) {
             let what = format!("{} is taken by the listener {}", later.value, earlier.value);
-            problems.push(later.place.problem(what).right("an address or a port of its own"));
+            problems.push(later.location.problem(what).right("an address or a port of its own"));
         }
     }
 }
@@ -92,34 +92,34 @@ fn covers(wide: IpAddr, narrow: IpAddr) -> bool {
 
 /// A listener that others can reach must say who may connect.
 pub(super) fn guarded(
-    listen: &Needed<SocketAddr>,
-    allow: &Given<Vec<IpNet>>,
-    place: &Place,
+    listen: &RequiredKey<SocketAddr>,
+    allow: &OptionalKey<Vec<IpNet>>,
+    location: &Location,
     problems: &mut Vec<Problem>,
 ) {
     let Some(listen) = listen else { return };
-    if matches!(allow, Given::LeftOut) && !is_loopback(listen.value.ip()) {
+    if matches!(allow, OptionalKey::Absent) && !is_loopback(listen.value.ip()) {
         let what = format!("{} can be reached from other hosts, and `allow` does not say by whom", listen.value);
-        let problem = place.missing("allow").problem(what);
+        let problem = location.missing("allow").problem(what);
         problems.push(problem.right("allow = [\"10.0.0.0/24\"] with your own networks, or a loopback address"));
     }
 }
 
 /// Whoever may write can connect and may stop, whoever has priority can connect, and reads renew only what somebody may hold.
 fn rights(listener: &ListenerFile, problems: &mut Vec<Problem>) {
-    for list in [&listener.write, &listener.stop, &listener.priority].into_iter().filter_map(Given::usable) {
+    for list in [&listener.write, &listener.stop, &listener.priority].into_iter().filter_map(OptionalKey::valid) {
         for network in &list.value {
             can_connect(listener, network, problems);
         }
     }
-    if let (Given::Usable(write), Given::Usable(stop)) = (&listener.write, &listener.stop) {
+    if let (OptionalKey::Valid(write), OptionalKey::Valid(stop)) = (&listener.write, &listener.stop) {
         for network in write.value.iter().filter(|it| !stop.value.iter().any(|stop| stop.value.contains(&it.value))) {
             let what = format!("{} may write and is not in `stop`: whoever may start may stop", network.value);
-            problems.push(network.place.problem(what).right(format!("\"{}\" in `stop` as well", network.value)));
+            problems.push(network.location.problem(what).right(format!("\"{}\" in `stop` as well", network.value)));
         }
     }
-    if let Some(renew) = listener.reads_renew.usable().filter(|renew| renew.value && !may_be_written(listener)) {
-        let problem = renew.place.problem("has no effect: nobody may write here, so there is no lease to renew");
+    if let Some(renew) = listener.reads_renew.valid().filter(|renew| renew.value && !may_be_written(listener)) {
+        let problem = renew.location.problem("has no effect: nobody may write here, so there is no lease to renew");
         problems.push(problem.right("`write` with those who may, or leave it out").warning());
     }
 }
@@ -127,21 +127,21 @@ fn rights(listener: &ListenerFile, problems: &mut Vec<Problem>) {
 /// Whether somebody may write here, as far as `write` and the roles tell.
 pub(super) fn may_be_written(listener: &ListenerFile) -> bool {
     match &listener.write {
-        Given::LeftOut => listener_tls::may(listener, RoleRight::Write),
-        Given::Unusable => true,
-        Given::Usable(write) => !write.value.is_empty(),
+        OptionalKey::Absent => listener_tls::may(listener, RoleRight::Write),
+        OptionalKey::Invalid => true,
+        OptionalKey::Valid(write) => !write.value.is_empty(),
     }
 }
 
 /// The system counts the one time in whole seconds, and no time at all is 0.
 fn times(listener: &ListenerFile, problems: &mut Vec<Problem>) {
-    if let Some(written) = listener.keep_alive.usable().filter(|written| written.value.subsec_nanos() != 0) {
-        let problem = written.place.problem("the system counts this time in whole seconds");
+    if let Some(written) = listener.keep_alive.valid().filter(|written| written.value.subsec_nanos() != 0) {
+        let problem = written.location.problem("the system counts this time in whole seconds");
         problems.push(problem.right(format!("\"{}s\"", written.value.as_secs().max(1))));
     }
-    let timeout = listener.idle_timeout.usable();
+    let timeout = listener.idle_timeout.valid();
     if let Some(written) = timeout.filter(|it| !it.value.is_zero() && it.value < TIMEOUT_LEAST) {
-        let problem = written.place.problem("clients that ask once a second would be closed in between");
+        let problem = written.location.problem("clients that ask once a second would be closed in between");
         problems.push(problem.right("at least \"1s\", or \"0s\" for none"));
     }
 }
@@ -149,9 +149,9 @@ fn times(listener: &ListenerFile, problems: &mut Vec<Problem>) {
 /// Each unit that is listed is one of a drive that is served there.
 pub(super) fn units_exist(file: &File, served: &[BTreeSet<usize>], units: &[Vec<Units>], problems: &mut Vec<Problem>) {
     for (listener, lines) in file.listeners.iter().zip(served) {
-        let Some(listed) = listener.units.usable() else { continue };
+        let Some(listed) = listener.units.valid() else { continue };
         if listed.value.is_empty() {
-            let problem = listed.place.problem("an empty list of units serves no drive");
+            let problem = listed.location.problem("an empty list of units serves no drive");
             problems.push(problem.right("units of drives, or leave it out to serve all"));
         }
         let drives = lines.iter().filter_map(|line| units.get(*line)).flatten();
@@ -161,35 +161,35 @@ pub(super) fn units_exist(file: &File, served: &[BTreeSet<usize>], units: &[Vec<
         let mut seen = BTreeSet::new();
         for unit in &listed.value {
             if !seen.insert(unit.value) {
-                let problem = unit.place.problem(format!("unit {} is listed twice", unit.value));
+                let problem = unit.location.problem(format!("unit {} is listed twice", unit.value));
                 problems.push(problem.right("each once").warning());
             } else if !known.contains(&unit.value) {
                 let there: Vec<_> = known.iter().map(UnitId::to_string).collect();
                 let what = format!("has no effect: no drive that is served here has unit {}", unit.value);
                 let right = format!("of {}; 255 is always served", there.join(", "));
-                problems.push(unit.place.problem(what).right(right).warning());
+                problems.push(unit.location.problem(what).right(right).warning());
             }
         }
     }
 }
 
 /// Clients of `network` reach the listener. Networks are wholly inside each other or apart.
-fn can_connect(listener: &ListenerFile, network: &Written<IpNet>, problems: &mut Vec<Problem>) {
+fn can_connect(listener: &ListenerFile, network: &Spanned<IpNet>, problems: &mut Vec<Problem>) {
     let (what, right) = match (&listener.allow, &listener.listen) {
-        (Given::Usable(allow), _) if !allow.value.iter().any(|allow| allow.contains(&network.value)) => {
+        (OptionalKey::Valid(allow), _) if !allow.value.iter().any(|allow| allow.contains(&network.value)) => {
             let allowed: Vec<_> = allow.value.iter().map(|allow| format!("\"{allow}\"")).collect();
             (
                 format!("{} is in no network of `allow`", network.value),
                 format!("a network inside {}", allowed.join(", ")),
             )
         }
-        (Given::LeftOut, Some(listen)) if is_loopback(listen.value.ip()) && !is_loopback(network.value.addr()) => {
+        (OptionalKey::Absent, Some(listen)) if is_loopback(listen.value.ip()) && !is_loopback(network.value.addr()) => {
             let here = IpNet::from(listen.value.ip());
             (format!("{} cannot reach {}, which is this host only", network.value, listen.value), format!("\"{here}\""))
         }
         _ => return,
     };
-    problems.push(network.place.problem(what).right(right));
+    problems.push(network.location.problem(what).right(right));
 }
 
 /// Whether only this host reaches the address.

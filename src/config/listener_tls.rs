@@ -6,28 +6,28 @@ use super::ready::ListenerTls;
 use super::words::RoleRight;
 use crate::domain::command::Rights;
 use crate::domain::problem::Problem;
-use crate::profile::reader::{Given, Written};
+use crate::toml_file::{OptionalKey, Spanned};
 use ipnet::{IpNet, Ipv4Net, Ipv6Net};
 
 /// Checks the roles, and the lists of networks against them.
 pub(super) fn check(listener: &ListenerFile, problems: &mut Vec<Problem>) {
-    let Some(Written { value: roles, place }) = roles(listener) else { return };
+    let Some(Spanned { value: roles, location }) = roles(listener) else { return };
     if roles.is_empty() {
-        let problem = place.problem("no role is listed, so no request of anybody is answered");
+        let problem = location.problem("no role is listed, so no request of anybody is answered");
         problems.push(problem.right("`roles = { operator = [\"write\", \"stop\"], viewer = [] }` with your own roles"));
     }
     for RoleFile { name, rights } in roles {
         lists::once(&rights.value, problems);
         if has(rights, RoleRight::Write) && !has(rights, RoleRight::Stop) {
             let what = format!("role `{name}` may write and not stop: whoever may start may stop");
-            problems.push(rights.place.problem(what).right("[\"write\", \"stop\"]"));
+            problems.push(rights.location.problem(what).right("[\"write\", \"stop\"]"));
         }
     }
     let lists = [(&listener.write, RoleRight::Write, "write"), (&listener.stop, RoleRight::Stop, "stop")];
     for (list, right, verb) in lists {
-        let list = list.usable().filter(|list| !list.value.is_empty() && !roles.is_empty());
+        let list = list.valid().filter(|list| !list.value.is_empty() && !roles.is_empty());
         if let Some(list) = list.filter(|_| roles.iter().all(|role| !has(&role.rights, right))) {
-            let problem = list.place.problem(format!("has no effect: no role of `tls` may {verb}"));
+            let problem = list.location.problem(format!("has no effect: no role of `tls` may {verb}"));
             let right = format!("\"{verb}\" in the `roles` of those who may, or leave it out");
             problems.push(problem.right(right).warning());
         }
@@ -37,25 +37,25 @@ pub(super) fn check(listener: &ListenerFile, problems: &mut Vec<Problem>) {
 
 /// Without `write` whoever may connect may write, as far as their roles say, and must be in `stop`.
 fn stops_whom_it_starts(listener: &ListenerFile, problems: &mut Vec<Problem>) {
-    let (Given::LeftOut, Given::Usable(stop), true) =
+    let (OptionalKey::Absent, OptionalKey::Valid(stop), true) =
         (&listener.write, &listener.stop, may(listener, RoleRight::Write))
     else {
         return;
     };
-    let Given::Usable(allow) = &listener.allow else { return };
+    let OptionalKey::Valid(allow) = &listener.allow else { return };
     for network in allow.value.iter().filter(|it| !stop.value.iter().any(|stop| stop.value.contains(*it))) {
         let what =
             format!("without `write` all of {network} may write, and it is not in `stop`: whoever may start may stop");
-        problems.push(stop.place.problem(what).right("`write` with those who may, or leave `stop` out as well"));
+        problems.push(stop.location.problem(what).right("`write` with those who may, or leave `stop` out as well"));
     }
 }
 
 /// Whether a role of the listener has `right`, or may have it once its list is right. Without roles there is none.
 pub(super) fn may(listener: &ListenerFile, right: RoleRight) -> bool {
     match &listener.tls {
-        Given::LeftOut => false,
-        Given::Unusable => true,
-        Given::Usable(tls) => {
+        OptionalKey::Absent => false,
+        OptionalKey::Invalid => true,
+        OptionalKey::Valid(tls) => {
             let roles = tls.value.roles.as_ref();
             roles.is_none_or(|roles| roles.value.iter().any(|role| has(&role.rights, right)))
         }
@@ -63,16 +63,16 @@ pub(super) fn may(listener: &ListenerFile, right: RoleRight) -> bool {
 }
 
 /// The rights that roles have, each at its place.
-pub(super) fn rights(listener: &ListenerFile) -> impl Iterator<Item = &Written<RoleRight>> {
+pub(super) fn rights(listener: &ListenerFile) -> impl Iterator<Item = &Spanned<RoleRight>> {
     roles(listener).into_iter().flat_map(|roles| &roles.value).flat_map(|role| &role.rights.value)
 }
 
 /// The ready settings; nothing inside: the listener is not encrypted; nothing at all: see the problems.
 pub(super) fn settle(listener: &ListenerFile) -> Option<Option<ListenerTls>> {
     match &listener.tls {
-        Given::LeftOut => Some(None),
-        Given::Unusable => None,
-        Given::Usable(tls) => ready(&tls.value).map(Some),
+        OptionalKey::Absent => Some(None),
+        OptionalKey::Invalid => None,
+        OptionalKey::Valid(tls) => ready(&tls.value).map(Some),
     }
 }
 
@@ -97,10 +97,10 @@ fn ready(tls: &ListenerTlsFile) -> Option<ListenerTls> {
     })
 }
 
-fn roles(listener: &ListenerFile) -> Option<&Written<Vec<RoleFile>>> {
-    listener.tls.usable()?.value.roles.as_ref()
+fn roles(listener: &ListenerFile) -> Option<&Spanned<Vec<RoleFile>>> {
+    listener.tls.valid()?.value.roles.as_ref()
 }
 
-fn has(rights: &Written<Vec<Written<RoleRight>>>, right: RoleRight) -> bool {
+fn has(rights: &Spanned<Vec<Spanned<RoleRight>>>, right: RoleRight) -> bool {
     rights.value.iter().any(|written| written.value == right)
 }

@@ -5,8 +5,8 @@ use crate::domain::command::Direction;
 use crate::domain::control::ControlAction;
 use crate::domain::problem::Problem;
 use crate::north::mqtt::Tree;
-use crate::profile::reader::{Given, Written};
-use crate::profile::words::word_for;
+use crate::toml_file::words::word_for;
+use crate::toml_file::{OptionalKey, Spanned};
 
 /// A value that stands in a file as a word.
 pub(super) trait Word {
@@ -44,20 +44,20 @@ impl Word for Tree {
 }
 
 /// Reports each word that stands in `list` before.
-pub(super) fn once<T: Word + PartialEq>(list: &[Written<T>], problems: &mut Vec<Problem>) {
+pub(super) fn once<T: Word + PartialEq>(list: &[Spanned<T>], problems: &mut Vec<Problem>) {
     for (index, written) in list.iter().enumerate() {
         if list.iter().take(index).any(|earlier| earlier.value == written.value) {
-            let problem = written.place.problem(format!("\"{}\" is listed twice", written.value.word()));
+            let problem = written.location.problem(format!("\"{}\" is listed twice", written.value.word()));
             problems.push(problem.right("each once").warning());
         }
     }
 }
 
 /// The values of a list, none where it is left out; nothing where it is unusable.
-pub(super) fn values<T: Clone>(list: &Given<Vec<Written<T>>>) -> Option<Vec<T>> {
+pub(super) fn values<T: Clone>(list: &OptionalKey<Vec<Spanned<T>>>) -> Option<Vec<T>> {
     match list {
-        Given::LeftOut => Some(Vec::new()),
-        Given::Unusable => None,
-        Given::Usable(list) => Some(list.value.iter().map(|written| written.value.clone()).collect()),
+        OptionalKey::Absent => Some(Vec::new()),
+        OptionalKey::Invalid => None,
+        OptionalKey::Valid(list) => Some(list.value.iter().map(|written| written.value.clone()).collect()),
     }
 }

@@ -48,7 +48,7 @@ pub use ready::{
 
 use crate::domain::problem::Problem;
 use crate::profile::catalog::Catalog;
-use crate::profile::reader::Written;
+use crate::toml_file::Spanned;
 use resolve::Models;
 use std::path::PathBuf;
 
@@ -63,7 +63,7 @@ pub fn port_address(text: &str) -> Result<PortAddress, String> {
 /// The directories whose models belong into the catalogue with which `text` is [loaded](load), each with its place.
 /// None where they cannot be told, which loading reports.
 #[must_use]
-pub fn model_dirs(text: &str) -> Vec<Written<PathBuf>> {
+pub fn model_dirs(text: &str) -> Vec<Spanned<PathBuf>> {
     read::model_dirs(text)
 }
 

@@ -10,8 +10,8 @@ use super::words::Way;
 use crate::domain::control::ControlSettings;
 use crate::domain::problem::Problem;
 use crate::north::mqtt::{HomeAssistant, LeaseMode, Qos, Tree, Version, unnoticed};
-use crate::profile::reader::{Given, Place, Written};
-use crate::profile::values::duration_text;
+use crate::toml_file::values::duration_text;
+use crate::toml_file::{Location, OptionalKey, Spanned};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -56,7 +56,7 @@ impl Default for Defaults {
 
 /// What the drives of `file` take from its section, or would.
 pub(super) fn defaults(file: &File) -> Defaults {
-    let mqtt = file.mqtt.usable().map(|mqtt| &mqtt.value);
+    let mqtt = file.mqtt.valid().map(|mqtt| &mqtt.value);
     let least = mqtt.and_then(|mqtt| mqtt.probe_interval.or(DEFAULT_PROBE_INTERVAL)).map(least_restart_delay);
     let restart_delay = least.unwrap_or_default().min(LONGEST_LEAST).max(ControlSettings::RESTART_DELAY);
     Defaults { lease: default_lease(file), restart_delay }
@@ -64,8 +64,8 @@ pub(super) fn defaults(file: &File) -> Defaults {
 
 /// A way by which drives are commanded is probed often enough.
 pub(super) fn probed_often(file: &MqttFile, whole: &File, problems: &mut Vec<Problem>) {
-    let Some(Written { value: interval, place }) = file.probe_interval.usable() else { return };
-    let controls = whole.lines.iter().flat_map(|line| &line.drives).filter_map(|drive| drive.control.usable());
+    let Some(Spanned { value: interval, location }) = file.probe_interval.valid() else { return };
+    let controls = whole.lines.iter().flat_map(|line| &line.drives).filter_map(|drive| drive.control.valid());
     let mut by_broker = controls.filter(|it| it.value.names(Way::Mqtt).or(it.value.names(Way::Sparkplug)).is_some());
     if least_restart_delay(*interval) <= LONGEST_LEAST || by_broker.next().is_none() {
         return;
@@ -76,18 +76,18 @@ pub(super) fn probed_often(file: &MqttFile, whole: &File, problems: &mut Vec<Pro
         "a command could wait {unnoticed} in front of the broker before that is noticed, so that no RUN could be taken \
          for more than {longest} after a stop"
     );
-    problems.push(place.problem(what).right(format!("at most \"{}\"", duration_text(most))));
+    problems.push(location.problem(what).right(format!("at most \"{}\"", duration_text(most))));
 }
 
 /// What keeps a lease of the MQTT side where a drive says nothing of it.
 fn default_lease(file: &File) -> LeaseMode {
-    let mqtt = file.mqtt.usable().map(|mqtt| &mqtt.value);
+    let mqtt = file.mqtt.valid().map(|mqtt| &mqtt.value);
     mqtt.and_then(|mqtt| mqtt.lease.or(DEFAULT_LEASE)).unwrap_or(DEFAULT_LEASE)
 }
 
 /// What keeps the leases of the drives: the way through the broker if it keeps that of any one.
 pub(super) fn session_lease(file: &File, default: LeaseMode) -> LeaseMode {
-    let controls = file.lines.iter().flat_map(|line| &line.drives).filter_map(|drive| drive.control.usable());
+    let controls = file.lines.iter().flat_map(|line| &line.drives).filter_map(|drive| drive.control.valid());
     let of_mqtt = controls.map(|control| &control.value).filter(|control| control.names(Way::Mqtt).is_some());
     let leases: Vec<_> = of_mqtt.map(|control| control.lease.or(default).unwrap_or(default)).collect();
     match leases.is_empty() {
@@ -113,7 +113,7 @@ pub(super) fn settle(
     embedded(file, problems);
     idle(file, lease, problems);
     probed_often(file, whole, problems);
-    if let Given::Usable(list) = &file.publish {
+    if let OptionalKey::Valid(list) = &file.publish {
         lists::once(&list.value, problems);
     }
     discovery_prefix(file, problems);
@@ -151,9 +151,9 @@ fn home_assistant(file: &MqttFile) -> Option<Option<HomeAssistant>> {
 
 fn sparkplug(file: &MqttFile) -> Option<Option<SparkplugSettings>> {
     let file = match &file.sparkplug {
-        Given::LeftOut => return Some(None),
-        Given::Unusable => return None,
-        Given::Usable(sparkplug) => &sparkplug.value,
+        OptionalKey::Absent => return Some(None),
+        OptionalKey::Invalid => return None,
+        OptionalKey::Valid(sparkplug) => &sparkplug.value,
     };
     Some(Some(SparkplugSettings {
         group: file.group.as_ref()?.value.clone(),
@@ -166,17 +166,17 @@ fn sparkplug(file: &MqttFile) -> Option<Option<SparkplugSettings>> {
 
 /// The nodes of a cluster are different ones, reached alike.
 fn other_nodes(file: &MqttFile, problems: &mut Vec<Problem>) {
-    let (Some(broker), Some(list)) = (&file.broker, file.also_at.usable()) else { return };
+    let (Some(broker), Some(list)) = (&file.broker, file.also_at.valid()) else { return };
     for (index, node) in list.value.iter().enumerate() {
         let mut earlier = list.value.iter().take(index).chain([broker]);
         let problem = if broker.value == Address::Embedded {
-            node.place.problem("has no effect: the embedded broker is at one place").right("leave it out").warning()
+            node.location.problem("has no effect: the embedded broker is at one place").right("leave it out").warning()
         } else if node.value == Address::Embedded {
-            node.place.problem("the embedded broker is at one place").right("leave it out")
+            node.location.problem("the embedded broker is at one place").right("leave it out")
         } else if earlier.any(|earlier| earlier.value == node.value) {
-            node.place.problem("a node that is named before").right("leave it out").warning()
+            node.location.problem("a node that is named before").right("leave it out").warning()
         } else if broker.value.is_tls() != node.value.is_tls() {
-            let problem = node.place.problem("the nodes of a broker are either all at mqtts:// or all at mqtt://");
+            let problem = node.location.problem("the nodes of a broker are either all at mqtts:// or all at mqtt://");
             problem.right("as in `broker`")
         } else {
             continue;
@@ -187,24 +187,24 @@ fn other_nodes(file: &MqttFile, problems: &mut Vec<Problem>) {
 
 /// The number of each session is kept beyond the life of the process, and the broker tells both connections apart.
 fn sparkplug_goes_with(file: &File, mqtt: &MqttFile, problems: &mut Vec<Problem>) {
-    let Some(SparkplugFile { place, client_id, .. }) = mqtt.sparkplug.usable().map(|it| &it.value) else { return };
-    if matches!(file.gateway.data_dir, Given::LeftOut) {
+    let Some(SparkplugFile { location, client_id, .. }) = mqtt.sparkplug.valid().map(|it| &it.value) else { return };
+    if matches!(file.gateway.data_dir, OptionalKey::Absent) {
         let problem =
-            place.problem("the number of each session, bdSeq, is kept in the data directory, and there is none");
+            location.problem("the number of each session, bdSeq, is kept in the data directory, and there is none");
         problems.push(problem.right("`data_dir` in `[gateway]`, or no `[mqtt.sparkplug]`"));
     }
-    if let (Some(own), Some(of_mqtt)) = (client_id.usable(), mqtt.client_id.usable())
+    if let (Some(own), Some(of_mqtt)) = (client_id.valid(), mqtt.client_id.valid())
         && own.value == of_mqtt.value
     {
         let what = "the same as `client_id` in `[mqtt]`: the broker would end one connection for the other";
-        problems.push(own.place.problem(what).right("another one, or leave it out"));
+        problems.push(own.location.problem(what).right("another one, or leave it out"));
     }
 }
 
 /// What is published; nothing: see the problems.
 pub(super) fn publish(file: &MqttFile) -> Option<Vec<Tree>> {
     match &file.publish {
-        Given::LeftOut => Some(Tree::ALL.to_vec()),
+        OptionalKey::Absent => Some(Tree::ALL.to_vec()),
         list => lists::values(list),
     }
 }
@@ -221,12 +221,13 @@ fn broker(file: &MqttFile) -> Option<BrokerSettings> {
 
 /// The other nodes; nothing: see the problems.
 fn also_at(file: &MqttFile) -> Option<Vec<(String, u16)>> {
-    let place = |address| match address {
+    let location = |address| match address {
         Address::Embedded => None,
         Address::Tcp { host, port, .. } => Some((host, port)),
     };
-    let mut nodes: Vec<(String, u16)> = lists::values(&file.also_at)?.into_iter().map(place).collect::<Option<_>>()?;
-    let first = place(file.broker.as_ref()?.value.clone())?;
+    let mut nodes: Vec<(String, u16)> =
+        lists::values(&file.also_at)?.into_iter().map(location).collect::<Option<_>>()?;
+    let first = location(file.broker.as_ref()?.value.clone())?;
     let mut earlier = vec![first];
     nodes.retain(|node| {
         let is_new = !earlier.contains(node);
@@ -251,18 +252,18 @@ fn credentials(file: &MqttFile) -> Option<Option<Credentials>> {
 }
 
 /// The place of a key that is there, whether it can be used or not.
-fn place<T>(given: &Given<T>) -> Option<&Place> {
-    given.usable().map(|written| &written.place)
+fn location<T>(given: &OptionalKey<T>) -> Option<&Location> {
+    given.valid().map(|written| &written.location)
 }
 
 /// At most one source of a password, and a user whose it is.
 fn password(file: &MqttFile, problems: &mut Vec<Problem>) {
-    let (from_file, from_env) = (place(&file.password_file), place(&file.password_env));
+    let (from_file, from_env) = (location(&file.password_file), location(&file.password_env));
     if let (Some(_), Some(from_env)) = (from_file, from_env) {
         let problem = from_env.problem("the password is named twice: `password_file` is there as well");
         problems.push(problem.right("one of the two"));
     }
-    if let (Some(password), Given::LeftOut) = (from_file.or(from_env), &file.user) {
+    if let (Some(password), OptionalKey::Absent) = (from_file.or(from_env), &file.user) {
         problems.push(password.problem("a password belongs to a user, and `user` is left out").right("add `user`"));
     }
 }
@@ -270,21 +271,21 @@ fn password(file: &MqttFile, problems: &mut Vec<Problem>) {
 /// A password goes in plain view over the network only when the file says that this is meant.
 fn plain_password(file: &MqttFile, problems: &mut Vec<Problem>) {
     let Some(broker) = &file.broker else { return };
-    let secret = place(&file.user).or(place(&file.password_file)).or(place(&file.password_env));
-    let others = file.also_at.usable().map_or(&[][..], |list| &list.value);
-    let stays = |node: &Written<Address>| node.value.is_tls() || node.value.is_local();
+    let secret = location(&file.user).or(location(&file.password_file)).or(location(&file.password_env));
+    let others = file.also_at.valid().map_or(&[][..], |list| &list.value);
+    let stays = |node: &Spanned<Address>| node.value.is_tls() || node.value.is_local();
     let is_exposed = secret.is_some() && !others.iter().chain([broker]).all(stays);
     match &file.allow_plain_password {
-        Given::Usable(allowed) if allowed.value && !is_exposed => {
+        OptionalKey::Valid(allowed) if allowed.value && !is_exposed => {
             let what = "has no effect: no user or password goes over the network in plain view";
-            problems.push(allowed.place.problem(what).right("leave it out").warning());
+            problems.push(allowed.location.problem(what).right("leave it out").warning());
         }
-        Given::Usable(Written { value: true, .. }) | Given::Unusable => {}
-        Given::LeftOut | Given::Usable(_) if is_exposed => {
-            let problem = broker.place.problem("user and password would go over the network in plain view");
+        OptionalKey::Valid(Spanned { value: true, .. }) | OptionalKey::Invalid => {}
+        OptionalKey::Absent | OptionalKey::Valid(_) if is_exposed => {
+            let problem = broker.location.problem("user and password would go over the network in plain view");
             problems.push(problem.right("`mqtts://`, or `allow_plain_password = true` on a network that you trust"));
         }
-        Given::LeftOut | Given::Usable(_) => {}
+        OptionalKey::Absent | OptionalKey::Valid(_) => {}
     }
 }
 
@@ -292,17 +293,17 @@ fn plain_password(file: &MqttFile, problems: &mut Vec<Problem>) {
 fn tls_files(file: &MqttFile, problems: &mut Vec<Problem>) {
     let (cert, key) = (&file.client_cert_file, &file.client_key_file);
     for (there, other, name) in [(cert, key, "client_key_file"), (key, cert, "client_cert_file")] {
-        if let (Some(place), Given::LeftOut) = (place(there), other) {
+        if let (Some(location), OptionalKey::Absent) = (location(there), other) {
             let problem =
-                place.problem(format!("a client's certificate and its key go together: `{name}` is left out"));
+                location.problem(format!("a client's certificate and its key go together: `{name}` is left out"));
             problems.push(problem.right("both or neither"));
         }
     }
     let Some(broker) = file.broker.as_ref().filter(|broker| !broker.value.is_tls()) else { return };
     let is_embedded = broker.value == Address::Embedded;
-    let files: [&Given<PathBuf>; 3] = [&file.ca_file, cert, key];
-    for place in files.into_iter().filter_map(place) {
-        let problem = place.problem("the connection is not encrypted, so the file would not be used");
+    let files: [&OptionalKey<PathBuf>; 3] = [&file.ca_file, cert, key];
+    for location in files.into_iter().filter_map(location) {
+        let problem = location.problem("the connection is not encrypted, so the file would not be used");
         problems.push(problem.right(if is_embedded {
             "leave it out"
         } else {
@@ -316,45 +317,48 @@ fn embedded(file: &MqttFile, problems: &mut Vec<Problem>) {
     if file.broker.as_ref().is_none_or(|broker| broker.value != Address::Embedded) {
         return;
     }
-    for place in [place(&file.user), place(&file.password_file), place(&file.password_env)].into_iter().flatten() {
-        problems.push(place.problem("the embedded broker knows no users").right("leave it out"));
+    for location in
+        [location(&file.user), location(&file.password_file), location(&file.password_env)].into_iter().flatten()
+    {
+        problems.push(location.problem("the embedded broker knows no users").right("leave it out"));
     }
 }
 
 /// What is announced, and what Home Assistant says of itself, does not stand among the gateway's own topics.
 fn discovery_prefix(file: &MqttFile, problems: &mut Vec<Problem>) {
-    let Some(home_assistant) = file.home_assistant.usable() else { return };
-    let (Some(prefix), Some(own)) = (home_assistant.value.prefix.usable(), file.prefix.or(DEFAULT_PREFIX.to_owned()))
+    let Some(home_assistant) = file.home_assistant.valid() else { return };
+    let (Some(prefix), Some(own)) = (home_assistant.value.prefix.valid(), file.prefix.or(DEFAULT_PREFIX.to_owned()))
     else {
         return;
     };
     if prefix.value.strip_prefix(&own).is_some_and(|rest| rest.starts_with('/')) {
-        let problem = prefix.place.problem(format!("`{}` lies among the gateway's own topics", prefix.value));
+        let problem = prefix.location.problem(format!("`{}` lies among the gateway's own topics", prefix.value));
         problems.push(problem.right(format!("the discovery prefix that Home Assistant is set to: \"{DEFAULT_DISCOVERY_PREFIX}\" unless it was changed there")));
     }
 }
 
 /// What is announced shows what is published.
 fn announced_is_published(file: &MqttFile, problems: &mut Vec<Problem>) {
-    let (Some(home_assistant), Some(list)) = (file.home_assistant.usable(), file.publish.usable()) else { return };
+    let (Some(home_assistant), Some(list)) = (file.home_assistant.valid(), file.publish.valid()) else { return };
     let is_announced = home_assistant.value.discovery.as_ref().is_some_and(|discovery| discovery.value);
     let needed = [Tree::State, Tree::Values, Tree::Line, Tree::Info];
     let missing = needed.into_iter().find(|tree| !list.value.iter().any(|listed| listed.value == *tree));
     if let Some(tree) = missing.filter(|_| is_announced) {
         let what = format!("Home Assistant would show entities of `{}`, which is not published", tree.word());
         let all: Vec<_> = needed.iter().map(|tree| format!("\"{}\"", tree.word())).collect();
-        problems.push(list.place.problem(what).right(format!("a list with {}, or without discovery", all.join(", "))));
+        problems
+            .push(list.location.problem(what).right(format!("a list with {}, or without discovery", all.join(", "))));
     }
 }
 
 /// Keys that would do nothing beside others.
 fn idle(file: &MqttFile, lease: LeaseMode, problems: &mut Vec<Problem>) {
-    let alive_topic = file.alive_topic.usable().filter(|topic| topic.value.is_some());
+    let alive_topic = file.alive_topic.valid().filter(|topic| topic.value.is_some());
     if let (Some(topic), LeaseMode::Explicit) = (alive_topic, lease) {
-        let problem = topic.place.problem("has no effect: an explicit lease does not hang on any topic of others");
+        let problem = topic.location.problem("has no effect: an explicit lease does not hang on any topic of others");
         problems.push(problem.right("leave it out, or lease = \"session\"").warning());
     }
-    if let (Some(prefix), Some(Version::V4)) = (place(&file.response_prefix), file.version.or(Version::V5)) {
+    if let (Some(prefix), Some(Version::V4)) = (location(&file.response_prefix), file.version.or(Version::V5)) {
         let problem = prefix.problem("has no effect: MQTT 3.1.1 has no response topics");
         problems.push(problem.right("leave it out, or version = 5").warning());
     }

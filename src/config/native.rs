@@ -4,19 +4,19 @@ use super::file::DriveFile;
 use crate::domain::control::ControlSettings;
 use crate::domain::problem::{Problem, nearest};
 use crate::profile::model::{Model, Register, Role};
-use crate::profile::reader::{Given, Written};
+use crate::toml_file::{OptionalKey, Spanned};
 use std::time::Duration;
 
 /// The addresses that `drive` lets be written, in the order of the list; nothing: see `problems`.
 pub(super) fn settle(drive: &DriveFile, model: Option<&Model>, problems: &mut Vec<Problem>) -> Option<Vec<u16>> {
-    let Written { value: file, place } = match &drive.native {
-        Given::LeftOut => return Some(Vec::new()),
-        Given::Unusable => return None,
-        Given::Usable(native) => native,
+    let Spanned { value: file, location } = match &drive.native {
+        OptionalKey::Absent => return Some(Vec::new()),
+        OptionalKey::Invalid => return None,
+        OptionalKey::Valid(native) => native,
     };
-    if matches!(drive.control, Given::LeftOut) {
+    if matches!(drive.control, OptionalKey::Absent) {
         let what = "registers are written by those who may command, and the drive has no control section";
-        problems.push(place.problem(what).right("a `[line.drive.control]`, or leave `native` out").warning());
+        problems.push(location.problem(what).right("a `[line.drive.control]`, or leave `native` out").warning());
     }
     let (list, model) = (file.write.as_ref()?, model?);
     let mut addresses = Vec::new();
@@ -24,11 +24,11 @@ pub(super) fn settle(drive: &DriveFile, model: Option<&Model>, problems: &mut Ve
         match named(written, model).and_then(|listed| listed.writable(written)) {
             Ok(listed) if addresses.contains(&listed.address) => {
                 let what = format!("register `{}`, 0x{:04X}, is listed twice", listed.register.name, listed.address);
-                problems.push(written.place.problem(what).right("each once").warning());
+                problems.push(written.location.problem(what).right("each once").warning());
             }
             Ok(listed) if model.sets_watchdog(listed.address) => {
                 let problem =
-                    written.place.problem(format!("`{}` sets the drive's own watchdog", listed.register.name));
+                    written.location.problem(format!("`{}` sets the drive's own watchdog", listed.register.name));
                 problems.push(problem.right("leave it out; `vfd-gateway watchdog` sets it, and nothing else does"));
             }
             Ok(listed) => addresses.push(listed.address),
@@ -41,9 +41,9 @@ pub(super) fn settle(drive: &DriveFile, model: Option<&Model>, problems: &mut Ve
 /// Least time between two writes of a stored register of `drive`; nothing: see the problems.
 pub(super) fn stored_write_interval(drive: &DriveFile) -> Option<Duration> {
     match &drive.native {
-        Given::LeftOut => Some(ControlSettings::STORED_WRITE_INTERVAL),
-        Given::Unusable => None,
-        Given::Usable(native) => native.value.stored_write_interval.or(ControlSettings::STORED_WRITE_INTERVAL),
+        OptionalKey::Absent => Some(ControlSettings::STORED_WRITE_INTERVAL),
+        OptionalKey::Invalid => None,
+        OptionalKey::Valid(native) => native.value.stored_write_interval.or(ControlSettings::STORED_WRITE_INTERVAL),
     }
 }
 
@@ -71,7 +71,7 @@ pub fn listed(model: &Model, address: u16) -> Option<Listed<'_>> {
 
 impl Listed<'_> {
     /// It, if it may be opened for writing.
-    fn writable(self, written: &Written<String>) -> Result<Self, Problem> {
+    fn writable(self, written: &Spanned<String>) -> Result<Self, Problem> {
         // A register that the configuration adds may stand at the address of a twin.
         for register in self.twin_of.into_iter().chain([self.register]) {
             self.is_no_way_around_control(register, written)?;
@@ -79,12 +79,12 @@ impl Listed<'_> {
         if self.register.access.can_write() {
             return Ok(self);
         }
-        let problem = written.place.problem(format!("{} cannot be written", self.called(self.register)));
+        let problem = written.location.problem(format!("{} cannot be written", self.called(self.register)));
         Err(problem.right("registers with the access \"write\" or \"read-write\""))
     }
 
-    fn is_no_way_around_control(self, register: &Register, written: &Written<String>) -> Result<(), Problem> {
-        let refused = |why: &str| written.place.problem(format!("{} {why}", self.called(register)));
+    fn is_no_way_around_control(self, register: &Register, written: &Spanned<String>) -> Result<(), Problem> {
+        let refused = |why: &str| written.location.problem(format!("{} {why}", self.called(register)));
         if let Some(why) = &register.back_door {
             return Err(refused(&format!("is never written: {why}")).right("leave it out"));
         }
@@ -107,18 +107,18 @@ impl Listed<'_> {
 }
 
 /// What `written` calls by the name or the code of a register or, in hexadecimal, by an address.
-fn named<'m>(written: &Written<String>, model: &'m Model) -> Result<Listed<'m>, Problem> {
+fn named<'m>(written: &Spanned<String>, model: &'m Model) -> Result<Listed<'m>, Problem> {
     let text = written.value.as_str();
     if let Some(digits) = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         let address = u16::from_str_radix(digits, 16).ok().filter(|_| !digits.starts_with('+'));
         return address.and_then(|address| listed(model, address)).ok_or_else(|| {
-            let problem = written.place.problem(format!("{} has no register at `{text}`", model.id));
+            let problem = written.location.problem(format!("{} has no register at `{text}`", model.id));
             problem.right("the address of a register of the model, or of one added by `[[line.drive.register]]`")
         });
     }
     model.register_named(text).and_then(|register| listed(model, register.address)).ok_or_else(|| {
         let labels = model.registers.iter().flat_map(|it| it.code.as_deref().into_iter().chain([it.name.as_str()]));
-        let problem = written.place.problem(format!("{} has no register `{text}`", model.id));
+        let problem = written.location.problem(format!("{} has no register `{text}`", model.id));
         match nearest(text, labels) {
             Some(near) => problem.right(format!("\"{near}\"")),
             None => problem.right("a name or a code of the model, or an address as \"0x020C\""),

@@ -6,8 +6,8 @@ use crate::domain::problem::{Problem, nearest};
 use crate::drive::description::Points;
 use crate::north::mqtt::Tree;
 use crate::profile::model::{Model, Register};
-use crate::profile::reader::{Given, Written};
 use crate::profile::scale::digits_of;
+use crate::toml_file::{OptionalKey, Spanned};
 
 /// The tables of `drive`, by the names of registers that are polled; nothing: see `problems`. `is_published`: whether
 /// there is a broker to publish to.
@@ -21,7 +21,7 @@ pub(super) fn settle(
     let heartbeats = named(&drive.heartbeats, "a heartbeat", model, is_published, problems);
     let decimals = named(&drive.decimals, "the count of decimals", model, is_published, problems);
     let mut points = Points { dead_bands: dead_bands?, heartbeats: heartbeats?, decimals: decimals? };
-    if let (Given::Usable(table), Some(model)) = (&drive.decimals, model) {
+    if let (OptionalKey::Valid(table), Some(model)) = (&drive.decimals, model) {
         let left_out = too_fine(&table.value, model, problems);
         points.decimals.retain(|(name, _)| !left_out.contains(&name.as_str()));
     }
@@ -30,25 +30,25 @@ pub(super) fn settle(
 
 /// The values of one table.
 fn named<T: Copy>(
-    given: &Given<Vec<(String, Written<T>)>>,
+    given: &OptionalKey<Vec<(String, Spanned<T>)>>,
     what: &str,
     model: Option<&Model>,
     is_published: bool,
     problems: &mut Vec<Problem>,
 ) -> Option<Vec<(String, T)>> {
-    let Written { value: table, place } = match given {
-        Given::LeftOut => return Some(Vec::new()),
-        Given::Unusable => return None,
-        Given::Usable(table) => table,
+    let Spanned { value: table, location } = match given {
+        OptionalKey::Absent => return Some(Vec::new()),
+        OptionalKey::Invalid => return None,
+        OptionalKey::Valid(table) => table,
     };
     if !is_published {
         let problem =
-            place.problem(format!("has no effect: {what} is about what goes to a broker, and there is no `[mqtt]`"));
+            location.problem(format!("has no effect: {what} is about what goes to a broker, and there is no `[mqtt]`"));
         problems.push(problem.right("leave it out").warning());
     }
     let polled: Vec<&str> = polled(model?).map(|it| it.name.as_str()).collect();
     for (name, written) in table.iter().filter(|(name, _)| !polled.contains(&name.as_str())) {
-        let problem = written.place.problem(format!("has no effect: no register `{name}` is polled")).warning();
+        let problem = written.location.problem(format!("has no effect: no register `{name}` is polled")).warning();
         problems.push(match nearest(name, polled.iter().copied()) {
             Some(near) => problem.right(format!("`{near}`")),
             None => problem.right(format!("one of {}", polled.join(", "))),
@@ -63,12 +63,12 @@ fn polled(model: &Model) -> impl Iterator<Item = &Register> {
 }
 
 /// The names of those that would get digits that they have not, which would only look exact.
-fn too_fine<'t>(table: &'t [(String, Written<u8>)], model: &Model, problems: &mut Vec<Problem>) -> Vec<&'t str> {
+fn too_fine<'t>(table: &'t [(String, Spanned<u8>)], model: &Model, problems: &mut Vec<Problem>) -> Vec<&'t str> {
     let mut left_out = Vec::new();
     for (name, written) in table {
         let register = polled(model).find(|it| it.name == *name);
         let Some(most) = register.map(|it| digits_of(it.scale)).filter(|most| written.value > *most) else { continue };
-        let problem = written.place.problem(format!("has no effect: `{name}` is not finer than {most} decimals"));
+        let problem = written.location.problem(format!("has no effect: `{name}` is not finer than {most} decimals"));
         let right = if most == 0 { "leave it out".to_owned() } else { format!("0 to {most}") };
         problems.push(problem.right(right).warning());
         left_out.push(name.as_str());
@@ -78,18 +78,18 @@ fn too_fine<'t>(table: &'t [(String, Written<u8>)], model: &Model, problems: &mu
 
 /// Tables that would do nothing, because what they are about is not published.
 pub(super) fn idle(file: &File, problems: &mut Vec<Problem>) {
-    let Some(written) = file.mqtt.usable().map(|written| &written.value) else { return };
+    let Some(written) = file.mqtt.valid().map(|written| &written.value) else { return };
     let Some(publish) = mqtt::publish(written) else { return };
     let has_values = publish.contains(&Tree::Values);
     let is_any_shown = has_values || publish.contains(&Tree::State) || written.keep_telemetry.or(0) != Some(0);
     for drive in file.lines.iter().flat_map(|line| &line.drives) {
         let tables = [
-            (drive.dead_bands.usable().map(|it| &it.place), is_any_shown),
-            (drive.decimals.usable().map(|it| &it.place), is_any_shown),
-            (drive.heartbeats.usable().map(|it| &it.place), has_values),
+            (drive.dead_bands.valid().map(|it| &it.location), is_any_shown),
+            (drive.decimals.valid().map(|it| &it.location), is_any_shown),
+            (drive.heartbeats.valid().map(|it| &it.location), has_values),
         ];
-        for place in tables.into_iter().filter(|(_, is_used)| !is_used).filter_map(|(place, _)| place) {
-            let problem = place.problem("has no effect: it is about topics that `publish` in `[mqtt]` leaves out");
+        for location in tables.into_iter().filter(|(_, is_used)| !is_used).filter_map(|(location, _)| location) {
+            let problem = location.problem("has no effect: it is about topics that `publish` in `[mqtt]` leaves out");
             problems.push(problem.right("leave it out, or add \"values\" there").warning());
         }
     }

@@ -5,7 +5,7 @@ use super::host::{host_and_port, port_number};
 use super::ready::PortAddress;
 use crate::domain::link::Interface;
 use crate::domain::problem::Problem;
-use crate::profile::reader::{Given, Place};
+use crate::toml_file::{Location, OptionalKey};
 use std::net::Ipv6Addr;
 use std::path::PathBuf;
 
@@ -51,16 +51,16 @@ pub(super) fn parse(text: &str) -> Result<PortAddress, Wrong> {
 
 /// Reports the keys of `line` that have no effect with its port or its interface.
 pub(super) fn check(line: &LineFile, problems: &mut Vec<Problem>) {
-    let mut leave_out = |place: &Place, what: &str| {
-        problems.push(place.problem(format!("has no effect: {what}")).right("leave it out").warning());
+    let mut leave_out = |location: &Location, what: &str| {
+        problems.push(location.problem(format!("has no effect: {what}")).right("leave it out").warning());
     };
-    if let (Given::Usable(rs485), Some(why)) = (&line.direction, why_not_turned(line)) {
-        leave_out(&rs485.place, why);
+    if let (OptionalKey::Valid(rs485), Some(why)) = (&line.direction, why_not_turned(line)) {
+        leave_out(&rs485.location, why);
     }
-    if let Given::Usable(low_latency) = &line.low_latency
+    if let OptionalKey::Valid(low_latency) = &line.low_latency
         && is_tcp(line)
     {
-        leave_out(&low_latency.place, "a network connection has no driver whose latency could be set");
+        leave_out(&low_latency.location, "a network connection has no driver whose latency could be set");
     }
 }
 
@@ -69,7 +69,7 @@ pub(super) fn why_not_turned(line: &LineFile) -> Option<&'static str> {
     if is_tcp(line) {
         return Some("the direction is turned by the serial device server, not from here");
     }
-    let rs232 = line.interface.usable().filter(|interface| interface.value == Interface::Rs232);
+    let rs232 = line.interface.valid().filter(|interface| interface.value == Interface::Rs232);
     rs232.map(|_| "RS-232 has a wire for each direction, and nothing to turn")
 }
 

@@ -5,7 +5,7 @@ use crate::domain::problem::Problem;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::Ratings;
 use crate::profile::model::{Model, Role};
-use crate::profile::reader::Given;
+use crate::toml_file::OptionalKey;
 
 /// Something that a nameplate states, and what is in per cent of it.
 struct Rated {
@@ -36,12 +36,17 @@ impl Rated {
         model.quirks.percent_of_rated.is_some() && self.roles.iter().any(is_relative)
     }
 
-    fn settle(&self, given: &Given<u32>, model: Option<&Model>, problems: &mut Vec<Problem>) -> Option<Option<u32>> {
-        if let (Given::Usable(written), Some(model)) = (given, model)
+    fn settle(
+        &self,
+        given: &OptionalKey<u32>,
+        model: Option<&Model>,
+        problems: &mut Vec<Problem>,
+    ) -> Option<Option<u32>> {
+        if let (OptionalKey::Valid(written), Some(model)) = (given, model)
             && !self.is_used_by(model)
         {
             let what = format!("has no effect: {} reports no {} in per cent of the rated one", model.id, self.what);
-            problems.push(written.place.problem(what).right("leave it out").warning());
+            problems.push(written.location.problem(what).right("leave it out").warning());
         }
         given.clone().optional()
     }

@@ -16,8 +16,8 @@ use crate::drive::description::{Points, Ratings};
 use crate::north::modbus::Limits;
 use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;
-use crate::profile::reader::{Given, Place, Written};
 use crate::profile::register::with_extra;
+use crate::toml_file::{Location, OptionalKey, Spanned};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
@@ -36,9 +36,9 @@ pub(super) struct Models<'a> {
 /// The ready configuration; nothing if anything of `file` cannot be used, which `problems` then says.
 pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Problem>) -> Option<Config> {
     unique(file, problems);
-    let are_all = models.are_all && !matches!(file.gateway.model_dirs, Given::Unusable);
+    let are_all = models.are_all && !matches!(file.gateway.model_dirs, OptionalKey::Invalid);
     let models = Models { are_all, ..models };
-    let is_published = !matches!(file.mqtt, Given::LeftOut);
+    let is_published = !matches!(file.mqtt, OptionalKey::Absent);
     let defaults = mqtt::defaults(file);
     let of_mqtt = is_published.then_some(defaults);
     let parts: Vec<LineParts> = file.lines.iter().map(|line| parts_of(line, models, of_mqtt, problems)).collect();
@@ -57,8 +57,8 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
         let line = ready_line(file, parts, units);
         ready.push(line.inspect(|line| {
             line_plan::check(file, line, problems);
-            for (place, drive) in file.drives.iter().enumerate() {
-                watchdog::is_fed(drive, line, place, problems);
+            for (location, drive) in file.drives.iter().enumerate() {
+                watchdog::is_fed(drive, line, location, problems);
             }
         }));
     }
@@ -83,19 +83,19 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
 
 /// Without a directory there is nowhere to keep anything.
 fn ready_journal(journal: &JournalFile, file: &File, problems: &mut Vec<Problem>) -> Option<JournalSettings> {
-    if matches!(file.gateway.data_dir, Given::LeftOut) {
-        let problem = journal.place.problem("has no effect: there is no journal without a data directory");
+    if matches!(file.gateway.data_dir, OptionalKey::Absent) {
+        let problem = journal.location.problem("has no effect: there is no journal without a data directory");
         problems.push(problem.right("`data_dir` in `[gateway]`, or no `[journal]`").warning());
     }
     Some(JournalSettings { max_bytes: journal.max_size.or(JournalSettings::default().max_bytes)? })
 }
 
 /// What `settle` makes of a table, nothing inside where it is left out; nothing at all: see the problems.
-fn whole<T, U>(given: &Given<T>, settle: impl FnOnce(&T) -> Option<U>) -> Option<Option<U>> {
+fn whole<T, U>(given: &OptionalKey<T>, settle: impl FnOnce(&T) -> Option<U>) -> Option<Option<U>> {
     match given {
-        Given::LeftOut => Some(None),
-        Given::Unusable => None,
-        Given::Usable(written) => settle(&written.value).map(Some),
+        OptionalKey::Absent => Some(None),
+        OptionalKey::Invalid => None,
+        OptionalKey::Valid(written) => settle(&written.value).map(Some),
     }
 }
 
@@ -122,29 +122,29 @@ fn unique(file: &File, problems: &mut Vec<Problem>) {
     once(drive_names, |name| format!("the name `{name}`"), "a name that no other drive of the gateway has", problems);
     let right = "a port of its own; drives on one bus belong to one line";
     once(ports, |port| format!("the port {port}"), right, problems);
-    let model_dirs = file.gateway.model_dirs.usable().map_or(&[][..], |dirs| &dirs.value);
+    let model_dirs = file.gateway.model_dirs.valid().map_or(&[][..], |dirs| &dirs.value);
     for (at, dir) in model_dirs.iter().enumerate() {
         if model_dirs.iter().take(at).any(|earlier| earlier.value == dir.value) {
-            let problem = dir.place.problem(format!("the directory {} is listed twice", dir.value.display()));
+            let problem = dir.location.problem(format!("the directory {} is listed twice", dir.value.display()));
             problems.push(problem.right("each directory once").warning());
         }
     }
 }
 
 fn once<'a, T: Ord + 'a>(
-    values: impl Iterator<Item = &'a Written<T>>,
+    values: impl Iterator<Item = &'a Spanned<T>>,
     called: impl Fn(&T) -> String,
     right: &str,
     problems: &mut Vec<Problem>,
 ) {
-    let mut seen: BTreeMap<&T, &Place> = BTreeMap::new();
+    let mut seen: BTreeMap<&T, &Location> = BTreeMap::new();
     for written in values {
         let Some(first) = seen.get(&written.value) else {
-            seen.insert(&written.value, &written.place);
+            seen.insert(&written.value, &written.location);
             continue;
         };
         let what = format!("{} is taken by {}", called(&written.value), first.key);
-        problems.push(written.place.problem(what).right(right));
+        problems.push(written.location.problem(what).right(right));
     }
 }
 
@@ -180,10 +180,10 @@ fn drive_parts(
 }
 
 fn alone_on_rs232(line: &LineFile, problems: &mut Vec<Problem>) {
-    let rs232 = line.interface.usable().filter(|interface| interface.value == Interface::Rs232);
+    let rs232 = line.interface.valid().filter(|interface| interface.value == Interface::Rs232);
     if let Some(rs232) = rs232.filter(|_| line.drives.len() > 1) {
         let what = format!("RS-232 carries one drive, and this line has {}", line.drives.len());
-        problems.push(rs232.place.problem(what).right("\"rs485\", or a line for each drive"));
+        problems.push(rs232.location.problem(what).right("\"rs485\", or a line for each drive"));
     }
 }
 
@@ -200,8 +200,8 @@ fn model_of(drive: &DriveFile, models: Models<'_>, problems: &mut Vec<Problem>) 
     Some(Arc::new(with_extra(&model, &drive.registers, problems)))
 }
 
-fn unknown_model(written: &Written<String>, catalog: &Catalog) -> Problem {
-    let problem = written.place.problem(format!("there is no model `{}`", written.value));
+fn unknown_model(written: &Spanned<String>, catalog: &Catalog) -> Problem {
+    let problem = written.location.problem(format!("there is no model `{}`", written.value));
     match nearest(&written.value, catalog.ids()) {
         Some(near) => problem.right(format!("\"{near}\"")),
         None => problem.right(format!(
@@ -219,14 +219,14 @@ fn stations(line: &LineFile, parts: &[DriveParts], problems: &mut Vec<Problem>) 
         if let Some(model) = parts.model.as_ref().filter(|it| !it.link.stations.value.contains(&station.value.0)) {
             let range = &model.link.stations.value;
             let what = format!("station {} cannot be set on {}", station.value, model.id);
-            problems.push(station.place.problem(what).right(format!("{} to {}", range.start(), range.end())));
+            problems.push(station.location.problem(what).right(format!("{} to {}", range.start(), range.end())));
         }
         let Some(owner) = owners.get(&station.value) else {
             owners.insert(station.value, drive);
             continue;
         };
         let what = format!("{} and {} would both answer at station {}", owner.label(), drive.label(), station.value);
-        problems.push(station.place.problem(what).right("a station that no other drive of the line has"));
+        problems.push(station.location.problem(what).right("a station that no other drive of the line has"));
     }
 }
 
@@ -292,13 +292,13 @@ fn ready_drive(drive: &DriveFile, parts: DriveParts, line: &Shared, units: Units
 fn ready_listener(listener: &ListenerFile, served: BTreeSet<usize>) -> Option<ListenerSettings> {
     let lines = listener.lines.clone().optional()?.map(|_| served.into_iter().collect());
     let stop = match &listener.stop {
-        Given::LeftOut => None,
+        OptionalKey::Absent => None,
         given => Some(lists::values(given)?),
     };
     let allow = listener.allow.clone().optional()?;
     let tls = listener_tls::settle(listener)?;
     let write = match (&listener.write, &tls) {
-        (Given::LeftOut, Some(tls)) => listener_tls::networks(allow.as_deref(), tls),
+        (OptionalKey::Absent, Some(tls)) => listener_tls::networks(allow.as_deref(), tls),
         (write, _) => lists::values(write)?,
     };
     Some(ListenerSettings {
@@ -309,7 +309,7 @@ fn ready_listener(listener: &ListenerFile, served: BTreeSet<usize>) -> Option<Li
         stop,
         reads_renew: listener.reads_renew.or(false)?,
         units: match &listener.units {
-            Given::LeftOut => None,
+            OptionalKey::Absent => None,
             given => Some(lists::values(given)?),
         },
         connections_max: listener.connections_max.clone().optional()?.map(|most| most as usize),

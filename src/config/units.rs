@@ -3,7 +3,7 @@
 use super::file::{DriveFile, File, ListenerFile};
 use crate::domain::ids::UnitId;
 use crate::domain::problem::Problem;
-use crate::profile::reader::{Given, Place};
+use crate::toml_file::{Location, OptionalKey};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// How far the uniform unit of a drive that names none lies above its native one.
@@ -63,15 +63,15 @@ fn native_of(
     problems: &mut Vec<Problem>,
 ) -> Option<UnitId> {
     match &drive.unit {
-        Given::Usable(written) => return Some(written.value),
-        Given::Unusable => return None,
-        Given::LeftOut => {}
+        OptionalKey::Valid(written) => return Some(written.value),
+        OptionalKey::Invalid => return None,
+        OptionalKey::Absent => {}
     }
     // No model has a station that is no unit, so what falls out here is reported as a station.
     let station = drive.station.as_ref().and_then(|station| UnitId::new(station.value.0));
     let Some(listener) = shared else { return station };
     let what = format!("`unit` is left out, and {} serves more than one line", listener.label());
-    problems.push(free.native_instead(drive.place.missing("unit").problem(what), drive, station));
+    problems.push(free.native_instead(drive.location.missing("unit").problem(what), drive, station));
     None
 }
 
@@ -83,9 +83,9 @@ fn uniform_of(
     problems: &mut Vec<Problem>,
 ) -> Option<UnitId> {
     match &drive.uniform_unit {
-        Given::Usable(written) => return Some(written.value),
-        Given::Unusable => return None,
-        Given::LeftOut => {}
+        OptionalKey::Valid(written) => return Some(written.value),
+        OptionalKey::Invalid => return None,
+        OptionalKey::Absent => {}
     }
     let native = native?;
     let uniform = default_uniform(native);
@@ -94,7 +94,7 @@ fn uniform_of(
             "`uniform_unit` is left out, and its default of {native} + {UNIFORM_ABOVE} is beyond {}",
             UnitId::MAX
         );
-        problems.push(free.uniform_instead(drive.place.missing("uniform_unit").problem(what)));
+        problems.push(free.uniform_instead(drive.location.missing("uniform_unit").problem(what)));
     }
     uniform
 }
@@ -118,7 +118,7 @@ impl Side {
         }
     }
 
-    const fn given(self, drive: &DriveFile) -> &Given<UnitId> {
+    const fn given(self, drive: &DriveFile) -> &OptionalKey<UnitId> {
         match self {
             Self::Native => &drive.unit,
             Self::Uniform => &drive.uniform_unit,
@@ -135,13 +135,13 @@ struct Claim<'a> {
 
 impl Claim<'_> {
     fn is_default(&self) -> bool {
-        matches!(self.side.given(self.drive), Given::LeftOut)
+        matches!(self.side.given(self.drive), OptionalKey::Absent)
     }
 
-    fn place(&self) -> Place {
+    fn location(&self) -> Location {
         match self.side.given(self.drive) {
-            Given::Usable(written) => written.place.clone(),
-            Given::LeftOut | Given::Unusable => self.drive.place.missing(self.side.key()),
+            OptionalKey::Valid(written) => written.location.clone(),
+            OptionalKey::Absent | OptionalKey::Invalid => self.drive.location.missing(self.side.key()),
         }
     }
 
@@ -194,7 +194,7 @@ fn clash(owner: Claim<'_>, claim: Claim<'_>, unit: UnitId, free: &mut Free) -> P
     } else {
         format!("{} and {} would both answer at unit {unit}", owner.label(), claim.label())
     };
-    let problem = claim.place().problem(what);
+    let problem = claim.location().problem(what);
     match claim.side {
         Side::Native => free.native_instead(problem, claim.drive, None),
         Side::Uniform => free.uniform_instead(problem),
@@ -213,14 +213,14 @@ impl Free {
             (0..).zip(&file.lines).flat_map(|(index, line)| line.drives.iter().map(move |it| (index, it)))
         {
             let native = match (&drive.unit, &drive.station) {
-                (Given::Usable(unit), _) => Some(unit.value),
-                (Given::LeftOut, Some(station)) if !shared.contains_key(&line) => UnitId::new(station.value.0),
+                (OptionalKey::Valid(unit), _) => Some(unit.value),
+                (OptionalKey::Absent, Some(station)) if !shared.contains_key(&line) => UnitId::new(station.value.0),
                 _ => None,
             };
             let uniform = match &drive.uniform_unit {
-                Given::Usable(unit) => Some(unit.value),
-                Given::LeftOut => native.and_then(default_uniform),
-                Given::Unusable => None,
+                OptionalKey::Valid(unit) => Some(unit.value),
+                OptionalKey::Absent => native.and_then(default_uniform),
+                OptionalKey::Invalid => None,
             };
             used.extend(native.into_iter().chain(uniform));
         }
@@ -230,7 +230,7 @@ impl Free {
     /// Adds to `problem` a unit for the native registers of `drive`, `wanted` if that is free. Where the uniform
     /// unit follows the native one, that is free too.
     fn native_instead(&mut self, problem: Problem, drive: &DriveFile, wanted: Option<UnitId>) -> Problem {
-        let follows = matches!(drive.uniform_unit, Given::LeftOut);
+        let follows = matches!(drive.uniform_unit, OptionalKey::Absent);
         let fits = |unit: &UnitId| !follows || default_uniform(*unit).is_some_and(|it| !self.used.contains(&it));
         let unit = self.units(wanted).find(fits);
         if let Some(unit) = unit {

@@ -5,8 +5,8 @@ use super::line_plan;
 use super::ready::LineSettings;
 use crate::domain::problem::Problem;
 use crate::profile::model::Model;
-use crate::profile::reader::Written;
-use crate::profile::values::duration_text;
+use crate::toml_file::Spanned;
+use crate::toml_file::values::duration_text;
 
 /// Whoever relies on a watchdog has a model whose watchdog is known. A time that only limits how long it is waited for
 /// relies on none.
@@ -19,33 +19,34 @@ pub(super) fn check(file: &ControlFile, model: &Model, problems: &mut Vec<Proble
         None
     };
     if let Some(why) = why {
-        let required = file.require_watchdog.usable().filter(|required| required.value).map(|it| &it.place);
-        for place in required.into_iter().chain(file.watchdog.usable().map(|it| &it.place)) {
-            problems.push(place.problem(why.clone()).right("leave it out"));
+        let required = file.require_watchdog.valid().filter(|required| required.value).map(|it| &it.location);
+        for location in required.into_iter().chain(file.watchdog.valid().map(|it| &it.location)) {
+            problems.push(location.problem(why.clone()).right("leave it out"));
         }
-        if let Some(timeout) = file.failsafe_confirm_timeout.usable() {
-            let problem = timeout.place.problem(format!("has no effect: {why}"));
+        if let Some(timeout) = file.failsafe_confirm_timeout.valid() {
+            let problem = timeout.location.problem(format!("has no effect: {why}"));
             problems.push(problem.right("leave it out").warning());
         }
     }
-    let Some(Written { value: time, place }) = file.watchdog.usable().filter(|_| model.watchdog_is_proven()) else {
+    let Some(Spanned { value: time, location }) = file.watchdog.valid().filter(|_| model.watchdog_is_proven()) else {
         return;
     };
     if model.watchdog_word(Some(*time)).is_none() {
         let what = format!("the watchdog of {} cannot be set to {}", model.id, duration_text(*time));
-        problems.push(place.problem(what).right("a time in its steps and within its range"));
+        problems.push(location.problem(what).right("a time in its steps and within its range"));
     }
     if let Some(lost_after) = file.lost_after.as_ref().filter(|lost_after| lost_after.value < *time) {
         let (time, lease) = (duration_text(*time), duration_text(lost_after.value));
-        let problem = place.problem(format!("a watchdog of {time} takes longer than `lost_after`, {lease}"));
+        let problem = location.problem(format!("a watchdog of {time} takes longer than `lost_after`, {lease}"));
         problems.push(problem.right(format!("at most \"{lease}\", or a longer `lost_after`")));
     }
 }
 
 /// A watchdog is fed in time, whatever holds the frames to the drive up: those of `line` at `place`, as `drive` says it.
-pub(super) fn is_fed(drive: &DriveFile, line: &LineSettings, place: usize, problems: &mut Vec<Problem>) {
-    let written = drive.control.usable().and_then(|control| control.value.watchdog.usable());
-    let (Some(Written { value: time, place: at }), Some(gap)) = (written, line_plan::longest_gap(line, place)) else {
+pub(super) fn is_fed(drive: &DriveFile, line: &LineSettings, location: usize, problems: &mut Vec<Problem>) {
+    let written = drive.control.valid().and_then(|control| control.value.watchdog.valid());
+    let (Some(Spanned { value: time, location: at }), Some(gap)) = (written, line_plan::longest_gap(line, location))
+    else {
         return;
     };
     let least = gap * 2;

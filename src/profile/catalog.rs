@@ -2,8 +2,8 @@
 
 use super::check;
 use super::model::Model;
-use super::reader::Place;
 use crate::domain::problem::Problem;
+use crate::toml_file::Location;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -58,7 +58,7 @@ impl Catalog {
         self.models.keys().map(String::as_str)
     }
 
-    fn add(&mut self, model: Model, file: &str, id: &Place) -> Result<(), Vec<Problem>> {
+    fn add(&mut self, model: Model, file: &str, id: &Location) -> Result<(), Vec<Problem>> {
         if let Some(taken) = self.models.get(&model.id) {
             let problem = id.problem(format!("`{}` is the model of {}", model.id, taken.file));
             return Err(vec![problem.right("an identifier of its own")]);

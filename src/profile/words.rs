@@ -1,41 +1,13 @@
-//! The words that files use for enumerations: one table each, for reading and for showing.
+//! The words of a model file for enumerations: one table each, for reading and for showing.
 
 use super::model::{
     Access, BitMeaning, Boundary, Confidence, DocumentKind, Flag, Memory, Part, PollClass, RefusedWrite, Role,
 };
-use crate::domain::link::{EchoPolicy, Framing, Interface, Parity};
-use crate::domain::units::UnitOfMeasure;
 
 /// The table of an enumeration that knows its own words.
 macro_rules! own_words {
     ($kind:ident: $($value:ident),+) => { [$(($kind::$value.word(), $kind::$value)),+] };
 }
-
-/// Parities.
-pub const PARITIES: [(&str, Parity); 3] = [("none", Parity::None), ("even", Parity::Even), ("odd", Parity::Odd)];
-
-/// Framings.
-pub const FRAMINGS: [(&str, Framing); 2] = [("rtu", Framing::Rtu), ("ascii", Framing::Ascii)];
-
-/// What to do about an echo.
-pub const ECHO_POLICIES: [(&str, EchoPolicy); 2] = [("refuse", EchoPolicy::Refuse), ("strip", EchoPolicy::Strip)];
-
-/// Interfaces.
-pub const INTERFACES: [(&str, Interface); 2] = [("rs485", Interface::Rs485), ("rs232", Interface::Rs232)];
-
-/// Units of measure.
-pub const UNITS: [(&str, UnitOfMeasure); 10] = [
-    (UnitOfMeasure::Hertz.symbol(), UnitOfMeasure::Hertz),
-    (UnitOfMeasure::Ampere.symbol(), UnitOfMeasure::Ampere),
-    (UnitOfMeasure::Volt.symbol(), UnitOfMeasure::Volt),
-    (UnitOfMeasure::Kilowatt.symbol(), UnitOfMeasure::Kilowatt),
-    (UnitOfMeasure::Percent.symbol(), UnitOfMeasure::Percent),
-    (UnitOfMeasure::Celsius.symbol(), UnitOfMeasure::Celsius),
-    (UnitOfMeasure::Second.symbol(), UnitOfMeasure::Second),
-    (UnitOfMeasure::Hour.symbol(), UnitOfMeasure::Hour),
-    (UnitOfMeasure::Rpm.symbol(), UnitOfMeasure::Rpm),
-    (UnitOfMeasure::None.symbol(), UnitOfMeasure::None),
-];
 
 /// Who may do what with a register.
 pub const ACCESSES: [(&str, Access); 3] =
@@ -125,21 +97,14 @@ pub const ROLES: [(&str, Role); 22] = [
     ("trip-history", Role::TripHistory),
 ];
 
-/// The word for `value` in `words`; `?` where it has none.
-#[must_use]
-pub fn word_for<T: PartialEq>(words: &[(&'static str, T)], value: &T) -> &'static str {
-    words.iter().find(|(_, it)| it == value).map_or("?", |(word, _)| word)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::toml_file::words::word_for;
 
     #[test]
     fn every_value_has_its_word() {
-        assert_eq!(word_for(&PARITIES, &Parity::Odd), "odd");
         assert_eq!(word_for(&ROLES, &Role::TripCause), "trip-cause");
-        assert_eq!(word_for(&UNITS, &UnitOfMeasure::None), "-");
         assert_eq!(word_for(&POLL_CLASSES[..1], &PollClass::Slow), "?");
     }
 }

@@ -9,8 +9,8 @@ use crate::domain::control::{ControlAction, ControlSettings, FailSafe, Ownership
 use crate::line::budget::{Budget, PlannedRead};
 use crate::line::timeouts::Class;
 use crate::profile::model::{Memory, Model, RunForm, SetupItem, Watchdog};
-use crate::profile::values::duration_text;
-use crate::profile::words::word_for;
+use crate::toml_file::values::duration_text;
+use crate::toml_file::words::word_for;
 use std::fmt::{Result, Write};
 use std::time::Duration;
 

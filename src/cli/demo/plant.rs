@@ -5,7 +5,7 @@ use crate::domain::ids::Station;
 use crate::domain::link::{Framing, Interface, LinkSettings};
 use crate::profile::check;
 use crate::profile::model::{Model, RunCommand};
-use crate::profile::words::{PARITIES, word_for};
+use crate::toml_file::words::{PARITIES, word_for};
 use crate::vendors;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;

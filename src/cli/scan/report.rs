@@ -5,7 +5,7 @@ use super::survey::{Finding, Findings};
 use crate::cli::setup::table;
 use crate::config::PortAddress;
 use crate::domain::link::{Framing, LinkSettings};
-use crate::profile::words::{FRAMINGS, PARITIES, word_for};
+use crate::toml_file::words::{FRAMINGS, PARITIES, word_for};
 use serde_json::{Value, json};
 use std::fmt::Write;
 

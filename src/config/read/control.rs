@@ -6,8 +6,8 @@ use super::super::words::{self, ACTIONS, COMMANDS, DIRECTIONS, FAIL_SAFES, LEASE
 use super::refuse_not_served;
 use crate::domain::frequency::Hertz;
 use crate::domain::problem::Problem;
-use crate::profile::reader::{Given, Needed, Reader, Written};
-use crate::profile::values::Kind;
+use crate::toml_file::values::Kind;
+use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
@@ -72,21 +72,23 @@ fn read_limits(reader: &mut Reader<'_, '_>) -> Option<LimitsFile> {
     Some(limits)
 }
 
-fn read_hertz(reader: &mut Reader<'_, '_>, key: &'static str) -> Given<Hertz> {
+fn read_hertz(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<Hertz> {
     match reader.optional(key, &Kind::decimal(HERTZ)) {
-        Given::LeftOut => Given::LeftOut,
-        Given::Unusable => Given::Unusable,
-        Given::Usable(written) => exact(Some(written), reader.problems()).map_or(Given::Unusable, Given::Usable),
+        OptionalKey::Absent => OptionalKey::Absent,
+        OptionalKey::Invalid => OptionalKey::Invalid,
+        OptionalKey::Valid(written) => {
+            exact(Some(written), reader.problems()).map_or(OptionalKey::Invalid, OptionalKey::Valid)
+        }
     }
 }
 
 /// The frequency in exact steps: it is compared with setpoints, and nothing may hang on rounding there.
-fn exact(written: Needed<f64>, problems: &mut Vec<Problem>) -> Needed<Hertz> {
-    let Written { value, place } = written?;
+fn exact(written: RequiredKey<f64>, problems: &mut Vec<Problem>) -> RequiredKey<Hertz> {
+    let Spanned { value, location } = written?;
     match Hertz::from_f64(value) {
-        Ok(value) => Some(Written { value, place }),
+        Ok(value) => Some(Spanned { value, location }),
         Err(wrong) => {
-            problems.push(place.problem(format!("{value} is {wrong}")).right("at most three decimals"));
+            problems.push(location.problem(format!("{value} is {wrong}")).right("at most three decimals"));
             None
         }
     }

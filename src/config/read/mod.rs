@@ -10,10 +10,10 @@ use super::words::{DIRECTION_CONTROLS, REMOVALS, of_removal};
 use super::{keys, port};
 use crate::domain::ids::{Name, Station, UnitId};
 use crate::domain::problem::Problem;
-use crate::profile::reader::{Given, Needed, Reader, Written, document};
 use crate::profile::register::{RegisterFile, extra_register};
-use crate::profile::values::Kind;
-use crate::profile::words::{ECHO_POLICIES, FRAMINGS, INTERFACES, PARITIES};
+use crate::toml_file::values::Kind;
+use crate::toml_file::words::{ECHO_POLICIES, FRAMINGS, INTERFACES, PARITIES};
+use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned, document};
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -39,9 +39,9 @@ pub(super) fn read(text: &str, problems: &mut Vec<Problem>) -> Option<File> {
     let mut reader = Reader::new(document.section(), problems);
     refuse_not_served(&mut reader, keys::Section::Root);
     let gateway = match inner(&mut reader, "gateway", read_gateway) {
-        Given::Usable(gateway) => gateway.value,
-        Given::LeftOut => GatewayFile::LEFT_OUT,
-        Given::Unusable => GatewayFile { model_dirs: Given::Unusable, ..GatewayFile::LEFT_OUT },
+        OptionalKey::Valid(gateway) => gateway.value,
+        OptionalKey::Absent => GatewayFile::LEFT_OUT,
+        OptionalKey::Invalid => GatewayFile { model_dirs: OptionalKey::Invalid, ..GatewayFile::LEFT_OUT },
     };
     let file = File {
         gateway,
@@ -52,7 +52,7 @@ pub(super) fn read(text: &str, problems: &mut Vec<Problem>) -> Option<File> {
         http: inner(&mut reader, "http", network::read_http),
     };
     if file.lines.is_empty() {
-        let problem = reader.place().missing("line").problem("there is no line");
+        let problem = reader.location().missing("line").problem("there is no line");
         reader.problems().push(problem.right("`[[line]]` with `name`, `port` and at least one `[[line.drive]]`"));
     }
     reader.finish();
@@ -74,7 +74,7 @@ fn read_gateway(mut reader: Reader<'_, '_>) -> GatewayFile {
 fn read_journal(mut reader: Reader<'_, '_>) -> JournalFile {
     refuse_not_served(&mut reader, keys::Section::Journal);
     let size = Kind::parsed("a size from \"1MB\" to \"16GB\"", size_bytes);
-    let journal = JournalFile { place: reader.place().clone(), max_size: reader.optional("max_size", &size) };
+    let journal = JournalFile { location: reader.location().clone(), max_size: reader.optional("max_size", &size) };
     reader.finish();
     journal
 }
@@ -92,12 +92,14 @@ fn size_bytes(text: &str) -> Option<u64> {
 }
 
 /// The directories of `text` that hold models; none where it is no TOML, or where one of them is wrong.
-pub(super) fn model_dirs(text: &str) -> Vec<Written<PathBuf>> {
+pub(super) fn model_dirs(text: &str) -> Vec<Spanned<PathBuf>> {
     let mut problems = Vec::new();
     let Some(document) = document(text, &mut problems) else { return Vec::new() };
     let mut reader = Reader::new(document.section(), &mut problems);
     match inner(&mut reader, "gateway", read_gateway) {
-        Given::Usable(Written { value: GatewayFile { model_dirs: Given::Usable(dirs), .. }, .. }) => dirs.value,
+        OptionalKey::Valid(Spanned { value: GatewayFile { model_dirs: OptionalKey::Valid(dirs), .. }, .. }) => {
+            dirs.value
+        }
         _ => Vec::new(),
     }
 }
@@ -105,7 +107,7 @@ pub(super) fn model_dirs(text: &str) -> Vec<Written<PathBuf>> {
 fn read_line(mut reader: Reader<'_, '_>) -> LineFile {
     refuse_not_served(&mut reader, keys::Section::Line);
     let line = LineFile {
-        place: reader.place().clone(),
+        location: reader.location().clone(),
         name: reader.required("name", &name_kind()),
         port: read_port(&mut reader),
         baud: reader.optional("baud", &Kind::number(BAUD)),
@@ -124,7 +126,7 @@ fn read_line(mut reader: Reader<'_, '_>) -> LineFile {
         drives: each(&mut reader, "drive", read_drive),
     };
     if line.drives.is_empty() {
-        let problem = line.place.missing("drive").problem("the line has no drive");
+        let problem = line.location.missing("drive").problem("the line has no drive");
         reader.problems().push(problem.right("`[[line.drive]]` with `name`, `model` and `station`"));
     }
     reader.finish();
@@ -134,7 +136,7 @@ fn read_line(mut reader: Reader<'_, '_>) -> LineFile {
 fn read_drive(mut reader: Reader<'_, '_>) -> DriveFile {
     refuse_not_served(&mut reader, keys::Section::Drive);
     let drive = DriveFile {
-        place: reader.place().clone(),
+        location: reader.location().clone(),
         name: reader.required("name", &name_kind()),
         model: reader.required("model", &Kind::text()),
         station: read_station(&mut reader),
@@ -163,11 +165,17 @@ fn each<'a, T>(reader: &mut Reader<'a, '_>, key: &'static str, read: impl Fn(Rea
 }
 
 /// What `read` makes of the table `key`.
-fn inner<'a, T>(reader: &mut Reader<'a, '_>, key: &'static str, read: impl FnOnce(Reader<'a, '_>) -> T) -> Given<T> {
+fn inner<'a, T>(
+    reader: &mut Reader<'a, '_>,
+    key: &'static str,
+    read: impl FnOnce(Reader<'a, '_>) -> T,
+) -> OptionalKey<T> {
     match reader.table(key) {
-        Given::LeftOut => Given::LeftOut,
-        Given::Unusable => Given::Unusable,
-        Given::Usable(Written { value, place }) => Given::Usable(Written { value: read(reader.open(value)), place }),
+        OptionalKey::Absent => OptionalKey::Absent,
+        OptionalKey::Invalid => OptionalKey::Invalid,
+        OptionalKey::Valid(Spanned { value, location }) => {
+            OptionalKey::Valid(Spanned { value: read(reader.open(value)), location })
+        }
     }
 }
 
@@ -192,52 +200,54 @@ fn absolute_path() -> Kind<'static, PathBuf> {
     Kind::parsed("an absolute path", |text| Some(PathBuf::from(text)).filter(|path| path.is_absolute()))
 }
 
-fn read_silence(reader: &mut Reader<'_, '_>) -> Given<Silence> {
+fn read_silence(reader: &mut Reader<'_, '_>) -> OptionalKey<Silence> {
     let silence = reader.optional("silence", &Kind::duration(SILENCE).or_word("auto"));
     turned(silence, |fixed| Some(fixed.map_or(Silence::Auto, Silence::Fixed)))
 }
 
-fn read_station(reader: &mut Reader<'_, '_>) -> Needed<Station> {
-    let Written { value, place } = reader.required("station", &Kind::number(0..=u8::MAX))?;
-    Some(Written { value: Station(value), place })
+fn read_station(reader: &mut Reader<'_, '_>) -> RequiredKey<Station> {
+    let Spanned { value, location } = reader.required("station", &Kind::number(0..=u8::MAX))?;
+    Some(Spanned { value: Station(value), location })
 }
 
-fn read_unit(reader: &mut Reader<'_, '_>, key: &'static str) -> Given<UnitId> {
+fn read_unit(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<UnitId> {
     turned(reader.optional(key, &Kind::number(UnitId::MIN..=UnitId::MAX)), UnitId::new)
 }
 
 /// A rated value in thousandths.
-fn read_rated(reader: &mut Reader<'_, '_>, key: &'static str) -> Given<u32> {
-    let Written { value, place } = match reader.optional(key, &Kind::decimal(RATED)) {
-        Given::LeftOut => return Given::LeftOut,
-        Given::Unusable => return Given::Unusable,
-        Given::Usable(written) => written,
+fn read_rated(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<u32> {
+    let Spanned { value, location } = match reader.optional(key, &Kind::decimal(RATED)) {
+        OptionalKey::Absent => return OptionalKey::Absent,
+        OptionalKey::Invalid => return OptionalKey::Invalid,
+        OptionalKey::Valid(written) => written,
     };
     let thousandths = (value * 1000.0).round();
     if thousandths / 1000.0 != value {
-        reader.problems().push(place.problem(format!("{value} is finer than 0.001")).right("at most three decimals"));
-        return Given::Unusable;
+        reader
+            .problems()
+            .push(location.problem(format!("{value} is finer than 0.001")).right("at most three decimals"));
+        return OptionalKey::Invalid;
     }
-    Given::Usable(Written { value: thousandths as u32, place })
+    OptionalKey::Valid(Spanned { value: thousandths as u32, location })
 }
 
 /// What `turn` makes of the value; it takes every value that the kind lets through.
-fn turned<T, U>(given: Given<T>, turn: impl Fn(T) -> Option<U>) -> Given<U> {
+fn turned<T, U>(given: OptionalKey<T>, turn: impl Fn(T) -> Option<U>) -> OptionalKey<U> {
     match given {
-        Given::LeftOut => Given::LeftOut,
-        Given::Unusable => Given::Unusable,
-        Given::Usable(Written { value, place }) => {
-            turn(value).map_or(Given::Unusable, |value| Given::Usable(Written { value, place }))
+        OptionalKey::Absent => OptionalKey::Absent,
+        OptionalKey::Invalid => OptionalKey::Invalid,
+        OptionalKey::Valid(Spanned { value, location }) => {
+            turn(value).map_or(OptionalKey::Invalid, |value| OptionalKey::Valid(Spanned { value, location }))
         }
     }
 }
 
-fn read_port(reader: &mut Reader<'_, '_>) -> Needed<PortAddress> {
+fn read_port(reader: &mut Reader<'_, '_>) -> RequiredKey<PortAddress> {
     let written = reader.required("port", &Kind::text())?;
     match port::parse(&written.value) {
-        Ok(value) => Some(Written { value, place: written.place }),
+        Ok(value) => Some(Spanned { value, location: written.location }),
         Err((what, right)) => {
-            reader.problems().push(written.place.problem(what).right(right));
+            reader.problems().push(written.location.problem(what).right(right));
             None
         }
     }

@@ -6,8 +6,8 @@ use super::super::keys::Section;
 use super::super::words::{LEASES, TREES, of_lease};
 use super::{absolute_path, inner, refuse_not_served, turned};
 use crate::north::mqtt::{Qos, Version};
-use crate::profile::reader::{Given, Needed, Reader, Written};
-use crate::profile::values::Kind;
+use crate::toml_file::values::Kind;
+use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
@@ -79,7 +79,7 @@ fn read_home_assistant(mut reader: Reader<'_, '_>) -> HomeAssistantFile {
 /// `[mqtt.sparkplug]`
 fn read_sparkplug(mut reader: Reader<'_, '_>) -> SparkplugFile {
     let sparkplug = SparkplugFile {
-        place: reader.place().clone(),
+        location: reader.location().clone(),
         group: reader.required("group", &level()),
         primary_host: reader.optional("primary_host", &level()),
         client_id: reader.optional("client_id", &client_id()),
@@ -97,38 +97,38 @@ fn level() -> Kind<'static, String> {
     })
 }
 
-fn read_broker(reader: &mut Reader<'_, '_>) -> Needed<Address> {
+fn read_broker(reader: &mut Reader<'_, '_>) -> RequiredKey<Address> {
     let written = reader.required("broker", &Kind::text())?;
     read_address(reader, written)
 }
 
-fn read_also_at(reader: &mut Reader<'_, '_>) -> Given<Vec<Written<Address>>> {
-    let Written { value, place } = match reader.list("also_at", &Kind::text()) {
-        Given::LeftOut => return Given::LeftOut,
-        Given::Unusable => return Given::Unusable,
-        Given::Usable(list) => list,
+fn read_also_at(reader: &mut Reader<'_, '_>) -> OptionalKey<Vec<Spanned<Address>>> {
+    let Spanned { value, location } = match reader.list("also_at", &Kind::text()) {
+        OptionalKey::Absent => return OptionalKey::Absent,
+        OptionalKey::Invalid => return OptionalKey::Invalid,
+        OptionalKey::Valid(list) => list,
     };
     let read: Option<Vec<_>> = value.into_iter().map(|text| read_address(reader, text)).collect();
-    read.map_or(Given::Unusable, |value| Given::Usable(Written { value, place }))
+    read.map_or(OptionalKey::Invalid, |value| OptionalKey::Valid(Spanned { value, location }))
 }
 
-fn read_address(reader: &mut Reader<'_, '_>, Written { value, place }: Written<String>) -> Needed<Address> {
+fn read_address(reader: &mut Reader<'_, '_>, Spanned { value, location }: Spanned<String>) -> RequiredKey<Address> {
     match broker::parse(&value) {
-        Ok(value) => Some(Written { value, place }),
+        Ok(value) => Some(Spanned { value, location }),
         Err((what, right)) => {
-            reader.problems().push(place.problem(what).right(right));
+            reader.problems().push(location.problem(what).right(right));
             None
         }
     }
 }
 
 /// The protocol counts this time in whole seconds.
-fn read_keep_alive(reader: &mut Reader<'_, '_>) -> Given<Duration> {
+fn read_keep_alive(reader: &mut Reader<'_, '_>) -> OptionalKey<Duration> {
     let keep_alive = reader.optional("keep_alive", &Kind::duration(KEEP_ALIVE));
-    if let Some(written) = keep_alive.usable().filter(|written| written.value.subsec_millis() != 0) {
-        let problem = written.place.problem("the protocol counts this time in whole seconds");
+    if let Some(written) = keep_alive.valid().filter(|written| written.value.subsec_millis() != 0) {
+        let problem = written.location.problem("the protocol counts this time in whole seconds");
         reader.problems().push(problem.right(format!("\"{}s\"", written.value.as_secs())));
-        return Given::Unusable;
+        return OptionalKey::Invalid;
     }
     keep_alive
 }

@@ -7,8 +7,8 @@ use super::{absolute_path, each, inner, refuse_not_served, turned};
 use crate::domain::ids::{CommanderName, UnitId};
 use crate::domain::problem::Problem;
 use crate::north::modbus::Places;
-use crate::profile::reader::{Given, Needed, Reader, Written};
-use crate::profile::values::Kind;
+use crate::toml_file::values::Kind;
+use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
 use ipnet::IpNet;
 use std::net::{IpAddr, SocketAddr};
 use std::ops::RangeInclusive;
@@ -22,7 +22,7 @@ const KEEP_ALIVE: RangeInclusive<Duration> = Duration::ZERO..=Duration::from_sec
 pub(super) fn read_listener(mut reader: Reader<'_, '_>) -> ListenerFile {
     refuse_not_served(&mut reader, Section::ModbusTcp);
     let listener = ListenerFile {
-        place: reader.place().clone(),
+        location: reader.location().clone(),
         listen: reader.required("listen", &address("1502")),
         allow: read_allow(&mut reader),
         lines: reader.list("lines", &Kind::text()),
@@ -53,18 +53,18 @@ fn read_tls(mut reader: Reader<'_, '_>) -> ListenerTlsFile {
     tls
 }
 
-fn read_roles(reader: &mut Reader<'_, '_>) -> Needed<Vec<RoleFile>> {
+fn read_roles(reader: &mut Reader<'_, '_>) -> RequiredKey<Vec<RoleFile>> {
     let section = reader.required_table("roles")?;
-    let place = section.place.clone();
+    let location = section.location.clone();
     let roles = reader.open(section).all_lists(&Kind::choice(&ROLE_RIGHTS, RoleRight::meaning)).into_iter();
-    Some(Written { value: roles.map(|(name, rights)| RoleFile { name, rights }).collect(), place })
+    Some(Spanned { value: roles.map(|(name, rights)| RoleFile { name, rights }).collect(), location })
 }
 
 /// `[http]`
 pub(super) fn read_http(mut reader: Reader<'_, '_>) -> HttpFile {
     refuse_not_served(&mut reader, Section::Http);
     let http = HttpFile {
-        place: reader.place().clone(),
+        location: reader.location().clone(),
         listen: reader.required("listen", &address("8080")),
         allow: read_allow(&mut reader),
         hosts: reader.list("hosts", &Kind::text()),
@@ -80,7 +80,7 @@ fn read_user(mut reader: Reader<'_, '_>) -> HttpUserFile {
     refuse_not_served(&mut reader, Section::HttpUser);
     let right = format!("1 to {} letters, digits, \"-\", \"_\" or \".\"", CommanderName::MAX_CHARS);
     let user = HttpUserFile {
-        place: reader.place().clone(),
+        location: reader.location().clone(),
         name: reader.required("name", &Kind::parsed(right, CommanderName::new)),
         password_hash: reader.optional("password_hash", &Kind::text()),
         password_hash_file: reader.optional("password_hash_file", &absolute_path()),
@@ -106,49 +106,49 @@ fn address(port: &str) -> Kind<'static, SocketAddr> {
     Kind::parsed(right, |text| text.parse().ok())
 }
 
-fn read_allow(reader: &mut Reader<'_, '_>) -> Given<Vec<IpNet>> {
+fn read_allow(reader: &mut Reader<'_, '_>) -> OptionalKey<Vec<IpNet>> {
     let list = match read_networks(reader, "allow") {
-        Given::LeftOut => return Given::LeftOut,
-        Given::Unusable => return Given::Unusable,
-        Given::Usable(list) => list,
+        OptionalKey::Absent => return OptionalKey::Absent,
+        OptionalKey::Invalid => return OptionalKey::Invalid,
+        OptionalKey::Valid(list) => list,
     };
     if list.value.is_empty() {
-        let problem = list.place.problem("an empty list lets nobody connect");
+        let problem = list.location.problem("an empty list lets nobody connect");
         reader.problems().push(problem.right("networks as \"10.0.0.0/24\", or no listener at all"));
-        return Given::Unusable;
+        return OptionalKey::Invalid;
     }
     let value = list.value.into_iter().map(|network| network.value).collect();
-    Given::Usable(Written { value, place: list.place })
+    OptionalKey::Valid(Spanned { value, location: list.location })
 }
 
 /// No number that the kind lets through is no unit.
-fn read_units(reader: &mut Reader<'_, '_>) -> Given<Vec<Written<UnitId>>> {
+fn read_units(reader: &mut Reader<'_, '_>) -> OptionalKey<Vec<Spanned<UnitId>>> {
     turned(reader.list("units", &Kind::number(UnitId::MIN..=UnitId::MAX)), |units| {
-        let unit = |it: Written<u8>| Some(Written { value: UnitId::new(it.value)?, place: it.place });
+        let unit = |it: Spanned<u8>| Some(Spanned { value: UnitId::new(it.value)?, location: it.location });
         units.into_iter().map(unit).collect()
     })
 }
 
 /// The list of networks `key`; it is unusable as soon as one of them is wrong.
-fn read_networks(reader: &mut Reader<'_, '_>, key: &'static str) -> Given<Vec<Written<IpNet>>> {
+fn read_networks(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<Vec<Spanned<IpNet>>> {
     let list = match reader.list(key, &Kind::text()) {
-        Given::LeftOut => return Given::LeftOut,
-        Given::Unusable => return Given::Unusable,
-        Given::Usable(list) => list,
+        OptionalKey::Absent => return OptionalKey::Absent,
+        OptionalKey::Invalid => return OptionalKey::Invalid,
+        OptionalKey::Valid(list) => list,
     };
     let networks: Vec<_> = list.value.into_iter().map(|it| network(it, reader.problems())).collect();
     match networks.into_iter().collect() {
-        Some(value) => Given::Usable(Written { value, place: list.place }),
-        None => Given::Unusable,
+        Some(value) => OptionalKey::Valid(Spanned { value, location: list.location }),
+        None => OptionalKey::Invalid,
     }
 }
 
 /// A network in the notation address/bits. One with bits behind its length set is refused, because it may
 /// mean the network or the one host.
-fn network(written: Written<String>, problems: &mut Vec<Problem>) -> Option<Written<IpNet>> {
-    let Written { value: text, place } = written;
+fn network(written: Spanned<String>, problems: &mut Vec<Problem>) -> Option<Spanned<IpNet>> {
+    let Spanned { value: text, location } = written;
     let (what, right) = match (text.parse::<IpNet>(), text.parse::<IpAddr>()) {
-        (Ok(network), _) if network.trunc() == network => return Some(Written { value: network, place }),
+        (Ok(network), _) if network.trunc() == network => return Some(Spanned { value: network, location }),
         (Ok(network), _) => {
             let host = IpNet::from(network.addr());
             ("is a host inside a network", format!("\"{}\" for the network, \"{host}\" for the host", network.trunc()))
@@ -156,6 +156,6 @@ fn network(written: Written<String>, problems: &mut Vec<Problem>) -> Option<Writ
         (_, Ok(host)) => ("has no length", format!("\"{}\" for this one host", IpNet::from(host))),
         _ => ("is no network", "an address and its length: \"10.0.0.0/24\", \"fd00::/64\"".to_owned()),
     };
-    problems.push(place.problem(format!("`{text}` {what}")).right(right));
+    problems.push(location.problem(format!("`{text}` {what}")).right(right));
     None
 }

@@ -557,9 +557,9 @@ proptest! {
     fn a_damaged_file_is_taken_or_refused_with_a_reason(cut in 0..100_usize, at in 0..100_usize, put in "[\\[\\]=\"'0-9a-z\n.#{},-]{0,6}") {
         let example = example();
         let whole: Vec<char> = example.lines().filter(|line| !line.trim_start().starts_with('#')).flat_map(|line| line.chars().chain(['\n'])).collect();
-        let place = |share: usize| whole.len() * share / 100;
-        let damaged: String = whole[..place(at)].iter().copied().chain(put.chars()).chain(whole[place(at)..].iter().copied()).collect();
-        let truncated: String = whole[..place(cut)].iter().collect();
+        let location = |share: usize| whole.len() * share / 100;
+        let damaged: String = whole[..location(at)].iter().copied().chain(put.chars()).chain(whole[location(at)..].iter().copied()).collect();
+        let truncated: String = whole[..location(cut)].iter().collect();
         for text in [damaged, truncated] {
             if let Err(problems) = load(&text, &catalog()) {
                 prop_assert!(!problems.is_empty());

@@ -194,7 +194,7 @@ fn directories_of_models_are_absolute_and_stand_once() {
     let gateway = |line: &str| with(CONTROLLED, "name = \"plant-a\"\n", &format!("name = \"plant-a\"\n{line}\n"));
     let found = |line: &str| {
         let dirs = model_dirs(&gateway(line));
-        dirs.iter().map(|dir| (dir.place.key.clone(), dir.value.display().to_string())).collect::<Vec<_>>()
+        dirs.iter().map(|dir| (dir.location.key.clone(), dir.value.display().to_string())).collect::<Vec<_>>()
     };
     let first = ("gateway.model_dirs[0]".to_owned(), "/etc/a".to_owned());
     assert_eq!(found("model_dirs = ['/etc/a']"), [first]);

@@ -11,7 +11,7 @@ use crate::daemon::traffic::{LISTENERS_MAX, Listener};
 use crate::domain::calendar::rfc3339;
 use crate::domain::time::{MonoTime, WallTime};
 use crate::north::traffic::{Decoder, KnownDrive, LineFacts};
-use crate::profile::words::FRAMINGS;
+use crate::toml_file::words::FRAMINGS;
 use axum::Router;
 use axum::body::{Body, Bytes};
 use axum::extract::{Path, State};

@@ -14,7 +14,8 @@ use crate::journal::trip;
 use crate::north::shown::{self, quality, stale_at};
 use crate::profile::model::{Register, Role};
 use crate::profile::scale::Scaled;
-use crate::profile::words::{POLL_CLASSES, ROLES, word_for};
+use crate::profile::words::{POLL_CLASSES, ROLES};
+use crate::toml_file::words::word_for;
 use serde_json::{Value, json};
 
 /// Digits of a value that follows from a rated one.

@@ -5,7 +5,7 @@ use crate::domain::ids::Name;
 use crate::domain::link::{Interface, Wiring};
 use crate::domain::report::{LineReport, LineState};
 use crate::north::shown::{down_reason, millis};
-use crate::profile::words::{FRAMINGS, INTERFACES, word_for};
+use crate::toml_file::words::{FRAMINGS, INTERFACES, word_for};
 use serde_json::{Value, json};
 
 /// One line as of its last round.

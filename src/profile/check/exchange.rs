@@ -4,8 +4,8 @@ use crate::domain::link::Framing;
 use crate::domain::problem::Problem;
 use crate::profile::file::{BarrierFile, BarrierForm, BlockFile, ModelFile, ReadFile};
 use crate::profile::model::Access;
-use crate::profile::reader::{Given, Written};
 use crate::profile::register::{RegisterFile, has_decimal_digits};
+use crate::toml_file::{OptionalKey, Spanned};
 use std::collections::BTreeSet;
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
@@ -19,17 +19,17 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
 
 /// What the gateway reads and commands with is served, and what is broadcast too.
 fn functions_suffice(file: &ModelFile, problems: &mut Vec<Problem>) {
-    let Some(Written { value: served, place }) = &file.functions.value else { return };
+    let Some(Spanned { value: served, location }) = &file.functions.value else { return };
     if !served.contains(&0x03) {
-        problems.push(place.problem("nothing can be read without function 03").right("0x03 in the list"));
+        problems.push(location.problem("nothing can be read without function 03").right("0x03 in the list"));
     }
-    if matches!(file.run, Given::Usable(_)) && !served.contains(&0x06) {
-        problems.push(place.problem("no run command can be written without function 06").right("0x06 in the list"));
+    if matches!(file.run, OptionalKey::Valid(_)) && !served.contains(&0x06) {
+        problems.push(location.problem("no run command can be written without function 06").right("0x06 in the list"));
     }
     let broadcast = file.link.as_ref().and_then(|link| link.broadcast.as_ref()?.value.as_ref());
     let Some(broadcast) = broadcast.and_then(|it| it.value.functions.as_ref()) else { return };
     if let Some(function) = broadcast.value.iter().find(|function| !served.contains(function)) {
-        let problem = broadcast.place.problem(format!("function {function:02X} hex is not in `functions`"));
+        let problem = broadcast.location.problem(format!("function {function:02X} hex is not in `functions`"));
         problems.push(problem.right("functions that the drive serves"));
     }
 }
@@ -45,7 +45,7 @@ fn ascii_is_there(file: &ModelFile, problems: &mut Vec<Problem>) {
     let framings = file.link.as_ref().and_then(|link| link.framings.value.as_ref());
     let (Some(words), Some(framings)) = (words, framings) else { return };
     if !framings.value.contains(&Framing::Ascii) {
-        let problem = words.place.problem("the model has no ASCII frames");
+        let problem = words.location.problem("the model has no ASCII frames");
         problems.push(problem.right("leave it out, or \"ascii\" in `link.framings`"));
     }
 }
@@ -53,12 +53,13 @@ fn ascii_is_there(file: &ModelFile, problems: &mut Vec<Problem>) {
 /// Registers that may be written together are writable, by a function that the drive serves.
 fn block_is_writable(file: &ModelFile, problems: &mut Vec<Problem>) {
     let block = file.write.as_ref().and_then(|write| write.block.as_ref()?.value.as_ref());
-    let Some(Written { value: block, place }) = block else { return };
+    let Some(Spanned { value: block, location }) = block else { return };
     if serves(0x10, file) == Some(false) {
-        problems.push(place.problem("registers are written together by function 10 hex").right("0x10 in `functions`"));
+        problems
+            .push(location.problem("registers are written together by function 10 hex").right("0x10 in `functions`"));
     }
     if let Some(address) = first_without(block, Access::can_write, file) {
-        let problem = place.problem(format!("no register that can be written is at 0x{address:04X}"));
+        let problem = location.problem(format!("no register that can be written is at 0x{address:04X}"));
         problems.push(problem.right("a range whose every register can be written"));
     }
 }
@@ -69,7 +70,7 @@ fn barrier_is_sound(barrier: &BarrierFile, file: &ModelFile, problems: &mut Vec<
         None => {}
         Some(BarrierForm::Read(block)) => read_is_sound(block, barrier, file, problems),
         Some(BarrierForm::LoopTest(_)) if serves(0x08, file) == Some(false) => {
-            let problem = barrier.place.problem("the drive does not serve the loop test");
+            let problem = barrier.location.problem("the drive does not serve the loop test");
             problems.push(problem.right("0x08 in `functions`, or another barrier"));
         }
         Some(BarrierForm::LoopTest(_)) => {}
@@ -77,7 +78,7 @@ fn barrier_is_sound(barrier: &BarrierFile, file: &ModelFile, problems: &mut Vec<
             let function = function.value.as_ref();
             if let Some(function) = function.filter(|it| serves(it.value, file) == Some(true)) {
                 let what = format!("function {:02X} hex is served, so it is not refused", function.value);
-                problems.push(function.place.problem(what).right("a function that is not in `functions`"));
+                problems.push(function.location.problem(what).right("a function that is not in `functions`"));
             }
         }
     }
@@ -87,7 +88,7 @@ fn barrier_is_sound(barrier: &BarrierFile, file: &ModelFile, problems: &mut Vec<
 fn read_is_sound(block: &BlockFile, barrier: &BarrierFile, file: &ModelFile, problems: &mut Vec<Problem>) {
     let limits = file.read.as_ref().and_then(ReadFile::ready);
     if limits.as_ref().is_some_and(|limits| limits.max_words.value == 1) {
-        let problem = barrier.place.problem("every read looks the same where one word is the most");
+        let problem = barrier.location.problem("every read looks the same where one word is the most");
         problems.push(problem.right("`loop_test` or `refused_function`"));
         return;
     }
@@ -97,13 +98,13 @@ fn read_is_sound(block: &BlockFile, barrier: &BarrierFile, file: &ModelFile, pro
         limits.words_from(address.value).min(ascii)
     });
     if let Some(most) = most.filter(|most| *most < count.value) {
-        let problem = count.place.problem("more words than one read from this address may have");
+        let problem = count.location.problem("more words than one read from this address may have");
         problems.push(problem.right(format!("at most {most}")));
         return;
     }
     if let Some(address) = first_without(block, Access::can_read, file) {
         let what = format!("no register that can be read is at 0x{address:04X}");
-        problems.push(barrier.place.problem(what).right("a range whose every register can be read"));
+        problems.push(barrier.location.problem(what).right("a range whose every register can be read"));
     }
 }
 
@@ -115,7 +116,7 @@ fn first_without(block: &BlockFile, may: impl Fn(Access) -> bool, file: &ModelFi
     for RegisterFile { address, access, .. } in &file.registers {
         fit.extend(may(access.as_ref()?.value).then_some(u32::from(address.as_ref()?.value)));
     }
-    let in_decimal = file.quirks.usable().is_some_and(|quirks| quirks.value.decimal_numbers.is_some());
+    let in_decimal = file.quirks.valid().is_some_and(|quirks| quirks.value.decimal_numbers.is_some());
     let counts = |address: &u32| !in_decimal || has_decimal_digits((address & 0xFFFF) as u16);
     (first..).filter(counts).take(count.into()).find(|address| !fit.contains(address))
 }

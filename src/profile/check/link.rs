@@ -2,7 +2,7 @@
 
 use crate::domain::problem::Problem;
 use crate::profile::file::{FactFile, LinkFile};
-use crate::profile::reader::{Needed, Written};
+use crate::toml_file::{RequiredKey, Spanned};
 
 pub(super) fn check(link: &LinkFile, problems: &mut Vec<Problem>) {
     defaults_are_allowed(link, problems);
@@ -11,32 +11,32 @@ pub(super) fn check(link: &LinkFile, problems: &mut Vec<Problem>) {
 
 /// Each default setting is one of those that can be set.
 fn defaults_are_allowed(link: &LinkFile, problems: &mut Vec<Problem>) {
-    let Some(Written { value: default, .. }) = &link.default.value else { return };
+    let Some(Spanned { value: default, .. }) = &link.default.value else { return };
     one_of(&default.baud, &link.bauds, "bauds", problems);
     one_of(&default.data_bits, &link.data_bits, "data_bits", problems);
     one_of(&default.parity, &link.parities, "parities", problems);
     one_of(&default.stop_bits, &link.stop_bits, "stop_bits", problems);
 }
 
-fn one_of<T: PartialEq>(value: &Needed<T>, allowed: &FactFile<Vec<T>>, name: &str, problems: &mut Vec<Problem>) {
+fn one_of<T: PartialEq>(value: &RequiredKey<T>, allowed: &FactFile<Vec<T>>, name: &str, problems: &mut Vec<Problem>) {
     if let (Some(value), Some(allowed)) = (value, &allowed.value)
         && !allowed.value.contains(&value.value)
     {
-        problems.push(value.place.problem("the default cannot be set").right(format!("one of `link.{name}`")));
+        problems.push(value.location.problem("the default cannot be set").right(format!("one of `link.{name}`")));
     }
 }
 
 /// The range of stations is not empty, and the broadcast is none of them.
 fn stations_are_apart(link: &LinkFile, problems: &mut Vec<Problem>) {
-    let Some(Written { value: stations, .. }) = &link.stations.value else { return };
+    let Some(Spanned { value: stations, .. }) = &link.stations.value else { return };
     let (Some(from), Some(to)) = (&stations.from, &stations.to) else { return };
     if from.value > to.value {
-        let problem = to.place.problem(format!("the last station is below the first, {}", from.value));
+        let problem = to.location.problem(format!("the last station is below the first, {}", from.value));
         problems.push(problem.right(format!("{} to 247", from.value)));
     }
     let broadcast = link.broadcast.as_ref().and_then(|broadcast| broadcast.value.as_ref()?.value.station.as_ref());
     if let Some(broadcast) = broadcast.filter(|it| (from.value..=to.value).contains(&it.value)) {
-        let problem = broadcast.place.problem("the broadcast is also the station of one drive");
+        let problem = broadcast.location.problem("the broadcast is also the station of one drive");
         problems.push(problem.right(format!("a number outside {} to {}", from.value, to.value)));
     }
 }

@@ -9,9 +9,9 @@ mod status;
 
 use super::file::ModelFile;
 use super::model::Model;
-use super::reader::{self, Given, Place, Written};
 use super::register::{RegisterFile, named};
 use crate::domain::problem::{Problem, nearest};
+use crate::toml_file::{self, Location, OptionalKey, Spanned};
 use std::collections::BTreeMap;
 
 /// The model that `text` describes.
@@ -24,12 +24,12 @@ pub fn model(text: &str) -> Result<Model, Vec<Problem>> {
 }
 
 /// As [`model`], with the place of its identifier.
-pub(super) fn model_and_id(text: &str) -> Result<(Model, Place), Vec<Problem>> {
+pub(super) fn model_and_id(text: &str) -> Result<(Model, Location), Vec<Problem>> {
     let mut problems = Vec::new();
-    let ready = reader::document(text, &mut problems).and_then(|document| {
+    let ready = toml_file::document(text, &mut problems).and_then(|document| {
         let file = ModelFile::read(document.section(), &mut problems);
         compare(&file, &mut problems);
-        Some((file.ready()?, file.id?.place))
+        Some((file.ready()?, file.id?.location))
     });
     problems.sort_by_key(|problem| problem.span.start);
     ready.filter(|_| problems.is_empty()).ok_or(problems)
@@ -42,8 +42,8 @@ fn compare(file: &ModelFile, problems: &mut Vec<Problem>) {
     }
     exchange::check(file, problems);
     registers::check(file, problems);
-    if let Given::Usable(run) = &file.run {
-        run::check(&run.value, &run.place, &file.registers, problems);
+    if let OptionalKey::Valid(run) = &file.run {
+        run::check(&run.value, &run.location, &file.registers, problems);
     }
     status::check(file, problems);
     setup::check(file, problems);
@@ -51,19 +51,19 @@ fn compare(file: &ModelFile, problems: &mut Vec<Problem>) {
 
 /// Reports each of `written` that stands there twice, at its second place.
 fn once<'f, T: Ord + 'f>(
-    written: impl IntoIterator<Item = &'f Written<T>>,
+    written: impl IntoIterator<Item = &'f Spanned<T>>,
     called: impl Fn(&T) -> String,
     right: &str,
     problems: &mut Vec<Problem>,
 ) {
     let mut taken: BTreeMap<&T, &str> = BTreeMap::new();
-    for Written { value, place } in written {
+    for Spanned { value, location } in written {
         match taken.get(value) {
             Some(first) => {
-                problems.push(place.problem(format!("{} is taken by {first}", called(value))).right(right));
+                problems.push(location.problem(format!("{} is taken by {first}", called(value))).right(right));
             }
             None => {
-                taken.insert(value, &place.key);
+                taken.insert(value, &location.key);
             }
         }
     }
@@ -71,7 +71,7 @@ fn once<'f, T: Ord + 'f>(
 
 /// The register that is meant by `name`, which must be readable.
 fn readable<'f>(
-    name: &Written<String>,
+    name: &Spanned<String>,
     registers: &'f [RegisterFile],
     problems: &mut Vec<Problem>,
 ) -> Option<&'f RegisterFile> {
@@ -81,11 +81,11 @@ fn readable<'f>(
             Some(near) => format!("`{near}`"),
             None => "the `name` of a register".to_owned(),
         };
-        problems.push(name.place.problem(format!("no register is called `{}`", name.value)).right(right));
+        problems.push(name.location.problem(format!("no register is called `{}`", name.value)).right(right));
         return None;
     };
     if register.access.as_ref().is_some_and(|access| !access.value.can_read()) {
-        let problem = name.place.problem(format!("`{}` cannot be read", name.value));
+        let problem = name.location.problem(format!("`{}` cannot be read", name.value));
         problems.push(problem.right("a register with access \"read\" or \"read-write\""));
     }
     Some(register)

@@ -4,8 +4,8 @@ use crate::domain::problem::Problem;
 use crate::domain::units::UnitOfMeasure;
 use crate::profile::file::{ModelFile, QuirksFile};
 use crate::profile::model::{Memory, Role};
-use crate::profile::reader::{Given, Written};
 use crate::profile::register::{RegisterFile, addresses_fit, codes_fit, distinct};
+use crate::toml_file::{OptionalKey, Spanned};
 
 /// What may be in per cent of the drive's rated values.
 const RATED: [Role; 5] =
@@ -16,13 +16,13 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     for role in [Role::RunCommand, Role::FrequencyCommand] {
         takes_commands(role, &file.registers, problems);
     }
-    if let Some(rule) = file.codes.usable().and_then(|codes| codes.value.ready()) {
+    if let Some(rule) = file.codes.valid().and_then(|codes| codes.value.ready()) {
         codes_fit(&rule, &file.registers, problems);
     }
     let quirks = match &file.quirks {
-        Given::LeftOut => &QuirksFile::default(),
-        Given::Unusable => return,
-        Given::Usable(quirks) => &quirks.value,
+        OptionalKey::Absent => &QuirksFile::default(),
+        OptionalKey::Invalid => return,
+        OptionalKey::Valid(quirks) => &quirks.value,
     };
     percent_is_of_something(quirks, &file.registers, problems);
     let alias_bit = quirks.stored_alias_bit.as_ref().and_then(|fact| Some(fact.value.as_ref()?.value));
@@ -31,17 +31,17 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
 
 /// Registers of `role` can be written, and are no way around the commands.
 fn takes_commands(role: Role, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
-    for register in registers.iter().filter(|it| it.role.usable().is_some_and(|it| it.value == role)) {
+    for register in registers.iter().filter(|it| it.role.valid().is_some_and(|it| it.value == role)) {
         if let Some(access) = register.access.as_ref().filter(|access| !access.value.can_write()) {
-            let problem = access.place.problem("a register that commands are written to must be writable");
+            let problem = access.location.problem("a register that commands are written to must be writable");
             problems.push(problem.right("\"write\" or \"read-write\""));
         }
-        if let Some(memory) = register.memory.usable().filter(|memory| memory.value == Memory::Stored) {
-            let problem = memory.place.problem("a stored register wears out under commands");
+        if let Some(memory) = register.memory.valid().filter(|memory| memory.value == Memory::Stored) {
+            let problem = memory.location.problem("a stored register wears out under commands");
             problems.push(problem.right("the register in RAM that does the same, with `memory = \"ram\"`"));
         }
-        if let Given::Usable(Written { place, .. }) = &register.back_door {
-            let problem = place.problem("a register that commands are written to is no back door");
+        if let OptionalKey::Valid(Spanned { location, .. }) = &register.back_door {
+            let problem = location.problem("a register that commands are written to is no back door");
             problems.push(problem.right("leave it out"));
         }
     }
@@ -49,7 +49,7 @@ fn takes_commands(role: Role, registers: &[RegisterFile], problems: &mut Vec<Pro
 
 /// What is in per cent of rated values is so by a fact, and the fact is about something.
 fn percent_is_of_something(quirks: &QuirksFile, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
-    let is_rated = |register: &&RegisterFile| register.role.usable().is_some_and(|role| RATED.contains(&role.value));
+    let is_rated = |register: &&RegisterFile| register.role.valid().is_some_and(|role| RATED.contains(&role.value));
     let in_percent: Vec<_> = registers
         .iter()
         .filter(is_rated)
@@ -58,12 +58,12 @@ fn percent_is_of_something(quirks: &QuirksFile, registers: &[RegisterFile], prob
         .collect();
     match &quirks.percent_of_rated {
         None => problems.extend(in_percent.into_iter().map(|unit| {
-            let problem = unit.place.problem("per cent of what is not said");
+            let problem = unit.location.problem("per cent of what is not said");
             problem.right("the quirk `percent_of_rated`, or \"A\" or \"V\"")
         })),
         Some(quirk) if in_percent.is_empty() && registers.iter().all(is_known) => {
             problems.extend(quirk.value.as_ref().map(|quirk| {
-                let problem = quirk.place.problem("no current or voltage with a role is in per cent");
+                let problem = quirk.location.problem("no current or voltage with a role is in per cent");
                 problem.right("leave it out, or unit = \"%\" where it is so")
             }));
         }
@@ -73,7 +73,7 @@ fn percent_is_of_something(quirks: &QuirksFile, registers: &[RegisterFile], prob
 
 /// Whether unit and role can be told.
 fn is_known(register: &RegisterFile) -> bool {
-    register.unit.is_some() && !matches!(register.role, Given::Unusable)
+    register.unit.is_some() && !matches!(register.role, OptionalKey::Invalid)
 }
 
 #[cfg(test)]

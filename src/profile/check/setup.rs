@@ -4,21 +4,21 @@ use super::{once, readable};
 use crate::domain::link::Interface;
 use crate::domain::problem::Problem;
 use crate::profile::file::{ModelFile, SetupFile, WatchdogFile};
-use crate::profile::reader::{Given, Place, Written};
 use crate::profile::register::RegisterFile;
-use crate::profile::words::{INTERFACES, word_for};
+use crate::toml_file::words::{INTERFACES, word_for};
+use crate::toml_file::{Location, OptionalKey, Spanned};
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     let interfaces = file.link.as_ref().and_then(|link| Some(&link.interfaces.value.as_ref()?.value[..]));
-    let registers = file.setup.iter().filter_map(|setup| setup.register.usable());
+    let registers = file.setup.iter().filter_map(|setup| setup.register.valid());
     once(registers, |name| format!("the register `{name}`"), "a register that is set once", problems);
     for setup in &file.setup {
         setting_can_be_made(setup, &file.registers, problems);
         interface_is_there(setup, interfaces, problems);
     }
-    if let Given::Usable(Written { value: watchdog, place }) = &file.watchdog {
-        reaction_is_told_apart(watchdog, place, &file.registers, problems);
-        for name in watchdog.register.iter().chain(watchdog.action.usable()) {
+    if let OptionalKey::Valid(Spanned { value: watchdog, location }) = &file.watchdog {
+        reaction_is_told_apart(watchdog, location, &file.registers, problems);
+        for name in watchdog.register.iter().chain(watchdog.action.valid()) {
             readable(name, &file.registers, problems);
         }
     }
@@ -28,75 +28,77 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
 /// which it stops: without that any word would pass for one that stops.
 fn reaction_is_told_apart(
     watchdog: &WatchdogFile,
-    place: &Place,
+    location: &Location,
     registers: &[RegisterFile],
     problems: &mut Vec<Problem>,
 ) {
     let right = "the words of that register with which the motor runs on";
     let is_digit = |digit: u16| [1, 10, 100, 1000].contains(&digit);
     match (&watchdog.action, &watchdog.keeps_running) {
-        (Given::Usable(_), Given::LeftOut) => {
-            let problem = place.missing("keeps_running").problem("`keeps_running` is left out, and `action` is given");
+        (OptionalKey::Valid(_), OptionalKey::Absent) => {
+            let problem =
+                location.missing("keeps_running").problem("`keeps_running` is left out, and `action` is given");
             problems.push(problem.right(right));
         }
-        (Given::LeftOut, Given::Usable(words)) => {
-            let problem = words.place.problem("`keeps_running` is given, and `action` is left out");
+        (OptionalKey::Absent, OptionalKey::Valid(words)) => {
+            let problem = words.location.problem("`keeps_running` is given, and `action` is left out");
             problems.push(problem.right("the register that holds one of them, or leave it out"));
         }
-        (Given::Usable(_), Given::Usable(words)) => {
-            let both = |stops: &Written<Vec<Written<u16>>>| {
+        (OptionalKey::Valid(_), OptionalKey::Valid(words)) => {
+            let both = |stops: &Spanned<Vec<Spanned<u16>>>| {
                 words.value.iter().find(|word| stops.value.iter().any(|it| it.value == word.value)).cloned()
             };
-            if let Some(word) = watchdog.stops.usable().and_then(both) {
-                let problem = word.place.problem(format!("{} is in `stops` as well", word.value));
+            if let Some(word) = watchdog.stops.valid().and_then(both) {
+                let problem = word.location.problem(format!("{} is in `stops` as well", word.value));
                 problems.push(problem.right("each word in one of them"));
             }
             let is_there =
-                |action: &Written<String>| registers.iter().any(|it| it.name() == Some(action.value.as_str()));
-            let is_silent = matches!(watchdog.stops, Given::LeftOut) && watchdog.action.usable().is_some_and(is_there);
+                |action: &Spanned<String>| registers.iter().any(|it| it.name() == Some(action.value.as_str()));
+            let is_silent =
+                matches!(watchdog.stops, OptionalKey::Absent) && watchdog.action.valid().is_some_and(is_there);
             if is_silent && watchdog.words_that_stop(registers).is_empty() {
                 let problem =
-                    place.missing("stops").problem("`stops` is left out, and the register has no such `values`");
+                    location.missing("stops").problem("`stops` is left out, and the register has no such `values`");
                 problems.push(problem.right("the words of that register with which the drive stops the motor"));
             }
         }
         _ => {}
     }
-    if let Given::Usable(digit) = &watchdog.action_digit
+    if let OptionalKey::Valid(digit) = &watchdog.action_digit
         && !is_digit(digit.value)
     {
-        problems.push(digit.place.problem(format!("{} is no digit", digit.value)).right("1, 10, 100 or 1000"));
+        problems.push(digit.location.problem(format!("{} is no digit", digit.value)).right("1, 10, 100 or 1000"));
     }
 }
 
 /// A register that is set can be read and written, and it is said what it is set to.
 fn setting_can_be_made(setup: &SetupFile, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
     match (&setup.register, &setup.values) {
-        (Given::Usable(_), Given::LeftOut) => {
-            let problem = setup.place.missing("values").problem("`values` is left out, and `register` is given");
+        (OptionalKey::Valid(_), OptionalKey::Absent) => {
+            let problem = setup.location.missing("values").problem("`values` is left out, and `register` is given");
             problems.push(problem.right("the words that are right, first the one that is written"));
         }
-        (Given::LeftOut, Given::Usable(values)) => {
-            let problem = values.place.problem("`values` is given, and `register` is left out");
+        (OptionalKey::Absent, OptionalKey::Valid(values)) => {
+            let problem = values.location.problem("`values` is given, and `register` is left out");
             problems.push(problem.right("the register that holds one of them, or leave it out"));
         }
         _ => {}
     }
-    let Given::Usable(name) = &setup.register else { return };
+    let OptionalKey::Valid(name) = &setup.register else { return };
     let register = readable(name, registers, problems);
     let access = register.and_then(|register| register.access.as_ref());
     if access.is_some_and(|access| !access.value.can_write()) {
-        let problem = name.place.problem(format!("`{}` cannot be written", name.value));
+        let problem = name.location.problem(format!("`{}` cannot be written", name.value));
         problems.push(problem.right("a register with access \"read-write\""));
     }
 }
 
 /// What is set for an interface is set on a drive that has it.
 fn interface_is_there(setup: &SetupFile, interfaces: Option<&[Interface]>, problems: &mut Vec<Problem>) {
-    let (Given::Usable(interface), Some(interfaces)) = (&setup.interface, interfaces) else { return };
+    let (OptionalKey::Valid(interface), Some(interfaces)) = (&setup.interface, interfaces) else { return };
     if !interfaces.contains(&interface.value) {
         let what = format!("the model has no {}", word_for(&INTERFACES, &interface.value));
-        problems.push(interface.place.problem(what).right("one of `link.interfaces`"));
+        problems.push(interface.location.problem(what).right("one of `link.interfaces`"));
     }
 }
 

@@ -3,8 +3,8 @@
 use super::facts::{Facts, Origin, fact};
 use crate::domain::problem::Problem;
 use crate::profile::model::CodeRule;
-use crate::profile::reader::{Given, Place, Reader, Section, Written};
-use crate::profile::values::Kind;
+use crate::toml_file::values::Kind;
+use crate::toml_file::{Location, OptionalKey, Reader, Section, Spanned};
 
 /// What a rule may say of its form.
 const FORMS: [(&str, ()); 1] = [("hexadecimal", ())];
@@ -17,7 +17,7 @@ pub(in crate::profile) struct CodesFile {
 
 enum CodesForm {
     Hexadecimal,
-    Groups { groups: Vec<(String, u8)>, ends: Vec<(String, u8)>, separator: Given<String> },
+    Groups { groups: Vec<(String, u8)>, ends: Vec<(String, u8)>, separator: OptionalKey<String> },
 }
 
 impl CodesFile {
@@ -26,23 +26,23 @@ impl CodesFile {
         let ends = reader.table("ends");
         let form = reader.optional("form", &Kind::one_of(&FORMS));
         let separator = reader.optional("separator", &Kind::parsed("text", |text| Some(text.to_owned())));
-        let place = reader.place().clone();
+        let location = reader.location().clone();
         let form = match (groups, form) {
-            (Given::Usable(section), Given::LeftOut) => {
+            (OptionalKey::Valid(section), OptionalKey::Absent) => {
                 let groups = read_groups(reader.open(section.value));
                 let ends = read_ends(ends, &groups, &mut reader);
                 Some(CodesForm::Groups { groups, ends, separator })
             }
-            (Given::LeftOut, Given::Usable(_)) => {
+            (OptionalKey::Absent, OptionalKey::Valid(_)) => {
                 no_separator(&separator, reader.problems());
-                if let Given::Usable(Written { place, .. }) = &ends {
-                    reader.problems().push(place.problem("only groups have an end").right("leave it out"));
+                if let OptionalKey::Valid(Spanned { location, .. }) = &ends {
+                    reader.problems().push(location.problem("only groups have an end").right("leave it out"));
                 }
                 Some(CodesForm::Hexadecimal)
             }
-            (Given::Unusable, Given::LeftOut) | (Given::LeftOut, Given::Unusable) => None,
-            (Given::LeftOut, Given::LeftOut) => no_form(&place, "says no rule", reader.problems()),
-            _ => no_form(&place, "says two rules", reader.problems()),
+            (OptionalKey::Invalid, OptionalKey::Absent) | (OptionalKey::Absent, OptionalKey::Invalid) => None,
+            (OptionalKey::Absent, OptionalKey::Absent) => no_form(&location, "says no rule", reader.problems()),
+            _ => no_form(&location, "says two rules", reader.problems()),
         };
         let codes = Self { form, origin: facts.origin(&mut reader) };
         reader.finish();
@@ -65,34 +65,38 @@ impl CodesFile {
 }
 
 fn read_groups(mut reader: Reader<'_, '_>) -> Vec<(String, u8)> {
-    let place = reader.place().clone();
+    let location = reader.location().clone();
     if reader.is_empty() {
-        reader.problems().push(place.problem("is empty").right("at least one group with its high byte"));
+        reader.problems().push(location.problem("is empty").right("at least one group with its high byte"));
     }
     let groups = reader.all(&Kind::number(0..=u8::MAX));
     groups.into_iter().map(|(name, byte)| (name, byte.value)).collect()
 }
 
 /// The last numbers of groups, each of which is one of `groups`.
-fn read_ends<'a>(ends: Given<Section<'a>>, groups: &[(String, u8)], reader: &mut Reader<'a, '_>) -> Vec<(String, u8)> {
-    let Given::Usable(Written { value: section, .. }) = ends else { return Vec::new() };
+fn read_ends<'a>(
+    ends: OptionalKey<Section<'a>>,
+    groups: &[(String, u8)],
+    reader: &mut Reader<'a, '_>,
+) -> Vec<(String, u8)> {
+    let OptionalKey::Valid(Spanned { value: section, .. }) = ends else { return Vec::new() };
     let ends = reader.open(section).all(&Kind::number(0..=u8::MAX));
     for (name, end) in &ends {
         if !groups.iter().any(|(group, _)| group == name) {
-            let problem = end.place.problem(format!("there is no group `{name}`"));
+            let problem = end.location.problem(format!("there is no group `{name}`"));
             reader.problems().push(problem.right("one of `groups`"));
         }
     }
     ends.into_iter().map(|(name, end)| (name, end.value)).collect()
 }
 
-fn no_separator(separator: &Given<String>, problems: &mut Vec<Problem>) {
-    if let Given::Usable(Written { place, .. }) = separator {
-        problems.push(place.problem("a separator stands between group and number").right("leave it out"));
+fn no_separator(separator: &OptionalKey<String>, problems: &mut Vec<Problem>) {
+    if let OptionalKey::Valid(Spanned { location, .. }) = separator {
+        problems.push(location.problem("a separator stands between group and number").right("leave it out"));
     }
 }
 
-fn no_form(place: &Place, what: &str, problems: &mut Vec<Problem>) -> Option<CodesForm> {
-    problems.push(place.problem(what).right("either `groups` or `form = \"hexadecimal\"`"));
+fn no_form(location: &Location, what: &str, problems: &mut Vec<Problem>) -> Option<CodesForm> {
+    problems.push(location.problem(what).right("either `groups` or `form = \"hexadecimal\"`"));
     None
 }

@@ -2,9 +2,9 @@
 
 use super::facts::filled_with;
 use crate::profile::model::{Confidence, Document, DocumentKind};
-use crate::profile::reader::{Entry, Given, Needed, Reader};
-use crate::profile::values::Kind;
 use crate::profile::words::DOCUMENT_KINDS;
+use crate::toml_file::values::Kind;
+use crate::toml_file::{Entry, OptionalKey, Reader, RequiredKey};
 
 /// The documents of a file, each under its short name.
 pub(in crate::profile) struct DocumentsFile(Vec<(String, Option<Document>)>);
@@ -44,9 +44,11 @@ impl DocumentsFile {
 
 fn document(name: &str, mut reader: Reader<'_, '_>) -> Option<Document> {
     let title = reader.required("title", &Kind::text());
-    let kind: Needed<DocumentKind> = reader.required("kind", &Kind::one_of(&DOCUMENT_KINDS));
+    let kind: RequiredKey<DocumentKind> = reader.required("kind", &Kind::one_of(&DOCUMENT_KINDS));
     let of = match reader.list("of", &Kind::text()) {
-        Given::Usable(of) => filled_with(of, &Kind::text(), reader.problems()).map_or(Given::Unusable, Given::Usable),
+        OptionalKey::Valid(of) => {
+            filled_with(of, &Kind::text(), reader.problems()).map_or(OptionalKey::Invalid, OptionalKey::Valid)
+        }
         other => other,
     };
     reader.finish();

@@ -3,9 +3,9 @@
 use super::facts::{FactFile, Facts, optional, whole};
 use crate::domain::problem::Problem;
 use crate::profile::model::{Barrier, BarrierRead, BlockWrite, Boundary, ReadLimits, RefusedWrite, WriteRules};
-use crate::profile::reader::{Given, Needed, Place, Reader};
-use crate::profile::values::Kind;
 use crate::profile::words::{BOUNDARIES, REFUSED_WRITES};
+use crate::toml_file::values::Kind;
+use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey};
 
 /// Most registers in one write of function 10 hex.
 const BLOCK_WORDS_MAX: u16 = 123;
@@ -14,7 +14,7 @@ const BLOCK_WORDS_MAX: u16 = 123;
 pub(in crate::profile) struct ReadFile {
     pub max_words: FactFile<u16>,
     pub max_words_ascii: Option<FactFile<u16>>,
-    boundary: Given<Boundary>,
+    boundary: OptionalKey<Boundary>,
 }
 
 impl ReadFile {
@@ -71,8 +71,8 @@ impl WriteFile {
 
 /// Registers that follow one another: `{ address = 0x0101, count = 2 }`
 pub(in crate::profile) struct BlockFile {
-    pub address: Needed<u16>,
-    pub count: Needed<u16>,
+    pub address: RequiredKey<u16>,
+    pub count: RequiredKey<u16>,
 }
 
 impl BlockFile {
@@ -86,7 +86,7 @@ impl BlockFile {
 
 /// One of `[[barrier]]`
 pub(in crate::profile) struct BarrierFile {
-    pub place: Place,
+    pub location: Location,
     /// Nothing where it is none of the forms, which is already reported.
     pub form: Option<BarrierForm>,
 }
@@ -101,9 +101,9 @@ pub(in crate::profile) enum BarrierForm {
 impl BarrierFile {
     pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
         let read = match reader.table("read") {
-            Given::LeftOut => None,
-            Given::Unusable => Some(BlockFile { address: None, count: None }),
-            Given::Usable(section) => {
+            OptionalKey::Absent => None,
+            OptionalKey::Invalid => Some(BlockFile { address: None, count: None }),
+            OptionalKey::Valid(section) => {
                 let mut reader = reader.open(section.value);
                 let block = BlockFile::read(&mut reader, 125);
                 reader.finish();
@@ -112,16 +112,16 @@ impl BarrierFile {
         };
         let loop_test = facts.switch(&mut reader, "loop_test");
         let refused = facts.optional_value(&mut reader, "refused_function", &Kind::number(1..=127_u8));
-        let place = reader.place().clone();
+        let location = reader.location().clone();
         let form = match (read, loop_test, refused) {
             (Some(read), None, None) => Some(BarrierForm::Read(read)),
             (None, Some(fact), None) => Some(BarrierForm::LoopTest(fact)),
             (None, None, Some(fact)) => Some(BarrierForm::Refused(fact)),
-            (None, None, None) => no_form(&place, "is no barrier", reader.problems()),
-            _ => no_form(&place, "is several barriers", reader.problems()),
+            (None, None, None) => no_form(&location, "is no barrier", reader.problems()),
+            _ => no_form(&location, "is several barriers", reader.problems()),
         };
         reader.finish();
-        Self { place, form }
+        Self { location, form }
     }
 
     /// Nothing where any part cannot be used.
@@ -136,7 +136,7 @@ impl BarrierFile {
     }
 }
 
-fn no_form(place: &Place, what: &str, problems: &mut Vec<Problem>) -> Option<BarrierForm> {
-    problems.push(place.problem(what).right("exactly one of `read`, `loop_test` and `refused_function`"));
+fn no_form(location: &Location, what: &str, problems: &mut Vec<Problem>) -> Option<BarrierForm> {
+    problems.push(location.problem(what).right("exactly one of `read`, `loop_test` and `refused_function`"));
     None
 }

@@ -3,9 +3,9 @@
 use super::documents::{DocumentsFile, at_best};
 use crate::domain::problem::Problem;
 use crate::profile::model::{Confidence, Fact};
-use crate::profile::reader::{Given, Needed, Reader, Section, Written};
-use crate::profile::values::Kind;
 use crate::profile::words::CONFIDENCES;
+use crate::toml_file::values::Kind;
+use crate::toml_file::{OptionalKey, Reader, RequiredKey, Section, Spanned};
 
 /// How sure something is, and where it comes from.
 pub(in crate::profile) type Origin = (Confidence, String);
@@ -13,7 +13,7 @@ pub(in crate::profile) type Origin = (Confidence, String);
 /// A fact as written: a table that holds the value, its confidence and its source. What of it is nothing is
 /// already reported.
 pub(in crate::profile) struct FactFile<T> {
-    pub value: Needed<T>,
+    pub value: RequiredKey<T>,
     pub origin: Option<Origin>,
 }
 
@@ -85,7 +85,7 @@ impl Facts<'_> {
         &self,
         reader: &mut Reader<'_, '_>,
         key: &'static str,
-        value: impl FnOnce(&mut Reader<'_, '_>) -> Needed<T>,
+        value: impl FnOnce(&mut Reader<'_, '_>) -> RequiredKey<T>,
     ) -> FactFile<T> {
         match reader.required_table(key) {
             None => FactFile::UNUSABLE,
@@ -98,12 +98,12 @@ impl Facts<'_> {
         &self,
         reader: &mut Reader<'_, '_>,
         key: &'static str,
-        value: impl FnOnce(&mut Reader<'_, '_>) -> Needed<T>,
+        value: impl FnOnce(&mut Reader<'_, '_>) -> RequiredKey<T>,
     ) -> Option<FactFile<T>> {
         match reader.table(key) {
-            Given::LeftOut => None,
-            Given::Unusable => Some(FactFile::UNUSABLE),
-            Given::Usable(section) => Some(self.fact(reader.open(section.value), value)),
+            OptionalKey::Absent => None,
+            OptionalKey::Invalid => Some(FactFile::UNUSABLE),
+            OptionalKey::Valid(section) => Some(self.fact(reader.open(section.value), value)),
         }
     }
 
@@ -114,7 +114,11 @@ impl Facts<'_> {
         sections.into_iter().map(read).collect()
     }
 
-    fn fact<T>(&self, mut reader: Reader<'_, '_>, value: impl FnOnce(&mut Reader<'_, '_>) -> Needed<T>) -> FactFile<T> {
+    fn fact<T>(
+        &self,
+        mut reader: Reader<'_, '_>,
+        value: impl FnOnce(&mut Reader<'_, '_>) -> RequiredKey<T>,
+    ) -> FactFile<T> {
         let fact = FactFile { value: value(&mut reader), origin: self.origin(&mut reader) };
         reader.finish();
         fact
@@ -131,29 +135,29 @@ impl Facts<'_> {
         Some((confidence.value, source.value))
     }
 
-    fn may_be(&self, confidence: &Written<Confidence>, problems: &mut Vec<Problem>) -> bool {
+    fn may_be(&self, confidence: &Spanned<Confidence>, problems: &mut Vec<Problem>) -> bool {
         let what = match confidence.value {
             Confidence::Default if !self.defaults => "`default` is for timings only: an unknown is never a default",
             Confidence::Configured => "`configured` is for registers that the gateway's configuration adds",
             _ => return true,
         };
         let right = "\"manual\", \"second-source\", \"third-party\", \"sibling\" or \"inferred\"";
-        problems.push(confidence.place.problem(what).right(right));
+        problems.push(confidence.location.problem(what).right(right));
         false
     }
 
     /// Whether `source` begins with a document and a place in it, and that document lets the fact be as sure as it says.
     fn is_cited(
         &self,
-        source: &Written<String>,
-        confidence: &Written<Confidence>,
+        source: &Spanned<String>,
+        confidence: &Spanned<Confidence>,
         problems: &mut Vec<Problem>,
     ) -> bool {
         let Some(documents) = self.documents else { return true };
-        let (name, place) = source.value.split_once(' ').unwrap_or((&source.value, ""));
-        let Some(document) = documents.find(name).filter(|_| !place.is_empty()) else {
+        let (name, location) = source.value.split_once(' ').unwrap_or((&source.value, ""));
+        let Some(document) = documents.find(name).filter(|_| !location.is_empty()) else {
             let names: Vec<_> = documents.names().map(|name| format!("`{name} ...`")).collect();
-            let problem = source.place.problem(format!("`{}` cites no place in a declared document", source.value));
+            let problem = source.location.problem(format!("`{}` cites no place in a declared document", source.value));
             problems.push(problem.right(names.join(" or ")));
             return false;
         };
@@ -163,33 +167,37 @@ impl Facts<'_> {
             return true;
         }
         let word = confidence.value.word();
-        let problem = confidence.place.problem(format!("the source does not make it \"{word}\": {what}"));
+        let problem = confidence.location.problem(format!("the source does not make it \"{word}\": {what}"));
         problems.push(problem.right(format!("at best \"{}\", or another source", best.word())));
         false
     }
 }
 
 /// A value that has several parts beside confidence and source, which stands where its table stands.
-pub(super) fn whole<T>(reader: &mut Reader<'_, '_>, parts: impl FnOnce(&mut Reader<'_, '_>) -> T) -> Needed<T> {
+pub(super) fn whole<T>(reader: &mut Reader<'_, '_>, parts: impl FnOnce(&mut Reader<'_, '_>) -> T) -> RequiredKey<T> {
     let value = parts(reader);
-    Some(Written { value, place: reader.place().clone() })
+    Some(Spanned { value, location: reader.location().clone() })
 }
 
 /// A list with at least one element.
-pub(super) fn filled_list<T>(reader: &mut Reader<'_, '_>, key: &'static str, kind: &Kind<'_, T>) -> Needed<Vec<T>> {
+pub(super) fn filled_list<T>(
+    reader: &mut Reader<'_, '_>,
+    key: &'static str,
+    kind: &Kind<'_, T>,
+) -> RequiredKey<Vec<T>> {
     let list = reader.required_list(key, kind)?;
-    let Written { value: list, place } = filled_with(list, kind, reader.problems())?;
-    Some(Written { value: list.into_iter().map(|written| written.value).collect(), place })
+    let Spanned { value: list, location } = filled_with(list, kind, reader.problems())?;
+    Some(Spanned { value: list.into_iter().map(|written| written.value).collect(), location })
 }
 
 /// `list`, where it has at least one element.
 pub(super) fn filled_with<T>(
-    list: Written<Vec<Written<T>>>,
+    list: Spanned<Vec<Spanned<T>>>,
     kind: &Kind<'_, T>,
     problems: &mut Vec<Problem>,
-) -> Needed<Vec<Written<T>>> {
+) -> RequiredKey<Vec<Spanned<T>>> {
     if list.value.is_empty() {
-        problems.push(list.place.problem("is empty").right(format!("at least {}", kind.right())));
+        problems.push(list.location.problem("is empty").right(format!("at least {}", kind.right())));
         return None;
     }
     Some(list)

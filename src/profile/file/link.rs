@@ -3,9 +3,9 @@
 use super::facts::{FactFile, Facts, filled_list, optional, whole};
 use crate::domain::link::{Framing, Interface, LinkSettings, Parity};
 use crate::profile::model::{Broadcast, Link, Timing};
-use crate::profile::reader::{Needed, Reader};
-use crate::profile::values::Kind;
-use crate::profile::words::{FRAMINGS, INTERFACES, PARITIES};
+use crate::toml_file::values::Kind;
+use crate::toml_file::words::{FRAMINGS, INTERFACES, PARITIES};
+use crate::toml_file::{Reader, RequiredKey};
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
@@ -66,10 +66,10 @@ impl LinkFile {
 
 /// `link.default`
 pub(in crate::profile) struct DefaultFile {
-    pub baud: Needed<u32>,
-    pub data_bits: Needed<u8>,
-    pub parity: Needed<Parity>,
-    pub stop_bits: Needed<u8>,
+    pub baud: RequiredKey<u32>,
+    pub data_bits: RequiredKey<u8>,
+    pub parity: RequiredKey<Parity>,
+    pub stop_bits: RequiredKey<u8>,
 }
 
 impl DefaultFile {
@@ -94,8 +94,8 @@ impl DefaultFile {
 
 /// `link.stations`
 pub(in crate::profile) struct StationsFile {
-    pub from: Needed<u8>,
-    pub to: Needed<u8>,
+    pub from: RequiredKey<u8>,
+    pub to: RequiredKey<u8>,
 }
 
 impl StationsFile {
@@ -113,8 +113,8 @@ impl StationsFile {
 
 /// `link.broadcast`
 pub(in crate::profile) struct BroadcastFile {
-    pub station: Needed<u8>,
-    pub functions: Needed<Vec<u8>>,
+    pub station: RequiredKey<u8>,
+    pub functions: RequiredKey<Vec<u8>>,
 }
 
 impl BroadcastFile {

@@ -21,18 +21,18 @@ pub(super) use setup::{SetupFile, WatchdogFile};
 pub(super) use status::{CodeFile, StatusFile};
 
 use super::model::{Model, PollClass, Quirks, Register, Watchdog};
-use super::reader::{Given, Needed, Reader, Section, Written};
 use super::register::RegisterFile;
-use super::values::Kind;
 use crate::domain::problem::Problem;
+use crate::toml_file::values::Kind;
+use crate::toml_file::{OptionalKey, Reader, RequiredKey, Section, Spanned};
 use documents::DocumentsFile;
 use facts::Facts;
 
 /// The whole file.
 pub(super) struct ModelFile {
-    pub id: Needed<String>,
-    vendor: Needed<String>,
-    title: Needed<String>,
+    pub id: RequiredKey<String>,
+    vendor: RequiredKey<String>,
+    title: RequiredKey<String>,
     documents: Option<DocumentsFile>,
     pub link: Option<LinkFile>,
     timing: Option<TimingFile>,
@@ -40,14 +40,14 @@ pub(super) struct ModelFile {
     pub read: Option<ReadFile>,
     pub write: Option<WriteFile>,
     pub exceptions: Vec<CodeFile>,
-    pub quirks: Given<QuirksFile>,
+    pub quirks: OptionalKey<QuirksFile>,
     pub barriers: Vec<BarrierFile>,
-    pub run: Given<RunFile>,
+    pub run: OptionalKey<RunFile>,
     pub status: Vec<StatusFile>,
     pub trips: Vec<CodeFile>,
     pub setup: Vec<SetupFile>,
-    pub watchdog: Given<WatchdogFile>,
-    pub codes: Given<CodesFile>,
+    pub watchdog: OptionalKey<WatchdogFile>,
+    pub codes: OptionalKey<CodesFile>,
     pub registers: Vec<RegisterFile>,
 }
 
@@ -129,11 +129,13 @@ fn look_at_watchdog(watchdog: Option<&Watchdog>, register: &mut Register) {
 }
 
 /// The table `key`, read by `read`, which may be left out.
-fn given<T>(reader: &mut Reader<'_, '_>, key: &'static str, read: impl FnOnce(Reader<'_, '_>) -> T) -> Given<T> {
+fn given<T>(reader: &mut Reader<'_, '_>, key: &'static str, read: impl FnOnce(Reader<'_, '_>) -> T) -> OptionalKey<T> {
     match reader.table(key) {
-        Given::LeftOut => Given::LeftOut,
-        Given::Unusable => Given::Unusable,
-        Given::Usable(Written { value, place }) => Given::Usable(Written { value: read(reader.open(value)), place }),
+        OptionalKey::Absent => OptionalKey::Absent,
+        OptionalKey::Invalid => OptionalKey::Invalid,
+        OptionalKey::Valid(Spanned { value, location }) => {
+            OptionalKey::Valid(Spanned { value: read(reader.open(value)), location })
+        }
     }
 }
 
@@ -143,11 +145,11 @@ fn all<T>(reader: &mut Reader<'_, '_>, key: &'static str, read: impl Fn(Reader<'
 }
 
 /// Nothing inside where the table is left out; nothing at all where it cannot be used.
-fn made<T, U>(given: &Given<T>, make: impl FnOnce(&T) -> Option<U>) -> Option<Option<U>> {
+fn made<T, U>(given: &OptionalKey<T>, make: impl FnOnce(&T) -> Option<U>) -> Option<Option<U>> {
     match given {
-        Given::LeftOut => Some(None),
-        Given::Unusable => None,
-        Given::Usable(written) => make(&written.value).map(Some),
+        OptionalKey::Absent => Some(None),
+        OptionalKey::Invalid => None,
+        OptionalKey::Valid(written) => make(&written.value).map(Some),
     }
 }
 

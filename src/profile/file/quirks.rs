@@ -3,8 +3,8 @@
 use super::facts::{FactFile, Facts, optional};
 use super::link::time;
 use crate::profile::model::Quirks;
-use crate::profile::reader::Reader;
-use crate::profile::values::Kind;
+use crate::toml_file::Reader;
+use crate::toml_file::values::Kind;
 use std::time::Duration;
 
 /// `[quirks]`

@@ -2,9 +2,9 @@
 
 use super::facts::{FactFile, Facts, Origin, fact, optional};
 use crate::profile::model::{BitMeaning, RunBit, RunCommand, RunForm};
-use crate::profile::reader::{Given, Needed, Place, Reader, Written};
-use crate::profile::values::Kind;
 use crate::profile::words::BIT_MEANINGS;
+use crate::toml_file::values::Kind;
+use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey, Spanned};
 
 /// How the words of run commands are built.
 const FORMS: [(&str, FormWord); 2] = [("values", FormWord::Values), ("bits", FormWord::Bits)];
@@ -18,24 +18,24 @@ pub(in crate::profile) enum FormWord {
 
 /// `[run]`
 pub(in crate::profile) struct RunFile {
-    pub form: Needed<FormWord>,
+    pub form: RequiredKey<FormWord>,
     pub bits: Vec<BitFile>,
-    pub priority: Given<u16>,
+    pub priority: OptionalKey<u16>,
     pub stop: FactFile<u16>,
     pub forward: FactFile<u16>,
     pub reverse: Option<FactFile<u16>>,
     pub coast: Option<FactFile<u16>>,
     pub reset: Option<FactFile<u16>>,
     pub release: Option<FactFile<u16>>,
-    pub reset_sequence: Given<Vec<Written<u16>>>,
+    pub reset_sequence: OptionalKey<Vec<Spanned<u16>>>,
     pub never: Vec<FactFile<u16>>,
 }
 
 /// One of `[[run.bit]]`
 pub(in crate::profile) struct BitFile {
-    pub place: Place,
-    pub bit: Needed<u8>,
-    pub meaning: Needed<BitMeaning>,
+    pub location: Location,
+    pub bit: RequiredKey<u8>,
+    pub meaning: RequiredKey<BitMeaning>,
     origin: Option<Origin>,
 }
 
@@ -71,7 +71,7 @@ impl RunFile {
     }
 
     /// The command words that can be used, each with what it orders.
-    pub fn words(&self) -> impl Iterator<Item = (Order, &Written<u16>)> {
+    pub fn words(&self) -> impl Iterator<Item = (Order, &Spanned<u16>)> {
         let all = [
             (Order::Stop, Some(&self.stop)),
             (Order::Forward, Some(&self.forward)),
@@ -101,9 +101,9 @@ impl RunFile {
             reset: optional(self.reset.as_ref())?,
             release: optional(self.release.as_ref())?,
             reset_sequence: match &self.reset_sequence {
-                Given::LeftOut => Vec::new(),
-                Given::Unusable => return None,
-                Given::Usable(sequence) => sequence.value.iter().map(|word| word.value).collect(),
+                OptionalKey::Absent => Vec::new(),
+                OptionalKey::Invalid => return None,
+                OptionalKey::Valid(sequence) => sequence.value.iter().map(|word| word.value).collect(),
             },
             never: self.never.iter().map(FactFile::ready).collect::<Option<Vec<_>>>()?,
         })
@@ -113,7 +113,7 @@ impl RunFile {
 impl BitFile {
     fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
         let bit = Self {
-            place: reader.place().clone(),
+            location: reader.location().clone(),
             bit: reader.required("bit", &Kind::number(0..=15_u8)),
             meaning: reader.required("meaning", &Kind::one_of(&BIT_MEANINGS)),
             origin: facts.origin(&mut reader),

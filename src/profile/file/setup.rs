@@ -3,19 +3,19 @@
 use super::facts::{Facts, Origin, fact, filled_with};
 use crate::domain::link::Interface;
 use crate::profile::model::{SetupItem, Watchdog};
-use crate::profile::reader::{Given, Needed, Place, Reader, Written};
 use crate::profile::register::{RegisterFile, address_of};
-use crate::profile::values::Kind;
-use crate::profile::words::INTERFACES;
+use crate::toml_file::values::Kind;
+use crate::toml_file::words::INTERFACES;
+use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey, Spanned};
 
 /// One of `[[setup]]`
 pub(in crate::profile) struct SetupFile {
-    pub place: Place,
-    what: Needed<String>,
-    text: Needed<String>,
-    pub register: Given<String>,
-    pub values: Given<Vec<Written<u16>>>,
-    pub interface: Given<Interface>,
+    pub location: Location,
+    what: RequiredKey<String>,
+    text: RequiredKey<String>,
+    pub register: OptionalKey<String>,
+    pub values: OptionalKey<Vec<Spanned<u16>>>,
+    pub interface: OptionalKey<Interface>,
     origin: Option<Origin>,
 }
 
@@ -23,13 +23,13 @@ impl SetupFile {
     pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
         let word = Kind::number(0..=u16::MAX);
         let setup = Self {
-            place: reader.place().clone(),
+            location: reader.location().clone(),
             what: reader.required("what", &Kind::text()),
             text: reader.required("text", &Kind::text()),
             register: reader.optional("register", &Kind::text()),
             values: match reader.list("values", &word) {
-                Given::Usable(list) => {
-                    filled_with(list, &word, reader.problems()).map_or(Given::Unusable, Given::Usable)
+                OptionalKey::Valid(list) => {
+                    filled_with(list, &word, reader.problems()).map_or(OptionalKey::Invalid, OptionalKey::Valid)
                 }
                 other => other,
             },
@@ -57,22 +57,22 @@ impl SetupFile {
 }
 
 /// The words of a list; nothing if they cannot be used.
-fn words_of(list: &Given<Vec<Written<u16>>>) -> Option<Option<Vec<u16>>> {
+fn words_of(list: &OptionalKey<Vec<Spanned<u16>>>) -> Option<Option<Vec<u16>>> {
     match list {
-        Given::LeftOut => Some(None),
-        Given::Unusable => None,
-        Given::Usable(words) => Some(Some(words.value.iter().map(|word| word.value).collect())),
+        OptionalKey::Absent => Some(None),
+        OptionalKey::Invalid => None,
+        OptionalKey::Valid(words) => Some(Some(words.value.iter().map(|word| word.value).collect())),
     }
 }
 
 /// `[watchdog]`
 pub(in crate::profile) struct WatchdogFile {
-    pub register: Needed<String>,
-    off: Needed<u16>,
-    pub action: Given<String>,
-    pub action_digit: Given<u16>,
-    pub keeps_running: Given<Vec<Written<u16>>>,
-    pub stops: Given<Vec<Written<u16>>>,
+    pub register: RequiredKey<String>,
+    off: RequiredKey<u16>,
+    pub action: OptionalKey<String>,
+    pub action_digit: OptionalKey<u16>,
+    pub keeps_running: OptionalKey<Vec<Spanned<u16>>>,
+    pub stops: OptionalKey<Vec<Spanned<u16>>>,
     origin: Option<Origin>,
 }
 
@@ -112,7 +112,7 @@ impl WatchdogFile {
     /// The words of the reaction with which the drive stops the motor where `stops` is left out: those that have a meaning
     /// and do not keep it running.
     pub fn words_that_stop(&self, registers: &[RegisterFile]) -> Vec<u16> {
-        let Given::Usable(action) = &self.action else { return Vec::new() };
+        let OptionalKey::Valid(action) = &self.action else { return Vec::new() };
         let runs_on = words_of(&self.keeps_running).flatten().unwrap_or_default();
         let is_it = |register: &&RegisterFile| register.name().is_some_and(|name| *name == action.value);
         let meanings = registers.iter().find(is_it).into_iter().flat_map(RegisterFile::meaning_words);

@@ -2,18 +2,18 @@
 
 use super::facts::{Facts, Origin, filled_with};
 use crate::profile::model::{CodeText, Flag, StatusFlag};
-use crate::profile::reader::{Given, Needed, Place, Reader, Written};
 use crate::profile::register::{RegisterFile, address_of};
-use crate::profile::values::Kind;
 use crate::profile::words::FLAGS;
+use crate::toml_file::values::Kind;
+use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey, Spanned};
 use std::ops::RangeInclusive;
 
 /// One of `[[status]]`
 pub(in crate::profile) struct StatusFile {
-    pub flag: Needed<Flag>,
-    pub register: Needed<String>,
-    pub mask: Given<u16>,
-    pub values: Needed<Vec<Written<u16>>>,
+    pub flag: RequiredKey<Flag>,
+    pub register: RequiredKey<String>,
+    pub mask: OptionalKey<u16>,
+    pub values: RequiredKey<Vec<Spanned<u16>>>,
     origin: Option<Origin>,
 }
 
@@ -49,9 +49,9 @@ impl StatusFile {
 
 /// One of `[[trip]]` or `[[exception]]`
 pub(in crate::profile) struct CodeFile {
-    pub place: Place,
-    pub code: Needed<u16>,
-    text: Needed<String>,
+    pub location: Location,
+    pub code: RequiredKey<u16>,
+    text: RequiredKey<String>,
     origin: Option<Origin>,
 }
 
@@ -59,7 +59,7 @@ impl CodeFile {
     /// A trip or exception with a code of `codes`.
     pub(super) fn read(facts: &Facts<'_>, codes: RangeInclusive<u16>, mut reader: Reader<'_, '_>) -> Self {
         let code = Self {
-            place: reader.place().clone(),
+            location: reader.location().clone(),
             code: reader.required("code", &Kind::number(codes)),
             text: reader.required("text", &Kind::text()),
             origin: facts.origin(&mut reader),

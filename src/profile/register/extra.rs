@@ -3,7 +3,7 @@
 use super::{RegisterFile, addresses_fit, codes_fit, distinct};
 use crate::domain::problem::Problem;
 use crate::profile::model::{Confidence, Model, Register, Role};
-use crate::profile::reader::{Reader, Section, Written};
+use crate::toml_file::{Reader, Section, Spanned};
 use std::borrow::Cow;
 
 /// Reads a register that the gateway's configuration adds to a model: `name`, `title`, `address`, `unit` and
@@ -51,17 +51,17 @@ fn known_since<'x>(
 ) -> (Vec<Register>, Cow<'x, [RegisterFile]>) {
     let (mut known, mut added) = (model.registers.clone(), Cow::Borrowed(extra));
     for register in extra {
-        let Some(Written { value: address, place }) = &register.address else { continue };
+        let Some(Spanned { value: address, location }) = &register.address else { continue };
         let harmless = |own: &&Register| own.address == *address && is_harmless(model, own);
         let Some(own) = model.registers.iter().find(harmless) else { continue };
         let what = format!("{} has a register at 0x{address:04X} by now, `{}`", model.id, own.name);
         if own.role.is_some() {
             added.to_mut().retain(|it| it != register);
-            let problem = place.problem(format!("has no effect: {what}"));
+            let problem = location.problem(format!("has no effect: {what}"));
             problems.push(problem.right(format!("leave it out, and call it `{}`", own.name)).warning());
         } else {
             known.retain(|it| it.address != *address);
-            let problem = place.problem(format!("{what}; it stays as it is described here"));
+            let problem = location.problem(format!("{what}; it stays as it is described here"));
             problems.push(problem.right(format!("leave it out, and call it `{}`", own.name)).warning());
         }
     }
@@ -86,8 +86,8 @@ mod tests {
     use super::*;
     use crate::profile::check;
     use crate::profile::model::Access;
-    use crate::profile::reader::document;
     use crate::profile::testing::{EVERYTHING, MODEL, told};
+    use crate::toml_file::document;
 
     fn extended(model: &str, text: &str) -> (Model, String) {
         let mut problems = Vec::new();

@@ -8,11 +8,12 @@ pub(super) use rules::{addresses_fit, codes_fit, distinct, has_decimal_digits};
 
 use super::file::Origin;
 use super::model::{Access, Memory, Part, PollClass, Register, Role};
-use super::reader::{Given, Needed, Reader, Written};
 use super::scale::steps;
-use super::values::Kind;
-use super::words::{ACCESSES, MEMORIES, PARTS, POLL_CLASSES, ROLES, UNITS};
+use super::words::{ACCESSES, MEMORIES, PARTS, POLL_CLASSES, ROLES};
 use crate::domain::units::UnitOfMeasure;
+use crate::toml_file::values::Kind;
+use crate::toml_file::words::UNITS;
+use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
 use std::ops::RangeInclusive;
 
 /// The largest scale, in raw steps per unit.
@@ -22,23 +23,23 @@ const MAX_SCALE: u32 = 1_000_000;
 /// with the others.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegisterFile {
-    pub(super) name: Needed<String>,
-    pub(super) code: Given<String>,
-    pub(super) address: Needed<u16>,
-    pub(super) access: Needed<Access>,
-    pub(super) role: Given<Role>,
-    pub(super) unit: Needed<UnitOfMeasure>,
-    pub(super) poll: Given<PollClass>,
-    pub(super) back_door: Given<String>,
-    is_link: Given<bool>,
-    title: Needed<String>,
-    scale: Given<u32>,
-    signed: Given<bool>,
-    pub(in crate::profile) memory: Given<Memory>,
-    range: Given<RangeInclusive<i32>>,
+    pub(super) name: RequiredKey<String>,
+    pub(super) code: OptionalKey<String>,
+    pub(super) address: RequiredKey<u16>,
+    pub(super) access: RequiredKey<Access>,
+    pub(super) role: OptionalKey<Role>,
+    pub(super) unit: RequiredKey<UnitOfMeasure>,
+    pub(super) poll: OptionalKey<PollClass>,
+    pub(super) back_door: OptionalKey<String>,
+    is_link: OptionalKey<bool>,
+    title: RequiredKey<String>,
+    scale: OptionalKey<u32>,
+    signed: OptionalKey<bool>,
+    pub(in crate::profile) memory: OptionalKey<Memory>,
+    range: OptionalKey<RangeInclusive<i32>>,
     meanings: Vec<(u16, String)>,
     origin: Option<Origin>,
-    not_stated: Given<Vec<Written<Part>>>,
+    not_stated: OptionalKey<Vec<Spanned<Part>>>,
 }
 
 impl RegisterFile {
@@ -75,9 +76,9 @@ impl RegisterFile {
             confidence,
             source,
             not_stated: match &self.not_stated {
-                Given::LeftOut => Vec::new(),
-                Given::Unusable => return None,
-                Given::Usable(parts) => parts.value.iter().map(|part| part.value).collect(),
+                OptionalKey::Absent => Vec::new(),
+                OptionalKey::Invalid => return None,
+                OptionalKey::Valid(parts) => parts.value.iter().map(|part| part.value).collect(),
             },
         })
     }
@@ -94,18 +95,18 @@ impl RegisterFile {
             unit: reader.required("unit", &Kind::one_of(&UNITS)),
             access: reader.required("access", &Kind::one_of(&ACCESSES)),
             poll: reader.optional("poll", &Kind::one_of(&POLL_CLASSES)),
-            role: Given::LeftOut,
-            memory: Given::LeftOut,
-            range: Given::LeftOut,
+            role: OptionalKey::Absent,
+            memory: OptionalKey::Absent,
+            range: OptionalKey::Absent,
             meanings: Vec::new(),
-            back_door: Given::LeftOut,
-            is_link: Given::LeftOut,
+            back_door: OptionalKey::Absent,
+            is_link: OptionalKey::Absent,
             origin: None,
-            not_stated: Given::LeftOut,
+            not_stated: OptionalKey::Absent,
         };
         let unreadable = register.access.as_ref().is_some_and(|access| !access.value.can_read());
-        if let Some(poll) = register.poll.usable().filter(|_| unreadable) {
-            let problem = poll.place.problem("a register that cannot be read cannot be polled");
+        if let Some(poll) = register.poll.valid().filter(|_| unreadable) {
+            let problem = poll.location.problem("a register that cannot be read cannot be polled");
             reader.problems().push(problem.right("leave it out, or give it an access that reads"));
         }
         register
@@ -129,45 +130,47 @@ impl RegisterFile {
 
 impl RegisterFile {
     /// `range` in the register's unit, as numbers before scaling.
-    fn read_range(&self, reader: &mut Reader<'_, '_>) -> Given<RangeInclusive<i32>> {
+    fn read_range(&self, reader: &mut Reader<'_, '_>) -> OptionalKey<RangeInclusive<i32>> {
         // No register reaches further, whatever its scale.
         let ends = Kind::decimal(f64::from(i16::MIN)..=f64::from(u16::MAX));
-        let (list, place) = match reader.list("range", &ends) {
-            Given::LeftOut => return Given::LeftOut,
-            Given::Unusable => return Given::Unusable,
-            Given::Usable(Written { value, place }) => (value, place),
+        let (list, location) = match reader.list("range", &ends) {
+            OptionalKey::Absent => return OptionalKey::Absent,
+            OptionalKey::Invalid => return OptionalKey::Invalid,
+            OptionalKey::Valid(Spanned { value, location }) => (value, location),
         };
         let [least, most] = &list[..] else {
             let what = match list.len() {
                 1 => "has 1 number".to_owned(),
                 many => format!("has {many} numbers"),
             };
-            reader.problems().push(place.problem(what).right("two: the least and the greatest value"));
-            return Given::Unusable;
+            reader.problems().push(location.problem(what).right("two: the least and the greatest value"));
+            return OptionalKey::Invalid;
         };
-        let (Some(scale), Some(signed)) = (self.scale.or(1), self.signed.or(false)) else { return Given::Unusable };
-        let mut raw = |end: &Written<f64>| {
-            let problem = |wrong| end.place.problem(format!("{} is {wrong}", end.value));
+        let (Some(scale), Some(signed)) = (self.scale.or(1), self.signed.or(false)) else {
+            return OptionalKey::Invalid;
+        };
+        let mut raw = |end: &Spanned<f64>| {
+            let problem = |wrong| end.location.problem(format!("{} is {wrong}", end.value));
             let told = |wrong| reader.problems().push(problem(wrong).right("a value that the register can hold"));
             steps(end.value, scale, signed).map_err(told).ok()
         };
-        let (Some(low), Some(high)) = (raw(least), raw(most)) else { return Given::Unusable };
+        let (Some(low), Some(high)) = (raw(least), raw(most)) else { return OptionalKey::Invalid };
         if low > high {
-            let problem = place.problem(format!("{} is above {}", least.value, most.value));
+            let problem = location.problem(format!("{} is above {}", least.value, most.value));
             reader.problems().push(problem.right("the least value first"));
-            return Given::Unusable;
+            return OptionalKey::Invalid;
         }
-        Given::Usable(Written { value: low..=high, place })
+        OptionalKey::Valid(Spanned { value: low..=high, location })
     }
 }
 
 /// The table `values`: what the words of a register mean, in order of the words.
 fn meanings(reader: &mut Reader<'_, '_>) -> Vec<(u16, String)> {
-    let Given::Usable(Written { value: section, place }) = reader.table("values") else { return Vec::new() };
+    let OptionalKey::Valid(Spanned { value: section, location }) = reader.table("values") else { return Vec::new() };
     let inner = reader.open(section);
     let (is_empty, all) = (inner.is_empty(), inner.all(&Kind::text()));
     if is_empty {
-        reader.problems().push(place.problem("is empty").right("the meaning of at least one word, or leave it out"));
+        reader.problems().push(location.problem("is empty").right("the meaning of at least one word, or leave it out"));
     }
     let mut meanings = Vec::new();
     for (key, text) in all {
@@ -175,7 +178,7 @@ fn meanings(reader: &mut Reader<'_, '_>) -> Vec<(u16, String)> {
         match key.parse::<u16>().ok().filter(|word| word.to_string() == key) {
             Some(word) => meanings.push((word, text.value)),
             None => {
-                let problem = text.place.problem(format!("`{key}` is no word of a register"));
+                let problem = text.location.problem(format!("`{key}` is no word of a register"));
                 reader.problems().push(problem.right("a decimal number from \"0\" to \"65535\""));
             }
         }

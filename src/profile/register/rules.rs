@@ -3,7 +3,7 @@
 use super::RegisterFile;
 use crate::domain::problem::Problem;
 use crate::profile::model::{CodeRule, Register, Role};
-use crate::profile::reader::Place;
+use crate::toml_file::Location;
 use std::collections::BTreeMap;
 
 /// Reports each register of `written` whose name, code, address or role belongs to one before it or to one of
@@ -33,33 +33,39 @@ impl Taken {
     fn add(&mut self, register: &RegisterFile, problems: &mut Vec<Problem>) {
         if let Some(name) = &register.name {
             let called = format!("the name `{}`", name.value);
-            claim(&mut self.labels, name.value.to_lowercase(), &called, &name.place, problems);
+            claim(&mut self.labels, name.value.to_lowercase(), &called, &name.location, problems);
         }
-        if let Some(code) = register.code.usable() {
+        if let Some(code) = register.code.valid() {
             let called = format!("the code `{}`", code.value);
             let is_own = register.name.as_ref().is_some_and(|name| name.value.eq_ignore_ascii_case(&code.value));
             if !is_own {
-                claim(&mut self.labels, code.value.to_lowercase(), &called, &code.place, problems);
+                claim(&mut self.labels, code.value.to_lowercase(), &called, &code.location, problems);
             }
         }
         if let Some(address) = &register.address {
             let called = format!("address 0x{:04X}", address.value);
-            claim(&mut self.addresses, address.value, &called, &address.place, problems);
+            claim(&mut self.addresses, address.value, &called, &address.location, problems);
         }
-        if let Some(role) = register.role.usable().filter(|role| !role.value.is_repeated()) {
-            claim(&mut self.roles, role.value, "this role", &role.place, problems);
+        if let Some(role) = register.role.valid().filter(|role| !role.value.is_repeated()) {
+            claim(&mut self.roles, role.value, "this role", &role.location, problems);
         }
     }
 }
 
-fn claim<T: Ord>(taken: &mut BTreeMap<T, String>, value: T, called: &str, place: &Place, problems: &mut Vec<Problem>) {
+fn claim<T: Ord>(
+    taken: &mut BTreeMap<T, String>,
+    value: T,
+    called: &str,
+    location: &Location,
+    problems: &mut Vec<Problem>,
+) {
     match taken.get(&value) {
         Some(owner) => {
-            let problem = place.problem(format!("{called} is taken by {owner}"));
+            let problem = location.problem(format!("{called} is taken by {owner}"));
             problems.push(problem.right("one that no other register of the model has"));
         }
         None => {
-            taken.insert(value, place.key.clone());
+            taken.insert(value, location.key.clone());
         }
     }
 }
@@ -75,12 +81,12 @@ pub(in crate::profile) fn addresses_fit(
     for address in written.iter().filter_map(|register| register.address.as_ref()) {
         if in_decimal && !has_decimal_digits(address.value) {
             let what = format!("0x{:04X} is no address: this drive counts in decimal digits", address.value);
-            problems.push(address.place.problem(what).right("0 to 9 in each of the last two places"));
+            problems.push(address.location.problem(what).right("0 to 9 in each of the last two places"));
         }
         if let Some(bit) = alias_bit.filter(|bit| address.value >> bit & 1 == 1) {
             let what = format!("0x{:04X} is the stored twin of another register: it has bit {bit}", address.value);
             let right = format!("0x{:04X}, the register itself", address.value & !(1 << bit));
-            problems.push(address.place.problem(what).right(right));
+            problems.push(address.location.problem(what).right(right));
         }
     }
 }
@@ -93,10 +99,10 @@ pub(in crate::profile) fn has_decimal_digits(address: u16) -> bool {
 /// Reports each register of `written` whose code is another address by `rule`.
 pub(in crate::profile) fn codes_fit(rule: &CodeRule, written: &[RegisterFile], problems: &mut Vec<Problem>) {
     for register in written {
-        let (Some(code), Some(address)) = (register.code.usable(), &register.address) else { continue };
+        let (Some(code), Some(address)) = (register.code.valid(), &register.address) else { continue };
         if let Some(by_rule) = rule.address(&code.value).filter(|by_rule| *by_rule != address.value) {
             let what = format!("`{}` is 0x{by_rule:04X} by `codes`, and not 0x{:04X}", code.value, address.value);
-            problems.push(code.place.problem(what).right("the code that belongs to the address, or leave it out"));
+            problems.push(code.location.problem(what).right("the code that belongs to the address, or leave it out"));
         }
     }
 }

@@ -4,7 +4,8 @@ use super::layout::{Row, choice, list, row};
 use super::registers::name_at;
 use crate::domain::control::ControlAction;
 use crate::profile::model::{Model, RunCommand, RunForm};
-use crate::profile::words::{BIT_MEANINGS, INTERFACES, word_for};
+use crate::profile::words::BIT_MEANINGS;
+use crate::toml_file::words::{INTERFACES, word_for};
 
 pub(super) fn run_commands(run: &RunCommand) -> Vec<Row> {
     let shown = |word: u16| match run.form {

@@ -2,8 +2,9 @@
 
 use super::layout::{Row, list, row};
 use crate::profile::model::{Barrier, Boundary, Fact, Link, Model, Quirks, ReadLimits, Timing};
-use crate::profile::values::duration_text;
-use crate::profile::words::{FRAMINGS, INTERFACES, PARITIES, REFUSED_WRITES, word_for};
+use crate::profile::words::REFUSED_WRITES;
+use crate::toml_file::values::duration_text;
+use crate::toml_file::words::{FRAMINGS, INTERFACES, PARITIES, word_for};
 use std::time::Duration;
 
 pub(super) fn link(link: &Link) -> Vec<Row> {

@@ -3,7 +3,8 @@
 use super::layout::{Row, choice, list, row};
 use crate::profile::model::{CodeRule, Model, Register};
 use crate::profile::scale::Scaled;
-use crate::profile::words::{FLAGS, POLL_CLASSES, word_for};
+use crate::profile::words::{FLAGS, POLL_CLASSES};
+use crate::toml_file::words::word_for;
 use std::ops::RangeInclusive;
 
 /// The name of the register at `address`.

@@ -6,8 +6,8 @@ use crate::profile::model::Access::{Read, ReadWrite, Write};
 use crate::profile::model::BitMeaning::{Reset, RunForward, RunReverse};
 use crate::profile::model::Confidence::{Default, Inferred, Manual, Sibling};
 use crate::profile::model::{Boundary, CodeRule, Quirks, RefusedWrite};
-use crate::profile::reader::document;
 use crate::profile::register::{extra_register, with_extra};
+use crate::toml_file::document;
 
 fn n100plus() -> Arc<Model> {
     model("hyundai-n100plus")

@@ -7,7 +7,8 @@ use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
 use crate::profile::model::{CodeText, Memory, Model, Register, Role, RunCommand, StatusFlag};
 use crate::profile::scale::Scaled;
-use crate::profile::words::{FLAGS, word_for};
+use crate::profile::words::FLAGS;
+use crate::toml_file::words::word_for;
 
 /// The map of the native unit of `drive` for a client with `rights`.
 ///

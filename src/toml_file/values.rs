@@ -1,6 +1,5 @@
-//! What a value of a TOML file may be: text, words, numbers with their range, times with their unit.
+//! Kinds of TOML values: text, words, numbers with a range, durations with a unit.
 
-use super::reader::kind_of;
 use crate::domain::problem::nearest;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
@@ -10,14 +9,14 @@ use toml::de::DeValue;
 /// What is wrong with a value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Wrong {
-    /// What is wrong, in one sentence.
+    /// The mistake, in one sentence.
     pub what: String,
-    /// What would be right, where that is more exact than the kind's own sentence.
+    /// What would be right, if that is more precise than the kind's own sentence.
     pub right: Option<String>,
 }
 
 impl Wrong {
-    /// Wrong for the reason `what`.
+    /// A mistake with the description `what`.
     #[must_use]
     pub fn new(what: impl Into<String>) -> Self {
         Self { what: what.into(), right: None }
@@ -33,7 +32,7 @@ pub struct Kind<'k, T> {
 type Read<'k, T> = dyn Fn(&DeValue<'_>) -> Result<T, Wrong> + 'k;
 
 impl<'k, T: 'k> Kind<'k, T> {
-    /// What is right, as it stands behind "right would be": `a whole number from 1 to 9`.
+    /// What is right, as it follows "right would be": `a whole number from 1 to 9`.
     #[must_use]
     pub fn right(&self) -> &str {
         &self.right
@@ -47,7 +46,7 @@ impl<'k, T: 'k> Kind<'k, T> {
         (self.read)(value)
     }
 
-    /// Text from which `parse` makes a value; nothing: it cannot. `right` says in words what it takes.
+    /// Text that `parse` turns into a value, or `None` if it is invalid. `right` says which text is valid.
     pub fn parsed(right: impl Into<String>, parse: impl Fn(&str) -> Option<T> + 'k) -> Self {
         Self::new(right.into(), move |value| {
             let text = as_text(value)?;
@@ -55,7 +54,7 @@ impl<'k, T: 'k> Kind<'k, T> {
         })
     }
 
-    /// This kind, or the word `word`, which is read as nothing.
+    /// This kind, or the word `word`, which is read as `None`.
     #[must_use]
     pub fn or_word(self, word: &'static str) -> Kind<'k, Option<T>> {
         Kind::new(format!("\"{word}\" or {}", self.right), move |value| match value {
@@ -119,7 +118,7 @@ impl Kind<'_, u16> {
 }
 
 impl Kind<'_, String> {
-    /// Text that holds more than blanks.
+    /// Text that is not blank.
     #[must_use]
     pub fn text() -> Self {
         Self::new("text, not empty".to_owned(), |value| match as_text(value)?.trim() {
@@ -174,7 +173,7 @@ impl Kind<'_, Duration> {
     }
 }
 
-/// `time` as it stands in a file, in the largest unit that divides it; below a millisecond it is cut off.
+/// `time` as a file has it, in the largest unit that divides it. Fractions of a millisecond are dropped.
 #[must_use]
 pub fn duration_text(time: Duration) -> String {
     let millis = time.as_millis();
@@ -186,7 +185,7 @@ pub fn duration_text(time: Duration) -> String {
 /// Units of time, with their milliseconds.
 const UNITS: [(&str, u128); 4] = [("ms", 1), ("s", 1_000), ("min", 60_000), ("h", 3_600_000)];
 
-/// The time that `text` names, such as `500ms`; nothing if it is none.
+/// The duration in `text`, such as `500ms`; `None` if it is not one.
 #[must_use]
 pub fn parse_duration(text: &str) -> Option<Duration> {
     let digits = text.find(|c: char| !c.is_ascii_digit())?;
@@ -194,6 +193,19 @@ pub fn parse_duration(text: &str) -> Option<Duration> {
     let (_, size) = UNITS.into_iter().find(|(name, _)| *name == unit)?;
     let millis = u128::from(number.parse::<u64>().ok()?) * size;
     u64::try_from(millis).ok().map(Duration::from_millis)
+}
+
+/// The type of `value`, as messages name it.
+pub(super) const fn kind_of(value: &DeValue<'_>) -> &'static str {
+    match value {
+        DeValue::String(_) => "text",
+        DeValue::Integer(_) => "a whole number",
+        DeValue::Float(_) => "a decimal number",
+        DeValue::Boolean(_) => "true or false",
+        DeValue::Datetime(_) => "a date",
+        DeValue::Array(_) => "a list",
+        DeValue::Table(_) => "a table",
+    }
 }
 
 fn as_text<'v>(value: &'v DeValue<'_>) -> Result<&'v str, Wrong> {

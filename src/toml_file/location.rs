@@ -1,0 +1,91 @@
+//! Locations in a file, and values that carry theirs.
+
+use crate::domain::problem::Problem;
+use std::ops::Range;
+
+/// The location of a key or value in a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Location {
+    /// The key as a path, `line[0].drive[2].station`; empty for the file itself.
+    pub key: String,
+    /// Bytes of the text; empty at 0 for the file itself.
+    pub span: Range<usize>,
+}
+
+impl Location {
+    /// A problem at this location.
+    #[must_use]
+    pub fn problem(&self, what: impl Into<String>) -> Problem {
+        Problem::new(self.key.clone(), self.span.clone(), what)
+    }
+
+    /// The location to report for `name`, a key that the table at this location lacks.
+    #[must_use]
+    pub fn missing(&self, name: &str) -> Self {
+        self.inner(name, self.span.clone())
+    }
+
+    /// The location of the key `name` at `span`, in the table at this location.
+    pub(super) fn inner(&self, name: &str, span: Range<usize>) -> Self {
+        let key = if self.key.is_empty() { name.to_owned() } else { format!("{}.{name}", self.key) };
+        Self { key, span }
+    }
+
+    /// The location of element `index` at `span`, in the list at this location.
+    pub(super) fn element(&self, index: usize, span: Range<usize>) -> Self {
+        Self { key: format!("{}[{index}]", self.key), span }
+    }
+}
+
+/// A value and its location.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spanned<T> {
+    /// The value.
+    pub value: T,
+    /// Its location.
+    pub location: Location,
+}
+
+/// The result of reading an optional key.
+#[derive(Clone, Debug, PartialEq)]
+pub enum OptionalKey<T> {
+    /// The file does not have the key.
+    Absent,
+    /// The file has the key with an invalid value. The problem is already reported.
+    Invalid,
+    /// The file has the key with a valid value.
+    Valid(Spanned<T>),
+}
+
+impl<T> OptionalKey<T> {
+    /// The value if it is present and valid.
+    pub const fn valid(&self) -> Option<&Spanned<T>> {
+        match self {
+            Self::Valid(written) => Some(written),
+            Self::Absent | Self::Invalid => None,
+        }
+    }
+
+    /// `Some(None)` if the key is absent, `None` if its value is invalid.
+    pub fn optional(self) -> Option<Option<T>> {
+        match self {
+            Self::Absent => Some(None),
+            Self::Invalid => None,
+            Self::Valid(written) => Some(Some(written.value)),
+        }
+    }
+}
+
+impl<T: Clone> OptionalKey<T> {
+    /// The value, `default` if the key is absent, `None` if the value is invalid.
+    pub fn or(&self, default: T) -> Option<T> {
+        match self {
+            Self::Absent => Some(default),
+            Self::Invalid => None,
+            Self::Valid(written) => Some(written.value.clone()),
+        }
+    }
+}
+
+/// The result of reading a required key. `None`: the problem is already reported.
+pub type RequiredKey<T> = Option<Spanned<T>>;

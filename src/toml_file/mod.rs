@@ -1,0 +1,28 @@
+//! Reads a TOML document table by table and reports every mistake, each with its location.
+//!
+//! A caller asks a [`Reader`] for each key by name and passes a [`values::Kind`] that says which values are valid.
+//! Mistakes go into the list of problems, and reading goes on. [`Reader::finish`] then reports each key that the
+//! caller did not ask for.
+//!
+//! ```
+//! use vfd_gateway::toml_file::{Reader, document};
+//! use vfd_gateway::toml_file::values::Kind;
+//!
+//! let mut problems = Vec::new();
+//! if let Some(root) = document("baud = 0\nparrot = 'none'", &mut problems) {
+//!     let mut reader = Reader::new(root.section(), &mut problems);
+//!     let baud = reader.required("baud", &Kind::number(2400..=38_400_u32));
+//!     let parity = reader.optional("parity", &Kind::one_of(&[("none", 0), ("even", 1)]));
+//!     reader.finish();
+//!     assert_eq!((baud, parity.or(0)), (None, Some(0)));
+//! }
+//! assert_eq!(problems.len(), 2);
+//! ```
+
+mod location;
+mod reader;
+pub mod values;
+pub mod words;
+
+pub use location::{Location, OptionalKey, RequiredKey, Spanned};
+pub use reader::{Document, Entry, Reader, Section, document};
