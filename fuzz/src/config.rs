@@ -7,7 +7,7 @@ use vfd_gateway::config::{self, Config, PortAddress};
 pub fn run(bytes: &[u8]) {
     let Some(text) = text::of(bytes) else { return };
     for dir in config::model_dirs(text) {
-        assert!(dir.value.is_absolute() && text.get(dir.place.span.clone()).is_some(), "{dir:?}");
+        assert!(dir.value.is_absolute() && text.get(dir.location.span.clone()).is_some(), "{dir:?}");
     }
     let fewer = config::problems_without_some_models(text, plant::catalog());
     match config::load(text, plant::catalog()) {

@@ -31,7 +31,7 @@ pub fn password(_: &Args) -> Result<(), Failure> {
     let stdin = io::stdin();
     let password = if isatty(&stdin) { ask_twice(&stdin)? } else { read_line(&stdin)?.0 };
     let mut salt = [0; 16];
-    SystemRandom::new().fill(&mut salt).map_err(|_| Failure::failed("the system gives no random numbers"))?;
+    SystemRandom::new().fill(&mut salt).map_err(|_| Failure::failed("no random numbers from the system"))?;
     let hash = StoredHash::make(&password, &salt).ok_or_else(|| {
         let (least, most) = (PASSWORD_CHARS.start(), PASSWORD_CHARS.end());
         Failure::wrong(format!("a password has {least} to {most} characters"))

@@ -24,7 +24,7 @@ pub fn room_for_connections() -> usize {
     match setrlimit(Resource::Nofile, Rlimit { current: Some(wanted), ..limit }) {
         Ok(()) => connections(wanted),
         Err(error) => {
-            tracing::warn!(%error, limit = before, "the limit of open files cannot be raised");
+            tracing::warn!(%error, limit = before, "cannot raise the limit of open files");
             connections(before)
         }
     }

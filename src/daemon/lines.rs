@@ -61,12 +61,12 @@ impl Lines {
         let port = build::line_port(settings, self.data_dir.as_deref());
         let setup = build::line_setup(settings, first_epoch(), self.sides.journal.is_some(), self.have_begun);
         let StopBounds { all_healthy, one_silent, .. } = setup.stop_bounds();
-        tracing::info!(line = %settings.name, ?all_healthy, ?one_silent, "a stop starts within these times");
+        tracing::info!(line = %settings.name, ?all_healthy, ?one_silent, "longest time until a STOP starts on the wire");
         let mut handle = LineHandle::prepare(port, setup, line, Arc::clone(&self.changed), self.sides.clone())?;
         if handle.is_ready().await {
             Ok(handle)
         } else {
-            Err(io::Error::other(format!("the thread of line {} could not be set up", settings.name)))
+            Err(io::Error::other(format!("cannot start the thread of line {}", settings.name)))
         }
     }
 
@@ -165,7 +165,7 @@ async fn wait_for(handles: &mut [LineHandle], within: Duration) {
     let until = Instant::now() + within;
     for handle in handles {
         if !handle.ended_by(until).await {
-            tracing::error!(line = %handle.line().name, "the line's thread hangs and is left behind");
+            tracing::error!(line = %handle.line().name, "line thread hangs; abandoned");
         }
     }
 }

@@ -128,7 +128,7 @@ const PLACES_USUAL: usize = 10_240;
 fn places(config: &Config) -> usize {
     let wanted: usize = config.listeners.iter().filter_map(|it| it.connections_max).sum();
     let most = descriptors::room_for_connections().min(wanted.max(PLACES_USUAL));
-    tracing::info!(most, "room for clients of Modbus TCP");
+    tracing::info!(most, "Modbus TCP connection limit");
     for listener in config.listeners.iter().filter(|it| it.connections_max.is_some_and(|max| max > most)) {
         let address = listener.listen;
         tracing::warn!(%address, most, "the limit of open files leaves room for fewer clients than `connections_max`");

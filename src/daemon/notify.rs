@@ -26,13 +26,13 @@ pub fn reloading() {
     match NotifyState::monotonic_usec_now() {
         Ok(now) => say(&[NotifyState::Reloading, now, NotifyState::Status("reloading")]),
         // The service manager would take the one without the other for a fault.
-        Err(error) => tracing::warn!(%error, "the service manager is not told of the reload"),
+        Err(error) => tracing::warn!(%error, "cannot notify the service manager of the reload"),
     }
 }
 
 /// The gateway ends.
 pub fn stopping() {
-    say(&[NotifyState::Stopping, NotifyState::Status("stopping: drives get what is declared for that")]);
+    say(&[NotifyState::Stopping, NotifyState::Status("shutting down: applying `on_shutdown` to each drive")]);
 }
 
 /// Looks whether the lines' threads come round, and gives signs of life at half of the time that the service manager
@@ -49,7 +49,7 @@ pub async fn watch(current: Current) {
             match pulse.feel(&current.load().lines) {
                 Ok(()) => say(&[NotifyState::Watchdog]),
                 Err(hung) => {
-                    tracing::error!(?hung, "ALARM: lines' threads hang; the service manager gets no sign of life")
+                    tracing::error!(?hung, "ALARM: line thread hangs; no heartbeat to the service manager")
                 }
             }
         }

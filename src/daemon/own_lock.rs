@@ -63,7 +63,7 @@ impl Lock {
             Err(error) => {
                 tracing::error!(
                     directory = %directory.display(), %error,
-                    "ALARM: no lock file can be held in the data directory; control goes on"
+                    "ALARM: cannot lock the data directory; control continues"
                 );
                 None
             }
@@ -96,7 +96,7 @@ fn file(path: &Path) -> io::Result<Result<File, String>> {
         Err(TryLockError::Error(error)) => return Err(error),
     }
     if is_ours_to_write && let Err(error) = sign(&mut file) {
-        tracing::warn!(lock = %path.display(), %error, "the lock file cannot name this process");
+        tracing::warn!(lock = %path.display(), %error, "cannot write the process id to the lock file");
     }
     Ok(Ok(file))
 }

@@ -285,7 +285,7 @@ impl Gateway {
         let Some(journal) = &self.journal else { return Memory::new() };
         let memory = journal.memory(MEMORY_WITHIN).await;
         if memory.is_none() {
-            tracing::error!("ALARM: the journal does not answer: lines that begin now know nothing of their drives");
+            tracing::error!("ALARM: journal does not respond; new lines start without remembered state");
         }
         memory.unwrap_or_default()
     }

@@ -191,7 +191,7 @@ async fn serve(
                 warn_of(&applied.warnings);
             }
             Err(refusal) => {
-                tracing::error!(reason = refusal.word(), "the configuration stays as it was: {refusal}");
+                tracing::error!(reason = refusal.word(), "configuration unchanged: {refusal}");
             }
         }
         notify::ready(&gateway.current);
@@ -235,7 +235,7 @@ async fn end(gateway: Gateway) -> Lines {
         () = &mut again => true,
     };
     if is_hurried {
-        tracing::warn!("told to end again: stops that were sent are not waited for");
+        tracing::warn!("second signal: no longer waiting for sent stops");
         lines.hurry();
         // The broker tells by itself that the connection broke.
         lines.rested().await;

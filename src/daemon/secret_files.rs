@@ -23,7 +23,7 @@ pub fn read(path: &Path) -> io::Result<String> {
 pub fn warn(config: &Config) {
     for file in named(config).into_iter().filter(|file| is_open(file)) {
         let file = file.display();
-        tracing::warn!(%file, "everybody on this host may read this file with a secret; right is mode 0600 or 0640");
+        tracing::warn!(%file, "every user of this host can read this secret file; set its mode to 0600 or 0640");
     }
 }
 

@@ -67,7 +67,7 @@ impl Stalls {
     fn look(&self, now: MonoTime) -> Option<MonoTime> {
         let mut seen = self.lock();
         if let Some(stood) = seen.turns.as_mut().and_then(|turns| turns.turn(now)) {
-            tracing::warn!(?stood, "the gateway stood still: of what came meanwhile only stops are carried out");
+            tracing::warn!(?stood, "process was suspended; executing only STOPs received meanwhile");
             seen.ended = Some(now);
         }
         seen.ended

@@ -42,7 +42,7 @@ pub fn give_memory_back() {
     for (setting, bytes) in [(libc::M_MMAP_THRESHOLD, LARGE_BLOCK_BYTES), (libc::M_TRIM_THRESHOLD, UNUSED_BYTES_MAX)] {
         // SAFETY: the call only sets a number of the allocator's own, under its own lock.
         if unsafe { libc::mallopt(setting, bytes) } == 0 {
-            tracing::warn!(setting, bytes, "the allocator does not take a setting: memory that is freed may be kept");
+            tracing::warn!(setting, bytes, "allocator refused a setting; freed memory may stay with the process");
         }
     }
 }

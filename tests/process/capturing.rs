@@ -50,7 +50,7 @@ impl Hall {
         });
         gateway.wait_for("that the drive is there", |line| {
             let fields = fields(line)?;
-            (fields["message"] == "drive" && fields["presence"] == "Online").then_some(())
+            (fields["message"] == "drive online").then_some(())
         });
         Self { gateway, modbus, _drive: drive, place }
     }

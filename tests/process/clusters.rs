@@ -171,7 +171,7 @@ impl Pod {
         let gateway = start(&["run", "-c", file.to_str().unwrap()]);
         gateway.wait_for("that the drive is there", |line| {
             let fields = fields(line)?;
-            (fields["message"] == "drive" && fields["presence"] == "Online").then_some(())
+            (fields["message"] == "drive online").then_some(())
         });
         Self { socket: data.join("vfd-gateway.sock"), drive, _gateway: gateway, _place: place }
     }

@@ -216,7 +216,7 @@ impl Running {
         let gateway = start(&["run", "-c", file.to_str().unwrap()]);
         gateway.wait_for("that the drive is there", |line| {
             let fields = fields(line)?;
-            (fields["message"] == "drive" && fields["presence"] == "Online").then_some(())
+            (fields["message"] == "drive online").then_some(())
         });
         Self { delivered, broker, gateway, _drive: drive }
     }

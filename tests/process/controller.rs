@@ -143,7 +143,7 @@ fn run(file: &Path) -> Started {
     let gateway = start(&["run", "-c", file.to_str().unwrap()]);
     gateway.wait_for("that the drive is there", |line| {
         let fields = fields(line)?;
-        (fields["message"] == "drive" && fields["presence"] == "Online").then_some(())
+        (fields["message"] == "drive online").then_some(())
     });
     gateway
 }

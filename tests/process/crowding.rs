@@ -48,7 +48,7 @@ impl Crowded {
         });
         gateway.wait_for("that the drive is there", |line| {
             let fields = fields(line)?;
-            (fields["message"] == "drive" && fields["presence"] == "Online").then_some(())
+            (fields["message"] == "drive online").then_some(())
         });
         Self { gateway, address, http, _drive: drive, _place: place }
     }

@@ -49,7 +49,7 @@ impl Site {
         let gateway = Started::new(wrapper);
         gateway.wait_for("that the drive is there", |line| {
             let fields = fields(line)?;
-            (fields["message"] == "drive" && fields["presence"] == "Online").then_some(())
+            (fields["message"] == "drive online").then_some(())
         });
         until("the drive is read", PATIENCE, || self.output());
         gateway

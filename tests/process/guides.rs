@@ -198,7 +198,7 @@ impl Reader {
         });
         gateway.wait_for("that the drive is there", |line| {
             let fields = fields(line)?;
-            (fields["message"] == "drive" && fields["presence"] == "Online").then_some(())
+            (fields["message"] == "drive online").then_some(())
         });
         self.gateway = Some((gateway, address));
     }

@@ -98,7 +98,7 @@ fn the_drives_own_watchdog_is_shown_and_set() {
     let gateway = Started::new(run);
     gateway.wait_for("that the drive is there", |line| {
         let fields = fields(line)?;
-        (fields["message"] == "drive" && fields["presence"] == "Online").then_some(())
+        (fields["message"] == "drive online").then_some(())
     });
     let socket = place.file("data/vfd-gateway.sock");
     let watchdog = |more: &[&str]| {

@@ -221,9 +221,9 @@ fn the_page_hears_of_values_a_trip_and_a_line_that_is_gone() {
 
     site.drives.type_line("");
     // The log has it as soon as the line does.
-    let seen = site
-        .gateway
-        .wait_for("that the drive has tripped", |line| (fields(line)?["message"] == "tripped").then(Instant::now));
+    let seen = site.gateway.wait_for("that the drive has tripped", |line| {
+        (fields(line)?["message"] == "drive tripped").then(Instant::now)
+    });
     let (heard, trip) = listener.wait_for("trip", |trip| Some(trip.clone()));
     assert!(
         heard.saturating_duration_since(seen) < Duration::from_secs(1),

@@ -57,7 +57,7 @@ fn a_line_behind_ser2net_is_read_commanded_lost_and_found_again() {
     let words = until("the drive is back", Duration::from_secs(1), || client.read(F010, 1).ok());
     assert_eq!(words, [3]);
     assert_eq!(told(&gateway.program, "line down"), 1, "{}", gateway.program.text());
-    assert_eq!(told(&gateway.program, "cannot open the port; trying again"), 1, "{}", gateway.program.text());
+    assert_eq!(told(&gateway.program, "cannot open the port; retrying"), 1, "{}", gateway.program.text());
     until("the stop is taken", PATIENCE, || client.write(UNIFORM, 256, 0).ok());
     until("the motor stands", PATIENCE, || client.read(OUTPUT, 1).ok().filter(|words| words[0] == 0));
 }
@@ -117,9 +117,7 @@ fn nobody_waits_for_a_peer_that_refuses_or_is_not_there() {
         for _ in 0..20 {
             assert_eq!(client.read(F010, 1), Err(0x0A), "{port}");
         }
-        until("it is told", PATIENCE, || {
-            (told(&gateway.program, "cannot open the port; trying again") == 1).then_some(())
-        });
+        until("it is told", PATIENCE, || (told(&gateway.program, "cannot open the port; retrying") == 1).then_some(()));
         gateway.program.terminate();
         assert_eq!(gateway.program.end_within(Duration::from_secs(2)).code(), Some(0), "{port}");
     }

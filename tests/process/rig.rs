@@ -155,7 +155,7 @@ impl Gateway {
     pub fn wait_for_drive(&self) {
         self.program.wait_for("that the drive is there", |line| {
             let fields = fields(line)?;
-            (fields["message"] == "drive" && fields["presence"] == "Online").then_some(())
+            (fields["message"] == "drive online").then_some(())
         });
     }
 }

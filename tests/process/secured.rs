@@ -52,7 +52,7 @@ impl Secured {
         });
         gateway.wait_for("that the drive is there", |line| {
             let fields = fields(line)?;
-            (fields["message"] == "drive" && fields["presence"] == "Online").then_some(())
+            (fields["message"] == "drive online").then_some(())
         });
         Self { gateway, address, _drive: drive, tls, place }
     }

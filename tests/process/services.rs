@@ -128,7 +128,7 @@ fn traced(place: &Place) -> String {
     let mut gateway = Started::new(command);
     gateway.wait_for("that the drive is there", |line| {
         let fields = fields(line)?;
-        (fields["message"] == "drive" && fields["presence"] == "Online").then_some(())
+        (fields["message"] == "drive online").then_some(())
     });
     let socket = data.join("vfd-gateway.sock");
     let reload = vfd_gateway(&["reload", "--socket", socket.to_str().unwrap()]);

@@ -55,7 +55,7 @@ fn a_device_that_is_away_is_told_of_once() {
     gateway.program.wait_for("that the line is down", |line| (message(line)? == "line down").then_some(()));
     std::thread::sleep(Duration::from_secs(2));
     assert_eq!(told(&gateway, "line down"), 1, "{}", gateway.program.text());
-    assert_eq!(told(&gateway, "cannot open the port; trying again"), 1, "{}", gateway.program.text());
+    assert_eq!(told(&gateway, "cannot open the port; retrying"), 1, "{}", gateway.program.text());
     adapter.plug_in();
     until("the line is up again", PATIENCE, || (told(&gateway, "line up") == 2).then_some(()));
 }
@@ -72,7 +72,7 @@ fn a_second_gateway_is_told_who_has_the_device_and_the_first_is_undisturbed() {
     let second = gateway_with(&place, &other, "reads_renew = false");
     let refusal = second.program.wait_for("that the device is in use", |line| {
         let fields = fields(line)?;
-        let is_refusal = fields["message"] == "cannot open the port; trying again";
+        let is_refusal = fields["message"] == "cannot open the port; retrying";
         is_refusal.then(|| fields["error"].as_str().map(str::to_owned))?
     });
     let holder = format!("line test of the vfd-gateway that is process {}", first.program.id());
@@ -99,7 +99,7 @@ fn the_lock_of_a_gateway_that_was_killed_holds_nobody_up() {
     first.program.kill();
     let second = gateway(&place, &port);
     second.wait_for_drive();
-    assert_eq!(told(&second, "cannot open the port; trying again"), 0, "{}", second.program.text());
+    assert_eq!(told(&second, "cannot open the port; retrying"), 0, "{}", second.program.text());
 }
 
 #[test]

@@ -64,7 +64,7 @@ fn a_drive_that_refuses_a_read_over_a_hole_is_read_group_by_group() {
         }
         let age = rig.now.since(rig.view(0).snapshot.reading(0x301B).expect("it is read").at);
         assert!(age <= 5 * SECOND, "{bad_request:?}: {age:?}");
-        // Another drive may hang there when the port is opened anew.
+        // Another drive may hang there when reopening the port.
         rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
         rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
         rig.sent.clear();

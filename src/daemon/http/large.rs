@@ -92,8 +92,11 @@ pub(super) async fn look(State(room): State<Room>, request: Request, next: Next)
     match pieces {
         Some(pieces) => Response::from_parts(head, Body::new(pieces)),
         None => {
-            tracing::info!("too many clients do not take their large answers: another one is refused");
-            refusal(StatusCode::SERVICE_UNAVAILABLE, "others take large answers just now: try again in some seconds")
+            tracing::info!("too many clients do not read their large responses; refused another one");
+            refusal(
+                StatusCode::SERVICE_UNAVAILABLE,
+                "other clients are reading large responses; retry in a few seconds",
+            )
         }
     }
 }

@@ -77,7 +77,7 @@ impl OwnSocket {
         let (path, reachable) = (directory.join(SOCKET_NAME), Arc::default());
         let mut own = Self { listener: None, is_made: false, path, reachable, _lock: lock };
         if let Err(error) = own.make() {
-            tracing::error!(%error, "ALARM: the socket for the program's own commands cannot be made; control goes on");
+            tracing::error!(%error, "ALARM: cannot create the local command socket; control continues");
         }
         Ok(own)
     }
@@ -99,7 +99,7 @@ impl OwnSocket {
         while self.listener.is_none() {
             tokio::time::sleep(AGAIN_AFTER).await;
             if self.make().is_ok() {
-                tracing::warn!("the socket for the program's own commands is there");
+                tracing::warn!("local command socket ready");
             }
         }
         if let Some(listener) = self.listener.take() {

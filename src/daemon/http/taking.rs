@@ -41,7 +41,7 @@ impl<S> Taking<S> {
         let within = self.within;
         let (until, _) = self.waiting.get_or_insert_with(|| (Box::pin(sleep(within)), 0));
         ready!(until.as_mut().poll(context));
-        tracing::info!("an HTTP client does not take its answer and is let go");
+        tracing::info!("HTTP client does not read its response; disconnected");
         Poll::Ready(Err(io::ErrorKind::TimedOut.into()))
     }
 }

@@ -90,7 +90,7 @@ fn words(row: &Row, body: &Value) -> String {
             let code = body["code"].as_u64().map_or_else(|| "?".to_owned(), |code| code.to_string());
             format!("tripped{away}, code {code}{text} (event {})", row.number)
         }
-        "cleared" => format!("the trip is cleared (event {})", row.number),
+        "cleared" => format!("trip cleared (event {})", row.number),
         _ => {
             let reason = body["reason"].as_str().map(|reason| format!(": {reason}")).unwrap_or_default();
             format!("{} {}{reason}", row.kind, word("state"))

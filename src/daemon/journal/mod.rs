@@ -144,7 +144,7 @@ impl Journal {
         let ended = self.ended.lock().unwrap_or_else(PoisonError::into_inner).take();
         let Some(ended) = ended else { return };
         if tokio::time::timeout(within, ended).await.is_err() {
-            tracing::error!("the journal did not write its last rows in time");
+            tracing::error!("journal did not write its last rows in time");
         }
     }
 }

@@ -89,7 +89,7 @@ impl Store {
             Standing::Empty => {
                 let (now, file) = (clock::wall(), self.path.display().to_string());
                 let reason = "its file was empty: rows that an earlier one may have held are lost";
-                tracing::warn!(file, "the journal's file is empty: it begins anew, and earlier rows, if any, are lost");
+                tracing::warn!(file, "journal file is empty; starting a new journal; earlier rows, if any, are lost");
                 self.notes.push(row::begun_anew(now, reason, None));
             }
         }
@@ -116,7 +116,7 @@ impl Store {
         let now = clock::wall();
         let aside = move_aside(&self.path, now)?;
         let lies_at = aside.display().to_string();
-        tracing::error!(reason, lies_at, "ALARM: the journal cannot be used; it was moved aside and a new one begins");
+        tracing::error!(reason, lies_at, "ALARM: journal is unusable; moved it aside and started a new one");
         self.status.change(|report| report.moved_aside = Some(lies_at.clone()));
         self.has_begun_anew = true;
         let (mark, is_first) = (self.mark.take(), self.audit_base.is_none());
@@ -134,9 +134,9 @@ impl Store {
                     told += &format!("; {rows} rows were taken over");
                     told += &lost.iter().map(|lost| format!("; lost: {lost}")).collect::<String>();
                     let lost = lost.join("; ");
-                    tracing::warn!(rows, events_to_tell = waiting, lost, "rows of the damaged journal were taken over");
+                    tracing::warn!(rows, events_to_tell = waiting, lost, "recovered rows of the damaged journal");
                 }
-                Err(error) => tracing::error!(%error, "rows of the damaged journal could not be taken over"),
+                Err(error) => tracing::error!(%error, "cannot recover rows of the damaged journal"),
             },
             // It is tried again, and says then why.
             _ => self.database = None,
@@ -158,7 +158,7 @@ impl Store {
         let state = if had_one { JournalState::Failed } else { JournalState::Memory };
         let before = self.status.report();
         if before.state != state || before.reason.as_ref() != Some(&reason) {
-            tracing::error!(reason, "ALARM: the journal cannot be written; control goes on");
+            tracing::error!(reason, "ALARM: cannot write the journal; control continues");
         }
         self.retry_at = clock::now() + self.wait;
         self.wait = (self.wait * 2).min(LONGEST_WAIT);
@@ -223,7 +223,7 @@ impl Store {
     fn works(&mut self) {
         self.wait = FIRST_WAIT;
         if !self.status.is_ok() {
-            tracing::warn!("the journal can be written again");
+            tracing::warn!("journal is writable again");
             self.status.change(|report| (report.state, report.reason) = (JournalState::Ok, None));
         }
     }

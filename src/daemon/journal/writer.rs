@@ -68,7 +68,7 @@ impl Writer {
         upkeep: SyncSender<()>,
     ) -> Self {
         for drive in &found.damaged {
-            tracing::error!(drive, "ALARM: what the journal remembers of the drive is damaged: it begins anew");
+            tracing::error!(drive, "ALARM: remembered state of the drive is damaged; starting without it");
         }
         let teller = Teller::new(sides.mqtt.clone(), Arc::clone(&changed));
         Self {

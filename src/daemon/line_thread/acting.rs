@@ -6,6 +6,7 @@ use super::super::inbox::Message;
 use super::super::port::Port;
 use super::{ENDING_MAX, LineTask};
 use crate::domain::ids::DriveIndex;
+use crate::drive::snapshot::Presence;
 use crate::drive::view::{TripEvent, TripEventKind};
 use crate::gateway::{Effect, Input};
 use std::io;
@@ -83,9 +84,7 @@ impl LineTask<'_> {
                     tracing::warn!(line = self.port.line, drive = self.name_of(drive), "{note}");
                 }
                 Effect::LineNote(note) => tracing::warn!(line = self.port.line, "{note}"),
-                Effect::Presence(drive, presence) => {
-                    tracing::info!(line = self.port.line, drive = self.name_of(drive), ?presence, "drive");
-                }
+                Effect::Presence(drive, presence) => self.log_presence(drive, presence),
                 Effect::Traffic(record) => {
                     tracing::trace!(line = self.port.line, kind = ?record.kind, bytes = ?record.bytes, "traffic");
                     self.board.tell_traffic(record);
@@ -97,13 +96,23 @@ impl LineTask<'_> {
         Ok(())
     }
 
+    fn log_presence(&self, drive: DriveIndex, presence: Presence) {
+        let line = &self.port.line;
+        let drive = self.name_of(drive);
+        match presence {
+            Presence::Online => tracing::info!(line, drive, "drive online"),
+            Presence::Offline => tracing::warn!(line, drive, "drive offline"),
+            Presence::Unknown => tracing::info!(line, drive, "drive not asked yet"),
+        }
+    }
+
     fn log_trip(&self, drive: DriveIndex, event: &TripEvent) {
         let (line, drive, while_away) = (&self.port.line, self.name_of(drive), event.while_away);
         match &event.kind {
             TripEventKind::Tripped { trips, record } => {
-                tracing::warn!(line, drive, trips, code = record.code, while_away, "tripped")
+                tracing::warn!(line, drive, trips, code = record.code, while_away, "drive tripped")
             }
-            TripEventKind::Cleared => tracing::info!(line, drive, while_away, "the trip is cleared"),
+            TripEventKind::Cleared => tracing::info!(line, drive, while_away, "trip cleared"),
         }
     }
 

@@ -105,7 +105,7 @@ impl LineHandle {
         let thread = std::thread::Builder::new().name(format!("line {}", port.line)).spawn(move || {
             let _alive = alive;
             if let Err(error) = run(&port, setup, board, Waits { begin: begun, ready: is_ready, rests }) {
-                tracing::error!(line = port.line, %error, "the line thread could not be set up");
+                tracing::error!(line = port.line, %error, "cannot start the line thread");
             }
         })?;
         let (has_rested, has_ended) = (false, false);
@@ -186,7 +186,7 @@ impl LineHandle {
     /// Joins the thread if it is known to have ended. One that hangs ends with the process.
     pub fn join(self) {
         if self.has_ended && self.thread.join().is_err() {
-            tracing::error!("a line thread had panicked");
+            tracing::error!("line thread panicked");
         }
     }
 
@@ -272,7 +272,7 @@ impl LineTask<'_> {
         let is_through = self.core.is_at_rest() || self.is_hurried && !has_unsent;
         let begins_to_rest = (is_through || now >= until) && self.rests.take().is_some();
         if begins_to_rest && !is_through {
-            tracing::error!(line = self.port.line, "a stop shows no effect; the gateway ends all the same");
+            tracing::error!(line = self.port.line, "a stop had no effect; shutting down anyway");
         }
         let is_late = now >= if has_unsent { until + UNSENT_MAX } else { until };
         (is_through || is_late) && self.board.inbox().is_done()

@@ -180,9 +180,9 @@ impl LineTask<'_> {
     fn tell_of_refusal(&mut self, error: &str) {
         let (line, port) = (&self.port.line, &self.port.settings.address);
         if self.told.is_new(error.to_owned()) {
-            tracing::warn!(line, %port, error, "cannot open the port; trying again");
+            tracing::warn!(line, %port, error, "cannot open the port; retrying");
         } else {
-            tracing::debug!(line, %port, error, "cannot open the port; trying again");
+            tracing::debug!(line, %port, error, "cannot open the port; retrying");
         }
     }
 
@@ -199,9 +199,9 @@ impl LineTask<'_> {
     fn tell_of_reopening(&mut self, fault: LineFault) {
         let line = &self.port.line;
         if self.told.reopened.replace(fault) == Some(fault) {
-            tracing::debug!(line, %fault, "the port is opened anew");
+            tracing::debug!(line, %fault, "reopening the port");
         } else {
-            tracing::warn!(line, %fault, "the port is opened anew, and again at times as long as this lasts");
+            tracing::warn!(line, %fault, "reopening the port; retrying until the line recovers");
         }
     }
 }

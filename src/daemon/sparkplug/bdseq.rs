@@ -31,14 +31,14 @@ impl BdSeq {
         let last = match user_files::text(&file, BYTES_MAX) {
             Ok(text) => text.trim().parse().map_or_else(
                 |_| {
-                    tracing::warn!(file = %file.display(), "holds no number from 0 to 255: sessions are counted from 0");
+                    tracing::warn!(file = %file.display(), "no number from 0 to 255 in the file; counting sessions from 0");
                     None
                 },
                 Some,
             ),
             Err(error) if error.kind() == io::ErrorKind::NotFound => None,
             Err(error) => {
-                tracing::warn!(file = %file.display(), %error, "cannot be read: sessions are counted from 0");
+                tracing::warn!(file = %file.display(), %error, "cannot read the file; counting sessions from 0");
                 None
             }
         };

@@ -59,8 +59,7 @@ async fn signed_in(control: &Control, request: Request) -> Result<Response, Refu
         return Err(refused(StatusCode::UNAUTHORIZED, "the user or the password is wrong"));
     };
     control.attempts().succeeded(peer);
-    let id =
-        random().ok_or_else(|| refused(StatusCode::INTERNAL_SERVER_ERROR, "the system gives no random numbers"))?;
+    let id = random().ok_or_else(|| refused(StatusCode::INTERNAL_SERVER_ERROR, "no random numbers from the system"))?;
     if let Some(before) = id_in(&parts.headers) {
         control.sessions().close(&key_of(&before));
     }

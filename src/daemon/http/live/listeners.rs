@@ -68,7 +68,7 @@ impl Listeners {
             Ok(()) => true,
             Err(TrySendError::Closed(_)) => false,
             Err(TrySendError::Full(_)) => {
-                tracing::info!("a listener to changes does not keep up and is let go");
+                tracing::info!("event stream client is too slow; disconnected");
                 ear.stay.upgrade().iter().for_each(|stay| stay.cut());
                 false
             }

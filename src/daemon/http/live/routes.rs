@@ -46,7 +46,10 @@ async fn events(State(gateway): State<Arc<Gateway>>, Extension(lasting): Extensi
         return wrong(StatusCode::SERVICE_UNAVAILABLE, "as many listen to changes as may: close other windows");
     };
     let Some(listener) = gateway.live.lock().listen(&gateway, stay) else {
-        return wrong(StatusCode::SERVICE_UNAVAILABLE, "others take large answers just now: try again in some seconds");
+        return wrong(
+            StatusCode::SERVICE_UNAVAILABLE,
+            "other clients are reading large responses; retry in a few seconds",
+        );
     };
     (EVENTS, Body::new(listener)).into_response()
 }

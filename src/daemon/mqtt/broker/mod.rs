@@ -113,7 +113,7 @@ impl Listening {
                 accepted = self.listener.accept() => match accepted {
                     Ok((stream, peer)) => self.welcome(&mut clients, stream, peer),
                     Err(error) => {
-                        tracing::warn!(%error, "a client cannot be accepted");
+                        tracing::warn!(%error, "cannot accept a client");
                         tokio::time::sleep(PAUSE).await;
                     }
                 },
@@ -128,7 +128,7 @@ impl Listening {
     fn welcome(&self, clients: &mut JoinSet<()>, stream: TcpStream, peer: SocketAddr) {
         match self.shared.open() {
             Some(place) => drop(clients.spawn(connection::serve(stream, peer, place))),
-            None => tracing::warn!(%peer, max = CONNECTIONS_MAX, "too many connections; this one is closed"),
+            None => tracing::warn!(%peer, max = CONNECTIONS_MAX, "connection limit reached; closed a new connection"),
         }
     }
 }
