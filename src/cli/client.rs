@@ -49,7 +49,7 @@ const fn sentence(code: u8) -> &'static str {
         2 => "there is no such register here, or it is not listed as writable",
         3 => "the value or the count is not allowed",
         4 => "the drive refused",
-        6 => "not now: somebody else holds control, a start is inhibited, a stop is pending, or too much is waiting",
+        6 => "not now: another client holds control, a start is inhibited, a stop is pending, or a queue is full",
         0x0A => "there is no such unit, or its line is down",
         0x0B => "the drive did not answer in time",
         _ => "the drive answered with a code of its own",

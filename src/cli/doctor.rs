@@ -146,7 +146,7 @@ fn line(report: &Value) -> String {
     for (key, what) in [
         ("noise_bytes", "bytes that made no frame"),
         ("foreign", "frames of stations that were not asked"),
-        ("other_master", "requests of somebody else"),
+        ("other_master", "requests of another master"),
         ("echoes", "echoes of our own frames"),
     ] {
         if rates[key].as_u64().is_some_and(|count| count > 0) {

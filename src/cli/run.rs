@@ -36,7 +36,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             tracing::info!(%address, "Modbus TCP");
         }
         told.await;
-        tracing::info!("told to end");
+        tracing::info!("shutdown requested");
     });
     started.map_err(Failure::failed)?;
     end.map_err(Failure::failed)

@@ -58,10 +58,15 @@ impl Args {
 pub fn write(args: &Args) -> Result<(), Failure> {
     let order = Order::new(args)?;
     if args.once && args.is_straight() && order.makes_run() {
-        return Err(Failure::wrong("straight on a port nobody is left to answer for a motor: leave out --once"));
+        return Err(Failure::wrong(
+            "a write to a bare port ends at once, and then no one supervises the motor: leave out --once",
+        ));
     }
     if let Some(what) = order.starts.as_ref().filter(|_| !args.once) {
-        return Err(Failure::wrong(format!("{} {what}, and nobody would stay to hold control: {INSTEAD}", order.text)));
+        return Err(Failure::wrong(format!(
+            "{} {what}, and nothing would stay to hold control: {INSTEAD}",
+            order.text
+        )));
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
     runtime.block_on(async {
@@ -90,7 +95,7 @@ async fn carry_out(
             () = &mut told => return Err(Failure::failed("ended before an answer came: it may have been carried out")),
         }
         if order.makes_run() || order.takes() || order.starts.is_some() {
-            complain(b"warning: nobody renews the lease; the drive will run its fail-safe action when it ends\n");
+            complain(b"warning: nothing renews the lease; the drive will run its fail-safe action when it expires\n");
         }
         return print(&format!("{}: written and acknowledged\n", order.text));
     }
@@ -258,7 +263,9 @@ pub fn frequency(value: &str) -> Result<u16, Failure> {
 }
 
 fn word(value: &str) -> Result<u16, Failure> {
-    address(value).map_err(|_| Failure::wrong(format!("{value} is no word: a number from 0 to 65535, such as 5000")))
+    address(value).map_err(|_| {
+        Failure::wrong(format!("{value} is not a 16-bit word: give a number from 0 to 65535, such as 5000"))
+    })
 }
 
 /// What the uniform unit says about the last command, to be put behind a message; nothing if it says nothing.

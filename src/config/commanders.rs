@@ -93,7 +93,7 @@ fn page_reaches(control: &ControlFile, http: &OptionalKey<HttpFile>, problems: &
         OptionalKey::Valid(http) => !http.value.users.is_empty(),
     };
     if !signs_in {
-        let problem = location.problem("commands from \"page\" cannot come: nobody can sign in there");
+        let problem = location.problem("commands from \"page\" are impossible: no user can sign in there");
         problems.push(problem.right("`[[http.users]]` with `name` and `password_hash_file`, or leave it out"));
     }
 }

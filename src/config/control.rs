@@ -89,7 +89,7 @@ fn is_looked_at(drive: &DriveFile, problems: &mut Vec<Problem>) {
 fn ways(file: &ControlFile, problems: &mut Vec<Problem>) {
     let Some(from) = &file.from else { return };
     if from.value.is_empty() {
-        let problem = from.location.problem("an empty list lets nobody command");
+        let problem = from.location.problem("an empty list permits no commander");
         problems.push(
             problem
                 .right("\"mqtt\", \"modbus-tcp\", \"page\", \"sparkplug\" or several of them, or no control section"),

@@ -114,12 +114,15 @@ fn rights(listener: &ListenerFile, problems: &mut Vec<Problem>) {
     }
     if let (OptionalKey::Valid(write), OptionalKey::Valid(stop)) = (&listener.write, &listener.stop) {
         for network in write.value.iter().filter(|it| !stop.value.iter().any(|stop| stop.value.contains(&it.value))) {
-            let what = format!("{} may write and is not in `stop`: whoever may start may stop", network.value);
+            let what = format!(
+                "{} may write and is not in `stop`: a client that may start must be allowed to stop",
+                network.value
+            );
             problems.push(network.location.problem(what).right(format!("\"{}\" in `stop` as well", network.value)));
         }
     }
     if let Some(renew) = listener.reads_renew.valid().filter(|renew| renew.value && !may_be_written(listener)) {
-        let problem = renew.location.problem("has no effect: nobody may write here, so there is no lease to renew");
+        let problem = renew.location.problem("has no effect: no client may write here, so there is no lease to renew");
         problems.push(problem.right("`write` with those who may, or leave it out").warning());
     }
 }

@@ -19,7 +19,7 @@ pub(super) fn check(listener: &ListenerFile, problems: &mut Vec<Problem>) {
     for RoleFile { name, rights } in roles {
         lists::once(&rights.value, problems);
         if has(rights, RoleRight::Write) && !has(rights, RoleRight::Stop) {
-            let what = format!("role `{name}` may write and not stop: whoever may start may stop");
+            let what = format!("role `{name}` may write but not stop: a client that may start must be allowed to stop");
             problems.push(rights.location.problem(what).right("[\"write\", \"stop\"]"));
         }
     }
@@ -44,8 +44,9 @@ fn stops_whom_it_starts(listener: &ListenerFile, problems: &mut Vec<Problem>) {
     };
     let OptionalKey::Valid(allow) = &listener.allow else { return };
     for network in allow.value.iter().filter(|it| !stop.value.iter().any(|stop| stop.value.contains(*it))) {
-        let what =
-            format!("without `write` all of {network} may write, and it is not in `stop`: whoever may start may stop");
+        let what = format!(
+            "without `write` all of {network} may write, and it is not in `stop`: a client that may start must be allowed to stop"
+        );
         problems.push(stop.location.problem(what).right("`write` with those who may, or leave `stop` out as well"));
     }
 }

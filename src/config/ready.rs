@@ -96,7 +96,7 @@ pub struct LineSettings {
     pub echo: EchoPolicy,
     /// Silence between frames.
     pub silence: Silence,
-    /// Least time between the end of one exchange and the next request. 0 unless configured.
+    /// Minimum time between the end of one exchange and the next request. 0 unless configured.
     pub min_request_gap: Duration,
     /// Reply time-out of drives that have none of their own, 1 ms to 60 s; nothing: from the models.
     pub reply_timeout: Option<Duration>,

@@ -140,7 +140,7 @@ pub(super) const fn of_commands(is_strict: bool) -> &'static str {
 pub(super) const fn of_ownership(ownership: Ownership) -> &'static str {
     match ownership {
         Ownership::One => "only who holds control commands",
-        Ownership::Any => "control passes to whoever commands last",
+        Ownership::Any => "control passes to the client that commands last",
     }
 }
 

@@ -340,7 +340,7 @@ mod tests {
     #[test]
     fn who_is_refused_is_told_who_holds_control() {
         assert_eq!(Report::held_by(Owner::Mqtt).message(), "mqtt holds control of the drive");
-        assert_eq!(Report::refused(Reason::OtherOwner).message(), "somebody else holds control of the drive");
+        assert_eq!(Report::refused(Reason::OtherOwner).message(), "another client holds control of the drive");
         assert_eq!(Report::refused(Reason::Moving).message(), Reason::Moving.text());
     }
 

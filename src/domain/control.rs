@@ -125,7 +125,7 @@ pub struct ControlSettings {
     pub allow_take: bool,
     /// What keeps a lease of the MQTT side alive.
     pub lease: LeaseMode,
-    /// Least time between two starts from standstill.
+    /// Minimum time between two starts from standstill.
     pub min_start_interval: Duration,
     /// Least time between two writes of a register that is stored.
     pub stored_write_interval: Duration,

@@ -62,7 +62,7 @@ reasons! {
     /// An earlier stop is not effective yet.
     StopPending = 13, "stop_pending", "a stop is not effective yet";
     /// Somebody else holds control.
-    OtherOwner = 14, "other_owner", "somebody else holds control of the drive";
+    OtherOwner = 14, "other_owner", "another client holds control of the drive";
     /// Too soon after what inhibits the start to know that it was sent after that.
     RestartDelay = 15, "restart_delay", "too soon after a stop, a trip, a lost lease or an outage: send run again, or with `epoch` or `issued_at`";
     /// The epoch is not the present one.

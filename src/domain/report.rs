@@ -197,7 +197,7 @@ pub struct LineCounters {
     pub barriers: u64,
     /// Stops sent to all drives of the line in one frame.
     pub broadcasts: u64,
-    /// Native reads that joined an exchange somebody else had asked for.
+    /// Native reads that joined an exchange of another client.
     pub joined: u64,
     /// Native requests refused because a queue was full.
     pub queue_full: u64,

@@ -126,7 +126,7 @@ fn commands(text: &mut String, control: &ControlSettings, model: &Model, mqtt: O
 fn ownership(text: &mut String, control: &ControlSettings) -> Result {
     let who = match control.ownership {
         Ownership::One => "one commander at a time",
-        Ownership::Any => "whoever may command, the last one holds control",
+        Ownership::Any => "any permitted client; the one that commanded last holds control",
     };
     let take = if control.allow_take { ", and it may be taken over" } else { "" };
     let lease = format!("; {} lease over mqtt", word_for(&LEASES, &control.lease));

@@ -67,7 +67,9 @@ impl PortAsker {
         let (place, seconds) = (&self.port.address, LISTEN.as_secs());
         let frames = heard.foreign + heard.other_master + heard.strays;
         let how = if frames > 0 {
-            format!("{frames} frames were heard on {place} within {seconds} s, although nobody here has asked")
+            format!(
+                "{frames} frames were heard on {place} within {seconds} s, although this program has sent no request"
+            )
         } else if heard.noise_bytes > LOOSE_BYTES_MAX {
             let bytes = heard.noise_bytes;
             format!("{bytes} bytes were heard on {place} within {seconds} s that make no frame at {link}")
@@ -123,8 +125,7 @@ impl Asker for PortAsker {
         let read = self.line()?.read(place, address, clock::now() + self.patience).await;
         let counted = self.counted()?;
         if counted.other_master > 0 {
-            let what =
-                "the line is in use: requests of somebody else were heard; end whatever asks there and scan again";
+            let what = "the line is in use: requests of another master were heard; stop that master and scan again";
             return Err(Failure::failed(what));
         }
         match read {

@@ -181,7 +181,7 @@ fn announcement(args: &Args, plan: &Plan) -> String {
     };
     let stations = plan.stations.len();
     format!(
-        "{}: {stations} station{} {settings}; about {} if nobody answers, up to {} more if all do. Only reads\n",
+        "{}: {stations} station{} {settings}; about {} if no drive answers, up to {} more if all do. Only reads\n",
         args.port,
         if stations == 1 { "" } else { "s" },
         seconds(silent),

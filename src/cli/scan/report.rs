@@ -162,7 +162,7 @@ fn drive(finding: &Finding, text: &mut String) {
     };
     let others: Vec<_> = finding.verdict.fits.iter().skip(1).map(|model| model.id.as_str()).collect();
     let sure = match (finding.verdict.word(), others.is_empty()) {
-        ("probable", _) => "told by its registers; compare it with the nameplate".to_owned(),
+        ("probable", _) => "identified by its registers; compare it with the nameplate".to_owned(),
         (_, true) => "a guess: it answers whatever it is asked; compare it with the nameplate".to_owned(),
         (_, false) => format!("or {}; compare it with the nameplate", others.join(" or ")),
     };

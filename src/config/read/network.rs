@@ -113,7 +113,7 @@ fn read_allow(reader: &mut Reader<'_, '_>) -> OptionalKey<Vec<IpNet>> {
         OptionalKey::Valid(list) => list,
     };
     if list.value.is_empty() {
-        let problem = list.location.problem("an empty list lets nobody connect");
+        let problem = list.location.problem("an empty list permits no client");
         reader.problems().push(problem.right("networks as \"10.0.0.0/24\", or no listener at all"));
         return OptionalKey::Invalid;
     }

@@ -117,7 +117,7 @@ fn somebody_commands_and_nobody_twice() {
     let from = |list: &str| with(CONTROLLED, "[\"mqtt\", \"modbus-tcp\"]", list);
     let found = problems(&from("[]"));
     let empty = format!(
-        "{AT}.from: an empty list lets nobody command; \"mqtt\", \"modbus-tcp\", \"page\", \"sparkplug\" or several of them, or no control section"
+        "{AT}.from: an empty list permits no commander; \"mqtt\", \"modbus-tcp\", \"page\", \"sparkplug\" or several of them, or no control section"
     );
     assert_eq!(found[0], empty);
     assert!(

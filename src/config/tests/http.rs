@@ -71,7 +71,7 @@ fn whoever_is_elsewhere_is_let_in_by_name_and_signs_in_through_tls() {
     assert!(http(&format!("{read_only}{tls}")).tls.is_some());
     only(
         &text("127.0.0.1:8080", &format!("allow = []\n{user}")),
-        "http.allow: an empty list lets nobody connect; networks as \"10.0.0.0/24\", or no listener at all",
+        "http.allow: an empty list permits no client; networks as \"10.0.0.0/24\", or no listener at all",
     );
 }
 
@@ -121,7 +121,7 @@ fn names_of_users_and_hosts_are_names() {
 fn users_and_drives_go_together() {
     only(
         &with_http("listen = '127.0.0.1:8080'"),
-        "line[0].drive[0].control.from[2]: commands from \"page\" cannot come: nobody can sign in there; \
+        "line[0].drive[0].control.from[2]: commands from \"page\" are impossible: no user can sign in there; \
          `[[http.users]]` with `name` and `password_hash_file`, or leave it out",
     );
     only(

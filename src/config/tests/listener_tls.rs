@@ -72,7 +72,7 @@ fn roles_that_make_no_sense_are_refused_all_at_once() {
     assert_eq!(
         problems(&text),
         [
-            "modbus_tcp[0].tls.roles.a: role `a` may write and not stop: whoever may start may stop; [\"write\", \"stop\"]",
+            "modbus_tcp[0].tls.roles.a: role `a` may write but not stop: a client that may start must be allowed to stop; [\"write\", \"stop\"]",
             "modbus_tcp[0].tls.roles.b[1]: \"stop\" is listed twice; each once",
             "modbus_tcp[0].tls.roles.c[0]: `run` is none of the words; one of \"write\" (starts, sets and writes), \"stop\" (stops)",
             "modbus_tcp[0].tls.roles.d: must be a list, not text; a list, each one of \"write\" (starts, sets and writes), \"stop\" (stops)",
@@ -107,15 +107,15 @@ fn a_right_that_no_role_or_no_drive_can_use_is_refused() {
         ]
     );
     let found = problems(&from_mqtt(&secured("reads_renew = true", "viewer = []")));
-    assert!(found[0].contains("has no effect: nobody may write here, so there is no lease to renew"), "{found:?}");
+    assert!(found[0].contains("has no effect: no client may write here, so there is no lease to renew"), "{found:?}");
 }
 
 #[test]
 fn whoever_may_start_may_stop_without_a_list_as_well() {
     only(
         &secured("allow = ['10.0.0.0/24']\nstop = ['10.0.0.0/25']", OPERATOR),
-        "modbus_tcp[0].stop: without `write` all of 10.0.0.0/24 may write, and it is not in `stop`: whoever may start may \
-         stop; `write` with those who may, or leave `stop` out as well",
+        "modbus_tcp[0].stop: without `write` all of 10.0.0.0/24 may write, and it is not in `stop`: a client that may start \
+         must be allowed to stop; `write` with those who may, or leave `stop` out as well",
     );
     good(&secured("allow = ['10.0.0.0/24']\nstop = ['10.0.0.0/24']", OPERATOR));
 }

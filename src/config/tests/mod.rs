@@ -479,7 +479,7 @@ fn networks_are_exact() {
     ] {
         only(&listener_with(&format!("allow = ['{network}']")), &format!("{at}: `{network}` {problem}"));
     }
-    let empty = "modbus_tcp[0].allow: an empty list lets nobody connect; \
+    let empty = "modbus_tcp[0].allow: an empty list permits no client; \
                  networks as \"10.0.0.0/24\", or no listener at all";
     only(&listener_with("allow = []"), empty);
 }

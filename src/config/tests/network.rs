@@ -45,12 +45,12 @@ fn whoever_may_write_can_connect() {
 fn whoever_may_start_may_stop() {
     only(
         &rights("write = ['127.0.0.0/8']\nstop = ['127.0.0.1/32']"),
-        "modbus_tcp[0].write[0]: 127.0.0.0/8 may write and is not in `stop`: whoever may start may stop; \
+        "modbus_tcp[0].write[0]: 127.0.0.0/8 may write and is not in `stop`: a client that may start must be allowed to stop; \
          \"127.0.0.0/8\" in `stop` as well",
     );
     only(
         &rights("write = ['127.0.0.1/32']\nstop = []"),
-        "modbus_tcp[0].write[0]: 127.0.0.1/32 may write and is not in `stop`: whoever may start may stop; \
+        "modbus_tcp[0].write[0]: 127.0.0.1/32 may write and is not in `stop`: a client that may start must be allowed to stop; \
          \"127.0.0.1/32\" in `stop` as well",
     );
 }
@@ -78,7 +78,7 @@ fn a_right_that_nobody_can_use_is_refused() {
     good(&with(&by_mqtt, "write = [\"127.0.0.1/32\"]", "stop = ['127.0.0.1/32']"));
     only(
         &listener_with("reads_renew = true"),
-        "modbus_tcp[0].reads_renew: has no effect: nobody may write here, so there is no lease to renew; \
+        "modbus_tcp[0].reads_renew: has no effect: no client may write here, so there is no lease to renew; \
          `write` with those who may, or leave it out",
     );
     good(&listener_with("write = []\nstop = []\nreads_renew = false"));

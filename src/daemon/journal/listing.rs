@@ -79,7 +79,7 @@ fn words(row: &Row, body: &Value) -> String {
             let reason = body["reason"].as_str().filter(|reason| *reason != "none");
             let reason = reason.map(|reason| format!(", {reason}")).unwrap_or_default();
             let holder = body["holder"].as_str().map(|holder| format!(" ({holder})")).unwrap_or_default();
-            format!("{}: {}: {outcome}{reason}{holder}{times}", body["by"].as_str().unwrap_or("nobody"), word("tried"))
+            format!("{}: {}: {outcome}{reason}{holder}{times}", body["by"].as_str().unwrap_or("unknown"), word("tried"))
         }
         "failsafe" => format!("fail-safe action {}: {}", word("tried"), word("cause")),
         "lease" => lease(body, &word("by")),

@@ -57,7 +57,7 @@ impl Server {
             tune(&stream, peer, listener.keep_alive());
             self.welcome(stream, peer, Rc::clone(listener), seat);
         } else {
-            self.refuse(peer, "all places are taken, and nobody may be closed");
+            self.refuse(peer, "all connections are in use, and none may be closed");
         }
     }
 
@@ -105,7 +105,7 @@ impl Server {
                 if is_let_in {
                     self.admit(stream, peer, listener);
                 } else {
-                    self.refuse(peer, "there are no descriptors, and nobody may be closed");
+                    self.refuse(peer, "no file descriptors are left, and no connection may be closed");
                 }
             }
         } else {

@@ -20,7 +20,7 @@ pub struct Settings {
     pub gateway: Name,
     /// Protocol version of the connection.
     pub version: Version,
-    /// A value that does not change is published again after this time.
+    /// Interval after which an unchanged value is published again.
     pub heartbeat: Duration,
     /// At which quality of service the inputs are subscribed.
     pub subscription_qos: Qos,

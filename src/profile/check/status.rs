@@ -11,7 +11,7 @@ use crate::toml_file::{OptionalKey, Spanned};
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     let flags = file.status.iter().filter_map(|status| status.flag.as_ref());
-    once(flags, |flag| format!("the flag `{}`", word_for(&FLAGS, flag)), "a flag that is told once", problems);
+    once(flags, |flag| format!("the flag `{}`", word_for(&FLAGS, flag)), "a flag that is declared once", problems);
     for status in &file.status {
         flag_can_be_seen(status, &file.registers, problems);
         values_fit_the_mask(status, problems);
@@ -41,7 +41,7 @@ fn values_fit_the_mask(status: &StatusFile, problems: &mut Vec<Problem>) {
 
 fn codes_differ(codes: &[CodeFile], called: impl Fn(&u16) -> String, problems: &mut Vec<Problem>) {
     let numbers = codes.iter().filter_map(|code| code.code.as_ref());
-    once(numbers, called, "a code that is told once", problems);
+    once(numbers, called, "a code that is declared once", problems);
 }
 
 /// Words for trips are of use only where a trip's number can be read.
@@ -66,7 +66,7 @@ mod tests {
             (
                 "flag = \"tripped\"",
                 "flag = \"running\"",
-                "status[1].flag: the flag `running` is taken by status[0].flag -> a flag that is told once",
+                "status[1].flag: the flag `running` is taken by status[0].flag -> a flag that is declared once",
             ),
             (
                 "register = \"trip_code\"",
@@ -111,9 +111,13 @@ mod tests {
             (
                 "code = 2\n",
                 "code = 0x51\n",
-                "exception[1].code: exception 0x51 is taken by exception[0].code -> a code that is told once",
+                "exception[1].code: exception 0x51 is taken by exception[0].code -> a code that is declared once",
             ),
-            ("code = 1\n", "code = 24\n", "trip[1].code: trip 24 is taken by trip[0].code -> a code that is told once"),
+            (
+                "code = 1\n",
+                "code = 24\n",
+                "trip[1].code: trip 24 is taken by trip[0].code -> a code that is declared once",
+            ),
             ("code = 2\n", "code = 256\n", "exception[1].code: 256 is out of range -> a whole number from 1 to 255"),
             (
                 "role = \"trip-code\"\n",

@@ -182,7 +182,7 @@ impl Access {
 pub struct Register {
     /// Name in our own vocabulary, snake_case, unique in the model.
     pub name: String,
-    /// What it is, in words.
+    /// A description in words.
     pub title: String,
     /// The vendor's own code (`F007`), where it has one.
     pub code: Option<String>,
@@ -190,7 +190,7 @@ pub struct Register {
     pub address: u16,
     /// Raw steps per unit of measure: value = raw / scale. Never 0.
     pub scale: u32,
-    /// Whether the raw word is two's complement.
+    /// Whether the raw word is in two's complement.
     pub signed: bool,
     /// Unit of the value.
     pub unit: UnitOfMeasure,

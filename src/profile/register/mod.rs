@@ -178,7 +178,7 @@ fn meanings(reader: &mut Reader<'_, '_>) -> Vec<(u16, String)> {
         match key.parse::<u16>().ok().filter(|word| word.to_string() == key) {
             Some(word) => meanings.push((word, text.value)),
             None => {
-                let problem = text.location.problem(format!("`{key}` is no word of a register"));
+                let problem = text.location.problem(format!("`{key}` is not a word of a register"));
                 reader.problems().push(problem.right("a decimal number from \"0\" to \"65535\""));
             }
         }
@@ -251,7 +251,7 @@ mod tests {
     #[test]
     fn meanings_stand_beside_their_words() {
         let values = "values = { \"0\" = \"decelerate\", \"1\" = \"coast\", \"2\" = \"go on\" }";
-        let no_word = "is no word of a register -> a decimal number from \"0\" to \"65535\"";
+        let no_word = "is not a word of a register -> a decimal number from \"0\" to \"65535\"";
         for wrong in ["01", "+1", "0x1", "65536", "one"] {
             let expected = format!("register[12].values.{wrong}: `{wrong}` {no_word}");
             each_is_told(&[(values, &format!("values = {{ \"{wrong}\" = \"coast\" }}"), &expected)]);

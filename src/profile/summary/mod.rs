@@ -42,7 +42,7 @@ pub fn summary(model: &Model) -> String {
     section(&mut text, "Codes", registers::codes(model.codes.as_ref()));
     section(&mut text, "Registers", registers::registers(&model.registers));
     section(&mut text, "Meanings of words", registers::meanings(&model.registers));
-    section(&mut text, "Back doors, which nobody may write", registers::back_doors(&model.registers));
+    section(&mut text, "Back doors, which no client may write", registers::back_doors(&model.registers));
     text
 }
 

@@ -27,7 +27,7 @@ pub(in super::super) const STATION: &[Metric<StationReport>] = &[
     counter("drive_silent", "Time-outs without any frame from the drive.", |station| Some(station.exchanges.silent)),
     counter("drive_garbled", "Exchanges that ended with a damaged reply.", |station| Some(station.exchanges.garbled)),
     counter("drive_retries", "Reads repeated after damage.", |station| Some(station.exchanges.retries)),
-    counter("drive_late", "Sound frames of the drive that nobody waited for any more.", |station| {
+    counter("drive_late", "Valid frames of the drive that came after their request had timed out.", |station| {
         Some(station.damage.late)
     }),
     counter("drive_late_beyond_limit", "Of these: later than the longest lateness that is declared.", |station| {
@@ -131,7 +131,7 @@ pub(in super::super) const DRIVE: &[Metric<DriveView>] = &[
     gauge("drive_failsafe", "1 while the fail-safe action was the last to act.", |view| {
         of_control(view, |control| control.failsafe)
     }),
-    gauge("drive_lease_held", "1 while somebody holds control.", |view| {
+    gauge("drive_lease_held", "1 while a client holds control.", |view| {
         of_control(view, |control| control.lease.is_some())
     }),
     counter("drive_commands", "Commands so far; it wraps at 65536, as the register does.", |view| {

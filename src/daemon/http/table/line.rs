@@ -20,7 +20,7 @@ pub(in super::super) const LINE: &[Metric<LineReport>] = &[
         Some(line.counters.strays)
     }),
     counter("line_foreign", "Sound frames of stations that were not asked.", |line| Some(line.counters.foreign)),
-    counter("line_other_master", "Requests of somebody else on the line.", |line| Some(line.counters.other_master)),
+    counter("line_other_master", "Requests of another master on the line.", |line| Some(line.counters.other_master)),
     counter("line_echoes", "Frames of ours that came back.", |line| Some(line.counters.echoes)),
     counter("line_jams", "Times the line was jammed.", |line| Some(line.counters.jams)),
     gauge("line_bad", "Bad ones of the last 100 exchanges; absent while too few were seen.", |line: &LineReport| {
@@ -47,7 +47,7 @@ pub(in super::super) const LINE: &[Metric<LineReport>] = &[
     counter("line_broadcasts", "Stops sent to all drives of the line in one frame.", |line| {
         Some(line.counters.broadcasts)
     }),
-    counter("line_joined", "Native reads that joined an exchange somebody else had asked for.", |line| {
+    counter("line_joined", "Native reads that joined an exchange of another client.", |line| {
         Some(line.counters.joined)
     }),
     counter("line_queue_full", "Native requests refused because a queue was full.", |line| {

@@ -147,7 +147,7 @@ pub(super) const SPARKPLUG: &[Metric<SparkplugTotals>] = &[
     counter("sparkplug_too_large", "Messages that were larger than the broker takes.", |it| {
         Some(it.counters().too_large)
     }),
-    gauge("sparkplug_history_waiting", "Changes that wait for a host to be told.", |it| {
+    gauge("sparkplug_history_waiting", "Changes waiting to be sent to a host.", |it| {
         Some(it.counters().history_waiting as f64)
     }),
     counter("sparkplug_history_dropped", "Changes dropped because more waited than are kept.", |it| {
