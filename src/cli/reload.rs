@@ -34,9 +34,9 @@ pub fn reload(args: &Args) -> Result<(), Failure> {
     match status {
         StatusCode::OK => Ok(()),
         StatusCode::UNPROCESSABLE_ENTITY => {
-            Err(Failure::wrong(format!("{message}\nthe configuration stays as it was")))
+            Err(Failure::wrong(format!("{message}\nconfiguration unchanged")))
         }
-        _ => Err(Failure::failed(format!("the configuration stays as it was: {message}"))),
+        _ => Err(Failure::failed(format!("configuration unchanged: {message}"))),
     }
 }
 

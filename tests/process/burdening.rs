@@ -119,7 +119,7 @@ fn wrong_passwords_and_readers_who_do_not_read_leave_the_delivered_limit_far_awa
     let paths = ["/api/v1/journal?last=10000", "/api/v1/journal?last=10000&format=csv", "/metrics", "/api/v1/state"];
     let held: Vec<_> = (0..GREEDY).map(|number| greedy(http, paths[number % paths.len()])).collect();
     plant.gateway.wait_for("that one of them is let go", |line| {
-        fields(line)?["message"].as_str()?.contains("does not take its answer").then_some(())
+        fields(line)?["message"].as_str()?.contains("does not read its response").then_some(())
     });
     let by_readers = peak_kb(&plant);
     println!(

@@ -83,7 +83,7 @@ fn a_line_whose_thread_hangs_ends_the_signs_of_life_until_it_goes_on() {
         (healthz(http)?.0 == 200).then_some(())
     });
     until("there are signs of life again", PATIENCE, || (listen() > GRANTED).then_some(()));
-    assert!(gateway.text().contains("lines' threads hang"), "{}", gateway.text());
+    assert!(gateway.text().contains("line thread hangs"), "{}", gateway.text());
 }
 
 #[test]

@@ -366,7 +366,7 @@ fn users_and_certificates_change_while_others_stay_signed_in() {
         )
     };
     std::fs::write(&plant.file, secured("missing.key")).unwrap();
-    reload(&plant, "the configuration stays as it was");
+    reload(&plant, "configuration unchanged");
     assert_eq!(bob.get("/api/v1/session").json()["user"], "bob", "nothing has changed");
     std::fs::write(&plant.file, secured("gateway.key")).unwrap();
     reload(&plant, "configuration reloaded");

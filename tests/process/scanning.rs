@@ -40,7 +40,7 @@ fn drives_are_found_with_model_and_setting_and_a_configuration_to_start_from() {
         let output = scan(&port, &["--stations", "3-5", "--json", "--out", file.to_str().unwrap()]);
         let told = said(&output);
         assert_eq!(output.status.code(), Some(0), "{told}");
-        assert!(told.contains("about ") && told.contains("if nobody answers"), "how long is said before: {told}");
+        assert!(told.contains("about ") && told.contains("if no drive answers"), "how long is said before: {told}");
         let json: Value = serde_json::from_slice(&output.stdout).unwrap();
         // A pseudo-terminal keeps no parity: a setting that differs in that alone is heard as well.
         let drives = json["drives"].as_array().unwrap().iter().filter(|drive| drive["link"]["text"] == setting);

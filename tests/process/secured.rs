@@ -82,7 +82,7 @@ impl Secured {
         let told = |line: &str| {
             let fields = fields(line)?;
             let message = fields["message"].as_str()?;
-            let is_it = message == "configuration reloaded" || message.starts_with("the configuration stays as it was");
+            let is_it = message == "configuration reloaded" || message.starts_with("configuration unchanged");
             is_it.then(|| message.to_owned())
         };
         let before = self.gateway.find_all(|line| told(line)).len();
@@ -223,7 +223,7 @@ fn pymodbus_reads_and_commands_as_its_role_says() {
     assert_eq!(elsewhere.read(OWNER), words(OURSELVES));
     assert_eq!(elsewhere.write(SETPOINT, 2000), words(2000));
     let mut plc = secured.client("plc", "127.0.0.2");
-    assert_eq!(plc.write(SETPOINT, 1000), exception(6), "somebody else holds control");
+    assert_eq!(plc.write(SETPOINT, 1000), exception(6), "another client holds control");
     assert_eq!(elsewhere.write(RUN, 0), words(0));
 
     let rows = secured.audit();
