@@ -33,9 +33,7 @@ pub fn reload(args: &Args) -> Result<(), Failure> {
     let message = answer["message"].as_str().unwrap_or_default();
     match status {
         StatusCode::OK => Ok(()),
-        StatusCode::UNPROCESSABLE_ENTITY => {
-            Err(Failure::wrong(format!("{message}\nconfiguration unchanged")))
-        }
+        StatusCode::UNPROCESSABLE_ENTITY => Err(Failure::wrong(format!("{message}\nconfiguration unchanged"))),
         _ => Err(Failure::failed(format!("configuration unchanged: {message}"))),
     }
 }

@@ -187,11 +187,13 @@ impl LineCore {
     /// enough for a frame.
     fn is_jammed(&self, now: MonoTime) -> bool {
         let is_silent = !self.wire.is_busy() && now >= self.wire.may_send_from();
-        if self.health.is_jammed() || self.wire.is_busy() || is_silent {
+        if self.wire.is_busy() || is_silent {
             return self.health.is_jammed() && !is_silent;
         }
+        // A talk that is shorter than that began after a silence that was not seen: the process was suspended.
         let talks = self.wire.talks_since(now).map_or(Duration::ZERO, |since| now.since(since));
-        talks >= jam_after(&self.setup.timing) && self.work_at().is_some_and(|at| at <= now)
+        let is_long = talks >= jam_after(&self.setup.timing);
+        is_long && (self.health.is_jammed() || self.work_at().is_some_and(|at| at <= now))
     }
 
     /// The line can be used no more, or again. Where nothing can be asked, everything that waits is answered.

@@ -44,6 +44,9 @@ pub struct Wire {
     held_until: MonoTime,
     /// Since when bytes have come without a silence that is long enough for a frame of ours.
     talks_since: MonoTime,
+    /// A frame of ours went out during such talk, and nothing else may be sent until then: a silence before that is not
+    /// one in which we could have sent.
+    waits_in_jam_until: MonoTime,
     /// Whether replies take their time on the wire, so that one can be too early.
     is_timed: bool,
     /// Whether the first copy of each frame of ours is taken out of what is received.
@@ -65,6 +68,7 @@ impl Wire {
             last_byte_at: now,
             held_until: MonoTime::ZERO,
             talks_since: now,
+            waits_in_jam_until: MonoTime::ZERO,
             is_timed: false,
             strips_echo: false,
             own_echo: OwnEcho::default(),
@@ -125,8 +129,10 @@ impl Wire {
         let reply_bytes = self.timing.adu_bytes(exchange.request.reply_pdu_bytes());
         let expected =
             Expected { station: exchange.station.0, function: exchange.request.function(), adu_bytes: reply_bytes };
+        let is_over_talk = now < self.pause_at();
         self.quiet_from = now + self.timing.on_wire(sent_bytes);
         let reply_due = self.quiet_from + exchange.timeout + self.timing.on_wire(reply_bytes);
+        self.waits_in_jam_until = if is_over_talk { reply_due } else { MonoTime::ZERO };
         // A reply that has begun by then is over by then; whatever goes on is none.
         let give_up = reply_due + self.timing.on_wire(reply_bytes) + self.timing.silence;
         self.flush_idle_bytes();
@@ -152,8 +158,10 @@ impl Wire {
     ) {
         framing::encode(self.timing.framing, out, station, |pdu| request.encode(pdu));
         self.flush_idle_bytes();
+        let is_over_talk = now < self.pause_at();
         self.quiet_from = now + self.timing.on_wire(out.len());
         self.held_until = self.quiet_from + turnaround;
+        self.waits_in_jam_until = if is_over_talk { self.held_until } else { MonoTime::ZERO };
         self.own_echo.await_copy_of(out, true, now);
     }
 
@@ -166,7 +174,7 @@ impl Wire {
         } else {
             self.end_before_hole(now, bytes.len())
         };
-        if now >= self.pause_at() {
+        if now >= self.pause_at().max(self.waits_in_jam_until) {
             self.talks_since = now;
         }
         self.last_byte_at = now;

@@ -293,7 +293,8 @@ fn who_does_not_read_is_let_go_and_memory_stays_bounded() {
     let slow: Vec<_> = (0..4).map(|_| who_does_not_read(site.http)).collect();
     until("all of them are let go", PATIENCE * 3, || {
         let gone = site.gateway.find_all(|line| {
-            (line.contains("event stream client is too slow") || line.contains("does not read its response")).then_some(())
+            (line.contains("event stream client is too slow") || line.contains("does not read its response"))
+                .then_some(())
         });
         (gone.len() == slow.len()).then_some(())
     });

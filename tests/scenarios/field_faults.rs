@@ -221,6 +221,24 @@ fn a_babbling_node_jams_the_line_once_and_everything_that_waits_is_answered() {
 }
 
 #[test]
+fn after_a_suspension_a_stop_waits_for_silence_though_the_line_was_jammed_before() {
+    let mut rig = Rig::new(&RigOptions { poll: Duration::from_secs(1), ..RigOptions::controlled() });
+    starts_running(&mut rig);
+    rig.pass(ms(100));
+    babble(&mut rig, Duration::from_secs(3));
+    assert_eq!(told(&rig), [LineNote::Down(LineFault::Jammed)]);
+    // The babble ends meanwhile, and what is read first is old.
+    rig.now = rig.now + Duration::from_secs(5);
+    rig.core.handle(rig.now, Input::Bytes(&[0x55; 200]));
+    rig.sent.clear();
+    rig.command(plc(1), 0, STOP);
+    assert!(rig.written(RUN).is_empty(), "another master may be sending right now");
+    rig.pass(ms(50));
+    assert_eq!(rig.written(RUN).first(), Some(&0));
+    assert_eq!(told(&rig), [LineNote::Down(LineFault::Jammed), LineNote::Up]);
+}
+
+#[test]
 fn babble_before_anything_waits_long_enough_is_no_jam() {
     let mut rig = Rig::new(&RigOptions { poll: Duration::from_secs(1), ..RigOptions::controlled() });
     for _ in 0..20 {

@@ -54,6 +54,8 @@ pub struct Stop {
 #[derive(Debug, Default)]
 pub struct Book {
     pub orders: Vec<Order>,
+    /// The number of the stop that came last.
+    newest_stop: u64,
     pub stop: Stop,
     /// Stops that came at this very moment and may turn out to change nothing.
     pub fresh: Vec<(u64, u64, bool)>,
@@ -122,8 +124,18 @@ impl Book {
         self.orders.iter_mut().filter(|it| it.starts() && it.is_given_up(at)).for_each(|it| it.is_void = true);
     }
 
+    /// The stop `number` was answered while the motor rested: it changed nothing, and orders of clients that came after the
+    /// newest stop count.
+    pub fn stop_was_none(&mut self, number: u64) {
+        self.stop.is_pending = false;
+        let newest = self.newest_stop.max(number);
+        let counts = |it: &&mut Order| it.number > newest && !it.is_message && it.issued_old.is_none() && it.sent == 0;
+        self.orders.iter_mut().filter(counts).for_each(|it| it.is_void = false);
+    }
+
     /// A stop comes, perhaps of a client. Whoever has commanded it last and nothing since repeats himself.
     pub fn stop_comes(&mut self, number: u64, by: Option<usize>, is_coast: bool) {
+        self.newest_stop = number;
         let by = by.map(|by| (by, is_coast));
         let has_moved = self.moved_at > self.stop.was_accepted_at;
         if by.is_some() && by == self.stopped_by && !has_moved {

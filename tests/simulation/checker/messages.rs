@@ -24,8 +24,12 @@ pub struct Messages {
     /// Drive, epoch, and when it was first shown.
     epochs: Vec<(usize, u64, u64)>,
     opened_at: u64,
-    /// The last order without an id: when it came, for which drive, and its number.
+    /// The last order without an id: when it came, for which drive, and its number. `None` where another one came in the
+    /// same moment, since a result does not tell which one it is for.
     plain: Option<(u64, usize, u64)>,
+    /// When the last message came, and whether it was the only one of its moment.
+    came_at: u64,
+    is_only_one: bool,
 }
 
 /// A message as it comes from the broker.
@@ -56,6 +60,8 @@ impl Checker {
         self.time(at);
         self.sign_of_life(at);
         self.messages.plain = None;
+        self.messages.is_only_one = self.messages.came_at < at;
+        self.messages.came_at = at;
         let Some(rest) = it.topic.strip_prefix("vfd/plant/") else { return };
         if rest == "all/run/set" && it.payload.trim().eq_ignore_ascii_case("stop") {
             for drive in 0..self.books.len() {
@@ -85,7 +91,7 @@ impl Checker {
         let order = self.take_order(at, drive, Wish { run, setpoint, register: None }, at + DEADLINE, None);
         let runs = matches!(run, Some(Run::Forward | Run::Reverse));
         if !stops {
-            self.messages.plain = Some((at, drive, order));
+            self.messages.plain = self.messages.is_only_one.then_some((at, drive, order));
             self.outdate(at, drive, order, it.issued, DEADLINE);
         }
         if runs && stopped_at.is_some_and(|stopped| at < stopped + RESTART_DELAY) {

@@ -71,6 +71,8 @@ pub struct Motor {
     /// Since when its run command holds a reset, and whether it has refused to end that.
     resets_since: Option<u64>,
     keeps_reset: bool,
+    /// It held one, and no stop has been answered as taken since: the gateway cannot know that the reset is gone.
+    may_keep_reset: bool,
     /// When we wrote the stop that takes it back last.
     taken_back_at: u64,
     /// Stops that are not answered yet: number and moment.
@@ -90,10 +92,16 @@ impl Motor {
         self.rests_since.is_some()
     }
 
+    /// Whether it stands and nothing that was ordered before can move it: it rests, or a trip has ended what it did.
+    pub const fn stands(&self) -> bool {
+        self.rests() || (self.state.is_tripped && self.state.output == 0)
+    }
+
     /// Whether a stop that is written at `at` takes back a reset that the drive keeps, not sooner than `every` after the one
-    /// before.
-    pub fn takes_back(&mut self, at: u64, every: u64) -> bool {
-        let is_due = (self.keeps_reset || self.resets_since.is_some()) && at >= self.taken_back_at + every;
+    /// before. One that was due before the process was suspended, until `stood_until`, goes out after it.
+    pub fn takes_back(&mut self, at: u64, every: u64, stood_until: u64) -> bool {
+        let is_soon = at < self.taken_back_at + every && self.taken_back_at >= stood_until + every;
+        let is_due = self.may_keep_reset && !is_soon;
         self.taken_back_at = if is_due { at } else { self.taken_back_at };
         is_due
     }
@@ -117,6 +125,7 @@ impl Checker {
         motor.sound_since = since(!state.is_tripped, motor.sound_since, at);
         motor.keeps_reset = holds_reset && (motor.keeps_reset || state.refuses_stops);
         motor.resets_since = since(holds_reset && !motor.keeps_reset, motor.resets_since, at);
+        motor.may_keep_reset |= holds_reset;
         motor.lowest = motor.lowest.min(state.output);
         motor.risen_since = since(motor.runs_since.is_some() && state.output > motor.lowest, motor.risen_since, at);
         motor.owes_since = motor.owes_since.filter(|_| motor.rests_since.is_none());
@@ -135,6 +144,16 @@ impl Checker {
         let motor = &mut self.motors[drive];
         (motor.stopped_by_us, motor.owes_since) = (Some(at), None);
         (motor.lowest, motor.risen_since) = (u32::MAX, None);
+    }
+
+    /// The drive answered a stop of ours as taken, and that was heard.
+    pub(super) fn stop_taken(&mut self, drive: usize) {
+        self.motors[drive].may_keep_reset = false;
+    }
+
+    /// A frame of ours that starts went to `drive`. Whether it may is another rule's; no stop before it is owed any more.
+    pub(super) fn run_sent(&mut self, drive: usize) {
+        self.motors[drive].owes_since = None;
     }
 
     /// A stop is asked for.
@@ -158,8 +177,8 @@ impl Checker {
         let Some(place) = motor.asked.iter().position(|(it, _)| *it == number) else { return };
         let (_, asked) = motor.asked.remove(place);
         if motor.rests() {
-            // There was nothing to stop.
-            self.books[drive].stop.is_pending = false;
+            // There was nothing to stop, and what came after it counts.
+            self.books[drive].stop_was_none(number);
             return;
         }
         let Some(runs_since) =

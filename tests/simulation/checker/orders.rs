@@ -115,7 +115,8 @@ impl Checker {
         }
         // Which of two equal orders a frame belongs to is not always known: whoever may hold the lease, holds it.
         book.is_of_mqtt |= !cyclic && wish != Wish::default();
-        let is_void = book.stop.is_pending && wish.register.is_none();
+        // A stop is over for the gateway once it has read that the motor stands.
+        let is_void = book.stop.is_pending && wish.register.is_none() && !self.motors[drive].stands();
         let order = Order {
             number,
             wish,
@@ -324,6 +325,9 @@ impl Checker {
                 let is_stop = matches!(facts.run_of(value), Some(Run::Stop | Run::Coast));
                 book.echoes += u32::from(is_stop);
                 book.stop.echoed |= is_stop;
+                if is_stop {
+                    self.stop_taken(drive);
+                }
             }
             // A stop that a resting drive refuses is settled.
             (6 | 16, Truth::Exception(_)) if exchange.address == facts.run && self.motors[drive].rests() => {

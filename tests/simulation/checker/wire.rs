@@ -200,7 +200,11 @@ impl Checker {
         }
         self.may_open(at, frame);
         if Some(frame[0]) == self.line.broadcast() {
-            return self.told_to_all(at, frame);
+            self.told_to_all(at, frame);
+            if is_over_babble && gap < self.wire.silence {
+                self.wire.waits_in_jam_until = self.wire.held_until;
+            }
+            return;
         }
         let Some(mut exchange) = self.read_frame(at, frame) else {
             return self.object("O1", || format!("no sound frame: {frame:02X?}"));

@@ -27,6 +27,7 @@ impl Checker {
             let is_explained = if address == facts.run {
                 match facts.run_of(value) {
                     Some(run @ (Run::Forward | Run::Reverse)) => {
+                        self.run_sent(drive);
                         self.explain(exchange.at, drive, is_taken, run_part(run))
                     }
                     Some(Run::Stop | Run::Coast) => {
@@ -139,12 +140,12 @@ impl Checker {
         let is_lost = it.on_lost == action && book.moved_at.into_iter().chain(waited).any(is_over);
         let is_ending = book.is_ending && it.on_shutdown == action;
         let has_moved = book.moved_at > book.stop.was_accepted_at;
-        // A reset that was accepted at the very end begins with a stop, and goes on.
-        if is_ending && !is_coast && self.explain_reset(drive, exchange.at, value, is_taken) {
+        // A reset begins with a stop as well, but never while the motor turns. One that was accepted at the very end goes on.
+        let may_reset = is_ending || self.motors[drive].stands();
+        if may_reset && !is_coast && self.explain_reset(drive, exchange.at, value, is_taken) {
             return true;
         }
         let book = &mut self.books[drive];
-        // A reset begins with a stop as well, but never while the motor turns.
         if !book.stop.is_pending && ((is_lost && has_moved && was_running) || is_ending) {
             book.fresh.push((u64::MAX, exchange.at, is_coast));
             self.settle_stops(drive);
@@ -153,7 +154,7 @@ impl Checker {
         if !is_coast
             && (self.explain_reset(drive, exchange.at, value, is_taken)
                 || self.repeats_end_of_reset(drive, exchange.at, value)
-                || self.motors[drive].takes_back(exchange.at, TAKEN_BACK_EVERY))
+                || self.motors[drive].takes_back(exchange.at, TAKEN_BACK_EVERY, self.stood.1))
         {
             return true;
         }
