@@ -2,8 +2,8 @@
 //! ten Modbus clients and one who has the page open.
 //!
 //! The goals are those of a release, which is linked in another way than what measurements run. `VFD_GATEWAY` names the
-//! program to look at: `cargo build --release`, then
-//! `VFD_GATEWAY=target/release/vfd-gateway cargo bench --bench reach -- footprint`.
+//! program to look at: `cargo build --profile dist`, then
+//! `VFD_GATEWAY=target/dist/vfd-gateway cargo bench --bench reach -- footprint`.
 
 use crate::bare_mqtt::Talker;
 use crate::brokers::{Broker, free_port};

@@ -17,7 +17,7 @@ names() {
             exit 1
             ;;
     esac
-    program=target/$rust/release/vfd-gateway
+    program=target/$rust/dist/vfd-gateway
 }
 
 # What a machine has for itself it has already.
@@ -39,7 +39,7 @@ tools() {
 # Which C compiler belongs to a target is known for its C code, but not for linking.
 program() {
     variable=CARGO_TARGET_$(echo "$rust" | tr a-z- A-Z_)_LINKER
-    env "$variable=$gnu-gcc" cargo build --release --locked --target "$rust" --bin vfd-gateway
+    env "$variable=$gnu-gcc" cargo build --profile dist --locked --target "$rust" --bin vfd-gateway
     release/notices target/notices "$rust"
 }
 
