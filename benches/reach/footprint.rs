@@ -2,7 +2,7 @@
 //! ten Modbus clients and one who has the page open.
 //!
 //! The goals are those of a release, which is linked in another way than what measurements run. `VFD_GATEWAY` names the
-//! program to look at: `cargo build --profile dist`, then
+//! program to look at: `cargo build --profile dist --bin vfd-gateway`, then
 //! `VFD_GATEWAY=target/dist/vfd-gateway cargo bench --bench reach -- footprint`.
 
 use crate::bare_mqtt::Talker;

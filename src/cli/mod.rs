@@ -5,26 +5,25 @@ mod capture;
 mod check;
 mod client;
 mod completions;
-mod demo;
+pub mod demo;
 mod doctor;
 mod enable;
-mod fleet;
 mod health;
 mod help;
-mod input;
+pub mod input;
 mod journal;
 mod keyboard;
 mod link_args;
-mod log;
+pub mod log;
 mod man;
 mod map;
 mod model_facts;
 mod models;
 mod own_gateway;
-mod own_models;
+pub mod own_models;
 mod params;
 mod password;
-mod progress;
+pub mod progress;
 mod read;
 mod reload;
 mod run;
@@ -114,8 +113,6 @@ enum Command {
     /// The file is pcapng and needs no setting: RTU frames are decoded as Modbus RTU, and each packet says in words what
     /// it is. It ends with Ctrl-C.
     Capture(capture::Args),
-    /// Simulate a fleet of gateways on an MQTT broker, to find out how large the broker has to be
-    Fleet(fleet::Args),
     /// Print every Modbus map of a configuration: each unit with its registers, numbers, units and meanings
     Map(map::Args),
     /// Print a script that lets a shell complete commands and options
@@ -131,7 +128,7 @@ impl Command {
     /// From which level on is logged, where nobody says otherwise. What a tool finds out, it says itself.
     const fn log_level(&self) -> &'static str {
         match self {
-            Self::Scan(_) | Self::Fleet(_) => "error",
+            Self::Scan(_) => "error",
             Self::Params(_) => "warn",
             Self::Read(args) if args.is_straight() => "warn",
             Self::Write(args) if args.is_straight() => "warn",
@@ -156,13 +153,22 @@ impl Display for Failure {
 
 impl Failure {
     /// Something failed while the command ran.
-    fn failed(message: impl Display) -> Self {
+    #[must_use]
+    pub fn failed(message: impl Display) -> Self {
         Self { message: message.to_string(), code: FAILED }
     }
 
     /// The arguments or a file that was given are wrong.
-    fn wrong(message: impl Display) -> Self {
+    #[must_use]
+    pub fn wrong(message: impl Display) -> Self {
         Self { message: message.to_string(), code: WRONG_USAGE }
+    }
+
+    /// Prints it to stderr, and returns the exit code.
+    #[must_use]
+    pub fn report(&self) -> ExitCode {
+        log::complain(format!("{}\n", self.message).as_bytes());
+        ExitCode::from(self.code)
     }
 }
 
@@ -191,7 +197,6 @@ pub fn main() -> ExitCode {
         Command::Write(args) => write::write(&args),
         Command::Watch(args) => watch::watch(&args),
         Command::Capture(args) => capture::capture(&args),
-        Command::Fleet(args) => fleet::fleet(&args),
         Command::Map(args) => map::map(&args),
         Command::Completions(args) => completions::completions(&args),
         Command::Man(args) => man::man(&args),
@@ -199,15 +204,15 @@ pub fn main() -> ExitCode {
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            log::complain(format!("{}\n", failure.message).as_bytes());
-            ExitCode::from(failure.code)
-        }
+        Err(failure) => failure.report(),
     }
 }
 
 /// Prints to stdout. A reader who has gone away, such as `head`, ends the output without an error.
-fn print(text: &str) -> Result<(), Failure> {
+///
+/// # Errors
+/// Any other failure to write.
+pub fn print(text: &str) -> Result<(), Failure> {
     use std::io::Write;
     match std::io::stdout().lock().write_all(text.as_bytes()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::failed(error)),

@@ -13,7 +13,6 @@ pub mod build;
 pub mod clock;
 pub mod conversations;
 pub mod descriptors;
-pub mod fleet;
 pub mod http;
 pub mod inbox;
 pub mod journal;

@@ -10,7 +10,6 @@
 //! | `outbox` | what the drives still have to transmit, and how they collide |
 //! | [`fault`] | seeded faults of replies |
 //! | [`report`] | what an observer on the wire counts |
-//! | [`fleet`] | many gateways on one broker: who publishes what and when, and what became of it |
 //! | [`bus`] | the half-duplex line: character times, turnaround, requests in, reply bytes out |
 //!
 //! Whoever owns a clock and a port drives a [`SimBus`] with three calls:
@@ -25,7 +24,6 @@
 pub mod bus;
 pub mod drive;
 pub mod fault;
-pub mod fleet;
 mod incoming;
 pub mod motor;
 pub mod options;

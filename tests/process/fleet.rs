@@ -2,7 +2,7 @@
 //! broker has acknowledged arrives.
 
 use super::mosquitto::{Mosquitto, Subscriber, free_port};
-use super::rig::{Place, fields, start, vfd_gateway};
+use super::rig::{Place, fields, fleet_program};
 use super::started::{PATIENCE, Started, until};
 use serde_json::Value;
 use std::io::Write;
@@ -105,7 +105,9 @@ fn said(output: &Output) -> String {
 
 /// A simulation that was started, up to its first updates.
 fn begin(more: &[&str]) -> Started {
-    let fleet = start(&[&["fleet", "simulate"], &SHAPE[..], &["60"], more].concat());
+    let mut command = fleet_program();
+    command.args([&SHAPE[..], &["60"], more].concat());
+    let fleet = Started::new(command);
     fleet.wait_for("that it publishes", |line| (fields(line)?["message"] == "the fleet publishes").then_some(()));
     fleet
 }
@@ -227,11 +229,11 @@ fn wrong_credentials_are_told_before_anything_is_sent() {
     let central = central(&place);
     let url = url("mqtts", central.broker.address().port());
     let ca = path(&place, "ca.pem");
-    let common = ["fleet", "simulate", "--broker", &url, "--ca", &ca, "--gateways", "21", "--credentials"];
-    let unknown = vfd_gateway(&[&common[..], &[&path(&place, "users/credentials")]].concat());
+    let common = ["--broker", &url, "--ca", &ca, "--gateways", "21", "--credentials"];
+    let unknown = fleet_program().args([&common[..], &[&path(&place, "users/credentials")]].concat()).output().unwrap();
     assert_eq!(unknown.status.code(), Some(2));
     assert!(said(&unknown).contains("no line for the user gw-0021"), "{}", said(&unknown));
-    let embedded = vfd_gateway(&["fleet", "simulate", "--broker", "embedded"]);
+    let embedded = fleet_program().args(["--broker", "embedded"]).output().unwrap();
     assert_eq!(embedded.status.code(), Some(2));
     assert!(said(&embedded).contains("embedded"), "{}", said(&embedded));
 }

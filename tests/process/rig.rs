@@ -55,6 +55,13 @@ pub fn program() -> Command {
     command
 }
 
+/// `vfd-fleet`, with a log that can be read line by line.
+pub fn fleet_program() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_vfd-fleet"));
+    command.env("RUST_LOG", "info").args(["--log-format", "json"]);
+    command
+}
+
 /// `vfd-gateway` with `args`, run to its end.
 pub fn vfd_gateway(args: &[&str]) -> Output {
     program().args(args).output().unwrap()

@@ -1,6 +1,6 @@
 //! `demo`: everything at once on loopback, with nothing else installed.
 
-pub(super) mod plant;
+pub mod plant;
 
 use super::keyboard::Enter;
 use super::{Failure, input, print};

@@ -23,17 +23,23 @@ pub(super) const FROM: [&str; 3] = ["mqtt", "modbus-tcp", "page"];
 
 /// One drive of the demo.
 #[derive(Debug)]
-pub(in crate::cli) struct Drive {
+pub struct Drive {
+    /// What it is called.
     pub name: String,
+    /// Its number on the line.
     pub station: Station,
+    /// Its model.
     pub model: Arc<Model>,
 }
 
 /// One line of the demo.
 #[derive(Debug)]
-pub(in crate::cli) struct Line {
+pub struct Line {
+    /// What it is called.
     pub name: String,
+    /// Speed, parity and stop bits.
     pub link: LinkSettings,
+    /// The drives on it.
     pub drives: Vec<Drive>,
 }
 
@@ -80,10 +86,7 @@ fn common(line: &Line, model: &Model) -> Option<LinkSettings> {
 }
 
 /// The `[[line]]` tables of a configuration for `lines`, each on its device, with drives that obey `from`.
-pub(in crate::cli) fn configuration<'a>(
-    lines: impl IntoIterator<Item = (&'a Line, &'a Path)>,
-    from: &[&str],
-) -> String {
+pub fn configuration<'a>(lines: impl IntoIterator<Item = (&'a Line, &'a Path)>, from: &[&str]) -> String {
     let mut text = String::new();
     let mut unit = 0;
     for (line, device) in lines {

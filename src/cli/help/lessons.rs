@@ -83,23 +83,6 @@ pub(super) const LESSONS: &[Lesson] = &[
     )
     .exits("0 the file is right, 1 failed, 2 it has problems"),
     lesson(
-        "fleet",
-        "",
-        &[("vfd-gateway fleet simulate --gateways 100", "3,200 drives on the broker of this machine")],
-    ),
-    lesson(
-        "fleet simulate",
-        "Every message carries a number, and consumers book what comes: at quality of service 1 nothing that the broker has \
-         acknowledged may be missing. An update that finds no room is left out when the next one is due, as a gateway does, so \
-         a broker that is too slow shows as a rate that is not held. Use a broker that nobody needs, and a prefix of its own.",
-        &[
-            ("vfd-gateway fleet simulate --broker mqtt://127.0.0.1:1883 --gateways 1000 --drives 32", "a minute, 32,000 drives"),
-            ("vfd-gateway fleet simulate --qos 1 --consumers 4 --reading shared --seconds 30", "consumers that share the work"),
-            ("vfd-gateway fleet simulate --mqtt-version 4 --qos 1 --broker mqtt://n1:1883 --broker mqtt://n2:1883", "a cluster: stop a node meanwhile"),
-        ],
-    )
-    .exits("0 done, 1 not everybody was connected, or what was acknowledged is missing, 2 wrong usage"),
-    lesson(
         "simulate",
         "The port is printed at the start. Characters take the time that they take on a real line. It ends with Ctrl-C.",
         &[

@@ -1,24 +1,24 @@
 //! One gateway of the fleet as it really talks: its configuration is loaded, its session is played to the end of its birth,
 //! and what that publishes is taken as the pattern for all.
 
-use super::SimulateArgs;
-use crate::cli::demo::plant::{self, Drive, Line};
-use crate::cli::{Failure, input};
-use crate::config::{self, Config, MqttSettings};
-use crate::daemon::{build, clock};
-use crate::domain::command::{Direction, Owner, RunIntent};
-use crate::domain::frequency::Hertz;
-use crate::domain::ids::{Name, Station};
-use crate::domain::report::{LineReport, LineState as Link};
-use crate::drive::description::DriveDescription;
-use crate::drive::snapshot::Presence;
-use crate::drive::view::{ControlView, DriveView, RunState};
-use crate::north::mqtt::{Act, Broker, Event, LineState, Message, Moment, Publication, Session, Settings, Tree};
-use crate::profile::model::Model;
-use crate::sim::fleet::Shape;
+use super::Args;
+use crate::books::Shape;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
+use vfd_gateway::cli::demo::plant::{self, Drive, Line};
+use vfd_gateway::cli::{Failure, input};
+use vfd_gateway::config::{self, Config, MqttSettings};
+use vfd_gateway::daemon::{build, clock};
+use vfd_gateway::domain::command::{Direction, Owner, RunIntent};
+use vfd_gateway::domain::frequency::Hertz;
+use vfd_gateway::domain::ids::{Name, Station};
+use vfd_gateway::domain::report::{LineReport, LineState as Link};
+use vfd_gateway::drive::description::DriveDescription;
+use vfd_gateway::drive::snapshot::Presence;
+use vfd_gateway::drive::view::{ControlView, DriveView, RunState};
+use vfd_gateway::north::mqtt::{Act, Broker, Event, LineState, Message, Moment, Publication, Session, Settings, Tree};
+use vfd_gateway::profile::model::Model;
 
 /// Most drives on one line, as RS-485 carries them.
 const LINE_MAX: usize = 32;
@@ -52,7 +52,7 @@ pub struct Volume {
 }
 
 /// The gateway that `args` describe.
-pub fn specimen(args: &SimulateArgs) -> Result<Specimen, Failure> {
+pub fn specimen(args: &Args) -> Result<Specimen, Failure> {
     let model = model(args)?;
     let lines = lines(args, &model);
     let (config, mqtt) = configuration(args, &lines)?;
@@ -71,7 +71,7 @@ pub fn specimen(args: &SimulateArgs) -> Result<Specimen, Failure> {
     })
 }
 
-fn model(args: &SimulateArgs) -> Result<Arc<Model>, Failure> {
+fn model(args: &Args) -> Result<Arc<Model>, Failure> {
     if let Some(id) = &args.model {
         return input::model(id, &args.own);
     }
@@ -86,7 +86,7 @@ fn volume(publications: &[Publication]) -> Volume {
 }
 
 /// The `[[line]]` tables of its configuration.
-fn lines(args: &SimulateArgs, model: &Arc<Model>) -> String {
+fn lines(args: &Args, model: &Arc<Model>) -> String {
     let drives: Vec<_> = (0..args.drives as usize).collect();
     let stations: Vec<_> = model.link.stations.value.clone().take(LINE_MAX).collect();
     let lines = (1..).zip(drives.chunks(stations.len().max(1))).map(|(number, chunk)| Line {
@@ -99,7 +99,7 @@ fn lines(args: &SimulateArgs, model: &Arc<Model>) -> String {
     plant::configuration(lines.iter().zip(devices.iter().map(PathBuf::as_path)), &["mqtt"])
 }
 
-fn configuration(args: &SimulateArgs, lines: &str) -> Result<(Config, MqttSettings), Failure> {
+fn configuration(args: &Args, lines: &str) -> Result<(Config, MqttSettings), Failure> {
     let (name, version, prefix) = (Shape::gateway_name(0), args.mqtt_version, &args.prefix);
     let text = format!(
         "[gateway]\nname = \"{name}\"\n[mqtt]\nbroker = \"mqtt://127.0.0.1\"\nversion = {version}\nprefix = {prefix:?}\n{lines}"

@@ -1,9 +1,9 @@
 //! The file with the users of a fleet, one `user:password` on each line.
 
-use crate::cli::{Failure, input};
-use crate::daemon::mqtt::Secret;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use vfd_gateway::cli::{Failure, input};
+use vfd_gateway::daemon::mqtt::Secret;
 
 /// Users with their passwords.
 #[derive(Debug)]

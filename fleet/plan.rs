@@ -2,23 +2,23 @@
 
 use super::credentials::Credentials;
 use super::specimen::Specimen;
-use super::{ReadingArg, SimulateArgs, UpdateArg};
-use crate::cli::{Failure, input};
-use crate::config::{self, BrokerSettings};
-use crate::daemon::build;
-use crate::daemon::fleet::{Plan, Reading};
-use crate::daemon::mqtt::{ConnectionSettings, Keeps};
-use crate::domain::ids::Name;
-use crate::domain::problem::Problem;
-use crate::north::mqtt::Qos;
-use crate::sim::fleet::{Shape, Update};
+use super::{Args, ReadingArg, UpdateArg};
+use crate::books::{Shape, Update};
+use crate::play::{Plan, Reading};
 use std::time::Duration;
+use vfd_gateway::cli::{Failure, input};
+use vfd_gateway::config::{self, BrokerSettings};
+use vfd_gateway::daemon::build;
+use vfd_gateway::daemon::mqtt::{ConnectionSettings, Keeps};
+use vfd_gateway::domain::ids::Name;
+use vfd_gateway::domain::problem::Problem;
+use vfd_gateway::north::mqtt::Qos;
 
 /// Most and fewest updates of a drive in a second: one in an hour, and as many as the clock tells apart.
 const RATES: std::ops::RangeInclusive<f64> = 1.0 / 3600.0..=1000.0;
 
 /// The plan that `args` describe.
-pub fn plan(args: &SimulateArgs, specimen: &Specimen) -> Result<Plan, Failure> {
+pub fn plan(args: &Args, specimen: &Specimen) -> Result<Plan, Failure> {
     let shape = shape(args)?;
     let credentials = args.credentials.as_deref().map(Credentials::read).transpose()?;
     let broker = way(args, specimen, &args.brokers)?;
@@ -54,7 +54,7 @@ pub fn plan(args: &SimulateArgs, specimen: &Specimen) -> Result<Plan, Failure> {
     })
 }
 
-fn shape(args: &SimulateArgs) -> Result<Shape, Failure> {
+fn shape(args: &Args) -> Result<Shape, Failure> {
     let rate = args.updates_per_second;
     if !RATES.contains(&rate) {
         return Err(Failure::wrong(format!("--updates-per-second {rate} is not between 1/3600 and 1000")));
@@ -77,7 +77,7 @@ fn shape(args: &SimulateArgs) -> Result<Shape, Failure> {
 }
 
 /// The way to the nodes of a broker, at one of which each begins, by the rules of a configuration.
-fn way(args: &SimulateArgs, specimen: &Specimen, urls: &[String]) -> Result<ConnectionSettings, Failure> {
+fn way(args: &Args, specimen: &Specimen, urls: &[String]) -> Result<ConnectionSettings, Failure> {
     let [url, others @ ..] = urls else { return Err(Failure::wrong("no broker is named")) };
     let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
     let others: Vec<_> = others.iter().map(|url| quoted(url)).collect();

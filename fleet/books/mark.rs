@@ -2,8 +2,8 @@
 //! is.
 
 use super::shape::Update;
-use crate::domain::time::MonoTime;
 use std::time::Duration;
+use vfd_gateway::domain::time::MonoTime;
 
 /// How a marked document begins.
 const DOCUMENT: &str = r#"{"fleet":{"seq":"#;

@@ -5,17 +5,17 @@ use super::Plan;
 use super::board::{Board, Phase};
 use super::cost::Cost;
 use super::player::{self, Place, Role};
-use crate::daemon::mqtt::Keeps;
-use crate::daemon::run::told_to_end;
-use crate::daemon::{clock, descriptors};
-use crate::domain::time::MonoTime;
-use crate::sim::fleet::Balance;
+use crate::books::Balance;
 use std::pin::{Pin, pin};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::sync::Notify;
 use tokio::time::sleep;
+use vfd_gateway::daemon::mqtt::Keeps;
+use vfd_gateway::daemon::run::told_to_end;
+use vfd_gateway::daemon::{clock, descriptors};
+use vfd_gateway::domain::time::MonoTime;
 
 /// How often it is looked how far everybody is.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -238,7 +238,7 @@ impl<W: FnMut(&Progress)> Simulation<W> {
         while clock::now() < end {
             let balance = self.board.ledger.balance();
             let has_consumers = !self.board.plan.consumers.is_empty();
-            let is_acknowledged = self.board.plan.qos == crate::north::mqtt::Qos::AtMostOnce
+            let is_acknowledged = self.board.plan.qos == vfd_gateway::north::mqtt::Qos::AtMostOnce
                 || balance.acknowledged + self.board.refused.get() >= balance.sent;
             let arrived = if has_consumers { balance.received } else { balance.sent };
             self.tell(Stage::Draining, arrived, balance.sent);
@@ -269,7 +269,7 @@ impl<W: FnMut(&Progress)> Simulation<W> {
     fn outcome(&self, (span, is_cut): (Duration, bool), at_last: Balance, costs: Vec<(Cost, f64)>) -> Outcome {
         let (board, shape) = (&self.board, &self.board.plan.shape);
         let share = span.as_secs_f64() / shape.lasts().as_secs_f64().max(f64::EPSILON);
-        let shares = |delays: &crate::sim::fleet::Delays| [delays.within(500), delays.within(990), delays.longest()];
+        let shares = |delays: &crate::books::Delays| [delays.within(500), delays.within(990), delays.longest()];
         Outcome {
             seconds: span.as_secs_f64(),
             is_cut,

@@ -3,9 +3,6 @@
 use super::board::Board;
 use super::consumer::Consumer;
 use super::gateway::Gateway;
-use crate::daemon::mqtt::{ConnectionSettings, Counters, Keeps, Packet, Rival, Talk, converse};
-use crate::domain::time::MonoTime;
-use crate::north::mqtt::{Event, Moment, Publication, Qos};
 use std::cell::RefCell;
 use std::io;
 use std::rc::Rc;
@@ -15,6 +12,9 @@ use std::time::Duration;
 use tokio::sync::Notify;
 use tokio::task::LocalSet;
 use tokio::time::{sleep, timeout};
+use vfd_gateway::daemon::mqtt::{ConnectionSettings, Counters, Keeps, Packet, Rival, Talk, converse};
+use vfd_gateway::domain::time::MonoTime;
+use vfd_gateway::north::mqtt::{Event, Moment, Publication, Qos};
 
 /// How often it is looked why somebody is not connected.
 const LOOK_EVERY: Duration = Duration::from_millis(500);

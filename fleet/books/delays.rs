@@ -1,8 +1,8 @@
 //! Times counted by many threads at once, in buckets that grow with them.
 
-use crate::domain::buckets::Buckets;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
+use vfd_gateway::domain::buckets::Buckets;
 
 /// Of microseconds, at most a thirty-second wider than the times in them, below 19 hours.
 const BUCKETS: Buckets = Buckets::new(5, 36);

@@ -2,13 +2,13 @@
 
 use super::Reading;
 use super::board::{Board, Phase};
-use crate::daemon::mqtt::{Packet, Rival, Talk};
-use crate::domain::time::MonoTime;
-use crate::north::mqtt::{Event, Filter, Message, Moment, Publication, Qos, Version};
-use crate::sim::fleet::{Mark, Receipt};
+use crate::books::{Mark, Receipt};
 use std::rc::Rc;
 use std::sync::Arc;
 use tokio::sync::Notify;
+use vfd_gateway::daemon::mqtt::{Packet, Rival, Talk};
+use vfd_gateway::domain::time::MonoTime;
+use vfd_gateway::north::mqtt::{Event, Filter, Message, Moment, Publication, Qos, Version};
 
 /// The group of a shared subscription.
 const GROUP: &str = "fleet";

@@ -1,7 +1,7 @@
 //! A fleet of gateways on a real broker, for sizing: many connections that publish as gateways do, consumers that check what
 //! arrives, and an end that comes by itself.
 //!
-//! [`run`] is the order of it. Each gateway and each consumer is a [`Talk`](super::mqtt::Talk) on the same client that the
+//! [`run`] is the order of it. Each gateway and each consumer is a [`Talk`](vfd_gateway::daemon::mqtt::Talk) on the same client that the
 //! gateway itself has, so that its waits, limits and repeats are the real ones.
 
 mod board;
@@ -11,13 +11,12 @@ mod gateway;
 mod player;
 mod run;
 
-pub use cost::Cost;
 pub use run::{Outcome, Progress, Stage, run};
 
-use super::mqtt::ConnectionSettings;
-use crate::north::mqtt::Qos;
-use crate::sim::fleet::Shape;
+use crate::books::Shape;
 use std::time::Duration;
+use vfd_gateway::daemon::mqtt::ConnectionSettings;
+use vfd_gateway::north::mqtt::Qos;
 
 /// What is to be simulated.
 #[derive(Clone, Debug)]

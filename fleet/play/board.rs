@@ -1,11 +1,11 @@
 //! What all threads of a simulation share: the plan, how far it is, and the books.
 
 use super::Plan;
-use crate::daemon::clock;
-use crate::domain::time::MonoTime;
-use crate::sim::fleet::{Delays, Ledger};
+use crate::books::{Delays, Ledger};
 use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
+use vfd_gateway::daemon::clock;
+use vfd_gateway::domain::time::MonoTime;
 
 /// How far a simulation is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

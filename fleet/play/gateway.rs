@@ -1,14 +1,14 @@
 //! A gateway of the fleet: when each of its updates is due, what of it is not acknowledged yet, and what it takes back.
 
 use super::board::{Board, Phase};
-use crate::daemon::mqtt::{Packet, Rival, Talk};
-use crate::domain::time::MonoTime;
-use crate::north::mqtt::{Event, Moment, Publication, Qos};
-use crate::sim::fleet::{Mark, Shape};
+use crate::books::{Mark, Shape};
 use std::collections::{BTreeMap, VecDeque};
 use std::rc::Rc;
 use std::sync::Arc;
 use tokio::sync::Notify;
+use vfd_gateway::daemon::mqtt::{Packet, Rival, Talk};
+use vfd_gateway::domain::time::MonoTime;
+use vfd_gateway::north::mqtt::{Event, Moment, Publication, Qos};
 
 /// Its talk with the broker.
 #[derive(Debug)]
@@ -223,11 +223,11 @@ impl Talk for Gateway {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::daemon::fleet::{Plan, Reading};
-    use crate::domain::time::WallTime;
-    use crate::north::mqtt::Broker;
-    use crate::sim::fleet::{Balance, Update};
+    use crate::books::{Balance, Update};
+    use crate::play::{Plan, Reading};
     use std::time::Duration;
+    use vfd_gateway::domain::time::WallTime;
+    use vfd_gateway::north::mqtt::Broker;
 
     const START: MonoTime = MonoTime::from_millis(10_000);
 

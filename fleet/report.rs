@@ -1,12 +1,12 @@
 //! What came of a simulation, for people and as JSON.
 
 use super::specimen::{Specimen, Volume};
-use crate::daemon::fleet::{Outcome, Plan};
-use crate::north::mqtt::Qos;
-use crate::sim::fleet::Mark;
+use crate::books::Mark;
+use crate::play::{Outcome, Plan};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::time::Duration;
+use vfd_gateway::north::mqtt::Qos;
 
 /// Share of the updates that were due which must have been sent for the rate to count as held: one that is due just at the
 /// end may be sent just behind it.
@@ -39,7 +39,7 @@ impl Report<'_> {
     }
 
     fn payload_bytes(&self) -> usize {
-        let mark = Mark::new(self.plan.shape.updates, crate::daemon::clock::now());
+        let mark = Mark::new(self.plan.shape.updates, vfd_gateway::daemon::clock::now());
         mark.on(self.plan.shape.update, &self.plan.state).len()
     }
 

@@ -1,7 +1,7 @@
 //! The shape of a fleet: how many gateways with how many drives, what each calls itself, and when each update is due.
 
-use crate::domain::time::MonoTime;
 use std::time::Duration;
+use vfd_gateway::domain::time::MonoTime;
 
 /// What an update of a drive publishes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

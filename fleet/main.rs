@@ -1,35 +1,47 @@
-//! `fleet`: many gateways on one broker, to find out how large it has to be.
+//! `vfd-fleet`: many gateways on one broker, to find out how large it has to be. A program of its own, so that the gateway
+//! holds nothing of it.
 
+mod books;
 mod credentials;
 mod plan;
+mod play;
 mod report;
 mod specimen;
 
-use super::own_models::ModelDirs;
-use super::progress::Bar;
-use super::{Failure, print};
-use crate::daemon::fleet::{self, Progress, Stage};
+use clap::Parser;
+use play::{Progress, Stage};
 use std::path::PathBuf;
+use std::process::ExitCode;
+use vfd_gateway::cli::own_models::ModelDirs;
+use vfd_gateway::cli::progress::Bar;
+use vfd_gateway::cli::{Failure, log, print};
 
-/// Arguments of `fleet`.
-#[derive(Debug, clap::Args)]
-pub struct Args {
-    #[command(subcommand)]
-    action: Action,
-}
+/// What `--help` teaches beside the options.
+const ABOUT: &str = "\
+Every message carries a number, and consumers book what comes: at quality of service 1 nothing that the broker has \
+acknowledged may be missing. An update that finds no room is left out when the next one is due, as a gateway does, so \
+a broker that is too slow shows as a rate that is not held. Use a broker that nobody needs, and a prefix of its own.
 
-#[derive(Debug, clap::Subcommand)]
-enum Action {
-    /// Play many gateways on one broker: what it takes a second, how late messages come, and what is lost
-    ///
-    /// Each gateway has a connection of its own with the client, the topics and the document of the real one; consumers
-    /// check every message. It ends by itself and takes back what the broker keeps of it.
-    Simulate(Box<SimulateArgs>),
-}
+Examples:
+  vfd-fleet --broker mqtt://127.0.0.1:1883 --gateways 1000 --drives 32
+      a minute, 32,000 drives
+  vfd-fleet --qos 1 --consumers 4 --reading shared --seconds 30
+      consumers that share the work
+  vfd-fleet --mqtt-version 4 --qos 1 --broker mqtt://n1:1883 --broker mqtt://n2:1883
+      a cluster: stop a node meanwhile
 
-/// Arguments of `fleet simulate`.
-#[derive(Debug, clap::Args)]
-struct SimulateArgs {
+Exit codes: 0 done, 1 not everybody was connected, or what was acknowledged is missing, 2 wrong usage";
+
+/// Simulate many gateways on one broker: what it takes a second, how late messages come, and what is lost.
+///
+/// Each gateway has a connection of its own with the client, the topics and the document of the real one; consumers
+/// check every message. It ends by itself and takes back what the broker keeps of it.
+#[derive(Debug, Parser)]
+#[command(name = "vfd-fleet", version, after_long_help = ABOUT)]
+struct Args {
+    /// How log lines on stderr are written
+    #[arg(long, value_enum, default_value_t = log::Format::Text)]
+    log_format: log::Format,
     /// The broker: mqtt://HOST:PORT or mqtts://HOST:PORT; repeat it for the nodes of a cluster, over which gateways spread
     #[arg(long = "broker", value_name = "URL", default_values_t = ["mqtt://127.0.0.1:1883".to_owned()])]
     brokers: Vec<String>,
@@ -118,13 +130,20 @@ enum ReadingArg {
     Split,
 }
 
-/// Simulates a fleet.
-pub fn fleet(args: &Args) -> Result<(), Failure> {
-    let Action::Simulate(args) = &args.action;
+fn main() -> ExitCode {
+    let args = Args::parse();
+    let _last_lines = log::start(args.log_format, "error");
+    match simulate(&args) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => failure.report(),
+    }
+}
+
+fn simulate(args: &Args) -> Result<(), Failure> {
     let specimen = specimen::specimen(args)?;
     let plan = plan::plan(args, &specimen)?;
     let mut bar = Bar::new(0);
-    let outcome = fleet::run(plan.clone(), |progress| show(&mut bar, progress));
+    let outcome = play::run(plan.clone(), |progress| show(&mut bar, progress));
     bar.end();
     let outcome = outcome.map_err(Failure::failed)?;
     let report = report::Report { plan: &plan, specimen: &specimen, outcome: &outcome };
@@ -152,20 +171,14 @@ fn show(bar: &mut Bar, progress: &Progress) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::daemon::fleet::Plan;
-    use crate::daemon::mqtt::{ConnectionSettings, Keeps};
-    use clap::Parser;
+    use crate::play::Plan;
     use serde_json::Value;
+    use vfd_gateway::cli::input;
+    use vfd_gateway::daemon::mqtt::{ConnectionSettings, Keeps};
 
-    #[derive(Debug, Parser)]
-    struct Typed {
-        #[command(flatten)]
-        args: SimulateArgs,
-    }
-
-    fn typed(line: &str) -> SimulateArgs {
+    fn typed(line: &str) -> Args {
         let words = std::iter::once("simulate").chain(line.split_whitespace());
-        Typed::try_parse_from(words).unwrap_or_else(|error| panic!("{line}: {error}")).args
+        Args::try_parse_from(words).unwrap_or_else(|error| panic!("{line}: {error}"))
     }
 
     fn planned(line: &str) -> Result<Plan, Failure> {
@@ -179,8 +192,7 @@ mod tests {
 
     #[test]
     fn a_drive_of_every_model_has_a_document_and_a_birth() {
-        let ids: Vec<_> =
-            super::super::input::catalog().unwrap_or_else(|it| panic!("{it}")).ids().map(str::to_owned).collect();
+        let ids: Vec<_> = input::catalog().unwrap_or_else(|it| panic!("{it}")).ids().map(str::to_owned).collect();
         assert!(ids.len() >= 5);
         for id in ids {
             let specimen = specimen::specimen(&typed(&format!("--drives 3 --model {id}")));
@@ -192,6 +204,15 @@ mod tests {
             assert!(all.bytes > documents.bytes && documents.messages >= 3, "{id}: {all:?}, {documents:?}");
             assert!(specimen.expiry.is_some(), "{id}");
         }
+    }
+
+    #[test]
+    fn the_guide_names_every_option() {
+        let guide = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/fleet.md")).unwrap();
+        let command = <Args as clap::CommandFactory>::command();
+        let unnamed =
+            command.get_arguments().filter_map(|it| it.get_long()).filter(|it| !guide.contains(&format!("`--{it}")));
+        assert_eq!(unnamed.collect::<Vec<_>>(), [""; 0]);
     }
 
     #[test]
