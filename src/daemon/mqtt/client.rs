@@ -24,7 +24,7 @@ use std::time::Duration;
 use tokio::sync::Notify;
 use tokio::time::{Instant, sleep_until};
 
-/// Margin over the library's own limit for a connection to come about.
+/// Margin over the connection's own limit for a connection to come about.
 const CONNECT_MARGIN: Duration = Duration::from_secs(1);
 /// A sleep that something else ends.
 const LONG: Duration = Duration::from_secs(3600);
@@ -257,7 +257,7 @@ impl<T: Talk> Client<'_, T> {
                     let token = publication.token;
                     match link.publish(publication, self.counters) {
                         Err(NotQueued) => {
-                            let reason = "the queue of the client library is full against all counting";
+                            let reason = "the queue of the connection is full against all counting";
                             return Some(GivenUp::Dropped(reason));
                         }
                         // Nobody will answer for it.

@@ -1,13 +1,15 @@
 //! One connection of either protocol version, in words that both have.
 //!
-//! It is for one connection only: after an error it is dropped with all that is still in it. The library would
-//! connect again by itself, with the old will and without subscriptions, and it would lose what was not acknowledged.
+//! It is for one connection only: after an error it is dropped with all that is still in it.
 
+use super::exchange::Exchange;
 use super::settings::ConnectionSettings;
-use super::{v4, v5};
+use super::stream::Target;
+use super::v4::{self, V4};
+use super::v5::{self, V5};
+use super::window::QUEUE_MAX;
 use crate::north::mqtt::{Broker, Filter, Message, Publication, Refusal, Version};
 use bytes::Bytes;
-use rumqttc::{NetworkOptions, TlsConfiguration, Transport};
 use rustls::ClientConfig;
 use std::future::poll_fn;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -15,6 +17,7 @@ use std::pin::pin;
 use std::sync::Arc;
 use std::task::Poll;
 use std::time::Duration;
+use tokio::sync::mpsc;
 
 /// Longest packet that is taken, and sent where the broker names no smaller limit. Nothing of ours comes near it.
 pub const PACKET_MAX: usize = 256 * 1024;
@@ -38,9 +41,9 @@ pub enum Incident {
     Acknowledged(u16),
     /// The broker answered that it does not take the publication with this identifier, what that means, and why.
     Refused(u16, Refusal, String),
-    /// A publication went out of the queue with this identifier; 0: it is not acknowledged.
+    /// A publication was written to the socket with this identifier; 0: it is not acknowledged.
     PublicationLeft(u16),
-    /// A subscription or DISCONNECT went out of the queue.
+    /// A subscription or DISCONNECT was written to the socket.
     OtherLeft,
     /// The broker sent what the protocol forbids: the connection ends, and what came with it is not believed.
     Offence(&'static str),
@@ -149,14 +152,14 @@ pub enum Unfit {
 /// The way in: a queue that the other half sends from. It never waits.
 #[derive(Debug)]
 pub enum Sender {
-    V4(rumqttc::AsyncClient),
-    V5(rumqttc::v5::AsyncClient),
+    V4(mpsc::Sender<rumqttc::Request>),
+    V5(mpsc::Sender<rumqttc::v5::Request>),
 }
 
 /// The half that does the work while it is polled.
 pub enum Events {
-    V4(Box<rumqttc::EventLoop>),
-    V5 { events: Box<rumqttc::v5::EventLoop>, keep_alive: Duration },
+    V4(Box<Exchange<V4>>),
+    V5(Box<Exchange<V5>>),
 }
 
 /// The queue was full although it was counted, or the topic is impossible although it was checked.
@@ -165,20 +168,31 @@ pub struct NotQueued;
 
 /// Prepares a connection. It begins with the first [`Events::next`].
 pub fn open(settings: &ConnectionSettings, will: Publication, tls: Option<Arc<ClientConfig>>) -> (Sender, Events) {
-    let transport = tls.map_or(Transport::Tcp, |config| Transport::Tls(TlsConfiguration::Rustls(config)));
-    let mut network = NetworkOptions::new();
-    network.set_tcp_nodelay(true);
-    network.set_connection_timeout(CONNECT_TIMEOUT.as_secs());
+    let target = Target { host: settings.host.clone(), port: settings.port, tls };
+    let keep_alive = settings.keep_alive();
     match settings.version {
         Version::V4 => {
-            let (sender, events) = v4::open(settings, will, transport, network);
-            (Sender::V4(sender), Events::V4(Box::new(events)))
+            let (sender, queue) = mpsc::channel(QUEUE_MAX);
+            let exchange = Exchange::new(V4::new(settings, will), target, queue, keep_alive);
+            (Sender::V4(sender), Events::V4(Box::new(exchange)))
         }
         Version::V5 => {
-            let (sender, events) = v5::open(settings, will, transport, network);
-            (Sender::V5(sender), Events::V5 { events: Box::new(events), keep_alive: settings.keep_alive() })
+            let (sender, queue) = mpsc::channel(QUEUE_MAX);
+            let exchange = Exchange::new(V5::new(settings, will), target, queue, keep_alive);
+            (Sender::V5(sender), Events::V5(Box::new(exchange)))
         }
     }
+}
+
+/// The keep-alive as CONNECT has it.
+pub fn keep_alive_seconds(settings: &ConnectionSettings) -> u16 {
+    u16::try_from(settings.keep_alive().as_secs()).unwrap_or(u16::MAX)
+}
+
+/// Whether a broker would take these filters.
+pub fn check_filters(filters: &[Filter]) -> Result<(), NotQueued> {
+    let are_valid = !filters.is_empty() && filters.iter().all(|filter| rumqttc::valid_filter(&filter.path));
+    if are_valid { Ok(()) } else { Err(NotQueued) }
 }
 
 impl Sender {
@@ -217,35 +231,26 @@ impl Sender {
     /// Queues the orderly end.
     pub fn disconnect(&self) -> Result<(), NotQueued> {
         match self {
-            Self::V4(sender) => sender.try_disconnect().map_err(|_| NotQueued),
-            Self::V5(sender) => sender.try_disconnect().map_err(|_| NotQueued),
+            Self::V4(sender) => v4::disconnect(sender),
+            Self::V5(sender) => v5::disconnect(sender),
         }
     }
 }
 
 impl Events {
-    /// What happens next. Not to be dropped before it is done, unless the connection is given up: the library may
-    /// have taken a packet out of the queue and not yet written it.
+    /// What happens next. If it is dropped, the next call continues. After an error the connection is over.
     pub async fn next(&mut self) -> Result<Incident, Broken> {
         match self {
-            Self::V4(events) => guarded(events.poll()).await?.map(v4::incident).map_err(|error| v4::broken(&error)),
-            Self::V5 { events, keep_alive } => {
-                let event = guarded(events.poll()).await?.map_err(|error| v5::broken(&error))?;
-                let incident = v5::incident(event);
-                if let Incident::Connected(Terms { keep_alive: Some(Duration::ZERO), .. }) = incident {
-                    // The broker wants none. The library would ping without a pause.
-                    events.options.set_keep_alive(*keep_alive);
-                }
-                Ok(incident)
-            }
+            Self::V4(exchange) => guarded(exchange.next()).await?,
+            Self::V5(exchange) => guarded(exchange.next()).await?,
         }
     }
 
-    /// What was received but not yet told when the connection ended.
+    /// What was received but not yet returned when the connection ended.
     pub fn rest(&mut self) -> Vec<Incident> {
         match self {
-            Self::V4(events) => events.state.events.drain(..).map(v4::incident).collect(),
-            Self::V5 { events, .. } => events.state.events.drain(..).map(v5::incident).collect(),
+            Self::V4(exchange) => exchange.rest(),
+            Self::V5(exchange) => exchange.rest(),
         }
     }
 }

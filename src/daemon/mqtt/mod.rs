@@ -10,15 +10,18 @@ pub mod broker;
 pub mod broker_child;
 pub mod client;
 mod counters;
+mod exchange;
 mod link;
 mod reason;
 mod retry;
 mod settings;
 pub mod speaker;
+mod stream;
 mod tls;
 mod v4;
 mod v5;
 mod window;
+mod wire;
 
 #[cfg(test)]
 mod stub;

@@ -1,6 +1,5 @@
 //! Why there is no connection, in words for those who set it up.
 
-use rumqttc::TlsError;
 use rustls::{AlertDescription as Alert, CertificateError as Flaw, Error as RustlsError};
 use std::io;
 
@@ -8,15 +7,6 @@ use std::io;
 pub const CREDENTIALS: &str = "the broker refuses our user or password";
 /// The broker takes no client of this name.
 pub const CLIENT_ID: &str = "the broker refuses our client identifier; another one is set with `client_id` in [mqtt]";
-
-/// What is behind an error of the handshake; nothing: its own words have to do.
-pub fn of_tls(error: &TlsError) -> Option<String> {
-    match error {
-        TlsError::Io(error) => of_io(error),
-        TlsError::TLS(error) => of_rustls(error),
-        _ => None,
-    }
-}
 
 /// What is behind an error of a stream that may be encrypted; nothing: its own words have to do.
 pub fn of_io(error: &io::Error) -> Option<String> {
@@ -72,7 +62,6 @@ mod tests {
         for (error, part) in cases {
             let said = of_io(&io::Error::new(io::ErrorKind::InvalidData, error.clone())).unwrap();
             assert!(said.contains(part), "{error:?}: {said}");
-            assert_eq!(of_tls(&TlsError::TLS(error)), Some(said));
         }
         assert_eq!(of_io(&io::Error::from(io::ErrorKind::ConnectionRefused)), None);
     }

@@ -5,7 +5,7 @@ use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Shortest keep-alive that is used; the client library takes no shorter one.
+/// Shortest keep-alive that is used: a slow answer is no dead connection.
 const KEEP_ALIVE_MIN: Duration = Duration::from_secs(5);
 /// Longest keep-alive that is used. The protocol allows 18 hours, in which nobody would notice a dead connection.
 const KEEP_ALIVE_MAX: Duration = Duration::from_secs(600);

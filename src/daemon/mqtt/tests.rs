@@ -1,6 +1,7 @@
 //! The client against a broker that misbehaves in the ways that were seen.
 
 mod refusing;
+mod writing;
 
 use super::stub::{CONNECT, DISCONNECT, PUBACK, PUBLISH, Peer, SUBSCRIBE, Stub};
 use super::*;

@@ -1,50 +1,123 @@
 //! MQTT 3.1.1: between the client library's words and ours.
 
+use super::exchange::Protocol;
 use super::link::{self, Broken, Cause, Incident, NotQueued, Received, Terms};
 use super::reason;
 use super::settings::{ConnectionSettings, Keeps, Secret};
-use super::window::QUEUE_MAX;
 use crate::north::mqtt::{Filter, Publication, Qos};
+use bytes::BytesMut;
 use rumqttc::mqttbytes::Error as BytesError;
 use rumqttc::{
-    AsyncClient, ConnectReturnCode, ConnectionError, Event, EventLoop, LastWill, MqttOptions, NetworkOptions, Outgoing,
-    Packet, Publish, QoS, StateError, SubscribeFilter, SubscribeReasonCode, Transport,
+    Connect, ConnectReturnCode, ConnectionError, Disconnect, Event, LastWill, Login, MqttState, Outgoing, Packet,
+    PingReq, Publish, QoS, Request, StateError, Subscribe, SubscribeFilter, SubscribeReasonCode,
 };
-use std::io::ErrorKind;
+use std::io;
+use std::time::Duration;
+use tokio::sync::mpsc::Sender;
 
-/// Prepares a connection.
-pub fn open(
-    settings: &ConnectionSettings,
-    will: Publication,
-    transport: Transport,
-    network: NetworkOptions,
-) -> (AsyncClient, EventLoop) {
-    let mut options = MqttOptions::new(&settings.client_id, &settings.host, settings.port);
-    options
-        .set_transport(transport)
-        .set_keep_alive(settings.keep_alive())
-        .set_clean_session(settings.keeps == Keeps::Nothing)
-        .set_max_packet_size(link::PACKET_MAX, link::PACKET_MAX)
-        .set_inflight(link::INFLIGHT_MAX)
-        .set_last_will(LastWill::new(will.topic, will.payload, qos(will.qos), will.retain));
-    if settings.user.is_some() || settings.password.is_some() {
-        let password = settings.password.as_ref().map_or("", Secret::expose);
-        options.set_credentials(settings.user.as_deref().unwrap_or_default(), password);
+/// The state of a connection.
+pub struct V4 {
+    connect: Connect,
+    state: MqttState,
+}
+
+impl V4 {
+    pub fn new(settings: &ConnectionSettings, will: Publication) -> Self {
+        let mut connect = Connect::new(&settings.client_id);
+        connect.keep_alive = link::keep_alive_seconds(settings);
+        connect.clean_session = settings.keeps == Keeps::Nothing;
+        connect.last_will = Some(LastWill::new(will.topic, will.payload, qos(will.qos), will.retain));
+        if settings.user.is_some() || settings.password.is_some() {
+            let password = settings.password.as_ref().map_or("", Secret::expose);
+            connect.login = Some(Login::new(settings.user.as_deref().unwrap_or_default(), password));
+        }
+        Self { connect, state: MqttState::new(link::INFLIGHT_MAX, false) }
     }
-    let (client, mut events) = AsyncClient::new(options, QUEUE_MAX);
-    events.network_options = network;
-    (client, events)
+}
+
+impl Protocol for V4 {
+    type Packet = Packet;
+    type Request = Request;
+    const FLUSH_MAX: Option<Duration> = Some(link::CONNECT_TIMEOUT);
+    const CONNECT_OVERDUE: &str = "Network timeout";
+
+    fn decode(bytes: &mut BytesMut) -> Result<Option<Packet>, Broken> {
+        match Packet::read(bytes, link::PACKET_MAX) {
+            Ok(packet) => Ok(Some(packet)),
+            Err(BytesError::InsufficientBytes(_)) => Ok(None),
+            Err(error) => Err(of_codec(error)),
+        }
+    }
+
+    fn encode(&self, packet: Packet, bytes: &mut BytesMut) -> Result<(), Broken> {
+        packet.write(bytes, link::PACKET_MAX).map(|_| ()).map_err(of_codec)
+    }
+
+    fn connect(&self) -> Packet {
+        Packet::Connect(self.connect.clone())
+    }
+
+    fn accept(&mut self, packet: Packet) -> Result<Option<Duration>, Broken> {
+        match packet {
+            Packet::ConnAck(answer) if answer.code == ConnectReturnCode::Success => {
+                self.state.events.push_back(Event::Incoming(Packet::ConnAck(answer)));
+                Ok(None)
+            }
+            Packet::ConnAck(answer) => Err(broken(&ConnectionError::ConnectionRefused(answer.code))),
+            packet => Err(broken(&ConnectionError::NotConnAck(packet))),
+        }
+    }
+
+    fn incoming(&mut self, packet: Packet) -> Result<Option<Packet>, Broken> {
+        self.state.handle_incoming_packet(packet).map_err(of_state)
+    }
+
+    fn has_room(&self) -> bool {
+        self.state.inflight() < link::INFLIGHT_MAX && self.state.collision.is_none()
+    }
+
+    fn outgoing(&mut self, request: Request) -> Result<Option<Packet>, Broken> {
+        self.state.handle_outgoing_packet(request).map_err(of_state)
+    }
+
+    fn ping(&mut self) -> Result<Option<Packet>, Broken> {
+        self.outgoing(Request::PingReq(PingReq))
+    }
+
+    fn next_incident(&mut self) -> Option<Incident> {
+        self.state.events.pop_front().map(incident)
+    }
+
+    fn forget_unsent(&mut self) {
+        self.state.events.retain(|event| matches!(event, Event::Incoming(_)));
+    }
+
+    fn io(error: io::Error) -> Broken {
+        of_codec(BytesError::Io(error))
+    }
+
+    fn closed() -> Broken {
+        of_state(StateError::ConnectionAborted)
+    }
 }
 
 /// Queues a publication.
-pub fn publish(client: &AsyncClient, it: Publication) -> Result<(), NotQueued> {
-    client.try_publish(it.topic, qos(it.qos), it.retain, it.payload).map_err(|_| NotQueued)
+pub fn publish(queue: &Sender<Request>, it: Publication) -> Result<(), NotQueued> {
+    let mut publish = Publish::new(it.topic, qos(it.qos), it.payload);
+    publish.retain = it.retain;
+    queue.try_send(Request::Publish(publish)).map_err(|_| NotQueued)
 }
 
 /// Queues a subscription.
-pub fn subscribe(client: &AsyncClient, filters: Vec<Filter>) -> Result<(), NotQueued> {
+pub fn subscribe(queue: &Sender<Request>, filters: Vec<Filter>) -> Result<(), NotQueued> {
+    link::check_filters(&filters)?;
     let filters = filters.into_iter().map(|filter| SubscribeFilter::new(filter.path, qos(filter.qos)));
-    client.try_subscribe_many(filters).map_err(|_| NotQueued)
+    queue.try_send(Request::Subscribe(Subscribe::new_many(filters))).map_err(|_| NotQueued)
+}
+
+/// Queues the orderly end.
+pub fn disconnect(queue: &Sender<Request>) -> Result<(), NotQueued> {
+    queue.try_send(Request::Disconnect(Disconnect)).map_err(|_| NotQueued)
 }
 
 /// Bytes of a publication on the wire.
@@ -54,7 +127,7 @@ pub const fn packet_bytes(it: &Publication) -> usize {
 }
 
 /// What an event means.
-pub fn incident(event: Event) -> Incident {
+fn incident(event: Event) -> Incident {
     match event {
         Event::Incoming(packet) => heard(packet),
         Event::Outgoing(Outgoing::Publish(identifier)) => Incident::PublicationLeft(identifier),
@@ -63,27 +136,22 @@ pub fn incident(event: Event) -> Incident {
     }
 }
 
-/// Why the connection is over.
-pub fn broken(error: &ConnectionError) -> Broken {
-    let is_fresh = !matches!(
-        error,
-        ConnectionError::Io(_)
-            | ConnectionError::FlushTimeout
-            | ConnectionError::NetworkTimeout
-            | ConnectionError::MqttState(StateError::Io(_) | StateError::Deserialization(BytesError::Io(_)))
-    );
-    let cause = match error {
-        ConnectionError::Io(_)
-        | ConnectionError::NetworkTimeout
-        | ConnectionError::MqttState(
-            StateError::Io(_) | StateError::ConnectionAborted | StateError::Deserialization(BytesError::Io(_)),
-        ) => Cause::Gone,
-        _ => Cause::Other,
-    };
-    // An established connection is reset or closed; only one that does not come about is refused.
-    let is_unsent = matches!(error, ConnectionError::Io(error) if error.kind() == ErrorKind::ConnectionRefused)
-        || matches!(error, ConnectionError::Tls(_));
-    Broken { reason: reason_for(error).unwrap_or_else(|| error.to_string()), is_fresh, cause, is_unsent }
+fn of_codec(error: BytesError) -> Broken {
+    of_state(StateError::Deserialization(error))
+}
+
+fn of_state(error: StateError) -> Broken {
+    broken(&ConnectionError::MqttState(error))
+}
+
+/// Why the connection is over. Only what comes after CONNECT is an error of the protocol.
+fn broken(error: &ConnectionError) -> Broken {
+    let is_io =
+        matches!(error, ConnectionError::MqttState(StateError::Io(_) | StateError::Deserialization(BytesError::Io(_))));
+    let is_closed = matches!(error, ConnectionError::MqttState(StateError::ConnectionAborted));
+    let cause = if is_io || is_closed { Cause::Gone } else { Cause::Other };
+    let reason = reason_for(error).unwrap_or_else(|| error.to_string());
+    Broken { reason, is_fresh: !is_io, cause, is_unsent: false }
 }
 
 /// The reason in words of ours.
@@ -93,9 +161,7 @@ fn reason_for(error: &ConnectionError) -> Option<String> {
             ConnectReturnCode::BadUserNamePassword | ConnectReturnCode::NotAuthorized,
         ) => Some(reason::CREDENTIALS.to_owned()),
         ConnectionError::ConnectionRefused(ConnectReturnCode::BadClientId) => Some(reason::CLIENT_ID.to_owned()),
-        ConnectionError::Tls(error) => reason::of_tls(error),
-        ConnectionError::Io(error)
-        | ConnectionError::MqttState(StateError::Io(error) | StateError::Deserialization(BytesError::Io(error))) => {
+        ConnectionError::MqttState(StateError::Io(error) | StateError::Deserialization(BytesError::Io(error))) => {
             reason::of_io(error)
         }
         _ => None,

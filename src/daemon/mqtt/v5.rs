@@ -1,62 +1,149 @@
 //! MQTT 5: between the client library's words and ours.
 
+use super::exchange::Protocol;
 use super::link::{self, Broken, Cause, Incident, NotQueued, Received, Terms};
 use super::reason;
 use super::settings::{ConnectionSettings, Keeps, Secret};
-use super::window::QUEUE_MAX;
 use crate::north::mqtt::{Broker, Filter as Wanted, Publication, Qos, Refusal};
+use bytes::BytesMut;
+use rumqttc::Outgoing;
 use rumqttc::v5::mqttbytes::v5::{
-    ConnAck, ConnectReturnCode, DisconnectReasonCode, Filter, LastWill, LastWillProperties, Packet, PubAckReason,
-    Publish, PublishProperties, RetainForwardRule, SubscribeReasonCode,
+    ConnAck, Connect, ConnectProperties, ConnectReturnCode, DisconnectReasonCode, Filter, LastWill, LastWillProperties,
+    Login, Packet, PubAckReason, Publish, PublishProperties, RetainForwardRule, Subscribe, SubscribeReasonCode,
 };
 use rumqttc::v5::mqttbytes::{Error as BytesError, QoS};
-use rumqttc::v5::{AsyncClient, ConnectionError, Event, EventLoop, MqttOptions, StateError};
-use rumqttc::{NetworkOptions, Outgoing, Transport};
-use std::io::ErrorKind;
+use rumqttc::v5::{ConnectionError, Event, MqttState, Request, StateError};
+use std::io;
 use std::time::Duration;
+use tokio::sync::mpsc::Sender;
+
+/// Longest packet that is taken.
+const INCOMING_MAX: u32 = 256 * 1024;
+const _: () = assert!(INCOMING_MAX as usize == link::PACKET_MAX, "one limit");
 
 /// How long a broker keeps a session that is kept, in seconds: longer than it takes to start a broker again.
 const SESSION_SECONDS: u32 = 3600;
 
-/// Prepares a connection. No topic aliases are offered: the library tells messages that come by one without a topic.
-pub fn open(
-    settings: &ConnectionSettings,
-    will: Publication,
-    transport: Transport,
-    network: NetworkOptions,
-) -> (AsyncClient, EventLoop) {
-    let mut options = MqttOptions::new(&settings.client_id, &settings.host, settings.port);
-    options
-        .set_transport(transport)
-        .set_network_options(network)
-        .set_connection_timeout(link::CONNECT_TIMEOUT.as_secs())
-        .set_keep_alive(settings.keep_alive())
-        .set_clean_start(settings.keeps == Keeps::Nothing)
-        .set_max_packet_size(u32::try_from(link::PACKET_MAX).ok())
-        .set_outgoing_inflight_upper_limit(link::INFLIGHT_MAX)
-        .set_last_will(last_will(will));
-    if settings.keeps == Keeps::Session {
-        options.set_session_expiry_interval(Some(SESSION_SECONDS));
-    }
-    if settings.user.is_some() || settings.password.is_some() {
+/// The state of a connection.
+pub struct V5 {
+    connect: Connect,
+    will: LastWill,
+    login: Option<Login>,
+    state: MqttState,
+    /// Longest packet that the broker takes.
+    outgoing_max: Option<u32>,
+    /// Unacknowledged publications that it takes at once.
+    inflight_max: u16,
+}
+
+impl V5 {
+    /// No topic aliases are offered: the library returns messages that come by one without a topic.
+    pub fn new(settings: &ConnectionSettings, will: Publication) -> Self {
+        let mut properties = ConnectProperties::new();
+        properties.max_packet_size = Some(INCOMING_MAX);
+        if settings.keeps == Keeps::Session {
+            properties.session_expiry_interval = Some(SESSION_SECONDS);
+        }
+        let connect = Connect {
+            keep_alive: link::keep_alive_seconds(settings),
+            client_id: settings.client_id.clone(),
+            clean_start: settings.keeps == Keeps::Nothing,
+            properties: Some(properties),
+        };
         let password = settings.password.as_ref().map_or("", Secret::expose);
-        options.set_credentials(settings.user.as_deref().unwrap_or_default(), password);
+        let login = (settings.user.is_some() || settings.password.is_some())
+            .then(|| Login::new(settings.user.as_deref().unwrap_or_default(), password));
+        let state = MqttState::new(link::INFLIGHT_MAX, false);
+        let will = last_will(will);
+        Self { connect, will, login, state, outgoing_max: None, inflight_max: link::INFLIGHT_MAX }
     }
-    AsyncClient::new(options, QUEUE_MAX)
+}
+
+impl Protocol for V5 {
+    type Packet = Packet;
+    type Request = Request;
+    const FLUSH_MAX: Option<Duration> = None;
+    const CONNECT_OVERDUE: &str = "Timeout";
+
+    fn decode(bytes: &mut BytesMut) -> Result<Option<Packet>, Broken> {
+        match Packet::read(bytes, Some(INCOMING_MAX)) {
+            Ok(packet) => Ok(Some(packet)),
+            Err(BytesError::InsufficientBytes(_)) => Ok(None),
+            Err(error) => Err(of_codec(error)),
+        }
+    }
+
+    fn encode(&self, packet: Packet, bytes: &mut BytesMut) -> Result<(), Broken> {
+        packet.write(bytes, self.outgoing_max).map(|_| ()).map_err(of_codec)
+    }
+
+    fn connect(&self) -> Packet {
+        Packet::Connect(self.connect.clone(), Some(self.will.clone()), self.login.clone())
+    }
+
+    fn accept(&mut self, packet: Packet) -> Result<Option<Duration>, Broken> {
+        let answer = match packet {
+            Packet::ConnAck(answer) if answer.code == ConnectReturnCode::Success => answer,
+            Packet::ConnAck(answer) => return Err(broken(&ConnectionError::ConnectionRefused(answer.code))),
+            packet => return Err(broken(&ConnectionError::NotConnAck(Box::new(packet)))),
+        };
+        if let Some(properties) = &answer.properties {
+            self.outgoing_max = properties.max_packet_size;
+            self.inflight_max = properties.receive_max.unwrap_or(u16::MAX).min(link::INFLIGHT_MAX);
+        }
+        let keep_alive = terms(&answer).keep_alive;
+        self.incoming(Packet::ConnAck(answer))?;
+        Ok(keep_alive)
+    }
+
+    fn incoming(&mut self, packet: Packet) -> Result<Option<Packet>, Broken> {
+        self.state.handle_incoming_packet(packet).map_err(of_state)
+    }
+
+    fn has_room(&self) -> bool {
+        self.state.inflight() < self.inflight_max && self.state.collision.is_none()
+    }
+
+    fn outgoing(&mut self, request: Request) -> Result<Option<Packet>, Broken> {
+        self.state.handle_outgoing_packet(request).map_err(of_state)
+    }
+
+    fn ping(&mut self) -> Result<Option<Packet>, Broken> {
+        self.outgoing(Request::PingReq)
+    }
+
+    fn next_incident(&mut self) -> Option<Incident> {
+        self.state.events.pop_front().map(incident)
+    }
+
+    fn forget_unsent(&mut self) {
+        self.state.events.retain(|event| matches!(event, Event::Incoming(_)));
+    }
+
+    fn io(error: io::Error) -> Broken {
+        of_codec(BytesError::Io(error))
+    }
+
+    fn closed() -> Broken {
+        of_state(StateError::ConnectionAborted)
+    }
 }
 
 /// Queues a publication.
-pub fn publish(client: &AsyncClient, it: Publication) -> Result<(), NotQueued> {
+pub fn publish(queue: &Sender<Request>, it: Publication) -> Result<(), NotQueued> {
     let properties = PublishProperties {
         message_expiry_interval: it.expiry.map(seconds),
         correlation_data: it.correlation.map(Into::into),
         ..PublishProperties::default()
     };
-    client.try_publish_with_properties(it.topic, qos(it.qos), it.retain, it.payload, properties).map_err(|_| NotQueued)
+    let mut publish = Publish::new(it.topic, qos(it.qos), it.payload, Some(properties));
+    publish.retain = it.retain;
+    queue.try_send(Request::Publish(publish)).map_err(|_| NotQueued)
 }
 
 /// Queues a subscription, without retained messages and with the retain flag as published.
-pub fn subscribe(client: &AsyncClient, filters: Vec<Wanted>) -> Result<(), NotQueued> {
+pub fn subscribe(queue: &Sender<Request>, filters: Vec<Wanted>) -> Result<(), NotQueued> {
+    link::check_filters(&filters)?;
     let filters = filters.into_iter().map(|it: Wanted| Filter {
         path: it.path,
         qos: qos(it.qos),
@@ -68,7 +155,12 @@ pub fn subscribe(client: &AsyncClient, filters: Vec<Wanted>) -> Result<(), NotQu
             RetainForwardRule::Never
         },
     });
-    client.try_subscribe_many(filters).map_err(|_| NotQueued)
+    queue.try_send(Request::Subscribe(Subscribe::new_many(filters, None))).map_err(|_| NotQueued)
+}
+
+/// Queues the orderly end.
+pub fn disconnect(queue: &Sender<Request>) -> Result<(), NotQueued> {
+    queue.try_send(Request::Disconnect).map_err(|_| NotQueued)
 }
 
 /// Bytes of a publication on the wire.
@@ -82,7 +174,7 @@ pub fn packet_bytes(it: &Publication) -> usize {
 }
 
 /// What an event means.
-pub fn incident(event: Event) -> Incident {
+fn incident(event: Event) -> Incident {
     match event {
         Event::Incoming(packet) => heard(packet),
         Event::Outgoing(Outgoing::Publish(identifier)) => Incident::PublicationLeft(identifier),
@@ -91,30 +183,29 @@ pub fn incident(event: Event) -> Incident {
     }
 }
 
-/// Why the connection is over.
-pub fn broken(error: &ConnectionError) -> Broken {
-    let is_fresh = !matches!(
-        error,
-        ConnectionError::Io(_)
-            | ConnectionError::Timeout(_)
-            | ConnectionError::MqttState(StateError::Io(_) | StateError::Deserialization(BytesError::Io(_)))
-    );
+fn of_codec(error: BytesError) -> Broken {
+    of_state(StateError::Deserialization(error))
+}
+
+fn of_state(error: StateError) -> Broken {
+    broken(&ConnectionError::MqttState(error))
+}
+
+/// Why the connection is over. Only what comes after CONNECT is an error of the protocol.
+fn broken(error: &ConnectionError) -> Broken {
+    let is_io =
+        matches!(error, ConnectionError::MqttState(StateError::Io(_) | StateError::Deserialization(BytesError::Io(_))));
     let cause = match error {
         ConnectionError::MqttState(StateError::ServerDisconnect {
             reason_code: DisconnectReasonCode::SessionTakenOver,
             ..
         }) => Cause::TakenOver,
-        ConnectionError::Io(_)
-        | ConnectionError::Timeout(_)
-        | ConnectionError::MqttState(
-            StateError::Io(_) | StateError::ConnectionAborted | StateError::Deserialization(BytesError::Io(_)),
-        ) => Cause::Gone,
+        ConnectionError::MqttState(StateError::ConnectionAborted) => Cause::Gone,
+        _ if is_io => Cause::Gone,
         _ => Cause::Other,
     };
-    // An established connection is reset or closed; only one that does not come about is refused.
-    let is_unsent = matches!(error, ConnectionError::Io(error) if error.kind() == ErrorKind::ConnectionRefused)
-        || matches!(error, ConnectionError::Tls(_));
-    Broken { reason: reason_for(error).unwrap_or_else(|| error.to_string()), is_fresh, cause, is_unsent }
+    let reason = reason_for(error).unwrap_or_else(|| error.to_string());
+    Broken { reason, is_fresh: !is_io, cause, is_unsent: false }
 }
 
 /// The reason in words of ours.
@@ -126,9 +217,7 @@ fn reason_for(error: &ConnectionError) -> Option<String> {
         ConnectionError::ConnectionRefused(ConnectReturnCode::ClientIdentifierNotValid) => {
             Some(reason::CLIENT_ID.to_owned())
         }
-        ConnectionError::Tls(error) => reason::of_tls(error),
-        ConnectionError::Io(error)
-        | ConnectionError::MqttState(StateError::Io(error) | StateError::Deserialization(BytesError::Io(error))) => {
+        ConnectionError::MqttState(StateError::Io(error) | StateError::Deserialization(BytesError::Io(error))) => {
             reason::of_io(error)
         }
         _ => None,

@@ -1,18 +1,18 @@
 //! Which packet identifier stands for which token.
 //!
-//! The client library chooses identifiers when it takes a publication out of its queue, and tells them in that
+//! The connection chooses identifiers when it takes a publication out of its queue, and reports them in that
 //! order. Identifiers are used again, and acknowledgements come in any order.
 
 use crate::north::mqtt::Qos;
 use std::collections::{HashMap, VecDeque};
 
-/// Packets that may wait in the library's queue.
+/// Packets that may wait in the connection's queue.
 pub const QUEUE_MAX: usize = 64;
 
 /// What this connection has sent and what of it is acknowledged. A new connection begins with a new one.
 #[derive(Debug, Default)]
 pub struct Window {
-    /// Packets in the library's queue.
+    /// Packets in the connection's queue.
     queued: usize,
     /// Tokens of the acknowledged kind in that queue, in order.
     waiting: VecDeque<Option<u64>>,

@@ -40,7 +40,7 @@ impl<T: Talk> Client<'_, T> {
     /// Is over when the words are out and DISCONNECT, where one is sent, or when the connection is gone. Meanwhile a stop
     /// may come as at any time.
     async fn say(&mut self, words: &mut VecDeque<Publication>, events: &mut Events) {
-        // The library cannot send the DISCONNECT that asks for the will. Without any, closing asks for it.
+        // The queue has no DISCONNECT that asks for the will. Without any, closing asks for it.
         let is_closed_only = self.settings.version == Version::V5 && self.talk.borrow().leaves_will();
         let mut has_ended = false;
         while let Some(link) = &mut self.link {

@@ -1,0 +1,73 @@
+//! Packets on a stream: what was read of the next one, and what is not yet written.
+//!
+//! All waits here may be dropped and begun again: no byte is lost or written twice.
+
+use super::exchange::Protocol;
+use super::link::{Broken, Cause};
+use super::stream::Stream;
+use bytes::BytesMut;
+use std::io::{Error, ErrorKind};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::time::timeout;
+
+/// Room for each read. The codec bounds what is kept of an unfinished packet.
+const READ_BYTES: usize = 8 * 1024;
+
+/// A stream with its buffers.
+pub struct Wire {
+    stream: Box<dyn Stream>,
+    input: BytesMut,
+    output: BytesMut,
+    /// Whether something may still be on its way to the socket.
+    is_unflushed: bool,
+}
+
+impl Wire {
+    pub fn new(stream: Box<dyn Stream>) -> Self {
+        Self { stream, input: BytesMut::new(), output: BytesMut::new(), is_unflushed: false }
+    }
+
+    /// The next packet.
+    pub async fn read<P: Protocol>(&mut self) -> Result<P::Packet, Broken> {
+        loop {
+            if let Some(packet) = P::decode(&mut self.input)? {
+                return Ok(packet);
+            }
+            self.input.reserve(READ_BYTES);
+            match self.stream.read_buf(&mut self.input).await {
+                Ok(0) if self.input.is_empty() => return Err(P::closed()),
+                Ok(0) => return Err(P::io(Error::new(ErrorKind::UnexpectedEof, "the broker closed within a packet"))),
+                Ok(_) => {}
+                Err(error) => return Err(P::io(error)),
+            }
+        }
+    }
+
+    /// Puts a packet behind what is to be written.
+    pub fn put<P: Protocol>(&mut self, protocol: &P, packet: P::Packet) -> Result<(), Broken> {
+        self.is_unflushed = true;
+        protocol.encode(packet, &mut self.output)
+    }
+
+    /// Writes all of it.
+    pub async fn flush<P: Protocol>(&mut self) -> Result<(), Broken> {
+        if !self.is_unflushed {
+            return Ok(());
+        }
+        let written = async {
+            self.stream.write_all_buf(&mut self.output).await?;
+            self.stream.flush().await
+        };
+        let written = match P::FLUSH_MAX {
+            Some(longest) => timeout(longest, written).await.map_err(|_| overdue())?,
+            None => written.await,
+        };
+        written.map_err(P::io)?;
+        self.is_unflushed = false;
+        Ok(())
+    }
+}
+
+fn overdue() -> Broken {
+    Broken { reason: "Flush timeout".to_owned(), is_fresh: false, cause: Cause::Other, is_unsent: false }
+}
