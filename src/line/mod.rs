@@ -20,6 +20,7 @@ pub mod quality;
 pub mod reply_times;
 pub mod schedule;
 pub mod station;
+mod talk;
 pub mod timeouts;
 pub mod timing;
 pub mod transaction;

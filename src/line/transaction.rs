@@ -5,6 +5,7 @@ mod hole;
 use super::arrivals::Arrivals;
 use super::exchange::{Ending, Exchange, Heard, answer_in};
 use super::own_echo::OwnEcho;
+use super::talk::Talk;
 use super::timing::Timing;
 use crate::domain::ids::Station;
 use crate::domain::link::PortKind;
@@ -43,10 +44,7 @@ pub struct Wire {
     /// The drives are busy with a broadcast until then.
     held_until: MonoTime,
     /// Since when bytes have come without a silence that is long enough for a frame of ours.
-    talks_since: MonoTime,
-    /// A frame of ours went out during such talk, and nothing else may be sent until then: a silence before that is not
-    /// one in which we could have sent.
-    waits_in_jam_until: MonoTime,
+    talk: Talk,
     /// Whether replies take their time on the wire, so that one can be too early.
     is_timed: bool,
     /// Whether the first copy of each frame of ours is taken out of what is received.
@@ -67,8 +65,7 @@ impl Wire {
             quiet_from: now,
             last_byte_at: now,
             held_until: MonoTime::ZERO,
-            talks_since: now,
-            waits_in_jam_until: MonoTime::ZERO,
+            talk: Talk::new(now),
             is_timed: false,
             strips_echo: false,
             own_echo: OwnEcho::default(),
@@ -105,13 +102,14 @@ impl Wire {
     /// Since when somebody has been talking without a silence long enough for a frame, if somebody still is at `now`.
     #[must_use]
     pub fn talks_since(&self, now: MonoTime) -> Option<MonoTime> {
-        (now < self.pause_at() && self.talks_since < self.last_byte_at).then_some(self.talks_since)
+        (now < self.pause_at() && self.talk.since() < self.last_byte_at).then_some(self.talk.since())
     }
 
     /// A port of this `kind` was opened at `now`: whatever was on the wire is over.
     pub fn port_opened(&mut self, now: MonoTime, kind: PortKind) {
         self.abandon(now);
-        (self.last_byte_at, self.talks_since) = (now, now);
+        self.last_byte_at = now;
+        self.talk = Talk::new(now);
         self.is_timed = kind == PortKind::Serial;
     }
 
@@ -120,8 +118,7 @@ impl Wire {
         self.strips_echo = strips;
     }
 
-    /// Opens an exchange whose frame is handed to the port at `now`, and appends the frame to `out`.
-    /// The caller has waited until [`Wire::may_send_from`] and no exchange is open.
+    /// Hands the frame of `exchange` to the port at `now`: appends it to `out`. [`Wire::may_send_from`] has come, none is open.
     pub fn send(&mut self, now: MonoTime, exchange: Exchange, out: &mut Vec<u8>) {
         let start = out.len();
         framing::encode(self.timing.framing, out, exchange.station.0, |pdu| exchange.request.encode(pdu));
@@ -129,10 +126,9 @@ impl Wire {
         let reply_bytes = self.timing.adu_bytes(exchange.request.reply_pdu_bytes());
         let expected =
             Expected { station: exchange.station.0, function: exchange.request.function(), adu_bytes: reply_bytes };
-        let is_over_talk = now < self.pause_at();
         self.quiet_from = now + self.timing.on_wire(sent_bytes);
         let reply_due = self.quiet_from + exchange.timeout + self.timing.on_wire(reply_bytes);
-        self.waits_in_jam_until = if is_over_talk { reply_due } else { MonoTime::ZERO };
+        self.talk.sent(now, self.pause_at(), reply_due);
         // A reply that has begun by then is over by then; whatever goes on is none.
         let give_up = reply_due + self.timing.on_wire(reply_bytes) + self.timing.silence;
         self.flush_idle_bytes();
@@ -158,10 +154,9 @@ impl Wire {
     ) {
         framing::encode(self.timing.framing, out, station, |pdu| request.encode(pdu));
         self.flush_idle_bytes();
-        let is_over_talk = now < self.pause_at();
         self.quiet_from = now + self.timing.on_wire(out.len());
         self.held_until = self.quiet_from + turnaround;
-        self.waits_in_jam_until = if is_over_talk { self.held_until } else { MonoTime::ZERO };
+        self.talk.sent(now, self.pause_at(), self.held_until);
         self.own_echo.await_copy_of(out, true, now);
     }
 
@@ -174,9 +169,7 @@ impl Wire {
         } else {
             self.end_before_hole(now, bytes.len())
         };
-        if now >= self.pause_at().max(self.waits_in_jam_until) {
-            self.talks_since = now;
-        }
+        self.talk.heard(now, self.pause_at());
         self.last_byte_at = now;
         self.quiet_from = self.quiet_from.max(now);
         self.arrivals.read(bytes.len(), now);

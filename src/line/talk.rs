@@ -1,0 +1,67 @@
+//! How long others have been talking without a silence in which we could have sent.
+
+use crate::domain::time::MonoTime;
+
+/// Since when others have been talking.
+#[derive(Clone, Copy, Debug)]
+pub struct Talk {
+    since: MonoTime,
+    /// A frame of ours went out during the talk, and no other may be sent until then: a silence before that is not one in
+    /// which we could have sent.
+    holds_until: MonoTime,
+}
+
+impl Talk {
+    /// A talk that could begin at `now`, when the port was opened.
+    pub const fn new(now: MonoTime) -> Self {
+        Self { since: now, holds_until: MonoTime::ZERO }
+    }
+
+    /// When it began.
+    pub const fn since(&self) -> MonoTime {
+        self.since
+    }
+
+    /// Bytes were read at `now`. The ones before, with the silence after them, were over at `pause_at`.
+    pub fn heard(&mut self, now: MonoTime, pause_at: MonoTime) {
+        if now >= pause_at.max(self.holds_until) {
+            self.since = now;
+        }
+    }
+
+    /// A frame of ours was sent at `now`, and no other may be sent before `free_at`.
+    pub fn sent(&mut self, now: MonoTime, pause_at: MonoTime, free_at: MonoTime) {
+        self.holds_until = if now < pause_at { free_at } else { MonoTime::ZERO };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(ms: u64) -> MonoTime {
+        MonoTime::from_millis(ms)
+    }
+
+    #[test]
+    fn a_silence_ends_a_talk_unless_a_frame_of_ours_took_it_up() {
+        let mut talk = Talk::new(at(0));
+        talk.heard(at(10), at(9));
+        assert_eq!(talk.since(), at(10));
+        talk.heard(at(14), at(15));
+        assert_eq!(talk.since(), at(10), "no silence between");
+        talk.sent(at(16), at(19), at(100));
+        talk.heard(at(90), at(19));
+        assert_eq!(talk.since(), at(10), "we waited for our own frame");
+        talk.heard(at(101), at(95));
+        assert_eq!(talk.since(), at(101));
+    }
+
+    #[test]
+    fn a_frame_that_was_sent_in_silence_holds_nothing() {
+        let mut talk = Talk::new(at(0));
+        talk.sent(at(20), at(19), at(100));
+        talk.heard(at(40), at(19));
+        assert_eq!(talk.since(), at(40));
+    }
+}
