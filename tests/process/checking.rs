@@ -164,7 +164,7 @@ fn a_key_that_this_version_does_not_serve_is_refused() {
     for command in ["check", "run"] {
         let output = vfd_gateway(&[command, "-c", file.to_str().unwrap()]);
         assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-        assert!(said(&output).contains("`lease` is not served"), "{}", said(&output));
+        assert!(said(&output).contains("`lease` is not supported by this version"), "{}", said(&output));
     }
 }
 
