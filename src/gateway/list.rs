@@ -14,6 +14,9 @@ use crate::guard::{Approved, Void};
 use crate::wire::pdu::{Reply, Request};
 use std::time::Duration;
 
+/// How long after its deadline a list that has begun may still go on: as long as a client of Modbus TCP waits for its
+/// answer. A station that must not be asked can hold it up for longer, and an order is not carried out minutes later.
+const HELD_UP_MAX: Duration = Duration::from_secs(5);
 /// How often the stop that ends a reset is sent before it is given up. Every other write is sent once.
 const STOPS_MAX: u8 = 4;
 
@@ -178,15 +181,25 @@ impl List {
         sent.iter().flat_map(writes_of).any(|write| Some(write.value) != stop).then_some(rest)
     }
 
-    /// Whether the next request may be sent: reads that follow a write always may.
+    /// Whether the next request may be sent: reads that follow a write always may, and so may the end of a reset. What has
+    /// begun and was held up for too long starts nothing any more.
     ///
     /// # Errors
     /// [`Void`]
     pub fn may_go(&self, now: MonoTime, stops: u64) -> Result<(), Void> {
         match self.stage {
+            Stage::Step(_) if self.has_begun && now >= self.start_before() + HELD_UP_MAX && !self.takes_back() => {
+                Err(Void::TooLate)
+            }
             Stage::Step(_) => self.approved.may_go(self.has_begun, now, stops),
             Stage::ReadBack(..) | Stage::Resolve(..) | Stage::Done => Ok(()),
         }
+    }
+
+    /// Whether the next request only takes a reset back, or writes nothing.
+    fn takes_back(&self) -> bool {
+        let is_end = |write: &Write| matches!(write.part, Part::Reset { ends: true, .. } | Part::TakesBack);
+        self.present_writes().iter().all(is_end)
     }
 
     /// Before this moment its first write leaves or never.

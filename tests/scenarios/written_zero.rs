@@ -211,6 +211,25 @@ fn a_single_zero_between_two_polls_stops_a_motor_that_had_just_been_started() {
     }
 }
 
+/// The drive is out of sight before it has shown that the stop was needed: it stays in force for as long as one that waits
+/// for an absent drive.
+#[test]
+fn a_zero_that_was_answered_before_the_drive_was_lost_stops_it_when_it_is_back() {
+    for model in models() {
+        for (away, stops_it) in [(5, true), (650, false)] {
+            let mut rig = stopped(&model);
+            other_master_runs(&mut rig, &model, Direction::Forward);
+            assert_eq!(rig.commanded(ORIGIN, STOP), (Outcome::Acknowledged, Reason::Unchanged), "{}", model.id);
+            rig.bus.set_faults("lost=1000".parse().unwrap());
+            rig.pass(SECOND * away);
+            assert!(!rig.view(0).is_online(), "{}: {away} s", model.id);
+            rig.bus.set_faults(FaultPlan::default());
+            rig.pass(SECOND * 60);
+            assert_eq!(rig.output(1) == 0, stops_it, "{}: {away} s", model.id);
+        }
+    }
+}
+
 #[test]
 fn what_stands_still_gets_no_frame_for_a_cyclic_zero() {
     for model in models() {

@@ -153,13 +153,20 @@ impl TripWatch {
         told
     }
 
-    /// Takes words that may be another drive's: of trips they tell nothing, except that what is known may not be so.
-    pub fn take_unsure(&mut self, address: u16, words: &[u16]) {
-        let Some(places) = &self.places else { return };
+    /// Takes words that may be another drive's: of trips they tell nothing, except that what is known may not be so. A trip
+    /// that was seen before is told without its record, which cannot be read now. A count that was read only once may
+    /// have been the other drive's already; it is read again afterwards.
+    pub fn take_unsure(&mut self, address: u16, words: &[u16]) -> Option<TripEvent> {
+        let places = self.places.as_ref()?;
         let word = |register: u16| words.get(usize::from(register.checked_sub(address)?)).copied();
         if let (Some(Seen::Held(held)), Some(active)) = (places.source.seen(word), self.view.active) {
             self.is_contradicted = held != active;
         }
+        let was_seen = self
+            .reading
+            .as_ref()
+            .is_some_and(|reading| reading.is_news && (reading.count.is_none() || reading.is_sure));
+        if was_seen { self.end_reading(false) } else { None }
     }
 
     /// Whether a reading that may be another drive's contradicts what is known.

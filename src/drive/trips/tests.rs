@@ -417,3 +417,22 @@ fn a_reading_that_may_be_another_drives_makes_no_trip_and_no_end_of_one_but_doub
     watch.lost_sight();
     assert!(!watch.is_contradicted());
 }
+
+#[test]
+fn a_trip_that_was_seen_before_the_readings_are_in_doubt_is_told_without_its_record() {
+    let mut watch = flagged();
+    assert_eq!(watch.one(STATUS, &[0], at(0)), None);
+    assert_eq!(watch.one(STATUS, &[TRIPPED], at(1)), None, "its record is read first");
+    assert_eq!(trips(watch.take_unsure(STATUS, &[TRIPPED])), (1, None));
+    assert_eq!((watch.take_unsure(STATUS, &[TRIPPED]), watch.wants()), (None, None));
+    assert_eq!(watch.one(STATUS, &[TRIPPED], at(3)), None, "told once");
+}
+
+#[test]
+fn a_count_that_was_read_only_once_before_the_doubt_is_told_when_it_was_read_again() {
+    let mut watch = watch(3);
+    assert_eq!(watch.one(COUNT, &[4], at(1)), None);
+    assert_eq!(watch.take_unsure(COUNT, &[4]), None, "perhaps the other drive's count");
+    watch.one(0x0113, &RECORD, at(3));
+    assert_eq!(trips(watch.one(COUNT, &[4], at(4))), (1, Some(7)));
+}

@@ -371,3 +371,14 @@ fn what_is_left_is_what_was_not_taken() {
     holds(&mut list, 1, NOW);
     assert_eq!(list.parts_left().count(), 0);
 }
+
+#[test]
+fn what_was_held_up_for_too_long_starts_nothing_but_still_ends_a_reset() {
+    let soon = NOW + Duration::from_millis(5_999);
+    let late = NOW + Duration::from_secs(6);
+    let mut start = list(&model(), go(Some(2000), Some(Direction::Forward)));
+    start.was_sent();
+    assert_eq!(holds(&mut start, 2000, NOW), QUIETLY);
+    assert_eq!((start.may_go(soon, 0), start.may_go(late, 0)), (Ok(()), Err(Void::TooLate)));
+    assert_eq!(reset_taken().may_go(late, 0), Ok(()), "the reset word must not stay");
+}

@@ -12,6 +12,7 @@ use crate::gateway::note::Note;
 use crate::gateway::waiter::Waiter;
 use crate::journal::Tried;
 use crate::profile::model::{Flag, PollClass};
+use std::time::Duration;
 
 /// Readings at standstill that bear out a stop that was answered from memory: the first may have been asked for before
 /// it. A ramp bears out nothing, because a motor that was started the other way falls as well.
@@ -24,6 +25,16 @@ pub(super) struct Answered {
     coast: bool,
     /// Readings that are still to come.
     left: u8,
+    /// Since when the drive is out of sight, if it is.
+    lost_at: Option<MonoTime>,
+}
+
+impl Answered {
+    /// The drive is out of sight at `now`: what it has shown before bears out nothing any more.
+    pub(super) fn out_of_sight(&mut self, now: MonoTime) {
+        self.left = READINGS;
+        self.lost_at.get_or_insert(now);
+    }
 }
 
 impl DriveWork {
@@ -69,16 +80,19 @@ impl DriveWork {
     /// `command` was a stop and was answered from memory.
     pub(super) const fn was_answered(&mut self, command: &CommandRequest) {
         let coast = matches!(command.order, Order::Coast);
-        self.answered = Some(Answered { by: command.origin.owner, coast, left: READINGS });
+        self.answered = Some(Answered { by: command.origin.owner, coast, left: READINGS, lost_at: None });
     }
 
     /// The drive has shown something. If it runs although a stop was just answered from memory, that goes out after all.
     pub(super) fn bear_out(&mut self, shows_output: bool, now: MonoTime, out: Out<'_>) {
         let Some(answered) = &mut self.answered else { return };
-        let is_over = self.latch.is_some() || matches!(self.guard.intent(), RunIntent::Run(_));
+        let pending_for = self.guard.control().map_or(Duration::ZERO, |it| it.stop_pending_for);
+        // One that is out of sight for longer than a stop waits for it may be started, as may any other.
+        let is_late = answered.lost_at.take().is_some_and(|at| now.since(at) >= pending_for);
+        let is_over = is_late || self.latch.is_some() || matches!(self.guard.intent(), RunIntent::Run(_));
         let by_reading = shows_output && self.output.is_at_standstill();
         answered.left -= u8::from(by_reading).min(answered.left);
-        let Answered { by, coast, left } = *answered;
+        let Answered { by, coast, left, .. } = *answered;
         if is_over || left == 0 || self.runs_by_others() {
             self.answered = None;
         }

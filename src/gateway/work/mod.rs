@@ -276,7 +276,7 @@ impl DriveWork {
         self.output.forget();
         self.status.forget();
         self.status_at = None;
-        self.answered = None;
+        self.answered.iter_mut().for_each(|it| it.out_of_sight(out.now()));
         // Whatever it does when it is back, it was not seen to ramp down to that.
         self.is_stopping &= self.latch.is_some();
         self.latch.iter_mut().for_each(StopLatch::out_of_sight);

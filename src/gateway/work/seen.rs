@@ -52,7 +52,8 @@ impl DriveWork {
             let events = self.trips.take(address, words, now);
             self.trip(events, out);
         } else {
-            self.trips.take_unsure(address, words);
+            let event = self.trips.take_unsure(address, words);
+            self.trip(event, out);
         }
     }
 

@@ -141,7 +141,9 @@ impl Checker {
 
     /// What was issued before the last stop, or too long ago for its time, is no order any more.
     fn outdate(&mut self, at: u64, drive: usize, order: u64, issued: u64, ttl: u64) {
-        let is_before_stop = self.books[drive].stopped_at.is_some_and(|stopped| issued < stopped);
+        // A setpoint alone moves nothing after a stop.
+        let starts = self.books[drive].orders.iter().any(|it| it.number == order && it.wish.run.is_some());
+        let is_before_stop = starts && self.books[drive].stopped_at.is_some_and(|stopped| issued < stopped);
         if is_before_stop || at > issued + ttl.max(UNNOTICED) {
             self.outdate_order(drive, order, issued);
         }

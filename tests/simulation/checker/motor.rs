@@ -73,8 +73,9 @@ pub struct Motor {
     keeps_reset: bool,
     /// It held one, and no stop has been answered as taken since: the gateway cannot know that the reset is gone.
     may_keep_reset: bool,
-    /// When we wrote the stop that takes it back last.
+    /// When we wrote the stop that takes it back last, and whether the drive's answer to that was heard.
     taken_back_at: u64,
+    take_back_is_answered: bool,
     /// Stops that are not answered yet: number and moment.
     asked: Vec<(u64, u64)>,
     /// Trips that were reported.
@@ -101,7 +102,8 @@ impl Motor {
     /// before. One that was due before the process was suspended, until `stood_until`, goes out after it.
     pub fn takes_back(&mut self, at: u64, every: u64, stood_until: u64) -> bool {
         let is_soon = at < self.taken_back_at + every && self.taken_back_at >= stood_until + every;
-        let is_due = self.may_keep_reset && !is_soon;
+        let is_due = self.may_keep_reset && !(is_soon && self.take_back_is_answered);
+        self.take_back_is_answered &= !is_due;
         self.taken_back_at = if is_due { at } else { self.taken_back_at };
         is_due
     }
@@ -144,6 +146,11 @@ impl Checker {
         let motor = &mut self.motors[drive];
         (motor.stopped_by_us, motor.owes_since) = (Some(at), None);
         (motor.lowest, motor.risen_since) = (u32::MAX, None);
+    }
+
+    /// The drive answered a write to its run command, and that was heard.
+    pub(super) fn run_write_answered(&mut self, drive: usize) {
+        self.motors[drive].take_back_is_answered = true;
     }
 
     /// The drive answered a stop of ours as taken, and that was heard.

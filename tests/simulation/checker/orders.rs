@@ -303,6 +303,9 @@ impl Checker {
         if matches!((exchange.function, exchange.truth), (3, Truth::Words(_))) {
             self.shows_trips(at, drive, exchange);
         }
+        if matches!(exchange.function, 6 | 16) && exchange.address == facts.run {
+            self.run_write_answered(drive);
+        }
         let bound = self.bound;
         let book = &mut self.books[drive];
         match (exchange.function, exchange.truth) {
