@@ -198,8 +198,14 @@ impl List {
 
     /// Whether the next request only takes a reset back, or writes nothing.
     fn takes_back(&self) -> bool {
-        let is_end = |write: &Write| matches!(write.part, Part::Reset { ends: true, .. } | Part::TakesBack);
-        self.present_writes().iter().all(is_end)
+        let stop = self.first_word();
+        // The last word of some models is the one that resets.
+        let takes_back = |write: &Write| match write.part {
+            Part::TakesBack => true,
+            Part::Reset { ends, .. } => ends && Some(write.value) == stop,
+            _ => false,
+        };
+        self.present_writes().iter().all(takes_back)
     }
 
     /// Before this moment its first write leaves or never.

@@ -373,7 +373,7 @@ fn what_is_left_is_what_was_not_taken() {
 }
 
 #[test]
-fn what_was_held_up_for_too_long_starts_nothing_but_still_ends_a_reset() {
+fn what_was_held_up_for_too_long_starts_nothing_and_still_takes_a_reset_back() {
     let soon = NOW + Duration::from_millis(5_999);
     let late = NOW + Duration::from_secs(6);
     let mut start = list(&model(), go(Some(2000), Some(Direction::Forward)));
@@ -381,4 +381,10 @@ fn what_was_held_up_for_too_long_starts_nothing_but_still_ends_a_reset() {
     assert_eq!(holds(&mut start, 2000, NOW), QUIETLY);
     assert_eq!((start.may_go(soon, 0), start.may_go(late, 0)), (Ok(()), Err(Void::TooLate)));
     assert_eq!(reset_taken().may_go(late, 0), Ok(()), "the reset word must not stay");
+    let mut ends_with_it = model();
+    ends_with_it.run.as_mut().unwrap().reset_sequence = vec![0, 4];
+    let mut last_resets = list(&ends_with_it, Order::Reset);
+    sends(&mut last_resets, 0);
+    assert_eq!(holds(&mut last_resets, 0, NOW), QUIETLY);
+    assert_eq!((last_resets.may_go(soon, 0), last_resets.may_go(late, 0)), (Ok(()), Err(Void::TooLate)));
 }

@@ -59,6 +59,8 @@ pub struct Motor {
     /// Since when it was seen to run, to rest, and to be tripped or not, without a break.
     runs_since: Option<u64>,
     rests_since: Option<u64>,
+    /// When it was seen to run last.
+    ran_at: Option<u64>,
     tripped_since: Option<u64>,
     sound_since: Option<u64>,
     /// When the last frame of ours that stops went out to it, the lowest output since, and since when it is above that.
@@ -83,9 +85,14 @@ pub struct Motor {
 }
 
 impl Motor {
-    /// Whether it was seen to run.
-    pub const fn turns(&self) -> bool {
+    /// Whether it is seen to run.
+    pub const fn is_running(&self) -> bool {
         self.runs_since.is_some()
+    }
+
+    /// Whether it was seen to run at `at` or later.
+    pub fn ran_since(&self, at: u64) -> bool {
+        self.ran_at.is_some_and(|ran| ran >= at)
     }
 
     /// Whether it was seen to rest.
@@ -122,6 +129,7 @@ impl Checker {
             && state.is_on;
         let motor = &mut self.motors[drive];
         motor.runs_since = since(state.is_on && state.is_ordered && state.output >= TURNS, motor.runs_since, at);
+        motor.ran_at = motor.runs_since.map_or(motor.ran_at, |_| Some(at));
         motor.rests_since = since(!state.is_ordered && state.output == 0, motor.rests_since, at);
         motor.tripped_since = since(state.is_tripped, motor.tripped_since, at);
         motor.sound_since = since(!state.is_tripped, motor.sound_since, at);

@@ -124,7 +124,7 @@ impl Checker {
     fn explain_stop(&mut self, exchange: &Exchange, drive: usize, value: u16, is_taken: bool) -> bool {
         let it = self.line.drives[drive];
         let facts = it.kind.facts();
-        let turns = self.motors[drive].turns();
+        let turns = self.motors[drive].is_running();
         let is_coast = facts.run_of(value) == Some(Run::Coast);
         let action = if is_coast { Action::Coast } else { Action::Stop };
         let book = &mut self.books[drive];
