@@ -9,9 +9,9 @@ use std::collections::HashMap;
 
 /// A trip that a drive showed for so long in one life must be kept.
 const SHOWN: u64 = 10_000_000_000;
-/// And in so many replies: of a station that is left alone, because its replies may be another one's, those between are not
-/// believed.
-const REPLIES: u32 = 3;
+/// And in so many replies. A frame that nothing explains makes the next eight replies doubtful (rule 53), and between those
+/// the station may be left alone for long: a trip that is over by then is not told.
+const REPLIES: u32 = 11;
 
 /// Something that is kept now.
 #[derive(Clone, Copy, Debug)]
