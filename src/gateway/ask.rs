@@ -1,6 +1,7 @@
 //! A client asks: the request is cut into frames that the model allows, or reviewed as a write.
 
 use super::core::LineCore;
+use super::drive::DriveOnLine;
 use super::waiter::Waiter;
 use crate::domain::command::{CommandRequest, Order, Reason, Report};
 use crate::domain::ids::{AskerId, DriveIndex};
@@ -35,7 +36,7 @@ impl LineCore {
     }
 
     fn command(&mut self, now: MonoTime, command: &CommandRequest, mut waiter: Waiter) {
-        let Some(work) = self.works.get(command.drive.get()) else {
+        let Some(drive) = self.drives.get(command.drive) else {
             let (report, tried) = (Report::refused(Reason::UnknownDrive), Tried::Order(command.order.clone()));
             self.effects.attempt_ended(command.drive, command.origin.owner, tried, report);
             self.effects.tell(&mut waiter, report, true);
@@ -43,11 +44,11 @@ impl LineCore {
         };
         let facts = Facts {
             line_is_bad: self.health.quality.is_suspended(command.drive.get()),
-            ..work.facts(self.takes_requests(), self.is_offline(command.drive), now)
+            ..drive.work.facts(self.takes_requests(), self.is_offline(command.drive), now)
         };
-        self.works[command.drive.get()].command(now, command, waiter, facts, &mut self.effects);
+        self.drives[command.drive].work.command(now, command, waiter, facts, &mut self.effects);
         if !self.is_open {
-            self.works[command.drive.get()].stop_waits_for_the_line(&mut self.effects);
+            self.drives[command.drive].work.stop_waits_for_the_line(&mut self.effects);
         }
     }
 
@@ -58,10 +59,10 @@ impl LineCore {
         address: u16,
         count: u16,
     ) -> Result<(), NativeOutcome> {
-        let Some(drive) = self.setup.drives.get(request.drive.get()) else {
+        let Some(DriveOnLine { setup, .. }) = self.drives.get(request.drive) else {
             return Err(NativeOutcome::Refused(Refusal::NoSuchUnit));
         };
-        let frames = frames_of(&drive.model, address, count).ok_or(Refusal::TooManyFrames).map_err(refused)?;
+        let frames = frames_of(&setup.model, address, count).ok_or(Refusal::TooManyFrames).map_err(refused)?;
         self.may_wait(now, request.drive)?;
         let parts: Vec<u16> = frames.iter().map(|(_, count)| *count).collect();
         let id = self.natives.open(request, &parts);
@@ -74,10 +75,10 @@ impl LineCore {
 
     /// A loop test goes to the drive if it serves one.
     fn take_loop(&mut self, now: MonoTime, request: &NativeRequest, data: u16) -> Result<(), NativeOutcome> {
-        let Some(drive) = self.setup.drives.get(request.drive.get()) else {
+        let Some(DriveOnLine { setup, .. }) = self.drives.get(request.drive) else {
             return Err(NativeOutcome::Refused(Refusal::NoSuchUnit));
         };
-        if !drive.model.serves(function::DIAGNOSTICS) {
+        if !setup.model.serves(function::DIAGNOSTICS) {
             return Err(refused(Refusal::Guard(Reason::NotCapable)));
         }
         self.may_wait(now, request.drive)?;
@@ -118,9 +119,7 @@ impl LineCore {
     }
 
     fn order_of(&self, drive: DriveIndex, address: u16, values: &[u16]) -> Result<Order, Reason> {
-        let (Some(setup), Some(work)) = (self.setup.drives.get(drive.get()), self.works.get(drive.get())) else {
-            return Err(Reason::UnknownDrive);
-        };
+        let DriveOnLine { setup, work, .. } = self.drives.get(drive).ok_or(Reason::UnknownDrive)?;
         work.guard().control().ok_or(Reason::ReadOnly)?;
         decode::order(&setup.model, address, values)
     }
@@ -133,7 +132,7 @@ impl LineCore {
         if self.natives.is_full() {
             return Err(refused(Refusal::QueueFull));
         }
-        if now < self.stations[drive.get()].ask_again_at() {
+        if now < self.drives[drive].station.ask_again_at() {
             return Err(NativeOutcome::NoReply);
         }
         Ok(())

@@ -29,7 +29,7 @@ impl LineCore {
     pub(super) fn stop_all(&mut self, now: MonoTime) -> bool {
         let Some((station, request)) = self.common_stop(now) else { return false };
         self.measured.sent(now.since(self.wire.may_send_from()));
-        for work in &mut self.works {
+        for work in self.drives.works_mut() {
             if let Some(accepted) = work.stop_was_broadcast() {
                 self.measured.stop_sent(accepted, now);
             }
@@ -46,9 +46,9 @@ impl LineCore {
     /// was sent and has shown no effect so far is repeated anyway.
     fn common_stop(&self, now: MonoTime) -> Option<(u8, Request)> {
         let station = self.all_stop_at?;
-        let unsent = self.works.iter().filter_map(DriveWork::unsent_stop);
+        let unsent = self.drives.works().filter_map(DriveWork::unsent_stop);
         let stop = unsent.clone().next().filter(|_| unsent.count() >= MANY)?;
-        let is_common = self.works.iter().all(|work| work.stop_frame(now).as_ref() == Some(&stop));
+        let is_common = self.drives.works().all(|work| work.stop_frame(now).as_ref() == Some(&stop));
         is_common.then_some((station, stop))
     }
 }

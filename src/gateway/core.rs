@@ -1,6 +1,7 @@
 //! The state of one line and the one door through which events come in.
 
 use super::broadcast;
+use super::drive::{DriveOnLine, Drives};
 use super::event::{Effect, Input, Wake, WakeReason};
 use super::health::Health;
 use super::measured::Measured;
@@ -9,35 +10,53 @@ use super::outbox::Outbox;
 use super::setup::LineSetup;
 use super::work::{DriveWork, Rank};
 use crate::domain::ids::{AskerId, DriveIndex};
+use crate::domain::link::EchoPolicy;
 use crate::domain::native::NativeAnswer;
 use crate::domain::report::{LineCounters, LineFault, LineReport, LineState, LineWaiting, StopBounds};
 use crate::domain::time::MonoTime;
-use crate::drive::plan::{Pace, PlaceOnLine, PollPlan};
-use crate::drive::snapshot::{DriveSnapshot, Presence};
+use crate::drive::snapshot::DriveSnapshot;
 use crate::drive::view::DriveView;
-use crate::line::barriers::{Barriers, Nonces};
+use crate::line::barriers::Nonces;
 use crate::line::echo::EchoWatch;
 use crate::line::schedule::{ReadJob, Schedule};
-use crate::line::station::StationState;
+use crate::line::timing::Timing;
 use crate::line::transaction::Wire;
 use std::sync::Arc;
 
-/// One line with its drives. See the [module](super) for how it is driven.
+/// The state machine of one line with its drives. It does no IO, has no clock and no task of its own: whoever drives it calls
+/// its methods, which are of these kinds.
+///
+/// * **Input**: [`handle`](Self::handle) takes one event and the moment at which it happened. Moments never go back. Every
+///   input except [`Input::Time`] is only noted and answered; [`Input::Time`] decides what is sent and what has expired.
+/// * **Output**: [`next_effect`](Self::next_effect) returns what has to be done, in the order in which it has to be done.
+///   [`changed_views`](Self::changed_views) and [`next_station`](Self::next_station) return what has to be published.
+/// * **Time**: [`next_wake`](Self::next_wake) is the moment at which [`Input::Time`] is due, if no event comes before.
+/// * **Questions**: all methods on `&self` only read, and may be called at any time.
+///
+/// Each round calls them in this order:
+///
+/// 1. `handle` with every event that has happened since the last round, then once with [`Input::Time`];
+/// 2. `next_effect` until it returns `None`, carrying out the effects in that order;
+/// 3. the changed views;
+/// 4. `next_wake`: sleep until then, or until an event comes.
+///
+/// To leave a line: [`Input::Leave`] or [`Input::Shutdown`], rounds as before until [`is_at_rest`](Self::is_at_rest) or the
+/// time allowed has passed, then [`end_attempts`](Self::end_attempts) and the effects that are left.
 #[derive(Debug)]
 pub struct LineCore {
-    pub(super) setup: LineSetup,
+    pub(super) timing: Timing,
+    pub(super) echo_policy: EchoPolicy,
+    pub(super) tells_traffic: bool,
+    /// Its drives may have been asked something just before the line was opened.
+    pub(super) asked_before: bool,
+    pub(super) drives: Drives,
     pub(super) state: LineState,
     /// Whether there is a port to send to, whatever state the line is shown in.
     pub(super) is_open: bool,
     pub(super) wire: Wire,
-    pub(super) stations: Vec<StationState>,
-    pub(super) barriers: Vec<Barriers>,
     pub(super) nonces: Nonces,
     pub(super) echo: EchoWatch,
     pub(super) health: Health,
-    pub(super) plans: Vec<PollPlan>,
-    pub(super) snapshots: Vec<DriveSnapshot>,
-    pub(super) works: Vec<DriveWork>,
     pub(super) schedule: Schedule,
     pub(super) natives: Natives,
     pub(super) flight: Option<Flight>,
@@ -107,46 +126,31 @@ impl LineCore {
     /// A line whose port is not open yet.
     #[must_use]
     pub fn new(setup: LineSetup, now: MonoTime) -> Self {
-        let count = setup.drives.len();
-        let drives = u32::try_from(count).unwrap_or(u32::MAX);
         let budget = setup.budget();
-        let pace = |poll| Pace::new(poll, budget.stretch);
-        let plans = (0..)
-            .zip(&setup.drives)
-            .map(|(index, drive)| PollPlan::new(&drive.model, pace(drive.poll), now, PlaceOnLine { index, drives }));
-        let mut effects = Outbox::new(setup.keeps, count);
+        let mut effects = Outbox::new(setup.keeps, setup.drives.len());
         effects.set_time(now);
-        let works = (0..).zip(&setup.drives).map(|(index, drive)| {
-            let range = setup.watchdog_range(usize::from(index));
-            let work = DriveWork::new(DriveIndex(index), &drive.model, drive.control.clone(), setup.first_epoch, now);
-            let mut work = work.watched(range).polled(pace(drive.poll));
+        let mut drives = Drives::new(&setup, &budget, now);
+        for drive in drives.iter_mut() {
             if setup.joins_late {
-                work.inhibit(now);
+                drive.work.inhibit(now);
             }
             if setup.keeps {
-                work.remember(&drive.remembered, now, &mut effects);
+                drive.work.remember(&drive.setup.remembered, now, &mut effects);
             }
-            work
-        });
-        let works: Vec<DriveWork> = works.collect();
+        }
         Self {
             all_stop_at: broadcast::station_for_all(&setup),
             stop: setup.stop_bounds(),
             planned_use_per_mille: (budget.use_of_line * 1000.0).round() as u32,
-            measured: Measured::new(&budget),
-            works,
+            measured: Measured::default(),
             others_turn: false,
             fault: None,
             state: LineState::Down,
             is_open: false,
             wire: Wire::new(setup.timing, now),
-            stations: setup.drives.iter().map(|drive| StationState::new(&drive.model)).collect(),
-            barriers: setup.drives.iter().map(|drive| Barriers::new(&drive.model)).collect(),
             nonces: Nonces::new(setup.first_epoch),
             echo: EchoWatch::default(),
             health: Health::new(setup.timing.framing, setup.drives.iter().map(|drive| drive.station)),
-            plans: plans.collect(),
-            snapshots: vec![DriveSnapshot::default(); count],
             schedule: Schedule::default(),
             natives: Natives::default(),
             flight: None,
@@ -156,7 +160,11 @@ impl LineCore {
             counters: LineCounters::default(),
             told_ahead: 0,
             effects,
-            setup,
+            timing: setup.timing,
+            echo_policy: setup.echo,
+            tells_traffic: setup.tells_traffic,
+            asked_before: setup.asked_before,
+            drives,
         }
     }
 
@@ -170,23 +178,23 @@ impl LineCore {
             Input::Native(request) => self.on_native(now, request),
             Input::AskerGone(asker) => self.on_asker_gone(asker),
             Input::Command(command) => self.on_command(now, &command),
-            Input::PathAlive(owner) => self.works.iter_mut().for_each(|work| work.path_alive(owner, now)),
-            Input::PathOpened(_) => self.works.iter_mut().for_each(DriveWork::new_epoch),
+            Input::PathAlive(owner) => self.drives.works_mut().for_each(|work| work.path_alive(owner, now)),
+            Input::PathOpened(_) => self.drives.works_mut().for_each(DriveWork::new_epoch),
             Input::Shutdown => {
-                for work in &mut self.works {
+                for work in self.drives.works_mut() {
                     work.shut_down(now, &mut self.effects);
                 }
             }
-            Input::Kept(row) => self.works.iter_mut().for_each(|work| work.kept(row)),
+            Input::Kept(row) => self.drives.works_mut().for_each(|work| work.kept(row)),
             Input::Leave { stops } => {
-                for work in &mut self.works {
+                for work in self.drives.works_mut() {
                     work.leave(now, stops, &mut self.effects);
                 }
             }
-            Input::Stay => self.works.iter_mut().for_each(DriveWork::stay),
+            Input::Stay => self.drives.works_mut().for_each(DriveWork::stay),
             Input::Time => self.on_time(now),
         }
-        for work in &mut self.works {
+        for work in self.drives.works_mut() {
             work.keep_lease(&mut self.effects);
             work.keep_reset(&mut self.effects);
         }
@@ -201,7 +209,7 @@ impl LineCore {
     #[must_use]
     pub fn next_wake(&self) -> Option<Wake> {
         let deadline = self.natives.next_deadline().map(|at| Wake { at, reason: WakeReason::RequestDeadline });
-        let lease = self.works.iter().filter_map(DriveWork::next_wake).min();
+        let lease = self.drives.works().filter_map(DriveWork::next_wake).min();
         let lease = lease.map(|at| Wake { at, reason: WakeReason::ControlDue });
         let wire = self.wire.wake_at().map(|at| {
             let reason = if self.wire.is_busy() { WakeReason::ReplyDue } else { WakeReason::FrameEnd };
@@ -245,73 +253,62 @@ impl LineCore {
     }
 
     fn waiting(&self) -> LineWaiting {
-        let stops = self.works.iter().filter(|work| work.has_stop()).count();
-        let commands = self.works.iter().map(DriveWork::commands_open).sum();
+        let stops = self.drives.works().filter(|work| work.has_stop()).count();
+        let commands = self.drives.works().map(DriveWork::commands_open).sum();
         LineWaiting { requests: self.natives.len(), commands, stops }
     }
 
     /// The pictures that have changed since this was asked last.
     pub fn changed_views(&mut self) -> impl Iterator<Item = (DriveIndex, Arc<DriveView>)> + '_ {
-        (0..self.works.len()).filter_map(|index| {
-            let drive = u16::try_from(index).ok().map(DriveIndex)?;
-            let has_changed = self.works.get_mut(index)?.take_changed();
-            has_changed.then(|| self.view(drive))?.map(|view| (drive, Arc::new(view)))
+        let state = self.state;
+        self.drives.iter_mut().filter_map(move |drive| {
+            let has_changed = drive.work.take_changed();
+            has_changed.then(|| (drive.index, Arc::new(drive.view(state))))
         })
     }
 
     /// The present picture of the drive at `index`.
     #[must_use]
     pub fn view(&self, index: DriveIndex) -> Option<DriveView> {
-        let (work, snapshot) = (self.works.get(index.get())?, self.snapshots.get(index.get())?);
-        Some(DriveView {
-            line_is_up: self.state == LineState::Up,
-            snapshot: snapshot.clone(),
-            run_state: work.run_state(self.is_offline(index)),
-            status: work.status_view(),
-            trip: work.trips().view().clone(),
-            trip_kept: work.trips_kept().clone(),
-            control: work.control_view(),
-            watchdog: work.watchdog().view(),
-        })
+        self.drives.get(index).map(|drive| drive.view(self.state))
     }
 
     /// Whether no stop is on its way, that of a reset included: the line may be left.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
-        !self.works.iter().any(DriveWork::must_go_on)
+        !self.drives.works().any(DriveWork::must_go_on)
     }
 
     /// The line is left at `now`: whatever has no end yet gets one. A stop that is pending stays so.
     pub fn end_attempts(&mut self, now: MonoTime) {
         self.effects.set_time(now);
-        self.works.iter_mut().for_each(|work| work.end_attempts(&mut self.effects));
+        self.drives.works_mut().for_each(|work| work.end_attempts(&mut self.effects));
     }
 
     /// Whether a stop waits that was never sent.
     #[must_use]
     pub fn has_unsent_stop(&self) -> bool {
-        self.works.iter().any(DriveWork::has_new_stop)
+        self.drives.works().any(DriveWork::has_new_stop)
     }
 
     /// The drives that may be commanded and run, are under control, or have to be stopped still.
     pub fn in_use(&self) -> impl Iterator<Item = DriveIndex> + '_ {
-        self.drives().filter(|drive| self.works.get(drive.get()).is_some_and(DriveWork::is_in_use))
+        self.drives.iter().filter(|drive| drive.work.is_in_use()).map(|drive| drive.index)
     }
 
     /// The drives that this line has to see to still: a stop on its way, a reset that has begun, control.
     pub fn bound(&self) -> impl Iterator<Item = DriveIndex> + '_ {
-        self.drives().filter(|drive| self.works.get(drive.get()).is_some_and(DriveWork::is_bound))
+        self.drives.iter().filter(|drive| drive.work.is_bound()).map(|drive| drive.index)
     }
 
     pub(super) fn is_offline(&self, drive: DriveIndex) -> bool {
-        let presence = self.snapshots.get(drive.get()).map(|snapshot| snapshot.presence);
-        self.state == LineState::Down || presence == Some(Presence::Offline)
+        self.state == LineState::Down || self.drives.get(drive).is_some_and(DriveOnLine::is_offline)
     }
 
     /// What is known of the drive at `index`.
     #[must_use]
     pub fn snapshot(&self, index: DriveIndex) -> Option<&DriveSnapshot> {
-        self.snapshots.get(index.get())
+        self.drives.get(index).map(|drive| &drive.snapshot)
     }
 
     /// Whoever goes takes along what has not begun: reads and commands. A stop stays, and so does what is on the wire.
@@ -319,7 +316,7 @@ impl LineCore {
         self.natives.forget(asker);
         self.schedule.forget(asker);
         self.drop_unwanted();
-        for work in &mut self.works {
+        for work in self.drives.works_mut() {
             self.counters.withdrawn += work.withdraw(asker, &mut self.effects);
         }
     }
@@ -339,10 +336,10 @@ impl LineCore {
             self.counters.expired += expired;
             self.drop_unwanted();
         }
-        for drive in self.drives() {
+        for drive in self.drives.indices() {
             let is_offline = self.is_offline(drive);
-            self.works[drive.get()].pass(now, is_offline, &mut self.effects);
-            if let Some(until) = self.works[drive.get()].take_rest() {
+            self.drives[drive].work.pass(now, is_offline, &mut self.effects);
+            if let Some(until) = self.drives[drive].work.take_rest() {
                 self.rest(drive, until);
             }
         }

@@ -1,6 +1,7 @@
 //! What goes on the wire next, and when there is something to decide again.
 
 use super::core::{Flight, LineCore, Purpose};
+use super::drive::DriveOnLine;
 use super::event::{Wake, WakeReason};
 use super::work::{Rank, Want};
 use crate::domain::ids::DriveIndex;
@@ -44,27 +45,27 @@ impl LineCore {
         }
         let Some((drive, request, purpose)) = self.pick(now) else { return };
         self.cut_short = None;
-        let (setup, station) = (&self.setup.drives[drive.get()], &self.stations[drive.get()]);
-        let was_silent = station.is_known_silent();
-        let timeout = self.wait_for(drive, &request);
-        let patience = self.patience(drive, &request);
-        let doubt = now < station.unmistakable_at(&request);
-        let in_doubt = station.misses_function(request.function(), now);
+        let asked = &self.drives[drive];
+        let (station, was_silent) = (asked.setup.station, asked.station.is_known_silent());
+        let timeout = asked.wait_for(&request, &self.timing);
+        let patience = asked.patience(&request, &self.timing);
+        let doubt = now < asked.station.unmistakable_at(&request);
+        let in_doubt = asked.station.misses_function(request.function(), now);
         let proves_nothing = request.is_repeated_by_its_reply() && !self.echo.proves_echoes();
         if matches!(request, Request::Loopback { .. } | Request::Unserved { .. }) {
             self.nonces.advance();
         }
         let differs = !request.is_repeated_by_its_reply();
         let function = request.function();
-        let exchange = Exchange { station: setup.station, request, timeout, in_doubt };
+        let exchange = Exchange { station, request, timeout, in_doubt };
         let mut frame = Vec::with_capacity(16);
         self.measured.sent(now.since(self.wire.may_send_from()));
         self.wire.send(now, exchange, &mut frame);
         self.echo.sent(&frame, differs);
         self.health.diagnosis.sent(drive.get());
         self.health.damage.sent(drive.get(), function);
-        let request_end = now + self.setup.timing.on_wire(frame.len());
-        self.stations[drive.get()].asked(request_end);
+        let request_end = now + self.timing.on_wire(frame.len());
+        self.drives[drive].station.asked(request_end);
         let overdue_at = patience.map(|patience| request_end + patience);
         let why = purpose.why();
         self.flight = Some(Flight {
@@ -144,8 +145,8 @@ impl LineCore {
     fn pick_work(&mut self, now: MonoTime, last_rank: Rank) -> Option<Picked> {
         loop {
             let (drive, want) = self.most_urgent(now, last_rank)?;
-            let is_new_stop = want.rank == Rank::FirstStop && self.works[drive.get()].unsent_stop().is_some();
-            if self.works[drive.get()].send(want.rank, now, &mut self.effects) {
+            let is_new_stop = want.rank == Rank::FirstStop && self.drives[drive].work.unsent_stop().is_some();
+            if self.drives[drive].work.send(want.rank, now, &mut self.effects) {
                 self.others_turn |= want.rank == Rank::Start;
                 if is_new_stop {
                     self.measured.stop_sent(want.at, now);
@@ -157,50 +158,24 @@ impl LineCore {
 
     fn most_urgent(&self, now: MonoTime, last_rank: Rank) -> Option<(DriveIndex, Want)> {
         let mut best: Option<(Urgency, DriveIndex, Want)> = None;
-        for drive in self.drives() {
-            let is_silent = self.stations[drive.get()].is_known_silent();
-            let rests = !self.works[drive.get()].is_moving();
-            for want in self.works[drive.get()].wants() {
-                if want.rank > last_rank || now < self.wanted_from(drive, &want) || self.needs_probe(&want) {
+        for drive in self.drives.iter() {
+            let (is_silent, rests) = (drive.station.is_known_silent(), !drive.work.is_moving());
+            for want in drive.work.wants() {
+                if want.rank > last_rank || now < drive.wanted_from(&want) || self.needs_probe(&want) {
                     continue;
                 }
-                let key = (want.rank, self.cut_short == Some(drive), is_silent, rests, want.at);
+                let key = (want.rank, self.cut_short == Some(drive.index), is_silent, rests, want.at);
                 if best.as_ref().is_none_or(|(best, ..)| key < *best) {
-                    best = Some((key, drive, want));
+                    best = Some((key, drive.index, want));
                 }
             }
         }
         best.map(|(_, drive, want)| (drive, want))
     }
 
-    /// From when a wish may be granted, as far as the drive is concerned.
-    pub(super) fn wanted_from(&self, drive: DriveIndex, want: &Want) -> MonoTime {
-        match want.rank {
-            Rank::FirstStop | Rank::RepeatedStop => want.at,
-            // A look has a rhythm of its own: a stop waits behind it.
-            Rank::Look => {
-                let station = &self.stations[drive.get()];
-                want.at.max(station.rests_until()).max(station.unmistakable_at(&want.request))
-            }
-            rank if self.is_withheld(drive, rank) => MonoTime::NEVER,
-            Rank::Step | Rank::Trip | Rank::Start => {
-                let station = &self.stations[drive.get()];
-                want.at.max(station.may_be_asked_from()).max(station.unmistakable_at(&want.request))
-            }
-        }
-    }
-
-    /// No trip is read from a station whose replies may be another drive's: nothing of that would be believed.
-    pub(super) fn is_withheld(&self, drive: DriveIndex, rank: Rank) -> bool {
-        rank == Rank::Trip && self.stations[drive.get()].is_doubtful()
-    }
-
     fn pick_read(&mut self, now: MonoTime) -> Option<Picked> {
-        let stations = &self.stations;
-        let may_go = |key: &ReadKey| {
-            let station = &stations[key.drive.get()];
-            now >= station.may_be_asked_from() && now >= station.unmistakable_at(&key.request())
-        };
+        let drives = &self.drives;
+        let may_go = |key: &ReadKey| drives[key.drive].may_be_asked(now, &key.request());
         let job = self.schedule.take_read(may_go)?;
         Some((job.key.drive, job.key.request(), Purpose::Read(job)))
     }
@@ -208,28 +183,25 @@ impl LineCore {
     /// The most urgent poll that is due; if `aged`, only one that has grown too old to wait for others.
     fn due_poll(&self, now: MonoTime, aged: bool) -> Option<DuePoll> {
         let mut best: Option<(PollUrgency, DuePoll)> = None;
-        for (drive, plan) in self.drives().zip(&self.plans) {
+        for drive in self.drives.iter() {
+            let plan = &drive.plan;
             for (index, group, due) in plan.iter().filter(|(.., due)| *due <= now) {
                 let urgency = plan.urgency(group, due, now);
                 let is_better = best.as_ref().is_none_or(|(best, _)| urgency < *best);
-                if is_better && (!aged || plan.is_aged(group, due, now)) && self.may_poll(now, drive, group) {
-                    best = Some((urgency, DuePoll { drive, index, group }));
+                let is_old_enough = !aged || plan.is_aged(group, due, now);
+                if is_better && is_old_enough && drive.may_be_asked(now, &poll_request(group)) {
+                    best = Some((urgency, DuePoll { drive: drive.index, index, group }));
                 }
             }
         }
         best.map(|(_, poll)| poll)
     }
 
-    fn may_poll(&self, now: MonoTime, drive: DriveIndex, group: PollGroup) -> bool {
-        let station = &self.stations[drive.get()];
-        now >= station.may_be_asked_from() && now >= station.unmistakable_at(&poll_request(group))
-    }
-
     fn take_poll(&mut self, now: MonoTime, poll: DuePoll) -> Picked {
         let DuePoll { drive, index, group } = poll;
-        let station = &self.stations[drive.get()];
+        let DriveOnLine { station, plan, setup, .. } = &mut self.drives[drive];
         let may_go = |address, count| now >= station.unmistakable_at(&Request::ReadHolding { address, count });
-        let taken = self.plans[drive.get()].take(index, now, &self.setup.drives[drive.get()].model, may_go);
+        let taken = plan.take(index, now, &setup.model, may_go);
         let (address, count) = taken.unwrap_or((group.address, group.count));
         (drive, Request::ReadHolding { address, count }, Purpose::Poll)
     }
@@ -265,35 +237,31 @@ impl LineCore {
         if self.health.trouble == Some(LineFault::Echo) {
             return self.wanted_at(Rank::Look).into_iter().chain([self.health.probe_at]).min();
         }
-        let wants = self.drives().flat_map(|drive| {
-            self.works[drive.get()].wants().map(move |want| match want.rank {
+        let wants = self.drives.iter().flat_map(|drive| {
+            drive.work.wants().map(move |want| match want.rank {
                 Rank::FirstStop | Rank::RepeatedStop => want.at,
                 Rank::Look => {
-                    let unmistakable = self.stations[drive.get()].unmistakable_at(&want.request);
-                    let rests_until = self.stations[drive.get()].rests_until();
-                    want.at.max(unmistakable.min(self.free_at(drive, &want.request))).max(rests_until)
+                    let unmistakable = drive.station.unmistakable_at(&want.request);
+                    let free_at = unmistakable.min(self.free_at(drive, &want.request));
+                    want.at.max(free_at).max(drive.station.rests_until())
                 }
-                rank if self.is_withheld(drive, rank) => MonoTime::NEVER,
+                rank if drive.is_withheld(rank) => MonoTime::NEVER,
                 _ => want.at.max(self.free_at(drive, &want.request)),
             })
         });
-        let reads = self.schedule.reads().map(|key| self.free_at(key.drive, &key.request()));
-        let polls = self.drives().zip(&self.plans).flat_map(|(drive, plan)| {
-            plan.iter().map(move |(_, group, due)| due.max(self.free_at(drive, &poll_request(group))))
+        let reads = self.schedule.reads().map(|key| self.free_at(&self.drives[key.drive], &key.request()));
+        let polls = self.drives.iter().flat_map(|drive| {
+            drive.plan.iter().map(move |(_, group, due)| due.max(self.free_at(drive, &poll_request(group))))
         });
-        let trials = self.drives().filter_map(|drive| self.trial_at(drive));
+        let trials = self.drives.iter().filter_map(|drive| self.trial_at(drive));
         wants.chain(reads).chain(polls).chain(trials).min()
     }
 
     /// When the next wish up to `last_rank` may be granted.
     fn wanted_at(&self, last_rank: Rank) -> Option<MonoTime> {
-        let wants = self.drives().flat_map(|drive| self.works[drive.get()].wants().map(move |want| (drive, want)));
+        let wants = self.drives.iter().flat_map(|drive| drive.work.wants().map(move |want| (drive, want)));
         let urgent = wants.filter(|(_, want)| want.rank <= last_rank);
-        urgent.map(|(drive, want)| self.wanted_from(drive, &want)).min()
-    }
-
-    pub(super) fn drives(&self) -> impl Iterator<Item = DriveIndex> + use<> {
-        (0..self.setup.drives.len() as u16).map(DriveIndex)
+        urgent.map(|(drive, want)| drive.wanted_from(&want)).min()
     }
 }
 

@@ -15,7 +15,6 @@ use crate::line::diagnosis::Diagnosis;
 use crate::line::echo::LocalEcho;
 use crate::line::fault::{Fault, consequence};
 use crate::line::quality::LineQuality;
-use crate::line::station::StationState;
 use crate::line::timing::Timing;
 use crate::wire::framing;
 use std::time::Duration;
@@ -152,7 +151,7 @@ impl LineCore {
         let at = match self.health.trouble {
             Some(LineFault::Jammed) => return None,
             Some(LineFault::Mute) => self.health.reopen_at,
-            _ if self.stations.iter().all(StationState::is_known_silent) => self.wire.last_byte_at() + MUTE_AFTER,
+            _ if self.drives.are_silent() => self.wire.last_byte_at() + MUTE_AFTER,
             _ => return None,
         };
         Some(Wake { at, reason: WakeReason::LineCheck })
@@ -162,9 +161,9 @@ impl LineCore {
         if !self.is_open {
             return;
         }
-        let all_are_silent = || self.stations.iter().all(StationState::is_known_silent);
+        let all_are_silent = || self.drives.are_silent();
         self.health.is_mute |= now.since(self.wire.last_byte_at()) >= MUTE_AFTER && all_are_silent();
-        let echoes = self.setup.echo == EchoPolicy::Refuse && self.echo.known() == LocalEcho::Found;
+        let echoes = self.echo_policy == EchoPolicy::Refuse && self.echo.known() == LocalEcho::Found;
         let trouble = if self.is_jammed(now) {
             Some(LineFault::Jammed)
         } else if echoes {
@@ -192,7 +191,7 @@ impl LineCore {
         }
         // A talk that is shorter than that began after a silence that was not seen: the process was suspended.
         let talks = self.wire.talks_since(now).map_or(Duration::ZERO, |since| now.since(since));
-        let is_long = talks >= jam_after(&self.setup.timing);
+        let is_long = talks >= jam_after(&self.timing);
         is_long && (self.health.is_jammed() || self.work_at().is_some_and(|at| at <= now))
     }
 
@@ -210,7 +209,7 @@ impl LineCore {
             Some(LineFault::Mute) => (self.health.reopen_at, self.health.reopen_wait) = (now, REOPEN_FIRST),
             _ => {}
         }
-        self.works.iter_mut().for_each(DriveWork::mark_changed);
+        self.drives.works_mut().for_each(DriveWork::mark_changed);
         self.effects.push_back(Effect::LineNote(trouble.map_or(LineNote::Up, LineNote::Down)));
     }
 

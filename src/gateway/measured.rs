@@ -1,11 +1,11 @@
 //! What was measured on one line: reply times, gaps, ages, and how long stops had to wait.
 
 use super::core::LineCore;
+use super::drive::DriveOnLine;
 use crate::domain::counts::{ExchangeCounts, ReplyCounts};
 use crate::domain::ids::DriveIndex;
 use crate::domain::report::{LineMeasured, ReplyReport, StationReport};
 use crate::domain::time::MonoTime;
-use crate::line::budget::Budget;
 use crate::line::histogram::Histogram;
 use crate::line::quality::Quality;
 use crate::line::reply_times::ReplyTimes;
@@ -22,11 +22,10 @@ const AGES_FOR: Duration = Duration::from_secs(60);
 const GAPS_EVERY: u8 = 64;
 
 /// Everything that was measured on one line.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Measured {
     /// What the line's report shows.
     pub(super) line: LineMeasured,
-    drives: Vec<DriveMeasured>,
     gaps: Histogram,
     gaps_since: u8,
     opened_at: MonoTime,
@@ -38,7 +37,7 @@ pub(super) struct Measured {
 /// What was measured of one drive.
 #[derive(Debug, Default)]
 pub(super) struct DriveMeasured {
-    reply_times: ReplyTimes,
+    pub(super) reply_times: ReplyTimes,
     /// The oldest that a fast value became in the present span, and in the one before.
     ages: [Duration; 2],
     ages_since: MonoTime,
@@ -48,24 +47,9 @@ pub(super) struct DriveMeasured {
 }
 
 impl Measured {
-    /// Nothing measured yet on the line of `budget`.
-    pub(super) fn new(budget: &Budget) -> Self {
-        let drive = |place| DriveMeasured { planned_age: budget.fast_age(place), ..DriveMeasured::default() };
-        Self {
-            line: LineMeasured::default(),
-            drives: (0..budget.stations.len()).map(drive).collect(),
-            gaps: Histogram::default(),
-            gaps_since: 0,
-            opened_at: MonoTime::ZERO,
-            next: 0,
-            next_at: MonoTime::ZERO,
-        }
-    }
-
-    /// The port was opened at `now`. Another drive may stand where one was learned, and the first waits are cautious.
-    pub(super) fn port_opened(&mut self, now: MonoTime) {
+    /// The port was opened at `now`.
+    pub(super) const fn port_opened(&mut self, now: MonoTime) {
         self.opened_at = now;
-        self.drives.iter_mut().for_each(|drive| drive.reply_times.forget());
     }
 
     /// A frame of ours goes out `gap` later than the silence before it asks for.
@@ -83,25 +67,26 @@ impl Measured {
         let waited = now.since(accepted.max(self.opened_at));
         self.line.longest_stop = self.line.longest_stop.max(waited);
     }
-
-    /// A reply of `drive` began `time` after the end of its request.
-    pub(super) fn reply_came(&mut self, drive: DriveIndex, class: Class, time: Duration) {
-        let drive = self.of(drive);
-        drive.reply_times.add(class, time);
-        let counts = Class::ALL.iter().position(|it| *it == class).and_then(|at| drive.reply_counts.get_mut(at));
-        counts.into_iter().for_each(|counts| counts.add(time));
-    }
-
-    pub(super) fn reply_times(&self, drive: DriveIndex) -> &ReplyTimes {
-        &self.drives[drive.get()].reply_times
-    }
-
-    pub(super) fn of(&mut self, drive: DriveIndex) -> &mut DriveMeasured {
-        &mut self.drives[drive.get()]
-    }
 }
 
 impl DriveMeasured {
+    /// Nothing measured yet of a drive whose fast values become at most `planned_age` old.
+    pub(super) fn planned(planned_age: Option<Duration>) -> Self {
+        Self { planned_age, ..Self::default() }
+    }
+
+    /// The port was opened. Another drive may stand where one was learned, and the first waits are cautious.
+    pub(super) fn port_opened(&mut self) {
+        self.reply_times.forget();
+    }
+
+    /// A reply began `time` after the end of its request.
+    pub(super) fn reply_came(&mut self, class: Class, time: Duration) {
+        self.reply_times.add(class, time);
+        let counts = Class::ALL.iter().position(|it| *it == class).and_then(|at| self.reply_counts.get_mut(at));
+        counts.into_iter().for_each(|counts| counts.add(time));
+    }
+
     /// A fast value is read anew at `now`, at this age.
     pub(super) fn aged(&mut self, age: Duration, now: MonoTime) {
         if now.since(self.ages_since) >= AGES_FOR {
@@ -115,7 +100,7 @@ impl DriveMeasured {
 impl LineCore {
     /// The report of a drive whose turn it is at `now`, each once in [`STATION_EVERY`], so that no round makes many.
     pub fn next_station(&mut self, now: MonoTime) -> Option<(DriveIndex, StationReport)> {
-        let count = self.setup.drives.len();
+        let count = self.drives.len();
         if now < self.measured.next_at || count == 0 {
             return None;
         }
@@ -129,7 +114,7 @@ impl LineCore {
     /// The present report of the drive at `drive`.
     #[must_use]
     pub fn station(&self, drive: DriveIndex) -> Option<StationReport> {
-        let (setup, measured) = (self.setup.drives.get(drive.get())?, self.measured.drives.get(drive.get())?);
+        let DriveOnLine { setup, measured, .. } = self.drives.get(drive)?;
         let place = drive.get();
         let reply = |class| {
             let times = measured.reply_times.times(class);

@@ -1,21 +1,28 @@
-//! [`LineCore`]: the pure whole of one line: its wire, its drives, the door for writes.
+//! One line without I/O: its wire, its drives, and the one way in for writes. [`LineCore`] tells how it is driven.
 //!
-//! It is given events with the time at which they happened ([`Input`]) and says what should be done
-//! ([`Effect`]) and when it wants to be woken ([`Wake`]). It decides only on [`Input::Time`], so that all that
-//! is known by then is taken into account; whoever drives it feeds all events first and then lets time pass.
+//! One small file per kind of event or duty:
 //!
-//! One small file per kind of event: `ask` requests and commands, `decide` what goes on the wire, `barrier` what settles
-//! whether a late reply can still come, `ended` what follows
-//! from the end of an exchange, `overdue` how long a reply is waited for and until when it may come late, `measured` what
-//! was seen of times, `port` the port's coming and going, `traffic` what is told to whoever watches the line, `health` whether the line can be used. What a drive wants for
-//! itself is kept in `work`:
-//! its `stop`, the `list` of steps of a command, its trips.
+//! | file | what it does |
+//! | --- | --- |
+//! | `ask` | takes requests and commands |
+//! | `decide` | picks what goes on the wire next |
+//! | `drive` | what belongs to one drive, and the drives of a line |
+//! | `barrier` | settles whether a late reply can still come |
+//! | `ended` | applies the end of an exchange |
+//! | `overdue` | ends a wait early for a stop, learns reply times |
+//! | `measured` | keeps measured times |
+//! | `port` | the port opens and closes |
+//! | `probe` | finds out whether the line echoes |
+//! | `health` | decides whether the line can be used |
+//! | `traffic` | reports traffic to those who watch the line |
+//! | `work` | what a drive wants for itself: its `stop`, the `list` of steps of a command, its trips |
 
 mod ask;
 mod barrier;
 mod broadcast;
 mod core;
 mod decide;
+mod drive;
 mod ended;
 mod event;
 mod falling;

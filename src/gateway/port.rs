@@ -1,12 +1,10 @@
 //! The port comes and goes.
 
 use super::core::{LineCore, Purpose};
-use super::work::DriveWork;
 use crate::domain::link::PortKind;
 use crate::domain::native::{NativeOutcome, Refusal};
 use crate::domain::report::{LineFault, LineState};
 use crate::domain::time::MonoTime;
-use crate::line::barriers::Barriers;
 use crate::line::fault::{Fault, consequence};
 use crate::line::schedule::WaiterId;
 use crate::line::station::Missing;
@@ -25,21 +23,10 @@ impl LineCore {
         self.echo.port_opened();
         self.measured.port_opened(now);
         self.health.port_opened();
-        if self.counters.port_ups == 1 && self.setup.asked_before {
-            self.fear_earlier_questions(now);
+        if self.counters.port_ups == 1 && self.asked_before {
+            self.drives.iter_mut().for_each(|drive| drive.asked_before(now));
         }
-        self.stations.iter_mut().for_each(|station| station.line_opened(now));
-        self.barriers.iter_mut().for_each(Barriers::port_opened);
-        self.plans.iter_mut().for_each(|plan| plan.port_opened(now));
-        self.works.iter_mut().for_each(DriveWork::mark_changed);
-    }
-
-    /// What was asked last before the line was opened at `now` may be any question that its drives serve.
-    fn fear_earlier_questions(&mut self, now: MonoTime) {
-        for (station, drive) in self.stations.iter_mut().zip(&self.setup.drives) {
-            let longest = drive.timeouts.read.max(drive.timeouts.write).max(drive.timeouts.stored_write);
-            station.asked_before(now + longest + drive.max_lateness);
-        }
+        self.drives.iter_mut().for_each(|drive| drive.port_opened(now));
     }
 
     /// Everything that waits is answered: what was on the wire as not answered, the rest as not sent.
@@ -55,10 +42,10 @@ impl LineCore {
         if let (Some(exchange), Some(flight)) = (self.wire.abandon(now), self.flight.take()) {
             if consequence(Fault::PortGone).reply_may_come_late {
                 // Its time-out had not passed yet, perhaps not even begun.
-                let begun = now + self.full_wait(flight.drive, &exchange.request);
-                let until = self.may_come_until(begun, &flight, &exchange);
-                let missing = Missing { request: exchange.request, sent_at: flight.request_end, until };
-                self.stations[flight.drive.get()].reply_missing(missing, now);
+                let (drive, sent_at) = (&mut self.drives[flight.drive], flight.request_end);
+                let begun = now + drive.full_wait(&exchange.request, &self.timing);
+                let until = drive.may_come_until(begun, sent_at, &exchange.request, &self.timing);
+                drive.station.reply_missing(Missing { request: exchange.request, sent_at, until }, now);
             }
             self.end_all(waiters_of(flight.purpose), &NativeOutcome::NoReply);
         }
@@ -67,7 +54,7 @@ impl LineCore {
 
     /// Answers everything that waits: it is not sent.
     pub(super) fn end_waiting(&mut self, now: MonoTime) {
-        for work in &mut self.works {
+        for work in self.drives.works_mut() {
             work.line_down(now, &mut self.effects);
         }
         let waiting = self.schedule.clear();

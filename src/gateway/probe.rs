@@ -2,6 +2,7 @@
 
 use super::core::{LineCore, Purpose};
 use super::decide::{Picked, is_stop, poll_request};
+use super::drive::DriveOnLine;
 use super::work::Want;
 use crate::domain::ids::DriveIndex;
 use crate::domain::time::MonoTime;
@@ -17,11 +18,10 @@ impl LineCore {
 
     /// A drive whose write waits for that at `now`.
     pub(super) fn waits_for_probe(&self, now: MonoTime) -> Option<DriveIndex> {
-        let waits = |drive: &DriveIndex| {
-            let mut wants = self.works[drive.get()].wants();
-            wants.any(|want| self.needs_probe(&want) && now >= self.wanted_from(*drive, &want))
+        let waits = |drive: &&DriveOnLine| {
+            drive.work.wants().any(|want| self.needs_probe(&want) && now >= drive.wanted_from(&want))
         };
-        self.drives().find(waits)
+        self.drives.iter().find(waits).map(|drive| drive.index)
     }
 
     /// On a line that echoes: the read that looks whether it still does.
@@ -30,24 +30,22 @@ impl LineCore {
             return None;
         }
         self.health.was_probed(now);
-        let answers = |drive: &DriveIndex| !self.stations[drive.get()].is_known_silent();
-        let drive = self.drives().find(answers).unwrap_or(DriveIndex(0));
+        let answers = self.drives.iter().find(|drive| !drive.station.is_known_silent());
+        let drive = answers.map_or(DriveIndex(0), |drive| drive.index);
         Some(self.probe(now, drive))
     }
 
     /// A read whose words nobody waits for, if possible one that no late reply can be mistaken for. Whether our own bytes
     /// come back shows with any drive, also with a silent one.
     pub(super) fn probe(&self, now: MonoTime, drive: DriveIndex) -> Picked {
-        let all = || self.drives().skip(drive.get()).chain(self.drives().take(drive.get()));
-        let reads = || {
-            all()
-                .flat_map(|drive| self.plans[drive.get()].iter().map(move |(_, group, _)| (drive, poll_request(group))))
-        };
-        let is_clear =
-            |(drive, request): &(DriveIndex, Request)| now >= self.stations[drive.get()].unmistakable_at(request);
+        let in_turn = || self.drives.iter().cycle().skip(drive.get()).take(self.drives.len());
+        let reads =
+            || in_turn().flat_map(|drive| drive.plan.iter().map(move |(_, group, _)| (drive, poll_request(group))));
+        let is_clear = |(drive, request): &(&DriveOnLine, Request)| now >= drive.station.unmistakable_at(request);
         let (drive, request) = reads()
             .find(is_clear)
             .or_else(|| reads().next())
+            .map(|(drive, request)| (drive.index, request))
             .unwrap_or((drive, Request::ReadHolding { address: 0, count: 1 }));
         (drive, request, Purpose::Probe)
     }

@@ -10,17 +10,17 @@ use crate::line::exchange::Heard;
 impl LineCore {
     /// Whether the traffic is told from now on.
     pub const fn tell_traffic(&mut self, tells: bool) {
-        self.setup.tells_traffic = tells;
+        self.tells_traffic = tells;
     }
 
     /// A `frame` of ours is handed to the port at `now`: tells it, behind what was heard before it.
     pub(super) fn transmit(&mut self, now: MonoTime, frame: Vec<u8>, why: Why) {
-        let record = self.setup.tells_traffic.then(|| TrafficRecord {
+        let record = self.tells_traffic.then(|| TrafficRecord {
             kind: TrafficKind::Request,
             why: Some(why),
             bytes: frame.clone(),
             begin: now,
-            end: now + self.setup.timing.on_wire(frame.len()),
+            end: now + self.timing.on_wire(frame.len()),
         });
         // Nobody who watches holds up the frame.
         self.effects.push_back(Effect::Transmit(frame));
@@ -35,7 +35,7 @@ impl LineCore {
     pub(super) fn tell_of(&mut self, heard: Heard) {
         if self.told_ahead > 0 {
             self.told_ahead -= 1;
-        } else if self.setup.tells_traffic {
+        } else if self.tells_traffic {
             self.effects.push_back(told(heard));
         }
     }

@@ -1,0 +1,317 @@
+//! One drive on its line, and the drives of a line.
+
+use super::event::Effect;
+use super::measured::DriveMeasured;
+use super::outbox::Outbox;
+use super::setup::{DriveSetup, LineSetup};
+use super::work::{DriveWork, Rank, Reading, Want};
+use crate::domain::ids::{DriveIndex, Station};
+use crate::domain::report::LineState;
+use crate::domain::time::MonoTime;
+use crate::drive::plan::{Pace, PlaceOnLine, PollPlan};
+use crate::drive::snapshot::{DriveSnapshot, Presence};
+use crate::drive::view::DriveView;
+use crate::journal::Entry;
+use crate::line::barriers::Barriers;
+use crate::line::budget::Budget;
+use crate::line::exchange::Ending;
+use crate::line::fault::{Fault, consequence};
+use crate::line::station::{Missing, StationState};
+use crate::line::timeouts::Class;
+use crate::line::timing::Timing;
+use crate::profile::model::PollClass;
+use crate::wire::pdu::Request;
+use std::ops::{Index, IndexMut};
+use std::time::Duration;
+
+/// One drive on its line: what it is, what the line knows of it, and what it has to do.
+#[derive(Debug)]
+pub(super) struct DriveOnLine {
+    pub(super) index: DriveIndex,
+    pub(super) setup: DriveSetup,
+    /// Replies that may still come late, and how long it has been silent.
+    pub(super) station: StationState,
+    /// Requests that prove that no late reply can follow.
+    pub(super) barriers: Barriers,
+    pub(super) plan: PollPlan,
+    pub(super) snapshot: DriveSnapshot,
+    /// Its control: stops, commands, trips, the guard.
+    pub(super) work: DriveWork,
+    pub(super) measured: DriveMeasured,
+}
+
+impl DriveOnLine {
+    fn new(index: u16, line: &LineSetup, setup: &DriveSetup, budget: &Budget, now: MonoTime) -> Self {
+        let drives = u32::try_from(line.drives.len()).unwrap_or(u32::MAX);
+        let (place, pace) = (usize::from(index), Pace::new(setup.poll, budget.stretch));
+        let work = DriveWork::new(DriveIndex(index), &setup.model, setup.control.clone(), line.first_epoch, now);
+        Self {
+            index: DriveIndex(index),
+            station: StationState::new(&setup.model),
+            barriers: Barriers::new(&setup.model),
+            plan: PollPlan::new(&setup.model, pace, now, PlaceOnLine { index: u32::from(index), drives }),
+            snapshot: DriveSnapshot::default(),
+            work: work.watched(line.watchdog_range(place)).polled(pace),
+            measured: DriveMeasured::planned(budget.fast_age(place)),
+            setup: setup.clone(),
+        }
+    }
+
+    /// Whether it is known not to answer.
+    pub(super) fn is_offline(&self) -> bool {
+        self.snapshot.presence == Presence::Offline
+    }
+
+    /// Its present picture on a line in this state.
+    pub(super) fn view(&self, line: LineState) -> DriveView {
+        let work = &self.work;
+        DriveView {
+            line_is_up: line == LineState::Up,
+            snapshot: self.snapshot.clone(),
+            run_state: work.run_state(line == LineState::Down || self.is_offline()),
+            status: work.status_view(),
+            trip: work.trips().view().clone(),
+            trip_kept: work.trips_kept().clone(),
+            control: work.control_view(),
+            watchdog: work.watchdog().view(),
+        }
+    }
+
+    pub(super) fn port_opened(&mut self, now: MonoTime) {
+        self.station.line_opened(now);
+        self.barriers.port_opened();
+        self.plan.port_opened(now);
+        self.measured.port_opened();
+        self.work.mark_changed();
+    }
+
+    /// What was asked last before the line was opened at `now` may be any request that it serves.
+    pub(super) fn asked_before(&mut self, now: MonoTime) {
+        let timeouts = &self.setup.timeouts;
+        let longest = timeouts.read.max(timeouts.write).max(timeouts.stored_write);
+        self.station.asked_before(now + longest + self.setup.max_lateness);
+    }
+
+    /// From when a wish of its work may be granted, as far as the drive is concerned.
+    pub(super) fn wanted_from(&self, want: &Want) -> MonoTime {
+        let station = &self.station;
+        match want.rank {
+            Rank::FirstStop | Rank::RepeatedStop => want.at,
+            // A look has a rhythm of its own: a stop waits behind it.
+            Rank::Look => want.at.max(station.rests_until()).max(station.unmistakable_at(&want.request)),
+            rank if self.is_withheld(rank) => MonoTime::NEVER,
+            Rank::Step | Rank::Trip | Rank::Start => {
+                want.at.max(station.may_be_asked_from()).max(station.unmistakable_at(&want.request))
+            }
+        }
+    }
+
+    /// No trip is read from a station whose replies may be another drive's: nothing of that would be believed.
+    pub(super) fn is_withheld(&self, rank: Rank) -> bool {
+        rank == Rank::Trip && self.station.is_doubtful()
+    }
+
+    /// Whether `request` may go to it now: it is not left alone, and no late reply can be taken for the answer.
+    pub(super) fn may_be_asked(&self, now: MonoTime, request: &Request) -> bool {
+        now >= self.station.may_be_asked_from() && now >= self.station.unmistakable_at(request)
+    }
+
+    /// Longest wait for the start of its reply to `request`, and for what its characters take longer than ours. After a
+    /// silence it is the full one: a drive that has become slower is not given up for that.
+    pub(super) fn wait_for(&self, request: &Request, line: &Timing) -> Duration {
+        let Self { setup, station, .. } = self;
+        let (class, timing) = (Class::of(request, &setup.model), &setup.model.timing);
+        let learned = self.measured.reply_times.wait(class);
+        let wait = if station.is_known_silent() {
+            setup.timeouts.probe(class, timing, learned)
+        } else if station.is_in_question() {
+            setup.timeouts.of(class)
+        } else {
+            setup.timeouts.in_force(class, timing, learned)
+        };
+        wait + setup.reply_time(request, line).1
+    }
+
+    /// The same with nothing learned: what late replies are declared against.
+    pub(super) fn full_wait(&self, request: &Request, line: &Timing) -> Duration {
+        let wait = self.setup.timeouts.of(Class::of(request, &self.setup.model));
+        wait + self.setup.reply_time(request, line).1
+    }
+
+    /// How long after the end of `request` nobody who needs a stop has to wait any more, if nothing was heard: every
+    /// reply that was seen would have come by then, also where an adapter hands it over only as a whole. Nothing while
+    /// too few were seen.
+    pub(super) fn patience(&self, request: &Request, line: &Timing) -> Option<Duration> {
+        let worst = self.measured.reply_times.worst(Class::of(request, &self.setup.model))?;
+        Some(worst + self.setup.reply_time(request, line).0 + line.silence)
+    }
+
+    /// Until when the reply to `request`, which was given up at `now`, may still come. The lateness is declared against the
+    /// full wait, however short this one was.
+    pub(super) fn may_come_until(
+        &self,
+        now: MonoTime,
+        request_end: MonoTime,
+        request: &Request,
+        line: &Timing,
+    ) -> MonoTime {
+        let (reply, longer) = self.setup.reply_time(request, line);
+        let due = request_end + self.full_wait(request, line) + (reply - longer);
+        now.max(due) + self.station.lateness(self.setup.max_lateness)
+    }
+
+    /// The plan learns which registers the drive answers for.
+    pub(super) fn tell_plan(&mut self, now: MonoTime, request: &Request, ending: &Ending) {
+        let (address, count) = match request {
+            Request::ReadHolding { address, count } => (*address, *count),
+            _ => (0, 0),
+        };
+        let plan = &mut self.plan;
+        match ending {
+            Ending::Reply(_) => plan.answered(address, count),
+            Ending::Exception(_) => plan.refused(address, count, now),
+            Ending::Silent => plan.unanswered(address, count, now),
+            Ending::Garbled => {}
+        }
+    }
+
+    /// Words that the drive showed to us: the picture takes what is polled, the drive's own work the rest.
+    pub(super) fn take_words(&mut self, now: MonoTime, read_at: MonoTime, read: (u16, &[u16]), effects: &mut Outbox) {
+        let (address, words) = read;
+        for (address, word) in (address..=u16::MAX).zip(words) {
+            if let Some(class) = self.setup.model.register_at(address).and_then(|register| register.poll) {
+                if class == PollClass::Fast
+                    && let Some(last) = self.snapshot.reading(address)
+                {
+                    self.measured.aged(now.since(last.at), now);
+                }
+                // A reply that had to wait for the silence behind it is as old as its last byte.
+                self.snapshot.take(address, &[*word], read_at);
+            }
+        }
+        let reading = Reading { at: read_at, is_its_own: !self.station.is_doubtful() };
+        self.work.take_words(address, words, reading, now, effects);
+    }
+
+    /// The exchange had no good answer: a late one may follow, and a silent drive is asked less and less often.
+    pub(super) fn was_not_answered(&mut self, now: MonoTime, fault: Fault, missing: impl FnOnce() -> Missing) {
+        let what = consequence(fault);
+        let station = &mut self.station;
+        if what.reply_may_come_late {
+            station.reply_missing(missing(), now);
+        }
+        if what.backs_off {
+            station.silent(now);
+        }
+    }
+
+    /// The drive answered. That settles what was missing, unless a missing reply could have been taken for this one:
+    /// then the right one is `still_missing`.
+    pub(super) fn answered(&mut self, now: MonoTime, still_missing: Option<Missing>) {
+        let station = &mut self.station;
+        if let Some(missing) = still_missing {
+            station.is_there();
+            station.reply_missing(missing, now);
+        } else {
+            station.answered();
+        }
+        self.barriers.answered(now);
+    }
+
+    /// The drive was asked whether a barrier can be relied on.
+    pub(super) fn trial_ended(&mut self, place: usize, request: &Request, ending: &Ending) {
+        let barriers = &mut self.barriers;
+        match (request, ending) {
+            (Request::Unserved { .. }, Ending::Exception(_)) | (_, Ending::Reply(_)) => barriers.shown(place),
+            (_, Ending::Garbled) => barriers.damaged(place),
+            (_, Ending::Exception(_) | Ending::Silent) => barriers.failed(place),
+        }
+    }
+
+    pub(super) fn set_presence(&mut self, now: MonoTime, presence: Presence, effects: &mut Outbox) {
+        if self.snapshot.presence == presence {
+            return;
+        }
+        self.snapshot.presence = presence;
+        effects.push_back(Effect::Presence(self.index, presence));
+        effects.keep(self.index, Entry::Presence(presence));
+        if presence == Presence::Offline {
+            self.work.out_of_sight(effects);
+        } else {
+            self.plan.drive_is_back(now);
+            self.work.mark_changed();
+        }
+    }
+}
+
+/// The drives of a line, in the order of the configuration.
+#[derive(Debug)]
+pub(super) struct Drives(Vec<DriveOnLine>);
+
+impl Drives {
+    /// The drives of `line`, of which nothing is known at `now`.
+    pub(super) fn new(line: &LineSetup, budget: &Budget, now: MonoTime) -> Self {
+        let drive = |(index, setup)| DriveOnLine::new(index, line, setup, budget, now);
+        Self((0..).zip(&line.drives).map(drive).collect())
+    }
+
+    pub(super) const fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// The drive at `index`; `None` if the line has no such drive.
+    pub(super) fn get(&self, index: DriveIndex) -> Option<&DriveOnLine> {
+        self.0.get(index.get())
+    }
+
+    /// The same, to change it.
+    pub(super) fn get_mut(&mut self, index: DriveIndex) -> Option<&mut DriveOnLine> {
+        self.0.get_mut(index.get())
+    }
+
+    pub(super) fn iter(&self) -> std::slice::Iter<'_, DriveOnLine> {
+        self.0.iter()
+    }
+
+    pub(super) fn iter_mut(&mut self) -> std::slice::IterMut<'_, DriveOnLine> {
+        self.0.iter_mut()
+    }
+
+    pub(super) fn indices(&self) -> impl Iterator<Item = DriveIndex> + use<> {
+        (0..u16::try_from(self.len()).unwrap_or(u16::MAX)).map(DriveIndex)
+    }
+
+    /// The work of each drive.
+    pub(super) fn works(&self) -> impl Iterator<Item = &DriveWork> + Clone {
+        self.0.iter().map(|drive| &drive.work)
+    }
+
+    /// The same, to change it.
+    pub(super) fn works_mut(&mut self) -> impl Iterator<Item = &mut DriveWork> {
+        self.0.iter_mut().map(|drive| &mut drive.work)
+    }
+
+    /// The drive with the number `station` on the line; `None` if that is not one of ours.
+    pub(super) fn at_station(&self, station: Station) -> Option<DriveIndex> {
+        self.0.iter().find(|drive| drive.setup.station == station).map(|drive| drive.index)
+    }
+
+    /// Whether every drive is known to be silent.
+    pub(super) fn are_silent(&self) -> bool {
+        self.0.iter().all(|drive| drive.station.is_known_silent())
+    }
+}
+
+impl Index<DriveIndex> for Drives {
+    type Output = DriveOnLine;
+
+    fn index(&self, index: DriveIndex) -> &DriveOnLine {
+        &self.0[index.get()]
+    }
+}
+
+impl IndexMut<DriveIndex> for Drives {
+    fn index_mut(&mut self, index: DriveIndex) -> &mut DriveOnLine {
+        &mut self.0[index.get()]
+    }
+}
