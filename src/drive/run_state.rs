@@ -26,8 +26,17 @@ pub const ZEROS_FOR_STANDSTILL: u8 = 2;
 pub struct OutputWatch {
     last: Option<(u16, MonoTime)>,
     zeros: u8,
-    /// The lowest reading since a stop has taken effect, and when it came.
-    ramp: Option<(u16, MonoTime)>,
+    /// The readings since a stop has taken effect.
+    ramp: Option<Ramp>,
+}
+
+/// How the output has gone since a stop has taken effect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Ramp {
+    lowest: u16,
+    lowest_at: MonoTime,
+    /// Every reading was lower than the one before.
+    falls: bool,
 }
 
 impl OutputWatch {
@@ -35,28 +44,33 @@ impl OutputWatch {
     pub fn take(&mut self, raw: u16, at: MonoTime) {
         self.last = Some((raw, at));
         self.zeros = if raw == 0 { self.zeros.saturating_add(1) } else { 0 };
-        if let Some(lowest) = self.ramp.as_mut().filter(|(lowest, _)| raw < *lowest) {
-            *lowest = (raw, at);
+        let Some(ramp) = &mut self.ramp else { return };
+        if raw < ramp.lowest {
+            (ramp.lowest, ramp.lowest_at) = (raw, at);
+        } else {
+            ramp.falls = false;
         }
     }
 
     /// A stop has taken effect at `at`: from here on the output falls.
     pub fn ramps_down(&mut self, at: MonoTime) {
-        self.ramp = self.last.or(Some((u16::MAX, at)));
+        let (lowest, lowest_at) = self.last.unwrap_or((u16::MAX, at));
+        self.ramp = Some(Ramp { lowest, lowest_at, falls: true });
     }
 
     /// Whether the motor turns otherwise than a stop explains: the output has risen by more than `rise` above its lowest
     /// reading, or has not fallen for `within`.
     #[must_use]
     pub fn has_left_its_ramp(&self, rise: u32, within: Duration) -> bool {
-        let (Some((lowest, since)), Some((raw, at))) = (self.ramp, self.last) else { return false };
-        raw > 0 && (u32::from(raw) > u32::from(lowest).saturating_add(rise) || at.since(since) >= within)
+        let (Some(ramp), Some((raw, at))) = (self.ramp, self.last) else { return false };
+        raw > 0 && (u32::from(raw) > u32::from(ramp.lowest).saturating_add(rise) || at.since(ramp.lowest_at) >= within)
     }
 
-    /// Whether the output has not stopped falling since a stop has taken effect: the last reading is the lowest.
+    /// Whether the output has fallen with every reading since a stop has taken effect. A motor that has kept its speed
+    /// for one reading may have been started by others, and falls to their setpoint.
     #[must_use]
     pub fn falls(&self) -> bool {
-        self.ramp.is_some() && self.ramp == self.last
+        self.ramp.is_some_and(|ramp| ramp.falls)
     }
 
     /// When the last reading came; nothing if there is none.
@@ -184,6 +198,25 @@ mod tests {
                 }
             }
             assert_eq!(watch.has_left_its_ramp(rise, within), has_left, "{readings:?}");
+        }
+    }
+
+    #[test]
+    fn a_ramp_that_has_paused_is_none_of_a_stop_any_more() {
+        for (readings, falls) in [
+            (&[3000, 2500, 2000][..], true),
+            (&[3000, 2500, 2500], false),
+            (&[3000, 2500, 2600, 2000], false),
+            (&[3000, 2500, 2500, 2000], false),
+        ] {
+            let mut watch = OutputWatch::default();
+            watch.take(readings[0], MonoTime::ZERO);
+            assert!(!watch.falls(), "no stop was given");
+            watch.ramps_down(MonoTime::ZERO);
+            for (second, raw) in (1..).zip(&readings[1..]) {
+                watch.take(*raw, MonoTime::from_millis(second * 1000));
+            }
+            assert_eq!(watch.falls(), falls, "{readings:?}");
         }
     }
 
