@@ -3,6 +3,8 @@
 //! That clock may be ahead of ours. How far is seen when a command comes before its own moment, and is taken off the
 //! moments that follow: a command that comes a second time then has the moment at which it came first, and is older than
 //! a stop between the two. It is as good as the clocks: one that is ahead without ever having shown it is believed.
+//!
+//! Ours may be set back. A moment that comes a second time is therefore never younger than when it came first.
 
 use super::clock::Moment;
 use super::command_words::Refused;
@@ -17,16 +19,25 @@ const AHEAD_MAX_MS: i64 = 2_000;
 const TOLD_FROM_MS: i64 = 100;
 /// A difference that was not seen for so long has been mended. No command is as old.
 const SEEN_FOR: Duration = Duration::from_secs(600);
-/// Most moments that were refused and are remembered.
-const REFUSED_MAX: usize = 64;
+/// Most moments that are remembered.
+const KNOWN_MAX: usize = 1024;
 
 /// What is known about the clocks of those who command.
 #[derive(Debug, Default)]
 pub(super) struct Issued {
     /// How far ahead they were at most, in milliseconds, and when that was seen last.
     lead: Option<(i64, MonoTime)>,
-    /// Moments that were too far ahead. They stay refused when they have come.
-    refused: VecDeque<i64>,
+    /// Moments that have come, newest last.
+    known: VecDeque<Known>,
+}
+
+/// A moment of issue that has come.
+#[derive(Clone, Copy, Debug)]
+struct Known {
+    issued_at: i64,
+    came_first: MonoTime,
+    /// It was too far ahead. It stays refused when it has come.
+    is_refused: bool,
 }
 
 /// When one command was issued.
@@ -47,14 +58,11 @@ impl Issued {
     /// Its moment is too far ahead, or was when it came first.
     pub(super) fn take(&mut self, at: Moment, issued_at: i64) -> Result<Issue, Refused> {
         let ahead_ms = issued_at.saturating_sub(at.wall.unix_ms);
+        let seen = self.remember(at.mono, issued_at, ahead_ms > AHEAD_MAX_MS);
         if ahead_ms > AHEAD_MAX_MS {
-            if !self.refused.contains(&issued_at) {
-                self.refused.truncate(REFUSED_MAX - 1);
-                self.refused.push_front(issued_at);
-            }
             return Err(Refused::new(Reason::ClockAhead, format!("{}; at most 2 s are taken", ahead(ahead_ms))));
         }
-        if self.refused.contains(&issued_at) {
+        if seen.is_refused {
             let why = "this moment was refused before, when it was too far ahead of the gateway's clock";
             return Err(Refused::new(Reason::ClockAhead, why));
         }
@@ -65,10 +73,24 @@ impl Issued {
         }
         let remark = (ahead_ms >= TOLD_FROM_MS).then(|| ahead(ahead_ms));
         Ok(Issue {
-            age: millis(ahead_ms.saturating_neg()),
-            moment: at.mono.before(millis(lead.saturating_sub(ahead_ms))),
+            age: millis(ahead_ms.saturating_neg()).max(at.mono.since(seen.came_first)),
+            moment: at.mono.before(millis(lead.saturating_sub(ahead_ms))).min(seen.came_first),
             remark,
         })
+    }
+
+    /// Notes a moment that has come, and returns what is known of it.
+    fn remember(&mut self, now: MonoTime, issued_at: i64, is_refused: bool) -> Known {
+        if let Some(known) = self.known.iter_mut().find(|it| it.issued_at == issued_at) {
+            known.is_refused |= is_refused;
+            return *known;
+        }
+        if self.known.len() >= KNOWN_MAX {
+            self.known.pop_front();
+        }
+        let known = Known { issued_at, came_first: now, is_refused };
+        self.known.push_back(known);
+        known
     }
 }
 
@@ -137,12 +159,23 @@ mod tests {
     }
 
     #[test]
+    fn a_moment_that_comes_again_is_no_younger_where_the_clock_was_set_back() {
+        let mut issued = Issued::default();
+        let set_back = |millis| Moment { wall: at(millis - 24_500).wall, ..at(millis) };
+        assert!(issued.take(at(50_000), EPOCH + 49_900).is_ok());
+        let again = issued.take(set_back(73_000), EPOCH + 49_900).unwrap();
+        assert_eq!((again.age, again.moment), (Duration::from_secs(23), at(50_000).mono));
+        let new = issued.take(set_back(73_000), EPOCH + 48_400).unwrap();
+        assert_eq!(new.age, Duration::from_millis(100), "a new command of a clock like ours");
+    }
+
+    #[test]
     fn what_is_remembered_of_clocks_is_bounded_and_forgotten() {
         let mut issued = Issued::default();
-        for number in 0..1_000 {
+        for number in 0..2_000 {
             assert!(issued.take(at(0), EPOCH + 1_000_000 + number).is_err());
         }
-        assert_eq!(issued.refused.len(), REFUSED_MAX);
+        assert_eq!(issued.known.len(), KNOWN_MAX);
         issued.take(at(0), EPOCH + 1_500).unwrap();
         assert_eq!(issued.take(at(599_000), EPOCH + 599_000).unwrap().moment, at(597_500).mono);
         assert_eq!(issued.take(at(601_000), EPOCH + 601_000).unwrap().moment, at(601_000).mono);
