@@ -196,6 +196,10 @@ impl Checker {
             self.books[drive].stop_was_none(number);
             return;
         }
+        // A stop for all is answered when the last drive has stopped. One of the others may have been started again.
+        if self.books[drive].orders.iter().any(|it| it.number > number && it.has_run && it.taken > 0) {
+            return;
+        }
         let Some(runs_since) =
             motor.runs_since.filter(|_| motor.stopped_by_us.is_none_or(|sent| sent + GOES_AGAIN < asked))
         else {

@@ -283,6 +283,9 @@ impl Checker {
                 book.run_taken, book.setpoint_taken
             );
             self.object("O4", || text);
+        } else if is_shown && wish.setpoint.is_some() && !is_motion {
+            // The write itself may have been lost, where others have set the same.
+            self.books[drive].setpoint_taken = wish.setpoint;
         }
     }
 
@@ -328,6 +331,10 @@ impl Checker {
                 let is_stop = matches!(facts.run_of(value), Some(Run::Stop | Run::Coast));
                 book.echoes += u32::from(is_stop);
                 book.stop.echoed |= is_stop;
+                if is_stop && !book.stop.is_pending {
+                    // One that was perhaps none is the last one now: another one of its kind is the same.
+                    book.stop.was_accepted_at = Some(at);
+                }
                 if is_stop {
                     self.stop_taken(drive);
                 }
