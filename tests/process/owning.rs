@@ -107,7 +107,7 @@ fn telemetry_of_an_outage_comes_behind_it_once_in_order_and_marked() {
     plant.run_over_mqtt();
     until("it is at its setpoint", PATIENCE, || (plant.output() >= Some(2_950)).then_some(()));
     plant.broker.end();
-    plant.wait_until_it_stands();
+    plant.wait_until_shown_as_stopped();
     plant.broker.start_again();
     plant.wait_until_ready();
     let historian = Subscriber::lasting(&plant.broker, "historian", "vfd/plant/drive/pump-1/history");

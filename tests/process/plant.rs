@@ -127,6 +127,14 @@ impl Plant {
         });
     }
 
+    /// Waits until the gateway itself shows that the drive is stopped, which takes two readings of zero.
+    pub fn wait_until_shown_as_stopped(&self) {
+        until("the drive is shown as stopped", PATIENCE, || {
+            let health: Value = serde_json::from_str(&self.get("/api/v1/health")?.1).ok()?;
+            (health["drives"][0]["run_state"] == "stopped").then_some(())
+        });
+    }
+
     /// Waits until the gateway has noticed that its broker is gone.
     pub fn wait_until_not_ready(&self) {
         until("the gateway is not ready", PATIENCE, || self.get("/readyz").filter(|(status, _)| *status == 503));
