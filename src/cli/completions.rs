@@ -1,6 +1,6 @@
 //! `completions`: what lets a shell finish the words of this program.
 
-use super::{Failure, help, print};
+use super::{Failure, print};
 
 /// Arguments of `completions`.
 #[derive(Debug, clap::Args)]
@@ -10,9 +10,8 @@ pub struct Args {
     shell: clap_complete::Shell,
 }
 
-/// Prints the script for the shell.
-pub fn completions(args: &Args) -> Result<(), Failure> {
-    let mut command = help::command();
+/// Prints the script that lets the shell complete `command`.
+pub fn completions(args: &Args, mut command: clap::Command) -> Result<(), Failure> {
     let name = command.get_name().to_owned();
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut command, name.as_str(), &mut script);

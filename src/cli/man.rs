@@ -1,6 +1,6 @@
 //! `man`: the manual pages of this program, made from what `--help` is made from.
 
-use super::{Failure, help, print};
+use super::{Failure, print};
 use clap::Command;
 use clap_mangen::Man;
 use std::io;
@@ -17,10 +17,10 @@ pub struct Args {
     dir: Option<PathBuf>,
 }
 
-/// Prints the program's page, or writes all of them.
-pub fn man(args: &Args) -> Result<(), Failure> {
+/// Prints the page of `command`, or writes those of all its sub-commands.
+pub fn man(args: &Args, command: Command) -> Result<(), Failure> {
     // Whoever reads a manual needs no command that prints help; and only what is built knows its full names.
-    let mut command = help::command().disable_help_subcommand(true);
+    let mut command = command.disable_help_subcommand(true);
     command.build();
     if let Some(dir) = &args.dir {
         return write_all(&command, dir).map_err(|error| Failure::failed(format!("{}: {error}", dir.display())));

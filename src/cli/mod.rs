@@ -8,6 +8,7 @@ mod completions;
 pub mod demo;
 mod doctor;
 mod enable;
+mod failure;
 mod health;
 mod help;
 pub mod input;
@@ -19,6 +20,7 @@ mod man;
 mod map;
 mod model_facts;
 mod models;
+mod output;
 mod own_gateway;
 pub mod own_models;
 mod params;
@@ -40,14 +42,10 @@ mod watch;
 mod watchdog;
 mod write;
 
-use clap::{Parser, Subcommand};
-use std::fmt::Display;
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+pub use failure::Failure;
+pub use output::print;
 use std::process::ExitCode;
-
-/// Exit code for a command that failed.
-const FAILED: u8 = 1;
-/// Exit code for wrong usage or a wrong configuration, as clap has it.
-const WRONG_USAGE: u8 = 2;
 
 /// Bridges variable-frequency drives on serial lines to Modbus TCP and MQTT.
 ///
@@ -138,44 +136,21 @@ impl Command {
     }
 }
 
-/// Why a command ended without success. The message is already for people.
-#[derive(Debug)]
-pub struct Failure {
-    message: String,
-    code: u8,
+/// The command line with all that `--help` and the manual say.
+fn command() -> clap::Command {
+    help::complete(Cli::command())
 }
 
-impl Display for Failure {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.message)
-    }
-}
-
-impl Failure {
-    /// Something failed while the command ran.
-    #[must_use]
-    pub fn failed(message: impl Display) -> Self {
-        Self { message: message.to_string(), code: FAILED }
-    }
-
-    /// The arguments or a file that was given are wrong.
-    #[must_use]
-    pub fn wrong(message: impl Display) -> Self {
-        Self { message: message.to_string(), code: WRONG_USAGE }
-    }
-
-    /// Prints it to stderr, and returns the exit code.
-    #[must_use]
-    pub fn report(&self) -> ExitCode {
-        log::complain(format!("{}\n", self.message).as_bytes());
-        ExitCode::from(self.code)
-    }
+/// The arguments of this process. Exits if they are wrong or ask for help.
+fn parse() -> Cli {
+    let matches = command().get_matches();
+    Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
 }
 
 /// Runs the command that the arguments name.
 #[must_use]
 pub fn main() -> ExitCode {
-    let cli = help::parse();
+    let cli = parse();
     let _last_lines = log::start(cli.log_format, cli.command.log_level());
     let done = match cli.command {
         Command::Demo(args) => demo::demo(&args),
@@ -198,24 +173,12 @@ pub fn main() -> ExitCode {
         Command::Watch(args) => watch::watch(&args),
         Command::Capture(args) => capture::capture(&args),
         Command::Map(args) => map::map(&args),
-        Command::Completions(args) => completions::completions(&args),
-        Command::Man(args) => man::man(&args),
+        Command::Completions(args) => completions::completions(&args, command()),
+        Command::Man(args) => man::man(&args, command()),
         Command::Broker(args) => broker::broker(&args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => failure.report(),
-    }
-}
-
-/// Prints to stdout. A reader who has gone away, such as `head`, ends the output without an error.
-///
-/// # Errors
-/// Any other failure to write.
-pub fn print(text: &str) -> Result<(), Failure> {
-    use std::io::Write;
-    match std::io::stdout().lock().write_all(text.as_bytes()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::failed(error)),
-        _ => Ok(()),
     }
 }

@@ -131,7 +131,7 @@ pub struct OwnGateway {
     drive: Name,
     station: u8,
     end: Option<oneshot::Sender<()>>,
-    thread: Option<JoinHandle<Result<(), run::StartError>>>,
+    thread: Option<JoinHandle<Result<(), crate::daemon::start_error::StartError>>>,
 }
 
 /// A directory that only its owner may look into, and that goes with this.

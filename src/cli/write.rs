@@ -369,7 +369,7 @@ mod tests {
             let starts = [Some(&run.forward), run.reverse.as_ref()].into_iter().flatten().map(|it| it.value);
             for word in starts {
                 let refused = end_of(register, word, &[]);
-                assert_eq!(refused.code, super::super::WRONG_USAGE, "{}: {}", model.id, refused.message);
+                assert_eq!(refused.code, crate::cli::failure::WRONG_USAGE, "{}: {}", model.id, refused.message);
                 assert!(refused.message.contains(&model.id), "{}: {}", model.id, refused.message);
                 assert!(refused.message.contains("run forward"), "{}", refused.message);
                 let once = end_of(register, word, &["--once"]);
@@ -394,7 +394,13 @@ mod tests {
                 let drive = ["--model", &model.id, "--station", "1", &address, &word];
                 let line = [&["write"], &place[..], &drive].concat();
                 let refused = write(&Line::try_parse_from(line).unwrap().args).unwrap_err();
-                assert_eq!(refused.code, super::super::WRONG_USAGE, "{} {address}: {}", model.id, refused.message);
+                assert_eq!(
+                    refused.code,
+                    crate::cli::failure::WRONG_USAGE,
+                    "{} {address}: {}",
+                    model.id,
+                    refused.message
+                );
             }
         }
     }
@@ -403,7 +409,7 @@ mod tests {
     fn the_run_command_of_a_uniform_unit_is_known_without_the_flag() {
         for word in [1, 2, TAKE] {
             let refused = end_of(map::RUN, word, &[]);
-            assert_eq!(refused.code, super::super::WRONG_USAGE, "{word}: {}", refused.message);
+            assert_eq!(refused.code, crate::cli::failure::WRONG_USAGE, "{word}: {}", refused.message);
             assert!(refused.message.contains("uniform"), "{}", refused.message);
         }
         for word in [STOP, 3, 4, 5] {
@@ -420,7 +426,7 @@ mod tests {
         {
             let failure = frequency(wrong).unwrap_err();
             assert!(failure.message.contains(why), "{wrong}: {}", failure.message);
-            assert_eq!(failure.code, super::super::WRONG_USAGE);
+            assert_eq!(failure.code, crate::cli::failure::WRONG_USAGE);
         }
     }
 

@@ -3,59 +3,14 @@
 use super::file::{File, HttpFile, HttpUserFile};
 use super::host::host_and_port;
 use super::listen::{guarded, is_loopback};
+pub use super::ready_http::{HashSource, HttpSettings, HttpTls, UserSettings};
 use super::words::Way;
-use crate::domain::ids::CommanderName;
 use crate::domain::problem::Problem;
 use crate::north::operator::password::StoredHash;
 use crate::toml_file::{Location, OptionalKey, Spanned};
-use ipnet::IpNet;
-use std::net::SocketAddr;
-use std::path::PathBuf;
 
 /// Most users. A person has one name, and there are few at a gateway.
 const USERS_MAX: usize = 64;
-
-/// The HTTP listener.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct HttpSettings {
-    /// Address and port. No other listener has the same.
-    pub listen: SocketAddr,
-    /// Who may connect; nothing: whoever can, which is this host only (a listener elsewhere has a list).
-    pub allow: Option<Vec<IpNet>>,
-    /// Names by which browsers may call the gateway besides addresses and the host's own, in lower case.
-    pub hosts: Vec<String>,
-    /// Who may sign in and command; nobody: the page only shows. Only on loopback or with TLS.
-    pub users: Vec<UserSettings>,
-    /// How connections are encrypted; nothing: they are not.
-    pub tls: Option<HttpTls>,
-}
-
-/// Somebody who may sign in on the page.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct UserSettings {
-    /// Unique among the users; the owner of what is commanded.
-    pub name: CommanderName,
-    /// The password as a hash.
-    pub hash: HashSource,
-}
-
-/// Where the hash of a password is.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum HashSource {
-    /// In the configuration.
-    Text(StoredHash),
-    /// It is the text of the file at this absolute path.
-    File(PathBuf),
-}
-
-/// TLS of the HTTP listener. Absolute paths.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct HttpTls {
-    /// The gateway's certificate with its chain.
-    pub cert_file: PathBuf,
-    /// Its key.
-    pub key_file: PathBuf,
-}
 
 /// The ready settings of `http`, which stands in `file`; nothing: see `problems`.
 pub(super) fn settle(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) -> Option<HttpSettings> {

@@ -29,6 +29,7 @@ mod ratings;
 mod read;
 pub mod ready;
 mod ready_broker;
+mod ready_http;
 mod resolve;
 #[cfg(test)]
 mod tests;

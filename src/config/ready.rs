@@ -1,9 +1,9 @@
 //! The configuration ready to use: every default filled in, every rule kept. Only [`super::load`] makes one.
 
-use super::http::HttpSettings;
 pub use super::ready_broker::{
     BrokerSettings, ClientCertificate, Credentials, MqttSettings, PasswordSource, SparkplugSettings, TlsSettings,
 };
+use super::ready_http::HttpSettings;
 use crate::domain::command::Rights;
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::{Name, Station, UnitId};

@@ -1,7 +1,7 @@
 //! The way back from the line threads to the north side.
 
 use super::clock;
-use super::journal::{Journal, Origin};
+use super::journal::origin::Origin;
 use crate::domain::command::CommandAnswer;
 use crate::domain::ids::AskerId;
 use crate::domain::native::NativeAnswer;
@@ -42,21 +42,6 @@ impl News {
             Self::Trip(..) | Self::Events { .. } => AskerId::MQTT,
         }
     }
-}
-
-/// The north sides that lines answer to, and where both keep what is to be kept.
-#[derive(Clone, Debug, Default)]
-pub struct NorthSides {
-    /// Modbus TCP connections.
-    pub modbus: Arc<AnswerBox>,
-    /// MQTT; nothing if there is none, and then nobody keeps news for it.
-    pub mqtt: Option<Arc<AnswerBox>>,
-    /// Sparkplug, in the same way.
-    pub sparkplug: Option<Arc<AnswerBox>>,
-    /// The program's own tools, and the page.
-    pub local: Arc<AnswerBox>,
-    /// The journal; nothing if there is no data directory.
-    pub journal: Option<Arc<Journal>>,
 }
 
 /// Answers of all lines that the north side has not fetched yet. Its bound is that of the requests: each

@@ -1,10 +1,11 @@
 //! What one line thread shows to the north sides: answers, pictures of its drives, its own state.
 
-use super::answers::{News, NorthSides};
+use super::answers::News;
 use super::bell::Bell;
 use super::clock;
 use super::inbox::{Inbox, Message};
 use super::line_rows::LineRows;
+use super::north_sides::NorthSides;
 use super::shared::SharedLine;
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::time::MonoTime;

@@ -16,13 +16,9 @@ use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::plan::Pace;
 use crate::gateway::{DriveSetup, LineSetup};
 use crate::journal::Remembered;
-use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// What a journal remembers of each drive, by its name.
-pub type Memory = BTreeMap<Name, Remembered>;
 
 /// The pure side of a line, at a start of the gateway that no other start shares `first_epoch` with. Whether there is
 /// a journal: `keeps`. What that remembers is not known yet. Whether commands are taken already: `joins_late`.

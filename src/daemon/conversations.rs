@@ -1,11 +1,12 @@
 //! What is said to the broker: the conversation of the MQTT side, and beside it that of the Sparkplug side.
 
-use super::answers::{AnswerBox, NorthSides};
+use super::answers::AnswerBox;
 use super::clock;
 use super::http::State;
 use super::mqtt::speaker::Speaker;
 use super::mqtt::{self, ConnectionSettings, Counters, Talk};
 use super::north_journal;
+use super::north_sides::NorthSides;
 use super::shared::Current;
 use super::sparkplug::BdSeq;
 use super::sparkplug::speaker::{Sides, Speaker as SparkplugSpeaker};

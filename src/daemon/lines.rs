@@ -1,9 +1,10 @@
 //! The threads of all lines: made ready, begun, asked to leave, ended.
 
-use super::answers::NorthSides;
 use super::bell::Bell;
-use super::build::{self, Memory};
+use super::build;
 use super::line_thread::LineHandle;
+use super::line_thread::Memory;
+use super::north_sides::NorthSides;
 use super::shared::SharedLine;
 use crate::config::LineSettings;
 use crate::domain::report::StopBounds;

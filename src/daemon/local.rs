@@ -5,7 +5,7 @@ use super::clock;
 use super::inbox::{Full, Message};
 use super::keeper::Keeper;
 use super::north_journal::Journal;
-use super::reload::{Reloaded, Reloads};
+use super::reload_request::{Reloaded, Reloads};
 use super::shared::{Current, Shared};
 use super::stall::Stalls;
 use crate::domain::command::{CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights};
@@ -121,7 +121,7 @@ impl LocalSide {
     pub async fn reload(&self) -> Reloaded {
         match &self.reloads {
             Some(reloads) => reloads.ask().await,
-            None => Err(super::reload::Refusal::NoFile),
+            None => Err(super::reload_request::Refusal::NoFile),
         }
     }
 

@@ -39,16 +39,12 @@ use std::rc::{Rc, Weak};
 use std::sync::Arc;
 use std::task::{Poll, ready};
 use std::time::Duration;
-use stream::Stream;
+use stream::{READ_BYTES, Stream};
 use tokio::io::{AsyncRead, ReadBuf};
 use tokio::net::tcp::OwnedReadHalf;
 use tokio::sync::Notify;
 use tokio::task::yield_now;
 use tokio::time::Instant;
-
-/// Bytes read from a socket at once: the longest message and some, or a burst of short ones. Small, because each
-/// connection has a buffer, and because whoever has sent more waits until all others had their turn.
-const READ_BYTES: usize = 512;
 
 /// The connections of all listeners. It lives on the main thread.
 #[derive(Debug, Default)]

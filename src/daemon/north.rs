@@ -1,21 +1,20 @@
 //! The north sides of a running gateway: what listens, and who serves it.
 
-use super::answers::NorthSides;
 use super::clock;
 use super::conversations::{BrokerSide, Conversations};
 use super::descriptors;
-use super::http::live::Live;
-use super::http::report::{self, History};
-use super::http::{self, Control, Front, State, socket::OwnSocket};
+use super::http::report;
+use super::http::{self, Control, Documents, Front, State, socket::OwnSocket};
 use super::local::LocalSide;
 use super::modbus_server::{Listener, Security, Server};
 use super::north_journal;
-use super::reload::Reloads;
+use super::north_sides::NorthSides;
+use super::reload_request::Reloads;
 use super::router::{Router, Units};
-use super::run::StartError;
 use super::secret_files;
 use super::shared::Current;
 use super::stall::Stalls;
+use super::start_error::StartError;
 use super::totals::ModbusTotals;
 use crate::config::change::Change;
 use crate::config::{BEHIND_A_BRIDGE, Config, ListenerSettings};
@@ -140,7 +139,7 @@ fn places(config: &Config) -> usize {
 #[derive(Debug)]
 pub struct North {
     current: Current,
-    state: Arc<State>,
+    documents: Documents,
     server: Rc<Server>,
     units: Units,
     /// In the order of the configuration.
@@ -177,14 +176,13 @@ impl North {
             mqtt: None.into(),
             sparkplug: None.into(),
             journal: sides.journal.clone(),
-            history: History::default(),
             socket: socket.as_ref().map(|(socket, _)| socket.reachable()),
-            live: Live::new(started),
             started: started.mono,
             started_at: started.wall,
         });
-        tokio::task::spawn_local(report::remember(Arc::clone(&state)));
-        tokio::task::spawn_local(http::live::run(Arc::clone(&state)));
+        let documents = Documents::new(Arc::clone(&state));
+        tokio::task::spawn_local(report::remember(Arc::clone(&documents.history)));
+        tokio::task::spawn_local(http::live::run(Arc::clone(&documents.live)));
         let (socket, reloads) = socket.map_or((None, None), |(socket, reloads)| (Some(socket), reloads));
         let stalls = Arc::<Stalls>::default();
         tokio::task::spawn_local(Arc::clone(&stalls).watch());
@@ -192,16 +190,16 @@ impl North {
         let side = Arc::new(side.keeping(north_journal::side(sides.journal.as_ref(), &current)));
         tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&sides.local)));
         if let Some(socket) = socket {
-            tokio::task::spawn_local(socket.serve(Arc::clone(&state), Arc::clone(&side)));
+            tokio::task::spawn_local(socket.serve(documents.clone(), Arc::clone(&side)));
         }
-        let control = Arc::new(Control::new(side, state.live.moments().clone(), Front::default()));
+        let control = Arc::new(Control::new(side, documents.live.moments().clone(), Front::default()));
         let server = Server::new(modbus_totals, north_journal::side(sides.journal.as_ref(), &current));
         let server = Rc::new(server.with_places(places(config)).with_stalls(stalls));
         tokio::task::spawn_local(Rc::clone(&server).distribute(Arc::clone(&sides.modbus)));
         let units = Units::new(&current.get());
         let listeners = Vec::new();
-        let conversations = Conversations::new(current.clone(), sides, Arc::clone(&state));
-        let mut north = Self { current, state, server, units, listeners, http: None, control, conversations };
+        let conversations = Conversations::new(current.clone(), sides, state);
+        let mut north = Self { current, documents, server, units, listeners, http: None, control, conversations };
         north.listen(config, &[], bound);
         north.conversations.talk_as(broker_side);
         north
@@ -230,7 +228,7 @@ impl North {
         if bound.has_http_moved {
             self.http.take().inspect(AbortHandle::abort);
             let serve = |listener| {
-                tokio::task::spawn_local(http::serve(listener, Arc::clone(&self.state), Arc::clone(&self.control)))
+                tokio::task::spawn_local(http::serve(listener, self.documents.clone(), Arc::clone(&self.control)))
             };
             self.http = bound.http.map(serve).map(|task| task.abort_handle());
         }

@@ -3,28 +3,24 @@
 //! Everything that can fail is done first: the file is loaded and checked, addresses are taken, secrets and certificates read,
 //! threads started. Then the drives whose lines end are looked at, and only then anything changes.
 
-use super::build::{self, Memory};
+use super::build;
 use super::conversations::BrokerSide;
+use super::embedded_broker::embedded_broker;
 use super::journal::Journal;
-use super::line_thread::LineHandle;
+use super::line_thread::{LineHandle, Memory};
 use super::lines::Lines;
 use super::mqtt::broker_child::BrokerChild;
 use super::north::{self, Bound, North};
-use super::run::embedded_broker;
+use super::reload_request::{Applied, Refusal, Reloaded};
 use super::shared::{Current, Shared};
 use crate::config::change::{Change, Part, Told};
 use crate::config::{Config, MqttSettings, Removal};
 use crate::domain::ids::Name;
-use crate::domain::problem::Problem;
 use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
-
-/// Reloads that may wait; a person asks for one.
-const WAITING_MAX: usize = 4;
 
 /// Most time for the journal to say what it remembers.
 const MEMORY_WITHIN: Duration = Duration::from_secs(1);
@@ -34,112 +30,6 @@ const LOADED_WITHIN: Duration = Duration::from_secs(10);
 
 /// Loads the configuration, or tells all its problems, for people.
 pub type Load = Arc<dyn Fn() -> Result<Config, String> + Send + Sync>;
-
-/// What becomes of a reload.
-pub type Reloaded = Result<Applied, Refusal>;
-
-/// A configuration that was taken anew.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Applied {
-    /// What is different.
-    pub changes: Vec<Told>,
-    /// What of the file has no effect.
-    pub warnings: Vec<Problem>,
-}
-
-/// Why everything stays as it was.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Refusal {
-    /// The file has problems.
-    #[error("{0}")]
-    Configuration(String),
-    /// Drives are in use that would be taken away.
-    #[error(
-        "{} in use: stop what would be removed or have its line restarted, or set `on_removal = \"stop\"` in [gateway]",
-        Named(.0)
-    )]
-    InUse(Vec<String>),
-    /// Drives were stopped before they would be taken away, and it shows no effect.
-    #[error("{} stopped, and it shows no effect: nothing is removed, the stop goes on", Named(.0))]
-    NoEffect(Vec<String>),
-    /// Only a restart changes this.
-    #[error("{} cannot be changed while the gateway runs; restart it", .0.join(" and "))]
-    NeedsRestart(Vec<&'static str>),
-    /// Something of the new configuration cannot be had.
-    #[error("{0}")]
-    System(String),
-    /// Others wait already.
-    #[error("other reloads wait already")]
-    Busy,
-    /// The gateway has no file.
-    #[error("this gateway runs without a file of its own")]
-    NoFile,
-    /// The gateway ends.
-    #[error("the gateway is ending")]
-    Ending,
-}
-
-impl Refusal {
-    /// A word for programs.
-    #[must_use]
-    pub const fn word(&self) -> &'static str {
-        match self {
-            Self::Configuration(_) => "configuration",
-            Self::InUse(_) => "in_use",
-            Self::NoEffect(_) => "not_effective",
-            Self::NeedsRestart(_) => "needs_restart",
-            Self::System(_) => "system",
-            Self::Busy => "queue_full",
-            Self::NoFile => "no_file",
-            Self::Ending => "shutting_down",
-        }
-    }
-
-    /// The drives that it is about.
-    #[must_use]
-    pub fn drives(&self) -> &[String] {
-        match self {
-            Self::InUse(drives) | Self::NoEffect(drives) => drives,
-            _ => &[],
-        }
-    }
-}
-
-/// Names with their verb.
-struct Named<'n>(&'n [String]);
-
-impl fmt::Display for Named<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (noun, verb) = if self.0.len() == 1 { ("drive", "is") } else { ("drives", "are") };
-        write!(f, "{noun} {} {verb}", self.0.join(", "))
-    }
-}
-
-/// The way to ask for a reload.
-#[derive(Clone, Debug)]
-pub struct Reloads(mpsc::Sender<oneshot::Sender<Reloaded>>);
-
-impl Reloads {
-    /// The way, and its other end.
-    #[must_use]
-    pub fn channel() -> (Self, mpsc::Receiver<oneshot::Sender<Reloaded>>) {
-        let (ask, asked) = mpsc::channel(WAITING_MAX);
-        (Self(ask), asked)
-    }
-
-    /// Has the configuration taken anew, and waits for what becomes of that.
-    ///
-    /// # Errors
-    /// Why everything stays as it was.
-    pub async fn ask(&self) -> Reloaded {
-        let (tell, told) = oneshot::channel();
-        self.0.try_send(tell).map_err(|error| match error {
-            mpsc::error::TrySendError::Full(_) => Refusal::Busy,
-            mpsc::error::TrySendError::Closed(_) => Refusal::Ending,
-        })?;
-        told.await.unwrap_or(Err(Refusal::Ending))
-    }
-}
 
 /// Everything of a running gateway that a reload changes.
 #[derive(Debug)]

@@ -1,23 +1,26 @@
 //! The daemon: one thread per line, the north side on this one, until it is told to end.
 
-use super::answers::NorthSides;
 use super::bell::Bell;
+use super::embedded_broker::embedded_broker;
 use super::http::socket::OwnSocket;
 use super::journal::Journal;
+use super::line_thread::Memory;
 use super::lines::Lines;
 use super::mqtt::broker_child::BrokerChild;
 use super::north::{self, North};
-use super::own_lock::Taken;
-use super::reload::{Gateway, Load, Loader, Refusal, Reloaded, Reloads};
+use super::north_sides::NorthSides;
+use super::reload::{Gateway, Load, Loader};
+use super::reload_request::{Refusal, Reloaded, Reloads};
 use super::shared::Current;
+use super::start_error::StartError;
 use super::{build, notify, sys};
-use crate::config::{Config, MqttSettings};
+use crate::config::Config;
 use crate::domain::ids::Name;
 use crate::domain::problem::Problem;
 use crate::domain::report::LineCounters;
 use rustix::system::uname;
 use std::io;
-use std::net::{Ipv4Addr, SocketAddr};
+use std::net::SocketAddr;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -31,42 +34,6 @@ const JOURNAL_MAX: Duration = Duration::from_secs(2);
 const BESIDE_THREADS_MAX: usize = 16;
 /// Most time for what reads files or looks up names beside the runtime: it may hang, and ends with the process.
 const BESIDE_MAX: Duration = Duration::from_secs(1);
-
-/// Why the daemon could not start.
-#[derive(Debug, thiserror::Error)]
-pub enum StartError {
-    /// A listener's address could not be taken.
-    #[error("cannot listen on {address}: {error}")]
-    Listen {
-        /// As configured.
-        address: SocketAddr,
-        /// The system's reason.
-        error: io::Error,
-    },
-    /// The certificates of a listener cannot be used.
-    #[error("modbus_tcp {address}: {what}")]
-    ModbusTls {
-        /// The listener, as configured.
-        address: SocketAddr,
-        /// All that is wrong with its files.
-        what: String,
-    },
-    /// The users or the certificate of the HTTP listener cannot be used.
-    #[error("http: {0}")]
-    Http(String),
-    /// Another gateway runs on the same data directory.
-    #[error(transparent)]
-    Taken(#[from] Taken),
-    /// The broker for trying out does not start.
-    #[error("the embedded broker does not start: {0}")]
-    Broker(io::Error),
-    /// A password or a certificate cannot be used.
-    #[error("mqtt: {0}")]
-    Mqtt(String),
-    /// A thread, a runtime or a signal handler was refused.
-    #[error("the system refuses what the daemon needs: {0}")]
-    System(#[from] io::Error),
-}
 
 /// What a running gateway shows to the one who started it.
 #[derive(Debug)]
@@ -281,23 +248,9 @@ fn name_of(config: &Config) -> Name {
     config.gateway.name.clone().or_else(host).unwrap_or_else(Name::fallback)
 }
 
-/// The embedded broker, if `config` wants it.
-///
-/// # Errors
-/// It does not start.
-pub(super) fn embedded_broker(config: &Config) -> Result<Option<BrokerChild>, StartError> {
-    if !config.mqtt.as_ref().is_some_and(MqttSettings::is_embedded) {
-        return Ok(None);
-    }
-    let any = |port| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
-    // The usual port if it is free, so that tools find it; else any.
-    let broker = BrokerChild::start(any(1883)).or_else(|_| BrokerChild::start(any(0)));
-    broker.map(Some).map_err(StartError::Broker)
-}
-
 /// `sides` with the journal, if there is a data directory, and what it remembers of the drives.
-fn with_journal(config: &Config, sides: NorthSides, changed: &Arc<Bell>) -> io::Result<(NorthSides, build::Memory)> {
-    let Some(settings) = build::journal(config) else { return Ok((sides, build::Memory::new())) };
+fn with_journal(config: &Config, sides: NorthSides, changed: &Arc<Bell>) -> io::Result<(NorthSides, Memory)> {
+    let Some(settings) = build::journal(config) else { return Ok((sides, Memory::new())) };
     let (journal, memory) = Journal::start(&settings, sides.clone(), Arc::clone(changed))?;
     Ok((NorthSides { journal: Some(journal), ..sides }, memory))
 }

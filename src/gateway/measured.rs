@@ -1,13 +1,10 @@
 //! What was measured on one line: reply times, gaps, ages, and how long stops had to wait.
 
-use super::core::LineCore;
-use super::drive::DriveOnLine;
+use super::setup::DriveSetup;
 use crate::domain::counts::{ExchangeCounts, ReplyCounts};
-use crate::domain::ids::DriveIndex;
-use crate::domain::report::{LineMeasured, ReplyReport, StationReport};
+use crate::domain::report::{LineMeasured, ReplyReport};
 use crate::domain::time::MonoTime;
 use crate::line::histogram::Histogram;
-use crate::line::quality::Quality;
 use crate::line::reply_times::ReplyTimes;
 use crate::line::timeouts::{self, Class};
 use std::time::Duration;
@@ -41,8 +38,8 @@ pub(super) struct DriveMeasured {
     /// The oldest that a fast value became in the present span, and in the one before.
     ages: [Duration; 2],
     ages_since: MonoTime,
-    planned_age: Option<Duration>,
-    reply_counts: [ReplyCounts; Class::ALL.len()],
+    pub(super) planned_age: Option<Duration>,
+    pub(super) reply_counts: [ReplyCounts; Class::ALL.len()],
     pub(super) exchanges: ExchangeCounts,
 }
 
@@ -66,6 +63,18 @@ impl Measured {
     pub(super) fn stop_sent(&mut self, accepted: MonoTime, now: MonoTime) {
         let waited = now.since(accepted.max(self.opened_at));
         self.line.longest_stop = self.line.longest_stop.max(waited);
+    }
+
+    /// The place of the drive, of `count`, whose report is due at `now`: each once in [`STATION_EVERY`], so that no round
+    /// makes many.
+    pub(super) fn report_due(&mut self, count: usize, now: MonoTime) -> Option<usize> {
+        if now < self.next_at || count == 0 {
+            return None;
+        }
+        let place = self.next;
+        self.next = (place + 1) % count;
+        self.next_at = now + STATION_EVERY / u32::try_from(count).unwrap_or(u32::MAX);
+        Some(place)
     }
 }
 
@@ -95,51 +104,25 @@ impl DriveMeasured {
         }
         self.ages[0] = self.ages[0].max(age);
     }
-}
 
-impl LineCore {
-    /// The report of a drive whose turn it is at `now`, each once in [`STATION_EVERY`], so that no round makes many.
-    pub fn next_station(&mut self, now: MonoTime) -> Option<(DriveIndex, StationReport)> {
-        let count = self.drives.len();
-        if now < self.measured.next_at || count == 0 {
-            return None;
-        }
-        let place = self.measured.next;
-        self.measured.next = (place + 1) % count;
-        self.measured.next_at = now + STATION_EVERY / u32::try_from(count).unwrap_or(u32::MAX);
-        let drive = DriveIndex(u16::try_from(place).ok()?);
-        Some((drive, self.station(drive)?))
+    /// The oldest that a fast value has become lately.
+    pub(super) fn oldest_age(&self) -> Duration {
+        self.ages[0].max(self.ages[1])
     }
 
-    /// The present report of the drive at `drive`.
-    #[must_use]
-    pub fn station(&self, drive: DriveIndex) -> Option<StationReport> {
-        let DriveOnLine { setup, measured, .. } = self.drives.get(drive)?;
-        let place = drive.get();
-        let reply = |class| {
-            let times = measured.reply_times.times(class);
-            let is_known = times.total() >= SUGGESTED_FROM;
-            ReplyReport {
-                count: times.total(),
-                p50: times.all_but(500),
-                p90: times.all_but(100),
-                p99: times.all_but(10),
-                p999: times.all_but(1),
-                max: times.longest(),
-                timeout: setup.timeouts.in_force(class, &setup.model.timing, measured.reply_times.wait(class)),
-                suggested: is_known.then(|| timeouts::suggested(class, &setup.model.timing, times.all_but(1))),
-            }
-        };
-        Some(StationReport {
-            replies: Class::ALL.map(reply),
-            oldest_age: measured.ages[0].max(measured.ages[1]),
-            planned_age: measured.planned_age,
-            exchanges: measured.exchanges,
-            damage: self.health.damage.of(place),
-            reply_counts: measured.reply_counts,
-            commands: self.effects.commands(drive),
-            bad_per_cent: self.health.quality.station(place).and_then(Quality::bad_per_cent),
-            is_suspended: self.health.quality.is_suspended(place),
-        })
+    /// The reply times of one class of requests, and the time-out that they suggest.
+    pub(super) fn replies(&self, class: Class, setup: &DriveSetup) -> ReplyReport {
+        let times = self.reply_times.times(class);
+        let is_known = times.total() >= SUGGESTED_FROM;
+        ReplyReport {
+            count: times.total(),
+            p50: times.all_but(500),
+            p90: times.all_but(100),
+            p99: times.all_but(10),
+            p999: times.all_but(1),
+            max: times.longest(),
+            timeout: setup.timeouts.in_force(class, &setup.model.timing, self.reply_times.wait(class)),
+            suggested: is_known.then(|| timeouts::suggested(class, &setup.model.timing, times.all_but(1))),
+        }
     }
 }

@@ -11,6 +11,7 @@
 //! | `ended` | applies the end of an exchange |
 //! | `overdue` | ends a wait early for a stop, learns reply times |
 //! | `measured` | keeps measured times |
+//! | `station` | reports one drive on its line |
 //! | `port` | the port opens and closes |
 //! | `probe` | finds out whether the line echoes |
 //! | `health` | decides whether the line can be used |
@@ -36,6 +37,7 @@ mod overdue;
 mod port;
 mod probe;
 mod setup;
+mod station;
 mod stop;
 mod traffic;
 mod waiter;

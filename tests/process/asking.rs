@@ -11,7 +11,6 @@ use std::process::Output;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::task::LocalSet;
-use vfd_gateway::daemon::http::live::Live;
 use vfd_gateway::daemon::http::socket::OwnSocket;
 use vfd_gateway::daemon::http::{self, Control, Front, State};
 use vfd_gateway::daemon::local::LocalSide;
@@ -257,14 +256,12 @@ fn served(directory: &Path) -> (SocketAddr, Arc<State>) {
     let shared = Arc::new(build::shared(&config::load(text, &catalog).unwrap()));
     let state = Arc::new(State {
         journal: None,
-        history: Default::default(),
         socket: None,
         gateway: "plant-a".to_owned(),
         shared: shared.into(),
         modbus: Arc::default(),
         mqtt: None::<Arc<_>>.into(),
         sparkplug: None::<Arc<_>>.into(),
-        live: Live::new(clock::moment()),
         started: clock::now(),
         started_at: WallTime { unix_ms: 0 },
     });
@@ -277,8 +274,9 @@ fn served(directory: &Path) -> (SocketAddr, Arc<State>) {
             let socket = OwnSocket::open(&directory).unwrap();
             say.send(listener.local_addr().unwrap()).unwrap();
             let side = Arc::new(LocalSide::new(served.shared.clone(), None));
-            let control = Arc::new(Control::new(Arc::clone(&side), served.live.moments().clone(), Front::default()));
-            tokio::join!(http::serve(listener, Arc::clone(&served), control), socket.serve(served, side));
+            let documents = http::Documents::new(Arc::clone(&served));
+            let control = Arc::new(Control::new(Arc::clone(&side), documents.live.moments().clone(), Front::default()));
+            tokio::join!(http::serve(listener, documents.clone(), control), socket.serve(documents, side));
         });
     });
     (said.recv_timeout(PATIENCE).unwrap(), state)

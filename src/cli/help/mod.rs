@@ -2,8 +2,7 @@
 
 mod lessons;
 
-use super::Cli;
-use clap::{Command, CommandFactory, FromArgMatches};
+use clap::Command;
 use lessons::LESSONS;
 use std::fmt::Write;
 
@@ -34,15 +33,9 @@ impl Lesson {
     }
 }
 
-/// The command line with all that `--help` and the manual say.
-pub fn command() -> Command {
-    taught(Cli::command(), "")
-}
-
-/// The arguments of this process. Wrong ones end it, as does a wish for help.
-pub fn parse() -> Cli {
-    let matches = command().get_matches();
-    Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+/// The command line `plain` with all that `--help` and the manual say.
+pub fn complete(plain: Command) -> Command {
+    taught(plain, "")
 }
 
 /// `command`, which is called by `words`, with its lesson and those of its sub-commands.
@@ -61,6 +54,8 @@ fn taught(command: Command, words: &str) -> Command {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::{Cli, command};
+    use clap::FromArgMatches;
     use std::collections::BTreeSet;
 
     /// All commands that are shown, with their words.

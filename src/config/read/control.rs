@@ -3,7 +3,7 @@
 use super::super::file::{ControlFile, LimitsFile, NativeFile};
 use super::super::keys::Section;
 use super::super::words::{self, ACTIONS, COMMANDS, DIRECTIONS, FAIL_SAFES, LEASES, OWNERSHIPS, WAYS, Way};
-use super::refuse_not_served;
+use super::tables::refuse_not_served;
 use crate::domain::frequency::Hertz;
 use crate::domain::problem::Problem;
 use crate::toml_file::values::Kind;

@@ -3,6 +3,7 @@
 mod control;
 mod mqtt;
 mod network;
+mod tables;
 
 use super::file::{DriveFile, File, GatewayFile, JournalFile, LineFile};
 use super::ready::{PortAddress, Silence};
@@ -17,6 +18,7 @@ use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned, document};
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::time::Duration;
+use tables::{absolute_path, each, inner, refuse_not_served, turned};
 
 const BAUD: RangeInclusive<u32> = 300..=4_000_000;
 const SILENCE: RangeInclusive<Duration> = Duration::ZERO..=Duration::from_secs(1);
@@ -158,34 +160,6 @@ fn read_drive(mut reader: Reader<'_, '_>) -> DriveFile {
     drive
 }
 
-/// What `read` makes of each table `[[key]]`.
-fn each<'a, T>(reader: &mut Reader<'a, '_>, key: &'static str, read: impl Fn(Reader<'a, '_>) -> T) -> Vec<T> {
-    let sections = reader.tables(key);
-    sections.into_iter().map(|section| read(reader.open(section))).collect()
-}
-
-/// What `read` makes of the table `key`.
-fn inner<'a, T>(
-    reader: &mut Reader<'a, '_>,
-    key: &'static str,
-    read: impl FnOnce(Reader<'a, '_>) -> T,
-) -> OptionalKey<T> {
-    match reader.table(key) {
-        OptionalKey::Absent => OptionalKey::Absent,
-        OptionalKey::Invalid => OptionalKey::Invalid,
-        OptionalKey::Valid(Spanned { value, location }) => {
-            OptionalKey::Valid(Spanned { value: read(reader.open(value)), location })
-        }
-    }
-}
-
-/// Refuses each key of `section` that is known but not served.
-fn refuse_not_served(reader: &mut Reader<'_, '_>, section: keys::Section) {
-    for key in keys::not_served(section) {
-        reader.refuse(key.name, key.refusal(), key.instead);
-    }
-}
-
 fn read_registers(reader: &mut Reader<'_, '_>) -> Vec<RegisterFile> {
     let sections = reader.tables("register");
     sections.into_iter().map(|section| extra_register(section, reader.problems())).collect()
@@ -194,10 +168,6 @@ fn read_registers(reader: &mut Reader<'_, '_>) -> Vec<RegisterFile> {
 fn name_kind() -> Kind<'static, Name> {
     let right = format!("1 to {} letters, digits, \"-\", \"_\" or \".\"", Name::MAX_CHARS);
     Kind::parsed(right, Name::new)
-}
-
-fn absolute_path() -> Kind<'static, PathBuf> {
-    Kind::parsed("an absolute path", |text| Some(PathBuf::from(text)).filter(|path| path.is_absolute()))
 }
 
 fn read_silence(reader: &mut Reader<'_, '_>) -> OptionalKey<Silence> {
@@ -229,17 +199,6 @@ fn read_rated(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<u32
         return OptionalKey::Invalid;
     }
     OptionalKey::Valid(Spanned { value: thousandths as u32, location })
-}
-
-/// What `turn` makes of the value; it takes every value that the kind lets through.
-fn turned<T, U>(given: OptionalKey<T>, turn: impl Fn(T) -> Option<U>) -> OptionalKey<U> {
-    match given {
-        OptionalKey::Absent => OptionalKey::Absent,
-        OptionalKey::Invalid => OptionalKey::Invalid,
-        OptionalKey::Valid(Spanned { value, location }) => {
-            turn(value).map_or(OptionalKey::Invalid, |value| OptionalKey::Valid(Spanned { value, location }))
-        }
-    }
 }
 
 fn read_port(reader: &mut Reader<'_, '_>) -> RequiredKey<PortAddress> {

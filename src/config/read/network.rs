@@ -3,7 +3,7 @@
 use super::super::file::{HttpFile, HttpTlsFile, HttpUserFile, ListenerFile, ListenerTlsFile, RoleFile};
 use super::super::keys::Section;
 use super::super::words::{ROLE_RIGHTS, RoleRight};
-use super::{absolute_path, each, inner, refuse_not_served, turned};
+use super::tables::{absolute_path, each, inner, refuse_not_served, turned};
 use crate::domain::ids::{CommanderName, UnitId};
 use crate::domain::problem::Problem;
 use crate::north::modbus::Places;

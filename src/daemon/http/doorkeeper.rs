@@ -1,9 +1,9 @@
 //! What holds for every request over TCP: it comes from an allowed network, from no page of another site, and calls the gateway
 //! by a name of its own, and its answer tells browsers what they may do with it.
 
+use super::answers::refusal;
 use super::entrance::Peer;
 use super::front::Front;
-use super::refusal;
 use crate::north::operator::request::{is_of_another_site, may_be_called};
 use arc_swap::ArcSwap;
 use axum::extract::{Request, State};

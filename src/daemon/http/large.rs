@@ -3,7 +3,7 @@
 //! A document of a plant with hundreds of drives has some hundred kilobytes, and every connection may ask for one and not take
 //! it.
 
-use super::refusal;
+use super::answers::refusal;
 use super::taking::PIECE_BYTES;
 use axum::body::{Body, Bytes, HttpBody, to_bytes};
 use axum::extract::{Request, State};

@@ -5,6 +5,7 @@
 //! which the program's own commands reach the gateway. On the socket alone are the routes that look at and set what a
 //! drive needs before it obeys the bus.
 
+mod answers;
 mod connections;
 mod control;
 mod doorkeeper;
@@ -18,6 +19,7 @@ mod metrics;
 mod own_routes;
 mod page;
 mod params;
+mod reachable;
 pub mod report;
 mod routes;
 mod setup;
@@ -37,11 +39,10 @@ mod watchdog;
 pub use connections::CONNECTIONS_MAX;
 pub use control::Control;
 pub use front::Front;
+pub use routes::Documents;
 pub use state::State;
 
-use axum::http::StatusCode;
 use axum::middleware::from_fn_with_state;
-use axum::response::{IntoResponse, Response};
 use connections::Patience;
 use std::sync::Arc;
 use tokio::net::TcpListener;
@@ -50,15 +51,10 @@ use tokio::net::TcpListener;
 pub const SEND_BUFFER_BYTES: u32 = 128 * 1024;
 
 /// Serves HTTP on `listener` until the task is dropped. It must run on a `LocalSet`.
-pub async fn serve(listener: TcpListener, state: Arc<State>, control: Arc<Control>) {
+pub async fn serve(listener: TcpListener, documents: Documents, control: Arc<Control>) {
     let (front, changed) = (Arc::clone(control.front()), Arc::clone(control.changed()));
-    let router = routes::router(state).merge(control::router(control));
+    let router = routes::router(documents).merge(control::router(control));
     let router = router.layer(from_fn_with_state(large::Room::default(), large::look));
     let router = router.layer(from_fn_with_state(Arc::clone(&front), doorkeeper::look));
     entrance::serve(listener, router, (front, changed), Patience::default()).await;
-}
-
-/// An answer that says why there is no other.
-fn refusal(status: StatusCode, error: &str) -> Response {
-    (status, routes::json(&serde_json::json!({ "error": error }))).into_response()
 }

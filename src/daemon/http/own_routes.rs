@@ -1,10 +1,10 @@
 //! What only the program's own tools find, over the socket and never over TCP: what has to be set on a drive.
 
-use super::routes::json;
+use super::answers::json;
 use super::{params, setup, watchdog};
 use crate::config::change::Told;
 use crate::daemon::local::LocalSide;
-use crate::daemon::reload::{Applied, Refusal, Reloaded};
+use crate::daemon::reload_request::{Applied, Refusal, Reloaded};
 use crate::daemon::shared::SharedDrive;
 use crate::domain::command::{Go, Outcome, Reason, Report};
 use crate::domain::problem::Problem;

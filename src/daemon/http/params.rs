@@ -1,8 +1,8 @@
 //! The parameters of a drive, for `vfd-gateway params` over the socket: which there are, what one holds now, and one written
 //! back through the guard.
 
+use super::answers::json as answer;
 use super::own_routes::{find, not_understood, too_many, unknown};
-use super::routes::json as answer;
 use super::setup::{outcome, seen};
 use crate::daemon::clock;
 use crate::daemon::local::{LocalSide, Who};

@@ -1,8 +1,8 @@
 //! What a line says of itself, over the last minutes or over a span that whoever asks waits for.
 
+use super::answers::json;
 use super::health::line_names;
-use super::routes::json;
-use super::state::State as Gateway;
+use super::state::State as Known;
 use crate::daemon::clock;
 use crate::daemon::shared::SharedLine;
 use crate::domain::ids::Station;
@@ -31,17 +31,18 @@ const WAITING_MAX: usize = 16;
 /// What was counted some minutes ago.
 #[derive(Debug)]
 pub struct History {
+    known: Arc<Known>,
     moments: Mutex<VecDeque<HashMap<u16, Arc<LineSeen>>>>,
     places: Semaphore,
 }
 
-impl Default for History {
-    fn default() -> Self {
-        Self { moments: Mutex::default(), places: Semaphore::new(WAITING_MAX) }
-    }
-}
-
 impl History {
+    /// Nothing was counted yet.
+    #[must_use]
+    pub fn new(known: Arc<Known>) -> Self {
+        Self { known, moments: Mutex::default(), places: Semaphore::new(WAITING_MAX) }
+    }
+
     /// The line with this number as it was some minutes ago; nothing if it was not there.
     fn oldest(&self, number: u16) -> Option<Arc<LineSeen>> {
         self.moments.lock().unwrap_or_else(PoisonError::into_inner).front()?.get(&number).cloned()
@@ -59,22 +60,23 @@ impl History {
 }
 
 /// Remembers what is counted, again and again. It never ends.
-pub async fn remember(state: Arc<Gateway>) {
+pub async fn remember(history: Arc<History>) {
     loop {
         tokio::time::sleep(REMEMBER_EVERY).await;
-        state.history.remember(&state.shared.get().lines);
+        history.remember(&history.known.shared.get().lines);
     }
 }
 
 /// The route of the reports.
-pub(super) fn router(state: Arc<Gateway>) -> Router {
-    Router::new().route("/api/v1/lines/{name}/report", get(report)).with_state(state)
+pub(super) fn router(history: Arc<History>) -> Router {
+    Router::new().route("/api/v1/lines/{name}/report", get(report)).with_state(history)
 }
 
-async fn report(State(gateway): State<Arc<Gateway>>, Path(name): Path<String>, uri: Uri) -> Response {
+async fn report(State(history): State<Arc<History>>, Path(name): Path<String>, uri: Uri) -> Response {
+    let gateway = &history.known;
     let find = || gateway.shared.get().lines.iter().find(|line| line.name.as_str() == name).cloned();
     let Some(line) = find() else {
-        let (known, error) = (line_names(&gateway), format!("there is no line called {name}"));
+        let (known, error) = (line_names(gateway), format!("there is no line called {name}"));
         return (StatusCode::NOT_FOUND, json(&value!({ "error": error, "lines": known }))).into_response();
     };
     let Some(span) = span(uri.query()) else {
@@ -83,9 +85,9 @@ async fn report(State(gateway): State<Arc<Gateway>>, Path(name): Path<String>, u
         return (StatusCode::BAD_REQUEST, json(&value!({ "error": error }))).into_response();
     };
     let (before, line) = match span {
-        None => (gateway.history.oldest(line.number), line),
+        None => (history.oldest(line.number), line),
         Some(span) => {
-            let Ok(_place) = gateway.history.places.try_acquire() else {
+            let Ok(_place) = history.places.try_acquire() else {
                 let error = format!("{WAITING_MAX} reports are being made already");
                 return (StatusCode::SERVICE_UNAVAILABLE, json(&value!({ "error": error }))).into_response();
             };
@@ -121,7 +123,8 @@ fn look(line: &SharedLine) -> LineSeen {
 #[cfg(test)]
 mod tests {
     use super::super::connections::Patience;
-    use super::super::tests::{UP, answer, on_a_runtime, online, serve, show, state};
+    use super::super::routes::Documents;
+    use super::super::tests::{UP, answer, on_a_runtime, online, serve_documents, show, state};
     use super::*;
     use crate::domain::counts::ExchangeCounts;
     use crate::domain::report::StationReport;
@@ -145,15 +148,15 @@ mod tests {
         }
     }
 
-    fn answered(state: &Gateway, replies: u64) {
+    fn answered(state: &Known, replies: u64) {
         let exchanges = ExchangeCounts { replies, ..ExchangeCounts::default() };
         let station = StationReport { exchanges, ..StationReport::default() };
         state.shared.load().drives[0].station.store(Arc::new(station));
     }
 
-    fn told(state: &Arc<Gateway>, path: &str) -> (u16, Value) {
+    fn told(documents: &Documents, path: &str) -> (u16, Value) {
         on_a_runtime(async {
-            let address = serve(state, Patience::default()).await;
+            let address = serve_documents(documents.clone(), Patience::default()).await;
             let (status, body) = answer(TcpStream::connect(address).await.unwrap(), "GET", path, "").await;
             (status, serde_json::from_str(&body).unwrap())
         })
@@ -161,14 +164,15 @@ mod tests {
 
     #[test]
     fn a_report_without_a_span_reaches_back_to_the_oldest_moment_that_is_remembered() {
-        let state = state(false);
+        let documents = Documents::new(state(false));
+        let state = Arc::clone(&documents.state);
         show(&state, UP, online(clock::now()));
-        let exchanges = || told(&state, "/api/v1/lines/hall-1/report").1["rates"]["exchanges"].clone();
+        let exchanges = || told(&documents, "/api/v1/lines/hall-1/report").1["rates"]["exchanges"].clone();
         answered(&state, 40);
         assert_eq!(exchanges(), 40, "since the start");
         for replies in (100..).step_by(10).take(MOMENTS + 2) {
             answered(&state, replies);
-            state.history.remember(&state.shared.get().lines);
+            documents.history.remember(&state.shared.get().lines);
         }
         answered(&state, 1000);
         assert_eq!(exchanges(), 1000 - 120, "the first two are forgotten");
@@ -176,14 +180,14 @@ mod tests {
 
     #[test]
     fn what_cannot_be_told_is_said() {
-        let state = state(false);
-        let (status, body) = told(&state, "/api/v1/lines/attic/report");
+        let documents = Documents::new(state(false));
+        let (status, body) = told(&documents, "/api/v1/lines/attic/report");
         assert_eq!((status, &body["lines"]), (404, &serde_json::json!(["hall-1"])));
-        let (status, body) = told(&state, "/api/v1/lines/hall-1/report?seconds=500");
+        let (status, body) = told(&documents, "/api/v1/lines/hall-1/report?seconds=500");
         assert_eq!(status, 400);
         assert!(body["error"].as_str().unwrap().contains("seconds=240"), "{body}");
-        let _all = state.history.places.try_acquire_many(WAITING_MAX as u32).unwrap();
-        assert_eq!(told(&state, "/api/v1/lines/hall-1/report?seconds=1").0, 503);
-        assert_eq!(told(&state, "/api/v1/lines/hall-1/report").0, 200, "this one waits for nothing");
+        let _all = documents.history.places.try_acquire_many(WAITING_MAX as u32).unwrap();
+        assert_eq!(told(&documents, "/api/v1/lines/hall-1/report?seconds=1").0, 503);
+        assert_eq!(told(&documents, "/api/v1/lines/hall-1/report").0, 200, "this one waits for nothing");
     }
 }

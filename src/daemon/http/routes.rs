@@ -1,5 +1,8 @@
 //! What is found where.
 
+use super::answers::json;
+use super::live::Live;
+use super::report::History;
 use super::state::State as Gateway;
 use super::{health, live, metrics, report, traffic};
 use crate::daemon::clock;
@@ -8,7 +11,6 @@ use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use serde_json::Value;
 use std::sync::Arc;
 
 /// The media type of metrics, as Prometheus asks for it.
@@ -17,17 +19,41 @@ const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset
 /// The same in the format before that, for those who ask for text and do not know the other.
 const OLDER_METRICS: &str = "text/plain; version=0.0.4; charset=utf-8";
 
+/// What the routes show.
+#[derive(Clone, Debug)]
+pub struct Documents {
+    /// What the HTTP side knows.
+    pub state: Arc<Gateway>,
+    /// Live documents for the page.
+    pub live: Arc<Live>,
+    /// What was counted some minutes ago.
+    pub history: Arc<History>,
+}
+
+impl Documents {
+    /// Documents about a gateway that was just started.
+    #[must_use]
+    pub fn new(state: Arc<Gateway>) -> Self {
+        Self {
+            live: Arc::new(Live::new(Arc::clone(&state))),
+            history: Arc::new(History::new(Arc::clone(&state))),
+            state,
+        }
+    }
+}
+
 /// The routes that everybody finds. What is not here is 404, and what does not only look is 405.
-pub(super) fn router(state: Arc<Gateway>) -> Router {
+pub(super) fn router(documents: Documents) -> Router {
+    let Documents { state, live, history } = documents;
     super::page::router()
         .route("/healthz", get(alive))
         .route("/readyz", get(ready))
         .route("/metrics", get(measured))
         .route("/api/v1/health", get(healthy))
         .with_state(Arc::clone(&state))
-        .merge(traffic::router(Arc::clone(&state)))
-        .merge(report::router(Arc::clone(&state)))
-        .merge(live::router(state))
+        .merge(traffic::router(state))
+        .merge(report::router(history))
+        .merge(live::router(live))
 }
 
 /// Whoever gets this answer knows that the main thread turns: it is given there. A line whose thread hangs sends no stop:
@@ -60,8 +86,4 @@ async fn measured(State(gateway): State<Arc<Gateway>>, headers: HeaderMap) -> Re
         Ok(text) => ([(header::CONTENT_TYPE, OPEN_METRICS)], text).into_response(),
         Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, format!("{error}\n")).into_response(),
     }
-}
-
-pub(super) fn json(value: &Value) -> impl IntoResponse + use<> {
-    ([(header::CONTENT_TYPE, "application/json")], format!("{value}\n"))
 }

@@ -1,11 +1,11 @@
 //! The Unix socket by which the program's own commands reach the running gateway.
 
 use super::connections::{self, Patience};
-use super::state::State;
+use super::reachable::Reachable;
+use super::routes::Documents;
 use super::{own_routes, routes};
 use crate::daemon::local::LocalSide;
 use crate::daemon::own_lock::{Lock, Taken};
-use arc_swap::ArcSwapOption;
 use rustix::fs::{FileType, Mode};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -34,22 +34,6 @@ pub enum SocketError {
         /// The system's reason.
         error: io::Error,
     },
-}
-
-/// Whether the program's own commands reach the gateway: why not.
-#[derive(Debug, Default)]
-pub struct Reachable(ArcSwapOption<String>);
-
-impl Reachable {
-    /// Why they do not; none: they do.
-    #[must_use]
-    pub fn refusal(&self) -> Option<String> {
-        self.0.load().as_ref().map(|refusal| refusal.to_string())
-    }
-
-    fn set(&self, refusal: Option<String>) {
-        self.0.store(refusal.map(Arc::new));
-    }
 }
 
 /// The socket of this gateway. Its file is gone when this is dropped.
@@ -95,7 +79,7 @@ impl OwnSocket {
     }
 
     /// Serves HTTP on it until the task is dropped, and the file with it. It must run on a `LocalSet`.
-    pub async fn serve(mut self, state: Arc<State>, side: Arc<LocalSide>) {
+    pub async fn serve(mut self, documents: Documents, side: Arc<LocalSide>) {
         while self.listener.is_none() {
             tokio::time::sleep(AGAIN_AFTER).await;
             if self.make().is_ok() {
@@ -103,7 +87,7 @@ impl OwnSocket {
             }
         }
         if let Some(listener) = self.listener.take() {
-            let router = routes::router(state).merge(own_routes::router(side));
+            let router = routes::router(documents).merge(own_routes::router(side));
             connections::serve(listener, router, Patience::default()).await;
         }
     }

@@ -1,8 +1,6 @@
 //! What the HTTP side knows: what the lines show, and counts that the other north sides keep for it.
 
-use super::live::Live;
-use super::report::History;
-use super::socket::Reachable;
+use super::reachable::Reachable;
 use crate::daemon::journal::Journal;
 use crate::daemon::shared::Current;
 use crate::daemon::totals::{ModbusTotals, MqttTotals, SparkplugTotals};
@@ -28,10 +26,6 @@ pub struct State {
     pub journal: Option<Arc<Journal>>,
     /// Whether the program's own commands reach the gateway; nothing if there is no data directory.
     pub socket: Option<Arc<Reachable>>,
-    /// What was counted some minutes ago.
-    pub history: History,
-    /// What the live documents rest on.
-    pub live: Live,
     /// When the gateway started.
     pub started: MonoTime,
     /// The same moment for people.

@@ -1,9 +1,7 @@
 //! Answers over real sockets, from a gateway whose lines are played by the test.
 
 use super::connections::{self, CONNECTIONS_MAX, Patience};
-use super::live::Live;
-use super::report::History;
-use super::routes;
+use super::routes::{self, Documents};
 use super::socket::{OwnSocket, SOCKET_NAME};
 use super::state::State;
 use super::table;
@@ -61,13 +59,11 @@ pub(super) fn state(broker: bool) -> Arc<State> {
     Arc::new(State {
         sparkplug: None.into(),
         journal: None,
-        history: History::default(),
         socket: None,
         gateway: "plant-a".to_owned(),
         shared: Arc::new(Shared::new(vec![(name("hall-1"), Interface::Rs485)], vec![description()])).into(),
         modbus: Arc::new(ModbusTotals::default()),
         mqtt: broker.then(Arc::default).into(),
-        live: Live::new(clock::moment()),
         started: clock::now(),
         started_at: WallTime { unix_ms: 1_700_000_000_500 },
     })
@@ -136,9 +132,13 @@ pub(super) fn on_a_runtime<F: Future>(test: F) -> F::Output {
 }
 
 pub(super) async fn serve(state: &Arc<State>, patience: Patience) -> SocketAddr {
+    serve_documents(Documents::new(Arc::clone(state)), patience).await
+}
+
+pub(super) async fn serve_documents(documents: Documents, patience: Patience) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
-    tokio::task::spawn_local(connections::serve(listener, routes::router(Arc::clone(state)), patience));
+    tokio::task::spawn_local(connections::serve(listener, routes::router(documents), patience));
     address
 }
 
@@ -531,7 +531,7 @@ fn the_socket_is_its_owners_alone_and_goes_with_the_gateway() {
         assert_eq!(path.metadata().unwrap().permissions().mode() & 0o777, 0o600);
         let state = state(false);
         let side = Arc::new(LocalSide::new(state.shared.clone(), None));
-        tokio::task::spawn_local(socket.serve(Arc::clone(&state), side));
+        tokio::task::spawn_local(socket.serve(Documents::new(Arc::clone(&state)), side));
         let connect = async || UnixStream::connect(&path).await.unwrap();
         assert_eq!(answer(connect().await, "GET", "/healthz", "").await.0, 200);
         // What only the tools may do is found here and nowhere else.

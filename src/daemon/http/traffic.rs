@@ -3,7 +3,7 @@
 //! An answer ends by itself before its connection does, and says so: whoever comes back with the number of the last record
 //! that he has seen goes on behind it.
 
-use super::routes::json;
+use super::answers::json;
 use super::state::State as Gateway;
 use crate::daemon::clock;
 use crate::daemon::shared::SharedLine;

@@ -39,9 +39,7 @@ fn state(line: &Arc<SharedLine>) -> Arc<State> {
         modbus: Arc::new(ModbusTotals::default()),
         mqtt: None.into(),
         sparkplug: None.into(),
-        history: crate::daemon::http::report::History::default(),
         socket: None,
-        live: crate::daemon::http::live::Live::new(clock::moment()),
         started: clock::now(),
         started_at: WallTime { unix_ms: 0 },
     })
@@ -50,7 +48,7 @@ fn state(line: &Arc<SharedLine>) -> Arc<State> {
 async fn serve(state: &Arc<State>) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
-    let router = routes::router(Arc::clone(state));
+    let router = routes::router(routes::Documents::new(Arc::clone(state)));
     tokio::task::spawn_local(connections::serve(listener, router, Patience::default()));
     address
 }

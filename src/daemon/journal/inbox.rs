@@ -1,6 +1,6 @@
 //! The way to the journal's writer. Whoever has something to be kept puts it here and never waits.
 
-use super::Origin;
+use super::origin::Origin;
 use crate::domain::ids::Name;
 use crate::domain::time::MonoTime;
 use crate::journal::audit::Lost;

@@ -10,6 +10,7 @@ mod database;
 mod events;
 mod inbox;
 pub mod listing;
+pub mod origin;
 pub mod reader;
 pub mod rescue;
 pub mod schema;
@@ -25,16 +26,17 @@ mod tests;
 
 pub use status::{JournalReport, JournalState};
 
-use super::answers::NorthSides;
 use super::bell::Bell;
 use super::clock;
 use super::inbox::Inbox as LineInbox;
+use super::north_sides::NorthSides;
 use super::shared::Current;
 use crate::domain::ids::Name;
 use crate::domain::report::LineReport;
 use crate::drive::description::{DriveDescription, DriveRef};
-use crate::journal::{Attempt, Keep, Remembered, RowNumber, row};
+use crate::journal::{Attempt, Keep, Remembered, row};
 use inbox::{Inbox, Post};
+use origin::Origin;
 use status::Status;
 use std::collections::BTreeMap;
 use std::io;
@@ -146,26 +148,6 @@ impl Journal {
         if tokio::time::timeout(within, ended).await.is_err() {
             tracing::error!("journal did not write its last rows in time");
         }
-    }
-}
-
-/// A line in one of its lives.
-#[derive(Debug)]
-pub struct Origin {
-    id: u64,
-    line: Name,
-    /// In order.
-    drives: Vec<DriveDescription>,
-    inbox: Arc<LineInbox>,
-    /// Up to here all its rows are kept.
-    kept: AtomicU64,
-}
-
-impl Origin {
-    /// Whether the row `number` and all before it are kept.
-    #[must_use]
-    pub fn has_kept(&self, number: RowNumber) -> bool {
-        self.kept.load(Ordering::SeqCst) >= number.0
     }
 }
 

@@ -13,6 +13,7 @@ use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
 use crate::domain::ids::DriveIndex;
 use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
+use crate::journal::RowNumber;
 use crate::journal::{AttemptId, Book, Entry, RememberedStop, Row, StoredEvent, Table, Tried, TripBaseline};
 use crate::profile::catalog::Catalog;
 use crate::vendors;

@@ -1,15 +1,15 @@
 //! The thread that writes: all that waits in one transaction, then everybody is told.
 
-use super::Origin;
 use super::database::{Database, Found};
 use super::inbox::{Inbox, Post};
+use super::origin::Origin;
 use super::status::Status;
 use super::store::Store;
 use super::teller::Teller;
-use crate::daemon::answers::NorthSides;
 use crate::daemon::bell::Bell;
 use crate::daemon::clock;
 use crate::daemon::inbox::Message;
+use crate::daemon::north_sides::NorthSides;
 use crate::domain::ids::Name;
 use crate::domain::time::{MonoTime, WallTime};
 use crate::journal::audit::Lost;

@@ -4,15 +4,15 @@
 //! ours never starts on top of bytes that have just come; let the core decide; act.
 
 mod acting;
+mod memory;
 mod opening;
 mod serving;
 
-use super::answers::NorthSides;
 use super::bell::Bell;
 use super::board::Board;
-use super::build::Memory;
 use super::clock;
 use super::inbox::Message;
+use super::north_sides::NorthSides;
 use super::port::PortSettings;
 use super::shared::{SharedDrive, SharedLine};
 use super::sys;
@@ -23,6 +23,7 @@ use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
 use crate::gateway::{Input, LineCore, LineSetup};
 use crate::journal::Remembered;
+pub use memory::Memory;
 use opening::{Attempts, Told};
 use std::io;
 use std::sync::Arc;

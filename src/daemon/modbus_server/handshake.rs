@@ -1,9 +1,9 @@
 //! TLS handshakes: beside the accepting of connections, bounded in number and in time.
 
 use super::certificate::Certificate;
+use super::receive;
 use super::security::Security;
-use super::stream::SecuredStream;
-use super::{READ_BYTES, receive};
+use super::stream::{READ_BYTES, SecuredStream};
 use crate::domain::ids::AskerId;
 use rustls::{CertificateError, Error};
 use std::cell::RefCell;

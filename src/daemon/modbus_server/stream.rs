@@ -1,11 +1,14 @@
 //! The way between a client's socket and its machine: plain, or through TLS.
 
-use super::READ_BYTES;
 use crate::north::modbus::Connection;
 use rustls::ServerConnection;
 use std::cell::RefCell;
 use std::io::{self, IoSlice, Read, Write};
 use tokio::net::tcp::OwnedWriteHalf;
+
+/// Bytes read from a socket at once: the longest message and some, or a burst of short ones. Small, because each
+/// connection has a buffer, and because whoever has sent more waits until all others had their turn.
+pub(super) const READ_BYTES: usize = 512;
 
 /// The way to a client. What comes from it is read elsewhere, as it is on the network.
 #[derive(Debug)]

@@ -1,7 +1,8 @@
 //! A connection that the broker has accepted, and what goes into it.
 
 use super::counters::{Counters, count};
-use super::link::{NotQueued, Sender, Terms, Unfit};
+use super::incident::{NotQueued, Terms, Unfit};
+use super::link::Sender;
 use super::window::Window;
 use crate::north::mqtt::{Filter, Publication};
 use tokio::time::Instant;

@@ -8,7 +8,8 @@ mod farewell;
 
 use super::accepted::Link;
 use super::counters::{Counters, count};
-use super::link::{self, Broken, Events, Incident, NotQueued, Received, Terms};
+use super::incident::{Broken, CONNECT_TIMEOUT, Incident, NotQueued, Received, Terms};
+use super::link::{self, Events};
 use super::retry::{Retry, Rival};
 use super::settings::ConnectionSettings;
 use super::window::Window;
@@ -138,7 +139,7 @@ impl<T: Talk> Client<'_, T> {
         let will = self.talk.borrow().will();
         let (sender, mut events) = link::open(&self.settings, will, tls);
         let mut sender = Some(sender);
-        let mut patience = link::CONNECT_TIMEOUT + CONNECT_MARGIN;
+        let mut patience = CONNECT_TIMEOUT + CONNECT_MARGIN;
         self.heard = Instant::now();
         loop {
             let outcome = {

@@ -1,7 +1,7 @@
 //! The exchange of packets on one connection: reads, writes and pings. What the packets mean to the protocol is decided
 //! by a [`Protocol`], which does no I/O.
 
-use super::link::{Broken, CONNECT_TIMEOUT, Cause, Incident};
+use super::incident::{Broken, CONNECT_TIMEOUT, Cause, Incident};
 use super::stream::{self, Target};
 use super::wire::Wire;
 use bytes::BytesMut;

@@ -11,6 +11,7 @@ pub mod broker_child;
 pub mod client;
 mod counters;
 mod exchange;
+mod incident;
 mod link;
 mod reason;
 mod retry;

@@ -4,7 +4,7 @@
 //! With 3.1.1 it only closes, and two that come back at once would take turns for ever.
 
 use super::backoff::{BackOff, Ended, SETTLED_LIFE};
-use super::link::{Broken, Cause};
+use super::incident::{Broken, Cause};
 use std::time::Duration;
 
 /// A connection that is closed sooner than this may have been closed for a rival that came back.

@@ -1,6 +1,6 @@
 //! The stream to the broker: TCP, and TLS over it.
 
-use super::link::{Broken, Cause};
+use super::incident::{Broken, Cause};
 use super::reason;
 use rustls::ClientConfig;
 use rustls::pki_types::ServerName;

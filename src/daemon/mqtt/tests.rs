@@ -273,7 +273,7 @@ async fn a_message_above_the_limit_does_not_make_the_client_spin() {
     for version in VERSIONS {
         let (stub, rig) = (Stub::new(version).await, Rig::default());
         let mut connections = 0;
-        let too_large = vec![0; link::PACKET_MAX + 1];
+        let too_large = vec![0; incident::PACKET_MAX + 1];
         let attack = async {
             loop {
                 let mut peer = stub.welcome().await;
@@ -392,12 +392,12 @@ async fn identifiers_that_come_round_while_one_is_still_open_keep_their_tokens()
             let mut peer = stub.welcome().await;
             let first = peer.published().await;
             // The first stays open until its identifier is wanted again; then nothing goes on without it.
-            for _ in 1..usize::from(link::INFLIGHT_MAX) {
+            for _ in 1..usize::from(incident::INFLIGHT_MAX) {
                 let next = peer.published().await;
                 peer.acknowledge(next.identifier).await;
             }
             peer.acknowledge(first.identifier).await;
-            for _ in usize::from(link::INFLIGHT_MAX)..200 {
+            for _ in usize::from(incident::INFLIGHT_MAX)..200 {
                 let next = peer.published().await;
                 peer.acknowledge(next.identifier).await;
             }
@@ -678,7 +678,7 @@ async fn a_full_queue_loses_nothing_and_blocks_nothing() {
             peer.publish("stop", b"", &[]).await;
             rig.told_at_least(2).await;
             let left = rig.talk.borrow().packets.len();
-            assert!(left >= 500 - 2 * usize::from(link::INFLIGHT_MAX), "{version:?}: {left} left");
+            assert!(left >= 500 - 2 * usize::from(incident::INFLIGHT_MAX), "{version:?}: {left} left");
             acknowledge_all(&mut peer, 500).await;
             assert_eq!(acknowledged(&rig.told_at_least(502).await), (0..500).collect::<Vec<_>>(), "{version:?}");
         })

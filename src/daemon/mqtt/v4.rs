@@ -1,7 +1,7 @@
 //! MQTT 3.1.1: between the client library's words and ours.
 
 use super::exchange::Protocol;
-use super::link::{self, Broken, Cause, Incident, NotQueued, Received, Terms};
+use super::incident::{self, Broken, Cause, Incident, NotQueued, Received, Terms};
 use super::reason;
 use super::settings::{ConnectionSettings, Keeps, Secret};
 use crate::north::mqtt::{Filter, Publication, Qos};
@@ -24,25 +24,25 @@ pub struct V4 {
 impl V4 {
     pub fn new(settings: &ConnectionSettings, will: Publication) -> Self {
         let mut connect = Connect::new(&settings.client_id);
-        connect.keep_alive = link::keep_alive_seconds(settings);
+        connect.keep_alive = incident::keep_alive_seconds(settings);
         connect.clean_session = settings.keeps == Keeps::Nothing;
         connect.last_will = Some(LastWill::new(will.topic, will.payload, qos(will.qos), will.retain));
         if settings.user.is_some() || settings.password.is_some() {
             let password = settings.password.as_ref().map_or("", Secret::expose);
             connect.login = Some(Login::new(settings.user.as_deref().unwrap_or_default(), password));
         }
-        Self { connect, state: MqttState::new(link::INFLIGHT_MAX, false) }
+        Self { connect, state: MqttState::new(incident::INFLIGHT_MAX, false) }
     }
 }
 
 impl Protocol for V4 {
     type Packet = Packet;
     type Request = Request;
-    const FLUSH_MAX: Option<Duration> = Some(link::CONNECT_TIMEOUT);
+    const FLUSH_MAX: Option<Duration> = Some(incident::CONNECT_TIMEOUT);
     const CONNECT_OVERDUE: &str = "Network timeout";
 
     fn decode(bytes: &mut BytesMut) -> Result<Option<Packet>, Broken> {
-        match Packet::read(bytes, link::PACKET_MAX) {
+        match Packet::read(bytes, incident::PACKET_MAX) {
             Ok(packet) => Ok(Some(packet)),
             Err(BytesError::InsufficientBytes(_)) => Ok(None),
             Err(error) => Err(of_codec(error)),
@@ -50,7 +50,7 @@ impl Protocol for V4 {
     }
 
     fn encode(&self, packet: Packet, bytes: &mut BytesMut) -> Result<(), Broken> {
-        packet.write(bytes, link::PACKET_MAX).map(|_| ()).map_err(of_codec)
+        packet.write(bytes, incident::PACKET_MAX).map(|_| ()).map_err(of_codec)
     }
 
     fn connect(&self) -> Packet {
@@ -73,7 +73,7 @@ impl Protocol for V4 {
     }
 
     fn has_room(&self) -> bool {
-        self.state.inflight() < link::INFLIGHT_MAX && self.state.collision.is_none()
+        self.state.inflight() < incident::INFLIGHT_MAX && self.state.collision.is_none()
     }
 
     fn outgoing(&mut self, request: Request) -> Result<Option<Packet>, Broken> {
@@ -110,7 +110,7 @@ pub fn publish(queue: &Sender<Request>, it: Publication) -> Result<(), NotQueued
 
 /// Queues a subscription.
 pub fn subscribe(queue: &Sender<Request>, filters: Vec<Filter>) -> Result<(), NotQueued> {
-    link::check_filters(&filters)?;
+    incident::check_filters(&filters)?;
     let filters = filters.into_iter().map(|filter| SubscribeFilter::new(filter.path, qos(filter.qos)));
     queue.try_send(Request::Subscribe(Subscribe::new_many(filters))).map_err(|_| NotQueued)
 }
@@ -123,7 +123,7 @@ pub fn disconnect(queue: &Sender<Request>) -> Result<(), NotQueued> {
 /// Bytes of a publication on the wire.
 pub const fn packet_bytes(it: &Publication) -> usize {
     let identifier = if matches!(it.qos, Qos::AtLeastOnce) { 2 } else { 0 };
-    link::with_header(2 + it.topic.len() + identifier + it.payload.len())
+    incident::with_header(2 + it.topic.len() + identifier + it.payload.len())
 }
 
 /// What an event means.

@@ -1,7 +1,7 @@
 //! MQTT 5: between the client library's words and ours.
 
 use super::exchange::Protocol;
-use super::link::{self, Broken, Cause, Incident, NotQueued, Received, Terms};
+use super::incident::{self, Broken, Cause, Incident, NotQueued, Received, Terms};
 use super::reason;
 use super::settings::{ConnectionSettings, Keeps, Secret};
 use crate::north::mqtt::{Broker, Filter as Wanted, Publication, Qos, Refusal};
@@ -19,7 +19,7 @@ use tokio::sync::mpsc::Sender;
 
 /// Longest packet that is taken.
 const INCOMING_MAX: u32 = 256 * 1024;
-const _: () = assert!(INCOMING_MAX as usize == link::PACKET_MAX, "one limit");
+const _: () = assert!(INCOMING_MAX as usize == incident::PACKET_MAX, "one limit");
 
 /// How long a broker keeps a session that is kept, in seconds: longer than it takes to start a broker again.
 const SESSION_SECONDS: u32 = 3600;
@@ -45,7 +45,7 @@ impl V5 {
             properties.session_expiry_interval = Some(SESSION_SECONDS);
         }
         let connect = Connect {
-            keep_alive: link::keep_alive_seconds(settings),
+            keep_alive: incident::keep_alive_seconds(settings),
             client_id: settings.client_id.clone(),
             clean_start: settings.keeps == Keeps::Nothing,
             properties: Some(properties),
@@ -53,9 +53,9 @@ impl V5 {
         let password = settings.password.as_ref().map_or("", Secret::expose);
         let login = (settings.user.is_some() || settings.password.is_some())
             .then(|| Login::new(settings.user.as_deref().unwrap_or_default(), password));
-        let state = MqttState::new(link::INFLIGHT_MAX, false);
+        let state = MqttState::new(incident::INFLIGHT_MAX, false);
         let will = last_will(will);
-        Self { connect, will, login, state, outgoing_max: None, inflight_max: link::INFLIGHT_MAX }
+        Self { connect, will, login, state, outgoing_max: None, inflight_max: incident::INFLIGHT_MAX }
     }
 }
 
@@ -89,7 +89,7 @@ impl Protocol for V5 {
         };
         if let Some(properties) = &answer.properties {
             self.outgoing_max = properties.max_packet_size;
-            self.inflight_max = properties.receive_max.unwrap_or(u16::MAX).min(link::INFLIGHT_MAX);
+            self.inflight_max = properties.receive_max.unwrap_or(u16::MAX).min(incident::INFLIGHT_MAX);
         }
         let keep_alive = terms(&answer).keep_alive;
         self.incoming(Packet::ConnAck(answer))?;
@@ -143,7 +143,7 @@ pub fn publish(queue: &Sender<Request>, it: Publication) -> Result<(), NotQueued
 
 /// Queues a subscription, without retained messages and with the retain flag as published.
 pub fn subscribe(queue: &Sender<Request>, filters: Vec<Wanted>) -> Result<(), NotQueued> {
-    link::check_filters(&filters)?;
+    incident::check_filters(&filters)?;
     let filters = filters.into_iter().map(|it: Wanted| Filter {
         path: it.path,
         qos: qos(it.qos),
@@ -169,8 +169,8 @@ pub fn packet_bytes(it: &Publication) -> usize {
     let expiry = if it.expiry.is_some() { 5 } else { 0 };
     let correlation = it.correlation.as_ref().map_or(0, |data| 3 + data.len());
     let properties = expiry + correlation;
-    let fields = 2 + it.topic.len() + identifier + link::length_bytes(properties) + properties;
-    link::with_header(fields + it.payload.len())
+    let fields = 2 + it.topic.len() + identifier + incident::length_bytes(properties) + properties;
+    incident::with_header(fields + it.payload.len())
 }
 
 /// What an event means.
@@ -256,7 +256,7 @@ fn terms(answer: &ConnAck) -> Terms {
     let retains = properties.retain_available != Some(0);
     Terms {
         broker: Broker { maximum_packet_bytes: limit, retains },
-        packet_max: limit.unwrap_or(usize::MAX).min(link::PACKET_MAX),
+        packet_max: limit.unwrap_or(usize::MAX).min(incident::PACKET_MAX),
         keep_alive: properties.server_keep_alive.map(|seconds| Duration::from_secs(seconds.into())),
     }
 }
@@ -295,7 +295,7 @@ fn offence(publish: &Publish) -> Option<&'static str> {
     let between = publish.payload.as_ptr().addr().checked_sub(publish.topic.as_ptr().addr())?;
     let came = between.checked_sub(publish.topic.len() + identifier)?;
     let told = publish.properties.as_ref().map_or(0, property_bytes);
-    (came != link::length_bytes(told) + told)
+    (came != incident::length_bytes(told) + told)
         .then_some("a message with a property that stands there twice, or ill-formed")
 }
 
@@ -306,7 +306,7 @@ fn property_bytes(it: &PublishProperties) -> usize {
     let fixed = fixed.into_iter().filter(|(is_there, _)| *is_there).map(|(_, bytes)| bytes).sum::<usize>();
     let texts = [it.response_topic.as_ref(), it.content_type.as_ref()].into_iter().flatten().map(|it| 1 + text(it));
     let users = it.user_properties.iter().map(|(key, value)| 1 + text(key) + text(value));
-    let identifiers = it.subscription_identifiers.iter().map(|id| 1 + link::length_bytes(*id));
+    let identifiers = it.subscription_identifiers.iter().map(|id| 1 + incident::length_bytes(*id));
     let correlation = it.correlation_data.as_ref().map_or(0, |data| 3 + data.len());
     fixed + correlation + texts.chain(users).chain(identifiers).sum::<usize>()
 }

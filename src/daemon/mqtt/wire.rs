@@ -3,7 +3,7 @@
 //! All waits here may be dropped and begun again: no byte is lost or written twice.
 
 use super::exchange::Protocol;
-use super::link::{Broken, Cause};
+use super::incident::{Broken, Cause};
 use super::stream::Stream;
 use bytes::BytesMut;
 use std::io::{Error, ErrorKind};

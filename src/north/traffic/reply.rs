@@ -1,8 +1,8 @@
 //! What a reply says, with the request that it answers, and what is left of a damaged one.
 
+use super::frame::{Asked, KnownDrive, Said};
 use super::register::{in_text, place, values};
 use super::request::function_text;
-use super::{Asked, KnownDrive, Said};
 use crate::domain::link::Framing;
 use crate::domain::traffic::Why;
 use crate::wire::exception::{self, ILLEGAL_FUNCTION};

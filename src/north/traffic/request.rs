@@ -1,7 +1,7 @@
 //! What a request asks.
 
+use super::frame::{KnownDrive, Said};
 use super::register::{in_text, place, values};
-use super::{KnownDrive, Said};
 use crate::profile::model::Barrier;
 use crate::wire::pdu::{Request, function};
 

@@ -1,12 +1,15 @@
 //! Every frame that is known of the drives, in words, and what is said of frames that are not as they should be.
 
 use super::*;
+use crate::domain::ids::Name;
 use crate::domain::link::Framing;
+use crate::drive::description::Ratings;
 use crate::profile::catalog::Catalog;
 use crate::vendors;
 use crate::wire::{ascii, rtu};
 use serde_json::Value;
 use std::fmt::Write;
+use std::sync::Arc;
 
 fn catalog() -> Catalog {
     Catalog::from_texts(vendors::texts().iter().copied()).unwrap()

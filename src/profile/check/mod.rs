@@ -1,6 +1,7 @@
 //! From the text of a model file to a sound model, or to all its problems at once.
 
 mod exchange;
+mod keys;
 mod link;
 mod registers;
 mod run;
@@ -9,10 +10,8 @@ mod status;
 
 use super::file::ModelFile;
 use super::model::Model;
-use super::register::{RegisterFile, named};
-use crate::domain::problem::{Problem, nearest};
-use crate::toml_file::{self, Location, OptionalKey, Spanned};
-use std::collections::BTreeMap;
+use crate::domain::problem::Problem;
+use crate::toml_file::{self, Location, OptionalKey};
 
 /// The model that `text` describes.
 ///
@@ -47,48 +46,6 @@ fn compare(file: &ModelFile, problems: &mut Vec<Problem>) {
     }
     status::check(file, problems);
     setup::check(file, problems);
-}
-
-/// Reports each of `written` that stands there twice, at its second place.
-fn once<'f, T: Ord + 'f>(
-    written: impl IntoIterator<Item = &'f Spanned<T>>,
-    called: impl Fn(&T) -> String,
-    right: &str,
-    problems: &mut Vec<Problem>,
-) {
-    let mut taken: BTreeMap<&T, &str> = BTreeMap::new();
-    for Spanned { value, location } in written {
-        match taken.get(value) {
-            Some(first) => {
-                problems.push(location.problem(format!("{} is taken by {first}", called(value))).right(right));
-            }
-            None => {
-                taken.insert(value, &location.key);
-            }
-        }
-    }
-}
-
-/// The register that is meant by `name`, which must be readable.
-fn readable<'f>(
-    name: &Spanned<String>,
-    registers: &'f [RegisterFile],
-    problems: &mut Vec<Problem>,
-) -> Option<&'f RegisterFile> {
-    let Some(register) = named(&name.value, registers) else {
-        let names = registers.iter().filter_map(|register| Some(register.name.as_ref()?.value.as_str()));
-        let right = match nearest(&name.value, names) {
-            Some(near) => format!("`{near}`"),
-            None => "the `name` of a register".to_owned(),
-        };
-        problems.push(name.location.problem(format!("no register is called `{}`", name.value)).right(right));
-        return None;
-    };
-    if register.access.as_ref().is_some_and(|access| !access.value.can_read()) {
-        let problem = name.location.problem(format!("`{}` cannot be read", name.value));
-        problems.push(problem.right("a register with access \"read\" or \"read-write\""));
-    }
-    Some(register)
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The rules between the keys of `[run]`.
 
-use super::once;
+use super::keys::once;
 use crate::domain::problem::Problem;
 use crate::profile::file::{FormWord, Order, RunFile};
 use crate::profile::model::{BitMeaning, Role};

@@ -1,6 +1,6 @@
 //! The rules of set-up and watchdog.
 
-use super::{once, readable};
+use super::keys::{once, readable};
 use crate::domain::link::Interface;
 use crate::domain::problem::Problem;
 use crate::profile::file::{ModelFile, SetupFile, WatchdogFile};

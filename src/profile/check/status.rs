@@ -1,6 +1,6 @@
 //! The rules of status flags, trips and exceptions.
 
-use super::{once, readable};
+use super::keys::{once, readable};
 use crate::domain::problem::Problem;
 use crate::profile::file::{CodeFile, ModelFile, StatusFile};
 use crate::profile::model::Role;

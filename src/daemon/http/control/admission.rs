@@ -3,7 +3,7 @@
 
 use super::Control;
 use crate::daemon::clock;
-use crate::daemon::http::refusal;
+use crate::daemon::http::answers::refusal;
 use crate::domain::ids::CommanderName;
 use crate::north::operator::body::BODY_BYTES_MAX;
 use crate::north::operator::moments::Old;

@@ -3,8 +3,9 @@
 use super::Control;
 use super::admission::{Admitted, admit};
 use crate::daemon::clock;
-use crate::daemon::http::routes::json;
-use crate::daemon::http::{refusal, setup};
+use crate::daemon::http::answers::json;
+use crate::daemon::http::answers::refusal;
+use crate::daemon::http::setup;
 use crate::daemon::local::Who;
 use crate::daemon::shared::SharedDrive;
 use crate::domain::command::{Order, Outcome, Reason, Report};

@@ -3,9 +3,12 @@
 
 mod admission;
 mod commands;
+mod routes;
 mod sign_in;
 #[cfg(test)]
 mod tests;
+
+pub(super) use routes::router;
 
 use super::front::Front;
 use crate::daemon::local::LocalSide;
@@ -14,8 +17,6 @@ use crate::north::operator::attempts::Attempts;
 use crate::north::operator::moments::Moments;
 use crate::north::operator::sessions::Sessions;
 use arc_swap::ArcSwap;
-use axum::Router;
-use axum::routing::{get, post};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::{Notify, Semaphore};
 
@@ -81,15 +82,4 @@ impl Control {
     fn attempts(&self) -> MutexGuard<'_, Attempts> {
         self.attempts.lock().unwrap_or_else(PoisonError::into_inner)
     }
-}
-
-/// The routes of those who sign in. Orders have no bound of their own: a connection gives one after the other, and
-/// connections are bounded.
-pub(super) fn router(control: Arc<Control>) -> Router {
-    Router::new()
-        .route("/api/v1/session", get(sign_in::session).post(sign_in::sign_in).delete(sign_in::sign_out))
-        .route("/api/v1/drives/{name}/command", post(commands::command))
-        .route("/api/v1/drives/{name}/lease", post(commands::renew))
-        .route("/api/v1/stop", post(commands::stop_all))
-        .with_state(control)
 }

@@ -3,9 +3,9 @@
 use super::Control;
 use super::admission::{Refused, admit, comes_from_own_page, id_in, is_possible, json_body, key_of, refused, token_of};
 use crate::daemon::clock;
+use crate::daemon::http::answers::json;
 use crate::daemon::http::entrance::Peer;
 use crate::daemon::http::front::User;
-use crate::daemon::http::routes::json;
 use crate::domain::ids::CommanderName;
 use crate::north::operator::body::{self, SIGN_IN_EXAMPLE};
 use crate::north::operator::request::{COOKIE, key_text};

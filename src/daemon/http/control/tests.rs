@@ -79,9 +79,11 @@ fn house_of(users: &[&str]) -> House {
     tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&answers)));
     let gives_late = Rc::<Cell<bool>>::default();
     tokio::task::spawn_local(play(shared, answers, Rc::clone(&heard), Rc::clone(&gives_late)));
-    let control = Arc::new(Control::new(side, state.live.moments().clone(), Front::read(&settings(users)).unwrap()));
+    let documents = http::Documents::new(Arc::new(state));
+    let control =
+        Arc::new(Control::new(side, documents.live.moments().clone(), Front::read(&settings(users)).unwrap()));
     let listener = TcpListener::from_std(listener).unwrap();
-    let served = tokio::task::spawn_local(http::serve(listener, Arc::new(state), Arc::clone(&control)));
+    let served = tokio::task::spawn_local(http::serve(listener, documents, Arc::clone(&control)));
     House { address, control, heard, gives_late, listener: served.abort_handle() }
 }
 

@@ -1,9 +1,9 @@
 //! Rows of the journal for whoever asks: read beside the main thread, as many as may be and no more.
 
+use super::Live;
 use super::query::Query;
 use super::routes::wrong;
 use crate::daemon::clock;
-use crate::daemon::http::state::State as Gateway;
 use crate::daemon::http::taking::PIECE_BYTES;
 use crate::daemon::journal::listing;
 use crate::daemon::journal::reader::{connect, row};
@@ -46,15 +46,15 @@ struct Asked {
     format: Format,
 }
 
-pub async fn rows(State(gateway): State<Arc<Gateway>>, RawQuery(query): RawQuery) -> Response {
+pub async fn rows(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> Response {
     let asked = match asked(query.as_deref()) {
         Ok(asked) => asked,
         Err(what) => return wrong(StatusCode::BAD_REQUEST, what),
     };
-    let Some(journal) = &gateway.journal else {
+    let Some(journal) = &live.state.journal else {
         return wrong(StatusCode::NOT_FOUND, "there is no journal: it needs `data_dir` in [gateway]");
     };
-    let Ok(place) = Arc::clone(&gateway.live.readers).try_acquire_owned() else {
+    let Ok(place) = Arc::clone(&live.readers).try_acquire_owned() else {
         return wrong(StatusCode::SERVICE_UNAVAILABLE, "others read the journal: try again in a moment");
     };
     let (path, format) = (journal.file().to_owned(), asked.format);

@@ -38,6 +38,7 @@ const TICK: Duration = moments::EVERY;
 /// What the live documents rest on, beside the pictures.
 #[derive(Debug)]
 pub struct Live {
+    state: Arc<State>,
     kept: Mutex<Kept>,
     /// Places for those who read the journal.
     readers: Arc<Semaphore>,
@@ -63,7 +64,8 @@ struct Kept {
 impl Live {
     /// Nobody listens, and nothing was measured yet.
     #[must_use]
-    pub fn new(started: Moment) -> Self {
+    pub fn new(state: Arc<State>) -> Self {
+        let started = Moment { mono: state.started, wall: state.started_at };
         let kept = Kept {
             clock: Clock::new(started),
             shared: None,
@@ -73,6 +75,7 @@ impl Live {
             told: None,
         };
         Self {
+            state,
             kept: Mutex::new(kept),
             readers: Arc::new(Semaphore::new(journal::READERS_MAX)),
             room: Room::default(),
@@ -92,21 +95,21 @@ impl Live {
 }
 
 /// Looks at the pictures from now on. It never ends.
-pub async fn run(state: Arc<State>) {
+pub async fn run(live: Arc<Live>) {
     let mut ticks = tokio::time::interval(TICK);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
-        state.live.lock().look(&state, clock::moment());
+        live.lock().look(&live, clock::moment());
         ticks.tick().await;
     }
 }
 
 impl Kept {
     /// Takes what is due for trend and use of the lines, and tells whoever listens what has changed.
-    fn look(&mut self, state: &State, at: Moment) {
+    fn look(&mut self, live: &Live, at: Moment) {
         let now = at.mono;
         self.clock.see(at);
-        let is_new = self.follow(state);
+        let is_new = self.follow(&live.state);
         let Some(shared) = self.shared.clone() else { return };
         if self.trends.is_due(now) {
             let views: Vec<_> = shared.drives.iter().map(|drive| drive.view.load_full()).collect();
@@ -121,7 +124,12 @@ impl Kept {
             self.told = None;
             return;
         }
-        let source = Source { state, shared: &shared, uses: &self.uses, present: Present { now, clock: &self.clock } };
+        let source = Source {
+            state: &live.state,
+            shared: &shared,
+            uses: &self.uses,
+            present: Present { now, clock: &self.clock },
+        };
         let news = match &mut self.told {
             Some(told) if !is_new => told.news(&source),
             told => {
@@ -130,7 +138,7 @@ impl Kept {
                 events + &events::event("state", &source.document().to_string())
             }
         };
-        self.listeners.tell(news + &events::alive(&state.live.moments.at(now)));
+        self.listeners.tell(news + &events::alive(&live.moments.at(now)));
     }
 
     /// Takes notice of another configuration. Returns whether there is one since the last look.
@@ -145,18 +153,18 @@ impl Kept {
     }
 
     /// What `made` makes of everything as it is now.
-    fn source<T>(&self, state: &State, made: impl FnOnce(&Source<'_>) -> T) -> T {
+    fn source<T>(&self, live: &Live, made: impl FnOnce(&Source<'_>) -> T) -> T {
         let present = Present { now: clock::now(), clock: &self.clock };
-        made(&Source { state, shared: &state.shared.get(), uses: &self.uses, present })
+        made(&Source { state: &live.state, shared: &live.state.shared.get(), uses: &self.uses, present })
     }
 
     /// Somebody who listens from now on, with the state as the first event; nothing if too many large ones wait to be taken.
-    fn listen(&mut self, state: &State, stay: super::lasting::Stay) -> Option<Listener> {
-        let (first, told) = self.source(state, |source| {
-            let moment = state.live.moments.at(source.present.now);
+    fn listen(&mut self, live: &Live, stay: super::lasting::Stay) -> Option<Listener> {
+        let (first, told) = self.source(live, |source| {
+            let moment = live.moments.at(source.present.now);
             (events::first(&source.document().to_string(), &moment), Told::now(source))
         });
-        let first = state.live.room.pieces(first.into())?;
+        let first = live.room.pieces(first.into())?;
         // Whoever listens already was told less, and will be told all of it.
         self.told.get_or_insert(told);
         Some(self.listeners.add(first, stay))

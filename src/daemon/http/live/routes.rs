@@ -1,10 +1,9 @@
 //! Where the live documents are found.
 
-use super::journal;
 use super::query::Query;
+use super::{Live, journal};
+use crate::daemon::http::answers::json;
 use crate::daemon::http::lasting::Lasting;
-use crate::daemon::http::routes::json;
-use crate::daemon::http::state::State as Gateway;
 use axum::body::Body;
 use axum::extract::{RawQuery, State};
 use axum::http::{StatusCode, header};
@@ -22,30 +21,30 @@ const EVENTS: [(header::HeaderName, &str); 3] = [
 ];
 
 /// The routes. All of them look and nothing more.
-pub fn router(state: Arc<Gateway>) -> Router {
+pub fn router(live: Arc<Live>) -> Router {
     Router::new()
         .route("/api/v1/state", get(everything))
         .route("/api/v1/events", get(events))
         .route("/api/v1/trend", get(trend))
         .route("/api/v1/advice", get(advice))
         .route("/api/v1/journal", get(journal::rows))
-        .with_state(state)
+        .with_state(live)
 }
 
-async fn everything(State(gateway): State<Arc<Gateway>>) -> Response {
-    fresh(&gateway.live.lock().source(&gateway, |source| source.document()))
+async fn everything(State(live): State<Arc<Live>>) -> Response {
+    fresh(&live.lock().source(&live, |source| source.document()))
 }
 
-async fn advice(State(gateway): State<Arc<Gateway>>) -> Response {
-    let advice = gateway.live.lock().source(&gateway, |source| super::source::documents(&source.advice()));
+async fn advice(State(live): State<Arc<Live>>) -> Response {
+    let advice = live.lock().source(&live, |source| super::source::documents(&source.advice()));
     fresh(&json!({ "advice": advice }))
 }
 
-async fn events(State(gateway): State<Arc<Gateway>>, Extension(lasting): Extension<Lasting>) -> Response {
+async fn events(State(live): State<Arc<Live>>, Extension(lasting): Extension<Lasting>) -> Response {
     let Some(stay) = lasting.stay() else {
         return wrong(StatusCode::SERVICE_UNAVAILABLE, "as many listen to changes as may: close other windows");
     };
-    let Some(listener) = gateway.live.lock().listen(&gateway, stay) else {
+    let Some(listener) = live.lock().listen(&live, stay) else {
         return wrong(
             StatusCode::SERVICE_UNAVAILABLE,
             "other clients are reading large responses; retry in a few seconds",
@@ -54,12 +53,12 @@ async fn events(State(gateway): State<Arc<Gateway>>, Extension(lasting): Extensi
     (EVENTS, Body::new(listener)).into_response()
 }
 
-async fn trend(State(gateway): State<Arc<Gateway>>, RawQuery(query): RawQuery) -> Response {
+async fn trend(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> Response {
     let query = match Query::read(query.as_deref(), &["drive"]) {
         Ok(query) => query,
         Err(what) => return wrong(StatusCode::BAD_REQUEST, what),
     };
-    let shared = gateway.shared.get();
+    let shared = live.state.shared.get();
     let names = || shared.drives.iter().map(|drive| drive.description.name.as_str()).collect::<Vec<_>>().join(", ");
     let Some(name) = query.get("drive") else {
         return wrong(StatusCode::BAD_REQUEST, format!("`drive=NAME` is needed; there are {}", names()));
@@ -67,7 +66,7 @@ async fn trend(State(gateway): State<Arc<Gateway>>, RawQuery(query): RawQuery) -
     if shared.drives.iter().all(|drive| drive.description.name.as_str() != name) {
         return wrong(StatusCode::NOT_FOUND, format!("there is no drive `{name}`; there are {}", names()));
     }
-    match gateway.live.lock().trend(name) {
+    match live.lock().trend(name) {
         Some(document) => fresh(&document),
         None => wrong(StatusCode::SERVICE_UNAVAILABLE, "the drive has come this moment: try again"),
     }

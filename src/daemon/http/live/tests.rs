@@ -1,6 +1,7 @@
 //! Live documents over real sockets, from a gateway whose lines are played by the test.
 
 use crate::daemon::clock;
+use crate::daemon::http::Documents;
 use crate::daemon::http::connections::{self, Patience};
 use crate::daemon::http::lasting::LASTING_MAX;
 use crate::daemon::http::routes;
@@ -20,10 +21,14 @@ use tokio::net::{TcpListener, TcpStream};
 
 /// Serves `state`, whose live task runs.
 async fn serve(state: &Arc<State>, patience: Patience) -> SocketAddr {
+    serve_documents(Documents::new(Arc::clone(state)), patience).await
+}
+
+async fn serve_documents(documents: Documents, patience: Patience) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
-    tokio::task::spawn_local(connections::serve(listener, routes::router(Arc::clone(state)), patience));
-    tokio::task::spawn_local(super::run(Arc::clone(state)));
+    tokio::task::spawn_local(super::run(Arc::clone(&documents.live)));
+    tokio::task::spawn_local(connections::serve(listener, routes::router(documents), patience));
     address
 }
 
@@ -204,21 +209,21 @@ fn who_listens_may_stay_longer_than_others() {
 #[test]
 fn who_does_not_read_is_let_go_and_the_others_go_on() {
     on_a_runtime(async {
-        let state = state(false);
-        let address = serve(&state, Patience::default()).await;
+        let documents = Documents::new(state(false));
+        let address = serve_documents(documents.clone(), Patience::default()).await;
         let (_, mut slow) = Listening::connect(address).await;
         let (_, mut good) = Listening::connect(address).await;
         good.next("state").await;
         // More than any buffer between takes.
         let text = super::events::event("update", &format!("\"{}\"", "x".repeat(2 << 20)));
         for _ in 0..100 {
-            state.live.lock().listeners.tell(text.clone());
+            documents.live.lock().listeners.tell(text.clone());
             good.next("update").await;
-            if state.live.lock().listeners.count() == 1 {
+            if documents.live.lock().listeners.count() == 1 {
                 break;
             }
         }
-        assert_eq!(state.live.lock().listeners.count(), 1);
+        assert_eq!(documents.live.lock().listeners.count(), 1);
         good.next("alive").await;
         while let Some(_event) = slow.event().await {}
     });

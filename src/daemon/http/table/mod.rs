@@ -2,7 +2,7 @@
 //!
 //! Each name begins with [`PREFIX`] and ends with its unit; a counter's ends with `_total` besides.
 
-use super::socket::Reachable;
+use super::reachable::Reachable;
 use super::state::State;
 use crate::daemon::journal::{JournalReport, JournalState};
 use crate::daemon::totals::{ModbusTotals, MqttTotals, SparkplugTotals};

@@ -1,6 +1,6 @@
 //! The sockets of the broker: a task for each, which carries bytes between its client and the machine.
 
-use super::PACKET_MAX;
+use super::limits::PACKET_MAX;
 use super::machine::{ConnectionId, Machine};
 use super::packet::Fault;
 use super::reader;

@@ -1,8 +1,8 @@
 //! Packets of the broker.
 
+use super::limits::{IN_FLIGHT_MAX, PACKET_MAX};
 use super::packet::{Message, Outgoing, Qos, reason};
 use super::properties;
-use super::{IN_FLIGHT_MAX, PACKET_MAX};
 use crate::north::mqtt::Version;
 
 /// Appends `packet` to `out`.

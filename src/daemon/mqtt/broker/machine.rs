@@ -2,12 +2,12 @@
 
 use super::decode;
 use super::encode;
+use super::limits::{CONNECTIONS_MAX, IN_FLIGHT_MAX, INCOMING_MAX, PACKET_MAX, RETAINED_BYTES_MAX, RETAINED_MAX};
 use super::outbox::Taking;
 use super::packet::{Fault, Incoming, Outgoing, Qos, Refusal, reason};
 use super::retained::{Post, Retained};
 use super::session::{Session, SessionId};
 use super::tree::Tree;
-use super::{CONNECTIONS_MAX, IN_FLIGHT_MAX, INCOMING_MAX, PACKET_MAX, RETAINED_BYTES_MAX, RETAINED_MAX};
 use crate::domain::time::MonoTime;
 use crate::north::mqtt::Version;
 use std::collections::{BTreeMap, BTreeSet, HashMap};

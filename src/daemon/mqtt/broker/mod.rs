@@ -8,6 +8,7 @@
 mod connection;
 mod decode;
 mod encode;
+mod limits;
 mod machine;
 mod outbox;
 mod packet;
@@ -24,6 +25,7 @@ mod tree;
 mod tests;
 
 use connection::Shared;
+use limits::CONNECTIONS_MAX;
 use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -32,28 +34,6 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinSet;
 use tokio::time::MissedTickBehavior;
 
-/// Retained messages at most. A message for another topic is then delivered, but not kept.
-const RETAINED_MAX: usize = 100_000;
-/// What they may weigh together, in bytes.
-const RETAINED_BYTES_MAX: usize = 256 * 1024 * 1024;
-/// Longest packet, in bytes. More than the gateway takes, so that its own limits can be tried.
-const PACKET_MAX: u32 = 1024 * 1024;
-/// Connections at once.
-const CONNECTIONS_MAX: usize = 1000;
-/// Sessions, with those that wait for their client; the one that waits longest gives way.
-const SESSIONS_MAX: usize = 2000;
-/// Subscriptions of one client.
-const SUBSCRIPTIONS_MAX: usize = 10_000;
-/// Messages that wait for one client.
-const WAITING_MAX: usize = 10_000;
-/// What they may weigh together, in bytes.
-const WAITING_BYTES_MAX: usize = 64 * 1024 * 1024;
-/// Messages that wait for an acknowledgement, to and from one client.
-const IN_FLIGHT_MAX: u16 = 64;
-/// The same from a client with MQTT 3.1.1, which has no way to learn a limit.
-const INCOMING_MAX: usize = 1000;
-/// Longest identifier of a client, in bytes.
-const CLIENT_IDENTIFIER_MAX: usize = 1024;
 /// How often time passes for the machine.
 const BEAT: Duration = Duration::from_millis(250);
 /// After a connection could not be accepted, for want of descriptors.

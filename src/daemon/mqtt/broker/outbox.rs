@@ -1,9 +1,9 @@
 //! What is to go to one client: messages that wait, those that it has not acknowledged, retained ones that it asked for.
 
 use super::encode;
+use super::limits::{IN_FLIGHT_MAX, WAITING_BYTES_MAX, WAITING_MAX};
 use super::packet::{Options, Outgoing, Qos, reason};
 use super::retained::{Post, Retained};
-use super::{IN_FLIGHT_MAX, WAITING_BYTES_MAX, WAITING_MAX};
 use crate::domain::time::MonoTime;
 use crate::north::mqtt::Version;
 use std::collections::VecDeque;

@@ -1,6 +1,6 @@
 //! Who gets what: subscriptions, and messages on their way to them.
 
-use super::SUBSCRIPTIONS_MAX;
+use super::limits::SUBSCRIPTIONS_MAX;
 use super::machine::{ConnectionId, Machine};
 use super::outbox::Delivery;
 use super::packet::{Options, Outgoing, Qos, RetainHandling, Wanted, reason};

@@ -1,12 +1,12 @@
 //! How sessions begin, are taken over and end.
 
+use super::limits::{CLIENT_IDENTIFIER_MAX, IN_FLIGHT_MAX, SESSIONS_MAX};
 use super::machine::{ConnectionId, Machine};
 use super::outbox::Taking;
 use super::packet::{Connect, Expiry, Fault, Outgoing, Will, reason};
 use super::retained::Post;
 use super::session::{Session, SessionId};
 use super::topic::Filter;
-use super::{CLIENT_IDENTIFIER_MAX, IN_FLIGHT_MAX, SESSIONS_MAX};
 use crate::domain::time::MonoTime;
 use crate::north::mqtt::Version;
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! What is written, and what is reported as sent.
 
 use super::super::exchange::Protocol;
-use super::super::link::Incident;
+use super::super::incident::Incident;
 use super::super::v4::V4;
 use super::super::wire::Wire;
 use super::*;

@@ -117,7 +117,7 @@ fn a_full_queue_drops_the_oldest_at_quality_0_first_and_counts() {
     let writer = rig.connect("writer");
     let (reader, _) = rig.connect_with(lasting("reader", 60), None);
     rig.subscribe(reader, &[filter("a", QoS::AtLeastOnce)]);
-    let max = super::super::WAITING_MAX;
+    let max = super::super::limits::WAITING_MAX;
     for number in 0..max + 2 {
         let qos = if number % 2 == 0 { QoS::AtMostOnce } else { QoS::AtLeastOnce };
         rig.publish(writer, message("a", &number.to_string(), qos));
@@ -174,7 +174,7 @@ fn retained_messages_come_at_a_subscription_as_it_asks_for_them() {
 fn all_that_is_retained_comes_however_much_it_is() {
     let mut rig = Rig::new();
     let writer = rig.connect("writer");
-    let count = super::super::WAITING_MAX + 500;
+    let count = super::super::limits::WAITING_MAX + 500;
     for number in 0..count {
         rig.publish(writer, retained(&format!("a/{number}"), "x"));
     }

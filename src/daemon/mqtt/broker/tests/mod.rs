@@ -4,9 +4,10 @@ mod delivery;
 mod sessions;
 mod wrong;
 
+use super::limits::PACKET_MAX;
 use super::machine::{ConnectionId, Machine};
 use super::reader::frame;
-use super::{BrokerError, PACKET_MAX, listen};
+use super::{BrokerError, listen};
 use crate::domain::time::MonoTime;
 use bytes::BytesMut;
 use rumqttc::mqttbytes::v4;

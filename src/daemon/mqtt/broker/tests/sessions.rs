@@ -94,12 +94,12 @@ fn a_session_is_kept_for_as_long_as_it_says() {
 #[test]
 fn there_is_a_bound_on_sessions_and_connections() {
     let mut rig = Rig::new();
-    for number in 0..=super::super::SESSIONS_MAX {
+    for number in 0..=super::super::limits::SESSIONS_MAX {
         let (id, _) = rig.connect_v4(&format!("c{number}"), false);
         rig.machine.closed(id, rig.now);
         rig.now = rig.now + Duration::from_millis(1);
     }
-    assert_eq!(rig.machine.sessions.len(), super::super::SESSIONS_MAX);
+    assert_eq!(rig.machine.sessions.len(), super::super::limits::SESSIONS_MAX);
     assert!(rig.connect_v4("c1", false).1.session_present);
     assert!(!rig.connect_v4("c0", false).1.session_present, "the one that waited longest gave way");
     let mut rig = Rig::new();

@@ -1,0 +1,21 @@
+//! Whether the program's own commands reach the gateway.
+
+use arc_swap::ArcSwapOption;
+use std::sync::Arc;
+
+/// Whether the program's own commands reach the gateway: why not.
+#[derive(Debug, Default)]
+pub struct Reachable(ArcSwapOption<String>);
+
+impl Reachable {
+    /// Why they do not; none: they do.
+    #[must_use]
+    pub fn refusal(&self) -> Option<String> {
+        self.0.load().as_ref().map(|refusal| refusal.to_string())
+    }
+
+    /// They do not because of `refusal`; `None`: they do.
+    pub(super) fn set(&self, refusal: Option<String>) {
+        self.0.store(refusal.map(Arc::new));
+    }
+}

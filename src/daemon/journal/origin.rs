@@ -1,0 +1,28 @@
+//! Where rows come from: a line from its start to its end.
+
+use crate::daemon::inbox::Inbox as LineInbox;
+use crate::domain::ids::Name;
+use crate::drive::description::DriveDescription;
+use crate::journal::RowNumber;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// A line in one of its lives.
+#[derive(Debug)]
+pub struct Origin {
+    pub(super) id: u64,
+    pub(super) line: Name,
+    /// In order.
+    pub(super) drives: Vec<DriveDescription>,
+    pub(super) inbox: Arc<LineInbox>,
+    /// Up to here all its rows are kept.
+    pub(super) kept: AtomicU64,
+}
+
+impl Origin {
+    /// Whether the row `number` and all before it are kept.
+    #[must_use]
+    pub fn has_kept(&self, number: RowNumber) -> bool {
+        self.kept.load(Ordering::SeqCst) >= number.0
+    }
+}

@@ -1,0 +1,41 @@
+//! Why the gateway could not start.
+
+use super::own_lock::Taken;
+use std::io;
+use std::net::SocketAddr;
+
+/// Why the daemon could not start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// A listener's address could not be taken.
+    #[error("cannot listen on {address}: {error}")]
+    Listen {
+        /// As configured.
+        address: SocketAddr,
+        /// The system's reason.
+        error: io::Error,
+    },
+    /// The certificates of a listener cannot be used.
+    #[error("modbus_tcp {address}: {what}")]
+    ModbusTls {
+        /// The listener, as configured.
+        address: SocketAddr,
+        /// All that is wrong with its files.
+        what: String,
+    },
+    /// The users or the certificate of the HTTP listener cannot be used.
+    #[error("http: {0}")]
+    Http(String),
+    /// Another gateway runs on the same data directory.
+    #[error(transparent)]
+    Taken(#[from] Taken),
+    /// The broker for trying out does not start.
+    #[error("the embedded broker does not start: {0}")]
+    Broker(io::Error),
+    /// A password or a certificate cannot be used.
+    #[error("mqtt: {0}")]
+    Mqtt(String),
+    /// A thread, a runtime or a signal handler was refused.
+    #[error("the system refuses what the daemon needs: {0}")]
+    System(#[from] io::Error),
+}

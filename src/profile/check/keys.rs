@@ -1,0 +1,48 @@
+//! Checks that several sections need: values that must be unique, and names of registers.
+
+use super::super::register::{RegisterFile, named};
+use crate::domain::problem::{Problem, nearest};
+use crate::toml_file::Spanned;
+use std::collections::BTreeMap;
+
+/// Reports each of `written` that stands there twice, at its second place.
+pub(super) fn once<'f, T: Ord + 'f>(
+    written: impl IntoIterator<Item = &'f Spanned<T>>,
+    called: impl Fn(&T) -> String,
+    right: &str,
+    problems: &mut Vec<Problem>,
+) {
+    let mut taken: BTreeMap<&T, &str> = BTreeMap::new();
+    for Spanned { value, location } in written {
+        match taken.get(value) {
+            Some(first) => {
+                problems.push(location.problem(format!("{} is taken by {first}", called(value))).right(right));
+            }
+            None => {
+                taken.insert(value, &location.key);
+            }
+        }
+    }
+}
+
+/// The register that is meant by `name`, which must be readable.
+pub(super) fn readable<'f>(
+    name: &Spanned<String>,
+    registers: &'f [RegisterFile],
+    problems: &mut Vec<Problem>,
+) -> Option<&'f RegisterFile> {
+    let Some(register) = named(&name.value, registers) else {
+        let names = registers.iter().filter_map(|register| Some(register.name.as_ref()?.value.as_str()));
+        let right = match nearest(&name.value, names) {
+            Some(near) => format!("`{near}`"),
+            None => "the `name` of a register".to_owned(),
+        };
+        problems.push(name.location.problem(format!("no register is called `{}`", name.value)).right(right));
+        return None;
+    };
+    if register.access.as_ref().is_some_and(|access| !access.value.can_read()) {
+        let problem = name.location.problem(format!("`{}` cannot be read", name.value));
+        problems.push(problem.right("a register with access \"read\" or \"read-write\""));
+    }
+    Some(register)
+}
