@@ -1,4 +1,4 @@
-//! Rules that hold for every file in `src/`, read as text. Each reports all offenders at once, with file and line,
+//! Rules that hold for every file in `src/`. Each reports all offenders at once, with file and line,
 //! and each is shown to fail on a snippet that breaks it.
 //!
 //! Code that only tests see (`#[cfg(test)]`) is exempt except from the rules about the opening sentence, `unsafe`
@@ -11,6 +11,13 @@
     reason = "a test fails by panicking, its helpers too"
 )]
 
+#[path = "house_rules/circles.rs"]
+mod circles;
+#[path = "house_rules/source.rs"]
+mod source;
+
+use circles::Uses;
+use source::Source;
 use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::Path;
@@ -63,58 +70,12 @@ const IO_PATHS: [&[&str]; 14] = [
 /// Names that read a clock, however they came into scope.
 const CLOCKS: [&str; 3] = ["Instant", "SystemTime", "UNIX_EPOCH"];
 
-/// A file and the views of it that the rules need. Every view has the lines of the file.
-struct Source {
-    path: String,
-    text: String,
-    /// Without comments and without what stands in strings.
-    bare: String,
-    /// `text` without code that only tests see.
-    shipped: String,
-    /// `bare` without code that only tests see.
-    code: String,
-}
-
-impl Source {
-    fn new(path: &str, text: &str) -> Self {
-        let bare = without_words(text);
-        let spans = test_spans(&bare);
-        let (mut shipped, mut code) = (text.to_owned(), bare.clone());
-        for span in spans {
-            shipped = blanked(&shipped, span.clone());
-            code = blanked(&code, span);
-        }
-        Self { path: path.to_owned(), text: text.to_owned(), bare, shipped, code }
-    }
-
-    /// Makes the whole file a test's.
-    fn only_for_tests(&mut self) {
-        self.shipped = blanked(&self.shipped, 0..self.shipped.len());
-        self.code = blanked(&self.code, 0..self.code.len());
-    }
-
-    /// The modules from the crate's root to this file: `["line", "timing"]`.
-    fn modules(&self) -> Vec<&str> {
-        let path = self.path.trim_start_matches("src/").trim_end_matches(".rs");
-        let modules: Vec<_> = path.split('/').filter(|part| *part != "mod").collect();
-        if modules == ["lib"] { Vec::new() } else { modules }
-    }
-
-    fn room(&self) -> &str {
-        self.modules().first().copied().unwrap_or("lib")
-    }
-
-    fn at(&self, line: usize, what: &str) -> String {
-        format!("{}:{line}: {what}", self.path)
-    }
-}
-
 type Rule = fn(&Source) -> Vec<String>;
 
 fn rooms_use_only_rooms_before_them(source: &Source) -> Vec<String> {
     let (modules, room) = (source.modules(), source.room());
     let mut wrong = Vec::new();
-    for (line, path) in paths(&source.code) {
+    for (line, path) in &source.paths {
         let supers = path.iter().take_while(|part| *part == "super").count();
         let used = match path[0].as_str() {
             "crate" | "vfd_gateway" => path.get(1),
@@ -122,7 +83,7 @@ fn rooms_use_only_rooms_before_them(source: &Source) -> Vec<String> {
             _ => None,
         };
         if let Some(used) = used.filter(|used| ROOMS.contains(&used.as_str()) && !may_use(room, used)) {
-            wrong.push(source.at(line, &format!("{room} must not use {used}")));
+            wrong.push(source.at(*line, &format!("{room} must not use {used}")));
         }
     }
     wrong
@@ -167,9 +128,8 @@ fn unsafe_stands_in_one_file(source: &Source) -> Vec<String> {
     if source.path == UNSAFE_FILE {
         return Vec::new();
     }
-    let is_unsafe = |word: &str| word == "unsafe" || word == "unsafe_code";
-    let lines = numbered(&source.bare).filter(|(_, text)| words(text).any(is_unsafe));
-    lines.map(|(line, _)| source.at(line, "unsafe")).collect()
+    let is_unsafe = |(_, word): &&(usize, String)| word == "unsafe" || word == "unsafe_code";
+    source.words.iter().filter(is_unsafe).map(|(line, _)| source.at(*line, "unsafe")).collect()
 }
 
 fn io_and_clocks_stay_in_their_rooms(source: &Source) -> Vec<String> {
@@ -181,8 +141,8 @@ fn io_and_clocks_stay_in_their_rooms(source: &Source) -> Vec<String> {
             |io: &&[&str]| path.len() >= io.len() && path.iter().zip(*io).all(|(one, other)| one == other);
         IO_PATHS.iter().any(begins_with) || path.iter().any(|part| CLOCKS.contains(&part.as_str()))
     };
-    let found = paths(&source.code).into_iter().filter(|(_, path)| is_io(path));
-    found.map(|(line, path)| source.at(line, &format!("names {}", path.join("::")))).collect()
+    let found = source.paths.iter().filter(|(_, path)| is_io(path));
+    found.map(|(line, path)| source.at(*line, &format!("names {}", path.join("::")))).collect()
 }
 
 fn files_are_short(source: &Source) -> Vec<String> {
@@ -325,15 +285,14 @@ fn the_map_finds_what_it_says() {
 }
 
 #[test]
-fn the_reader_of_sources_is_not_fooled() {
-    let text = "let a = '\"'; let b = \"}\"; /* { /* } */ */ let c = r#\"\"{\"#; fn f<'a>(x: &'a str) {} // {\n";
-    let bare = without_words(text);
-    assert_eq!(bare.len(), text.len());
-    assert_eq!(bare.matches('{').count(), 1, "{bare}");
-    let arm = "match x {\n #[cfg(test)]\n (A, [v]) => Ok(B { c: 1 }),\n _ => D,\n}";
-    assert_eq!(Source::new("src/a.rs", arm).code.split_whitespace().collect::<String>(), "matchx{_=>D,}");
-    assert_eq!(test_files(&without_words("#[cfg(test)]\nmod tests;\nmod other;")), ["tests"]);
-    assert_eq!(test_files(&without_words("#[cfg(test)]\npub mod testing;\npub mod other;")), ["testing"]);
+fn no_more_than_three_files_use_each_other_in_a_circle() {
+    let sources = sources();
+    let circles = Uses::of(&sources).circles(3);
+    assert!(circles.is_empty(), "\n{}", circles.join("\n"));
+}
+
+#[test]
+fn files_below_a_test_are_found() {
     let tests = BTreeSet::from(["src/a/tests".to_owned()]);
     for (path, is_below_tests) in [
         ("src/a/tests.rs", true),
@@ -344,9 +303,6 @@ fn the_reader_of_sources_is_not_fooled() {
     ] {
         assert_eq!(is_below(path, &tests), is_below_tests, "{path}");
     }
-    let names: Vec<_> =
-        paths("use a::{b, c::{self, d}};\ne::f()").into_iter().map(|(_, path)| path.join("::")).collect();
-    assert_eq!(names, ["use", "a::b", "a::c::self", "a::c::d", "e::f"]);
     assert!(sources().len() > 50, "the sources are found");
 }
 
@@ -417,7 +373,7 @@ fn sources() -> Vec<Source> {
     let mut for_tests = BTreeSet::new();
     for source in &sources {
         let folder = source.modules().join("/");
-        for name in test_files(&source.bare) {
+        for name in &source.test_modules {
             for_tests.insert(format!("src/{folder}/{name}"));
         }
     }
@@ -455,180 +411,6 @@ fn collect(folder: &Path, files: &mut Vec<std::path::PathBuf>) {
             files.push(path);
         }
     }
-}
-
-/// `text` with everything in comments and strings turned into spaces.
-fn without_words(text: &str) -> String {
-    let bytes = text.as_bytes();
-    let mut spans = Vec::new();
-    let mut at = 0;
-    while at < bytes.len() {
-        let rest = &text[at..];
-        let length = if rest.starts_with("//") {
-            rest.find('\n').unwrap_or(rest.len())
-        } else if rest.starts_with("/*") {
-            block_comment(rest)
-        } else if let Some(hashes) = raw_string(rest).filter(|_| !ends_in_word(&text[..at])) {
-            let end = format!("\"{}", "#".repeat(hashes));
-            let begin = hashes + 2;
-            rest[begin..].find(&end).map_or(rest.len(), |found| begin + found + end.len())
-        } else if rest.starts_with('"') {
-            quoted(rest, b'"')
-        } else if is_char(rest) {
-            quoted(rest, b'\'')
-        } else {
-            at += rest.chars().next().map_or(1, char::len_utf8);
-            continue;
-        };
-        spans.push(at..at + length);
-        at += length;
-    }
-    spans.into_iter().fold(text.to_owned(), |text, span| blanked(&text, span))
-}
-
-fn block_comment(rest: &str) -> usize {
-    let (mut depth, mut at) = (0, 0);
-    while at < rest.len() {
-        match &rest.as_bytes()[at..] {
-            [b'/', b'*', ..] => (depth, at) = (depth + 1, at + 2),
-            [b'*', b'/', ..] => (depth, at) = (depth - 1, at + 2),
-            _ => at += 1,
-        }
-        if depth == 0 {
-            break;
-        }
-    }
-    at
-}
-
-/// The number of `#` of the raw string that `rest` begins with.
-fn raw_string(rest: &str) -> Option<usize> {
-    let rest = rest.strip_prefix('r')?;
-    let hashes = rest.len() - rest.trim_start_matches('#').len();
-    rest[hashes..].starts_with('"').then_some(hashes)
-}
-
-fn ends_in_word(text: &str) -> bool {
-    text.ends_with(|c: char| c.is_alphanumeric() || c == '_') && !text.ends_with('b')
-}
-
-/// Whether `rest` begins with a character and not with a lifetime.
-fn is_char(rest: &str) -> bool {
-    let mut chars = rest.chars();
-    let (quote, first, second) = (chars.next(), chars.next(), chars.next());
-    quote == Some('\'') && (first == Some('\\') || second == Some('\''))
-}
-
-fn quoted(rest: &str, quote: u8) -> usize {
-    let bytes = rest.as_bytes();
-    let mut at = 1;
-    while at < bytes.len() && bytes[at] != quote {
-        at += if bytes[at] == b'\\' { 2 } else { 1 };
-    }
-    (at + 1).min(bytes.len())
-}
-
-/// `text` with spaces in `span`, and its line breaks kept.
-fn blanked(text: &str, span: std::ops::Range<usize>) -> String {
-    let blank = text[span.clone()].bytes().map(|byte| if byte == b'\n' { '\n' } else { ' ' });
-    format!("{}{}{}", &text[..span.start], blank.collect::<String>(), &text[span.end..])
-}
-
-const TEST_ONLY: &str = "#[cfg(test)]";
-
-/// Where code stands that only tests see.
-fn test_spans(bare: &str) -> Vec<std::ops::Range<usize>> {
-    if bare.contains("#![cfg(test)]") {
-        return std::iter::once(0..bare.len()).collect();
-    }
-    bare.match_indices(TEST_ONLY)
-        .map(|(at, _)| at..at + TEST_ONLY.len() + item(&bare[at + TEST_ONLY.len()..]))
-        .collect()
-}
-
-/// Length of the item, variant or match arm that `rest` begins with, its attributes included.
-fn item(rest: &str) -> usize {
-    let (mut depth, mut in_body) = (0_i32, false);
-    for (at, byte) in rest.bytes().enumerate() {
-        match byte {
-            b'{' if depth == 0 => (depth, in_body) = (1, true),
-            b'{' | b'(' | b'[' => depth += 1,
-            b'}' | b')' | b']' => depth -= 1,
-            b';' | b',' if depth == 0 => return at + 1,
-            _ => {}
-        }
-        if depth < 0 {
-            return at;
-        }
-        if in_body && depth == 0 {
-            return at + 1;
-        }
-    }
-    rest.len()
-}
-
-/// Names of the files that `mod` lines declare for tests only.
-fn test_files(bare: &str) -> Vec<&str> {
-    let after = bare.match_indices(TEST_ONLY).map(|(at, _)| bare[at + TEST_ONLY.len()..].trim_start());
-    after
-        .filter_map(|rest| rest.strip_prefix("pub ").unwrap_or(rest).strip_prefix("mod ")?.split_once(';'))
-        .map(|(name, _)| name.trim())
-        .filter(is_word)
-        .collect()
-}
-
-fn is_word(name: &&str) -> bool {
-    name.chars().all(|c| c.is_alphanumeric() || c == '_')
-}
-
-/// Every path in `code` with its line, groups taken apart: `a::{b, c}` is `a::b` and `a::c`.
-fn paths(code: &str) -> Vec<(usize, Vec<String>)> {
-    let mut found = Vec::new();
-    let mut at = 0;
-    while at < code.len() {
-        if code[at..].starts_with(is_word_begin) && !code[..at].ends_with(is_word_part) {
-            at += path(code, at, &[], &mut found);
-        } else {
-            at += code[at..].chars().next().map_or(1, char::len_utf8);
-        }
-    }
-    found
-}
-
-/// Reads the path at `at`, which continues `before`; returns its length.
-fn path(code: &str, at: usize, before: &[String], found: &mut Vec<(usize, Vec<String>)>) -> usize {
-    let rest = &code[at..];
-    let length = rest.find(|c| !is_word_part(c)).unwrap_or(rest.len());
-    let mut parts = before.to_vec();
-    parts.push(rest[..length].to_owned());
-    if let Some(group) = rest[length..].strip_prefix("::{") {
-        let begin = at + length + 3;
-        return length + 3 + members(code, begin, group, &parts, found);
-    }
-    match rest[length..].strip_prefix("::") {
-        Some(next) if next.starts_with(is_word_begin) => length + 2 + path(code, at + length + 2, &parts, found),
-        _ => {
-            found.push((code[..at].matches('\n').count() + 1, parts));
-            length
-        }
-    }
-}
-
-/// Reads the members of a group whose text after the brace is `group`; returns their length.
-fn members(code: &str, begin: usize, group: &str, before: &[String], found: &mut Vec<(usize, Vec<String>)>) -> usize {
-    let mut at = 0;
-    while at < group.len() && !group[at..].starts_with('}') {
-        if group[at..].starts_with(is_word_begin) {
-            at += path(code, begin + at, before, found);
-        } else {
-            at += group[at..].chars().next().map_or(1, char::len_utf8);
-        }
-    }
-    at + 1
-}
-
-fn is_word_begin(c: char) -> bool {
-    c.is_alphabetic() || c == '_'
 }
 
 fn is_word_part(c: char) -> bool {
