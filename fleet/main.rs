@@ -39,7 +39,7 @@ Exit codes: 0 done, 1 not everybody was connected, or what was acknowledged is m
 #[derive(Debug, Parser)]
 #[command(name = "vfd-fleet", version, after_long_help = ABOUT)]
 struct Args {
-    /// How log lines on stderr are written
+    /// Format of log lines on stderr
     #[arg(long, value_enum, default_value_t = log::Format::Text)]
     log_format: log::Format,
     /// The broker: mqtt://HOST:PORT or mqtts://HOST:PORT; repeat it for the nodes of a cluster, over which gateways spread

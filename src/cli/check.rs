@@ -28,7 +28,7 @@ pub struct Args {
     /// The configuration file
     #[arg(short, long, value_name = "FILE")]
     config: PathBuf,
-    /// Print problems and warnings as JSON, and nothing else
+    /// Print problems and warnings as JSON only
     #[arg(long)]
     json: bool,
 }

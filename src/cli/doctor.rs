@@ -30,10 +30,10 @@ pub struct Args {
     /// Only this line, by its name in the gateway's configuration
     #[arg(long, value_name = "NAME")]
     line: Option<String>,
-    /// How long to watch
+    /// How long to observe
     #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u64).range(SPAN_SECONDS))]
     seconds: u64,
-    /// Print the gateway's own JSON
+    /// Print the gateway's JSON
     #[arg(long)]
     json: bool,
 }

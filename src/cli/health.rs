@@ -24,11 +24,11 @@ pub struct Args {
     /// Ask over HTTP instead, at an address such as http://127.0.0.1:8080
     #[arg(long, value_name = "URL", conflicts_with_all = ["socket", "config"])]
     url: Option<Uri>,
-    /// Ask only whether it is alive: it answers, and the thread of no line hangs. For what starts a gateway anew: lines
-    /// or a broker that are away are no reason
+    /// Ask only whether it is alive: it answers, and no line thread hangs. For supervisors that restart the gateway: lines
+    /// or a broker that are down do not count
     #[arg(long, conflicts_with = "json")]
     alive: bool,
-    /// Print the gateway's own JSON
+    /// Print the gateway's JSON
     #[arg(long)]
     json: bool,
 }

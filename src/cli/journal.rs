@@ -32,16 +32,16 @@ pub struct Args {
     /// Only rows about this drive
     #[arg(long, value_name = "NAME")]
     drive: Option<String>,
-    /// Only rows since a moment in UTC, such as 2026-01-31 or 2026-01-31T08:00, or since so long ago, such as 30min, 12h or 7d
+    /// Only rows since a time in UTC, such as 2026-01-31 or 2026-01-31T08:00, or for a duration, such as 30min, 12h or 7d
     #[arg(long, value_name = "WHEN", value_parser = Since::parse)]
     since: Option<Since>,
-    /// Only the newest rows, so many; 100 if it is not said since when
+    /// At most this many rows, the newest; default: 100 without --since
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=LAST_MAX))]
     last: Option<u64>,
-    /// Print a JSON object for each row
+    /// Print one JSON object per row
     #[arg(long, conflicts_with = "csv")]
     json: bool,
-    /// Print a table for other programs
+    /// Print CSV
     #[arg(long)]
     csv: bool,
 }
@@ -49,11 +49,11 @@ pub struct Args {
 /// Which rows are shown.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Which {
-    /// Trips and their clearings
+    /// Trips, and when they cleared
     Trips,
-    /// Attempts to write, and what was done without one
+    /// Commands and refusals, and what the gateway did on its own
     Audit,
-    /// Comings and goings of drives, lines and the gateway
+    /// Drives, lines and the gateway going online and offline
     Availability,
     /// All of them
     All,

@@ -5,13 +5,13 @@ use crate::domain::link::{DirectionControl, Parity};
 /// Parity, stop bits, and who turns the direction.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct LinkArgs {
-    /// Parity of the line; default: as the model leaves the factory, or all in a scan
+    /// Parity of the line; default: the model's factory setting, or all in a scan
     #[arg(long, value_enum)]
     parity: Option<ParityArg>,
-    /// Stop bits of the line; default: as the model leaves the factory, or both in a scan
+    /// Stop bits of the line; default: the model's factory setting, or both in a scan
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2))]
     pub stop_bits: Option<u8>,
-    /// Who turns the direction of an RS-485 adapter; most do it themselves
+    /// What switches the direction of an RS-485 adapter; most adapters do it themselves
     #[arg(long, value_enum, default_value_t = DirectionArg::Adapter)]
     rs485: DirectionArg,
 }

@@ -13,7 +13,7 @@ const LINES_MAX: usize = 8192;
 pub enum Format {
     /// For people.
     Text,
-    /// One JSON object a line.
+    /// One JSON object per line.
     Json,
 }
 

@@ -53,7 +53,7 @@ use std::process::ExitCode;
 #[derive(Debug, Parser)]
 #[command(name = "vfd-gateway", version, arg_required_else_help = true)]
 pub struct Cli {
-    /// How log lines on stderr are written
+    /// Format of log lines on stderr
     #[arg(long, global = true, value_enum, default_value_t = log::Format::Text)]
     log_format: log::Format,
     #[command(subcommand)]
@@ -62,68 +62,68 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Show everything at once on this machine alone: a simulated drive behind a gateway with Modbus TCP, MQTT and a broker
+    /// Try everything on this machine: simulated drives behind a gateway with Modbus TCP, MQTT and a broker
     Demo(demo::Args),
     /// Run the gateway
     Run(run::Args),
-    /// Check a configuration: all problems at once, or what each line will cost. Opens nothing
+    /// Check a configuration: reports all problems at once, or the load of each line. Opens no port
     Check(check::Args),
-    /// Find drives on a line that nobody uses, name their models, and print a configuration to start from. Only reads
+    /// Find drives on an unused line, identify their models, and print a configuration to start from. Only reads
     ///
-    /// Listens for 2 s first, and refuses a line on which somebody talks or a port that a gateway has open. First the
-    /// settings with which drives leave their factories, anything else on request. Ctrl-C ends it and keeps what was found.
+    /// Listens for 2 s first, and refuses a line with traffic or a port that a gateway has open. Tries factory settings
+    /// first, others on request. Ctrl-C ends the scan and keeps what was found.
     Scan(scan::Args),
     /// Read all parameters of a drive to a file, compare two files, or write one back
     Params(params::Args),
     /// List and show drive models, or check a model file
     Models(models::Args),
-    /// Play one or more drives on a pseudo-terminal, for people who have no hardware at hand
+    /// No drive yet? Simulate one or more on a pseudo-terminal
     Simulate(simulate::Args),
-    /// Ask the running gateway whether it is ready, for container health checks too
+    /// Ask the running gateway whether it is ready; also for container health checks
     Health(health::Args),
-    /// Watch the lines of the running gateway for a while: what is wrong with each, and what to do about it
+    /// Observe the lines of the running gateway for a while, and report what is wrong and how to fix it
     Doctor(doctor::Args),
-    /// Have the running gateway take its configuration file anew: whole, or not at all
+    /// Reload the configuration of the running gateway atomically
     Reload(reload::Args),
-    /// Show what the gateway has kept: trips, commands and refusals, comings and goings. It may run meanwhile
+    /// Show the journal: trips, commands and refusals, drives and lines going online and offline. The gateway may be running
     Journal(journal::Args),
-    /// Make the hash of a password for somebody who is to sign in on the page
+    /// Hash a password for a user of the page
     ///
-    /// Asks for it twice without showing it, or reads one line from stdin if that is no terminal.
+    /// Prompts twice without echo, or reads one line from stdin if that is not a terminal.
     Password(password::Args),
-    /// Read from a drive whether it is set so that it obeys the bus; the settings themselves, not what was polled
+    /// Check the settings of a drive that make it obey the bus. Reads them from the drive, not from the last poll
     Verify(verify::Args),
-    /// Set on a drive what it needs before it obeys the bus, at standstill, after showing old and new
+    /// Change the settings of a drive so that it obeys the bus. At standstill only; shows old and new values first
     Enable(enable::Args),
-    /// Show how a drive watches its communication, or set it at standstill, after showing old and new
+    /// Show or set the communication watchdog of a drive. Sets it at standstill only; shows old and new values first
     Watchdog(watchdog::Args),
-    /// Read registers or named values of a drive, through a running gateway or straight on a port
+    /// Read registers or named values of a drive, through a running gateway or directly on a port
     Read(read::Args),
-    /// Write a register, a run command or a frequency of a drive, through a running gateway or straight on a port
+    /// Write a register, a run command or a frequency of a drive, through a running gateway or directly on a port
     ///
-    /// After a run command it stays, renews the lease until Ctrl-C, and then stops the drive. Straight on a port the same
-    /// guard stands between, with the limits of --limits; but nobody is left to stop the motor if this program is killed.
+    /// After a run command it keeps running and renews the lease until Ctrl-C, then stops the drive. Directly on a port
+    /// the same guard applies, with the limits of --limits; but if this program is killed, nothing stops the motor.
     Write(write::Args),
-    /// Read again and again: a table on a terminal that is drawn anew, else a line when something changes
+    /// Read repeatedly: redraws a table on a terminal, otherwise prints a line when a value changes
     Watch(watch::Args),
-    /// Write what goes over a line to a file for Wireshark, through a running gateway
+    /// Record the traffic of a line for Wireshark, through a running gateway
     ///
-    /// The file is pcapng and needs no setting: RTU frames are decoded as Modbus RTU, and each packet says in words what
-    /// it is. It ends with Ctrl-C.
+    /// The file is pcapng and needs no settings: Wireshark decodes RTU frames as Modbus RTU, and each packet has a comment
+    /// in plain words. Ctrl-C ends the recording.
     Capture(capture::Args),
-    /// Print every Modbus map of a configuration: each unit with its registers, numbers, units and meanings
+    /// Print the Modbus maps of a configuration: each unit with its registers, units and meanings
     Map(map::Args),
-    /// Print a script that lets a shell complete commands and options
+    /// Print a shell completion script
     Completions(completions::Args),
-    /// Print the manual page, or write those of all commands
+    /// Print the manual page, or write the pages of all commands
     Man(man::Args),
-    /// Run a small MQTT broker on loopback; ends with its standard input
+    /// Run a small MQTT broker on loopback; exits when its standard input closes
     #[command(hide = true)]
     Broker(broker::Args),
 }
 
 impl Command {
-    /// From which level on is logged, where nobody says otherwise. What a tool finds out, it says itself.
+    /// The default log level. A tool prints its results itself.
     const fn log_level(&self) -> &'static str {
         match self {
             Self::Scan(_) => "error",

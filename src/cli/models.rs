@@ -22,7 +22,7 @@ pub struct Args {
 
 #[derive(Debug, clap::Subcommand)]
 enum Action {
-    /// List the models: those that are built in, and your own (the default)
+    /// List the models, built-in and your own (default)
     List {
         /// Print JSON
         #[arg(long)]
@@ -36,7 +36,7 @@ enum Action {
         #[arg(long)]
         json: bool,
     },
-    /// Check a model file of your own: all its problems at once, or what of it is not proven
+    /// Check a model file of your own: reports all problems at once, or lists unproven facts
     Check {
         /// The file
         file: PathBuf,

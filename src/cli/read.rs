@@ -14,11 +14,11 @@ use std::fmt::Write;
 pub struct What {
     #[command(flatten)]
     pub target: Target,
-    /// Register by its number on the wire (0x0101 or 257); with `--uniform` or straight on a port also by its name or code,
-    /// or left out for all of them
+    /// Register by its number on the wire (0x0101 or 257); with `--uniform` or directly on a port also by its name or code,
+    /// or omitted for all of them
     #[arg(required_unless_present_any = ["uniform", "station"])]
     register: Option<String>,
-    /// How many registers from there on
+    /// Number of registers
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=125))]
     count: u16,
     /// The unit is a uniform one, whose registers have names

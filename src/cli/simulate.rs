@@ -32,10 +32,10 @@ pub struct Args {
     /// Station of a drive; repeat it for several drives
     #[arg(long = "station", value_name = "N", default_values_t = [1])]
     stations: Vec<u8>,
-    /// A name for the pseudo-terminal, made as a symbolic link
+    /// Create a symbolic link to the pseudo-terminal at this path
     #[arg(long, value_name = "PATH")]
     link: Option<PathBuf>,
-    /// Listen there instead, as a serial device server does
+    /// Listen on this address instead, like a serial device server
     #[arg(long, value_name = "ADDRESS", conflicts_with = "link")]
     tcp: Option<SocketAddr>,
     /// Speed in bit/s; default: the model's factory setting
@@ -47,37 +47,37 @@ pub struct Args {
     /// Stop bits; default: the model's factory setting
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=2))]
     stop_bits: Option<u8>,
-    /// How frames are told apart; the model must have it
+    /// Framing; the model must support it
     #[arg(long, value_enum, default_value_t = FramingArg::Rtu)]
     framing: FramingArg,
     /// Data bits, 7 with ASCII framing only; default: the model's factory setting
     #[arg(long, value_parser = clap::value_parser!(u8).range(7..=8))]
     data_bits: Option<u8>,
-    /// Milliseconds that the drives take from the end of a request to the start of the reply
+    /// Time in milliseconds from the end of a request to the start of the reply
     #[arg(long, value_name = "MS", default_value_t = 2)]
     turnaround_ms: u64,
-    /// What goes wrong, per mille of all replies: noise=5,lost=2,late=3,cut=1,flip=2,foreign=1,burst=1
+    /// Faults, in per mille of all replies: noise=5,lost=2,late=3,cut=1,flip=2,foreign=1,burst=1
     #[arg(long, value_name = "PLAN", default_value = "")]
     faults: FaultPlan,
-    /// Seed of the faults: the same seed gives the same faults
+    /// Seed of the faults; the same seed gives the same faults
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Trip every drive each so many seconds; the trip count and the newest record show it
+    /// Trip every drive at this interval in seconds; the trip count and the newest record show it
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..))]
     trip_every: Option<u64>,
     /// Trip every drive whenever Enter is pressed
     #[arg(long)]
     trip_on_enter: bool,
-    /// Answer at once, without character times
+    /// Answer immediately, without character times
     #[arg(long)]
     unpaced: bool,
-    /// What the registers hold that say whom the drives obey; default: the word under which they obey the line
+    /// Value of the registers that select the command source; default: the value under which drives obey the line
     #[arg(long, value_name = "WORD")]
     sources: Option<u16>,
-    /// Answer requests that the drive cannot serve with an exception, also where the model lists none
+    /// Answer unsupported requests with an exception, even where the model lists none
     #[arg(long)]
     exceptions: bool,
-    /// Hear only what is sent at the drives' own speed and stop bits, as on a real line. A pseudo-terminal tells no parity
+    /// Accept only what is sent at the drives' own speed and stop bits, as on a real line. A pseudo-terminal has no parity
     #[arg(long, conflicts_with = "tcp")]
     strict: bool,
 }

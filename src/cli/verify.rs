@@ -9,7 +9,7 @@ pub struct Args {
     drive: String,
     #[command(flatten)]
     place: socket::Place,
-    /// Print the gateway's own JSON
+    /// Print the gateway's JSON
     #[arg(long)]
     json: bool,
 }

@@ -21,13 +21,13 @@ use tokio::time::{MissedTickBehavior, interval};
 pub struct Args {
     #[command(flatten)]
     what: What,
-    /// How often, such as 500ms or 2s
+    /// Interval, such as 500ms or 2s
     #[arg(long, value_name = "TIME", default_value = "1s", value_parser = every)]
     every: Duration,
-    /// Print every time, not only when something changes
+    /// Print every reading, not only changes
     #[arg(long)]
     all: bool,
-    /// Print lines on a terminal too, instead of a table that is drawn anew
+    /// Print lines on a terminal too, instead of redrawing a table
     #[arg(long)]
     plain: bool,
 }

@@ -40,7 +40,7 @@ pub struct Args {
     /// The unit is a uniform one; `run` and `frequency` imply it
     #[arg(long)]
     uniform: bool,
-    /// Leave after a run command, although the drive then runs its fail-safe action when the lease ends
+    /// Exit after a run command, although the fail-safe action follows when the lease ends
     #[arg(long)]
     once: bool,
     #[command(flatten)]

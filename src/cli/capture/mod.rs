@@ -32,16 +32,16 @@ const SECONDS_MAX: u64 = 366 * 24 * 3600;
 /// Arguments of `capture`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Name of the line, as in the gateway's configuration; may be left out where there is only one
+    /// Name of the line, as in the gateway's configuration; optional if there is only one
     #[arg(long, value_name = "LINE")]
     line: Option<String>,
-    /// The pcapng file that is written; `-` for stdout, such as a pipe into `wireshark -k -i -`
+    /// The pcapng file to write; `-` for stdout, such as a pipe into `wireshark -k -i -`
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
     /// End after this time
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=SECONDS_MAX))]
     seconds: Option<u64>,
-    /// End after so many frames; noise counts too
+    /// End after this many frames, including noise
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     frames: Option<u64>,
     #[command(flatten)]

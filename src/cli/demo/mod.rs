@@ -32,10 +32,10 @@ const SALT: [u8; 16] = [0; 16];
 /// Arguments of `demo`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Port for Modbus TCP on 127.0.0.1; if it is taken, another one is found
+    /// Port for Modbus TCP on 127.0.0.1; if it is in use, another one is chosen
     #[arg(long, default_value_t = 1502)]
     port: u16,
-    /// Port for HTTP (/metrics, /healthz) on 127.0.0.1; if it is taken, another one is found
+    /// Port for HTTP (/metrics, /healthz) on 127.0.0.1; if it is in use, another one is chosen
     #[arg(long, default_value_t = 8080)]
     http_port: u16,
 }

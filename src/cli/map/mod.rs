@@ -19,7 +19,7 @@ pub struct Args {
     /// The configuration file
     #[arg(short, long, value_name = "FILE")]
     config: PathBuf,
-    /// How it is printed
+    /// Output format
     #[arg(long, value_enum, default_value_t = Format::Md)]
     format: Format,
     /// Only this unit, native or uniform; 255 is the gateway itself
@@ -33,9 +33,9 @@ pub struct Args {
 /// How maps are printed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Format {
-    /// A table for spreadsheets and for programs that import tags
+    /// CSV for spreadsheets and tag imports
     Csv,
-    /// Markdown, to be read and printed
+    /// Markdown for reading and printing
     Md,
 }
 

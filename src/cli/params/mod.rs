@@ -32,17 +32,17 @@ pub struct Args {
 
 #[derive(Debug, clap::Subcommand)]
 enum Action {
-    /// Read all parameters that the drive shows, and write them to a file or print them
+    /// Read all parameters of the drive, and write them to a file or print them
     ///
-    /// Those that its model knows, and, where the model has a rule for the addresses of its groups, every number of each
-    /// group that the drive answers, while its motor stands still. The head of the file says what it does not hold.
+    /// Reads the parameters that its model lists and, where the model has a rule for the addresses of its groups, every
+    /// number of each group that the drive answers, at standstill. The head of the file says what is missing.
     Dump(DumpArgs),
-    /// Show what differs between two files, or between a file and the drive as it is now
+    /// Compare two files, or a file with the drive as it is now
     Diff(DiffArgs),
-    /// Write a file back to a drive: shown first, confirmed, at standstill, each value read back
+    /// Write a file back to a drive: shows the changes, asks, writes at standstill, reads each value back
     ///
-    /// Only what differs is written. Station, speed and the like, and what decides whom the motor obeys, are left alone
-    /// without --with-link, and are written last with it. The first refusal ends it.
+    /// Writes only what differs. Station, speed and similar settings, and those that decide which source commands the
+    /// motor, are written only with --with-link, and last. The first refusal ends it.
     Restore(RestoreArgs),
 }
 
@@ -50,7 +50,7 @@ enum Action {
 struct Of {
     #[command(flatten)]
     place: socket::Place,
-    /// Straight on a port instead, without a gateway: a serial port or tcp://HOST:PORT, with --model and --station
+    /// Use a port directly, without a gateway: a serial port or tcp://HOST:PORT, with --model and --station
     #[arg(long, value_name = "PORT", value_parser = config::port_address)]
     port: Option<config::PortAddress>,
     #[command(flatten)]
@@ -64,18 +64,18 @@ struct DumpArgs {
     drive: Option<String>,
     #[command(flatten)]
     of: Of,
-    /// Write to this file instead of printing; a file that is there is left alone
+    /// Write to this file instead of printing; never overwrites a file
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
 
 #[derive(Debug, clap::Args)]
 struct DiffArgs {
-    /// A file that `params dump` has made
+    /// A file from `params dump`
     first: PathBuf,
-    /// Another one; or `live`, for the drive as it is now
+    /// Another file, or `live` for the drive as it is now
     second: PathBuf,
-    /// Name of the drive, for `live`; default: the one that the file names
+    /// Name of the drive, for `live`; default: the one named in the file
     #[arg(long)]
     drive: Option<String>,
     #[command(flatten)]
@@ -87,9 +87,9 @@ struct DiffArgs {
 
 #[derive(Debug, clap::Args)]
 struct RestoreArgs {
-    /// A file that `params dump` has made
+    /// A file from `params dump`
     file: PathBuf,
-    /// Name of the drive; default: the one that the file names
+    /// Name of the drive; default: the one named in the file
     #[arg(long)]
     drive: Option<String>,
     #[command(flatten)]
@@ -97,7 +97,7 @@ struct RestoreArgs {
     /// Only show what would change
     #[arg(long)]
     dry_run: bool,
-    /// Also write what decides how the drive is reached and whom it obeys, last of all
+    /// Also write the settings that decide how the drive is reached and which source commands it, last
     #[arg(long)]
     with_link: bool,
     /// Do not ask

@@ -34,8 +34,8 @@ pub struct Args {
     /// Stations to ask, such as 1-32 or 1,3,7-9
     #[arg(long, value_name = "NUMBERS", default_value = "1-32", value_parser = parsed_stations)]
     stations: Stations,
-    /// Try every speed, parity and number of stop bits that a drive can be set to, not only those of the factories. It
-    /// takes long; how long is said before
+    /// Try every speed, parity and number of stop bits that a drive can be set to, not only factory settings. Takes long;
+    /// the expected time is printed first
     #[arg(long)]
     all_settings: bool,
     /// Try these speeds only, in bit/s, such as 9600,19200
@@ -43,19 +43,19 @@ pub struct Args {
     baud: Vec<u32>,
     #[command(flatten)]
     link: LinkArgs,
-    /// Ask in frames of text (Modbus ASCII) instead of binary ones
+    /// Use Modbus ASCII frames instead of RTU
     #[arg(long)]
     ascii: bool,
-    /// Longest wait for an answer, in seconds; default: what the models need
+    /// Reply time-out in seconds; default: what the models need
     #[arg(long, value_name = "SECONDS", value_parser = patience)]
     seconds_per_station: Option<Duration>,
-    /// Only say what would be tried and how long that takes
+    /// Only print what would be tried and how long it takes
     #[arg(long)]
     dry_run: bool,
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// Write the configuration to this file instead of printing it; a file that is there is left alone
+    /// Write the configuration to this file instead of printing it; never overwrites a file
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     #[command(flatten)]
