@@ -7,8 +7,10 @@ use crate::drive::view::RunState;
 use crate::north::modbus::address as map;
 use std::fmt;
 use std::io;
+use std::os::unix::net::UnixStream as StdUnixStream;
 use std::time::Duration;
-use tokio::net::TcpStream;
+use tokio::net::{TcpStream, UnixStream};
+use tokio::sync::mpsc;
 use tokio::time::timeout;
 use tokio_modbus::client::{Context, Reader, Writer, tcp};
 use tokio_modbus::{ExceptionCode, Slave};
@@ -56,18 +58,43 @@ const fn sentence(code: u8) -> &'static str {
     }
 }
 
+/// The way to a gateway.
+pub enum Way {
+    /// Modbus TCP on this host and port.
+    Tcp(String, u16),
+    /// In this process.
+    Own(mpsc::Sender<StdUnixStream>),
+}
+
+impl Way {
+    async fn connect(&self, unit: Slave) -> io::Result<Context> {
+        match self {
+            Self::Tcp(host, port) => {
+                let stream = TcpStream::connect((host.as_str(), *port)).await?;
+                Ok(tcp::attach_slave(stream, unit))
+            }
+            Self::Own(connections) => {
+                let (ours, theirs) = StdUnixStream::pair()?;
+                ours.set_nonblocking(true)?;
+                theirs.set_nonblocking(true)?;
+                connections.send(theirs).await.map_err(|_| io::Error::from(io::ErrorKind::ConnectionRefused))?;
+                Ok(tcp::attach_slave(UnixStream::from_std(ours)?, unit))
+            }
+        }
+    }
+}
+
 /// A client of one unit. It connects when it is first asked, and anew after each failure.
 pub struct Client {
-    host: String,
-    port: u16,
+    way: Way,
     unit: u8,
     connection: Option<Context>,
 }
 
 impl Client {
     /// A client that has not connected yet.
-    pub fn new(host: &str, port: u16, unit: u8) -> Self {
-        Self { host: host.to_owned(), port, unit, connection: None }
+    pub const fn new(way: Way, unit: u8) -> Self {
+        Self { way, unit, connection: None }
     }
 
     /// Reads `count` words from `address` on.
@@ -97,10 +124,9 @@ impl Client {
         if let Some(connection) = self.connection.take() {
             return Ok(connection);
         }
-        let address = (self.host.as_str(), self.port);
-        let connected = timeout(PATIENCE, TcpStream::connect(address)).await;
+        let connected = timeout(PATIENCE, self.way.connect(Slave(self.unit))).await;
         match connected.unwrap_or_else(|_| Err(io::ErrorKind::TimedOut.into())) {
-            Ok(stream) => Ok(tcp::attach_slave(stream, Slave(self.unit))),
+            Ok(context) => Ok(context),
             Err(error) => Err(NoAnswer::Unreachable(self.place(format!("cannot connect: {error}")))),
         }
     }
@@ -125,7 +151,10 @@ impl Client {
     }
 
     fn place(&self, reason: impl fmt::Display) -> String {
-        format!("gateway at {}:{}: {reason}", self.host, self.port)
+        match &self.way {
+            Way::Tcp(host, port) => format!("gateway at {host}:{port}: {reason}"),
+            Way::Own(_) => format!("gateway of this command: {reason}"),
+        }
     }
 }
 

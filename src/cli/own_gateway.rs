@@ -1,5 +1,6 @@
-//! A gateway for one tool and one drive: the same lines, guard and sockets as a running one, for as long as the tool lasts.
-//! So whoever works straight on a port meets the same laws as through a gateway.
+//! A gateway for one tool and one drive, in the tool's own process and for as long as the tool runs: the same lines and the
+//! same guard as in a running gateway, so that the same rules apply directly on a port. It opens no network port: the tool
+//! commands it over a pair of sockets, and its local socket is in a directory that only its owner may enter.
 
 use super::Failure;
 use super::input;
@@ -9,6 +10,7 @@ use crate::config::{self, Config, PortAddress};
 use crate::daemon::http::socket::SOCKET_NAME;
 use crate::daemon::run;
 use crate::daemon::shared::Current;
+use crate::daemon::start_error::StartError;
 use crate::daemon::tool_line::ToolPort;
 use crate::domain::control::ControlAction;
 use crate::domain::ids::Name;
@@ -19,14 +21,14 @@ use crate::profile::model::Model;
 use crate::toml_file::words::{PARITIES, word_for};
 use serde_json::json;
 use std::fmt::Write;
-use std::net::SocketAddr;
 use std::os::unix::fs::DirBuilderExt;
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
-use tokio::sync::oneshot;
+use tokio::sync::{mpsc, oneshot};
 use tokio::time::{Instant, sleep};
 
 /// Longest time until everything listens.
@@ -127,11 +129,11 @@ pub fn control(limits_hz: (f64, f64), direction: &str, on_shutdown: &str) -> Str
 #[derive(Debug)]
 pub struct OwnGateway {
     directory: Directory,
-    modbus: SocketAddr,
+    connections: mpsc::Sender<UnixStream>,
     drive: Name,
     station: u8,
     end: Option<oneshot::Sender<()>>,
-    thread: Option<JoinHandle<Result<(), crate::daemon::start_error::StartError>>>,
+    thread: Option<JoinHandle<Result<(), StartError>>>,
 }
 
 /// A directory that only its owner may look into, and that goes with this.
@@ -176,22 +178,22 @@ impl OwnGateway {
         tool_port.try_open("tool").await?;
         let (shows, shown) = oneshot::channel();
         let (end, ends) = oneshot::channel();
+        let (connections, made) = mpsc::channel(1);
         let thread = std::thread::Builder::new().name("gateway".to_owned()).spawn(move || {
-            run::run(&config, None, async move |running: &run::Running<'_>| {
-                let modbus = running.listening.first().copied();
+            run::run_for_tool(&config, made, async move |running: &run::Running<'_>| {
                 // Whoever waits for it may have ended.
-                let _ = shows.send((modbus, running.shared.clone()));
+                let _ = shows.send(running.shared.clone());
                 let _ = ends.await;
             })
         });
         let thread = thread.map_err(Failure::failed)?;
         let told = tokio::time::timeout(STARTS_WITHIN, shown).await;
-        let Ok(Ok((Some(modbus), current))) = told else {
+        let Ok(Ok(current)) = told else {
             let why = thread.is_finished().then(|| thread.join().ok()).flatten().and_then(Result::err);
             let why = why.map_or_else(|| "it does not start".to_owned(), |error| error.to_string());
             return Err(Failure::failed(why));
         };
-        let own = Self { directory, modbus, drive, station, end: Some(end), thread: Some(thread) };
+        let own = Self { directory, connections, drive, station, end: Some(end), thread: Some(thread) };
         if let Err(why) = answers(&current).await {
             own.close().await;
             return Err(Failure::failed(format!("station {station} on {port} at {link}: {why}")));
@@ -205,10 +207,10 @@ impl OwnGateway {
         self.directory.0.join(SOCKET_NAME)
     }
 
-    /// Where its Modbus clients reach it.
+    /// The way for connections of Modbus clients: one end of a pair of sockets for each.
     #[must_use]
-    pub const fn modbus(&self) -> SocketAddr {
-        self.modbus
+    pub fn connections(&self) -> mpsc::Sender<UnixStream> {
+        self.connections.clone()
     }
 
     /// The drive's name.
@@ -301,6 +303,7 @@ fn text(port: &PortAddress, args: &DriveArgs, station: u8, model: &Model, extra:
         let registers: Vec<_> = extra.native_write.iter().map(|address| format!("0x{address:04X}")).collect();
         let _ = write!(text, "\n[line.drive.native]\nwrite = {}\n", json!(registers));
     }
+    // Nothing listens there: the section grants the tool its rights.
     let _ = write!(text, "\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n{write}");
     text
 }

@@ -1,7 +1,7 @@
 //! Which drive `read`, `write` and `watch` mean: behind a gateway by its unit, or straight on a port by its station.
 
 use super::Failure;
-use super::client::Client;
+use super::client::{Client, Way};
 use super::own_gateway::{DriveArgs, Extra, OwnGateway, UNIFORM_UNIT, UNIT};
 use crate::config::{self, PortAddress};
 use crate::profile::catalog::Catalog;
@@ -102,12 +102,12 @@ impl Target {
         match &self.port {
             Port::Tcp(port) => {
                 let unit = self.unit.ok_or_else(|| Failure::wrong("through a gateway, --unit is needed"))?;
-                Ok(Reached { client: Client::new(&self.host, *port, unit), own: None })
+                Ok(Reached { client: Client::new(Way::Tcp(self.host.clone(), *port), unit), own: None })
             }
             Port::Line(line) => {
                 let own = OwnGateway::start(line, &self.on_port, extra).await?;
-                let (address, unit) = (own.modbus(), if is_uniform { UNIFORM_UNIT } else { UNIT });
-                let client = Client::new(&address.ip().to_string(), address.port(), unit);
+                let unit = if is_uniform { UNIFORM_UNIT } else { UNIT };
+                let client = Client::new(Way::Own(own.connections()), unit);
                 Ok(Reached { client, own: Some(own) })
             }
         }

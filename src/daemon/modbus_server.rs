@@ -33,7 +33,7 @@ use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
 use std::future::poll_fn;
 use std::io;
-use std::net::{IpAddr, SocketAddr};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::pin::Pin;
 use std::rc::{Rc, Weak};
 use std::sync::Arc;
@@ -41,7 +41,7 @@ use std::task::{Poll, ready};
 use std::time::Duration;
 use stream::{READ_BYTES, Stream};
 use tokio::io::{AsyncRead, ReadBuf};
-use tokio::net::tcp::OwnedReadHalf;
+use tokio::net::UnixStream;
 use tokio::sync::Notify;
 use tokio::task::yield_now;
 use tokio::time::Instant;
@@ -149,10 +149,18 @@ impl Server {
         }
     }
 
+    /// Serves a tool of this process, with what `listener` grants to this host.
+    pub fn serve_tool(self: &Rc<Self>, stream: UnixStream, listener: &Rc<Listener>) {
+        let peer = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+        let Some(seat) = self.seat(peer.ip(), listener) else { return };
+        let (source, sink) = stream.into_split();
+        self.begin(source, Stream::Tool(sink), peer, None, Rc::clone(listener), seat);
+    }
+
     /// Serves a client, `proven` where its listener asks for that.
     fn begin(
         self: &Rc<Self>,
-        mut source: OwnedReadHalf,
+        mut source: impl AsyncRead + Unpin + 'static,
         stream: Stream,
         peer: SocketAddr,
         proven: Option<Box<Proven>>,
@@ -213,7 +221,7 @@ impl Server {
 
 impl Client {
     /// Serves the connection until it ends; returns why it ended.
-    async fn serve(&self, source: &mut OwnedReadHalf) -> String {
+    async fn serve(&self, source: &mut (impl AsyncRead + Unpin)) -> String {
         let wake = tokio::time::sleep(Duration::from_secs(3600));
         tokio::pin!(wake);
         let mut buffer = [0; READ_BYTES];
@@ -361,7 +369,7 @@ impl Client {
 
 /// Reads once bytes are there. tokio then knows by itself that a short read has emptied the socket, which saves
 /// asking the system a second time.
-async fn receive(source: &mut OwnedReadHalf, buffer: &mut [u8]) -> io::Result<usize> {
+async fn receive(source: &mut (impl AsyncRead + Unpin), buffer: &mut [u8]) -> io::Result<usize> {
     poll_fn(|cx| {
         let mut read = ReadBuf::new(buffer);
         ready!(Pin::new(&mut *source).poll_read(cx, &mut read))?;

@@ -23,7 +23,7 @@ use std::io;
 use std::net::SocketAddr;
 use std::rc::Rc;
 use std::sync::Arc;
-use tokio::net::{TcpListener, TcpSocket};
+use tokio::net::{TcpListener, TcpSocket, UnixStream};
 use tokio::task::AbortHandle;
 
 /// Connections that wait to be accepted: those of most of a second in a burst of 5000 a second. The system may grant fewer
@@ -75,6 +75,14 @@ pub async fn bind(config: &Config, kept: &[Option<usize>], has_http_moved: bool)
     Ok(Bound { modbus, security: security(config).await?, http, front: front(config).await?, has_http_moved })
 }
 
+/// No address of `config`: only a tool of this process is served.
+#[must_use]
+pub fn unbound(config: &Config) -> Bound {
+    let modbus = config.listeners.iter().map(|_| None).collect();
+    let security = config.listeners.iter().map(|_| None).collect();
+    Bound { modbus, security, http: None, front: Front::default(), has_http_moved: false }
+}
+
 /// As `check` tells it too.
 fn warn_of_bridges(config: &Config) {
     for listener in &config.listeners {
@@ -119,6 +127,9 @@ fn listen(address: SocketAddr, send_buffer_bytes: Option<u32>) -> Result<TcpList
     };
     open().map_err(|error| StartError::Listen { address, error })
 }
+
+/// Connections that a tool makes to the gateway in its own process. They do not block.
+pub type ToolConnections = tokio::sync::mpsc::Receiver<std::os::unix::net::UnixStream>;
 
 /// Connections of Modbus TCP unless listeners ask for more: they cost some 28 MB.
 const PLACES_USUAL: usize = 10_240;
@@ -203,6 +214,21 @@ impl North {
         north.listen(config, &[], bound);
         north.conversations.talk_as(broker_side);
         north
+    }
+
+    /// Serves the connections of a tool of this process, with what the first listener of `config` grants to this host.
+    pub fn serve_tool(&self, config: &Config, mut connections: ToolConnections) {
+        let Some(settings) = config.listeners.first() else { return };
+        let listener = Listener::new(settings.clone(), Router::new(settings, self.units.clone()), None);
+        let server = Rc::clone(&self.server);
+        tokio::task::spawn_local(async move {
+            while let Some(stream) = connections.recv().await {
+                match UnixStream::from_std(stream) {
+                    Ok(stream) => server.serve_tool(stream, &listener),
+                    Err(error) => tracing::error!(%error, "cannot serve the tool"),
+                }
+            }
+        });
     }
 
     /// Serves `config` from now on; what is shared is that of it already. Sockets and connections that go on are not touched.

@@ -7,7 +7,7 @@ use super::journal::Journal;
 use super::line_thread::Memory;
 use super::lines::Lines;
 use super::mqtt::broker_child::BrokerChild;
-use super::north::{self, North};
+use super::north::{self, North, ToolConnections};
 use super::north_sides::NorthSides;
 use super::reload::{Gateway, Load, Loader};
 use super::reload_request::{Refusal, Reloaded, Reloads};
@@ -70,13 +70,32 @@ pub fn run<F>(config: &Config, load: Option<Load>, until: F) -> Result<(), Start
 where
     F: AsyncFnOnce(&Running<'_>),
 {
+    run_for(config, load, None, until)
+}
+
+/// Runs the gateway of `config` for a tool of this process, until `until` is over. It listens nowhere: the tool commands
+/// over `connections` with what the first listener of `config` grants to this host.
+///
+/// # Errors
+/// [`StartError`]; nothing keeps running then.
+pub fn run_for_tool<F>(config: &Config, connections: ToolConnections, until: F) -> Result<(), StartError>
+where
+    F: AsyncFnOnce(&Running<'_>),
+{
+    run_for(config, None, Some(connections), until)
+}
+
+fn run_for<F>(config: &Config, load: Option<Load>, tool: Option<ToolConnections>, until: F) -> Result<(), StartError>
+where
+    F: AsyncFnOnce(&Running<'_>),
+{
     sys::give_memory_back();
     let mut runtime = tokio::runtime::Builder::new_current_thread();
     let runtime = runtime.enable_all().max_blocking_threads(BESIDE_THREADS_MAX).build()?;
     let local = LocalSet::new();
     let ended = runtime.block_on(local.run_until(async {
         let (reloads, asked) = Reloads::channel();
-        let (mut gateway, shown) = start(config, load.is_some().then(|| reloads.clone())).await?;
+        let (mut gateway, shown) = start(config, load.is_some().then(|| reloads.clone()), tool).await?;
         if load.is_some() {
             tokio::task::spawn_local(reload_on_hangup(signal(SignalKind::hangup())?, reloads));
         }
@@ -97,14 +116,18 @@ where
 type Addresses = (Vec<SocketAddr>, Option<SocketAddr>, Option<SocketAddr>);
 
 /// Takes all that the gateway needs, and begins.
-async fn start(config: &Config, reloads: Option<Reloads>) -> Result<(Gateway, Addresses), StartError> {
+async fn start(
+    config: &Config,
+    reloads: Option<Reloads>,
+    tool: Option<ToolConnections>,
+) -> Result<(Gateway, Addresses), StartError> {
     warn_of(&config.warnings);
     let name = name_of(config);
     let sides = NorthSides { mqtt: Some(Arc::default()), sparkplug: Some(Arc::default()), ..NorthSides::default() };
     let shared = Arc::new(build::shared(config));
     let data_dir = config.gateway.data_dir.clone();
     let socket = data_dir.as_deref().map(OwnSocket::open).transpose()?.map(|socket| (socket, reloads));
-    let bound = north::bind(config, &[], true).await?;
+    let bound = if tool.is_some() { north::unbound(config) } else { north::bind(config, &[], true).await? };
     let broker = embedded_broker(config)?;
     let broker_at = broker.as_ref().map(BrokerChild::address);
     let mqtt = config.mqtt.as_ref().map(|mqtt| build::broker(mqtt, &name, data_dir.as_deref(), broker_at)).transpose();
@@ -120,6 +143,9 @@ async fn start(config: &Config, reloads: Option<Reloads>) -> Result<(Gateway, Ad
     }
     let current = Current::from(shared);
     let north = North::start(config, &name, current.clone(), sides, bound, socket, broker_side);
+    if let Some(connections) = tool {
+        north.serve_tool(config, connections);
+    }
     lines.begin(handles, &memory);
     let loader = Loader::default();
     let gateway = Gateway { config: config.clone(), name, current, lines, north, broker, journal, loader };

@@ -129,3 +129,31 @@ fn the_terminal_is_given_back_as_it_was() {
     assert_eq!(end.code(), Some(0), "{text}");
     assert!(text.starts_with("\x1b[?1049h\x1b[?25l") && text.ends_with("\x1b[?25h\x1b[?1049l"), "{text:?}");
 }
+
+/// The sockets of the process `id` that are of TCP or UDP.
+fn network_sockets(id: u32) -> usize {
+    let files = std::fs::read_dir(format!("/proc/{id}/fd")).unwrap();
+    let links = files.filter_map(|file| std::fs::read_link(file.unwrap().path()).ok());
+    let inode = |link: &Path| Some(link.to_str()?.strip_prefix("socket:[")?.strip_suffix(']')?.to_owned());
+    let sockets: Vec<_> = links.filter_map(|link| inode(&link)).collect();
+    let tables = ["tcp", "tcp6", "udp", "udp6"].map(|table| std::fs::read_to_string(format!("/proc/{id}/net/{table}")));
+    let rows: Vec<_> = tables.into_iter().flatten().collect();
+    let is_in = |socket: &&String| {
+        rows.iter().flat_map(|rows| rows.lines()).any(|row| row.split_whitespace().nth(9) == Some(socket.as_str()))
+    };
+    sockets.iter().filter(is_in).count()
+}
+
+#[test]
+fn a_command_on_a_port_opens_no_network_socket() {
+    let place = Place::new();
+    let port = place.file("line");
+    let _drive = simulate(&port);
+    let args = on_port("write", &port, &["run", "forward", "--limits", "5-50", "--frequency", "20"]);
+    let commander = start(&args);
+    commander.wait_for("that it runs", |line| line.contains("until Ctrl-C").then_some(()));
+    assert_eq!(network_sockets(commander.id()), 0);
+    let listening = start(&["simulate", "--model", "hyundai-n700", "--tcp", "127.0.0.1:0"]);
+    listening.wait_for("that it plays", |line| line.contains("station").then_some(()));
+    assert_eq!(network_sockets(listening.id()), 1, "one that listens is seen");
+}

@@ -5,6 +5,7 @@ use rustls::ServerConnection;
 use std::cell::RefCell;
 use std::io::{self, IoSlice, Read, Write};
 use tokio::net::tcp::OwnedWriteHalf;
+use tokio::net::unix;
 
 /// Bytes read from a socket at once: the longest message and some, or a burst of short ones. Small, because each
 /// connection has a buffer, and because whoever has sent more waits until all others had their turn.
@@ -15,6 +16,8 @@ pub(super) const READ_BYTES: usize = 512;
 pub(super) enum Stream {
     /// As it is.
     Plain(OwnedWriteHalf),
+    /// As it is, to a tool in this process.
+    Tool(unix::OwnedWriteHalf),
     /// Through TLS.
     Secured(Box<SecuredStream>),
 }
@@ -33,7 +36,7 @@ impl Stream {
     /// The client ended the session, or the bytes are none of it.
     pub fn open(&self, bytes: &[u8], mut take: impl FnMut(&[u8])) -> io::Result<()> {
         match self {
-            Self::Plain(_) => {
+            Self::Plain(_) | Self::Tool(_) => {
                 take(bytes);
                 Ok(())
             }
@@ -47,16 +50,8 @@ impl Stream {
     /// The socket's.
     pub fn flush(&self, machine: &mut Connection) -> io::Result<()> {
         match self {
-            Self::Plain(socket) => {
-                while !machine.output().is_empty() {
-                    match socket.try_write(machine.output()) {
-                        Ok(bytes) => machine.wrote(bytes),
-                        Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
-                        Err(error) => return Err(error),
-                    }
-                }
-                Ok(())
-            }
+            Self::Plain(socket) => write_output(machine, |bytes| socket.try_write(bytes)),
+            Self::Tool(socket) => write_output(machine, |bytes| socket.try_write(bytes)),
             Self::Secured(secured) => secured.flush(machine),
         }
     }
@@ -64,7 +59,7 @@ impl Stream {
     /// Whether something waits for the socket beside the output of the machine.
     pub fn wants_write(&self) -> bool {
         match self {
-            Self::Plain(_) => false,
+            Self::Plain(_) | Self::Tool(_) => false,
             Self::Secured(secured) => secured.session.borrow().wants_write(),
         }
     }
@@ -76,6 +71,7 @@ impl Stream {
     pub async fn writable(&self) -> io::Result<()> {
         match self {
             Self::Plain(socket) => socket.writable().await,
+            Self::Tool(socket) => socket.writable().await,
             Self::Secured(secured) => secured.socket.writable().await,
         }
     }
@@ -88,6 +84,18 @@ impl Stream {
             let _ = secured.send();
         }
     }
+}
+
+/// Writes as much of the output of `machine` as `try_write` takes.
+fn write_output(machine: &mut Connection, try_write: impl Fn(&[u8]) -> io::Result<usize>) -> io::Result<()> {
+    while !machine.output().is_empty() {
+        match try_write(machine.output()) {
+            Ok(bytes) => machine.wrote(bytes),
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
 }
 
 impl SecuredStream {
