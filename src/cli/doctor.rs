@@ -23,7 +23,7 @@ const BAR_CELLS: u64 = 30;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    place: socket::Place,
+    place: socket::SocketArgs,
     /// The gateway's data directory, with its socket
     #[arg(long, value_name = "DIR", conflicts_with_all = ["config", "socket"])]
     data_dir: Option<PathBuf>,

@@ -11,7 +11,7 @@ pub struct Args {
     /// Name of the drive, as in the gateway's configuration
     drive: String,
     #[command(flatten)]
-    place: socket::Place,
+    place: socket::SocketArgs,
     /// Do not ask
     #[arg(long)]
     yes: bool,

@@ -20,7 +20,7 @@ const ALIVE: &str = "/healthz";
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    place: socket::Place,
+    place: socket::SocketArgs,
     /// Ask over HTTP instead, at an address such as http://127.0.0.1:8080
     #[arg(long, value_name = "URL", conflicts_with_all = ["socket", "config"])]
     url: Option<Uri>,
@@ -36,8 +36,8 @@ pub struct Args {
 /// Prints a line for each line and drive, and fails unless the gateway is ready; or fails unless it is alive.
 pub fn health(args: &Args) -> Result<(), Failure> {
     let place = match &args.url {
-        Some(url) => Place::Url(Url::new(url)?),
-        None => Place::Socket(args.place.path()?),
+        Some(url) => HealthSource::Url(Url::new(url)?),
+        None => HealthSource::Socket(args.place.path()?),
     };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
     let failed = |reason: String| Failure::failed(format!("gateway at {place}: {reason}"));
@@ -50,12 +50,12 @@ pub fn health(args: &Args) -> Result<(), Failure> {
 }
 
 /// Where the gateway is asked.
-enum Place {
+enum HealthSource {
     Socket(PathBuf),
     Url(Url),
 }
 
-impl Display for Place {
+impl Display for HealthSource {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Socket(path) => path.display().fmt(f),
@@ -85,11 +85,13 @@ impl Url {
     }
 }
 
-async fn ask(place: &Place) -> Result<Value, String> {
+async fn ask(place: &HealthSource) -> Result<Value, String> {
     let question = Question::look(PATH);
     let answer = match place {
-        Place::Url(url) => within(PATIENCE, async { exchange(url.connect().await?, &url.host, question).await }).await,
-        Place::Socket(path) => socket::ask(path, question, PATIENCE).await,
+        HealthSource::Url(url) => {
+            within(PATIENCE, async { exchange(url.connect().await?, &url.host, question).await }).await
+        }
+        HealthSource::Socket(path) => socket::ask(path, question, PATIENCE).await,
     };
     match answer? {
         (StatusCode::OK, health) => Ok(health),
@@ -98,12 +100,12 @@ async fn ask(place: &Place) -> Result<Value, String> {
 }
 
 /// What the gateway says of being alive. An error says why it is not.
-async fn sign_of_life(place: &Place) -> Result<String, String> {
+async fn sign_of_life(place: &HealthSource) -> Result<String, String> {
     let question = Question::look(ALIVE);
     let answer = within(PATIENCE, async {
         match place {
-            Place::Url(url) => exchange_bytes(url.connect().await?, &url.host, question).await,
-            Place::Socket(path) => exchange_bytes(connect(path).await?, "localhost", question).await,
+            HealthSource::Url(url) => exchange_bytes(url.connect().await?, &url.host, question).await,
+            HealthSource::Socket(path) => exchange_bytes(connect(path).await?, "localhost", question).await,
         }
     });
     match answer.await? {

@@ -4,7 +4,7 @@ use super::{Failure, input, print};
 use crate::daemon::clock;
 use crate::daemon::journal::file_in;
 use crate::daemon::journal::listing::{COLUMNS, in_csv, in_json, in_words};
-use crate::daemon::journal::reader::{Seen, connect, salvage};
+use crate::daemon::journal::reader::{ReadRow, connect, salvage};
 use crate::daemon::journal::rescue::{Standing, standing};
 use crate::daemon::journal::search::{Merged, Since, Wanted};
 use crate::journal::Table;
@@ -144,7 +144,7 @@ impl Args {
         Wanted { tables, drive: self.drive.clone(), since }
     }
 
-    fn shown(&self, (table, seen): &(Table, Seen)) -> String {
+    fn shown(&self, (table, seen): &(Table, ReadRow)) -> String {
         if self.json {
             in_json(*table, seen, false).to_string() + "\n"
         } else if self.csv {

@@ -67,7 +67,7 @@ pub fn read(args: &Args) -> Result<(), Failure> {
 }
 
 /// What is asked for, found out before anything is opened.
-pub enum Asked {
+pub enum ReadRequest {
     /// Registers by number: the first and how many.
     Numbers(u16, u16),
     /// Words of the uniform map.
@@ -81,18 +81,18 @@ impl What {
     ///
     /// # Errors
     /// Neither a number nor a name that there is.
-    pub fn asked(&self) -> Result<Asked, Failure> {
+    pub fn asked(&self) -> Result<ReadRequest, Failure> {
         if let Some(model) = self.target.model()?.filter(|_| !self.uniform) {
             return self.asked_of(&model);
         }
-        let Some(register) = &self.register else { return Ok(Asked::Names(UNIFORM.to_vec())) };
+        let Some(register) = &self.register else { return Ok(ReadRequest::Names(UNIFORM.to_vec())) };
         if self.uniform
             && let Some(word) = UNIFORM.iter().find(|word| word.name == register)
         {
-            return Ok(Asked::Names(vec![*word]));
+            return Ok(ReadRequest::Names(vec![*word]));
         }
         match address(register) {
-            Ok(first) if first.checked_add(self.count - 1).is_some() => Ok(Asked::Numbers(first, self.count)),
+            Ok(first) if first.checked_add(self.count - 1).is_some() => Ok(ReadRequest::Numbers(first, self.count)),
             Ok(first) => Err(Failure::wrong(format!("{} registers from {first} on pass the last one", self.count))),
             Err(_) if self.uniform => Err(Failure::wrong(no_name(register))),
             Err(error) => Err(Failure::wrong(match UNIFORM.iter().find(|word| word.name == register) {
@@ -105,15 +105,15 @@ impl What {
 
 impl What {
     /// What they ask for, straight on a port, where the model gives names: without one, what a gateway would poll.
-    fn asked_of(&self, model: &Model) -> Result<Asked, Failure> {
+    fn asked_of(&self, model: &Model) -> Result<ReadRequest, Failure> {
         let readable = |register: &&Register| register.access.can_read();
         let Some(wanted) = &self.register else {
             let polled = model.registers.iter().filter(readable).filter(|register| register.poll.is_some());
-            return Ok(Asked::Registers(polled.cloned().collect()));
+            return Ok(ReadRequest::Registers(polled.cloned().collect()));
         };
         let named = model.register_named(wanted).or_else(|| model.register_at(address(wanted).ok()?));
         if let Some(register) = named.filter(readable).filter(|_| self.count == 1) {
-            return Ok(Asked::Registers(vec![register.clone()]));
+            return Ok(ReadRequest::Registers(vec![register.clone()]));
         }
         let first = named.map_or_else(|| address(wanted), |register| Ok(register.address));
         let first = first.map_err(|error| {
@@ -122,7 +122,7 @@ impl What {
             Failure::wrong(format!("{error}, or a name or code of {}{hint}", model.id))
         })?;
         match first.checked_add(self.count - 1) {
-            Some(_) => Ok(Asked::Numbers(first, self.count)),
+            Some(_) => Ok(ReadRequest::Numbers(first, self.count)),
             None => Err(Failure::wrong(format!("{} registers from {first} on pass the last one", self.count))),
         }
     }
@@ -210,7 +210,7 @@ impl Shown {
     }
 }
 
-impl Asked {
+impl ReadRequest {
     /// Reads it, name by name or in one piece.
     ///
     /// # Errors

@@ -12,7 +12,7 @@ const PATIENCE: Duration = Duration::from_secs(30);
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    place: socket::Place,
+    place: socket::SocketArgs,
     /// Print the answer as JSON
     #[arg(long)]
     json: bool,

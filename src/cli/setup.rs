@@ -26,7 +26,7 @@ impl Drive {
     ///
     /// # Errors
     /// No drive can have this name, or there is no socket to ask.
-    pub fn new(name: &str, place: &socket::Place) -> Result<Self, Failure> {
+    pub fn new(name: &str, place: &socket::SocketArgs) -> Result<Self, Failure> {
         let name = Name::new(name).ok_or_else(|| Failure::wrong(format!("`{name}` is no name of a drive")))?;
         let socket = place.path()?;
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;

@@ -18,7 +18,7 @@ const ANSWER_BYTES_MAX: usize = 1024 * 1024;
 
 /// Where the gateway's socket is.
 #[derive(Debug, clap::Args)]
-pub struct Place {
+pub struct SocketArgs {
     /// The gateway's configuration file: its socket is in the data directory that it names
     #[arg(short, long, value_name = "FILE", conflicts_with = "socket")]
     config: Option<PathBuf>,
@@ -27,7 +27,7 @@ pub struct Place {
     socket: PathBuf,
 }
 
-impl Place {
+impl SocketArgs {
     /// The socket.
     ///
     /// # Errors

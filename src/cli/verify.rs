@@ -8,7 +8,7 @@ pub struct Args {
     /// Name of the drive, as in the gateway's configuration
     drive: String,
     #[command(flatten)]
-    place: socket::Place,
+    place: socket::SocketArgs,
     /// Print the gateway's JSON
     #[arg(long)]
     json: bool,

@@ -4,7 +4,7 @@
 use super::Failure;
 use super::client::{Client, NoAnswer};
 use super::log::complain;
-use super::read::{Asked, Shown, What};
+use super::read::{ReadRequest, Shown, What};
 use super::view::View;
 use crate::daemon::clock;
 use crate::daemon::run::told_to_end;
@@ -79,7 +79,7 @@ pub fn watch(args: &Args) -> Result<(), Failure> {
     })
 }
 
-async fn show(args: &Args, asked: &Asked, client: &mut Client) -> Result<(), Failure> {
+async fn show(args: &Args, asked: &ReadRequest, client: &mut Client) -> Result<(), Failure> {
     let mut ticks = interval(args.every);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     if args.is_table() {
@@ -115,7 +115,7 @@ struct Screen<'a> {
 
 impl Screen<'_> {
     /// Reads once and prints what has changed. Returns whether somebody still reads the output.
-    async fn look(&mut self, client: &mut Client, asked: &Asked) -> Result<bool, Failure> {
+    async fn look(&mut self, client: &mut Client, asked: &ReadRequest) -> Result<bool, Failure> {
         match asked.read(client).await {
             Ok(values) => {
                 self.complaint = None;

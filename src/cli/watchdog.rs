@@ -13,7 +13,7 @@ pub struct Args {
     /// Name of the drive, as in the gateway's configuration
     drive: String,
     #[command(flatten)]
-    place: socket::Place,
+    place: socket::SocketArgs,
     /// Set it to this time, such as 5s, or off
     #[arg(long, value_name = "TIME", value_parser = time)]
     set: Option<Time>,

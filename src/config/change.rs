@@ -17,14 +17,14 @@ pub struct Change {
     /// What takes a restart of the gateway, by its key.
     pub needs_restart: Vec<&'static str>,
     /// What is different, in the order of the file.
-    pub told: Vec<Told>,
+    pub told: Vec<ChangeNote>,
 }
 
 /// One difference.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Told {
+pub struct ChangeNote {
     /// Of what kind the thing is.
-    pub part: Part,
+    pub part: ConfigPart,
     /// What it is called; nothing where there is only one.
     pub name: Option<String>,
     /// What becomes of it.
@@ -33,7 +33,7 @@ pub struct Told {
 
 /// A part of a configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Part {
+pub enum ConfigPart {
     /// `[gateway]`
     Gateway,
     /// A line.
@@ -48,7 +48,7 @@ pub enum Part {
     Http,
 }
 
-impl Part {
+impl ConfigPart {
     /// The word for it.
     #[must_use]
     pub const fn word(self) -> &'static str {
@@ -86,15 +86,15 @@ impl How {
     }
 }
 
-impl Told {
+impl ChangeNote {
     /// The broker's side is different in something that stands in no configuration, such as its password.
     #[must_use]
     pub const fn mqtt_changed() -> Self {
-        Self { part: Part::Mqtt, name: None, how: How::Changed }
+        Self { part: ConfigPart::Mqtt, name: None, how: How::Changed }
     }
 }
 
-impl fmt::Display for Told {
+impl fmt::Display for ChangeNote {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.part.word())?;
         if let Some(name) = &self.name {
@@ -144,16 +144,16 @@ fn needs_restart(old: &Config, new: &Config) -> Vec<&'static str> {
     differ.into_iter().filter(|(_, differs)| *differs).map(|(key, _)| key).collect()
 }
 
-fn told(old: &Config, new: &Config) -> Vec<Told> {
+fn told(old: &Config, new: &Config) -> Vec<ChangeNote> {
     let mut told = Vec::new();
     if old.gateway != new.gateway {
-        told.push(Told { part: Part::Gateway, name: None, how: How::Changed });
+        told.push(ChangeNote { part: ConfigPart::Gateway, name: None, how: How::Changed });
     }
-    compare(&mut told, Part::Line, &lines(old), &lines(new));
-    compare(&mut told, Part::Drive, &drives(old), &drives(new));
-    one(&mut told, Part::Mqtt, old.mqtt.as_ref(), new.mqtt.as_ref());
-    compare(&mut told, Part::ModbusTcp, &listeners(old), &listeners(new));
-    one(&mut told, Part::Http, old.http.as_ref(), new.http.as_ref());
+    compare(&mut told, ConfigPart::Line, &lines(old), &lines(new));
+    compare(&mut told, ConfigPart::Drive, &drives(old), &drives(new));
+    one(&mut told, ConfigPart::Mqtt, old.mqtt.as_ref(), new.mqtt.as_ref());
+    compare(&mut told, ConfigPart::ModbusTcp, &listeners(old), &listeners(new));
+    one(&mut told, ConfigPart::Http, old.http.as_ref(), new.http.as_ref());
     told
 }
 
@@ -185,8 +185,8 @@ fn listeners(config: &Config) -> Named<(ListenerSettings, Option<Vec<&str>>)> {
 }
 
 /// In the order of `new`; what is removed comes last.
-fn compare<T: PartialEq>(told: &mut Vec<Told>, part: Part, old: &Named<T>, new: &Named<T>) {
-    let mut tell = |name: &String, how| told.push(Told { part, name: Some(name.clone()), how });
+fn compare<T: PartialEq>(told: &mut Vec<ChangeNote>, part: ConfigPart, old: &Named<T>, new: &Named<T>) {
+    let mut tell = |name: &String, how| told.push(ChangeNote { part, name: Some(name.clone()), how });
     for (name, value) in new {
         match old.iter().find(|(other, _)| other == name) {
             None => tell(name, How::Added),
@@ -199,12 +199,12 @@ fn compare<T: PartialEq>(told: &mut Vec<Told>, part: Part, old: &Named<T>, new: 
     }
 }
 
-fn one<T: PartialEq>(told: &mut Vec<Told>, part: Part, old: Option<&T>, new: Option<&T>) {
+fn one<T: PartialEq>(told: &mut Vec<ChangeNote>, part: ConfigPart, old: Option<&T>, new: Option<&T>) {
     let how = match (old, new) {
         (None, Some(_)) => How::Added,
         (Some(_), None) => How::Removed,
         (old, new) if old != new => How::Changed,
         _ => return,
     };
-    told.push(Told { part, name: None, how });
+    told.push(ChangeNote { part, name: None, how });
 }

@@ -47,7 +47,7 @@ fn data_bits(line: &LineFile, models: &[OnLine], framing: Option<Framing>, probl
 }
 
 /// One part of the link settings, and where a model says what it may be.
-struct Part<T: 'static> {
+struct LinkPart<T: 'static> {
     name: &'static str,
     /// The value as the file writes it.
     written: fn(T) -> String,
@@ -56,29 +56,33 @@ struct Part<T: 'static> {
 
 /// A part for which models have a factory setting.
 struct FactoryPart<T: 'static> {
-    part: Part<T>,
+    part: LinkPart<T>,
     factory: fn(&LinkSettings) -> T,
 }
 
-const FRAMING: Part<Framing> =
-    Part { name: "framing", written: |it| quoted(word_for(&FRAMINGS, &it)), allowed: |link| &link.framings.value };
-const INTERFACE: Part<Interface> = Part {
+const FRAMING: LinkPart<Framing> =
+    LinkPart { name: "framing", written: |it| quoted(word_for(&FRAMINGS, &it)), allowed: |link| &link.framings.value };
+const INTERFACE: LinkPart<Interface> = LinkPart {
     name: "interface",
     written: |it| quoted(word_for(&INTERFACES, &it)),
     allowed: |link| &link.interfaces.value,
 };
 const BAUD: FactoryPart<u32> = FactoryPart {
-    part: Part { name: "baud", written: |it| it.to_string(), allowed: |link| &link.bauds.value },
+    part: LinkPart { name: "baud", written: |it| it.to_string(), allowed: |link| &link.bauds.value },
     factory: |link| link.baud,
 };
-const DATA_BITS: Part<u8> =
-    Part { name: "data_bits", written: |it| it.to_string(), allowed: |link| &link.data_bits.value };
+const DATA_BITS: LinkPart<u8> =
+    LinkPart { name: "data_bits", written: |it| it.to_string(), allowed: |link| &link.data_bits.value };
 const PARITY: FactoryPart<Parity> = FactoryPart {
-    part: Part { name: "parity", written: |it| quoted(word_for(&PARITIES, &it)), allowed: |link| &link.parities.value },
+    part: LinkPart {
+        name: "parity",
+        written: |it| quoted(word_for(&PARITIES, &it)),
+        allowed: |link| &link.parities.value,
+    },
     factory: |link| link.parity,
 };
 const STOP_BITS: FactoryPart<u8> = FactoryPart {
-    part: Part { name: "stop_bits", written: |it| it.to_string(), allowed: |link| &link.stop_bits.value },
+    part: LinkPart { name: "stop_bits", written: |it| it.to_string(), allowed: |link| &link.stop_bits.value },
     factory: |link| link.stop_bits,
 };
 
@@ -88,7 +92,7 @@ fn choose<T: Copy + PartialEq>(
     models: &[OnLine],
     given: &OptionalKey<T>,
     default: T,
-    part: &Part<T>,
+    part: &LinkPart<T>,
     problems: &mut Vec<Problem>,
 ) -> Option<T> {
     match given {
@@ -118,7 +122,7 @@ fn possible<T: Copy + PartialEq>(
     location: &Location,
     models: &[OnLine],
     value: T,
-    part: &Part<T>,
+    part: &LinkPart<T>,
     problems: &mut Vec<Problem>,
 ) -> Option<T> {
     let before = problems.len();
@@ -155,7 +159,7 @@ fn shared_factory<T: Copy + PartialEq>(
 }
 
 /// What to write where the factory settings differ.
-fn advice<T: Copy + PartialEq>(first: &OnLine, others: &[OnLine], part: &Part<T>) -> String {
+fn advice<T: Copy + PartialEq>(first: &OnLine, others: &[OnLine], part: &LinkPart<T>) -> String {
     let on_all = |value: &&T| others.iter().all(|other| (part.allowed)(&other.model.link).contains(value));
     let shared: Vec<T> = (part.allowed)(&first.model.link).iter().filter(on_all).copied().collect();
     match shared.is_empty() {
@@ -168,7 +172,7 @@ fn who(on_line: &OnLine) -> String {
     format!("{} ({})", on_line.model.id, on_line.drive.label())
 }
 
-fn list<T: Copy>(part: &Part<T>, values: &[T]) -> String {
+fn list<T: Copy>(part: &LinkPart<T>, values: &[T]) -> String {
     let words: Vec<String> = values.iter().map(|value| (part.written)(*value)).collect();
     match words.as_slice() {
         [] => "nothing".to_owned(),

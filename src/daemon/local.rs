@@ -240,7 +240,7 @@ impl LocalSide {
         place: DriveRef,
         within: Duration,
         message: impl FnOnce(Ticket) -> Message,
-    ) -> Result<Asked<'_>, Missing> {
+    ) -> Result<LineRequest<'_>, Missing> {
         let (ticket, asked) = self.ask(within);
         let shared = self.shared();
         let inbox = shared.inbox(place).ok_or(Missing::Line)?;
@@ -249,12 +249,12 @@ impl LocalSide {
     }
 
     /// A place for the answer to something that is handed to a line under this ticket, which may come `within`.
-    fn ask(&self, within: Duration) -> (Ticket, Asked<'_>) {
+    fn ask(&self, within: Duration) -> (Ticket, LineRequest<'_>) {
         let ticket = Ticket(self.last.fetch_add(1, Ordering::Relaxed));
         let (give, answer) = oneshot::channel();
         self.lock().insert(ticket, give);
         let (waits, until) = (Waits { side: self, ticket }, Instant::now() + within);
-        (ticket, Asked { answer, until, _waits: waits })
+        (ticket, LineRequest { answer, until, _waits: waits })
     }
 
     fn lock(&self) -> MutexGuard<'_, HashMap<Ticket, oneshot::Sender<News>>> {
@@ -264,13 +264,13 @@ impl LocalSide {
 
 /// Something that was handed to a line.
 #[derive(Debug)]
-struct Asked<'a> {
+struct LineRequest<'a> {
     answer: oneshot::Receiver<News>,
     until: Instant,
     _waits: Waits<'a>,
 }
 
-impl Asked<'_> {
+impl LineRequest<'_> {
     /// The answer; nothing: it did not come in time.
     async fn answer(self) -> Option<News> {
         timeout_at(self.until, self.answer).await.ok()?.ok()
@@ -279,7 +279,7 @@ impl Asked<'_> {
 
 /// An order that was given, or what became of it at once.
 #[derive(Debug)]
-pub struct Ordered<'a>(Result<Asked<'a>, Report>);
+pub struct Ordered<'a>(Result<LineRequest<'a>, Report>);
 
 impl Ordered<'_> {
     /// Waits for what becomes of it.

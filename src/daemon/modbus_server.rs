@@ -20,12 +20,12 @@ use super::keeper::Keeper;
 use super::north_journal::Journal;
 use super::router::Router;
 use super::stall::Stalls;
-use super::told::Told;
+use super::told::RateLimitedLog;
 use super::totals::ModbusTotals;
 use crate::domain::command::{Manner, Origin, Owner, Rights};
 use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
-use crate::north::modbus::{Commands, Connection, Counters, Kept, Limits, Places};
+use crate::north::modbus::{Commands, Connection, Counters, Limits, Places, UnsentAttempt};
 use certificate::Certificate;
 use hall::{Dismissal, Hall, Seat};
 use handshake::Handshakes;
@@ -55,7 +55,7 @@ pub struct Server {
     handshakes: Handshakes,
     hall: Rc<Hall>,
     spare: Spare,
-    told: Told,
+    told: RateLimitedLog,
     stalls: Arc<Stalls>,
     last: Cell<u64>,
 }
@@ -295,12 +295,12 @@ impl Client {
 
     /// Hands on what the machine says of attempts that no line saw.
     fn keep(&self) {
-        while let Some(Kept { unit, tried, report }) = self.next_kept() {
+        while let Some(UnsentAttempt { unit, tried, report }) = self.next_kept() {
             self.keeper.keep(self.router().drive_of(unit), self.origin.get().owner, tried, report);
         }
     }
 
-    fn next_kept(&self) -> Option<Kept> {
+    fn next_kept(&self) -> Option<UnsentAttempt> {
         self.machine.borrow_mut().next_kept()
     }
 

@@ -28,7 +28,7 @@ const NAME_BYTES: usize = 16;
 /// Another gateway runs on this data directory.
 #[derive(Debug, thiserror::Error)]
 #[error("another gateway (process {holder}) is running on {}", directory.display())]
-pub struct Taken {
+pub struct AlreadyRunning {
     /// Its process number, as far as it is known.
     pub holder: String,
     /// The data directory.
@@ -55,8 +55,8 @@ impl Lock {
     ///
     /// # Errors
     /// Another gateway has it.
-    pub fn take(directory: &Path) -> Result<Self, Taken> {
-        let taken = |holder| Taken { holder, directory: directory.to_owned() };
+    pub fn take(directory: &Path) -> Result<Self, AlreadyRunning> {
+        let taken = |holder| AlreadyRunning { holder, directory: directory.to_owned() };
         let file = match file(&directory.join(FILE_NAME)) {
             Ok(Ok(file)) => Some(file),
             Ok(Err(holder)) => return Err(taken(holder)),

@@ -13,7 +13,7 @@ use super::mqtt::broker_child::BrokerChild;
 use super::north::{self, Bound, North};
 use super::reload_request::{Applied, Refusal, Reloaded};
 use super::shared::{Current, Shared};
-use crate::config::change::{Change, Part, Told};
+use crate::config::change::{Change, ChangeNote, ConfigPart};
 use crate::config::{Config, MqttSettings, Removal};
 use crate::domain::ids::Name;
 use std::fmt;
@@ -103,8 +103,8 @@ impl Gateway {
         }
         let prepared = self.prepare(&new, &change).await?;
         let mut told = change.told.clone();
-        if !self.north.talks_as(prepared.broker_side.as_ref()) && told.iter().all(|it| it.part != Part::Mqtt) {
-            told.push(Told::mqtt_changed());
+        if !self.north.talks_as(prepared.broker_side.as_ref()) && told.iter().all(|it| it.part != ConfigPart::Mqtt) {
+            told.push(ChangeNote::mqtt_changed());
         }
         let ending = self.numbers(&change);
         self.have_leave(&ending, new.gateway.on_removal).await?;

@@ -1,6 +1,6 @@
 //! A request to reload the configuration, and its outcome.
 
-use crate::config::change::Told;
+use crate::config::change::ChangeNote;
 use crate::domain::problem::Problem;
 use std::fmt;
 use tokio::sync::{mpsc, oneshot};
@@ -15,7 +15,7 @@ pub type Reloaded = Result<Applied, Refusal>;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Applied {
     /// What is different.
-    pub changes: Vec<Told>,
+    pub changes: Vec<ChangeNote>,
     /// What of the file has no effect.
     pub warnings: Vec<Problem>,
 }

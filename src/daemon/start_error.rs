@@ -1,6 +1,6 @@
 //! Why the gateway could not start.
 
-use super::own_lock::Taken;
+use super::own_lock::AlreadyRunning;
 use std::io;
 use std::net::SocketAddr;
 
@@ -28,7 +28,7 @@ pub enum StartError {
     Http(String),
     /// Another gateway runs on the same data directory.
     #[error(transparent)]
-    Taken(#[from] Taken),
+    AlreadyRunning(#[from] AlreadyRunning),
     /// The broker for trying out does not start.
     #[error("the embedded broker does not start: {0}")]
     Broker(io::Error),

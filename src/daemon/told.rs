@@ -9,12 +9,12 @@ const TELL_EVERY: Duration = Duration::from_secs(1);
 
 /// Says what may happen thousands of times a second, at most once a second.
 #[derive(Debug, Default)]
-pub struct Told {
+pub struct RateLimitedLog {
     last: Cell<Option<Instant>>,
     unsaid: Cell<u64>,
 }
 
-impl Told {
+impl RateLimitedLog {
     /// Says it, or counts it among what was not said.
     pub fn say(&self, what: &str) {
         let now = Instant::now();

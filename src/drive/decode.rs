@@ -5,7 +5,7 @@ use crate::domain::frequency::Hertz;
 use crate::profile::model::{Model, Role, RunCommand};
 
 /// What one word of a write means.
-enum Part {
+enum DecodedPart {
     Run(RunPart),
     Frequency(Hertz),
     Register(RegisterWrite),
@@ -34,9 +34,9 @@ pub fn order(model: &Model, address: u16, values: &[u16]) -> Result<Order, Reaso
     let addresses = std::iter::successors(Some(address), |address| Some(model.next_address(*address)));
     for (address, value) in addresses.zip(values) {
         match part(model, address, *value)? {
-            Part::Run(part) => run = Some(part),
-            Part::Frequency(hertz) => frequency = Some(hertz),
-            Part::Register(write) => registers.push(write),
+            DecodedPart::Run(part) => run = Some(part),
+            DecodedPart::Frequency(hertz) => frequency = Some(hertz),
+            DecodedPart::Register(write) => registers.push(write),
         }
     }
     let alone = registers.is_empty();
@@ -57,8 +57,8 @@ pub fn order(model: &Model, address: u16, values: &[u16]) -> Result<Order, Reaso
 /// As of [`order`]; [`Reason::NotAllowed`] for the registers that commands are written to as well.
 pub fn register(model: &Model, write: RegisterWrite) -> Result<(), Reason> {
     match part(model, write.address, write.value)? {
-        Part::Register(_) => Ok(()),
-        Part::Run(_) | Part::Frequency(_) => Err(Reason::NotAllowed),
+        DecodedPart::Register(_) => Ok(()),
+        DecodedPart::Run(_) | DecodedPart::Frequency(_) => Err(Reason::NotAllowed),
     }
 }
 
@@ -66,7 +66,7 @@ fn go(registers: Vec<RegisterWrite>, frequency: Option<Hertz>, run: Option<Direc
     Go::new(registers, frequency, run).map(Order::Go).ok_or(Reason::TooManyFrames)
 }
 
-fn part(model: &Model, address: u16, value: u16) -> Result<Part, Reason> {
+fn part(model: &Model, address: u16, value: u16) -> Result<DecodedPart, Reason> {
     let register = model.register_at(address).or_else(|| model.stored_twin(address));
     let register = register.filter(|register| register.access.can_write()).ok_or(Reason::NotListed)?;
     let is_twin = register.address != address;
@@ -75,12 +75,12 @@ fn part(model: &Model, address: u16, value: u16) -> Result<Part, Reason> {
         Some(role) if is_twin && role.is_guarded() => Err(Reason::NotAllowed),
         Some(Role::RunCommand) => {
             let run = model.run.as_ref().and_then(|run| run_part(run, value));
-            run.map(Part::Run).ok_or(Reason::NotUnderstood)
+            run.map(DecodedPart::Run).ok_or(Reason::NotUnderstood)
         }
-        Some(Role::FrequencyCommand) => Ok(Part::Frequency(Hertz::from_word(value, register.scale))),
+        Some(Role::FrequencyCommand) => Ok(DecodedPart::Frequency(Hertz::from_word(value, register.scale))),
         Some(role) if role.is_guarded() => Err(Reason::NotAllowed),
         _ if !register.takes(value) => Err(Reason::OutsideRange),
-        _ => Ok(Part::Register(RegisterWrite { address, value })),
+        _ => Ok(DecodedPart::Register(RegisterWrite { address, value })),
     }
 }
 

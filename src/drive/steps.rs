@@ -36,7 +36,7 @@ pub struct Write {
     /// The word.
     pub value: u16,
     /// What it does.
-    pub part: Part,
+    pub part: StepPart,
     /// Where the drive shows what became of it, as far as it does.
     pub shown: Vec<Condition>,
 }
@@ -78,7 +78,7 @@ impl Condition {
 
 /// What a write of a command does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum StepPart {
     /// It sets a register without a role.
     Register,
     /// It gives the setpoint.
@@ -143,7 +143,7 @@ pub fn of_reset(model: &Model) -> Result<Vec<Step>, NoSteps> {
     let is_seen = model.status_flag(Flag::Tripped).is_some();
     let write = |(index, value): (usize, &u16)| {
         let ends = index == last;
-        let (part, shown) = (Part::Reset { ends, is_seen }, if ends { reset_shown(model) } else { Vec::new() });
+        let (part, shown) = (StepPart::Reset { ends, is_seen }, if ends { reset_shown(model) } else { Vec::new() });
         Step::Write(vec![Write { address: register.address, value: *value, part, shown }])
     };
     let rest = model.quirks.deaf_after_reset.as_ref().map(|deaf| Step::Rest(deaf.value));
@@ -173,7 +173,8 @@ pub fn of_take_back(model: &Model) -> Result<Vec<Step>, NoSteps> {
     }
     let check =
         register.access.can_read().then_some(Step::Check { address: register.address, least: reset, most: reset });
-    let write = Write { address: register.address, value: run.stop.value, part: Part::TakesBack, shown: Vec::new() };
+    let write =
+        Write { address: register.address, value: run.stop.value, part: StepPart::TakesBack, shown: Vec::new() };
     Ok(check.into_iter().chain([Step::Write(vec![write])]).collect())
 }
 
@@ -195,7 +196,7 @@ pub fn takes_in_a_block(model: &Model, address: u16) -> bool {
 pub fn of_release(model: &Model) -> Result<Vec<Step>, NoSteps> {
     let (register, run) = command_register(model)?;
     let value = run.release.as_ref().ok_or(NoSteps::NotCapable)?.value;
-    Ok(vec![Step::Write(vec![Write { address: register.address, value, part: Part::Release, shown: Vec::new() }])])
+    Ok(vec![Step::Write(vec![Write { address: register.address, value, part: StepPart::Release, shown: Vec::new() }])])
 }
 
 /// The steps that set what the drive needs before it obeys the bus, in the model's order, as far as `addresses` names
@@ -222,7 +223,7 @@ fn register(model: &Model, write: RegisterWrite) -> Write {
     let RegisterWrite { address, value } = write;
     let is_readable = model.register_at(address).is_some_and(|register| register.access.can_read());
     let shown = is_readable.then(|| Condition::holds(address, vec![value], Duration::ZERO));
-    Write { address, value, part: Part::Register, shown: shown.into_iter().collect() }
+    Write { address, value, part: StepPart::Register, shown: shown.into_iter().collect() }
 }
 
 fn setpoint(model: &Model, frequency: Hertz) -> Result<Write, NoSteps> {
@@ -232,7 +233,12 @@ fn setpoint(model: &Model, frequency: Hertz) -> Result<Write, NoSteps> {
         let word = frequency.to_word(setting.scale)?;
         Some(Condition::holds(setting.address, vec![word], SHOWN_WITHIN))
     });
-    Ok(Write { address: register.address, value, part: Part::Setpoint(frequency), shown: shown.into_iter().collect() })
+    Ok(Write {
+        address: register.address,
+        value,
+        part: StepPart::Setpoint(frequency),
+        shown: shown.into_iter().collect(),
+    })
 }
 
 fn run(model: &Model, direction: Direction) -> Result<Write, NoSteps> {
@@ -245,7 +251,7 @@ fn run(model: &Model, direction: Direction) -> Result<Write, NoSteps> {
     let running = Condition::flag(model, Flag::Running, true);
     let turns = running.is_some().then(|| Condition::flag(model, Flag::Reverse, is_reverse)).flatten();
     let shown = running.into_iter().chain(turns).collect();
-    Ok(Write { address: register.address, value, part: Part::Run(direction), shown })
+    Ok(Write { address: register.address, value, part: StepPart::Run(direction), shown })
 }
 
 /// The setpoint that goes out with RUN; nothing if the drive's own is read instead.
@@ -301,11 +307,11 @@ mod tests {
         Hertz::from_centihertz(centi)
     }
 
-    fn write(address: u16, value: u16, part: Part, shown: Vec<Condition>) -> Write {
+    fn write(address: u16, value: u16, part: StepPart, shown: Vec<Condition>) -> Write {
         Write { address, value, part, shown }
     }
 
-    fn one(address: u16, value: u16, part: Part, shown: Vec<Condition>) -> Step {
+    fn one(address: u16, value: u16, part: StepPart, shown: Vec<Condition>) -> Step {
         Step::Write(vec![write(address, value, part, shown)])
     }
 
@@ -317,8 +323,8 @@ mod tests {
     fn setpoint_goes_before_run() {
         let go = Go::new(Vec::new(), Some(hertz(4250)), Some(Direction::Forward)).unwrap();
         let shown = Condition::holds(0x0201, vec![4250], SHOWN_WITHIN);
-        let setpoint = one(0x0004, 4250, Part::Setpoint(hertz(4250)), vec![shown]);
-        let run = one(0x0002, 1, Part::Run(Direction::Forward), vec![]);
+        let setpoint = one(0x0004, 4250, StepPart::Setpoint(hertz(4250)), vec![shown]);
+        let run = one(0x0002, 1, StepPart::Run(Direction::Forward), vec![]);
         assert_eq!(of_go(&model(), &go, &control(), None).unwrap(), [setpoint, run]);
     }
 
@@ -335,7 +341,7 @@ mod tests {
     fn run_alone_looks_at_the_drives_own_setting_first() {
         let go = Go::new(Vec::new(), None, Some(Direction::Reverse)).unwrap();
         let check = Step::Check { address: 0x0201, least: 500, most: 5000 };
-        let run = one(0x0002, 2, Part::Run(Direction::Reverse), vec![]);
+        let run = one(0x0002, 2, StepPart::Run(Direction::Reverse), vec![]);
         assert_eq!(of_go(&model(), &go, &control(), Some(hertz(3000))).unwrap(), [check, run]);
     }
 
@@ -345,8 +351,8 @@ mod tests {
         model.registers.retain(|register| register.role != Some(Role::FrequencySetting));
         assert_eq!(of_go(&model, &run_forward(), &control(), None), Err(NoSteps::SetpointUnknown));
         let steps = of_go(&model, &run_forward(), &control(), Some(hertz(3000))).unwrap();
-        let setpoint = one(0x0004, 3000, Part::Setpoint(hertz(3000)), vec![]);
-        assert_eq!(steps, [setpoint, one(0x0002, 1, Part::Run(Direction::Forward), vec![])]);
+        let setpoint = one(0x0004, 3000, StepPart::Setpoint(hertz(3000)), vec![]);
+        assert_eq!(steps, [setpoint, one(0x0002, 1, StepPart::Run(Direction::Forward), vec![])]);
     }
 
     #[test]
@@ -363,12 +369,12 @@ mod tests {
         let ramp = RegisterWrite { address: 0x020C, value: 100 };
         let steps = of_go(&model(), &Go::new(vec![ramp], None, None).unwrap(), &control(), None).unwrap();
         let shown = Condition::holds(0x020C, vec![100], Duration::ZERO);
-        assert_eq!(steps, [one(0x020C, 100, Part::Register, vec![shown])]);
+        assert_eq!(steps, [one(0x020C, 100, StepPart::Register, vec![shown])]);
     }
 
     #[test]
     fn a_reset_never_carries_a_run_order() {
-        let reset = |value, ends, shown| one(0x0002, value, Part::Reset { ends, is_seen: false }, shown);
+        let reset = |value, ends, shown| one(0x0002, value, StepPart::Reset { ends, is_seen: false }, shown);
         let still = Condition::holds(0x0101, vec![0], Duration::ZERO);
         let expected = [reset(0, false, vec![]), reset(4, false, vec![]), reset(0, true, vec![still])];
         assert_eq!(of_reset(&model()).unwrap(), expected);

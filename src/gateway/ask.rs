@@ -10,7 +10,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::decode;
 use crate::guard::{COMMAND_DEADLINE, Facts};
 use crate::journal::Tried;
-use crate::line::schedule::{Asked, Full, Queued, ReadKey, WaiterId};
+use crate::line::schedule::{Full, NativeQuery, Queued, ReadKey, WaiterId};
 use crate::profile::model::Model;
 use crate::wire::pdu::function;
 
@@ -67,7 +67,7 @@ impl LineCore {
         let parts: Vec<u16> = frames.iter().map(|(_, count)| *count).collect();
         let id = self.natives.open(request, &parts);
         for (part, (address, count)) in (0..).zip(frames) {
-            let key = ReadKey { drive: request.drive, what: Asked::Words { address, count } };
+            let key = ReadKey { drive: request.drive, what: NativeQuery::Words { address, count } };
             self.queue(key, request.asker, WaiterId { request: id, part })?;
         }
         Ok(())
@@ -83,7 +83,7 @@ impl LineCore {
         }
         self.may_wait(now, request.drive)?;
         let id = self.natives.open(request, &[]);
-        let key = ReadKey { drive: request.drive, what: Asked::Loop { data } };
+        let key = ReadKey { drive: request.drive, what: NativeQuery::Loop { data } };
         self.queue(key, request.asker, WaiterId { request: id, part: 0 })
     }
 

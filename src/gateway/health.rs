@@ -50,12 +50,12 @@ pub(super) struct Health {
     reopen_wait: Duration,
     pub probe_at: MonoTime,
     probe_wait: Duration,
-    told: Told,
+    told: LastReport,
 }
 
 /// What people were told last.
 #[derive(Debug)]
-struct Told {
+struct LastReport {
     suspicion: Option<Suspicion>,
     line_is_suspended: bool,
     drives_are_suspended: Vec<bool>,
@@ -84,7 +84,7 @@ impl Health {
             reopen_wait: REOPEN_FIRST,
             probe_at: MonoTime::ZERO,
             probe_wait: PROBE_FIRST,
-            told: Told { suspicion: None, line_is_suspended: false, drives_are_suspended: vec![false; drives] },
+            told: LastReport { suspicion: None, line_is_suspended: false, drives_are_suspended: vec![false; drives] },
         }
     }
 

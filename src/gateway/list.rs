@@ -9,7 +9,7 @@ use super::waiter::Waiter;
 use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
 use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
-use crate::drive::steps::{Part, Step, Write};
+use crate::drive::steps::{Step, StepPart, Write};
 use crate::guard::{Approved, Void};
 use crate::wire::pdu::{Reply, Request};
 use std::time::Duration;
@@ -111,7 +111,7 @@ impl List {
     }
 
     /// The writes that were not sent, or that the drive refused: everything from the present step on.
-    pub fn parts_left(&self) -> impl Iterator<Item = Part> + '_ {
+    pub fn parts_left(&self) -> impl Iterator<Item = StepPart> + '_ {
         let from = match self.stage {
             Stage::Step(index) => index,
             Stage::Resolve(index, _) => index + 1,
@@ -201,8 +201,8 @@ impl List {
         let stop = self.first_word();
         // The last word of some models is the one that resets.
         let takes_back = |write: &Write| match write.part {
-            Part::TakesBack => true,
-            Part::Reset { ends, .. } => ends && Some(write.value) == stop,
+            StepPart::TakesBack => true,
+            StepPart::Reset { ends, .. } => ends && Some(write.value) == stop,
             _ => false,
         };
         self.present_writes().iter().all(takes_back)
@@ -244,7 +244,8 @@ impl List {
     #[must_use]
     pub fn leaves_a_reset_standing(&self) -> bool {
         let stop = self.first_word();
-        let resets = |write: &Write| matches!(write.part, Part::Reset { ends: false, .. }) && Some(write.value) != stop;
+        let resets =
+            |write: &Write| matches!(write.part, StepPart::Reset { ends: false, .. }) && Some(write.value) != stop;
         self.present_writes().iter().any(resets)
     }
 
@@ -288,9 +289,9 @@ impl List {
         };
         let (part, is_first_word) = (write.part, self.first_word() == Some(write.value));
         match part {
-            Part::TakesBack => self.end_of_reset_unanswered(),
-            Part::Reset { .. } if index > 0 && is_first_word => self.end_of_reset_unanswered(),
-            Part::Reset { ends, .. } if index > 0 => {
+            StepPart::TakesBack => self.end_of_reset_unanswered(),
+            StepPart::Reset { .. } if index > 0 && is_first_word => self.end_of_reset_unanswered(),
+            StepPart::Reset { ends, .. } if index > 0 => {
                 self.is_in_doubt = true;
                 match self.rest_step() {
                     Some(rest) => self.rest_before_the_end(rest),
@@ -372,11 +373,12 @@ impl List {
         let has_read_back = matches!(self.stage, Stage::ReadBack(..) | Stage::Resolve(..));
         self.stage = Stage::Done;
         let mut writes = self.approved.steps().iter().flat_map(writes_of);
-        let is_seen = |write: &Write| matches!(write.part, Part::Reset { is_seen: true, .. });
+        let is_seen = |write: &Write| matches!(write.part, StepPart::Reset { is_seen: true, .. });
         if self.is_in_doubt && !(has_read_back && writes.clone().any(is_seen)) {
             return Next::Ends(Report::new(Outcome::Unknown, Reason::NoReply));
         }
-        let shows = |write: &Write| !write.shown.is_empty() || matches!(write.part, Part::Reset { ends: false, .. });
+        let shows =
+            |write: &Write| !write.shown.is_empty() || matches!(write.part, StepPart::Reset { ends: false, .. });
         let outcome = if has_read_back && writes.all(shows) { Outcome::Confirmed } else { Outcome::Acknowledged };
         Next::Ends(Report::new(outcome, Reason::None))
     }

@@ -16,7 +16,7 @@ pub const STOPS_MAX: usize = 1024;
 pub const OPEN_MAX: usize = 65_536;
 
 /// An attempt by where it was made: a line or a north side in one of its lives, and its number there.
-pub type Place = (u64, AttemptId);
+pub type AttemptKey = (u64, AttemptId);
 
 /// What becomes of one row.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,7 +33,7 @@ struct Waiting {
     /// How many of its count are in the journal already.
     kept: u64,
     /// Where its end is waited for.
-    place: Option<Place>,
+    place: Option<AttemptKey>,
 }
 
 /// Rows that wait to be written, and attempts whose end is not known.
@@ -45,9 +45,9 @@ pub struct Audit {
     kept: u64,
     waiting: BTreeMap<u64, Waiting>,
     stops_waiting: usize,
-    open: HashMap<Place, Record>,
+    open: HashMap<AttemptKey, Record>,
     /// Oldest first. One that has ended may still stand here.
-    order: VecDeque<Place>,
+    order: VecDeque<AttemptKey>,
     merges: Merges,
     lost: Lost,
 }
@@ -78,7 +78,7 @@ impl std::ops::AddAssign for Lost {
 
 impl Audit {
     /// Takes what was tried or done. `place` is where an end will be told.
-    pub fn add(&mut self, now: MonoTime, mut record: Record, place: Option<Place>) {
+    pub fn add(&mut self, now: MonoTime, mut record: Record, place: Option<AttemptKey>) {
         if let Some(key) = Key::of(&record) {
             return self.add_shared(now, key, record);
         }
@@ -92,7 +92,7 @@ impl Audit {
     }
 
     /// What became of the attempt at `place` is known.
-    pub fn end(&mut self, now: MonoTime, place: Place, report: Report) {
+    pub fn end(&mut self, now: MonoTime, place: AttemptKey, report: Report) {
         let Some(record) = self.open.remove(&place) else { return };
         let record = Record { report: Some(report), ..record };
         let kept = u64::from(record.number <= self.kept);
@@ -124,7 +124,7 @@ impl Audit {
         self.newest
     }
 
-    fn put(&mut self, record: Record, kept: u64, place: Option<Place>) {
+    fn put(&mut self, record: Record, kept: u64, place: Option<AttemptKey>) {
         let (number, is_stop) = (record.number, record.is_stop);
         let change = Change::Put(record);
         if self.waiting.insert(number, Waiting { change, kept, place }).is_none() {

@@ -15,7 +15,7 @@ pub const WINDOW: u32 = 500;
 
 /// What is remembered of one station.
 #[derive(Clone, Copy, Debug)]
-struct Seen {
+struct StationHistory {
     station: Station,
     was_heard: bool,
     silences: u32,
@@ -27,7 +27,7 @@ struct Seen {
 /// The evidence of one line.
 #[derive(Debug)]
 pub struct Diagnosis {
-    stations: Vec<Seen>,
+    stations: Vec<StationHistory>,
     /// Exchanges since signs were last counted anew.
     exchanges: u32,
     /// Exchanges without a byte in a row, as long as nothing was ever heard.
@@ -48,7 +48,8 @@ pub struct Diagnosis {
 impl Diagnosis {
     /// A line with these stations of which nothing was heard.
     pub fn new(stations: impl Iterator<Item = Station>) -> Self {
-        let seen = |station| Seen { station, was_heard: false, silences: 0, second_replies: 0, beyond_limit: 0 };
+        let seen =
+            |station| StationHistory { station, was_heard: false, silences: 0, second_replies: 0, beyond_limit: 0 };
         Self {
             stations: stations.map(seen).collect(),
             exchanges: 0,
@@ -156,7 +157,7 @@ impl Diagnosis {
             let damaged = self.right_length + self.too_few + self.too_many;
             return (damaged >= SIGNS).then(|| self.of_loose_bytes());
         }
-        let others_answer = |silent: &&Seen| !silent.was_heard && silent.silences >= SILENCES;
+        let others_answer = |silent: &&StationHistory| !silent.was_heard && silent.silences >= SILENCES;
         self.stations.iter().find(others_answer).map(|silent| Suspicion::OneSilent(silent.station))
     }
 

@@ -23,12 +23,12 @@ pub struct ReadKey {
     /// Which drive of the line.
     pub drive: DriveIndex,
     /// What it is asked.
-    pub what: Asked,
+    pub what: NativeQuery,
 }
 
 /// What a native read asks of its drive, in the order in which they lie on the way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Asked {
+pub enum NativeQuery {
     /// Holding registers.
     Words {
         /// First register.
@@ -48,8 +48,8 @@ impl ReadKey {
     #[must_use]
     pub const fn request(&self) -> Request {
         match self.what {
-            Asked::Words { address, count } => Request::ReadHolding { address, count },
-            Asked::Loop { data } => Request::Loopback { data },
+            NativeQuery::Words { address, count } => Request::ReadHolding { address, count },
+            NativeQuery::Loop { data } => Request::Loopback { data },
         }
     }
 }
@@ -209,7 +209,7 @@ mod tests {
     use super::*;
 
     fn key(address: u16) -> ReadKey {
-        ReadKey { drive: DriveIndex(0), what: Asked::Words { address, count: 1 } }
+        ReadKey { drive: DriveIndex(0), what: NativeQuery::Words { address, count: 1 } }
     }
 
     fn waiter(request: u64) -> WaiterId {
@@ -219,8 +219,8 @@ mod tests {
     fn served(schedule: &mut Schedule) -> Vec<u16> {
         std::iter::from_fn(|| schedule.take_read(|_| true))
             .map(|job| match job.key.what {
-                Asked::Words { address, .. } => address,
-                Asked::Loop { data } => data,
+                NativeQuery::Words { address, .. } => address,
+                NativeQuery::Loop { data } => data,
             })
             .collect()
     }

@@ -28,12 +28,12 @@ pub(super) struct Issued {
     /// How far ahead they were at most, in milliseconds, and when that was seen last.
     lead: Option<(i64, MonoTime)>,
     /// Moments that have come, newest last.
-    known: VecDeque<Known>,
+    known: VecDeque<KnownMoment>,
 }
 
 /// A moment of issue that has come.
 #[derive(Clone, Copy, Debug)]
-struct Known {
+struct KnownMoment {
     issued_at: i64,
     came_first: MonoTime,
     /// It was too far ahead. It stays refused when it has come.
@@ -80,7 +80,7 @@ impl Issued {
     }
 
     /// Notes a moment that has come, and returns what is known of it.
-    fn remember(&mut self, now: MonoTime, issued_at: i64, is_refused: bool) -> Known {
+    fn remember(&mut self, now: MonoTime, issued_at: i64, is_refused: bool) -> KnownMoment {
         if let Some(known) = self.known.iter_mut().find(|it| it.issued_at == issued_at) {
             known.is_refused |= is_refused;
             return *known;
@@ -88,7 +88,7 @@ impl Issued {
         if self.known.len() >= KNOWN_MAX {
             self.known.pop_front();
         }
-        let known = Known { issued_at, came_first: now, is_refused };
+        let known = KnownMoment { issued_at, came_first: now, is_refused };
         self.known.push_back(known);
         known
     }

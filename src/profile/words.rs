@@ -1,7 +1,7 @@
 //! The words of a model file for enumerations: one table each, for reading and for showing.
 
 use super::model::{
-    Access, BitMeaning, Boundary, Confidence, DocumentKind, Flag, Memory, Part, PollClass, RefusedWrite, Role,
+    Access, BitMeaning, Boundary, Confidence, DocumentKind, FactPart, Flag, Memory, PollClass, RefusedWrite, Role,
 };
 
 /// The table of an enumeration that knows its own words.
@@ -26,7 +26,7 @@ pub const POLL_CLASSES: [(&str, PollClass); 5] = [
 pub const MEMORIES: [(&str, Memory); 2] = own_words!(Memory: Ram, Stored);
 
 /// What of a register its source may not state.
-pub(super) const PARTS: [(&str, Part); 6] = own_words!(Part: Reading, Writing, Scale, Sign, Memory, Meaning);
+pub(super) const PARTS: [(&str, FactPart); 6] = own_words!(FactPart: Reading, Writing, Scale, Sign, Memory, Meaning);
 
 /// What a status register can tell.
 pub const FLAGS: [(&str, Flag); 8] = [

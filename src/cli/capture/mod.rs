@@ -11,7 +11,7 @@ use super::socket::{self, Question};
 use crate::daemon::clock;
 use crate::daemon::run::told_to_end;
 use crate::domain::time::MonoTime;
-use packets::Told;
+use packets::PacketFrame;
 use pcapng::Header;
 use serde_json::Value;
 use std::fs::File;
@@ -45,7 +45,7 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     frames: Option<u64>,
     #[command(flatten)]
-    place: socket::Place,
+    place: socket::SocketArgs,
 }
 
 /// Why a capture ended.
@@ -239,7 +239,7 @@ impl<'a> Capture<'a> {
     /// Writes a frame. Returns whether somebody still reads.
     fn frame(&mut self, data: &str) -> Result<bool, Failure> {
         let frame = serde_json::from_str(data).ok();
-        let Some(told) = frame.and_then(|frame| Told::of(&frame, self.is_rtu)) else {
+        let Some(told) = frame.and_then(|frame| PacketFrame::of(&frame, self.is_rtu)) else {
             return Err(Failure::failed("what the gateway tells is not understood; it may be another version"));
         };
         let dropped = std::mem::take(&mut self.dropped);

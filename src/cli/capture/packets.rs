@@ -13,7 +13,7 @@ const BYTES: &str = "data";
 
 /// A frame as the gateway tells it, ready for a packet.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Told {
+pub struct PacketFrame {
     /// Microseconds since 1970-01-01 UTC.
     pub unix_us: u64,
     /// Which way it went.
@@ -28,7 +28,7 @@ pub struct Told {
     pub comment: String,
 }
 
-impl Told {
+impl PacketFrame {
     /// What `frame` tells of a line that speaks RTU, or ASCII; nothing if that is not understood.
     #[must_use]
     pub fn of(frame: &Value, is_rtu: bool) -> Option<Self> {
@@ -99,37 +99,37 @@ mod tests {
             "at": "1970-01-01T00:00:01.002003Z", "kind": "request", "why": "poll", "bytes": "010301010001D436",
             "gap_ms": null, "station": 1, "drive": "pump-1", "function": 3, "text": "read 0x0101", "values": [],
         });
-        let told = Told::of(&frame, true).unwrap();
+        let told = PacketFrame::of(&frame, true).unwrap();
         assert_eq!((told.unix_us, told.direction, told.protocol), (1_002_003, Direction::Out, "mbrtu"));
         assert!(told.is_for_a_drive);
         assert_eq!(told.bytes, [1, 3, 1, 1, 0, 1, 0xD4, 0x36]);
         assert_eq!(told.comment, "request to pump-1 (poll): read 0x0101");
-        assert_eq!(Told::of(&frame, false).unwrap().protocol, "data-text-lines");
+        assert_eq!(PacketFrame::of(&frame, false).unwrap().protocol, "data-text-lines");
         let noise = json!({
             "at": "1970-01-01T00:00:00.000001Z", "kind": "noise", "bytes": "00", "station": null,
             "text": "1 byte that makes no frame",
         });
-        let told = Told::of(&noise, true).unwrap();
+        let told = PacketFrame::of(&noise, true).unwrap();
         assert_eq!((told.unix_us, told.direction, told.protocol), (1, Direction::In, "data"));
         assert_eq!(told.comment, "noise: 1 byte that makes no frame");
         let other = json!({ "at": "1970-01-01T00:00:00.000001Z", "kind": "other_master", "bytes": "", "station": 9,
             "text": "x" });
-        assert_eq!(Told::of(&other, true).unwrap().comment, "other master to station 9: x");
+        assert_eq!(PacketFrame::of(&other, true).unwrap().comment, "other master to station 9: x");
     }
 
     #[test]
     fn what_is_not_understood_is_none() {
         let good = json!({ "at": "1970-01-01T00:00:01.002003Z", "kind": "reply", "bytes": "0A", "text": "" });
-        assert!(Told::of(&good, true).is_some());
+        assert!(PacketFrame::of(&good, true).is_some());
         for (key, wrong) in [("at", "yesterday"), ("at", "1970-01-01T00:00:01.002Z"), ("bytes", "0"), ("bytes", "xy")] {
             let mut frame = good.clone();
             frame[key] = wrong.into();
-            assert_eq!(Told::of(&frame, true), None, "{key} {wrong}");
+            assert_eq!(PacketFrame::of(&frame, true), None, "{key} {wrong}");
         }
         for key in ["at", "kind", "bytes"] {
             let mut frame = good.clone();
             frame[key] = Value::Null;
-            assert_eq!(Told::of(&frame, true), None, "{key}");
+            assert_eq!(PacketFrame::of(&frame, true), None, "{key}");
         }
     }
 }

@@ -1,7 +1,7 @@
 //! What differs between two dumps, and what of it a restore would write, in which order.
 
 use super::file::{Dump, Parameter};
-use super::live::Known;
+use super::live::ListedParameter;
 use serde_json::{Value, json};
 
 /// One parameter that is not the same on both sides.
@@ -99,7 +99,7 @@ fn order(kind: &str) -> u8 {
 /// What makes `live` hold what `wanted` says, on a drive that knows `known`. Link, station and sources are left alone
 /// unless `with_link`.
 #[must_use]
-pub fn plan(wanted: &Dump, live: &Dump, known: &[Known], with_link: bool) -> Plan {
+pub fn plan(wanted: &Dump, live: &Dump, known: &[ListedParameter], with_link: bool) -> Plan {
     let mut plan = Plan::default();
     for difference in differences(live, wanted) {
         let Difference { first: old, second: Some(new) } = difference else { continue };
@@ -140,8 +140,8 @@ mod tests {
         Dump { parameters: values.iter().map(|(address, raw)| parameter(*address, *raw)).collect(), ..Dump::default() }
     }
 
-    fn known(address: u16, kind: &str) -> Known {
-        Known {
+    fn known(address: u16, kind: &str) -> ListedParameter {
+        ListedParameter {
             code: format!("P{address}"),
             title: String::new(),
             address,

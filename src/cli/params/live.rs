@@ -34,7 +34,7 @@ pub struct Live {
 
 /// A parameter that the model of a drive knows.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Known {
+pub struct ListedParameter {
     /// The vendor's code.
     pub code: String,
     /// What it is.
@@ -57,7 +57,7 @@ pub struct Catalogue {
     /// Whether anything may be written to this drive at all.
     pub may_be_written: bool,
     /// Its parameters.
-    pub parameters: Vec<Known>,
+    pub parameters: Vec<ListedParameter>,
     /// The registers of the model that are no parameters.
     pub left_out: Vec<LeftOut>,
     /// The groups of the drive's parameters, where the model has a rule for them.
@@ -90,7 +90,7 @@ impl Live {
         let list = self.ask(Question::look(&self.path(None))).await?;
         let text = |value: &Value, key: &str| value[key].as_str().unwrap_or_default().to_owned();
         let known = |one: &Value| {
-            Some(Known {
+            Some(ListedParameter {
                 code: text(one, "code"),
                 title: text(one, "title"),
                 address: u16::try_from(one["address"].as_u64()?).ok()?,
@@ -119,7 +119,7 @@ impl Live {
     ///
     /// # Errors
     /// The gateway does not answer.
-    pub async fn read(&self, known: &Known) -> Result<Result<Parameter, Unreadable>, Failure> {
+    pub async fn read(&self, known: &ListedParameter) -> Result<Result<Parameter, Unreadable>, Failure> {
         let seen = self.ask(Question::look(&self.path(Some(known.address)))).await?;
         Ok(Self::told(known, &seen))
     }
@@ -128,7 +128,7 @@ impl Live {
     async fn try_at(&self, address: u16) -> Result<Tried, Failure> {
         let seen = self.ask(Question::look(&self.path(Some(address)))).await?;
         let code = seen["code"].as_str().unwrap_or_default().to_owned();
-        let known = Known { code: code.clone(), address, ..Known::default() };
+        let known = ListedParameter { code: code.clone(), address, ..ListedParameter::default() };
         Ok(match (Self::told(&known, &seen), seen["exception"].is_u64()) {
             (Ok(parameter), _) => Tried::Shown(parameter),
             (Err(_), true) => Tried::Refused(code),
@@ -144,7 +144,7 @@ impl Live {
     pub async fn dump_groups(
         &self,
         groups: &[UnknownOf],
-        there: Option<&Known>,
+        there: Option<&ListedParameter>,
         dump: &mut Dump,
     ) -> Result<(), Failure> {
         let mut bar = Bar::new(groups.iter().map(|group| group.addresses.len()).sum());
@@ -170,7 +170,7 @@ impl Live {
     }
 
     /// Waits until the drive answers again, where it passes for silent.
-    async fn wait_for(&self, there: &Known) -> Result<(), Failure> {
+    async fn wait_for(&self, there: &ListedParameter) -> Result<(), Failure> {
         for _ in 0..BACK_WITHIN {
             if self.read(there).await?.is_ok() {
                 return Ok(());
@@ -180,7 +180,7 @@ impl Live {
         Ok(())
     }
 
-    fn told(known: &Known, seen: &Value) -> Result<Parameter, Unreadable> {
+    fn told(known: &ListedParameter, seen: &Value) -> Result<Parameter, Unreadable> {
         let found = &seen["found"];
         let Some(raw) = found["raw"].as_u64().and_then(|raw| u16::try_from(raw).ok()) else {
             let exception = seen["exception"].as_u64().map(|code| format!(" (exception {code:02X})"));
@@ -196,7 +196,7 @@ impl Live {
     ///
     /// # Errors
     /// The gateway does not answer.
-    pub async fn dump(&self, model: &str, wanted: &[Known]) -> Result<Dump, Failure> {
+    pub async fn dump(&self, model: &str, wanted: &[ListedParameter]) -> Result<Dump, Failure> {
         let mut dump = Dump {
             drive: self.drive.to_string(),
             model: model.to_owned(),

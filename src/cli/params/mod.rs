@@ -49,7 +49,7 @@ enum Action {
 #[derive(Debug, clap::Args)]
 struct Of {
     #[command(flatten)]
-    place: socket::Place,
+    place: socket::SocketArgs,
     /// Use a port directly, without a gateway: a serial port or tcp://HOST:PORT, with --model and --station
     #[arg(long, value_name = "PORT", value_parser = config::port_address)]
     port: Option<config::PortAddress>,
@@ -124,7 +124,7 @@ async fn act(action: &Action) -> Result<(), Failure> {
         Action::Restore(args) => {
             let wanted = Dump::read(&args.file)?;
             let reached = args.of.reach(args.drive.as_deref().or(Some(&wanted.drive)), true).await?;
-            let wish = restore::Wish { with_link: args.with_link, yes: args.yes, dry_run: args.dry_run };
+            let wish = restore::RestoreOptions { with_link: args.with_link, yes: args.yes, dry_run: args.dry_run };
             let done = restore::restore(&wanted, &reached.live, wish).await;
             reached.close().await;
             done

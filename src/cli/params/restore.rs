@@ -2,7 +2,7 @@
 
 use super::diff::{Change, Plan, plan};
 use super::file::{Dump, LeftOut};
-use super::live::{Catalogue, Known, Live};
+use super::live::{Catalogue, ListedParameter, Live};
 use crate::cli::enable::ask_for_consent;
 use crate::cli::progress::Bar;
 use crate::cli::setup::table;
@@ -10,7 +10,7 @@ use crate::cli::{Failure, print};
 
 /// What a person wants of it.
 #[derive(Clone, Copy, Debug)]
-pub struct Wish {
+pub struct RestoreOptions {
     /// Also what decides how the drive is reached and whom it obeys.
     pub with_link: bool,
     /// Nobody is asked.
@@ -23,7 +23,7 @@ pub struct Wish {
 ///
 /// # Errors
 /// The model is another, nobody agrees, or something was refused: then it is told what was written and what was not.
-pub async fn restore(wanted: &Dump, live: &Live, wish: Wish) -> Result<(), Failure> {
+pub async fn restore(wanted: &Dump, live: &Live, wish: RestoreOptions) -> Result<(), Failure> {
     let catalogue = live.catalogue().await?;
     if catalogue.model != wanted.model {
         let (ours, theirs) = (&catalogue.model, &wanted.model);
@@ -32,7 +32,8 @@ pub async fn restore(wanted: &Dump, live: &Live, wish: Wish) -> Result<(), Failu
     let of_interest: Vec<_> =
         catalogue.parameters.iter().filter(|known| wanted.at(known.address).is_some()).cloned().collect();
     let others = wanted.parameters.iter().filter(|it| catalogue.may_have(it.address));
-    let others = others.map(|it| Known { code: it.code.clone(), address: it.address, ..Known::default() });
+    let others =
+        others.map(|it| ListedParameter { code: it.code.clone(), address: it.address, ..ListedParameter::default() });
     let now = live.dump(&catalogue.model, &of_interest.into_iter().chain(others).collect::<Vec<_>>()).await?;
     let plan = plan(wanted, &now, &catalogue.parameters, wish.with_link);
     print(&format!("{}{}", not_held(wanted, &catalogue), shown(&plan, live)))?;

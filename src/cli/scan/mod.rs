@@ -19,7 +19,7 @@ use crate::daemon::tool_line::ToolPort;
 use crate::domain::calendar;
 use crate::domain::link::LinkSettings;
 use asker::PortAsker;
-use plan::{Plan, Wish};
+use plan::{Plan, ScanOptions};
 use report::{Scan, model_text, setting_text};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -79,7 +79,7 @@ pub fn scan(args: &Args) -> Result<(), Failure> {
     let catalog = input::catalog_with(&args.own)?;
     let models: Vec<_> = catalog.ids().filter_map(|id| catalog.find(id).cloned()).collect();
     let is_network = matches!(args.port, config::PortAddress::Tcp { .. });
-    let wish = Wish {
+    let wish = ScanOptions {
         everything: args.all_settings,
         bauds: args.baud.clone(),
         parity: args.link.parity(),

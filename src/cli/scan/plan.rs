@@ -53,7 +53,7 @@ pub struct Setting {
 
 /// What a person wants to be tried.
 #[derive(Clone, Debug, Default)]
-pub struct Wish {
+pub struct ScanOptions {
     /// Every setting that some model has, not only those of the factories.
     pub everything: bool,
     /// Only these speeds; none: those of the models.
@@ -73,7 +73,7 @@ pub struct Wish {
 impl Plan {
     /// What is tried to find drives of `models` at `stations`.
     #[must_use]
-    pub fn new(models: &[Arc<Model>], stations: Vec<u8>, wish: &Wish) -> Self {
+    pub fn new(models: &[Arc<Model>], stations: Vec<u8>, wish: &ScanOptions) -> Self {
         let framing = if wish.is_ascii { Framing::Ascii } else { Framing::Rtu };
         let has_framing = |model: &&Arc<Model>| model.link.framings.value.contains(&framing);
         let models: Vec<Arc<Model>> = models.iter().filter(has_framing).map(|it| Arc::new(it.on(framing))).collect();
@@ -93,7 +93,7 @@ impl Plan {
 }
 
 impl Setting {
-    fn new(models: &[Arc<Model>], link: LinkSettings, framing: Framing, wish: &Wish) -> Self {
+    fn new(models: &[Arc<Model>], link: LinkSettings, framing: Framing, wish: &ScanOptions) -> Self {
         let leaves_so = |model: &Model| wish.is_network || is_factory(model, link, framing);
         let (factory, other): (Vec<Arc<Model>>, Vec<Arc<Model>>) = models
             .iter()
@@ -181,7 +181,7 @@ fn may_be_set(model: &Model, link: LinkSettings) -> bool {
 }
 
 /// The settings that are tried: those of the factories, then the others as far as they are wanted.
-fn links(models: &[Arc<Model>], framing: Framing, wish: &Wish) -> Vec<LinkSettings> {
+fn links(models: &[Arc<Model>], framing: Framing, wish: &ScanOptions) -> Vec<LinkSettings> {
     let data_bits: &[u8] = if framing == Framing::Ascii { &[8, 7] } else { &[8] };
     let is_wanted = |link: &LinkSettings| {
         (wish.bauds.is_empty() || wish.bauds.contains(&link.baud))

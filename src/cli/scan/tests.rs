@@ -1,6 +1,6 @@
 //! Whole scans of simulated lines, in simulated time: the same core as on a port, with a clock that only the test moves.
 
-use super::plan::{LISTEN, Plan, Setting, Wish, probes, stations};
+use super::plan::{LISTEN, Plan, ScanOptions, Setting, probes, stations};
 use super::report::Scan;
 use super::survey::{Asker, Event, Findings, Heard, survey};
 use crate::cli::{Failure, input};
@@ -150,7 +150,7 @@ fn played(plan: &Plan, asker: &mut Simulated) -> Findings {
 }
 
 fn factory_plan(numbers: &str) -> Plan {
-    Plan::new(&models(), stations(numbers).unwrap(), &Wish::default())
+    Plan::new(&models(), stations(numbers).unwrap(), &ScanOptions::default())
 }
 
 fn configuration(plan: &Plan, findings: &Findings) -> String {
@@ -216,7 +216,7 @@ fn the_factory_settings_are_those_of_the_models() {
 
 #[test]
 fn everything_else_is_tried_on_request_and_behind_the_factories() {
-    let all = Plan::new(&models(), vec![1], &Wish { everything: true, ..Wish::default() });
+    let all = Plan::new(&models(), vec![1], &ScanOptions { everything: true, ..ScanOptions::default() });
     let factory = factory_plan("1");
     let links: Vec<_> = all.settings.iter().map(|setting| setting.link).collect();
     let first: Vec<_> = factory.settings.iter().map(|setting| setting.link).collect();
@@ -227,12 +227,13 @@ fn everything_else_is_tried_on_request_and_behind_the_factories() {
             assert!(links.iter().any(|link| link.baud == *baud), "{} at {baud}", model.id);
         }
     }
-    let wish = Wish { bauds: vec![9600], parity: Some(Parity::Even), stop_bits: Some(1), ..Wish::default() };
+    let wish =
+        ScanOptions { bauds: vec![9600], parity: Some(Parity::Even), stop_bits: Some(1), ..ScanOptions::default() };
     let one = Plan::new(&models(), vec![1], &wish);
     assert_eq!(one.settings.iter().map(|it| it.link.to_string()).collect::<Vec<_>>(), ["9600 8E1"]);
-    let network = Plan::new(&models(), vec![1], &Wish { is_network: true, ..Wish::default() });
+    let network = Plan::new(&models(), vec![1], &ScanOptions { is_network: true, ..ScanOptions::default() });
     assert_eq!((network.settings.len(), network.settings[0].candidates.len()), (1, models().len()));
-    let ascii = Plan::new(&models(), vec![1], &Wish { is_ascii: true, ..Wish::default() });
+    let ascii = Plan::new(&models(), vec![1], &ScanOptions { is_ascii: true, ..ScanOptions::default() });
     assert!(ascii.settings.iter().all(|it| it.candidates.iter().all(|model| model.id.starts_with("teco"))));
     assert!(!ascii.settings.is_empty());
 }

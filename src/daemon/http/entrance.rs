@@ -7,7 +7,7 @@ use super::front::Front;
 use super::lasting::{self, Lasting, Life};
 use super::taking::Taking;
 use crate::daemon::clock;
-use crate::daemon::told::Told;
+use crate::daemon::told::RateLimitedLog;
 use crate::domain::time::MonoTime;
 use arc_swap::ArcSwap;
 use axum::Router;
@@ -47,7 +47,7 @@ pub(super) async fn serve(
     (front, changed): (Arc<ArcSwap<Front>>, Arc<Notify>),
     patience: Patience,
 ) {
-    let (house, lasting, told) = (House::default(), lasting::places(), Told::default());
+    let (house, lasting, told) = (House::default(), lasting::places(), RateLimitedLog::default());
     let places = &house.0;
     loop {
         let (stream, peer) = tokio::select! {
@@ -128,7 +128,7 @@ struct Seat {
 
 /// A place that is free again when this is dropped.
 #[derive(Debug)]
-struct Place {
+struct Permit {
     places: Rc<Places>,
     number: u64,
 }
@@ -136,13 +136,13 @@ struct Place {
 impl Places {
     /// A place for one more. Where all are taken, the one that has asked longest ago and waits for no answer gives way; of
     /// those with an answer without an end there are never so many.
-    fn take(places: &Rc<Self>, lasting: Lasting) -> (Place, Rc<Seat>) {
+    fn take(places: &Rc<Self>, lasting: Lasting) -> (Permit, Rc<Seat>) {
         if places.held.borrow().len() >= CONNECTIONS_MAX {
             places.make_room();
         }
         places.last.set(places.last.get() + 1);
         let seat = Seat { is_asking: Cell::new(false), seen: Cell::new(clock::now()), lasting };
-        (Place { places: Rc::clone(places), number: places.last.get() }, Rc::new(seat))
+        (Permit { places: Rc::clone(places), number: places.last.get() }, Rc::new(seat))
     }
 
     /// Ends what could not be made any more: from elsewhere, or in plain view where that is over, and the other way round.
@@ -167,7 +167,7 @@ impl Places {
     }
 }
 
-impl Drop for Place {
+impl Drop for Permit {
     fn drop(&mut self) {
         self.places.held.borrow_mut().remove(&self.number);
     }

@@ -2,7 +2,7 @@
 
 use super::answers::json;
 use super::{params, setup, watchdog};
-use crate::config::change::Told;
+use crate::config::change::ChangeNote;
 use crate::daemon::local::LocalSide;
 use crate::daemon::reload_request::{Applied, Refusal, Reloaded};
 use crate::daemon::shared::SharedDrive;
@@ -43,35 +43,35 @@ async fn look(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> R
 
 async fn set(State(side): State<Arc<LocalSide>>, Path(name): Path<String>, body: Bytes) -> Response {
     match addresses(&body) {
-        Some(addresses) => carry_out(side, name, Wish::Setup(addresses)).await,
+        Some(addresses) => carry_out(side, name, SettingRequest::Setup(addresses)).await,
         None => not_understood(&name, format!("a body such as {EXAMPLE} is expected, with 1 to {}", Go::REGISTERS_MAX)),
     }
 }
 
 async fn set_watchdog(State(side): State<Arc<LocalSide>>, Path(name): Path<String>, body: Bytes) -> Response {
     match watchdog_time(&body) {
-        Some(time) => carry_out(side, name, Wish::Watchdog(time)).await,
+        Some(time) => carry_out(side, name, SettingRequest::Watchdog(time)).await,
         None => not_understood(&name, format!("a body such as {WATCHDOG_EXAMPLE} is expected, with null for off")),
     }
 }
 
 /// What a tool wants set on a drive.
-enum Wish {
+enum SettingRequest {
     /// The registers at these addresses, as the drive's model demands.
     Setup(Vec<u16>),
     /// The drive's own watchdog, to this time or off.
     Watchdog(Option<Duration>),
 }
 
-async fn carry_out(side: Arc<LocalSide>, name: String, wish: Wish) -> Response {
+async fn carry_out(side: Arc<LocalSide>, name: String, wish: SettingRequest) -> Response {
     let Some(place) = side.place() else { return too_many(&name) };
     let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
     // Whoever goes away does not take the order back, and what becomes of it stands in the log.
     let carried_out = tokio::spawn(async move {
         let _place = place;
         match wish {
-            Wish::Setup(addresses) => setup::set(&side, &drive, addresses).await,
-            Wish::Watchdog(time) => watchdog::set(&side, &drive, time).await,
+            SettingRequest::Setup(addresses) => setup::set(&side, &drive, addresses).await,
+            SettingRequest::Watchdog(time) => watchdog::set(&side, &drive, time).await,
         }
     });
     match carried_out.await {
@@ -105,8 +105,7 @@ async fn reload(State(side): State<Arc<LocalSide>>) -> Response {
 fn reload_answer(done: &Reloaded) -> Value {
     match done {
         Ok(Applied { changes, warnings }) => {
-            let change =
-                |it: &Told| serde_json::json!({ "part": it.part.word(), "name": it.name, "change": it.how.word() });
+            let change = |it: &ChangeNote| serde_json::json!({ "part": it.part.word(), "name": it.name, "change": it.how.word() });
             let warning = |it: &Problem| serde_json::json!({ "key": it.key, "what": it.what, "right": it.right });
             serde_json::json!({
                 "reloaded": true,

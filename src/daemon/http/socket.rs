@@ -5,7 +5,7 @@ use super::reachable::Reachable;
 use super::routes::Documents;
 use super::{own_routes, routes};
 use crate::daemon::local::LocalSide;
-use crate::daemon::own_lock::{Lock, Taken};
+use crate::daemon::own_lock::{AlreadyRunning, Lock};
 use rustix::fs::{FileType, Mode};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -55,8 +55,8 @@ impl OwnSocket {
     /// It must be called on a runtime.
     ///
     /// # Errors
-    /// [`Taken`]: a gateway runs on the same directory, and is left alone.
-    pub fn open(directory: &Path) -> Result<Self, Taken> {
+    /// [`AlreadyRunning`]: a gateway runs on the same directory, and is left alone.
+    pub fn open(directory: &Path) -> Result<Self, AlreadyRunning> {
         let lock = Lock::take(directory)?;
         let (path, reachable) = (directory.join(SOCKET_NAME), Arc::default());
         let mut own = Self { listener: None, is_made: false, path, reachable, _lock: lock };

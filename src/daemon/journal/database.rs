@@ -78,7 +78,7 @@ pub struct TakenOver {
 
 /// What was found in a database.
 #[derive(Debug, Default)]
-pub struct Found {
+pub struct DatabaseState {
     /// What is remembered of each drive.
     pub memory: BTreeMap<Name, Remembered>,
     /// Drives of which what is remembered is damaged.
@@ -92,7 +92,7 @@ impl Database {
     ///
     /// # Errors
     /// [`Broken`].
-    pub fn open(path: &Path, session: &str, most_bytes: u64) -> Result<(Self, Found), Broken> {
+    pub fn open(path: &Path, session: &str, most_bytes: u64) -> Result<(Self, DatabaseState), Broken> {
         let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_CREATE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
         let mut connection = Connection::open_with_flags(path, flags)?;
         connection.busy_timeout(BUSY_WAIT)?;
@@ -335,8 +335,8 @@ fn meta(connection: &Connection, key: &str) -> Result<Option<String>, Error> {
     }
 }
 
-fn found(connection: &Connection) -> Result<Found, Error> {
-    let mut found = Found { configuration: meta(connection, "configuration")?, ..Found::default() };
+fn found(connection: &Connection) -> Result<DatabaseState, Error> {
+    let mut found = DatabaseState { configuration: meta(connection, "configuration")?, ..DatabaseState::default() };
     remembered(connection, &mut found)?;
     Ok(found)
 }
@@ -344,14 +344,14 @@ fn found(connection: &Connection) -> Result<Found, Error> {
 /// What the damaged file at `path` remembers of the drives, as far as it can be read and is sound.
 #[must_use]
 pub fn rescued(path: &Path) -> BTreeMap<Name, Remembered> {
-    let mut found = Found::default();
+    let mut found = DatabaseState::default();
     // What was read before an error is sound all the same.
     let connection = reader::connect(path).or_else(|_| reader::salvage(path));
     let _ = connection.and_then(|connection| remembered(&connection, &mut found));
     found.memory
 }
 
-fn remembered(connection: &Connection, found: &mut Found) -> Result<(), Error> {
+fn remembered(connection: &Connection, found: &mut DatabaseState) -> Result<(), Error> {
     let mut select = connection.prepare("SELECT name, body, crc FROM drive")?;
     let mut rows = select.query([])?;
     while let Some(row) = rows.next()? {

@@ -1,6 +1,6 @@
 //! Trip events in the database: given a number, read again until they are taken, rescued from a damaged file.
 
-use super::reader::{self, Seen};
+use super::reader::{self, ReadRow};
 use crate::domain::ids::Name;
 use crate::journal::{NewEvent, Row, StoredEvent, Table};
 use rusqlite::{Connection, Error};
@@ -44,7 +44,7 @@ pub fn mark(connection: &Connection, numbers: &BTreeSet<u64>, mark: u8) -> Resul
 pub fn waiting(connection: &Connection, after: u64, most: usize) -> Result<(Vec<StoredEvent>, bool), Error> {
     loop {
         let rows = unread(connection, after, most + 1)?;
-        let damaged: BTreeSet<u64> = rows.iter().filter(|seen| event_of(seen).is_none()).map(Seen::number).collect();
+        let damaged: BTreeSet<u64> = rows.iter().filter(|seen| event_of(seen).is_none()).map(ReadRow::number).collect();
         if damaged.is_empty() {
             let has_more = rows.len() > most;
             return Ok((rows.iter().take(most).filter_map(event_of).collect(), has_more));
@@ -59,7 +59,7 @@ pub fn waiting(connection: &Connection, after: u64, most: usize) -> Result<(Vec<
     }
 }
 
-fn unread(connection: &Connection, after: u64, most: usize) -> Result<Vec<Seen>, Error> {
+fn unread(connection: &Connection, after: u64, most: usize) -> Result<Vec<ReadRow>, Error> {
     let mut select = connection.prepare_cached(
         "SELECT number, at, kind, name, body, crc FROM event WHERE taken = 0 AND number > ? ORDER BY number LIMIT ?",
     )?;
@@ -67,8 +67,8 @@ fn unread(connection: &Connection, after: u64, most: usize) -> Result<Vec<Seen>,
     rows.collect()
 }
 
-fn event_of(seen: &Seen) -> Option<StoredEvent> {
-    let Seen::Sound(row) = seen else { return None };
+fn event_of(seen: &ReadRow) -> Option<StoredEvent> {
+    let ReadRow::Sound(row) = seen else { return None };
     let drive = Name::new(row.name.as_deref()?)?;
     Some(StoredEvent { seq: row.number, drive, body: row.body.clone() })
 }
@@ -83,7 +83,7 @@ pub fn rescued(path: &Path) -> (Vec<Row>, u64) {
         let after = rows.last().map_or(0, |row| row.number);
         let Ok(seen) = unread(&connection, after, 16) else { break };
         let before = rows.len();
-        let sound = seen.into_iter().filter_map(|seen| if let Seen::Sound(row) = seen { Some(row) } else { None });
+        let sound = seen.into_iter().filter_map(|seen| if let ReadRow::Sound(row) = seen { Some(row) } else { None });
         // A damaged index leads in circles.
         rows.extend(sound.filter(|row| row.number > after));
         if rows.len() == before {

@@ -1,6 +1,6 @@
 //! Rows of the journal as they are shown: JSON, CSV, words for people.
 
-use super::reader::Seen;
+use super::reader::ReadRow;
 use crate::domain::calendar::rfc3339;
 use crate::journal::{Row, Table};
 use serde_json::{Value, json};
@@ -10,9 +10,9 @@ pub const COLUMNS: &str = "table,number,at,kind,name,by,tried,outcome,reason,cou
 
 /// A row as JSON; with its words for people if `has_text`.
 #[must_use]
-pub fn in_json(table: Table, seen: &Seen, has_text: bool) -> Value {
+pub fn in_json(table: Table, seen: &ReadRow, has_text: bool) -> Value {
     let (table, number) = (table.name(), seen.number());
-    let Seen::Sound(row) = seen else { return json!({ "table": table, "number": number, "damaged": true }) };
+    let ReadRow::Sound(row) = seen else { return json!({ "table": table, "number": number, "damaged": true }) };
     let body = body(row);
     let text = has_text.then(|| words(row, &body));
     let Row { at, kind, name, .. } = row;
@@ -26,8 +26,8 @@ pub fn in_json(table: Table, seen: &Seen, has_text: bool) -> Value {
 
 /// A row as a line of CSV, with its end.
 #[must_use]
-pub fn in_csv(table: Table, seen: &Seen) -> String {
-    let Seen::Sound(row) = seen else { return format!("{},{},,damaged,,,,,,,\n", table.name(), seen.number()) };
+pub fn in_csv(table: Table, seen: &ReadRow) -> String {
+    let ReadRow::Sound(row) = seen else { return format!("{},{},,damaged,,,,,,,\n", table.name(), seen.number()) };
     let body = body(row);
     let word = |key: &str| match &body[key] {
         Value::Null => String::new(),
@@ -52,10 +52,10 @@ fn quoted(field: &str) -> String {
 
 /// A row as a line for people, with its end.
 #[must_use]
-pub fn in_words(table: Table, seen: &Seen) -> String {
+pub fn in_words(table: Table, seen: &ReadRow) -> String {
     match seen {
-        Seen::Damaged(number) => format!("{:24} {} {number} is damaged\n", "?", table.name()),
-        Seen::Sound(row) => {
+        ReadRow::Damaged(number) => format!("{:24} {} {number} is damaged\n", "?", table.name()),
+        ReadRow::Sound(row) => {
             let name = row.name.as_deref().unwrap_or("gateway");
             format!("{} {name} {}\n", rfc3339(row.at), words(row, &body(row)))
         }
@@ -137,10 +137,10 @@ mod tests {
         let at = WallTime { unix_ms: 0 };
         let attempt =
             json!({ "by": "mqtt", "tried": "run\u{1b}[2J", "outcome": "refused", "reason": "tripped", "count": 3 });
-        let said = |row| in_words(Table::Audit, &Seen::Sound(row));
+        let said = |row| in_words(Table::Audit, &ReadRow::Sound(row));
         let row = Row::new(at, "attempt", Some("pump-1"), &attempt);
         assert_eq!(
-            in_json(Table::Audit, &Seen::Sound(row.clone()), true)["text"],
+            in_json(Table::Audit, &ReadRow::Sound(row.clone()), true)["text"],
             "mqtt: run?[2J: refused, tripped (3 times)"
         );
         assert_eq!(said(row), "1970-01-01T00:00:00.000Z pump-1 mqtt: run?[2J: refused, tripped (3 times)\n");

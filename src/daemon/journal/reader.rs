@@ -19,14 +19,14 @@ const BUSY_WAIT: Duration = Duration::from_secs(2);
 
 /// A row as it was found.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Seen {
+pub enum ReadRow {
     /// It is as it was written.
     Sound(Row),
     /// It is not. Only its number is known.
     Damaged(u64),
 }
 
-impl Seen {
+impl ReadRow {
     /// Its number.
     #[must_use]
     pub const fn number(&self) -> u64 {
@@ -41,14 +41,14 @@ impl Seen {
 ///
 /// # Errors
 /// There is no number.
-pub fn seen(table: Table, row: &rusqlite::Row<'_>) -> Result<Seen, Error> {
+pub fn seen(table: Table, row: &rusqlite::Row<'_>) -> Result<ReadRow, Error> {
     let number: u64 = row.get(0)?;
     let read = || {
         let unix_ms = row.get(1).ok()?;
         let (kind, name, body) = (row.get(2).ok()?, row.get(3).ok()?, row.get(4).ok()?);
         Row { number, at: WallTime { unix_ms }, kind, name, body }.checked(table, row.get(5).ok()?)
     };
-    Ok(read().map_or(Seen::Damaged(number), Seen::Sound))
+    Ok(read().map_or(ReadRow::Damaged(number), ReadRow::Sound))
 }
 
 /// Opens the database at `path` for reading.
@@ -102,7 +102,7 @@ fn escaped(path: &Path) -> String {
 ///
 /// # Errors
 /// SQLite's.
-pub fn row(connection: &Connection, table: Table, number: u64) -> Result<Option<Seen>, Error> {
+pub fn row(connection: &Connection, table: Table, number: u64) -> Result<Option<ReadRow>, Error> {
     let sql = format!("SELECT number, at, kind, name, body, crc FROM {} WHERE number = ?", table.name());
     let mut select = connection.prepare_cached(&sql)?;
     match select.query_row([number], |row| seen(table, row)) {
@@ -118,7 +118,7 @@ pub struct Rows<'c> {
     table: Table,
     is_backward: bool,
     last: u64,
-    page: VecDeque<Seen>,
+    page: VecDeque<ReadRow>,
     has_failed: bool,
     failure: Option<Error>,
 }
@@ -168,7 +168,7 @@ impl<'c> Rows<'c> {
 }
 
 impl Iterator for Rows<'_> {
-    type Item = Result<Seen, Error>;
+    type Item = Result<ReadRow, Error>;
 
     fn next(&mut self) -> Option<Self::Item> {
         if self.page.is_empty() && !self.has_failed {

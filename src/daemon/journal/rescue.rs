@@ -1,6 +1,6 @@
 //! What is left of a damaged journal: whether a file was cut short, and which of its rows are sound.
 
-use super::reader::{self, PAGE_BYTES_MIN, Rows, Seen};
+use super::reader::{self, PAGE_BYTES_MIN, ReadRow, Rows};
 use crate::journal::{Row, Table};
 use std::collections::VecDeque;
 use std::fs::File;
@@ -91,14 +91,14 @@ pub fn rescued(path: &Path, table: Table) -> Rescued {
     let (mut rows, mut last, mut lost) = (VecDeque::new(), after, None);
     for seen in Rows::after(&connection, table, after).take(LOOKED_AT_MAX) {
         match seen {
-            Ok(Seen::Sound(row)) => {
+            Ok(ReadRow::Sound(row)) => {
                 last = row.number;
                 rows.push_back(row);
                 if rows.len() > RESCUED_MAX {
                     rows.pop_front();
                 }
             }
-            Ok(Seen::Damaged(_)) => {}
+            Ok(ReadRow::Damaged(_)) => {}
             Err(error) => lost = Some(format!("{} behind number {last}: {error}", table.name())),
         }
     }

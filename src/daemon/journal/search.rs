@@ -1,6 +1,6 @@
 //! Finds rows of the journal: of which tables, about what, since when, how many.
 
-use super::reader::{Rows, Seen};
+use super::reader::{ReadRow, Rows};
 use crate::domain::calendar::parse;
 use crate::domain::time::WallTime;
 use crate::journal::Table;
@@ -78,14 +78,14 @@ pub struct Wanted {
 impl Wanted {
     /// Whether a row is. A damaged one always is: nobody knows what it was about.
     #[must_use]
-    pub fn wants(&self, seen: &Seen) -> bool {
-        let Seen::Sound(row) = seen else { return true };
+    pub fn wants(&self, seen: &ReadRow) -> bool {
+        let ReadRow::Sound(row) = seen else { return true };
         let is_about = self.drive.as_ref().is_none_or(|drive| row.name.as_ref() == Some(drive));
         is_about && !self.is_too_old(seen)
     }
 
-    fn is_too_old(&self, seen: &Seen) -> bool {
-        let Seen::Sound(row) = seen else { return false };
+    fn is_too_old(&self, seen: &ReadRow) -> bool {
+        let ReadRow::Sound(row) = seen else { return false };
         self.since.is_some_and(|since| row.at.unix_ms < since.unix_ms)
     }
 }
@@ -103,13 +103,13 @@ impl<'c> Merged<'c> {
 }
 
 impl Iterator for Merged<'_> {
-    type Item = Result<(Table, Seen), rusqlite::Error>;
+    type Item = Result<(Table, ReadRow), rusqlite::Error>;
 
     fn next(&mut self) -> Option<Self::Item> {
         let moment = |rows: &mut Peekable<Rows<'_>>| match rows.peek()? {
-            Ok(Seen::Sound(row)) => Some(row.at.unix_ms),
+            Ok(ReadRow::Sound(row)) => Some(row.at.unix_ms),
             // At once: no moment is known, and an error ends everything.
-            Ok(Seen::Damaged(_)) | Err(_) => Some(i64::MIN),
+            Ok(ReadRow::Damaged(_)) | Err(_) => Some(i64::MIN),
         };
         let moments = self.0.iter_mut().enumerate().filter_map(|(place, (_, rows))| Some((moment(rows)?, place)));
         let (_, place) = moments.min()?;
@@ -120,7 +120,7 @@ impl Iterator for Merged<'_> {
 
 /// What a search for the newest has found.
 #[derive(Debug)]
-pub struct Found {
+pub struct SearchResult {
     /// Tables and numbers of the rows, oldest first. The rows themselves may be many and long.
     pub rows: Vec<(Table, u64)>,
     /// Nothing older that is wanted was left out because the search took too long.
@@ -131,7 +131,7 @@ pub struct Found {
 ///
 /// # Errors
 /// SQLite's.
-pub fn newest(connection: &Connection, wanted: &Wanted, most: usize) -> Result<Found, Error> {
+pub fn newest(connection: &Connection, wanted: &Wanted, most: usize) -> Result<SearchResult, Error> {
     let mut tables: Vec<_> = wanted.tables.iter().map(|table| Backward::new(connection, *table)).collect();
     let mut rows = Vec::new();
     let mut looked_at = 0;
@@ -150,7 +150,7 @@ pub fn newest(connection: &Connection, wanted: &Wanted, most: usize) -> Result<F
         }
     }
     rows.reverse();
-    Ok(Found { rows, is_complete: looked_at < LOOKED_AT_MAX })
+    Ok(SearchResult { rows, is_complete: looked_at < LOOKED_AT_MAX })
 }
 
 /// The rows of one table, newest first.
@@ -169,9 +169,9 @@ impl<'c> Backward<'c> {
     /// By which the next row has its place among those of other tables.
     fn moment(&mut self) -> Option<i64> {
         Some(match self.rows.peek()? {
-            Ok(Seen::Sound(row)) => row.at.unix_ms,
+            Ok(ReadRow::Sound(row)) => row.at.unix_ms,
             // At once: no moment is known, and an error ends everything.
-            Ok(Seen::Damaged(_)) | Err(_) => i64::MAX,
+            Ok(ReadRow::Damaged(_)) | Err(_) => i64::MAX,
         })
     }
 }
@@ -202,7 +202,7 @@ mod tests {
 
     /// Tables and numbers of the newest.
     fn numbers(connection: &Connection, wanted: &Wanted, most: usize) -> Vec<(Table, u64)> {
-        let Found { rows, is_complete } = newest(connection, wanted, most).unwrap();
+        let SearchResult { rows, is_complete } = newest(connection, wanted, most).unwrap();
         assert!(is_complete);
         rows
     }

@@ -2,7 +2,7 @@
 //! the system refuses.
 
 use super::aside::move_aside;
-use super::database::{Broken, Database, Found, Mark, TakenOver, rescued};
+use super::database::{Broken, Database, DatabaseState, Mark, TakenOver, rescued};
 use super::rescue::{Standing, standing};
 use super::status::{JournalState, Status};
 use crate::daemon::clock;
@@ -41,7 +41,7 @@ pub struct Store {
 impl Store {
     /// Opens the database at `path`, and says what was found in it.
     #[must_use]
-    pub fn open(path: &Path, max_bytes: u64, status: &Arc<Status>) -> (Self, Found) {
+    pub fn open(path: &Path, max_bytes: u64, status: &Arc<Status>) -> (Self, DatabaseState) {
         let mut store = Self {
             path: path.to_owned(),
             max_bytes,
@@ -56,12 +56,12 @@ impl Store {
         };
         let found = store.connect();
         // What an earlier life has left is read even where nothing can be written.
-        let found = found.unwrap_or_else(|| Found { memory: rescued(path), ..Found::default() });
+        let found = found.unwrap_or_else(|| DatabaseState { memory: rescued(path), ..DatabaseState::default() });
         (store, found)
     }
 
     /// Opens it; a damaged one is moved aside first. Nothing: the system refuses.
-    fn connect(&mut self) -> Option<Found> {
+    fn connect(&mut self) -> Option<DatabaseState> {
         let broken = match self.open_once() {
             Ok(found) => return Some(found),
             Err(Broken::Refused(reason)) if self.is_unreadable() => Broken::Damaged(reason),
@@ -71,7 +71,7 @@ impl Store {
             Broken::Refused(reason) => self.failed(reason),
             Broken::Damaged(reason) => match self.begin_anew(&reason) {
                 Ok(aside) => match self.open_once() {
-                    Ok(found) => return Some(Found { memory: rescued(&aside), ..found }),
+                    Ok(found) => return Some(DatabaseState { memory: rescued(&aside), ..found }),
                     Err(Broken::Refused(reason) | Broken::Damaged(reason)) => self.failed(reason),
                 },
                 Err(error) => self.failed(format!("{reason}; it cannot be moved aside: {error}")),
@@ -80,7 +80,7 @@ impl Store {
         None
     }
 
-    fn open_once(&mut self) -> Result<Found, Broken> {
+    fn open_once(&mut self) -> Result<DatabaseState, Broken> {
         match standing(&self.path).map_err(|error| Broken::Refused(error.to_string()))? {
             Standing::New | Standing::Whole => {}
             Standing::Broken(what) => return Err(Broken::Damaged(what)),

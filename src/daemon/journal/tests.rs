@@ -2,7 +2,7 @@
 
 use super::database::Database;
 use super::inbox::Post;
-use super::reader::{self, Rows, Seen};
+use super::reader::{self, ReadRow, Rows};
 use super::*;
 use crate::config::{self, Config};
 use crate::daemon::answers::News;
@@ -42,7 +42,7 @@ impl Place {
         file_in(&self.0)
     }
 
-    fn rows(&self, table: Table) -> Vec<Seen> {
+    fn rows(&self, table: Table) -> Vec<ReadRow> {
         let connection = reader::connect(&self.file()).unwrap();
         Rows::after(&connection, table, 0).map(Result::unwrap).collect()
     }
@@ -156,8 +156,8 @@ fn name() -> Name {
     Name::new("pump-1").unwrap()
 }
 
-fn sound(rows: Vec<Seen>) -> Vec<Row> {
-    rows.into_iter().map(|seen| if let Seen::Sound(row) = seen { row } else { panic!("{seen:?}") }).collect()
+fn sound(rows: Vec<ReadRow>) -> Vec<Row> {
+    rows.into_iter().map(|seen| if let ReadRow::Sound(row) = seen { row } else { panic!("{seen:?}") }).collect()
 }
 
 #[test]
@@ -394,7 +394,7 @@ fn a_flipped_byte_costs_one_row() {
     }
     std::fs::write(place.file(), bytes).unwrap();
     let audit = place.rows(Table::Audit);
-    assert!(matches!(audit[..], [Seen::Sound(_), Seen::Damaged(2), Seen::Sound(_)]), "{audit:?}");
+    assert!(matches!(audit[..], [ReadRow::Sound(_), ReadRow::Damaged(2), ReadRow::Sound(_)]), "{audit:?}");
     let rig = Rig::start(&place);
     rig.north.want_events(0);
     let seqs: Vec<_> = rig.events(2).0.into_iter().map(|event| event.seq).collect();
@@ -465,7 +465,7 @@ fn readable(path: &Path, table: Table, most: usize) -> Vec<Row> {
     let Ok(connection) = reader::salvage(path) else { return Vec::new() };
     let rows: Vec<_> = Rows::after(&connection, table, 0).take(most + 1).collect();
     assert!(rows.len() <= most, "{}: {} rows of {most}", table.name(), rows.len());
-    rows.into_iter().filter_map(|row| if let Ok(Seen::Sound(row)) = row { Some(row) } else { None }).collect()
+    rows.into_iter().filter_map(|row| if let Ok(ReadRow::Sound(row)) = row { Some(row) } else { None }).collect()
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The thread that writes: all that waits in one transaction, then everybody is told.
 
-use super::database::{Database, Found};
+use super::database::{Database, DatabaseState};
 use super::inbox::{Inbox, Post};
 use super::origin::Origin;
 use super::status::Status;
@@ -60,7 +60,7 @@ impl Writer {
     /// A writer that goes on where `found` ends.
     pub fn new(
         store: Store,
-        found: Found,
+        found: DatabaseState,
         inbox: Arc<Inbox>,
         status: Arc<Status>,
         sides: NorthSides,

@@ -24,7 +24,7 @@ use crate::domain::time::MonoTime;
 use crate::gateway::{Input, LineCore, LineSetup};
 use crate::journal::Remembered;
 pub use memory::Memory;
-use opening::{Attempts, Told};
+use opening::{Attempts, LoggedFaults};
 use std::io;
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -222,7 +222,7 @@ fn run(port: &LinePort, mut setup: LineSetup, board: Board, waits: Waits) -> io:
             is_paced,
             logs_traffic,
             attempts: Attempts::default(),
-            told: Told::default(),
+            told: LoggedFaults::default(),
             round: Vec::new(),
             board,
             ending: None,
@@ -248,7 +248,7 @@ struct LineTask<'a> {
     /// When the port is tried again.
     attempts: Attempts,
     /// What the log was told about the port.
-    told: Told,
+    told: LoggedFaults,
     /// The messages of this round.
     round: Vec<Message>,
     /// The gateway ends: until then the thread waits for its stops to show their effect.

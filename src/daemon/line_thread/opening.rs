@@ -42,13 +42,13 @@ impl Attempts {
 /// What the log was told about the port. However often a port comes and goes, each reason is told once, until the port
 /// has proved good.
 #[derive(Debug, Default)]
-pub(super) struct Told {
+pub(super) struct LoggedFaults {
     reasons: Vec<String>,
     /// Why it was opened anew although it was there.
     reopened: Option<LineFault>,
 }
 
-impl Told {
+impl LoggedFaults {
     /// Whether `reason` is new.
     fn is_new(&mut self, reason: String) -> bool {
         if self.reasons.contains(&reason) {
@@ -246,7 +246,7 @@ mod tests {
 
     #[test]
     fn each_reason_is_told_once_until_the_port_proves_good() {
-        let mut told = Told::default();
+        let mut told = LoggedFaults::default();
         for reason in ["gone", "no such file"] {
             assert!(told.is_new(reason.to_owned()), "{reason}");
         }
@@ -261,7 +261,7 @@ mod tests {
 
     #[test]
     fn a_silent_adapter_that_stays_open_is_not_told_of_again() {
-        let mut told = Told { reopened: Some(LineFault::Mute), ..Told::default() };
+        let mut told = LoggedFaults { reopened: Some(LineFault::Mute), ..LoggedFaults::default() };
         told.has_lasted();
         assert!(!told.is_empty());
         told.has_answered();

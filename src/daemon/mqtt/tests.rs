@@ -17,7 +17,7 @@ const VERSIONS: [Version; 2] = [Version::V4, Version::V5];
 
 /// What a talk was told.
 #[derive(Clone, Debug, PartialEq, Eq)]
-enum Told {
+enum Outcome {
     Connected(Broker),
     Subscribed(Vec<bool>),
     Message(Text),
@@ -42,7 +42,7 @@ struct Text {
 /// A talk that says what the test puts into it.
 #[derive(Default)]
 struct Script {
-    told: Vec<Told>,
+    told: Vec<Outcome>,
     packets: VecDeque<Packet>,
     /// Said at each connection.
     greeting: Vec<Packet>,
@@ -72,10 +72,10 @@ impl Talk for Script {
         self.told.push(match event {
             Event::Connected(broker) => {
                 self.packets = self.greeting.clone().into();
-                Told::Connected(broker)
+                Outcome::Connected(broker)
             }
-            Event::Subscribed(granted) => Told::Subscribed(granted),
-            Event::Message(message) => Told::Message(Text {
+            Event::Subscribed(granted) => Outcome::Subscribed(granted),
+            Event::Message(message) => Outcome::Message(Text {
                 topic: message.topic.to_owned(),
                 payload: message.payload.to_vec(),
                 retain: message.retain,
@@ -84,10 +84,10 @@ impl Talk for Script {
                 response_topic: message.response_topic.map(ToOwned::to_owned),
                 correlation: message.correlation.map(ToOwned::to_owned),
             }),
-            Event::Acknowledged(token) => Told::Acknowledged(token),
-            Event::Refused(token, refusal) => Told::Refused(token, refusal),
-            Event::Stalled(_) => Told::Stalled,
-            Event::Lost => Told::Lost,
+            Event::Acknowledged(token) => Outcome::Acknowledged(token),
+            Event::Refused(token, refusal) => Outcome::Refused(token, refusal),
+            Event::Stalled(_) => Outcome::Stalled,
+            Event::Lost => Outcome::Lost,
         });
     }
 
@@ -100,13 +100,13 @@ impl Talk for Script {
     }
 
     fn next_packet(&mut self, _at: Moment) -> Option<Packet> {
-        let connected = self.told.iter().rev().find(|told| matches!(told, Told::Connected(_) | Told::Lost));
-        let flood = self.flood.filter(|_| matches!(connected, Some(Told::Connected(_))));
+        let connected = self.told.iter().rev().find(|told| matches!(told, Outcome::Connected(_) | Outcome::Lost));
+        let flood = self.flood.filter(|_| matches!(connected, Some(Outcome::Connected(_))));
         self.packets.pop_front().or_else(|| flood.map(|bytes| Packet::Publish(text("flood", &"x".repeat(bytes)))))
     }
 
     fn contested(&mut self, rival: Option<Rival>) {
-        self.told.push(Told::Contested(rival));
+        self.told.push(Outcome::Contested(rival));
     }
 
     fn farewell(&mut self, _at: Moment) -> Vec<Publication> {
@@ -144,12 +144,12 @@ impl Rig {
         }
     }
 
-    fn told(&self) -> Vec<Told> {
+    fn told(&self) -> Vec<Outcome> {
         self.talk.borrow().told.clone()
     }
 
     /// Waits until the talk was told so many things.
-    async fn told_at_least(&self, count: usize) -> Vec<Told> {
+    async fn told_at_least(&self, count: usize) -> Vec<Outcome> {
         let enough = async {
             while self.talk.borrow().told.len() < count {
                 sleep(Duration::from_millis(1)).await;
@@ -196,8 +196,8 @@ fn with_token(token: u64) -> Packet {
     Packet::Publish(Publication { qos: Qos::AtLeastOnce, token: Some(token), ..text("record", &token.to_string()) })
 }
 
-fn acknowledged(told: &[Told]) -> Vec<u64> {
-    told.iter().filter_map(|told| if let Told::Acknowledged(token) = told { Some(*token) } else { None }).collect()
+fn acknowledged(told: &[Outcome]) -> Vec<u64> {
+    told.iter().filter_map(|told| if let Outcome::Acknowledged(token) = told { Some(*token) } else { None }).collect()
 }
 
 const ANY: Broker = Broker { maximum_packet_bytes: None, retains: true };
@@ -249,7 +249,7 @@ async fn a_broker_that_stops_reading_is_given_up_in_time() {
         });
         let waited = waited.await;
         assert!(waited > Duration::from_secs(4) && waited < Duration::from_secs(9), "{version:?}: {waited:?}");
-        assert_eq!(rig.told(), [Told::Connected(ANY), Told::Lost], "{version:?}");
+        assert_eq!(rig.told(), [Outcome::Connected(ANY), Outcome::Lost], "{version:?}");
     }
 }
 
@@ -303,7 +303,7 @@ async fn a_large_message_below_the_limit_arrives() {
             peer.publish("large", &vec![7; 200_000], &[]).await;
             rig.told_at_least(2).await
         });
-        let Some(Told::Message(message)) = told.await.pop() else { panic!("no message") };
+        let Some(Outcome::Message(message)) = told.await.pop() else { panic!("no message") };
         assert_eq!(message.payload.len(), 200_000);
     }
 }
@@ -332,10 +332,10 @@ async fn a_message_against_the_protocol_ends_the_connection_and_is_not_handed_ov
         .await;
         let told = rig.told();
         // Nobody knows how long what came right after it has waited, if it is handed over at all.
-        let believed = told.iter().take_while(|it| **it != Told::Stalled);
-        assert_eq!(believed.filter(|it| matches!(it, Told::Message(_))).count(), 0, "{properties:?}: {told:?}");
-        assert!(told.iter().filter(|it| matches!(it, Told::Message(_))).count() <= 1, "{properties:?}: {told:?}");
-        assert!(told.contains(&Told::Lost), "{properties:?}: {told:?}");
+        let believed = told.iter().take_while(|it| **it != Outcome::Stalled);
+        assert_eq!(believed.filter(|it| matches!(it, Outcome::Message(_))).count(), 0, "{properties:?}: {told:?}");
+        assert!(told.iter().filter(|it| matches!(it, Outcome::Message(_))).count() <= 1, "{properties:?}: {told:?}");
+        assert!(told.contains(&Outcome::Lost), "{properties:?}: {told:?}");
     }
 }
 
@@ -360,7 +360,7 @@ async fn a_message_with_every_property_once_is_handed_over() {
             peer.publish("run", payload, &properties).await;
             rig.told_at_least(2).await
         });
-        let Some(Told::Message(message)) = told.await.pop() else { panic!("no message for {properties:?}") };
+        let Some(Outcome::Message(message)) = told.await.pop() else { panic!("no message for {properties:?}") };
         assert_eq!(message.payload, payload);
     }
 }
@@ -422,7 +422,7 @@ async fn a_refused_filter_is_told_in_its_place() {
                 (*subscribe.body.last().unwrap(), rig.told_at_least(2).await)
             })
             .await;
-        assert_eq!(told[1], Told::Subscribed(vec![true, false]), "{version:?}");
+        assert_eq!(told[1], Outcome::Subscribed(vec![true, false]), "{version:?}");
         assert_eq!(options, options_of(version), "{version:?}");
     }
 }
@@ -444,7 +444,7 @@ async fn what_was_not_acknowledged_before_the_cut_is_not_reported_and_not_confus
             peer.acknowledge(next.identifier).await;
             rig.told_at_least(4).await
         });
-        let expected = [Told::Connected(ANY), Told::Lost, Told::Connected(ANY), Told::Acknowledged(8)];
+        let expected = [Outcome::Connected(ANY), Outcome::Lost, Outcome::Connected(ANY), Outcome::Acknowledged(8)];
         assert_eq!(told.await, expected, "{version:?}");
     }
 }
@@ -475,8 +475,8 @@ async fn a_stop_sent_just_before_the_broker_dies_is_handed_over() {
             drop(peer);
             rig.told_at_least(3).await
         });
-        let message = Told::Message(Text { topic: "stop".to_owned(), ..Text::default() });
-        assert_eq!(told.await, [Told::Connected(ANY), message, Told::Lost], "{version:?}");
+        let message = Outcome::Message(Text { topic: "stop".to_owned(), ..Text::default() });
+        assert_eq!(told.await, [Outcome::Connected(ANY), message, Outcome::Lost], "{version:?}");
     }
 }
 
@@ -484,7 +484,7 @@ async fn a_stop_sent_just_before_the_broker_dies_is_handed_over() {
 async fn what_came_during_a_stall_is_handed_over_as_what_may_have_waited() {
     for version in VERSIONS {
         let (stub, rig) = (Stub::new(version).await, Rig::default());
-        let message = |topic: &str| Told::Message(Text { topic: topic.to_owned(), ..Text::default() });
+        let message = |topic: &str| Outcome::Message(Text { topic: topic.to_owned(), ..Text::default() });
         rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             rig.told_at_least(1).await;
@@ -493,7 +493,7 @@ async fn what_came_during_a_stall_is_handed_over_as_what_may_have_waited() {
             std::thread::sleep(Duration::from_millis(1_100));
             assert_eq!(
                 rig.told_at_least(3).await,
-                [Told::Connected(ANY), Told::Stalled, message("stop")],
+                [Outcome::Connected(ANY), Outcome::Stalled, message("stop")],
                 "{version:?}"
             );
             peer.publish("stop", b"", &[]).await;
@@ -520,8 +520,8 @@ async fn a_stop_that_comes_beside_the_last_words_is_handed_over() {
             while peer.read().await.is_some_and(|frame| frame.kind != DISCONNECT) {}
         };
         tokio::join!(talk, broker);
-        let message = Told::Message(Text { topic: "stop".to_owned(), ..Text::default() });
-        assert_eq!(rig.told(), [Told::Connected(ANY), message], "{version:?}");
+        let message = Outcome::Message(Text { topic: "stop".to_owned(), ..Text::default() });
+        assert_eq!(rig.told(), [Outcome::Connected(ANY), message], "{version:?}");
     }
 }
 
@@ -537,7 +537,7 @@ async fn the_bell_and_the_wish_to_reconnect_are_heard() {
             rig.say(Packet::Reconnect("a test"));
             while peer.read().await.is_some() {}
             stub.welcome().await;
-            assert_eq!(rig.told_at_least(3).await[1], Told::Lost);
+            assert_eq!(rig.told_at_least(3).await[1], Outcome::Lost);
         })
         .await;
         assert!(rig.talk.borrow().ticks >= 2);
@@ -612,7 +612,7 @@ async fn what_the_broker_would_not_take_is_dropped_and_the_rest_goes_out() {
     })
     .await;
     assert_eq!(rig.counters.dropped.get(), 2);
-    assert_eq!(rig.told(), [Told::Connected(Broker { maximum_packet_bytes: Some(100), retains: false })]);
+    assert_eq!(rig.told(), [Outcome::Connected(Broker { maximum_packet_bytes: Some(100), retains: false })]);
 }
 
 #[tokio::test]
@@ -643,7 +643,7 @@ async fn the_properties_of_mqtt_5_go_both_ways() {
         response_topic: Some("r".to_owned()),
         correlation: Some(vec![1, 2]),
     };
-    assert_eq!(told[1], Told::Message(message));
+    assert_eq!(told[1], Outcome::Message(message));
 }
 
 #[tokio::test(start_paused = true)]
@@ -713,8 +713,8 @@ async fn acknowledge_all(peer: &mut Peer, count: u64) {
     }
 }
 
-fn rivals(told: &[Told]) -> Vec<Option<Rival>> {
-    told.iter().filter_map(|told| if let Told::Contested(rival) = told { Some(*rival) } else { None }).collect()
+fn rivals(told: &[Outcome]) -> Vec<Option<Rival>> {
+    told.iter().filter_map(|told| if let Outcome::Contested(rival) = told { Some(*rival) } else { None }).collect()
 }
 
 #[tokio::test(start_paused = true)]
@@ -810,7 +810,7 @@ async fn a_repeat_is_marked_as_the_broker_marked_it_and_acknowledged_all_the_sam
             rig.told_at_least(2).await
         });
         let message = Text { topic: "again".to_owned(), duplicate: true, ..Text::default() };
-        assert_eq!(told.await[1], Told::Message(message), "{version:?}");
+        assert_eq!(told.await[1], Outcome::Message(message), "{version:?}");
     }
 }
 
@@ -859,7 +859,7 @@ async fn an_answer_to_a_subscription_that_has_too_few_or_too_many_codes_is_told_
                 peer.answer_subscribe(&subscribe, codes).await;
                 rig.told_at_least(2).await
             });
-            assert_eq!(told.await[1], Told::Subscribed(vec![true; codes.len()]), "{version:?}");
+            assert_eq!(told.await[1], Outcome::Subscribed(vec![true; codes.len()]), "{version:?}");
         }
     }
 }
@@ -872,10 +872,10 @@ async fn it_talks_with_the_broker_for_trying_out() {
     for version in VERSIONS {
         let rig = Rig::greeting(vec![Packet::Subscribe(filters(&["record"])), with_token(5)]);
         let told = rig.run_at(address, version, rig.told_at_least(4)).await;
-        assert!(told.contains(&Told::Subscribed(vec![true])), "{version:?}: {told:?}");
-        assert!(told.contains(&Told::Acknowledged(5)), "{version:?}: {told:?}");
+        assert!(told.contains(&Outcome::Subscribed(vec![true])), "{version:?}: {told:?}");
+        assert!(told.contains(&Outcome::Acknowledged(5)), "{version:?}: {told:?}");
         let message = Text { topic: "record".to_owned(), payload: b"5".to_vec(), ..Text::default() };
-        assert!(told.contains(&Told::Message(message)), "{version:?}: {told:?}");
+        assert!(told.contains(&Outcome::Message(message)), "{version:?}: {told:?}");
     }
 }
 
@@ -897,8 +897,8 @@ async fn what_is_retained_in_the_broker_for_trying_out_stays_and_the_will_comes(
             watcher.told_at_least(4).await
         })
         .await;
-    told.retain(|told| matches!(told, Told::Message(_)));
+    told.retain(|told| matches!(told, Outcome::Message(_)));
     let kept = Text { topic: "kept".to_owned(), payload: b"value".to_vec(), retain: true, ..Text::default() };
-    assert_eq!(told[0], Told::Message(kept));
-    assert!(matches!(&told[1], Told::Message(message) if message.topic == "will"));
+    assert_eq!(told[0], Outcome::Message(kept));
+    assert!(matches!(&told[1], Outcome::Message(message) if message.topic == "will"));
 }

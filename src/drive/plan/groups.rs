@@ -1,6 +1,6 @@
 //! Which registers share a read: neighbours, and those between which lie only registers that may be read along.
 
-use crate::profile::model::{Confidence, Model, Part, PollClass, Register};
+use crate::profile::model::{Confidence, FactPart, Model, PollClass, Register};
 use std::time::Duration;
 
 /// How many fast periods a slow poll waits.
@@ -126,7 +126,7 @@ fn is_shown(model: &Model, group: &PollGroup) -> bool {
 
 /// Documents of the model show it. What only the operator states may be wrong.
 fn is_documented(register: &Register) -> bool {
-    register.proves(Part::Reading) && register.confidence != Confidence::Configured
+    register.proves(FactPart::Reading) && register.confidence != Confidence::Configured
 }
 
 fn follows(model: &Model, group: &PollGroup, address: u16) -> bool {

@@ -20,7 +20,7 @@ mod tests;
 use super::view::{TripEvent, TripEventKind, TripRecord, TripView};
 use crate::domain::time::MonoTime;
 use crate::profile::model::Model;
-use places::{Places, Seen, Source};
+use places::{Places, Source, TripReading};
 
 /// How often a record is read anew because the count went on rising meanwhile, or because it was not answered. After
 /// that the trips are told with what there is: they must not wait for ever.
@@ -140,9 +140,9 @@ impl TripWatch {
         let (seen, cause) = (places.source.seen(word), places.cause.and_then(word));
         let mut told = Vec::from_iter(self.take_part(address, words));
         match seen {
-            Some(Seen::Held(true)) => told.extend(self.take_held(now)),
-            Some(Seen::Held(false)) => self.take_released(now, &mut told),
-            Some(Seen::Counted(count)) => self.take_count(count, now, &mut told),
+            Some(TripReading::Held(true)) => told.extend(self.take_held(now)),
+            Some(TripReading::Held(false)) => self.take_released(now, &mut told),
+            Some(TripReading::Counted(count)) => self.take_count(count, now, &mut told),
             None => {}
         }
         self.is_in_sight |= seen.is_some();
@@ -159,7 +159,7 @@ impl TripWatch {
     pub fn take_unsure(&mut self, address: u16, words: &[u16]) -> Option<TripEvent> {
         let places = self.places.as_ref()?;
         let word = |register: u16| words.get(usize::from(register.checked_sub(address)?)).copied();
-        if let (Some(Seen::Held(held)), Some(active)) = (places.source.seen(word), self.view.active) {
+        if let (Some(TripReading::Held(held)), Some(active)) = (places.source.seen(word), self.view.active) {
             self.is_contradicted = held != active;
         }
         let was_seen = self

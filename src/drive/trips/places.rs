@@ -15,7 +15,7 @@ pub(super) enum Source {
 
 /// What a reading tells of trips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Seen {
+pub(super) enum TripReading {
     /// Whether one holds.
     Held(bool),
     /// How many there were.
@@ -24,11 +24,11 @@ pub(super) enum Seen {
 
 impl Source {
     /// What a reading tells whose registers hold what `word` says; nothing if it does not cover this source.
-    pub fn seen(&self, word: impl Fn(u16) -> Option<u16>) -> Option<Seen> {
+    pub fn seen(&self, word: impl Fn(u16) -> Option<u16>) -> Option<TripReading> {
         match self {
-            Self::Flag(flag) => word(flag.address).map(|word| Seen::Held(flag.holds(word))),
-            Self::Code(register) => word(*register).map(|code| Seen::Held(code != 0)),
-            Self::Count(register) => word(*register).map(Seen::Counted),
+            Self::Flag(flag) => word(flag.address).map(|word| TripReading::Held(flag.holds(word))),
+            Self::Code(register) => word(*register).map(|code| TripReading::Held(code != 0)),
+            Self::Count(register) => word(*register).map(TripReading::Counted),
         }
     }
 }

@@ -360,8 +360,8 @@ fn a_newer_order_takes_the_place_of_what_has_not_begun_and_says_no_more() {
 #[test]
 fn what_is_left_is_what_was_not_taken() {
     let mut list = list(&model(), go(Some(2000), Some(Direction::Forward)));
-    let setpoint = Part::Setpoint(Hertz::from_centihertz(2000));
-    let run = Part::Run(Direction::Forward);
+    let setpoint = StepPart::Setpoint(Hertz::from_centihertz(2000));
+    let run = StepPart::Run(Direction::Forward);
     assert_eq!(list.parts_left().collect::<Vec<_>>(), [setpoint, run]);
     list.was_sent();
     assert_eq!(list.parts_left().collect::<Vec<_>>(), [setpoint, run], "sent is not taken");

@@ -5,7 +5,7 @@ use super::{COMMANDS_MAX, DriveWork, Out};
 use crate::domain::command::{CommandRequest, Manner, Order, Outcome, Owner, Reason, Report};
 use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
-use crate::drive::steps::Part;
+use crate::drive::steps::StepPart;
 use crate::gateway::event::Effect;
 use crate::gateway::list::List;
 use crate::gateway::note::Note;
@@ -205,21 +205,21 @@ impl DriveWork {
         if matches!(report.outcome, Outcome::Refused | Outcome::Expired | Outcome::Failed | Outcome::Superseded) {
             for part in list.parts_left() {
                 match part {
-                    Part::Run(direction) => {
+                    StepPart::Run(direction) => {
                         let still_ordered = self.last_left(|_, part| match part {
-                            Part::Run(direction) => Some(direction),
+                            StepPart::Run(direction) => Some(direction),
                             _ => None,
                         });
                         self.guard.run_failed(direction, still_ordered);
                     }
-                    Part::Setpoint(value) => {
+                    StepPart::Setpoint(value) => {
                         let still_ordered = self.last_left(|list, part| match part {
-                            Part::Setpoint(value) => Some((list.owner(), value)),
+                            StepPart::Setpoint(value) => Some((list.owner(), value)),
                             _ => None,
                         });
                         self.guard.setpoint_failed(value, still_ordered);
                     }
-                    Part::Register | Part::Reset { .. } | Part::Release | Part::TakesBack => {}
+                    StepPart::Register | StepPart::Reset { .. } | StepPart::Release | StepPart::TakesBack => {}
                 }
             }
         }
@@ -227,7 +227,7 @@ impl DriveWork {
     }
 
     /// What the newest order that is still to be sent says about it, as `of` finds it in a part.
-    fn last_left<T>(&self, of: impl Fn(&List, Part) -> Option<T>) -> Option<T> {
+    fn last_left<T>(&self, of: impl Fn(&List, StepPart) -> Option<T>) -> Option<T> {
         let lists = self.current.iter().chain(&self.waiting);
         lists.rev().find_map(|list| list.parts_left().filter_map(|part| of(list, part)).last())
     }

@@ -3,7 +3,7 @@
 use super::{DriveWork, Out, Rank, Want};
 use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
 use crate::domain::time::MonoTime;
-use crate::drive::steps::Part;
+use crate::drive::steps::StepPart;
 use crate::gateway::event::Effect;
 use crate::gateway::list::Next;
 use crate::gateway::note::Note;
@@ -184,8 +184,8 @@ impl DriveWork {
 
     pub(super) fn step_ended(&mut self, ending: &Ending, now: MonoTime, out: Out<'_>) {
         let Some(mut list) = self.current.take() else { return };
-        let written: Vec<Part> = list.present_writes().iter().map(|write| write.part).collect();
-        let in_question: Vec<Part> = list.writes_in_question().iter().map(|write| write.part).collect();
+        let written: Vec<StepPart> = list.present_writes().iter().map(|write| write.part).collect();
+        let in_question: Vec<StepPart> = list.writes_in_question().iter().map(|write| write.part).collect();
         let mut next = match ending {
             Ending::Reply(reply) => list.answered(reply, now),
             Ending::Exception(code) => list.excepted(*code),
@@ -234,19 +234,20 @@ impl DriveWork {
         }
         self.flight = None;
         let list = self.current.as_ref();
-        let written: Vec<Part> = list.into_iter().flat_map(|list| list.present_writes()).map(|it| it.part).collect();
+        let written: Vec<StepPart> =
+            list.into_iter().flat_map(|list| list.present_writes()).map(|it| it.part).collect();
         written.into_iter().for_each(|part| self.part_in_doubt(part, now));
     }
 
-    fn part_in_doubt(&mut self, part: Part, now: MonoTime) {
+    fn part_in_doubt(&mut self, part: StepPart, now: MonoTime) {
         match part {
-            Part::Run(direction) => {
+            StepPart::Run(direction) => {
                 self.starts(now);
                 self.guard.run_is_unknown(direction);
             }
-            Part::Setpoint(_) => self.guard.setpoint_is_unknown(),
-            Part::Reset { .. } => self.guard.setpoint_may_be_lost(),
-            Part::Register | Part::Release | Part::TakesBack => {}
+            StepPart::Setpoint(_) => self.guard.setpoint_is_unknown(),
+            StepPart::Reset { .. } => self.guard.setpoint_may_be_lost(),
+            StepPart::Register | StepPart::Release | StepPart::TakesBack => {}
         }
     }
 
@@ -257,23 +258,23 @@ impl DriveWork {
         }
     }
 
-    fn part_taken(&mut self, part: Part, owner: Owner, is_sure: bool, now: MonoTime) {
+    fn part_taken(&mut self, part: StepPart, owner: Owner, is_sure: bool, now: MonoTime) {
         match part {
-            Part::Setpoint(value) => self.guard.setpoint_was_acknowledged(owner, value),
-            Part::Run(direction) => {
+            StepPart::Setpoint(value) => self.guard.setpoint_was_acknowledged(owner, value),
+            StepPart::Run(direction) => {
                 self.starts(now);
                 self.reset_is_taken_back();
                 self.guard.run_was_acknowledged(direction);
             }
-            Part::TakesBack | Part::Release => self.reset_is_taken_back(),
-            Part::Reset { ends: true, .. } => {
+            StepPart::TakesBack | StepPart::Release => self.reset_is_taken_back(),
+            StepPart::Reset { ends: true, .. } => {
                 self.reset_is_taken_back();
                 self.guard.setpoint_may_be_lost();
                 if is_sure {
                     self.trips.reset_acknowledged();
                 }
             }
-            Part::Register | Part::Reset { .. } => {}
+            StepPart::Register | StepPart::Reset { .. } => {}
         }
     }
 }

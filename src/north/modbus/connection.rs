@@ -4,7 +4,7 @@
 use super::answer::{self, Answer, Form};
 use super::ask::Ask;
 use super::counters::Counters;
-use super::kept::{self, Kept};
+use super::kept::{self, UnsentAttempt};
 use super::limits::{CloseReason, Limits};
 use super::{refusal, request};
 use crate::domain::command::{Outcome, Reason, Report};
@@ -62,7 +62,7 @@ pub struct Connection {
     close: Option<CloseReason>,
     counters: Counters,
     /// Attempts to write that no line sees, oldest first.
-    kept: VecDeque<Kept>,
+    kept: VecDeque<UnsentAttempt>,
 }
 
 /// What the answer to a call needs.
@@ -172,13 +172,13 @@ impl Connection {
     }
 
     /// The next attempt to write that no line saw. Each is given once; at most [`KEPT_MAX`](Self::KEPT_MAX) wait.
-    pub fn next_kept(&mut self) -> Option<Kept> {
+    pub fn next_kept(&mut self) -> Option<UnsentAttempt> {
         self.kept.pop_front()
     }
 
     fn keep(&mut self, unit: u8, tried: Tried, report: Report) {
         if self.kept.len() < Self::KEPT_MAX {
-            self.kept.push_back(Kept { unit, tried, report });
+            self.kept.push_back(UnsentAttempt { unit, tried, report });
         } else {
             self.counters.attempts_lost += 1;
         }

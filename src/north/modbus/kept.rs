@@ -10,7 +10,7 @@ use std::fmt::Write;
 
 /// An attempt of one client that no line saw.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Kept {
+pub struct UnsentAttempt {
     /// The unit that was addressed.
     pub unit: u8,
     /// What was tried.

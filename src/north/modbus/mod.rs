@@ -32,7 +32,7 @@ pub use ask::{Ask, BitTable, Bits, WordTable};
 pub use commands::{Commands, Ended, ReadBehind};
 pub use connection::{Call, Connection, IsStop};
 pub use counters::Counters;
-pub use kept::Kept;
+pub use kept::UnsentAttempt;
 pub use limits::{CloseReason, Limits};
 pub use map::{Each, Holds, MapAccess, MapRow, MapTable, MapUnit, map};
 pub use places::{Entry, Newcomer, Place, Places, RoomId};

@@ -4,7 +4,7 @@ use super::giving::Asker;
 use super::params::label;
 use super::payload::Refused;
 use super::pending::{Pending, What};
-use super::results::{Reply, Told, named, values};
+use super::results::{Reply, ResultContent, named, values};
 use super::session::Session;
 use super::types::Moment;
 use crate::domain::command::{CommandAnswer, Order, Outcome, Owner, Reason, Report};
@@ -126,7 +126,7 @@ impl Session {
         let (drive, at) = (self.drives[drive].name.as_str(), self.clock.text(at.mono));
         let topic = self.topics.drive(drive, "result");
         let message = message.as_deref();
-        let told = Told { id, drive, by, report, is_final, is_repeat, message, values, at };
+        let told = ResultContent { id, drive, by, report, is_final, is_repeat, message, values, at };
         self.counters.results_dropped += self.results.tell(topic, reply, told);
     }
 
@@ -136,7 +136,7 @@ impl Session {
         let (report, message) = (Report::refused(refused.reason), Some(refused.message.as_str()));
         let (values, at) = (Map::new(), self.clock.text(at.mono));
         let (by, is_final, is_repeat) = (*by, true, false);
-        let told = Told { id, drive, by, report, is_final, is_repeat, message, values, at };
+        let told = ResultContent { id, drive, by, report, is_final, is_repeat, message, values, at };
         self.counters.results_dropped += self.results.tell(topic, reply.as_ref(), told);
     }
 }

@@ -1,7 +1,7 @@
 //! The JSON form of a command: everything that is not exactly known is refused by name.
 
 use super::params;
-use super::payload::{Wish, go, stop_order};
+use super::payload::{InputCommand, go, stop_order};
 use crate::domain::command::{Go, Order, Reason, RegisterWrite};
 use crate::north::command_words::{
     Refused, RunWord, beside_a_stop, frequency, keys_stand_once, known_keys, not_a_number, not_understood, object,
@@ -17,14 +17,14 @@ const ID_MAX_CHARS: usize = 64;
 const TTL_MAX_MS: u64 = 60_000;
 
 /// The wish that `payload` writes, with its id as far as one could be read. A stop is one whatever stands beside it.
-pub(super) fn read(payload: &[u8], model: &Model) -> (Option<Value>, Result<Wish, Refused>) {
+pub(super) fn read(payload: &[u8], model: &Model) -> (Option<Value>, Result<InputCommand, Refused>) {
     let (id, wish) = whole_command(payload, model);
     let Some(stop) = stop_in(payload) else { return (id, wish) };
     let remark = wish.err().map(|refused| beside_a_stop(&refused));
-    (id.clone(), Ok(Wish { id, remark, ..Wish::plain(stop_order(stop)) }))
+    (id.clone(), Ok(InputCommand { id, remark, ..InputCommand::plain(stop_order(stop)) }))
 }
 
-fn whole_command(payload: &[u8], model: &Model) -> (Option<Value>, Result<Wish, Refused>) {
+fn whole_command(payload: &[u8], model: &Model) -> (Option<Value>, Result<InputCommand, Refused>) {
     let object = match object(payload, EXAMPLE) {
         Ok(object) => object,
         Err(refused) => return (None, Err(refused)),
@@ -35,10 +35,15 @@ fn whole_command(payload: &[u8], model: &Model) -> (Option<Value>, Result<Wish, 
     }
 }
 
-fn wish(id: Option<Value>, object: &Map<String, Value>, payload: &[u8], model: &Model) -> Result<Wish, Refused> {
+fn wish(
+    id: Option<Value>,
+    object: &Map<String, Value>,
+    payload: &[u8],
+    model: &Model,
+) -> Result<InputCommand, Refused> {
     known_keys(object, &KEYS)?;
     keys_stand_once(payload, object)?;
-    Ok(Wish {
+    Ok(InputCommand {
         id,
         order: order(object, model)?,
         ttl: ttl(object)?,

@@ -1,10 +1,10 @@
 //! What was taken of messages, on its way to the lines.
 
 use super::kept;
-use super::payload::{Refused, Wish};
+use super::payload::{InputCommand, Refused};
 use super::pending::{Pending, What};
 use super::results::Reply;
-use super::seen::Known;
+use super::seen::IdState;
 use super::session::Session;
 use super::types::{Act, Message, Moment};
 use crate::domain::command::{CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights};
@@ -33,7 +33,7 @@ const fn origin(owner: Owner) -> Origin {
 
 impl Session {
     /// Hands an order to its drive.
-    pub(super) fn give(&mut self, at: Moment, drive: usize, asker: Asker, wish: Wish, message: &Message<'_>) {
+    pub(super) fn give(&mut self, at: Moment, drive: usize, asker: Asker, wish: InputCommand, message: &Message<'_>) {
         let is_a_stop = wish.order.is_stop();
         if is_a_stop {
             self.clear_the_way(at, drive);
@@ -41,7 +41,7 @@ impl Session {
         let ticket = self.next_ticket();
         let is_new_id = || {
             let by_id = (asker.by, &asker.id);
-            self.seen[drive].look(at.mono, by_id, &wish.order, wish.epoch) == Known::New
+            self.seen[drive].look(at.mono, by_id, &wish.order, wish.epoch) == IdState::New
         };
         if wish.id.is_some() && is_new_id() {
             self.seen[drive].add(at.mono, (asker.by, asker.id.clone()), wish.order.clone(), wish.epoch, ticket);
@@ -67,7 +67,7 @@ impl Session {
         &self,
         at: Moment,
         (drive, ticket, by): (usize, Ticket, Owner),
-        wish: &Wish,
+        wish: &InputCommand,
         expiry: Option<Duration>,
     ) -> CommandRequest {
         let ttl = wish.ttl.unwrap_or(self.settings.command_ttl);

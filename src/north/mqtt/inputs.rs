@@ -4,11 +4,11 @@ use super::giving::Asker;
 use super::home_assistant::Plant;
 use super::kept;
 use super::path::Returned;
-use super::payload::{self, Asked, Refused, Wish, short};
+use super::payload::{self, InputCommand, InputRequest, Refused, short};
 use super::results::Reply;
-use super::seen::Known;
+use super::seen::IdState;
 use super::session::Session;
-use super::topics::{Inbound, Input, Place};
+use super::topics::{Inbound, Input, InputAddress};
 use super::types::{Act, LeaseMode, Message, Moment, Version};
 use crate::domain::command::{Order, Owner, Reason, Report};
 use crate::domain::ids::{CommanderName, Name};
@@ -72,7 +72,7 @@ impl Session {
             Ok(()) => {
                 for drive in controlled {
                     let asker = Asker { by: Owner::Mqtt, id: self.next_id(), reply: reply.clone() };
-                    self.give(at, drive, asker, Wish::plain(Order::Stop { setpoint: None }), message);
+                    self.give(at, drive, asker, InputCommand::plain(Order::Stop { setpoint: None }), message);
                 }
                 return;
             }
@@ -84,7 +84,7 @@ impl Session {
         self.refuse(at, "all", self.topics.gateway("all/result"), &asker, &refused);
     }
 
-    fn drive_input(&mut self, at: Moment, place: Place<'_>, message: &Message<'_>) {
+    fn drive_input(&mut self, at: Moment, place: InputAddress<'_>, message: &Message<'_>) {
         if message.payload.is_empty() && (message.retain || !place.input.takes_empty()) {
             return;
         }
@@ -92,14 +92,14 @@ impl Session {
             return self.unknown_drive(at, place, message);
         };
         let (id, asked) = payload::read(place.input, message.payload, &self.drives[drive].model);
-        let is_a_stop = matches!(&asked, Ok(Asked::Order(wish)) if wish.order.is_stop());
+        let is_a_stop = matches!(&asked, Ok(InputRequest::Order(wish)) if wish.order.is_stop());
         let tried = self.tried(place, &asked, message);
         let owner = owner(place);
         let by = *owner.as_ref().unwrap_or(&Owner::Mqtt);
         let (owner, asked) = match (owner, asked) {
             // A stop is carried out whatever stands beside it, in its topic too.
-            (Err(refused), Ok(Asked::Order(wish))) if is_a_stop => {
-                (Ok(by), Ok(Asked::Order(Wish { remark: Some(beside_a_stop(&refused)), ..wish })))
+            (Err(refused), Ok(InputRequest::Order(wish))) if is_a_stop => {
+                (Ok(by), Ok(InputRequest::Order(InputCommand { remark: Some(beside_a_stop(&refused)), ..wish })))
             }
             other => other,
         };
@@ -109,17 +109,22 @@ impl Session {
         let asker = Asker { by, id: id.unwrap_or_else(|| self.next_id()), reply };
         match taken {
             Err(refused) => self.refuse_for(at, drive, &asker, &refused, tried),
-            Ok(Asked::Read(register)) => self.read(at, drive, asker, register, message),
-            Ok(Asked::Order(wish)) if is_a_stop => self.give(at, drive, asker, wish, message),
-            Ok(Asked::Order(wish)) => self.order(at, drive, asker, wish, message),
+            Ok(InputRequest::Read(register)) => self.read(at, drive, asker, register, message),
+            Ok(InputRequest::Order(wish)) if is_a_stop => self.give(at, drive, asker, wish, message),
+            Ok(InputRequest::Order(wish)) => self.order(at, drive, asker, wish, message),
         }
     }
 
     /// What a message tries to write; nothing if it does not.
-    fn tried(&self, place: Place<'_>, asked: &Result<Asked, Refused>, message: &Message<'_>) -> Option<Tried> {
+    fn tried(
+        &self,
+        place: InputAddress<'_>,
+        asked: &Result<InputRequest, Refused>,
+        message: &Message<'_>,
+    ) -> Option<Tried> {
         match asked {
-            Ok(Asked::Order(wish)) => kept::of_order(&wish.order),
-            Ok(Asked::Read(_)) => None,
+            Ok(InputRequest::Order(wish)) => kept::of_order(&wish.order),
+            Ok(InputRequest::Read(_)) => None,
             Err(_) => kept::of_text(place, self.topics.below(message.topic), message.payload),
         }
     }
@@ -131,10 +136,10 @@ impl Session {
     }
 
     /// Refuses repeats of what carries no id by which they could be told.
-    fn once(&self, input: Input<'_>, message: &Message<'_>, asked: Asked) -> Result<Asked, Refused> {
+    fn once(&self, input: Input<'_>, message: &Message<'_>, asked: InputRequest) -> Result<InputRequest, Refused> {
         let is_exempt = match &asked {
-            Asked::Read(_) => input.only_reads(),
-            Asked::Order(wish) => wish.id.is_some() || wish.order.is_stop(),
+            InputRequest::Read(_) => input.only_reads(),
+            InputRequest::Order(wish) => wish.id.is_some() || wish.order.is_stop(),
         };
         if message.duplicate && !is_exempt {
             return Err(Refused::new(Reason::Duplicate, "a repeat of a message without an id, which may be old"));
@@ -142,7 +147,7 @@ impl Session {
         Ok(asked)
     }
 
-    fn unknown_drive(&mut self, at: Moment, place: Place<'_>, message: &Message<'_>) {
+    fn unknown_drive(&mut self, at: Moment, place: InputAddress<'_>, message: &Message<'_>) {
         let name = place.drive;
         let by = owner(place).unwrap_or(Owner::Mqtt);
         let near = nearest(name, self.drives.iter().map(|drive| drive.name.as_str()));
@@ -162,22 +167,22 @@ impl Session {
     }
 
     /// An order that is held to deadline, ids and bounds.
-    fn order(&mut self, at: Moment, drive: usize, asker: Asker, mut wish: Wish, message: &Message<'_>) {
+    fn order(&mut self, at: Moment, drive: usize, asker: Asker, mut wish: InputCommand, message: &Message<'_>) {
         let tried = kept::of_order(&wish.order);
         if wish.id.is_some() {
             let known = self.seen[drive].look(at.mono, (asker.by, &asker.id), &wish.order, wish.epoch);
             let refused = Report::refused(Reason::Duplicate);
             match known {
-                Known::New => {}
-                Known::UnderWay => {
+                IdState::New => {}
+                IdState::UnderWay => {
                     self.counters.duplicates += 1;
                     return self.keep(Some(drive), asker.by, tried, refused);
                 }
-                Known::Ended(report) => {
+                IdState::Ended(report) => {
                     self.keep(Some(drive), asker.by, tried, refused);
                     return self.repeat(at, drive, &asker, &wish, report);
                 }
-                Known::Other => return self.refuse_for(at, drive, &asker, &Refused::plain(Reason::Duplicate), tried),
+                IdState::Other => return self.refuse_for(at, drive, &asker, &Refused::plain(Reason::Duplicate), tried),
             }
         }
         let dated = self.date(at, &mut wish);
@@ -193,7 +198,7 @@ impl Session {
     }
 
     /// A refusal is final: the same message delivered again is answered with it and never executed.
-    fn remember_refusal(&mut self, at: Moment, drive: usize, asker: &Asker, wish: &Wish, reason: Reason) {
+    fn remember_refusal(&mut self, at: Moment, drive: usize, asker: &Asker, wish: &InputCommand, reason: Reason) {
         if wish.id.is_none() {
             return;
         }
@@ -201,13 +206,13 @@ impl Session {
         self.seen[drive].add_refused(at.mono, by_id, wish.order.clone(), wish.epoch, Report::refused(reason));
     }
 
-    fn repeat(&mut self, at: Moment, drive: usize, asker: &Asker, wish: &Wish, report: Report) {
+    fn repeat(&mut self, at: Moment, drive: usize, asker: &Asker, wish: &InputCommand, report: Report) {
         self.counters.duplicates += 1;
         self.tell_again(at, drive, asker, &wish.order, report);
     }
 
     /// Finds out when a command was issued, and refuses one that is too old or may be.
-    fn date(&mut self, at: Moment, wish: &mut Wish) -> Result<(), Refused> {
+    fn date(&mut self, at: Moment, wish: &mut InputCommand) -> Result<(), Refused> {
         let ttl = wish.ttl.unwrap_or(self.settings.command_ttl);
         let issue = wish.issued_at.map(|issued_at| self.issued.take(at, issued_at)).transpose()?;
         if self.path.is_unproven() {
@@ -262,7 +267,7 @@ impl Session {
 ///
 /// # Errors
 /// The name in the topic is none that a commander may have.
-fn owner(place: Place<'_>) -> Result<Owner, Refused> {
+fn owner(place: InputAddress<'_>) -> Result<Owner, Refused> {
     let Some(by) = place.by else { return Ok(Owner::Mqtt) };
     CommanderName::new(by).map(Owner::MqttBy).ok_or_else(|| {
         let right = format!("1 to {} letters, digits, `-`, `_` or `.`", CommanderName::MAX_CHARS);

@@ -2,7 +2,7 @@
 
 use super::payload::short;
 use super::session::Session;
-use super::topics::Place;
+use super::topics::InputAddress;
 use super::types::Act;
 use crate::domain::command::{Order, Owner, Report};
 use crate::drive::description::DriveRef;
@@ -14,12 +14,12 @@ pub(super) const WAITING_MAX: usize = 256;
 
 /// The attempts that nobody has fetched yet, oldest first.
 #[derive(Debug, Default)]
-pub(super) struct Kept {
+pub(super) struct AuditQueue {
     waiting: VecDeque<(Option<DriveRef>, Attempt)>,
     last: u64,
 }
 
-impl Kept {
+impl AuditQueue {
     /// Adds an attempt. False if there is no room for it.
     fn add(&mut self, drive: Option<DriveRef>, owner: Owner, tried: Tried, report: Report) -> bool {
         if self.waiting.len() >= WAITING_MAX {
@@ -51,7 +51,7 @@ pub(super) fn of_order(order: &Order) -> Option<Tried> {
 }
 
 /// What is tried at `place` by a payload that is no order.
-pub(super) fn of_text(place: Place<'_>, topic: &str, payload: &[u8]) -> Option<Tried> {
+pub(super) fn of_text(place: InputAddress<'_>, topic: &str, payload: &[u8]) -> Option<Tried> {
     place.input.is_attempt().then(|| text(topic, payload))
 }
 

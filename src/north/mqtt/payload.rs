@@ -19,15 +19,15 @@ pub(super) const PAYLOAD_MAX_BYTES: usize = 8 * 1024;
 
 /// What an input asks for.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Asked {
-    Order(Wish),
+pub(super) enum InputRequest {
+    Order(InputCommand),
     /// The value of the register with this place in the model.
     Read(usize),
 }
 
 /// An order with what its commander said about it.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Wish {
+pub(super) struct InputCommand {
     /// A string or an integer.
     pub(super) id: Option<Value>,
     pub(super) order: Order,
@@ -41,14 +41,14 @@ pub(super) struct Wish {
     pub(super) remark: Option<String>,
 }
 
-impl Wish {
+impl InputCommand {
     pub(super) const fn plain(order: Order) -> Self {
         Self { id: None, order, ttl: None, issued_at: None, epoch: None, issued: None, remark: None }
     }
 }
 
 /// Reads the payload of `input` for a drive of `model`, with the id if one could be read.
-pub(super) fn read(input: Input<'_>, payload: &[u8], model: &Model) -> (Option<Value>, Result<Asked, Refused>) {
+pub(super) fn read(input: Input<'_>, payload: &[u8], model: &Model) -> (Option<Value>, Result<InputRequest, Refused>) {
     if payload.len() > PAYLOAD_MAX_BYTES {
         let refused = too_large(payload.len());
         let stop = match input {
@@ -58,11 +58,11 @@ pub(super) fn read(input: Input<'_>, payload: &[u8], model: &Model) -> (Option<V
         };
         let Some(stop) = stop else { return (None, Err(refused)) };
         let remark = Some(beside_a_stop(&refused));
-        return (None, Ok(Asked::Order(Wish { remark, ..Wish::plain(stop_order(stop)) })));
+        return (None, Ok(InputRequest::Order(InputCommand { remark, ..InputCommand::plain(stop_order(stop)) })));
     }
     if input == Input::Command {
         let (id, wish) = command_json::read(payload, model);
-        return (id, wish.map(Asked::Order));
+        return (id, wish.map(InputRequest::Order));
     }
     (None, plain(input, payload, model))
 }
@@ -72,9 +72,9 @@ fn too_large(bytes: usize) -> Refused {
     Refused::new(Reason::TooLarge, message)
 }
 
-fn plain(input: Input<'_>, payload: &[u8], model: &Model) -> Result<Asked, Refused> {
+fn plain(input: Input<'_>, payload: &[u8], model: &Model) -> Result<InputRequest, Refused> {
     let order = match input {
-        Input::ParamGet(code) => return params::readable(model, code).map(Asked::Read),
+        Input::ParamGet(code) => return params::readable(model, code).map(InputRequest::Read),
         Input::Run => run_order(text(payload, RUN_EXAMPLE)?)?,
         Input::Frequency => frequency_order(text(payload, "such as 42.5")?)?,
         Input::Reset => only(text(payload, "`reset`")?, "reset", Order::Reset)?,
@@ -84,7 +84,7 @@ fn plain(input: Input<'_>, payload: &[u8], model: &Model) -> Result<Asked, Refus
         Input::Lease => Order::Renew,
         Input::Command => return Err(Refused::plain(Reason::NotUnderstood)),
     };
-    Ok(Asked::Order(Wish::plain(order)))
+    Ok(InputRequest::Order(InputCommand::plain(order)))
 }
 
 /// The stop that the first bytes of a payload which is too large are, where nothing else stands among them.
@@ -164,8 +164,8 @@ mod tests {
 
     fn order(input: Input<'_>, payload: &str) -> Result<Order, Reason> {
         match read(input, payload.as_bytes(), &model()).1 {
-            Ok(Asked::Order(wish)) => Ok(wish.order),
-            Ok(Asked::Read(_)) => panic!("a read"),
+            Ok(InputRequest::Order(wish)) => Ok(wish.order),
+            Ok(InputRequest::Read(_)) => panic!("a read"),
             Err(refused) => Err(refused.reason),
         }
     }
@@ -229,7 +229,7 @@ mod tests {
             (Input::Run, padded("coast"), &Order::Coast),
             (Input::Command, padded(r#"{"run":"stop","x":"#), &stop),
         ] {
-            let Ok(Asked::Order(wish)) = read(input, &payload, &model()).1 else { panic!("{input:?}") };
+            let Ok(InputRequest::Order(wish)) = read(input, &payload, &model()).1 else { panic!("{input:?}") };
             assert_eq!(&wish.order, expected);
             assert!(wish.remark.is_some_and(|remark| remark.contains("8192")));
         }

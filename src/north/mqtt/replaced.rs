@@ -2,7 +2,7 @@
 
 use super::home_assistant::Plant;
 use super::pending::What;
-use super::seen::Seen;
+use super::seen::CommandIds;
 use super::session::Session;
 use super::types::Moment;
 use crate::domain::command::{Outcome, Reason, Report};
@@ -35,7 +35,10 @@ impl Session {
         self.seen = drives
             .iter()
             .map(|drive| {
-                known(&drive.name).and_then(|at| seen.get_mut(at)).map(std::mem::take).unwrap_or_else(Seen::default)
+                known(&drive.name)
+                    .and_then(|at| seen.get_mut(at))
+                    .map(std::mem::take)
+                    .unwrap_or_else(CommandIds::default)
             })
             .collect();
         let started = self.clock.text(self.started);

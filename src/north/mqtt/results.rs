@@ -20,7 +20,7 @@ pub(super) struct Reply {
 
 /// What a result says.
 #[derive(Clone, Debug)]
-pub(super) struct Told<'a> {
+pub(super) struct ResultContent<'a> {
     pub(super) id: &'a Value,
     pub(super) drive: &'a str,
     /// Who commanded.
@@ -37,7 +37,7 @@ pub(super) struct Told<'a> {
     pub(super) at: String,
 }
 
-impl Told<'_> {
+impl ResultContent<'_> {
     fn payload(self) -> Vec<u8> {
         let mut result = json!({
             "id": self.id,
@@ -73,7 +73,7 @@ pub(super) struct Results {
 
 impl Results {
     /// Adds a result for `topic`, and for the requester's own topic. Gives back how many older ones gave way.
-    pub(super) fn tell(&mut self, topic: String, reply: Option<&Reply>, told: Told<'_>) -> u64 {
+    pub(super) fn tell(&mut self, topic: String, reply: Option<&Reply>, told: ResultContent<'_>) -> u64 {
         let payload = told.payload();
         let response = reply.map(|reply| publication(reply.topic.clone(), payload.clone(), reply.correlation.clone()));
         self.waiting.push_back(publication(topic, payload, None));
@@ -126,11 +126,11 @@ mod tests {
     use super::*;
     use crate::domain::ids::CommanderName;
 
-    fn told(id: &Value) -> Told<'_> {
+    fn told(id: &Value) -> ResultContent<'_> {
         let report = Report { held: Some(7), ..Report::new(Outcome::Failed, Reason::KeptOldValue) };
         let (message, values, at) = (None, Map::new(), "now".into());
         let by = Owner::Mqtt;
-        Told { id, drive: "pump", by, report, is_final: true, is_repeat: false, message, values, at }
+        ResultContent { id, drive: "pump", by, report, is_final: true, is_repeat: false, message, values, at }
     }
 
     #[test]
@@ -145,7 +145,7 @@ mod tests {
         let name = |name| Owner::MqttBy(CommanderName::new(name).unwrap());
         let id = json!(1);
         let (by, report) = (name("a"), Report::held_by(name("b")));
-        let told = Told { by, report, ..told(&id) };
+        let told = ResultContent { by, report, ..told(&id) };
         let result: Value = serde_json::from_slice(&told.payload()).unwrap();
         assert_eq!((&result["by"], &result["owner"]), (&json!("a"), &json!("mqtt b")));
     }

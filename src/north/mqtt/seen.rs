@@ -14,7 +14,7 @@ const KEPT_FOR: Duration = Duration::from_secs(600);
 
 /// The ids of one drive, oldest first.
 #[derive(Debug, Default)]
-pub(super) struct Seen {
+pub(super) struct CommandIds {
     ids: VecDeque<Used>,
     /// Ids of commands that no drive ever saw. They have room of their own, so that a flood of them makes no executed id
     /// forgotten.
@@ -35,7 +35,7 @@ struct Used {
 
 /// What is known of an id.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Known {
+pub(super) enum IdState {
     /// It was not used.
     New,
     /// The same command is under way.
@@ -46,14 +46,14 @@ pub(super) enum Known {
     Other,
 }
 
-impl Seen {
-    pub(super) fn look(&self, at: MonoTime, (by, id): (Owner, &Value), order: &Order, epoch: Option<u64>) -> Known {
+impl CommandIds {
+    pub(super) fn look(&self, at: MonoTime, (by, id): (Owner, &Value), order: &Order, epoch: Option<u64>) -> IdState {
         let is_known = |used: &&Used| used.by == by && used.id == *id && at.since(used.at) < KEPT_FOR;
         let used = self.ids.iter().chain(&self.refused).find(is_known);
         match used {
-            None => Known::New,
-            Some(used) if used.order != *order || used.epoch != epoch => Known::Other,
-            Some(used) => used.outcome.map_or(Known::UnderWay, Known::Ended),
+            None => IdState::New,
+            Some(used) if used.order != *order || used.epoch != epoch => IdState::Other,
+            Some(used) => used.outcome.map_or(IdState::UnderWay, IdState::Ended),
         }
     }
 
@@ -108,28 +108,29 @@ mod tests {
 
     #[test]
     fn ids_are_remembered_for_ten_minutes_and_256_at_most() {
-        let mut seen = Seen::default();
+        let mut seen = CommandIds::default();
         let at = |minutes: u64| MonoTime::from_millis(minutes * 60_000);
-        let look = |seen: &Seen, minutes, id: u64| seen.look(at(minutes), (MQTT, &json!(id)), &Order::Reset, None);
+        let look =
+            |seen: &CommandIds, minutes, id: u64| seen.look(at(minutes), (MQTT, &json!(id)), &Order::Reset, None);
         seen.add(at(0), (MQTT, json!(0)), Order::Reset, None, Ticket(0));
-        assert_eq!(look(&seen, 9, 0), Known::UnderWay);
-        assert_eq!(look(&seen, 10, 0), Known::New);
+        assert_eq!(look(&seen, 9, 0), IdState::UnderWay);
+        assert_eq!(look(&seen, 10, 0), IdState::New);
         for id in 1..=256 {
             seen.add(at(1), (MQTT, json!(id)), Order::Reset, None, Ticket(id));
         }
-        assert_eq!((look(&seen, 1, 0), look(&seen, 1, 1)), (Known::New, Known::UnderWay));
+        assert_eq!((look(&seen, 1, 0), look(&seen, 1, 1)), (IdState::New, IdState::UnderWay));
         let report = Report::new(Outcome::Confirmed, Reason::None);
         seen.ended(Ticket(1), report);
-        assert_eq!(look(&seen, 1, 1), Known::Ended(report));
-        assert_eq!(seen.look(at(1), (MQTT, &json!(1)), &Order::Coast, None), Known::Other);
-        assert_eq!(seen.look(at(1), (MQTT, &json!(1)), &Order::Reset, Some(1)), Known::Other);
+        assert_eq!(look(&seen, 1, 1), IdState::Ended(report));
+        assert_eq!(seen.look(at(1), (MQTT, &json!(1)), &Order::Coast, None), IdState::Other);
+        assert_eq!(seen.look(at(1), (MQTT, &json!(1)), &Order::Reset, Some(1)), IdState::Other);
         let other = Owner::MqttBy(CommanderName::new("plc").unwrap());
-        assert_eq!(seen.look(at(1), (other, &json!(1)), &Order::Reset, None), Known::New, "the id of somebody else");
+        assert_eq!(seen.look(at(1), (other, &json!(1)), &Order::Reset, None), IdState::New, "the id of somebody else");
         let refused = Report::refused(Reason::Stale);
         for id in 1_000..2_000 {
             seen.add_refused(at(2), (MQTT, json!(id)), Order::Reset, None, refused);
         }
-        assert_eq!((look(&seen, 2, 1_743), look(&seen, 2, 1_744)), (Known::New, Known::Ended(refused)));
-        assert_eq!(look(&seen, 2, 1), Known::Ended(report), "refused ones take no room of executed ones");
+        assert_eq!((look(&seen, 2, 1_743), look(&seen, 2, 1_744)), (IdState::New, IdState::Ended(refused)));
+        assert_eq!(look(&seen, 2, 1), IdState::Ended(report), "refused ones take no room of executed ones");
     }
 }

@@ -3,12 +3,12 @@
 use super::counters::Counters;
 use super::history::History;
 use super::home_assistant::{Discovery, Plant};
-use super::kept::Kept;
+use super::kept::AuditQueue;
 use super::outbox::Outbox;
 use super::path::Path;
 use super::pending::Unanswered;
 use super::results::Results;
-use super::seen::Seen;
+use super::seen::CommandIds;
 use super::stored::Stored;
 use super::telemetry::Telemetry;
 use super::topics::Topics;
@@ -56,10 +56,10 @@ pub struct Session {
     /// What goes to the lines, in order. Bounded by what may be unanswered.
     pub(super) inward: VecDeque<Act>,
     /// Attempts that no line sees, behind everything for the lines.
-    pub(super) kept: Kept,
+    pub(super) kept: AuditQueue,
     pub(super) unanswered: Unanswered,
     /// Used ids per drive.
-    pub(super) seen: Vec<Seen>,
+    pub(super) seen: Vec<CommandIds>,
     pub(super) results: Results,
     outbox: Outbox,
     pub(super) stored: Stored,
@@ -89,10 +89,10 @@ impl Session {
         Self {
             telemetry: Telemetry::new(&settings, &topics, &drives, &lines, &clock.text(started.mono)),
             path: Path::new(probe_key, settings.probe_interval, settings.probe_timeout),
-            seen: drives.iter().map(|_| Seen::default()).collect(),
+            seen: drives.iter().map(|_| CommandIds::default()).collect(),
             broker: Broker::default(),
             inward: VecDeque::new(),
-            kept: Kept::default(),
+            kept: AuditQueue::default(),
             unanswered: Unanswered::default(),
             results: Results::default(),
             outbox: Outbox::default(),

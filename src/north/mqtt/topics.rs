@@ -23,12 +23,12 @@ pub(super) enum Inbound<'t> {
     /// STOP for all drives.
     AllRun,
     /// An input of a drive.
-    Drive(Place<'t>),
+    Drive(InputAddress<'t>),
 }
 
 /// Which input of which drive, and by whom.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Place<'t> {
+pub(super) struct InputAddress<'t> {
     /// The commander whose own topic it is, not checked; nothing: the topic of everybody.
     pub(super) by: Option<&'t str>,
     /// The name of the drive, which may not exist.
@@ -161,9 +161,9 @@ fn command(rest: &str) -> Option<Inbound<'_>> {
     (!place.input.only_reads()).then_some(Inbound::Drive(place))
 }
 
-fn place<'t>(by: Option<&'t str>, rest: &'t str) -> Option<Place<'t>> {
+fn place<'t>(by: Option<&'t str>, rest: &'t str) -> Option<InputAddress<'t>> {
     let (drive, input) = rest.strip_prefix("drive/")?.split_once('/')?;
-    Some(Place { by, drive, input: drive_input(input)? })
+    Some(InputAddress { by, drive, input: drive_input(input)? })
 }
 
 fn drive_input(rest: &str) -> Option<Input<'_>> {
@@ -199,11 +199,11 @@ mod tests {
     }
 
     fn everybody(input: Input<'_>) -> Option<Inbound<'_>> {
-        Some(Inbound::Drive(Place { by: None, drive: "pump", input }))
+        Some(Inbound::Drive(InputAddress { by: None, drive: "pump", input }))
     }
 
     fn own(input: Input<'_>) -> Option<Inbound<'_>> {
-        Some(Inbound::Drive(Place { by: Some("plc-2"), drive: "pump", input }))
+        Some(Inbound::Drive(InputAddress { by: Some("plc-2"), drive: "pump", input }))
     }
 
     #[test]

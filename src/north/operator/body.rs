@@ -17,7 +17,7 @@ pub const SIGN_IN_EXAMPLE: &str = r#"{"user": "anna", "password": "..."}"#;
 
 /// What somebody on the page wants of a drive; at least one of both.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Wish {
+pub struct PageCommand {
     /// To take control over first.
     pub takes: bool,
     /// To order.
@@ -30,14 +30,14 @@ pub struct Wish {
 ///
 /// # Errors
 /// Why it is none.
-pub fn wish(body: &[u8]) -> Result<Wish, Refused> {
+pub fn wish(body: &[u8]) -> Result<PageCommand, Refused> {
     let wish = whole_wish(body);
     let Some(stop) = stop_in(body) else { return wish };
     let order = if stop == RunWord::Coast { Order::Coast } else { Order::Stop { setpoint: None } };
-    Ok(Wish { takes: false, order: Some(order), beside: wish.err().map(|refused| beside_a_stop(&refused)) })
+    Ok(PageCommand { takes: false, order: Some(order), beside: wish.err().map(|refused| beside_a_stop(&refused)) })
 }
 
-fn whole_wish(body: &[u8]) -> Result<Wish, Refused> {
+fn whole_wish(body: &[u8]) -> Result<PageCommand, Refused> {
     let object = object(body, EXAMPLE)?;
     known_keys(&object, &KEYS)?;
     keys_stand_once(body, &object)?;
@@ -48,7 +48,7 @@ fn whole_wish(body: &[u8]) -> Result<Wish, Refused> {
         Some(RunWord::Run(_)) | None => None,
     };
     if stop.is_some() {
-        return Ok(Wish { takes: false, order: stop, beside: None });
+        return Ok(PageCommand { takes: false, order: stop, beside: None });
     }
     let (frequency, is_reset, takes) = (frequency(&object)?, only_true(&object, "reset")?, only_true(&object, "take")?);
     let direction = match run {
@@ -58,11 +58,11 @@ fn whole_wish(body: &[u8]) -> Result<Wish, Refused> {
     let go = Go::new(Vec::new(), frequency, direction).map(Order::Go);
     match (go, is_reset) {
         (Some(_), true) => Err(not_understood("`reset` stands alone: send the rest after it")),
-        (None, true) => Ok(Wish { takes, order: Some(Order::Reset), beside: None }),
+        (None, true) => Ok(PageCommand { takes, order: Some(Order::Reset), beside: None }),
         (None, false) if !takes => {
             Err(not_understood(format!("the command orders nothing; right is, for example, {EXAMPLE}")))
         }
-        (order, false) => Ok(Wish { takes, order, beside: None }),
+        (order, false) => Ok(PageCommand { takes, order, beside: None }),
     }
 }
 
@@ -106,7 +106,7 @@ mod tests {
             ),
             (r#"{"run": "coast", "frequency_hz": 5}"#, false, Some(Order::Coast)),
         ] {
-            assert_eq!(wish(body.as_bytes()), Ok(Wish { takes, order, beside: None }), "{body}");
+            assert_eq!(wish(body.as_bytes()), Ok(PageCommand { takes, order, beside: None }), "{body}");
         }
         for body in [
             r#"{"run": "stop", "speed": 3}"#,

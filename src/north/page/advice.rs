@@ -65,13 +65,13 @@ pub fn ranked(said: impl IntoIterator<Item = Advice>) -> Vec<Advice> {
 
 /// What there is to say about one thing.
 #[derive(Debug, Default)]
-struct Said {
+struct AdviceText {
     line: Option<Name>,
     drive: Option<Name>,
     all: Vec<Advice>,
 }
 
-impl Said {
+impl AdviceText {
     fn say(&mut self, severity: Severity, text: impl Into<String>) {
         let (line, drive) = (self.line.clone(), self.drive.clone());
         self.all.push(Advice { severity, line, drive, text: text.into() });

@@ -1,6 +1,6 @@
 //! What is found of one drive.
 
-use super::rules::{ENOUGH, SIGNS, Said, Severity, graded};
+use super::rules::{ENOUGH, FindingText, SIGNS, Severity, graded};
 use super::{DriveObserved, Observed};
 use crate::domain::counts::DamageCounts;
 use crate::domain::report::REPLY_CLASSES;
@@ -14,7 +14,7 @@ const ALONE_TIMES: u64 = 10;
 /// In a thousand exchanges so many exceptions are no accident.
 const EXCEPTIONS_PER_MILLE: u64 = 50;
 
-pub(super) fn offline(seen: &Observed, drive: &DriveObserved) -> Said {
+pub(super) fn offline(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let station = drive.now.station;
     let is_told = match seen.line.suspicion {
         Some(Suspicion::OneSilent(silent)) => silent == station,
@@ -31,7 +31,7 @@ pub(super) fn offline(seen: &Observed, drive: &DriveObserved) -> Said {
     is_offline.then(|| (Severity::Problem, text()))
 }
 
-pub(super) fn duplicate_station(seen: &Observed, drive: &DriveObserved) -> Said {
+pub(super) fn duplicate_station(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let (station, doubled) = (drive.now.station, drive.damage.doubled);
     let is_told = seen.line.suspicion == Some(Suspicion::DuplicateStation(station));
     let text = || {
@@ -44,7 +44,7 @@ pub(super) fn duplicate_station(seen: &Observed, drive: &DriveObserved) -> Said 
     (doubled >= SIGNS && !is_told).then(|| (Severity::Problem, text()))
 }
 
-pub(super) fn late_beyond_limit(seen: &Observed, drive: &DriveObserved) -> Said {
+pub(super) fn late_beyond_limit(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let (station, beyond) = (drive.now.station, drive.damage.beyond_limit);
     let is_told = seen.line.suspicion == Some(Suspicion::LateBeyondLimit(station));
     let text = || {
@@ -66,7 +66,7 @@ enum Pattern {
     Spread,
 }
 
-pub(super) fn first_characters(seen: &Observed, drive: &DriveObserved) -> Said {
+pub(super) fn first_characters(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let DamageCounts { head, damaged, .. } = drive.damage;
     said(seen, drive, Pattern::FirstCharacters, || {
         format!(
@@ -77,7 +77,7 @@ pub(super) fn first_characters(seen: &Observed, drive: &DriveObserved) -> Said {
     })
 }
 
-pub(super) fn cut(seen: &Observed, drive: &DriveObserved) -> Said {
+pub(super) fn cut(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let DamageCounts { cut, damaged, .. } = drive.damage;
     said(seen, drive, Pattern::Cut, || {
         format!(
@@ -87,7 +87,7 @@ pub(super) fn cut(seen: &Observed, drive: &DriveObserved) -> Said {
     })
 }
 
-pub(super) fn long_frames(seen: &Observed, drive: &DriveObserved) -> Said {
+pub(super) fn long_frames(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let DamageCounts { damaged, long_damaged, .. } = drive.damage;
     said(seen, drive, Pattern::LongFrames, || {
         format!(
@@ -97,7 +97,7 @@ pub(super) fn long_frames(seen: &Observed, drive: &DriveObserved) -> Said {
     })
 }
 
-pub(super) fn one_station(seen: &Observed, drive: &DriveObserved) -> Said {
+pub(super) fn one_station(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let (damaged, all) = (drive.damage.damaged, drive.exchanges.total());
     said(seen, drive, Pattern::OneStation, || {
         format!(
@@ -108,7 +108,7 @@ pub(super) fn one_station(seen: &Observed, drive: &DriveObserved) -> Said {
     })
 }
 
-pub(super) fn damaged(seen: &Observed, drive: &DriveObserved) -> Said {
+pub(super) fn damaged(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let (damaged, all) = (drive.damage.damaged, drive.exchanges.total());
     said(seen, drive, Pattern::Spread, || {
         format!(
@@ -118,7 +118,7 @@ pub(super) fn damaged(seen: &Observed, drive: &DriveObserved) -> Said {
     })
 }
 
-fn said(seen: &Observed, drive: &DriveObserved, pattern: Pattern, text: impl FnOnce() -> String) -> Said {
+fn said(seen: &Observed, drive: &DriveObserved, pattern: Pattern, text: impl FnOnce() -> String) -> FindingText {
     let severity = graded(drive.damage.damaged, drive.exchanges.total())?;
     // What is suspected of the whole line says what to do already.
     let is_told = seen.line.suspicion.is_some_and(|suspicion| !matches!(suspicion, Suspicion::OneSilent(_)));
@@ -149,7 +149,7 @@ fn pattern_of(seen: &Observed, drive: &DriveObserved) -> Pattern {
     }
 }
 
-pub(super) fn late(_: &Observed, drive: &DriveObserved) -> Said {
+pub(super) fn late(_: &Observed, drive: &DriveObserved) -> FindingText {
     let late = drive.damage.late;
     let severity = graded(late, drive.exchanges.total())?;
     let waited = drive.now.report.replies.iter().map(|reply| reply.timeout.as_millis()).max().unwrap_or_default();
@@ -161,7 +161,7 @@ pub(super) fn late(_: &Observed, drive: &DriveObserved) -> Said {
 }
 
 /// Requests that are never answered, where late replies do not explain them.
-pub(super) fn silent(seen: &Observed, drive: &DriveObserved) -> Said {
+pub(super) fn silent(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let (silent, all) = (drive.silent(), drive.exchanges.total());
     let severity = graded(silent, all)?;
     let is_told = drive.damage.late * 2 >= silent || seen.line.suspicion.is_some();
@@ -175,7 +175,7 @@ pub(super) fn silent(seen: &Observed, drive: &DriveObserved) -> Said {
     (is_there && !is_told).then(|| (severity, text()))
 }
 
-pub(super) fn timeout_short(_: &Observed, drive: &DriveObserved) -> Said {
+pub(super) fn timeout_short(_: &Observed, drive: &DriveObserved) -> FindingText {
     let replies = REPLY_CLASSES.into_iter().zip(&drive.now.report.replies);
     let (class, reply, suggested) = replies
         .filter_map(|(class, reply)| Some((class, reply, reply.suggested?)))
@@ -190,7 +190,7 @@ pub(super) fn timeout_short(_: &Observed, drive: &DriveObserved) -> Said {
     Some((Severity::Hint, text))
 }
 
-pub(super) fn exceptions(_: &Observed, drive: &DriveObserved) -> Said {
+pub(super) fn exceptions(_: &Observed, drive: &DriveObserved) -> FindingText {
     let (exceptions, all) = (drive.exchanges.exceptions, drive.exchanges.total());
     let is_much = exceptions >= SIGNS && exceptions * 1000 >= all * EXCEPTIONS_PER_MILLE;
     let text = || {

@@ -1,15 +1,15 @@
 //! What is found of a line as a whole.
 
 use super::Observed;
-use super::rules::{ENOUGH, SIGNS, Said, Severity};
+use super::rules::{ENOUGH, FindingText, SIGNS, Severity};
 use crate::domain::suspicion::Suspicion;
 
 /// The line itself says what is probably wrong with it: wiring, speed, parity, a number given twice, an echo, a jam.
-pub(super) fn suspicion(seen: &Observed) -> Said {
+pub(super) fn suspicion(seen: &Observed) -> FindingText {
     Some((Severity::Problem, seen.line.suspicion?.to_string()))
 }
 
-pub(super) fn down(seen: &Observed) -> Said {
+pub(super) fn down(seen: &Observed) -> FindingText {
     if seen.is_up() || seen.line.suspicion.is_some() {
         return None;
     }
@@ -17,7 +17,7 @@ pub(super) fn down(seen: &Observed) -> Said {
     Some((Severity::Problem, format!("the line is down: {reason}")))
 }
 
-pub(super) fn port_lost(seen: &Observed) -> Said {
+pub(super) fn port_lost(seen: &Observed) -> FindingText {
     let text = || {
         format!(
             "the port was lost {} times: look at the adapter's cable, hub and power, and at what switches nearby",
@@ -27,7 +27,7 @@ pub(super) fn port_lost(seen: &Observed) -> Said {
     (seen.port_downs > 0).then(|| (Severity::Problem, text()))
 }
 
-pub(super) fn suspended(seen: &Observed) -> Said {
+pub(super) fn suspended(seen: &Observed) -> FindingText {
     let bad = seen.line.quality.bad_per_cent.unwrap_or_default();
     let text = || {
         format!(
@@ -37,7 +37,7 @@ pub(super) fn suspended(seen: &Observed) -> Said {
     (seen.is_up() && seen.line.quality.is_suspended).then(|| (Severity::Problem, text()))
 }
 
-pub(super) fn other_master(seen: &Observed) -> Said {
+pub(super) fn other_master(seen: &Observed) -> FindingText {
     let is_told = seen.line.suspicion == Some(Suspicion::OtherMaster);
     let text = || {
         format!(
@@ -48,7 +48,7 @@ pub(super) fn other_master(seen: &Observed) -> Said {
     (seen.other_master >= SIGNS && !is_told).then(|| (Severity::Problem, text()))
 }
 
-pub(super) fn stranger(seen: &Observed) -> Said {
+pub(super) fn stranger(seen: &Observed) -> FindingText {
     let known = seen.sum(|drive| drive.damage.late + drive.damage.doubled);
     let strangers = (seen.strays + seen.foreign).saturating_sub(known);
     let text = || {
@@ -61,7 +61,7 @@ pub(super) fn stranger(seen: &Observed) -> Said {
 }
 
 /// Bytes where nobody should talk. A few are the adapter's own turn of direction.
-pub(super) fn floating(seen: &Observed) -> Said {
+pub(super) fn floating(seen: &Observed) -> FindingText {
     let (led, between) = (seen.sum(|drive| drive.damage.led), seen.noise_between);
     let text = || {
         format!(
@@ -74,7 +74,7 @@ pub(super) fn floating(seen: &Observed) -> Said {
     (led + between >= SIGNS).then(|| (severity, text()))
 }
 
-pub(super) fn over_full(seen: &Observed) -> Said {
+pub(super) fn over_full(seen: &Observed) -> FindingText {
     let wanted = seen.line.planned_use_per_mille / 10;
     let text = || {
         format!(
@@ -85,13 +85,13 @@ pub(super) fn over_full(seen: &Observed) -> Said {
     (seen.line.planned_use_per_mille > 1000).then(|| (Severity::Hint, text()))
 }
 
-pub(super) fn echo_stripped(seen: &Observed) -> Said {
+pub(super) fn echo_stripped(seen: &Observed) -> FindingText {
     let is_told = seen.line.suspicion == Some(Suspicion::Echo);
     let text = "the adapter sends back what is sent, and that is taken out, as configured".to_owned();
     (seen.is_up() && seen.echoes >= SIGNS && !is_told).then_some((Severity::Good, text))
 }
 
-pub(super) fn few_exchanges(seen: &Observed) -> Said {
+pub(super) fn few_exchanges(seen: &Observed) -> FindingText {
     let exchanges = seen.exchanges();
     let text = || format!("{exchanges} exchanges in {} s are too few to judge: watch longer", seen.time.as_secs());
     (seen.is_up() && exchanges < ENOUGH).then(|| (Severity::Hint, text()))

@@ -47,7 +47,7 @@ pub struct Finding {
 }
 
 /// What one rule says, if it applies.
-pub(super) type Said = Option<(Severity, String)>;
+pub(super) type FindingText = Option<(Severity, String)>;
 
 /// One row of the table.
 pub struct Rule {
@@ -57,15 +57,15 @@ pub struct Rule {
 }
 
 enum Of {
-    Line(fn(&Observed) -> Said),
-    Drive(fn(&Observed, &DriveObserved) -> Said),
+    Line(fn(&Observed) -> FindingText),
+    Drive(fn(&Observed, &DriveObserved) -> FindingText),
 }
 
-const fn line(sign: &'static str, of: fn(&Observed) -> Said) -> Rule {
+const fn line(sign: &'static str, of: fn(&Observed) -> FindingText) -> Rule {
     Rule { sign, of: Of::Line(of) }
 }
 
-const fn drive(sign: &'static str, of: fn(&Observed, &DriveObserved) -> Said) -> Rule {
+const fn drive(sign: &'static str, of: fn(&Observed, &DriveObserved) -> FindingText) -> Rule {
     Rule { sign, of: Of::Drive(of) }
 }
 

@@ -1,7 +1,7 @@
 //! What a metric holds, compared without being written out.
 
-use super::device::Told;
-use super::metrics::{Control, Definition, Input, Part, Source, Status, register};
+use super::device::LastResult;
+use super::metrics::{Control, Definition, Input, ResultPart, Source, Status, register};
 use super::payload::Value;
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
@@ -55,7 +55,7 @@ pub(super) struct Look<'l> {
     pub(super) view: &'l DriveView,
     pub(super) points: &'l Points,
     /// The last command that came from a host.
-    pub(super) told: Option<&'l Told>,
+    pub(super) told: Option<&'l LastResult>,
 }
 
 impl Look<'_> {
@@ -129,15 +129,15 @@ impl Look<'_> {
         })
     }
 
-    fn result(&self, part: Part) -> Content {
+    fn result(&self, part: ResultPart) -> Content {
         let Some(told) = self.told else {
-            return if part == Part::Count { Content::Number(0) } else { Content::Text("".into()) };
+            return if part == ResultPart::Count { Content::Number(0) } else { Content::Text("".into()) };
         };
         match part {
-            Part::Outcome => Content::Said(told.report.outcome.word().into(), told.count),
-            Part::Reason => Content::Said(told.report.reason.word().into(), told.count),
-            Part::Message => Content::Said(told.message.clone().into(), told.count),
-            Part::Count => Content::Number(told.count),
+            ResultPart::Outcome => Content::Said(told.report.outcome.word().into(), told.count),
+            ResultPart::Reason => Content::Said(told.report.reason.word().into(), told.count),
+            ResultPart::Message => Content::Said(told.message.clone().into(), told.count),
+            ResultPart::Count => Content::Number(told.count),
         }
     }
 

@@ -20,7 +20,7 @@ const HISTORY_BATCH: usize = 64;
 
 /// What became of the last command that a host gave.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Told {
+pub(super) struct LastResult {
     pub(super) report: Report,
     /// For people.
     pub(super) message: String,
@@ -53,7 +53,7 @@ pub(super) struct Device {
     /// Its birth is larger than the broker takes.
     pub(super) is_too_large: bool,
     pub(super) history: History,
-    told: Option<Told>,
+    told: Option<LastResult>,
     /// The picture that was looked at last, and until when it tells nothing new.
     looked: Option<(Arc<DriveView>, MonoTime)>,
     /// Measured values are gathered until then.
@@ -101,7 +101,7 @@ impl Device {
     /// Tells what became of a command.
     pub(super) fn tell(&mut self, report: Report, message: String) {
         let count = self.told.as_ref().map_or(0, |told| told.count) + 1;
-        self.told = Some(Told { report, message, count });
+        self.told = Some(LastResult { report, message, count });
         self.looked = None;
     }
 

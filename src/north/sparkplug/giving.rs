@@ -1,6 +1,6 @@
 //! Commands on their way from a host to the lines, and what becomes of them.
 
-use super::node::{self, Asked as NodeAsked};
+use super::node::{self, NodeCommand};
 use super::order;
 use super::payload::{Payload, Value};
 use super::session::Session;
@@ -112,9 +112,9 @@ impl Session {
         };
         for metric in &payload.metrics {
             match node::asked(metric) {
-                NodeAsked::Rebirth(Some(Value::Boolean(true))) if !message.retain => self.ask_for_rebirth(),
-                NodeAsked::Rebirth(_) | NodeAsked::Unknown => self.counters.ignored += 1,
-                NodeAsked::All(value) => self.stop_all(at, value, message),
+                NodeCommand::Rebirth(Some(Value::Boolean(true))) if !message.retain => self.ask_for_rebirth(),
+                NodeCommand::Rebirth(_) | NodeCommand::Unknown => self.counters.ignored += 1,
+                NodeCommand::All(value) => self.stop_all(at, value, message),
             }
         }
     }

@@ -25,7 +25,7 @@ pub(super) enum Source {
     /// What the drive's own watchdog does.
     Watchdog,
     /// The last command that came from a host.
-    Result(Part),
+    Result(ResultPart),
     /// What does not change.
     Model,
     /// The same.
@@ -55,7 +55,7 @@ pub(super) enum Status {
 
 /// A part of what became of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Part {
+pub(super) enum ResultPart {
     Outcome,
     Reason,
     Message,
@@ -209,10 +209,10 @@ fn inputs(drive: &DriveDescription, control: &ControlSettings) -> Vec<Definition
 
 fn results() -> impl Iterator<Item = Definition> {
     let parts = [
-        ("result/outcome", Part::Outcome, Datatype::Text),
-        ("result/reason", Part::Reason, Datatype::Text),
-        ("result/message", Part::Message, Datatype::Text),
-        ("result/count", Part::Count, Datatype::Int64),
+        ("result/outcome", ResultPart::Outcome, Datatype::Text),
+        ("result/reason", ResultPart::Reason, Datatype::Text),
+        ("result/message", ResultPart::Message, Datatype::Text),
+        ("result/count", ResultPart::Count, Datatype::Int64),
     ];
     parts.into_iter().map(|(name, part, datatype)| Definition::new(name, Source::Result(part), datatype))
 }

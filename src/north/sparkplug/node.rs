@@ -25,7 +25,7 @@ pub(super) struct Node {
 
 /// What a metric of a command for the edge node asks for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Asked<'m> {
+pub(super) enum NodeCommand<'m> {
     /// All births again, or not.
     Rebirth(Option<&'m Value>),
     /// STOP for all.
@@ -35,12 +35,12 @@ pub(super) enum Asked<'m> {
 }
 
 /// What `metric` asks for.
-pub(super) fn asked(metric: &Metric) -> Asked<'_> {
+pub(super) fn asked(metric: &Metric) -> NodeCommand<'_> {
     let value = metric.value.as_ref();
     match (metric.name.as_deref(), metric.alias) {
-        (Some(REBIRTH), _) => Asked::Rebirth(value),
-        (Some(STOP_ALL), _) | (None, Some(STOP_ALL_ALIAS)) => Asked::All(value),
-        _ => Asked::Unknown,
+        (Some(REBIRTH), _) => NodeCommand::Rebirth(value),
+        (Some(STOP_ALL), _) | (None, Some(STOP_ALL_ALIAS)) => NodeCommand::All(value),
+        _ => NodeCommand::Unknown,
     }
 }
 

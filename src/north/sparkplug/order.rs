@@ -10,7 +10,7 @@ use crate::north::command_words::{RUN_EXAMPLE, Refused, RunWord, no_frequency, r
 
 /// What a message orders.
 #[derive(Debug)]
-pub(super) struct Asked {
+pub(super) struct DeviceCommand {
     /// The order; nothing: none, as where buttons were released.
     pub(super) order: Option<Order>,
     /// Why the message, or what stands in it beside a stop, is refused.
@@ -19,7 +19,7 @@ pub(super) struct Asked {
 
 /// What one metric orders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Part {
+enum MetricOrder {
     Frequency(Hertz),
     Run(Direction),
     Stop,
@@ -31,33 +31,33 @@ enum Part {
 }
 
 /// Reads a command for `device`. All metrics are checked before any counts; but a stop counts whatever stands beside it.
-pub(super) fn read(device: &Device, metrics: &[Metric]) -> Asked {
+pub(super) fn read(device: &Device, metrics: &[Metric]) -> DeviceCommand {
     let read: Vec<_> = metrics.iter().map(|metric| part(device, metric)).collect();
-    let has = |part: Part| read.contains(&Ok(Some(part)));
-    for (part, order) in [(Part::Stop, Order::Stop { setpoint: None }), (Part::Coast, Order::Coast)] {
+    let has = |part: MetricOrder| read.contains(&Ok(Some(part)));
+    for (part, order) in [(MetricOrder::Stop, Order::Stop { setpoint: None }), (MetricOrder::Coast, Order::Coast)] {
         if has(part) {
             let refused = read.into_iter().find_map(Result::err);
-            return Asked { order: Some(order), refused };
+            return DeviceCommand { order: Some(order), refused };
         }
     }
     let parts: Result<Vec<_>, _> = read.into_iter().filter_map(Result::transpose).collect();
     match parts.and_then(|parts| one_order(&parts)) {
-        Ok(order) => Asked { order, refused: None },
-        Err(refused) => Asked { order: None, refused: Some(refused) },
+        Ok(order) => DeviceCommand { order, refused: None },
+        Err(refused) => DeviceCommand { order: None, refused: Some(refused) },
     }
 }
 
-fn one_order(parts: &[Part]) -> Result<Option<Order>, Refused> {
+fn one_order(parts: &[MetricOrder]) -> Result<Option<Order>, Refused> {
     let (mut frequency, mut run, mut single) = (None, None, None);
     for part in parts {
         let was_there = match *part {
-            Part::Frequency(hertz) => frequency.replace(hertz).is_some(),
-            Part::Run(direction) => run.replace(direction).is_some(),
-            Part::Reset => single.replace(Order::Reset).is_some(),
-            Part::Take => single.replace(Order::Take).is_some(),
-            Part::Release => single.replace(Order::Release).is_some(),
-            Part::Renew => single.replace(Order::Renew).is_some(),
-            Part::Stop | Part::Coast => false,
+            MetricOrder::Frequency(hertz) => frequency.replace(hertz).is_some(),
+            MetricOrder::Run(direction) => run.replace(direction).is_some(),
+            MetricOrder::Reset => single.replace(Order::Reset).is_some(),
+            MetricOrder::Take => single.replace(Order::Take).is_some(),
+            MetricOrder::Release => single.replace(Order::Release).is_some(),
+            MetricOrder::Renew => single.replace(Order::Renew).is_some(),
+            MetricOrder::Stop | MetricOrder::Coast => false,
         };
         if was_there {
             return Err(conflict());
@@ -76,7 +76,7 @@ fn conflict() -> Refused {
 }
 
 /// What `metric` orders; nothing: a button that is not down.
-fn part(device: &Device, metric: &Metric) -> Result<Option<Part>, Refused> {
+fn part(device: &Device, metric: &Metric) -> Result<Option<MetricOrder>, Refused> {
     let Some(definition) = device.definition(metric) else { return Err(unknown(device, metric)) };
     let name = definition.name.as_str();
     let input = definition.input().ok_or_else(|| {
@@ -86,12 +86,12 @@ fn part(device: &Device, metric: &Metric) -> Result<Option<Part>, Refused> {
     })?;
     let value = metric.value.as_ref().filter(|_| metric.is_null != Some(true));
     match input {
-        Input::Frequency => frequency(name, value).map(Part::Frequency).map(Some),
+        Input::Frequency => frequency(name, value).map(MetricOrder::Frequency).map(Some),
         Input::Run => run(name, value).map(Some),
-        Input::Reset => button(name, value, Part::Reset),
-        Input::Take => button(name, value, Part::Take),
-        Input::Release => button(name, value, Part::Release),
-        Input::Lease => button(name, value, Part::Renew),
+        Input::Reset => button(name, value, MetricOrder::Reset),
+        Input::Take => button(name, value, MetricOrder::Take),
+        Input::Release => button(name, value, MetricOrder::Release),
+        Input::Lease => button(name, value, MetricOrder::Renew),
     }
 }
 
@@ -125,18 +125,18 @@ fn frequency(name: &str, value: Option<&Value>) -> Result<Hertz, Refused> {
     Hertz::from_f64(number).map_err(|why| no_frequency(why, name, &number.to_string()))
 }
 
-fn run(name: &str, value: Option<&Value>) -> Result<Part, Refused> {
+fn run(name: &str, value: Option<&Value>) -> Result<MetricOrder, Refused> {
     let Some(Value::Text(text)) = value else {
         return Err(Refused::new(Reason::NotUnderstood, format!("`{name}` takes text: {RUN_EXAMPLE}")));
     };
     Ok(match run_word(text)? {
-        RunWord::Run(direction) => Part::Run(direction),
-        RunWord::Stop => Part::Stop,
-        RunWord::Coast => Part::Coast,
+        RunWord::Run(direction) => MetricOrder::Run(direction),
+        RunWord::Stop => MetricOrder::Stop,
+        RunWord::Coast => MetricOrder::Coast,
     })
 }
 
-fn button(name: &str, value: Option<&Value>, part: Part) -> Result<Option<Part>, Refused> {
+fn button(name: &str, value: Option<&Value>, part: MetricOrder) -> Result<Option<MetricOrder>, Refused> {
     match value {
         Some(Value::Boolean(is_down)) => Ok(is_down.then_some(part)),
         _ => Err(Refused::new(Reason::NotUnderstood, format!("`{name}` takes true, and does nothing at false"))),

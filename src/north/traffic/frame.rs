@@ -68,13 +68,13 @@ pub struct FrameValue {
 
 /// What a frame says.
 #[derive(Debug, Default)]
-pub(super) struct Said {
+pub(super) struct FrameText {
     pub(super) text: String,
     pub(super) exception: Option<u8>,
     pub(super) values: Vec<FrameValue>,
 }
 
-impl Said {
+impl FrameText {
     pub(super) fn text(text: impl Into<String>) -> Self {
         Self { text: text.into(), ..Self::default() }
     }
@@ -82,7 +82,7 @@ impl Said {
 
 /// A request that was sent, as long as its reply may be understood by it.
 #[derive(Debug)]
-pub(super) struct Asked {
+pub(super) struct OpenRequest {
     pub(super) station: u8,
     pub(super) pdu: Vec<u8>,
     pub(super) why: Option<Why>,

@@ -15,14 +15,14 @@ use crate::domain::ids::Station;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::{TrafficKind, TrafficRecord, Why};
 use crate::wire::framing;
-use frame::{Asked, Said};
 pub use frame::{Frame, FrameValue, KnownDrive, LineFacts};
+use frame::{FrameText, OpenRequest};
 
 /// Understands the frames of one line, one after the other.
 #[derive(Debug)]
 pub struct Decoder {
     facts: LineFacts,
-    asked: Option<Asked>,
+    asked: Option<OpenRequest>,
     last_end: Option<MonoTime>,
 }
 
@@ -52,7 +52,7 @@ impl Decoder {
         };
         let said = match &whole {
             Some((station, pdu)) => self.frame(record, *station, pdu),
-            None => Said::text(reply::damaged(self.facts.framing, &record.bytes, self.asked.as_ref())),
+            None => FrameText::text(reply::damaged(self.facts.framing, &record.bytes, self.asked.as_ref())),
         };
         let frame = Frame {
             kind: record.kind,
@@ -68,7 +68,7 @@ impl Decoder {
         };
         match (record.kind, whole) {
             (TrafficKind::Request, Some((station, pdu))) => {
-                self.asked = Some(Asked { station, pdu: pdu.into_owned(), why: record.why });
+                self.asked = Some(OpenRequest { station, pdu: pdu.into_owned(), why: record.why });
             }
             (TrafficKind::Reply, _) => self.asked = None,
             _ => {}
@@ -76,20 +76,20 @@ impl Decoder {
         frame
     }
 
-    fn frame(&self, record: &TrafficRecord, station: u8, pdu: &[u8]) -> Said {
+    fn frame(&self, record: &TrafficRecord, station: u8, pdu: &[u8]) -> FrameText {
         let drive = self.drive_at(station);
         match record.kind {
             TrafficKind::Request => {
                 let is_for_all = drive.is_none() && self.is_for_all(station);
                 let drive = if is_for_all { self.any_drive() } else { drive };
                 let said = request::said(drive, pdu);
-                Said { text: format!("{}{}", prefix(is_for_all, record.why), said.text), ..said }
+                FrameText { text: format!("{}{}", prefix(is_for_all, record.why), said.text), ..said }
             }
             TrafficKind::OtherMaster(_) => {
                 let said = request::said(drive, pdu);
-                Said { text: format!("somebody else asks: {}", said.text), ..said }
+                FrameText { text: format!("somebody else asks: {}", said.text), ..said }
             }
-            TrafficKind::Echo => Said::text("our own frame came back"),
+            TrafficKind::Echo => FrameText::text("our own frame came back"),
             TrafficKind::Reply => reply::said(drive, pdu, self.asked.as_ref().filter(|asked| asked.station == station)),
             TrafficKind::Stray(_) | TrafficKind::Foreign(_) | TrafficKind::Noise => reply::said(drive, pdu, None),
         }

@@ -1,6 +1,6 @@
 //! What a reply says, with the request that it answers, and what is left of a damaged one.
 
-use super::frame::{Asked, KnownDrive, Said};
+use super::frame::{FrameText, KnownDrive, OpenRequest};
 use super::register::{in_text, place, values};
 use super::request::function_text;
 use crate::domain::link::Framing;
@@ -10,7 +10,7 @@ use crate::wire::framing;
 use crate::wire::pdu::{self, FUNCTION_ERROR, Reply, Request, function};
 
 /// What `pdu` of `drive` says, as far as known in answer to what was `asked`.
-pub(super) fn said(drive: Option<&KnownDrive>, pdu: &[u8], asked: Option<&Asked>) -> Said {
+pub(super) fn said(drive: Option<&KnownDrive>, pdu: &[u8], asked: Option<&OpenRequest>) -> FrameText {
     if let [code, exception] = *pdu
         && code & function::EXCEPTION_BIT != 0
     {
@@ -20,60 +20,60 @@ pub(super) fn said(drive: Option<&KnownDrive>, pdu: &[u8], asked: Option<&Asked>
     match request.and_then(|request| Some((request.reply_in(pdu)?, request))) {
         Some((Reply::Words(words), Request::ReadHolding { address, .. })) => {
             let values = values(drive, address, &words);
-            Said { text: in_text(&values, " ", false), exception: None, values }
+            FrameText { text: in_text(&values, " ", false), exception: None, values }
         }
         Some((Reply::Holds { value: held }, Request::WriteSingle { address, value })) => {
             let values = values(drive, address, &[held]);
             let kept = if held == value { "written: " } else { "not taken, the drive holds " };
-            Said { text: format!("{kept}{}", in_text(&values, " = ", true)), exception: None, values }
+            FrameText { text: format!("{kept}{}", in_text(&values, " = ", true)), exception: None, values }
         }
-        Some((Reply::Echo, Request::Loopback { .. })) => Said::text("the loop test came back"),
+        Some((Reply::Echo, Request::Loopback { .. })) => FrameText::text("the loop test came back"),
         Some((Reply::Echo, Request::WriteMultiple { address, values: words })) => {
             let values = values(drive, address, &words);
-            Said { text: format!("written: {}", in_text(&values, " = ", true)), exception: None, values }
+            FrameText { text: format!("written: {}", in_text(&values, " = ", true)), exception: None, values }
         }
         _ => alone(drive, pdu),
     }
 }
 
 /// What a reply says whose request is not known.
-fn alone(drive: Option<&KnownDrive>, pdu: &[u8]) -> Said {
+fn alone(drive: Option<&KnownDrive>, pdu: &[u8]) -> FrameText {
     match *pdu {
         [function::READ_HOLDING | function::READ_INPUT, bytes, ref data @ ..] if usize::from(bytes) == data.len() => {
             let words: Vec<_> = pdu::words(data).iter().map(|word| format!("0x{word:04X}")).collect();
             let noun = if words.len() == 1 { "word" } else { "words" };
-            Said::text(format!("{} {noun} of unknown registers: {}", words.len(), words.join(" ")))
+            FrameText::text(format!("{} {noun} of unknown registers: {}", words.len(), words.join(" ")))
         }
         [function::WRITE_SINGLE, high, low, value_high, value_low] => {
             let (address, value) = (u16::from_be_bytes([high, low]), u16::from_be_bytes([value_high, value_low]));
             let values = values(drive, address, &[value]);
-            Said { text: format!("after a write: {}", in_text(&values, " = ", true)), exception: None, values }
+            FrameText { text: format!("after a write: {}", in_text(&values, " = ", true)), exception: None, values }
         }
         [function::WRITE_MULTIPLE, high, low, count_high, count_low] => {
             let (address, count) = (u16::from_be_bytes([high, low]), u16::from_be_bytes([count_high, count_low]));
-            Said::text(format!("after a write of {count} words from {} on", place(drive, address)))
+            FrameText::text(format!("after a write of {count} words from {} on", place(drive, address)))
         }
         [function::DIAGNOSTICS, 0, 0, high, low] => {
-            Said::text(format!("a loop test came back with 0x{:04X}", u16::from_be_bytes([high, low])))
+            FrameText::text(format!("a loop test came back with 0x{:04X}", u16::from_be_bytes([high, low])))
         }
-        [code, ..] => Said::text(format!("reply to {}", function_text(code))),
-        [] => Said::text("no function"),
+        [code, ..] => FrameText::text(format!("reply to {}", function_text(code))),
+        [] => FrameText::text("no function"),
     }
 }
 
 /// An exception, by the vendor's words where there are some.
-fn refusal(drive: Option<&KnownDrive>, code: u8, asked: Option<&Asked>) -> Said {
+fn refusal(drive: Option<&KnownDrive>, code: u8, asked: Option<&OpenRequest>) -> FrameText {
     let own = drive.and_then(|drive| drive.model.exception_text(code)).map(|own| own.text.as_str());
     let words = own.or(exception::name(code)).unwrap_or("no document names it");
     let is_wanted = asked.is_some_and(|asked| {
         matches!(asked.why, Some(Why::Barrier | Why::Trial)) && matches!(code, ILLEGAL_FUNCTION | FUNCTION_ERROR)
     });
     let wanted = if is_wanted { ", as it should be" } else { "" };
-    Said { text: format!("exception 0x{code:02X}: {words}{wanted}"), exception: Some(code), values: Vec::new() }
+    FrameText { text: format!("exception 0x{code:02X}: {words}{wanted}"), exception: Some(code), values: Vec::new() }
 }
 
 /// What bytes that make no frame may be the rest of.
-pub(super) fn damaged(framing: Framing, bytes: &[u8], asked: Option<&Asked>) -> String {
+pub(super) fn damaged(framing: Framing, bytes: &[u8], asked: Option<&OpenRequest>) -> String {
     let count = bytes.len();
     let nothing = || match count {
         1 => "1 byte that makes no frame".to_owned(),

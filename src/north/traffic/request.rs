@@ -1,20 +1,20 @@
 //! What a request asks.
 
-use super::frame::{KnownDrive, Said};
+use super::frame::{FrameText, KnownDrive};
 use super::register::{in_text, place, values};
 use crate::profile::model::Barrier;
 use crate::wire::pdu::{Request, function};
 
 /// What `pdu` asks of `drive`.
-pub(super) fn said(drive: Option<&KnownDrive>, pdu: &[u8]) -> Said {
+pub(super) fn said(drive: Option<&KnownDrive>, pdu: &[u8]) -> FrameText {
     match Request::decode(pdu) {
-        Some(Request::ReadHolding { address, count }) => Said::text(read("read", drive, address, count)),
+        Some(Request::ReadHolding { address, count }) => FrameText::text(read("read", drive, address, count)),
         Some(Request::WriteSingle { address, value }) => write(drive, address, &[value]),
         Some(Request::WriteMultiple { address, values }) => write(drive, address, &values),
         Some(Request::Loopback { data }) => {
             let is_refused = drive.is_some_and(|drive| refuses(drive, function::DIAGNOSTICS));
             let refused = if is_refused { ", which this model refuses" } else { "" };
-            Said::text(format!("loop test with 0x{data:04X}{refused}"))
+            FrameText::text(format!("loop test with 0x{data:04X}{refused}"))
         }
         Some(Request::Unserved { .. }) | None => other(drive, pdu),
     }
@@ -25,20 +25,20 @@ fn read(verb: &str, drive: Option<&KnownDrive>, address: u16, count: u16) -> Str
     format!("{verb} {}, {count} {words}", place(drive, address))
 }
 
-fn write(drive: Option<&KnownDrive>, address: u16, words: &[u16]) -> Said {
+fn write(drive: Option<&KnownDrive>, address: u16, words: &[u16]) -> FrameText {
     let values = values(drive, address, words);
-    Said { text: format!("write {}", in_text(&values, " = ", true)), exception: None, values }
+    FrameText { text: format!("write {}", in_text(&values, " = ", true)), exception: None, values }
 }
 
-fn other(drive: Option<&KnownDrive>, pdu: &[u8]) -> Said {
-    let Some((&code, data)) = pdu.split_first() else { return Said::text("no function") };
+fn other(drive: Option<&KnownDrive>, pdu: &[u8]) -> FrameText {
+    let Some((&code, data)) = pdu.split_first() else { return FrameText::text("no function") };
     if let (function::READ_INPUT, [first, second, third, fourth]) = (code, data) {
         let address = u16::from_be_bytes([*first, *second]);
         let count = u16::from_be_bytes([*third, *fourth]);
-        return Said::text(read("read input", drive, address, count));
+        return FrameText::text(read("read input", drive, address, count));
     }
     let refused = if drive.is_some_and(|drive| refuses(drive, code)) { ", which this model refuses" } else { "" };
-    Said::text(format!("{}{refused}", function_text(code)))
+    FrameText::text(format!("{}{refused}", function_text(code)))
 }
 
 fn refuses(drive: &KnownDrive, code: u8) -> bool {

@@ -1,6 +1,6 @@
 //! How a model is commanded: run commands, writes, and what has to be set on the drive before it obeys.
 
-use super::{Confidence, Fact, Model, Part, Role};
+use super::{Confidence, Fact, FactPart, Model, Role};
 use crate::domain::control::ControlAction;
 use crate::domain::link::Interface;
 
@@ -81,7 +81,7 @@ impl Model {
         ];
         for (what, role) in registers {
             let Some(register) = self.register_for(role) else { continue };
-            let is_inferred = register.not_stated.contains(&Part::Writing);
+            let is_inferred = register.not_stated.contains(&FactPart::Writing);
             let confidence = if is_inferred { Confidence::Inferred } else { register.confidence };
             basics.push(Basic { what, confidence: confidence.max(register.confidence), source: &register.source });
         }

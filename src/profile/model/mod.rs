@@ -18,7 +18,7 @@ pub use document::{Document, DocumentKind};
 pub use groups::{Group, NUMBERS_MAX};
 pub use link::{Broadcast, Link, Timing};
 pub use parameter::ParameterKind;
-pub use register::{Access, Memory, Part, PollClass, Register, Role};
+pub use register::{Access, FactPart, Memory, PollClass, Register, Role};
 pub use status::{Barrier, BarrierRead, CodeText, Flag, Quirks, StatusFlag};
 
 use crate::domain::link::Framing;

@@ -77,7 +77,7 @@ impl Role {
 
 /// Something about a register that its source may not state, although it states the register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Part {
+pub enum FactPart {
     /// That it can be read.
     Reading,
     /// That it can be written.
@@ -92,7 +92,7 @@ pub enum Part {
     Meaning,
 }
 
-impl Part {
+impl FactPart {
     /// The word as it stands in model files.
     #[must_use]
     pub const fn word(self) -> &'static str {
@@ -216,13 +216,13 @@ pub struct Register {
     /// Where the row comes from.
     pub source: String,
     /// What of the row that source does not state.
-    pub not_stated: Vec<Part>,
+    pub not_stated: Vec<FactPart>,
 }
 
 impl Register {
     /// Whether documents of the model prove `part` of the row.
     #[must_use]
-    pub fn proves(&self, part: Part) -> bool {
+    pub fn proves(&self, part: FactPart) -> bool {
         self.confidence.is_proven() && !self.not_stated.contains(&part)
     }
 

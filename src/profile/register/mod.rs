@@ -7,7 +7,7 @@ pub use extra::{extra_register, with_extra};
 pub(super) use rules::{addresses_fit, codes_fit, distinct, has_decimal_digits};
 
 use super::file::Origin;
-use super::model::{Access, Memory, Part, PollClass, Register, Role};
+use super::model::{Access, FactPart, Memory, PollClass, Register, Role};
 use super::scale::steps;
 use super::words::{ACCESSES, MEMORIES, PARTS, POLL_CLASSES, ROLES};
 use crate::domain::units::UnitOfMeasure;
@@ -39,7 +39,7 @@ pub struct RegisterFile {
     range: OptionalKey<RangeInclusive<i32>>,
     meanings: Vec<(u16, String)>,
     origin: Option<Origin>,
-    not_stated: OptionalKey<Vec<Spanned<Part>>>,
+    not_stated: OptionalKey<Vec<Spanned<FactPart>>>,
 }
 
 impl RegisterFile {

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 /// Reports each register of `written` whose name, code, address or role belongs to one before it or to one of
 /// `model`. Names and codes share one space, without regard to case, as [`Model::register_named`] does.
 pub(in crate::profile) fn distinct(model: &[Register], written: &[RegisterFile], problems: &mut Vec<Problem>) {
-    let mut taken = Taken::default();
+    let mut taken = UsedNames::default();
     for register in model {
         let owner = format!("`{}` of the model", register.name);
         taken.labels.insert(register.name.to_lowercase(), owner.clone());
@@ -23,13 +23,13 @@ pub(in crate::profile) fn distinct(model: &[Register], written: &[RegisterFile],
 
 /// Who has which name or code (in lower case), address and role.
 #[derive(Default)]
-struct Taken {
+struct UsedNames {
     labels: BTreeMap<String, String>,
     addresses: BTreeMap<u16, String>,
     roles: BTreeMap<Role, String>,
 }
 
-impl Taken {
+impl UsedNames {
     fn add(&mut self, register: &RegisterFile, problems: &mut Vec<Problem>) {
         if let Some(name) = &register.name {
             let called = format!("the name `{}`", name.value);

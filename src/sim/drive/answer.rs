@@ -3,7 +3,7 @@
 use super::SimDrive;
 use super::back_door::BackDoor;
 use super::denied::{Denied, Objection};
-use super::memory::{Place, following, index_of, place_of};
+use super::memory::{MemoryAddress, following, index_of, place_of};
 use crate::domain::time::MonoTime;
 use crate::profile::model::{BlockWrite, RefusedWrite, Role};
 use crate::sim::options::BadRequest;
@@ -176,7 +176,7 @@ impl SimDrive {
     }
 
     /// Takes `value` at `place`, or says why not.
-    fn store(&mut self, at: MonoTime, place: Place, value: u16) -> Result<(), Objection> {
+    fn store(&mut self, at: MonoTime, place: MemoryAddress, value: u16) -> Result<(), Objection> {
         let register = &self.model.registers[place.index];
         let (role, scale) = (register.role, register.scale);
         if !register.access.can_write() || role.is_some_and(Self::is_measured) {

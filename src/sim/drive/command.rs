@@ -4,7 +4,7 @@ use crate::profile::model::{BitMeaning, RunCommand, RunForm};
 
 /// What a run command orders.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Wish {
+pub(super) struct RunOrder {
     /// 1 forward, -1 reverse, 0 not to run.
     pub(super) direction: i64,
     /// It runs at the jog frequency.
@@ -23,7 +23,7 @@ pub(super) struct Wish {
 }
 
 /// What `word` orders; nothing if it means nothing.
-pub(super) fn wish(run: &RunCommand, word: u16) -> Option<Wish> {
+pub(super) fn wish(run: &RunCommand, word: u16) -> Option<RunOrder> {
     match &run.form {
         RunForm::Values => one_command(run, word),
         RunForm::Bits { bits, .. } => {
@@ -42,20 +42,20 @@ pub(super) fn has_priority(run: &RunCommand) -> bool {
     matches!(&run.form, RunForm::Bits { bits, .. } if bits.iter().any(|it| takes(it.meaning)))
 }
 
-fn one_command(run: &RunCommand, word: u16) -> Option<Wish> {
-    let none = Wish { is_one_command: true, ..Wish::default() };
+fn one_command(run: &RunCommand, word: u16) -> Option<RunOrder> {
+    let none = RunOrder { is_one_command: true, ..RunOrder::default() };
     let wishes = [
         (Some(&run.stop), none),
-        (Some(&run.forward), Wish { direction: 1, ..none }),
-        (run.reverse.as_ref(), Wish { direction: -1, ..none }),
-        (run.coast.as_ref(), Wish { coast: true, ..none }),
-        (run.reset.as_ref(), Wish { reset: true, ..none }),
-        (run.release.as_ref(), Wish { release: true, ..none }),
+        (Some(&run.forward), RunOrder { direction: 1, ..none }),
+        (run.reverse.as_ref(), RunOrder { direction: -1, ..none }),
+        (run.coast.as_ref(), RunOrder { coast: true, ..none }),
+        (run.reset.as_ref(), RunOrder { reset: true, ..none }),
+        (run.release.as_ref(), RunOrder { release: true, ..none }),
     ];
     wishes.into_iter().find(|(fact, _)| fact.is_some_and(|fact| fact.value == word)).map(|(_, wish)| wish)
 }
 
-fn states(meanings: &[BitMeaning]) -> Option<Wish> {
+fn states(meanings: &[BitMeaning]) -> Option<RunOrder> {
     use BitMeaning::{BusFrequency, BusRun, Coast, Jog, Reset, Reverse, Run, RunForward, RunReverse, Trip};
     let has = |meaning| meanings.contains(&meaning);
     let direction = match (has(RunForward), has(RunReverse)) {
@@ -66,7 +66,7 @@ fn states(meanings: &[BitMeaning]) -> Option<Wish> {
         (false, false) if has(Reverse) => -1,
         (false, false) => 1,
     };
-    Some(Wish {
+    Some(RunOrder {
         direction,
         jog: has(Jog),
         coast: has(Coast),

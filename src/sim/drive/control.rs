@@ -2,9 +2,9 @@
 
 use super::SimDrive;
 use super::back_door::BackDoor;
-use super::command::{Wish, has_priority, wish};
+use super::command::{RunOrder, has_priority, wish};
 use super::denied::Objection;
-use super::memory::Place;
+use super::memory::MemoryAddress;
 use crate::domain::command::Direction;
 use crate::domain::time::MonoTime;
 use crate::profile::model::{BitMeaning, Memory, Role, RunForm};
@@ -51,7 +51,7 @@ impl RunClock {
 
 impl SimDrive {
     /// Takes `word` from the run command register; the motor follows.
-    pub(super) fn take_run_command(&mut self, at: MonoTime, place: Place, word: u16) -> Result<(), Objection> {
+    pub(super) fn take_run_command(&mut self, at: MonoTime, place: MemoryAddress, word: u16) -> Result<(), Objection> {
         let Some(run) = self.model.run.as_ref() else { return Err(Objection::Value) };
         if run.never.iter().any(|never| never.value == word) {
             self.report.forbidden_words += 1;
@@ -69,11 +69,11 @@ impl SimDrive {
         Ok(())
     }
 
-    fn obey_word(&mut self, at: MonoTime, wish: Wish) {
+    fn obey_word(&mut self, at: MonoTime, wish: RunOrder) {
         let is_edge = wish.is_one_command || !self.control.reset_held;
         self.report.resets_held += u64::from(wish.reset && !is_edge);
         let had_bus = self.is_run_from_bus();
-        let Wish { bus_run, bus_frequency, .. } = wish;
+        let RunOrder { bus_run, bus_frequency, .. } = wish;
         self.control = Control { bus_run, bus_frequency, reset_held: wish.reset, ..self.control };
         if wish.trip && !self.tripped {
             self.trip(at, self.ordered_trip());

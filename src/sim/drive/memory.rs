@@ -16,7 +16,7 @@ pub(super) struct Memory {
 
 /// Which register an address on the wire means, and whether its stored twin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Place {
+pub(super) struct MemoryAddress {
     pub(super) index: usize,
     /// The address has the bit of stored twins: it can only be written.
     pub(super) is_twin: bool,
@@ -43,8 +43,8 @@ impl Memory {
     }
 
     /// Takes `word` from the bus. A stored twin is the same value: what is stored holds at once, too.
-    pub(super) fn take(&mut self, register: &Register, place: Place, word: u16) {
-        let Place { index, is_twin } = place;
+    pub(super) fn take(&mut self, register: &Register, place: MemoryAddress, word: u16) {
+        let MemoryAddress { index, is_twin } = place;
         // Where no document says that a run command is stored, it is none that comes back with the power.
         let is_order = register.role == Some(Role::RunCommand) && register.memory != Some(Kind::Stored);
         if (is_order || register.memory == Some(Kind::Ram)) && !is_twin {
@@ -72,14 +72,14 @@ impl Memory {
 }
 
 /// What `address` means in a write.
-pub(super) fn place_of(model: &Model, address: u16) -> Option<Place> {
+pub(super) fn place_of(model: &Model, address: u16) -> Option<MemoryAddress> {
     if let Some(index) = index_of(model, address) {
-        return Some(Place { index, is_twin: false });
+        return Some(MemoryAddress { index, is_twin: false });
     }
     let bit = 1_u16.checked_shl(model.quirks.stored_alias_bit.as_ref()?.value.into())?;
     let index = index_of(model, address & !bit).filter(|_| address & bit != 0)?;
     // Only parameters are stored: commands are written only, measurements are read only.
-    (model.registers[index].access == Access::ReadWrite).then_some(Place { index, is_twin: true })
+    (model.registers[index].access == Access::ReadWrite).then_some(MemoryAddress { index, is_twin: true })
 }
 
 /// Where the register at `address` stands in the model.

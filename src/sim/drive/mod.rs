@@ -34,7 +34,7 @@ use crate::domain::command::Direction;
 use crate::domain::time::MonoTime;
 use crate::profile::model::{Model, Role};
 use control::{Control, RunClock};
-use memory::{Memory, Place, index_of, time};
+use memory::{Memory, MemoryAddress, index_of, time};
 use std::sync::Arc;
 
 /// One drive with its motor. All moments that it is given may be equal but never run backwards.
@@ -227,7 +227,7 @@ impl SimDrive {
     }
 
     /// Holds `word` from the bus and counts it where it is stored.
-    fn take(&mut self, place: Place, word: u16) {
+    fn take(&mut self, place: MemoryAddress, word: u16) {
         let before = self.memory.stored_writes(place.index);
         self.memory.take(&self.model.registers[place.index], place, word);
         self.report.stored_writes += self.memory.stored_writes(place.index) - before;

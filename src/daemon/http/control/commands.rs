@@ -12,7 +12,7 @@ use crate::domain::command::{Order, Outcome, Reason, Report};
 use crate::guard::COMMAND_DEADLINE;
 use crate::journal::Tried;
 use crate::north::command_words::{Refused, stop_in};
-use crate::north::operator::body::{Wish, is_empty, wish};
+use crate::north::operator::body::{PageCommand, is_empty, wish};
 use axum::extract::{Path, Request, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
@@ -74,7 +74,7 @@ pub(super) async fn command(
     }
 }
 
-async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: &Wish) -> Report {
+async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: &PageCommand) -> Report {
     let (place, begun) = (drive.description.place, clock::now());
     let taken = if wish.takes { Some(control.side.command(who, place, Order::Take).await) } else { None };
     let is_refused = taken.is_some_and(|taken| taken.outcome != Outcome::Acknowledged);

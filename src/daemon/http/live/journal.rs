@@ -7,7 +7,7 @@ use crate::daemon::clock;
 use crate::daemon::http::taking::PIECE_BYTES;
 use crate::daemon::journal::listing;
 use crate::daemon::journal::reader::{connect, row};
-use crate::daemon::journal::search::{self, Found, Since, Wanted};
+use crate::daemon::journal::search::{self, SearchResult, Since, Wanted};
 use crate::journal::Table;
 use axum::BoxError;
 use axum::body::{Body, HttpBody};
@@ -40,7 +40,7 @@ enum Format {
 
 /// What is asked for.
 #[derive(Debug)]
-struct Asked {
+struct JournalQuery {
     wanted: Wanted,
     last: usize,
     format: Format,
@@ -70,7 +70,7 @@ pub async fn rows(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> R
     }
 }
 
-fn asked(query: Option<&str>) -> Result<Asked, String> {
+fn asked(query: Option<&str>) -> Result<JournalQuery, String> {
     let query = Query::read(query, &KEYS)?;
     let table = query.get("table").unwrap_or("all");
     let tables = search::tables(table)
@@ -91,7 +91,7 @@ fn asked(query: Option<&str>) -> Result<Asked, String> {
         drive: query.get("drive").map(str::to_owned),
         since: since.map(|since| since.moment(clock::wall())),
     };
-    Ok(Asked { wanted, last, format })
+    Ok(JournalQuery { wanted, last, format })
 }
 
 /// What is left to be told of the journal. No transaction is open between two pieces.
@@ -111,9 +111,9 @@ struct Reading {
 
 impl Reading {
     /// Finds the rows, and reads the first piece of them.
-    fn begin(path: &Path, asked: &Asked, place: OwnedSemaphorePermit) -> Result<(Self, Option<Bytes>), Error> {
+    fn begin(path: &Path, asked: &JournalQuery, place: OwnedSemaphorePermit) -> Result<(Self, Option<Bytes>), Error> {
         let connection = connect(path)?;
-        let Found { rows, is_complete } = search::newest(&connection, &asked.wanted, asked.last)?;
+        let SearchResult { rows, is_complete } = search::newest(&connection, &asked.wanted, asked.last)?;
         let (begin, end) = match asked.format {
             Format::Json => (format!("{{\"is_complete\":{is_complete},\"rows\":["), "]}"),
             Format::Csv => (listing::COLUMNS.to_owned(), ""),

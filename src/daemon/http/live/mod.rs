@@ -30,7 +30,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::Semaphore;
 use tokio::time::MissedTickBehavior;
-use told::Told;
+use told::LastState;
 
 /// How often the pictures are looked at, and a moment is handed to those who listen.
 const TICK: Duration = moments::EVERY;
@@ -39,7 +39,7 @@ const TICK: Duration = moments::EVERY;
 #[derive(Debug)]
 pub struct Live {
     state: Arc<State>,
-    kept: Mutex<Kept>,
+    kept: Mutex<LiveState>,
     /// Places for those who read the journal.
     readers: Arc<Semaphore>,
     /// For the states with which events begin.
@@ -49,7 +49,7 @@ pub struct Live {
 }
 
 #[derive(Debug)]
-struct Kept {
+struct LiveState {
     clock: Clock,
     /// Lines and drives as of the last look.
     shared: Option<Arc<Shared>>,
@@ -58,7 +58,7 @@ struct Kept {
     trends: Trends,
     listeners: Listeners,
     /// What those who listen were told; nothing while nobody does.
-    told: Option<Told>,
+    told: Option<LastState>,
 }
 
 impl Live {
@@ -66,7 +66,7 @@ impl Live {
     #[must_use]
     pub fn new(state: Arc<State>) -> Self {
         let started = Moment { mono: state.started, wall: state.started_at };
-        let kept = Kept {
+        let kept = LiveState {
             clock: Clock::new(started),
             shared: None,
             uses: BTreeMap::new(),
@@ -89,7 +89,7 @@ impl Live {
         &self.moments
     }
 
-    fn lock(&self) -> MutexGuard<'_, Kept> {
+    fn lock(&self) -> MutexGuard<'_, LiveState> {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -104,7 +104,7 @@ pub async fn run(live: Arc<Live>) {
     }
 }
 
-impl Kept {
+impl LiveState {
     /// Takes what is due for trend and use of the lines, and tells whoever listens what has changed.
     fn look(&mut self, live: &Live, at: Moment) {
         let now = at.mono;
@@ -134,7 +134,7 @@ impl Kept {
             Some(told) if !is_new => told.news(&source),
             told => {
                 let events = if is_new { events::event("configuration", "{}") } else { String::new() };
-                *told = Some(Told::now(&source));
+                *told = Some(LastState::now(&source));
                 events + &events::event("state", &source.document().to_string())
             }
         };
@@ -162,7 +162,7 @@ impl Kept {
     fn listen(&mut self, live: &Live, stay: super::lasting::Stay) -> Option<Listener> {
         let (first, told) = self.source(live, |source| {
             let moment = live.moments.at(source.present.now);
-            (events::first(&source.document().to_string(), &moment), Told::now(source))
+            (events::first(&source.document().to_string(), &moment), LastState::now(source))
         });
         let first = live.room.pieces(first.into())?;
         // Whoever listens already was told less, and will be told all of it.

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 /// Everything as it was told, of one configuration.
 #[derive(Debug)]
-pub struct Told {
+pub struct LastState {
     gateway: Gateway,
     lines: Vec<Value>,
     drives: Vec<ToldDrive>,
@@ -35,7 +35,7 @@ impl ToldDrive {
     }
 }
 
-impl Told {
+impl LastState {
     /// Everything is being told now.
     pub fn now(source: &Source<'_>) -> Self {
         let drives = source.drives().map(|(line, drive, view)| ToldDrive::now(source, line, drive, view));

@@ -33,7 +33,7 @@ struct State {
 }
 
 /// The place of a connection, which is free when this is dropped.
-pub struct Place {
+pub struct ConnectionPermit {
     id: ConnectionId,
     bell: Arc<Notify>,
     shared: Arc<Shared>,
@@ -47,12 +47,12 @@ impl Shared {
     }
 
     /// A place for one more connection; `None`: there is none.
-    pub fn open(self: &Arc<Self>) -> Option<Place> {
+    pub fn open(self: &Arc<Self>) -> Option<ConnectionPermit> {
         let bell = Arc::new(Notify::new());
         let mut state = self.state();
         let id = state.machine.open(clock::now())?;
         state.bells.insert(id, Arc::clone(&bell));
-        Some(Place { id, bell, shared: Arc::clone(self) })
+        Some(ConnectionPermit { id, bell, shared: Arc::clone(self) })
     }
 
     /// Lets time pass.
@@ -89,7 +89,7 @@ impl Shared {
     }
 }
 
-impl Place {
+impl ConnectionPermit {
     /// Gives what has come to the machine, packet by packet.
     fn received(&self, bytes: &mut BytesMut, peer: SocketAddr) {
         loop {
@@ -126,7 +126,7 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for ConnectionPermit {
     fn drop(&mut self) {
         self.shared.with(|machine| machine.closed(self.id, clock::now()));
         self.shared.state().bells.remove(&self.id);
@@ -134,7 +134,7 @@ impl Drop for Place {
 }
 
 /// Serves one client until one of both ends the connection.
-pub async fn serve(stream: TcpStream, peer: SocketAddr, place: Place) {
+pub async fn serve(stream: TcpStream, peer: SocketAddr, place: ConnectionPermit) {
     // Small packets are not to wait for each other; without it they only come later.
     let _ = stream.set_nodelay(true);
     let (mut from, mut to) = stream.into_split();
@@ -143,7 +143,12 @@ pub async fn serve(stream: TcpStream, peer: SocketAddr, place: Place) {
     }
 }
 
-async fn carry(from: &mut OwnedReadHalf, to: &mut OwnedWriteHalf, place: &Place, peer: SocketAddr) -> io::Result<()> {
+async fn carry(
+    from: &mut OwnedReadHalf,
+    to: &mut OwnedWriteHalf,
+    place: &ConnectionPermit,
+    peer: SocketAddr,
+) -> io::Result<()> {
     let mut incoming = BytesMut::new();
     let (mut outgoing, mut sent) = (Vec::new(), 0);
     loop {

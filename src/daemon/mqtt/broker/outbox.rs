@@ -37,7 +37,7 @@ pub struct Outbox {
     /// Those among them at quality of service 0.
     passing: usize,
     in_flight: VecDeque<InFlight>,
-    asked: VecDeque<Asked>,
+    asked: VecDeque<RetainedBatch>,
     last_id: u16,
     dropped: u64,
 }
@@ -59,7 +59,7 @@ enum Stage {
 
 /// Retained messages that a subscription wants, one after the other.
 #[derive(Debug)]
-struct Asked {
+struct RetainedBatch {
     filter: String,
     options: Options,
     after: Option<Arc<str>>,
@@ -86,7 +86,7 @@ impl Outbox {
     pub fn ask(&mut self, filter: &str, options: Options, retained: &Retained) {
         self.forget(filter);
         let number = retained.number();
-        self.asked.push_back(Asked { filter: filter.to_owned(), options, after: None, number });
+        self.asked.push_back(RetainedBatch { filter: filter.to_owned(), options, after: None, number });
     }
 
     /// A subscription is over.

@@ -35,8 +35,9 @@ async fn a_refused_publication_is_told_with_what_it_means() {
             rig.told_at_least(reasons.len() + 2).await
         })
         .await;
-    let mut expected: Vec<_> = (0..).zip(reasons).map(|(token, (_, refusal))| Told::Refused(token, refusal)).collect();
-    expected.push(Told::Acknowledged(count));
+    let mut expected: Vec<_> =
+        (0..).zip(reasons).map(|(token, (_, refusal))| Outcome::Refused(token, refusal)).collect();
+    expected.push(Outcome::Acknowledged(count));
     assert_eq!(told[1..], expected);
     assert_eq!(rig.counters.refused.get(), count);
 }
@@ -52,7 +53,7 @@ async fn a_publication_with_a_token_that_cannot_be_sent_is_told_as_refused() {
             peer.acknowledge(identifier).await;
             rig.told_at_least(3).await
         });
-        assert_eq!(told.await[1..], [Told::Refused(3, Refusal::Never), Told::Acknowledged(4)], "{version:?}");
+        assert_eq!(told.await[1..], [Outcome::Refused(3, Refusal::Never), Outcome::Acknowledged(4)], "{version:?}");
     }
 }
 
@@ -94,6 +95,6 @@ async fn no_more_is_open_than_the_broker_takes_at_once() {
             rig.told_at_least(21).await
         })
         .await;
-    assert_eq!(told[1], Told::Refused(0, Refusal::Full));
+    assert_eq!(told[1], Outcome::Refused(0, Refusal::Full));
     assert_eq!(acknowledged(&told), (1..20).collect::<Vec<_>>());
 }

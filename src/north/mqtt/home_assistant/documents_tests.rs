@@ -7,7 +7,7 @@ use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::ids::Name;
 use crate::drive::description::{DriveDescription, Points, Ratings};
 use crate::north::mqtt::harness::{drives, name, settings};
-use crate::north::mqtt::payload::{self, Asked};
+use crate::north::mqtt::payload::{self, InputRequest};
 use crate::north::mqtt::topics::{Inbound, Topics};
 use crate::north::mqtt::types::{HomeAssistant, Settings, Version};
 use crate::profile::catalog::Catalog;
@@ -140,7 +140,7 @@ fn what_is_pressed_is_what_the_topics_take() {
                 }
             };
             let (_, asked) = payload::read(place.input, payload.as_bytes(), &model);
-            assert!(matches!(asked, Ok(Asked::Order(_))), "{key}: {payload}: {asked:?}");
+            assert!(matches!(asked, Ok(InputRequest::Order(_))), "{key}: {payload}: {asked:?}");
             let word = if key == "set_frequency" { "frequency" } else { key.as_str() };
             assert!(can.contains(&word), "{key} is not among {can:?}");
             pressed += 1;

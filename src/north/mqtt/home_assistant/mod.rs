@@ -22,7 +22,7 @@ pub(super) use plant::Plant;
 
 use super::types::{Filter, Message, Publication, Qos};
 use crate::domain::time::MonoTime;
-use plant::Found;
+use plant::AnnouncementKind;
 use std::collections::BTreeSet;
 use std::ops::Bound;
 use std::time::Duration;
@@ -108,9 +108,9 @@ impl Discovery {
             return true;
         }
         match plant.look(component, object, message.payload) {
-            Found::Wanted => {}
-            Found::Gone => self.take_back(message.topic),
-            Found::OtherWay => self.move_over(message.topic),
+            AnnouncementKind::Wanted => {}
+            AnnouncementKind::Gone => self.take_back(message.topic),
+            AnnouncementKind::OtherWay => self.move_over(message.topic),
         }
         true
     }

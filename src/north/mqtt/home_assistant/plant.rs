@@ -42,7 +42,7 @@ impl Device<'_> {
 
 /// What an announcement under our node is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Found {
+pub(super) enum AnnouncementKind {
     /// It belongs there.
     Wanted,
     /// Something that is announced in the other way now, by device or by entity.
@@ -117,17 +117,17 @@ impl<'a> Plant<'a> {
     }
 
     /// What an announcement with `payload` is.
-    pub(super) fn look(&self, component: &str, object: &str, payload: &[u8]) -> Found {
+    pub(super) fn look(&self, component: &str, object: &str, payload: &[u8]) -> AnnouncementKind {
         if !self.settings.discovery {
-            return Found::Gone;
+            return AnnouncementKind::Gone;
         }
         if component == DEVICE {
             let device = self.devices().find(|device| device.object() == object);
             return match device {
-                None => Found::Gone,
-                Some(_) if !self.settings.devices => Found::OtherWay,
-                Some(device) if keys_of(payload) == keys(&self.entities(device)) => Found::Wanted,
-                Some(_) => Found::Gone,
+                None => AnnouncementKind::Gone,
+                Some(_) if !self.settings.devices => AnnouncementKind::OtherWay,
+                Some(device) if keys_of(payload) == keys(&self.entities(device)) => AnnouncementKind::Wanted,
+                Some(_) => AnnouncementKind::Gone,
             };
         }
         let device = self.devices().find_map(|device| {
@@ -135,9 +135,9 @@ impl<'a> Plant<'a> {
             self.entities(device).into_iter().find(|entity| entity.key == key && entity.component.word() == component)
         });
         match device {
-            None => Found::Gone,
-            Some(_) if self.settings.devices => Found::OtherWay,
-            Some(_) => Found::Wanted,
+            None => AnnouncementKind::Gone,
+            Some(_) if self.settings.devices => AnnouncementKind::OtherWay,
+            Some(_) => AnnouncementKind::Wanted,
         }
     }
 

@@ -1,6 +1,6 @@
 //! What there is to say about one drive.
 
-use super::{Advice, Said, Severity};
+use super::{Advice, AdviceText, Severity};
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::control::ControlSettings;
 use crate::domain::link::Interface;
@@ -20,7 +20,7 @@ impl Drive<'_> {
     pub fn advice(&self, interface: Interface, now: MonoTime) -> Vec<Advice> {
         let description = self.description;
         let (line, drive) = (Some(description.line.clone()), Some(description.name.clone()));
-        let mut said = Said { line, drive, all: Vec::new() };
+        let mut said = AdviceText { line, drive, all: Vec::new() };
         // A line that is down says so itself, once for all its drives.
         if self.view.line_is_up && self.view.snapshot.presence == Presence::Offline {
             let station = self.station.map(|station| format!(" as station {station}")).unwrap_or_default();
@@ -39,7 +39,7 @@ impl Drive<'_> {
     }
 
     /// A drive that does not answer may not be tripped any more: then that is said, and not this.
-    fn tripped(&self, said: &mut Said) {
+    fn tripped(&self, said: &mut AdviceText) {
         let trip = &self.view.trip;
         if trip.active != Some(true) || !self.view.is_online() {
             return;
@@ -56,7 +56,7 @@ impl Drive<'_> {
     }
 
     /// Whether it obeys the bus, as far as what was read tells.
-    fn obedience(&self, said: &mut Said, interface: Interface, now: MonoTime) {
+    fn obedience(&self, said: &mut AdviceText, interface: Interface, now: MonoTime) {
         let (model, name) = (&self.description.model, &self.description.name);
         let concerned = model.setup.iter().filter(|item| item.interface.is_none_or(|of| of == interface));
         let wrong: Vec<String> = concerned.filter_map(|item| self.wrong(item, now)).collect();
@@ -87,7 +87,7 @@ impl Drive<'_> {
         })
     }
 
-    fn setpoint_limits(&self, said: &mut Said, settings: &ControlSettings, now: MonoTime) {
+    fn setpoint_limits(&self, said: &mut AdviceText, settings: &ControlSettings, now: MonoTime) {
         let limits = settings.least.as_f64()..=settings.most.as_f64();
         if let Some(hertz) = self.setpoint(now).filter(|hertz| *hertz != 0.0 && !limits.contains(hertz)) {
             said.advice(format!(
@@ -99,7 +99,7 @@ impl Drive<'_> {
         }
     }
 
-    fn watchdog(&self, said: &mut Said, settings: &ControlSettings, watchdog: WatchdogView) {
+    fn watchdog(&self, said: &mut AdviceText, settings: &ControlSettings, watchdog: WatchdogView) {
         let at_most = settings.watchdog_at_most();
         let wrong = match watchdog.state {
             WatchdogState::Unknown | WatchdogState::InOrder => return,
@@ -117,7 +117,7 @@ impl Drive<'_> {
     }
 }
 
-fn control(said: &mut Said, control: &ControlView, now: MonoTime) {
+fn control(said: &mut AdviceText, control: &ControlView, now: MonoTime) {
     if control.not_effective {
         said.problem("a stop shows no effect: look after the motor at the drive itself");
     }

@@ -1,13 +1,13 @@
 //! What there is to say about the gateway as a whole.
 
-use super::{Advice, Said};
+use super::{Advice, AdviceText};
 use crate::north::page::gateway::{Gateway, JournalState};
 
 impl Gateway {
     /// What there is to say about it.
     #[must_use]
     pub fn advice(&self) -> Vec<Advice> {
-        let mut said = Said::default();
+        let mut said = AdviceText::default();
         if let Some(way) = self.mqtt {
             if way.is_contested {
                 said.problem(
@@ -32,7 +32,7 @@ impl Gateway {
     }
 }
 
-fn of_journal(said: &mut Said, journal: &JournalState) {
+fn of_journal(said: &mut AdviceText, journal: &JournalState) {
     if !journal.is_ok {
         let reason = journal.reason.as_deref().unwrap_or("no reason is known");
         said.problem(format!(

@@ -1,6 +1,6 @@
 //! What there is to say about one line.
 
-use super::{Advice, Said};
+use super::{Advice, AdviceText};
 use crate::domain::report::{LineFault, LineState};
 use crate::north::page::line::Line;
 use crate::north::shown::down_reason;
@@ -9,7 +9,7 @@ impl Line<'_> {
     /// What there is to say about it.
     #[must_use]
     pub fn advice(&self) -> Vec<Advice> {
-        let mut said = Said { line: Some(self.name.clone()), ..Said::default() };
+        let mut said = AdviceText { line: Some(self.name.clone()), ..AdviceText::default() };
         let report = self.report;
         if self.hangs {
             said.problem("the line's thread hangs, so that no stop leaves there: restart the gateway");
