@@ -88,6 +88,8 @@ struct Reading {
     is_sure: bool,
     /// Whether a trip held before, as far as that was known.
     was_active: Option<bool>,
+    /// The number of the trip that held, where this one was begun because another number was seen.
+    instead_of: Option<u16>,
 }
 
 impl TripWatch {
@@ -255,7 +257,7 @@ impl TripWatch {
         let last = self.view.last.as_ref().and_then(|last| last.code);
         let is_other = last.is_some_and(|last| code != last);
         if self.reading.is_none() && is_other {
-            self.reading = Some(self.new_reading(true, now));
+            self.reading = Some(Reading { instead_of: last, ..self.new_reading(true, now) });
         }
         if let Some(reading) = &mut self.reading {
             reading.code = Some(code);
@@ -339,6 +341,10 @@ impl TripWatch {
         // Of a record that may belong to another trip nothing is kept.
         let words = if is_sure || reading.count.is_none() { reading.words } else { Vec::new() };
         let cause = words.iter().find(|(address, _)| Some(*address) == places.cause).map(|(_, word)| *word);
+        if cause.is_some() && cause == reading.instead_of {
+            // The record shows the trip that held: the other number was read wrongly.
+            return None;
+        }
         let code = cause.filter(|code| *code != 0).or(reading.code);
         let is_other = matches!((code, self.code), (Some(code), Some(told)) if code != told);
         let is_news = reading.is_news || (is_other && self.held == Some(true));

@@ -320,6 +320,20 @@ fn another_number_while_a_trip_holds_is_another_trip() {
     assert_eq!(trips(watch.one(0x0113, &[9, 0, 0, 530], at(5))), (1, Some(9)));
 }
 
+#[test]
+fn another_number_that_the_record_does_not_bear_out_was_read_wrongly() {
+    let mut watch = flagged();
+    watch.one(STATUS, &[0], at(0));
+    watch.one(STATUS, &[TRIPPED], at(1));
+    watch.one(0x0113, &RECORD, at(2));
+    assert_eq!(watch.one(0x0113, &[0x5507], at(3)), None);
+    assert!(watch.wants().is_some(), "the record is read");
+    assert_eq!(watch.one(0x0113, &RECORD, at(4)), None);
+    assert_eq!((watch.wants(), watch.baseline().code), (None, Some(RECORD[0])));
+    assert_eq!(watch.one(0x0113, &[9], at(5)), None);
+    assert_eq!(trips(watch.one(0x0113, &[9, 0, 0, 530], at(6))), (1, Some(9)));
+}
+
 fn remembering(watch: TripWatch, count: Option<u16>, held: Option<bool>, code: Option<u16>) -> TripWatch {
     watch.remembering(TripBaseline { count, held, code })
 }
