@@ -126,7 +126,7 @@ impl World {
     /// The process stands still for `time`: clients, commanders, drives and others go on.
     fn stand_still(&mut self, time: Duration) {
         let (from, until) = (self.now, self.now + time);
-        self.checker.note(from.as_nanos(), 0, "the process stands still");
+        self.checker.stands_still(from.as_nanos(), until.as_nanos());
         (0..self.clients.len()).for_each(|who| self.client_stalls(who, until));
         let mut heard = Vec::new();
         loop {

@@ -393,8 +393,23 @@ impl Trace {
 
 #[test]
 fn o9_a_trip_is_kept_once_and_then_shown() {
-    Trace::new().tripped().keeps_a_trip().pass(11_000).exchange(&COUNT, &ONE_TRIP).ends().holds();
-    Trace::new().tripped().pass(11_000).exchange(&COUNT, &ONE_TRIP).ends().violates("O9");
+    Trace::new()
+        .tripped()
+        .keeps_a_trip()
+        .pass(6_000)
+        .exchange(&COUNT, &ONE_TRIP)
+        .pass(6_000)
+        .exchange(&COUNT, &ONE_TRIP)
+        .ends()
+        .holds();
+    Trace::new()
+        .tripped()
+        .pass(6_000)
+        .exchange(&COUNT, &ONE_TRIP)
+        .pass(6_000)
+        .exchange(&COUNT, &ONE_TRIP)
+        .ends()
+        .violates("O9");
     Trace::new().tripped().keeps_a_trip().keeps_a_trip().violates("O9");
     Trace::new().keeps_a_trip().violates("O9");
     let mut trace = Trace::new().tripped();
@@ -471,7 +486,15 @@ fn m4_as_many_trips_are_told_as_there_were() {
     tripped().tells(1).holds();
     tripped().tells(2).violates("M4");
     tripped().tells(1).tells(1).violates("M4");
-    let shown = |trace: Trace| trace.exchange(&COUNT, &ONE_TRIP).pass(11_000).exchange(&COUNT, &ONE_TRIP).ends();
+    let shown = |trace: Trace| {
+        trace
+            .exchange(&COUNT, &ONE_TRIP)
+            .pass(6_000)
+            .exchange(&COUNT, &ONE_TRIP)
+            .pass(6_000)
+            .exchange(&COUNT, &ONE_TRIP)
+            .ends()
+    };
     shown(tripped()).violates("M4");
     shown(tripped().tells(1)).holds();
 }

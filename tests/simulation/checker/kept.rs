@@ -12,6 +12,8 @@ const SHOWN: u64 = 10_000_000_000;
 /// And in so many replies. A frame that nothing explains makes the next eight replies doubtful (rule 53), and between those
 /// the station may be left alone for long: a trip that is over by then is not told.
 const REPLIES: u32 = 11;
+/// Replies that show a count: the first, one that confirms it, and one beside the record.
+const COUNT_REPLIES: u32 = 3;
 
 /// Something that is kept now.
 #[derive(Clone, Copy, Debug)]
@@ -38,6 +40,8 @@ pub struct Trips {
     count: Option<(u16, u64)>,
     /// The highest count that was shown for long.
     sure_count: u16,
+    /// How many replies have shown the count.
+    count_replies: u32,
     kept_count: Option<u16>,
     /// A trip is shown: since when in this life.
     held_since: Option<u64>,
@@ -92,11 +96,12 @@ impl Checker {
                 let Some(count) = word(0x0112) else { return };
                 match book.count {
                     Some((shown, since)) if shown == count => {
-                        if at > since + SHOWN {
+                        book.count_replies += 1;
+                        if at > since + SHOWN && book.count_replies >= COUNT_REPLIES {
                             book.sure_count = count;
                         }
                     }
-                    _ => book.count = Some((count, at)),
+                    _ => (book.count, book.count_replies) = (Some((count, at)), 1),
                 }
                 return;
             }

@@ -23,6 +23,8 @@ pub struct Messages {
     ids: Vec<(u64, usize, u64)>,
     /// Drive, epoch, and when it was first shown.
     epochs: Vec<(usize, u64, u64)>,
+    /// Stamps of commands, and when each was issued as far as the gateway can know it.
+    stamps: Vec<(u64, u64)>,
     opened_at: u64,
     /// The last order without an id: when it came, for which drive, and its number. `None` where another one came in the
     /// same moment, since a result does not tell which one it is for.
@@ -126,8 +128,10 @@ impl Checker {
         }
         if !stops {
             // The clock that it was stamped by may be ahead, or ours has been set back since.
-            let may_be_ahead = if it.payload.contains("\"issued_at\":") { AHEAD * 1_000_000 } else { 0 };
-            self.outdate(at, drive, order, it.issued, ttl + may_be_ahead);
+            let stamp = number_behind(it.payload, "\"issued_at\":");
+            let may_be_ahead = if stamp.is_some() { AHEAD * 1_000_000 } else { 0 };
+            let issued = stamp.map_or(it.issued, |ms| self.issued_by_clock(at, it, ms));
+            self.outdate(at, drive, order, issued, ttl + may_be_ahead);
             if is_ahead {
                 self.outdate_order(drive, order, it.issued);
             }
@@ -137,6 +141,22 @@ impl Checker {
             self.messages.ids.remove(0);
         }
         self.messages.ids.push((id, drive, order));
+    }
+
+    /// When a command that is stamped `ms` was issued, as far as the gateway can know it. One that comes for the first time
+    /// is as old as the clocks say: where both are wrong they may agree. One that comes again is as old as it was, and the
+    /// time since.
+    fn issued_by_clock(&mut self, at: u64, it: Inbound<'_>, ms: u64) -> u64 {
+        if let Some((_, issued)) = self.messages.stamps.iter().find(|(stamp, _)| *stamp == ms) {
+            return *issued;
+        }
+        let age = it.wall_ms.saturating_sub(ms) * 1_000_000;
+        let issued = at.saturating_sub(age).max(it.issued);
+        if self.messages.stamps.len() >= KEPT {
+            self.messages.stamps.remove(0);
+        }
+        self.messages.stamps.push((ms, issued));
+        issued
     }
 
     /// What was issued before the last stop, or too long ago for its time, is no order any more.
@@ -152,6 +172,7 @@ impl Checker {
     /// The gateway has forgotten which commands it had.
     pub(super) fn messages_forgotten(&mut self) {
         self.messages.ids.clear();
+        self.messages.stamps.clear();
     }
 
     /// Whether a stop came, or the way was opened anew, since `epoch` was shown.

@@ -138,6 +138,12 @@ impl Checker {
         }
     }
 
+    /// The gateway stands still until then.
+    pub fn stands_still(&mut self, from: u64, until: u64) {
+        self.note(from, 0, "the process stands still");
+        self.stood = (from, until);
+    }
+
     /// The gateway stood still: no request was answered, and no frame was sent.
     pub fn stood_still(&mut self, from: u64, until: u64) {
         self.log.add(until, What::World, 0, b"the process goes on");
