@@ -19,25 +19,21 @@ const AHEAD_MAX_MS: i64 = 2_000;
 const TOLD_FROM_MS: i64 = 100;
 /// A difference that was not seen for so long has been mended. No command is as old.
 const SEEN_FOR: Duration = Duration::from_secs(600);
-/// Most moments that are remembered.
-const KNOWN_MAX: usize = 1024;
+/// Most moments that were refused and are remembered.
+const REFUSED_MAX: usize = 64;
+/// Most moments that were taken and are remembered.
+const TAKEN_MAX: usize = 1024;
 
 /// What is known about the clocks of those who command.
 #[derive(Debug, Default)]
 pub(super) struct Issued {
     /// How far ahead they were at most, in milliseconds, and when that was seen last.
     lead: Option<(i64, MonoTime)>,
-    /// Moments that have come, newest last.
-    known: VecDeque<KnownMoment>,
-}
-
-/// A moment of issue that has come.
-#[derive(Clone, Copy, Debug)]
-struct KnownMoment {
-    issued_at: i64,
-    came_first: MonoTime,
-    /// It was too far ahead. It stays refused when it has come.
-    is_refused: bool,
+    /// Moments that were too far ahead, newest last. They stay refused when they have come, so they have a list of their
+    /// own: commands that are taken drop none of them.
+    refused: VecDeque<i64>,
+    /// Moments that were taken, newest last, with when each came first.
+    taken: VecDeque<(i64, MonoTime)>,
 }
 
 /// When one command was issued.
@@ -58,14 +54,15 @@ impl Issued {
     /// Its moment is too far ahead, or was when it came first.
     pub(super) fn take(&mut self, at: Moment, issued_at: i64) -> Result<Issue, Refused> {
         let ahead_ms = issued_at.saturating_sub(at.wall.unix_ms);
-        let seen = self.remember(at.mono, issued_at, ahead_ms > AHEAD_MAX_MS);
         if ahead_ms > AHEAD_MAX_MS {
+            self.remember_refused(issued_at);
             return Err(Refused::new(Reason::ClockAhead, format!("{}; at most 2 s are taken", ahead(ahead_ms))));
         }
-        if seen.is_refused {
+        if self.refused.contains(&issued_at) {
             let why = "this moment was refused before, when it was too far ahead of the gateway's clock";
             return Err(Refused::new(Reason::ClockAhead, why));
         }
+        let came_first = self.came_first(at.mono, issued_at);
         let known = self.lead.filter(|(_, seen)| at.mono.since(*seen) < SEEN_FOR).map_or(0, |(lead, _)| lead);
         let lead = known.max(ahead_ms);
         if ahead_ms > 0 && ahead_ms >= known || lead == 0 {
@@ -73,25 +70,34 @@ impl Issued {
         }
         let remark = (ahead_ms >= TOLD_FROM_MS).then(|| ahead(ahead_ms));
         Ok(Issue {
-            age: millis(ahead_ms.saturating_neg()).max(at.mono.since(seen.came_first)),
-            moment: at.mono.before(millis(lead.saturating_sub(ahead_ms))).min(seen.came_first),
+            age: millis(ahead_ms.saturating_neg()).max(at.mono.since(came_first)),
+            moment: at.mono.before(millis(lead.saturating_sub(ahead_ms))).min(came_first),
             remark,
         })
     }
 
-    /// Notes a moment that has come, and returns what is known of it.
-    fn remember(&mut self, now: MonoTime, issued_at: i64, is_refused: bool) -> KnownMoment {
-        if let Some(known) = self.known.iter_mut().find(|it| it.issued_at == issued_at) {
-            known.is_refused |= is_refused;
-            return *known;
+    fn remember_refused(&mut self, issued_at: i64) {
+        if !self.refused.contains(&issued_at) {
+            bounded_push(&mut self.refused, REFUSED_MAX, issued_at);
         }
-        if self.known.len() >= KNOWN_MAX {
-            self.known.pop_front();
-        }
-        let known = KnownMoment { issued_at, came_first: now, is_refused };
-        self.known.push_back(known);
-        known
     }
+
+    /// When this moment came first: now, unless it is remembered.
+    fn came_first(&mut self, now: MonoTime, issued_at: i64) -> MonoTime {
+        if let Some((_, came_first)) = self.taken.iter().find(|(it, _)| *it == issued_at) {
+            return *came_first;
+        }
+        bounded_push(&mut self.taken, TAKEN_MAX, (issued_at, now));
+        now
+    }
+}
+
+/// Adds an item at the back, and drops the oldest one when there are `max`.
+fn bounded_push<T>(items: &mut VecDeque<T>, max: usize, item: T) {
+    if items.len() >= max {
+        items.pop_front();
+    }
+    items.push_back(item);
 }
 
 /// How far a moment is ahead, for people.
@@ -159,6 +165,16 @@ mod tests {
     }
 
     #[test]
+    fn a_refused_moment_stays_refused_however_many_commands_come_in_between() {
+        let mut issued = Issued::default();
+        assert_eq!(reason(issued.take(at(50_000), EPOCH + 100_000)), Reason::ClockAhead);
+        for number in 0..2_000 {
+            assert!(issued.take(at(50_001 + number * 10), EPOCH + 50_001 + i64::try_from(number).unwrap() * 10).is_ok());
+        }
+        assert_eq!(reason(issued.take(at(99_500), EPOCH + 100_000)), Reason::ClockAhead);
+    }
+
+    #[test]
     fn a_moment_that_comes_again_is_no_younger_where_the_clock_was_set_back() {
         let mut issued = Issued::default();
         let set_back = |millis| Moment { wall: at(millis - 24_500).wall, ..at(millis) };
@@ -175,7 +191,11 @@ mod tests {
         for number in 0..2_000 {
             assert!(issued.take(at(0), EPOCH + 1_000_000 + number).is_err());
         }
-        assert_eq!(issued.known.len(), KNOWN_MAX);
+        assert_eq!(issued.refused.len(), REFUSED_MAX);
+        for number in 0..2_000 {
+            assert!(issued.take(at(0), EPOCH - number).is_ok());
+        }
+        assert_eq!(issued.taken.len(), TAKEN_MAX);
         issued.take(at(0), EPOCH + 1_500).unwrap();
         assert_eq!(issued.take(at(599_000), EPOCH + 599_000).unwrap().moment, at(597_500).mono);
         assert_eq!(issued.take(at(601_000), EPOCH + 601_000).unwrap().moment, at(601_000).mono);
