@@ -134,10 +134,11 @@ impl Book {
     }
 
     /// A stop comes, perhaps of a client. Whoever has commanded it last and nothing since repeats himself.
-    pub fn stop_comes(&mut self, number: u64, by: Option<usize>, is_coast: bool) {
+    pub fn stop_comes(&mut self, at: u64, number: u64, by: Option<usize>, is_coast: bool) {
         self.newest_stop = number;
         let by = by.map(|by| (by, is_coast));
-        let has_moved = self.moved_at > self.stop.was_accepted_at;
+        let has_moved = self.moved_at > Some(self.last_stop_at);
+        (self.last_stop_at, self.echoes) = (at, 0);
         if by.is_some() && by == self.stopped_by && !has_moved {
             self.repeat = Some(number);
         }

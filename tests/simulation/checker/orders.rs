@@ -92,9 +92,8 @@ impl Checker {
             if self.line.drives[drive].kind.facts().word_of(kind).is_none() {
                 return number;
             }
-            (book.last_stop_at, book.echoes) = (at, 0);
             book.asked[usize::from(kind == Run::Coast)] = true;
-            book.stop_comes(number, by, kind == Run::Coast);
+            book.stop_comes(at, number, by, kind == Run::Coast);
             // Beside a stop that changes nothing, a setpoint counts.
             let is_only_setpoint = cyclic && kind == Run::Stop && wish.setpoint.is_some() && book.may_be_stopped(at);
             if !is_only_setpoint {
@@ -141,8 +140,8 @@ impl Checker {
     pub(super) fn stop_all(&mut self, at: u64, who: usize) -> u64 {
         self.order_count += 1;
         for (book, _) in self.books.iter_mut().zip(&self.line.drives).filter(|(_, drive)| drive.has_control) {
-            (book.sign_at, book.last_stop_at, book.asked[0], book.echoes) = (at, at, true, 0);
-            book.stop_comes(self.order_count, Some(who / 2), false);
+            (book.sign_at, book.asked[0]) = (at, true);
+            book.stop_comes(at, self.order_count, Some(who / 2), false);
             if book.may_be_stopped(at) {
                 book.void_given_up(at);
                 book.may_stop.get_or_insert((self.order_count, at));
