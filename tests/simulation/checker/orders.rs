@@ -166,6 +166,7 @@ impl Checker {
 
     /// Stops that came and were not answered from memory at once are new ones.
     pub(super) fn settle_stops(&mut self, drive: usize) {
+        let stands = self.motors[drive].stands();
         let book = &mut self.books[drive];
         for (number, at, is_coast) in book.fresh.drain(..) {
             if !book.stop.is_pending && number < u64::MAX && book.repeat != Some(number) {
@@ -188,8 +189,9 @@ impl Checker {
                 is_coast,
                 last_output: book.stop.last_output,
             };
-            // What came after it and moves nothing goes on, and whether it came after is not always known.
-            book.orders.iter_mut().for_each(|it| it.is_void |= it.wish.register.is_none());
+            // What moves nothing goes on. At standstill a stop may be done at once, and what came after it counts.
+            let goes_on = |it: &Order| it.wish.register.is_some() || (stands && it.number > number);
+            book.orders.iter_mut().for_each(|it| it.is_void |= !goes_on(it));
         }
     }
 
