@@ -12,7 +12,7 @@ use vfd_gateway::daemon::build;
 use vfd_gateway::daemon::mqtt::{ConnectionSettings, Keeps};
 use vfd_gateway::domain::ids::Name;
 use vfd_gateway::domain::problem::Problem;
-use vfd_gateway::north::mqtt::Qos;
+use vfd_gateway::north::broker::Qos;
 
 /// Most and fewest updates of a drive in a second: one in an hour, and as many as the clock tells apart.
 const RATES: std::ops::RangeInclusive<f64> = 1.0 / 3600.0..=1000.0;

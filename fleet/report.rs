@@ -6,7 +6,7 @@ use crate::play::{Outcome, Plan};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::time::Duration;
-use vfd_gateway::north::mqtt::Qos;
+use vfd_gateway::north::broker::Qos;
 
 /// Share of the updates that were due which must have been sent for the rate to count as held: one that is due just at the
 /// end may be sent just behind it.

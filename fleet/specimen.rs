@@ -17,7 +17,9 @@ use vfd_gateway::domain::report::{LineReport, LineState as Link};
 use vfd_gateway::drive::description::DriveDescription;
 use vfd_gateway::drive::snapshot::Presence;
 use vfd_gateway::drive::view::{ControlView, DriveView, RunState};
-use vfd_gateway::north::mqtt::{Act, Broker, Event, LineState, Message, Moment, Publication, Session, Settings, Tree};
+use vfd_gateway::north::broker::{Broker, Event, LineState, Message, Publication};
+use vfd_gateway::north::clock::Moment;
+use vfd_gateway::north::mqtt::{Act, Session, Settings, Tree};
 use vfd_gateway::profile::model::Model;
 
 /// Most drives on one line, as RS-485 carries them.

@@ -8,7 +8,8 @@ use std::sync::Arc;
 use tokio::sync::Notify;
 use vfd_gateway::daemon::mqtt::{Packet, Rival, Talk};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::north::mqtt::{Event, Filter, Message, Moment, Publication, Qos, Version};
+use vfd_gateway::north::broker::{Event, Filter, Message, Publication, Qos, Version};
+use vfd_gateway::north::clock::Moment;
 
 /// The group of a shared subscription.
 const GROUP: &str = "fleet";

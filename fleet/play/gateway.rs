@@ -8,7 +8,8 @@ use std::sync::Arc;
 use tokio::sync::Notify;
 use vfd_gateway::daemon::mqtt::{Packet, Rival, Talk};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::north::mqtt::{Event, Moment, Publication, Qos};
+use vfd_gateway::north::broker::{Event, Publication, Qos};
+use vfd_gateway::north::clock::Moment;
 
 /// Its talk with the broker.
 #[derive(Debug)]
@@ -227,7 +228,7 @@ mod tests {
     use crate::play::{Plan, Reading};
     use std::time::Duration;
     use vfd_gateway::domain::time::WallTime;
-    use vfd_gateway::north::mqtt::Broker;
+    use vfd_gateway::north::broker::Broker;
 
     const START: MonoTime = MonoTime::from_millis(10_000);
 

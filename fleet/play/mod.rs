@@ -16,7 +16,7 @@ pub use run::{Outcome, Progress, Stage, run};
 use crate::books::Shape;
 use std::time::Duration;
 use vfd_gateway::daemon::mqtt::ConnectionSettings;
-use vfd_gateway::north::mqtt::Qos;
+use vfd_gateway::north::broker::Qos;
 
 /// What is to be simulated.
 #[derive(Clone, Debug)]

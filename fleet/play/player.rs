@@ -14,7 +14,8 @@ use tokio::task::LocalSet;
 use tokio::time::{sleep, timeout};
 use vfd_gateway::daemon::mqtt::{ConnectionSettings, Counters, Keeps, Packet, Rival, Talk, converse};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::north::mqtt::{Event, Moment, Publication, Qos};
+use vfd_gateway::north::broker::{Event, Publication, Qos};
+use vfd_gateway::north::clock::Moment;
 
 /// How often it is looked why somebody is not connected.
 const LOOK_EVERY: Duration = Duration::from_millis(500);

@@ -238,7 +238,7 @@ impl<W: FnMut(&Progress)> Simulation<W> {
         while clock::now() < end {
             let balance = self.board.ledger.balance();
             let has_consumers = !self.board.plan.consumers.is_empty();
-            let is_acknowledged = self.board.plan.qos == vfd_gateway::north::mqtt::Qos::AtMostOnce
+            let is_acknowledged = self.board.plan.qos == vfd_gateway::north::broker::Qos::AtMostOnce
                 || balance.acknowledged + self.board.refused.get() >= balance.sent;
             let arrived = if has_consumers { balance.received } else { balance.sent };
             self.tell(Stage::Draining, arrived, balance.sent);

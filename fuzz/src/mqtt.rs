@@ -14,10 +14,9 @@ use vfd_gateway::domain::native::{NativeAnswer, NativeOutcome};
 use vfd_gateway::domain::report::LineReport;
 use vfd_gateway::domain::time::{MonoTime, WallTime};
 use vfd_gateway::drive::view::{ControlView, DriveView};
-use vfd_gateway::north::mqtt::{
-    Act, Broker, Event, HomeAssistant, LeaseMode, LineState, Message, Moment, Publication, Qos, Session, Settings,
-    Tree, Version,
-};
+use vfd_gateway::north::broker::{Broker, Event, LineState, Message, Publication, Qos, ToLine, Version};
+use vfd_gateway::north::clock::Moment;
+use vfd_gateway::north::mqtt::{Act, HomeAssistant, LeaseMode, Session, Settings, Tree};
 
 const BASE: &str = "vfd/plant/";
 const RESPONSES: &str = "vfd/answers";
@@ -154,18 +153,21 @@ impl Rig {
             response_topic: response.as_deref(),
             payload: feed.piece(),
         };
-        let before = *self.session.counters();
+        let before = self.session.counters();
         self.session.handle(self.at(), Event::Message(message.clone()));
         let acts = self.acts();
-        let after = *self.session.counters();
+        let after = self.session.counters();
         self.acts_on(&message, &acts);
         let ends = (after.refused - before.refused) + (after.duplicates - before.duplicates);
-        let taken = acts.iter().filter(|act| matches!(act, Act::Command(..) | Act::Read(..))).count();
+        let taken = acts
+            .iter()
+            .filter(|act| matches!(act, Act::ToLine(ToLine::Command(..)) | Act::ToLine(ToLine::Read(..))))
+            .count();
         let is_input = topic.starts_with("vfd/plant/drive/pump/") && !message.payload.is_empty();
         assert!(!is_input || ends + taken as u64 >= 1, "neither taken nor refused: {message:?}");
         let kept = acts.iter().filter(|act| matches!(act, Act::Keep(..))).count();
         let writes = is_input && !topic.ends_with("/get") && !topic.ends_with("/lease");
-        let ordered = acts.iter().filter(|act| matches!(act, Act::Command(..))).count();
+        let ordered = acts.iter().filter(|act| matches!(act, Act::ToLine(ToLine::Command(..)))).count();
         assert!(!writes || ordered + kept == 1, "accounted for {} times: {message:?}", ordered + kept);
         assert!(kept <= 1, "kept {kept} times: {message:?}");
         assert_eq!(after.messages_in, before.messages_in + 1);
@@ -173,8 +175,10 @@ impl Rig {
 
     /// What one message may order.
     fn acts_on(&self, message: &Message<'_>, acts: &[Act]) {
-        let orders: Vec<_> =
-            acts.iter().filter_map(|act| if let Act::Command(to, it) = act { Some((to, it)) } else { None }).collect();
+        let orders: Vec<_> = acts
+            .iter()
+            .filter_map(|act| if let Act::ToLine(ToLine::Command(to, it)) = act { Some((to, it)) } else { None })
+            .collect();
         assert!(orders.len() <= 1, "one message, several commands: {message:?}");
         for (to, request) in orders {
             assert_eq!((to.line, to.drive), (0, request.drive));
@@ -185,7 +189,7 @@ impl Rig {
             assert!(request.start_before >= now && request.start_before <= now + TTL_MAX, "{request:?}");
             assert!(request.issued.is_none_or(|issued| issued <= now), "{request:?}");
         }
-        let is_read = acts.iter().any(|act| matches!(act, Act::Read(..)));
+        let is_read = acts.iter().any(|act| matches!(act, Act::ToLine(ToLine::Read(..))));
         assert!(!(message.retain && is_read), "a replay reads: {message:?}");
     }
 
@@ -244,13 +248,16 @@ impl Rig {
                     self.session.handle(self.at(), Event::Message(back));
                 }
                 Act::Publish(publication) => self.check_publication(publication),
-                Act::Command(_, request) => {
+                Act::ToLine(ToLine::Command(_, request)) => {
                     let before = self.commands.insert(request.ticket, request.clone());
                     assert!(before.is_none(), "a ticket twice");
                 }
-                Act::Read(_, request) => self.reads.push(request.ticket),
+                Act::ToLine(ToLine::Read(_, request)) => self.reads.push(request.ticket),
                 Act::Keep(_, attempt) => assert!(attempt.report.is_some(), "no end follows: {attempt:?}"),
-                Act::Subscribe(_) | Act::PathAlive | Act::PathOpened | Act::Reconnect(_) => {}
+                Act::Subscribe(_)
+                | Act::ToLine(ToLine::PathAlive)
+                | Act::ToLine(ToLine::PathOpened)
+                | Act::Reconnect(_) => {}
                 Act::EventTaken(_) | Act::WantEvents { .. } => {}
             }
             all.push(act);

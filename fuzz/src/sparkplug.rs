@@ -12,7 +12,8 @@ use vfd_gateway::domain::report::LineReport;
 use vfd_gateway::domain::time::{MonoTime, WallTime};
 use vfd_gateway::drive::snapshot::Presence;
 use vfd_gateway::drive::view::{ControlView, DriveView};
-use vfd_gateway::north::mqtt::{Broker, Event, LineState, Message, Moment, Publication, Version};
+use vfd_gateway::north::broker::{Broker, Event, LineState, Message, Publication, ToLine, Version};
+use vfd_gateway::north::clock::Moment;
 use vfd_gateway::north::sparkplug::payload::{Metric, Payload, Value};
 use vfd_gateway::north::sparkplug::{Act, Session, Settings};
 
@@ -162,8 +163,10 @@ impl Rig {
         let message = message(topic, payload, retain, duplicate);
         self.session.handle(self.at(), Event::Message(message));
         let acts = self.acts();
-        let orders: Vec<_> =
-            acts.iter().filter_map(|act| if let Act::Command(_, it) = act { Some(it) } else { None }).collect();
+        let orders: Vec<_> = acts
+            .iter()
+            .filter_map(|act| if let Act::ToLine(ToLine::Command(_, it)) = act { Some(it) } else { None })
+            .collect();
         assert!(orders.len() <= 1 || topic.contains("NCMD"), "one message, several commands: {orders:?}");
         assert!(orders.is_empty() || topic == DCMD || topic.contains("NCMD"), "{topic}: {orders:?}");
         for request in orders {
@@ -232,9 +235,10 @@ impl Rig {
                     self.session.handle(self.at(), Event::Message(message(PROBE, &payload, false, false)));
                 }
                 Act::Publish(publication) => self.check_publication(publication),
-                Act::Command(_, request) => self.tickets.push(request.ticket),
+                Act::ToLine(ToLine::Command(_, request)) => self.tickets.push(request.ticket),
                 Act::Keep(_, attempt) => assert!(attempt.report.is_some(), "no end follows: {attempt:?}"),
-                Act::Subscribe(_) | Act::PathAlive | Act::Reconnect(_) | Act::Leave(_) => {}
+                Act::ToLine(ToLine::Read(..) | ToLine::PathOpened) => panic!("no host asks for this: {act:?}"),
+                Act::Subscribe(_) | Act::ToLine(ToLine::PathAlive) | Act::Reconnect(_) | Act::Leave(_) => {}
             }
             all.push(act);
             assert!(all.len() < ACTS_MAX, "no end of acts");

@@ -9,7 +9,8 @@ use super::ready::{
 use super::words::Way;
 use crate::domain::control::ControlSettings;
 use crate::domain::problem::Problem;
-use crate::north::mqtt::{HomeAssistant, LeaseMode, Qos, Tree, Version, unnoticed};
+use crate::north::broker::{Qos, Version, unnoticed};
+use crate::north::mqtt::{HomeAssistant, LeaseMode, Tree};
 use crate::toml_file::values::duration_text;
 use crate::toml_file::{Location, OptionalKey, Spanned};
 use std::path::PathBuf;

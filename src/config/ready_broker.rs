@@ -1,7 +1,8 @@
 //! Ready values of the broker's table: how it is reached, as whom, and what is said there.
 
 use crate::domain::ids::Name;
-use crate::north::mqtt::{HomeAssistant, LeaseMode, Qos, Settings, Tree, Version};
+use crate::north::broker::{Qos, Version};
+use crate::north::mqtt::{HomeAssistant, LeaseMode, Settings, Tree};
 use crate::north::sparkplug;
 use std::fmt;
 use std::path::PathBuf;

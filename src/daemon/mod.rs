@@ -50,6 +50,7 @@ pub mod sys;
 #[cfg(test)]
 pub(crate) mod testing;
 pub mod timer;
+mod to_lines;
 pub mod told;
 pub mod tool_line;
 pub mod totals;

@@ -12,7 +12,7 @@ use super::testing::{Dir, Sleeper};
 use super::{build, clock};
 use crate::config::{self, Config};
 use crate::domain::ids::{CommanderName, Ticket};
-use crate::north::mqtt::{Event, Message};
+use crate::north::broker::{Event, Message};
 use crate::north::sparkplug::payload::{Metric, Payload, Value};
 use crate::profile::catalog::Catalog;
 use crate::vendors;

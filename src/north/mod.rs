@@ -1,8 +1,8 @@
 //! What clients see: parsers and sans-IO machines. No socket, no clock, and nothing of the line machine.
 
+pub mod broker;
 pub mod clock;
 pub mod command_words;
-mod issued;
 pub mod modbus;
 pub mod mqtt;
 pub mod operator;

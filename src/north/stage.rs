@@ -1,6 +1,7 @@
 //! What the tests of both sessions with a broker share: two drives of a real model, the pictures of them, and the time.
 
-use super::mqtt::{Broker, LineState, Message, Moment};
+use super::broker::{Broker, LineState, Message};
+use super::clock::Moment;
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::{DriveIndex, Name, UnitId};
 use crate::domain::report::{self, LineReport};

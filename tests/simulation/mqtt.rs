@@ -11,9 +11,9 @@ use vfd_gateway::domain::time::{MonoTime, WallTime};
 use vfd_gateway::drive::description::DriveRef;
 use vfd_gateway::drive::view::TripEvent;
 use vfd_gateway::gateway::Input;
-use vfd_gateway::north::mqtt::{
-    Act, Broker, Event, LeaseMode, LineState, Message, Moment, Publication, Qos, Session, Settings, Tree, Version,
-};
+use vfd_gateway::north::broker::{Broker, Event, LineState, Message, Publication, Qos, ToLine, Version};
+use vfd_gateway::north::clock::Moment;
+use vfd_gateway::north::mqtt::{Act, LeaseMode, Session, Settings, Tree};
 
 /// The wall clock at the start of a world.
 const WALL_MS: i64 = 1_767_225_600_000;
@@ -329,10 +329,10 @@ impl World {
 
     fn inward(&mut self, act: Act) {
         match act {
-            Act::Command(_, command) => self.core.handle(self.now, Input::Command(command)),
-            Act::Read(_, request) => self.core.handle(self.now, Input::Native(request)),
-            Act::PathAlive => self.core.handle(self.now, Input::PathAlive(Owner::Mqtt)),
-            Act::PathOpened => self.core.handle(self.now, Input::PathOpened(Owner::Mqtt)),
+            Act::ToLine(ToLine::Command(_, command)) => self.core.handle(self.now, Input::Command(command)),
+            Act::ToLine(ToLine::Read(_, request)) => self.core.handle(self.now, Input::Native(request)),
+            Act::ToLine(ToLine::PathAlive) => self.core.handle(self.now, Input::PathAlive(Owner::Mqtt)),
+            Act::ToLine(ToLine::PathOpened) => self.core.handle(self.now, Input::PathOpened(Owner::Mqtt)),
             Act::Subscribe(_) | Act::Publish(_) | Act::Reconnect(_) => {}
             Act::Keep(..) | Act::EventTaken(_) | Act::WantEvents { .. } => {}
         }

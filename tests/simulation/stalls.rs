@@ -9,7 +9,7 @@ use fastrand::Rng;
 use std::time::Duration;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::gateway::Input;
-use vfd_gateway::north::mqtt::Event;
+use vfd_gateway::north::broker::Event;
 
 /// A process that stands still for so long notices it.
 const NOTICED: Duration = Duration::from_secs(1);

@@ -5,7 +5,7 @@ use super::super::file::{HomeAssistantFile, MqttFile, SparkplugFile};
 use super::super::keys::Section;
 use super::super::words::{LEASES, TREES, of_lease};
 use super::tables::{absolute_path, inner, refuse_not_served, turned};
-use crate::north::mqtt::{Qos, Version};
+use crate::north::broker::{Qos, Version};
 use crate::toml_file::values::Kind;
 use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
 use std::ops::RangeInclusive;

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::domain::ids::Name;
-use crate::north::mqtt::{LeaseMode, Qos, Version};
+use crate::north::broker::{Qos, Version};
+use crate::north::mqtt::LeaseMode;
 use std::path::PathBuf;
 
 fn mqtt(text: &str) -> MqttSettings {

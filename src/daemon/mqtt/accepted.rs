@@ -4,7 +4,7 @@ use super::counters::{Counters, count};
 use super::incident::{NotQueued, Terms, Unfit};
 use super::link::Sender;
 use super::window::Window;
-use crate::north::mqtt::{Filter, Publication};
+use crate::north::broker::{Filter, Publication};
 use tokio::time::Instant;
 
 /// What is known about an accepted connection.

@@ -16,7 +16,7 @@ use super::window::Window;
 use super::{Packet, Talk, tls};
 use crate::daemon::clock;
 use crate::daemon::stall::{LOOK_EVERY, Turns};
-use crate::north::mqtt::{Event, Refusal};
+use crate::north::broker::{Event, Refusal};
 use std::cell::RefCell;
 use std::future::poll_fn;
 use std::pin::{Pin, pin};

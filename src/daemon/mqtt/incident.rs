@@ -1,7 +1,7 @@
 //! What happens on a connection to a broker, in words that both protocol versions have, and the limits of both.
 
 use super::settings::ConnectionSettings;
-use crate::north::mqtt::{Broker, Filter, Message, Refusal};
+use crate::north::broker::{Broker, Filter, Message, Refusal};
 use bytes::Bytes;
 use std::time::Duration;
 

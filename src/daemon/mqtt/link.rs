@@ -9,7 +9,7 @@ use super::stream::Target;
 use super::v4::{self, V4};
 use super::v5::{self, V5};
 use super::window::QUEUE_MAX;
-use crate::north::mqtt::{Filter, Publication, Version};
+use crate::north::broker::{Filter, Publication, Version};
 use rustls::ClientConfig;
 use std::future::poll_fn;
 use std::panic::{AssertUnwindSafe, catch_unwind};

@@ -36,7 +36,8 @@ pub use settings::{ConnectionSettings, Keeps, Secret, TlsSettings};
 pub use tls::{TlsError, check as check_tls};
 
 use crate::domain::time::MonoTime;
-use crate::north::mqtt::{Event, Filter, Moment, Publication};
+use crate::north::broker::{Event, Filter, Publication};
+use crate::north::clock::Moment;
 
 /// The one who talks with the broker, without a socket: the MQTT session and what it looks at.
 ///

@@ -1,6 +1,6 @@
 //! How the broker is reached.
 
-use crate::north::mqtt::Version;
+use crate::north::broker::Version;
 use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;

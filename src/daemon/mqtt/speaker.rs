@@ -2,17 +2,19 @@
 
 use super::{Packet, Rival, Talk};
 use crate::daemon::answers::{AnswerBox, News};
-use crate::daemon::inbox::Message as LineMessage;
 use crate::daemon::north_journal::{Journal, NorthJournal};
 use crate::daemon::random;
 use crate::daemon::shared::{Current, Shared, SharedLine};
+use crate::daemon::to_lines::hand_over;
 use crate::daemon::totals::MqttTotals;
-use crate::domain::command::{CommandRequest, Owner};
+use crate::domain::command::Owner;
 use crate::domain::ids::{Name, Ticket};
 use crate::domain::time::MonoTime;
-use crate::drive::description::{DriveDescription, DriveRef};
+use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
-use crate::north::mqtt::{Act, Event, LineState, Moment, Publication, Session, Settings};
+use crate::north::broker::{Event, LineState, Publication, ToLine};
+use crate::north::clock::Moment;
+use crate::north::mqtt::{Act, Session, Settings};
 use std::sync::Arc;
 
 /// Talks for the gateway.
@@ -95,53 +97,31 @@ impl Speaker {
         self.lines.extend(self.shared.lines.iter().enumerate().map(line));
     }
 
-    /// Hands everything for the lines to them. It never waits for the broker.
+    /// Hands everything for the lines and the journal to them. It never waits for the broker.
     fn pass_inward(&mut self, at: Moment) {
-        let mut stops = Vec::new();
+        let mut requests = Vec::new();
         while let Some(act) = self.session.next_inward() {
             match act {
-                Act::Command(place, command) if command.order.is_stop() => stops.push((place, command)),
-                act => {
-                    self.put_stops(at, &mut stops);
-                    self.carry_out(at, act);
-                }
+                Act::ToLine(request) => requests.push(request),
+                act => self.carry_out(at, act),
             }
         }
-        self.put_stops(at, &mut stops);
+        self.hand_over(at, requests);
     }
 
-    /// Hands stops that follow each other to their lines, so that each finds all of its own.
-    fn put_stops(&mut self, at: Moment, stops: &mut Vec<(DriveRef, CommandRequest)>) {
-        let tickets: Vec<_> = stops.iter().map(|(_, command)| command.ticket).collect();
-        let taken = self.shared.put_together(std::mem::take(stops));
-        for (ticket, _) in tickets.into_iter().zip(taken).filter(|(_, is_taken)| !is_taken) {
+    fn hand_over(&mut self, at: Moment, requests: impl IntoIterator<Item = ToLine>) {
+        for ticket in hand_over(&self.shared, Owner::Mqtt, requests) {
             self.session.refused_by_line(at, ticket);
         }
     }
 
     fn carry_out(&mut self, at: Moment, act: Act) {
         match act {
-            Act::Command(place, command) => {
-                let ticket = command.ticket;
-                self.put(at, place, ticket, LineMessage::Command(command));
-            }
-            Act::Read(place, request) => {
-                let ticket = request.ticket;
-                self.put(at, place, ticket, LineMessage::Native(request));
-            }
-            Act::PathAlive => self.tell_all(&|| LineMessage::PathAlive(Owner::Mqtt)),
-            Act::PathOpened => self.tell_all(&|| LineMessage::PathOpened(Owner::Mqtt)),
+            Act::ToLine(request) => self.hand_over(at, [request]),
             Act::Keep(drive, attempt) => self.tell_journal(|journal| journal.keep(drive, attempt)),
             Act::EventTaken(seq) => self.tell_journal(|journal| journal.event_taken(seq)),
             Act::WantEvents { after } => self.tell_journal(|journal| journal.want_events(after)),
             Act::Subscribe(_) | Act::Publish(_) | Act::Reconnect(_) => {}
-        }
-    }
-
-    fn put(&mut self, at: Moment, place: DriveRef, ticket: Ticket, message: LineMessage) {
-        let taken = self.shared.inbox(place).is_some_and(|inbox| inbox.put(message).is_ok());
-        if !taken {
-            self.session.refused_by_line(at, ticket);
         }
     }
 
@@ -151,15 +131,8 @@ impl Speaker {
         }
     }
 
-    fn tell_all(&self, message: &dyn Fn() -> LineMessage) {
-        for line in &self.shared.lines {
-            // A full inbox holds commands that renew the lease themselves, or the lease ends: the safe side.
-            let _ = line.inbox.put(message());
-        }
-    }
-
     fn count(&self, at: Moment) {
-        self.totals.set(self.session.is_path_alive(at), self.session.counters());
+        self.totals.set(self.session.is_path_alive(at), &self.session.counters());
     }
 }
 

@@ -1,6 +1,6 @@
 //! A broker for tests that does only what the test says, byte by byte.
 
-use crate::north::mqtt::Version;
+use crate::north::broker::Version;
 use std::net::SocketAddr;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};

@@ -5,7 +5,7 @@ mod writing;
 
 use super::stub::{CONNECT, DISCONNECT, PUBACK, PUBLISH, Peer, SUBSCRIBE, Stub};
 use super::*;
-use crate::north::mqtt::{Broker, Filter, Qos, Refusal, Version};
+use crate::north::broker::{Broker, Filter, Qos, Refusal, Version};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::net::SocketAddr;

@@ -4,7 +4,7 @@ use super::exchange::Protocol;
 use super::incident::{self, Broken, Cause, Incident, NotQueued, Received, Terms};
 use super::reason;
 use super::settings::{ConnectionSettings, Keeps, Secret};
-use crate::north::mqtt::{Filter, Publication, Qos};
+use crate::north::broker::{Filter, Publication, Qos};
 use bytes::BytesMut;
 use rumqttc::mqttbytes::Error as BytesError;
 use rumqttc::{

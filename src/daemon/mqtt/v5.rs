@@ -4,7 +4,7 @@ use super::exchange::Protocol;
 use super::incident::{self, Broken, Cause, Incident, NotQueued, Received, Terms};
 use super::reason;
 use super::settings::{ConnectionSettings, Keeps, Secret};
-use crate::north::mqtt::{Broker, Filter as Wanted, Publication, Qos, Refusal};
+use crate::north::broker::{Broker, Filter as Wanted, Publication, Qos, Refusal};
 use bytes::BytesMut;
 use rumqttc::Outgoing;
 use rumqttc::v5::mqttbytes::v5::{

@@ -3,7 +3,7 @@
 //! The connection chooses identifiers when it takes a publication out of its queue, and reports them in that
 //! order. Identifiers are used again, and acknowledgements come in any order.
 
-use crate::north::mqtt::Qos;
+use crate::north::broker::Qos;
 use std::collections::{HashMap, VecDeque};
 
 /// Packets that may wait in the connection's queue.

@@ -2,18 +2,19 @@
 
 use super::BdSeq;
 use crate::daemon::answers::{AnswerBox, News};
-use crate::daemon::inbox::Message as LineMessage;
 use crate::daemon::mqtt::{Chore, Packet, Rival, Talk};
 use crate::daemon::north_journal::Journal;
 use crate::daemon::random;
 use crate::daemon::shared::{Current, Shared, SharedLine};
+use crate::daemon::to_lines::hand_over;
 use crate::daemon::totals::SparkplugTotals;
-use crate::domain::command::{CommandRequest, Owner};
+use crate::domain::command::Owner;
 use crate::domain::ids::{Name, Ticket};
 use crate::domain::time::MonoTime;
-use crate::drive::description::{DriveDescription, DriveRef};
+use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
-use crate::north::mqtt::{Event, LineState, Moment, Publication};
+use crate::north::broker::{Event, LineState, Publication, ToLine};
+use crate::north::clock::Moment;
 use crate::north::sparkplug::{Act, Session, Settings};
 use std::sync::Arc;
 
@@ -98,45 +99,27 @@ impl Speaker {
         self.lines.extend(self.shared.lines.iter().map(line));
     }
 
-    /// Hands everything for the lines to them. It never waits for the broker.
+    /// Hands everything for the lines and the journal to them. It never waits for the broker.
     fn pass_inward(&mut self) {
-        let mut stops = Vec::new();
+        let mut requests = Vec::new();
         while let Some(act) = self.session.next_inward() {
             match act {
-                Act::Command(place, command) if command.order.is_stop() => stops.push((place, command)),
-                act => {
-                    self.put_stops(&mut stops);
-                    self.carry_out(act);
-                }
+                Act::ToLine(request) => requests.push(request),
+                act => self.carry_out(act),
             }
         }
-        self.put_stops(&mut stops);
+        self.hand_over(requests);
     }
 
-    /// Hands stops that follow each other to their lines, so that each finds all of its own.
-    fn put_stops(&mut self, stops: &mut Vec<(DriveRef, CommandRequest)>) {
-        let tickets: Vec<_> = stops.iter().map(|(_, command)| command.ticket).collect();
-        let taken = self.shared.put_together(std::mem::take(stops));
-        for (ticket, _) in tickets.into_iter().zip(taken).filter(|(_, is_taken)| !is_taken) {
+    fn hand_over(&mut self, requests: impl IntoIterator<Item = ToLine>) {
+        for ticket in hand_over(&self.shared, Owner::Sparkplug, requests) {
             self.session.refused_by_line(ticket);
         }
     }
 
     fn carry_out(&mut self, act: Act) {
         match act {
-            Act::Command(place, command) => {
-                let ticket = command.ticket;
-                let inbox = self.shared.inbox(place);
-                if inbox.is_none_or(|inbox| inbox.put(LineMessage::Command(command)).is_err()) {
-                    self.session.refused_by_line(ticket);
-                }
-            }
-            Act::PathAlive => {
-                for line in &self.shared.lines {
-                    // A full inbox holds commands that renew the lease themselves, or the lease ends: the safe side.
-                    let _ = line.inbox.put(LineMessage::PathAlive(Owner::Sparkplug));
-                }
-            }
+            Act::ToLine(request) => self.hand_over([request]),
             Act::Keep(drive, attempt) => {
                 if let Some(journal) = &self.sides.journal {
                     journal.keep(drive, attempt);
@@ -147,7 +130,7 @@ impl Speaker {
     }
 
     fn count(&self, at: Moment) {
-        self.sides.totals.set(self.session.is_path_alive(at), self.session.counters());
+        self.sides.totals.set(self.session.is_path_alive(at), &self.session.counters());
     }
 }
 

@@ -1,16 +1,16 @@
 //! Answers of the lines: each becomes a result, and a read its value.
 
-use super::giving::Asker;
+use super::dispatch::{Asker, Context};
 use super::params::label;
 use super::payload::Refused;
-use super::pending::{Pending, What};
 use super::results::{Reply, ResultContent, named, values};
 use super::session::Session;
-use super::types::Moment;
 use crate::domain::command::{CommandAnswer, Order, Outcome, Owner, Reason, Report};
 use crate::domain::ids::{AskerId, Ticket};
 use crate::domain::native::{NativeAnswer, NativeOutcome};
 use crate::drive::snapshot::Reading;
+use crate::north::broker::{Pending, Request, outside_limits};
+use crate::north::clock::Moment;
 use serde_json::{Map, Value};
 
 impl Session {
@@ -21,10 +21,10 @@ impl Session {
             return;
         }
         if answer.is_final {
-            if let Some(pending) = self.unanswered.take(answer.ticket) {
+            if let Some(pending) = self.commands.take(answer.ticket) {
                 self.end(at, &pending, answer.report);
             }
-        } else if let Some(pending) = self.unanswered.get(answer.ticket).cloned() {
+        } else if let Some(pending) = self.commands.get(answer.ticket).cloned() {
             self.tell_stage(at, &pending, answer.report, false);
         }
     }
@@ -33,8 +33,8 @@ impl Session {
     pub fn native_answer(&mut self, at: Moment, answer: &NativeAnswer) {
         self.clock.see(at);
         let pending = Some(answer.ticket).filter(|_| answer.asker == AskerId::MQTT);
-        let Some(pending) = pending.and_then(|ticket| self.unanswered.take(ticket)) else { return };
-        let (What::Read(register), NativeOutcome::Words(words)) = (&pending.what, &answer.outcome) else {
+        let Some(pending) = pending.and_then(|ticket| self.commands.take(ticket)) else { return };
+        let (Request::Read(register), NativeOutcome::Words(words)) = (&pending.request, &answer.outcome) else {
             return self.end(at, &pending, answer.outcome.read_failure());
         };
         match words.first() {
@@ -46,43 +46,31 @@ impl Session {
     /// Takes word that a line could not take the request with this ticket, because its inbox was full.
     pub fn refused_by_line(&mut self, at: Moment, ticket: Ticket) {
         self.clock.see(at);
-        let Some(pending) = self.unanswered.take(ticket) else { return };
-        let report = Report::refused(Reason::QueueFull);
-        self.keep_pending(&pending, report);
-        self.end(at, &pending, report);
-    }
-
-    /// Gives up what should have been answered long ago.
-    pub(super) fn drop_overdue(&mut self, at: Moment) {
-        while let Some(pending) = self.unanswered.take_overdue(at.mono) {
-            self.counters.unanswered += 1;
-            let outcome = if matches!(pending.what, What::Read(_)) { Outcome::Failed } else { Outcome::Unknown };
-            let report = Report::new(outcome, Reason::NoReply);
-            self.withdraw(&pending, report);
+        if let Some((pending, report)) = self.commands.refused_by_line(ticket) {
             self.end(at, &pending, report);
         }
     }
 
-    /// Tells the last word on a command.
-    pub(super) fn end(&mut self, at: Moment, pending: &Pending, report: Report) {
-        self.seen[pending.drive].ended(pending.ticket, report);
+    /// Tells the last word on a command or read.
+    pub(super) fn tell_end(&mut self, at: Moment, pending: &Pending<Context>, report: Report) {
         // Renewals come all the time; only their refusal is news.
         let is_done = matches!(report.outcome, Outcome::Acknowledged | Outcome::Confirmed);
-        let is_renewal = pending.what == What::Order(Order::Renew);
-        if !(is_renewal && is_done && pending.reply.is_none()) {
+        let is_renewal = pending.request == Request::Order(Order::Renew);
+        if !(is_renewal && is_done && pending.context.reply.is_none()) {
             self.tell_stage(at, pending, report, true);
         }
     }
 
-    fn tell_stage(&mut self, at: Moment, pending: &Pending, report: Report, is_final: bool) {
-        let values = match &pending.what {
-            What::Order(order) => values(&self.drives[pending.drive].model, order, &report),
-            What::Read(_) => Map::new(),
+    fn tell_stage(&mut self, at: Moment, pending: &Pending<Context>, report: Report, is_final: bool) {
+        let values = match &pending.request {
+            Request::Order(order) => values(&self.drives[pending.drive].model, order, &report),
+            Request::Read(_) => Map::new(),
         };
-        let message = self.limits_of(pending, report).or_else(|| report.holder.map(|_| report.message()));
+        let message = outside_limits(&self.drives[pending.drive], &pending.request, report)
+            .or_else(|| report.holder.map(|_| report.message()));
         let own_words = || Some(report.reason.text().to_owned()).filter(|_| report.reason != Reason::None);
         // Beside why it was refused, if it was.
-        let message = pending.remark.as_ref().map_or_else(
+        let message = pending.context.remark.as_ref().map_or_else(
             || message.clone(),
             |remark| {
                 Some(
@@ -90,20 +78,12 @@ impl Session {
                 )
             },
         );
-        let asker = (pending.by, &pending.id, pending.reply.as_ref());
+        let asker = (pending.by, &pending.context.id, pending.context.reply.as_ref());
         let stage = Stage { report, is_final, is_repeat: false, message, values };
         self.tell(at, pending.drive, asker, stage);
     }
 
-    /// A frequency outside the limits is refused with the limits.
-    fn limits_of(&self, pending: &Pending, report: Report) -> Option<String> {
-        let control = self.drives[pending.drive].control.as_ref()?;
-        let What::Order(Order::Go(go)) = &pending.what else { return None };
-        let frequency = go.frequency().filter(|_| report.reason == Reason::OutsideLimits)?;
-        Some(format!("{frequency} Hz is outside the limits of {} to {} Hz", control.least, control.most))
-    }
-
-    fn end_read(&mut self, at: Moment, pending: &Pending, register: usize, word: u16) {
+    fn end_read(&mut self, at: Moment, pending: &Pending<Context>, register: usize, word: u16) {
         let drive = &self.drives[pending.drive];
         let Some(found) = drive.model.registers.get(register) else { return };
         let topic = self.topics.drive(drive.name.as_str(), &format!("param/{}", label(found)));
@@ -111,7 +91,7 @@ impl Session {
         self.telemetry.take_param(pending.drive, register, Reading { raw: word, at: at.mono }, topic);
         let report = Report::new(Outcome::Confirmed, Reason::None);
         let stage = Stage { report, is_final: true, is_repeat: false, message: None, values };
-        self.tell(at, pending.drive, (pending.by, &pending.id, pending.reply.as_ref()), stage);
+        self.tell(at, pending.drive, (pending.by, &pending.context.id, pending.context.reply.as_ref()), stage);
     }
 
     /// Tells the first outcome of a command that came again.

@@ -2,9 +2,10 @@
 //! gateway is ever told the wall clock.
 
 use super::harness::{EPOCH_MS, Rig, Staged, commands, result};
-use super::types::{Act, Event, Publication, Version};
+use super::types::Act;
 use crate::domain::command::{Outcome, Reason};
 use crate::domain::time::MonoTime;
+use crate::north::broker::{Event, Publication, Version};
 use serde_json::Value;
 
 const HOUR_MS: i64 = 3_600_000;

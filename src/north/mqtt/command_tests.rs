@@ -3,7 +3,7 @@
 use super::harness::{
     EPOCH_MS, Rig, Staged, commands, kept, message, on, orders, publications, reads, result, results, settings, told,
 };
-use super::types::{Act, Event, Message, Publication, Qos, Settings, Version};
+use super::types::{Act, Settings};
 use crate::domain::command::{Direction, Go, Order, Outcome, Owner, Reason, RegisterWrite, Report};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{AskerId, CommanderName};
@@ -11,6 +11,7 @@ use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, Refusal};
 use crate::domain::time::MonoTime;
 use crate::drive::view::ControlView;
 use crate::journal::Tried;
+use crate::north::broker::{Event, Message, Publication, Qos, Version};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::time::Duration;
@@ -673,7 +674,7 @@ fn what_nobody_fetches_stays_bounded() {
     }
     let inward: Vec<_> = std::iter::from_fn(|| rig.session.next_inward()).collect();
     assert!(inward.iter().all(|act| matches!(act, Act::Keep(..))), "all are given up");
-    assert_eq!(inward.len(), super::kept::WAITING_MAX);
+    assert_eq!(inward.len(), crate::north::broker::ATTEMPTS_MAX);
     assert!(rig.session.counters().attempts_lost > 0);
     assert!(publications(&rig.connect()).iter().filter(|it| it.topic.ends_with("/result")).count() <= 64);
     assert!(rig.session.counters().results_dropped > 0);

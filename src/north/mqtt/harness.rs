@@ -1,7 +1,7 @@
 //! What the tests of the session share: a broker that is played by hand, and what is read from what the session does.
 
 use super::session::Session;
-use super::types::{Act, Event, LeaseMode, Message, Moment, Publication, Qos, Settings, Tree, Version};
+use super::types::{Act, LeaseMode, Settings, Tree};
 use crate::domain::command::{CommandAnswer, CommandRequest, Direction, Order, Outcome, Reason, Report};
 use crate::domain::control::{ControlSettings, FailSafe};
 use crate::domain::ids::{AskerId, DriveIndex, Ticket};
@@ -9,6 +9,8 @@ use crate::domain::native::NativeRequest;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::journal::Attempt;
+use crate::north::broker::{Event, Message, Publication, Qos, ToLine, Version};
+use crate::north::clock::Moment;
 use crate::north::stage::{self, Stage};
 pub(super) use crate::north::stage::{EPOCH_MS, Staged, idle_control, message, model, name};
 use serde_json::Value;
@@ -210,7 +212,9 @@ pub(super) fn result(acts: &[Act]) -> (String, String) {
 }
 
 pub(super) fn commands(acts: &[Act]) -> Vec<&CommandRequest> {
-    acts.iter().filter_map(|act| if let Act::Command(_, request) = act { Some(request) } else { None }).collect()
+    acts.iter()
+        .filter_map(|act| if let Act::ToLine(ToLine::Command(_, request)) = act { Some(request) } else { None })
+        .collect()
 }
 
 pub(super) fn orders(acts: &[Act]) -> Vec<&Order> {
@@ -223,5 +227,7 @@ pub(super) fn kept(acts: &[Act]) -> Vec<&Attempt> {
 }
 
 pub(super) fn reads(acts: &[Act]) -> Vec<&NativeRequest> {
-    acts.iter().filter_map(|act| if let Act::Read(_, request) = act { Some(request) } else { None }).collect()
+    acts.iter()
+        .filter_map(|act| if let Act::ToLine(ToLine::Read(_, request)) = act { Some(request) } else { None })
+        .collect()
 }

@@ -2,9 +2,9 @@
 
 use super::in_flight::InFlight;
 use super::topics::Topics;
-use super::types::Refusal;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
+use crate::north::broker::Refusal;
 use crate::north::clock::Clock;
 use serde_json::{Value, json};
 use std::time::Duration;

@@ -1,7 +1,7 @@
 //! What goes to the broker in order, each until the broker acknowledged it or will not take it.
 
-use super::types::Refusal;
 use crate::domain::time::MonoTime;
+use crate::north::broker::Refusal;
 use std::collections::VecDeque;
 use std::time::Duration;
 

@@ -1,19 +1,20 @@
 //! Messages from the broker: what each asks for, and whether it is taken.
 
-use super::giving::Asker;
+use super::attempts;
+use super::dispatch::Asker;
 use super::home_assistant::Plant;
-use super::kept;
-use super::path::Returned;
 use super::payload::{self, InputCommand, InputRequest, Refused, short};
 use super::results::Reply;
 use super::seen::IdState;
 use super::session::Session;
 use super::topics::{Inbound, Input, InputAddress};
-use super::types::{Act, LeaseMode, Message, Moment, Version};
+use super::types::LeaseMode;
 use crate::domain::command::{Order, Owner, Reason, Report};
 use crate::domain::ids::{CommanderName, Name};
 use crate::domain::problem::nearest;
 use crate::journal::Tried;
+use crate::north::broker::{Message, Returned, Version, tried_by};
+use crate::north::clock::Moment;
 use crate::north::command_words::beside_a_stop;
 
 /// Why a command is refused while nobody knows how long it was on its way.
@@ -53,9 +54,8 @@ impl Session {
             }
         }
         let is_alive = self.path.is_sign_of_life(at.mono) && !self.are_commanders_gone;
-        let is_sign_of_life = is_alive && self.settings.lease == LeaseMode::Session;
-        if is_sign_of_life && !self.inward.contains(&Act::PathAlive) {
-            self.inward.push_back(Act::PathAlive);
+        if is_alive && self.settings.lease == LeaseMode::Session {
+            self.commands.path_alive();
         }
     }
 
@@ -79,7 +79,7 @@ impl Session {
         };
         let refused = if message.retain { self.live(message, false).err().unwrap_or(refused) } else { refused };
         let asker = Asker { by: Owner::Mqtt, id: self.next_id(), reply };
-        let tried = kept::text(self.topics.below(message.topic), message.payload);
+        let tried = attempts::text(self.topics.below(message.topic), message.payload);
         self.keep(None, Owner::Mqtt, Some(tried), Report::refused(refused.reason));
         self.refuse(at, "all", self.topics.gateway("all/result"), &asker, &refused);
     }
@@ -123,9 +123,9 @@ impl Session {
         message: &Message<'_>,
     ) -> Option<Tried> {
         match asked {
-            Ok(InputRequest::Order(wish)) => kept::of_order(&wish.order),
+            Ok(InputRequest::Order(wish)) => tried_by(&wish.order),
             Ok(InputRequest::Read(_)) => None,
-            Err(_) => kept::of_text(place, self.topics.below(message.topic), message.payload),
+            Err(_) => attempts::of_text(place, self.topics.below(message.topic), message.payload),
         }
     }
 
@@ -154,7 +154,7 @@ impl Session {
         let hint = near.map_or_else(String::new, |near| format!("; is it `{near}`?"));
         let unknown = Refused::new(Reason::UnknownDrive, format!("there is no drive `{name}`{hint}"));
         let refused = self.live(message, false).err().unwrap_or(unknown);
-        let tried = kept::of_text(place, self.topics.below(message.topic), message.payload);
+        let tried = attempts::of_text(place, self.topics.below(message.topic), message.payload);
         self.keep(None, by, tried, Report::refused(refused.reason));
         if Name::new(name).is_none() {
             // There is no topic for an answer.
@@ -168,7 +168,7 @@ impl Session {
 
     /// An order that is held to deadline, ids and bounds.
     fn order(&mut self, at: Moment, drive: usize, asker: Asker, mut wish: InputCommand, message: &Message<'_>) {
-        let tried = kept::of_order(&wish.order);
+        let tried = tried_by(&wish.order);
         if wish.id.is_some() {
             let known = self.seen[drive].look(at.mono, (asker.by, &asker.id), &wish.order, wish.epoch);
             let refused = Report::refused(Reason::Duplicate);
@@ -186,7 +186,7 @@ impl Session {
             }
         }
         let dated = self.date(at, &mut wish);
-        let has_room = self.unanswered.has_room_for_command();
+        let has_room = self.commands.has_room_for_command();
         let queue_full = || Refused::plain(Reason::QueueFull);
         match dated.and_then(|()| has_room.then_some(()).ok_or_else(queue_full)) {
             Ok(()) => self.give(at, drive, asker, wish, message),

@@ -2,12 +2,13 @@
 
 use super::slot::{Content, Present, Slot, retained};
 use super::topics::Topics;
-use super::types::{LineState, Publication, Qos, Settings};
+use super::types::Settings;
 use crate::domain::ids::Name;
 use crate::domain::report::{LineCounters, LineReport, REPLY_CLASSES, ReplyReport, StationReport};
 use crate::domain::suspicion::Suspicion;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
+use crate::north::broker::{LineState, Publication, Qos};
 use crate::north::shown::{capabilities, down_reason, millis};
 use serde_json::{Value, json};
 use std::time::Duration;

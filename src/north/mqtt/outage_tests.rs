@@ -1,8 +1,9 @@
 //! What outlives a broken connection: events that a journal keeps, and telemetry of the time without a broker.
 
 use super::harness::{Rig, Staged, drives, publications, settings};
-use super::types::{Act, Event, Publication, Qos, Settings, Version};
+use super::types::{Act, Settings};
 use crate::journal::StoredEvent;
+use crate::north::broker::{Event, Publication, Qos, Version};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::collections::VecDeque;

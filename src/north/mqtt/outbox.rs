@@ -1,8 +1,8 @@
 //! Trip events on their way to the broker where no journal keeps them: in order, each until the broker acknowledged it.
 
 use super::in_flight::InFlight;
-use super::types::Refusal;
 use crate::domain::time::MonoTime;
+use crate::north::broker::Refusal;
 use serde_json::{Map, Value};
 
 /// Most events that are kept.

@@ -2,9 +2,10 @@
 
 use super::harness::{Rig, Staged, drives, name, on, publications, settings, told};
 use super::session::Session;
-use super::types::{Act, Event, Settings, Tree, Version};
+use super::types::{Act, Settings, Tree};
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::{DriveDescription, Points, Ratings};
+use crate::north::broker::{Event, Version};
 use crate::profile::model::Role;
 use serde_json::Value;
 use std::sync::Arc;

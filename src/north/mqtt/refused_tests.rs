@@ -1,8 +1,9 @@
 //! A broker that does not take events: what goes again, what is given up, and that nothing stands in the way for ever.
 
 use super::harness::{Rig, Staged, drives, publications, settings};
-use super::types::{Act, Event, Refusal, Settings, Version};
+use super::types::{Act, Settings};
 use crate::journal::StoredEvent;
+use crate::north::broker::{Event, Refusal, Version};
 
 /// A session with `count` stored events on their way to the broker.
 fn rig(count: u64) -> (Rig, Vec<Act>) {

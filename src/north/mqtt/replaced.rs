@@ -1,18 +1,16 @@
 //! The configuration has changed while the connection stays: other drives, other lines.
 
 use super::home_assistant::Plant;
-use super::pending::What;
 use super::seen::CommandIds;
 use super::session::Session;
-use super::types::Moment;
-use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::ids::{Name, Ticket};
 use crate::drive::description::DriveDescription;
+use crate::north::clock::Moment;
 
 impl Session {
     /// Tickets count on from this one.
     pub const fn count_tickets_from(&mut self, first: Ticket) {
-        self.last_ticket = first.0;
+        self.commands.count_tickets_from(first);
     }
 
     /// The gateway has these drives and lines from now on. A drive goes on if its place and name are the same; what was asked
@@ -22,13 +20,10 @@ impl Session {
         let goes_on =
             |old: &DriveDescription| drives.iter().position(|it| it.place == old.place && it.name == old.name);
         let moved: Vec<_> = self.drives.iter().map(goes_on).collect();
-        while let Some(pending) = self.unanswered.take_gone(&moved) {
-            let outcome = if matches!(pending.what, What::Read(_)) { Outcome::Failed } else { Outcome::Unknown };
-            let report = Report::new(outcome, Reason::Removed);
-            self.withdraw(&pending, report);
+        while let Some((pending, report)) = self.commands.take_gone(&moved) {
             self.end(at, &pending, report);
         }
-        self.unanswered.move_drives(&moved);
+        self.commands.move_drives(&moved);
         let mut seen = std::mem::take(&mut self.seen);
         // Ids outlive a new start of the drive's line: what came once is not done twice.
         let known = |name: &Name| self.drives.iter().position(|it| it.name == *name);

@@ -1,10 +1,11 @@
 //! The session over a change of the configuration, on a connection that stays.
 
 use super::harness::{Rig, Staged, commands, drives, name, on, publications, reads, result, told};
-use super::types::{Act, Version};
+use super::types::Act;
 use crate::domain::command::{Outcome, Reason};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::DriveView;
+use crate::north::broker::Version;
 use serde_json::Value;
 
 /// These drives and lines from now on. A drive that was there shows what it showed.
@@ -16,7 +17,7 @@ fn replace(rig: &mut Rig, drives: Vec<DriveDescription>, lines: &[&str]) -> Vec<
     let views: Vec<DriveView> = drives.iter().map(view).collect();
     rig.views = views;
     let line = rig.lines[0].clone();
-    rig.lines = lines.iter().map(|it| super::types::LineState { name: name(it), ..line.clone() }).collect();
+    rig.lines = lines.iter().map(|it| crate::north::broker::LineState { name: name(it), ..line.clone() }).collect();
     rig.session.replace(rig.at(), drives, lines.iter().map(|it| name(it)).collect());
     rig.acts()
 }
@@ -52,7 +53,7 @@ fn topics_of_what_is_gone_are_cleared_and_what_stays_is_not_said_again() {
     let [pump, fan] = <[_; 2]>::try_from(drives()).unwrap();
     let acts = replace(&mut rig, vec![pump, fan], &["hall"]);
     assert_eq!(on(&acts, "drive/fan/availability").as_deref(), Some("offline"));
-    rig.handle(super::types::Event::Lost);
+    rig.handle(crate::north::broker::Event::Lost);
     let again = rig.connect();
     assert_eq!(on(&again, "drive/fan/availability").as_deref(), Some("offline"));
     assert_eq!(on(&again, "drive/mill/availability").as_deref(), Some(""), "cleared on each connection");

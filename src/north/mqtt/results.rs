@@ -1,8 +1,8 @@
 //! Results: what became of a command, as its commander reads it.
 
 use super::params::label;
-use super::types::{Publication, Qos};
 use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
+use crate::north::broker::{Publication, Qos};
 use crate::profile::model::{Model, Register, Role};
 use crate::profile::scale::Scaled;
 use serde_json::{Map, Value, json};

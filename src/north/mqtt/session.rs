@@ -1,26 +1,23 @@
 //! The MQTT session: its life from connection to farewell, and what it wants done next.
 
 use super::counters::Counters;
+use super::dispatch::Context;
 use super::history::History;
 use super::home_assistant::{Discovery, Plant};
-use super::kept::AuditQueue;
 use super::outbox::Outbox;
-use super::path::Path;
-use super::pending::Unanswered;
 use super::results::Results;
 use super::seen::CommandIds;
 use super::stored::Stored;
 use super::telemetry::Telemetry;
 use super::topics::Topics;
-use super::types::{Act, Broker, Event, Filter, LineState, Moment, Publication, Qos, Refusal, Settings};
-use crate::domain::ids::Name;
+use super::types::{Act, Settings};
+use crate::domain::ids::{AskerId, Name};
 use crate::domain::time::MonoTime;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::{DriveView, TripEvent};
 use crate::journal::trip;
-use crate::north::clock::Clock;
-use crate::north::issued::Issued;
-use std::collections::VecDeque;
+use crate::north::broker::{Broker, Commands, Event, Filter, Issued, LineState, Path, Publication, Qos, Refusal};
+use crate::north::clock::{Clock, Moment};
 use std::sync::Arc;
 
 /// Marks of a token: whose publication it is. Numbers stay far below.
@@ -53,11 +50,7 @@ pub struct Session {
     pub(super) started: MonoTime,
     pub(super) path: Path,
     broker: Broker,
-    /// What goes to the lines, in order. Bounded by what may be unanswered.
-    pub(super) inward: VecDeque<Act>,
-    /// Attempts that no line sees, behind everything for the lines.
-    pub(super) kept: AuditQueue,
-    pub(super) unanswered: Unanswered,
+    pub(super) commands: Commands<Context>,
     /// Used ids per drive.
     pub(super) seen: Vec<CommandIds>,
     pub(super) results: Results,
@@ -69,7 +62,6 @@ pub struct Session {
     pub(super) counters: Counters,
     /// The alive topic says that the commanders are gone.
     pub(super) are_commanders_gone: bool,
-    pub(super) last_ticket: u64,
 }
 
 impl Session {
@@ -91,9 +83,7 @@ impl Session {
             path: Path::new(probe_key, settings.probe_interval, settings.probe_timeout),
             seen: drives.iter().map(|_| CommandIds::default()).collect(),
             broker: Broker::default(),
-            inward: VecDeque::new(),
-            kept: AuditQueue::default(),
-            unanswered: Unanswered::default(),
+            commands: Commands::new(AskerId::MQTT),
             results: Results::default(),
             outbox: Outbox::default(),
             stored: Stored::default(),
@@ -101,7 +91,6 @@ impl Session {
             discovery: Discovery::default(),
             counters: Counters::default(),
             are_commanders_gone: false,
-            last_ticket: 0,
             settings,
             topics,
             drives,
@@ -152,8 +141,7 @@ impl Session {
         let is_alive_refused = alive.and_then(|place| granted.get(place)) == Some(&false);
         self.counters.alive_refused = u64::from(is_whole && is_alive_refused && is_granted);
         if self.path.subscribed(at.mono, is_granted) {
-            // Before any command that came on this connection and is still here.
-            self.inward.push_front(Act::PathOpened);
+            self.commands.path_opened();
         }
     }
 
@@ -191,7 +179,7 @@ impl Session {
         self.history.lost();
         self.telemetry.forget();
         self.discovery.lost();
-        self.inward.retain(|act| !matches!(act, Act::PathAlive | Act::PathOpened));
+        self.commands.path_lost();
     }
 
     /// Takes a trip or its clearing, to be published until the broker has it. Drives that are not ours are ignored.
@@ -224,13 +212,15 @@ impl Session {
         let (outbox, stored, discovery) =
             (open(self.outbox.wake()), open(self.stored.wake()), open(self.discovery.wake()));
         let told = [telemetry, history, outbox, stored, discovery];
-        [self.path.wake(), self.unanswered.wake()].into_iter().chain(told).flatten().min()
+        [self.path.wake(), self.commands.wake()].into_iter().chain(told).flatten().min()
     }
 
     /// The next thing for the lines: commands, reads, and signs of the way from the commanders; behind them what is to be
     /// kept. It needs no room on the connection, so that a stop never waits for one.
     pub fn next_inward(&mut self) -> Option<Act> {
-        self.inward.pop_front().or_else(|| self.kept.next()).or_else(|| self.stored.next_act())
+        let attempt = |commands: &mut Commands<_>| commands.next_attempt().map(|(drive, it)| Act::Keep(drive, it));
+        let to_line = self.commands.next_to_line().map(Act::ToLine);
+        to_line.or_else(|| attempt(&mut self.commands)).or_else(|| self.stored.next_act())
     }
 
     /// The next thing to do. `views` stand in the order of the drives, `lines` in the order of the lines given to
@@ -337,8 +327,8 @@ impl Session {
 
     /// What was counted so far.
     #[must_use]
-    pub const fn counters(&self) -> &Counters {
-        &self.counters
+    pub const fn counters(&self) -> Counters {
+        Counters { attempts_lost: self.commands.attempts_lost(), ..self.counters }
     }
 }
 

@@ -1,10 +1,11 @@
 //! The life of a session: birth, probe, reconnects, events.
 
 use super::harness::{Rig, Staged, message, on, publications, results, settings, told};
-use super::types::{Act, Broker, Event, LeaseMode, Publication, Qos, Version};
+use super::types::{Act, LeaseMode};
 use crate::domain::ids::DriveIndex;
 use crate::drive::description::DriveRef;
 use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
+use crate::north::broker::{Broker, Event, Publication, Qos, ToLine, Version};
 use serde_json::{Value, json};
 use std::time::Duration;
 
@@ -33,13 +34,13 @@ fn nothing_is_said_before_the_subscription_and_the_probe() {
     assert_eq!(rig.acts_without_echo(), []);
     rig.handle(Event::Subscribed(vec![true; filters]));
     let acts = rig.acts_without_echo();
-    assert_eq!(acts[0], Act::PathOpened);
+    assert_eq!(acts[0], Act::ToLine(ToLine::PathOpened));
     assert!(acts.len() == 2 && has_probe(&acts));
     assert!(!rig.session.is_path_alive(rig.at()));
     let Act::Publish(Publication { payload, .. }) = &acts[1] else { panic!() };
     rig.handle(Event::Message(message("vfd/plant/probe", payload)));
     let acts = rig.acts_without_echo();
-    assert_eq!(acts[0], Act::PathAlive);
+    assert_eq!(acts[0], Act::ToLine(ToLine::PathAlive));
     assert!(rig.session.is_path_alive(rig.at()));
     let topics = topics(&acts);
     assert_eq!((topics[0].as_str(), topics[topics.len() - 1].as_str()), ("info", "status"));
@@ -141,7 +142,7 @@ fn a_filter_that_is_not_granted_asks_for_a_new_connection() {
 #[test]
 fn a_lost_probe_ends_the_connection_and_the_signs_of_life() {
     let mut rig = Rig::born(Version::V5);
-    let alive = |acts: &[Act]| acts.iter().filter(|act| **act == Act::PathAlive).count();
+    let alive = |acts: &[Act]| acts.iter().filter(|act| **act == Act::ToLine(ToLine::PathAlive)).count();
     let acts = rig.pass(20_000);
     assert_eq!(alive(&acts), 4, "one for each probe");
     // The next probe is due 5 s later and does not come back.
@@ -169,19 +170,19 @@ fn commanders_that_are_gone_give_no_sign_of_life() {
     let mut rig = Rig::born(Version::V5);
     for (payload, expected) in [(&b" Offline"[..], false), (b"online", true), (b"offline", false), (b"", true)] {
         rig.deliver(&message("home/status", payload));
-        assert_eq!(rig.pass(5_000).contains(&Act::PathAlive), expected);
+        assert_eq!(rig.pass(5_000).contains(&Act::ToLine(ToLine::PathAlive)), expected);
     }
     rig.deliver(&message("home/status", b"offline"));
     rig.handle(Event::Lost);
-    assert!(!rig.connect().contains(&Act::PathAlive), "until somebody says otherwise");
+    assert!(!rig.connect().contains(&Act::ToLine(ToLine::PathAlive)), "until somebody says otherwise");
 }
 
 #[test]
 fn explicit_leases_live_on_commands_only() {
     let mut rig = Rig::with(super::types::Settings { lease: LeaseMode::Explicit, ..settings(Version::V5) });
     let acts = rig.connect();
-    assert!(acts.contains(&Act::PathOpened) && !acts.contains(&Act::PathAlive));
-    assert!(!rig.pass(30_000).contains(&Act::PathAlive));
+    assert!(acts.contains(&Act::ToLine(ToLine::PathOpened)) && !acts.contains(&Act::ToLine(ToLine::PathAlive)));
+    assert!(!rig.pass(30_000).contains(&Act::ToLine(ToLine::PathAlive)));
 }
 
 #[test]
@@ -191,7 +192,10 @@ fn retained_or_foreign_probes_prove_nothing() {
     rig.handle(Event::Subscribed(vec![true; filters]));
     let acts = rig.acts_without_echo();
     let Some(Act::Publish(probe)) = acts.last() else { panic!() };
-    rig.handle(Event::Message(super::types::Message { retain: true, ..message("vfd/plant/probe", &probe.payload) }));
+    rig.handle(Event::Message(crate::north::broker::Message {
+        retain: true,
+        ..message("vfd/plant/probe", &probe.payload)
+    }));
     let text = String::from_utf8(probe.payload.clone()).unwrap();
     let guessed = [format!("{}-1", rig.at().wall.unix_ms), text.replacen('1', "2", 1), text.replace('-', "")];
     for payload in guessed.iter().map(String::as_bytes) {
@@ -313,7 +317,7 @@ fn a_way_that_is_open_for_moments_only_keeps_no_lease() {
         probe_interval: Duration::from_secs(1),
         ..super::harness::settings(Version::V4)
     });
-    let alive = |acts: &[Act]| acts.iter().filter(|act| **act == Act::PathAlive).count();
+    let alive = |acts: &[Act]| acts.iter().filter(|act| **act == Act::ToLine(ToLine::PathAlive)).count();
     assert_eq!(alive(&rig.connect()), 1, "the first connection");
     assert_eq!(alive(&rig.pass(10_000)), 10);
     for lives_ms in [900, 100, 2_900, 4_900, 0] {

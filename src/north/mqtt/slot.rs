@@ -1,7 +1,7 @@
 //! One retained topic with what was last published on it.
 
-use super::types::{Publication, Qos};
 use crate::domain::time::MonoTime;
+use crate::north::broker::{Publication, Qos};
 use crate::north::clock::Clock;
 use std::borrow::Cow;
 use std::time::Duration;

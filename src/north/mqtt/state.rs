@@ -2,7 +2,6 @@
 
 use super::points::Points;
 use super::slot::{Present, retained};
-use super::types::{Publication, Qos};
 use crate::domain::command::Owner;
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
@@ -13,6 +12,7 @@ use crate::drive::watchdog::WatchdogView;
 use crate::journal::trip;
 pub(super) use crate::journal::trip::text as trip_text;
 use crate::journal::trip::unit;
+use crate::north::broker::{Publication, Qos};
 use crate::north::clock::Clock;
 use crate::north::shown;
 use crate::profile::model::{Confidence, Flag, Register};

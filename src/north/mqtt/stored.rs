@@ -3,9 +3,11 @@
 
 use super::in_flight::{IN_FLIGHT_MAX, InFlight};
 use super::session::Session;
-use super::types::{Act, Moment, Refusal};
+use super::types::Act;
 use crate::domain::time::MonoTime;
 use crate::journal::StoredEvent;
+use crate::north::broker::Refusal;
+use crate::north::clock::Moment;
 use std::collections::VecDeque;
 
 /// Most events that are taken from the journal and not acknowledged.

@@ -1,7 +1,7 @@
 //! What is published of the drives, when, and when it is taken back.
 
 use super::harness::{Rig, Staged, idle_control, on, publications, told};
-use super::types::{Act, Version};
+use super::types::Act;
 use crate::domain::command::{Outcome, Owner, Reason, Report, RunIntent};
 use crate::domain::counts::ExchangeCounts;
 use crate::domain::frequency::Hertz;
@@ -10,6 +10,7 @@ use crate::domain::report::{LineFault, LineState, ReplyReport, StationReport};
 use crate::domain::time::MonoTime;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{RunState, TripRecord};
+use crate::north::broker::Version;
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Duration;
@@ -239,7 +240,7 @@ fn a_parameter_is_published_when_it_was_asked_for_and_cleared_when_old() {
         assert_eq!(on(&acts, "drive/pump/param/F007").as_deref(), Some("10.5"), "also if nothing changed");
         assert_eq!(super::harness::results(&acts)[0]["values"], json!({ "F007": 10.5 }));
     }
-    rig.handle(super::types::Event::Lost);
+    rig.handle(crate::north::broker::Event::Lost);
     assert_eq!(on(&rig.connect(), "drive/pump/param/F007").as_deref(), Some("10.5"), "part of the birth");
     assert_eq!(on(&rig.pass(180_000), "drive/pump/param/F007").as_deref(), Some(""));
 }

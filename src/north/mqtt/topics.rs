@@ -1,6 +1,7 @@
 //! The topics of one gateway: building them, and telling what a message's topic asks for.
 
-use super::types::{Filter, Qos, Settings};
+use super::types::Settings;
+use crate::north::broker::{Filter, Qos};
 
 /// All topics of one gateway.
 #[derive(Debug)]
@@ -191,8 +192,8 @@ fn param(rest: &str) -> Option<Input<'_>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::north::broker::Version;
     use crate::north::mqtt::harness::settings;
-    use crate::north::mqtt::types::Version;
 
     fn topics() -> Topics {
         Topics::new(&settings(Version::V5))

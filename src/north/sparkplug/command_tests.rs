@@ -7,7 +7,7 @@ use crate::domain::command::{Direction, Go, Order, Outcome, Owner, Reason};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::AskerId;
 use crate::journal::Tried;
-use crate::north::mqtt::{Event, Message, Qos};
+use crate::north::broker::{Event, Message, Qos};
 use std::time::Duration;
 
 const DCMD: &str = "spBv1.0/hall 1/DCMD/plant/pump";
@@ -270,6 +270,6 @@ fn a_stop_goes_before_what_waits_here_for_its_drive() {
     while let Some(act) = rig.session.next_inward() {
         inward.push(act);
     }
-    assert_eq!(orders(&inward), [&stop()]);
+    assert_eq!(orders(&inward), [&stop(), &Order::Renew], "renewing a lease moves nothing");
     assert_eq!(kept(&inward)[0].report.unwrap().outcome, Outcome::Superseded);
 }

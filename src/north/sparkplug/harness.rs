@@ -10,7 +10,8 @@ use crate::domain::ids::{AskerId, DriveIndex, Ticket};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::journal::Attempt;
-use crate::north::mqtt::{Event, Message, Moment, Publication, Version};
+use crate::north::broker::{Event, Message, Publication, ToLine, Version};
+use crate::north::clock::Moment;
 use crate::north::stage::{self, Stage};
 pub(super) use crate::north::stage::{EPOCH_MS, Staged, message, name};
 use std::ops::{Deref, DerefMut};
@@ -213,7 +214,9 @@ pub(super) fn kinds(acts: &[Act]) -> Vec<String> {
 }
 
 pub(super) fn commands(acts: &[Act]) -> Vec<&CommandRequest> {
-    acts.iter().filter_map(|act| if let Act::Command(_, request) = act { Some(request) } else { None }).collect()
+    acts.iter()
+        .filter_map(|act| if let Act::ToLine(ToLine::Command(_, request)) = act { Some(request) } else { None })
+        .collect()
 }
 
 pub(super) fn orders(acts: &[Act]) -> Vec<&Order> {

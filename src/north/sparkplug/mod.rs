@@ -2,12 +2,12 @@
 //!
 //! [`Session`] is the whole. Inside it, `topics` knows the topics, `payload` the bytes, `host` whether the primary host is
 //! there, `metrics` what there is to tell of a drive and by which names, `content` what each holds, `device` and `node`
-//! what is news, `telling` says it in messages, `history` what happened while nobody could be told, `order` what a command says, and `giving` hands
-//! commands to the lines and hears of them.
+//! what is news, `telling` says it in messages, `history` what happened while nobody could be told, `order` what a command
+//! says, and `commands` makes it commands of [`broker`](super::broker) and tells how they ended.
 
+mod commands;
 mod content;
 mod device;
-mod giving;
 mod history;
 mod host;
 mod metrics;

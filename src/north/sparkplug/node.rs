@@ -1,7 +1,7 @@
 //! The metrics of the edge node itself: the gateway and its lines.
 
 use super::payload::{Datatype, Metric, PropertyScalar, PropertySet, Value};
-use crate::north::mqtt::LineState;
+use crate::north::broker::LineState;
 use crate::north::shown::down_reason;
 
 /// The name of the metric that names a session; it has no alias.

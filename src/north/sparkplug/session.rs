@@ -1,20 +1,18 @@
 //! The Sparkplug session: its life from connection to farewell, and what it wants done next.
 
 use super::device::{Device, millis};
-use super::giving::Giving;
 use super::host::{Host, News};
 use super::node::{self, Node};
 use super::payload::{Metric, Payload};
 use super::telling::publication;
 use super::topics::{Inbound, Kind, Topics};
 use super::types::{Act, Counters, Settings};
-use crate::domain::ids::Name;
+use crate::domain::ids::{AskerId, Name, Ticket};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
-use crate::north::clock::Clock;
-use crate::north::issued::Issued;
-use crate::north::mqtt::{Broker, Event, LineState, Message, Moment, Path, Publication, Qos, Returned};
+use crate::north::broker::{Broker, Commands, Event, Issued, LineState, Message, Path, Publication, Qos, Returned};
+use crate::north::clock::{Clock, Moment};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -52,7 +50,7 @@ pub struct Session {
     leaving: Option<&'static str>,
     /// The device that is looked at next.
     pub(super) place: usize,
-    pub(super) giving: Giving,
+    pub(super) commands: Commands<()>,
     pub(super) counters: Counters,
 }
 
@@ -85,13 +83,18 @@ impl Session {
             born_at: started.mono,
             leaving: None,
             place: 0,
-            giving: Giving::default(),
+            commands: Commands::new(AskerId::SPARKPLUG),
             counters: Counters::default(),
             drives,
             settings,
         };
         session.count_history();
         session
+    }
+
+    /// Tickets count on from here.
+    pub const fn count_tickets_from(&mut self, first: Ticket) {
+        self.commands.count_tickets_from(first);
     }
 
     /// The next connection has this number.
@@ -163,7 +166,7 @@ impl Session {
         let proven = self.path.settled();
         self.devices.iter_mut().for_each(|device| device.history.proven(proven));
         if self.host.is_there() && self.is_born && self.path.is_sign_of_life(at.mono) {
-            self.giving.path_alive();
+            self.commands.path_alive();
         }
     }
 
@@ -179,7 +182,7 @@ impl Session {
         self.path.lost(at);
         (self.is_born, self.is_known, self.rebirth_at, self.leaving) = (false, false, None, None);
         self.devices.iter_mut().for_each(Device::lost);
-        self.giving.lost();
+        self.commands.path_lost();
         self.count_history();
     }
 
@@ -192,7 +195,11 @@ impl Session {
                 std::mem::swap(&mut device.history, &mut self.devices[same].history);
             }
         }
-        self.giving.replace(&self.drives, &drives);
+        let moved = |old: &DriveDescription| drives.iter().position(|drive| drive == old);
+        let moved: Vec<_> = self.drives.iter().map(moved).collect();
+        // Of a drive that is gone nothing is told any more.
+        while self.commands.take_gone(&moved).is_some() {}
+        self.commands.move_drives(&moved);
         (self.devices, self.drives, self.place) = (devices, drives, 0);
         self.is_born = false;
         self.count_history();
@@ -219,7 +226,7 @@ impl Session {
         let looked_at = self.devices.iter().filter(|device| device.is_born || !self.is_born && self.keeps());
         let devices = looked_at.filter_map(Device::wake).min();
         let rebirth = self.rebirth_at.filter(|_| may_tell);
-        [path, rebirth, self.giving.wake(), devices].into_iter().flatten().min()
+        [path, rebirth, self.commands.wake(), devices].into_iter().flatten().min()
     }
 
     /// Whether a host is to be told, and can be.
@@ -234,7 +241,8 @@ impl Session {
 
     /// The next thing for the lines, and behind them what is to be kept. It needs no room on the connection.
     pub fn next_inward(&mut self) -> Option<Act> {
-        self.giving.next()
+        let to_line = self.commands.next_to_line().map(Act::ToLine);
+        to_line.or_else(|| self.commands.next_attempt().map(|(drive, attempt)| Act::Keep(drive, attempt)))
     }
 
     /// The next thing to do. `views` stand in the order of the drives, `lines` in the order of the lines.
@@ -281,8 +289,8 @@ impl Session {
 
     /// What was counted so far.
     #[must_use]
-    pub const fn counters(&self) -> &Counters {
-        &self.counters
+    pub const fn counters(&self) -> Counters {
+        Counters { attempts_lost: self.commands.attempts_lost(), ..self.counters }
     }
 }
 

@@ -6,7 +6,7 @@ use super::types::{Act, Settings};
 use crate::domain::report::LineState as PortState;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{RunState, TripRecord};
-use crate::north::mqtt::{Broker, Event, Message, Qos};
+use crate::north::broker::{Broker, Event, Message, Qos, ToLine};
 use std::collections::BTreeSet;
 
 fn bdseq(number: u64) -> Option<Value> {
@@ -422,7 +422,7 @@ fn what_a_dying_broker_may_not_have_passed_on_is_told_again() {
 #[test]
 fn a_probe_that_does_not_come_back_ends_the_connection_and_signs_of_life_come_with_probes_alone() {
     let mut rig = Rig::born();
-    let alive = |acts: &[Act]| acts.iter().filter(|act| **act == Act::PathAlive).count();
+    let alive = |acts: &[Act]| acts.iter().filter(|act| **act == Act::ToLine(ToLine::PathAlive)).count();
     assert!(alive(&rig.pass(5_000)) >= 4);
     rig.is_deaf = true;
     let acts = rig.pass(10_000);
@@ -434,7 +434,7 @@ fn a_probe_that_does_not_come_back_ends_the_connection_and_signs_of_life_come_wi
 #[test]
 fn a_way_that_is_open_for_moments_only_keeps_no_lease() {
     let mut rig = Rig::born();
-    let alive = |acts: &[Act]| acts.iter().filter(|act| **act == Act::PathAlive).count();
+    let alive = |acts: &[Act]| acts.iter().filter(|act| **act == Act::ToLine(ToLine::PathAlive)).count();
     assert!(alive(&rig.pass(10_000)) >= 9);
     let mut number = 0;
     let mut again = |rig: &mut Rig, lives_ms| {
@@ -464,9 +464,9 @@ fn who_has_read_every_probe_cannot_write_the_next() {
     let next = number.parse::<u64>().unwrap() + 1;
     for forged in [format!("{next}-{code}"), format!("{next}"), format!("{}-{next}", rig.at().wall.unix_ms)] {
         let acts = rig.deliver(&message(PROBE, forged.as_bytes()));
-        assert!(!acts.contains(&Act::PathAlive), "{forged}");
+        assert!(!acts.contains(&Act::ToLine(ToLine::PathAlive)), "{forged}");
     }
-    assert!(rig.deliver(&message(PROBE, text.as_bytes())).contains(&Act::PathAlive), "its own");
+    assert!(rig.deliver(&message(PROBE, text.as_bytes())).contains(&Act::ToLine(ToLine::PathAlive)), "its own");
 }
 
 #[test]

@@ -8,7 +8,7 @@ use super::topics::{DeviceKind, Kind};
 use super::types::Act;
 use crate::domain::time::MonoTime;
 use crate::drive::view::DriveView;
-use crate::north::mqtt::{LineState, Publication, Qos};
+use crate::north::broker::{LineState, Publication, Qos};
 use std::sync::Arc;
 
 /// Longest packet where the broker names no smaller limit.

@@ -2,7 +2,7 @@
 
 use super::types::Settings;
 use crate::domain::ids::Name;
-use crate::north::mqtt::{Filter, Qos};
+use crate::north::broker::{Filter, Qos};
 
 /// The namespace of Sparkplug B, the same in all versions.
 const NAMESPACE: &str = "spBv1.0";

@@ -1,10 +1,9 @@
 //! What goes in and out of the Sparkplug session.
 
-use crate::domain::command::CommandRequest;
 use crate::domain::ids::Name;
 use crate::drive::description::DriveRef;
 use crate::journal::Attempt;
-use crate::north::mqtt::{Filter, Publication, Version};
+use crate::north::broker::{Filter, Publication, ToLine, Version};
 use std::time::Duration;
 
 /// How the Sparkplug side is set up.
@@ -39,11 +38,9 @@ pub enum Act {
     Subscribe(Vec<Filter>),
     /// Publish.
     Publish(Publication),
-    /// Give a command to a drive.
-    Command(DriveRef, CommandRequest),
-    /// Tell every line that the way from the host is open.
-    PathAlive,
-    /// Keep this attempt to write, of which no line knows. Nothing for the drive: it is for all, or for one that does not
+    /// Hand this to the lines.
+    ToLine(ToLine),
+    /// Keep this attempt to write, of which no line knows. `None` for the drive: it is for all, or for one that does not
     /// exist.
     Keep(Option<DriveRef>, Attempt),
     /// Drop the connection and make a new one: the broker publishes the will.

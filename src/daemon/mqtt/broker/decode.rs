@@ -6,7 +6,7 @@ use super::packet::{
 use super::properties::{self, Properties};
 use super::reader::Reader;
 use super::topic;
-use crate::north::mqtt::Version;
+use crate::north::broker::Version;
 use std::time::Duration;
 
 /// CONNECT, as the first nibble of a packet.

@@ -3,7 +3,7 @@
 use super::limits::{IN_FLIGHT_MAX, PACKET_MAX};
 use super::packet::{Message, Outgoing, Qos, reason};
 use super::properties;
-use crate::north::mqtt::Version;
+use crate::north::broker::Version;
 
 /// Appends `packet` to `out`.
 pub fn packet(packet: &Outgoing<'_>, version: Version, out: &mut Vec<u8>) {

@@ -9,7 +9,7 @@ use super::retained::{Post, Retained};
 use super::session::{Session, SessionId};
 use super::tree::Tree;
 use crate::domain::time::MonoTime;
-use crate::north::mqtt::Version;
+use crate::north::broker::Version;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 use std::time::Duration;

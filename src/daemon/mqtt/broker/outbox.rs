@@ -5,7 +5,7 @@ use super::limits::{IN_FLIGHT_MAX, WAITING_BYTES_MAX, WAITING_MAX};
 use super::packet::{Options, Outgoing, Qos, reason};
 use super::retained::{Post, Retained};
 use crate::domain::time::MonoTime;
-use crate::north::mqtt::Version;
+use crate::north::broker::Version;
 use std::collections::VecDeque;
 use std::sync::Arc;
 

@@ -1,6 +1,6 @@
 //! What clients and the broker say to each other, in one set of words for both versions of the protocol.
 
-use crate::north::mqtt::Version;
+use crate::north::broker::Version;
 use std::sync::Arc;
 use std::time::Duration;
 

@@ -8,7 +8,7 @@ use super::retained::Post;
 use super::session::{Session, SessionId};
 use super::topic::Filter;
 use super::tree::{Members, Taker};
-use crate::north::mqtt::Version;
+use crate::north::broker::Version;
 use std::collections::BTreeMap;
 
 impl Machine {

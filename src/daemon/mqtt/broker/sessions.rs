@@ -8,7 +8,7 @@ use super::retained::Post;
 use super::session::{Session, SessionId};
 use super::topic::Filter;
 use crate::domain::time::MonoTime;
-use crate::north::mqtt::Version;
+use crate::north::broker::Version;
 use std::sync::Arc;
 
 impl Machine {

@@ -2,7 +2,7 @@
 
 use super::{Client, End, Events, Talk};
 use crate::daemon::clock;
-use crate::north::mqtt::{Publication, Version};
+use crate::north::broker::{Publication, Version};
 use std::collections::VecDeque;
 use std::time::Duration;
 use tokio::time::timeout;

@@ -20,8 +20,8 @@ mod session_tests;
 
 pub(super) use plant::Plant;
 
-use super::types::{Filter, Message, Publication, Qos};
 use crate::domain::time::MonoTime;
+use crate::north::broker::{Filter, Message, Publication, Qos};
 use plant::AnnouncementKind;
 use std::collections::BTreeSet;
 use std::ops::Bound;

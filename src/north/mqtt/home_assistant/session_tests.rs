@@ -4,9 +4,10 @@ use super::{BURST, BURST_EVERY, IN_FLIGHT_MAX, MIGRATES};
 use crate::domain::command::{Outcome, Reason};
 use crate::domain::ids::{DriveIndex, Name};
 use crate::drive::description::{DriveDescription, DriveRef};
+use crate::north::broker::{Event, Message, Publication, Qos, ToLine, Version};
 use crate::north::mqtt::harness::{Rig, Staged, commands, drives, message, name, publications, settings};
 use crate::north::mqtt::session::Session;
-use crate::north::mqtt::types::{Act, Event, HomeAssistant, LeaseMode, Message, Publication, Qos, Settings, Version};
+use crate::north::mqtt::types::{Act, HomeAssistant, LeaseMode, Settings};
 use std::collections::{BTreeMap, BTreeSet};
 
 const NODE: &str = "vfd-gateway-plant";
@@ -166,10 +167,10 @@ fn a_birth_topic_beside_the_alive_topic_ends_no_lease() {
     let mut home = Home::new(Settings { lease: LeaseMode::Session, ..speaking(Version::V5) });
     home.connect();
     home.rig.handle(Event::Message(message("ha/status", b"offline")));
-    assert!(home.rig.pass(20_000).contains(&Act::PathAlive));
+    assert!(home.rig.pass(20_000).contains(&Act::ToLine(ToLine::PathAlive)));
     home.rig.handle(Event::Message(message("home/status", b"offline")));
     home.rig.acts();
-    assert!(!home.rig.pass(20_000).contains(&Act::PathAlive));
+    assert!(!home.rig.pass(20_000).contains(&Act::ToLine(ToLine::PathAlive)));
 }
 
 #[test]

@@ -1,109 +1,21 @@
-//! Commands on their way from a host to the lines, and what becomes of them.
+//! Commands of hosts: what each asks for, whether it is taken, and how it ended.
 
 use super::node::{self, NodeCommand};
 use super::order;
 use super::payload::{Payload, Value};
 use super::session::Session;
-use super::types::Act;
-use crate::domain::command::{
-    CommandAnswer, CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights,
-};
+use crate::domain::command::{CommandAnswer, Order, Outcome, Owner, Reason, Report};
 use crate::domain::ids::{AskerId, Ticket};
 use crate::domain::time::MonoTime;
-use crate::drive::description::{DriveDescription, DriveRef};
-use crate::journal::{Attempt, AttemptId, Tried};
+use crate::drive::description::DriveDescription;
+use crate::journal::Tried;
+use crate::north::broker::{Message, NewCommand, Pending, Request, Version, outside_limits, tried_by};
+use crate::north::clock::Moment;
 use crate::north::command_words::{Refused, RunWord, run_word, short};
-use crate::north::mqtt::{Message, Moment, Version};
-use std::collections::VecDeque;
-use std::time::Duration;
-
-/// Most commands without an answer over all drives, stops aside.
-const COMMANDS_MAX: usize = 64;
-/// Most stops of one drive without an answer.
-const STOPS_MAX: usize = 4;
-/// Most attempts that wait to be fetched.
-const KEPT_MAX: usize = 256;
-/// How much longer than its deadline a command may stay without its last answer.
-const ANSWERED_WITHIN: Duration = Duration::from_secs(60);
 
 const OWNER: Owner = Owner::Sparkplug;
 
-/// One command that is not answered.
-#[derive(Debug)]
-struct Pending {
-    ticket: Ticket,
-    /// Place of the drive in the session's list.
-    drive: usize,
-    order: Order,
-    forget_at: MonoTime,
-}
-
-/// What is under way to the lines.
-#[derive(Debug, Default)]
-pub(super) struct Giving {
-    /// Stops first.
-    inward: VecDeque<(Option<Ticket>, Act)>,
-    kept: VecDeque<Act>,
-    last_attempt: u64,
-    unanswered: Vec<Pending>,
-    last_ticket: u64,
-}
-
-impl Giving {
-    pub(super) fn next(&mut self) -> Option<Act> {
-        self.inward.pop_front().map(|(_, act)| act).or_else(|| self.kept.pop_front())
-    }
-
-    pub(super) fn path_alive(&mut self) {
-        if !self.inward.iter().any(|(_, act)| *act == Act::PathAlive) {
-            self.inward.push_back((None, Act::PathAlive));
-        }
-    }
-
-    pub(super) fn lost(&mut self) {
-        self.inward.retain(|(_, act)| *act != Act::PathAlive);
-    }
-
-    /// The drives have other places from now on. What those that are gone answer is of no interest.
-    pub(super) fn replace(&mut self, old: &[DriveDescription], new: &[DriveDescription]) {
-        let moved = |place: usize| new.iter().position(|drive| Some(drive) == old.get(place));
-        self.unanswered = std::mem::take(&mut self.unanswered)
-            .into_iter()
-            .filter_map(|pending| Some(Pending { drive: moved(pending.drive)?, ..pending }))
-            .collect();
-    }
-
-    pub(super) fn wake(&self) -> Option<MonoTime> {
-        self.unanswered.iter().map(|pending| pending.forget_at).min()
-    }
-
-    fn take(&mut self, ticket: Ticket) -> Option<Pending> {
-        let place = self.unanswered.iter().position(|pending| pending.ticket == ticket)?;
-        Some(self.unanswered.remove(place))
-    }
-
-    fn has_room(&self) -> bool {
-        self.unanswered.iter().filter(|pending| !pending.order.is_stop()).count() < COMMANDS_MAX
-    }
-
-    /// Keeps an attempt that no line sees. False if there is no room for it.
-    fn keep(&mut self, place: Option<DriveRef>, tried: Tried, report: Report) -> bool {
-        if self.kept.len() >= KEPT_MAX {
-            return false;
-        }
-        self.last_attempt += 1;
-        let id = AttemptId(self.last_attempt);
-        self.kept.push_back(Act::Keep(place, Attempt { id, owner: OWNER, tried, report: Some(report) }));
-        true
-    }
-}
-
 impl Session {
-    /// Tickets count on from here.
-    pub const fn count_tickets_from(&mut self, first: Ticket) {
-        self.giving.last_ticket = first.0;
-    }
-
     /// A command for the edge node: births again, or STOP for all.
     pub(super) fn node_command(&mut self, at: Moment, message: &Message<'_>) {
         let payload = match Payload::read(message.payload) {
@@ -160,7 +72,7 @@ impl Session {
         let Some(order) = asked.order else { return };
         match self.may_be_given(at, &order, &payload, message) {
             Ok(issued) => self.give(at, drive, order, issued),
-            Err(refused) => self.refuse(Some(drive), tried(&order), &refused),
+            Err(refused) => self.refuse(Some(drive), tried_by(&order), &refused),
         }
     }
 
@@ -194,7 +106,7 @@ impl Session {
                 "the gateway's probe through the broker is late, so that the command may have waited: send it again";
             return Err(Refused::new(Reason::Stale, why));
         }
-        if !self.giving.has_room() {
+        if !self.commands.has_room_for_command() {
             return Err(Refused::plain(Reason::QueueFull));
         }
         Ok(Some(issued))
@@ -225,57 +137,27 @@ impl Session {
     }
 
     fn give(&mut self, at: Moment, drive: usize, order: Order, issued: Option<MonoTime>) {
-        let is_a_stop = order.is_stop();
-        if is_a_stop {
-            self.clear_the_way(drive);
+        if order.is_stop() {
+            while let Some((pending, report)) = self.commands.give_way_to_stop(drive) {
+                // The newer stop is told.
+                let is_stop = matches!(&pending.request, Request::Order(order) if order.is_stop());
+                if !is_stop {
+                    self.tell(drive, report, None);
+                }
+            }
         }
-        self.giving.last_ticket += 1;
-        let ticket = Ticket(self.giving.last_ticket);
-        let start_before = at.mono + self.settings.command_ttl;
-        let description = &self.drives[drive];
-        let stays = description.control.as_ref().filter(|_| is_a_stop).map_or(Duration::ZERO, |it| it.stop_pending_for);
-        let origin = Origin { owner: OWNER, rights: Rights { write: true, stop: true }, manner: Manner::Once };
-        let request = CommandRequest {
-            asker: AskerId::SPARKPLUG,
-            ticket,
-            drive: description.place.drive,
-            origin,
-            order: order.clone(),
-            start_before,
+        let command = NewCommand {
+            ticket: self.commands.next_ticket(),
+            drive,
+            by: OWNER,
+            order,
+            start_before: at.mono + self.settings.command_ttl,
             issued,
             epoch: None,
+            context: (),
         };
-        let act = (Some(ticket), Act::Command(description.place, request));
-        let is_stop_act = |act: &Act| matches!(act, Act::Command(_, request) if request.order.is_stop());
-        let stops = self.giving.inward.iter().take_while(|(_, act)| is_stop_act(act)).count();
-        let place = if is_a_stop { stops } else { self.giving.inward.len() };
-        self.giving.inward.insert(place, act);
-        let forget_at = start_before + stays + ANSWERED_WITHIN;
-        self.giving.unanswered.push(Pending { ticket, drive, order, forget_at });
+        self.commands.give(&self.drives[drive], command);
         self.counters.commands += 1;
-    }
-
-    /// Before a stop: takes back what still waits here for its drive, and the oldest stop where too many wait.
-    fn clear_the_way(&mut self, drive: usize) {
-        let waiting: Vec<_> = self.giving.inward.iter().filter_map(|(ticket, _)| *ticket).collect();
-        for ticket in waiting {
-            let is_cut = |it: &Pending| it.ticket == ticket && it.drive == drive && !it.order.is_stop();
-            if !self.giving.unanswered.iter().any(is_cut) {
-                continue;
-            }
-            self.giving.inward.retain(|(waits, _)| *waits != Some(ticket));
-            if let Some(pending) = self.giving.take(ticket) {
-                let report = Report::new(Outcome::Superseded, Reason::Stopped);
-                self.keep(Some(drive), tried(&pending.order), report);
-                self.tell(drive, report, None);
-            }
-        }
-        let its_stops = |it: &&Pending| it.drive == drive && it.order.is_stop();
-        if self.giving.unanswered.iter().filter(its_stops).count() >= STOPS_MAX {
-            let oldest = self.giving.unanswered.iter().find(its_stops).map(|it| it.ticket);
-            // The line accounts for it.
-            oldest.and_then(|ticket| self.giving.take(ticket));
-        }
     }
 
     fn refuse(&mut self, drive: Option<usize>, tried: Option<Tried>, refused: &Refused) {
@@ -290,64 +172,48 @@ impl Session {
     }
 
     fn keep(&mut self, drive: Option<usize>, tried: Option<Tried>, report: Report) {
-        let Some(tried) = tried else { return };
         let place = drive.and_then(|drive| self.drives.get(drive)).map(|drive| drive.place);
-        self.counters.attempts_lost += u64::from(!self.giving.keep(place, tried, report));
+        self.commands.keep_attempt(place, OWNER, tried, report);
     }
 
-    /// Takes what became of a command so far. Answers to others, or to what is no longer waited for, are ignored.
+    /// Takes an answer to a command. Answers to others, or to what is no longer waited for, are ignored.
     pub fn command_answer(&mut self, answer: &CommandAnswer) {
         if answer.asker != AskerId::SPARKPLUG {
             return;
         }
-        let Some(pending) = self.giving.take(answer.ticket) else { return };
-        let drive = pending.drive;
+        let Some(pending) = self.commands.get(answer.ticket).cloned() else { return };
         // A renewal that is done is no news.
-        if pending.order != Order::Renew || answer.report.outcome == Outcome::Refused {
-            self.tell(drive, answer.report, Some(&pending));
+        if pending.request != Request::Order(Order::Renew) || answer.report.outcome == Outcome::Refused {
+            self.tell(pending.drive, answer.report, Some(&pending));
         }
-        if !answer.is_final {
-            self.giving.unanswered.push(pending);
+        if answer.is_final {
+            self.commands.take(answer.ticket);
         }
     }
 
     /// Takes word that a line could not take the command with this ticket, because its inbox was full.
     pub fn refused_by_line(&mut self, ticket: Ticket) {
-        let Some(pending) = self.giving.take(ticket) else { return };
-        let report = Report::refused(Reason::QueueFull);
-        self.keep(Some(pending.drive), tried(&pending.order), report);
-        self.tell(pending.drive, report, Some(&pending));
+        if let Some((pending, report)) = self.commands.refused_by_line(ticket) {
+            self.tell(pending.drive, report, Some(&pending));
+        }
     }
 
     /// Gives up what should have been answered long ago.
     pub(super) fn drop_overdue(&mut self, at: MonoTime) {
-        while let Some(ticket) = self.giving.unanswered.iter().find(|it| it.forget_at <= at).map(|it| it.ticket) {
-            let Some(pending) = self.giving.take(ticket) else { return };
+        while let Some((pending, report)) = self.commands.take_overdue(at) {
             self.counters.unanswered += 1;
-            self.tell(pending.drive, Report::new(Outcome::Unknown, Reason::NoReply), Some(&pending));
+            self.tell(pending.drive, report, Some(&pending));
         }
     }
 
-    fn tell(&mut self, drive: usize, report: Report, pending: Option<&Pending>) {
-        let limits = pending.and_then(|pending| self.limits_of(pending, report));
+    fn tell(&mut self, drive: usize, report: Report, pending: Option<&Pending<()>>) {
+        let description = self.drives.get(drive);
+        let limits = pending.zip(description).and_then(|(it, drive)| outside_limits(drive, &it.request, report));
         let message = limits.unwrap_or_else(|| report.message());
         if let Some(device) = self.devices.get_mut(drive) {
             device.tell(report, message);
         }
     }
-
-    /// A frequency outside the limits is refused with the limits.
-    fn limits_of(&self, pending: &Pending, report: Report) -> Option<String> {
-        let control = self.drives.get(pending.drive)?.control.as_ref()?;
-        let Order::Go(go) = &pending.order else { return None };
-        let frequency = go.frequency().filter(|_| report.reason == Reason::OutsideLimits)?;
-        Some(format!("{frequency} Hz is outside the limits of {} to {} Hz", control.least, control.most))
-    }
-}
-
-/// What is tried by `order`. To renew a lease is no attempt.
-fn tried(order: &Order) -> Option<Tried> {
-    (*order != Order::Renew).then(|| Tried::Order(order.clone()))
 }
 
 /// What was tried by something that is no order, for the audit: on one line, and short.

@@ -6,10 +6,10 @@
 //!
 //! Ours may be set back. A moment that comes a second time is therefore never younger than when it came first.
 
-use super::clock::Moment;
-use super::command_words::Refused;
 use crate::domain::command::Reason;
 use crate::domain::time::MonoTime;
+use crate::north::clock::Moment;
+use crate::north::command_words::Refused;
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -26,7 +26,7 @@ const TAKEN_MAX: usize = 1024;
 
 /// What is known about the clocks of those who command.
 #[derive(Debug, Default)]
-pub(super) struct Issued {
+pub(in crate::north) struct Issued {
     /// How far ahead they were at most, in milliseconds, and when that was seen last.
     lead: Option<(i64, MonoTime)>,
     /// Moments that were too far ahead, newest last. They stay refused when they have come, so they have a list of their
@@ -38,13 +38,13 @@ pub(super) struct Issued {
 
 /// When one command was issued.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Issue {
+pub(in crate::north) struct Issue {
     /// How long ago, at least. Nothing is issued after it came.
-    pub(super) age: Duration,
+    pub(in crate::north) age: Duration,
     /// The moment on our clock that counts against stops, trips and lost leases.
-    pub(super) moment: MonoTime,
+    pub(in crate::north) moment: MonoTime,
     /// That the clock is ahead, for people.
-    pub(super) remark: Option<String>,
+    pub(in crate::north) remark: Option<String>,
 }
 
 impl Issued {
@@ -52,7 +52,7 @@ impl Issued {
     ///
     /// # Errors
     /// Its moment is too far ahead, or was when it came first.
-    pub(super) fn take(&mut self, at: Moment, issued_at: i64) -> Result<Issue, Refused> {
+    pub(in crate::north) fn take(&mut self, at: Moment, issued_at: i64) -> Result<Issue, Refused> {
         let ahead_ms = issued_at.saturating_sub(at.wall.unix_ms);
         if ahead_ms > AHEAD_MAX_MS {
             self.remember_refused(issued_at);
@@ -169,7 +169,9 @@ mod tests {
         let mut issued = Issued::default();
         assert_eq!(reason(issued.take(at(50_000), EPOCH + 100_000)), Reason::ClockAhead);
         for number in 0..2_000 {
-            assert!(issued.take(at(50_001 + number * 10), EPOCH + 50_001 + i64::try_from(number).unwrap() * 10).is_ok());
+            assert!(
+                issued.take(at(50_001 + number * 10), EPOCH + 50_001 + i64::try_from(number).unwrap() * 10).is_ok()
+            );
         }
         assert_eq!(reason(issued.take(at(99_500), EPOCH + 100_000)), Reason::ClockAhead);
     }

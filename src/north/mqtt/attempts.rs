@@ -1,53 +1,17 @@
-//! Attempts to write that no line saw, on their way to the journal. What a line saw, the line accounts for.
+//! How a message that tried to write and gave no command is told to the journal.
 
 use super::payload::short;
 use super::session::Session;
 use super::topics::InputAddress;
-use super::types::Act;
-use crate::domain::command::{Order, Owner, Report};
-use crate::drive::description::DriveRef;
-use crate::journal::{Attempt, AttemptId, Tried};
-use std::collections::VecDeque;
-
-/// Most attempts that wait to be fetched.
-pub(super) const WAITING_MAX: usize = 256;
-
-/// The attempts that nobody has fetched yet, oldest first.
-#[derive(Debug, Default)]
-pub(super) struct AuditQueue {
-    waiting: VecDeque<(Option<DriveRef>, Attempt)>,
-    last: u64,
-}
-
-impl AuditQueue {
-    /// Adds an attempt. False if there is no room for it.
-    fn add(&mut self, drive: Option<DriveRef>, owner: Owner, tried: Tried, report: Report) -> bool {
-        if self.waiting.len() >= WAITING_MAX {
-            return false;
-        }
-        self.last += 1;
-        self.waiting.push_back((drive, Attempt { id: AttemptId(self.last), owner, tried, report: Some(report) }));
-        true
-    }
-
-    pub(super) fn next(&mut self) -> Option<Act> {
-        self.waiting.pop_front().map(|(drive, attempt)| Act::Keep(drive, attempt))
-    }
-}
+use crate::domain::command::{Owner, Report};
+use crate::journal::Tried;
 
 impl Session {
-    /// Accounts for an attempt that no line sees; nothing was tried where `tried` is nothing. `drive` is its place in
-    /// the session's list.
+    /// Accounts for an attempt that no line sees. `drive` is its place in the session's list.
     pub(super) fn keep(&mut self, drive: Option<usize>, owner: Owner, tried: Option<Tried>, report: Report) {
-        let Some(tried) = tried else { return };
         let place = drive.and_then(|drive| self.drives.get(drive)).map(|drive| drive.place);
-        self.counters.attempts_lost += u64::from(!self.kept.add(place, owner, tried, report));
+        self.commands.keep_attempt(place, owner, tried, report);
     }
-}
-
-/// What is tried by `order`. To renew a lease is no attempt.
-pub(super) fn of_order(order: &Order) -> Option<Tried> {
-    (*order != Order::Renew).then(|| Tried::Order(order.clone()))
 }
 
 /// What is tried at `place` by a payload that is no order.

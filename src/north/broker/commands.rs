@@ -1,0 +1,360 @@
+//! Commands of one broker on their way to the lines: stops first, nothing without a bound, and each is answered or given
+//! up. What no line sees is accounted for here; a line accounts for what it saw.
+
+use crate::domain::command::{CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights};
+use crate::domain::ids::{AskerId, Ticket};
+use crate::domain::native::{NativeAsk, NativeRequest};
+use crate::domain::time::MonoTime;
+use crate::drive::description::{DriveDescription, DriveRef};
+use crate::journal::{Attempt, AttemptId, Tried};
+use std::collections::VecDeque;
+use std::time::Duration;
+
+/// Most commands without an answer over all drives, stops aside.
+const COMMANDS_MAX: usize = 64;
+/// Most stops of one drive without an answer: a stop for a drive that is offline stays pending for minutes, and repeats
+/// of it must not take the room of others.
+const STOPS_MAX: usize = 4;
+/// Most reads without an answer over all drives.
+const READS_MAX: usize = 64;
+/// Most attempts that wait to be fetched.
+pub(in crate::north) const ATTEMPTS_MAX: usize = 256;
+/// How much longer than its deadline a command may stay without its last answer.
+const ANSWERED_WITHIN: Duration = Duration::from_secs(60);
+
+/// Something for the lines.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ToLine {
+    /// Give a command to a drive.
+    Command(DriveRef, CommandRequest),
+    /// Ask a drive for registers.
+    Read(DriveRef, NativeRequest),
+    /// Tell every line that the way from the commanders is open.
+    PathAlive,
+    /// Tell every line that the way was opened again after a loss.
+    PathOpened,
+}
+
+/// What was asked of a drive.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::north) enum Request {
+    /// A command.
+    Order(Order),
+    /// The register with this place in the drive's model.
+    Read(usize),
+}
+
+/// One command or read that is not answered. `C` is what its session needs to answer it.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::north) struct Pending<C> {
+    pub(in crate::north) ticket: Ticket,
+    /// Place of the drive in the session's list.
+    pub(in crate::north) drive: usize,
+    pub(in crate::north) by: Owner,
+    pub(in crate::north) request: Request,
+    pub(in crate::north) context: C,
+    place: DriveRef,
+    /// When it is given up: long after the line must have answered.
+    forget_at: MonoTime,
+}
+
+/// A command to be given to a drive.
+pub(in crate::north) struct NewCommand<C> {
+    pub(in crate::north) ticket: Ticket,
+    /// Place of the drive in the session's list.
+    pub(in crate::north) drive: usize,
+    pub(in crate::north) by: Owner,
+    pub(in crate::north) order: Order,
+    /// Its first frame leaves before this moment or never.
+    pub(in crate::north) start_before: MonoTime,
+    /// When it was issued, if that is known.
+    pub(in crate::north) issued: Option<MonoTime>,
+    pub(in crate::north) epoch: Option<u64>,
+    pub(in crate::north) context: C,
+}
+
+/// A register to be read from a drive.
+pub(in crate::north) struct NewRead<C> {
+    pub(in crate::north) ticket: Ticket,
+    /// Place of the drive in the session's list.
+    pub(in crate::north) drive: usize,
+    pub(in crate::north) by: Owner,
+    /// Its place in the drive's model.
+    pub(in crate::north) register: usize,
+    pub(in crate::north) address: u16,
+    pub(in crate::north) deadline: MonoTime,
+    pub(in crate::north) context: C,
+}
+
+/// The commands of one broker.
+#[derive(Debug)]
+pub(in crate::north) struct Commands<C> {
+    asker: AskerId,
+    /// What goes to the lines, in order: that the way was opened and stops first. Bounded by what may be unanswered.
+    to_lines: VecDeque<ToLine>,
+    /// What is not answered, oldest first.
+    unanswered: Vec<Pending<C>>,
+    /// Attempts that no line sees and that were not fetched yet, oldest first.
+    attempts: VecDeque<(Option<DriveRef>, Attempt)>,
+    last_attempt: u64,
+    attempts_lost: u64,
+    last_ticket: u64,
+}
+
+impl<C> Commands<C> {
+    /// Commands that the lines answer to `asker`.
+    pub(in crate::north) const fn new(asker: AskerId) -> Self {
+        Self {
+            asker,
+            to_lines: VecDeque::new(),
+            unanswered: Vec::new(),
+            attempts: VecDeque::new(),
+            last_attempt: 0,
+            attempts_lost: 0,
+            last_ticket: 0,
+        }
+    }
+
+    /// Tickets count on from this one.
+    pub(in crate::north) const fn count_tickets_from(&mut self, first: Ticket) {
+        self.last_ticket = first.0;
+    }
+
+    /// A ticket that no one has.
+    pub(in crate::north) const fn next_ticket(&mut self) -> Ticket {
+        self.last_ticket += 1;
+        Ticket(self.last_ticket)
+    }
+
+    /// The next thing for the lines.
+    pub(in crate::north) fn next_to_line(&mut self) -> Option<ToLine> {
+        self.to_lines.pop_front()
+    }
+
+    /// The next attempt for the journal.
+    pub(in crate::north) fn next_attempt(&mut self) -> Option<(Option<DriveRef>, Attempt)> {
+        self.attempts.pop_front()
+    }
+
+    /// Attempts that were dropped because too many waited.
+    pub(in crate::north) const fn attempts_lost(&self) -> u64 {
+        self.attempts_lost
+    }
+
+    /// The lines learn that the way was opened, before any command that came on this connection and is still here.
+    pub(in crate::north) fn path_opened(&mut self) {
+        self.to_lines.push_front(ToLine::PathOpened);
+    }
+
+    /// The lines learn that the way is open.
+    pub(in crate::north) fn path_alive(&mut self) {
+        if !self.to_lines.contains(&ToLine::PathAlive) {
+            self.to_lines.push_back(ToLine::PathAlive);
+        }
+    }
+
+    /// The connection is gone: nothing that waits says otherwise.
+    pub(in crate::north) fn path_lost(&mut self) {
+        self.to_lines.retain(|it| !matches!(it, ToLine::PathAlive | ToLine::PathOpened));
+    }
+
+    /// Stops have room of their own.
+    pub(in crate::north) fn has_room_for_command(&self) -> bool {
+        let is_command = |it: &&Pending<C>| matches!(&it.request, Request::Order(order) if !order.is_stop());
+        self.unanswered.iter().filter(is_command).count() < COMMANDS_MAX
+    }
+
+    /// Whether one more register may be asked for.
+    pub(in crate::north) fn has_room_for_read(&self) -> bool {
+        self.unanswered.iter().filter(|it| matches!(it.request, Request::Read(_))).count() < READS_MAX
+    }
+
+    /// Gives a command to `description`, its drive. Before a stop, [`give_way_to_stop`](Self::give_way_to_stop) is called
+    /// until it returns `None`.
+    pub(in crate::north) fn give(&mut self, description: &DriveDescription, new: NewCommand<C>) {
+        let NewCommand { ticket, drive, by, order, start_before, issued, epoch, context } = new;
+        let place = description.place;
+        let is_stop = order.is_stop();
+        let stop_pending_for = description.control.as_ref().filter(|_| is_stop).map(|it| it.stop_pending_for);
+        let forget_at = start_before + stop_pending_for.unwrap_or_default() + ANSWERED_WITHIN;
+        let command = CommandRequest {
+            asker: self.asker,
+            ticket,
+            drive: place.drive,
+            origin: origin(by),
+            order: order.clone(),
+            start_before,
+            issued,
+            epoch,
+        };
+        let request = Request::Order(order);
+        self.unanswered.push(Pending { ticket, drive, by, request, context, place, forget_at });
+        self.queue(ToLine::Command(place, command), is_stop);
+    }
+
+    /// Asks `description`, its drive, for a register.
+    pub(in crate::north) fn read(&mut self, description: &DriveDescription, new: NewRead<C>) {
+        let NewRead { ticket, drive, by, register, address, deadline, context } = new;
+        let place = description.place;
+        let ask = NativeAsk::Read { address, count: 1 };
+        let read = NativeRequest { asker: self.asker, ticket, drive: place.drive, origin: origin(by), ask, deadline };
+        let forget_at = deadline + ANSWERED_WITHIN;
+        let request = Request::Read(register);
+        self.unanswered.push(Pending { ticket, drive, by, request, context, place, forget_at });
+        self.queue(ToLine::Read(place, read), false);
+    }
+
+    /// Adds a request behind all that waits for the lines; a stop behind the stops that wait.
+    fn queue(&mut self, request: ToLine, is_stop: bool) {
+        let goes_first = |it: &&ToLine| match it {
+            ToLine::Command(_, command) => command.order.is_stop(),
+            ToLine::PathOpened => true,
+            ToLine::Read(..) | ToLine::PathAlive => false,
+        };
+        let stops = self.to_lines.iter().take_while(goes_first).count();
+        let place = if is_stop { stops } else { self.to_lines.len() };
+        self.to_lines.insert(place, request);
+    }
+
+    /// Takes back what gives way to a stop of `drive`, one by one: commands of that drive that still wait here, and the
+    /// oldest stop where there are too many.
+    pub(in crate::north) fn give_way_to_stop(&mut self, drive: usize) -> Option<(Pending<C>, Report)> {
+        let waits = |pending: &&Pending<C>| {
+            let moves = matches!(&pending.request, Request::Order(it) if !it.is_stop() && *it != Order::Renew);
+            moves && pending.drive == drive && self.is_waiting(pending.ticket)
+        };
+        let waiting = self.unanswered.iter().find(waits).map(|it| (it.ticket, Reason::Stopped));
+        let (ticket, reason) = waiting.or_else(|| Some((self.surplus_stop(drive)?, Reason::Newer)))?;
+        self.give_up(ticket, Report::new(Outcome::Superseded, reason))
+    }
+
+    /// The oldest stop of `drive`, if there is no room for one more.
+    fn surplus_stop(&self, drive: usize) -> Option<Ticket> {
+        let is_its_stop =
+            |it: &&Pending<C>| it.drive == drive && matches!(&it.request, Request::Order(order) if order.is_stop());
+        let mut stops = self.unanswered.iter().filter(is_its_stop);
+        let oldest = stops.next()?.ticket;
+        (stops.count() + 1 >= STOPS_MAX).then_some(oldest)
+    }
+
+    /// Takes one that should have been answered long ago.
+    pub(in crate::north) fn take_overdue(&mut self, at: MonoTime) -> Option<(Pending<C>, Report)> {
+        let overdue = self.unanswered.iter().find(|it| it.forget_at <= at)?;
+        let report = Report::new(unanswered_outcome(&overdue.request), Reason::NoReply);
+        self.give_up(overdue.ticket, report)
+    }
+
+    /// Takes one whose drive has no place any more by `moved`: the new place of each drive.
+    pub(in crate::north) fn take_gone(&mut self, moved: &[Option<usize>]) -> Option<(Pending<C>, Report)> {
+        let gone = self.unanswered.iter().find(|it| moved.get(it.drive).copied().flatten().is_none())?;
+        let report = Report::new(unanswered_outcome(&gone.request), Reason::Removed);
+        self.give_up(gone.ticket, report)
+    }
+
+    /// The drives have these places from now on.
+    pub(in crate::north) fn move_drives(&mut self, moved: &[Option<usize>]) {
+        for pending in &mut self.unanswered {
+            pending.drive = moved.get(pending.drive).copied().flatten().unwrap_or(pending.drive);
+        }
+    }
+
+    /// When the next one is given up.
+    pub(in crate::north) fn wake(&self) -> Option<MonoTime> {
+        self.unanswered.iter().map(|it| it.forget_at).min()
+    }
+
+    /// The request with this ticket.
+    pub(in crate::north) fn get(&self, ticket: Ticket) -> Option<&Pending<C>> {
+        self.unanswered.iter().find(|it| it.ticket == ticket)
+    }
+
+    /// Takes the request with this ticket: it is answered.
+    pub(in crate::north) fn take(&mut self, ticket: Ticket) -> Option<Pending<C>> {
+        let place = self.unanswered.iter().position(|it| it.ticket == ticket)?;
+        Some(self.unanswered.remove(place))
+    }
+
+    /// Takes the request that a line could not take, because its inbox was full.
+    pub(in crate::north) fn refused_by_line(&mut self, ticket: Ticket) -> Option<(Pending<C>, Report)> {
+        let pending = self.take(ticket)?;
+        let report = Report::refused(Reason::QueueFull);
+        self.account_for(&pending, report);
+        Some((pending, report))
+    }
+
+    /// Takes a request that ends so. If it still waits here, no line accounts for it.
+    fn give_up(&mut self, ticket: Ticket, report: Report) -> Option<(Pending<C>, Report)> {
+        let pending = self.take(ticket)?;
+        if self.is_waiting(ticket) {
+            self.to_lines.retain(|it| ticket_of(it) != Some(ticket));
+            self.account_for(&pending, report);
+        }
+        Some((pending, report))
+    }
+
+    fn is_waiting(&self, ticket: Ticket) -> bool {
+        self.to_lines.iter().any(|it| ticket_of(it) == Some(ticket))
+    }
+
+    fn account_for(&mut self, pending: &Pending<C>, report: Report) {
+        if let Request::Order(order) = &pending.request {
+            self.keep_attempt(Some(pending.place), pending.by, tried_by(order), report);
+        }
+    }
+
+    /// Accounts for an attempt that no line sees; nothing was tried where `tried` is `None`.
+    pub(in crate::north) fn keep_attempt(
+        &mut self,
+        place: Option<DriveRef>,
+        owner: Owner,
+        tried: Option<Tried>,
+        report: Report,
+    ) {
+        let Some(tried) = tried else { return };
+        if self.attempts.len() >= ATTEMPTS_MAX {
+            self.attempts_lost += 1;
+            return;
+        }
+        self.last_attempt += 1;
+        let attempt = Attempt { id: AttemptId(self.last_attempt), owner, tried, report: Some(report) };
+        self.attempts.push_back((place, attempt));
+    }
+}
+
+/// Who commands through a broker may write and stop; each message is a command of its own.
+const fn origin(owner: Owner) -> Origin {
+    Origin { owner, rights: Rights { write: true, stop: true }, manner: Manner::Once }
+}
+
+/// What is tried by `order`. To renew a lease is no attempt.
+pub(in crate::north) fn tried_by(order: &Order) -> Option<Tried> {
+    (*order != Order::Renew).then(|| Tried::Order(order.clone()))
+}
+
+/// A frequency outside the limits is refused with the limits.
+pub(in crate::north) fn outside_limits(
+    description: &DriveDescription,
+    request: &Request,
+    report: Report,
+) -> Option<String> {
+    let control = description.control.as_ref()?;
+    let Request::Order(Order::Go(go)) = request else { return None };
+    let frequency = go.frequency().filter(|_| report.reason == Reason::OutsideLimits)?;
+    Some(format!("{frequency} Hz is outside the limits of {} to {} Hz", control.least, control.most))
+}
+
+/// How a request ends that no line has answered.
+const fn unanswered_outcome(request: &Request) -> Outcome {
+    match request {
+        Request::Order(_) => Outcome::Unknown,
+        Request::Read(_) => Outcome::Failed,
+    }
+}
+
+const fn ticket_of(it: &ToLine) -> Option<Ticket> {
+    match it {
+        ToLine::Command(_, command) => Some(command.ticket),
+        ToLine::Read(_, request) => Some(request.ticket),
+        ToLine::PathAlive | ToLine::PathOpened => None,
+    }
+}

@@ -1,0 +1,16 @@
+//! What the sessions with a broker share, MQTT and Sparkplug: the way to the broker and its probe, how old a command
+//! is, and commands on their way to the lines. The sessions parse and answer on top of it.
+
+mod commands;
+mod issued;
+mod path;
+mod types;
+
+#[cfg(test)]
+pub(in crate::north) use commands::ATTEMPTS_MAX;
+pub use commands::ToLine;
+pub(in crate::north) use commands::{Commands, NewCommand, NewRead, Pending, Request, outside_limits, tried_by};
+pub(in crate::north) use issued::Issued;
+pub use path::unnoticed;
+pub(in crate::north) use path::{Path, Returned};
+pub use types::{Broker, Event, Filter, LineState, Message, Publication, Qos, Refusal, Version};

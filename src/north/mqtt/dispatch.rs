@@ -1,0 +1,106 @@
+//! Commands and reads that were taken of messages, on their way to the lines.
+
+use super::payload::{InputCommand, Refused};
+use super::results::Reply;
+use super::seen::IdState;
+use super::session::Session;
+use crate::domain::command::{Owner, Reason, Report};
+use crate::domain::ids::Ticket;
+use crate::north::broker::{Message, NewCommand, NewRead, Pending};
+use crate::north::clock::Moment;
+use serde_json::Value;
+use std::time::Duration;
+
+/// How long a read may take: a line that is busy with a silent drive included.
+const READ_WITHIN: Duration = Duration::from_secs(5);
+const RETAINED_STOP: &str = "executed, but published with the retain flag: it would be refused as a replay later";
+
+/// Who asks, where the answer goes, and under which id.
+pub(super) struct Asker {
+    pub(super) by: Owner,
+    pub(super) id: Value,
+    pub(super) reply: Option<Reply>,
+}
+
+/// What the answer to a command or read needs.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Context {
+    pub(super) id: Value,
+    pub(super) reply: Option<Reply>,
+    /// What its results say besides.
+    pub(super) remark: Option<String>,
+}
+
+impl Session {
+    /// Hands an order to its drive.
+    pub(super) fn give(&mut self, at: Moment, drive: usize, asker: Asker, wish: InputCommand, message: &Message<'_>) {
+        let is_a_stop = wish.order.is_stop();
+        if is_a_stop {
+            while let Some((pending, report)) = self.commands.give_way_to_stop(drive) {
+                self.end(at, &pending, report);
+            }
+        }
+        let ticket = self.commands.next_ticket();
+        let is_new_id = || {
+            let by_id = (asker.by, &asker.id);
+            self.seen[drive].look(at.mono, by_id, &wish.order, wish.epoch) == IdState::New
+        };
+        if wish.id.is_some() && is_new_id() {
+            self.seen[drive].add(at.mono, (asker.by, asker.id.clone()), wish.order.clone(), wish.epoch, ticket);
+        }
+        let is_retained_stop = is_a_stop && message.retain;
+        self.counters.retained_stops += u64::from(is_retained_stop);
+        self.counters.commands += 1;
+        let ttl = wish.ttl.unwrap_or(self.settings.command_ttl);
+        let remark = if is_retained_stop { Some(RETAINED_STOP.to_owned()) } else { wish.remark };
+        let command = NewCommand {
+            ticket,
+            drive,
+            by: asker.by,
+            order: wish.order,
+            start_before: at.mono + message.expiry.map_or(ttl, |expiry| expiry.min(ttl)),
+            issued: wish.issued,
+            epoch: wish.epoch,
+            context: Context { id: asker.id, reply: asker.reply, remark },
+        };
+        self.commands.give(&self.drives[drive], command);
+    }
+
+    pub(super) fn read(&mut self, at: Moment, drive: usize, asker: Asker, register: usize, message: &Message<'_>) {
+        if !self.commands.has_room_for_read() {
+            return self.refuse_for(at, drive, &asker, &Refused::plain(Reason::QueueFull), None);
+        }
+        let description = &self.drives[drive];
+        let Some(address) = description.model.registers.get(register).map(|it| it.address) else { return };
+        let read = NewRead {
+            ticket: self.commands.next_ticket(),
+            drive,
+            by: asker.by,
+            register,
+            address,
+            deadline: at.mono + message.expiry.map_or(READ_WITHIN, |expiry| expiry.min(READ_WITHIN)),
+            context: Context { id: asker.id, reply: asker.reply, remark: None },
+        };
+        self.commands.read(description, read);
+    }
+
+    /// Gives up what should have been answered long ago.
+    pub(super) fn drop_overdue(&mut self, at: Moment) {
+        while let Some((pending, report)) = self.commands.take_overdue(at.mono) {
+            self.counters.unanswered += 1;
+            self.end(at, &pending, report);
+        }
+    }
+
+    /// Tells the last word on a command or read.
+    pub(super) fn end(&mut self, at: Moment, pending: &Pending<Context>, report: Report) {
+        self.seen[pending.drive].ended(pending.ticket, report);
+        self.tell_end(at, pending, report);
+    }
+
+    /// An id for a commander that gave none.
+    pub(super) fn next_id(&mut self) -> Value {
+        let Ticket(number) = self.commands.next_ticket();
+        format!("{}-{number}", self.run).into()
+    }
+}
