@@ -145,6 +145,20 @@ impl Book {
         self.stopped_by = by;
     }
 
+    /// The order `number` was answered. Frames of two resets look the same: if it is a reset that has gone less far than a
+    /// later one, the frames were its own.
+    pub fn reset_answered(&mut self, number: u64) {
+        let is_reset = |it: &Order| it.wish.run == Some(Run::Reset) && !it.is_over;
+        let Some(place) = self.orders.iter().position(|it| it.number == number && is_reset(it)) else { return };
+        let (until, later) = self.orders.split_at_mut(place + 1);
+        let Some(answered) = until.last_mut() else { return };
+        let is_ahead = |it: &&mut Order| is_reset(it) && it.reset_step > answered.reset_step;
+        let Some(other) = later.iter_mut().find(is_ahead) else { return };
+        std::mem::swap(&mut answered.reset_step, &mut other.reset_step);
+        std::mem::swap(&mut answered.sent, &mut other.sent);
+        std::mem::swap(&mut answered.taken, &mut other.taken);
+    }
+
     pub fn shows_output(&mut self, at: u64, output: u16) {
         self.readings[self.reading % 24] = (output, at);
         self.reading += 1;

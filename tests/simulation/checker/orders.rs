@@ -258,6 +258,7 @@ impl Checker {
             book.fresh.remove(place);
             return;
         }
+        book.reset_answered(number);
         let Some(order) = book.orders.iter_mut().find(|it| it.number == number) else {
             return self.stop_succeeded(drive);
         };
