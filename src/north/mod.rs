@@ -3,6 +3,7 @@
 pub mod broker;
 pub mod clock;
 pub mod command_words;
+pub mod finding;
 pub mod modbus;
 pub mod mqtt;
 pub mod operator;

@@ -98,7 +98,7 @@ async fn report(State(history): State<Arc<History>>, Path(name): Path<String>, u
         }
     };
     let observed = Observed::between(before.as_deref(), look(&line), gateway.started);
-    json(&document(line.name.as_str(), &line.wiring, &observed)).into_response()
+    json(&document(&line.name, &line.wiring, &observed)).into_response()
 }
 
 /// The span that `query` asks for: none, or `seconds=N` alone; nothing if it is something else.

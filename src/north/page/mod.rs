@@ -1,7 +1,7 @@
 //! What the web page shows, as JSON documents: state, changes, the trend of the last hour, advice. Everything is read from
 //! pictures and reports that are there already, so that nobody who looks puts anything on a line.
 
-pub mod advice;
+mod advice;
 pub mod drive;
 pub mod gateway;
 pub mod line;
@@ -13,7 +13,6 @@ mod tests;
 pub mod trend;
 pub mod trips;
 
-pub use advice::{Advice, Severity};
 pub use drive::Drive;
 pub use gateway::Gateway;
 pub use line::Line;

@@ -1,6 +1,5 @@
 //! Documents of drives of every built-in model, of lines, and what there is to say about them.
 
-use super::advice::Severity;
 use super::gateway::{BrokerWay, JournalState};
 use super::line_use::Rates;
 use super::testing::{NOW, NOW_TEXT, clock, description, drive, models, view};
@@ -17,6 +16,7 @@ use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{DriveView, RunState, TripRecord};
 use crate::drive::watchdog::{WatchdogState, WatchdogView};
+use crate::north::finding::{Severity, ranked};
 use serde_json::{Value, json};
 use std::time::Duration;
 
@@ -224,8 +224,8 @@ fn a_watchdog_a_stop_without_effect_and_a_refusal_are_told() {
     assert!(has(Severity::Problem, "obeys its panel or terminals"), "{said:?}");
     assert!(has(Severity::Problem, "a stop shows no effect"), "{said:?}");
     assert!(has(Severity::Problem, "the drive kept its old value; it may be locked"), "{said:?}");
-    assert!(has(Severity::Advice, "watchdog over the bus is off"), "{said:?}");
-    assert!(has(Severity::Advice, "the commander was lost"), "{said:?}");
+    assert!(has(Severity::Hint, "watchdog over the bus is off"), "{said:?}");
+    assert!(has(Severity::Hint, "the commander was lost"), "{said:?}");
     view.control.as_mut().unwrap().last = Some(Report::new(Outcome::Confirmed, Reason::None));
     assert_eq!(advice(&description, &view).len(), said.len() - 1);
 }
@@ -241,7 +241,7 @@ fn a_tripped_drive_is_the_first_of_all_problems() {
     let tripped = said.iter().find(|it| it.text.starts_with("the drive is tripped: 16")).unwrap();
     assert_eq!((tripped.severity, tripped.severity.word()), (Severity::Trip, "problem"));
     let others = said.iter().filter(|it| it.severity != Severity::Trip).cloned();
-    let all = super::advice::ranked(others.chain([tripped.clone()]));
+    let all = ranked(others.chain([tripped.clone()]));
     assert_eq!(all.first(), Some(tripped));
     view.snapshot.presence = Presence::Offline;
     assert!(advice(&description, &view).iter().all(|(_, text)| !text.contains("tripped")), "nobody knows by now");
@@ -335,9 +335,9 @@ fn a_line_in_trouble_says_what_to_look_at() {
     let suspended = said(LineReport { quality: bad(12, true), ..up() }, false);
     assert!(suspended[0].starts_with("problem: 12 % of the last exchanges failed: run orders"), "{suspended:?}");
     let poor = said(LineReport { quality: bad(2, false), ..up() }, false);
-    assert!(poor[0].starts_with("advice: 2 %"), "{poor:?}");
+    assert!(poor[0].starts_with("hint: 2 %"), "{poor:?}");
     let full = said(LineReport { planned_use_per_mille: 1430, ..up() }, false);
-    assert!(full[0].starts_with("advice: the polls would need 143 %"), "{full:?}");
+    assert!(full[0].starts_with("hint: the polls would need 143 %"), "{full:?}");
 }
 
 #[test]

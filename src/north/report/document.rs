@@ -2,30 +2,28 @@
 
 use super::rules::verdict;
 use super::{DriveObserved, Observed};
+use crate::domain::ids::Name;
 use crate::domain::link::Wiring;
 use crate::domain::report::{LineState, REPLY_CLASSES, ReplyReport};
 use crate::drive::snapshot::Presence;
+use crate::north::finding::Finding;
 use serde_json::{Value, json};
 use std::time::Duration;
 
 /// What was `observed` on the line called `name`, with its verdict.
 #[must_use]
-pub fn document(name: &str, wiring: &Wiring, observed: &Observed) -> Value {
+pub fn document(name: &Name, wiring: &Wiring, observed: &Observed) -> Value {
     let line = &observed.line;
     let is_up = line.state == LineState::Up;
-    let findings = verdict(observed).into_iter().map(|finding| {
-        let drive = finding.drive.as_ref().map(|name| name.as_str());
-        json!({ "severity": finding.severity.word(), "sign": finding.sign, "drive": drive, "text": finding.text })
-    });
     json!({
-        "line": name,
+        "line": name.as_str(),
         "state": if is_up { "up" } else { "down" },
         "reason": line.fault.filter(|_| !is_up).map(|fault| fault.to_string()),
         "port": wiring.port,
         "link": wiring.link.to_string(),
         "observed_s": (observed.time.as_secs_f64() * 10.0).round() / 10.0,
         "suspicion": line.suspicion.map(|suspicion| suspicion.word()),
-        "verdict": findings.collect::<Vec<_>>(),
+        "verdict": verdict(name, observed).iter().map(Finding::document).collect::<Vec<_>>(),
         "rates": rates(observed),
         "drives": observed.drives.iter().map(|it| drive(it, is_up)).collect::<Vec<_>>(),
     })
@@ -95,12 +93,12 @@ fn millis(time: Duration) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{good, idle};
+    use super::super::testing::{good, idle, line_name};
     use super::*;
 
     #[test]
     fn a_good_line_is_told_in_numbers() {
-        let told = document("hall-1", &Wiring::default(), &good());
+        let told = document(&line_name(), &Wiring::default(), &good());
         assert_eq!(told["link"], "9600 8N1");
         assert_eq!((&told["state"], &told["reason"], &told["suspicion"]), (&"up".into(), &Value::Null, &Value::Null));
         assert_eq!(told["observed_s"], 30.0);
@@ -124,7 +122,7 @@ mod tests {
         (drive.exchanges.silent, drive.exchanges.garbled) = (8, 7);
         drive.damage.damaged = 10;
         observed.strays = 4;
-        let rates = &document("hall-1", &Wiring::default(), &observed)["rates"];
+        let rates = &document(&line_name(), &Wiring::default(), &observed)["rates"];
         for (key, per_mille) in [("good", 992.5), ("silent", 2.5), ("garbled", 5.0), ("stray", 2.0)] {
             assert_eq!(rates[format!("{key}_per_mille")], per_mille, "{key}");
         }
@@ -132,7 +130,7 @@ mod tests {
 
     #[test]
     fn nothing_is_a_share_of_nothing() {
-        let rates = &document("hall-1", &Wiring::default(), &idle())["rates"];
+        let rates = &document(&line_name(), &Wiring::default(), &idle())["rates"];
         assert_eq!((&rates["exchanges"], &rates["good_per_mille"]), (&0.into(), &Value::Null));
     }
 }

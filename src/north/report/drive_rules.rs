@@ -1,11 +1,12 @@
 //! What is found of one drive.
 
-use super::rules::{ENOUGH, FindingText, SIGNS, Severity, graded};
+use super::rules::{ENOUGH, FindingText, SIGNS, graded};
 use super::{DriveObserved, Observed};
 use crate::domain::counts::DamageCounts;
 use crate::domain::report::REPLY_CLASSES;
 use crate::domain::suspicion::Suspicion;
 use crate::drive::snapshot::Presence;
+use crate::north::finding::{OFFLINE_REMEDY, Severity};
 
 /// Long replies are damaged by their length if so many times more of them are.
 const LONG_TIMES: u64 = 3;
@@ -22,12 +23,7 @@ pub(super) fn offline(seen: &Observed, drive: &DriveObserved) -> FindingText {
     };
     let is_silent = drive.now.presence == Presence::Offline && silent(seen, drive).is_none();
     let is_offline = seen.is_up() && is_silent && !is_told;
-    let text = || {
-        format!(
-            "it does not answer at station {}: check its power, its wiring, its station number, speed and parity",
-            station.0
-        )
-    };
+    let text = || format!("it does not answer at station {}: {OFFLINE_REMEDY}", station.0);
     is_offline.then(|| (Severity::Problem, text()))
 }
 

@@ -1,8 +1,9 @@
 //! What is found of a line as a whole.
 
 use super::Observed;
-use super::rules::{ENOUGH, FindingText, SIGNS, Severity};
+use super::rules::{ENOUGH, FindingText, SIGNS};
 use crate::domain::suspicion::Suspicion;
+use crate::north::finding::{Severity, over_full_text, suspended_text};
 
 /// The line itself says what is probably wrong with it: wiring, speed, parity, a number given twice, an echo, a jam.
 pub(super) fn suspicion(seen: &Observed) -> FindingText {
@@ -29,12 +30,7 @@ pub(super) fn port_lost(seen: &Observed) -> FindingText {
 
 pub(super) fn suspended(seen: &Observed) -> FindingText {
     let bad = seen.line.quality.bad_per_cent.unwrap_or_default();
-    let text = || {
-        format!(
-            "{bad} % of the last exchanges failed: run orders and higher setpoints are refused until it is less than 3 %"
-        )
-    };
-    (seen.is_up() && seen.line.quality.is_suspended).then(|| (Severity::Problem, text()))
+    (seen.is_up() && seen.line.quality.is_suspended).then(|| (Severity::Problem, suspended_text(bad)))
 }
 
 pub(super) fn other_master(seen: &Observed) -> FindingText {
@@ -75,14 +71,8 @@ pub(super) fn floating(seen: &Observed) -> FindingText {
 }
 
 pub(super) fn over_full(seen: &Observed) -> FindingText {
-    let wanted = seen.line.planned_use_per_mille / 10;
-    let text = || {
-        format!(
-            "the polls want {wanted} % of the line's time, so that values are older than asked for: raise `poll`, the \
-             speed, or split the line"
-        )
-    };
-    (seen.line.planned_use_per_mille > 1000).then(|| (Severity::Hint, text()))
+    let planned = seen.line.planned_use_per_mille;
+    (planned > 1000).then(|| (Severity::Hint, over_full_text(planned)))
 }
 
 pub(super) fn echo_stripped(seen: &Observed) -> FindingText {

@@ -9,7 +9,7 @@ mod rules;
 mod testing;
 
 pub use document::document;
-pub use rules::{Finding, RULES, Rule, Severity, verdict};
+pub use rules::{RULES, Rule, verdict};
 
 use crate::domain::counts::{DamageCounts, ExchangeCounts};
 use crate::domain::ids::{Name, Station};

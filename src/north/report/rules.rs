@@ -2,6 +2,7 @@
 
 use super::{DriveObserved, Observed};
 use crate::domain::ids::Name;
+use crate::north::finding::{Finding, Severity, Sign, ranked};
 
 /// Of one kind so many before it is believed: one alone is chance.
 pub(super) const SIGNS: u64 = 3;
@@ -10,49 +11,13 @@ pub(super) const ENOUGH: u64 = 20;
 /// From so many in a thousand exchanges on, something is a problem.
 const PROBLEM_PER_MILLE: u64 = 10;
 
-/// How bad it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Severity {
-    /// Nothing has to be done.
-    Good,
-    /// Worth a look when there is time.
-    Hint,
-    /// It disturbs or will.
-    Problem,
-}
-
-impl Severity {
-    /// The word as it stands in reports.
-    #[must_use]
-    pub const fn word(self) -> &'static str {
-        match self {
-            Self::Good => "good",
-            Self::Hint => "hint",
-            Self::Problem => "problem",
-        }
-    }
-}
-
-/// One thing that was found.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Finding {
-    /// How bad it is.
-    pub severity: Severity,
-    /// The rule's word, for programs.
-    pub sign: &'static str,
-    /// Whose it is; nothing: the line's.
-    pub drive: Option<Name>,
-    /// What it is and what to do, for people.
-    pub text: String,
-}
-
 /// What one rule says, if it applies.
 pub(super) type FindingText = Option<(Severity, String)>;
 
 /// One row of the table.
 pub struct Rule {
-    /// Its word.
-    pub sign: &'static str,
+    /// What it finds.
+    pub sign: Sign,
     of: Of,
 }
 
@@ -61,59 +26,58 @@ enum Of {
     Drive(fn(&Observed, &DriveObserved) -> FindingText),
 }
 
-const fn line(sign: &'static str, of: fn(&Observed) -> FindingText) -> Rule {
+const fn line(sign: Sign, of: fn(&Observed) -> FindingText) -> Rule {
     Rule { sign, of: Of::Line(of) }
 }
 
-const fn drive(sign: &'static str, of: fn(&Observed, &DriveObserved) -> FindingText) -> Rule {
+const fn drive(sign: Sign, of: fn(&Observed, &DriveObserved) -> FindingText) -> Rule {
     Rule { sign, of: Of::Drive(of) }
 }
 
 /// The table. What stands further up is the more likely cause of what stands below.
 pub const RULES: &[Rule] = &[
-    line("suspicion", super::line_rules::suspicion),
-    line("line_down", super::line_rules::down),
-    line("port_lost", super::line_rules::port_lost),
-    line("suspended", super::line_rules::suspended),
-    line("other_master", super::line_rules::other_master),
-    line("stranger", super::line_rules::stranger),
-    line("floating", super::line_rules::floating),
-    line("over_full", super::line_rules::over_full),
-    line("echo_stripped", super::line_rules::echo_stripped),
-    line("few_exchanges", super::line_rules::few_exchanges),
-    drive("offline", super::drive_rules::offline),
-    drive("duplicate_station", super::drive_rules::duplicate_station),
-    drive("late_beyond_limit", super::drive_rules::late_beyond_limit),
-    drive("first_characters", super::drive_rules::first_characters),
-    drive("cut", super::drive_rules::cut),
-    drive("long_frames", super::drive_rules::long_frames),
-    drive("one_station", super::drive_rules::one_station),
-    drive("damaged", super::drive_rules::damaged),
-    drive("late", super::drive_rules::late),
-    drive("silent", super::drive_rules::silent),
-    drive("timeout_short", super::drive_rules::timeout_short),
-    drive("exceptions", super::drive_rules::exceptions),
+    line(Sign::Suspicion, super::line_rules::suspicion),
+    line(Sign::LineDown, super::line_rules::down),
+    line(Sign::PortLost, super::line_rules::port_lost),
+    line(Sign::Suspended, super::line_rules::suspended),
+    line(Sign::OtherMaster, super::line_rules::other_master),
+    line(Sign::Stranger, super::line_rules::stranger),
+    line(Sign::Floating, super::line_rules::floating),
+    line(Sign::OverFull, super::line_rules::over_full),
+    line(Sign::EchoStripped, super::line_rules::echo_stripped),
+    line(Sign::FewExchanges, super::line_rules::few_exchanges),
+    drive(Sign::Offline, super::drive_rules::offline),
+    drive(Sign::DuplicateStation, super::drive_rules::duplicate_station),
+    drive(Sign::LateBeyondLimit, super::drive_rules::late_beyond_limit),
+    drive(Sign::FirstCharacters, super::drive_rules::first_characters),
+    drive(Sign::Cut, super::drive_rules::cut),
+    drive(Sign::LongFrames, super::drive_rules::long_frames),
+    drive(Sign::OneStation, super::drive_rules::one_station),
+    drive(Sign::Damaged, super::drive_rules::damaged),
+    drive(Sign::Late, super::drive_rules::late),
+    drive(Sign::Silent, super::drive_rules::silent),
+    drive(Sign::TimeoutShort, super::drive_rules::timeout_short),
+    drive(Sign::Exceptions, super::drive_rules::exceptions),
 ];
 
-/// All that is found, the worst first; that all is well if nothing is.
+/// All that is found on the line called `name`, the worst first; that all is well if there is nothing.
 #[must_use]
-pub fn verdict(observed: &Observed) -> Vec<Finding> {
-    let mut found: Vec<_> = RULES.iter().flat_map(|rule| rule.findings(observed)).collect();
+pub fn verdict(name: &Name, observed: &Observed) -> Vec<Finding> {
+    let mut found: Vec<_> = RULES.iter().flat_map(|rule| rule.findings(name, observed)).collect();
     if found.iter().all(|finding| finding.severity == Severity::Good) {
-        let (exchanges, seconds) = (observed.exchanges(), observed.time.as_secs());
-        let text = format!("nothing is wrong: {exchanges} exchanges in {seconds} s");
-        found.insert(0, Finding { severity: Severity::Good, sign: "good", drive: None, text });
+        let text = format!("nothing is wrong: {} exchanges in {} s", observed.exchanges(), observed.time.as_secs());
+        let line = Some(name.clone());
+        found.insert(0, Finding { severity: Severity::Good, sign: Sign::Fine, line, drive: None, text });
     }
-    found.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
-    found
+    ranked(found)
 }
 
 impl Rule {
-    fn findings(&self, observed: &Observed) -> Vec<Finding> {
+    fn findings(&self, name: &Name, observed: &Observed) -> Vec<Finding> {
         let finding = |drive: Option<&DriveObserved>, (severity, text)| {
             let drive = drive.map(|drive| drive.now.name.clone());
             let text = drive.as_ref().map(|name| format!("{name}: {text}")).unwrap_or(text);
-            Finding { severity, sign: self.sign, drive, text }
+            Finding { severity, sign: self.sign, line: Some(name.clone()), drive, text }
         };
         match self.of {
             Of::Line(of) => of(observed).map(|said| finding(None, said)).into_iter().collect(),
@@ -135,40 +99,40 @@ pub(super) fn graded(count: u64, all: u64) -> Option<Severity> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{cases, good, idle};
+    use super::super::testing::{cases, good, idle, line_name};
     use super::*;
 
     #[test]
     fn a_good_line_is_said_to_be_good() {
-        let found = verdict(&good());
+        let found = verdict(&line_name(), &good());
         assert_eq!(found.len(), 1, "{found:?}");
-        assert_eq!((found[0].severity, found[0].sign), (Severity::Good, "good"));
+        assert_eq!((found[0].severity, found[0].sign), (Severity::Good, Sign::Fine));
         assert_eq!(found[0].text, "nothing is wrong: 2000 exchanges in 30 s");
     }
 
     #[test]
     fn each_sign_is_found_in_its_case_and_nothing_worse() {
         for (sign, severity, part, observed) in cases() {
-            let found = verdict(&observed);
+            let found = verdict(&line_name(), &observed);
             let finding = found.iter().find(|finding| finding.sign == sign);
-            let finding = finding.unwrap_or_else(|| panic!("no {sign} among {found:?}"));
+            let finding = finding.unwrap_or_else(|| panic!("no {sign:?} among {found:?}"));
             assert_eq!((finding.severity, found[0].severity), (severity, severity), "{found:?}");
             assert!(finding.text.contains(part), "no {part} in {}", finding.text);
             let others = found.iter().filter(|it| it.severity > Severity::Good && it.sign != sign).count();
-            assert_eq!(others, 0, "{sign}: {found:?}");
+            assert_eq!(others, 0, "{sign:?}: {found:?}");
         }
     }
 
     #[test]
     fn each_rule_has_its_case() {
         for rule in RULES {
-            assert!(cases().iter().any(|(sign, ..)| *sign == rule.sign), "{}", rule.sign);
+            assert!(cases().iter().any(|(sign, ..)| *sign == rule.sign), "{:?}", rule.sign);
         }
     }
 
     #[test]
     fn a_line_without_exchanges_is_not_good() {
-        assert_ne!(verdict(&idle())[0].severity, Severity::Good);
+        assert_ne!(verdict(&line_name(), &idle())[0].severity, Severity::Good);
     }
 
     #[test]

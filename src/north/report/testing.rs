@@ -1,6 +1,5 @@
 //! Observations for tests: a good line, and one for each thing that can be wrong.
 
-use super::rules::Severity;
 use super::{DriveObserved, DriveSeen, LineSeen, Observed};
 use crate::domain::counts::ExchangeCounts;
 use crate::domain::ids::{Name, Station};
@@ -8,6 +7,7 @@ use crate::domain::report::{LineFault, LineReport, LineState, ReplyReport, Stati
 use crate::domain::suspicion::Suspicion;
 use crate::domain::time::MonoTime;
 use crate::drive::snapshot::Presence;
+use crate::north::finding::{Severity, Sign};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -69,39 +69,43 @@ fn damaged(count: u64, change: impl FnOnce(&mut DriveObserved)) -> Observed {
 }
 
 /// Each sign with its severity, a part of its text, and a case in which it comes first.
-pub(super) fn cases() -> Vec<(&'static str, Severity, &'static str, Observed)> {
+pub(super) fn line_name() -> Name {
+    Name::new("hall-1").expect("a name")
+}
+
+pub(super) fn cases() -> Vec<(Sign, Severity, &'static str, Observed)> {
     [line_cases(), drive_cases(), damage_cases()].concat()
 }
 
-type Case = (&'static str, Severity, &'static str, Observed);
+type Case = (Sign, Severity, &'static str, Observed);
 
 fn line_cases() -> Vec<Case> {
     use Severity::{Good, Hint, Problem};
     let suspected = |suspicion| with(|it| it.line.suspicion = Some(suspicion));
     let down = |fault| with(|it| (it.line.state, it.line.fault) = (LineState::Down, fault));
     vec![
-        ("suspicion", Problem, "higher speed", suspected(Suspicion::DrivesAreFaster)),
-        ("suspicion", Problem, "lower speed", suspected(Suspicion::DrivesAreSlower)),
-        ("suspicion", Problem, "parity", suspected(Suspicion::AlwaysDamaged)),
-        ("suspicion", Problem, "two drives", suspected(Suspicion::DuplicateStation(Station(1)))),
-        ("suspicion", Problem, "max_lateness", suspected(Suspicion::LateBeyondLimit(Station(1)))),
-        ("suspicion", Problem, "echo", suspected(Suspicion::Echo)),
-        ("line_down", Problem, "the device is gone", down(Some(LineFault::Gone))),
-        ("line_down", Problem, "never open", down(None)),
-        ("port_lost", Problem, "lost 2 times", with(|it| it.port_downs = 2)),
+        (Sign::Suspicion, Problem, "higher speed", suspected(Suspicion::DrivesAreFaster)),
+        (Sign::Suspicion, Problem, "lower speed", suspected(Suspicion::DrivesAreSlower)),
+        (Sign::Suspicion, Problem, "parity", suspected(Suspicion::AlwaysDamaged)),
+        (Sign::Suspicion, Problem, "two drives", suspected(Suspicion::DuplicateStation(Station(1)))),
+        (Sign::Suspicion, Problem, "max_lateness", suspected(Suspicion::LateBeyondLimit(Station(1)))),
+        (Sign::Suspicion, Problem, "echo", suspected(Suspicion::Echo)),
+        (Sign::LineDown, Problem, "the device is gone", down(Some(LineFault::Gone))),
+        (Sign::LineDown, Problem, "never open", down(None)),
+        (Sign::PortLost, Problem, "lost 2 times", with(|it| it.port_downs = 2)),
         (
-            "suspended",
+            Sign::Suspended,
             Problem,
             "14 %",
             with(|it| (it.line.quality.is_suspended, it.line.quality.bad_per_cent) = (true, Some(14))),
         ),
-        ("other_master", Problem, "one master only", with(|it| it.other_master = 5)),
-        ("stranger", Problem, "5 frames", with(|it| it.foreign = 5)),
-        ("floating", Problem, "bias", with(|it| it.noise_between = 400)),
-        ("floating", Hint, "7 times in front", of_a(|a| a.damage.led = 7)),
-        ("over_full", Hint, "130 %", with(|it| it.line.planned_use_per_mille = 1300)),
-        ("echo_stripped", Good, "as configured", with(|it| it.echoes = 2000)),
-        ("few_exchanges", Hint, "too few", idle()),
+        (Sign::OtherMaster, Problem, "one master only", with(|it| it.other_master = 5)),
+        (Sign::Stranger, Problem, "5 frames", with(|it| it.foreign = 5)),
+        (Sign::Floating, Problem, "bias", with(|it| it.noise_between = 400)),
+        (Sign::Floating, Hint, "7 times in front", of_a(|a| a.damage.led = 7)),
+        (Sign::OverFull, Hint, "130 %", with(|it| it.line.planned_use_per_mille = 1300)),
+        (Sign::EchoStripped, Good, "as configured", with(|it| it.echoes = 2000)),
+        (Sign::FewExchanges, Hint, "too few", idle()),
     ]
 }
 
@@ -110,26 +114,26 @@ fn drive_cases() -> Vec<Case> {
     let answered =
         |good, silent, late| of_a(|a| (a.exchanges.replies, a.exchanges.silent, a.damage.late) = (good, silent, late));
     vec![
-        ("offline", Problem, "a: it does not answer at station 1", of_a(|a| a.now.presence = Presence::Offline)),
+        (Sign::Offline, Problem, "a: it does not answer at station 1", of_a(|a| a.now.presence = Presence::Offline)),
         (
-            "offline",
+            Sign::Offline,
             Problem,
             "wiring",
             of_a(|a| (a.now.presence, a.exchanges.replies, a.exchanges.silent) = (Presence::Offline, 0, 8)),
         ),
-        ("duplicate_station", Problem, "two drives probably have station 1", of_a(|a| a.damage.doubled = 3)),
-        ("late_beyond_limit", Problem, "2 replies", of_a(|a| a.damage.beyond_limit = 2)),
-        ("silent", Problem, "40 of 1000", answered(960, 40, 0)),
-        ("silent", Hint, "5 of 1000", answered(995, 5, 0)),
+        (Sign::DuplicateStation, Problem, "two drives probably have station 1", of_a(|a| a.damage.doubled = 3)),
+        (Sign::LateBeyondLimit, Problem, "2 replies", of_a(|a| a.damage.beyond_limit = 2)),
+        (Sign::Silent, Problem, "40 of 1000", answered(960, 40, 0)),
+        (Sign::Silent, Hint, "5 of 1000", answered(995, 5, 0)),
         (
-            "silent",
+            Sign::Silent,
             Problem,
             "others had",
             of_a(|a| (a.now.presence, a.exchanges.replies, a.exchanges.silent) = (Presence::Offline, 100, 8)),
         ),
-        ("late", Problem, "after up to 500 ms", answered(960, 40, 40)),
+        (Sign::Late, Problem, "after up to 500 ms", answered(960, 40, 40)),
         (
-            "timeout_short",
+            Sign::TimeoutShort,
             Hint,
             "60 ms are suggested",
             of_a(|a| {
@@ -138,7 +142,7 @@ fn drive_cases() -> Vec<Case> {
                 a.now.report = Arc::new(report);
             }),
         ),
-        ("exceptions", Hint, "100 of 1000", of_a(|a| (a.exchanges.replies, a.exchanges.exceptions) = (900, 100))),
+        (Sign::Exceptions, Hint, "100 of 1000", of_a(|a| (a.exchanges.replies, a.exchanges.exceptions) = (900, 100))),
     ]
 }
 
@@ -150,11 +154,11 @@ fn damage_cases() -> Vec<Case> {
         observed
     };
     vec![
-        ("first_characters", Problem, "30 of 50", damaged(50, |a| a.damage.head = 30)),
-        ("cut", Problem, "the end of 40 of 50", damaged(50, |a| a.damage.cut = 40)),
-        ("long_frames", Problem, "45 of 50", damaged(50, |a| (a.damage.long, a.damage.long_damaged) = (500, 45))),
-        ("one_station", Problem, "those of others are not", damaged(50, |_| {})),
-        ("damaged", Problem, "50 of 1000", both(50)),
-        ("damaged", Hint, "5 of 1000", both(5)),
+        (Sign::FirstCharacters, Problem, "30 of 50", damaged(50, |a| a.damage.head = 30)),
+        (Sign::Cut, Problem, "the end of 40 of 50", damaged(50, |a| a.damage.cut = 40)),
+        (Sign::LongFrames, Problem, "45 of 50", damaged(50, |a| (a.damage.long, a.damage.long_damaged) = (500, 45))),
+        (Sign::OneStation, Problem, "those of others are not", damaged(50, |_| {})),
+        (Sign::Damaged, Problem, "50 of 1000", both(50)),
+        (Sign::Damaged, Hint, "5 of 1000", both(5)),
     ]
 }

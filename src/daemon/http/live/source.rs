@@ -6,9 +6,9 @@ use crate::daemon::shared::{Shared, SharedDrive, SharedLine};
 use crate::domain::calendar::rfc3339;
 use crate::domain::ids::Name;
 use crate::drive::view::DriveView;
-use crate::north::page::advice::ranked;
+use crate::north::finding::{Finding, ranked};
 use crate::north::page::gateway::{BrokerWay, JournalState};
-use crate::north::page::{Advice, Drive, Gateway, Line, LineUse, Present};
+use crate::north::page::{Drive, Gateway, Line, LineUse, Present};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -61,7 +61,7 @@ impl Source<'_> {
     }
 
     /// What there is to say about everything.
-    pub fn advice(&self) -> Vec<Advice> {
+    pub fn advice(&self) -> Vec<Finding> {
         let mut all = self.gateway().advice();
         for line in &self.shared.lines {
             all.extend(self.line(line, |line| line.advice()));
@@ -73,7 +73,7 @@ impl Source<'_> {
     }
 
     /// What there is to say about `drive` with this picture.
-    pub fn drive_advice(&self, line: &SharedLine, drive: &SharedDrive, view: &DriveView) -> Vec<Advice> {
+    pub fn drive_advice(&self, line: &SharedLine, drive: &SharedDrive, view: &DriveView) -> Vec<Finding> {
         shown(line, drive, view).advice(line.interface, self.present.now)
     }
 
@@ -114,6 +114,6 @@ pub fn shown<'d>(line: &SharedLine, drive: &'d SharedDrive, view: &'d DriveView)
 }
 
 /// Each as a document.
-pub fn documents(all: &[Advice]) -> Vec<Value> {
-    all.iter().map(Advice::document).collect()
+pub fn documents(all: &[Finding]) -> Vec<Value> {
+    all.iter().map(Finding::document).collect()
 }

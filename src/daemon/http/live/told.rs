@@ -5,8 +5,8 @@ use super::source::{Source, documents, shown};
 use crate::daemon::shared::{SharedDrive, SharedLine};
 use crate::domain::time::MonoTime;
 use crate::drive::view::DriveView;
-use crate::north::page::advice::ranked;
-use crate::north::page::{Advice, Gateway, trips};
+use crate::north::finding::{Finding, ranked};
+use crate::north::page::{Gateway, trips};
 use serde_json::{Map, Value};
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ pub struct LastState {
     gateway: Gateway,
     lines: Vec<Value>,
     drives: Vec<ToldDrive>,
-    advice: Vec<Advice>,
+    advice: Vec<Finding>,
 }
 
 #[derive(Debug)]
@@ -24,7 +24,7 @@ struct ToldDrive {
     view: Arc<DriveView>,
     /// When it is to be told again though the picture stays.
     changes_at: MonoTime,
-    advice: Vec<Advice>,
+    advice: Vec<Finding>,
 }
 
 impl ToldDrive {
@@ -92,7 +92,7 @@ impl LastState {
         changed
     }
 
-    fn all_advice(&self, source: &Source<'_>) -> Vec<Advice> {
+    fn all_advice(&self, source: &Source<'_>) -> Vec<Finding> {
         let lines = source.shared.lines.iter().flat_map(|line| source.line(line, |line| line.advice()));
         let drives = self.drives.iter().flat_map(|told| told.advice.iter().cloned());
         ranked(self.gateway.advice().into_iter().chain(lines).chain(drives))

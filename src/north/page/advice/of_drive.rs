@@ -1,6 +1,6 @@
 //! What there is to say about one drive.
 
-use super::{Advice, AdviceText, Severity};
+use super::Advice;
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::control::ControlSettings;
 use crate::domain::link::Interface;
@@ -9,6 +9,7 @@ use crate::drive::snapshot::Presence;
 use crate::drive::view::{ControlView, StoppedAgain};
 use crate::drive::watchdog::{WatchdogState, WatchdogView};
 use crate::journal::trip;
+use crate::north::finding::{Finding, OFFLINE_REMEDY, Severity, Sign};
 use crate::north::page::drive::Drive;
 use crate::north::shown::fresh;
 use crate::profile::model::{Register, RunForm, SetupItem};
@@ -17,16 +18,14 @@ use crate::profile::scale::Scaled;
 impl Drive<'_> {
     /// What there is to say about it, on a line of this interface.
     #[must_use]
-    pub fn advice(&self, interface: Interface, now: MonoTime) -> Vec<Advice> {
+    pub fn advice(&self, interface: Interface, now: MonoTime) -> Vec<Finding> {
         let description = self.description;
         let (line, drive) = (Some(description.line.clone()), Some(description.name.clone()));
-        let mut said = AdviceText { line, drive, all: Vec::new() };
+        let mut said = Advice { line, drive, all: Vec::new() };
         // A line that is down says so itself, once for all its drives.
         if self.view.line_is_up && self.view.snapshot.presence == Presence::Offline {
             let station = self.station.map(|station| format!(" as station {station}")).unwrap_or_default();
-            said.problem(format!(
-                "the drive does not answer{station}: check its power, its wiring, its station number, speed and parity"
-            ));
+            said.say(Sign::Offline, format!("the drive does not answer{station}: {OFFLINE_REMEDY}"));
         }
         self.tripped(&mut said);
         if let Some(settings) = &description.control {
@@ -39,7 +38,7 @@ impl Drive<'_> {
     }
 
     /// A drive that does not answer may not be tripped any more: then that is said, and not this.
-    fn tripped(&self, said: &mut AdviceText) {
+    fn tripped(&self, said: &mut Advice) {
         let trip = &self.view.trip;
         if trip.active != Some(true) || !self.view.is_online() {
             return;
@@ -52,27 +51,33 @@ impl Drive<'_> {
             (Some(code), None) => format!(": {code}"),
             (None, _) => String::new(),
         };
-        said.say(Severity::Trip, format!("the drive is tripped{name}; find its cause before it is reset"));
+        said.say(Sign::Tripped, format!("the drive is tripped{name}; find its cause before it is reset"));
     }
 
     /// Whether it obeys the bus, as far as what was read tells.
-    fn obedience(&self, said: &mut AdviceText, interface: Interface, now: MonoTime) {
+    fn obedience(&self, said: &mut Advice, interface: Interface, now: MonoTime) {
         let (model, name) = (&self.description.model, &self.description.name);
         let concerned = model.setup.iter().filter(|item| item.interface.is_none_or(|of| of == interface));
         let wrong: Vec<String> = concerned.filter_map(|item| self.wrong(item, now)).collect();
         for wrong in &wrong {
-            said.problem(format!(
-                "the drive refuses bus commands: {wrong}; set it at the drive, or with `vfd-gateway enable {name}`"
-            ));
+            said.say(
+                Sign::BusRefused,
+                format!(
+                    "the drive refuses bus commands: {wrong}; set it at the drive, or with `vfd-gateway enable {name}`"
+                ),
+            );
         }
         let takes_priority =
             matches!(model.run.as_ref().map(|run| &run.form), Some(RunForm::Bits { priority: 1.., .. }));
         let is_local = self.view.is_online() && self.view.status.is_local() == Some(true);
         if is_local && wrong.is_empty() && !takes_priority {
-            said.problem(format!(
-                "the drive obeys its panel or terminals, not the bus: give control to the bus at the drive; \
+            said.say(
+                Sign::LocalControl,
+                format!(
+                    "the drive obeys its panel or terminals, not the bus: give control to the bus at the drive; \
                  `vfd-gateway verify {name}` shows what is set"
-            ));
+                ),
+            );
         }
     }
 
@@ -87,10 +92,10 @@ impl Drive<'_> {
         })
     }
 
-    fn setpoint_limits(&self, said: &mut AdviceText, settings: &ControlSettings, now: MonoTime) {
+    fn setpoint_limits(&self, said: &mut Advice, settings: &ControlSettings, now: MonoTime) {
         let limits = settings.least.as_f64()..=settings.most.as_f64();
         if let Some(hertz) = self.setpoint(now).filter(|hertz| *hertz != 0.0 && !limits.contains(hertz)) {
-            said.advice(format!(
+            said.say(Sign::SetpointOutside, format!(
                 "the drive's setpoint of {hertz} Hz is outside {} to {} Hz, so that a run without a frequency is refused: \
                  command a frequency within these limits, or change `frequency_hz`",
                 limits.start(),
@@ -99,7 +104,7 @@ impl Drive<'_> {
         }
     }
 
-    fn watchdog(&self, said: &mut AdviceText, settings: &ControlSettings, watchdog: WatchdogView) {
+    fn watchdog(&self, said: &mut Advice, settings: &ControlSettings, watchdog: WatchdogView) {
         let at_most = settings.watchdog_at_most();
         let wrong = match watchdog.state {
             WatchdogState::Unknown | WatchdogState::InOrder => return,
@@ -113,29 +118,31 @@ impl Drive<'_> {
              `vfd-gateway watchdog {}` shows and sets it",
             self.description.name
         );
-        if settings.require_watchdog { said.problem(text) } else { said.advice(text) }
+        let severity = if settings.require_watchdog { Severity::Problem } else { Sign::WatchdogWrong.severity() };
+        said.say_graded(severity, Sign::WatchdogWrong, text);
     }
 }
 
-fn control(said: &mut AdviceText, control: &ControlView, now: MonoTime) {
+fn control(said: &mut Advice, control: &ControlView, now: MonoTime) {
     if control.not_effective {
-        said.problem("a stop shows no effect: look after the motor at the drive itself");
+        said.say(Sign::NotEffective, "a stop shows no effect: look after the motor at the drive itself");
     }
     if let Some(again) = control.stopped_again.filter(|it| now.since(it.at) < StoppedAgain::WITHIN) {
-        said.advice(format!(
+        said.say(Sign::StoppedAgain, format!(
             "{} stops the drive again and again ({} times in a row) although it was started elsewhere: a controller that is \
              not in charge writes nothing",
             again.by, again.times
         ));
     }
     if control.failsafe {
-        said.advice(
+        said.say(
+            Sign::CommanderLost,
             "the commander was lost and the declared action was carried out: command stop, then run, once its cause is \
              found",
         );
     }
     if let Some(text) = control.last.as_ref().and_then(refused) {
-        said.problem(text);
+        said.say(Sign::CommandFailed, text);
     }
 }
 

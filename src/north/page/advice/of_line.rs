@@ -1,42 +1,37 @@
 //! What there is to say about one line.
 
-use super::{Advice, AdviceText};
+use super::Advice;
 use crate::domain::report::{LineFault, LineState};
+use crate::north::finding::{Finding, Sign, over_full_text, suspended_text};
 use crate::north::page::line::Line;
 use crate::north::shown::down_reason;
 
 impl Line<'_> {
     /// What there is to say about it.
     #[must_use]
-    pub fn advice(&self) -> Vec<Advice> {
-        let mut said = AdviceText { line: Some(self.name.clone()), ..AdviceText::default() };
+    pub fn advice(&self) -> Vec<Finding> {
+        let mut said = Advice { line: Some(self.name.clone()), ..Advice::default() };
         let report = self.report;
         if self.hangs {
-            said.problem("the line's thread hangs, so that no stop leaves there: restart the gateway");
+            said.say(Sign::LineHangs, "the line's thread hangs, so that no stop leaves there: restart the gateway");
         }
         match (down_reason(report), report.suspicion) {
             (reason, Some(suspicion)) => {
                 let down = reason.map(|_| "the line is down: ").unwrap_or_default();
-                said.problem(format!("{down}{suspicion}"));
+                said.say(Sign::Suspicion, format!("{down}{suspicion}"));
             }
-            (Some(reason), None) => said.problem(self.down(&reason)),
+            (Some(reason), None) => said.say(Sign::LineDown, self.down(&reason)),
             (None, None) => {}
         }
         let bad = report.quality.bad_per_cent.filter(|_| report.state == LineState::Up).unwrap_or(0);
         if report.quality.is_suspended {
-            said.problem(format!(
-                "{bad} % of the last exchanges failed: run orders and higher setpoints are refused until it is better; \
-                 check wiring, termination and shield, and what disturbs the line"
-            ));
+            said.say(Sign::Suspended, suspended_text(bad));
         } else if bad > 0 {
-            said.advice(format!("{bad} % of the last exchanges failed: check wiring, termination and shield"));
+            let text = format!("{bad} % of the last exchanges failed: check wiring, termination and shield");
+            said.say(Sign::BadExchanges, text);
         }
         if report.planned_use_per_mille > 1000 {
-            said.advice(format!(
-                "the polls would need {:.0} % of the line's time, so that values are older than `poll` says: poll less \
-                 often or fewer registers, or use a higher speed",
-                f64::from(report.planned_use_per_mille) / 10.0
-            ));
+            said.say(Sign::OverFull, over_full_text(report.planned_use_per_mille));
         }
         said.all
     }

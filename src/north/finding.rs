@@ -1,0 +1,196 @@
+//! The catalogue of what can be wrong with a drive, a line or the gateway. The page, `doctor` and reports speak from it.
+//!
+//! Each sign is in one place: its word for programs, how bad it is, and what it means. Where it is found out is beside
+//! what it is read from: `report/` for what happened on a line in a span of time, `page/advice/` for how things are now.
+
+use crate::domain::ids::Name;
+use serde_json::{Value, json};
+
+/// How bad it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Severity {
+    /// Nothing has to be done.
+    Good,
+    /// It works, and is worth a look when there is time.
+    Hint,
+    /// It does not work, or disturbs, or will.
+    Problem,
+    /// A drive is tripped: what a person who looks at the page has to see first.
+    Trip,
+}
+
+impl Severity {
+    /// The word in documents.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Good => "good",
+            Self::Hint => "hint",
+            Self::Problem | Self::Trip => "problem",
+        }
+    }
+}
+
+macro_rules! signs {
+    ($($name:ident $word:literal $severity:ident $meaning:literal)*) => {
+        /// What can be found.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub enum Sign {
+            $(#[doc = $meaning] $name,)*
+        }
+
+        impl Sign {
+            /// All of them.
+            pub const ALL: &[Self] = &[$(Self::$name,)*];
+
+            /// The word for programs.
+            #[must_use]
+            pub const fn word(self) -> &'static str {
+                match self { $(Self::$name => $word,)* }
+            }
+
+            /// How bad it is, unless it is graded by how often it was seen.
+            #[must_use]
+            pub const fn severity(self) -> Severity {
+                match self { $(Self::$name => Severity::$severity,)* }
+            }
+
+            /// What it means, for the documentation.
+            #[must_use]
+            pub const fn meaning(self) -> &'static str {
+                match self { $(Self::$name => $meaning,)* }
+            }
+        }
+    };
+}
+
+signs! {
+    // The gateway.
+    BrokerContested "broker_contested" Problem "another client uses the gateway's client identifier at the broker"
+    BrokerUnreachable "broker_unreachable" Problem "the gateway has no connection to the broker"
+    JournalBroken "journal_broken" Problem "the journal cannot be written"
+    JournalMovedAside "journal_moved_aside" Hint "the journal was damaged; a new one was begun and the old one kept"
+    JournalRowsLost "journal_rows_lost" Hint "rows of the journal were lost since the start"
+    SocketMissing "socket_missing" Problem "the program's own commands do not reach the gateway"
+    // A line.
+    LineHangs "line_hangs" Problem "the line's thread does not run, so no stop leaves there"
+    Suspicion "suspicion" Problem "what is suspected of the line as a whole"
+    LineDown "line_down" Problem "the line is down, and why"
+    PortLost "port_lost" Problem "the adapter went away and came back"
+    Suspended "suspended" Problem "so many exchanges fail that RUN is refused"
+    BadExchanges "bad_exchanges" Hint "some of the last exchanges failed"
+    OtherMaster "other_master" Problem "requests of another master"
+    Stranger "stranger" Problem "frames of stations that are not configured"
+    Floating "floating" Hint "bytes that belong to no frame, before replies or between exchanges: bias and termination"
+    OverFull "over_full" Hint "polls that need more than the line's time"
+    EchoStripped "echo_stripped" Good "an echo that is taken out, as configured"
+    FewExchanges "few_exchanges" Hint "too few exchanges to judge"
+    Fine "good" Good "nothing is wrong"
+    // A drive.
+    Tripped "tripped" Trip "the drive is tripped"
+    Offline "offline" Problem "the drive does not answer"
+    BusRefused "bus_refused" Problem "a parameter of the drive keeps it from obeying the bus"
+    LocalControl "local_control" Problem "the drive obeys its panel or terminals"
+    NotEffective "not_effective" Problem "a stop shows no effect"
+    CommandFailed "command_failed" Problem "the last command was not carried out, for a reason that lies in the drive"
+    WatchdogWrong "watchdog_wrong" Hint "the drive's own watchdog is off or set wrong; a problem where it is required"
+    SetpointOutside "setpoint_outside" Hint "the drive's setpoint is outside the limits of its control section"
+    StoppedAgain "stopped_again" Hint "a controller stops the drive again and again although others start it"
+    CommanderLost "commander_lost" Hint "the commander was lost and the declared action was carried out"
+    DuplicateStation "duplicate_station" Problem "the drive answers more often than it is asked"
+    LateBeyondLimit "late_beyond_limit" Problem "replies that came later than `max_lateness` allows"
+    FirstCharacters "first_characters" Hint "damaged replies in which only the first characters are wrong"
+    Cut "cut" Hint "damaged replies whose end is missing"
+    LongFrames "long_frames" Hint "damage above all in long replies"
+    OneStation "one_station" Hint "damage at one drive alone"
+    Damaged "damaged" Hint "damage anywhere"
+    Late "late" Hint "replies after the time-out"
+    Silent "silent" Hint "requests that are never answered"
+    TimeoutShort "timeout_short" Hint "a `reply_timeout` shorter than what is suggested"
+    Exceptions "exceptions" Hint "requests that the drive refuses"
+}
+
+/// One thing that was found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Finding {
+    /// How bad it is.
+    pub severity: Severity,
+    /// What it is, for programs.
+    pub sign: Sign,
+    /// The line that it is about; `None`: it is about the gateway.
+    pub line: Option<Name>,
+    /// The drive that it is about, if it is about one.
+    pub drive: Option<Name>,
+    /// What it is and what to do, for people.
+    pub text: String,
+}
+
+impl Finding {
+    /// The document.
+    #[must_use]
+    pub fn document(&self) -> Value {
+        json!({
+            "severity": self.severity.word(),
+            "sign": self.sign.word(),
+            "line": self.line.as_ref().map(Name::as_str),
+            "drive": self.drive.as_ref().map(Name::as_str),
+            "text": self.text,
+        })
+    }
+}
+
+/// All of `findings`, the worst first; otherwise in their order.
+#[must_use]
+pub fn ranked(findings: impl IntoIterator<Item = Finding>) -> Vec<Finding> {
+    let mut all: Vec<_> = findings.into_iter().collect();
+    all.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
+    all
+}
+
+/// What to do about a drive that does not answer.
+pub(super) const OFFLINE_REMEDY: &str = "check its power, its wiring, its station number, speed and parity";
+
+/// That so many exchanges of a line fail that RUN is refused.
+pub(super) fn suspended_text(bad_per_cent: u8) -> String {
+    format!(
+        "{bad_per_cent} % of the last exchanges failed: run orders and higher setpoints are refused until it is less than \
+         3 %; check wiring, termination and shield, and what disturbs the line"
+    )
+}
+
+/// That polls need more than the line's time.
+pub(super) fn over_full_text(planned_use_per_mille: u32) -> String {
+    let per_cent = planned_use_per_mille / 10;
+    format!(
+        "the polls would need {per_cent} % of the line's time, so that values are older than `poll` says: raise `poll`, poll \
+         fewer registers, use a higher speed, or split the line"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_sign_has_a_word_of_its_own() {
+        for sign in Sign::ALL {
+            assert_eq!(Sign::ALL.iter().filter(|it| it.word() == sign.word()).count(), 1, "{sign:?}");
+        }
+    }
+
+    #[test]
+    fn the_documentation_lists_each_sign_with_its_meaning() {
+        let page = include_str!("../../docs/trouble.md");
+        let table: String = Sign::ALL.iter().map(|it| format!("| `{}` | {} |\n", it.word(), it.meaning())).collect();
+        assert!(page.contains(&table), "docs/trouble.md should contain:\n{table}");
+    }
+
+    #[test]
+    fn a_trip_is_the_first_of_all_problems() {
+        let finding =
+            |sign: Sign| Finding { severity: sign.severity(), sign, line: None, drive: None, text: String::new() };
+        let all = ranked([Sign::OverFull, Sign::Offline, Sign::Tripped, Sign::LineDown].map(finding));
+        let signs: Vec<_> = all.iter().map(|it| it.sign).collect();
+        assert_eq!(signs, [Sign::Tripped, Sign::Offline, Sign::LineDown, Sign::OverFull]);
+    }
+}
