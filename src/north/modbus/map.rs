@@ -1,7 +1,8 @@
-//! The maps of the gateway's own units as a table, for whoever prints them. The code that answers is held to it.
+//! The maps of the gateway's own units as a table, for documentation and tools. The words of a uniform unit come from the
+//! table that reads them; the other code that answers is held to these rows by tests.
 
 use super::own;
-use super::uniform::{ABSENT, ABSENT_SIGNED, address};
+use super::uniform::{ABSENT, ABSENT_SIGNED, WORDS, address};
 
 /// Which unit a row belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -82,25 +83,25 @@ pub struct MapRow {
     pub each: Each,
 }
 
-const fn row(unit: MapUnit, table: MapTable, address: u16, name: &'static str, holds: Holds) -> MapRow {
+pub(super) const fn row(unit: MapUnit, table: MapTable, address: u16, name: &'static str, holds: Holds) -> MapRow {
     let (absent, access, each) = (None, MapAccess::Read, Each::Once);
     MapRow { unit, table, address, count: 1, name, holds, absent, access, each }
 }
 
 impl MapRow {
-    const fn words(self, count: u16) -> Self {
+    pub(super) const fn words(self, count: u16) -> Self {
         Self { count, ..self }
     }
 
-    const fn written(self) -> Self {
+    pub(super) const fn written(self) -> Self {
         Self { access: MapAccess::ReadWrite, ..self }
     }
 
-    const fn or_absent(self) -> Self {
+    pub(super) const fn or_absent(self) -> Self {
         Self { absent: Some(ABSENT), ..self }
     }
 
-    const fn signed(self) -> Self {
+    pub(super) const fn signed(self) -> Self {
         Self { absent: Some(ABSENT_SIGNED), ..self }
     }
 
@@ -119,22 +120,6 @@ const fn coil(unit: MapUnit, address: u16, name: &'static str, does: &'static st
     row(unit, MapTable::Coil, address, name, Holds::Codes(does)).written()
 }
 
-const fn word(address: u16, name: &'static str, holds: Holds) -> MapRow {
-    row(MapUnit::Uniform, MapTable::Word, address, name, holds)
-}
-
-const fn codes(address: u16, name: &'static str, codes: &'static str) -> MapRow {
-    word(address, name, Holds::Codes(codes))
-}
-
-const fn measured(address: u16, name: &'static str, step: &'static str, unit: &'static str) -> MapRow {
-    word(address, name, Holds::Steps(step, unit)).or_absent()
-}
-
-const fn control(address: u16, name: &'static str, holds: Holds) -> MapRow {
-    row(MapUnit::Uniform, MapTable::Holding, address, name, holds)
-}
-
 const fn head(address: u16, name: &'static str, holds: Holds) -> MapRow {
     row(MapUnit::Own, MapTable::Word, address, name, holds)
 }
@@ -149,27 +134,46 @@ const fn drive(offset: u16, name: &'static str, holds: Holds) -> MapRow {
 }
 
 const YES: Holds = Holds::Codes("1 yes");
-const COUNT: Holds = Holds::Number("wraps");
-const SECONDS: Holds = Holds::Steps("1", "s");
-const HUNDREDTHS: Holds = Holds::Steps("0.01", "Hz");
-const AGE: Holds = Holds::Steps("0.01", "s");
-const TRIP: Holds = Holds::Codes("the vendor's number, 0 none");
-const TRIPS: Holds = Holds::Number("stays at 65534");
-const RESERVED: Holds = Holds::Number("0");
-const RUN_STATES: Holds = Holds::Codes(
+pub(super) const COUNT: Holds = Holds::Number("wraps");
+pub(super) const SECONDS: Holds = Holds::Steps("1", "s");
+pub(super) const HUNDREDTHS: Holds = Holds::Steps("0.01", "Hz");
+pub(super) const AGE: Holds = Holds::Steps("0.01", "s");
+pub(super) const TRIP: Holds = Holds::Codes("the vendor's number, 0 none");
+pub(super) const TRIPS: Holds = Holds::Number("stays at 65534");
+pub(super) const RESERVED: Holds = Holds::Number("0");
+pub(super) const RUN_STATES: Holds = Holds::Codes(
     "0 unknown, 1 stopped, 2 forward, 3 reverse, 4 tripped, 5 offline, 6 running (direction unknown), 7 stopping",
 );
-const OUTCOMES: Holds =
-    Holds::Codes("0 none so far, 1 refused, 2 expired, 3 superseded, 4 failed, 5 unknown, 6 acknowledged, 7 confirmed");
-const RUN_VALUES: Holds = Holds::Codes("0 stop, 1 forward, 2 reverse, 3 coast, 4 reset, 5 release, 6 take");
-
 /// All rows: by unit, then by table, in order of address.
 #[must_use]
 pub const fn map() -> &'static [MapRow] {
     &MAP
 }
 
-const MAP: [MapRow; 75] = [
+const BIT_ROWS: usize = 17;
+const OWN_ROWS: usize = 25;
+const ROWS: usize = BIT_ROWS + WORDS.len() + OWN_ROWS;
+
+const MAP: [MapRow; ROWS] = {
+    let mut all = [BITS[0]; ROWS];
+    let mut place = 0;
+    while place < ROWS {
+        let word = place.wrapping_sub(BIT_ROWS);
+        let own = word.wrapping_sub(WORDS.len());
+        all[place] = if place < BIT_ROWS {
+            BITS[place]
+        } else if word < WORDS.len() {
+            WORDS[word].row
+        } else {
+            OWN[own]
+        };
+        place += 1;
+    }
+    all
+};
+
+/// Coils and discrete inputs of a uniform unit.
+const BITS: [MapRow; BIT_ROWS] = [
     coil(MapUnit::Uniform, address::FORWARD, "run forward", "1 run, 0 stop"),
     coil(MapUnit::Uniform, address::REVERSE, "run in reverse", "1 run, 0 stop"),
     coil(MapUnit::Uniform, address::RESET, "reset a trip", "1 acts, reads 0"),
@@ -187,44 +191,10 @@ const MAP: [MapRow; 75] = [
     status(10, "local control"),
     status(11, "alarm of the drive"),
     row(MapUnit::Uniform, MapTable::Discrete, 12, "reserved", RESERVED).words(4),
-    word(0, "map version", Holds::Number("1")),
-    codes(1, "status bits", "bit n is discrete input n"),
-    word(2, "run state", RUN_STATES),
-    word(3, "trip code", TRIP).or_absent(),
-    measured(4, "output frequency", "0.01", "Hz"),
-    measured(5, "frequency setting of the drive", "0.01", "Hz"),
-    measured(6, "output current", "0.1", "A"),
-    measured(7, "output voltage", "0.1", "V"),
-    measured(8, "DC link voltage", "0.1", "V"),
-    measured(9, "output power", "0.1", "kW"),
-    measured(10, "torque", "0.1", "%").signed(),
-    measured(11, "temperature", "0.1", "degC").signed(),
-    word(12, "age of the oldest polled value, 65535 more", AGE).or_absent(),
-    word(13, "trips that are kept", TRIPS).or_absent(),
-    word(14, "code of the last of them", TRIP).or_absent(),
-    codes(15, "status bits that this drive can report", "mask of word 1"),
-    word(16, "life counter, wraps", SECONDS),
-    codes(17, "alarms", "bit 0 a stop had no effect, 1 fail-safe ran, 2 stale data, 3 line down"),
-    word(18, "lease left", SECONDS),
-    codes(
-        19,
-        "owner of the lease",
-        "0 none, 1 MQTT, 2 another Modbus TCP client, 3 this client, 4 a tool at the gateway's host, 5 somebody on the page, \
-         6 a Sparkplug host",
-    ),
-    measured(20, "lowest setpoint", "0.01", "Hz"),
-    measured(21, "highest setpoint", "0.01", "Hz"),
-    measured(22, "run hours", "1", "h").words(2),
-    measured(24, "output current, finer", "0.01", "A"),
-    measured(25, "output power, finer", "0.01", "kW"),
-    codes(26, "capabilities", "bit 0 forward, 1 reverse, 2 coast, 3 reset, 4 setpoint, 5 release, 6 take"),
-    word(27, "reserved", RESERVED).words(5),
-    control(address::RUN, "run command", RUN_VALUES).written(),
-    control(address::SETPOINT, "frequency setpoint", HUNDREDTHS).written().or_absent(),
-    control(address::RENEW, "write any value: renew the lease; reads lease left", SECONDS).written(),
-    control(259, "outcome of the drive's last command", OUTCOMES),
-    control(260, "commands", COUNT),
-    control(261, "reason of the drive's last command", Holds::Reason),
+];
+
+/// The maps of the gateway's own unit.
+const OWN: [MapRow; OWN_ROWS] = [
     coil(MapUnit::Own, own::STOP_ALL, "stop all drives", "1 acts, reads 0"),
     head(0, "map version", Holds::Number("1")),
     head(1, "life counter, wraps", SECONDS),

@@ -4,11 +4,13 @@ mod column;
 mod order;
 mod sources;
 mod status;
+mod table;
 mod words;
 
 pub use column::{ABSENT, ABSENT_SIGNED};
 pub use order::{presses_stop, run};
 pub use status::{alarm, bit, capability};
+pub(super) use table::WORDS;
 
 use super::ask::{Ask, BitTable, WordTable};
 use super::taken::{Present, Taken};
