@@ -39,7 +39,7 @@ impl Report<'_> {
     }
 
     fn payload_bytes(&self) -> usize {
-        let mark = Mark::new(self.plan.shape.updates, vfd_gateway::daemon::clock::now());
+        let mark = Mark::new(self.plan.shape.updates, vfd_gateway::daemon::host::clock::now());
         mark.on(self.plan.shape.update, &self.plan.state).len()
     }
 

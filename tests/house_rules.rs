@@ -43,7 +43,7 @@ const ROOMS: [&str; 15] = [
 /// What needs a clock, a file, a socket or a thread belongs here.
 const ROOMS_WITH_IO: [&str; 3] = ["daemon", "cli", "main"];
 /// The one file with `unsafe`.
-const UNSAFE_FILE: &str = "src/daemon/sys.rs";
+const UNSAFE_FILE: &str = "src/daemon/host/sys.rs";
 /// A file that grows beyond this has two things in it.
 const MAX_LINES: usize = 400;
 const VENDOR_NAMES: [&str; 8] = ["hyundai", "n700", "n100", "toshiba", "teco", "frecon", "e510", "fr500"];
@@ -186,7 +186,7 @@ fn rooms_use_only_rooms_before_them_everywhere() {
     assert_bites(rule, "src/wire/pdu.rs", "use crate::{\n domain::time,\n line::{fault, timing},\n};", 3, "");
     assert_bites(rule, "src/north/modbus/answer.rs", "let x = crate::line::fault();", 1, "// crate::line::fault");
     assert_bites(rule, "src/sim/bus.rs", "use crate::drive::plan;", 1, "#[cfg(test)]\nuse crate::drive::plan;");
-    assert_bites(rule, "src/daemon/run.rs", "use crate::vendors;", 1, "use crate::sim;");
+    assert_bites(rule, "src/daemon/service/run.rs", "use crate::vendors;", 1, "use crate::sim;");
     assert_bites(rule, "src/domain/ids.rs", "use vfd_gateway::cli;", 1, "");
     assert_holds(rule);
 }
@@ -232,7 +232,7 @@ fn only_some_rooms_know_clocks_files_sockets_and_threads() {
     assert_bites(rule, "src/line/timing.rs", "let now = Instant::now();", 1, "let now = MonoTime::ZERO;");
     assert_bites(rule, "src/config/read.rs", "tokio::spawn(x)", 1, "let tokio_like = 1;");
     assert_bites(rule, "src/config/read.rs", "std::thread::sleep(x)", 1, "#[cfg(test)]\nfn f() { std::thread::x() }");
-    assert_eq!(rule(&Source::new("src/daemon/run.rs", "use std::fs;")), [""; 0]);
+    assert_eq!(rule(&Source::new("src/daemon/service/run.rs", "use std::fs;")), [""; 0]);
     assert_holds(rule);
 }
 

@@ -10,9 +10,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
 use std::time::Duration;
-use vfd_gateway::daemon::pty::Pty;
-use vfd_gateway::daemon::timer::RawTimer;
-use vfd_gateway::daemon::{clock, sys};
+use vfd_gateway::daemon::host::clock;
+use vfd_gateway::daemon::host::pty::Pty;
+use vfd_gateway::daemon::host::sys;
+use vfd_gateway::daemon::host::timer::RawTimer;
 use vfd_gateway::domain::link::LinkSettings;
 
 /// A request as the bench's clients send it, and the answer to it: one word.

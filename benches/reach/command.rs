@@ -8,7 +8,7 @@ use crate::relay;
 use crate::table::{Row, Times};
 use crate::tapped::TappedLine;
 use std::time::Duration;
-use vfd_gateway::daemon::clock;
+use vfd_gateway::daemon::host::clock;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::sim::{BusOptions, Pacing};
 

@@ -6,7 +6,7 @@ use crate::plant::{Gateway, RUN, Setup};
 use crate::table::{Row, Times};
 use crate::tapped::TappedLine;
 use std::time::Duration;
-use vfd_gateway::daemon::clock;
+use vfd_gateway::daemon::host::clock;
 use vfd_gateway::sim::BusOptions;
 
 /// `lost_after` of [`Setup`], in ms.

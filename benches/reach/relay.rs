@@ -6,7 +6,7 @@ use std::fs::OpenOptions;
 use std::io::Write;
 use std::sync::mpsc::sync_channel;
 use std::time::Duration;
-use vfd_gateway::daemon::sys;
+use vfd_gateway::daemon::host::sys;
 use vfd_gateway::sim::BusOptions;
 
 /// What it waits for.

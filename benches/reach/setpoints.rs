@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use vfd_gateway::config::line_plan;
-use vfd_gateway::daemon::clock;
+use vfd_gateway::daemon::host::clock;
 use vfd_gateway::sim::BusOptions;
 
 const A_SECOND: u64 = 10_000;

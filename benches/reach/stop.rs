@@ -9,7 +9,7 @@ use crate::table::{Row, Times, part_of};
 use crate::tapped::{Heard, TappedLine};
 use std::time::Duration;
 use vfd_gateway::config::{LineSettings, line_plan};
-use vfd_gateway::daemon::clock;
+use vfd_gateway::daemon::host::clock;
 use vfd_gateway::domain::link::LinkSettings;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::line::budget;

@@ -4,7 +4,7 @@ use super::Plan;
 use crate::books::{Delays, Ledger};
 use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
-use vfd_gateway::daemon::clock;
+use vfd_gateway::daemon::host::clock;
 use vfd_gateway::domain::time::MonoTime;
 
 /// How far a simulation is.

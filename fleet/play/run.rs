@@ -12,9 +12,10 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::sync::Notify;
 use tokio::time::sleep;
+use vfd_gateway::daemon::host::clock;
+use vfd_gateway::daemon::host::descriptors;
 use vfd_gateway::daemon::mqtt::Keeps;
-use vfd_gateway::daemon::run::told_to_end;
-use vfd_gateway::daemon::{clock, descriptors};
+use vfd_gateway::daemon::service::run::told_to_end;
 use vfd_gateway::domain::time::MonoTime;
 
 /// How often it is looked how far everybody is.

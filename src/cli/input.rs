@@ -3,7 +3,7 @@
 use super::Failure;
 use super::own_models::{ModelDirs, OwnModels};
 use crate::config::{self, Config};
-use crate::daemon::user_files;
+use crate::daemon::host::user_files;
 use crate::domain::problem::{Problem, nearest};
 use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;

@@ -1,7 +1,7 @@
 //! `journal`: what the gateway has kept, read beside it while it runs.
 
 use super::{Failure, input, print};
-use crate::daemon::clock;
+use crate::daemon::host::clock;
 use crate::daemon::journal::file_in;
 use crate::daemon::journal::listing::{COLUMNS, in_csv, in_json, in_words};
 use crate::daemon::journal::reader::{ReadRow, connect, salvage};

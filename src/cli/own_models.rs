@@ -1,6 +1,6 @@
 //! Model files of the operator's own, read from their directories within bounds.
 
-use crate::daemon::user_files;
+use crate::daemon::host::user_files;
 use std::fmt::Display;
 use std::fs;
 use std::io;

@@ -1,8 +1,8 @@
 //! `run`: the daemon.
 
 use super::{Failure, input};
-use crate::daemon::reload::Load;
-use crate::daemon::run::{self as daemon, told_to_end};
+use crate::daemon::service::reload::Load;
+use crate::daemon::service::run::{self as daemon, told_to_end};
 use rustix::system::uname;
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -3,9 +3,10 @@
 use super::keyboard::Enter;
 use super::own_models::ModelDirs;
 use super::{Failure, input, print};
-use crate::daemon::line_end::{AtSpeed, LineEnd, TcpEnd};
-use crate::daemon::pty::Pty;
-use crate::daemon::{run::told_to_end, simulator};
+use crate::daemon::host::pty::Pty;
+use crate::daemon::lines::simulated_end::{AtSpeed, LineEnd, TcpEnd};
+use crate::daemon::lines::simulator;
+use crate::daemon::service::run::told_to_end;
 use crate::domain::ids::Station;
 use crate::domain::link::{Framing, LinkSettings, Parity};
 use crate::domain::time::MonoTime;

@@ -1,13 +1,13 @@
 //! The program's own tools and the page at the lines: what they ask, and the answers on their way back.
 
-use super::answers::{AnswerBox, News};
-use super::clock;
-use super::inbox::{Full, Message};
-use super::keeper::Keeper;
-use super::north_journal::Journal;
-use super::reload_request::{Reloaded, Reloads};
-use super::shared::{Current, Shared};
-use super::stall::Stalls;
+use crate::daemon::exchange::answers::{AnswerBox, News};
+use crate::daemon::exchange::inbox::{Full, Message};
+use crate::daemon::exchange::keeper::Keeper;
+use crate::daemon::exchange::north_journal::Journal;
+use crate::daemon::exchange::shared::{Current, Shared};
+use crate::daemon::host::clock;
+use crate::daemon::service::reload_request::{Reloaded, Reloads};
+use crate::daemon::service::stall::Stalls;
 use crate::domain::command::{CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights};
 use crate::domain::ids::{AskerId, CommanderName, Ticket};
 use crate::domain::native::{NativeAsk, NativeOutcome, NativeRequest, Refusal};
@@ -121,7 +121,7 @@ impl LocalSide {
     pub async fn reload(&self) -> Reloaded {
         match &self.reloads {
             Some(reloads) => reloads.ask().await,
-            None => Err(super::reload_request::Refusal::NoFile),
+            None => Err(crate::daemon::service::reload_request::Refusal::NoFile),
         }
     }
 

@@ -1,16 +1,17 @@
 //! A stop for all drives is found together by each line, by whatever way it comes, so that it can be one frame there.
 
-use super::conversations::BrokerSide;
-use super::inbox::Inbox;
-use super::local::{LocalSide, Who};
-use super::mqtt::Talk;
-use super::mqtt::speaker::Speaker;
-use super::shared::{Current, Shared};
-use super::sparkplug::BdSeq;
-use super::sparkplug::speaker::{Sides, Speaker as SparkplugSpeaker};
-use super::testing::{Dir, Sleeper};
-use super::{build, clock};
 use crate::config::{self, Config};
+use crate::daemon::exchange::inbox::Inbox;
+use crate::daemon::exchange::shared::{Current, Shared};
+use crate::daemon::host::clock;
+use crate::daemon::local::{LocalSide, Who};
+use crate::daemon::mqtt::Talk;
+use crate::daemon::mqtt::speaker::Speaker;
+use crate::daemon::service::build;
+use crate::daemon::service::conversations::BrokerSide;
+use crate::daemon::sparkplug::BdSeq;
+use crate::daemon::sparkplug::speaker::{Sides, Speaker as SparkplugSpeaker};
+use crate::daemon::testing::{Dir, Sleeper};
 use crate::domain::ids::{CommanderName, Ticket};
 use crate::north::broker::{Event, Message};
 use crate::north::sparkplug::payload::{Metric, Payload, Value};

@@ -1,6 +1,6 @@
 //! What tests of several parts of the daemon share: a directory of their own, and a line thread that sleeps.
 
-use super::inbox::{Inbox, Message};
+use crate::daemon::exchange::inbox::{Inbox, Message};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::pin::Pin;

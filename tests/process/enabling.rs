@@ -7,7 +7,7 @@ use super::started::{PATIENCE, until};
 use serde_json::{Value, json};
 use std::os::unix::fs::PermissionsExt;
 use std::process::{Output, Stdio};
-use vfd_gateway::daemon::pty::Pty;
+use vfd_gateway::daemon::host::pty::Pty;
 
 /// Frequency source and run source, and their words for panel keys and operator panel, and for communication. Typed from
 /// the manual.

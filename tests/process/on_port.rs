@@ -7,7 +7,7 @@ use serde_json::Value;
 use std::path::Path;
 use std::process::{Output, Stdio};
 use std::time::Duration;
-use vfd_gateway::daemon::pty::Pty;
+use vfd_gateway::daemon::host::pty::Pty;
 
 /// A drive at station 2 whose port is reached as `link`.
 fn simulate(link: &Path) -> Started {

@@ -17,7 +17,7 @@ use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
-use vfd_gateway::daemon::pty::Pty;
+use vfd_gateway::daemon::host::pty::Pty;
 
 const PASSWORD: &str = "correct horse";
 /// Longer than an order may be on its way.

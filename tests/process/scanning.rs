@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::Output;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
-use vfd_gateway::daemon::pty::Pty;
+use vfd_gateway::daemon::host::pty::Pty;
 
 /// Simulated drives that hear only their own speed.
 fn simulate(link: &Path, model: &str, stations: &[&str], more: &[&str]) -> Started {

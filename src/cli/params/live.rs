@@ -6,7 +6,7 @@ use crate::cli::Failure;
 use crate::cli::progress::Bar;
 use crate::cli::setup::{outcome, unknown};
 use crate::cli::socket::{Question, ask};
-use crate::daemon::clock;
+use crate::daemon::host::clock;
 use crate::domain::calendar;
 use crate::domain::ids::Name;
 use axum::http::{Method, StatusCode};

@@ -3,8 +3,8 @@
 use super::plan::{LISTEN, Setting};
 use super::survey::{Asker, Heard};
 use crate::cli::Failure;
-use crate::daemon::clock;
-use crate::daemon::tool_line::{NoLine, ToolLine, ToolPort};
+use crate::daemon::host::clock;
+use crate::daemon::lines::tool_line::{NoLine, ToolLine, ToolPort};
 use crate::domain::command::Reason;
 use crate::domain::ids::Name;
 use crate::domain::link::LinkSettings;

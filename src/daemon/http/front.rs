@@ -1,8 +1,8 @@
 //! What the HTTP listener asks of whoever comes, made ready to use: networks, names, users and a certificate.
 
 use crate::config::{HashSource, HttpSettings, HttpTls, UserSettings};
-use crate::daemon::pem_files::{certificates, key};
-use crate::daemon::secret_files;
+use crate::daemon::host::pem_files::{certificates, key};
+use crate::daemon::host::secret_files;
 use crate::domain::ids::CommanderName;
 use crate::guard::access::is_in;
 use crate::north::operator::password::StoredHash;

@@ -1,7 +1,7 @@
 //! The state of the gateway as JSON: for `/readyz` and for `vfd-gateway health`.
 
 use super::state::State;
-use crate::daemon::shared::{SharedDrive, SharedLine};
+use crate::daemon::exchange::shared::{SharedDrive, SharedLine};
 use crate::domain::report::{LineReport, LineState};
 use crate::domain::time::MonoTime;
 use crate::north::shown::{presence, run_state};

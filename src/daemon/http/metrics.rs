@@ -2,7 +2,7 @@
 
 use super::state::State;
 use super::table::{self, Metric, Name, Sample};
-use crate::daemon::shared::{Shared, SharedDrive};
+use crate::daemon::exchange::shared::{Shared, SharedDrive};
 use crate::domain::counts::ReplyCounts;
 use crate::domain::report::REPLY_CLASSES;
 use crate::domain::time::MonoTime;

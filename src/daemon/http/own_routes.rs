@@ -3,9 +3,9 @@
 use super::answers::json;
 use super::{params, setup, watchdog};
 use crate::config::change::ChangeNote;
+use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::local::LocalSide;
-use crate::daemon::reload_request::{Applied, Refusal, Reloaded};
-use crate::daemon::shared::SharedDrive;
+use crate::daemon::service::reload_request::{Applied, Refusal, Reloaded};
 use crate::domain::command::{Go, Outcome, Reason, Report};
 use crate::domain::problem::Problem;
 use crate::north::setup_body::{EXAMPLE, WATCHDOG_EXAMPLE, addresses, watchdog_time};

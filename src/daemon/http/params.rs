@@ -4,9 +4,9 @@
 use super::answers::json as answer;
 use super::own_routes::{find, not_understood, too_many, unknown};
 use super::setup::{outcome, seen};
-use crate::daemon::clock;
+use crate::daemon::exchange::shared::SharedDrive;
+use crate::daemon::host::clock;
 use crate::daemon::local::{LocalSide, Who};
-use crate::daemon::shared::SharedDrive;
 use crate::domain::command::{Go, Order, Outcome, Owner, Reason, RegisterWrite, Report};
 use crate::drive::view::RunState;
 use crate::north::setup_body::{PARAMETER_EXAMPLE, parameter_word};

@@ -3,8 +3,8 @@
 use super::answers::json;
 use super::health::line_names;
 use super::state::State as Known;
-use crate::daemon::clock;
-use crate::daemon::shared::SharedLine;
+use crate::daemon::exchange::shared::SharedLine;
+use crate::daemon::host::clock;
 use crate::domain::ids::Station;
 use crate::north::report::{DriveSeen, LineSeen, Observed, document};
 use axum::Router;

@@ -5,7 +5,7 @@ use super::live::Live;
 use super::report::History;
 use super::state::State as Gateway;
 use super::{health, live, metrics, report, traffic};
-use crate::daemon::clock;
+use crate::daemon::host::clock;
 use axum::Router;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};

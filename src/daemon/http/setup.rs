@@ -1,8 +1,8 @@
 //! What has to be set on a drive before it obeys the bus, and what is found there: for `vfd-gateway verify` and `enable`.
 
-use crate::daemon::clock;
+use crate::daemon::exchange::shared::SharedDrive;
+use crate::daemon::host::clock;
 use crate::daemon::local::{LocalSide, Who};
-use crate::daemon::shared::SharedDrive;
 use crate::domain::command::{Order, Owner, Reason, Report};
 use crate::domain::link::Interface;
 use crate::domain::units::UnitOfMeasure;

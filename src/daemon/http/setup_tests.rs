@@ -2,10 +2,10 @@
 
 use super::own_routes;
 use super::tests::{answer, on_a_runtime, state};
-use crate::daemon::answers::{AnswerBox, News};
-use crate::daemon::inbox::Message;
+use crate::daemon::exchange::answers::{AnswerBox, News};
+use crate::daemon::exchange::inbox::Message;
+use crate::daemon::exchange::shared::{Shared, SharedDrive};
 use crate::daemon::local::{LocalSide, TOOLS_MAX};
-use crate::daemon::shared::{Shared, SharedDrive};
 use crate::domain::command::{CommandAnswer, Order, Outcome, Reason, Report};
 use crate::domain::ids::Name;
 use crate::domain::link::Interface;

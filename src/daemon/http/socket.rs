@@ -5,7 +5,7 @@ use super::reachable::Reachable;
 use super::routes::Documents;
 use super::{own_routes, routes};
 use crate::daemon::local::LocalSide;
-use crate::daemon::own_lock::{AlreadyRunning, Lock};
+use crate::daemon::service::own_lock::{AlreadyRunning, Lock};
 use rustix::fs::{FileType, Mode};
 use std::io;
 use std::path::{Path, PathBuf};

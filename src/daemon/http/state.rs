@@ -1,9 +1,9 @@
 //! What the HTTP side knows: what the lines show, and counts that the other north sides keep for it.
 
 use super::reachable::Reachable;
+use crate::daemon::exchange::shared::Current;
+use crate::daemon::exchange::totals::{ModbusTotals, MqttTotals, SparkplugTotals};
 use crate::daemon::journal::Journal;
-use crate::daemon::shared::Current;
-use crate::daemon::totals::{ModbusTotals, MqttTotals, SparkplugTotals};
 use crate::domain::report::LineState;
 use crate::domain::time::{MonoTime, WallTime};
 use arc_swap::ArcSwapOption;

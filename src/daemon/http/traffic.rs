@@ -5,9 +5,9 @@
 
 use super::answers::json;
 use super::state::State as Gateway;
-use crate::daemon::clock;
-use crate::daemon::shared::SharedLine;
-use crate::daemon::traffic::{LISTENERS_MAX, Listener};
+use crate::daemon::exchange::shared::SharedLine;
+use crate::daemon::exchange::traffic::{LISTENERS_MAX, Listener};
+use crate::daemon::host::clock;
 use crate::domain::calendar::rfc3339;
 use crate::domain::time::{MonoTime, WallTime};
 use crate::north::traffic::{Decoder, KnownDrive, LineFacts};

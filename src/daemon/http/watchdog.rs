@@ -1,9 +1,9 @@
 //! The drive's own watchdog, set by `vfd-gateway watchdog` and by nothing else.
 
 use super::setup::outcome;
-use crate::daemon::clock;
+use crate::daemon::exchange::shared::SharedDrive;
+use crate::daemon::host::clock;
 use crate::daemon::local::{LocalSide, Who};
-use crate::daemon::shared::SharedDrive;
 use crate::domain::command::{Go, Order, Outcome, Owner, Reason, RegisterWrite, Report};
 use serde_json::{Value, json};
 use std::time::Duration;

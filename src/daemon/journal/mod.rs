@@ -26,11 +26,11 @@ mod tests;
 
 pub use status::{JournalReport, JournalState};
 
-use super::bell::Bell;
-use super::clock;
-use super::inbox::Inbox as LineInbox;
-use super::north_sides::NorthSides;
-use super::shared::Current;
+use crate::daemon::exchange::bell::Bell;
+use crate::daemon::exchange::inbox::Inbox as LineInbox;
+use crate::daemon::exchange::shared::Current;
+use crate::daemon::host::clock;
+use crate::daemon::service::north_sides::NorthSides;
 use crate::domain::ids::Name;
 use crate::domain::report::LineReport;
 use crate::drive::description::{DriveDescription, DriveRef};
@@ -206,7 +206,7 @@ impl NorthSource {
     }
 
     /// The MQTT side wants the first events behind `after` that no broker has. It is answered once by
-    /// [`News::Events`](super::answers::News::Events), when there are any. A later want takes the place of this one.
+    /// [`News::Events`](crate::daemon::exchange::answers::News::Events), when there are any. A later want takes the place of this one.
     pub fn want_events(&self, after: u64) {
         self.journal.inbox.put(Post::WantEvents(after));
     }

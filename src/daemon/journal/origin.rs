@@ -1,6 +1,6 @@
 //! Where rows come from: a line from its start to its end.
 
-use crate::daemon::inbox::Inbox as LineInbox;
+use crate::daemon::exchange::inbox::Inbox as LineInbox;
 use crate::domain::ids::Name;
 use crate::drive::description::DriveDescription;
 use crate::journal::RowNumber;

@@ -5,7 +5,7 @@ use super::aside::move_aside;
 use super::database::{Broken, Database, DatabaseState, Mark, TakenOver, rescued};
 use super::rescue::{Standing, standing};
 use super::status::{JournalState, Status};
-use crate::daemon::clock;
+use crate::daemon::host::clock;
 use crate::domain::time::MonoTime;
 use crate::journal::{Book, Row, row};
 use std::collections::BTreeSet;

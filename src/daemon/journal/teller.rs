@@ -1,8 +1,8 @@
 //! Trip events on their way to the MQTT side: it asks when it has room, and is answered once when there are any.
 
 use super::store::Store;
-use crate::daemon::answers::{AnswerBox, News};
-use crate::daemon::bell::Bell;
+use crate::daemon::exchange::answers::{AnswerBox, News};
+use crate::daemon::exchange::bell::Bell;
 use std::sync::Arc;
 
 /// Most events in one answer.

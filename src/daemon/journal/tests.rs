@@ -5,9 +5,9 @@ use super::inbox::Post;
 use super::reader::{self, ReadRow, Rows};
 use super::*;
 use crate::config::{self, Config};
-use crate::daemon::answers::News;
-use crate::daemon::build;
-use crate::daemon::inbox::Message;
+use crate::daemon::exchange::answers::News;
+use crate::daemon::exchange::inbox::Message;
+use crate::daemon::service::build;
 use crate::daemon::testing::Dir;
 use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
 use crate::domain::ids::DriveIndex;
@@ -83,7 +83,7 @@ impl Rig {
         let inbox = Arc::<LineInbox>::default();
         let drives = vec![shared.drives[0].description.clone()];
         let source = journal.line(Name::new("hall-1").unwrap(), drives, Arc::clone(&inbox));
-        let north = journal.north(crate::daemon::shared::Current::from(shared));
+        let north = journal.north(crate::daemon::exchange::shared::Current::from(shared));
         Self { journal, memory, source, north, inbox, sides, row: 0 }
     }
 

@@ -1,10 +1,10 @@
 //! What comes from the north sides goes into the core, and what the core says is done.
 
-use super::super::answers::News;
-use super::super::clock;
-use super::super::inbox::Message;
-use super::super::port::Port;
 use super::{ENDING_MAX, LineTask};
+use crate::daemon::exchange::answers::News;
+use crate::daemon::exchange::inbox::Message;
+use crate::daemon::host::clock;
+use crate::daemon::port::Port;
 use crate::domain::ids::DriveIndex;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{TripEvent, TripEventKind};

@@ -1,9 +1,9 @@
 //! The port is opened, lost and opened again.
 
-use super::super::clock;
-use super::super::port::{Opener, Port};
 use super::LineTask;
 use super::serving::{Left, Uptime};
+use crate::daemon::host::clock;
+use crate::daemon::port::{Opener, Port};
 use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
 use crate::gateway::Input;

@@ -1,8 +1,8 @@
 //! An open port is served.
 
-use super::super::clock;
-use super::super::port::Port;
 use super::LineTask;
+use crate::daemon::host::clock;
+use crate::daemon::port::Port;
 use crate::domain::report::{LineFault, LineState};
 use crate::domain::time::MonoTime;
 use crate::gateway::{Input, LineCore, Wake, WakeReason};

@@ -1,8 +1,8 @@
 //! Every write of a client is accounted for once: by an order or a native request of which a line knows, or as kept.
 
-use super::super::inbox::{COMMANDS_MAX, INBOX_MAX, STOPS_MAX};
 use super::tests::{EVERY_LINE, Kept, Plant, ask, play_with, send};
 use super::*;
+use crate::daemon::exchange::inbox::{COMMANDS_MAX, INBOX_MAX, STOPS_MAX};
 use crate::domain::command::{Order, Reason, Report};
 use crate::domain::ids::DriveIndex;
 use crate::domain::native::NativeAsk;
@@ -158,7 +158,7 @@ fn every_write_is_an_order_or_kept_or_was_nothing_to_do() {
     });
 }
 
-fn writes_in(inbox: &super::super::inbox::Inbox) -> usize {
+fn writes_in(inbox: &crate::daemon::exchange::inbox::Inbox) -> usize {
     let mut batch = Vec::new();
     inbox.take(&mut batch);
     let is_write = |message: &Message| match message {

@@ -1,9 +1,9 @@
 //! The calls of one client: answered from pictures at once, or given to lines and answered when those have answered.
 
-use super::super::answers::News;
-use super::super::inbox::{Full, Inbox, Message};
-use super::super::router::{Drive, Target};
 use super::Client;
+use crate::daemon::exchange::answers::News;
+use crate::daemon::exchange::inbox::{Full, Inbox, Message};
+use crate::daemon::exchange::router::{Drive, Target};
 use crate::domain::command::{CommandAnswer, CommandRequest, Manner, Order, Origin, Reason, Report};
 use crate::domain::ids::{DriveIndex, Ticket};
 use crate::domain::native::{NativeAsk, NativeRequest};

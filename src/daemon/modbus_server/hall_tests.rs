@@ -1,10 +1,10 @@
 //! Places, unread answers and turns over real sockets.
 
-use super::super::router::Units;
-use super::super::shared::Shared;
 use super::tests::{EVERY_LINE, answer, ask, send, shared};
 use super::*;
 use crate::config::ListenerSettings;
+use crate::daemon::exchange::router::Units;
+use crate::daemon::exchange::shared::Shared;
 use crate::domain::command::Order;
 use crate::domain::ids::UnitId;
 use crate::wire::mbap;

@@ -1,8 +1,8 @@
 //! What a listener grants, and where its units lead to: both change while its connections stay.
 
-use super::super::router::Router;
 use super::security::Security;
 use crate::config::ListenerSettings;
+use crate::daemon::exchange::router::Router;
 use crate::domain::command::Rights;
 use crate::guard::access;
 use crate::north::modbus::RoomId;

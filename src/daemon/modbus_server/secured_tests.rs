@@ -1,11 +1,11 @@
 //! Modbus Security over real sockets, with certificates of every kind and the test in the place of the lines.
 
-use super::super::router::Units;
 use super::handshake::{HANDSHAKES_MAX, shake};
 use super::issuing::{Authority, Files, Issued, role, role_holding};
 use super::tests::{EVERY_LINE, Kept, Plant, answer, ask, send, shared};
 use super::*;
 use crate::config::{ListenerSettings, ListenerTls};
+use crate::daemon::exchange::router::Units;
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::ids::CommanderName;
 use crate::wire::mbap;
@@ -120,7 +120,7 @@ impl Secured {
     }
 }
 
-fn router(settings: &ListenerSettings, shared: &Arc<super::super::shared::Shared>) -> Router {
+fn router(settings: &ListenerSettings, shared: &Arc<crate::daemon::exchange::shared::Shared>) -> Router {
     Router::new(settings, Units::new(shared))
 }
 

@@ -2,7 +2,7 @@
 
 use super::certificate::Certificate;
 use crate::config::ListenerTls;
-use crate::daemon::pem_files::{certificates, key};
+use crate::daemon::host::pem_files::{certificates, key};
 use rustls::client::danger::HandshakeSignatureValid;
 use rustls::crypto::ring;
 use rustls::pki_types::{CertificateDer, UnixTime};

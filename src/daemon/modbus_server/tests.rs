@@ -1,11 +1,11 @@
 //! The server over real sockets, with the test in the place of the lines.
 
-use super::super::inbox::{COMMANDS_MAX, INBOX_MAX};
-use super::super::north_journal::NorthJournal;
-use super::super::router::Units;
-use super::super::shared::Shared;
 use super::*;
 use crate::config::ListenerSettings;
+use crate::daemon::exchange::inbox::{COMMANDS_MAX, INBOX_MAX};
+use crate::daemon::exchange::north_journal::NorthJournal;
+use crate::daemon::exchange::router::Units;
+use crate::daemon::exchange::shared::Shared;
 use crate::daemon::testing::Sleeper;
 use crate::domain::command::{CommandAnswer, Outcome, Reason, Report};
 use crate::domain::command::{CommandRequest, Order, Rights};
@@ -95,7 +95,7 @@ fn shared_with(has_control: impl Fn(u8) -> bool) -> Arc<Shared> {
     Arc::new(shared)
 }
 
-fn show(drive: &super::super::shared::SharedDrive, lease: Option<(Owner, MonoTime)>) {
+fn show(drive: &crate::daemon::exchange::shared::SharedDrive, lease: Option<(Owner, MonoTime)>) {
     let mut view = DriveView { line_is_up: true, ..DriveView::default() };
     view.snapshot.presence = Presence::Online;
     view.control = drive.description.control.as_ref().map(|_| ControlView { lease, ..control() });

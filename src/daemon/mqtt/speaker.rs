@@ -1,12 +1,12 @@
 //! The MQTT session with everything it looks at: pictures, lines, answers.
 
 use super::{Packet, Rival, Talk};
-use crate::daemon::answers::{AnswerBox, News};
-use crate::daemon::north_journal::{Journal, NorthJournal};
-use crate::daemon::random;
-use crate::daemon::shared::{Current, Shared, SharedLine};
-use crate::daemon::to_lines::hand_over;
-use crate::daemon::totals::MqttTotals;
+use crate::daemon::exchange::answers::{AnswerBox, News};
+use crate::daemon::exchange::north_journal::{Journal, NorthJournal};
+use crate::daemon::exchange::shared::{Current, Shared, SharedLine};
+use crate::daemon::exchange::to_lines::hand_over;
+use crate::daemon::exchange::totals::MqttTotals;
+use crate::daemon::host::random;
 use crate::domain::command::Owner;
 use crate::domain::ids::{Name, Ticket};
 use crate::domain::time::MonoTime;

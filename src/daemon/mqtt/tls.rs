@@ -1,7 +1,7 @@
 //! TLS towards the broker: whom to trust, and how to prove ourselves.
 
 use super::settings::TlsSettings;
-use crate::daemon::pem_files::{FileError, certificates, key as key_of};
+use crate::daemon::host::pem_files::{FileError, certificates, key as key_of};
 use rustls::crypto::ring;
 use rustls::{ClientConfig, RootCertStore};
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! What only the driver of a serial device can do: turn the direction of an RS-485 transceiver, and hand over at once
 //! what it receives.
 
-use super::super::sys;
+use crate::daemon::host::sys;
 use rustix::io::Errno;
 use std::io;
 use std::os::fd::BorrowedFd;
@@ -152,8 +152,8 @@ fn latency_text(content: &str, file: &Path) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::pty::Pty;
     use super::*;
+    use crate::daemon::host::pty::Pty;
     use std::os::fd::AsFd;
 
     #[test]

@@ -1,8 +1,9 @@
 //! A serial device: locked, opened, its settings read back, its direction turned.
 
-use super::super::{clock, sys};
 use super::lock::{self, PortLock};
 use super::{OpenError, PortSettings, all_of, driver};
+use crate::daemon::host::clock;
+use crate::daemon::host::sys;
 use crate::domain::link::{DirectionControl, LinkSettings, Parity, PortKind};
 use crate::domain::time::MonoTime;
 use mio_serial::SerialStream;
@@ -185,9 +186,9 @@ fn check_settings(stream: &SerialStream, wanted: LinkSettings, on_pty: bool) -> 
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::pty::Pty;
     use super::*;
     use crate::config::PortAddress;
+    use crate::daemon::host::pty::Pty;
     use std::path::PathBuf;
 
     fn settings(path: &Path) -> PortSettings {

@@ -1,9 +1,9 @@
 //! The port of a line behind a serial device server: what it receives on the line comes over the connection, and the
 //! other way round.
 
-use super::super::sys;
 use super::OpenError;
 use crate::config::ready::TCP_LATENESS;
+use crate::daemon::host::sys;
 use rustix::net::sockopt;
 use std::io::{self, Read, Write};
 use std::net::{IpAddr, SocketAddr, TcpStream, ToSocketAddrs};
@@ -104,7 +104,9 @@ impl Lookup {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Opener, Port, PortSettings};
+    use super::super::Opener;
+    use super::super::Port;
+    use super::super::PortSettings;
     use super::*;
     use crate::config::PortAddress;
     use crate::domain::link::{DirectionControl, LinkSettings, PortKind};

@@ -3,8 +3,8 @@
 //! A number is on the disk before the CONNECT that carries it leaves. Otherwise a gateway that loses power could connect
 //! twice with the same number, and a late NDEATH of the first connection would bury the second.
 
+use crate::daemon::host::user_files;
 use crate::daemon::mqtt::Chore;
-use crate::daemon::user_files;
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};

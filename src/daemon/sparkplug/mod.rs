@@ -1,7 +1,7 @@
 //! The Sparkplug side of the daemon: a second client at the broker, with an identifier, a will and a life of its own.
 //!
 //! It cannot be the connection of the MQTT side: a connection has one will, and that of a Sparkplug edge node must be
-//! NDEATH with the number of that very connection. `speaker` is what it says, [`mqtt::converse`](super::mqtt::converse)
+//! NDEATH with the number of that very connection. `speaker` is what it says, [`mqtt::converse`](crate::daemon::mqtt::converse)
 //! carries it, and `bdseq` numbers the connections.
 
 mod bdseq;

@@ -1,13 +1,13 @@
 //! The Sparkplug session with everything it looks at: pictures, lines, answers.
 
 use super::BdSeq;
-use crate::daemon::answers::{AnswerBox, News};
+use crate::daemon::exchange::answers::{AnswerBox, News};
+use crate::daemon::exchange::north_journal::Journal;
+use crate::daemon::exchange::shared::{Current, Shared, SharedLine};
+use crate::daemon::exchange::to_lines::hand_over;
+use crate::daemon::exchange::totals::SparkplugTotals;
+use crate::daemon::host::random;
 use crate::daemon::mqtt::{Chore, Packet, Rival, Talk};
-use crate::daemon::north_journal::Journal;
-use crate::daemon::random;
-use crate::daemon::shared::{Current, Shared, SharedLine};
-use crate::daemon::to_lines::hand_over;
-use crate::daemon::totals::SparkplugTotals;
 use crate::domain::command::Owner;
 use crate::domain::ids::{Name, Ticket};
 use crate::domain::time::MonoTime;

@@ -2,7 +2,7 @@
 //! has been told.
 
 use super::Control;
-use crate::daemon::clock;
+use crate::daemon::host::clock;
 use crate::daemon::http::answers::refusal;
 use crate::domain::ids::CommanderName;
 use crate::north::operator::body::BODY_BYTES_MAX;

@@ -2,12 +2,12 @@
 
 use super::Control;
 use super::admission::{Admitted, admit};
-use crate::daemon::clock;
+use crate::daemon::exchange::shared::SharedDrive;
+use crate::daemon::host::clock;
 use crate::daemon::http::answers::json;
 use crate::daemon::http::answers::refusal;
 use crate::daemon::http::setup;
 use crate::daemon::local::Who;
-use crate::daemon::shared::SharedDrive;
 use crate::domain::command::{Order, Outcome, Reason, Report};
 use crate::guard::COMMAND_DEADLINE;
 use crate::journal::Tried;

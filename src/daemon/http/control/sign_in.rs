@@ -2,7 +2,7 @@
 
 use super::Control;
 use super::admission::{Refused, admit, comes_from_own_page, id_in, is_possible, json_body, key_of, refused, token_of};
-use crate::daemon::clock;
+use crate::daemon::host::clock;
 use crate::daemon::http::answers::json;
 use crate::daemon::http::entrance::Peer;
 use crate::daemon::http::front::User;

@@ -3,7 +3,7 @@
 use super::Live;
 use super::query::Query;
 use super::routes::wrong;
-use crate::daemon::clock;
+use crate::daemon::host::clock;
 use crate::daemon::http::taking::PIECE_BYTES;
 use crate::daemon::journal::listing;
 use crate::daemon::journal::reader::{connect, row};

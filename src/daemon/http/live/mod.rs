@@ -17,8 +17,9 @@ pub(super) use routes::router;
 
 use super::large::Room;
 use super::state::State;
-use crate::daemon::shared::Shared;
-use crate::daemon::{clock, random};
+use crate::daemon::exchange::shared::Shared;
+use crate::daemon::host::clock;
+use crate::daemon::host::random;
 use crate::north::clock::{Clock, Moment};
 use crate::north::operator::moments::{self, Moments};
 use crate::north::page::{Drive, LineUse, Present, Trends};

@@ -1,8 +1,8 @@
 //! From what the gateway shares to the documents of the page.
 
+use crate::daemon::exchange::shared::{Shared, SharedDrive, SharedLine};
 use crate::daemon::http::state::State;
 use crate::daemon::journal::JournalState as Keeps;
-use crate::daemon::shared::{Shared, SharedDrive, SharedLine};
 use crate::domain::calendar::rfc3339;
 use crate::domain::ids::Name;
 use crate::drive::view::DriveView;

@@ -1,13 +1,13 @@
 //! Live documents over real sockets, from a gateway whose lines are played by the test.
 
-use crate::daemon::clock;
+use crate::daemon::exchange::shared::Shared;
+use crate::daemon::host::clock;
 use crate::daemon::http::Documents;
 use crate::daemon::http::connections::{self, Patience};
 use crate::daemon::http::lasting::LASTING_MAX;
 use crate::daemon::http::routes;
 use crate::daemon::http::state::State;
 use crate::daemon::http::tests::{on_a_runtime, state};
-use crate::daemon::shared::Shared;
 use crate::domain::report::{LineReport, LineState};
 use crate::domain::time::MonoTime;
 use crate::drive::snapshot::Presence;

@@ -2,7 +2,7 @@
 
 use super::events::event;
 use super::source::{Source, documents, shown};
-use crate::daemon::shared::{SharedDrive, SharedLine};
+use crate::daemon::exchange::shared::{SharedDrive, SharedLine};
 use crate::domain::time::MonoTime;
 use crate::drive::view::DriveView;
 use crate::north::finding::{Finding, ranked};

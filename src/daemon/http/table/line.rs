@@ -1,7 +1,7 @@
 //! Metrics of lines.
 
 use super::{Metric, counter, gauge, seconds, sum, truth};
-use crate::daemon::shared::SharedLine;
+use crate::daemon::exchange::shared::SharedLine;
 use crate::domain::report::{LineReport, LineState};
 
 /// Each line; label `line`.

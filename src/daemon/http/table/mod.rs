@@ -4,8 +4,8 @@
 
 use super::reachable::Reachable;
 use super::state::State;
+use crate::daemon::exchange::totals::{ModbusTotals, MqttTotals, SparkplugTotals};
 use crate::daemon::journal::{JournalReport, JournalState};
-use crate::daemon::totals::{ModbusTotals, MqttTotals, SparkplugTotals};
 use prometheus_client::metrics::MetricType;
 use std::time::Duration;
 

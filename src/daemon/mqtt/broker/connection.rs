@@ -4,7 +4,7 @@ use super::limits::PACKET_MAX;
 use super::machine::{ConnectionId, Machine};
 use super::packet::Fault;
 use super::reader;
-use crate::daemon::clock;
+use crate::daemon::host::clock;
 use bytes::{Buf, BytesMut};
 use std::collections::HashMap;
 use std::io;

@@ -1,7 +1,7 @@
 //! The last words on a connection.
 
 use super::{Client, End, Events, Talk};
-use crate::daemon::clock;
+use crate::daemon::host::clock;
 use crate::north::broker::{Publication, Version};
 use std::collections::VecDeque;
 use std::time::Duration;

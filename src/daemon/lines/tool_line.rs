@@ -1,13 +1,13 @@
 //! A line of a tool's own: the same thread and the same core as a gateway's, with stations that nobody polls. There is no
 //! second master in this program.
 
-use super::build;
-use super::line_thread::{LineHandle, LinePort};
-use super::local::LocalSide;
-use super::north_sides::NorthSides;
-use super::port::{OpenError, Opener, PortSettings};
-use super::shared::{Shared, SharedLine};
 use crate::config::PortAddress;
+use crate::daemon::exchange::shared::{Shared, SharedLine};
+use crate::daemon::line_thread::{LineHandle, LinePort};
+use crate::daemon::local::LocalSide;
+use crate::daemon::port::{OpenError, Opener, PortSettings};
+use crate::daemon::service::build;
+use crate::daemon::service::north_sides::NorthSides;
 use crate::domain::command::Report;
 use crate::domain::ids::{DriveIndex, Name};
 use crate::domain::link::{DirectionControl, EchoPolicy, Interface, LinkSettings};
@@ -126,7 +126,7 @@ impl ToolLine {
         let place = LinePort { line: name.to_string(), drives: Vec::new(), settings: port.settings(name.as_str()) };
         let changed = Arc::clone(&shared.changed);
         let mut handle = LineHandle::prepare(place, setup, Arc::clone(&line), changed, north)?;
-        handle.begin(&super::line_thread::Memory::new());
+        handle.begin(&crate::daemon::line_thread::Memory::new());
         let line = Self { side, line, handle, distributes };
         match line.comes_up().await {
             true => Ok(line),

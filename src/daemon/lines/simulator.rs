@@ -1,8 +1,9 @@
 //! Simulated drives in real time: moves bytes between the end of a line and a [`SimBus`].
 
-use super::line_end::LineEnd;
-use super::timer::RawTimer;
-use super::{clock, sys};
+use crate::daemon::host::clock;
+use crate::daemon::host::sys;
+use crate::daemon::host::timer::RawTimer;
+use crate::daemon::lines::simulated_end::LineEnd;
 use crate::domain::time::MonoTime;
 use crate::sim::SimBus;
 use std::io;

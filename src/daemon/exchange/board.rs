@@ -1,12 +1,12 @@
 //! What one line thread shows to the north sides: answers, pictures of its drives, its own state.
 
-use super::answers::News;
-use super::bell::Bell;
-use super::clock;
-use super::inbox::{Inbox, Message};
-use super::line_rows::LineRows;
-use super::north_sides::NorthSides;
-use super::shared::SharedLine;
+use crate::daemon::exchange::answers::News;
+use crate::daemon::exchange::bell::Bell;
+use crate::daemon::exchange::inbox::{Inbox, Message};
+use crate::daemon::exchange::shared::SharedLine;
+use crate::daemon::host::clock;
+use crate::daemon::lines::rows::LineRows;
+use crate::daemon::service::north_sides::NorthSides;
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::TrafficRecord;

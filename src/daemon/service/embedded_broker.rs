@@ -1,8 +1,8 @@
 //! The broker for trying out, which the gateway starts itself.
 
-use super::mqtt::broker_child::BrokerChild;
-use super::start_error::StartError;
 use crate::config::{Config, MqttSettings};
+use crate::daemon::mqtt::broker_child::BrokerChild;
+use crate::daemon::service::start_error::StartError;
 use std::net::{Ipv4Addr, SocketAddr};
 
 /// The embedded broker, if `config` wants it.

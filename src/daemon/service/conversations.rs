@@ -1,15 +1,15 @@
 //! What is said to the broker: the conversation of the MQTT side, and beside it that of the Sparkplug side.
 
-use super::answers::AnswerBox;
-use super::clock;
-use super::http::State;
-use super::mqtt::speaker::Speaker;
-use super::mqtt::{self, ConnectionSettings, Counters, Talk};
-use super::north_journal;
-use super::north_sides::NorthSides;
-use super::shared::Current;
-use super::sparkplug::BdSeq;
-use super::sparkplug::speaker::{Sides, Speaker as SparkplugSpeaker};
+use crate::daemon::exchange::answers::AnswerBox;
+use crate::daemon::exchange::north_journal;
+use crate::daemon::exchange::shared::Current;
+use crate::daemon::host::clock;
+use crate::daemon::http::State;
+use crate::daemon::mqtt::speaker::Speaker;
+use crate::daemon::mqtt::{self, ConnectionSettings, Counters, Talk};
+use crate::daemon::service::north_sides::NorthSides;
+use crate::daemon::sparkplug::BdSeq;
+use crate::daemon::sparkplug::speaker::{Sides, Speaker as SparkplugSpeaker};
 use crate::domain::ids::Ticket;
 use crate::north::mqtt::Settings;
 use crate::north::sparkplug;

@@ -1,7 +1,7 @@
 //! What the north sides hand to a journal, where there is one.
 
-use super::journal::{self, NorthSource};
-use super::shared::Current;
+use crate::daemon::exchange::shared::Current;
+use crate::daemon::journal::{self, NorthSource};
 use crate::drive::description::DriveRef;
 use crate::journal::Attempt;
 use std::fmt::Debug;
@@ -15,7 +15,7 @@ pub trait NorthJournal: Debug + Send + Sync {
     /// The broker has the event with this number.
     fn event_taken(&self, seq: u64);
     /// The MQTT side wants the first events with higher numbers that no broker has. It is answered once, with
-    /// [`News::Events`](super::answers::News::Events): at once if there are any, else when there is one. A later want
+    /// [`News::Events`](crate::daemon::exchange::answers::News::Events): at once if there are any, else when there is one. A later want
     /// takes the place of one that is not answered.
     fn want_events(&self, after: u64);
 }

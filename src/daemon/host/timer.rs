@@ -1,6 +1,7 @@
 //! A timer as exact as the hardware: tokio's own counts in milliseconds.
 
-use super::{clock, sys};
+use crate::daemon::host::clock;
+use crate::daemon::host::sys;
 use crate::domain::time::MonoTime;
 use rustix::time::{
     Itimerspec, TimerfdClockId, TimerfdFlags, TimerfdTimerFlags, Timespec, timerfd_create, timerfd_settime,

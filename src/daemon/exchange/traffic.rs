@@ -3,7 +3,7 @@
 //! A line that nobody watches pays one look at an atomic number a round. The line's thread never waits for those who
 //! watch: what it cannot hand over at once it hands over in its next round.
 
-use super::shared::SharedLine;
+use crate::daemon::exchange::shared::SharedLine;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::TrafficRecord;
 use std::collections::VecDeque;

@@ -1,7 +1,7 @@
 //! What the service manager is told: ready, reloading, stopping, a short status, and signs of life. Without one nothing is
 //! said.
 
-use super::shared::{Current, SharedLine};
+use crate::daemon::exchange::shared::{Current, SharedLine};
 use crate::domain::ids::Name;
 use crate::domain::report::LineState;
 use sd_notify::NotifyState;

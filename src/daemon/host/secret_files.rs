@@ -1,7 +1,7 @@
 //! Files with secrets: which the configuration names, and whether everybody on this host may read them.
 
-use super::user_files;
 use crate::config::{BrokerSettings, Config, HashSource, PasswordSource};
+use crate::daemon::host::user_files;
 use std::io;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;

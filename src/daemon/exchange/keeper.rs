@@ -1,6 +1,6 @@
 //! Attempts of one north side that no line saw, on their way to the journal.
 
-use super::north_journal::Journal;
+use crate::daemon::exchange::north_journal::Journal;
 use crate::domain::command::{Owner, Report};
 use crate::drive::description::DriveRef;
 use crate::journal::{Attempt, AttemptId, Tried};

@@ -1,20 +1,22 @@
 //! The daemon: one thread per line, the north side on this one, until it is told to end.
 
-use super::bell::Bell;
-use super::embedded_broker::embedded_broker;
-use super::http::socket::OwnSocket;
-use super::journal::Journal;
-use super::line_thread::Memory;
-use super::lines::Lines;
-use super::mqtt::broker_child::BrokerChild;
-use super::north::{self, North, ToolConnections};
-use super::north_sides::NorthSides;
-use super::reload::{Gateway, Load, Loader};
-use super::reload_request::{Refusal, Reloaded, Reloads};
-use super::shared::Current;
-use super::start_error::StartError;
-use super::{build, notify, sys};
 use crate::config::Config;
+use crate::daemon::exchange::bell::Bell;
+use crate::daemon::exchange::shared::Current;
+use crate::daemon::host::sys;
+use crate::daemon::http::socket::OwnSocket;
+use crate::daemon::journal::Journal;
+use crate::daemon::line_thread::Memory;
+use crate::daemon::lines::threads::Lines;
+use crate::daemon::mqtt::broker_child::BrokerChild;
+use crate::daemon::service::build;
+use crate::daemon::service::embedded_broker::embedded_broker;
+use crate::daemon::service::north::{self, North, ToolConnections};
+use crate::daemon::service::north_sides::NorthSides;
+use crate::daemon::service::notify;
+use crate::daemon::service::reload::{Gateway, Load, Loader};
+use crate::daemon::service::reload_request::{Refusal, Reloaded, Reloads};
+use crate::daemon::service::start_error::StartError;
 use crate::domain::ids::Name;
 use crate::domain::problem::Problem;
 use crate::domain::report::LineCounters;

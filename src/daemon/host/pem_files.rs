@@ -1,6 +1,6 @@
 //! Certificates and keys in PEM files.
 
-use super::user_files;
+use crate::daemon::host::user_files;
 use rustls::pki_types::pem::{self, PemObject};
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use std::path::{Path, PathBuf};

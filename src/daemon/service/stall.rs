@@ -2,7 +2,7 @@
 //!
 //! What came meanwhile waited in sockets, and whoever sent it has long given it up: only a stop counts at any age.
 
-use super::clock;
+use crate::daemon::host::clock;
 use crate::domain::time::MonoTime;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;

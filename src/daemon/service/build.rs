@@ -1,15 +1,15 @@
 //! From the configuration to what the line threads need.
 
-use super::conversations::{BrokerSide, Sparkplug};
-use super::journal;
-use super::line_thread::LinePort;
-use super::mqtt::{ConnectionSettings, Keeps, Secret, TlsSettings, check_tls};
-use super::port::PortSettings;
-use super::secret_files;
-use super::shared::{Shared, SharedLine};
 use crate::config::{
     self, BrokerSettings, Config, DriveSettings, LineSettings, MqttSettings, PasswordSource, line_plan,
 };
+use crate::daemon::exchange::shared::{Shared, SharedLine};
+use crate::daemon::host::secret_files;
+use crate::daemon::journal;
+use crate::daemon::line_thread::LinePort;
+use crate::daemon::mqtt::{ConnectionSettings, Keeps, Secret, TlsSettings, check_tls};
+use crate::daemon::port::PortSettings;
+use crate::daemon::service::conversations::{BrokerSide, Sparkplug};
 use crate::domain::ids::{DriveIndex, Name};
 use crate::domain::link::Wiring;
 use crate::drive::description::{DriveDescription, DriveRef};

@@ -1,8 +1,8 @@
 //! What the north sides read and the lines write: one picture of each drive, one report of each line.
 
-use super::bell::Bell;
-use super::inbox::{Inbox, Message};
-use super::traffic::Traffic;
+use crate::daemon::exchange::bell::Bell;
+use crate::daemon::exchange::inbox::{Inbox, Message};
+use crate::daemon::exchange::traffic::Traffic;
 use crate::domain::command::CommandRequest;
 use crate::domain::ids::Name;
 use crate::domain::link::{Interface, Wiring};

@@ -3,18 +3,18 @@
 //! Everything that can fail is done first: the file is loaded and checked, addresses are taken, secrets and certificates read,
 //! threads started. Then the drives whose lines end are looked at, and only then anything changes.
 
-use super::build;
-use super::conversations::BrokerSide;
-use super::embedded_broker::embedded_broker;
-use super::journal::Journal;
-use super::line_thread::{LineHandle, Memory};
-use super::lines::Lines;
-use super::mqtt::broker_child::BrokerChild;
-use super::north::{self, Bound, North};
-use super::reload_request::{Applied, Refusal, Reloaded};
-use super::shared::{Current, Shared};
 use crate::config::change::{Change, ChangeNote, ConfigPart};
 use crate::config::{Config, MqttSettings, Removal};
+use crate::daemon::exchange::shared::{Current, Shared};
+use crate::daemon::journal::Journal;
+use crate::daemon::line_thread::{LineHandle, Memory};
+use crate::daemon::lines::threads::Lines;
+use crate::daemon::mqtt::broker_child::BrokerChild;
+use crate::daemon::service::build;
+use crate::daemon::service::conversations::BrokerSide;
+use crate::daemon::service::embedded_broker::embedded_broker;
+use crate::daemon::service::north::{self, Bound, North};
+use crate::daemon::service::reload_request::{Applied, Refusal, Reloaded};
 use crate::domain::ids::Name;
 use std::fmt;
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! What a broker session has for the lines, on its way into their inboxes. It never waits for the broker.
 
-use crate::daemon::inbox::Message;
-use crate::daemon::shared::Shared;
+use crate::daemon::exchange::inbox::Message;
+use crate::daemon::exchange::shared::Shared;
 use crate::domain::command::{CommandRequest, Owner};
 use crate::domain::ids::Ticket;
 use crate::drive::description::DriveRef;

@@ -1,9 +1,9 @@
 //! From a unit on Modbus TCP to what answers for it: a drive on its line, a picture, or the gateway itself.
 
-use super::clock;
-use super::inbox::Inbox;
-use super::shared::{Shared, SharedDrive};
 use crate::config::ListenerSettings;
+use crate::daemon::exchange::inbox::Inbox;
+use crate::daemon::exchange::shared::{Shared, SharedDrive};
+use crate::daemon::host::clock;
 use crate::domain::ids::{DriveIndex, UnitId};
 use crate::domain::report::LineReport;
 use crate::domain::time::MonoTime;

@@ -1,12 +1,12 @@
 //! The threads of all lines: made ready, begun, asked to leave, ended.
 
-use super::bell::Bell;
-use super::build;
-use super::line_thread::LineHandle;
-use super::line_thread::Memory;
-use super::north_sides::NorthSides;
-use super::shared::SharedLine;
 use crate::config::LineSettings;
+use crate::daemon::exchange::bell::Bell;
+use crate::daemon::exchange::shared::SharedLine;
+use crate::daemon::line_thread::LineHandle;
+use crate::daemon::line_thread::Memory;
+use crate::daemon::service::build;
+use crate::daemon::service::north_sides::NorthSides;
 use crate::domain::report::StopBounds;
 use std::hash::{BuildHasher, RandomState};
 use std::io;

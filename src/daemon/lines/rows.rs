@@ -1,9 +1,9 @@
 //! What a line has to do with the journal: its rows go there, and final answers wait a moment for theirs.
 
-use super::answers::{Held, News};
-use super::clock;
-use super::inbox::Message;
-use super::journal::Source;
+use crate::daemon::exchange::answers::{Held, News};
+use crate::daemon::exchange::inbox::Message;
+use crate::daemon::host::clock;
+use crate::daemon::journal::Source;
 use crate::domain::command::Order;
 use crate::domain::ids::{AskerId, DriveIndex, Ticket};
 use crate::domain::native::NativeAsk;

@@ -1,7 +1,7 @@
 //! The north sides that lines answer to.
 
-use super::answers::AnswerBox;
-use super::journal::Journal;
+use crate::daemon::exchange::answers::AnswerBox;
+use crate::daemon::journal::Journal;
 use std::sync::Arc;
 
 /// The north sides that lines answer to, and where both keep what is to be kept.

@@ -1,7 +1,7 @@
 //! The end of a simulated line that the gateway is at the other end of: a pseudo-terminal or a TCP port.
 
-use super::pty::Pty;
-use super::timer::RawTimer;
+use crate::daemon::host::pty::Pty;
+use crate::daemon::host::timer::RawTimer;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
 use std::io::{self, Read, Write};

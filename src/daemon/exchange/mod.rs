@@ -1,0 +1,15 @@
+//! What the threads hand each other: requests, answers, pictures of drives, counts, traffic. Nothing here waits for a
+//! client.
+
+pub mod answers;
+pub mod bell;
+pub mod board;
+pub mod inbox;
+pub mod keeper;
+pub mod north_journal;
+pub mod rate_limited_log;
+pub mod router;
+pub mod shared;
+pub(super) mod to_lines;
+pub mod totals;
+pub mod traffic;

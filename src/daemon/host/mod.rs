@@ -1,0 +1,11 @@
+//! What the operating system provides: clocks, files, secrets, terminals, limits.
+
+pub mod clock;
+pub mod descriptors;
+pub mod pem_files;
+pub mod pty;
+pub(super) mod random;
+pub mod secret_files;
+pub mod sys;
+pub mod timer;
+pub mod user_files;

@@ -1,0 +1,15 @@
+//! The gateway as a service: how it starts, what it builds from the configuration, how it reloads and ends, and what the
+//! service manager is told.
+
+pub mod build;
+pub mod conversations;
+pub(super) mod embedded_broker;
+pub mod north;
+pub mod north_sides;
+pub mod notify;
+pub mod own_lock;
+pub mod reload;
+pub mod reload_request;
+pub mod run;
+pub(super) mod stall;
+pub mod start_error;
