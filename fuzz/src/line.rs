@@ -18,7 +18,7 @@ use vfd_gateway::domain::link::{EchoPolicy, Framing, LinkSettings, PortKind};
 use vfd_gateway::domain::native::{NativeAsk, NativeRequest};
 use vfd_gateway::domain::report::{LineFault, LineState};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup};
+use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup, WakeReason};
 use vfd_gateway::journal::Remembered;
 use vfd_gateway::line::timeouts::ReplyTimeouts;
 use vfd_gateway::line::timing::Timing;
@@ -55,6 +55,7 @@ struct Watch {
     core: LineCore,
     framing: Framing,
     model: Arc<Model>,
+    has_control: bool,
     silence: Duration,
     link: LinkSettings,
     now: MonoTime,
@@ -101,6 +102,7 @@ impl Watch {
             core: LineCore::new(setup, now),
             framing,
             model: Arc::clone(model),
+            has_control,
             silence: timing.silence,
             link,
             now,
@@ -318,8 +320,11 @@ impl Watch {
             assert!(self.now >= self.quiet_since && quiet_for >= self.silence, "{frame:02X?} after {quiet_for:?}");
         }
         assert!(self.core.is_occupied(), "sent, and the wire is free");
-        let to_all = self.model.link.broadcast.as_ref().map(|broadcast| broadcast.station.value);
-        assert!((1..=DRIVES).contains(&station) || to_all == Some(station), "station {station}");
+        let reason = self.core.next_wake().map(|wake| wake.reason);
+        let waits = matches!(reason, Some(WakeReason::ReplyDue | WakeReason::RequestDeadline));
+        // What a drive under control waits for may be due earlier.
+        assert!(waits || self.has_control, "nobody waits for the reply: {reason:?}");
+        assert!((1..=DRIVES).contains(&station) || to_all(&self.model) == Some(station), "station {station}");
         self.check_run(&pdu);
         self.quiet_since = self.now + self.link.bytes(frame.len());
         self.last_frame = frame;
@@ -341,6 +346,11 @@ impl Watch {
             self.runs_ordered -= 1;
         }
     }
+}
+
+/// The station that all drives of this model take a stop from.
+fn to_all(model: &Model) -> Option<u8> {
+    model.link.broadcast.as_ref().map(|broadcast| broadcast.station.value)
 }
 
 fn origin(who: u8) -> Origin {

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 pub struct HttpSettings {
     /// Address and port. No other listener has the same.
     pub listen: SocketAddr,
-    /// Who may connect; nothing: whoever can, which is this host only (a listener elsewhere has a list).
+    /// Who may connect; `None`: everyone who can, which is this host only (a listener elsewhere has a list).
     pub allow: Option<Vec<IpNet>>,
     /// Names by which browsers may call the gateway besides addresses and the host's own, in lower case.
     pub hosts: Vec<String>,
@@ -21,7 +21,7 @@ pub struct HttpSettings {
     pub tls: Option<HttpTls>,
 }
 
-/// Somebody who may sign in on the page.
+/// A user who may sign in on the page.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UserSettings {
     /// Unique among the users; the owner of what is commanded.

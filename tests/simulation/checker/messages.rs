@@ -11,6 +11,9 @@ const RESTART_DELAY: u64 = 2_000_000_000;
 /// How old something can be that came while nothing showed that the way stalls: the time between two probes, and until
 /// one is overdue.
 const UNNOTICED: u64 = 1_350_000_000;
+/// The same while a connection is so young that its usual round trip is not known.
+const UNNOTICED_WHEN_YOUNG: u64 = 1_750_000_000;
+const YOUNG: u64 = 10_000_000_000;
 /// So far the clock of a commander may be ahead, in ms.
 const AHEAD: u64 = 2_000;
 /// Commands with an id, and epochs, that are remembered.
@@ -164,7 +167,9 @@ impl Checker {
         // A setpoint alone moves nothing after a stop.
         let starts = self.books[drive].orders.iter().any(|it| it.number == order && it.wish.run.is_some());
         let is_before_stop = starts && self.books[drive].stopped_at.is_some_and(|stopped| issued < stopped);
-        if is_before_stop || at > issued + ttl.max(UNNOTICED) {
+        let is_young = at < self.messages.opened_at + YOUNG;
+        let unnoticed = if is_young { UNNOTICED_WHEN_YOUNG } else { UNNOTICED };
+        if is_before_stop || at > issued + ttl.max(unnoticed) {
             self.outdate_order(drive, order, issued);
         }
     }

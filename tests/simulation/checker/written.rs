@@ -7,7 +7,7 @@ use super::wire::{Exchange, Truth};
 
 /// A stop that the drive has answered this often since it was asked for is repeated no more, and once more for each
 /// [`REPEATED_EVERY`]: after bursts and strays its echoes may be in doubt, and what it does may not be known for long.
-const REPEATS: u32 = 12;
+const REPEATS: u32 = 16;
 const REPEATED_EVERY: u64 = 3_000_000_000;
 /// A drive that keeps a reset word is told to take it back this often at most.
 const TAKEN_BACK_EVERY: u64 = 1_000_000_000;
