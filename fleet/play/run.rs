@@ -149,7 +149,7 @@ impl<W: FnMut(&Progress)> Simulation<W> {
         let start = clock::now() + PAUSE;
         let costs = self.costs();
         self.enter(Phase::Publishing(start));
-        tracing::info!(gateways, consumers, "the fleet publishes");
+        tracing::info!(gateways, consumers, "fleet is publishing");
         let is_cut = self.publish(start, told.as_mut()).await;
         let span = clock::now().since(start);
         let at_last = self.board.ledger.balance();

@@ -169,8 +169,8 @@ fn what_is_wrong_with_the_way_is_said_in_plain_words() {
         ("localhost", 1, [TRUSTED, CERTIFICATE, USER], "is for another name than the one in `broker`"),
         ("127.0.0.1", 0, [TRUSTED, CERTIFICATE, USER], "is for another name than the one in `broker`"),
         ("localhost", 2, [TRUSTED, CERTIFICATE, USER], "the broker's certificate has expired"),
-        ("localhost", 0, [TRUSTED, "", USER], "does it want a certificate of ours (`client_cert_file`"),
-        ("localhost", 0, [TRUSTED, stranger, USER], "the broker does not take our certificate"),
+        ("localhost", 0, [TRUSTED, "", USER], "it may require a client certificate (`client_cert_file`"),
+        ("localhost", 0, [TRUSTED, stranger, USER], "the broker does not accept our certificate"),
         ("localhost", 0, [TRUSTED, CERTIFICATE, wrong], "the broker refuses our user or password"),
     ];
     for version in ["version = 5\n", "version = 4\n"] {

@@ -108,7 +108,7 @@ fn begin(more: &[&str]) -> Started {
     let mut command = fleet_program();
     command.args([&SHAPE[..], &["60"], more].concat());
     let fleet = Started::new(command);
-    fleet.wait_for("that it publishes", |line| (fields(line)?["message"] == "the fleet publishes").then_some(()));
+    fleet.wait_for("that it publishes", |line| (fields(line)?["message"] == "fleet is publishing").then_some(()));
     fleet
 }
 

@@ -272,7 +272,7 @@ fn whoever_has_no_certificate_that_counts_is_not_let_in() {
             assert!(text.contains("alert"), "{version} {name:?}: {text}");
         }
     }
-    let why = "failed: the client shows no certificate";
+    let why = "failed: the client presented no certificate";
     secured.gateway.wait_for("why", |line| (line.contains("TLS handshake") && line.contains(why)).then_some(()));
     assert!(secured.gateway.find_all(|line| line.contains("secure connection").then_some(())).is_empty());
 }
@@ -284,7 +284,7 @@ fn clients_that_stall_hold_up_nobody() {
     plain.send(&[0, 1, 0, 0, 0, 6, 101, 3, 0, 0, 0, 1]);
     secured
         .gateway
-        .wait_for("that this is no TLS", |line| line.contains("failed: what the client sends is no TLS").then_some(()));
+        .wait_for("that this is no TLS", |line| line.contains("failed: the client does not speak TLS").then_some(()));
     let stalled: Vec<_> = (0..100).map(|_| TcpStream::connect(secured.address).unwrap()).collect();
     assert!(secured.client("panel", "127.0.0.1").read(0)["words"].is_array());
     // All of them are gone in time: the first because others came, the last because it took too long.
@@ -318,7 +318,7 @@ fn a_reload_takes_new_certificates_and_keeps_whom_it_still_trusts() {
     let (key, good) = (secured.tls.join("gateway.key"), std::fs::read(secured.tls.join("gateway.key")).unwrap());
     std::fs::write(&key, "no key").unwrap();
     let told = secured.reload();
-    assert!(told.contains("gateway.key: there is no private key in it"), "{told}");
+    assert!(told.contains("gateway.key: it contains no private key"), "{told}");
     assert!(panel.read(0)["words"].is_array(), "nothing has changed");
     std::fs::write(&key, good).unwrap();
 

@@ -23,7 +23,7 @@ pub fn certificates(file: &Path) -> Result<Vec<CertificateDer<'static>>, FileErr
     let bytes = read(file)?;
     let read = CertificateDer::pem_slice_iter(&bytes).collect::<Result<Vec<_>, _>>();
     let found = read.and_then(|found| if found.is_empty() { Err(pem::Error::NoItemsFound) } else { Ok(found) });
-    found.map_err(|error| wrong(file, error, "there is no certificate in it"))
+    found.map_err(|error| wrong(file, error, "it contains no certificate"))
 }
 
 /// The first key of `file`.
@@ -32,7 +32,7 @@ pub fn certificates(file: &Path) -> Result<Vec<CertificateDer<'static>>, FileErr
 /// It cannot be read, or has no key that is not encrypted.
 pub fn key(file: &Path) -> Result<PrivateKeyDer<'static>, FileError> {
     PrivateKeyDer::from_pem_slice(&read(file)?)
-        .map_err(|error| wrong(file, error, "there is no private key in it, or it is encrypted"))
+        .map_err(|error| wrong(file, error, "it contains no private key, or an encrypted one"))
 }
 
 fn read(file: &Path) -> Result<Vec<u8>, FileError> {

@@ -35,7 +35,7 @@ pub fn bytes(path: &Path, most: u64) -> io::Result<Vec<u8>> {
 /// As [`bytes`]; or it is no text in UTF-8.
 pub fn text(path: &Path, most: u64) -> io::Result<String> {
     String::from_utf8(bytes(path, most)?)
-        .map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is no text in UTF-8"))
+        .map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8 text"))
 }
 
 fn is_fit(found: &Metadata, most: u64) -> io::Result<()> {
@@ -108,6 +108,6 @@ mod tests {
         // The system says that such a file has no byte.
         assert!(refused(Path::new("/proc/self/status")).contains("too long"));
         std::fs::write(&path, [0xFF, 0xFE]).unwrap();
-        assert_eq!(text(&path, 10).unwrap_err().to_string(), "it is no text in UTF-8");
+        assert_eq!(text(&path, 10).unwrap_err().to_string(), "it is not UTF-8 text");
     }
 }

@@ -91,7 +91,7 @@ pub(super) async fn converse_by(
         }
     };
     if let Err(error) = end {
-        tracing::debug!(%error, "HTTP connection");
+        tracing::debug!(%error, "HTTP connection failed");
     }
 }
 

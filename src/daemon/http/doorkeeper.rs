@@ -49,12 +49,12 @@ fn refused(front: &Front, request: &Request) -> Option<Response> {
     let said =
         |name| request.headers().get(name).and_then(|value: &HeaderValue| value.to_str().ok()).unwrap_or_default();
     if is_of_another_site(said("sec-fetch-site"), said("sec-fetch-mode")) {
-        return Some(refusal(StatusCode::FORBIDDEN, "a page of another site asks"));
+        return Some(refusal(StatusCode::FORBIDDEN, "the request was sent by a page of another site"));
     }
     if is_called_right(front, request.headers()) {
         return None;
     }
-    let what = "the gateway is not called by this name: use its address, or add the name to `hosts` in [http]";
+    let what = "the host name is not one of the gateway's: use its address, or add the name to `hosts` in [http]";
     Some(refusal(StatusCode::MISDIRECTED_REQUEST, what))
 }
 

@@ -86,7 +86,7 @@ async fn receive(stream: TcpStream, tls: Option<Arc<ServerConfig>>, guest: Guest
     match timeout(HANDSHAKE_MAX, TlsAcceptor::from(tls).accept(stream)).await {
         Ok(Ok(stream)) => converse_by(Taking::new(stream, patience.piece), guest, patience, life).await,
         Ok(Err(error)) => tracing::debug!(%peer, %error, "TLS handshake on the HTTP listener failed"),
-        Err(_) => tracing::debug!(%peer, "TLS handshake on the HTTP listener is not finished in time"),
+        Err(_) => tracing::debug!(%peer, "TLS handshake on the HTTP listener timed out"),
     }
 }
 

@@ -113,7 +113,7 @@ fn read_tls(tls: &HttpTls) -> Result<Arc<ServerConfig>, String> {
     let builder = builder.with_safe_default_protocol_versions().map_err(|error| error.to_string())?;
     let mut config = builder.with_no_client_auth().with_single_cert(chain, key).map_err(|error| match error {
         rustls::Error::InconsistentKeys(_) => {
-            format!("{}: {} is not its key", tls.cert_file.display(), tls.key_file.display())
+            format!("{}: it does not match the key {}", tls.cert_file.display(), tls.key_file.display())
         }
         error => format!("{}: {error}", tls.cert_file.display()),
     })?;

@@ -92,7 +92,7 @@ pub(super) async fn look(State(room): State<Room>, request: Request, next: Next)
     match pieces {
         Some(pieces) => Response::from_parts(head, Body::new(pieces)),
         None => {
-            tracing::info!("too many clients do not read their large responses; refused another one");
+            tracing::info!("too many large responses are unread; refused another one");
             refusal(
                 StatusCode::SERVICE_UNAVAILABLE,
                 "other clients are reading large responses; retry in a few seconds",

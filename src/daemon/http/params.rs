@@ -64,11 +64,9 @@ fn parameter(model: &Model, register: &Register) -> Value {
 /// The registers of the model that are no parameters, each with the reason.
 fn left_out(model: &Model) -> Vec<Value> {
     let reason = |register: &Register| match (register.access.can_read(), register.role) {
-        (false, Some(Role::RunCommand | Role::FrequencyCommand)) => {
-            Some("commands are written there; it cannot be read")
-        }
-        (false, _) => Some("it can be written only"),
-        (true, _) if register.code.is_none() => Some("the vendor has no code for it: it is no parameter"),
+        (false, Some(Role::RunCommand | Role::FrequencyCommand)) => Some("a command register, which cannot be read"),
+        (false, _) => Some("write-only"),
+        (true, _) if register.code.is_none() => Some("not a parameter: the vendor has no code for it"),
         (true, _) => None,
     };
     let left_out = model.registers.iter().filter_map(|register| {

@@ -81,14 +81,14 @@ async fn report(State(history): State<Arc<History>>, Path(name): Path<String>, u
     };
     let Some(span) = span(uri.query()) else {
         let (first, last) = SPAN_SECONDS.into_inner();
-        let error = format!("seconds={first} to seconds={last} is expected, or nothing for the last minutes");
+        let error = format!("seconds={first} to seconds={last} is expected, or no query for the last minutes");
         return (StatusCode::BAD_REQUEST, json(&value!({ "error": error }))).into_response();
     };
     let (before, line) = match span {
         None => (history.oldest(line.number), line),
         Some(span) => {
             let Ok(_place) = history.places.try_acquire() else {
-                let error = format!("{WAITING_MAX} reports are being made already");
+                let error = format!("{WAITING_MAX} reports are already in progress");
                 return (StatusCode::SERVICE_UNAVAILABLE, json(&value!({ "error": error }))).into_response();
             };
             let before = Arc::new(look(&line));

@@ -51,7 +51,7 @@ async fn watch(State(gateway): State<Arc<Gateway>>, Path(name): Path<String>, he
     };
     let after = headers.get("last-event-id").and_then(|id| number_in(id.to_str().ok()?, line));
     let Some(listener) = Listener::new(Arc::clone(line), after, clock::now) else {
-        let error = format!("line {name} is watched by {LISTENERS_MAX} already, which is the most");
+        let error = format!("line {name} is already watched by {LISTENERS_MAX} clients, the maximum");
         return refused(StatusCode::SERVICE_UNAVAILABLE, &error);
     };
     let headers = [(header::CONTENT_TYPE, "text/event-stream"), (header::CACHE_CONTROL, "no-store")];

@@ -153,7 +153,7 @@ fn a_line_has_few_places_and_they_come_back() {
         let mut refused = Watcher::new(address, "").await;
         let text = refused.until("already").await;
         assert!(
-            text.starts_with("HTTP/1.1 503") && text.contains("{\"error\":\"line hall-1 is watched by 4"),
+            text.starts_with("HTTP/1.1 503") && text.contains("{\"error\":\"line hall-1 is already watched by 4"),
             "{text}"
         );
         drop(watchers);

@@ -32,7 +32,7 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, time: Option<Dura
     let what = register.map_or("-", |register| register.code.as_deref().unwrap_or(&register.name));
     let (result, reason) = (report.outcome.word(), report.reason.word());
     tracing::info!(
-        drive = name, by = %Owner::Local, what, old, new = value, outcome = result, reason, "watchdog of the drive set"
+        drive = name, by = %Owner::Local, what, old, new = value, outcome = result, reason, "drive watchdog set"
     );
     let change = json!({ "what": what, "address": address, "old": old, "new": value });
     outcome(name, report, vec![change])

@@ -17,7 +17,8 @@ const PARTS: [&str; 3] = ["", "-wal", "-shm"];
 pub fn move_aside(path: &Path, now: WallTime) -> io::Result<PathBuf> {
     let lying = damaged_beside(path)?;
     if lying >= ASIDE_MAX {
-        let what = format!("{lying} damaged journals lie beside {}; move some of them away", path.display());
+        let what =
+            format!("there are already {lying} damaged journals beside {}; move some of them away", path.display());
         return Err(io::Error::other(what));
     }
     let moment: String = rfc3339(now).chars().filter(|c| !matches!(c, '-' | ':' | '.')).collect();

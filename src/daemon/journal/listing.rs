@@ -83,7 +83,7 @@ fn words(row: &Row, body: &Value) -> String {
         }
         "failsafe" => format!("fail-safe action {}: {}", word("tried"), word("cause")),
         "lease" => lease(body, &word("by")),
-        "stop_given_up" => "a stop was given up: the drive stayed away".to_owned(),
+        "stop_given_up" => "a STOP was given up: the drive stayed offline".to_owned(),
         "tripped" => {
             let away = if body["while_away"] == true { " while away" } else { "" };
             let text = body["text"].as_str().map(|text| format!(": {text}")).unwrap_or_default();
@@ -106,7 +106,7 @@ fn lease(body: &Value, owner: &str) -> String {
         "opened" => format!("{owner} holds control"),
         "ended" => format!("{owner} does not hold control any more"),
         "taken_over" => format!("{owner} took control over from {}", body["from"].as_str().unwrap_or("?")),
-        "orphaned" => format!("{owner} held control when the gateway ended, and is awaited"),
+        "orphaned" => format!("{owner} held control when the gateway ended, and may take it again"),
         "taken_up" => format!("{owner} is back and holds control"),
         state => format!("lease {state}: {owner}"),
     }

@@ -36,14 +36,14 @@ pub fn standing(path: &Path) -> io::Result<Standing> {
     let broken = |what: &str| Ok(Standing::Broken(what.to_owned()));
     let found = match std::fs::metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound && log == 0 => return Ok(Standing::New),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return broken("it is gone, and its log is there"),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return broken("it is missing, but its log exists"),
         found => found?,
     };
     match found.len() {
         // A pipe would be waited for.
-        _ if !found.is_file() => broken("it is no regular file"),
+        _ if !found.is_file() => broken("it is not a regular file"),
         0 if log == 0 => Ok(Standing::Empty),
-        0 => broken("it is empty, and its log is not"),
+        0 => broken("it is empty, but its log is not"),
         bytes if bytes < PAGE_BYTES_MIN => broken(&format!("it was cut to {bytes} bytes")),
         // What is missing in the file may stand in its log.
         _ if log > 0 => Ok(Standing::Whole),
@@ -99,7 +99,7 @@ pub fn rescued(path: &Path, table: Table) -> Rescued {
                 }
             }
             Ok(ReadRow::Damaged(_)) => {}
-            Err(error) => lost = Some(format!("{} behind number {last}: {error}", table.name())),
+            Err(error) => lost = Some(format!("{} after number {last}: {error}", table.name())),
         }
     }
     Rescued { rows: rows.into(), lost }

@@ -39,7 +39,9 @@ impl Since {
             number.parse::<i64>().ok()?.checked_mul(unit).map(Self::Ago)
         };
         let found = parse(text).map(Self::At).or_else(ago);
-        found.ok_or_else(|| "right is a moment such as 2026-01-31T08:00, or a time such as 30min, 12h or 7d".to_owned())
+        found.ok_or_else(|| {
+            "expected a time such as 2026-01-31T08:00, or a duration such as 30min, 12h or 7d".to_owned()
+        })
     }
 
     /// The moment, as of `now`.

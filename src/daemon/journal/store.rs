@@ -116,7 +116,7 @@ impl Store {
         let now = clock::wall();
         let aside = move_aside(&self.path, now)?;
         let lies_at = aside.display().to_string();
-        tracing::error!(reason, lies_at, "ALARM: journal is unusable; moved it aside and started a new one");
+        tracing::error!(reason, moved_to = lies_at, "ALARM: journal is unusable; moved it aside and started a new one");
         self.status.change(|report| report.moved_aside = Some(lies_at.clone()));
         self.has_begun_anew = true;
         let (mark, is_first) = (self.mark.take(), self.audit_base.is_none());
@@ -131,10 +131,10 @@ impl Store {
                         // The audit of this life goes on under its own numbers.
                         database.count_audit_from(self.audit_base.unwrap_or_default());
                     }
-                    told += &format!("; {rows} rows were taken over");
+                    told += &format!("; {rows} rows recovered");
                     told += &lost.iter().map(|lost| format!("; lost: {lost}")).collect::<String>();
                     let lost = lost.join("; ");
-                    tracing::warn!(rows, events_to_tell = waiting, lost, "recovered rows of the damaged journal");
+                    tracing::warn!(rows, unpublished_events = waiting, lost, "recovered rows of the damaged journal");
                 }
                 Err(error) => tracing::error!(%error, "cannot recover rows of the damaged journal"),
             },

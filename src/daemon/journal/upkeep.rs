@@ -30,7 +30,7 @@ pub fn start(path: PathBuf, inbox: Arc<Inbox>) -> io::Result<SyncSender<()>> {
                 Ok(()) => {
                     // The writer empties the log itself if this never succeeds.
                     if let Err(error) = checkpoint(&path) {
-                        tracing::debug!(%error, "the journal's log could not be emptied");
+                        tracing::debug!(%error, "cannot empty the journal's log");
                     }
                 }
                 Err(RecvTimeoutError::Disconnected) => return,
@@ -40,7 +40,9 @@ pub fn start(path: PathBuf, inbox: Arc<Inbox>) -> io::Result<SyncSender<()>> {
                     match reader::unused_drives(&path) {
                         Ok(drives) if drives.is_empty() => {}
                         Ok(drives) => inbox.put(Post::Unused(drives)),
-                        Err(error) => tracing::debug!(%error, "it could not be seen which drives the journal needs"),
+                        Err(error) => {
+                            tracing::debug!(%error, "cannot find out which drives the journal still mentions")
+                        }
                     }
                 }
             }
@@ -51,9 +53,9 @@ pub fn start(path: PathBuf, inbox: Arc<Inbox>) -> io::Result<SyncSender<()>> {
 
 fn check(path: &Path, inbox: &Inbox) {
     match reader::check(path) {
-        Ok(problems) if problems.is_empty() => tracing::debug!("the journal is sound"),
+        Ok(problems) if problems.is_empty() => tracing::debug!("journal checked; no problems found"),
         Ok(problems) => inbox.put(Post::Checked(problems)),
-        Err(error) => tracing::debug!(%error, "the journal could not be checked"),
+        Err(error) => tracing::debug!(%error, "cannot check the journal"),
     }
 }
 

@@ -117,7 +117,7 @@ impl Writer {
             }
         }
         if let Some(Err(error)) = self.store.database().map(|database| database.checkpoint()) {
-            tracing::debug!(%error, "the journal's log stays");
+            tracing::debug!(%error, "cannot empty the journal's log at the end");
         }
     }
 

@@ -102,7 +102,7 @@ impl LineTask<'_> {
         match presence {
             Presence::Online => tracing::info!(line, drive, "drive online"),
             Presence::Offline => tracing::warn!(line, drive, "drive offline"),
-            Presence::Unknown => tracing::info!(line, drive, "drive not asked yet"),
+            Presence::Unknown => tracing::info!(line, drive, "drive not polled yet"),
         }
     }
 

@@ -203,7 +203,7 @@ fn run(port: &LinePort, mut setup: LineSetup, board: Board, waits: Waits) -> io:
         && matches!(port.settings.address, PortAddress::Device(_))
         && let Err(error) = sys::ask_for_real_time()
     {
-        tracing::info!(line = port.line, %error, "no real-time priority: gaps may be longer under load, never shorter");
+        tracing::info!(line = port.line, %error, "no real-time priority; gaps between frames may grow under load");
     }
     let (is_paced, logs_traffic) = (setup.timing.paced, setup.tells_traffic);
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
@@ -273,7 +273,7 @@ impl LineTask<'_> {
         let is_through = self.core.is_at_rest() || self.is_hurried && !has_unsent;
         let begins_to_rest = (is_through || now >= until) && self.rests.take().is_some();
         if begins_to_rest && !is_through {
-            tracing::error!(line = self.port.line, "a stop had no effect; shutting down anyway");
+            tracing::error!(line = self.port.line, "a STOP had no effect; shutting down anyway");
         }
         let is_late = now >= if has_unsent { until + UNSENT_MAX } else { until };
         (is_through || is_late) && self.board.inbox().is_done()

@@ -58,7 +58,7 @@ pub fn play(
     if bus.is_paced()
         && let Err(error) = sys::ask_for_real_time()
     {
-        tracing::debug!(%error, "no real-time priority: simulated characters may come late under load");
+        tracing::debug!(%error, "no real-time priority; simulated characters may be late under load");
     }
     let mut timer = RawTimer::new()?;
     let mut buffer = [0; 512];

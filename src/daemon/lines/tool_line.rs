@@ -49,7 +49,7 @@ pub enum NoLine {
         fault: Option<String>,
     },
     /// The system refuses a thread.
-    #[error("the system refuses what a line needs: {0}")]
+    #[error("the system refuses a resource that a line needs: {0}")]
     System(#[from] io::Error),
 }
 

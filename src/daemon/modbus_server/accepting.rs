@@ -81,7 +81,7 @@ impl Server {
             }
         });
         if let Some(oldest) = self.handshakes.began(asker, peer, task.abort_handle()) {
-            self.shake_failed(oldest, "it gives way, too many are under way");
+            self.shake_failed(oldest, "too many handshakes at once");
         }
     }
 
@@ -93,8 +93,7 @@ impl Server {
     /// Lets in the next one though the system has no descriptors left: with the one that is kept for that, and instead of
     /// the client that was silent for longest. Waits until there is one to spare again, or for a moment.
     async fn squeeze(self: &Rc<Self>, socket: &TcpListener, listener: &Rc<Listener>, error: &io::Error) {
-        self.told
-            .say(&format!("cannot accept a connection, so the client that was silent for longest gives way: {error}"));
+        self.told.say(&format!("cannot accept a connection; closing the client that was silent longest: {error}"));
         if self.spare.release() {
             let accepted = poll_fn(|cx| match socket.poll_accept(cx) {
                 Poll::Ready(accepted) => Poll::Ready(accepted.ok()),
@@ -105,7 +104,7 @@ impl Server {
                 if is_let_in {
                     self.admit(stream, peer, listener);
                 } else {
-                    self.refuse(peer, "no file descriptors are left, and no connection may be closed");
+                    self.refuse(peer, "no file descriptors left, and no connection may be closed");
                 }
             }
         } else {
@@ -148,6 +147,6 @@ fn tune(stream: &TcpStream, peer: SocketAddr, keep_alive: Option<Duration>) {
         sockopt::set_tcp_user_timeout(stream, seconds.saturating_add(every * probes).saturating_mul(1000))
     };
     if let Err(error) = set() {
-        tracing::debug!(%peer, %error, "the socket keeps its own settings");
+        tracing::debug!(%peer, %error, "cannot set socket options");
     }
 }

@@ -35,7 +35,7 @@ pub(super) enum Unusable {
     #[error("its certificate has more than one role extension (1.3.6.1.4.1.50316.802.1)")]
     Roles,
     /// The role is something else than text.
-    #[error("the role extension of its certificate (1.3.6.1.4.1.50316.802.1) holds something else than one UTF8String")]
+    #[error("the role extension of its certificate (1.3.6.1.4.1.50316.802.1) does not hold exactly one UTF8String")]
     RoleType,
 }
 

@@ -25,9 +25,9 @@ pub(super) enum Dismissal {
 impl fmt::Display for Dismissal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Unwanted => "its listener is gone or does not allow it any more",
-            Self::MadeRoom => "it was silent for longest when another needed its place",
-            Self::Unread => "it left the most answers unread when all clients together left too many",
+            Self::Unwanted => "its listener was removed or no longer allows it",
+            Self::MadeRoom => "it was silent longest when another client needed its place",
+            Self::Unread => "it had the most unread answers when all clients together had too many",
         })
     }
 }

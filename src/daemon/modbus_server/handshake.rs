@@ -39,10 +39,10 @@ pub(super) async fn shake(
     let stream = SecuredStream::new(socket, session);
     match tokio::time::timeout(HANDSHAKE_MAX, finish(&mut source, &stream)).await {
         Ok(done) => done.map_err(|error| reason(&error))?,
-        Err(_) => return Err(format!("it is not finished after {} s", HANDSHAKE_MAX.as_secs())),
+        Err(_) => return Err(format!("it did not finish within {} s", HANDSHAKE_MAX.as_secs())),
     }
     let certificate = stream.with_certificate(Certificate::read);
-    let certificate = certificate.ok_or("the client shows no certificate")?.map_err(|error| error.to_string())?;
+    let certificate = certificate.ok_or("the client presented no certificate")?.map_err(|error| error.to_string())?;
     Ok(Shaken { source, stream, certificate })
 }
 
@@ -68,14 +68,14 @@ fn reason(error: &io::Error) -> String {
     let tls = error.get_ref().and_then(|inner| inner.downcast_ref::<Error>());
     let Some(tls) = tls else {
         return match error.kind() {
-            io::ErrorKind::UnexpectedEof => "the client left before it was finished".to_owned(),
+            io::ErrorKind::UnexpectedEof => "the client left before the end".to_owned(),
             _ => error.to_string(),
         };
     };
     let text = match tls {
-        Error::NoCertificatesPresented => "the client shows no certificate",
+        Error::NoCertificatesPresented => "the client presented no certificate",
         Error::InvalidCertificate(wrong) => return certificate_reason(wrong),
-        Error::InvalidMessage(_) => "what the client sends is no TLS",
+        Error::InvalidMessage(_) => "the client does not speak TLS",
         Error::AlertReceived(alert) => return format!("the client refuses: {alert:?}"),
         Error::PeerIncompatible(lacks) => {
             return format!("the client has no version or cipher in common with the gateway: {lacks:?}");
@@ -99,7 +99,7 @@ fn certificate_reason(wrong: &CertificateError) -> String {
             "its certificate is not for clients (extended key usage)"
         }
         CertificateError::Other(other) if format!("{other:?}").contains("UnsupportedCriticalExtension") => {
-            "its certificate has a critical extension that is not known here; the role extension must not be critical"
+            "its certificate has an unknown critical extension; the role extension must not be critical"
         }
         CertificateError::Other(other) => return other.to_string(),
         other => return format!("its certificate is refused: {other}"),

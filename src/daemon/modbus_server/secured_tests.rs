@@ -215,7 +215,7 @@ fn whoever_does_not_prove_itself_is_told_why() {
         critical.set_criticality(true);
         let purpose = ExtendedKeyUsagePurpose::ServerAuth;
         for (client, right) in [
-            (None, "the client shows no certificate"),
+            (None, "the client presented no certificate"),
             (Some(Authority::new().client("scada", "operator")), "not signed by an authority in `client_ca_file`"),
             (Some(issue(&|it| (it.not_before, it.not_after) = (day(2019), day(2020)))), "has expired"),
             (Some(issue(&|it| (it.not_before, it.not_after) = (day(2090), day(2091)))), "is not valid yet"),
@@ -408,13 +408,13 @@ fn files_that_cannot_be_used_are_named_all_at_once() {
     let what = Security::read(&missing).unwrap_err();
     for part in [
         "/nowhere/own.pem: No such file".to_owned(),
-        format!("{}: there is no private key in it", tls.cert_file.display()),
-        "empty.pem: there is no certificate in it".to_owned(),
+        format!("{}: it contains no private key", tls.cert_file.display()),
+        "empty.pem: it contains no certificate".to_owned(),
     ] {
         assert!(what.contains(&part), "{part} / {what}");
     }
     let foreign = files.write("foreign.key", &own.issue(|_| {}).key.serialize_pem());
     let what = Security::read(&ListenerTls { key_file: foreign, ..tls.clone() }).unwrap_err();
-    assert!(what.contains("foreign.key is not its key"), "{what}");
+    assert!(what.contains("it does not match the key"), "{what}");
     assert!(Security::read(&tls).is_ok());
 }

@@ -74,7 +74,7 @@ impl Security {
 fn own(tls: &ListenerTls, error: &Error) -> String {
     let file = tls.cert_file.display();
     match error {
-        Error::InconsistentKeys(_) => format!("{file}: {} is not its key", tls.key_file.display()),
+        Error::InconsistentKeys(_) => format!("{file}: it does not match the key {}", tls.key_file.display()),
         error => format!("{file}: {error}"),
     }
 }

@@ -23,9 +23,14 @@ impl Link {
             let (topic, bytes) = (&publication.topic, publication.payload.len());
             match unfit {
                 Unfit::TooLarge => {
-                    tracing::warn!(topic, bytes, limit = self.terms.packet_max, "too large for the broker; dropped");
+                    tracing::warn!(
+                        topic,
+                        bytes,
+                        limit = self.terms.packet_max,
+                        "publication is too large for the broker; dropped"
+                    );
                 }
-                Unfit::Topic => tracing::warn!(topic, "not a topic; dropped"),
+                Unfit::Topic => tracing::warn!(topic, "publication has an invalid topic; dropped"),
             }
             return Ok(false);
         }
@@ -41,14 +46,14 @@ impl Link {
         if self.sender.subscribe(filters).is_ok() {
             self.window.queue_other();
         } else {
-            tracing::error!("a subscription has an impossible filter; dropped");
+            tracing::error!("subscription has an invalid filter; dropped");
         }
     }
 
     pub fn disconnect(&mut self) {
         self.window.queue_other();
         if self.sender.disconnect().is_err() {
-            tracing::debug!("no room for DISCONNECT");
+            tracing::debug!("no room to queue DISCONNECT");
         }
     }
 }

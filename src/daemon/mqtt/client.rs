@@ -62,9 +62,9 @@ pub async fn converse<T: Talk>(
         let (reason, wait) = (broken.reason, next.wait);
         let client_id = client.settings.client_id.as_str();
         if counters.connected.get() > had || reason != last_reason {
-            tracing::warn!(client_id, reason, "no connection to the broker; trying again");
+            tracing::warn!(client_id, reason, "no connection to the broker; retrying");
         } else {
-            tracing::debug!(client_id, reason, ?wait, "no connection to the broker; trying again");
+            tracing::debug!(client_id, reason, ?wait, "no connection to the broker; retrying");
         }
         client.counters.reason.replace(reason.clone());
         last_reason = reason;
@@ -150,7 +150,7 @@ impl<T: Talk> Client<'_, T> {
                 Outcome::Done(Ok(incident)) => incident,
                 Outcome::Done(Err(broken)) => return self.abandon(&mut events, broken),
                 Outcome::GivenUp(how) => return self.give_up(&mut events, how).await,
-                Outcome::Overdue => return self.abandon(&mut events, Broken::because("the broker is silent")),
+                Outcome::Overdue => return self.abandon(&mut events, Broken::because("the broker stopped responding")),
                 Outcome::Stopped => return self.farewell(&mut events).await,
             };
             if incident.is_heard() {
@@ -221,7 +221,7 @@ impl<T: Talk> Client<'_, T> {
         let Some(stood) = self.turns.turn(clock::now()) else { return };
         self.heard = Instant::now();
         if self.link.is_some() {
-            tracing::debug!(?stood, "what the broker sends now may have waited as long");
+            tracing::debug!(?stood, "process was suspended; messages from the broker may be old");
             self.listens_until = Some(self.heard + LISTEN_FIRST);
             self.tell(Event::Stalled(stood));
         }
@@ -248,7 +248,7 @@ impl<T: Talk> Client<'_, T> {
         while self.link.as_ref().is_none_or(|link| link.window.has_room()) {
             let packet = self.talk.borrow_mut().next_packet(clock::moment())?;
             let Some(link) = &mut self.link else {
-                tracing::debug!(?packet, "dropped: there is no connection");
+                tracing::debug!(?packet, "no connection to the broker; packet dropped");
                 continue;
             };
             match packet {
@@ -258,7 +258,7 @@ impl<T: Talk> Client<'_, T> {
                     let token = publication.token;
                     match link.publish(publication, self.counters) {
                         Err(NotQueued) => {
-                            let reason = "the queue of the connection is full against all counting";
+                            let reason = "the connection's queue is unexpectedly full";
                             return Some(GivenUp::Dropped(reason));
                         }
                         // Nobody will answer for it.
@@ -292,7 +292,7 @@ impl<T: Talk> Client<'_, T> {
             Incident::Refused(identifier, refusal, reason) => {
                 count(&self.counters.refused);
                 let token = window.and_then(|window| window.settle(identifier));
-                tracing::warn!(reason, ?token, "the broker refuses a publication");
+                tracing::warn!(reason, ?token, "broker refused a publication");
                 if let Some(token) = token {
                     self.tell(Event::Refused(token, refusal));
                 }
@@ -362,13 +362,13 @@ impl<T: Talk> Client<'_, T> {
             Rival::Told => tracing::warn!(
                 client_id,
                 ?wait,
-                "another client has taken our identifier at the broker; give each its own, with `client_id` in [mqtt]"
+                "another client uses our identifier at the broker; give each client its own `client_id` in [mqtt]"
             ),
             Rival::Suspected => tracing::warn!(
                 client_id,
                 ?wait,
-                "the broker closes each connection soon after accepting it: probably another client has the same \
-                 identifier (`client_id` in [mqtt]), else the broker does not take something that we send; ask its log"
+                "broker closes each connection soon after accepting it; probably another client uses the same identifier \
+                 (`client_id` in [mqtt]), otherwise see the broker's log"
             ),
         }
         self.talk.borrow_mut().contested(Some(rival));
@@ -379,7 +379,7 @@ impl<T: Talk> Client<'_, T> {
         if let Some(life) = self.life()
             && self.retry.is_settled(life)
         {
-            tracing::info!("no other client takes our identifier any more");
+            tracing::info!("no other client uses our identifier any more");
             self.talk.borrow_mut().contested(None);
         }
     }

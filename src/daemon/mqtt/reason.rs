@@ -26,10 +26,10 @@ fn of_rustls(error: &RustlsError) -> Option<String> {
             Flaw::NotValidForName | Flaw::NotValidForNameContext { .. } => {
                 "the broker's certificate is for another name than the one in `broker`"
             }
-            _ => "the broker's certificate is not in order",
+            _ => "the broker's certificate is not valid",
         },
         RustlsError::AlertReceived(Alert::CertificateRequired | Alert::HandshakeFailure) => {
-            "the broker ends the handshake; does it want a certificate of ours (`client_cert_file` in [mqtt])?"
+            "the broker ended the handshake; it may require a client certificate (`client_cert_file` in [mqtt])"
         }
         RustlsError::AlertReceived(
             Alert::BadCertificate
@@ -38,8 +38,8 @@ fn of_rustls(error: &RustlsError) -> Option<String> {
             | Alert::CertificateExpired
             | Alert::CertificateUnknown
             | Alert::UnknownCA,
-        ) => "the broker does not take our certificate (`client_cert_file` in [mqtt])",
-        RustlsError::InvalidMessage(_) => "what answers at this port does not speak TLS",
+        ) => "the broker does not accept our certificate (`client_cert_file` in [mqtt])",
+        RustlsError::InvalidMessage(_) => "the server at this port does not speak TLS",
         _ => return None,
     };
     Some(format!("{plain}: {error}"))
@@ -56,8 +56,8 @@ mod tests {
             (RustlsError::InvalidCertificate(Flaw::Expired), "expired"),
             (RustlsError::InvalidCertificate(Flaw::NotValidYet), "clock"),
             (RustlsError::InvalidCertificate(Flaw::NotValidForName), "another name"),
-            (RustlsError::AlertReceived(Alert::CertificateRequired), "want a certificate"),
-            (RustlsError::AlertReceived(Alert::UnknownCA), "does not take our certificate"),
+            (RustlsError::AlertReceived(Alert::CertificateRequired), "require a client certificate"),
+            (RustlsError::AlertReceived(Alert::UnknownCA), "does not accept our certificate"),
         ];
         for (error, part) in cases {
             let said = of_io(&io::Error::new(io::ErrorKind::InvalidData, error.clone())).unwrap();

@@ -155,11 +155,11 @@ impl Talk for Speaker {
         let given_up = self.session.counters().events_refused;
         self.session.handle(at, event);
         if self.session.counters().events_refused > given_up {
-            tracing::error!("the broker will not take a trip event; it is not told to any subscriber");
+            tracing::error!("broker refused a trip event; no subscriber receives it");
         }
         if is_answer && self.session.counters().alive_refused > 0 {
             tracing::warn!(
-                "the broker does not let us read the alive topic; only the probe tells whether commanders are there"
+                "broker does not let us read the alive topic; only the probe shows whether it delivers messages"
             );
         }
         self.pass_inward(at);

@@ -269,7 +269,7 @@ fn received(publish: Publish) -> Option<Received> {
     let topic = match String::from_utf8(publish.topic.into()) {
         Ok(topic) if !topic.is_empty() => topic,
         _ => {
-            tracing::warn!("a message without a readable topic is dropped");
+            tracing::warn!("message without a readable topic dropped");
             return None;
         }
     };
@@ -295,8 +295,7 @@ fn offence(publish: &Publish) -> Option<&'static str> {
     let between = publish.payload.as_ptr().addr().checked_sub(publish.topic.as_ptr().addr())?;
     let came = between.checked_sub(publish.topic.len() + identifier)?;
     let told = publish.properties.as_ref().map_or(0, property_bytes);
-    (came != incident::length_bytes(told) + told)
-        .then_some("a message with a property that stands there twice, or ill-formed")
+    (came != incident::length_bytes(told) + told).then_some("a message with a duplicate or malformed property")
 }
 
 /// Bytes of properties on the wire, each once.

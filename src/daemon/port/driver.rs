@@ -77,8 +77,11 @@ impl Rs485 {
 /// Why it does not, with the name of the ioctl and with what would be right.
 pub(super) fn turn_direction(fd: BorrowedFd<'_>) -> Result<(), String> {
     let refused = |call: &str, error: &io::Error| {
-        let why =
-            if is_unknown(error) { "the driver of this port does not know it".to_owned() } else { error.to_string() };
+        let why = if is_unknown(error) {
+            "the driver of this port does not support it".to_owned()
+        } else {
+            error.to_string()
+        };
         not_by_kernel(call, &why)
     };
     let held = sys::rs485(fd).map_err(|error| refused("TIOCGRS485", &error))?;
@@ -186,7 +189,7 @@ mod tests {
         let pty = Pty::new().unwrap();
         let port = std::fs::File::open(pty.path()).unwrap();
         let told = turn_direction(port.as_fd()).unwrap_err();
-        for part in ["TIOCSRS485", "does not know it", "\"adapter\"", "\"rts\""] {
+        for part in ["TIOCSRS485", "does not support it", "\"adapter\"", "\"rts\""] {
             assert!(told.contains(part), "{told}");
         }
     }

@@ -30,7 +30,7 @@ pub(super) struct PortLock {
 /// Somebody else has the device.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "in use by {holder}, says the lock file {}: end that, or give this line a port of its own",
+    "in use by {holder} (lock file {}); stop it, or give this line a port of its own",
     path.display()
 )]
 pub struct Held {
@@ -51,7 +51,7 @@ fn lock_waiting(device: &Path, line: &str, dirs: &[PathBuf], wait: &mut dyn FnMu
         match take(&path, line, wait) {
             Ok(Taken::Ours(file)) => return Ok(Some(PortLock { _file: file, path })),
             Ok(Taken::Others(holder)) => return Err(Held { holder, path }),
-            Err(error) => tracing::debug!(lock = %path.display(), %error, "no lock file here"),
+            Err(error) => tracing::debug!(lock = %path.display(), %error, "cannot create the lock file"),
         }
     }
     Ok(None)

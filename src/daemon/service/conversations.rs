@@ -185,7 +185,7 @@ impl<W> Conversation<W> {
         let _ = self.stop.send(());
         let mut task = self.task;
         if tokio::time::timeout(FAREWELL_MAX, &mut task).await.is_err() {
-            tracing::warn!("the broker did not take the last words");
+            tracing::warn!("broker did not accept the last messages");
             task.abort();
         }
     }

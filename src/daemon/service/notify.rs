@@ -76,7 +76,7 @@ pub async fn keep_alive() {
 
 fn say(words: &[NotifyState<'_>]) {
     if let Err(error) = sd_notify::notify(words) {
-        tracing::debug!(%error, "the service manager does not hear");
+        tracing::debug!(%error, "cannot notify the service manager");
     }
 }
 

@@ -72,7 +72,7 @@ impl Lock {
             Ok(name) => Some(name),
             Err(Refused::Gateway(holder)) => return Err(taken(holder)),
             Err(Refused::Unknown(why)) => {
-                tracing::warn!(directory = %directory.display(), why, "the name that locks the data directory is not ours");
+                tracing::warn!(directory = %directory.display(), why, "cannot lock the name of the data directory; control continues");
                 None
             }
         };

@@ -33,7 +33,7 @@ pub enum Refusal {
     )]
     InUse(Vec<String>),
     /// Drives were stopped before they would be taken away, and it shows no effect.
-    #[error("{} stopped, and it shows no effect: nothing is removed, the stop goes on", Named(.0))]
+    #[error("{} being stopped without effect so far: nothing is removed, and the stop continues", Named(.0))]
     NoEffect(Vec<String>),
     /// Only a restart changes this.
     #[error("{} cannot be changed while the gateway runs; restart it", .0.join(" and "))]
@@ -42,10 +42,10 @@ pub enum Refusal {
     #[error("{0}")]
     System(String),
     /// Others wait already.
-    #[error("other reloads wait already")]
+    #[error("too many reloads are waiting already")]
     Busy,
     /// The gateway has no file.
-    #[error("this gateway runs without a file of its own")]
+    #[error("this gateway runs without a configuration file")]
     NoFile,
     /// The gateway ends.
     #[error("the gateway is ending")]

@@ -36,6 +36,6 @@ pub enum StartError {
     #[error("mqtt: {0}")]
     Mqtt(String),
     /// A thread, a runtime or a signal handler was refused.
-    #[error("the system refuses what the daemon needs: {0}")]
+    #[error("the system refuses a resource that the daemon needs: {0}")]
     System(#[from] io::Error),
 }

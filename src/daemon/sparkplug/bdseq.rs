@@ -56,7 +56,7 @@ impl BdSeq {
         let chore = move || {
             if let Err(error) = keep(&file, number) {
                 // A gateway that says nothing to its host would be worse than one that may say a number twice.
-                tracing::error!(file = %file.display(), %error, "the number of this session is not kept over a restart");
+                tracing::error!(file = %file.display(), %error, "cannot save the session number; it may be used again after a restart");
             }
         };
         (number, Some(Box::new(chore)))

@@ -124,7 +124,7 @@ pub(super) async fn admit(control: &Control, request: Request) -> Result<Admitte
 /// What is answered instead.
 pub(super) fn is_possible(control: &Control) -> Result<(), Refused> {
     if control.front.load().users().is_empty() {
-        let what = "nothing can be commanded from the page: no `users` are configured in [http]";
+        let what = "the page cannot send commands: no `users` are configured in [http]";
         return Err(refused(StatusCode::FORBIDDEN, what));
     }
     Ok(())
@@ -141,7 +141,7 @@ pub(super) fn comes_from_own_page(headers: &HeaderMap) -> Result<(), Refused> {
         return Ok(());
     }
     let what =
-        "another page has sent this request; a proxy in front of the gateway must pass the header Host on as it is";
+        "this request was sent by another page; a proxy in front of the gateway must pass the header Host on as it is";
     Err(refused(StatusCode::FORBIDDEN, what))
 }
 
@@ -163,7 +163,7 @@ async fn body_of(headers: &HeaderMap, body: Body) -> (Bytes, Option<Refused>) {
             let what = format!("the body is longer than {BODY_BYTES_MAX} bytes, or broke off");
             Some(refused(StatusCode::PAYLOAD_TOO_LARGE, &what))
         }
-        Err(_) => Some(refused(StatusCode::REQUEST_TIMEOUT, "the body did not come in time")),
+        Err(_) => Some(refused(StatusCode::REQUEST_TIMEOUT, "the body did not arrive in time")),
     };
     let kind = headers.get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
     let is_json = kind.split(';').next().is_some_and(|kind| kind.trim().eq_ignore_ascii_case("application/json"));

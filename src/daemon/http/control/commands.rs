@@ -127,7 +127,7 @@ pub(super) async fn stop_all(State(control): State<Arc<Control>>, request: Reque
     let drives: Vec<_> = shared.drives.iter().filter(is_ours).collect();
     let places: Vec<_> = drives.iter().map(|drive| drive.description.place).collect();
     let ordered = control.side.stop_all(who, &places);
-    tracing::info!(%user, drives = ordered.len(), "stop of all drives from the page");
+    tracing::info!(%user, drives = ordered.len(), "STOP of all drives from the page");
     if ordered.is_empty() {
         control.side.keep(who, None, Tried::Order(order), Report::refused(Reason::ReadOnly));
         return refusal(StatusCode::CONFLICT, "no drive takes commands from the page");

@@ -55,7 +55,7 @@ async fn signed_in(control: &Control, request: Request) -> Result<Response, Refu
     control.attempts().begin(clock::now(), peer).map_err(|wait| wait_first(wait, peer))?;
     let Some(user) = verified(control, &name, password).await? else {
         control.attempts().failed(clock::now(), peer);
-        tracing::warn!(%peer, "a sign-in on the page failed");
+        tracing::warn!(%peer, "sign-in on the page failed");
         return Err(refused(StatusCode::UNAUTHORIZED, "the user or the password is wrong"));
     };
     control.attempts().succeeded(peer);
@@ -73,14 +73,14 @@ async fn signed_in(control: &Control, request: Request) -> Result<Response, Refu
 }
 
 fn busy() -> Refused {
-    refused(StatusCode::SERVICE_UNAVAILABLE, "too many sign in at once: try again")
+    refused(StatusCode::SERVICE_UNAVAILABLE, "too many sign-ins at once; try again")
 }
 
 fn wait_first(wait: Duration, peer: IpAddr) -> Refused {
-    tracing::debug!(%peer, ?wait, "a sign-in on the page has to wait");
+    tracing::debug!(%peer, ?wait, "sign-in on the page refused: too many have failed");
     let seconds = wait.as_secs() + u64::from(wait.subsec_nanos() > 0);
     let mut answer =
-        refused(StatusCode::TOO_MANY_REQUESTS, &format!("too many sign-ins have failed: try again in {seconds} s"));
+        refused(StatusCode::TOO_MANY_REQUESTS, &format!("too many sign-ins have failed; try again in {seconds} s"));
     answer.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(seconds));
     answer
 }

@@ -55,7 +55,7 @@ pub async fn rows(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> R
         return wrong(StatusCode::NOT_FOUND, "there is no journal: it needs `data_dir` in [gateway]");
     };
     let Ok(place) = Arc::clone(&live.readers).try_acquire_owned() else {
-        return wrong(StatusCode::SERVICE_UNAVAILABLE, "others read the journal: try again in a moment");
+        return wrong(StatusCode::SERVICE_UNAVAILABLE, "other clients are reading the journal; try again in a moment");
     };
     let (path, format) = (journal.file().to_owned(), asked.format);
     let read = tokio::task::spawn_blocking(move || Reading::begin(&path, &asked, place)).await;
@@ -74,7 +74,7 @@ fn asked(query: Option<&str>) -> Result<JournalQuery, String> {
     let query = Query::read(query, &KEYS)?;
     let table = query.get("table").unwrap_or("all");
     let tables = search::tables(table)
-        .ok_or_else(|| format!("`table={table}` is not known; right are trips, audit, availability and all"))?;
+        .ok_or_else(|| format!("unknown `table={table}`; expected trips, audit, availability or all"))?;
     let since = query.get("since").map(Since::parse).transpose().map_err(|what| format!("`since`: {what}"))?;
     let last = match query.get("last").map(str::parse) {
         None => LAST_USUAL,
@@ -84,7 +84,7 @@ fn asked(query: Option<&str>) -> Result<JournalQuery, String> {
     let format = match query.get("format") {
         None | Some("json") => Format::Json,
         Some("csv") => Format::Csv,
-        Some(other) => return Err(format!("`format={other}` is not known; right are json and csv")),
+        Some(other) => return Err(format!("unknown `format={other}`; expected json or csv")),
     };
     let wanted = Wanted {
         tables,

@@ -22,10 +22,10 @@ impl Query {
         let mut values = BTreeMap::new();
         for (key, value) in form_urlencoded::parse(query.as_bytes()) {
             if !known.contains(&key.as_ref()) {
-                return Err(format!("there is no key `{key}`; known are {}", known.join(", ")));
+                return Err(format!("unknown key `{key}`; expected {}", known.join(" or ")));
             }
             if values.insert(key.clone().into_owned(), value.into_owned()).is_some() {
-                return Err(format!("`{key}` stands there twice"));
+                return Err(format!("`{key}` is given twice"));
             }
         }
         Ok(Self(values))
@@ -48,8 +48,8 @@ mod tests {
         assert_eq!((query.get("since"), query.get("drive")), (Some("2026-01-31T08:00"), None));
         assert!(Query::read(None, &known).unwrap().get("drive").is_none());
         let wrong = Query::read(Some("drives=a"), &known).unwrap_err();
-        assert_eq!(wrong, "there is no key `drives`; known are drive, since");
-        assert_eq!(Query::read(Some("drive=a&drive=b"), &known).unwrap_err(), "`drive` stands there twice");
+        assert_eq!(wrong, "unknown key `drives`; expected drive or since");
+        assert_eq!(Query::read(Some("drive=a&drive=b"), &known).unwrap_err(), "`drive` is given twice");
         assert!(Query::read(Some(&"x".repeat(1025)), &known).unwrap_err().contains("longer"));
     }
 }

@@ -42,7 +42,7 @@ async fn advice(State(live): State<Arc<Live>>) -> Response {
 
 async fn events(State(live): State<Arc<Live>>, Extension(lasting): Extension<Lasting>) -> Response {
     let Some(stay) = lasting.stay() else {
-        return wrong(StatusCode::SERVICE_UNAVAILABLE, "as many listen to changes as may: close other windows");
+        return wrong(StatusCode::SERVICE_UNAVAILABLE, "too many event streams are open; close other windows");
     };
     let Some(listener) = live.lock().listen(&live, stay) else {
         return wrong(
@@ -61,14 +61,14 @@ async fn trend(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> Resp
     let shared = live.state.shared.get();
     let names = || shared.drives.iter().map(|drive| drive.description.name.as_str()).collect::<Vec<_>>().join(", ");
     let Some(name) = query.get("drive") else {
-        return wrong(StatusCode::BAD_REQUEST, format!("`drive=NAME` is needed; there are {}", names()));
+        return wrong(StatusCode::BAD_REQUEST, format!("`drive=NAME` is required; there are {}", names()));
     };
     if shared.drives.iter().all(|drive| drive.description.name.as_str() != name) {
         return wrong(StatusCode::NOT_FOUND, format!("there is no drive `{name}`; there are {}", names()));
     }
     match live.lock().trend(name) {
         Some(document) => fresh(&document),
-        None => wrong(StatusCode::SERVICE_UNAVAILABLE, "the drive has come this moment: try again"),
+        None => wrong(StatusCode::SERVICE_UNAVAILABLE, "the drive was just added; try again"),
     }
 }
 

@@ -252,12 +252,12 @@ fn documents_are_found_and_mistakes_are_named() {
         for (path, status, part) in [
             ("/api/v1/trend", 400, "there are pump-1"),
             ("/api/v1/trend?drive=pump-2", 404, "there are pump-1"),
-            ("/api/v1/trend?name=pump-1", 400, "known are drive"),
+            ("/api/v1/trend?name=pump-1", 400, "expected drive"),
             ("/api/v1/journal", 404, "`data_dir`"),
-            ("/api/v1/journal?table=trip", 400, "right are trips"),
+            ("/api/v1/journal?table=trip", 400, "expected trips"),
             ("/api/v1/journal?since=yesterday", 400, "12h"),
             ("/api/v1/journal?last=10001", 400, "from 1 to 10000"),
-            ("/api/v1/journal?format=xml", 400, "json and csv"),
+            ("/api/v1/journal?format=xml", 400, "expected json or csv"),
         ] {
             let (found, body) = of(path).await;
             assert_eq!(found, status, "{path}");

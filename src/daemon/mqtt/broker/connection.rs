@@ -64,10 +64,10 @@ impl Shared {
             let report = state.machine.take_report();
             drop(state);
             for (client, count) in report.dropped {
-                tracing::warn!(%client, count, "messages for a client were dropped: it takes them too slowly, or not at all");
+                tracing::warn!(%client, count, "client is too slow or away; messages dropped");
             }
             if report.not_kept > 0 {
-                tracing::warn!(count = report.not_kept, "retained messages were not kept: there are too many");
+                tracing::warn!(count = report.not_kept, "too many retained messages; some were not kept");
             }
         }
     }
@@ -108,7 +108,7 @@ impl ConnectionPermit {
                 }
             };
             if let Err(Fault { reason, why }) = done {
-                tracing::info!(%peer, reason, why, "the broker ends a connection");
+                tracing::info!(%peer, reason, why, "client connection closed by the broker");
             }
         }
     }
@@ -139,7 +139,7 @@ pub async fn serve(stream: TcpStream, peer: SocketAddr, place: ConnectionPermit)
     let _ = stream.set_nodelay(true);
     let (mut from, mut to) = stream.into_split();
     if let Err(error) = carry(&mut from, &mut to, &place, peer).await {
-        tracing::debug!(%peer, %error, "a connection of the broker broke");
+        tracing::debug!(%peer, %error, "client connection lost");
     }
 }
 

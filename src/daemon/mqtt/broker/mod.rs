@@ -43,7 +43,7 @@ const PAUSE: Duration = Duration::from_millis(100);
 #[derive(Debug, thiserror::Error)]
 pub enum BrokerError {
     /// The address can be reached from elsewhere.
-    #[error("{0} is not a loopback address; this broker asks nobody for a password and stays on this machine")]
+    #[error("{0} is not a loopback address; this broker asks for no password and listens on this machine only")]
     NotLoopback(SocketAddr),
     /// The address cannot be taken.
     #[error("cannot listen on {address}: {error}")]
@@ -99,7 +99,7 @@ impl Listening {
                 },
                 _ = beat.tick() => self.shared.tick(),
                 Some(ended) = clients.join_next() => if let Err(error) = ended {
-                    tracing::error!(%error, "a connection of the broker ended by an error of its own");
+                    tracing::error!(%error, "client connection task failed");
                 },
             }
         }

@@ -21,7 +21,7 @@ impl<T: Talk> Client<'_, T> {
         }
         let mut words: VecDeque<Publication> = self.talk.borrow_mut().farewell(clock::moment()).into();
         match timeout(FAREWELL_MAX, self.say(&mut words, events)).await {
-            Err(_) => tracing::warn!("the broker did not take the last words in time"),
+            Err(_) => tracing::warn!("broker did not accept the last messages in time"),
             Ok(()) => {
                 let closed = async {
                     while let Ok(incident) = events.next().await {
