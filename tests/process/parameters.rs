@@ -71,7 +71,12 @@ fn a_dump_and_a_restore_say_what_they_do_not_hold() {
     let socket = socket.to_str().unwrap();
     let dump = params(&["dump", "pump-1", "--socket", socket]);
     let text = String::from_utf8(dump.stdout).unwrap();
-    for part in ["# It holds ", "It does not hold:", "#   run_command: a command register, which cannot be read", "[[left_out]]"] {
+    for part in [
+        "# It holds ",
+        "It does not hold:",
+        "#   run_command: a command register, which cannot be read",
+        "[[left_out]]",
+    ] {
         assert!(text.contains(part), "{part}: {text}");
     }
     let (before, after) = text.split_once("[[parameter]]\ncode = \"F007\"").unwrap();

@@ -78,10 +78,19 @@ pub struct Motor {
     /// When we wrote the stop that takes it back last, and whether the drive's answer to that was heard.
     taken_back_at: u64,
     take_back_is_answered: bool,
-    /// Stops that are not answered yet: number and moment.
-    asked: Vec<(u64, u64)>,
+    /// Stops that are not answered yet.
+    asked: Vec<Asked>,
     /// Trips that were reported.
     told: u32,
+}
+
+/// A stop that is not answered yet.
+#[derive(Clone, Copy, Debug)]
+struct Asked {
+    number: u64,
+    at: u64,
+    /// The motor was at rest when it was asked for.
+    found_at_rest: bool,
 }
 
 impl Motor {
@@ -173,11 +182,31 @@ impl Checker {
 
     /// A stop is asked for.
     pub(super) fn stop_asked(&mut self, at: u64, drive: usize, number: u64) {
-        let asked = &mut self.motors[drive].asked;
-        if asked.len() >= ASKED {
-            asked.remove(0);
+        let motor = &mut self.motors[drive];
+        let found_at_rest = motor.rests();
+        if motor.asked.len() >= ASKED {
+            motor.asked.remove(0);
         }
-        asked.push((number, at));
+        motor.asked.push(Asked { number, at, found_at_rest });
+    }
+
+    /// All drives were stopped at once, and that is answered now, when the last one has stopped. A motor that was found at
+    /// rest had nothing to stop: one that others have started after the readings that showed it runs rightly.
+    pub(super) fn all_stops_answered(&mut self, at: u64, number: u64) {
+        for drive in 0..self.motors.len() {
+            let lag = self.lag(drive);
+            let motor = &mut self.motors[drive];
+            let is_started_since = |it: &Asked| {
+                it.number == number && it.found_at_rest && motor.runs_since.is_some_and(|since| since > it.at + lag)
+            };
+            match motor.asked.iter().position(is_started_since) {
+                Some(place) => {
+                    motor.asked.remove(place);
+                    self.books[drive].stop_was_none(number);
+                }
+                None => self.stop_answered(at, drive, number),
+            }
+        }
     }
 
     /// How long what counts as fresh may lag behind the truth.
@@ -189,8 +218,8 @@ impl Checker {
     pub(super) fn stop_answered(&mut self, at: u64, drive: usize, number: u64) {
         let lag = self.lag(drive);
         let motor = &mut self.motors[drive];
-        let Some(place) = motor.asked.iter().position(|(it, _)| *it == number) else { return };
-        let (_, asked) = motor.asked.remove(place);
+        let Some(place) = motor.asked.iter().position(|it| it.number == number) else { return };
+        let asked = motor.asked.remove(place).at;
         if motor.rests() {
             // There was nothing to stop, and what came after it counts.
             self.books[drive].stop_was_none(number);
@@ -226,7 +255,7 @@ impl Checker {
 
     /// A stop is refused.
     pub(super) fn stop_refused(&mut self, drive: usize, number: u64) {
-        self.motors[drive].asked.retain(|(it, _)| *it != number);
+        self.motors[drive].asked.retain(|it| it.number != number);
     }
 
     /// M3, as time goes by.

@@ -161,7 +161,7 @@ impl Checker {
     /// All drives were told to stop, and that is answered.
     pub(super) fn all_stopped(&mut self, at: u64, number: u64) {
         self.books.iter_mut().for_each(|book| book.fresh.retain(|(it, ..)| *it != number));
-        (0..self.books.len()).for_each(|drive| self.stop_answered(at, drive, number));
+        self.all_stops_answered(at, number);
     }
 
     /// Stops that came and were not answered from memory at once are new ones.
