@@ -310,7 +310,8 @@ impl Value {
     /// What `words`, one or two, mean in a word of this `form`.
     #[must_use]
     pub fn understand(form: Form, words: &[u16]) -> Self {
-        let (first, second) = (words.first().copied().unwrap_or(0), words.get(1).copied().unwrap_or(0));
+        let first = words.first().copied().unwrap_or(0);
+        let second = words.get(1).copied().unwrap_or(0);
         match form {
             Form::Number(_, _) if first == u16::MAX => Self::Missing,
             Form::Number(scale, unit) => Self::Number(first.into(), scale, unit),

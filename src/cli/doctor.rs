@@ -67,7 +67,8 @@ async fn watch(socket: &Path, args: &Args) -> Result<Vec<Value>, Failure> {
     let mut reports = Vec::with_capacity(wanted.len());
     for some in wanted.chunks(AT_ONCE) {
         let asked = some.iter().map(|name| {
-            let (socket, path) = (socket.to_owned(), format!("/api/v1/lines/{name}/report?seconds={}", args.seconds));
+            let socket = socket.to_owned();
+            let path = format!("/api/v1/lines/{name}/report?seconds={}", args.seconds);
             let patience = PATIENCE + Duration::from_secs(args.seconds);
             tokio::spawn(async move { look(&socket, &path, patience).await })
         });

@@ -130,8 +130,11 @@ fn report(health: &Value) -> String {
         let _ = writeln!(text, "line {}: {}{reason}", word(line, "name"), word(line, "state"));
     }
     for drive in items("drives") {
-        let (name, line, model) = (word(drive, "name"), word(drive, "line"), word(drive, "model"));
-        let (presence, run_state) = (word(drive, "presence"), word(drive, "run_state"));
+        let name = word(drive, "name");
+        let line = word(drive, "line");
+        let model = word(drive, "model");
+        let presence = word(drive, "presence");
+        let run_state = word(drive, "run_state");
         let watchdog = drive["watchdog"].as_str().map(|state| format!(", its watchdog {}", state.replace('_', " ")));
         let watchdog = watchdog.unwrap_or_default();
         let _ = writeln!(text, "drive {name} ({model} on {line}): {presence}, {run_state}{watchdog}");

@@ -139,7 +139,8 @@ pub fn looked_through(path: &Path) -> Result<(Result<Config, Vec<Findings>>, Str
 
 /// The model files in `dirs`, each once, and what of them cannot be read, at the place where the directory stands.
 fn own_models_of(dirs: &[Spanned<PathBuf>]) -> (OwnModels, Vec<Problem>) {
-    let (mut own, mut problems) = (OwnModels::default(), Vec::new());
+    let mut own = OwnModels::default();
+    let mut problems = Vec::new();
     for (at, Spanned { value: dir, location }) in dirs.iter().enumerate() {
         if dirs.iter().take(at).any(|earlier| earlier.value == *dir) {
             continue;

@@ -33,7 +33,8 @@ pub fn password(_: &Args) -> Result<(), Failure> {
     let mut salt = [0; 16];
     SystemRandom::new().fill(&mut salt).map_err(|_| Failure::failed("no random numbers from the system"))?;
     let hash = StoredHash::make(&password, &salt).ok_or_else(|| {
-        let (least, most) = (PASSWORD_CHARS.start(), PASSWORD_CHARS.end());
+        let least = PASSWORD_CHARS.start();
+        let most = PASSWORD_CHARS.end();
         Failure::wrong(format!("a password has {least} to {most} characters"))
     })?;
     print(&format!("{}\n", hash.as_str()))?;

@@ -37,7 +37,8 @@ impl Bar {
 
     /// So many steps are done, and this comes next.
     pub fn to(&mut self, done: usize, what: &str) {
-        (self.done, self.what) = (done.min(self.all), what.to_owned());
+        self.done = done.min(self.all);
+        self.what = what.to_owned();
         self.draw();
     }
 

@@ -101,7 +101,9 @@ pub fn items(setup: &Value) -> impl Iterator<Item = &Value> {
 
 /// Everything that a look shows, for people.
 pub fn report(setup: &Value) -> String {
-    let (drive, model, line) = (text(setup, "drive"), text(setup, "model"), text(setup, "line"));
+    let drive = text(setup, "drive");
+    let model = text(setup, "model");
+    let line = text(setup, "line");
     let mut said = format!("drive {drive} ({model} on {line})\n");
     let (by_line, by_hand): (Vec<_>, Vec<_>) = items(setup).partition(|item| item["result"] != "at_the_drive");
     said.push_str(&table(by_line.into_iter().map(row)));
@@ -131,7 +133,8 @@ pub fn judge(setup: &Value) -> Result<(), Failure> {
     }
     let count = |result: &str| items(setup).filter(|item| item["result"] == result).count();
     let is_watchdog_silent = setup["watchdog"]["state"] == "not_answered";
-    let (wrong, silent) = (count("wrong"), count("not_answered") + usize::from(is_watchdog_silent));
+    let wrong = count("wrong");
+    let silent = count("not_answered") + usize::from(is_watchdog_silent);
     Err(Failure::failed(format!("{}: {wrong} wrong, {silent} not answered", text(setup, "drive"))))
 }
 

@@ -106,7 +106,8 @@ pub fn simulate(args: &Args) -> Result<(), Failure> {
     let link = link_of(args, &model, framing)?;
     let stations = model.link.stations.value.clone();
     if let Some(wrong) = args.stations.iter().find(|station| !stations.contains(station)) {
-        let (first, last) = (stations.start(), stations.end());
+        let first = stations.start();
+        let last = stations.end();
         return Err(Failure::wrong(format!("station {wrong} is outside {first} to {last} of {}", model.id)));
     }
     if let Some(twice) =

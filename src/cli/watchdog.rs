@@ -49,7 +49,8 @@ pub fn watchdog(args: &Args) -> Result<(), Failure> {
         print(&setup::watchdog(&before["watchdog"]))?;
         return judge(&before, "on");
     }
-    let (name, new) = (text(&before, "drive"), called(wanted));
+    let name = text(&before, "drive");
+    let new = called(wanted);
     let old = word(&before["watchdog"]["found"]);
     print(&format!("drive {name}, while its motor stands still:\n  {}  {old} -> {new}\n", what(&before)))?;
     if !args.yes {

@@ -157,7 +157,8 @@ const TAKE: u16 = 6;
 
 impl Order {
     fn new(args: &Args) -> Result<Self, Failure> {
-        let (register, value) = (args.register.as_str(), args.value.as_str());
+        let register = args.register.as_str();
+        let value = args.value.as_str();
         let text = format!("{register} {value}");
         let (address, word) = match register {
             "run" => (map::RUN, run_command(value)?),
@@ -356,7 +357,8 @@ mod tests {
 
     /// How `write` of `word` to `register` ends where no gateway listens: only what is not refused beforehand gets that far.
     fn end_of(register: u16, word: u16, more: &[&str]) -> Failure {
-        let (register, word) = (format!("0x{register:04X}"), word.to_string());
+        let register = format!("0x{register:04X}");
+        let word = word.to_string();
         let line = [&["write", "--port", NOBODY, "--unit", "1", &register, &word], more].concat();
         write(&Line::try_parse_from(line).unwrap().args).unwrap_err()
     }
@@ -365,7 +367,8 @@ mod tests {
     fn a_word_that_makes_a_motor_run_is_not_written_and_left_alone() {
         let catalog = super::super::input::catalog().ok().unwrap();
         for model in catalog.ids().map(|id| catalog.find(id).unwrap()) {
-            let (run, register) = (model.run.as_ref().unwrap(), model.register_for(Role::RunCommand).unwrap().address);
+            let run = model.run.as_ref().unwrap();
+            let register = model.register_for(Role::RunCommand).unwrap().address;
             let starts = [Some(&run.forward), run.reverse.as_ref()].into_iter().flatten().map(|it| it.value);
             for word in starts {
                 let refused = end_of(register, word, &[]);
@@ -389,7 +392,8 @@ mod tests {
         for model in catalog.ids().map(|id| catalog.find(id).unwrap()) {
             let register = model.register_for(Role::RunCommand).unwrap().address;
             let twin = model.quirks.stored_alias_bit.as_ref().map(|bit| register | 1 << bit.value);
-            let (word, place) = (model.run.as_ref().unwrap().forward.value.to_string(), ["--port", "/dev/none"]);
+            let word = model.run.as_ref().unwrap().forward.value.to_string();
+            let place = ["--port", "/dev/none"];
             for address in [Some(register), twin].into_iter().flatten().map(|it| format!("0x{it:04X}")) {
                 let drive = ["--model", &model.id, "--station", "1", &address, &word];
                 let line = [&["write"], &place[..], &drive].concat();

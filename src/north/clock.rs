@@ -42,7 +42,8 @@ impl Clock {
     #[must_use]
     pub fn wall(&self, mono: MonoTime) -> WallTime {
         let millis = |from: MonoTime, to: MonoTime| i64::try_from(to.since(from).as_millis()).unwrap_or(i64::MAX);
-        let (after, before) = (millis(self.anchor.mono, mono), millis(mono, self.anchor.mono));
+        let after = millis(self.anchor.mono, mono);
+        let before = millis(mono, self.anchor.mono);
         WallTime { unix_ms: self.anchor.wall.unix_ms.saturating_add(after).saturating_sub(before) }
     }
 

@@ -119,7 +119,9 @@ pub fn keys_stand_once(payload: &[u8], object: &Map<String, Value>) -> Result<()
 
 /// Pairs of key and value that the valid JSON text `payload` writes.
 fn pairs_written(payload: &[u8]) -> usize {
-    let (mut pairs, mut in_text, mut is_escaped) = (0, false, false);
+    let mut pairs = 0;
+    let mut in_text = false;
+    let mut is_escaped = false;
     for byte in payload {
         match byte {
             _ if is_escaped => is_escaped = false,
@@ -157,7 +159,8 @@ pub fn stop_in(payload: &[u8]) -> Option<RunWord> {
     if rest.first() != Some(&b'{') {
         return None;
     }
-    let (mut depth, mut found) = (0_usize, None);
+    let mut depth = 0_usize;
+    let mut found = None;
     while let Some((first, after)) = rest.split_first() {
         match first {
             b'{' | b'[' => depth += 1,

@@ -58,7 +58,8 @@ mod tests {
 
     #[test]
     fn what_was_sealed_is_known_again_by_the_same_key_alone() {
-        let (seal, other) = (Seal::new(7), Seal::new(8));
+        let seal = Seal::new(7);
+        let other = Seal::new(8);
         for number in [0, 1, 12, u64::MAX] {
             let text = seal.text(number);
             assert_eq!(seal.number(text.as_bytes()), Some(number), "{text}");

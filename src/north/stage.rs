@@ -32,7 +32,9 @@ pub fn name(text: &str) -> Name {
 }
 
 pub fn message<'a>(topic: &'a str, payload: &'a [u8]) -> Message<'a> {
-    let (retain, duplicate, expiry) = (false, false, None);
+    let retain = false;
+    let duplicate = false;
+    let expiry = None;
     Message { topic, payload, retain, duplicate, expiry, response_topic: None, correlation: None }
 }
 
@@ -97,8 +99,11 @@ impl Stage {
     pub fn poll(&mut self, index: usize, output: u16) {
         let now = self.now();
         let view = &mut self.views[index];
-        (view.line_is_up, view.snapshot.presence, view.run_state) = (true, Presence::Online, RunState::Stopped);
-        (view.trip.active, view.trip_kept.count) = (Some(false), Some(2));
+        view.line_is_up = true;
+        view.snapshot.presence = Presence::Online;
+        view.run_state = RunState::Stopped;
+        view.trip.active = Some(false);
+        view.trip_kept.count = Some(2);
         view.snapshot.take(OUTPUT, &[output], now);
         view.snapshot.take(0x0112, &[2], now);
         view.snapshot.take(0x0201, &[4_000], now);

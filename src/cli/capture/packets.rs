@@ -49,7 +49,9 @@ impl PacketFrame {
     #[must_use]
     pub fn packet(&self, dropped: u64) -> Packet<'_> {
         let Self { unix_us, direction, is_for_a_drive, protocol, bytes, comment } = self;
-        let (unix_us, direction, is_for_a_drive) = (*unix_us, *direction, *is_for_a_drive);
+        let unix_us = *unix_us;
+        let direction = *direction;
+        let is_for_a_drive = *is_for_a_drive;
         Packet { unix_us, direction, is_for_a_drive, protocol, bytes, comment, dropped }
     }
 }

@@ -232,7 +232,8 @@ mod tests {
              0000 0000 64000000",
         );
         assert_eq!(packet(&request), golden);
-        (request.direction, request.dropped) = (Direction::In, 3);
+        request.direction = Direction::In;
+        request.dropped = 3;
         let lossy = packet(&request);
         let end = bytes("0200 0400 01000000 0400 0800 03000000 00000000 0000 0000 70000000");
         assert!(lossy.ends_with(&end), "{lossy:02X?}");

@@ -73,7 +73,8 @@ mod tests {
         let text =
             "retry: 500\nevent: begin\ndata: {\"line\":\"a\"}\n\n: a remark\n\nid: 0.7\nevent: frame\ndata: {}\n\n";
         for size in 1..text.len() {
-            let (mut cutter, mut events) = (Cutter::default(), Vec::new());
+            let mut cutter = Cutter::default();
+            let mut events = Vec::new();
             for bytes in text.as_bytes().chunks(size) {
                 cutter.push(bytes).unwrap();
                 events.extend(std::iter::from_fn(|| cutter.next()));

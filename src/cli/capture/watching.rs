@@ -65,7 +65,8 @@ async fn ask(socket: &Path, line: &str, after: Option<&str>) -> Result<Watching,
     }
     let request = request.body(Body::empty()).map_err(|error| error.to_string())?;
     let response = sender.send_request(request).await.map_err(|error| error.to_string())?;
-    let (status, body) = (response.status(), response.into_body());
+    let status = response.status();
+    let body = response.into_body();
     if status.is_success() {
         return Ok(Watching { body, cutter: Cutter::default() });
     }

@@ -23,7 +23,8 @@ pub(super) fn describe(
     mqtt: Option<&MqttSettings>,
 ) -> Result {
     let (Some(drive), Some(reads)) = (line.drives.get(place), budget.stations.get(place)) else { return Ok(()) };
-    let (name, model) = (&drive.name, &drive.model);
+    let name = &drive.name;
+    let model = &drive.model;
     let access = if drive.control.is_some() { "controlled" } else { "read-only" };
     let units = format!("unit {}, uniform unit {}", drive.unit, drive.uniform_unit);
     writeln!(text, "  drive {name}: {}, station {}, {units}, {access}", model.id, drive.station)?;

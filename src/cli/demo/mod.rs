@@ -78,7 +78,8 @@ fn play<T>(
 
 /// The gateway in front of the simulated lines; on other ports if the wanted ones are taken.
 fn gateway(args: &Args, lines: &[Line], devices: &[PathBuf]) -> Result<(), Failure> {
-    let (mut modbus, mut http) = (args.port, args.http_port);
+    let mut modbus = args.port;
+    let mut http = args.http_port;
     loop {
         let error = match serve(modbus, http, lines, devices) {
             Err(StartError::Listen { address, error }) if error.kind() == io::ErrorKind::AddrInUse => address,

@@ -58,7 +58,8 @@ pub(super) fn lines() -> Vec<Line> {
                 line.drives.push(drive);
             }
             None => {
-                let (name, link) = (format!("line-{}", lines.len() + 1), drive.model.link.default.value);
+                let name = format!("line-{}", lines.len() + 1);
+                let link = drive.model.link.default.value;
                 lines.push(Line { name, link, drives: vec![drive] });
             }
         }

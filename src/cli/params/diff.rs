@@ -59,7 +59,8 @@ fn without_old_text(mut it: Difference) -> Difference {
     if let (Some(first), Some(second)) = (&mut it.first, &mut it.second)
         && first.text == second.text
     {
-        (first.text, second.text) = (None, None);
+        first.text = None;
+        second.text = None;
     }
     it
 }
@@ -153,7 +154,8 @@ mod tests {
 
     #[test]
     fn only_what_differs_is_told() {
-        let (first, second) = (dump(&[(1, 10), (2, 20), (3, 30)]), dump(&[(1, 10), (2, 21), (4, 40)]));
+        let first = dump(&[(1, 10), (2, 20), (3, 30)]);
+        let second = dump(&[(1, 10), (2, 21), (4, 40)]);
         let rows: Vec<_> = differences(&first, &second).iter().map(Difference::row).collect();
         let row = |code: &str, first: &str, second: &str| {
             [code.to_owned(), String::new(), first.to_owned(), second.to_owned()]

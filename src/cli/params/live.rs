@@ -188,7 +188,9 @@ impl Live {
             return Err(Unreadable { code: known.code.clone(), address: known.address, reason });
         };
         let text = found["text"].as_str().map(str::to_owned);
-        let (code, title, address) = (known.code.clone(), known.title.clone(), known.address);
+        let code = known.code.clone();
+        let title = known.title.clone();
+        let address = known.address;
         Ok(Parameter { code, address, raw, text, title })
     }
 
@@ -221,7 +223,8 @@ impl Live {
     /// # Errors
     /// The gateway does not answer: what became of it is not known.
     pub async fn write(&self, address: u16, raw: u16) -> Result<Option<String>, Failure> {
-        let (path, body) = (self.path(Some(address)), json!({ "raw": raw }));
+        let path = self.path(Some(address));
+        let body = json!({ "raw": raw });
         let done = self.ask(Question { method: Method::POST, path: &path, body: Some(&body) }).await?;
         Ok(if done["outcome"] == "confirmed" { None } else { Some(outcome(&done)) })
     }

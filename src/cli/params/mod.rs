@@ -211,7 +211,8 @@ async fn compare(args: &DiffArgs) -> Result<(), Failure> {
         Dump::read(&args.second)?
     };
     if first.model != second.model {
-        let (first, second) = (&first.model, &second.model);
+        let first = &first.model;
+        let second = &second.model;
         return Err(Failure::wrong(format!("the models differ, {first} and {second}: nothing can be compared")));
     }
     let differences = differences(&first, &second);

@@ -26,7 +26,8 @@ pub struct RestoreOptions {
 pub async fn restore(wanted: &Dump, live: &Live, wish: RestoreOptions) -> Result<(), Failure> {
     let catalogue = live.catalogue().await?;
     if catalogue.model != wanted.model {
-        let (ours, theirs) = (&catalogue.model, &wanted.model);
+        let ours = &catalogue.model;
+        let theirs = &wanted.model;
         return Err(Failure::wrong(format!("the dump is of model {theirs}, and {} is {ours}", live.drive)));
     }
     let of_interest: Vec<_> =
@@ -129,7 +130,8 @@ async fn write(writes: &[Change], live: &Live) -> Result<(), Failure> {
 /// What to say when the write at place `at` was refused.
 fn ended(writes: &[Change], at: usize, refused: &str) -> String {
     let codes = |of: &[Change]| of.iter().map(|it| it.new.code.as_str()).collect::<Vec<_>>().join(", ");
-    let (done, left) = (writes.get(..at).unwrap_or_default(), writes.get(at + 1..).unwrap_or_default());
+    let done = writes.get(..at).unwrap_or_default();
+    let left = writes.get(at + 1..).unwrap_or_default();
     let code = writes.get(at).map(|it| it.new.code.as_str()).unwrap_or_default();
     let written = if done.is_empty() { "nothing was written".to_owned() } else { format!("written: {}", codes(done)) };
     let rest = if left.is_empty() { String::new() } else { format!("; not tried: {}", codes(left)) };

@@ -103,7 +103,8 @@ mod tests {
 
     /// The numbers that are asked for, and what the dump holds then.
     fn walked(has: impl Fn(usize) -> Tried) -> (usize, Dump) {
-        let (mut walk, mut dump) = (Walk::default(), Dump::default());
+        let mut walk = Walk::default();
+        let mut dump = Dump::default();
         let asked = (0..100).take_while(|number| walk.goes_on_after(has(*number), &mut dump)).count();
         walk.end("F", &mut dump);
         (asked, dump)

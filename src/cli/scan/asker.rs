@@ -64,7 +64,8 @@ impl PortAsker {
     async fn listen(&mut self, link: LinkSettings) -> Result<(), Failure> {
         sleep(LISTEN).await;
         let heard = self.line()?.report().counters;
-        let (place, seconds) = (&self.port.address, LISTEN.as_secs());
+        let place = &self.port.address;
+        let seconds = LISTEN.as_secs();
         let frames = heard.foreign + heard.other_master + heard.strays;
         let how = if frames > 0 {
             format!(

@@ -278,7 +278,8 @@ pub fn stations(text: &str) -> Result<Vec<u8>, String> {
     for part in text.split(',') {
         let (first, last) = part.split_once('-').unwrap_or((part, part));
         let number = |text: &str| text.trim().parse::<u8>().ok().filter(|number| (1..=247).contains(number));
-        let (first, last) = (number(first).ok_or_else(wrong)?, number(last).ok_or_else(wrong)?);
+        let first = number(first).ok_or_else(wrong)?;
+        let last = number(last).ok_or_else(wrong)?;
         if first > last {
             return Err(wrong());
         }

@@ -127,7 +127,8 @@ impl Scan<'_> {
         }
         for finding in self.findings.drives.iter().filter(|it| it.setting != number) {
             let at = self.setting(finding).map(setting_text).unwrap_or_default();
-            let (station, model) = (finding.station, model_text(finding));
+            let station = finding.station;
+            let model = model_text(finding);
             let _ =
                 writeln!(text, "\n# Station {station} answers at {at} ({model}): set it to {} first.", setting.link);
         }

@@ -71,7 +71,8 @@ impl Simulated {
         let wake = core.next_wake().map_or(until, |wake| wake.at);
         let due = self.bus.next_due().unwrap_or(until);
         self.now = wake.min(due).min(until).max(self.now);
-        let (now, mut came) = (self.now, Vec::new());
+        let now = self.now;
+        let mut came = Vec::new();
         self.bus.take_due(now, |_, bytes| came.extend_from_slice(bytes));
         if !came.is_empty() {
             core.handle(now, Input::Bytes(&came));
@@ -97,7 +98,8 @@ impl Asker for Simulated {
         self.now = self.now + if self.core.is_none() { LISTEN } else { Duration::from_millis(20) };
         let mut core = LineCore::new(setup, self.now);
         core.handle(self.now, Input::PortUp(PortKind::Serial));
-        (self.core, self.stations) = (Some(core), stations.to_vec());
+        self.core = Some(core);
+        self.stations = stations.to_vec();
         self.hears = setting.link == self.link;
         Ok(())
     }

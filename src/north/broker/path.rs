@@ -201,7 +201,8 @@ impl Path {
 
     /// Probes are due from `at` on, and none is missing yet.
     pub(in crate::north) const fn probe_from(&mut self, at: MonoTime) {
-        (self.next_probe, self.missing_since) = (at, None);
+        self.next_probe = at;
+        self.missing_since = None;
     }
 
     /// Probes sent so far.
@@ -346,7 +347,8 @@ mod tests {
         let mut path = granted();
         let first = path.take_probe(at(1)).unwrap();
         assert_eq!(path.take_probe(at(1)), None);
-        let (ours, another) = (Seal::new(7), Seal::new(8));
+        let ours = Seal::new(7);
+        let another = Seal::new(8);
         for foreign in [ours.text(2), ours.text(0), another.text(1), "1".to_owned(), "1-".to_owned(), String::new()] {
             assert_eq!(path.returned(at(2), foreign.as_bytes()), Returned::Foreign, "{foreign}");
         }

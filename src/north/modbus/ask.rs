@@ -170,7 +170,8 @@ mod tests {
         assert_eq!(bits.count(), 9);
         let found: Vec<_> = (0..10).map(|place| bits.get(place)).collect();
         let mut right = vec![Some(false); 9];
-        (right[0], right[7]) = (Some(true), Some(true));
+        right[0] = Some(true);
+        right[7] = Some(true);
         right.push(None);
         assert_eq!(found, right, "padding is no bit");
         assert_eq!(Bits::new(&[0], 9), None);

@@ -308,7 +308,9 @@ impl Connection {
     }
 
     fn call(&mut self, now: MonoTime, message: &mbap::Message<'_>, ask: Ask, is_extra: bool) {
-        let (ticket, deadline, unit) = (self.fresh_ticket(), now + self.limits.answer_within, message.unit);
+        let ticket = self.fresh_ticket();
+        let deadline = now + self.limits.answer_within;
+        let unit = message.unit;
         let form = Form::of(&ask);
         self.pending.push(Pending { ticket, deadline, transaction: message.transaction, unit, form, is_extra });
         self.calls.push_back(Call { ticket, unit, ask, deadline });
@@ -483,7 +485,8 @@ mod tests {
 
     #[test]
     fn a_stop_finds_a_place_although_all_are_taken() {
-        let (stop, other) = (message(40, 7, &[6, 0, 2, 0, 0]), message(41, 7, &[6, 0, 2, 0, 1]));
+        let stop = message(40, 7, &[6, 0, 2, 0, 0]);
+        let other = message(41, 7, &[6, 0, 2, 0, 1]);
         let mut connection = connection();
         let stream: Vec<u8> = (0..16).flat_map(read).collect();
         connection.receive(T0, &[stream, other, stop.clone()].concat(), &zero);
@@ -505,7 +508,8 @@ mod tests {
     #[test]
     fn a_stop_never_overtakes_what_the_same_client_sent_before_it() {
         let mut connection = connection();
-        let (run, stop) = (message(1, 7, &[6, 0, 2, 0, 1]), message(2, 7, &[6, 0, 2, 0, 0]));
+        let run = message(1, 7, &[6, 0, 2, 0, 1]);
+        let stop = message(2, 7, &[6, 0, 2, 0, 0]);
         connection.receive(T0, &[run, stop].concat(), &zero);
         let asks: Vec<Ask> = std::iter::from_fn(|| connection.next_call()).map(|call| call.ask).collect();
         assert_eq!(asks, [1, 0].map(|value| Ask::WriteWord { address: 2, value }));

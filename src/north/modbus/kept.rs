@@ -78,7 +78,8 @@ pub(super) const fn reason_of(code: u8) -> Reason {
 }
 
 fn list(values: impl Iterator<Item = u16>) -> String {
-    let (mut text, mut count) = (String::from(":"), 0);
+    let mut text = String::from(":");
+    let mut count = 0;
     for value in values {
         if count == SHOWN_MAX {
             return text + " \u{2026}";

@@ -84,7 +84,9 @@ pub struct MapRow {
 }
 
 pub(super) const fn row(unit: MapUnit, table: MapTable, address: u16, name: &'static str, holds: Holds) -> MapRow {
-    let (absent, access, each) = (None, MapAccess::Read, Each::Once);
+    let absent = None;
+    let access = MapAccess::Read;
+    let each = Each::Once;
     MapRow { unit, table, address, count: 1, name, holds, absent, access, each }
 }
 
@@ -325,7 +327,8 @@ mod tests {
         let mut drive = testing::description();
         drive.control = None;
         Arc::make_mut(&mut drive.model).registers.clear();
-        let (uniform, view) = (Uniform::new(&drive), DriveView::default());
+        let uniform = Uniform::new(&drive);
+        let view = DriveView::default();
         let present = Present { now: NOW, uptime_s: 7, owner: Owner::Mqtt };
         let is_word = |row: &&MapRow| matches!(row.table, MapTable::Word | MapTable::Holding);
         for row in map().iter().filter(is_word).filter(|row| row.unit == MapUnit::Uniform) {

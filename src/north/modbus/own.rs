@@ -120,7 +120,8 @@ fn head_word(address: u16, gateway: &impl Gateway, present: &Present) -> u16 {
 
 /// A line that is not served here is absent. There are words for 56 lines.
 fn line_word(offset: u16, gateway: &impl Gateway) -> Option<u16> {
-    let (place, column) = (usize::from(offset / LINE_WORDS), offset % LINE_WORDS);
+    let place = usize::from(offset / LINE_WORDS);
+    let column = offset % LINE_WORDS;
     if place >= gateway.lines() {
         return None;
     }

@@ -250,7 +250,8 @@ mod tests {
     #[test]
     fn a_full_room_makes_room_itself_and_full_places_wherever_silence_was_longest() {
         let mut places = Places::new(8);
-        let (small, other) = (places.add_room(), places.add_room());
+        let small = places.add_room();
+        let other = places.add_room();
         let of_small = |number| Newcomer { room_max: Some(2), ..newcomer(number, small) };
         for number in 0..4 {
             places.enter(newcomer(number, other), &nobody);

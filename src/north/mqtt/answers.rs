@@ -103,7 +103,8 @@ impl Session {
 
     fn tell(&mut self, at: Moment, drive: usize, (by, id, reply): (Owner, &Value, Option<&Reply>), stage: Stage) {
         let Stage { report, is_final, is_repeat, message, values } = stage;
-        let (drive, at) = (self.drives[drive].name.as_str(), self.clock.text(at.mono));
+        let drive = self.drives[drive].name.as_str();
+        let at = self.clock.text(at.mono);
         let topic = self.topics.drive(drive, "result");
         let message = message.as_deref();
         let told = ResultContent { id, drive, by, report, is_final, is_repeat, message, values, at };
@@ -113,9 +114,13 @@ impl Session {
     /// Tells why an input is refused, which no line ever saw.
     pub(super) fn tell_refusal(&mut self, at: Moment, drive: &str, topic: String, asker: &Asker, refused: &Refused) {
         let Asker { by, id, reply } = asker;
-        let (report, message) = (Report::refused(refused.reason), Some(refused.message.as_str()));
-        let (values, at) = (Map::new(), self.clock.text(at.mono));
-        let (by, is_final, is_repeat) = (*by, true, false);
+        let report = Report::refused(refused.reason);
+        let message = Some(refused.message.as_str());
+        let values = Map::new();
+        let at = self.clock.text(at.mono);
+        let by = *by;
+        let is_final = true;
+        let is_repeat = false;
         let told = ResultContent { id, drive, by, report, is_final, is_repeat, message, values, at };
         self.counters.results_dropped += self.results.tell(topic, reply.as_ref(), told);
     }

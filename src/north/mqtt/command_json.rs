@@ -92,7 +92,8 @@ fn order(object: &Map<String, Value>, model: &Model) -> Result<Order, Refused> {
         Some(RunWord::Run(_)) | None => {}
     }
     let frequency = frequency(object)?;
-    let (is_reset, registers) = (only_true(object, "reset")?, registers(object, model)?);
+    let is_reset = only_true(object, "reset")?;
+    let registers = registers(object, model)?;
     let has_values = frequency.is_some() || !registers.is_empty();
     match run {
         _ if is_reset && (run.is_some() || has_values) => Err(conflict("`reset` stands alone: send the rest after it")),
@@ -154,7 +155,8 @@ mod tests {
         assert_eq!((go.run(), go.frequency()), (Some(Direction::Reverse), Some(Hertz::from_millihertz(42_500))));
         let writes: Vec<_> = go.registers().iter().map(|it| (it.address, it.value)).collect();
         assert_eq!(writes, [(0x020E, 5), (0x020C, 100)]);
-        let (ttl, issued_at) = (Some(Duration::from_millis(500)), Some(1_767_225_600_000));
+        let ttl = Some(Duration::from_millis(500));
+        let issued_at = Some(1_767_225_600_000);
         assert_eq!((wish.ttl, wish.issued_at, wish.epoch), (ttl, issued_at, Some(3)));
     }
 

@@ -127,7 +127,9 @@ impl DriveTopics {
     }
 
     fn restart(&mut self) {
-        (self.cursor, self.walking, self.walked) = (0, None, None);
+        self.cursor = 0;
+        self.walking = None;
+        self.walked = None;
     }
 
     /// Takes a register that was read on demand; it is published even if nothing changed.
@@ -222,7 +224,8 @@ impl DriveTopics {
             }
             let register = kind.register().and_then(|register| drive.model.registers.get(register));
             let read_at = register.and_then(|it| view.snapshot.reading(it.address)).map(|reading| reading.at);
-            let (at, topic) = (read_at.unwrap_or(now.at), below_drive(slot.topic(), drive).to_owned());
+            let at = read_at.unwrap_or(now.at);
+            let topic = below_drive(slot.topic(), drive).to_owned();
             let text = self.points.shown(kind, &content, drive).unwrap_or_default();
             let value = text.parse::<f64>().map_or_else(|_| json!(text), |number| json!(number));
             let unit = register.filter(|_| matches!(kind, Kind::Polled(_))).map(|it| it.unit.symbol());

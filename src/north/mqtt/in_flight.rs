@@ -100,13 +100,16 @@ impl<T> InFlight<T> {
         // Those that were on their way together are refused together: that is one wait.
         if self.trial_from.is_none_or(|from| at >= from) {
             self.trial_from = Some(at + WAIT_MAX.min(WAIT_FIRST * 2_u32.pow(self.waits.min(16))));
-            (self.is_trial, self.waits) = (false, self.waits.saturating_add(1));
+            self.is_trial = false;
+            self.waits = self.waits.saturating_add(1);
         }
         None
     }
 
     const fn end_of_trials(&mut self) {
-        (self.trial_from, self.is_trial, self.waits) = (None, false, 0);
+        self.trial_from = None;
+        self.is_trial = false;
+        self.waits = 0;
     }
 
     fn take(&mut self, number: u64) -> Option<T> {

@@ -223,7 +223,8 @@ impl Session {
             return Err(Refused::plain(Reason::Stale));
         }
         if let Some(issue) = issue {
-            (wish.issued, wish.remark) = (Some(issue.moment), issue.remark);
+            wish.issued = Some(issue.moment);
+            wish.remark = issue.remark;
         }
         Ok(())
     }

@@ -123,7 +123,8 @@ fn play(rig: &mut Rig, journal: &mut Journal, step: Step) {
         }
         Step::Breaks | Step::Connects => {
             rig.handle(Event::Lost);
-            (journal.newest_of_connection, journal.open) = (0, Vec::new());
+            journal.newest_of_connection = 0;
+            journal.open = Vec::new();
             if matches!(step, Step::Connects) {
                 acts = rig.connect();
             }
@@ -136,7 +137,8 @@ fn play(rig: &mut Rig, journal: &mut Journal, step: Step) {
 proptest! {
     #[test]
     fn no_event_is_lost_whenever_the_connection_breaks(steps in steps()) {
-        let (mut rig, mut journal) = (Rig::born(Version::V5), Journal::default());
+        let mut rig = Rig::born(Version::V5);
+        let mut journal = Journal::default();
         // What was said at birth.
         journal.want = Some(0);
         for step in steps {

@@ -196,7 +196,9 @@ fn a_dead_band_holds_for_the_value_in_amperes_too() {
     let mut rig = with_drive(Version::V5, |drive| {
         let mut model = drive.model.as_ref().clone();
         let register = model.registers.iter_mut().find(|it| it.address == 0x0201).unwrap();
-        (register.role, register.unit, register.scale) = (Some(Role::OutputCurrent), UnitOfMeasure::Percent, 100);
+        register.role = Some(Role::OutputCurrent);
+        register.unit = UnitOfMeasure::Percent;
+        register.scale = 100;
         let called = register.name.clone();
         drive.model = Arc::new(model);
         drive.ratings = Ratings { current_ma: Some(10_000), voltage_mv: None };

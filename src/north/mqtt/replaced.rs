@@ -43,6 +43,7 @@ impl Session {
         if let (Some(old), Some(new)) = (old, new) {
             self.discovery.replace(&old, &new);
         }
-        (self.drives, self.lines) = (drives, lines);
+        self.drives = drives;
+        self.lines = lines;
     }
 }

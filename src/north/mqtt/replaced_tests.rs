@@ -24,7 +24,8 @@ fn replace(rig: &mut Rig, drives: Vec<DriveDescription>, lines: &[&str]) -> Vec<
 
 fn on_another_line(mut drive: DriveDescription, called: &str) -> DriveDescription {
     drive.place = DriveRef { line: 7, ..drive.place };
-    (drive.name, drive.line) = (name(called), name("yard"));
+    drive.name = name(called);
+    drive.line = name("yard");
     drive
 }
 

@@ -128,7 +128,9 @@ mod tests {
 
     fn told(id: &Value) -> ResultContent<'_> {
         let report = Report { held: Some(7), ..Report::new(Outcome::Failed, Reason::KeptOldValue) };
-        let (message, values, at) = (None, Map::new(), "now".into());
+        let message = None;
+        let values = Map::new();
+        let at = "now".into();
         let by = Owner::Mqtt;
         ResultContent { id, drive: "pump", by, report, is_final: true, is_repeat: false, message, values, at }
     }
@@ -144,7 +146,8 @@ mod tests {
     fn a_result_names_its_commander_and_who_stood_in_its_way() {
         let name = |name| Owner::MqttBy(CommanderName::new(name).unwrap());
         let id = json!(1);
-        let (by, report) = (name("a"), Report::held_by(name("b")));
+        let by = name("a");
+        let report = Report::held_by(name("b"));
         let told = ResultContent { by, report, ..told(&id) };
         let result: Value = serde_json::from_slice(&told.payload()).unwrap();
         assert_eq!((&result["by"], &result["owner"]), (&json!("a"), &json!("mqtt b")));

@@ -78,7 +78,8 @@ impl CommandIds {
         epoch: Option<u64>,
         report: Report,
     ) {
-        let (ticket, outcome) = (Ticket(0), Some(report));
+        let ticket = Ticket(0);
+        let outcome = Some(report);
         push(&mut self.refused, Used { by, id, order, epoch, at, ticket, outcome });
     }
 

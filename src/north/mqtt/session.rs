@@ -208,9 +208,11 @@ impl Session {
     #[must_use]
     pub fn next_wake(&self) -> Option<MonoTime> {
         let open = |wake: Option<MonoTime>| wake.filter(|_| self.path.is_open());
-        let (telemetry, history) = (open(self.telemetry.wake()), open(self.history.wake()));
-        let (outbox, stored, discovery) =
-            (open(self.outbox.wake()), open(self.stored.wake()), open(self.discovery.wake()));
+        let telemetry = open(self.telemetry.wake());
+        let history = open(self.history.wake());
+        let outbox = open(self.outbox.wake());
+        let stored = open(self.stored.wake());
+        let discovery = open(self.discovery.wake());
         let told = [telemetry, history, outbox, stored, discovery];
         [self.path.wake(), self.commands.wake()].into_iter().chain(told).flatten().min()
     }
@@ -338,7 +340,8 @@ const fn passing(topic: String, payload: Vec<u8>, qos: Qos, token: Option<u64>) 
 }
 
 fn goodbye(topic: String) -> Publication {
-    let (payload, qos) = (b"offline".to_vec(), Qos::AtLeastOnce);
+    let payload = b"offline".to_vec();
+    let qos = Qos::AtLeastOnce;
     Publication { topic, payload, retain: true, qos, expiry: None, correlation: None, token: None }
 }
 

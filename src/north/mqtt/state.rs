@@ -126,7 +126,8 @@ fn lease_until(view: &DriveView) -> Option<MonoTime> {
 
 /// Whether the end of the lease that was published is past and another one holds.
 fn has_published_lease_ended(now: &Present, last: &Published, view: &DriveView) -> bool {
-    let (old, new) = (lease_until(&last.view), lease_until(view));
+    let old = lease_until(&last.view);
+    let new = lease_until(view);
     old != new && old.is_some_and(|until| until <= now.at)
 }
 

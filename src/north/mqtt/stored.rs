@@ -37,7 +37,8 @@ impl Stored {
     /// The connection is gone: what was in flight goes again, and the journal is asked anew by the next one.
     pub(super) fn lost(&mut self) {
         self.waiting.lost();
-        (self.wants, self.is_asked) = (false, false);
+        self.wants = false;
+        self.is_asked = false;
     }
 
     fn take(&mut self, events: &[StoredEvent], more: bool, topic: impl Fn(&StoredEvent) -> String) {
@@ -99,7 +100,8 @@ impl Stored {
         if !asks {
             return None;
         }
-        (self.wants, self.is_asked) = (false, true);
+        self.wants = false;
+        self.is_asked = true;
         Some(Act::WantEvents { after: self.newest })
     }
 
@@ -150,7 +152,8 @@ mod tests {
 
     #[test]
     fn it_asks_when_there_is_room_and_never_twice_for_one_answer() {
-        let (mut stored, kept) = (Stored::default(), (1..=100).collect::<Vec<_>>());
+        let mut stored = Stored::default();
+        let kept = (1..=100).collect::<Vec<_>>();
         assert_eq!(wanted(&mut stored), None, "no way is open");
         stored.opened();
         assert_eq!((wanted(&mut stored), wanted(&mut stored)), (Some(0), None));

@@ -81,8 +81,10 @@ impl Telemetry {
         started: &str,
     ) {
         let before = self.topics();
-        (self.info, self.is_info_published) = (info(settings, new, lines, started), false);
-        let (mut old_lines, mut old_drives) = (std::mem::take(&mut self.lines), std::mem::take(&mut self.drives));
+        self.info = info(settings, new, lines, started);
+        self.is_info_published = false;
+        let mut old_lines = std::mem::take(&mut self.lines);
+        let mut old_drives = std::mem::take(&mut self.drives);
         self.lines = line_topics(settings, topics, new, lines)
             .into_iter()
             .map(|fresh| {
@@ -145,7 +147,9 @@ impl Telemetry {
 
     /// Everything is to be published again: a birth.
     pub(super) fn forget(&mut self) {
-        (self.is_info_published, self.place, self.cleared) = (false, 0, 0);
+        self.is_info_published = false;
+        self.place = 0;
+        self.cleared = 0;
         self.status.forget();
         self.lines.iter_mut().for_each(LineTopics::forget);
         self.drives.iter_mut().for_each(DriveTopics::forget);
@@ -217,7 +221,8 @@ impl Telemetry {
         if !self.is_info_wanted || std::mem::replace(&mut self.is_info_published, true) {
             return None;
         }
-        let (topic, payload) = (self.info_topic.clone(), self.info.clone());
+        let topic = self.info_topic.clone();
+        let payload = self.info.clone();
         let qos = Qos::AtLeastOnce;
         Some(Publication { topic, payload, retain: true, qos, expiry: None, correlation: None, token: None })
     }

@@ -189,7 +189,8 @@ fn a_trip_is_shown_with_its_record_and_taken_back() {
 fn a_line_says_why_it_is_down_and_its_counters_come_every_ten_seconds() {
     let mut rig = Rig::born(Version::V5);
     rig.pass(1_000);
-    (rig.lines[0].report.state, rig.lines[0].report.fault) = (LineState::Down, Some(LineFault::Gone));
+    rig.lines[0].report.state = LineState::Down;
+    rig.lines[0].report.fault = Some(LineFault::Gone);
     rig.lines[0].report.counters.silent = 5;
     let acts = rig.acts();
     assert_eq!(told(&acts), [("line/hall/status".to_owned(), "down: the device is gone".to_owned())]);

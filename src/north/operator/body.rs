@@ -50,7 +50,9 @@ fn whole_wish(body: &[u8]) -> Result<PageCommand, Refused> {
     if stop.is_some() {
         return Ok(PageCommand { takes: false, order: stop, beside: None });
     }
-    let (frequency, is_reset, takes) = (frequency(&object)?, only_true(&object, "reset")?, only_true(&object, "take")?);
+    let frequency = frequency(&object)?;
+    let is_reset = only_true(&object, "reset")?;
+    let takes = only_true(&object, "take")?;
     let direction = match run {
         Some(RunWord::Run(direction)) => Some(direction),
         _ => None,
@@ -90,7 +92,8 @@ mod tests {
     #[test]
     fn a_body_orders_what_it_says() {
         let go = |frequency, run| Go::new(Vec::new(), frequency, run).map(Order::Go);
-        let (thirty, forward) = (Some(Hertz::from_millihertz(30_000)), Some(Direction::Forward));
+        let thirty = Some(Hertz::from_millihertz(30_000));
+        let forward = Some(Direction::Forward);
         for (body, takes, order) in [
             (r#"{"run": "forward"}"#, false, go(None, forward)),
             (r#"{"run": "forward", "frequency_hz": 30}"#, false, go(thirty, forward)),

@@ -62,7 +62,8 @@ impl Moments {
 impl fmt::Display for Old {
     /// For people: why, and what to do.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (most, deadline) = (AGE_MAX.as_secs_f32(), COMMAND_DEADLINE.as_secs_f32());
+        let most = AGE_MAX.as_secs_f32();
+        let deadline = COMMAND_DEADLINE.as_secs_f32();
         match self {
             Self::Unnamed => f.write_str(
                 "the order does not say how old it may be: name the newest `moment` of /api/v1/events or /api/v1/session in the \
@@ -127,7 +128,8 @@ mod tests {
 
     #[test]
     fn a_moment_of_another_process_or_one_that_was_guessed_is_not_known() {
-        let (moments, other) = (Moments::new(7), Moments::new(8));
+        let moments = Moments::new(7);
+        let other = Moments::new(8);
         let seen = moments.at(NOW.before(AGE_MAX + SHORT));
         let (_, code) = seen.split_once('-').unwrap();
         for named in [other.at(NOW), format!("100000-{code}"), "100000".to_owned(), String::new(), "\u{0}".to_owned()] {

@@ -112,7 +112,8 @@ mod tests {
 
     #[test]
     fn whoever_signs_out_or_is_gone_has_none() {
-        let (mut sessions, bob) = (Sessions::default(), CommanderName::new("bob").unwrap());
+        let mut sessions = Sessions::default();
+        let bob = CommanderName::new("bob").unwrap();
         for (number, user) in [(1, anna()), (2, anna()), (3, bob)] {
             sessions.open(at(0), key(number), user);
         }

@@ -90,7 +90,8 @@ impl Drive<'_> {
     }
 
     fn trip(&self, present: &Present<'_>) -> Value {
-        let (trip, kept) = (&self.view.trip, &self.view.trip_kept);
+        let trip = &self.view.trip;
+        let kept = &self.view.trip_kept;
         let code = match &trip.last {
             Some(last) => last.code,
             None => kept.last_code,

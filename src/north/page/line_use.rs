@@ -47,7 +47,8 @@ impl LineUse {
     /// What was measured; nothing before a second has passed.
     #[must_use]
     pub fn rates(&self) -> Option<Rates> {
-        let (first, last) = (self.counts.front()?, self.counts.back()?);
+        let first = self.counts.front()?;
+        let last = self.counts.back()?;
         let span = Some(last.at.since(first.at)).filter(|span| *span >= LEAST)?.as_secs_f64();
         let rise = |from: u64, to: u64| to.saturating_sub(from) as f64 / span;
         Some(Rates {

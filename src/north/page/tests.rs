@@ -76,7 +76,8 @@ fn what_is_old_is_stale_and_what_was_never_read_is_nothing() {
         let seen = drive(&description, &view);
         let first = seen.changes_at(NOW);
         assert_eq!(first, NOW + Duration::from_secs(3), "{model}: fast values, three periods");
-        let (before, at) = (document(&description, &view, first.before(Duration::from_millis(1))), first);
+        let before = document(&description, &view, first.before(Duration::from_millis(1)));
+        let at = first;
         assert_eq!(value(&before, "output_frequency")["quality"], "good");
         let after = document(&description, &view, at);
         assert_eq!(value(&after, "output_frequency")["quality"], "stale");
@@ -107,8 +108,8 @@ fn control_shows_who_holds_it_and_how_the_last_command_ended() {
     let mut view = view(&description, 3000);
     let control = view.control.as_mut().unwrap();
     control.lease = Some((Owner::Mqtt, NOW + Duration::from_secs(2)));
-    (control.intent, control.setpoint) =
-        (RunIntent::Run(crate::domain::command::Direction::Reverse), Some(Hertz::from_centihertz(4250)));
+    control.intent = RunIntent::Run(crate::domain::command::Direction::Reverse);
+    control.setpoint = Some(Hertz::from_centihertz(4250));
     control.last = Some(Report::held_by(Owner::Mqtt));
     let shown = &document(&description, &view, NOW)["control"];
     assert_eq!((&shown["owner"], &shown["lease_left_ms"]), (&json!("mqtt"), &json!(2000)));
@@ -144,7 +145,9 @@ fn trips_are_told_once_with_their_text_and_their_end() {
     let before = view(&description, 0);
     let mut after = before.clone();
     let record = TripRecord { at: NOW, code: Some(1), words: Vec::new() };
-    (after.trip.active, after.trip.seen, after.trip.last) = (Some(true), 1, Some(record));
+    after.trip.active = Some(true);
+    after.trip.seen = 1;
+    after.trip.last = Some(record);
     let clock = clock();
     let present = Present { now: NOW + Duration::from_millis(400), clock: &clock };
     let told = trips::between(&present, &description, &before, &after);
@@ -197,7 +200,8 @@ fn every_model_has_its_setup_judged_where_it_is_polled() {
             register.poll.map(|_| (item, register.address))
         });
         for (item, address) in polled {
-            let (mut good, mut bad) = (right.clone(), right.clone());
+            let mut good = right.clone();
+            let mut bad = right.clone();
             let wrong = (0..u16::MAX).find(|word| !item.values.value.contains(word)).unwrap();
             good.snapshot.take(address, &[item.values.value[0]], NOW);
             bad.snapshot.take(address, &[wrong], NOW);
@@ -217,7 +221,8 @@ fn a_watchdog_a_stop_without_effect_and_a_refusal_are_told() {
     view.watchdog = Some(WatchdogView { state: WatchdogState::Off, ..WatchdogView::default() });
     view.status.bus_run = Some(false);
     let control = view.control.as_mut().unwrap();
-    (control.not_effective, control.failsafe) = (true, true);
+    control.not_effective = true;
+    control.failsafe = true;
     control.last = Some(Report::new(Outcome::Failed, Reason::KeptOldValue));
     let said = advice(&description, &view);
     let has = |severity, part: &str| said.iter().any(|(it, text)| *it == severity && text.contains(part));
@@ -285,7 +290,8 @@ fn with_line<T>(report: LineReport, hangs: bool, made: impl FnOnce(&Line<'_>) ->
     let name = |text| Name::new(text).unwrap();
     let wiring = Wiring { port: "/dev/ttyS0".to_owned(), stations: vec![Station(3)], ..Wiring::default() };
     let rates = Some(Rates { use_per_cent: 33.333, exchanges_per_s: 12.0 });
-    let (line, pump) = (name("hall-1"), name("pump-1"));
+    let line = name("hall-1");
+    let pump = name("pump-1");
     made(&Line {
         name: &line,
         interface: Interface::Rs485,
@@ -413,7 +419,8 @@ fn a_trend_keeps_an_hour_with_gaps_where_nothing_was_known() {
 
 #[test]
 fn a_drive_that_stays_the_same_keeps_its_trend_over_a_change_of_the_configuration() {
-    let (old, mut other) = (description("hyundai-n700"), description("teco-e510"));
+    let old = description("hyundai-n700");
+    let mut other = description("teco-e510");
     let mut trends = Trends::default();
     trends.change_to([&old]);
     let view = view(&old, 100);

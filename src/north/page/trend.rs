@@ -143,11 +143,13 @@ impl Column {
         let label = register.title.clone();
         Some(match Rated::of(register, &drive.ratings) {
             Some(rated) => {
-                let (unit, source) = (rated.unit.symbol(), Source::Rated(register.address, rated));
+                let unit = rated.unit.symbol();
+                let source = Source::Rated(register.address, rated);
                 Self { name, label, unit, digits: USUAL_DIGITS, source }
             }
             None => {
-                let (unit, source) = (register.unit.symbol(), Source::Register(register.address));
+                let unit = register.unit.symbol();
+                let source = Source::Register(register.address);
                 Self { name, label, unit, digits: digits_of(register.scale), source }
             }
         })

@@ -118,8 +118,10 @@ mod tests {
     fn shares_are_of_all_exchanges_and_a_time_out_with_bytes_is_damage() {
         let mut observed = good();
         let drive = &mut observed.drives[0];
-        (drive.exchanges.replies, drive.exchanges.exceptions) = (980, 5);
-        (drive.exchanges.silent, drive.exchanges.garbled) = (8, 7);
+        drive.exchanges.replies = 980;
+        drive.exchanges.exceptions = 5;
+        drive.exchanges.silent = 8;
+        drive.exchanges.garbled = 7;
         drive.damage.damaged = 10;
         observed.strays = 4;
         let rates = &document(&line_name(), &Wiring::default(), &observed)["rates"];

@@ -28,7 +28,8 @@ pub(super) fn offline(seen: &Observed, drive: &DriveObserved) -> FindingText {
 }
 
 pub(super) fn duplicate_station(seen: &Observed, drive: &DriveObserved) -> FindingText {
-    let (station, doubled) = (drive.now.station, drive.damage.doubled);
+    let station = drive.now.station;
+    let doubled = drive.damage.doubled;
     let is_told = seen.line.suspicion == Some(Suspicion::DuplicateStation(station));
     let text = || {
         format!(
@@ -41,7 +42,8 @@ pub(super) fn duplicate_station(seen: &Observed, drive: &DriveObserved) -> Findi
 }
 
 pub(super) fn late_beyond_limit(seen: &Observed, drive: &DriveObserved) -> FindingText {
-    let (station, beyond) = (drive.now.station, drive.damage.beyond_limit);
+    let station = drive.now.station;
+    let beyond = drive.damage.beyond_limit;
     let is_told = seen.line.suspicion == Some(Suspicion::LateBeyondLimit(station));
     let text = || {
         format!(
@@ -94,7 +96,8 @@ pub(super) fn long_frames(seen: &Observed, drive: &DriveObserved) -> FindingText
 }
 
 pub(super) fn one_station(seen: &Observed, drive: &DriveObserved) -> FindingText {
-    let (damaged, all) = (drive.damage.damaged, drive.exchanges.total());
+    let damaged = drive.damage.damaged;
+    let all = drive.exchanges.total();
     said(seen, drive, Pattern::OneStation, || {
         format!(
             "{damaged} of {all} replies are damaged, and those of others are not: check its connector, its stub (as short \
@@ -105,7 +108,8 @@ pub(super) fn one_station(seen: &Observed, drive: &DriveObserved) -> FindingText
 }
 
 pub(super) fn damaged(seen: &Observed, drive: &DriveObserved) -> FindingText {
-    let (damaged, all) = (drive.damage.damaged, drive.exchanges.total());
+    let damaged = drive.damage.damaged;
+    let all = drive.exchanges.total();
     said(seen, drive, Pattern::Spread, || {
         format!(
             "{damaged} of {all} replies are damaged: check termination (120 ohm at both ends), shield and ground, distance \
@@ -123,7 +127,8 @@ fn said(seen: &Observed, drive: &DriveObserved, pattern: Pattern, text: impl FnO
 
 fn pattern_of(seen: &Observed, drive: &DriveObserved) -> Pattern {
     let DamageCounts { damaged, head, cut, long, long_damaged, .. } = drive.damage;
-    let (all, short_damaged) = (drive.exchanges.total(), damaged.saturating_sub(long_damaged));
+    let all = drive.exchanges.total();
+    let short_damaged = damaged.saturating_sub(long_damaged);
     let short = all.saturating_sub(long);
     let is_by_length = long.min(short) >= ENOUGH
         && long_damaged >= SIGNS
@@ -158,7 +163,8 @@ pub(super) fn late(_: &Observed, drive: &DriveObserved) -> FindingText {
 
 /// Requests that are never answered, where late replies do not explain them.
 pub(super) fn silent(seen: &Observed, drive: &DriveObserved) -> FindingText {
-    let (silent, all) = (drive.silent(), drive.exchanges.total());
+    let silent = drive.silent();
+    let all = drive.exchanges.total();
     let severity = graded(silent, all)?;
     let is_told = drive.damage.late * 2 >= silent || seen.line.suspicion.is_some();
     let is_there = seen.is_up() && drive.exchanges.replies > 0;
@@ -187,7 +193,8 @@ pub(super) fn timeout_short(_: &Observed, drive: &DriveObserved) -> FindingText 
 }
 
 pub(super) fn exceptions(_: &Observed, drive: &DriveObserved) -> FindingText {
-    let (exceptions, all) = (drive.exchanges.exceptions, drive.exchanges.total());
+    let exceptions = drive.exchanges.exceptions;
+    let all = drive.exchanges.total();
     let is_much = exceptions >= SIGNS && exceptions * 1000 >= all * EXCEPTIONS_PER_MILLE;
     let text = || {
         format!(

@@ -58,7 +58,8 @@ pub(super) fn stranger(seen: &Observed) -> FindingText {
 
 /// Bytes where nobody should talk. A few are the adapter's own turn of direction.
 pub(super) fn floating(seen: &Observed) -> FindingText {
-    let (led, between) = (seen.sum(|drive| drive.damage.led), seen.noise_between);
+    let led = seen.sum(|drive| drive.damage.led);
+    let between = seen.noise_between;
     let text = || {
         format!(
             "bytes that belong to no frame came {led} times in front of replies and {between} times between exchanges: \

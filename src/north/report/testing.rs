@@ -63,7 +63,9 @@ fn of_a(change: impl FnOnce(&mut DriveObserved)) -> Observed {
 /// Drive a had so many damaged replies of the right length.
 fn damaged(count: u64, change: impl FnOnce(&mut DriveObserved)) -> Observed {
     of_a(|a| {
-        (a.exchanges.replies, a.exchanges.garbled, a.damage.damaged) = (1000 - count, count, count);
+        a.exchanges.replies = 1000 - count;
+        a.exchanges.garbled = count;
+        a.damage.damaged = count;
         change(a);
     })
 }

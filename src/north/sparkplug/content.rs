@@ -76,7 +76,8 @@ impl Look<'_> {
     }
 
     fn topic(&self, kind: Kind) -> Content {
-        let (drive, view) = (self.drive, self.view);
+        let drive = self.drive;
+        let view = self.view;
         let trip = Some(&view.trip).filter(|_| trips_are_fresh(drive, view, self.at));
         match kind {
             Kind::Availability => Content::Bool(view.is_online()),

@@ -107,7 +107,8 @@ impl Device {
 
     /// The connection is gone.
     pub(super) fn lost(&mut self) {
-        (self.is_born, self.is_too_large) = (false, false);
+        self.is_born = false;
+        self.is_too_large = false;
         self.history.lost();
         self.looked = None;
     }
@@ -142,7 +143,8 @@ impl Device {
         metrics.sort_by_key(|metric| metric.timestamp);
         let until = self.definitions.iter().filter_map(|definition| look.ends_at(definition)).min();
         self.held = held;
-        (self.is_born, self.was_born) = (true, true);
+        self.is_born = true;
+        self.was_born = true;
         self.looked = Some((Arc::clone(now.view), until.unwrap_or(MonoTime::NEVER)));
         self.gathers_until = now.at + GATHERED_FOR;
         metrics
@@ -169,7 +171,8 @@ impl Device {
         let gathers = now.at < self.gathers_until;
         let look = self.look(now);
         let mut until = if gathers { self.gathers_until } else { MonoTime::NEVER };
-        let (mut changes, mut news) = (Vec::new(), Vec::new());
+        let mut changes = Vec::new();
+        let mut news = Vec::new();
         for (place, (definition, held)) in self.definitions.iter().zip(&self.held).enumerate() {
             until = look.ends_at(definition).map_or(until, |ends| ends.min(until));
             if gathers && !definition.is_prompt() {

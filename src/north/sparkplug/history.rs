@@ -66,7 +66,8 @@ impl History {
 
     /// Takes up to `most` of the oldest, and no more behind the one that fills `room_bytes`.
     pub(super) fn take(&mut self, most: usize, room_bytes: usize) -> Vec<Entry> {
-        let (mut taken, mut bytes) = (Vec::new(), 0);
+        let mut taken = Vec::new();
+        let mut bytes = 0;
         while taken.len() < most && bytes < room_bytes {
             let next = match (self.telemetry.front(), self.trips.front()) {
                 (Some((telemetry, _)), Some((trip, _))) if telemetry < trip => self.telemetry.pop_front(),

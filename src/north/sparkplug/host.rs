@@ -29,7 +29,8 @@ impl Host {
 
     /// A new connection: what was known is not of this broker any more.
     pub(super) const fn forget(&mut self) {
-        (self.is_online, self.timestamp) = (false, None);
+        self.is_online = false;
+        self.timestamp = None;
     }
 
     /// Whether there is somebody to speak to.

@@ -96,7 +96,9 @@ impl Node {
                 continue;
             }
             told.clone_from(&status);
-            let (value, timestamp, datatype) = (Some(Value::Text(status)), Some(at_ms), Some(Datatype::Text as u32));
+            let value = Some(Value::Text(status));
+            let timestamp = Some(at_ms);
+            let datatype = Some(Datatype::Text as u32);
             changed.push(Metric { alias: Some(alias), timestamp, datatype, value, ..Metric::default() });
         }
         changed

@@ -48,7 +48,9 @@ pub(super) fn read(device: &Device, metrics: &[Metric]) -> DeviceCommand {
 }
 
 fn one_order(parts: &[MetricOrder]) -> Result<Option<Order>, Refused> {
-    let (mut frequency, mut run, mut single) = (None, None, None);
+    let mut frequency = None;
+    let mut run = None;
+    let mut single = None;
     for part in parts {
         let was_there = match *part {
             MetricOrder::Frequency(hertz) => frequency.replace(hertz).is_some(),

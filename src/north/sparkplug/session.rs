@@ -180,7 +180,10 @@ impl Session {
 
     fn lost(&mut self, at: MonoTime) {
         self.path.lost(at);
-        (self.is_born, self.is_known, self.rebirth_at, self.leaving) = (false, false, None, None);
+        self.is_born = false;
+        self.is_known = false;
+        self.rebirth_at = None;
+        self.leaving = None;
         self.devices.iter_mut().for_each(Device::lost);
         self.commands.path_lost();
         self.count_history();
@@ -200,7 +203,9 @@ impl Session {
         // Of a drive that is gone nothing is told any more.
         while self.commands.take_gone(&moved).is_some() {}
         self.commands.move_drives(&moved);
-        (self.devices, self.drives, self.place) = (devices, drives, 0);
+        self.devices = devices;
+        self.drives = drives;
+        self.place = 0;
         self.is_born = false;
         self.count_history();
     }

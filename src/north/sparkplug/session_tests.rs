@@ -349,8 +349,10 @@ fn what_happened_while_no_host_was_there_is_told_as_history() {
     }
     let record = TripRecord { at: rig.at().mono, code: Some(3), words: Vec::new() };
     rig.views[0].run_state = RunState::Tripped;
-    (rig.views[0].trip.active, rig.views[0].trip_kept.total) = (Some(true), 1);
-    (rig.views[0].trip.last, rig.views[0].trip_kept.last) = (Some(record.clone()), Some(record));
+    rig.views[0].trip.active = Some(true);
+    rig.views[0].trip_kept.total = 1;
+    rig.views[0].trip.last = Some(record.clone());
+    rig.views[0].trip_kept.last = Some(record);
     rig.acts();
     assert!(rig.session.counters().history_waiting >= 5);
     rig.pass(100);
@@ -383,7 +385,8 @@ fn history_comes_in_messages_as_large_as_the_broker_takes() {
     for total in 1..=TRIPS {
         let record = TripRecord { at: rig.at().mono, code: Some(3), words: Vec::new() };
         rig.views[0].trip_kept.total = total;
-        (rig.views[0].trip.last, rig.views[0].trip_kept.last) = (Some(record.clone()), Some(record));
+        rig.views[0].trip.last = Some(record.clone());
+        rig.views[0].trip_kept.last = Some(record);
         rig.acts();
         rig.pass(100);
     }

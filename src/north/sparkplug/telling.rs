@@ -58,7 +58,9 @@ impl Session {
         let bdseq = node::bdseq(self.bdseq, at_ms);
         let metrics = self.node.birth(bdseq, at_ms, lines, stops);
         self.seq = 0;
-        (self.rebirth_at, self.born_at, self.place) = (None, at, 0);
+        self.rebirth_at = None;
+        self.born_at = at;
+        self.place = 0;
         for device in &mut self.devices {
             device.is_born = false;
         }
@@ -75,7 +77,8 @@ impl Session {
     /// The next birth or death of a device.
     fn next_of_presence(&mut self, at: MonoTime, views: &[Arc<DriveView>]) -> Option<Act> {
         for (place, view) in (0..self.devices.len()).zip(views) {
-            let (is_online, device) = (view.is_online(), &mut self.devices[place]);
+            let is_online = view.is_online();
+            let device = &mut self.devices[place];
             if is_online == device.is_born || device.is_too_large {
                 continue;
             }
@@ -91,7 +94,8 @@ impl Session {
             let act = self.publish(at, topic, metrics);
             if act.is_none() {
                 let device = &mut self.devices[place];
-                (device.is_born, device.is_too_large) = (false, true);
+                device.is_born = false;
+                device.is_too_large = true;
                 continue;
             }
             return act;

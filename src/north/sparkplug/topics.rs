@@ -70,7 +70,8 @@ pub(super) struct Topics {
 
 impl Topics {
     pub(super) fn new(settings: &Settings) -> Self {
-        let (group, node) = (settings.group.clone(), settings.node.clone());
+        let group = settings.group.clone();
+        let node = settings.node.clone();
         Self {
             node_command: format!("{NAMESPACE}/{group}/NCMD/{node}"),
             device_commands: format!("{NAMESPACE}/{group}/DCMD/{node}/"),

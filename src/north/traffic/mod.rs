@@ -35,7 +35,8 @@ impl Decoder {
 
     /// Some frames were not seen: the next one is as the first.
     pub fn skip(&mut self) {
-        (self.asked, self.last_end) = (None, None);
+        self.asked = None;
+        self.last_end = None;
     }
 
     /// The next frame in words.

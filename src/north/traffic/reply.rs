@@ -45,12 +45,14 @@ fn alone(drive: Option<&KnownDrive>, pdu: &[u8]) -> FrameText {
             FrameText::text(format!("{} {noun} of unknown registers: {}", words.len(), words.join(" ")))
         }
         [function::WRITE_SINGLE, high, low, value_high, value_low] => {
-            let (address, value) = (u16::from_be_bytes([high, low]), u16::from_be_bytes([value_high, value_low]));
+            let address = u16::from_be_bytes([high, low]);
+            let value = u16::from_be_bytes([value_high, value_low]);
             let values = values(drive, address, &[value]);
             FrameText { text: format!("after a write: {}", in_text(&values, " = ", true)), exception: None, values }
         }
         [function::WRITE_MULTIPLE, high, low, count_high, count_low] => {
-            let (address, count) = (u16::from_be_bytes([high, low]), u16::from_be_bytes([count_high, count_low]));
+            let address = u16::from_be_bytes([high, low]);
+            let count = u16::from_be_bytes([count_high, count_low]);
             FrameText::text(format!("after a write of {count} words from {} on", place(drive, address)))
         }
         [function::DIAGNOSTICS, 0, 0, high, low] => {

@@ -149,7 +149,9 @@ fn every_frame_of_the_collections_reads_as_it_always_did() {
 
 #[test]
 fn every_frame_of_the_collections_says_what_its_collection_says() {
-    let (mut frames, mut values, mut refusals) = (0, 0, 0);
+    let mut frames = 0;
+    let mut values = 0;
+    let mut refusals = 0;
     for row in rows() {
         let what = format!("{}: {}", row.drive, row.what);
         let (asked, reply) = decoded(&row);

@@ -93,9 +93,11 @@ fn promised(row: &SheetRow, drive: &DriveDescription, view: &DriveView) -> Optio
 
 #[test]
 fn every_uniform_word_reads_as_the_sheet_says() {
-    let (mut measured, mut absent) = (0, 0);
+    let mut measured = 0;
+    let mut absent = 0;
     for drive in drives() {
-        let (unit, view) = (Uniform::new(&drive), picture(&drive));
+        let unit = Uniform::new(&drive);
+        let view = picture(&drive);
         for row in uniform(&drive, ALL) {
             let by_03 = asked(&unit, &view, 3, row.address, row.count);
             let by_04 = asked(&unit, &view, 4, row.address, row.count);
@@ -134,7 +136,8 @@ fn every_uniform_word_reads_as_the_sheet_says() {
 
 #[test]
 fn bits_read_as_the_sheet_says() {
-    let (unit, view) = (Uniform::new(&testing::description()), testing::view());
+    let unit = Uniform::new(&testing::description());
+    let view = testing::view();
     let rows = uniform(&testing::description(), ALL);
     for (table, function) in [(SheetTable::Coil, 1), (SheetTable::Discrete, 2)] {
         let of_table: Vec<_> = rows.iter().filter(|row| row.table == table).collect();

@@ -45,7 +45,9 @@ impl Column {
             return None;
         }
         let stale_after = drive.stale_after(register)?;
-        let (address, scale, is_signed) = (register.address, register.scale, register.signed);
+        let address = register.address;
+        let scale = register.scale;
+        let is_signed = register.signed;
         Some(Self { address, scale, is_signed, rated, stale_after })
     }
 

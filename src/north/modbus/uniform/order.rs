@@ -51,7 +51,8 @@ pub(super) fn order_in(ask: &Ask, control: Option<&ControlView>) -> Result<Optio
 }
 
 fn words(first: u16, values: &[u16]) -> Result<Option<Order>, Reason> {
-    let (mut command, mut setpoint) = (None, None);
+    let mut command = None;
+    let mut setpoint = None;
     for (offset, value) in (0..).zip(values) {
         match first.checked_add(offset) {
             Some(address::RUN) => command = Some(*value),
@@ -115,7 +116,9 @@ fn coils(first: u16, count: u16, value: impl Fn(u16) -> Option<bool>) -> Result<
     }
     // Nothing: the request does not cover the coil.
     let coil = |coil: u16| coil.checked_sub(first).filter(|place| *place < count).and_then(&value);
-    let (forward, reverse, reset) = (coil(address::FORWARD), coil(address::REVERSE), coil(address::RESET));
+    let forward = coil(address::FORWARD);
+    let reverse = coil(address::REVERSE);
+    let reset = coil(address::RESET);
     if coil(address::STOP) == Some(true) {
         return Ok(Some(Order::Stop { setpoint: None }));
     }

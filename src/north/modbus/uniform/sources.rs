@@ -58,7 +58,8 @@ impl Sources {
     /// Whether output frequency and setting are within 0.1 Hz, both fresh.
     pub(super) fn is_at_setpoint(&self, view: &DriveView, now: MonoTime) -> bool {
         let fresh = |column: &Option<Column>| Some(column.as_ref()?.fresh(view, now)?.magnitude());
-        let (output, setting) = (fresh(&self.output_frequency), fresh(&self.setting));
+        let output = fresh(&self.output_frequency);
+        let setting = fresh(&self.setting);
         output.zip(setting).is_some_and(|(output, setting)| output.is_near(setting))
     }
 

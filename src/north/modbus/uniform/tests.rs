@@ -173,7 +173,8 @@ fn a_trip_is_shown_as_far_as_it_is_known() {
         (None, record(Some(7)), ABSENT),
     ] {
         let mut view = testing::view();
-        (view.trip.active, view.trip.last) = (active, last);
+        view.trip.active = active;
+        view.trip.last = last;
         assert_eq!(word(3, &view), now_word, "{:?}", view.trip);
         assert_eq!(word(1, &view) & bit::TRIPPED != 0, active == Some(true));
         assert_eq!((word(13, &view), word(14, &view)), (0, 0), "none of it is kept yet");
@@ -200,8 +201,11 @@ fn trips_are_counted_as_they_are_kept() {
 fn control_is_shown_as_it_is() {
     let mut view = testing::view();
     let mut control = ControlView::default();
-    (control.start_inhibited, control.not_effective, control.failsafe) = (true, true, true);
-    (control.stop_pending, control.commands) = (true, 77);
+    control.start_inhibited = true;
+    control.not_effective = true;
+    control.failsafe = true;
+    control.stop_pending = true;
+    control.commands = 77;
     control.intent = RunIntent::Run(Direction::Reverse);
     control.setpoint = Some(Hertz::from_millihertz(42_500));
     control.last = Some(Report::refused(Reason::OtherOwner));
@@ -244,7 +248,9 @@ fn capabilities_are_what_model_and_control_allow() {
         description.control = Some(Arc::new(settings));
         picture(&Uniform::new(&description), &testing::view(), NOW)[26]
     };
-    let (forward, reverse, setpoint) = (capability::FORWARD, capability::REVERSE, capability::SETPOINT);
+    let forward = capability::FORWARD;
+    let reverse = capability::REVERSE;
+    let setpoint = capability::SETPOINT;
     assert_eq!(with(&|_| {}), forward | reverse | setpoint, "coast and reset are not proven");
     assert_eq!(with(&|it| it.directions = vec![Direction::Forward]), forward | setpoint);
     let accepted = vec![ControlAction::Coast, ControlAction::Reset];
@@ -256,7 +262,8 @@ fn capabilities_are_what_model_and_control_allow() {
 fn limits_are_rounded_into_themselves() {
     let mut description = testing::description();
     let mut settings = testing::settings();
-    (settings.least, settings.most) = (Hertz::from_millihertz(5_001), Hertz::from_millihertz(50_009));
+    settings.least = Hertz::from_millihertz(5_001);
+    settings.most = Hertz::from_millihertz(50_009);
     description.control = Some(Arc::new(settings));
     let words = picture(&Uniform::new(&description), &testing::view(), NOW);
     assert_eq!((words[20], words[21]), (501, 5000));
@@ -264,7 +271,8 @@ fn limits_are_rounded_into_themselves() {
 
 #[test]
 fn there_is_nothing_outside_of_the_map_and_no_partial_answer() {
-    let (unit, view) = (unit(), testing::view());
+    let unit = unit();
+    let view = testing::view();
     for (pdu, right) in [
         (&[3, 0, 31, 0, 1][..], Taken::Words),
         (&[3, 1, 5, 0, 1], Taken::Words),
@@ -313,7 +321,8 @@ const WRITES: [&[u8]; 6] = [
 #[test]
 fn a_write_is_an_order_where_there_is_control_and_never_allowed_elsewhere() {
     let without = crate::drive::description::DriveDescription { control: None, ..testing::description() };
-    let (with, without) = (unit(), Uniform::new(&without));
+    let with = unit();
+    let without = Uniform::new(&without);
     for pdu in WRITES {
         let stop = Taken::Order(Order::Stop { setpoint: None });
         assert_eq!(take(&with, pdu, &testing::view(), NOW).0, stop, "{pdu:?}");

@@ -48,7 +48,8 @@ fn button(key: &str, name: &str, needs: Needs, payload: &str) -> Entity {
 /// The setpoint within its limits. One of the drive's own that lies outside is shown by the sensor alone: here it would
 /// be an error.
 fn setpoint(drive: &DriveDescription, control: &ControlSettings, topic: &dyn Fn(&str) -> String) -> Option<Entity> {
-    let (least, most) = (control.least.as_f64(), control.most.as_f64());
+    let least = control.least.as_f64();
+    let most = control.most.as_f64();
     let scale = drive.model.register_for(Role::FrequencyCommand)?.scale;
     if least >= most {
         return None;

@@ -43,7 +43,8 @@ fn all() -> ControlSettings {
 
 /// What is announced of these drives, by topic.
 fn announced(devices: bool, drives: &[DriveDescription]) -> Map<String, Value> {
-    let (settings, lines) = (speaking(devices), [name("hall")]);
+    let settings = speaking(devices);
+    let lines = [name("hall")];
     let topics = Topics::new(&settings);
     let plant = Plant::of(&settings, &topics, &lines, drives).unwrap();
     let mut announced = Map::new();
@@ -126,7 +127,8 @@ fn what_is_pressed_is_what_the_topics_take() {
     let topics = Topics::new(&speaking(false));
     let mut pressed = 0;
     for drive in every_drive() {
-        let (model, can) = (drive.model.clone(), crate::north::shown::capabilities(&drive));
+        let model = drive.model.clone();
+        let can = crate::north::shown::capabilities(&drive);
         for (component, key, document) in entities(drive) {
             let Some(topic) = document.get("command_topic").and_then(Value::as_str) else { continue };
             assert_eq!(document.get("retain"), None, "a command is never kept");
@@ -185,7 +187,8 @@ fn ids_are_unique_over_gateways_drives_and_entities() {
 fn a_device_as_a_whole_holds_what_its_entities_do() {
     let drives =
         [drive("frecon-fr500a", Some(all())), DriveDescription { name: name("fan"), ..drive("teco-e510", None) }];
-    let (single, whole) = (announced(false, &drives), announced(true, &drives));
+    let single = announced(false, &drives);
+    let whole = announced(true, &drives);
     let topics: Vec<_> = whole.keys().map(String::as_str).collect();
     let topic = |object: &str| format!("homeassistant/device/vfd-gateway-plant/{object}/config");
     assert_eq!(topics, ["drive_fan", "drive_pump-1", "gateway"].map(topic));
@@ -229,7 +232,8 @@ fn a_value_is_shown_with_as_many_decimals_as_are_published() {
 #[test]
 fn lines_are_shown_by_their_names() {
     let settings = speaking(false);
-    let (topics, lines) = (Topics::new(&settings), ["a_b", "a.b"].map(|it| Name::new(it).unwrap()));
+    let topics = Topics::new(&settings);
+    let lines = ["a_b", "a.b"].map(|it| Name::new(it).unwrap());
     let plant = Plant::of(&settings, &topics, &lines, &[]).unwrap();
     let each: Vec<_> = (0..).map_while(|entity| plant.announcement((0, entity))).map(|(topic, _)| topic).collect();
     for object in ["gateway_line_a__b_up", "gateway_line_a_-b_up", "gateway_line_a_-b_status"] {

@@ -77,7 +77,9 @@ impl Discovery {
     /// The way to the broker is open.
     pub(super) fn opened(&mut self, at: MonoTime) {
         self.way = Some(Way { opened_at: at, quiet_at: at + QUIET });
-        (self.walk, self.again_at, self.told) = (Some((0, 0)), None, None);
+        self.walk = Some((0, 0));
+        self.again_at = None;
+        self.told = None;
     }
 
     /// The connection is gone: all is announced on the next one.
@@ -132,7 +134,8 @@ impl Discovery {
 
     fn move_over(&mut self, topic: &str) {
         if self.gone.len() + self.moving.len() < GONE_MAX && self.moving.insert(topic.to_owned()) {
-            (self.walk, self.told) = (Some((0, 0)), None);
+            self.walk = Some((0, 0));
+            self.told = None;
         }
     }
 
@@ -149,7 +152,8 @@ impl Discovery {
     /// The next publication, if it is time for one, with its number.
     pub(super) fn next(&mut self, at: MonoTime, plant: &Plant<'_>) -> Option<(Publication, u64)> {
         if self.again_at.is_some_and(|again_at| at >= again_at) {
-            (self.walk, self.again_at) = (Some((0, 0)), None);
+            self.walk = Some((0, 0));
+            self.again_at = None;
         }
         if self.wake()? > at {
             return None;
@@ -210,7 +214,10 @@ impl Plant<'_> {
 }
 
 const fn publication(topic: String, payload: Vec<u8>, retain: bool) -> Publication {
-    let (qos, expiry, correlation, token) = (Qos::AtLeastOnce, None, None, None);
+    let qos = Qos::AtLeastOnce;
+    let expiry = None;
+    let correlation = None;
+    let token = None;
     Publication { topic, payload, retain, qos, expiry, correlation, token }
 }
 

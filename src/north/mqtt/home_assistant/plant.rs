@@ -62,7 +62,8 @@ impl<'a> Plant<'a> {
         lines: &'a [Name],
         drives: &'a [DriveDescription],
     ) -> Option<Self> {
-        let (alive, gateway) = (settings.alive_topic.as_deref(), &settings.gateway);
+        let alive = settings.alive_topic.as_deref();
+        let gateway = &settings.gateway;
         settings.home_assistant.as_ref().map(|settings| Self { settings, alive, topics, gateway, lines, drives })
     }
 
@@ -105,7 +106,8 @@ impl<'a> Plant<'a> {
             (DEVICE, device.object(), self.whole(device, entities))
         } else {
             let entity = entities.into_iter().nth(entity)?;
-            let (component, object) = (entity.component.word(), ids::entity(&device.object(), &entity.key));
+            let component = entity.component.word();
+            let object = ids::entity(&device.object(), &entity.key);
             (component, object, Value::Object(self.single(device, entity)))
         };
         Some((self.topic(component, &object), document.to_string().into_bytes()))
@@ -147,7 +149,8 @@ impl<'a> Plant<'a> {
             return BTreeSet::new();
         }
         let of_device = |device: Device<'a>| -> Vec<Announced> {
-            let (object, entities) = (device.object(), self.entities(device));
+            let object = device.object();
+            let entities = self.entities(device);
             if self.settings.devices {
                 return vec![(self.topic(DEVICE, &object), keys(&entities).into_iter().collect())];
             }
@@ -195,7 +198,8 @@ impl<'a> Plant<'a> {
     /// A device with all its entities.
     fn whole(&self, device: Device<'_>, entities: Vec<Entity>) -> Value {
         let component = |entity: Entity| {
-            let (key, platform) = (entity.key.clone(), entity.component.word());
+            let key = entity.key.clone();
+            let platform = entity.component.word();
             let mut config = self.config(device, entity);
             config.insert("platform".to_owned(), platform.into());
             (key, Value::Object(config))
@@ -206,7 +210,8 @@ impl<'a> Plant<'a> {
 
     /// What an entity is, without its device.
     fn config(&self, device: Device<'_>, entity: Entity) -> Map<String, Value> {
-        let (Entity { key, needs, mut config, .. }, node) = (entity, self.node());
+        let Entity { key, needs, mut config, .. } = entity;
+        let node = self.node();
         config.insert("unique_id".to_owned(), ids::unique(&node, &ids::entity(&device.object(), &key)).into());
         let gateway = || json!({ "topic": self.topics.gateway("status") });
         let availability = match (needs, device) {

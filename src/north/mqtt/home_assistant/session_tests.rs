@@ -364,7 +364,8 @@ fn a_flood_under_our_node_is_bounded() {
 #[test]
 fn a_broker_that_keeps_nothing_is_told_all_the_same() {
     let mut home = Home::new(speaking(Version::V5));
-    (home.rig.broker.retains, home.granted) = (false, false);
+    home.rig.broker.retains = false;
+    home.granted = false;
     let announced = home.connect();
     assert!(!announced.is_empty() && announced.iter().all(|it| !it.retain));
     home.rig.session.replace(home.rig.at(), Vec::new(), vec![name("hall")]);

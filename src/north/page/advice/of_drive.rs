@@ -20,7 +20,8 @@ impl Drive<'_> {
     #[must_use]
     pub fn advice(&self, interface: Interface, now: MonoTime) -> Vec<Finding> {
         let description = self.description;
-        let (line, drive) = (Some(description.line.clone()), Some(description.name.clone()));
+        let line = Some(description.line.clone());
+        let drive = Some(description.name.clone());
         let mut said = Advice { line, drive, all: Vec::new() };
         // A line that is down says so itself, once for all its drives.
         if self.view.line_is_up && self.view.snapshot.presence == Presence::Offline {
@@ -56,7 +57,8 @@ impl Drive<'_> {
 
     /// Whether it obeys the bus, as far as what was read tells.
     fn obedience(&self, said: &mut Advice, interface: Interface, now: MonoTime) {
-        let (model, name) = (&self.description.model, &self.description.name);
+        let model = &self.description.model;
+        let name = &self.description.name;
         let concerned = model.setup.iter().filter(|item| item.interface.is_none_or(|of| of == interface));
         let wrong: Vec<String> = concerned.filter_map(|item| self.wrong(item, now)).collect();
         for wrong in &wrong {
