@@ -139,7 +139,12 @@ impl Checker {
                 self.outdate_order(drive, order, it.issued);
             }
         }
-        let Some(id) = id else { return };
+        let Some(id) = id else {
+            if !stops {
+                self.messages.plain = self.messages.is_only_one.then_some((at, drive, order));
+            }
+            return;
+        };
         if self.messages.ids.len() >= KEPT {
             self.messages.ids.remove(0);
         }
