@@ -365,7 +365,7 @@ mod tests {
     fn the_reader_takes_exactly_the_keys_of_the_table() {
         for section in Section::ALL {
             let found = problems(&with_line_in(section, "qqqqqqqqqqqq = 1"));
-            let unknown = found.iter().find(|it| it.contains("there is no key `qqqqqqqqqqqq`")).unwrap();
+            let unknown = found.iter().find(|it| it.contains("unknown key `qqqqqqqqqqqq`")).unwrap();
             let (_, listed) = unknown.split_once("one of ").unwrap();
             let mut listed: Vec<_> = listed.split(", ").collect();
             let keys = KEYS.iter().filter(|key| key.section == section);

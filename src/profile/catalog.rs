@@ -1,4 +1,4 @@
-//! Models by their identifiers, from the texts that are built in.
+//! The built-in and user-supplied models, by identifier.
 
 use super::check;
 use super::model::Model;
@@ -7,7 +7,7 @@ use crate::toml_file::Location;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Models, none twice.
+/// Models with unique identifiers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Catalog {
     models: BTreeMap<String, Entry>,
@@ -21,7 +21,7 @@ struct Entry {
 }
 
 impl Catalog {
-    /// The models of `texts`, which are pairs of a file's name and its text.
+    /// The models of `texts`, pairs of file name and content.
     ///
     /// # Errors
     /// As [`Self::with_texts`].
@@ -29,11 +29,11 @@ impl Catalog {
         Self::default().with_texts(texts)
     }
 
-    /// These models and those of `texts`, which are pairs of a file's name and its text.
+    /// Adds the models of `texts`, pairs of file name and content.
     ///
     /// # Errors
-    /// All problems of all texts, each with the name of its file: what [`check::model`] refuses, and an
-    /// identifier that a model of this catalogue or of an earlier text has.
+    /// All problems of all texts, each with its file name: whatever [`check::model`] refuses, and identifiers
+    /// that are already in use.
     pub fn with_texts<F: Into<String>, T: AsRef<str>>(
         mut self,
         texts: impl IntoIterator<Item = (F, T)>,
@@ -47,7 +47,7 @@ impl Catalog {
         if all.is_empty() { Ok(self) } else { Err(all) }
     }
 
-    /// The model called `id`.
+    /// The model with identifier `id`, if any.
     #[must_use]
     pub fn find(&self, id: &str) -> Option<&Arc<Model>> {
         Some(&self.models.get(id)?.model)
@@ -60,8 +60,8 @@ impl Catalog {
 
     fn add(&mut self, model: Model, file: &str, id: &Location) -> Result<(), Vec<Problem>> {
         if let Some(taken) = self.models.get(&model.id) {
-            let problem = id.problem(format!("`{}` is the model of {}", model.id, taken.file));
-            return Err(vec![problem.right("an identifier of its own")]);
+            let problem = id.problem(format!("`{}` is already defined by {}", model.id, taken.file));
+            return Err(vec![problem.right("a unique identifier")]);
         }
         self.models.insert(model.id.clone(), Entry { model: Arc::new(model), file: file.to_owned() });
         Ok(())
@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn problems_of_all_texts_are_told_with_their_files() {
+    fn problems_of_all_texts_are_reported_with_their_files() {
         let problems = Catalog::from_texts([("a", "x ="), ("b", MODEL), ("c", MODEL)]).unwrap_err();
         let told: Vec<_> = problems.iter().map(|(file, problem)| (file.as_str(), problem.key.as_str())).collect();
         assert_eq!(told, [("a", ""), ("c", "id")]);
@@ -99,6 +99,6 @@ mod tests {
         let problems = built_in.with_texts(own(["acme-2", "acme-1"])).unwrap_err();
         let [(file, problem)] = &problems[..] else { panic!("{problems:?}") };
         assert_eq!((file.as_str(), problem.place_in(MODEL)), ("own/acme-1.toml", (1, 6)));
-        assert_eq!(problem.what, "`acme-1` is the model of built-in/acme.toml");
+        assert_eq!(problem.what, "`acme-1` is already defined by built-in/acme.toml");
     }
 }

@@ -1,8 +1,8 @@
-//! What a drive description may say, the proof that it is sound, and the catalogue of those that are built in.
+//! Drive models: what a model file may contain, the checks that prove it sound, and the catalog of models.
 //!
-//! [`words`] holds the words of a model file for enumerations. [`check`] turns a model file into a [`model::Model`] or into all its problems, [`register`] reads one register of a model file
-//! or of the configuration, [`scale`] converts between raw words and values, [`catalog`] holds what is built in,
-//! [`summary`] shows a model to people.
+//! [`check`] turns a model file into a [`model::Model`] or into all its problems. [`register`] reads one register of a
+//! model file or of the configuration. [`scale`] converts between raw words and values. [`words`] holds the words for
+//! enumerations. [`catalog`] holds all models. [`summary`] prints a model for people.
 
 pub mod catalog;
 pub mod check;

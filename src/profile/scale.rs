@@ -1,9 +1,9 @@
-//! Between the raw words of a register and values in its unit, exact in decimal.
+//! Conversion between raw words of a register and values in its unit, exact in decimal.
 
 use super::model::Register;
 use std::fmt;
 
-/// A value as the drive holds it: `raw / scale`, kept as the two whole numbers.
+/// A value as the drive holds it: `raw / scale`, kept as two integers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Scaled {
     raw: i32,
@@ -11,20 +11,20 @@ pub struct Scaled {
 }
 
 impl Scaled {
-    /// The value that `word` means in `register`.
+    /// The value that `word` represents in `register`.
     #[must_use]
     pub fn from_word(word: u16, register: &Register) -> Self {
         let raw = if register.signed { i32::from(word.cast_signed()) } else { i32::from(word) };
         Self { raw, scale: register.scale }
     }
 
-    /// The value with so many digits behind the point.
+    /// The value rounded to this many decimals.
     #[must_use]
     pub fn to_digits(self, digits: u8) -> Decimal {
         Decimal::nearest(self.raw.into(), self.scale.into(), digits)
     }
 
-    /// The value in the register's unit, as the nearest binary number.
+    /// The value in the register's unit, as the nearest `f64`.
     #[must_use]
     pub fn value(self) -> f64 {
         f64::from(self.raw) / f64::from(self.scale)
@@ -32,8 +32,8 @@ impl Scaled {
 }
 
 impl fmt::Display for Scaled {
-    /// With as many decimals as the scale has zeros (raw 6000 of scale 100 is `60.00`); a scale that is no
-    /// power of ten shows as many as the value needs.
+    /// Prints as many decimals as the scale has zeros (raw 6000 of scale 100 is `60.00`); for other scales, as
+    /// many as the value needs.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let decimals = self.scale.ilog10();
         if 10_u32.pow(decimals) != self.scale {
@@ -48,7 +48,7 @@ impl fmt::Display for Scaled {
     }
 }
 
-/// A number with a fixed count of digits behind its decimal point.
+/// A number with a fixed count of decimals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Decimal {
     steps: i64,
@@ -56,8 +56,8 @@ pub struct Decimal {
 }
 
 impl Decimal {
-    /// `numerator / denominator`, which is above 0, to the nearest number with so many digits. What is not zero does not
-    /// become zero: a motor that turns slowly must not look as if it stood.
+    /// `numerator / denominator`, rounded to this many decimals; `denominator` must be above 0. A nonzero value is never
+    /// rounded to zero: a slowly turning motor must not appear to stand still.
     #[must_use]
     pub fn nearest(numerator: i64, denominator: i64, digits: u8) -> Self {
         let (numerator, denominator) = (i128::from(numerator) * 10_i128.pow(digits.into()), i128::from(denominator));
@@ -66,7 +66,7 @@ impl Decimal {
         Self { steps: i64::try_from(steps).unwrap_or(if steps < 0 { i64::MIN } else { i64::MAX }), digits }
     }
 
-    /// The number, as the nearest binary one.
+    /// The number, as the nearest `f64`.
     #[must_use]
     pub fn value(self) -> f64 {
         self.steps as f64 / 10_f64.powi(self.digits.into())
@@ -84,8 +84,8 @@ impl fmt::Display for Decimal {
     }
 }
 
-/// Digits behind the point of a value of `scale` steps per unit. One that is no power of ten may need any number of them:
-/// then it is the most that make sense.
+/// Decimals of a value of `scale` steps per unit. If `scale` is not a power of ten, a value may need any number of
+/// decimals; the result is then a sensible maximum.
 #[must_use]
 pub fn digits_of(scale: u32) -> u8 {
     const MOST: u8 = 4;
@@ -99,7 +99,7 @@ pub enum NoWord {
     /// Not a number, or infinite.
     #[error("not a number")]
     NotANumber,
-    /// Below or above what the register's word can hold.
+    /// Outside the range of the register's word.
     #[error("outside {least} to {most}")]
     OutOfRange {
         /// The least value that the word can hold.
@@ -115,17 +115,17 @@ pub enum NoWord {
     },
 }
 
-/// The raw word for `value`, which is in the unit of `register`. Nothing is rounded or clamped: the value must be
-/// the binary number nearest to a step of the register, as it is when read from decimal text.
+/// The raw word for `value`, in the unit of `register`. Nothing is rounded or clamped: the value must be the `f64`
+/// nearest to a step of the register, as it is when parsed from decimal text.
 ///
 /// # Errors
 /// The word cannot hold the value.
 pub fn to_raw(value: f64, register: &Register) -> Result<u16, NoWord> {
-    // In two's complement the low word of a negative number is its register word.
+    // In two's complement, the low word of a negative number is its register word.
     steps(value, register.scale, register.signed).map(|raw| (raw & 0xFFFF) as u16)
 }
 
-/// As [`to_raw`], but as a number and for a register that is not made yet.
+/// Like [`to_raw`], but returns the number before encoding and needs no [`Register`].
 pub(super) fn steps(value: f64, scale: u32, signed: bool) -> Result<i32, NoWord> {
     if !value.is_finite() {
         return Err(NoWord::NotANumber);

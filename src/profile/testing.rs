@@ -1,12 +1,12 @@
-//! What the tests of this room and of later ones share: sound models, and problems as text.
+//! Shared test helpers: sound models, and problems as text.
 
 use super::check;
 use crate::domain::problem::Problem;
 
-/// A model file with one of everything that there may be.
+/// A model file with one of every possible item.
 pub(super) const EVERYTHING: &str = include_str!("../../tests/golden/models/everything.toml");
 
-/// A model file with one of everything that must be there.
+/// A model file with the required items only.
 pub(super) const MODEL: &str = r#"id = "acme-1"
 vendor = "Acme"
 title = "One"
@@ -54,12 +54,12 @@ confidence = "manual"
 source = "IM 4"
 "#;
 
-/// The beginning of that file: everything but its register.
+/// [`MODEL`] without its register.
 pub fn head() -> &'static str {
     MODEL.split_once("[[register]]").map_or(MODEL, |(head, _)| head)
 }
 
-/// A line for each problem: place, key, what is wrong, what would be right.
+/// One entry per problem: position, key, what is wrong, what would be right.
 pub(super) fn told(problems: &[Problem], text: &str) -> String {
     let lines = problems.iter().map(|problem| {
         let (line, column) = problem.place_in(text);
@@ -69,15 +69,15 @@ pub(super) fn told(problems: &[Problem], text: &str) -> String {
     lines.collect()
 }
 
-/// What is told when `from`, which the sound `model` has, reads `to` instead.
+/// The problems reported after replacing `from` with `to` in the sound `model`.
 pub(super) fn told_with(model: &str, from: &str, to: &str) -> String {
     assert!(model.contains(from), "{from}");
     let text = model.replacen(from, to, 1);
     told(&check::model(&text).unwrap_err(), &text)
 }
 
-/// Shows that each change of [`EVERYTHING`], of a text to another, is told: a line for each problem, with key, what is
-/// wrong and what would be right.
+/// Asserts that each replacement in [`EVERYTHING`] is reported: a line per problem, with key, what is wrong and what
+/// would be right.
 pub(super) fn each_is_told(changes: &[(&str, &str, &str)]) {
     check::model(EVERYTHING).unwrap();
     for (from, to, expected) in changes {
@@ -88,7 +88,7 @@ pub(super) fn each_is_told(changes: &[(&str, &str, &str)]) {
     }
 }
 
-/// Compares with the file `name`, or writes it where `UPDATE_GOLDEN` is set.
+/// Compares with the file `name`, or writes it if `UPDATE_GOLDEN` is set.
 pub(super) fn golden(name: &str, found: &str) {
     let path = format!("{}/tests/golden/models/{name}", env!("CARGO_MANIFEST_DIR"));
     if std::env::var_os("UPDATE_GOLDEN").is_some() {

@@ -1,15 +1,15 @@
-//! The words of a model file for enumerations: one table each, for reading and for showing.
+//! The words of a model file for enumerations: one table each, for reading and printing.
 
 use super::model::{
     Access, BitMeaning, Boundary, Confidence, DocumentKind, FactPart, Flag, Memory, PollClass, RefusedWrite, Role,
 };
 
-/// The table of an enumeration that knows its own words.
+/// The table of an enumeration that defines its own words.
 macro_rules! own_words {
     ($kind:ident: $($value:ident),+) => { [$(($kind::$value.word(), $kind::$value)),+] };
 }
 
-/// Who may do what with a register.
+/// Access to a register.
 pub const ACCESSES: [(&str, Access); 3] =
     [("read", Access::Read), ("write", Access::Write), ("read-write", Access::ReadWrite)];
 
@@ -22,13 +22,13 @@ pub const POLL_CLASSES: [(&str, PollClass); 5] = [
     ("hourly", PollClass::Hourly),
 ];
 
-/// Where a register keeps what is written to it.
+/// The kind of memory behind a register.
 pub const MEMORIES: [(&str, Memory); 2] = own_words!(Memory: Ram, Stored);
 
-/// What of a register its source may not state.
+/// Properties of a register that its source may leave unstated.
 pub(super) const PARTS: [(&str, FactPart); 6] = own_words!(FactPart: Reading, Writing, Scale, Sign, Memory, Meaning);
 
-/// What a status register can tell.
+/// States that a status register can indicate.
 pub const FLAGS: [(&str, Flag); 8] = [
     ("running", Flag::Running),
     ("reverse", Flag::Reverse),
@@ -40,7 +40,7 @@ pub const FLAGS: [(&str, Flag); 8] = [
     ("bus-frequency", Flag::BusFrequency),
 ];
 
-/// What a bit of a run command means.
+/// Meanings of bits in a run command.
 pub const BIT_MEANINGS: [(&str, BitMeaning); 11] = [
     ("run", BitMeaning::Run),
     ("reverse", BitMeaning::Reverse),
@@ -55,23 +55,23 @@ pub const BIT_MEANINGS: [(&str, BitMeaning); 11] = [
     ("other", BitMeaning::Other),
 ];
 
-/// What a read must not cross.
+/// Boundaries that no read may cross.
 pub(super) const BOUNDARIES: [(&str, Boundary); 1] = [("high-byte", Boundary::HighByte)];
 
-/// What a refused write looks like.
+/// Appearances of a refused write.
 pub(super) const REFUSED_WRITES: [(&str, RefusedWrite); 2] =
     [("exception", RefusedWrite::Exception), ("keeps-old-value", RefusedWrite::KeepsOldValue)];
 
-/// What a document is.
+/// Kinds of documents.
 pub(super) const DOCUMENT_KINDS: [(&str, DocumentKind); 8] = own_words!(
     DocumentKind: Manual, Addendum, DistributorManual, Program, RegisterMap, SiteNote, CommissioningSheet, Forum
 );
 
-/// How sure a fact is.
+/// Degrees of confidence.
 pub(super) const CONFIDENCES: [(&str, Confidence); 7] =
     own_words!(Confidence: Manual, SecondSource, ThirdParty, Sibling, Inferred, Default, Configured);
 
-/// What the gateway uses a register for.
+/// Uses of a register by the gateway.
 pub const ROLES: [(&str, Role); 22] = [
     ("run-command", Role::RunCommand),
     ("frequency-command", Role::FrequencyCommand),

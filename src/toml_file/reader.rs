@@ -23,7 +23,7 @@ pub fn document<'a>(text: &'a str, problems: &mut Vec<Problem>) -> Option<Docume
     let (root, errors) = DeTable::parse_recoverable(text);
     let sound = errors.is_empty();
     problems.extend(errors.into_iter().map(|error| {
-        let what = format!("this is no TOML: {}", error.message().replace('\n', ", "));
+        let what = format!("not valid TOML: {}", error.message().replace('\n', ", "));
         Problem::new("", error.span().unwrap_or(0..0), what)
     }));
     sound.then_some(Document { root })
@@ -217,7 +217,7 @@ impl<'a, 'p> Reader<'a, 'p> {
                 Some(near) => format!("`{near}`"),
                 None => format!("one of {}", self.valid.join(", ")),
             };
-            self.problems.push(location.problem(format!("there is no key `{key}` here")).right(right));
+            self.problems.push(location.problem(format!("unknown key `{key}`")).right(right));
         }
     }
 
@@ -323,7 +323,7 @@ mod tests {
 7:17 one.list[2]: 300 is out of range -> a whole number from 0 to 255
 8:1 one.old: `old` does nothing -> leave it out
 1:1 two: `two` is missing -> a table `two`
-1:1 buad: there is no key `buad` here -> `baud`
+1:1 buad: unknown key `buad` -> `baud`
 ";
         assert_eq!(found, expected);
     }

@@ -50,7 +50,7 @@ impl<'k, T: 'k> Kind<'k, T> {
     pub fn parsed(right: impl Into<String>, parse: impl Fn(&str) -> Option<T> + 'k) -> Self {
         Self::new(right.into(), move |value| {
             let text = as_text(value)?;
-            parse(text).ok_or_else(|| Wrong::new(format!("`{text}` will not do")))
+            parse(text).ok_or_else(|| Wrong::new(format!("`{text}` is not valid")))
         })
     }
 
@@ -80,7 +80,10 @@ impl<'k, T: Copy + 'k> Kind<'k, T> {
                 return Ok(*found);
             }
             let near = nearest(text, words.iter().map(|(word, _)| *word));
-            Err(Wrong { what: format!("`{text}` is none of the words"), right: near.map(|near| format!("\"{near}\"")) })
+            Err(Wrong {
+                what: format!("`{text}` is not an allowed value"),
+                right: near.map(|near| format!("\"{near}\"")),
+            })
         })
     }
 }
@@ -95,7 +98,7 @@ impl<'k, T: Copy + 'k> Kind<'k, T> {
         Self::new(right, move |value| {
             let text = as_text(value)?;
             let found = words.iter().find(|(word, _)| *word == text);
-            found.map(|(_, value)| *value).ok_or_else(|| Wrong::new(format!("`{text}` is none of the words")))
+            found.map(|(_, value)| *value).ok_or_else(|| Wrong::new(format!("`{text}` is not an allowed value")))
         })
     }
 }
@@ -165,7 +168,7 @@ impl Kind<'_, Duration> {
                 return Err(Wrong::new(format!("must be a time with its unit as text, not {}", kind_of(value))));
             };
             match parse_duration(text) {
-                None => Err(Wrong::new(format!("`{text}` is no time; the units are ms, s, min, h"))),
+                None => Err(Wrong::new(format!("`{text}` is not a time; the units are ms, s, min, h"))),
                 Some(time) if !range.contains(&time) => Err(Wrong::new(format!("{text} is out of range"))),
                 Some(time) => Ok(time),
             }
@@ -286,7 +289,7 @@ mod tests {
     fn a_choice_is_never_guessed() {
         let kind = Kind::choice(&[("stop", 0), ("hold", 1)], |it| if it == 0 { "it stops" } else { "it goes on" });
         let wrong = kind.read(DeValue::parse("'halt'").unwrap().get_ref()).unwrap_err();
-        assert_eq!(wrong, Wrong::new("`halt` is none of the words"));
+        assert_eq!(wrong, Wrong::new("`halt` is not an allowed value"));
         assert_eq!(kind.right(), "one of \"stop\" (it stops), \"hold\" (it goes on)");
         assert_eq!(read(&kind, "'hold'"), Ok(1));
     }
@@ -295,7 +298,10 @@ mod tests {
     fn text_is_trimmed_and_not_empty() {
         assert_eq!(read(&Kind::text(), "' a '"), Ok("a".to_owned()));
         assert_eq!(read(&Kind::text(), "' '"), Err("is empty".to_owned()));
-        assert_eq!(read(&Kind::parsed("a letter", |text| text.chars().next()), "''"), Err("`` will not do".to_owned()));
+        assert_eq!(
+            read(&Kind::parsed("a letter", |text| text.chars().next()), "''"),
+            Err("`` is not valid".to_owned())
+        );
         assert_eq!(read(&Kind::flag(), "true"), Ok(true));
     }
 }

@@ -136,7 +136,7 @@ fn a_file_with_problems_changes_nothing() {
     let good = std::fs::read_to_string(&plant.file).unwrap();
     edit(&plant, "poll = \"100ms\"", "poll = \"never\"\nspeed = 3");
     let told = hang_up(&plant);
-    assert!(told.contains("there is no key `speed`") && told.contains("2 problems"), "{told}");
+    assert!(told.contains("unknown key `speed`") && told.contains("2 problems"), "{told}");
     let (code, said) = reload(&plant, &[]);
     assert!(code == Some(2) && said.contains("2 problems") && said.contains("unchanged"), "{said}");
     let (code, said) = reload(&plant, &["--json"]);

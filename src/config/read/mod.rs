@@ -93,7 +93,7 @@ fn size_bytes(text: &str) -> Option<u64> {
     JOURNAL_BYTES.contains(&bytes).then_some(bytes)
 }
 
-/// The directories of `text` that hold models; none where it is no TOML, or where one of them is wrong.
+/// The directories of `text` that hold models; empty if it is not TOML, or if one of them is invalid.
 pub(super) fn model_dirs(text: &str) -> Vec<Spanned<PathBuf>> {
     let mut problems = Vec::new();
     let Some(document) = document(text, &mut problems) else { return Vec::new() };

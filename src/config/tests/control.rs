@@ -127,7 +127,7 @@ fn somebody_commands_and_nobody_twice() {
     only(&from("['mqtt', 'modbus-tcp', 'mqtt']"), &format!("{AT}.from[2]: \"mqtt\" is listed twice; each once"));
     let found = problems(&from("['mqtt', 'modbustcp']"));
     assert!(
-        found[0].starts_with(&format!("{AT}.from[1]: `modbustcp` is none of the words; one of \"mqtt\" (")),
+        found[0].starts_with(&format!("{AT}.from[1]: `modbustcp` is not an allowed value; one of \"mqtt\" (")),
         "{found:?}"
     );
 }
@@ -247,7 +247,7 @@ fn limits_are_setpoints_that_the_drive_can_be_given() {
         found,
         [
             format!("{AT}.frequency_hz.min: `min` is missing; a number from 0 to 10000"),
-            format!("{AT}.frequency_hz.mni: there is no key `mni` here; `min`"),
+            format!("{AT}.frequency_hz.mni: unknown key `mni`; `min`"),
         ]
     );
 }
@@ -409,7 +409,7 @@ fn an_acceptance_accepts_something() {
         ("'reset', 'reset'", "[1]: \"reset\" is listed twice; each once"),
         (
             "'rest'",
-            "[0]: `rest` is none of the words; one of \"basic\" (stopping, running forward and setting the frequency), \
+            "[0]: `rest` is not an allowed value; one of \"basic\" (stopping, running forward and setting the frequency), \
              \"reverse\" (running in reverse), \"reset\" (resetting a trip), \"coast\" (cutting the output off), \"release\" (handing control back to panel and terminals)",
         ),
     ] {

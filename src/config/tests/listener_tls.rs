@@ -74,7 +74,7 @@ fn roles_that_make_no_sense_are_refused_all_at_once() {
         [
             "modbus_tcp[0].tls.roles.a: role `a` may write but not stop: a client that may start must be allowed to stop; [\"write\", \"stop\"]",
             "modbus_tcp[0].tls.roles.b[1]: \"stop\" is listed twice; each once",
-            "modbus_tcp[0].tls.roles.c[0]: `run` is none of the words; one of \"write\" (starts, sets and writes), \"stop\" (stops)",
+            "modbus_tcp[0].tls.roles.c[0]: `run` is not an allowed value; one of \"write\" (starts, sets and writes), \"stop\" (stops)",
             "modbus_tcp[0].tls.roles.d: must be a list, not text; a list, each one of \"write\" (starts, sets and writes), \"stop\" (stops)",
         ]
     );

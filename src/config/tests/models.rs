@@ -203,7 +203,7 @@ fn directories_of_models_are_absolute_and_stand_once() {
     assert_eq!(model_dirs("[gateway"), []);
     good(&gateway("model_dirs = []"));
     good(&gateway("model_dirs = ['/etc/a', '/etc/b']"));
-    only(&gateway("model_dirs = ['models']"), "gateway.model_dirs[0]: `models` will not do; an absolute path");
+    only(&gateway("model_dirs = ['models']"), "gateway.model_dirs[0]: `models` is not valid; an absolute path");
     only(
         &gateway("model_dirs = ['/etc/a', '/etc/a']"),
         "gateway.model_dirs[1]: the directory /etc/a is listed twice; each directory once",

@@ -135,11 +135,11 @@ fn a_password_never_stands_in_the_file() {
     );
     only(
         &over("mqtts://broker", "user = 'vfd'\npassword_env = '$MQTT'"),
-        "mqtt.password_env: `$MQTT` will not do; the name of an environment variable",
+        "mqtt.password_env: `$MQTT` is not valid; the name of an environment variable",
     );
     only(
         &over("mqtts://broker", "user = 'vfd'\npassword_file = 'mqtt'"),
-        "mqtt.password_file: `mqtt` will not do; an absolute path",
+        "mqtt.password_file: `mqtt` is not valid; an absolute path",
     );
 }
 
@@ -218,11 +218,11 @@ fn topics_are_topics() {
     }
     only(
         &over("mqtt://broker", "alive_topic = 'homeassistant/+'"),
-        "mqtt.alive_topic: `homeassistant/+` will not do; a topic without `+`, `#` or a first `$`, or \"\" for none",
+        "mqtt.alive_topic: `homeassistant/+` is not valid; a topic without `+`, `#` or a first `$`, or \"\" for none",
     );
     only(
         &over("mqtt://broker", "client_id = 'a b'"),
-        "mqtt.client_id: `a b` will not do; 1 to 128 visible characters without blanks",
+        "mqtt.client_id: `a b` is not valid; 1 to 128 visible characters without blanks",
     );
 }
 
@@ -238,10 +238,10 @@ fn times_and_versions_stay_in_their_range() {
         ("command_ttl = '2min'", "command_ttl: 2min is out of range; a time from \"100ms\" to \"1min\""),
         (
             "lease = 'sesion'",
-            "lease: `sesion` is none of the words; one of \"session\" (control lasts as long as the way through the broker), \
+            "lease: `sesion` is not an allowed value; one of \"session\" (control lasts as long as the way through the broker), \
              \"explicit\" (control lasts only as long as it is renewed)",
         ),
-        ("brocker = 1", "brocker: there is no key `brocker` here; `broker`"),
+        ("brocker = 1", "brocker: unknown key `brocker`; `broker`"),
     ] {
         only(&over("mqtt://broker", line), &format!("mqtt.{problem}"));
     }
@@ -285,8 +285,8 @@ fn discovery_by_home_assistant_is_taken_and_checked() {
     let levels = "levels of a topic without `+`, `#`, a first `$`, or a slash at either end: \"vfd\", \"plant/vfd\"";
     for (written, problem) in [
         ("{}", "mqtt.home_assistant.discovery: `discovery` is missing; true or false".to_owned()),
-        ("{ discovery = true, prefix = 'a/#' }", format!("mqtt.home_assistant.prefix: `a/#` will not do; {levels}")),
-        ("{ discovery = true, prefix = 'a/' }", format!("mqtt.home_assistant.prefix: `a/` will not do; {levels}")),
+        ("{ discovery = true, prefix = 'a/#' }", format!("mqtt.home_assistant.prefix: `a/#` is not valid; {levels}")),
+        ("{ discovery = true, prefix = 'a/' }", format!("mqtt.home_assistant.prefix: `a/` is not valid; {levels}")),
         (
             "{ discovery = true, prefix = 'vfd/plant' }",
             "mqtt.home_assistant.prefix: `vfd/plant` lies among the gateway's own topics; the discovery prefix that Home \
@@ -320,7 +320,7 @@ fn of_sparkplug_only_the_group_must_be_named() {
     assert_eq!(mqtt(&over("mqtt://broker", "")).sparkplug_session(name), None);
     only(
         &kept(&over("mqtt://broker", "[mqtt.sparkplug]\ngroup = 'a/b'")),
-        "mqtt.sparkplug.group: `a/b` will not do; one level of a topic, without `/`, `+`, `#` or a first `$`: \"plant-a\"",
+        "mqtt.sparkplug.group: `a/b` is not valid; one level of a topic, without `/`, `+`, `#` or a first `$`: \"plant-a\"",
     );
 }
 

@@ -104,7 +104,7 @@ fn the_data_directory_is_an_absolute_path() {
     let text = |path: &str| format!("[gateway]\ndata_dir = '{path}'\n{MINIMAL}");
     assert_eq!(good(&text("/var/lib/vfd")).gateway.data_dir, Some(PathBuf::from("/var/lib/vfd")));
     assert_eq!(good(MINIMAL).gateway.data_dir, None);
-    only(&text("vfd"), "gateway.data_dir: `vfd` will not do; an absolute path");
+    only(&text("vfd"), "gateway.data_dir: `vfd` is not valid; an absolute path");
 }
 
 #[test]

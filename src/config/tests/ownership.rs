@@ -24,7 +24,7 @@ fn ownership_and_interlocks_are_taken_as_written() {
     assert_eq!((found.min_start_interval.as_secs(), found.stored_write_interval.as_secs()), (600, 86_400));
     let told = problems(&control_with("ownership = 'all'"));
     let words = "\"one\" (only who holds control commands), \"any\" (control passes to the client that commands last)";
-    assert_eq!(told, [format!("{AT}.ownership: `all` is none of the words; one of {words}")]);
+    assert_eq!(told, [format!("{AT}.ownership: `all` is not an allowed value; one of {words}")]);
     assert_eq!(problems(&control_with("min_start_interval = '2h'")).len(), 1);
     let often = with(CONTROLLED, "write = [\"F007\"]", "write = ['F007']\nstored_write_interval = '500ms'");
     assert_eq!(problems(&often).len(), 1);

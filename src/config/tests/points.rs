@@ -95,10 +95,10 @@ fn what_is_published_is_listed() {
     assert_eq!(listed("[]"), []);
     assert_eq!(listed("['values', 'state']"), [Tree::Values, Tree::State]);
     for (list, problem) in [
-        ("['stat']", "mqtt.publish[0]: `stat` is none of the words; \"state\""),
+        ("['stat']", "mqtt.publish[0]: `stat` is not an allowed value; \"state\""),
         (
             "['history']",
-            "mqtt.publish[0]: `history` is none of the words; one of \"state\", \"values\", \"param\", \"line\", \"info\"",
+            "mqtt.publish[0]: `history` is not an allowed value; one of \"state\", \"values\", \"param\", \"line\", \"info\"",
         ),
         ("['line', 'line']", "mqtt.publish[1]: \"line\" is listed twice; each once"),
         (

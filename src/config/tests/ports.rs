@@ -71,7 +71,7 @@ fn who_turns_the_direction_is_the_adapter_unless_it_is_said() {
     assert_eq!(settled("rs485 = 'rts'\nlow_latency = true"), (DirectionControl::Rts, true));
     only(
         &line_at("/dev/ttyS1", "rs485 = 'driver'"),
-        "line[0].rs485: `driver` is none of the words; one of \"adapter\", \"kernel\", \"rts\"",
+        "line[0].rs485: `driver` is not an allowed value; one of \"adapter\", \"kernel\", \"rts\"",
     );
 }
 

@@ -17,78 +17,77 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     }
 }
 
-/// What the gateway reads and commands with is served, and what is broadcast too.
+/// The drive serves the functions used for reading, commanding and broadcasting.
 fn functions_suffice(file: &ModelFile, problems: &mut Vec<Problem>) {
     let Some(Spanned { value: served, location }) = &file.functions.value else { return };
     if !served.contains(&0x03) {
-        problems.push(location.problem("nothing can be read without function 03").right("0x03 in the list"));
+        problems.push(location.problem("reading requires function 03").right("add 0x03 to the list"));
     }
     if matches!(file.run, OptionalKey::Valid(_)) && !served.contains(&0x06) {
-        problems.push(location.problem("no run command can be written without function 06").right("0x06 in the list"));
+        problems.push(location.problem("run commands require function 06").right("add 0x06 to the list"));
     }
     let broadcast = file.link.as_ref().and_then(|link| link.broadcast.as_ref()?.value.as_ref());
     let Some(broadcast) = broadcast.and_then(|it| it.value.functions.as_ref()) else { return };
     if let Some(function) = broadcast.value.iter().find(|function| !served.contains(function)) {
         let problem = broadcast.location.problem(format!("function {function:02X} hex is not in `functions`"));
-        problems.push(problem.right("functions that the drive serves"));
+        problems.push(problem.right("functions listed in `functions`"));
     }
 }
 
-/// Whether the drive serves `function`; nothing where that cannot be told.
+/// Whether the drive serves `function`; `None` if the list is unusable.
 fn serves(function: u8, file: &ModelFile) -> Option<bool> {
     Some(file.functions.value.as_ref()?.value.contains(&function))
 }
 
-/// A limit of ASCII frames belongs to a drive that understands them.
+/// Only a drive that understands ASCII frames may have a limit for them.
 fn ascii_is_there(file: &ModelFile, problems: &mut Vec<Problem>) {
     let words = file.read.as_ref().and_then(|read| read.max_words_ascii.as_ref()?.value.as_ref());
     let framings = file.link.as_ref().and_then(|link| link.framings.value.as_ref());
     let (Some(words), Some(framings)) = (words, framings) else { return };
     if !framings.value.contains(&Framing::Ascii) {
-        let problem = words.location.problem("the model has no ASCII frames");
-        problems.push(problem.right("leave it out, or \"ascii\" in `link.framings`"));
+        let problem = words.location.problem("the model does not support ASCII framing");
+        problems.push(problem.right("leave it out, or add \"ascii\" to `link.framings`"));
     }
 }
 
-/// Registers that may be written together are writable, by a function that the drive serves.
+/// Every register of a block is writable, and the drive serves the function that writes blocks.
 fn block_is_writable(file: &ModelFile, problems: &mut Vec<Problem>) {
     let block = file.write.as_ref().and_then(|write| write.block.as_ref()?.value.as_ref());
     let Some(Spanned { value: block, location }) = block else { return };
     if serves(0x10, file) == Some(false) {
-        problems
-            .push(location.problem("registers are written together by function 10 hex").right("0x10 in `functions`"));
+        problems.push(location.problem("writing a block requires function 10 hex").right("add 0x10 to `functions`"));
     }
     if let Some(address) = first_without(block, Access::can_write, file) {
-        let problem = location.problem(format!("no register that can be written is at 0x{address:04X}"));
-        problems.push(problem.right("a range whose every register can be written"));
+        let problem = location.problem(format!("there is no writable register at 0x{address:04X}"));
+        problems.push(problem.right("a range of writable registers only"));
     }
 }
 
-/// A barrier can be sent, and its answer is that of no other request.
+/// A barrier can be sent, and its reply cannot be mistaken for that to another request.
 fn barrier_is_sound(barrier: &BarrierFile, file: &ModelFile, problems: &mut Vec<Problem>) {
     match &barrier.form {
         None => {}
         Some(BarrierForm::Read(block)) => read_is_sound(block, barrier, file, problems),
         Some(BarrierForm::LoopTest(_)) if serves(0x08, file) == Some(false) => {
             let problem = barrier.location.problem("the drive does not serve the loop test");
-            problems.push(problem.right("0x08 in `functions`, or another barrier"));
+            problems.push(problem.right("add 0x08 to `functions`, or use another barrier"));
         }
         Some(BarrierForm::LoopTest(_)) => {}
         Some(BarrierForm::Refused(function)) => {
             let function = function.value.as_ref();
             if let Some(function) = function.filter(|it| serves(it.value, file) == Some(true)) {
-                let what = format!("function {:02X} hex is served, so it is not refused", function.value);
+                let what = format!("function {:02X} hex is served, so the drive does not refuse it", function.value);
                 problems.push(function.location.problem(what).right("a function that is not in `functions`"));
             }
         }
     }
 }
 
-/// A read that is a barrier lies within one read and covers only registers that can be read.
+/// A barrier read fits into one read and covers readable registers only.
 fn read_is_sound(block: &BlockFile, barrier: &BarrierFile, file: &ModelFile, problems: &mut Vec<Problem>) {
     let limits = file.read.as_ref().and_then(ReadFile::ready);
     if limits.as_ref().is_some_and(|limits| limits.max_words.value == 1) {
-        let problem = barrier.location.problem("every read looks the same where one word is the most");
+        let problem = barrier.location.problem("with at most one word per read, all reads look alike");
         problems.push(problem.right("`loop_test` or `refused_function`"));
         return;
     }
@@ -98,18 +97,18 @@ fn read_is_sound(block: &BlockFile, barrier: &BarrierFile, file: &ModelFile, pro
         limits.words_from(address.value).min(ascii)
     });
     if let Some(most) = most.filter(|most| *most < count.value) {
-        let problem = count.location.problem("more words than one read from this address may have");
+        let problem = count.location.problem("more words than one read from this address may cover");
         problems.push(problem.right(format!("at most {most}")));
         return;
     }
     if let Some(address) = first_without(block, Access::can_read, file) {
-        let what = format!("no register that can be read is at 0x{address:04X}");
-        problems.push(barrier.location.problem(what).right("a range whose every register can be read"));
+        let what = format!("there is no readable register at 0x{address:04X}");
+        problems.push(barrier.location.problem(what).right("a range of readable registers only"));
     }
 }
 
-/// The first address of `block` where no register is that `may`; nothing also where a register is not known well enough
-/// to tell.
+/// The first address of `block` without a register that `may`; `None` if there is none, or if a register is too
+/// incomplete to decide.
 fn first_without(block: &BlockFile, may: impl Fn(Access) -> bool, file: &ModelFile) -> Option<u32> {
     let (first, count) = (u32::from(block.address.as_ref()?.value), block.count.as_ref()?.value);
     let mut fit = BTreeSet::new();
@@ -132,28 +131,28 @@ mod tests {
             (
                 "[0x03, 0x06, 0x08, 0x10]",
                 "[0x06, 0x08, 0x10]",
-                "functions.value: nothing can be read without function 03 -> 0x03 in the list",
+                "functions.value: reading requires function 03 -> add 0x03 to the list",
             ),
             (
                 "[0x03, 0x06, 0x08, 0x10]",
                 "[0x03, 0x06, 0x08]",
-                "write.block: registers are written together by function 10 hex -> 0x10 in `functions`",
+                "write.block: writing a block requires function 10 hex -> add 0x10 to `functions`",
             ),
             (
                 "[0x03, 0x06, 0x08, 0x10]",
                 "[0x03, 0x06, 0x10]",
-                "barrier[1]: the drive does not serve the loop test -> 0x08 in `functions`, or another barrier",
+                "barrier[1]: the drive does not serve the loop test -> add 0x08 to `functions`, or use another barrier",
             ),
             (
                 "[0x03, 0x06, 0x08, 0x10]",
                 "[0x03, 0x06, 0x08, 0x10, 0x2B]",
-                "barrier[2].refused_function.value: function 2B hex is served, so it is not refused -> \
+                "barrier[2].refused_function.value: function 2B hex is served, so the drive does not refuse it -> \
                  a function that is not in `functions`",
             ),
             (
                 "functions = [6]",
                 "functions = [6, 5]",
-                "link.broadcast.functions: function 05 hex is not in `functions` -> functions that the drive serves",
+                "link.broadcast.functions: function 05 hex is not in `functions` -> functions listed in `functions`",
             ),
         ]);
     }
@@ -161,7 +160,7 @@ mod tests {
     #[test]
     fn run_commands_need_the_function_that_writes_them() {
         let found = told_with(EVERYTHING, "[0x03, 0x06, 0x08, 0x10]", "[0x03, 0x08, 0x10]");
-        assert!(found.contains("functions.value: no run command can be written without function 06\n"), "{found}");
+        assert!(found.contains("functions.value: run commands require function 06\n"), "{found}");
     }
 
     #[test]
@@ -169,8 +168,8 @@ mod tests {
         each_is_told(&[(
             "value = [\"rtu\", \"ascii\"]",
             "value = [\"rtu\"]",
-            "read.max_words_ascii.value: the model has no ASCII frames -> \
-             leave it out, or \"ascii\" in `link.framings`",
+            "read.max_words_ascii.value: the model does not support ASCII framing -> \
+             leave it out, or add \"ascii\" to `link.framings`",
         )]);
     }
 
@@ -179,8 +178,8 @@ mod tests {
         each_is_told(&[(
             "block = { address = 0x2000, count = 2",
             "block = { address = 0x2001, count = 3",
-            "write.block: no register that can be written is at 0x2003 -> \
-             a range whose every register can be written",
+            "write.block: there is no writable register at 0x2003 -> \
+             a range of writable registers only",
         )]);
     }
 
@@ -190,12 +189,12 @@ mod tests {
             (
                 "loop_test = { confidence = \"manual\", source = \"IM 3.5\" }\n",
                 "",
-                "barrier[1]: is no barrier -> exactly one of `read`, `loop_test` and `refused_function`",
+                "barrier[1]: is not a barrier -> exactly one of `read`, `loop_test` and `refused_function`",
             ),
             (
                 "loop_test = {",
                 "read = { address = 0x2100, count = 1 }\nloop_test = {",
-                "barrier[1]: is several barriers -> exactly one of `read`, `loop_test` and `refused_function`",
+                "barrier[1]: has more than one form -> exactly one of `read`, `loop_test` and `refused_function`",
             ),
         ]);
     }
@@ -206,12 +205,12 @@ mod tests {
             (
                 "read = { address = 0x2100, count = 2 }",
                 "read = { address = 0x2100, count = 5 }",
-                "barrier[0].read.count: more words than one read from this address may have -> at most 4",
+                "barrier[0].read.count: more words than one read from this address may cover -> at most 4",
             ),
             (
                 "read = { address = 0x2100, count = 2 }",
                 "read = { address = 0x2102, count = 3 }",
-                "barrier[0]: no register that can be read is at 0x2104 -> a range whose every register can be read",
+                "barrier[0]: there is no readable register at 0x2104 -> a range of readable registers only",
             ),
         ]);
         let barrier = "boundary = \"high-byte\"\n\n[[barrier]]\nread = { address = 0x01FF, count = 2 }\n\n[write]";
@@ -223,7 +222,7 @@ mod tests {
         each_is_told(&[(
             "max_words = { value = 16",
             "max_words = { value = 1",
-            "barrier[0]: every read looks the same where one word is the most -> `loop_test` or `refused_function`",
+            "barrier[0]: with at most one word per read, all reads look alike -> `loop_test` or `refused_function`",
         )]);
     }
 

@@ -1,11 +1,11 @@
-//! Checks that several sections need: values that must be unique, and names of registers.
+//! Checks shared by several sections: unique values and register names.
 
 use super::super::register::{RegisterFile, named};
 use crate::domain::problem::{Problem, nearest};
 use crate::toml_file::Spanned;
 use std::collections::BTreeMap;
 
-/// Reports each of `written` that stands there twice, at its second place.
+/// Reports each duplicate in `written`, at its second occurrence.
 pub(super) fn once<'f, T: Ord + 'f>(
     written: impl IntoIterator<Item = &'f Spanned<T>>,
     called: impl Fn(&T) -> String,
@@ -25,7 +25,7 @@ pub(super) fn once<'f, T: Ord + 'f>(
     }
 }
 
-/// The register that is meant by `name`, which must be readable.
+/// The register called `name`, which must be readable.
 pub(super) fn readable<'f>(
     name: &Spanned<String>,
     registers: &'f [RegisterFile],
@@ -37,11 +37,11 @@ pub(super) fn readable<'f>(
             Some(near) => format!("`{near}`"),
             None => "the `name` of a register".to_owned(),
         };
-        problems.push(name.location.problem(format!("no register is called `{}`", name.value)).right(right));
+        problems.push(name.location.problem(format!("there is no register called `{}`", name.value)).right(right));
         return None;
     };
     if register.access.as_ref().is_some_and(|access| !access.value.can_read()) {
-        let problem = name.location.problem(format!("`{}` cannot be read", name.value));
+        let problem = name.location.problem(format!("`{}` is not readable", name.value));
         problems.push(problem.right("a register with access \"read\" or \"read-write\""));
     }
     Some(register)

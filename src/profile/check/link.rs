@@ -9,7 +9,7 @@ pub(super) fn check(link: &LinkFile, problems: &mut Vec<Problem>) {
     stations_are_apart(link, problems);
 }
 
-/// Each default setting is one of those that can be set.
+/// Each default setting is one of the supported settings.
 fn defaults_are_allowed(link: &LinkFile, problems: &mut Vec<Problem>) {
     let Some(Spanned { value: default, .. }) = &link.default.value else { return };
     one_of(&default.baud, &link.bauds, "bauds", problems);
@@ -22,11 +22,13 @@ fn one_of<T: PartialEq>(value: &RequiredKey<T>, allowed: &FactFile<Vec<T>>, name
     if let (Some(value), Some(allowed)) = (value, &allowed.value)
         && !allowed.value.contains(&value.value)
     {
-        problems.push(value.location.problem("the default cannot be set").right(format!("one of `link.{name}`")));
+        problems.push(
+            value.location.problem("the default is not a supported setting").right(format!("one of `link.{name}`")),
+        );
     }
 }
 
-/// The range of stations is not empty, and the broadcast is none of them.
+/// The range of stations is not empty and does not include the broadcast station.
 fn stations_are_apart(link: &LinkFile, problems: &mut Vec<Problem>) {
     let Some(Spanned { value: stations, .. }) = &link.stations.value else { return };
     let (Some(from), Some(to)) = (&stations.from, &stations.to) else { return };
@@ -36,7 +38,7 @@ fn stations_are_apart(link: &LinkFile, problems: &mut Vec<Problem>) {
     }
     let broadcast = link.broadcast.as_ref().and_then(|broadcast| broadcast.value.as_ref()?.value.station.as_ref());
     if let Some(broadcast) = broadcast.filter(|it| (from.value..=to.value).contains(&it.value)) {
-        let problem = broadcast.location.problem("the broadcast is also the station of one drive");
+        let problem = broadcast.location.problem("the broadcast station is also the station of a drive");
         problems.push(problem.right(format!("a number outside {} to {}", from.value, to.value)));
     }
 }
@@ -51,7 +53,7 @@ mod tests {
             (
                 "broadcast = { station = 0",
                 "broadcast = { station = 9",
-                "link.broadcast.station: the broadcast is also the station of one drive -> a number outside 1 to 127",
+                "link.broadcast.station: the broadcast station is also the station of a drive -> a number outside 1 to 127",
             ),
             (
                 "from = 1, to = 127",
@@ -61,7 +63,7 @@ mod tests {
             (
                 "default = { baud = 19200",
                 "default = { baud = 4800",
-                "link.default.baud: the default cannot be set -> one of `link.bauds`",
+                "link.default.baud: the default is not a supported setting -> one of `link.bauds`",
             ),
         ]);
     }

@@ -16,13 +16,13 @@ use crate::toml_file::{self, Location, OptionalKey};
 /// The model that `text` describes.
 ///
 /// # Errors
-/// All problems of the file, in the order of their places. A fact must cite one of the file's documents; only
-/// a time on the line may be a cautious choice of ours instead.
+/// All problems of the file, by position. A fact must cite one of the file's documents; only a time on the
+/// line may be a conservative default instead.
 pub fn model(text: &str) -> Result<Model, Vec<Problem>> {
     model_and_id(text).map(|(model, _)| model)
 }
 
-/// As [`model`], with the place of its identifier.
+/// Like [`model`], with the location of its identifier.
 pub(super) fn model_and_id(text: &str) -> Result<(Model, Location), Vec<Problem>> {
     let mut problems = Vec::new();
     let ready = toml_file::document(text, &mut problems).and_then(|document| {
@@ -68,27 +68,27 @@ mod tests {
     }
 
     #[test]
-    fn all_mistakes_are_told_at_once() {
+    fn all_mistakes_are_reported_at_once() {
         let text = include_str!("../../../tests/golden/models/mistakes.toml");
         golden("mistakes.txt", &told(&model(text).unwrap_err(), text));
     }
 
     #[test]
-    fn what_is_no_toml_is_told_alone() {
+    fn invalid_toml_is_the_only_problem() {
         let found = told_with(MODEL, "vendor = \"Acme\"", "vendor = ");
-        assert!(found.starts_with("2:") && found.contains(": this is no TOML: "), "{found}");
+        assert!(found.starts_with("2:") && found.contains(": not valid TOML: "), "{found}");
         assert_eq!(found.lines().count(), 2, "{found}");
     }
 
     #[test]
-    fn an_empty_file_tells_what_a_model_needs() {
+    fn an_empty_file_lists_what_a_model_needs() {
         let found = told(&model("").unwrap_err(), "");
         let keys: Vec<_> = found.lines().filter_map(|line| line.strip_prefix("1:1 ")?.split(':').next()).collect();
         assert_eq!(keys, ["documents", "id", "vendor", "title", "link", "timing", "functions", "read", "write"]);
     }
 
     #[test]
-    fn a_source_is_not_told_wrong_while_the_documents_are_missing() {
+    fn sources_are_not_checked_while_the_documents_are_missing() {
         let found = told_with(MODEL, "[documents]\nIM = \"Interface manual\"\n", "");
         assert_eq!(found, "1:1 documents: `documents` is missing\n    right: a table `documents`\n");
     }
@@ -104,7 +104,7 @@ mod tests {
         ] {
             let found = told_with(MODEL, title, &format!("IM = {{ title = \"One\", {document} }}"));
             let told = format!(
-                "the source does not make it \"manual\": `IM` is {what}\n    right: at best \"{best}\", or another source"
+                "the source does not support \"manual\": `IM` is {what}\n    right: at best \"{best}\", or another source"
             );
             assert_eq!(found.matches(&told).count(), facts, "{found}");
             let labelled = MODEL.replace("\"manual\"", &format!("\"{best}\""));
@@ -120,9 +120,9 @@ mod tests {
         let title = "IM = \"Interface manual\"";
         for (document, expected) in [
             ("IM = { title = \"One\" }", "documents.IM.kind: `kind` is missing"),
-            ("IM = { title = \"One\", kind = \"manuel\" }", "documents.IM.kind: `manuel` is none of the words"),
+            ("IM = { title = \"One\", kind = \"manuel\" }", "documents.IM.kind: `manuel` is not an allowed value"),
             ("IM = { title = \"One\", kind = \"manual\", of = [] }", "documents.IM.of: is empty"),
-            ("IM = { title = \"One\", kind = \"manual\", off = 1 }", "documents.IM.off: there is no key `off` here"),
+            ("IM = { title = \"One\", kind = \"manual\", off = 1 }", "documents.IM.off: unknown key `off`"),
             ("IM = 1", "documents.IM: must be text"),
         ] {
             let found = told_with(MODEL, title, document);
@@ -134,7 +134,10 @@ mod tests {
     fn a_third_party_may_be_cited_but_a_default_only_for_a_time() {
         let fact = "confidence = \"third-party\", source = \"FN 2\"";
         let found = told_with(EVERYTHING, fact, "confidence = \"default\", source = \"FN 2\"");
-        assert!(found.contains("`default` is for timings only") && found.contains("\"third-party\""), "{found}");
+        assert!(
+            found.contains("`default` is allowed for timings only") && found.contains("\"third-party\""),
+            "{found}"
+        );
         assert_eq!(model(EVERYTHING).unwrap().quirks.decimal_numbers.unwrap().confidence, Confidence::ThirdParty);
     }
 }

@@ -1,4 +1,4 @@
-//! The rules between registers, quirks and the rule of codes.
+//! The rules between registers, quirks and the code rule.
 
 use crate::domain::problem::Problem;
 use crate::domain::units::UnitOfMeasure;
@@ -7,7 +7,7 @@ use crate::profile::model::{Memory, Role};
 use crate::profile::register::{RegisterFile, addresses_fit, codes_fit, distinct};
 use crate::toml_file::{OptionalKey, Spanned};
 
-/// What may be in per cent of the drive's rated values.
+/// Roles whose values may be in percent of the drive's rated values.
 const RATED: [Role; 5] =
     [Role::OutputCurrent, Role::OutputVoltage, Role::TripCurrent, Role::DcLinkVoltage, Role::TripDcLinkVoltage];
 
@@ -29,25 +29,25 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     addresses_fit(quirks.decimal_numbers.is_some(), alias_bit, &file.registers, problems);
 }
 
-/// Registers of `role` can be written, and are no way around the commands.
+/// Registers of `role` are writable, not stored, and not back doors.
 fn takes_commands(role: Role, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
     for register in registers.iter().filter(|it| it.role.valid().is_some_and(|it| it.value == role)) {
         if let Some(access) = register.access.as_ref().filter(|access| !access.value.can_write()) {
-            let problem = access.location.problem("a register that commands are written to must be writable");
+            let problem = access.location.problem("a command register must be writable");
             problems.push(problem.right("\"write\" or \"read-write\""));
         }
         if let Some(memory) = register.memory.valid().filter(|memory| memory.value == Memory::Stored) {
-            let problem = memory.location.problem("a stored register wears out under commands");
-            problems.push(problem.right("the register in RAM that does the same, with `memory = \"ram\"`"));
+            let problem = memory.location.problem("frequent commands wear out a stored register");
+            problems.push(problem.right("the equivalent register in RAM, with `memory = \"ram\"`"));
         }
         if let OptionalKey::Valid(Spanned { location, .. }) = &register.back_door {
-            let problem = location.problem("a register that commands are written to is no back door");
+            let problem = location.problem("a command register cannot be a back door");
             problems.push(problem.right("leave it out"));
         }
     }
 }
 
-/// What is in per cent of rated values is so by a fact, and the fact is about something.
+/// Values in percent require the quirk `percent_of_rated`, and the quirk requires such values.
 fn percent_is_of_something(quirks: &QuirksFile, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
     let is_rated = |register: &&RegisterFile| register.role.valid().is_some_and(|role| RATED.contains(&role.value));
     let in_percent: Vec<_> = registers
@@ -58,20 +58,20 @@ fn percent_is_of_something(quirks: &QuirksFile, registers: &[RegisterFile], prob
         .collect();
     match &quirks.percent_of_rated {
         None => problems.extend(in_percent.into_iter().map(|unit| {
-            let problem = unit.location.problem("per cent of what is not said");
+            let problem = unit.location.problem("the reference of the percentage is not stated");
             problem.right("the quirk `percent_of_rated`, or \"A\" or \"V\"")
         })),
         Some(quirk) if in_percent.is_empty() && registers.iter().all(is_known) => {
             problems.extend(quirk.value.as_ref().map(|quirk| {
-                let problem = quirk.location.problem("no current or voltage with a role is in per cent");
-                problem.right("leave it out, or unit = \"%\" where it is so")
+                let problem = quirk.location.problem("no current or voltage with a role is in percent");
+                problem.right("leave it out, or set unit = \"%\" where it applies")
             }));
         }
         Some(_) => {}
     }
 }
 
-/// Whether unit and role can be told.
+/// Whether unit and role are known.
 fn is_known(register: &RegisterFile) -> bool {
     register.unit.is_some() && !matches!(register.role, OptionalKey::Invalid)
 }
@@ -86,14 +86,14 @@ mod tests {
             (
                 "access = \"write\"\nrole = \"run-command\"",
                 "access = \"write\"\nback_door = \"it runs\"\nrole = \"run-command\"",
-                "register[0].back_door: a register that commands are written to is no back door -> leave it out",
+                "register[0].back_door: a command register cannot be a back door -> leave it out",
             ),
             (
                 "access = \"write\"\nrole = \"run-command\"",
                 "access = \"read\"\nrole = \"run-command\"",
-                "write.block: no register that can be written is at 0x2000 -> \
-                 a range whose every register can be written\n\
-                 register[0].access: a register that commands are written to must be writable -> \
+                "write.block: there is no writable register at 0x2000 -> \
+                 a range of writable registers only\n\
+                 register[0].access: a command register must be writable -> \
                  \"write\" or \"read-write\"",
             ),
         ]);
@@ -104,10 +104,10 @@ mod tests {
         each_is_told(&[(
             "role = \"output-current\"",
             "role = \"output-frequency\"",
-            "quirks.percent_of_rated: no current or voltage with a role is in per cent -> \
-             leave it out, or unit = \"%\" where it is so\n\
+            "quirks.percent_of_rated: no current or voltage with a role is in percent -> \
+             leave it out, or set unit = \"%\" where it applies\n\
              register[8].role: this role is taken by register[7].role -> \
-             one that no other register of the model has",
+             one that no other register of the model uses",
         )]);
     }
 
@@ -117,13 +117,13 @@ mod tests {
             (
                 "percent_of_rated = { confidence = \"manual\", source = \"IM 4\" }\n",
                 "",
-                "register[8].unit: per cent of what is not said -> the quirk `percent_of_rated`, or \"A\" or \"V\"",
+                "register[8].unit: the reference of the percentage is not stated -> the quirk `percent_of_rated`, or \"A\" or \"V\"",
             ),
             (
                 "unit = \"%\"\naccess = \"read\"\nrole = \"output-current\"",
                 "unit = \"A\"\naccess = \"read\"\nrole = \"output-current\"",
-                "quirks.percent_of_rated: no current or voltage with a role is in per cent -> \
-                 leave it out, or unit = \"%\" where it is so",
+                "quirks.percent_of_rated: no current or voltage with a role is in percent -> \
+                 leave it out, or set unit = \"%\" where it applies",
             ),
         ]);
     }
@@ -134,13 +134,13 @@ mod tests {
             (
                 "address = 0x2103",
                 "address = 0x210A",
-                "register[6].address: 0x210A is no address: this drive counts in decimal digits -> \
+                "register[6].address: 0x210A is not an address: this drive uses decimal digits -> \
                  0 to 9 in each of the last two places",
             ),
             (
                 "address = 0x2103",
                 "address = 0x21A0",
-                "register[6].address: 0x21A0 is no address: this drive counts in decimal digits -> \
+                "register[6].address: 0x21A0 is not an address: this drive uses decimal digits -> \
                  0 to 9 in each of the last two places",
             ),
             (
@@ -157,22 +157,22 @@ mod tests {
         each_is_told(&[(
             "code = \"U.09\"",
             "code = \"U.08\"",
-            "register[9].code: `U.08` is 0x3008 by `codes`, and not 0x3009 -> \
+            "register[9].code: `U.08` is 0x3008 by `codes`, not 0x3009 -> \
              the code that belongs to the address, or leave it out",
         )]);
         let rule = "groups = { P = 0x01, U = 0x30 }\nseparator = \".\"";
         each_is_told(&[
-            (rule, "", "codes: says no rule -> either `groups` or `form = \"hexadecimal\"`"),
+            (rule, "", "codes: has no rule -> either `groups` or `form = \"hexadecimal\"`"),
             (
                 "separator = \".\"",
                 "form = \"hexadecimal\"",
-                "codes: says two rules -> either `groups` or `form = \"hexadecimal\"`",
+                "codes: has two rules -> either `groups` or `form = \"hexadecimal\"`",
             ),
             (rule, "groups = {}", "codes.groups: is empty -> at least one group with its high byte"),
             (
                 rule,
                 "form = \"hexadecimal\"\nseparator = \".\"",
-                "codes.separator: a separator stands between group and number -> leave it out",
+                "codes.separator: `separator` applies to `groups` only -> leave it out",
             ),
         ]);
         let found = told_with(EVERYTHING, "groups = { P = 0x01", "groups = { P = 256");

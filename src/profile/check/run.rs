@@ -9,15 +9,15 @@ use crate::profile::words::BIT_MEANINGS;
 use crate::toml_file::words::word_for;
 use crate::toml_file::{Location, OptionalKey, Spanned};
 
-/// Most words of a reset sequence.
+/// Maximum length of a reset sequence, in words.
 const RESET_WORDS_MAX: usize = 8;
 
-/// Bits with which the motor turns.
+/// Bits that make the motor turn.
 const TURNING: [BitMeaning; 4] = [BitMeaning::Run, BitMeaning::RunForward, BitMeaning::RunReverse, BitMeaning::Jog];
 
 pub(super) fn check(run: &RunFile, location: &Location, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
     let called = |word: &u16| format!("the word {}", shown(*word, run));
-    once(run.words().map(|(_, word)| word), called, "a word that no other run command has", problems);
+    once(run.words().map(|(_, word)| word), called, "a word that no other run command uses", problems);
     forbidden_words_are_no_commands(run, problems);
     reset_is_framed(run, location, problems);
     match run.form.as_ref().map(|form| form.value) {
@@ -28,7 +28,7 @@ pub(super) fn check(run: &RunFile, location: &Location, registers: &[RegisterFil
     commands_are_taken(location, registers, problems);
 }
 
-/// `word` as the file would best write it.
+/// `word` in the notation of the file's form.
 fn shown(word: u16, run: &RunFile) -> String {
     match run.form.as_ref().map(|form| form.value) {
         Some(FormWord::Bits) => format!("0x{word:04X}"),
@@ -36,22 +36,22 @@ fn shown(word: u16, run: &RunFile) -> String {
     }
 }
 
-/// No command is a word that must never be written.
+/// No command uses a forbidden word.
 fn forbidden_words_are_no_commands(run: &RunFile, problems: &mut Vec<Problem>) {
     for Spanned { value: never, location } in run.never.iter().filter_map(|fact| fact.value.as_ref()) {
         if let Some((_, word)) = run.words().find(|(_, word)| word.value == *never) {
             let what = format!("the word {} is the command {}", shown(*never, run), word.location.key);
-            problems.push(location.problem(what).right("a word that is no command"));
+            problems.push(location.problem(what).right("a word that is not a command"));
         }
     }
 }
 
-/// A reset starts with a stop and never carries an order to run; with bits it ends with a stop, so that the reset bit is
-/// taken back.
+/// A reset starts with a stop and never contains an order to run; with bits it also ends with a stop, which clears the
+/// reset bit.
 fn reset_is_framed(run: &RunFile, location: &Location, problems: &mut Vec<Problem>) {
     let Some(reset) = run.reset.as_ref() else {
         if let OptionalKey::Valid(sequence) = &run.reset_sequence {
-            problems.push(sequence.location.problem("there is no `reset` to write").right("a word for `reset`"));
+            problems.push(sequence.location.problem("`reset` is missing").right("a word for `reset`"));
         }
         return;
     };
@@ -60,7 +60,7 @@ fn reset_is_framed(run: &RunFile, location: &Location, problems: &mut Vec<Proble
     let ends_with_stop = run.form.as_ref().is_some_and(|form| form.value == FormWord::Bits);
     let mut example = vec![shown(stop, run), shown(reset, run)];
     example.extend(ends_with_stop.then(|| shown(stop, run)));
-    let right = format!("[{}], or up to {RESET_WORDS_MAX} words with nothing else in them", example.join(", "));
+    let right = format!("[{}], or up to {RESET_WORDS_MAX} words of these only", example.join(", "));
     match &run.reset_sequence {
         OptionalKey::Absent => {
             let what = "`reset_sequence` is left out, and `reset` is given";
@@ -73,30 +73,29 @@ fn reset_is_framed(run: &RunFile, location: &Location, problems: &mut Vec<Proble
             let only = words.iter().all(|word| *word == stop || *word == reset) && words.contains(&reset);
             if !(framed && only && words.len() <= RESET_WORDS_MAX) {
                 let end = if ends_with_stop { " and ends with one" } else { "" };
-                let what = format!("a reset starts with a stop{end}, and nothing but stop and reset is in it");
+                let what = format!("a reset starts with a stop{end}, and contains only stop and reset");
                 problems.push(sequence.location.problem(what).right(right));
             }
         }
     }
 }
 
-/// Bits have a meaning only where words are built of them.
+/// Only words composed of bits may declare bits.
 fn values_have_no_bits(run: &RunFile, problems: &mut Vec<Problem>) {
     let places = run.bits.iter().map(|bit| &bit.location).chain(run.priority.valid().map(|written| &written.location));
-    let problem =
-        |location: &Location| location.problem("each word is one command, so its bits mean nothing by themselves");
+    let problem = |location: &Location| location.problem("each word is one command, so single bits have no meaning");
     problems.extend(places.map(|location| problem(location).right("leave it out, or form = \"bits\"")));
 }
 
-/// Every command consists of bits that are declared, and of none that orders something else.
+/// Every command consists of declared bits and orders only what its name says.
 fn bits_are_sound(run: &RunFile, location: &Location, problems: &mut Vec<Problem>) {
     if run.bits.is_empty() {
         let problem = location.missing("bit").problem("no bit is declared, and form is \"bits\"");
-        problems.push(problem.right("`[[run.bit]]` for every bit that a command has"));
+        problems.push(problem.right("`[[run.bit]]` for every bit that a command uses"));
         return;
     }
     let bits = run.bits.iter().filter_map(|bit| bit.bit.as_ref());
-    once(bits, |bit| format!("bit {bit}"), "a bit that is declared once", problems);
+    once(bits, |bit| format!("bit {bit}"), "a bit that is declared only once", problems);
     let declared = run.bits.iter().map(|bit| Some(1_u16 << bit.bit.as_ref()?.value));
     let declared = declared.collect::<Option<Vec<_>>>().map(|bits| bits.into_iter().fold(0, |all, bit| all | bit));
     let priority = run.priority.valid();
@@ -106,7 +105,7 @@ fn bits_are_sound(run: &RunFile, location: &Location, problems: &mut Vec<Problem
     for (order, word) in run.words() {
         orders_one_thing(order, word, run, problems);
         if let Some(priority) = priority.filter(|it| order != Order::Release && word.value & it.value != it.value) {
-            let what = format!("0x{:04X} has not all bits of `priority`", word.value);
+            let what = format!("0x{:04X} lacks bits of `priority`", word.value);
             problems.push(word.location.problem(what).right(format!("0x{:04X}", word.value | priority.value)));
         }
     }
@@ -116,12 +115,12 @@ fn bits_are_declared(word: &Spanned<u16>, declared: Option<u16>, problems: &mut 
     let Some(declared) = declared else { return };
     let unknown = word.value & !declared;
     if unknown != 0 {
-        let what = format!("0x{:04X} has a bit that is not declared: {}", word.value, unknown.trailing_zeros());
+        let what = format!("0x{:04X} has an undeclared bit: {}", word.value, unknown.trailing_zeros());
         problems.push(word.location.problem(what).right("a `[[run.bit]]` for it, or a word without it"));
     }
 }
 
-/// No command but forward and reverse turns the motor, none turns it both ways, and a stop does nothing but stop.
+/// Only forward and reverse turn the motor, no command in both directions, and a stop only stops.
 fn orders_one_thing(order: Order, word: &Spanned<u16>, run: &RunFile, problems: &mut Vec<Problem>) {
     let has = |meaning: BitMeaning| {
         let is_set = |bit: u8| word.value >> bit & 1 == 1;
@@ -132,7 +131,7 @@ fn orders_one_thing(order: Order, word: &Spanned<u16>, run: &RunFile, problems: 
         Order::Forward | Order::Reverse => {
             if has(BitMeaning::RunForward) && has(BitMeaning::RunReverse) {
                 let what = format!("0x{:04X} orders forward and reverse at once", word.value);
-                problems.push(word.location.problem(what).right("one direction"));
+                problems.push(word.location.problem(what).right("a single direction"));
             }
             return;
         }
@@ -145,7 +144,7 @@ fn orders_one_thing(order: Order, word: &Spanned<u16>, run: &RunFile, problems: 
     }
 }
 
-/// Some register takes the run commands.
+/// There is a register for run commands.
 fn commands_are_taken(run: &Location, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
     let may_be = |register: &RegisterFile| match &register.role {
         OptionalKey::Absent => false,
@@ -153,7 +152,7 @@ fn commands_are_taken(run: &Location, registers: &[RegisterFile], problems: &mut
         OptionalKey::Valid(role) => role.value == Role::RunCommand,
     };
     if !registers.iter().any(may_be) {
-        let problem = run.problem("no register takes the run commands");
+        let problem = run.problem("there is no register for run commands");
         problems.push(problem.right("a register with `role = \"run-command\"`"));
     }
 }
@@ -193,14 +192,14 @@ mod tests {
 
     #[test]
     fn with_bits_a_reset_ends_with_a_stop() {
-        let expected = "run.reset_sequence: a reset starts with a stop and ends with one, and nothing but stop and \
-                        reset is in it -> [0xC000, 0xE000, 0xC000], or up to 8 words with nothing else in them";
+        let expected = "run.reset_sequence: a reset starts with a stop and ends with one, and contains only stop and \
+                        reset -> [0xC000, 0xE000, 0xC000], or up to 8 words of these only";
         for wrong in ["[0xC000, 0xE000]", "[0xE000, 0xC000]", "[0xC000, 0xE000, 0x0000, 0xC000]"] {
             each_is_told(&[(SEQUENCE, &format!("reset_sequence = {wrong}"), expected)]);
         }
         let found =
             told_with(EVERYTHING, "reset = { value = 0xE000, confidence = \"inferred\", source = \"IM 5\" }", "");
-        assert!(found.contains("run.reset_sequence: there is no `reset` to write"), "{found}");
+        assert!(found.contains("run.reset_sequence: `reset` is missing"), "{found}");
     }
 
     #[test]
@@ -209,7 +208,7 @@ mod tests {
                     confidence = \"manual\"\nsource = \"IM 5\"\n";
         let found = told_of_values(more);
         for key in ["run.priority", "run.bit[0]"] {
-            let what = format!("{key}: each word is one command, so its bits mean nothing by themselves");
+            let what = format!("{key}: each word is one command, so single bits have no meaning");
             assert!(found.contains(&what), "{found}");
         }
     }
@@ -221,22 +220,18 @@ mod tests {
             (
                 reverse,
                 "reverse = { value = 0xD600",
-                "run.reverse.value: 0xD600 has a bit that is not declared: 12 -> \
+                "run.reverse.value: 0xD600 has an undeclared bit: 12 -> \
                  a `[[run.bit]]` for it, or a word without it",
             ),
-            (
-                reverse,
-                "reverse = { value = 0x8600",
-                "run.reverse.value: 0x8600 has not all bits of `priority` -> 0xC600",
-            ),
+            (reverse, "reverse = { value = 0x8600", "run.reverse.value: 0x8600 lacks bits of `priority` -> 0xC600"),
             (
                 "bit = 0\n",
                 "bit = 9\n",
-                "run.bit[6].bit: bit 9 is taken by run.bit[5].bit -> a bit that is declared once",
+                "run.bit[6].bit: bit 9 is taken by run.bit[5].bit -> a bit that is declared only once",
             ),
         ]);
         let found = told_with(EVERYTHING, "priority = 0xC000", "priority = 0xC002");
-        assert!(found.contains("run.priority: 0xC002 has a bit that is not declared: 1\n"), "{found}");
+        assert!(found.contains("run.priority: 0xC002 has an undeclared bit: 1\n"), "{found}");
     }
 
     #[test]
@@ -274,7 +269,7 @@ mod tests {
         let text = EVERYTHING.replacen("meaning = \"run\"", "meaning = \"run-forward\"", 1);
         let text = text.replacen("meaning = \"reverse\"", "meaning = \"run-reverse\"", 1);
         let found = told_with(&text, "bit = 0\n", "bit = 0\n");
-        let expected = "run.reverse.value: 0xC600 orders forward and reverse at once\n    right: one direction\n";
+        let expected = "run.reverse.value: 0xC600 orders forward and reverse at once\n    right: a single direction\n";
         assert!(found.ends_with(expected), "{found}");
     }
 
@@ -285,12 +280,12 @@ mod tests {
                 "reverse = { value = 0xC600",
                 "reverse = { value = 0xC400",
                 "run.reverse.value: the word 0xC400 is taken by run.forward.value -> \
-                 a word that no other run command has",
+                 a word that no other run command uses",
             ),
             (
                 "never = [{ value = 0xCC00",
                 "never = [{ value = 0x0000",
-                "run.never[0].value: the word 0x0000 is the command run.release.value -> a word that is no command",
+                "run.never[0].value: the word 0x0000 is the command run.release.value -> a word that is not a command",
             ),
         ]);
     }
@@ -300,7 +295,7 @@ mod tests {
         each_is_told(&[(
             "role = \"run-command\"\n",
             "",
-            "run: no register takes the run commands -> a register with `role = \"run-command\"`",
+            "run: there is no register for run commands -> a register with `role = \"run-command\"`",
         )]);
     }
 }

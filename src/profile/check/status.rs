@@ -1,4 +1,4 @@
-//! The rules of status flags, trips and exceptions.
+//! The rules for status flags, trips and exceptions.
 
 use super::keys::{once, readable};
 use crate::domain::problem::Problem;
@@ -11,7 +11,7 @@ use crate::toml_file::{OptionalKey, Spanned};
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     let flags = file.status.iter().filter_map(|status| status.flag.as_ref());
-    once(flags, |flag| format!("the flag `{}`", word_for(&FLAGS, flag)), "a flag that is declared once", problems);
+    once(flags, |flag| format!("the flag `{}`", word_for(&FLAGS, flag)), "a flag that is declared only once", problems);
     for status in &file.status {
         flag_can_be_seen(status, &file.registers, problems);
         values_fit_the_mask(status, problems);
@@ -21,7 +21,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     trips_have_a_register(file, problems);
 }
 
-/// The flag's register is one that the gateway looks at of its own.
+/// The flag's register is polled.
 fn flag_can_be_seen(status: &StatusFile, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
     let Some(name) = &status.register else { return };
     let Some(register) = readable(name, registers, problems) else { return };
@@ -41,10 +41,10 @@ fn values_fit_the_mask(status: &StatusFile, problems: &mut Vec<Problem>) {
 
 fn codes_differ(codes: &[CodeFile], called: impl Fn(&u16) -> String, problems: &mut Vec<Problem>) {
     let numbers = codes.iter().filter_map(|code| code.code.as_ref());
-    once(numbers, called, "a code that is declared once", problems);
+    once(numbers, called, "a code that is declared only once", problems);
 }
 
-/// Words for trips are of use only where a trip's number can be read.
+/// Texts for trips require a register that holds the trip's number.
 fn trips_have_a_register(file: &ModelFile, problems: &mut Vec<Problem>) {
     let may_be = |register: &RegisterFile| match &register.role {
         OptionalKey::Absent => false,
@@ -61,22 +61,22 @@ mod tests {
     use crate::profile::testing::{EVERYTHING, each_is_told, told_with};
 
     #[test]
-    fn a_flag_stands_once_in_a_register_that_is_polled() {
+    fn a_flag_is_declared_once_in_a_polled_register() {
         each_is_told(&[
             (
                 "flag = \"tripped\"",
                 "flag = \"running\"",
-                "status[1].flag: the flag `running` is taken by status[0].flag -> a flag that is declared once",
+                "status[1].flag: the flag `running` is taken by status[0].flag -> a flag that is declared only once",
             ),
             (
                 "register = \"trip_code\"",
                 "register = \"trip_kode\"",
-                "status[1].register: no register is called `trip_kode` -> `trip_code`",
+                "status[1].register: there is no register called `trip_kode` -> `trip_code`",
             ),
             (
                 "register = \"trip_code\"",
                 "register = \"nothing_like_it\"",
-                "status[1].register: no register is called `nothing_like_it` -> the `name` of a register",
+                "status[1].register: there is no register called `nothing_like_it` -> the `name` of a register",
             ),
             (
                 "register = \"trip_code\"",
@@ -85,7 +85,7 @@ mod tests {
             ),
         ]);
         let found = told_with(EVERYTHING, "register = \"trip_code\"", "register = \"run_command\"");
-        assert!(found.contains("status[1].register: `run_command` cannot be read\n"), "{found}");
+        assert!(found.contains("status[1].register: `run_command` is not readable\n"), "{found}");
     }
 
     #[test]
@@ -111,12 +111,12 @@ mod tests {
             (
                 "code = 2\n",
                 "code = 0x51\n",
-                "exception[1].code: exception 0x51 is taken by exception[0].code -> a code that is declared once",
+                "exception[1].code: exception 0x51 is taken by exception[0].code -> a code that is declared only once",
             ),
             (
                 "code = 1\n",
                 "code = 24\n",
-                "trip[1].code: trip 24 is taken by trip[0].code -> a code that is declared once",
+                "trip[1].code: trip 24 is taken by trip[0].code -> a code that is declared only once",
             ),
             ("code = 2\n", "code = 256\n", "exception[1].code: 256 is out of range -> a whole number from 1 to 255"),
             (

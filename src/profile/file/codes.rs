@@ -1,4 +1,4 @@
-//! `[codes]`: how the vendor's codes and the addresses go together.
+//! `[codes]`: how the vendor's codes map to addresses.
 
 use super::facts::{Facts, Origin, fact};
 use crate::domain::problem::Problem;
@@ -6,7 +6,7 @@ use crate::profile::model::CodeRule;
 use crate::toml_file::values::Kind;
 use crate::toml_file::{Location, OptionalKey, Reader, Section, Spanned};
 
-/// What a rule may say of its form.
+/// Values of `form`.
 const FORMS: [(&str, ()); 1] = [("hexadecimal", ())];
 
 /// `[codes]`
@@ -36,20 +36,20 @@ impl CodesFile {
             (OptionalKey::Absent, OptionalKey::Valid(_)) => {
                 no_separator(&separator, reader.problems());
                 if let OptionalKey::Valid(Spanned { location, .. }) = &ends {
-                    reader.problems().push(location.problem("only groups have an end").right("leave it out"));
+                    reader.problems().push(location.problem("`ends` applies to `groups` only").right("leave it out"));
                 }
                 Some(CodesForm::Hexadecimal)
             }
             (OptionalKey::Invalid, OptionalKey::Absent) | (OptionalKey::Absent, OptionalKey::Invalid) => None,
-            (OptionalKey::Absent, OptionalKey::Absent) => no_form(&location, "says no rule", reader.problems()),
-            _ => no_form(&location, "says two rules", reader.problems()),
+            (OptionalKey::Absent, OptionalKey::Absent) => no_form(&location, "has no rule", reader.problems()),
+            _ => no_form(&location, "has two rules", reader.problems()),
         };
         let codes = Self { form, origin: facts.origin(&mut reader) };
         reader.finish();
         codes
     }
 
-    /// Nothing where any part cannot be used.
+    /// `None` if any part is unusable.
     pub fn ready(&self) -> Option<CodeRule> {
         let origin = fact((), self.origin.as_ref())?;
         Some(match self.form.as_ref()? {
@@ -73,7 +73,7 @@ fn read_groups(mut reader: Reader<'_, '_>) -> Vec<(String, u8)> {
     groups.into_iter().map(|(name, byte)| (name, byte.value)).collect()
 }
 
-/// The last numbers of groups, each of which is one of `groups`.
+/// The last number of each group that ends early; each must be one of `groups`.
 fn read_ends<'a>(
     ends: OptionalKey<Section<'a>>,
     groups: &[(String, u8)],
@@ -92,7 +92,7 @@ fn read_ends<'a>(
 
 fn no_separator(separator: &OptionalKey<String>, problems: &mut Vec<Problem>) {
     if let OptionalKey::Valid(Spanned { location, .. }) = separator {
-        problems.push(location.problem("a separator stands between group and number").right("leave it out"));
+        problems.push(location.problem("`separator` applies to `groups` only").right("leave it out"));
     }
 }
 

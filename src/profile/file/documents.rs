@@ -1,4 +1,4 @@
-//! `[documents]`: what the facts cite.
+//! `[documents]`: the documents that facts cite.
 
 use super::facts::filled_with;
 use crate::profile::model::{Confidence, Document, DocumentKind};
@@ -10,15 +10,15 @@ use crate::toml_file::{Entry, OptionalKey, Reader, RequiredKey};
 pub(in crate::profile) struct DocumentsFile(Vec<(String, Option<Document>)>);
 
 impl DocumentsFile {
-    /// Reads `[documents]`: under each short name a title alone, which is that of a manual of this very model, or a table
-    /// that says more.
+    /// Reads `[documents]`: each short name maps to a title, for a manual of this very model, or to a table with further
+    /// keys.
     pub(super) fn read(mut reader: Reader<'_, '_>) -> Self {
         let mut documents = Vec::new();
         for (name, entry) in reader.entries(&Kind::text()) {
             let document = match entry {
                 Entry::Value(title) => {
-                    let (title, kind) = (title.value, DocumentKind::Manual);
-                    Some(Document { name: name.clone(), title, kind, of: Vec::new() })
+                    let kind = DocumentKind::Manual;
+                    Some(Document { name: name.clone(), title: title.value, kind, of: Vec::new() })
                 }
                 Entry::Table(section) => document(&name, reader.open(section)),
             };
@@ -27,7 +27,7 @@ impl DocumentsFile {
         Self(documents)
     }
 
-    /// The document called `name`: nothing where there is none, nothing inside where it cannot be used.
+    /// The document called `name`: `None` if there is none, `Some(None)` if it is unusable.
     pub(super) fn find(&self, name: &str) -> Option<Option<&Document>> {
         self.0.iter().find(|(it, _)| it == name).map(|(_, document)| document.as_ref())
     }
@@ -36,7 +36,7 @@ impl DocumentsFile {
         self.0.iter().map(|(name, _)| name.as_str())
     }
 
-    /// Nothing where any of them cannot be used.
+    /// `None` if any of them is unusable.
     pub(super) fn ready(&self) -> Option<Vec<Document>> {
         self.0.iter().map(|(_, document)| document.clone()).collect()
     }
@@ -56,7 +56,7 @@ fn document(name: &str, mut reader: Reader<'_, '_>) -> Option<Document> {
     Some(Document { name: name.to_owned(), title: title?.value, kind: kind?.value, of })
 }
 
-/// Why a fact of the model called `id` that `document` states is no surer than the second: the words say what it is.
+/// A description of `document`, and the best confidence it supports for facts of the model `id`.
 pub(super) fn at_best(document: &Document, id: &str) -> (String, Confidence) {
     let article = match document.kind {
         DocumentKind::Addendum => "an",

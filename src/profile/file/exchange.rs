@@ -1,4 +1,4 @@
-//! `[read]`, `[write]` and `[[barrier]]`: what the drive takes in one exchange, and which exchange ends a doubt.
+//! `[read]`, `[write]` and `[[barrier]]`: the limits of one exchange, and exchanges that rule out late replies.
 
 use super::facts::{FactFile, Facts, optional, whole};
 use crate::domain::problem::Problem;
@@ -7,7 +7,7 @@ use crate::profile::words::{BOUNDARIES, REFUSED_WRITES};
 use crate::toml_file::values::Kind;
 use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey};
 
-/// Most registers in one write of function 10 hex.
+/// Maximum number of registers in one write of function 10 hex.
 const BLOCK_WORDS_MAX: u16 = 123;
 
 /// `[read]`
@@ -29,7 +29,7 @@ impl ReadFile {
         read
     }
 
-    /// Nothing where any part cannot be used.
+    /// `None` if any part is unusable.
     pub fn ready(&self) -> Option<ReadLimits> {
         Some(ReadLimits {
             max_words: self.max_words.ready()?,
@@ -56,7 +56,7 @@ impl WriteFile {
         write
     }
 
-    /// Nothing where any part cannot be used.
+    /// `None` if any part is unusable.
     pub(super) fn ready(&self) -> Option<WriteRules> {
         let block = match &self.block {
             None => None,
@@ -69,7 +69,7 @@ impl WriteFile {
     }
 }
 
-/// Registers that follow one another: `{ address = 0x0101, count = 2 }`
+/// Consecutive registers: `{ address = 0x0101, count = 2 }`
 pub(in crate::profile) struct BlockFile {
     pub address: RequiredKey<u16>,
     pub count: RequiredKey<u16>,
@@ -87,7 +87,7 @@ impl BlockFile {
 /// One of `[[barrier]]`
 pub(in crate::profile) struct BarrierFile {
     pub location: Location,
-    /// Nothing where it is none of the forms, which is already reported.
+    /// `None` if it has no valid form, which is already reported.
     pub form: Option<BarrierForm>,
 }
 
@@ -117,14 +117,14 @@ impl BarrierFile {
             (Some(read), None, None) => Some(BarrierForm::Read(read)),
             (None, Some(fact), None) => Some(BarrierForm::LoopTest(fact)),
             (None, None, Some(fact)) => Some(BarrierForm::Refused(fact)),
-            (None, None, None) => no_form(&location, "is no barrier", reader.problems()),
-            _ => no_form(&location, "is several barriers", reader.problems()),
+            (None, None, None) => no_form(&location, "is not a barrier", reader.problems()),
+            _ => no_form(&location, "has more than one form", reader.problems()),
         };
         reader.finish();
         Self { location, form }
     }
 
-    /// Nothing where any part cannot be used.
+    /// `None` if any part is unusable.
     pub(super) fn ready(&self) -> Option<Barrier> {
         Some(match self.form.as_ref()? {
             BarrierForm::Read(BlockFile { address, count }) => {

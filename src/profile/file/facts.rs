@@ -1,4 +1,4 @@
-//! Facts: a value beside how sure it is and where it comes from.
+//! Facts: a value with its confidence and its source.
 
 use super::documents::{DocumentsFile, at_best};
 use crate::domain::problem::Problem;
@@ -7,11 +7,11 @@ use crate::profile::words::CONFIDENCES;
 use crate::toml_file::values::Kind;
 use crate::toml_file::{OptionalKey, Reader, RequiredKey, Section, Spanned};
 
-/// How sure something is, and where it comes from.
+/// Confidence and source of a fact.
 pub(in crate::profile) type Origin = (Confidence, String);
 
-/// A fact as written: a table that holds the value, its confidence and its source. What of it is nothing is
-/// already reported.
+/// A fact as written: a table with the value, its confidence and its source. Parts that are `None` are already
+/// reported.
 pub(in crate::profile) struct FactFile<T> {
     pub value: RequiredKey<T>,
     pub origin: Option<Origin>,
@@ -20,47 +20,47 @@ pub(in crate::profile) struct FactFile<T> {
 impl<T> FactFile<T> {
     const UNUSABLE: Self = Self { value: None, origin: None };
 
-    /// The fact with its value made into another, where all of it can be used.
+    /// The fact with its value converted by `make`; `None` if any part is unusable.
     pub fn and_then<U>(&self, make: impl FnOnce(&T) -> Option<U>) -> Option<Fact<U>> {
         fact(make(&self.value.as_ref()?.value)?, self.origin.as_ref())
     }
 }
 
 impl<T: Clone> FactFile<T> {
-    /// The fact, where all of it can be used.
+    /// The fact; `None` if any part is unusable.
     pub fn ready(&self) -> Option<Fact<T>> {
         self.and_then(|value| Some(value.clone()))
     }
 }
 
-/// `value` with where it comes from, where that can be used.
+/// `value` with its origin; `None` if the origin is unusable.
 pub(super) fn fact<T>(value: T, origin: Option<&Origin>) -> Option<Fact<T>> {
     let (confidence, source) = origin?.clone();
     Some(Fact { value, confidence, source })
 }
 
-/// Nothing inside where the fact is left out; nothing at all where it cannot be used.
+/// `Some(None)` if the fact is left out; `None` if it is unusable.
 pub(super) fn optional<T: Clone>(fact: Option<&FactFile<T>>) -> Option<Option<Fact<T>>> {
     fact.map_or(Some(None), |fact| fact.ready().map(Some))
 }
 
-/// Reads facts and checks that each names one of the documents, and is no surer than that document makes it.
+/// Reads facts; checks that each cites a document, and claims no more confidence than the document supports.
 pub(super) struct Facts<'d> {
-    /// Nothing: the documents themselves cannot be read, so no source can be told wrong.
+    /// `None`: the documents are unusable, so sources cannot be checked.
     pub documents: Option<&'d DocumentsFile>,
-    /// The model's identifier, where it can be used: what a document proves depends on what it is about.
+    /// The model's identifier, if usable: what a document proves depends on which models it covers.
     pub model: Option<&'d str>,
-    /// Whether a fact may be a choice without a document.
+    /// Whether a fact may be a default without a document.
     pub defaults: bool,
 }
 
 impl Facts<'_> {
-    /// The fact `key`, whose value stands under `value`.
+    /// The fact `key`, with its value under `value`.
     pub fn value<T>(&self, reader: &mut Reader<'_, '_>, key: &'static str, kind: &Kind<'_, T>) -> FactFile<T> {
         self.needed(reader, key, |reader| reader.required("value", kind))
     }
 
-    /// The fact `key`, whose value stands under `value`; nothing where it is left out.
+    /// The fact `key`, with its value under `value`; `None` if it is left out.
     pub fn optional_value<T>(
         &self,
         reader: &mut Reader<'_, '_>,
@@ -70,7 +70,7 @@ impl Facts<'_> {
         self.optional(reader, key, |reader| reader.required("value", kind))
     }
 
-    /// The fact `key` that says by being there all that it says; nothing where it is left out.
+    /// The fact `key`, whose presence is its only content; `None` if it is left out.
     pub fn switch(&self, reader: &mut Reader<'_, '_>, key: &'static str) -> Option<FactFile<()>> {
         self.optional(reader, key, |reader| whole(reader, |_| ()))
     }
@@ -80,7 +80,7 @@ impl Facts<'_> {
         self.needed(reader, key, |reader| filled_list(reader, "value", kind))
     }
 
-    /// The fact `key`, from whose table `value` reads what it says.
+    /// The fact `key`; `value` reads its value from the table.
     pub fn needed<T>(
         &self,
         reader: &mut Reader<'_, '_>,
@@ -93,7 +93,7 @@ impl Facts<'_> {
         }
     }
 
-    /// As [`Self::needed`]; nothing where it is left out.
+    /// Like [`Self::needed`]; `None` if it is left out.
     pub fn optional<T>(
         &self,
         reader: &mut Reader<'_, '_>,
@@ -124,10 +124,10 @@ impl Facts<'_> {
         fact
     }
 
-    /// The keys `confidence` and `source`, which stand in every fact and every register.
+    /// The keys `confidence` and `source`, which every fact and register has.
     pub fn origin(&self, reader: &mut Reader<'_, '_>) -> Option<Origin> {
         let confidence = reader.required("confidence", &Kind::one_of(&CONFIDENCES));
-        let right = "a document's short name and a place in it, or the reason of a default";
+        let right = "a document's short name and a place in it, or the reason for a default";
         let source = reader.required("source", &Kind::parsed(right, filled));
         let confidence = confidence.filter(|it| self.may_be(it, reader.problems()))?;
         let cites = confidence.value != Confidence::Default;
@@ -137,8 +137,8 @@ impl Facts<'_> {
 
     fn may_be(&self, confidence: &Spanned<Confidence>, problems: &mut Vec<Problem>) -> bool {
         let what = match confidence.value {
-            Confidence::Default if !self.defaults => "`default` is for timings only: an unknown is never a default",
-            Confidence::Configured => "`configured` is for registers that the gateway's configuration adds",
+            Confidence::Default if !self.defaults => "`default` is allowed for timings only",
+            Confidence::Configured => "`configured` is reserved for registers added by the gateway's configuration",
             _ => return true,
         };
         let right = "\"manual\", \"second-source\", \"third-party\", \"sibling\" or \"inferred\"";
@@ -146,7 +146,7 @@ impl Facts<'_> {
         false
     }
 
-    /// Whether `source` begins with a document and a place in it, and that document lets the fact be as sure as it says.
+    /// Whether `source` cites a place in a document, and that document supports the fact's confidence.
     fn is_cited(
         &self,
         source: &Spanned<String>,
@@ -157,7 +157,8 @@ impl Facts<'_> {
         let (name, location) = source.value.split_once(' ').unwrap_or((&source.value, ""));
         let Some(document) = documents.find(name).filter(|_| !location.is_empty()) else {
             let names: Vec<_> = documents.names().map(|name| format!("`{name} ...`")).collect();
-            let problem = source.location.problem(format!("`{}` cites no place in a declared document", source.value));
+            let problem =
+                source.location.problem(format!("`{}` does not cite a place in a declared document", source.value));
             problems.push(problem.right(names.join(" or ")));
             return false;
         };
@@ -167,13 +168,13 @@ impl Facts<'_> {
             return true;
         }
         let word = confidence.value.word();
-        let problem = confidence.location.problem(format!("the source does not make it \"{word}\": {what}"));
+        let problem = confidence.location.problem(format!("the source does not support \"{word}\": {what}"));
         problems.push(problem.right(format!("at best \"{}\", or another source", best.word())));
         false
     }
 }
 
-/// A value that has several parts beside confidence and source, which stands where its table stands.
+/// A value with several parts beside confidence and source, at the location of its table.
 pub(super) fn whole<T>(reader: &mut Reader<'_, '_>, parts: impl FnOnce(&mut Reader<'_, '_>) -> T) -> RequiredKey<T> {
     let value = parts(reader);
     Some(Spanned { value, location: reader.location().clone() })
@@ -190,7 +191,7 @@ pub(super) fn filled_list<T>(
     Some(Spanned { value: list.into_iter().map(|written| written.value).collect(), location })
 }
 
-/// `list`, where it has at least one element.
+/// `list` if it has at least one element.
 pub(super) fn filled_with<T>(
     list: Spanned<Vec<Spanned<T>>>,
     kind: &Kind<'_, T>,

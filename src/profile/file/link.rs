@@ -1,4 +1,4 @@
-//! `[link]` and `[timing]`: the line that the model hangs on, and the times there.
+//! `[link]` and `[timing]`: line settings and timing.
 
 use super::facts::{FactFile, Facts, filled_list, optional, whole};
 use crate::domain::link::{Framing, Interface, LinkSettings, Parity};
@@ -42,7 +42,7 @@ impl LinkFile {
         link
     }
 
-    /// Nothing where any part cannot be used.
+    /// `None` if any part is unusable.
     pub(super) fn ready(&self) -> Option<Link> {
         Some(Link {
             default: self.default.and_then(DefaultFile::ready)?,
@@ -153,7 +153,7 @@ impl TimingFile {
         timing
     }
 
-    /// Nothing where any part cannot be used.
+    /// `None` if any part is unusable.
     pub(super) fn ready(&self) -> Option<Timing> {
         Some(Timing {
             gap_chars: self.gap_chars.ready()?,

@@ -1,5 +1,5 @@
-//! A model file as it is written: each fact with its place, its confidence and its source, nothing compared. Each part
-//! that can be used as a whole can be made into the model's.
+//! A model file as written: each fact with its location, confidence and source, before any cross-checks. Each usable
+//! part converts into its counterpart in the model.
 
 mod codes;
 mod documents;
@@ -88,13 +88,13 @@ impl ModelFile {
         file
     }
 
-    /// The model; nothing where any part of the file cannot be used.
+    /// The model; `None` if any part of the file is unusable.
     pub fn ready(&self) -> Option<Model> {
         let mut registers = self.registers.iter().map(RegisterFile::register).collect::<Option<Vec<_>>>()?;
         registers.sort_by_key(|register| register.address);
         let watchdog = made(&self.watchdog, |it| it.ready(&self.registers))?;
         for register in &mut registers {
-            look_at_watchdog(watchdog.as_ref(), register);
+            poll_watchdog(watchdog.as_ref(), register);
         }
         Some(Model {
             id: self.id.as_ref()?.value.clone(),
@@ -120,15 +120,15 @@ impl ModelFile {
     }
 }
 
-/// What the drive's own watchdog is set to is looked at every minute, if the file does not want it sooner.
-fn look_at_watchdog(watchdog: Option<&Watchdog>, register: &mut Register) {
+/// The settings of the drive's own watchdog are polled at least once a minute.
+fn poll_watchdog(watchdog: Option<&Watchdog>, register: &mut Register) {
     let is_part = |it: &Watchdog| it.time == register.address || it.action == Some(register.address);
     if watchdog.is_some_and(is_part) && matches!(register.poll, None | Some(PollClass::Hourly)) {
         register.poll = Some(PollClass::Minutely);
     }
 }
 
-/// The table `key`, read by `read`, which may be left out.
+/// The optional table `key`, read by `read`.
 fn given<T>(reader: &mut Reader<'_, '_>, key: &'static str, read: impl FnOnce(Reader<'_, '_>) -> T) -> OptionalKey<T> {
     match reader.table(key) {
         OptionalKey::Absent => OptionalKey::Absent,
@@ -144,7 +144,7 @@ fn all<T>(reader: &mut Reader<'_, '_>, key: &'static str, read: impl Fn(Reader<'
     reader.tables(key).into_iter().map(|section| read(reader.open(section))).collect()
 }
 
-/// Nothing inside where the table is left out; nothing at all where it cannot be used.
+/// `Some(None)` if the table is left out; `None` if it is unusable.
 fn made<T, U>(given: &OptionalKey<T>, make: impl FnOnce(&T) -> Option<U>) -> Option<Option<U>> {
     match given {
         OptionalKey::Absent => Some(None),

@@ -1,4 +1,4 @@
-//! `[quirks]`: the named switches, each a fact.
+//! `[quirks]`: named switches, each a fact.
 
 use super::facts::{FactFile, Facts, optional};
 use super::link::time;
@@ -35,7 +35,7 @@ impl QuirksFile {
         quirks
     }
 
-    /// Nothing where any part cannot be used.
+    /// `None` if any part is unusable.
     pub(super) fn ready(&self) -> Option<Quirks> {
         Some(Quirks {
             decimal_numbers: optional(self.decimal_numbers.as_ref())?,

@@ -9,7 +9,7 @@ use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey, Spanned};
 /// How the words of run commands are built.
 const FORMS: [(&str, FormWord); 2] = [("values", FormWord::Values), ("bits", FormWord::Bits)];
 
-/// How the words are built, as the file says it.
+/// How the words are built, as written in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::profile) enum FormWord {
     Values,
@@ -70,7 +70,7 @@ impl RunFile {
         run
     }
 
-    /// The command words that can be used, each with what it orders.
+    /// The usable command words, each with its order.
     pub fn words(&self) -> impl Iterator<Item = (Order, &Spanned<u16>)> {
         let all = [
             (Order::Stop, Some(&self.stop)),
@@ -83,7 +83,7 @@ impl RunFile {
         all.into_iter().filter_map(|(order, fact)| Some((order, fact?.value.as_ref()?)))
     }
 
-    /// Nothing where any part cannot be used.
+    /// `None` if any part is unusable.
     pub(super) fn ready(&self) -> Option<RunCommand> {
         Some(RunCommand {
             form: match self.form.as_ref()?.value {

@@ -1,4 +1,4 @@
-//! `[[setup]]` and `[watchdog]`: what has to be set on the drive, and how it watches its communication.
+//! `[[setup]]` and `[watchdog]`: required drive settings, and how the drive monitors its communication.
 
 use super::facts::{Facts, Origin, fact, filled_with};
 use crate::domain::link::Interface;
@@ -40,7 +40,7 @@ impl SetupFile {
         setup
     }
 
-    /// Nothing where any part cannot be used.
+    /// `None` if any part is unusable.
     pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<SetupItem> {
         let values = self.values.clone().optional()?.unwrap_or_default();
         Some(SetupItem {
@@ -56,7 +56,7 @@ impl SetupFile {
     }
 }
 
-/// The words of a list; nothing if they cannot be used.
+/// The words of a list: `Some(None)` if it is left out, `None` if it is unusable.
 fn words_of(list: &OptionalKey<Vec<Spanned<u16>>>) -> Option<Option<Vec<u16>>> {
     match list {
         OptionalKey::Absent => Some(None),
@@ -91,7 +91,7 @@ impl WatchdogFile {
         watchdog
     }
 
-    /// Nothing where any part cannot be used.
+    /// `None` if any part is unusable.
     pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<Watchdog> {
         Some(Watchdog {
             time: address_of(&self.register.as_ref()?.value, registers)?,
@@ -109,8 +109,8 @@ impl WatchdogFile {
         })
     }
 
-    /// The words of the reaction with which the drive stops the motor where `stops` is left out: those that have a meaning
-    /// and do not keep it running.
+    /// The reaction's words that stop the motor if `stops` is left out: those that have a meaning and do not keep it
+    /// running.
     pub fn words_that_stop(&self, registers: &[RegisterFile]) -> Vec<u16> {
         let OptionalKey::Valid(action) = &self.action else { return Vec::new() };
         let runs_on = words_of(&self.keeps_running).flatten().unwrap_or_default();

@@ -1,4 +1,4 @@
-//! `[[status]]`, `[[trip]]` and `[[exception]]`: what the drive tells of itself, and in which words.
+//! `[[status]]`, `[[trip]]` and `[[exception]]`: status flags, and the texts of trips and exceptions.
 
 use super::facts::{Facts, Origin, filled_with};
 use crate::profile::model::{CodeText, Flag, StatusFlag};
@@ -33,7 +33,7 @@ impl StatusFile {
         status
     }
 
-    /// Nothing where any part cannot be used.
+    /// `None` if any part is unusable.
     pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<StatusFlag> {
         let (confidence, source) = self.origin.clone()?;
         Some(StatusFlag {
@@ -68,10 +68,10 @@ impl CodeFile {
         code
     }
 
-    /// Nothing where any part cannot be used.
+    /// `None` if any part is unusable.
     pub(super) fn ready(&self) -> Option<CodeText> {
         let (confidence, source) = self.origin.clone()?;
-        let (code, text) = (self.code.as_ref()?.value, self.text.as_ref()?.value.clone());
-        Some(CodeText { code, text, confidence, source })
+        let code = self.code.as_ref()?.value;
+        Some(CodeText { code, text: self.text.as_ref()?.value.clone(), confidence, source })
     }
 }

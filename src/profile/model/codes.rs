@@ -1,19 +1,19 @@
-//! How a vendor's own codes and the addresses on the wire go together.
+//! How a vendor's own codes map to addresses on the wire.
 
 use super::Fact;
 
-/// The rule by which a code is an address.
+/// The rule that maps a code to an address.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CodeRule {
     /// A group, a separator and a number in decimal: high byte and low byte of the address.
     Groups {
-        /// The groups with their high bytes. Letters count as they are written: `F` is not `f`.
+        /// The groups with their high bytes. Case matters: `F` is not `f`.
         groups: Vec<(String, u8)>,
-        /// The groups that it covers up to a number only, with that number: a code behind it may be at any address.
+        /// Groups that the rule covers only up to a number: codes beyond it may be at any address.
         ends: Vec<(String, u8)>,
-        /// What stands between group and number.
+        /// The text between group and number.
         separator: String,
-        /// How sure the rule is.
+        /// Confidence and source of the rule.
         origin: Fact<()>,
     },
     /// The code is the address in hexadecimal.
@@ -21,7 +21,7 @@ pub enum CodeRule {
 }
 
 impl CodeRule {
-    /// The address of `code`, if it is one that the rule covers.
+    /// The address of `code`; `None` if the rule does not cover it.
     #[must_use]
     pub fn address(&self, code: &str) -> Option<u16> {
         match self {

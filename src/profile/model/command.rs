@@ -1,10 +1,10 @@
-//! How a model is commanded: run commands, writes, and what has to be set on the drive before it obeys.
+//! How a model is commanded: run commands, writes, and the settings it needs to obey the bus.
 
 use super::{Confidence, Fact, FactPart, Model, Role};
 use crate::domain::control::ControlAction;
 use crate::domain::link::Interface;
 
-/// How run commands are given: one register that takes words.
+/// How run commands are given: words written to one register.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RunCommand {
     /// How the words are built.
@@ -13,23 +13,23 @@ pub struct RunCommand {
     pub stop: Fact<u16>,
     /// Run forward.
     pub forward: Fact<u16>,
-    /// Run reverse, where the model has it.
+    /// Run reverse, if the model supports it.
     pub reverse: Option<Fact<u16>>,
-    /// Cut the output off so that the motor coasts, where the model has it.
+    /// Cut the output off so that the motor coasts, if the model supports it.
     pub coast: Option<Fact<u16>>,
     /// Reset a trip.
     pub reset: Option<Fact<u16>>,
-    /// Hand control back to panel and terminals, where the model has it.
+    /// Hand control back to panel and terminals, if the model supports it.
     pub release: Option<Fact<u16>>,
-    /// The words that are written one after the other to reset a trip: `reset` among them, a stop first, no order to
-    /// run, and with bits a stop last so that the reset bit is taken back. Empty where the model has no reset.
+    /// The words written in turn to reset a trip: a stop first, then `reset` and stops only; with bits, a stop last,
+    /// which clears the reset bit. Empty if the model has no reset.
     pub reset_sequence: Vec<u16>,
-    /// Words that must never be written, whoever asks: the drive's answer to them is not known.
+    /// Words that are never written, whatever a client asks for: the drive's reaction to them is unknown.
     pub never: Vec<Fact<u16>>,
 }
 
 impl RunCommand {
-    /// The word for `action`, where the model has it; none for what is several words.
+    /// The word for `action`; `None` if the model lacks it, or if the action is not a single word.
     #[must_use]
     pub const fn action(&self, action: ControlAction) -> Option<&Fact<u16>> {
         match action {
@@ -47,14 +47,14 @@ impl RunCommand {
         self.action(action).is_some_and(|fact| fact.confidence.is_proven() || accepted.contains(&action))
     }
 
-    /// The actions that the model has and does not prove, with what is known of them.
+    /// The unproven actions of the model, each with its fact.
     pub fn unproven(&self) -> impl Iterator<Item = (ControlAction, &Fact<u16>)> {
         let all = ControlAction::ALL.iter().filter_map(|action| Some((*action, self.action(*action)?)));
         all.filter(|(_, fact)| !fact.confidence.is_proven())
     }
 }
 
-/// One of the facts on which stop, forward and the setpoint rest.
+/// A fact that stop, forward or the setpoint depends on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Basic<'m> {
     /// What it is.
@@ -66,8 +66,8 @@ pub struct Basic<'m> {
 }
 
 impl Model {
-    /// What of stop, forward and the setpoint is not proven: words, and the registers that take them. A drive of such a
-    /// model takes orders only where [`ControlAction::Basic`] is accepted.
+    /// The unproven facts behind stop, forward and the setpoint: words, and their registers. If there are any, a drive of
+    /// this model takes orders only if [`ControlAction::Basic`] is accepted.
     #[must_use]
     pub fn unproven_basics(&self) -> Vec<Basic<'_>> {
         let Some(run) = &self.run else { return Vec::new() };
@@ -89,7 +89,7 @@ impl Model {
         basics
     }
 
-    /// Whether a drive of this model takes orders at all, with `accepted` of what is unproven.
+    /// Whether a drive of this model takes orders at all, given the `accepted` unproven actions.
     #[must_use]
     pub fn may_be_ordered(&self, accepted: &[ControlAction]) -> bool {
         accepted.contains(&ControlAction::Basic) || self.unproven_basics().is_empty()
@@ -103,10 +103,10 @@ pub enum RunForm {
     Values,
     /// Each bit has a meaning of its own.
     Bits {
-        /// What the bits mean, in order, none twice.
+        /// The bits with their meanings, in order, each at most once.
         bits: Vec<RunBit>,
-        /// Bits that stand in every command but release: with them the drive obeys the bus whatever its own settings
-        /// say, so that even a stop takes control. 0 where the model has none.
+        /// Bits that every command but release contains. They make the drive obey the bus whatever its own settings
+        /// say, so even a stop takes control. 0 if the model has none.
         priority: u16,
     },
 }
@@ -152,7 +152,7 @@ pub enum BitMeaning {
 pub struct WriteRules {
     /// What a refused write looks like.
     pub refused: Fact<RefusedWrite>,
-    /// Registers that may be written together by function 10 hex; nothing: each by 06.
+    /// Registers that function 10 hex may write together. `None`: each is written by function 06.
     pub block: Option<BlockWrite>,
 }
 
@@ -170,39 +170,39 @@ pub enum RefusedWrite {
 pub struct BlockWrite {
     /// First register of the block.
     pub address: u16,
-    /// Number of registers from there on that one write may cover.
+    /// Number of registers from `address` that one write may cover.
     pub count: Fact<u16>,
 }
 
-/// One thing that has to be set on the drive before it obeys the bus, in the order in which it is set.
+/// One setting that the drive needs before it obeys the bus.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SetupItem {
     /// The vendor's code or the switch.
     pub what: String,
-    /// What it is and what it has to be, in words.
+    /// The setting and its required value, in words.
     pub text: String,
-    /// The register, where it can be read and written over the bus; nothing: only at the drive itself.
+    /// The register, if it is readable and writable over the bus. `None`: it is set at the drive itself.
     pub address: Option<u16>,
-    /// The words that are right; the first one is what is written. Empty where there is no register.
+    /// The acceptable words; the first one is written. Empty without a register.
     pub values: Fact<Vec<u16>>,
-    /// It concerns lines of this interface only; nothing: all.
+    /// The only interface that it applies to. `None`: all.
     pub interface: Option<Interface>,
 }
 
-/// The drive's own watchdog over its communication.
+/// The drive's own watchdog for its communication.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Watchdog {
     /// The register that holds its time.
     pub time: u16,
-    /// The word there that switches it off.
+    /// The word in `time` that switches the watchdog off.
     pub off: Fact<u16>,
-    /// The register that holds what the drive does when the time is up, where there is one.
+    /// The register that holds the drive's reaction to a time-out, if there is one.
     pub action: Option<u16>,
-    /// Where one decimal digit of that register says it, what that digit counts: 1, 10, 100 or 1000. Otherwise the whole
-    /// word does.
+    /// If a single decimal digit of that register holds the reaction, the place value of the digit: 1, 10, 100 or 1000.
+    /// Otherwise the whole word holds it.
     pub action_digit: Option<u16>,
-    /// The words there with which the motor runs on.
+    /// The words of `action` that keep the motor running.
     pub keeps_running: Vec<u16>,
-    /// Those with which the drive stops it. Every other word is unknown.
+    /// The words of `action` that stop the motor. All other words are unknown.
     pub stops: Vec<u16>,
 }

@@ -1,17 +1,17 @@
-//! The documents that a model's facts cite, and how sure a fact may be that one of them states.
+//! The documents that a model's facts cite, and the confidence that each can support.
 
 use super::Confidence;
 
 /// A document that facts cite.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Document {
-    /// Its short name, with which sources begin.
+    /// Its short name, as cited at the start of a source.
     pub name: String,
     /// Its full title.
     pub title: String,
     /// What it is.
     pub kind: DocumentKind,
-    /// The models that it is about, by identifier or by name. Empty: this very model.
+    /// The models that it covers, by identifier or name. Empty: this very model.
     pub of: Vec<String>,
 }
 
@@ -22,22 +22,22 @@ pub enum DocumentKind {
     Manual,
     /// A vendor's addition to a manual.
     Addendum,
-    /// The manual of a firm that sells the same drive under another name.
+    /// The manual of a company that sells the same drive under another name.
     DistributorManual,
     /// A program that talks to the drive.
     Program,
-    /// A list of registers that somebody else has made.
+    /// A third party's list of registers.
     RegisterMap,
-    /// What was noted at one site.
+    /// Notes from one site.
     SiteNote,
-    /// The settings with which drives were put into service at one site.
+    /// The settings used to commission drives at one site.
     CommissioningSheet,
-    /// What was said in public.
+    /// A public discussion.
     Forum,
 }
 
 impl DocumentKind {
-    /// The word as it stands in model files.
+    /// The word used in model files.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -54,13 +54,13 @@ impl DocumentKind {
 }
 
 impl Document {
-    /// Whether it is about the model called `id`.
+    /// Whether it covers the model `id`.
     #[must_use]
     pub fn is_of(&self, id: &str) -> bool {
         self.of.is_empty() || self.of.iter().any(|of| of == id)
     }
 
-    /// The best that a fact of the model called `id` may be for being stated here.
+    /// The highest confidence that this document supports for a fact of the model `id`.
     #[must_use]
     pub fn best(&self, id: &str) -> Confidence {
         if !self.is_of(id) {
@@ -101,7 +101,7 @@ mod tests {
             (DocumentKind::Forum, Confidence::ThirdParty),
         ] {
             assert_eq!(document(kind, &["acme-1", "acme-2"]).best("acme-1"), best);
-            assert_eq!(document(kind, &[]).best("acme-1"), best, "it is of this very model where nothing is said");
+            assert_eq!(document(kind, &[]).best("acme-1"), best, "without `of` it covers this very model");
             assert_eq!(document(kind, &["acme-2"]).best("acme-1"), Confidence::Sibling);
         }
     }

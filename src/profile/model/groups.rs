@@ -1,24 +1,24 @@
-//! Groups of parameters, as far as the rule of a model's codes tells: which addresses a group may hold, and their codes. A
-//! drive has more parameters than its model describes, and a copy of it needs them all.
+//! Groups of parameters, derived from a model's code rule: the addresses of a group and their codes. A drive has more
+//! parameters than its model describes, and a full copy needs them all.
 
 use super::{CodeRule, Model};
 use std::collections::BTreeSet;
 
-/// Numbers of a group, from 0: codes have two digits.
+/// Maximum count of numbers in a group, from 0: codes have two digits.
 pub const NUMBERS_MAX: u8 = 100;
 
 /// A group of parameters.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Group {
-    /// How the vendor's codes begin in it; of a drive whose codes are addresses, the first two digits.
+    /// The prefix of its codes; if codes are addresses, their first two digits.
     pub name: String,
     /// The high byte of its addresses.
     pub high: u8,
 }
 
 impl Model {
-    /// The groups that the rule of its codes names; of a drive whose codes are addresses, those in which it has a register
-    /// with a code, because no others are known. None without a rule.
+    /// The groups of the code rule; if codes are addresses, those that contain a register with a code, because no others
+    /// are known. Empty without a rule.
     #[must_use]
     pub fn groups(&self) -> Vec<Group> {
         match &self.codes {
@@ -33,14 +33,14 @@ impl Model {
         }
     }
 
-    /// The addresses that `group` may hold, as the drive counts.
+    /// The addresses that `group` may hold, in the drive's numbering.
     pub fn addresses_of(&self, group: &Group) -> impl Iterator<Item = u16> {
         let first = u16::from_be_bytes([group.high, 0]);
         let all = std::iter::successors(Some(first), |address| Some(self.next_address(*address)));
         all.take(usize::from(NUMBERS_MAX)).filter(|address| self.code_in_group(*address).is_some())
     }
 
-    /// The vendor's code of the parameter at `address`, if it lies in a group.
+    /// The vendor's code of the parameter at `address`; `None` outside all groups.
     #[must_use]
     pub fn code_in_group(&self, address: u16) -> Option<String> {
         let rule = self.codes.as_ref()?;
@@ -56,7 +56,7 @@ impl Model {
                 format!("{name}{separator}{low:02}")
             }
         };
-        // Where the rule of a group ends sooner, there is no code.
+        // There is no code beyond the end of a group.
         (rule.address(&code) == Some(address)).then_some(code)
     }
 }

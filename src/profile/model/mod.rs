@@ -1,4 +1,4 @@
-//! A drive model, checked and ready to use. Only [`super::check`] makes one.
+//! A drive model, checked and ready to use. Only [`super::check`] creates one.
 
 mod codes;
 mod command;
@@ -28,15 +28,15 @@ use crate::domain::link::Framing;
 pub enum Confidence {
     /// Stated in a manual of this very model.
     Manual,
-    /// Stated in a second manual of this model, its distributor's included.
+    /// Stated in a second manual of this model, such as its distributor's.
     SecondSource,
-    /// Stated for this model by others than those who make or sell it: an open program, a map, a note from the field.
+    /// Stated for this model by a third party: an open program, a register map, a note from the field.
     ThirdParty,
     /// Stated for a sibling model only.
     Sibling,
     /// Follows from other facts by reasoning; not seen on a real drive.
     Inferred,
-    /// No source: a cautious choice of ours. Allowed for timings only, never for registers or bits.
+    /// No source: a conservative default. Allowed for timings only, never for registers or bits.
     Default,
     /// Stated by the operator in the gateway's configuration, not by a model file.
     Configured,
@@ -52,7 +52,7 @@ impl Confidence {
         }
     }
 
-    /// The word as it stands in model files.
+    /// The word used in model files.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -89,7 +89,7 @@ pub struct Model {
     pub title: String,
     /// Documents that the facts cite.
     pub documents: Vec<Document>,
-    /// What the model says of the line.
+    /// Line settings.
     pub link: Link,
     /// Times on the line.
     pub timing: Timing,
@@ -99,25 +99,25 @@ pub struct Model {
     pub read: ReadLimits,
     /// How writes behave.
     pub write: WriteRules,
-    /// Exception codes with the vendor's words for them, none twice.
+    /// Exception codes with the vendor's texts, each at most once.
     pub exceptions: Vec<CodeText>,
-    /// What this drive does differently.
+    /// Deviations from the standard behaviour.
     pub quirks: Quirks,
-    /// Exchanges that prove that no late reply follows, best first.
+    /// Exchanges after which no late reply can follow, best first.
     pub barriers: Vec<Barrier>,
-    /// How run commands are given; nothing if the model cannot be commanded.
+    /// How run commands are given; `None` if the model cannot be commanded.
     pub run: Option<RunCommand>,
-    /// What the status registers tell, no flag twice.
+    /// The status flags, each at most once.
     pub status: Vec<StatusFlag>,
-    /// Trip numbers with the vendor's words for them, none twice.
+    /// Trip numbers with the vendor's texts, each at most once.
     pub trip_codes: Vec<CodeText>,
-    /// What has to be set on the drive before it obeys the bus, in order.
+    /// The settings that the drive needs before it obeys the bus, in order.
     pub setup: Vec<SetupItem>,
-    /// The drive's own watchdog, where it is known how to read it.
+    /// The drive's own watchdog, if it is documented.
     pub watchdog: Option<Watchdog>,
-    /// How codes and addresses go together, where there is a rule.
+    /// How codes map to addresses, if there is a rule.
     pub codes: Option<CodeRule>,
-    /// The registers, in order of address, none twice.
+    /// The registers, in order of address, each at most once.
     pub registers: Vec<Register>,
 }
 
@@ -135,8 +135,8 @@ impl Model {
         (address & bit != 0).then(|| self.register_at(address & !bit))?
     }
 
-    /// Whether the register at `address` keeps what is written to it without power. Where nobody says so, only those that
-    /// the gateway commands by do not: no drive is commanded through a memory that wears out.
+    /// Whether the register at `address` is non-volatile. If undocumented, only the registers that the gateway commands
+    /// through count as volatile: no drive is commanded through a memory that wears out.
     #[must_use]
     pub fn is_stored(&self, address: u16) -> bool {
         let Some(register) = self.register_at(address) else { return true };
@@ -146,13 +146,13 @@ impl Model {
         }
     }
 
-    /// The register with `role`; the first one where several may have it.
+    /// The register with `role`; the first one if there are several.
     #[must_use]
     pub fn register_for(&self, role: Role) -> Option<&Register> {
         self.registers.iter().find(|register| register.role == Some(role))
     }
 
-    /// The register called `name`, by its name or by the vendor's code, in any case.
+    /// The register called `name`: its name or the vendor's code, ignoring case.
     #[must_use]
     pub fn register_named(&self, name: &str) -> Option<&Register> {
         self.registers.iter().find(|register| {
@@ -161,22 +161,22 @@ impl Model {
         })
     }
 
-    /// The register that shows the setpoint as the drive holds it: one of its own, else the frequency command where
-    /// that can be read back.
+    /// The register that shows the setpoint as the drive holds it: a dedicated one, else the frequency command if it
+    /// is readable.
     #[must_use]
     pub fn setting_register(&self) -> Option<&Register> {
         let readable = |role| self.register_for(role).filter(|register| register.access.can_read());
         readable(Role::FrequencySetting).or_else(|| readable(Role::FrequencyCommand))
     }
 
-    /// Where `flag` stands.
+    /// The location of `flag`.
     #[must_use]
     pub fn status_flag(&self, flag: Flag) -> Option<&StatusFlag> {
         self.status.iter().find(|it| it.flag == flag)
     }
 
-    /// The register that tells whether there is a trip, the surest one: a status word, the present trip's number, the
-    /// number of trips.
+    /// The most reliable register that indicates a trip: a status word, else the present trip's number, else the trip
+    /// count.
     #[must_use]
     pub fn trip_register(&self) -> Option<&Register> {
         let flagged = self.status_flag(Flag::Tripped).and_then(|flag| self.register_at(flag.address));
@@ -190,13 +190,13 @@ impl Model {
         self.functions.value.contains(&function)
     }
 
-    /// The vendor's words for trip `code`.
+    /// The vendor's text for trip `code`.
     #[must_use]
     pub fn trip_text(&self, code: u16) -> Option<&CodeText> {
         self.trip_codes.iter().find(|it| it.code == code)
     }
 
-    /// The vendor's words for exception `code`.
+    /// The vendor's text for exception `code`.
     #[must_use]
     pub fn exception_text(&self, code: u8) -> Option<&CodeText> {
         self.exceptions.iter().find(|it| it.code == u16::from(code))
@@ -208,7 +208,7 @@ impl Model {
         self.read.words_from(address)
     }
 
-    /// The number that follows `address`, as the drive counts.
+    /// The address after `address`, in the drive's numbering.
     #[must_use]
     pub fn next_address(&self, address: u16) -> u16 {
         let is_decimal = self.quirks.decimal_numbers.is_some();
@@ -219,7 +219,7 @@ impl Model {
         }
     }
 
-    /// The model as it is on a line with `framing`: frames of text carry fewer words.
+    /// The model for a line with `framing`: ASCII frames carry fewer words.
     #[must_use]
     pub fn on(&self, framing: Framing) -> Self {
         let mut model = self.clone();
@@ -233,11 +233,11 @@ impl Model {
 /// Limits of reads.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReadLimits {
-    /// Most words in one read. With 1, no read ever covers two registers.
+    /// Maximum number of words in one read. With 1, no read ever covers two registers.
     pub max_words: Fact<u16>,
-    /// The same in ASCII frames, where the model has them.
+    /// The same for ASCII frames, if the model supports them.
     pub max_words_ascii: Option<Fact<u16>>,
-    /// What a read must not cross.
+    /// A boundary that no read may cross.
     pub boundary: Option<Boundary>,
 }
 
@@ -252,9 +252,9 @@ impl ReadLimits {
     }
 }
 
-/// What a read must not cross.
+/// A boundary that no read may cross.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Boundary {
-    /// A change of the address's high byte (a group of parameters).
+    /// A change of the address's high byte, that is, of the parameter group.
     HighByte,
 }

@@ -1,26 +1,26 @@
-//! Which registers of a model are parameters that a tool may write back, and which of them it writes last or never.
+//! Which registers are parameters that a tool may restore, and which of them it writes last or never.
 
 use super::{Model, Register, Role};
 
-/// What a tool that writes parameters back does with a register.
+/// How a tool that restores parameters treats a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum ParameterKind {
-    /// It is written back like any other.
+    /// Restored without conditions.
     Plain,
-    /// It decides whom the motor obeys: only if that is wanted, behind the plain ones.
+    /// Selects the source of commands: restored only on request, after the plain ones.
     Source,
-    /// It decides how the drive is reached: only if that is wanted, last of all.
+    /// Affects communication with the drive: restored only on request, last of all.
     Link,
-    /// It is another way to move the motor or to widen its limits: never over the bus.
+    /// Another way to move the motor or to widen its limits: never written over the bus.
     BackDoor,
-    /// Commands are written there: never as it is.
+    /// Takes commands: never restored.
     Command,
-    /// The drive does not take it.
+    /// Not writable.
     ReadOnly,
 }
 
 impl ParameterKind {
-    /// The word for it in files and answers.
+    /// The word used in files and answers.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -33,10 +33,10 @@ impl ParameterKind {
         }
     }
 
-    /// All of them, in the order in which they are written as far as they are.
+    /// All kinds, in the order in which they are restored.
     pub const ALL: [Self; 6] = [Self::Plain, Self::Source, Self::Link, Self::BackDoor, Self::Command, Self::ReadOnly];
 
-    /// Whether a tool may write it at all.
+    /// Whether a tool may restore it at all.
     #[must_use]
     pub const fn is_written(self) -> bool {
         matches!(self, Self::Plain | Self::Source | Self::Link)
@@ -44,7 +44,7 @@ impl ParameterKind {
 }
 
 impl Register {
-    /// What a tool that writes parameters back does with it.
+    /// How a tool that restores parameters treats it.
     #[must_use]
     pub fn parameter_kind(&self) -> ParameterKind {
         match self.role {
@@ -57,7 +57,7 @@ impl Register {
         }
     }
 
-    /// The vendor's code, else our own name.
+    /// The vendor's code, else the register's name.
     #[must_use]
     pub fn label(&self) -> &str {
         self.code.as_deref().unwrap_or(&self.name)
@@ -65,12 +65,12 @@ impl Register {
 }
 
 impl Model {
-    /// The registers that can be read and that the vendor has a code for, in order of address.
+    /// The readable registers with a vendor code, in order of address.
     pub fn parameters(&self) -> impl Iterator<Item = &Register> {
         self.registers.iter().filter(|register| register.access.can_read() && register.code.is_some())
     }
 
-    /// Whether `word` at `address` has the drive obey the line, as its set-up demands.
+    /// Whether `word` at `address` satisfies an item of the set-up.
     #[must_use]
     pub fn is_set_up_by(&self, address: u16, word: u16) -> bool {
         self.setup.iter().any(|item| item.address == Some(address) && item.values.value.contains(&word))

@@ -1,4 +1,4 @@
-//! One register of a model: where it is, what it means, and what the gateway uses it for.
+//! One register of a model: its address, its meaning, and its use by the gateway.
 
 use super::Confidence;
 use crate::domain::units::UnitOfMeasure;
@@ -23,7 +23,7 @@ pub enum Role {
     FrequencySource,
     /// Where the drive takes its run commands from.
     RunSource,
-    /// The number of the trip that holds now, 0 for none.
+    /// The number of the active trip, 0 for none.
     TripCode,
     /// Number of trips so far.
     TripCount,
@@ -33,13 +33,13 @@ pub enum Role {
     TripFrequency,
     /// Output current at the newest trip.
     TripCurrent,
-    /// Voltage of the DC link at the newest trip.
+    /// DC link voltage at the newest trip.
     TripDcLinkVoltage,
     /// Output current.
     OutputCurrent,
     /// Output voltage.
     OutputVoltage,
-    /// Voltage of the DC link.
+    /// DC link voltage.
     DcLinkVoltage,
     /// Output power.
     OutputPower,
@@ -49,19 +49,19 @@ pub enum Role {
     Temperature,
     /// Run hours.
     RunHours,
-    /// An older trip's number. The only role that several registers may have: the newest of them at the lowest address.
+    /// An older trip's number. The only role that several registers may have; the newest trip is at the lowest address.
     TripHistory,
 }
 
 impl Role {
-    /// Whether several registers of a model may have it.
+    /// Whether several registers of a model may have this role.
     #[must_use]
     pub const fn is_repeated(self) -> bool {
         matches!(self, Self::TripHistory)
     }
 
-    /// Whether the register decides what the motor does or whom it obeys, so that it is written by commands of the
-    /// gateway's own and never as it is.
+    /// Whether the register decides what the motor does or whom it obeys. Only the gateway's own commands write such a
+    /// register; it is never written directly.
     #[must_use]
     pub const fn is_guarded(self) -> bool {
         matches!(
@@ -75,25 +75,25 @@ impl Role {
     }
 }
 
-/// Something about a register that its source may not state, although it states the register.
+/// A property of a register that its source may leave unstated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum FactPart {
-    /// That it can be read.
+    /// That it is readable.
     Reading,
-    /// That it can be written.
+    /// That it is writable.
     Writing,
-    /// In what steps it counts.
+    /// Its scale.
     Scale,
-    /// How negative numbers are written.
+    /// How negative numbers are encoded.
     Sign,
-    /// Where it keeps what is written to it.
+    /// Whether it is volatile.
     Memory,
-    /// What its words mean.
+    /// The meaning of its words.
     Meaning,
 }
 
 impl FactPart {
-    /// The word as it stands in model files.
+    /// The word used in model files.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -107,17 +107,17 @@ impl FactPart {
     }
 }
 
-/// Where a register keeps what is written to it.
+/// The kind of memory behind a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Memory {
-    /// It is lost with the power, and may be written as often as one likes.
+    /// Volatile: may be written any number of times.
     Ram,
-    /// It is stored, in a memory that endures a limited number of writes.
+    /// Non-volatile: endures a limited number of writes.
     Stored,
 }
 
 impl Memory {
-    /// The word as it stands in model files.
+    /// The word used in model files.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -136,18 +136,18 @@ pub enum PollClass {
     Second,
     /// At four times the poll period.
     Slow,
-    /// Once a minute: what a person may change on a drive that runs.
+    /// Once a minute: settings that a person may change on a running drive.
     Minutely,
-    /// Once an hour: what does not change while the drive has power.
+    /// Once an hour: values that do not change while the drive is powered.
     Hourly,
 }
 
-/// Who may do what with a register.
+/// The documented access to a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Access {
-    /// Only read.
+    /// Read only.
     Read,
-    /// Only write; reading back is not documented.
+    /// Write only; reading is not documented.
     Write,
     /// Read and write.
     ReadWrite,
@@ -166,7 +166,7 @@ impl Access {
         matches!(self, Self::Write | Self::ReadWrite)
     }
 
-    /// As a table shows it.
+    /// The word for tables.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -180,11 +180,11 @@ impl Access {
 /// One register of a model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Register {
-    /// Name in our own vocabulary, snake_case, unique in the model.
+    /// Name, snake_case, unique in the model.
     pub name: String,
     /// A description in words.
     pub title: String,
-    /// The vendor's own code (`F007`), where it has one.
+    /// The vendor's code (`F007`), if it has one.
     pub code: Option<String>,
     /// Address as sent on the wire.
     pub address: u16,
@@ -194,45 +194,45 @@ pub struct Register {
     pub signed: bool,
     /// Unit of the value.
     pub unit: UnitOfMeasure,
-    /// Who may do what with it.
+    /// Documented access.
     pub access: Access,
-    /// What the gateway uses it for.
+    /// Its use by the gateway.
     pub role: Option<Role>,
-    /// How often it is polled; nothing: only when asked for.
+    /// How often it is polled. `None`: only on request.
     pub poll: Option<PollClass>,
-    /// Where it keeps what is written to it; nothing: no document says so, and it is treated as stored.
+    /// Kind of memory. `None`: undocumented, treated as stored.
     pub memory: Option<Memory>,
-    /// The words that it takes, as numbers before scaling; nothing: no document says so.
+    /// The valid words, as numbers before scaling. `None`: undocumented.
     pub range: Option<RangeInclusive<i32>>,
-    /// What its words mean, where they are codes.
+    /// Meanings of its words, if they are codes.
     pub meanings: Vec<(u16, String)>,
-    /// Why nobody may write it although the drive would let them: it is another way to move the motor or to widen its
-    /// limits. Nothing where it is none.
+    /// Why no client may write it although the drive would accept the write: it is another way to move the motor or to
+    /// widen its limits. `None` if it is no such back door.
     pub back_door: Option<String>,
-    /// It decides how the drive is reached: its station, speed or character format, its protocol.
+    /// Whether it affects communication: station, speed, character format or protocol.
     pub is_link: bool,
-    /// How sure the row is, but for what is `not_stated`.
+    /// Confidence of the row, except for the parts in `not_stated`.
     pub confidence: Confidence,
-    /// Where the row comes from.
+    /// Document and place.
     pub source: String,
-    /// What of the row that source does not state.
+    /// The properties that the source does not state.
     pub not_stated: Vec<FactPart>,
 }
 
 impl Register {
-    /// Whether documents of the model prove `part` of the row.
+    /// Whether the model's documents prove `part`.
     #[must_use]
     pub fn proves(&self, part: FactPart) -> bool {
         self.confidence.is_proven() && !self.not_stated.contains(&part)
     }
 
-    /// What `word` means, where the register holds codes and the model knows this one.
+    /// The meaning of `word`; `None` if the model does not know it.
     #[must_use]
     pub fn meaning(&self, word: u16) -> Option<&str> {
         self.meanings.iter().find(|(code, _)| *code == word).map(|(_, text)| text.as_str())
     }
 
-    /// Whether `word` lies within the range that the register takes, as far as that is known.
+    /// Whether `word` lies within the register's range, if a range is known.
     #[must_use]
     pub fn takes(&self, word: u16) -> bool {
         let raw = if self.signed { i32::from(word.cast_signed()) } else { i32::from(word) };

@@ -1,9 +1,9 @@
-//! What a model shows of itself: status, trips, exceptions, quirks, and how late replies are told apart.
+//! Status, trips, exceptions, quirks, and the exchanges that rule out late replies.
 
 use super::{Confidence, Fact};
 use std::time::Duration;
 
-/// What a status register can tell.
+/// A state that a status register can indicate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Flag {
     /// The output is active or ordered to be.
@@ -12,11 +12,11 @@ pub enum Flag {
     Reverse,
     /// The drive ramps down to standstill.
     Stopping,
-    /// A trip holds.
+    /// A trip is active.
     Tripped,
-    /// Something is not as it should be, and the drive goes on.
+    /// An alarm is active; the drive keeps running.
     Alarm,
-    /// The drive would run if it were ordered to.
+    /// The drive would obey a run order.
     Ready,
     /// Run commands are taken from the bus.
     BusRun,
@@ -24,50 +24,50 @@ pub enum Flag {
     BusFrequency,
 }
 
-/// Where a flag stands: it holds when the masked word is one of the values.
+/// The location of a flag: it is set if the masked word is one of the values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StatusFlag {
-    /// What it tells.
+    /// The state that it indicates.
     pub flag: Flag,
     /// The register, which is polled.
     pub address: u16,
-    /// The bits that count.
+    /// The relevant bits.
     pub mask: u16,
-    /// The masked words with which it holds.
+    /// The masked words for which it is set.
     pub values: Vec<u16>,
-    /// How sure that is.
+    /// Confidence.
     pub confidence: Confidence,
     /// Document and place.
     pub source: String,
 }
 
 impl StatusFlag {
-    /// Whether the flag holds with `word` in its register.
+    /// Whether the flag is set if its register holds `word`.
     #[must_use]
     pub fn holds(&self, word: u16) -> bool {
         self.values.contains(&(word & self.mask))
     }
 }
 
-/// A number with the vendor's words for it: a trip or an exception.
+/// A trip or an exception: its number and the vendor's text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CodeText {
     /// The number.
     pub code: u16,
-    /// What it means. A hint only where the confidence is not proven.
+    /// Its meaning; only a hint unless the confidence is proven.
     pub text: String,
-    /// How sure that is.
+    /// Confidence.
     pub confidence: Confidence,
     /// Document and place.
     pub source: String,
 }
 
-/// An exchange whose right answer no late reply can be mistaken for: after it none can follow.
+/// An exchange whose reply cannot be mistaken for a late one. Once it succeeds, no late reply can follow.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Barrier {
-    /// A read whose word count differs from every missing one. It lies within what is documented as readable.
+    /// A read whose word count differs from that of every unanswered read. It covers readable registers only.
     Read(BarrierRead),
-    /// The loop test, function 08, with fresh data. Only where nothing on the line echoes what is sent.
+    /// The loop test, function 08, with fresh data. Only if nothing on the line echoes requests.
     Loop(Fact<()>),
     /// A request of this function, which the drive does not serve and refuses with exception 01.
     Refused(Fact<u8>),
@@ -82,20 +82,20 @@ pub struct BarrierRead {
     pub count: u16,
 }
 
-/// Named switches for what some drives do differently. The list is closed: each is built once, in the core.
+/// Named deviations of some drives. The list is closed: the core implements each one.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Quirks {
-    /// Addresses are read as decimal digits in their last two places: 0xFE10 follows 0xFE09.
+    /// The last two places of addresses are decimal digits: 0xFE10 follows 0xFE09.
     pub decimal_numbers: Option<Fact<()>>,
-    /// Current and voltage are in per cent of the drive's rated values, which the configuration has to state.
+    /// Current and voltage are in percent of the drive's rated values, which the configuration must state.
     pub percent_of_rated: Option<Fact<()>>,
-    /// What the drive holds as its setpoint cannot be relied on: each RUN is preceded by a write of the setpoint.
+    /// The setpoint held by the drive is unreliable: each RUN is preceded by a write of the setpoint.
     pub setpoint_before_run: Option<Fact<()>>,
-    /// The same register with this bit of its address set is its stored twin: written, never read.
+    /// An address with this bit set is the stored twin of the same register: writable, never readable.
     pub stored_alias_bit: Option<Fact<u8>>,
-    /// The drive hears nothing for this long after power-up.
+    /// The drive ignores requests for this long after power-up.
     pub deaf_after_power_up: Option<Fact<Duration>>,
-    /// The drive hears nothing for this long after a reset.
+    /// The drive ignores requests for this long after a reset.
     pub deaf_after_reset: Option<Fact<Duration>>,
     /// The drive needs this pause before each request.
     pub pause_before_request: Option<Fact<Duration>>,

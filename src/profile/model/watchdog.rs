@@ -1,12 +1,11 @@
-//! The drive's own watchdog in numbers: its time and its words.
+//! Conversion between times and words of the drive's own watchdog.
 
 use super::Model;
 use crate::domain::units::UnitOfMeasure;
 use std::time::Duration;
 
 impl Model {
-    /// The time that `word` in the register of the drive's own watchdog stands for; nothing where it is off, or there is
-    /// none.
+    /// The watchdog time that `word` sets; `None` if the watchdog is off, or the model has none.
     #[must_use]
     pub fn watchdog_time(&self, word: u16) -> Option<Duration> {
         let watchdog = self.watchdog.as_ref().filter(|watchdog| watchdog.off.value != word)?;
@@ -15,8 +14,7 @@ impl Model {
         (register.unit == UnitOfMeasure::Second).then(|| Duration::from_secs_f64(seconds))
     }
 
-    /// The word that sets the drive's own watchdog to exactly `time`, or off without one; nothing where it has no such
-    /// time.
+    /// The word that sets the watchdog to exactly `time`, or switches it off without one; `None` if no word does.
     #[must_use]
     pub fn watchdog_word(&self, time: Option<Duration>) -> Option<u16> {
         let watchdog = self.watchdog.as_ref()?;
@@ -27,7 +25,7 @@ impl Model {
         (register.takes(word) && self.watchdog_time(word) == Some(time)).then_some(word)
     }
 
-    /// Whether what is known of the drive's own watchdog is proven.
+    /// Whether the facts about the drive's own watchdog are proven.
     #[must_use]
     pub fn watchdog_is_proven(&self) -> bool {
         self.watchdog.as_ref().is_some_and(|watchdog| {
@@ -37,7 +35,7 @@ impl Model {
         })
     }
 
-    /// Whether a write to `address` sets the drive's own watchdog: its time or what it does, or a stored twin of them.
+    /// Whether a write to `address` sets the drive's own watchdog: its time, its reaction, or a stored twin of either.
     #[must_use]
     pub fn sets_watchdog(&self, address: u16) -> bool {
         let Some(watchdog) = &self.watchdog else { return false };

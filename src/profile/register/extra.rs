@@ -7,23 +7,23 @@ use crate::toml_file::{Reader, Section, Spanned};
 use std::borrow::Cow;
 
 /// Reads a register that the gateway's configuration adds to a model: `name`, `title`, `address`, `unit` and
-/// `access`, and if need be `code`, `scale`, `signed` and `poll`. Its confidence is
-/// [`Confidence::Configured`], and it has no role.
+/// `access`; optionally `code`, `scale`, `signed` and `poll`. Its confidence is [`Confidence::Configured`], and it
+/// has no role.
 pub fn extra_register(section: Section<'_>, problems: &mut Vec<Problem>) -> RegisterFile {
     let mut reader = Reader::new(section, problems);
     let mut register = RegisterFile::read(&mut reader);
     register.origin = Some((Confidence::Configured, "configuration".to_owned()));
-    reader.refuse("role", "a register of the configuration has no role", "leave it out");
+    reader.refuse("role", "a register in the configuration has no role", "leave it out");
     reader.finish();
     register
 }
 
-/// `model` with those registers of `extra` that can be used. Each that has the name, code or address of another, or an
-/// address or code that no register of this model can have, is reported, and then `model` comes back as it is.
+/// `model` with the usable registers of `extra`. Duplicate names, codes and addresses are reported, as are addresses and
+/// codes that this model cannot have; after such a problem nothing is added.
 ///
-/// What a model was taught since is no reason not to start: a register of `extra` at the address of one that does no more
-/// than show or hold a value is a warning. It stays as the configuration describes it, unless the gateway itself reads
-/// that register: then the model's own counts.
+/// A register that the model gained later must not prevent a start: if `extra` repeats the address of a register that
+/// only shows or holds a value, that is a warning. The configuration's description wins, unless the gateway itself reads
+/// that register: then the model's does.
 pub fn with_extra(model: &Model, extra: &[RegisterFile], problems: &mut Vec<Problem>) -> Model {
     let (known, extra) = known_since(model, extra, problems);
     let model = &Model { registers: known, ..model.clone() };
@@ -43,33 +43,34 @@ pub fn with_extra(model: &Model, extra: &[RegisterFile], problems: &mut Vec<Prob
     model
 }
 
-/// The registers of `model` without those that `extra` replaces, and `extra` without those that the model's own replace.
+/// The registers of `model` that `extra` does not replace, and the registers of `extra` that the model does not replace.
 fn known_since<'x>(
     model: &Model,
     extra: &'x [RegisterFile],
     problems: &mut Vec<Problem>,
 ) -> (Vec<Register>, Cow<'x, [RegisterFile]>) {
-    let (mut known, mut added) = (model.registers.clone(), Cow::Borrowed(extra));
+    let mut known = model.registers.clone();
+    let mut added = Cow::Borrowed(extra);
     for register in extra {
         let Some(Spanned { value: address, location }) = &register.address else { continue };
         let harmless = |own: &&Register| own.address == *address && is_harmless(model, own);
         let Some(own) = model.registers.iter().find(harmless) else { continue };
-        let what = format!("{} has a register at 0x{address:04X} by now, `{}`", model.id, own.name);
+        let what = format!("{} now has its own register at 0x{address:04X}, `{}`", model.id, own.name);
         if own.role.is_some() {
             added.to_mut().retain(|it| it != register);
             let problem = location.problem(format!("has no effect: {what}"));
-            problems.push(problem.right(format!("leave it out, and call it `{}`", own.name)).warning());
+            problems.push(problem.right(format!("leave it out and use the name `{}`", own.name)).warning());
         } else {
             known.retain(|it| it.address != *address);
-            let problem = location.problem(format!("{what}; it stays as it is described here"));
-            problems.push(problem.right(format!("leave it out, and call it `{}`", own.name)).warning());
+            let problem = location.problem(format!("{what}; the description here takes precedence"));
+            problems.push(problem.right(format!("leave it out and use the name `{}`", own.name)).warning());
         }
     }
     (known, added)
 }
 
-/// Whether a register of `model` only shows or holds a value: nothing that moves the motor, or that decides how the drive
-/// is reached or whom it obeys, hangs on it.
+/// Whether a register of `model` only shows or holds a value: it does not move the motor, and does not affect
+/// communication or the source of commands.
 fn is_harmless(model: &Model, own: &Register) -> bool {
     let is_status = model.status.iter().any(|flag| flag.address == own.address);
     let is_setup = model.setup.iter().any(|item| item.address == Some(own.address));
@@ -125,18 +126,18 @@ mod tests {
              access = 'write'\npoll = 'fast'\n",
         );
         let expected = "\
-7:1 register[0].role: a register of the configuration has no role
+7:1 register[0].role: a register in the configuration has no role
     right: leave it out
-8:1 register[0].source: there is no key `source` here
+8:1 register[0].source: unknown key `source`
     right: one of name, title, code, address, scale, signed, unit, access, poll
-16:8 register[1].poll: a register that cannot be read cannot be polled
-    right: leave it out, or give it an access that reads
-4:11 register[0].address: has no effect: acme-1 has a register at 0x0101 by now, `output_frequency`
-    right: leave it out, and call it `output_frequency`
+16:8 register[1].poll: polling requires a readable register
+    right: leave it out, or use access "read" or "read-write"
+4:11 register[0].address: has no effect: acme-1 now has its own register at 0x0101, `output_frequency`
+    right: leave it out and use the name `output_frequency`
 10:8 register[1].name: the name `output_frequency` is taken by `output_frequency` of the model
-    right: one that no other register of the model has
+    right: one that no other register of the model uses
 12:8 register[1].code: the code `D001` is taken by `output_frequency` of the model
-    right: one that no other register of the model has
+    right: one that no other register of the model uses
 ";
         assert_eq!(problems, expected);
         assert_eq!(model.registers.len(), 1);
@@ -150,11 +151,11 @@ mod tests {
                     access = 'read'\n";
         let (model, problems) = extended(EVERYTHING, text);
         let expected = "\
-4:11 register[0].address: 0x310A is no address: this drive counts in decimal digits
+4:11 register[0].address: 0x310A is not an address: this drive uses decimal digits
     right: 0 to 9 in each of the last two places
 10:11 register[1].address: 0xB102 is the stored twin of another register: it has bit 15
     right: 0x3102, the register itself
-16:8 register[2].code: `P.05` is 0x0105 by `codes`, and not 0x3105
+16:8 register[2].code: `P.05` is 0x0105 by `codes`, not 0x3105
     right: the code that belongs to the address, or leave it out
 ";
         assert_eq!(problems, expected);
@@ -167,7 +168,7 @@ mod tests {
             let text =
                 format!("[[register]]\nname = 'a'\ntitle = 'A'\naddress = 5\nunit = '-'\naccess = 'read'\n{key}\n");
             let (_, problems) = extended(MODEL, &text);
-            assert!(problems.starts_with("7:1 register[0].") && problems.contains(": there is no key `"), "{problems}");
+            assert!(problems.starts_with("7:1 register[0].") && problems.contains(": unknown key `"), "{problems}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! One register as a file states it: of a model file, or added to a model by the gateway's configuration.
+//! One register as written in a file: in a model file, or added to a model by the gateway's configuration.
 
 mod extra;
 mod rules;
@@ -19,8 +19,8 @@ use std::ops::RangeInclusive;
 /// The largest scale, in raw steps per unit.
 const MAX_SCALE: u32 = 1_000_000;
 
-/// A register as written. What is wrong with it is already reported; what is sound of it is still compared
-/// with the others.
+/// A register as written. Its invalid parts are already reported; its valid parts still take part in the
+/// cross-checks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegisterFile {
     pub(super) name: RequiredKey<String>,
@@ -48,12 +48,12 @@ impl RegisterFile {
         self.name.as_ref().map(|name| name.value.as_str())
     }
 
-    /// The words of it that have a meaning.
+    /// Its words that have a meaning.
     pub(in crate::profile) fn meaning_words(&self) -> impl Iterator<Item = u16> + '_ {
         self.meanings.iter().map(|(word, _)| *word)
     }
 
-    /// The register; nothing if any part of it cannot be used.
+    /// The register; `None` if any part is unusable.
     #[must_use]
     pub fn register(&self) -> Option<Register> {
         let (confidence, source) = self.origin.clone()?;
@@ -83,7 +83,7 @@ impl RegisterFile {
         })
     }
 
-    /// The keys that a register has wherever it stands.
+    /// The keys common to all registers.
     fn read(reader: &mut Reader<'_, '_>) -> Self {
         let register = Self {
             name: reader.required("name", &Kind::parsed("snake_case: a to z, 0 to 9 and `_`, a letter first", name)),
@@ -106,13 +106,13 @@ impl RegisterFile {
         };
         let unreadable = register.access.as_ref().is_some_and(|access| !access.value.can_read());
         if let Some(poll) = register.poll.valid().filter(|_| unreadable) {
-            let problem = poll.location.problem("a register that cannot be read cannot be polled");
-            reader.problems().push(problem.right("leave it out, or give it an access that reads"));
+            let problem = poll.location.problem("polling requires a readable register");
+            reader.problems().push(problem.right("leave it out, or use access \"read\" or \"read-write\""));
         }
         register
     }
 
-    /// One `[[register]]` of a model file, whose confidence and source are read already.
+    /// One `[[register]]` of a model file whose confidence and source have already been read.
     pub(super) fn of_model(mut reader: Reader<'_, '_>, origin: Option<Origin>) -> Self {
         let mut register = Self::read(&mut reader);
         register.role = reader.optional("role", &Kind::one_of(&ROLES));
@@ -131,7 +131,7 @@ impl RegisterFile {
 impl RegisterFile {
     /// `range` in the register's unit, as numbers before scaling.
     fn read_range(&self, reader: &mut Reader<'_, '_>) -> OptionalKey<RangeInclusive<i32>> {
-        // No register reaches further, whatever its scale.
+        // No register exceeds this range, whatever its scale.
         let ends = Kind::decimal(f64::from(i16::MIN)..=f64::from(u16::MAX));
         let (list, location) = match reader.list("range", &ends) {
             OptionalKey::Absent => return OptionalKey::Absent,
@@ -151,8 +151,8 @@ impl RegisterFile {
         };
         let mut raw = |end: &Spanned<f64>| {
             let problem = |wrong| end.location.problem(format!("{} is {wrong}", end.value));
-            let told = |wrong| reader.problems().push(problem(wrong).right("a value that the register can hold"));
-            steps(end.value, scale, signed).map_err(told).ok()
+            let report = |wrong| reader.problems().push(problem(wrong).right("a value that the register can hold"));
+            steps(end.value, scale, signed).map_err(report).ok()
         };
         let (Some(low), Some(high)) = (raw(least), raw(most)) else { return OptionalKey::Invalid };
         if low > high {
@@ -164,21 +164,22 @@ impl RegisterFile {
     }
 }
 
-/// The table `values`: what the words of a register mean, in order of the words.
+/// The table `values`: the meanings of a register's words, in order of the words.
 fn meanings(reader: &mut Reader<'_, '_>) -> Vec<(u16, String)> {
     let OptionalKey::Valid(Spanned { value: section, location }) = reader.table("values") else { return Vec::new() };
     let inner = reader.open(section);
-    let (is_empty, all) = (inner.is_empty(), inner.all(&Kind::text()));
+    let is_empty = inner.is_empty();
+    let all = inner.all(&Kind::text());
     if is_empty {
         reader.problems().push(location.problem("is empty").right("the meaning of at least one word, or leave it out"));
     }
     let mut meanings = Vec::new();
     for (key, text) in all {
-        // A leading zero or sign would let the same word stand twice.
+        // A leading zero or sign would allow the same word twice.
         match key.parse::<u16>().ok().filter(|word| word.to_string() == key) {
             Some(word) => meanings.push((word, text.value)),
             None => {
-                let problem = text.location.problem(format!("`{key}` is not a word of a register"));
+                let problem = text.location.problem(format!("`{key}` is not a register word"));
                 reader.problems().push(problem.right("a decimal number from \"0\" to \"65535\""));
             }
         }
@@ -251,7 +252,7 @@ mod tests {
     #[test]
     fn meanings_stand_beside_their_words() {
         let values = "values = { \"0\" = \"decelerate\", \"1\" = \"coast\", \"2\" = \"go on\" }";
-        let no_word = "is not a word of a register -> a decimal number from \"0\" to \"65535\"";
+        let no_word = "is not a register word -> a decimal number from \"0\" to \"65535\"";
         for wrong in ["01", "+1", "0x1", "65536", "one"] {
             let expected = format!("register[12].values.{wrong}: `{wrong}` {no_word}");
             each_is_told(&[(values, &format!("values = {{ \"{wrong}\" = \"coast\" }}"), &expected)]);

@@ -1,4 +1,4 @@
-//! What registers keep to among themselves and with the rules of their model, wherever they are written.
+//! Rules between registers, and between registers and their model, for model files and configurations alike.
 
 use super::RegisterFile;
 use crate::domain::problem::Problem;
@@ -6,8 +6,8 @@ use crate::profile::model::{CodeRule, Register, Role};
 use crate::toml_file::Location;
 use std::collections::BTreeMap;
 
-/// Reports each register of `written` whose name, code, address or role belongs to one before it or to one of
-/// `model`. Names and codes share one space, without regard to case, as [`Model::register_named`] does.
+/// Reports each register of `written` whose name, code, address or role is already used by an earlier one or by
+/// `model`. Names and codes share one namespace and ignore case, as in [`Model::register_named`].
 pub(in crate::profile) fn distinct(model: &[Register], written: &[RegisterFile], problems: &mut Vec<Problem>) {
     let mut taken = UsedNames::default();
     for register in model {
@@ -21,7 +21,7 @@ pub(in crate::profile) fn distinct(model: &[Register], written: &[RegisterFile],
     }
 }
 
-/// Who has which name or code (in lower case), address and role.
+/// The owner of each name or code (in lower case), address and role.
 #[derive(Default)]
 struct UsedNames {
     labels: BTreeMap<String, String>,
@@ -62,7 +62,7 @@ fn claim<T: Ord>(
     match taken.get(&value) {
         Some(owner) => {
             let problem = location.problem(format!("{called} is taken by {owner}"));
-            problems.push(problem.right("one that no other register of the model has"));
+            problems.push(problem.right("one that no other register of the model uses"));
         }
         None => {
             taken.insert(value, location.key.clone());
@@ -70,8 +70,8 @@ fn claim<T: Ord>(
     }
 }
 
-/// Reports each register of `written` at an address that is none as the drive counts: `in_decimal`, the last two places
-/// hold decimal digits, and the bit `alias_bit` marks the stored twin of another register.
+/// Reports each register of `written` at an invalid address: if `in_decimal`, the last two places must be decimal digits;
+/// the bit `alias_bit` marks the stored twin of another register.
 pub(in crate::profile) fn addresses_fit(
     in_decimal: bool,
     alias_bit: Option<u8>,
@@ -80,7 +80,7 @@ pub(in crate::profile) fn addresses_fit(
 ) {
     for address in written.iter().filter_map(|register| register.address.as_ref()) {
         if in_decimal && !has_decimal_digits(address.value) {
-            let what = format!("0x{:04X} is no address: this drive counts in decimal digits", address.value);
+            let what = format!("0x{:04X} is not an address: this drive uses decimal digits", address.value);
             problems.push(address.location.problem(what).right("0 to 9 in each of the last two places"));
         }
         if let Some(bit) = alias_bit.filter(|bit| address.value >> bit & 1 == 1) {
@@ -96,12 +96,12 @@ pub(in crate::profile) fn has_decimal_digits(address: u16) -> bool {
     address & 0xF <= 9 && address >> 4 & 0xF <= 9
 }
 
-/// Reports each register of `written` whose code is another address by `rule`.
+/// Reports each register of `written` whose code maps to another address by `rule`.
 pub(in crate::profile) fn codes_fit(rule: &CodeRule, written: &[RegisterFile], problems: &mut Vec<Problem>) {
     for register in written {
         let (Some(code), Some(address)) = (register.code.valid(), &register.address) else { continue };
         if let Some(by_rule) = rule.address(&code.value).filter(|by_rule| *by_rule != address.value) {
-            let what = format!("`{}` is 0x{by_rule:04X} by `codes`, and not 0x{:04X}", code.value, address.value);
+            let what = format!("`{}` is 0x{by_rule:04X} by `codes`, not 0x{:04X}", code.value, address.value);
             problems.push(code.location.problem(what).right("the code that belongs to the address, or leave it out"));
         }
     }

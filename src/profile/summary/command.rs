@@ -1,4 +1,4 @@
-//! What a summary says of commands: run words, what is unproven of them, what has to be set on the drive first.
+//! The command sections of a summary: run words, unproven actions, required settings.
 
 use super::layout::{Row, choice, list, row};
 use super::registers::name_at;
@@ -37,7 +37,7 @@ pub(super) fn run_bits(run: &RunCommand) -> Vec<Row> {
     bits.iter().map(|bit| row(&bit.bit.value.to_string(), word_for(&BIT_MEANINGS, &bit.meaning), &bit.bit)).collect()
 }
 
-/// What the gateway does only where the configuration accepts it.
+/// The actions that require acceptance in the configuration.
 pub(super) fn unproven_actions(model: &Model, run: &RunCommand) -> Vec<Row> {
     let basic = model.unproven_basics().into_iter().map(|it| {
         let source = format!("{}: {}", it.what, it.source);

@@ -1,22 +1,22 @@
-//! How a summary is laid out: headings and columns.
+//! Layout of a summary: headings and columns.
 
 use crate::profile::model::Fact;
 use std::fmt::Display;
 
-/// One line: what stands in each column.
+/// One line: the text of each column.
 pub(super) type Row = Vec<String>;
 
-/// A line with a fact: its name, its value, how sure it is, where it comes from.
+/// A line for a fact: name, value, confidence, source.
 pub(super) fn row<T>(name: &str, value: impl Display, fact: &Fact<T>) -> Row {
     vec![name.to_owned(), value.to_string(), fact.confidence.word().to_owned(), fact.source.clone()]
 }
 
-/// `items` behind one another.
+/// `items`, separated by commas.
 pub(super) fn list<T: Display>(items: impl IntoIterator<Item = T>) -> String {
     joined(items, ", ")
 }
 
-/// `items` of which one is enough.
+/// `items` as alternatives.
 pub(super) fn choice<T: Display>(items: impl IntoIterator<Item = T>) -> String {
     joined(items, " or ")
 }
@@ -25,7 +25,7 @@ fn joined<T: Display>(items: impl IntoIterator<Item = T>, between: &str) -> Stri
     items.into_iter().map(|item| item.to_string()).collect::<Vec<_>>().join(between)
 }
 
-/// Appends a heading and `rows`, each column as wide as its widest cell; nothing where there are no rows.
+/// Appends a heading and `rows`, each column as wide as its widest cell. Without rows, appends nothing.
 pub(super) fn section(text: &mut String, heading: &str, rows: Vec<Row>) {
     if rows.is_empty() {
         return;

@@ -1,4 +1,4 @@
-//! What a summary says of the line: settings, times, reads, writes, refusals.
+//! The line sections of a summary: settings, timing, reads, writes, refusals.
 
 use super::layout::{Row, list, row};
 use crate::profile::model::{Barrier, Boundary, Fact, Link, Model, Quirks, ReadLimits, Timing};
@@ -38,7 +38,7 @@ pub(super) fn timing(timing: &Timing) -> Vec<Row> {
     let optional = [
         ("longest processing", &timing.processing_max),
         ("longest processing of a stored write", &timing.stored_write_max),
-        ("longest delay of replies that can be set", &timing.reply_delay_max),
+        ("longest configurable reply delay", &timing.reply_delay_max),
     ];
     rows.extend(optional.into_iter().filter_map(|(name, fact)| Some(time(name, fact.as_ref()?))));
     if let Some(bits) = &timing.reply_char_bits {
@@ -110,9 +110,9 @@ pub(super) fn quirks(quirks: &Quirks) -> Vec<Row> {
         rows.push(row("stored_alias_bit", text, bit));
     }
     let times = [
-        ("deaf_after_power_up", "after power-up it hears nothing for", &quirks.deaf_after_power_up),
-        ("deaf_after_reset", "after a reset it hears nothing for", &quirks.deaf_after_reset),
-        ("pause_before_request", "each request needs a pause before it of", &quirks.pause_before_request),
+        ("deaf_after_power_up", "ignores requests after power-up for", &quirks.deaf_after_power_up),
+        ("deaf_after_reset", "ignores requests after a reset for", &quirks.deaf_after_reset),
+        ("pause_before_request", "needs a pause before each request of", &quirks.pause_before_request),
     ];
     rows.extend(times.into_iter().filter_map(|(name, text, fact)| {
         let fact = fact.as_ref()?;

@@ -1,4 +1,4 @@
-//! A model as a table for people: what is known of it, how sure that is, and where it comes from.
+//! A model as tables for people: its facts with confidence and source.
 
 mod command;
 mod layout;
@@ -8,7 +8,7 @@ mod registers;
 use super::model::{Document, Model};
 use layout::{Row, list, section};
 
-/// The documents, each with what it is, what it is of, and the best that it proves.
+/// The documents, each with its kind, the models it covers, and the highest confidence it supports.
 fn documents(model: &Model) -> Vec<Row> {
     let row = |document: &Document| {
         let of = if document.is_of(&model.id) { "this model".to_owned() } else { list(&document.of) };
@@ -18,7 +18,7 @@ fn documents(model: &Model) -> Vec<Row> {
     model.documents.iter().map(row).collect()
 }
 
-/// What is known of `model`, as plain text that ends with a line end.
+/// The facts about `model`, as plain text that ends with a newline.
 #[must_use]
 pub fn summary(model: &Model) -> String {
     let mut text = format!("{}: {} {}\n", model.id, model.vendor, model.title);
@@ -26,7 +26,7 @@ pub fn summary(model: &Model) -> String {
     section(&mut text, "Link", line::link(&model.link));
     section(&mut text, "Timing", line::timing(&model.timing));
     section(&mut text, "Reads and writes", line::reads_and_writes(model));
-    section(&mut text, "Barriers: what proves that no late reply follows", line::barriers(&model.barriers));
+    section(&mut text, "Barriers, after which no late reply can follow", line::barriers(&model.barriers));
     section(&mut text, "Exceptions", line::exceptions(model));
     section(&mut text, "Quirks", line::quirks(&model.quirks));
     if let Some(run) = &model.run {

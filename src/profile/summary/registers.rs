@@ -1,4 +1,4 @@
-//! What a summary says of registers: the table of all, and what their words mean.
+//! The register sections of a summary: the table of all registers, and the meanings of their words.
 
 use super::layout::{Row, choice, list, row};
 use crate::profile::model::{CodeRule, Model, Register};
@@ -50,7 +50,7 @@ fn register(register: &Register) -> Row {
     ]
 }
 
-/// How sure the row is, and what of it is not.
+/// The confidence of the row, and the parts that it does not cover.
 fn confidence(register: &Register) -> String {
     let word = register.confidence.word();
     if register.not_stated.is_empty() {
@@ -60,12 +60,12 @@ fn confidence(register: &Register) -> String {
 }
 
 fn range_text(range: &RangeInclusive<i32>, register: &Register) -> String {
-    // In two's complement the low word of a negative number is its register word.
+    // In two's complement, the low word of a negative number is its register word.
     let end = |raw: &i32| Scaled::from_word((raw & 0xFFFF) as u16, register);
     format!("{} to {}", end(range.start()), end(range.end()))
 }
 
-/// What the words of registers mean, each register named once.
+/// The meanings of register words, each register named once.
 pub(super) fn meanings(registers: &[Register]) -> Vec<Row> {
     let rows = registers.iter().flat_map(|register| {
         register.meanings.iter().enumerate().map(|(index, (word, text))| {
