@@ -1,6 +1,6 @@
-//! Buckets that grow with the numbers in them, so that few of them tell small and large numbers apart equally well.
+//! Logarithmic buckets: few of them resolve small and large numbers equally well.
 
-/// How numbers are sorted into buckets: each octave has as many of them.
+/// A division of numbers into buckets, with the same count of buckets in each octave.
 #[derive(Clone, Copy, Debug)]
 pub struct Buckets {
     sub_bits: u32,
@@ -8,14 +8,14 @@ pub struct Buckets {
 }
 
 impl Buckets {
-    /// 2 to the power of `sub_bits` buckets for each octave, which is how much wider than its numbers a bucket is at most,
-    /// for numbers of `top_bits` bits.
+    /// 2 to the power of `sub_bits` buckets for each octave, for numbers of `top_bits` bits. A bucket is at most
+    /// 1 / 2^`sub_bits` as wide as its numbers.
     #[must_use]
     pub const fn new(sub_bits: u32, top_bits: u32) -> Self {
         Self { sub_bits, top_bits }
     }
 
-    /// How many there are.
+    /// The number of buckets.
     #[must_use]
     pub const fn count(self) -> usize {
         ((self.top_bits - self.sub_bits + 1) << self.sub_bits) as usize
@@ -38,7 +38,8 @@ impl Buckets {
     /// The largest number in the bucket at `place`.
     #[must_use]
     pub const fn upper_end(self, place: usize) -> u64 {
-        let (octave, sub) = (place as u64 >> self.sub_bits, place as u64 & ((1 << self.sub_bits) - 1));
+        let octave = place as u64 >> self.sub_bits;
+        let sub = place as u64 & ((1 << self.sub_bits) - 1);
         match octave.checked_sub(1) {
             None => sub,
             Some(shift) => (((1 << self.sub_bits) + sub + 1) << shift) - 1,
@@ -51,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn buckets_follow_each_other_without_hole_and_hold_their_ends() {
+    fn buckets_are_contiguous_and_hold_their_ends() {
         for (sub_bits, top_bits) in [(4, 27), (5, 36)] {
             let buckets = Buckets::new(sub_bits, top_bits);
             assert_eq!(buckets.place(buckets.number_max()), buckets.count() - 1);

@@ -4,22 +4,25 @@ use super::time::WallTime;
 
 const DAY_MS: i64 = 86_400_000;
 
-/// `wall` as RFC 3339 in UTC with milliseconds. Years outside 0 to 9999 cannot be written and become the nearest
-/// moment that can.
+/// `wall` as RFC 3339 in UTC with milliseconds. Years outside 0 to 9999 cannot be written: they are clamped to the
+/// nearest moment that can.
 #[must_use]
 pub fn rfc3339(wall: WallTime) -> String {
     const FIRST_MS: i64 = -62_167_219_200_000;
     const LAST_MS: i64 = 253_402_300_799_999;
     let unix_ms = wall.unix_ms.clamp(FIRST_MS, LAST_MS);
-    let (days, of_day) = (unix_ms.div_euclid(DAY_MS), unix_ms.rem_euclid(DAY_MS));
+    let days = unix_ms.div_euclid(DAY_MS);
+    let of_day = unix_ms.rem_euclid(DAY_MS);
     let (year, month, day) = civil(days);
-    let (seconds, milli) = (of_day / 1000, of_day % 1000);
-    let (hour, minute, second) = (seconds / 3600, seconds / 60 % 60, seconds % 60);
+    let seconds = of_day / 1000;
+    let milli = of_day % 1000;
+    let hour = seconds / 3600;
+    let minute = seconds / 60 % 60;
+    let second = seconds % 60;
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{milli:03}Z")
 }
 
-/// The moment that `text` names in UTC: `2026-01-31`, `2026-01-31T08:00`, `2026-01-31T08:00:00.250Z`; nothing if it
-/// names none.
+/// Parses a moment in UTC: `2026-01-31`, `2026-01-31T08:00`, `2026-01-31T08:00:00.250Z`. `None` if `text` is not one.
 #[must_use]
 pub fn parse(text: &str) -> Option<WallTime> {
     let text = text.strip_suffix('Z').unwrap_or(text);
@@ -38,7 +41,7 @@ pub fn parse(text: &str) -> Option<WallTime> {
     exists.then_some(WallTime { unix_ms: days * DAY_MS + of_day })
 }
 
-/// The `N` numbers of `text`, each with so many digits.
+/// The `N` numbers of `text`, separated by `between`, with the given numbers of digits.
 fn numbers<const N: usize>(text: &str, between: char, lengths: &[usize; N]) -> Option<[i64; N]> {
     let mut found = [0; N];
     let mut parts = text.split(between);

@@ -1,4 +1,4 @@
-//! Commands: who orders what of a drive, until when, and what became of it. One vocabulary for all ways in.
+//! Commands: who orders what of a drive, until when, and the outcome. One vocabulary for all interfaces.
 
 use super::frequency::Hertz;
 use super::ids::{AskerId, CommanderName, DriveIndex, Ticket};
@@ -13,7 +13,7 @@ use std::net::IpAddr;
 pub enum Direction {
     /// The direction that the drive calls forward.
     Forward,
-    /// The other one.
+    /// The opposite direction.
     Reverse,
 }
 
@@ -34,8 +34,8 @@ pub enum RunIntent {
 pub enum Order {
     /// Decelerate and stop.
     Stop {
-        /// A setpoint that came in the same write. It is taken only if this stop changes nothing any more, because
-        /// no setpoint follows a stop that is not effective.
+        /// A setpoint from the same write. It is accepted only if this stop changes nothing, because no setpoint
+        /// follows a stop that is not yet effective.
         setpoint: Option<Hertz>,
     },
     /// Cut the output off, so that the motor coasts.
@@ -44,34 +44,34 @@ pub enum Order {
     Reset,
     /// Registers, then the setpoint, then run.
     Go(Go),
-    /// Hand control back to panel or terminals. A closed terminal may then start the motor.
+    /// Hand control back to the panel or terminals. A closed terminal may then start the motor.
     Release,
     /// Set what the drive needs before it obeys the bus: the registers at these addresses, each to the word that its
-    /// model demands.
+    /// model requires.
     Setup(Vec<u16>),
-    /// Take control over from the one who holds it. It moves nothing.
+    /// Take control over from its holder. It moves nothing.
     Take,
-    /// Only renew the lease. It is no attempt to write.
+    /// Only renew the lease. It is not an attempt to write.
     Renew,
-    /// The order to reset is taken back, so that the next one is a new one. It is no attempt to write.
+    /// Withdraw the order to reset, so that the next one counts as new. It is not an attempt to write.
     EndReset,
 }
 
 impl Order {
-    /// Whether it asks for nothing that could be written to the drive.
+    /// Whether the order writes nothing to the drive.
     #[must_use]
     pub const fn is_no_attempt(&self) -> bool {
         matches!(self, Self::Renew | Self::EndReset)
     }
 
-    /// Whether it takes energy off the motor. Such an order is exempt from what holds others back.
+    /// Whether the order removes energy from the motor. Such an order is exempt from what delays others.
     #[must_use]
     pub const fn is_stop(&self) -> bool {
         matches!(self, Self::Stop { .. } | Self::Coast)
     }
 }
 
-/// An order that sets something: at least one part is there.
+/// An order that sets something: it has at least one part.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Go {
     registers: Vec<RegisterWrite>,
@@ -80,11 +80,11 @@ pub struct Go {
 }
 
 impl Go {
-    /// Most registers in one order. Each part may be a frame of its own, so that a setpoint and RUN leave room for
-    /// fewer.
+    /// Maximum number of registers in one order. Each part may need a frame of its own, so a setpoint and RUN leave
+    /// room for fewer.
     pub const REGISTERS_MAX: usize = FRAMES_MAX;
 
-    /// The order of these parts; nothing if there is none, or more than fit into [`FRAMES_MAX`] frames.
+    /// An order of these parts. `None` if there are none, or more than fit into [`FRAMES_MAX`] frames.
     #[must_use]
     pub fn new(registers: Vec<RegisterWrite>, frequency: Option<Hertz>, run: Option<Direction>) -> Option<Self> {
         let parts = registers.len() + usize::from(frequency.is_some()) + usize::from(run.is_some());
@@ -126,21 +126,21 @@ pub enum Owner {
     ModbusTcp(IpAddr),
     /// A Modbus TCP client by the subject of its certificate, wherever it connects from.
     ModbusSecurity(CommanderName),
-    /// Whoever may publish to the command topics.
+    /// Any client that may publish to the command topics.
     Mqtt,
-    /// Whoever may publish to the command topics of this commander.
+    /// Any client that may publish to the command topics of this name.
     MqttBy(CommanderName),
-    /// Whoever is signed in by this name on the gateway's page, on however many screens.
+    /// The user signed in by this name on the gateway's page, on any number of screens.
     Page(CommanderName),
-    /// Whoever may publish commands of Sparkplug B for this edge node.
+    /// Any client that may publish Sparkplug B commands for this edge node.
     Sparkplug,
-    /// Whoever may open the gateway's own socket on its host.
+    /// Any process that may open the gateway's own socket on its host.
     Local,
 }
 
 impl Owner {
-    /// Whether the commands of this owner come by the way of `way`, so that a sign of life of the way is one of the owner:
-    /// all commanders on MQTT share the way through the broker, which is that of [`Owner::Mqtt`].
+    /// Whether this owner's commands arrive through `way`, so that a heartbeat of `way` counts for the owner: all MQTT
+    /// clients share the path through the broker, which is [`Owner::Mqtt`].
     #[must_use]
     pub fn comes_by(self, way: Self) -> bool {
         self == way || matches!((self, way), (Self::MqttBy(_), Self::Mqtt))
@@ -161,7 +161,7 @@ impl fmt::Display for Owner {
     }
 }
 
-/// What the listener or the broker connection grants to a commander.
+/// What the listener or the broker connection permits a client to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Rights {
     /// It may command.
@@ -171,25 +171,25 @@ pub struct Rights {
 }
 
 impl Rights {
-    /// It may only read.
+    /// Read only.
     pub const NONE: Self = Self { write: false, stop: false };
 }
 
-/// How orders repeat.
+/// How a client repeats its orders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Manner {
-    /// Registers and coils that controllers write again and again: an order acts when it changes something.
+    /// Registers and coils that controllers write cyclically: an order acts when it changes something.
     Cyclic,
-    /// Messages: each is sent once, also when it changes nothing.
+    /// Messages: each is sent to the drive once, even if it changes nothing.
     Once,
 }
 
-/// Who commands, and how.
+/// Who sent a command, and how.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Origin {
-    /// The identity.
+    /// The client's identity.
     pub owner: Owner,
-    /// What it may do.
+    /// What the client may do.
     pub rights: Rights,
     /// How its orders repeat.
     pub manner: Manner,
@@ -198,69 +198,69 @@ pub struct Origin {
 /// One command.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CommandRequest {
-    /// Where the answer goes.
+    /// Where to send the answer.
     pub asker: AskerId,
     /// The asker's number for this command.
     pub ticket: Ticket,
     /// Which drive of the line.
     pub drive: DriveIndex,
-    /// Who commands.
+    /// Who sent the command.
     pub origin: Origin,
     /// What is ordered.
     pub order: Order,
-    /// Its first frame leaves before this moment or never. A stop has no deadline.
+    /// The first frame is sent before this moment or never. A stop has no deadline.
     pub start_before: MonoTime,
-    /// When it was issued, if the commander says so in a way that can be compared with our clock.
+    /// When the command was issued, if the client states it in a way that can be compared with our clock.
     pub issued: Option<MonoTime>,
-    /// The drive's epoch that the commander had seen, if it says so.
+    /// The drive's epoch as the client last saw it, if stated.
     pub epoch: Option<u64>,
 }
 
-/// What became of a command, so far or for good.
+/// The outcome of a command, provisional or final.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CommandAnswer {
-    /// Who commanded.
+    /// Who asked.
     pub asker: AskerId,
     /// The asker's number for the command.
     pub ticket: Ticket,
     /// Which drive of the line.
     pub drive: DriveIndex,
-    /// What became of it.
+    /// The outcome and its details.
     pub report: Report,
-    /// Whether nothing follows. An acknowledged command may still be confirmed.
+    /// Whether no further answer follows. An acknowledged command may still be confirmed.
     pub is_final: bool,
 }
 
-/// An outcome with what there is to say about it.
+/// An outcome with its details.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Report {
-    /// What became of the command.
+    /// The outcome of the command.
     pub outcome: Outcome,
     /// Why.
     pub reason: Reason,
-    /// The word that the drive holds instead of the commanded one, where it said so.
+    /// The word that the drive holds instead of the commanded one, if it reported that.
     pub held: Option<u16>,
     /// The drive's own exception code.
     pub exception: Option<u8>,
-    /// Who holds control, if that is why it was refused.
+    /// Who holds control, if the command was refused for that.
     pub holder: Option<Owner>,
 }
 
 impl Report {
-    /// An outcome with its reason and nothing else to say.
+    /// An outcome with its reason and no further details.
     #[must_use]
     pub const fn new(outcome: Outcome, reason: Reason) -> Self {
         Self { outcome, reason, held: None, exception: None, holder: None }
     }
 
-    /// Why, in words for people. Who is refused because somebody else holds control is told who.
+    /// The reason in plain words. A refusal because another client holds control names the holder.
     #[must_use]
     pub fn message(&self) -> String {
         match self.holder {
             Some(holder) => format!("{holder} holds control of the drive"),
             // A stop is never refused for that.
             None if (self.outcome, self.reason) == (Outcome::Unknown, Reason::LineDown) => {
-                "the line is down: the stop is pending, and is sent as soon as the line is back".to_owned()
+                "the line is down: the stop is pending and is sent as soon as the line is back".to_owned()
             }
             None => self.reason.text().to_owned(),
         }
@@ -280,7 +280,7 @@ impl Report {
     }
 }
 
-/// What became of a command. The number stands in uniform word 259.
+/// The outcome of a command. Uniform word 259 holds its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u16)]
 pub enum Outcome {
@@ -288,11 +288,11 @@ pub enum Outcome {
     Refused = 1,
     /// Its deadline passed before its first frame.
     Expired = 2,
-    /// A newer command took its place before it was sent.
+    /// Replaced by a newer command before it was sent.
     Superseded = 3,
-    /// The drive said no.
+    /// The drive refused it.
     Failed = 4,
-    /// Sent and not answered: what the drive does is being found out.
+    /// Sent but not answered: the drive is read to find out what it does.
     Unknown = 5,
     /// The drive answered.
     Acknowledged = 6,
@@ -312,7 +312,7 @@ impl Outcome {
         Self::Confirmed,
     ];
 
-    /// The word as it stands in results.
+    /// The word used in results.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -326,7 +326,7 @@ impl Outcome {
         }
     }
 
-    /// The number as it stands in uniform word 259; 0 there means that there was no command yet.
+    /// The number used in uniform word 259; 0 there means that there was no command yet.
     #[must_use]
     pub const fn number(self) -> u16 {
         self as u16
@@ -338,7 +338,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn who_is_refused_is_told_who_holds_control() {
+    fn a_refusal_names_the_holder_of_control() {
         assert_eq!(Report::held_by(Owner::Mqtt).message(), "mqtt holds control of the drive");
         assert_eq!(Report::refused(Reason::OtherOwner).message(), "another client holds control of the drive");
         assert_eq!(Report::refused(Reason::Moving).message(), Reason::Moving.text());
@@ -350,7 +350,7 @@ mod tests {
     }
 
     #[test]
-    fn every_commander_on_mqtt_comes_through_the_broker() {
+    fn every_mqtt_client_arrives_through_the_broker() {
         let by = |name| Owner::MqttBy(CommanderName::new(name).unwrap());
         for owner in [Owner::Mqtt, by("a"), by("b")] {
             assert!(owner.comes_by(Owner::Mqtt), "{owner}");
@@ -368,7 +368,8 @@ mod tests {
     #[test]
     fn an_order_never_needs_more_than_its_frames() {
         let registers = |count| vec![RegisterWrite { address: 1, value: 1 }; count];
-        let (setpoint, run) = (Some(Hertz::ZERO), Some(Direction::Forward));
+        let setpoint = Some(Hertz::ZERO);
+        let run = Some(Direction::Forward);
         assert!(Go::new(registers(Go::REGISTERS_MAX), None, None).is_some());
         assert!(Go::new(registers(Go::REGISTERS_MAX - 2), setpoint, run).is_some());
         assert_eq!(Go::new(registers(Go::REGISTERS_MAX + 1), None, None), None);

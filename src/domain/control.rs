@@ -1,22 +1,22 @@
-//! What a drive's control section allows: ready values, checked against the model by whoever reads them.
+//! What a drive's control section allows: final values, checked against the model when the configuration is read.
 
 use super::command::Direction;
 use super::frequency::Hertz;
 use std::time::Duration;
 
-/// What happens to a drive whose commander is gone, or whose gateway is stopped on purpose.
+/// What happens to a drive when its client is lost, or when the gateway is stopped on purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FailSafe {
-    /// It is stopped by its deceleration ramp.
+    /// The drive stops along its deceleration ramp.
     Stop,
-    /// Its output is cut off.
+    /// The drive's output is cut off.
     Coast,
-    /// It is left as it is.
+    /// The drive is left as it is.
     Hold,
 }
 
 impl FailSafe {
-    /// The word as it stands in the configuration.
+    /// The word used in the configuration.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -30,7 +30,7 @@ impl FailSafe {
 /// A control action that may rest on an unproven fact of the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum ControlAction {
-    /// Stop, forward and the setpoint together: without them a drive takes no orders at all.
+    /// Stop, forward and the setpoint together: without them a drive accepts no orders at all.
     Basic,
     /// Running in reverse.
     Reverse,
@@ -46,7 +46,7 @@ impl ControlAction {
     /// All of them.
     pub const ALL: &[Self] = &[Self::Basic, Self::Reverse, Self::Coast, Self::Reset, Self::Release];
 
-    /// The word as it stands in the configuration.
+    /// The word used in the configuration.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -59,21 +59,21 @@ impl ControlAction {
     }
 }
 
-/// Who may command while somebody holds control.
+/// Who may command while a client holds control.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Ownership {
-    /// Only the one who holds it; everybody else is refused.
+    /// Only its holder; all other clients are refused.
     #[default]
     One,
-    /// Whoever has the rights: control passes to the last one who commanded.
+    /// Any client with the rights: control passes to the last one that commanded.
     Any,
 }
 
-/// What keeps a lease of those who command through the broker alive.
+/// What keeps the lease of a client alive that commands through the broker.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum LeaseMode {
-    /// The probe through the broker comes back, and the alive topic does not say `offline`, or, for Sparkplug, the primary
-    /// host is online; commands and the lease topic as well.
+    /// The probe returns through the broker and the alive topic does not say `offline` (for Sparkplug: the primary host
+    /// is online). Commands and the lease topic count as well.
     #[default]
     Session,
     /// Only commands and the lease topic.
@@ -83,25 +83,25 @@ pub enum LeaseMode {
 /// A drive's control section.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ControlSettings {
-    /// Commands are taken from MQTT.
+    /// Commands are accepted from MQTT.
     pub from_mqtt: bool,
-    /// Commands are taken from Modbus TCP.
+    /// Commands are accepted from Modbus TCP.
     pub from_modbus_tcp: bool,
-    /// Commands are taken from those who are signed in on the page.
+    /// Commands are accepted from users signed in on the page.
     pub from_page: bool,
-    /// Commands are taken from hosts of Sparkplug B.
+    /// Commands are accepted from Sparkplug B hosts.
     pub from_sparkplug: bool,
     /// Lowest setpoint.
     pub least: Hertz,
     /// Highest setpoint.
     pub most: Hertz,
-    /// Directions in which it may run; at least one.
+    /// Directions in which the drive may run; at least one.
     pub directions: Vec<Direction>,
-    /// A running motor may be ordered the other way only at or below this output frequency.
+    /// A running motor may be reversed only at or below this output frequency.
     pub reverse_below: Hertz,
-    /// What is done when the commander is lost.
+    /// What is done when the client in control is lost.
     pub on_commander_lost: FailSafe,
-    /// After this time without a sign of the commander it is lost.
+    /// The client is considered lost after this time without a heartbeat.
     pub lost_after: Duration,
     /// What is done when the gateway is stopped on purpose.
     pub on_shutdown: FailSafe,
@@ -109,48 +109,48 @@ pub struct ControlSettings {
     pub accept_unverified: Vec<ControlAction>,
     /// Control may be handed back to panel and terminals.
     pub allow_release: bool,
-    /// RUN over MQTT only with an epoch or a moment of issue.
+    /// RUN over MQTT requires an epoch or a time of issue.
     pub strict: bool,
-    /// Plain RUN over MQTT or from the page is refused for this long after everything that inhibits the start.
+    /// Plain RUN over MQTT or from the page is refused for this long after any event that inhibits the start.
     pub restart_delay: Duration,
-    /// A stop without effect is an alarm after this time.
+    /// A stop without effect raises an alarm after this time.
     pub stop_effect_timeout: Duration,
     /// A stop for a drive that does not answer is repeated for this long.
     pub stop_pending_for: Duration,
     /// Native registers without a role that may be written.
     pub native_write: Vec<u16>,
-    /// Who may command while somebody holds control.
+    /// Who may command while a client holds control.
     pub ownership: Ownership,
-    /// Control may be taken over from the one who holds it.
+    /// Control may be taken over from its holder.
     pub allow_take: bool,
-    /// What keeps a lease of the MQTT side alive.
+    /// What keeps the lease of an MQTT client alive.
     pub lease: LeaseMode,
     /// Minimum time between two starts from standstill.
     pub min_start_interval: Duration,
-    /// Least time between two writes of a register that is stored.
+    /// Minimum time between two writes of a stored register.
     pub stored_write_interval: Duration,
-    /// RUN only while the drive's own watchdog is known to be on and in order.
+    /// RUN is accepted only while the drive's own watchdog is known to be on and short enough.
     pub require_watchdog: bool,
-    /// The time to which the drive's own watchdog is said to be set; nothing: nobody says.
+    /// The declared time of the drive's own watchdog; `None` if it is not declared.
     pub watchdog: Option<Duration>,
-    /// A declared stop without effect is left to the drive's own watchdog after this time, where that can be relied on.
+    /// After this time a declared stop without effect is left to the drive's own watchdog, if that can be relied on.
     pub failsafe_confirm_timeout: Duration,
 }
 
 impl ControlSettings {
-    /// How long plain RUN over MQTT or from the page is refused after what inhibits the start, where nothing else is said.
+    /// Default of [`restart_delay`](Self::restart_delay).
     pub const RESTART_DELAY: Duration = Duration::from_secs(3);
-    /// When a stop without effect is an alarm, where nothing else is said.
+    /// Default of [`stop_effect_timeout`](Self::stop_effect_timeout).
     pub const STOP_EFFECT_TIMEOUT: Duration = Duration::from_secs(3);
-    /// How long a stop waits for a drive that does not answer, where nothing else is said.
+    /// Default of [`stop_pending_for`](Self::stop_pending_for).
     pub const STOP_PENDING_FOR: Duration = Duration::from_secs(600);
 
-    /// Least time between two writes of a stored register, where nothing else is said.
+    /// Default of [`stored_write_interval`](Self::stored_write_interval).
     pub const STORED_WRITE_INTERVAL: Duration = Duration::from_secs(10);
-    /// When a declared stop without effect is left to the drive's own watchdog, where nothing else is said.
+    /// Default of [`failsafe_confirm_timeout`](Self::failsafe_confirm_timeout).
     pub const FAILSAFE_CONFIRM_TIMEOUT: Duration = Duration::from_secs(5);
 
-    /// What must be said, and defaults for the rest: nobody commands yet, forward alone, on proven facts alone.
+    /// The mandatory settings, and defaults for the rest: no commands accepted, forward only, proven facts only.
     #[must_use]
     pub fn new(
         (least, most): (Hertz, Hertz),
@@ -187,8 +187,7 @@ impl ControlSettings {
         }
     }
 
-    /// The longest time to which the drive's own watchdog may be set: as long as a commander may be silent, or as it is
-    /// said to be.
+    /// The longest time to which the drive's own watchdog may be set: the declared time, or else `lost_after`.
     #[must_use]
     pub fn watchdog_at_most(&self) -> Duration {
         self.watchdog.unwrap_or(self.lost_after)

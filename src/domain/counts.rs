@@ -1,13 +1,13 @@
-//! What is counted of one drive since the gateway's start. The numbers only rise.
+//! Counters of one drive since the gateway started. They only rise.
 
 use super::command::{Outcome, Owner};
 use std::time::Duration;
 
-/// Upper ends of the buckets in which reply times are counted, in milliseconds; longer ones are counted behind the last.
-/// They reach from what a fast drive needs to the longest wait that a model asks for.
+/// Upper ends of the buckets of reply times, in milliseconds; longer times are counted after the last. They range from
+/// what a fast drive needs to the longest wait that a model asks for.
 pub const REPLY_BUCKETS_MS: [u64; 12] = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000];
 
-/// Reply times of one class of requests, for those who count over long times.
+/// Cumulative reply times of one class of requests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReplyCounts {
     buckets: [u64; REPLY_BUCKETS_MS.len() + 1],
@@ -15,7 +15,7 @@ pub struct ReplyCounts {
 }
 
 impl ReplyCounts {
-    /// A reply began `time` after the end of its request.
+    /// Counts a reply that began `time` after the end of its request.
     pub fn add(&mut self, time: Duration) {
         let place = REPLY_BUCKETS_MS.iter().position(|end| time <= Duration::from_millis(*end));
         if let Some(bucket) = self.buckets.get_mut(place.unwrap_or(REPLY_BUCKETS_MS.len())) {
@@ -24,26 +24,26 @@ impl ReplyCounts {
         self.sum_us = self.sum_us.saturating_add(u64::try_from(time.as_micros()).unwrap_or(u64::MAX));
     }
 
-    /// Upper end of each bucket, nothing for the last, and how many replies are in it alone.
+    /// Upper end of each bucket (`None` for the last) and the number of replies in that bucket alone.
     pub fn buckets(&self) -> impl Iterator<Item = (Option<Duration>, u64)> + '_ {
         let ends = REPLY_BUCKETS_MS.iter().map(|end| Some(Duration::from_millis(*end)));
         ends.chain([None]).zip(self.buckets.iter().copied())
     }
 
-    /// How many replies there were.
+    /// The number of replies.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.buckets.iter().sum()
     }
 
-    /// All times together.
+    /// The sum of all times.
     #[must_use]
     pub const fn sum(&self) -> Duration {
         Duration::from_micros(self.sum_us)
     }
 }
 
-/// The ways by which commands come, in the order of [`CommandCounts`].
+/// The sources of commands, in the order of [`CommandCounts`].
 pub const COMMAND_SOURCES: [&str; 6] = ["modbus-tcp", "modbus-security", "mqtt", "local", "page", "sparkplug"];
 
 const fn source(owner: &Owner) -> usize {
@@ -57,12 +57,12 @@ const fn source(owner: &Owner) -> usize {
     }
 }
 
-/// Attempts to command or to write that have ended, by the way they came and by what became of them.
+/// Completed attempts to command or to write, by source and outcome.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CommandCounts([[u64; Outcome::ALL.len()]; COMMAND_SOURCES.len()]);
 
 impl CommandCounts {
-    /// An attempt of `owner` has ended.
+    /// Counts a completed attempt of `owner`.
     pub fn add(&mut self, owner: &Owner, outcome: Outcome) {
         let place = usize::from(outcome.number()).checked_sub(1);
         let of_source = self.0.get_mut(source(owner));
@@ -71,7 +71,7 @@ impl CommandCounts {
         }
     }
 
-    /// Source, outcome and count: all outcomes of each source that anything came from.
+    /// Source, outcome and count: all outcomes of each source that has been used.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, Outcome, u64)> + '_ {
         let sources = COMMAND_SOURCES.iter().zip(&self.0).filter(|(_, counts)| counts.iter().any(|count| *count > 0));
         sources.flat_map(|(source, counts)| {
@@ -91,7 +91,7 @@ pub struct ExchangeCounts {
     pub garbled: u64,
     /// Without any frame from it in time.
     pub silent: u64,
-    /// Reads that were repeated after damage. They are none of their own.
+    /// Reads that were repeated after damage. They do not count as exchanges of their own.
     pub retries: u64,
 }
 
@@ -102,7 +102,7 @@ impl ExchangeCounts {
         self.replies + self.exceptions + self.garbled + self.silent
     }
 
-    /// What was counted since `before`.
+    /// The increase since `before`.
     #[must_use]
     pub const fn since(&self, before: &Self) -> Self {
         Self {
@@ -115,22 +115,22 @@ impl ExchangeCounts {
     }
 }
 
-/// What was wrong with what came from one drive, as far as the bytes tell.
+/// Kinds of damage in the data received from one drive, as far as the bytes tell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DamageCounts {
-    /// Exchanges without an answer in which bytes came.
+    /// Exchanges without an answer in which bytes arrived.
     pub damaged: u64,
     /// Of these: only the first characters of the reply were wrong or missing.
     pub head: u64,
     /// Of these: the end of the reply was missing.
     pub cut: u64,
-    /// Sound replies with bytes in front of them that belong to no frame.
+    /// Sound replies preceded by bytes that belong to no frame.
     pub led: u64,
-    /// Sound frames from it that no request explains.
+    /// Sound frames of the drive that no request explains.
     pub doubled: u64,
-    /// Replies of it that came when nothing, or something else, was waited for.
+    /// Replies of the drive that arrived when none, or another one, was awaited.
     pub late: u64,
-    /// Of these: later than the longest lateness that is declared.
+    /// Of these: later than the declared maximum lateness.
     pub beyond_limit: u64,
     /// Exchanges whose reply is long, see [`LONG_REPLY_PDU_BYTES`].
     pub long: u64,
@@ -139,7 +139,7 @@ pub struct DamageCounts {
 }
 
 impl DamageCounts {
-    /// What was counted since `before`.
+    /// The increase since `before`.
     #[must_use]
     pub const fn since(&self, before: &Self) -> Self {
         Self {
@@ -156,7 +156,7 @@ impl DamageCounts {
     }
 }
 
-/// From so many PDU bytes on, a reply is long: five words, about twice as long on the wire as one word.
+/// PDU bytes from which a reply counts as long: five words, about twice as long on the wire as one word.
 pub const LONG_REPLY_PDU_BYTES: usize = 12;
 
 #[cfg(test)]
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn attempts_are_counted_by_source_and_outcome_and_an_unused_source_says_nothing() {
+    fn attempts_are_counted_by_source_and_outcome_and_an_unused_source_is_left_out() {
         let mut counts = CommandCounts::default();
         assert_eq!(counts.iter().count(), 0);
         let owners = [Owner::ModbusTcp([127, 0, 0, 1].into()), Owner::Mqtt, Owner::Local];

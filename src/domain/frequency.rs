@@ -2,19 +2,19 @@
 
 use std::fmt;
 
-/// A frequency in thousandths of a hertz, 0 to 4,294,967.295 Hz. Drives step in hundredths at the finest.
+/// A frequency in thousandths of a hertz, 0 to 4,294,967.295 Hz. No drive has steps finer than hundredths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Hertz {
     milli: u32,
 }
 
-/// Why something is no frequency.
+/// Why a value is not a frequency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoFrequency {
     /// Not a number, or infinite.
     #[error("not a number")]
     NotANumber,
-    /// Below zero or beyond what can be held.
+    /// Below zero or above the range of [`Hertz`].
     #[error("out of range")]
     OutOfRange,
     /// Finer than a thousandth of a hertz.
@@ -53,7 +53,7 @@ impl Hertz {
     /// The frequency whose decimal text is nearest to `hertz`.
     ///
     /// # Errors
-    /// [`NoFrequency`]; nothing is rounded or clamped.
+    /// [`NoFrequency`] if the value is not exactly representable: it is neither rounded nor clamped.
     pub fn from_f64(hertz: f64) -> Result<Self, NoFrequency> {
         if !hertz.is_finite() {
             return Err(NoFrequency::NotANumber);
@@ -66,10 +66,10 @@ impl Hertz {
         if frequency.as_f64() == hertz { Ok(frequency) } else { Err(NoFrequency::TooFine) }
     }
 
-    /// The frequency that `text` writes in decimal, such as `42.5`.
+    /// Parses a frequency in decimal, such as `42.5`.
     ///
     /// # Errors
-    /// [`NoFrequency`]; a comma, a unit or an exponent is no number.
+    /// [`NoFrequency`]. A comma, a unit or an exponent is not accepted.
     pub fn parse(text: &str) -> Result<Self, NoFrequency> {
         let is_plain = text.bytes().all(|byte| byte.is_ascii_digit() || matches!(byte, b'.' | b'-' | b'+'));
         let value: f64 = text.parse().ok().filter(|_| is_plain).ok_or(NoFrequency::NotANumber)?;
@@ -82,8 +82,8 @@ impl Hertz {
         f64::from(self.milli) / 1000.0
     }
 
-    /// The raw word of a register of `scale` steps per hertz; nothing if it lies between two steps or beyond
-    /// the word.
+    /// The raw word for a register of `scale` steps per hertz. `None` if the frequency lies between two steps or does
+    /// not fit into the word.
     #[must_use]
     pub fn to_word(self, scale: u32) -> Option<u16> {
         let steps = u64::from(self.milli) * u64::from(scale);
@@ -101,7 +101,8 @@ impl Hertz {
 impl fmt::Display for Hertz {
     /// In hertz with two decimals, three where they are needed.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (whole, milli) = (self.milli / 1000, self.milli % 1000);
+        let whole = self.milli / 1000;
+        let milli = self.milli % 1000;
         if milli.is_multiple_of(10) { write!(f, "{whole}.{:02}", milli / 10) } else { write!(f, "{whole}.{milli:03}") }
     }
 }

@@ -1,8 +1,8 @@
-//! Names and numbers by which lines, drives, clients and requests are told apart.
+//! Names and numbers that identify lines, drives, clients and requests.
 
 use std::fmt;
 
-/// A drive's number on its serial line (Modbus: server address). What range is valid depends on the model.
+/// A drive's number on its serial line (Modbus: server address). The valid range depends on the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Station(pub u8);
 
@@ -22,13 +22,13 @@ impl UnitId {
     /// The highest unit a drive may have (Modbus application protocol V1.1b3, 4.1).
     pub const MAX: u8 = 247;
 
-    /// The unit `number`, or nothing outside 1 to 247.
+    /// The unit `number`. `None` outside 1 to 247.
     #[must_use]
     pub const fn new(number: u8) -> Option<Self> {
         if number >= Self::MIN && number <= Self::MAX { Some(Self(number)) } else { None }
     }
 
-    /// The number as it stands in a frame.
+    /// The number used in a frame.
     #[must_use]
     pub const fn get(self) -> u8 {
         self.0
@@ -50,7 +50,7 @@ impl Name {
     /// The longest name, in characters.
     pub const MAX_CHARS: usize = 64;
 
-    /// The name `text`, or nothing if it is empty, too long or holds any other character.
+    /// The name `text`. `None` if it is empty, too long or contains any other character.
     #[must_use]
     pub fn new(text: &str) -> Option<Self> {
         let fits = (1..=Self::MAX_CHARS).contains(&text.len())
@@ -58,7 +58,7 @@ impl Name {
         fits.then(|| Self(text.to_owned()))
     }
 
-    /// The name of something that has none.
+    /// The name used where none is configured.
     #[must_use]
     pub fn fallback() -> Self {
         Self("gateway".to_owned())
@@ -77,11 +77,11 @@ impl fmt::Display for Name {
     }
 }
 
-/// The name of a commander that has command topics or a certificate of its own: 1 to 32 letters, digits, `-`, `_` or `.`.
-/// It is copied with every command.
+/// The name of a client that has command topics or a certificate of its own (a "commander"): 1 to 32 letters, digits,
+/// `-`, `_` or `.`. It is copied with every command.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct CommanderName {
-    /// Zeros behind its end, which no name holds.
+    /// Padded with zeros, which no name contains.
     text: [u8; Self::MAX_CHARS],
 }
 
@@ -89,7 +89,7 @@ impl CommanderName {
     /// The longest name, in characters.
     pub const MAX_CHARS: usize = 32;
 
-    /// The name `text`, or nothing if it is empty, too long or holds any other character.
+    /// The name `text`. `None` if it is empty, too long or contains any other character.
     #[must_use]
     pub fn new(text: &str) -> Option<Self> {
         let name = Name::new(text)?;
@@ -130,22 +130,22 @@ impl DriveIndex {
     }
 }
 
-/// Somebody who asks for native reads: one client connection. Fairness is kept among askers.
+/// A source of native reads: one client connection. The line is shared fairly among askers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct AskerId(pub u64);
 
 impl AskerId {
     /// The MQTT side as a whole.
     pub const MQTT: Self = Self(0);
-    /// The program's own tools as a whole; all numbers without a name are Modbus TCP connections, counted from 1.
+    /// The program's own tools as a whole. All numbers without a name are Modbus TCP connections, counted from 1.
     pub const LOCAL: Self = Self(u64::MAX);
-    /// Everybody on the page as a whole.
+    /// All users of the page as a whole.
     pub const PAGE: Self = Self(u64::MAX - 1);
     /// The Sparkplug side as a whole.
     pub const SPARKPLUG: Self = Self(u64::MAX - 2);
 }
 
-/// The number of one request of one asker, chosen by the asker and carried back in the answer.
+/// The number of one request of one asker, chosen by the asker and returned in the answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Ticket(pub u64);
 

@@ -24,40 +24,40 @@ pub enum Interface {
     Rs232,
 }
 
-/// Who turns the direction of an RS-485 adapter: to send while a frame goes out, to receive otherwise.
+/// Who switches the direction of an RS-485 adapter: to transmit while a frame is sent, to receive otherwise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum DirectionControl {
-    /// The adapter by itself, as USB adapters and serial device servers do.
+    /// The adapter itself, as USB adapters and serial device servers do.
     #[default]
     Adapter,
-    /// The driver of the port, by the line RTS.
+    /// The driver of the port, through RTS.
     Kernel,
-    /// The gateway, by the line RTS.
+    /// The gateway, through RTS.
     Rts,
 }
 
-/// What a port is, as far as the time that characters take is concerned.
+/// The kind of a port, as far as character times are concerned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PortKind {
-    /// A serial device: no reply can come sooner than its characters take on the wire.
+    /// A serial device: no reply can arrive sooner than its characters take on the wire.
     Serial,
-    /// A pseudo-terminal or a network connection: bytes may come at any moment.
+    /// A pseudo-terminal or a network connection: bytes may arrive at any moment.
     Virtual,
 }
 
-/// What to do on a line whose adapter sends back what is sent.
+/// What to do on a line whose adapter echoes what is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum EchoPolicy {
     /// The line is down until the echo is gone.
     Refuse,
-    /// Our own bytes are taken out of what is received.
+    /// Our own bytes are removed from the received data.
     Strip,
 }
 
-/// How frames are told apart on the line.
+/// How frames are delimited on the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Framing {
-    /// Binary, ends by length and silence.
+    /// Binary, delimited by length and silence.
     Rtu,
     /// Hexadecimal text between ':' and CR LF.
     Ascii,
@@ -97,7 +97,7 @@ impl LinkSettings {
         Duration::from_nanos((bits * 1e9 / f64::from(self.baud.max(1))).ceil() as u64)
     }
 
-    /// Time that `bytes` bytes take one after the other.
+    /// Time that `bytes` consecutive bytes take.
     #[must_use]
     pub fn bytes(&self, bytes: usize) -> Duration {
         let bits = bytes as u64 * u64::from(self.bits_per_char());
@@ -106,7 +106,7 @@ impl LinkSettings {
 }
 
 impl fmt::Display for LinkSettings {
-    /// As engineers write it: `9600 8N1`.
+    /// In the usual notation: `9600 8N1`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let parity = match self.parity {
             Parity::None => 'N',
@@ -117,21 +117,21 @@ impl fmt::Display for LinkSettings {
     }
 }
 
-/// How a line is wired as far as the configuration says it: what people look at when nothing answers.
+/// How a line is wired according to the configuration: what to check first when no drive answers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Wiring {
     /// The device or address by which the line is reached, as the configuration writes it.
     pub port: String,
     /// Speed and character format.
     pub link: LinkSettings,
-    /// How frames are told apart.
+    /// How frames are delimited.
     pub framing: Framing,
     /// The station numbers of its drives, in order.
     pub stations: Vec<Station>,
 }
 
 impl Default for Wiring {
-    /// A line of which nothing is said.
+    /// A line of which nothing is configured.
     fn default() -> Self {
         Self { port: String::new(), link: LinkSettings::DEFAULT, framing: Framing::Rtu, stations: Vec::new() }
     }

@@ -1,4 +1,4 @@
-//! The words of the trade: time, ids, link settings, requests, reports. No room stands before this one.
+//! The shared vocabulary: time, ids, link settings, requests, reports. It depends on no other room.
 
 pub mod buckets;
 pub mod calendar;

@@ -5,13 +5,13 @@ use super::ids::{AskerId, DriveIndex, Ticket};
 use super::time::MonoTime;
 use std::sync::Arc;
 
-/// Most frames that one request may need on the line.
+/// Maximum number of frames that one request may need on the line.
 pub const FRAMES_MAX: usize = 16;
 
-/// What is asked of a drive's own registers.
+/// A request for a drive's own registers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NativeAsk {
-    /// Read `count` (1 to 125) holding registers from `address` on; the range does not pass 0xFFFF.
+    /// Read `count` (1 to 125) holding registers from `address` on; the range ends at 0xFFFF at the latest.
     Read {
         /// First register.
         address: u16,
@@ -25,7 +25,7 @@ pub enum NativeAsk {
         /// The words, in order.
         values: Vec<u16>,
     },
-    /// Send this word back: the loop test, function 08.
+    /// Return this word: the loop test, function 08.
     Loop {
         /// The word.
         data: u16,
@@ -41,11 +41,11 @@ pub struct NativeRequest {
     pub ticket: Ticket,
     /// Which drive of the line.
     pub drive: DriveIndex,
-    /// Who asks, as far as it matters to the guard: for writes.
+    /// The client and its rights, which the guard checks for writes.
     pub origin: Origin,
-    /// What is asked.
+    /// What to do.
     pub ask: NativeAsk,
-    /// When the asker no longer waits. The request ends by then, with [`NativeOutcome::Expired`] if need be.
+    /// When the asker stops waiting. The request ends by then, with [`NativeOutcome::Expired`] if need be.
     pub deadline: MonoTime,
 }
 
@@ -56,33 +56,33 @@ pub struct NativeAnswer {
     pub asker: AskerId,
     /// The asker's number for the request.
     pub ticket: Ticket,
-    /// What became of it.
+    /// How the request ended.
     pub outcome: NativeOutcome,
 }
 
-/// How a native request ended. Each request ends in exactly one.
+/// How a native request ended. Each request has exactly one outcome.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NativeOutcome {
-    /// The words that the drive sent. Shared, because many askers may get the same exchange.
+    /// The words that the drive sent. Shared, because one exchange may serve many askers.
     Words(Arc<[u16]>),
-    /// The drive confirmed the write by its own reply, or sent back what it was to.
+    /// The drive acknowledged the write, or returned the word of the loop test.
     Written,
     /// The drive refused the write: its reply carries the value that it kept.
     KeptOldValue(u16),
     /// The drive answered with an exception of its own.
     DriveException(u8),
-    /// Nothing was put on the line.
+    /// Nothing was sent.
     Refused(Refusal),
     /// The drive did not answer, or only with damaged frames.
     NoReply,
     /// The asker's deadline passed before the drive was asked.
     Expired,
-    /// A newer command took the write's place before it was sent, or a stop cut it.
+    /// The write was replaced by a newer command before it was sent, or cancelled by a stop.
     Superseded,
 }
 
 impl NativeOutcome {
-    /// What there is to say about a read that brought no words, as of a command that ended so.
+    /// The report for a read that returned no words, as for a command with the same outcome.
     #[must_use]
     pub const fn read_failure(&self) -> Report {
         match self {
@@ -105,19 +105,19 @@ impl NativeOutcome {
     }
 }
 
-/// Why a request put nothing on the line.
+/// Why a request was refused before anything was sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, thiserror::Error)]
 pub enum Refusal {
-    /// No drive is reached at this unit.
+    /// No drive has this unit.
     #[error("no drive has this unit")]
     NoSuchUnit,
     /// The guard refused the write.
     #[error("{}", .0.text())]
     Guard(Reason),
-    /// The request would need more than 16 frames (semantics: one request, at most 16 frames).
+    /// The request would need more than [`FRAMES_MAX`] frames.
     #[error("the request would need more than 16 frames on the line")]
     TooManyFrames,
-    /// Too many requests wait: of this asker, or on this line.
+    /// Too many requests are waiting: of this asker, or on this line.
     #[error("too many requests are waiting")]
     QueueFull,
     /// The line's port is not open.

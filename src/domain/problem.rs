@@ -1,25 +1,25 @@
-//! A mistake in a file that a person wrote: where it is, what is wrong, what would be right, and whether the file can be
-//! used all the same.
+//! A mistake in a file written by a person: where it is, what is wrong, what would be right, and whether the file can
+//! be used anyway.
 
 use std::ops::Range;
 
-/// One mistake in a TOML file. Whoever checks a file reports all of them at once.
+/// One mistake in a TOML file. A check reports all mistakes at once.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
     /// The key, as a path: `line[0].drive[2].station`.
     pub key: String,
-    /// Bytes of the file's text that are wrong; empty at 0 where no place can be named.
+    /// The wrong bytes of the file's text; empty at 0 if there is no location.
     pub span: Range<usize>,
     /// What is wrong, in one sentence.
     pub what: String,
     /// What would be right: a range, the nearest valid name, a key to add.
     pub right: Option<String>,
-    /// The file can be used all the same: what is written has no effect.
+    /// The file can be used anyway: the entry has no effect.
     pub is_warning: bool,
 }
 
 impl Problem {
-    /// A problem at `key`, which stands at `span`.
+    /// A problem with `key`, located at `span`.
     #[must_use]
     pub fn new(key: impl Into<String>, span: Range<usize>, what: impl Into<String>) -> Self {
         Self { key: key.into(), span, what: what.into(), right: None, is_warning: false }
@@ -32,7 +32,7 @@ impl Problem {
         self
     }
 
-    /// Makes it a warning: what is written has no effect, so that leaving it out changes nothing.
+    /// Makes it a warning: the entry has no effect and could be left out.
     #[must_use]
     pub fn warning(mut self) -> Self {
         self.is_warning = true;
@@ -48,15 +48,12 @@ impl Problem {
     }
 }
 
-/// The name among `valid` that is nearest to `wrong`, if any is near enough to be a slip of the pen.
+/// The name in `valid` that is closest to `wrong`, if one is close enough for a typing error.
 #[must_use]
 pub fn nearest<'a>(wrong: &str, valid: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    valid
-        .into_iter()
-        .map(|name| (strsim::damerau_levenshtein(wrong, name), name))
-        .filter(|(distance, name)| *distance <= 1 + name.len() / 4)
-        .min_by_key(|(distance, _)| *distance)
-        .map(|(_, name)| name)
+    let distances = valid.into_iter().map(|name| (strsim::damerau_levenshtein(wrong, name), name));
+    let close = distances.filter(|(distance, name)| *distance <= 1 + name.len() / 4);
+    close.min_by_key(|(distance, _)| *distance).map(|(_, name)| name)
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Why a command ended as it did: one table for all ways in.
+//! Why a command ended as it did: one table for all interfaces.
 
 macro_rules! reasons {
     ($($(#[$about:meta])* $name:ident = $number:literal, $word:literal, $text:literal;)*) => {
@@ -13,7 +13,7 @@ macro_rules! reasons {
             /// All reasons, in the order of their numbers.
             pub const ALL: &[Self] = &[$(Self::$name,)*];
 
-            /// The word as it stands in results.
+            /// The word used in results.
             #[must_use]
             pub const fn word(self) -> &'static str {
                 match self {
@@ -21,7 +21,7 @@ macro_rules! reasons {
                 }
             }
 
-            /// The reason in words for people.
+            /// The reason in plain words.
             #[must_use]
             pub const fn text(self) -> &'static str {
                 match self {
@@ -33,21 +33,21 @@ macro_rules! reasons {
 }
 
 reasons! {
-    /// Nothing to say.
-    None = 0, "none", "nothing to say";
+    /// No reason.
+    None = 0, "none", "no reason";
     /// The drive has no control section.
     ReadOnly = 1, "read_only", "the drive is read-only: it has no control section";
-    /// The drive's `from` does not name this way in.
-    NotFromHere = 2, "not_from_here", "the drive does not take commands from this side";
-    /// The listener does not let this client write or stop.
+    /// The drive's `from` does not list this interface.
+    NotFromHere = 2, "not_from_here", "the drive does not accept commands from this interface";
+    /// The listener does not permit this client to write or stop.
     NotAllowed = 3, "not_allowed", "this client may not do this";
-    /// The payload or the value is none of those that are known.
-    NotUnderstood = 4, "not_understood", "the value is not one that is known here";
+    /// The payload or the value is not a known one.
+    NotUnderstood = 4, "not_understood", "unknown value";
     /// A number was expected.
     NotANumber = 5, "not_a_number", "a number with a decimal point was expected, such as 42.5";
     /// Outside the configured frequencies.
     OutsideLimits = 6, "outside_limits", "the frequency is outside the limits of the drive's control section";
-    /// Finer than the register's steps.
+    /// Finer than the register's resolution.
     BetweenSteps = 7, "between_steps", "the value is finer than the drive's steps or does not fit its register";
     /// The direction is not in `directions`.
     DirectionNotAllowed = 8, "direction_not_allowed", "the drive's control section does not allow this direction";
@@ -57,33 +57,33 @@ reasons! {
     Unverified = 10, "unverified", "the model marks this as unproven and the control section does not accept it";
     /// The register is not in the list of writable ones.
     NotListed = 11, "not_listed", "the register is not listed under the drive's native write";
-    /// A stop, trip, lost lease or start came before; stop first, then run.
+    /// A stop, trip, lost lease or start of the gateway preceded it; stop first, then run.
     StartInhibited = 12, "start_inhibited", "the start is inhibited: command stop, then run again";
     /// An earlier stop is not effective yet.
     StopPending = 13, "stop_pending", "a stop is not effective yet";
-    /// Somebody else holds control.
+    /// Another client holds control.
     OtherOwner = 14, "other_owner", "another client holds control of the drive";
-    /// Too soon after what inhibits the start to know that it was sent after that.
+    /// Too soon after an event that inhibits the start to be sure that it was sent after that.
     RestartDelay = 15, "restart_delay", "too soon after a stop, a trip, a lost lease or an outage: send run again, or with `epoch` or `issued_at`";
-    /// The epoch is not the present one.
-    StaleEpoch = 16, "stale_epoch", "the epoch is not the drive's present one";
-    /// RUN without `epoch` or `issued_at` where they are demanded.
+    /// The epoch is not the current one.
+    StaleEpoch = 16, "stale_epoch", "the epoch is not the drive's current one";
+    /// RUN without `epoch` or `issued_at` where one of them is required.
     EpochNeeded = 17, "epoch_needed", "run is accepted only with `epoch` or `issued_at`";
     /// The drive's setpoint could not be read, or is not within the limits.
     SetpointUnknown = 18, "setpoint_unknown", "no setpoint within the limits is known: give a frequency first";
     /// The drive is tripped.
     Tripped = 19, "tripped", "the drive is tripped: reset it first";
     /// Nothing to reset, or the motor may still turn.
-    NotTripped = 20, "not_tripped", "the drive is not tripped, or not known to stand still";
+    NotTripped = 20, "not_tripped", "the drive is not tripped, or the motor is not known to be at standstill";
     /// The motor turns the other way.
     Reversal = 21, "reversal", "the motor turns the other way: stop it first";
-    /// Too many commands wait.
+    /// Too many commands are waiting.
     QueueFull = 22, "queue_full", "too many commands are waiting";
     /// The line's port is closed.
     LineDown = 23, "line_down", "the line is down";
     /// The drive does not answer.
     Offline = 24, "offline", "the drive does not answer";
-    /// A retained message is a replay.
+    /// The message is a retained one, hence a replay.
     Retained = 25, "retained", "a retained message is a replay, not a command";
     /// The message is older than it may be.
     Stale = 26, "stale", "the command was issued too long ago";
@@ -91,20 +91,20 @@ reasons! {
     Duplicate = 27, "duplicate", "the id was used before";
     /// Its deadline passed.
     TooLate = 28, "too_late", "it could not be sent before its deadline";
-    /// A stop cut it.
-    Stopped = 29, "stopped", "a stop came after it";
-    /// A newer one replaced it.
-    Newer = 30, "newer", "a newer command took its place";
+    /// Cancelled by a stop.
+    Stopped = 29, "stopped", "cancelled by a stop";
+    /// Replaced by a newer command.
+    Newer = 30, "newer", "replaced by a newer command";
     /// The drive answered a write with the value it kept.
     KeptOldValue = 31, "kept_old_value", "the drive kept its old value";
     /// The drive answered with an exception.
     DriveException = 32, "drive_exception", "the drive answered with an exception";
     /// The drive did not answer in time.
     NoReply = 33, "no_reply", "the drive did not answer";
-    /// The value read back is another one.
+    /// The value read back differs.
     NotReadBack = 34, "not_read_back", "the value read back is not the commanded one";
     /// A stop without effect.
-    NotEffective = 35, "not_effective", "the drive acknowledged and shows no effect";
+    NotEffective = 35, "not_effective", "acknowledged, but the drive shows no effect";
     /// No such drive.
     UnknownDrive = 36, "unknown_drive", "there is no such drive";
     /// More frames than one request may need.
@@ -114,39 +114,39 @@ reasons! {
     /// The message is larger than any command.
     TooLarge = 39, "too_large", "the message is larger than any command";
     /// A cyclic order that was in force already.
-    Unchanged = 40, "unchanged", "nothing was to be changed";
-    /// The gateway ends.
-    ShuttingDown = 41, "shutting_down", "the gateway is ending";
-    /// Whoever gave it was lost before it was sent.
-    CommanderLost = 42, "commander_lost", "its commander was lost before it was sent";
+    Unchanged = 40, "unchanged", "there was nothing to change";
+    /// The gateway is shutting down.
+    ShuttingDown = 41, "shutting_down", "the gateway is shutting down";
+    /// Its client was lost before it was sent.
+    CommanderLost = 42, "commander_lost", "its client was lost before it was sent";
     /// The control section does not allow a release.
     NoRelease = 43, "no_release", "the drive's control section has no `allow_release`";
-    /// The motor may turn.
-    Moving = 44, "moving", "the motor is not known to stand still";
-    /// The word is outside what the register takes.
-    OutsideRange = 45, "outside_range", "the value is outside what the register takes";
+    /// The motor may be turning.
+    Moving = 44, "moving", "the motor is not known to be at standstill";
+    /// The word is outside the register's range.
+    OutsideRange = 45, "outside_range", "the value is outside the register's range";
     /// Too many exchanges of the line or the drive fail.
-    LineQuality = 46, "line_quality", "too many exchanges of the line fail: only stops and lower frequencies are taken";
+    LineQuality = 46, "line_quality", "too many exchanges of the line fail: only stops and lower frequencies are accepted";
     /// Started too often.
-    StartsTooOften = 47, "starts_too_often", "the time between two starts is not over yet";
-    /// The drive obeys somebody else.
+    StartsTooOften = 47, "starts_too_often", "the minimum time between two starts has not passed";
+    /// The drive does not obey the bus.
     LocalControl = 48, "local_control", "the drive obeys its panel or terminals, not the bus";
-    /// The drive's own watchdog is off, too long or unknown, and it is demanded.
+    /// The drive's own watchdog is required, but off, too long or unknown.
     Watchdog = 49, "watchdog", "the drive's own watchdog is not known to be on and short enough";
     /// A stored register was written a moment ago.
-    WrittenTooOften = 50, "written_too_often", "this register is kept in a memory that wears out: write it less often";
-    /// The control section does not allow to take control over.
-    NoTake = 51, "no_take", "control cannot be taken over: its holder has to release it, or its lease to end";
-    /// The drive leaves the configuration.
-    Removed = 52, "removed", "the drive is leaving the configuration";
-    /// The drive has refused a stop, and none was effective since.
-    StopRefused = 53, "stop_refused", "the drive has refused to be stopped: it is not started before a stop was effective";
-    /// Its moment of issue is still to come.
-    ClockAhead = 54, "clock_ahead", "the moment of issue is ahead of the gateway's clock: set the commander's clock";
+    WrittenTooOften = 50, "written_too_often", "this register is stored in memory that wears out: write it less often";
+    /// The control section does not allow control to be taken over.
+    NoTake = 51, "no_take", "control cannot be taken over: the holder must release it or its lease must expire";
+    /// The drive is being removed from the configuration.
+    Removed = 52, "removed", "the drive is being removed from the configuration";
+    /// The drive has refused a stop, and none has been effective since.
+    StopRefused = 53, "stop_refused", "the drive has refused a stop: it is not started until a stop has been effective";
+    /// Its time of issue is in the future.
+    ClockAhead = 54, "clock_ahead", "the time of issue is ahead of the gateway's clock: set the client's clock";
 }
 
 impl Reason {
-    /// The number as it stands in uniform word 261.
+    /// The number used in uniform word 261.
     #[must_use]
     pub const fn number(self) -> u16 {
         self as u16
@@ -158,7 +158,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reasons_are_told_apart_by_number_and_word() {
+    fn numbers_and_words_of_reasons_are_unique() {
         for (index, reason) in (0..).zip(Reason::ALL) {
             assert_eq!(reason.number(), index, "numbers follow each other");
         }

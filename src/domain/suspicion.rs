@@ -1,56 +1,56 @@
-//! What is probably wrong with a line, as far as the pattern of what is heard tells, and what to do about it.
+//! What is probably wrong with a line, judging by the pattern of received data, and what to do about it.
 
 use super::ids::Station;
 
-/// One suspicion. Its text is for people.
+/// One suspicion. `Display` gives a text for people.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, thiserror::Error)]
 pub enum Suspicion {
-    /// Nothing at all comes back from anybody.
+    /// Nothing is received from any drive.
     #[error(
-        "nothing is heard from any drive: check the power, the wiring (A and B swapped?), speed, parity and the station \
-         numbers"
+        "nothing received from any drive: check the power, the wiring (A and B swapped?), speed, parity and the \
+         station numbers"
     )]
     NothingHeard,
-    /// Bytes come and make no frame; there are fewer of them than in the replies that are due.
-    #[error("bytes come but never a frame, and too few: the drives are probably set to a higher speed than the line")]
+    /// Bytes arrive but never a frame, and fewer bytes than the expected replies have.
+    #[error("too few bytes and never a frame: the drives are probably set to a higher speed than the line")]
     DrivesAreFaster,
-    /// Bytes come and make no frame; there are more of them than in the replies that are due.
-    #[error("bytes come but never a frame, and too many: the drives are probably set to a lower speed than the line")]
+    /// Bytes arrive but never a frame, and more bytes than the expected replies have.
+    #[error("too many bytes and never a frame: the drives are probably set to a lower speed than the line")]
     DrivesAreSlower,
-    /// Replies of the right length come and their check is always wrong.
+    /// Replies of the right length arrive, but their checksum is always wrong.
     #[error(
-        "replies of the right length come and are always damaged: check parity, data bits and stop bits, then the \
+        "replies have the right length but are always damaged: check parity, data bits and stop bits, then the \
          termination and the shield"
     )]
     AlwaysDamaged,
-    /// One drive is silent and others answer.
-    #[error("station {} was never heard while others answer: check its station number, speed, parity and power", .0.0)]
+    /// One drive is silent while others answer.
+    #[error("station {} has never answered while others do: check its station number, speed, parity and power", .0.0)]
     OneSilent(Station),
     /// More replies than requests.
     #[error(
-        "more answers come from station {} than requests go to it: two drives probably have this number; its trips are not \
-         believed until that is over (duplicate_station)", .0.0
+        "more answers from station {} than requests to it: two drives probably have this number; its trips are ignored \
+         until this is resolved (duplicate_station)", .0.0
     )]
     DuplicateStation(Station),
-    /// Replies that come later than the longest lateness that is declared.
+    /// Replies arrive later than the declared maximum lateness.
     #[error(
-        "station {} answers later than its `max_lateness` allows: raise that, or find what holds the replies back \
+        "station {} answers later than its `max_lateness` allows: raise that, or find what delays the replies \
          (late_beyond_limit)", .0.0
     )]
     LateBeyondLimit(Station),
-    /// Somebody else asks drives on this line.
-    #[error("somebody else sends requests on this line: a serial line takes one master only; disconnect the other one")]
+    /// Another master sends requests on this line.
+    #[error("another master sends requests on this line: a serial line can have only one; disconnect the other one")]
     OtherMaster,
-    /// What is sent comes back.
-    #[error("the adapter sends back what is sent: switch its echo off, or say `echo = \"strip\"` for the line")]
+    /// The adapter echoes what is sent.
+    #[error("the adapter echoes what is sent: switch its echo off, or set `echo = \"strip\"` for the line")]
     Echo,
-    /// Somebody never stops talking.
-    #[error("something on the line never stops talking: disconnect drives one by one until it is silent")]
+    /// A device sends without a pause.
+    #[error("something on the line never stops sending: disconnect drives one by one until it is silent")]
     Jam,
 }
 
 impl Suspicion {
-    /// The word for programs.
+    /// The machine-readable name.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {

@@ -1,11 +1,11 @@
-//! Moments: a monotonic one that decides, a wall-clock one that only labels. Neither can be read here.
+//! Moments: monotonic time for decisions, wall-clock time for labels only. Neither clock can be read here.
 
 use std::fmt;
 use std::ops::Add;
 use std::time::Duration;
 
-/// A moment on the monotonic clock that also counts while the machine is suspended
-/// (`CLOCK_BOOTTIME`), in nanoseconds. It has no `now()`: whoever decides is told the time.
+/// A moment on the monotonic clock that also runs while the machine is suspended
+/// (`CLOCK_BOOTTIME`), in nanoseconds. It has no `now()`: the time is always passed in.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct MonoTime {
     nanos: u64,

@@ -8,19 +8,19 @@ use super::time::MonoTime;
 pub struct TrafficRecord {
     /// What it was.
     pub kind: TrafficKind,
-    /// Why we sent it; nothing for what was received.
+    /// Why we sent it; `None` for received data.
     pub why: Option<Why>,
     /// The bytes.
     pub bytes: Vec<u8>,
-    /// When it began: a frame of ours when it was handed to the port, anything else at this moment at the latest.
+    /// Begin: for our own frames when they were handed to the port, for anything else the latest possible begin.
     pub begin: MonoTime,
-    /// When it was over: a frame of ours as its length tells, anything else when its last byte was read.
+    /// End: for our own frames computed from their length, for anything else when the last byte was read.
     pub end: MonoTime,
 }
 
 impl TrafficRecord {
-    /// The moment that stands for it: when a frame of ours was handed to the port, when the last byte of anything else was
-    /// read.
+    /// The timestamp of the event: when one of our frames was handed to the port, when the last byte of anything else
+    /// was read.
     #[must_use]
     pub const fn at(&self) -> MonoTime {
         if matches!(self.kind, TrafficKind::Request) { self.begin } else { self.end }
@@ -32,43 +32,43 @@ impl TrafficRecord {
 pub enum TrafficKind {
     /// A frame that we sent.
     Request,
-    /// What we sent, as the line sent it back.
+    /// A frame of ours, echoed by the line.
     Echo,
-    /// The frame we waited for.
+    /// The awaited reply.
     Reply,
-    /// A frame of the station we waited for that came too late, or that answers something else.
+    /// A frame of the awaited station that arrived too late or answers something else.
     Stray(Station),
-    /// A sound frame of a station we did not ask.
+    /// A sound frame of a station that was not addressed.
     Foreign(Station),
-    /// A sound request of somebody else who asks drives on this line.
+    /// A sound request of another master on this line.
     OtherMaster(Station),
-    /// Bytes that make no frame.
+    /// Bytes that belong to no frame.
     Noise,
 }
 
 /// Why a frame of ours was sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Why {
-    /// Somebody asked for registers of the drive by their addresses.
+    /// A client asked for registers of the drive by their addresses.
     Client,
     /// The poll plan.
     Poll,
     /// A stop.
     Stop,
-    /// Another command, or a look at what a command or a stop has done.
+    /// Another command, or a read of the effect of a command or a stop.
     Command,
     /// A trip: its record is read.
     Trip,
     /// Its answer proves that no late reply can follow.
     Barrier,
-    /// To see whether a barrier can be relied on.
+    /// A test of whether a barrier can be relied on.
     Trial,
-    /// To see whether the line sends back what is sent.
+    /// A test of whether the line echoes what is sent.
     Probe,
 }
 
 impl Why {
-    /// The word as it stands in documents.
+    /// The word used in documents.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -85,7 +85,7 @@ impl Why {
 }
 
 impl TrafficKind {
-    /// The word as it stands in documents.
+    /// The word used in documents.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {

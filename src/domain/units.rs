@@ -1,4 +1,4 @@
-//! Units of measure as they stand beside a value.
+//! Units of measure as they are shown with a value.
 
 use std::fmt;
 
@@ -28,7 +28,7 @@ pub enum UnitOfMeasure {
 }
 
 impl UnitOfMeasure {
-    /// The unit as it stands behind a value; `-` for a plain number.
+    /// The symbol that follows a value; `-` for a plain number.
     #[must_use]
     pub const fn symbol(self) -> &'static str {
         match self {

@@ -192,7 +192,7 @@ fn a_drive_that_somebody_else_stopped_is_let_go() {
     unit.set(REASON, 29);
     unit.set(RUN, 0);
     assert_eq!(write.end_within(PATIENCE).code(), Some(1), "{}", write.text());
-    assert!(write.text().contains("a stop came after it"), "{}", write.text());
+    assert!(write.text().contains("cancelled by a stop"), "{}", write.text());
     assert!(!unit.written().contains(&(RUN, 0)), "it is not ours to stop any more");
 }
 

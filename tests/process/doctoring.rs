@@ -175,12 +175,12 @@ fn too_few_and_too_many_bytes_are_another_speed() {
 
 #[test]
 fn what_is_sent_and_comes_back_is_an_echo() {
-    assert_finds(&Patient::over_tcp(<[u8]>::to_vec), "suspicion", "sends back what is sent");
+    assert_finds(&Patient::over_tcp(<[u8]>::to_vec), "suspicion", "echoes what is sent");
 }
 
 #[test]
 fn nothing_at_all_is_wiring() {
-    assert_finds(&Patient::over_tcp(|_| Vec::new()), "suspicion", "nothing is heard from any drive");
+    assert_finds(&Patient::over_tcp(|_| Vec::new()), "suspicion", "nothing received from any drive");
 }
 
 #[test]

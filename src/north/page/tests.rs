@@ -1,4 +1,4 @@
-//! Documents of drives of every built-in model, of lines, and what there is to say about them.
+//! Documents of drives of every built-in model, of lines, and the advice on them.
 
 use super::gateway::{BrokerWay, JournalState};
 use super::line_use::Rates;
@@ -187,7 +187,7 @@ fn a_register_that_keeps_a_drive_from_obeying_is_named_with_what_is_right() {
     assert!(text.starts_with("the drive refuses bus commands: F010 is 1"), "{text}");
     assert!(text.contains("not 3") && text.contains("vfd-gateway enable pump-1"), "{text}");
     let read_only = DriveDescription { control: None, ..description.clone() };
-    assert_eq!(advice(&read_only, &view), [], "nobody commands it");
+    assert_eq!(advice(&read_only, &view), [], "it takes no commands");
 }
 
 #[test]
@@ -249,7 +249,7 @@ fn a_tripped_drive_is_the_first_of_all_problems() {
     let all = ranked(others.chain([tripped.clone()]));
     assert_eq!(all.first(), Some(tripped));
     view.snapshot.presence = Presence::Offline;
-    assert!(advice(&description, &view).iter().all(|(_, text)| !text.contains("tripped")), "nobody knows by now");
+    assert!(advice(&description, &view).iter().all(|(_, text)| !text.contains("tripped")), "it is unknown by now");
     view.snapshot.presence = Presence::Online;
     view.trip.active = Some(false);
     assert!(advice(&description, &view).iter().all(|(_, text)| !text.contains("tripped")));
@@ -336,7 +336,7 @@ fn a_line_in_trouble_says_what_to_look_at() {
     let hung = said(up(), true);
     assert!(hung[0].contains("restart the gateway"), "{hung:?}");
     let suspected = said(LineReport { suspicion: Some(Suspicion::DuplicateStation(Station(3))), ..up() }, false);
-    assert!(suspected[0].contains("more answers come from station 3 than requests go to it"), "{suspected:?}");
+    assert!(suspected[0].contains("more answers from station 3 than requests to it"), "{suspected:?}");
     let bad = |bad_per_cent, is_suspended| LineQuality { bad_per_cent: Some(bad_per_cent), is_suspended };
     let suspended = said(LineReport { quality: bad(12, true), ..up() }, false);
     assert!(suspended[0].starts_with("problem: 12 % of the last exchanges failed: run orders"), "{suspended:?}");
@@ -409,7 +409,7 @@ fn a_trend_keeps_an_hour_with_gaps_where_nothing_was_known() {
     }
     let kept = rows(&trends);
     assert_eq!((kept.len(), &kept[0], &kept[ROWS_MAX - 1]), (ROWS_MAX, &json!(2.0), &json!(19.99)));
-    // Nothing was read since, and nobody came for two rows.
+    // Nothing was read since, and two rows were missed.
     trends.note(at(2002), [drive(&description, &fresh)]);
     assert_eq!(rows(&trends)[ROWS_MAX - 4..], [json!(19.99), Value::Null, Value::Null, Value::Null]);
     trends.note(at(1_000_000), [drive(&description, &fresh)]);
