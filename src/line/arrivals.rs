@@ -1,32 +1,34 @@
-//! When the bytes of a line were read, as long as nobody has said yet what they are.
+//! When the bytes of a line were read, until they are classified.
 
 use crate::domain::time::MonoTime;
 use std::collections::VecDeque;
 
-/// Reads of the port whose bytes wait to be sorted, oldest first. There are never more than bytes that wait.
+/// Reads of the port whose bytes are not classified yet, oldest first. There are never more reads than such bytes.
 #[derive(Debug, Default)]
 pub(super) struct Arrivals {
     reads: VecDeque<(usize, MonoTime)>,
 }
 
 impl Arrivals {
-    /// So many bytes were read at `now`.
+    /// Records that `bytes` bytes were read at `now`.
     pub fn read(&mut self, bytes: usize, now: MonoTime) {
         if bytes > 0 {
             self.reads.push_back((bytes, now));
         }
     }
 
-    /// The oldest `bytes` bytes are sorted: when the first and the last of them were read; nothing if none wait.
+    /// Removes the oldest `bytes` bytes; returns when the first and the last were read, `None` if there are none.
     pub fn take(&mut self, bytes: usize) -> Option<(MonoTime, MonoTime)> {
         let (_, first) = *self.reads.front()?;
-        let (mut left, mut last) = (bytes, first);
+        let mut left = bytes;
+        let mut last = first;
         while left > 0
             && let Some((waiting, at)) = self.reads.front_mut()
         {
             last = *at;
             let taken = left.min(*waiting);
-            (left, *waiting) = (left - taken, *waiting - taken);
+            left -= taken;
+            *waiting -= taken;
             if *waiting == 0 {
                 self.reads.pop_front();
             }
@@ -34,7 +36,7 @@ impl Arrivals {
         Some((first, last))
     }
 
-    /// Nothing waits any more.
+    /// Discards all.
     pub fn clear(&mut self) {
         self.reads.clear();
     }

@@ -1,5 +1,5 @@
-//! The barriers of one drive: exchanges whose right answer no late reply can be mistaken for. What no document of the
-//! drive promises is shown by one exchange before it is relied on.
+//! The barriers of one drive: exchanges for whose answer no late reply can be mistaken. A barrier that no document of
+//! the drive promises is tested by one exchange before it is relied on.
 
 use super::echo::LocalEcho;
 use crate::domain::time::MonoTime;
@@ -7,34 +7,34 @@ use crate::profile::model::{Barrier, Model};
 use crate::wire::pdu::Request;
 use std::time::Duration;
 
-/// How often a barrier is tried when its answer comes damaged.
+/// How often a barrier is tested when its answer arrives damaged.
 pub const TRIES_MAX: u8 = 3;
-/// How long such a try lets everything else go first.
+/// How long such a test gives way to everything else.
 pub const TRY_PATIENCE: Duration = Duration::from_secs(2);
 
-/// Data for loop tests: each word once before one comes again, and none like the one before it.
+/// Data for loop tests: no word repeats before all have been used, and none resembles its predecessor.
 #[derive(Clone, Copy, Debug)]
 pub struct Nonces {
     next: u16,
 }
 
 impl Nonces {
-    /// Data that begins elsewhere for another `seed`.
+    /// Data with a start that depends on `seed`.
     #[must_use]
     pub const fn new(seed: u64) -> Self {
         let folded = seed ^ (seed >> 16) ^ (seed >> 32) ^ (seed >> 48);
         Self { next: folded as u16 }
     }
 
-    /// The word that comes next.
+    /// The next word.
     #[must_use]
     pub const fn peek(&self) -> u16 {
-        // Each step can be undone, so that no two numbers give the same word.
+        // Each step is reversible, so that no two numbers give the same word.
         let mixed = (self.next ^ (self.next >> 7)).wrapping_mul(0x9E3B);
         mixed ^ (mixed >> 9)
     }
 
-    /// The word was used.
+    /// Marks the word as used.
     pub const fn advance(&mut self) {
         self.next = self.next.wrapping_add(1);
     }
@@ -45,11 +45,11 @@ impl Nonces {
 enum Proof {
     /// A document of the drive says so.
     Documented,
-    /// It has to be tried; so many times it came damaged.
+    /// It has to be tested; `tries` answers arrived damaged.
     Open { tries: u8 },
-    /// The drive has shown it.
+    /// A test has succeeded.
     Shown,
-    /// The drive has not shown it. It is asked again when it comes back.
+    /// The test has failed. It is repeated when the drive comes back.
     Failed,
 }
 
@@ -57,19 +57,19 @@ enum Proof {
 #[derive(Debug)]
 pub struct Barriers {
     known: Vec<(Barrier, Proof)>,
-    /// Since when the drive answers, if it does.
+    /// Since when the drive has been answering; `None` if it does not.
     online_since: Option<MonoTime>,
 }
 
 impl Barriers {
-    /// The barriers of a drive of `model` of which nothing is known.
+    /// The barriers of a drive of `model`, none of them tested.
     #[must_use]
     pub fn new(model: &Model) -> Self {
         let known = model.barriers.iter().map(|barrier| (barrier.clone(), proof_at_first(barrier)));
         Self { known: known.collect(), online_since: None }
     }
 
-    /// The port was opened: whatever the drive has shown, another may be there now.
+    /// The port was opened: earlier tests do not count, because another drive may be there now.
     pub fn port_opened(&mut self) {
         self.online_since = None;
         for (barrier, proof) in &mut self.known {
@@ -87,18 +87,18 @@ impl Barriers {
         }
     }
 
-    /// The drive answers no more.
+    /// The drive stopped answering.
     pub const fn lost(&mut self) {
         self.online_since = None;
     }
 
-    /// Those that may be relied on, best first; loop tests with the data `nonce`.
+    /// The barriers that may be relied on, best first; loop tests with the data `nonce`.
     pub fn usable(&self, echo: LocalEcho, nonce: u16) -> impl Iterator<Item = Request> + '_ {
         let proven = self.known.iter().filter(|(_, proof)| matches!(proof, Proof::Documented | Proof::Shown));
         proven.filter_map(move |(barrier, _)| request(barrier, echo, nonce))
     }
 
-    /// One that has to be tried first, with its place among the barriers, and since when it waits for that.
+    /// A barrier to be tested: its index, its request, and since when the test has been due.
     #[must_use]
     pub fn to_try(&self, echo: LocalEcho, nonce: u16) -> Option<(usize, Request, MonoTime)> {
         let since = self.online_since?;
@@ -106,12 +106,12 @@ impl Barriers {
         open.filter_map(|(place, (barrier, _))| Some((place, request(barrier, echo, nonce)?, since))).next()
     }
 
-    /// The one at `place` was tried and had its right answer.
+    /// The barrier at `place` was tested and answered correctly.
     pub fn shown(&mut self, place: usize) {
         self.set(place, |_| Proof::Shown);
     }
 
-    /// The one at `place` was tried and its answer came damaged.
+    /// The barrier at `place` was tested, and its answer arrived damaged.
     pub fn damaged(&mut self, place: usize) {
         self.set(place, |proof| match proof {
             Proof::Open { tries } if tries + 1 < TRIES_MAX => Proof::Open { tries: tries + 1 },
@@ -119,7 +119,7 @@ impl Barriers {
         });
     }
 
-    /// The one at `place` was tried in vain.
+    /// The test of the barrier at `place` failed.
     pub fn failed(&mut self, place: usize) {
         self.set(place, |_| Proof::Failed);
     }
@@ -135,12 +135,12 @@ fn proof_at_first(barrier: &Barrier) -> Proof {
     match barrier {
         Barrier::Read(_) => Proof::Documented,
         Barrier::Loop(fact) if fact.confidence.is_proven() => Proof::Documented,
-        // Silence would cost a time-out each time, so that no document is believed without a look.
+        // Silence would cost a timeout each time, so documents are not trusted without a test.
         Barrier::Loop(_) | Barrier::Refused(_) => Proof::Open { tries: 0 },
     }
 }
 
-/// The request of `barrier`; nothing for a loop test where its answer proves nothing.
+/// The request of `barrier`; `None` for a loop test on a line where its answer proves nothing.
 fn request(barrier: &Barrier, echo: LocalEcho, nonce: u16) -> Option<Request> {
     match barrier {
         Barrier::Read(read) => Some(Request::ReadHolding { address: read.address, count: read.count }),
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn no_word_comes_twice_and_neighbours_differ_in_more_than_a_bit() {
+    fn no_word_repeats_and_neighbours_differ_in_more_than_a_bit() {
         let mut nonces = Nonces::new(0xFFFF_FFF0);
         let mut words = vec![];
         for _ in 0..=u16::MAX {
@@ -215,7 +215,7 @@ mod tests {
             assert_eq!((count(&barriers, echo), barriers.to_try(echo, 7)), (2, None));
             barriers.port_opened();
             barriers.answered(online);
-            assert_eq!(count(&barriers, echo), 1, "behind another port it is shown again");
+            assert_eq!(count(&barriers, echo), 1, "on another port it is tested again");
             assert!(barriers.to_try(echo, 7).is_some());
         }
     }
@@ -223,7 +223,8 @@ mod tests {
     #[test]
     fn a_drive_that_did_not_show_it_is_asked_again_when_it_comes_back() {
         let mut barriers = barriers(vec![Barrier::Refused(fact(8, Confidence::Inferred))]);
-        let (echo, now) = (LocalEcho::Found, MonoTime::from_millis(5));
+        let echo = LocalEcho::Found;
+        let now = MonoTime::from_millis(5);
         barriers.answered(now);
         barriers.failed(0);
         barriers.answered(now);

@@ -1,4 +1,4 @@
-//! What a poll plan and a stop cost on the wire, computed before anything is opened.
+//! The time that a poll plan and a stop take on the wire, computed before any port is opened.
 
 use super::station::BACK_OFF_FIRST;
 use super::timeouts::{Class, ReplyTimeouts, longer_reply, reply_delay, turnaround};
@@ -8,11 +8,11 @@ use crate::drive::plan::{self, PollGroup};
 use crate::profile::model::{Barrier, BlockWrite, Model, PollClass};
 use std::time::Duration;
 
-/// Turnaround that is assumed for a drive whose documents give no processing time. An estimate for people
-/// who plan a line, not a limit of anything.
+/// Turnaround assumed for a drive whose documents give no processing time. An estimate for planning a line, not a
+/// limit.
 pub const ASSUMED_TURNAROUND: Duration = Duration::from_millis(10);
 
-/// How long a line is left alone after a broadcast, so that every drive has done what it says (Modbus over serial line
+/// How long a line is left alone after a broadcast, so that every drive can carry it out (Modbus over serial line
 /// V1.02, 2.4.1: typically 100 to 200 ms).
 pub const BROADCAST_TURNAROUND: Duration = Duration::from_millis(100);
 
@@ -20,16 +20,16 @@ pub const BROADCAST_TURNAROUND: Duration = Duration::from_millis(100);
 const SHORT_PDU_BYTES: usize = 5;
 const WORD_BYTES: usize = 2;
 
-/// A station of a line, as far as its cost is concerned.
+/// A station of a line, as needed to compute its cost.
 #[derive(Clone, Copy, Debug)]
 pub struct PlannedStation<'a> {
-    /// What it is.
+    /// Its model.
     pub model: &'a Model,
     /// Period of its fast polls.
     pub poll: Duration,
-    /// How long its replies are waited for.
+    /// Its reply timeouts.
     pub timeouts: ReplyTimeouts,
-    /// How long after a time-out a reply may still come.
+    /// How long after a timeout a reply may still arrive.
     pub max_lateness: Duration,
 }
 
@@ -38,38 +38,38 @@ pub struct PlannedStation<'a> {
 pub struct PlannedRead {
     /// What is read in one frame.
     pub group: PollGroup,
-    /// Wanted time between two of them.
+    /// Intended time between two reads.
     pub period: Duration,
-    /// Time that one takes, silence included.
+    /// Time that one read takes, silence included.
     pub cost: Duration,
-    /// The same with the longest delay of replies that can be set on the drive.
+    /// The same with the longest reply delay that can be set on the drive.
     pub cost_if_delayed: Duration,
 }
 
 /// What the polls of one line cost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Budget {
-    /// Part of the line's time that the plan takes, 1.0 = all of it. Above that every period stretches.
+    /// Share of the line's time that the plan takes; above 1.0 every period stretches.
     pub use_of_line: f64,
-    /// The same if every drive was set to the longest delay of replies.
+    /// The same if every drive were set to the longest reply delay.
     pub use_if_delayed: f64,
     /// By how much every period is stretched: 1.0 while the plan fits.
     pub stretch: f64,
-    /// The longest exchange of the plan without its reply missing.
+    /// The longest exchange of the plan, given that its reply is not missing.
     pub longest_exchange: Duration,
     /// The reads of each station, in the order of the stations.
     pub stations: Vec<Vec<PlannedRead>>,
 }
 
 impl Budget {
-    /// The oldest that a value of `read` becomes, about, while its drive answers: its period as it is kept, and
-    /// what may be on the wire before it.
+    /// Approximate maximum age of a value of `read` while its drive answers: the stretched period, and what may be on
+    /// the wire before it.
     #[must_use]
     pub fn age(&self, read: &PlannedRead) -> Duration {
         read.period.mul_f64(self.stretch) + self.longest_exchange * 2
     }
 
-    /// The oldest that a fast value of the station at `place` becomes; nothing if it has none.
+    /// Maximum age of a fast value of the station at `place`; `None` if it has none.
     #[must_use]
     pub fn fast_age(&self, place: usize) -> Option<Duration> {
         let fast = self.stations.get(place)?.iter().filter(|read| read.group.class == PollClass::Fast);
@@ -103,7 +103,8 @@ pub fn of_plan<'a>(timing: &Timing, stations: impl IntoIterator<Item = PlannedSt
         let parts = stations.iter().flatten().map(|read| cost(read).as_secs_f64() / read.period.as_secs_f64());
         parts.sum::<f64>()
     };
-    let (use_of_line, use_if_delayed) = (part(|read| read.cost), part(|read| read.cost_if_delayed));
+    let use_of_line = part(|read| read.cost);
+    let use_if_delayed = part(|read| read.cost_if_delayed);
     let longest_exchange = stations.iter().flatten().map(|read| read.cost).max().unwrap_or_default();
     Budget { use_of_line, use_if_delayed, stretch: use_of_line.max(1.0), longest_exchange, stations }
 }
@@ -123,7 +124,7 @@ fn planned(timing: &Timing, station: &PlannedStation<'_>) -> Vec<PlannedRead> {
 #[must_use]
 pub fn stop_bounds<'a>(timing: &Timing, stations: impl IntoIterator<Item = PlannedStation<'a>>) -> StopBounds {
     let stations: Vec<_> = stations.into_iter().collect();
-    // One that is accepted right behind a stop for all waits until the drives have done that.
+    // A stop that is accepted right after a broadcast stop waits until the drives have carried that out.
     let after_broadcast = exchange_time(timing, SHORT_PDU_BYTES, BROADCAST_TURNAROUND, 0);
     let least = if may_stop_at_once(&stations) { after_broadcast } else { Duration::ZERO };
     let mut bounds = StopBounds { all_healthy: least, one_silent: least, each_further: Duration::ZERO };
@@ -132,9 +133,9 @@ pub fn stop_bounds<'a>(timing: &Timing, stations: impl IntoIterator<Item = Plann
             let longer = longer(timing, station.model, reply);
             let healthy = turnaround(&station.model.timing, class) + reply_delay(&station.model.timing);
             let timeout = station.timeouts.of(class);
-            // What has begun ends with its reply, and the silence behind that is the one before the stop.
+            // The current exchange ends with its reply, and the silence after that is the one before the stop.
             let in_time = exchange_time(timing, request, healthy.min(timeout) + longer, reply);
-            // A reply may begin at the last moment, and what comes in then is let in for as long.
+            // A reply may begin at the last moment, and is then received to its end.
             let silent = exchange_time(timing, request, timeout + longer, reply)
                 + timing.on_wire(timing.adu_bytes(reply))
                 + timing.silence;
@@ -148,12 +149,12 @@ pub fn stop_bounds<'a>(timing: &Timing, stations: impl IntoIterator<Item = Plann
     bounds
 }
 
-/// By how much longer a stop is unconfirmed if a reply of `station` is missing, damaged ones included: the looks at its
-/// effect wait until no late reply can be taken for theirs. The read that settles it takes an exchange; where only time
-/// settles it, so long.
+/// By how much the confirmation of a stop is delayed if a reply of `station` is missing or damaged: the reads of its
+/// effect wait until no late reply can be mistaken for theirs. That takes one exchange with a barrier, or else the
+/// maximum lateness.
 #[must_use]
 pub fn missing_reply_costs(timing: &Timing, station: &PlannedStation<'_>) -> Duration {
-    // Other barriers have to be shown by the drive first, and on some lines they prove nothing.
+    // Other barriers have to be tested first, and on some lines they prove nothing.
     let settles = |barrier: &Barrier| match barrier {
         Barrier::Read(read) => Some(read.count),
         Barrier::Loop(_) | Barrier::Refused(_) => None,
@@ -173,8 +174,8 @@ fn may_stop_at_once(stations: &[PlannedStation<'_>]) -> bool {
     hears_all && !others.is_empty() && others.iter().all(|other| other.model.id == first.model.id)
 }
 
-/// The longest time between two frames to a station that answers, while everything goes wrong once: a reply is missing
-/// and waited out, the station is left alone, asked once more in vain, and `others` get stops first.
+/// The longest time between two frames to a station that answers, if everything goes wrong once: a reply is missing
+/// and waited out, the station is left alone, the next request is not answered either, and stops for others go first.
 #[must_use]
 pub fn longest_gap(timing: &Timing, age: Duration, station: &PlannedStation<'_>, stop: &StopBounds) -> Duration {
     let wait = station.timeouts.read;
@@ -183,9 +184,9 @@ pub fn longest_gap(timing: &Timing, age: Duration, station: &PlannedStation<'_>,
     age + wait + is_waited_out + BACK_OFF_FIRST + retry + stop.one_silent
 }
 
-/// The longest time between two frames to the one at `place` of `stations`, while it answers and everything that may
-/// hold them up does so once, stops for the `commanded` stations of the line included; nothing if it is not polled fast.
-/// Its own watchdog has to be set to more than twice that.
+/// The longest time between two frames to the station at `place` of `stations`, while it answers and every possible
+/// delay occurs once, including stops for the `commanded` stations of the line. `None` if it is not polled fast. Its
+/// own watchdog has to be set to more than twice that.
 #[must_use]
 pub fn longest_gap_on_line(
     timing: &Timing,
@@ -193,12 +194,13 @@ pub fn longest_gap_on_line(
     place: usize,
     commanded: usize,
 ) -> Option<Duration> {
-    let (budget, mut stop) = (of_plan(timing, stations.iter().copied()), stop_bounds(timing, stations.iter().copied()));
+    let budget = of_plan(timing, stations.iter().copied());
+    let mut stop = stop_bounds(timing, stations.iter().copied());
     stop.one_silent += stop.each_further * u32::try_from(commanded.saturating_sub(1)).unwrap_or(u32::MAX);
     Some(longest_gap(timing, budget.fast_age(place)?, stations.get(place)?, &stop))
 }
 
-/// Class, request and reply of the longest exchanges with a drive of `model`, in bytes of their PDUs.
+/// The longest exchanges with a drive of `model`: class, and PDU bytes of request and reply.
 fn exchanges(model: &Model) -> impl Iterator<Item = (Class, usize, usize)> + '_ {
     let block = |block: &BlockWrite| (6 + WORD_BYTES * usize::from(block.count.value), SHORT_PDU_BYTES);
     let writes = [Some((SHORT_PDU_BYTES, SHORT_PDU_BYTES)), model.write.block.as_ref().map(block)];
@@ -210,7 +212,7 @@ fn exchanges(model: &Model) -> impl Iterator<Item = (Class, usize, usize)> + '_ 
     writes.chain(reads.into_iter().map(|reply| (Class::Read, SHORT_PDU_BYTES, reply)))
 }
 
-/// By how much the reply with a PDU of `pdu_bytes` is longer, because the drive sends longer characters.
+/// By how much a reply with a PDU of `pdu_bytes` takes longer because the drive sends longer characters.
 fn longer(timing: &Timing, model: &Model, pdu_bytes: usize) -> Duration {
     let char_bits = model.timing.reply_char_bits.as_ref().map(|fact| fact.value);
     longer_reply(timing, char_bits, timing.adu_bytes(pdu_bytes))
@@ -298,7 +300,7 @@ mod tests {
         }
     }
 
-    /// So many characters at 9600 bit/s 8N1, `silences`, and so many milliseconds of waiting.
+    /// Time of `chars` characters at 9600 bit/s 8N1, `silences` silences and `wait_ms` milliseconds of waiting.
     fn chars(chars: u64, silences: u64, wait_ms: u64) -> Duration {
         Duration::from_millis(wait_ms) + Duration::from_nanos(silences * 4_687_500 + chars * 1_041_667)
     }
@@ -317,10 +319,14 @@ mod tests {
         assert_near(long.each_further, chars(8 + 8, 1, 10));
         assert_near(bounds(&[with_words(1)]).one_silent, chars(8 + 8 + 8, 2, 100));
         let block = BlockWrite { address: 2, count: fact(10) };
-        let by_blocks = model(|model| (model.read.max_words.value, model.write.block) = (1, Some(block)));
+        let by_blocks = model(|model| {
+            model.read.max_words.value = 1;
+            model.write.block = Some(block);
+        });
         assert_near(bounds(&[by_blocks]).one_silent, chars(29 + 8 + 8, 2, 100));
         let long_characters = model(|model| {
-            (model.read.max_words.value, model.timing.reply_char_bits) = (1, Some(fact(20)));
+            model.read.max_words.value = 1;
+            model.timing.reply_char_bits = Some(fact(20));
         });
         assert_near(bounds(&[long_characters]).one_silent, chars(8 + 16 + 8, 2, 100));
         let slow = model(|model| {

@@ -1,5 +1,5 @@
-//! What is wrong with what drives send, from the bytes of each exchange: whether it is their beginning, their end, or
-//! anything, and whether something comes that nobody waits for.
+//! Classifies damage in what drives send, from the bytes of each exchange: at the beginning, at the end or anywhere,
+//! and unexpected data.
 
 use super::fault::Fault;
 use super::station::Stray;
@@ -9,7 +9,7 @@ use crate::domain::link::Framing;
 use crate::domain::traffic::TrafficKind;
 use crate::wire::framing;
 
-/// Station and function, as they stand at the beginning of a frame: RTU has two bytes for that, ASCII ':' and four digits.
+/// Length of station and function at the beginning of a frame: two bytes in RTU, ':' and four digits in ASCII.
 const fn head_bytes(framing: Framing) -> usize {
     match framing {
         Framing::Rtu => 2,
@@ -17,26 +17,26 @@ const fn head_bytes(framing: Framing) -> usize {
     }
 }
 
-/// What was counted of the stations of one line.
+/// Counts damage of the stations of one line.
 #[derive(Debug)]
 pub struct DamageWatch {
     framing: Framing,
     stations: Vec<(Station, DamageCounts)>,
-    /// Times that bytes without a frame came while no reply was waited for.
+    /// How often bytes without a frame arrived while no reply was awaited.
     between: u64,
-    /// The station that was asked last, and the function it was asked for.
+    /// The station addressed last, and the requested function.
     asked: usize,
     function: u8,
-    /// Its exchange has not ended.
+    /// Whether its exchange is still open.
     is_open: bool,
-    /// Its reply has come.
+    /// Whether its reply has arrived.
     was_answered: bool,
-    /// What came since then and makes no frame; at most two of the longest frames.
+    /// Bytes received since then that belong to no frame; at most two of the longest frames.
     loose: Vec<u8>,
 }
 
 impl DamageWatch {
-    /// A line of which nothing was heard.
+    /// A line from which nothing has been received.
     pub fn new(framing: Framing, stations: impl Iterator<Item = Station>) -> Self {
         Self {
             framing,
@@ -50,14 +50,16 @@ impl DamageWatch {
         }
     }
 
-    /// A request with `function` goes out to the station at `place`.
+    /// A request with `function` is sent to the station at `place`.
     pub fn sent(&mut self, place: usize, function: u8) {
-        (self.asked, self.function) = (place, function);
-        (self.is_open, self.was_answered) = (true, false);
+        self.asked = place;
+        self.function = function;
+        self.is_open = true;
+        self.was_answered = false;
         self.loose.clear();
     }
 
-    /// Something was heard.
+    /// `bytes` were received and classified as `kind`.
     pub fn heard(&mut self, kind: TrafficKind, bytes: &[u8]) {
         match kind {
             TrafficKind::Request | TrafficKind::Echo | TrafficKind::OtherMaster(_) => {}
@@ -71,21 +73,25 @@ impl DamageWatch {
         }
     }
 
-    /// A frame of the station at `place` came that answers nothing that is on the wire.
+    /// A frame of the station at `place` arrived that answers no open request.
     pub fn stray(&mut self, place: usize, stray: Stray) {
         let Some((_, counts)) = self.stations.get_mut(place) else { return };
         match stray {
             Stray::Explained => counts.late += 1,
-            Stray::BeyondLimit(_) => (counts.late, counts.beyond_limit) = (counts.late + 1, counts.beyond_limit + 1),
+            Stray::BeyondLimit(_) => {
+                counts.late += 1;
+                counts.beyond_limit += 1;
+            }
             Stray::TooMany(_) => counts.doubled += 1,
         }
     }
 
-    /// The exchange ended, with a `fault` or well; its right reply has `reply_bytes`.
+    /// The exchange ended, with a `fault` or successfully; its valid reply has `reply_bytes`.
     pub fn ended(&mut self, fault: Option<Fault>, reply_bytes: usize) {
         self.is_open = false;
         let is_damaged = matches!(fault, Some(Fault::Garbled | Fault::Silent)) && !self.loose.is_empty();
-        let (is_head, is_cut) = (is_damaged && self.is_head(reply_bytes), is_damaged && self.is_cut(reply_bytes));
+        let is_head = is_damaged && self.is_head(reply_bytes);
+        let is_cut = is_damaged && self.is_cut(reply_bytes);
         let is_long = reply_bytes >= framing::adu_bytes(self.framing, LONG_REPLY_PDU_BYTES);
         if let Some((_, counts)) = self.stations.get_mut(self.asked) {
             counts.damaged += u64::from(is_damaged);
@@ -98,19 +104,19 @@ impl DamageWatch {
         self.loose.clear();
     }
 
-    /// What was counted of the station at `place`.
+    /// The counts of the station at `place`.
     #[must_use]
     pub fn of(&self, place: usize) -> DamageCounts {
         self.stations.get(place).map(|(_, counts)| *counts).unwrap_or_default()
     }
 
-    /// Times that bytes without a frame came while no reply was waited for.
+    /// How often bytes without a frame arrived while no reply was awaited.
     #[must_use]
     pub const fn between(&self) -> u64 {
         self.between
     }
 
-    /// Whether the reply is sound but for its first characters: with the right ones its check is right.
+    /// Whether the reply is sound except for its first characters: with the right ones its check is right.
     fn is_head(&self, reply_bytes: usize) -> bool {
         let head = self.head();
         let missing = reply_bytes.saturating_sub(self.loose.len());
@@ -121,12 +127,12 @@ impl DamageWatch {
         framing::decode(self.framing, &[&head, rest].concat()).is_some()
     }
 
-    /// Whether the reply begins as it should and is too short.
+    /// Whether the reply begins correctly but is too short.
     fn is_cut(&self, reply_bytes: usize) -> bool {
         self.loose.len() < reply_bytes && self.loose.starts_with(&self.head())
     }
 
-    /// How a reply of the station that was asked begins.
+    /// The beginning of a reply of the addressed station.
     fn head(&self) -> Vec<u8> {
         let station = self.stations.get(self.asked).map_or(0, |(station, _)| station.0);
         let mut frame = Vec::new();
@@ -150,7 +156,7 @@ mod tests {
         DamageWatch::new(framing, [Station(1), Station(2)].into_iter())
     }
 
-    /// What is counted of one exchange in which only these bytes come.
+    /// The counts after one exchange in which only these bytes arrive.
     fn after(framing: Framing, reply_bytes: usize, bytes: &[u8], fault: Fault) -> DamageCounts {
         let mut watch = watch(framing);
         watch.sent(0, READ);
@@ -162,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn beginning_and_end_of_a_damaged_reply_are_told_apart() {
+    fn beginning_and_end_of_a_damaged_reply_are_distinguished() {
         let with = |at: usize, byte: u8| {
             let mut reply = RTU;
             reply[at] = byte;

@@ -1,4 +1,4 @@
-//! What is probably wrong with a line, from the pattern of what has been heard since its port was opened.
+//! What is probably wrong with a line, from the pattern of data received since its port was opened.
 
 use super::fault::Fault;
 use super::station::Stray;
@@ -6,11 +6,11 @@ use crate::domain::ids::Station;
 use crate::domain::suspicion::Suspicion;
 use crate::domain::traffic::TrafficKind;
 
-/// Signs of one kind before they are believed: one alone is chance.
+/// Number of signs of one kind before they are believed: one alone may be chance.
 pub const SIGNS: u32 = 3;
-/// Exchanges without a single byte before it is said that nothing is heard.
+/// Exchanges without a single byte before [`Suspicion::NothingHeard`] is raised.
 pub const SILENCES: u32 = 4;
-/// Exchanges after which signs are counted anew: what was seen once in months is no pattern.
+/// Exchanges after which the counts of signs restart: what is seen once in months is no pattern.
 pub const WINDOW: u32 = 500;
 
 /// What is remembered of one station.
@@ -20,7 +20,7 @@ struct StationHistory {
     was_heard: bool,
     silences: u32,
     second_replies: u32,
-    /// Replies that came later than any may.
+    /// Replies that arrived later than any may.
     beyond_limit: u32,
 }
 
@@ -28,9 +28,9 @@ struct StationHistory {
 #[derive(Debug)]
 pub struct Diagnosis {
     stations: Vec<StationHistory>,
-    /// Exchanges since signs were last counted anew.
+    /// Exchanges since the counts last restarted.
     exchanges: u32,
-    /// Exchanges without a byte in a row, as long as nothing was ever heard.
+    /// Consecutive exchanges without a byte, as long as nothing was ever received.
     silences: u32,
     was_anything_heard: bool,
     was_frame_heard: bool,
@@ -38,15 +38,15 @@ pub struct Diagnosis {
     too_few: u32,
     too_many: u32,
     other_requests: u32,
-    /// Bytes in the present exchange that make no frame.
+    /// Bytes in the current exchange that belong to no frame.
     loose_bytes: usize,
-    /// The station that was asked last.
+    /// The station addressed last.
     asked: usize,
     found: Option<Suspicion>,
 }
 
 impl Diagnosis {
-    /// A line with these stations of which nothing was heard.
+    /// A line with these stations from which nothing has been received.
     pub fn new(stations: impl Iterator<Item = Station>) -> Self {
         let seen =
             |station| StationHistory { station, was_heard: false, silences: 0, second_replies: 0, beyond_limit: 0 };
@@ -66,17 +66,18 @@ impl Diagnosis {
         }
     }
 
-    /// The port was opened: nothing counts any more.
+    /// The port was opened: all evidence is discarded.
     pub fn port_opened(&mut self) {
         *self = Self::new(std::mem::take(&mut self.stations).into_iter().map(|seen| seen.station));
     }
 
-    /// A request goes out to the station at `place`.
+    /// A request is sent to the station at `place`.
     pub const fn sent(&mut self, place: usize) {
-        (self.loose_bytes, self.asked) = (0, place);
+        self.loose_bytes = 0;
+        self.asked = place;
     }
 
-    /// Something was heard.
+    /// `bytes` were received and classified as `kind`.
     pub fn heard(&mut self, kind: TrafficKind, bytes: &[u8]) {
         self.was_anything_heard = true;
         match kind {
@@ -87,7 +88,7 @@ impl Diagnosis {
         }
     }
 
-    /// A frame of the station at `place` came that answers nothing that is on the wire.
+    /// A frame of the station at `place` arrived that answers no open request.
     pub fn stray(&mut self, place: usize, stray: Stray) {
         let Some(seen) = self.stations.get_mut(place) else { return };
         seen.was_heard = true;
@@ -98,7 +99,7 @@ impl Diagnosis {
         }
     }
 
-    /// The exchange ended, with a `fault` or well; its right reply has `reply_bytes`.
+    /// The exchange ended, with a `fault` or successfully; its valid reply has `reply_bytes`.
     pub fn ended(&mut self, fault: Option<Fault>, reply_bytes: usize) {
         self.exchanges += 1;
         let is_answer = fault.is_none();
@@ -117,7 +118,7 @@ impl Diagnosis {
         }
     }
 
-    /// What is suspected now.
+    /// The current suspicion.
     pub fn suspicion(&mut self) -> Option<Suspicion> {
         let pattern = self.pattern();
         if pattern.is_some() {
@@ -134,13 +135,13 @@ impl Diagnosis {
             self.found = None;
         }
         if is_over {
-            self.count_anew();
+            self.restart_counts();
         }
         self.found
     }
 
     fn pattern(&self) -> Option<Suspicion> {
-        // The replies to somebody else's requests look like second ones.
+        // The replies to another master's requests look like second replies.
         if self.other_requests >= SIGNS {
             return Some(Suspicion::OtherMaster);
         }
@@ -171,10 +172,16 @@ impl Diagnosis {
         }
     }
 
-    fn count_anew(&mut self) {
-        (self.exchanges, self.other_requests) = (0, 0);
-        (self.right_length, self.too_few, self.too_many) = (0, 0, 0);
-        self.stations.iter_mut().for_each(|seen| (seen.second_replies, seen.beyond_limit) = (0, 0));
+    fn restart_counts(&mut self) {
+        self.exchanges = 0;
+        self.other_requests = 0;
+        self.right_length = 0;
+        self.too_few = 0;
+        self.too_many = 0;
+        for seen in &mut self.stations {
+            seen.second_replies = 0;
+            seen.beyond_limit = 0;
+        }
     }
 }
 
@@ -183,7 +190,7 @@ mod tests {
     use super::*;
     use std::time::Duration;
 
-    /// One exchange with the first station: what is heard and how it ends, with 7 bytes due.
+    /// One exchange with the first station: what is received and how it ends, with 7 bytes expected.
     fn exchange(diagnosis: &mut Diagnosis, heard: &[(TrafficKind, &[u8])], fault: Option<Fault>) -> Option<Suspicion> {
         diagnosis.sent(0);
         heard.iter().for_each(|(kind, bytes)| diagnosis.heard(*kind, bytes));
@@ -198,7 +205,8 @@ mod tests {
     #[test]
     fn each_pattern_has_its_suspicion() {
         use TrafficKind::{Noise, OtherMaster, Reply};
-        let (noise, reply) = ([0xFE; 20], [1; 7]);
+        let noise = [0xFE; 20];
+        let reply = [1; 7];
         for (heard, fault, expected) in [
             (&[][..], Some(Fault::Silent), Suspicion::NothingHeard),
             (&[(Noise, &noise[..7])], Some(Fault::Garbled), Suspicion::AlwaysDamaged),

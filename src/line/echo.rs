@@ -1,38 +1,38 @@
-//! Whether a line sends back what is sent: on such a line every answer that repeats its request is worthless, unless our
-//! own bytes are taken out first.
+//! Whether a line echoes what is sent. On such a line an answer that repeats its request proves nothing unless our own
+//! bytes are removed first.
 
 use crate::domain::traffic::TrafficKind;
 
-/// Reads in a row without an echo before one that was found is believed to be gone: an adapter may lose one.
+/// Consecutive reads without an echo before a known echo is considered gone: an adapter may lose one.
 pub const CLEAN_READS: u8 = 2;
 
 /// What is known of a line since its port was opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LocalEcho {
-    /// Nothing: no read has told yet, or something was seen that needs another look.
+    /// Not known: no read has completed yet, or something was seen that needs another read.
     #[default]
     Unknown,
-    /// A read has ended and nothing came back, no reply either.
+    /// A read has ended without an echo, but without a reply as well.
     NotSeen,
-    /// A reply that differs from its request came, and nothing like the request before it.
+    /// A reply that differs from its request arrived, with nothing like the request before it.
     Excluded,
-    /// What was sent came back.
+    /// The line echoes what is sent.
     Found,
 }
 
-/// Watches what comes back for each frame. Replies to reads differ from their requests, so that reads tell.
+/// Watches for an echo of each frame. Replies to reads differ from their requests, so reads are conclusive.
 #[derive(Debug, Default)]
 pub struct EchoWatch {
     known: LocalEcho,
-    /// The frame that was sent last.
+    /// The last frame sent.
     sent: Vec<u8>,
-    /// Its right reply differs from it.
+    /// Its valid reply differs from it.
     differs: bool,
     /// Its exchange is over.
     is_over: bool,
-    /// Our own bytes came back.
+    /// Our own bytes were received.
     came_back: bool,
-    /// Bytes that were heard before its reply and are neither.
+    /// Bytes received before its reply that are neither.
     others: usize,
     was_answered: bool,
     clean_reads: u8,
@@ -51,30 +51,30 @@ impl EchoWatch {
         matches!(self.known, LocalEcho::Excluded | LocalEcho::Found)
     }
 
-    /// The port was opened: another adapter may stand there now.
+    /// The port was opened: there may be another adapter now.
     pub fn port_opened(&mut self) {
         *self = Self::default();
     }
 
-    /// `frame` goes out; `differs`: its right reply does not repeat it.
+    /// `frame` is sent; `differs`: its valid reply does not repeat it.
     pub fn sent(&mut self, frame: &[u8], differs: bool) {
-        let (known, clean_reads) = (self.known, self.clean_reads);
-        *self = Self { known, clean_reads, differs, ..Self::default() };
+        *self = Self { known: self.known, clean_reads: self.clean_reads, differs, ..Self::default() };
         self.sent.extend_from_slice(frame);
     }
 
-    /// `bytes` were heard, as `kind`.
+    /// `bytes` were received and classified as `kind`.
     pub fn heard(&mut self, kind: TrafficKind, bytes: &[u8]) {
         match kind {
             TrafficKind::Echo => {
-                (self.known, self.came_back) = (LocalEcho::Found, true);
+                self.known = LocalEcho::Found;
+                self.came_back = true;
                 self.is_supported();
             }
             TrafficKind::Reply => {
                 self.was_answered = true;
                 self.is_supported();
             }
-            // Twice the same: an echo and the drive's reply, or two drives of the same number. A read tells.
+            // Twice the same: an echo and the drive's reply, or two drives with the same number. A read decides.
             _ if self.is_over && !self.differs && self.known != LocalEcho::Found && bytes == self.sent => {
                 self.known = LocalEcho::Unknown;
             }
@@ -83,8 +83,8 @@ impl EchoWatch {
         }
     }
 
-    /// Reads have to tell anew that an echo is gone. The lone copy of a write does not ask for that: it may be the drive's
-    /// own reply, and a drive that is told to stop until it acknowledges that would never be heard.
+    /// Requires new reads before an echo is considered gone. A single copy of a write does not: it may be the drive's
+    /// own reply, and a drive that is sent stops until it acknowledges one would never be believed.
     const fn is_supported(&mut self) {
         if self.came_back && (self.differs || self.was_answered) {
             self.clean_reads = 0;
@@ -102,7 +102,7 @@ impl EchoWatch {
         if std::mem::replace(&mut self.is_over, true) || !self.differs || self.came_back {
             return;
         }
-        // Half of our frame among the noise may be an echo that suffered.
+        // Noise of half our frame's length may be a damaged echo.
         if self.others * 2 >= self.sent.len() {
             self.clean_reads = 0;
             return;
@@ -154,7 +154,8 @@ mod tests {
 
     #[test]
     fn an_echo_is_believed_until_two_reads_in_a_row_come_without_it() {
-        let (with, without) = (&[(Echo, &READ[..]), (Reply, &REPLY[..])][..], &[(Reply, &REPLY[..])][..]);
+        let with = &[(Echo, &READ[..]), (Reply, &REPLY[..])][..];
+        let without = &[(Reply, &REPLY[..])][..];
         let mut watch = EchoWatch::default();
         assert_eq!(exchange(&mut watch, without), LocalEcho::Excluded);
         for (heard, expected) in [
@@ -171,7 +172,7 @@ mod tests {
         assert_eq!(watch.known(), LocalEcho::Unknown);
     }
 
-    /// The copy of a write may be the drive's own reply, taken for an echo.
+    /// The copy of a write may be the drive's own reply, mistaken for an echo.
     #[test]
     fn only_a_write_that_comes_back_twice_supports_the_belief_in_an_echo() {
         for (heard, expected) in

@@ -1,4 +1,4 @@
-//! One exchange: what is asked, how it ends, and which answer ends it.
+//! One exchange: its request, how it ends, and which answer ends it.
 
 use crate::domain::ids::Station;
 use crate::domain::time::MonoTime;
@@ -6,48 +6,48 @@ use crate::domain::traffic::TrafficKind;
 use crate::wire::pdu::{Reply, Request, function};
 use std::time::Duration;
 
-/// A request on its way to one station.
+/// A request to one station.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exchange {
-    /// The station that is asked.
+    /// The addressed station.
     pub station: Station,
-    /// What it is asked.
+    /// The request.
     pub request: Request,
     /// Longest wait from the end of the request to the start of the reply.
     pub timeout: Duration,
     /// An exception, or a write's reply with another value, could be the late answer to an earlier request
-    /// of the same function: neither is taken for the answer to this one.
+    /// of the same function: neither is accepted as the answer to this one.
     pub in_doubt: bool,
 }
 
 /// How an exchange ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// With the right reply.
+    /// With the valid reply.
     Reply(Reply),
     /// With an exception of the drive's own.
     Exception(u8),
-    /// Without a sound frame of the station in time; what came looks like the reply and is damaged. It may have been that,
-    /// or anything else, and the reply comes late.
+    /// Without a sound frame of the station in time; the data received looks like the reply, but is damaged. It may
+    /// have been something else, so that the reply still arrives late.
     Garbled,
     /// Without any frame of the station in time.
     Silent,
 }
 
-/// Something that was heard on the wire. Bytes are given for whoever watches the traffic.
+/// Data received on the wire. The bytes are for observers of the traffic.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Heard {
     /// What it was.
     pub kind: TrafficKind,
     /// The bytes.
     pub bytes: Vec<u8>,
-    /// The first byte began at this moment at the latest.
+    /// The latest moment at which the first byte may have begun.
     pub begin: MonoTime,
     /// When the last byte was read.
     pub end: MonoTime,
 }
 
-/// How `pdu`, sent by the asked station, ends the exchange; nothing if it does not answer it.
+/// How `pdu`, sent by the addressed station, ends the exchange; `None` if it does not answer it.
 pub(super) fn answer_in(exchange: &Exchange, pdu: &[u8]) -> Option<Ending> {
     if let [code, exception] = pdu
         && *code == exchange.request.function() | function::EXCEPTION_BIT

@@ -3,30 +3,30 @@
 /// What went wrong in an exchange, or instead of one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Fault {
-    /// No sound frame came from the station in time. What came begins like the reply and is as long, and its check is
-    /// wrong: the reply, damaged, or noise, an echo that lost a byte, another drive, so that the reply may still come.
+    /// No sound frame arrived from the station in time. The data received begins like the reply and has its length, but
+    /// its check is wrong: the damaged reply, or noise, a damaged echo, another drive. The reply may still arrive.
     Garbled,
-    /// No frame came from the station in time.
+    /// No frame arrived from the station in time.
     Silent,
-    /// No frame came from the station in time, on a request that it need not know.
+    /// No frame arrived from the station in time, for a request that it need not support.
     Ignored,
-    /// No frame came from the station, which is known to be deaf.
+    /// No frame arrived from the station, which is known to be deaf.
     Deaf,
     /// The station answered something else, or too late.
     Stray,
-    /// A station that was not asked spoke.
+    /// A station that was not addressed answered.
     Foreign,
     /// The drive answered with an exception.
     Refused,
     /// The drive answered a write with the value it kept.
     KeptOldValue,
-    /// What we sent came back.
+    /// Our frame was echoed.
     Echoed,
-    /// Somebody else sends requests on the line.
+    /// Another master sends requests on the line.
     OtherMaster,
-    /// Bytes keep coming, so that no silence is long enough for a frame of ours.
+    /// Bytes keep arriving, so that no silence is long enough for a frame of ours.
     Jammed,
-    /// Requests go out, and nothing has been heard from anybody for long.
+    /// Requests are sent, but nothing has been received from any drive for long.
     Mute,
     /// The port is gone.
     PortGone,
@@ -35,15 +35,15 @@ pub enum Fault {
 /// What follows from a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Consequence {
-    /// The exchange is over; otherwise the wait for its reply goes on.
+    /// The exchange is over; otherwise its reply is still awaited.
     pub ends_exchange: bool,
-    /// A read is sent once more before it is given up, once no late reply can be taken for its own. A write never is.
+    /// A read is sent once more, as soon as no late reply can be mistaken for its own. A write never is.
     pub repeats_read: bool,
-    /// A reply to this exchange may still come, so the station's next answers must not be mistakable.
+    /// A reply to this exchange may still arrive, so the next answers of the station must be unmistakable.
     pub reply_may_come_late: bool,
-    /// The station is asked less and less often.
+    /// The station is polled less and less often.
     pub backs_off: bool,
-    /// The drive has shown that it is there.
+    /// The drive is known to be present.
     pub drive_is_there: bool,
     /// The port is closed and opened again.
     pub reopens_port: bool,
@@ -66,7 +66,7 @@ pub const fn consequence(fault: Fault) -> Consequence {
         Fault::Ignored => Consequence { ends_exchange: true, reply_may_come_late: true, ..none },
         Fault::Deaf => Consequence { ends_exchange: true, ..none },
         Fault::Stray => Consequence { drive_is_there: true, ..none },
-        // Whose requests they are says nothing about the drives that they name.
+        // Another master's requests say nothing about the drives that they address.
         Fault::Foreign | Fault::Echoed | Fault::OtherMaster | Fault::Jammed => none,
         Fault::Mute => Consequence { reopens_port: true, ..none },
         Fault::Refused | Fault::KeptOldValue => Consequence { ends_exchange: true, drive_is_there: true, ..none },

@@ -1,12 +1,12 @@
-//! Times counted in buckets that grow with them: bounded, without allocation, and old ones fade.
+//! A histogram of times in logarithmic buckets: bounded, without allocation, and old times fade.
 
 use crate::domain::buckets::Buckets;
 use std::time::Duration;
 
-/// Of microseconds, at most a sixteenth wider than the times in them, below two minutes: more than any reply may need and be
-/// late.
+/// Buckets of microseconds, at most a sixteenth as wide as their times, up to two minutes: more than any late reply
+/// takes.
 const BUCKETS: Buckets = Buckets::new(4, 27);
-/// With so many times all counts are halved, so that what a station did long ago fades.
+/// At this total all counts are halved, so that what a station did long ago fades.
 pub const FADES_AT: u16 = 8192;
 
 /// Times in microseconds, the newest few thousand of them.
@@ -14,7 +14,7 @@ pub const FADES_AT: u16 = 8192;
 pub struct Histogram {
     counts: [u16; BUCKETS.count()],
     total: u16,
-    /// The longest since the last halving, and between the one before and that.
+    /// The longest since the last halving, and between the two last halvings.
     longest: [u64; 2],
 }
 
@@ -39,21 +39,20 @@ impl Histogram {
         }
     }
 
-    /// How many times are counted.
+    /// The number of counted times.
     #[must_use]
     pub const fn total(&self) -> u16 {
         self.total
     }
 
-    /// The longest of the newest times: at least of the newest half of them.
+    /// The longest of the newest times, at least of the newest half.
     #[must_use]
     pub fn longest(&self) -> Duration {
         let [newer, older] = self.longest;
         Duration::from_micros(newer.max(older))
     }
 
-    /// A time that all but `above` in a thousand do not exceed, up to a sixteenth longer than it was; zero if there is
-    /// none.
+    /// The time that only `above` in a thousand exceed, rounded up by at most a sixteenth; zero if there is none.
     #[must_use]
     pub fn all_but(&self, above: u16) -> Duration {
         let spared = u32::from(self.total) * u32::from(above) / 1000;

@@ -1,10 +1,18 @@
-//! The wire of one line as a machine without IO and without a clock.
+//! The wire of one line as a state machine without I/O and without a clock.
 //!
-//! [`timing`] knows what characters and silences cost, [`timeouts`] how long a reply is waited for, [`reply_times`]
-//! how long one has taken, [`transaction`] runs one exchange, [`station`] keeps late replies apart and dead stations
-//! cheap, [`barriers`] knows what settles them, [`echo`] whether the line echoes, [`quality`] how good it is,
-//! [`diagnosis`] what is probably wrong with it, [`damage`] what is wrong with what drives send, [`schedule`] says what goes next, [`fault`] what follows from each
-//! fault, [`budget`] what a poll plan costs before it is started.
+//! * [`timing`]: duration of characters and silences
+//! * [`timeouts`]: how long to wait for a reply
+//! * [`reply_times`]: how long replies have taken
+//! * [`transaction`]: runs one exchange
+//! * [`station`]: detects late replies and limits the cost of dead stations
+//! * [`barriers`]: exchanges that rule out late replies
+//! * [`echo`]: whether the line echoes
+//! * [`quality`]: how good the line is
+//! * [`diagnosis`]: what is probably wrong with it
+//! * [`damage`]: what is wrong with the data that drives send
+//! * [`schedule`]: which native read is next
+//! * [`fault`]: the consequences of each fault
+//! * [`budget`]: the cost of a poll plan before it is started
 
 mod arrivals;
 pub mod barriers;

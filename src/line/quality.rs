@@ -1,12 +1,12 @@
-//! How good a line is: the last exchanges, good or bad, and whether motion may still be ordered over it.
+//! The quality of a line: the last exchanges, good or bad, and whether motion may still be ordered over it.
 
-/// Exchanges that are remembered.
+/// Number of exchanges that are remembered.
 pub const WINDOW: u32 = 100;
-/// Fewer exchanges than this tell nothing: two bad ones at the start are no bad line.
+/// Minimum number of exchanges for a judgement: two bad ones at the start do not make a bad line.
 pub const LEAST: u32 = 20;
-/// Above so many bad ones in a hundred, run orders and higher setpoints are suspended.
+/// Above this percentage of bad exchanges, run orders and higher setpoints are refused.
 pub const SUSPEND_ABOVE_PER_CENT: u32 = 10;
-/// Below so many they are taken again.
+/// Below this percentage they are accepted again.
 pub const RESUME_BELOW_PER_CENT: u32 = 3;
 
 /// The last exchanges of one line or station.
@@ -19,7 +19,7 @@ pub struct Quality {
 }
 
 impl Quality {
-    /// An exchange has ended.
+    /// Records an exchange.
     pub fn take(&mut self, is_bad: bool) {
         self.bad = (self.bad << 1 | u128::from(is_bad)) & ((1 << WINDOW) - 1);
         self.count = (self.count + 1).min(WINDOW);
@@ -31,14 +31,14 @@ impl Quality {
         }
     }
 
-    /// Bad ones of the last hundred, in per cent; nothing while too few have been seen.
+    /// Per cent of bad exchanges among the last hundred; `None` while there are too few.
     #[must_use]
     pub fn bad_per_cent(&self) -> Option<u8> {
         let per_cent = (self.bad.count_ones() * 100).div_ceil(self.count.max(1));
         (self.count >= LEAST).then_some(per_cent as u8)
     }
 
-    /// Whether motion may not be ordered.
+    /// Whether run orders and higher setpoints are refused.
     #[must_use]
     pub const fn is_suspended(&self) -> bool {
         self.is_suspended
@@ -53,13 +53,13 @@ pub struct LineQuality {
 }
 
 impl LineQuality {
-    /// A line of `stations` of which nothing is known.
+    /// A line with `stations` stations and no exchanges yet.
     #[must_use]
     pub fn new(stations: usize) -> Self {
         Self { line: Quality::default(), stations: vec![Quality::default(); stations] }
     }
 
-    /// An exchange with the station at `place` has ended.
+    /// Records an exchange with the station at `place`.
     pub fn take(&mut self, place: usize, is_bad: bool) {
         self.line.take(is_bad);
         if let Some(station) = self.stations.get_mut(place) {
@@ -73,20 +73,20 @@ impl LineQuality {
         &self.line
     }
 
-    /// All exchanges with the station at `place`; nothing if there is none.
+    /// All exchanges with the station at `place`; `None` if there is no such station.
     #[must_use]
     pub fn station(&self, place: usize) -> Option<&Quality> {
         self.stations.get(place)
     }
 
-    /// Whether motion may not be ordered of any drive: the line is bad, and not because of one station alone.
+    /// Whether motion is refused for all drives: the line is bad, and not because of one station alone.
     #[must_use]
     pub fn is_line_suspended(&self) -> bool {
         let bad = self.stations.iter().filter(|station| station.is_suspended).count();
         self.line.is_suspended && (bad != 1 || self.stations.len() == 1)
     }
 
-    /// Whether motion may not be ordered of the drive at `place`.
+    /// Whether motion is refused for the drive at `place`.
     #[must_use]
     pub fn is_suspended(&self, place: usize) -> bool {
         self.is_line_suspended() || self.stations.get(place).is_some_and(Quality::is_suspended)

@@ -1,13 +1,13 @@
-//! How long one station needs before its replies begin, learned from those that have come.
+//! How long one station takes before its replies begin, learned from those received.
 
 use super::histogram::Histogram;
 use super::timeouts::Class;
 use std::time::Duration;
 
-/// Replies of a class before anything follows from them: with a thousand the 99.9 percentile is no longer just the
-/// longest of them.
+/// Replies of a class before they are used: with a thousand the 99.9th percentile is no longer just the longest of
+/// them.
 pub const ENOUGH: u16 = 1000;
-/// Replies after which the percentile is looked at anew, unless one exceeds it.
+/// Replies after which the percentile is recomputed, or sooner if one exceeds it.
 const LOOK_EVERY: u8 = 64;
 
 /// The reply times of one station.
@@ -19,15 +19,15 @@ pub struct ReplyTimes {
 #[derive(Clone, Debug, Default)]
 struct Learned {
     times: Histogram,
-    /// The 99.9 percentile, once there are enough.
+    /// The 99.9th percentile, once there are enough.
     usual: Option<Duration>,
-    /// Replies since it was looked at.
+    /// Replies since it was computed.
     since: u8,
 }
 
 impl ReplyTimes {
-    /// A reply to a request of `class` began `time` after the end of the request. A late one counts like any other: by
-    /// that a drive that has become slower is waited for. Silence says nothing about times and is not counted.
+    /// Counts a reply to a request of `class` that began `time` after the end of the request. Late replies count like
+    /// any other, so that the wait adapts to a drive that has become slower. Silence is not counted.
     pub fn add(&mut self, class: Class, time: Duration) {
         let learned = self.of_mut(class);
         learned.times.add(time);
@@ -39,18 +39,18 @@ impl ReplyTimes {
         learned.since %= LOOK_EVERY;
     }
 
-    /// Forgets all: another station may be there.
+    /// Discards all times: another station may be there.
     pub fn forget(&mut self) {
         *self = Self::default();
     }
 
-    /// Twice the 99.9 percentile of `class`; nothing before there are enough.
+    /// Twice the 99.9th percentile of `class`; `None` before there are enough.
     #[must_use]
     pub fn wait(&self, class: Class) -> Option<Duration> {
         self.of(class).usual.map(|usual| usual * 2)
     }
 
-    /// The longest that was seen of `class` in the last few thousand; nothing before there are enough.
+    /// The longest time of `class` in the last few thousand; `None` before there are enough.
     #[must_use]
     pub fn worst(&self, class: Class) -> Option<Duration> {
         self.of(class).usual.map(|usual| usual.max(self.times(class).longest()))

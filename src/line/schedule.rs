@@ -1,19 +1,19 @@
-//! Native reads and loop tests that wait, shared by all who ask for the same and served fairly among askers.
+//! The queue of native reads and loop tests: equal ones share an exchange, and askers are served fairly.
 //!
-//! What drives want for themselves, stops above all, goes before them and is kept with each drive.
+//! Other work, above all stops, has priority and is queued with each drive.
 
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::wire::pdu::Request;
 use std::collections::{BTreeMap, HashMap};
 
-/// Most different native reads that may wait on one line. At 9600 bit/s this is more than half a minute of
-/// work, far beyond any client's patience.
+/// Maximum number of different native reads waiting on one line. At 9600 bit/s this is more than half a minute of
+/// work, longer than any client waits.
 pub const READS_MAX: usize = 1024;
-/// How often a read may be overtaken by younger ones that lie on the way. Those who walk over the same
-/// registers meet in one exchange this way, and nobody waits more than this many exchanges longer.
+/// How often a read may be overtaken by younger ones that are next by address. Clients that scan the same registers
+/// thus come to share exchanges, and no client waits more than this many exchanges longer.
 pub const OVERTAKEN_MAX: u32 = 16;
 
-/// How many turns an asker may be ahead of the one whose turn it is. However many reads it has waiting, it gets no more
+/// How many turns an asker may be ahead of the one whose turn it is. However many reads it has queued, it gets no more
 /// than that beyond its share.
 const AHEAD_MAX: u64 = OVERTAKEN_MAX as u64;
 
@@ -22,11 +22,11 @@ const AHEAD_MAX: u64 = OVERTAKEN_MAX as u64;
 pub struct ReadKey {
     /// Which drive of the line.
     pub drive: DriveIndex,
-    /// What it is asked.
+    /// The query.
     pub what: NativeQuery,
 }
 
-/// What a native read asks of its drive, in the order in which they lie on the way.
+/// What a native read asks of its drive, ordered by address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum NativeQuery {
     /// Holding registers.
@@ -36,7 +36,7 @@ pub enum NativeQuery {
         /// Number of words, within the model's limit.
         count: u16,
     },
-    /// To send this word back.
+    /// Return this word.
     Loop {
         /// The word.
         data: u16,
@@ -54,12 +54,12 @@ impl ReadKey {
     }
 }
 
-/// A native read that waits or is on the wire.
+/// A native read that is queued or on the wire.
 #[derive(Debug)]
 pub struct ReadJob {
     /// What it reads.
     pub key: ReadKey,
-    /// Requests that wait for it, in the order in which they came.
+    /// Requests that wait for it, in order of arrival.
     pub waiters: Vec<WaiterId>,
     /// Whether it is on its second try.
     pub repeated: bool,
@@ -68,7 +68,7 @@ pub struct ReadJob {
     overtaken: u32,
 }
 
-/// The number of a request that waits on the line, and which of its frames a job is.
+/// A request that waits on the line, and the frame of it that a job reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WaiterId {
     /// The request.
@@ -77,7 +77,7 @@ pub struct WaiterId {
     pub part: u16,
 }
 
-/// The queue is full; nothing was taken.
+/// The queue is full; the read was not accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Full;
 
@@ -86,11 +86,11 @@ pub struct Full;
 pub enum Queued {
     /// It waits on its own.
     Alone,
-    /// It will be answered from an exchange that somebody else asked for and that is not on the wire yet.
+    /// It shares the exchange of an earlier request that is not on the wire yet.
     Joined,
 }
 
-/// The waiting work of one line.
+/// The queued native reads of one line.
 #[derive(Debug, Default)]
 pub struct Schedule {
     reads: BTreeMap<ReadKey, ReadJob>,
@@ -102,10 +102,10 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    /// Takes a native read for `waiter` of `asker`, or joins it to a waiting one.
+    /// Queues a native read for `waiter` of `asker`, or joins it to a queued one.
     ///
     /// # Errors
-    /// [`Full`] if too many different reads wait.
+    /// [`Full`] if too many different reads are queued.
     pub fn push_read(&mut self, key: ReadKey, asker: AskerId, waiter: WaiterId) -> Result<Queued, Full> {
         if self.reads.len() >= READS_MAX && !self.reads.contains_key(&key) {
             return Err(Full);
@@ -125,7 +125,7 @@ impl Schedule {
         }
     }
 
-    /// Puts a read back that shall be sent once more, before all others.
+    /// Puts back a read to be sent once more, before all others.
     pub fn repeat_read(&mut self, mut job: ReadJob) {
         job.repeated = true;
         job.tag = 0;
@@ -136,9 +136,9 @@ impl Schedule {
         self.reads.insert(job.key, job);
     }
 
-    /// Takes out the next native read that may go. The one whose turn it is goes first, but up to
-    /// [`OVERTAKEN_MAX`] times the next one on the way over the registers is taken before it, if that is no reward for
-    /// having asked for more than others.
+    /// Removes the next native read that `may_go` allows. The one whose turn it is comes first, but up to
+    /// [`OVERTAKEN_MAX`] times the next one by address is preferred, unless that would favour an asker with many
+    /// requests.
     pub fn take_read(&mut self, may_go: impl Fn(&ReadKey) -> bool) -> Option<ReadJob> {
         let head = self
             .reads
@@ -153,28 +153,28 @@ impl Schedule {
         for other in self.reads.values_mut().filter(|other| other.tag < job.tag) {
             other.overtaken += 1;
         }
-        // What overtakes does not move time on: those behind would lose their turns to it.
+        // An overtaking read does not advance the turn: those overtaken would lose theirs.
         self.turn = self.turn.max(present_turn);
         self.last_served = Some(key);
         Some(job)
     }
 
-    /// The native reads that wait.
+    /// The queued native reads.
     pub fn reads(&self) -> impl Iterator<Item = &ReadKey> {
         self.reads.keys()
     }
 
-    /// Takes out all native reads of `drive`.
+    /// Removes all native reads of `drive`.
     pub fn take_reads_of(&mut self, drive: DriveIndex) -> Vec<ReadJob> {
         self.reads.extract_if(.., |key, _| key.drive == drive).map(|(_, job)| job).collect()
     }
 
-    /// Takes out everything that waits; returns who waited for it.
+    /// Removes everything; returns the waiters.
     pub fn clear(&mut self) -> Vec<WaiterId> {
         std::mem::take(&mut self.reads).into_values().flat_map(|job| job.waiters).collect()
     }
 
-    /// Removes reads for which nobody waits any more, as `is_waited_for` tells.
+    /// Removes waiters for which `is_waited_for` is false, and reads without waiters.
     pub fn drop_unwanted(&mut self, is_waited_for: impl Fn(WaiterId) -> bool) {
         self.reads.retain(|_, job| {
             job.waiters.retain(|waiter| is_waited_for(*waiter));
@@ -232,7 +232,7 @@ mod tests {
         assert_eq!(schedule.push_read(key(1), AskerId(2), waiter(2)), Ok(Queued::Joined));
         let job = schedule.take_read(|_| true).unwrap();
         assert_eq!(job.waiters, [waiter(1), waiter(2)]);
-        // What is on the wire is joined no more.
+        // A read that is on the wire cannot be joined.
         assert_eq!(schedule.push_read(key(1), AskerId(3), waiter(3)), Ok(Queued::Alone));
     }
 
@@ -265,14 +265,14 @@ mod tests {
         for _ in 0..100 {
             schedule.take_read(|_| true).unwrap();
         }
-        // Its register lies behind all others on the way.
+        // Its register comes after all others by address.
         schedule.push_read(key(9999), AskerId(2), waiter(9999)).unwrap();
         let waited = served(&mut schedule).iter().position(|address| *address == 9999).unwrap();
         assert!(waited <= OVERTAKEN_MAX as usize + 1, "{waited}");
     }
 
     #[test]
-    fn who_asks_for_much_gets_no_more_turns_than_who_asks_for_one_at_a_time() {
+    fn an_asker_of_many_reads_gets_no_more_turns_than_one_of_single_reads() {
         let mut schedule = Schedule::default();
         for n in 0..500 {
             schedule.push_read(key(n), AskerId(1), waiter(1)).unwrap();
@@ -328,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn reads_nobody_waits_for_are_dropped() {
+    fn reads_without_waiters_are_dropped() {
         let mut schedule = Schedule::default();
         schedule.push_read(key(1), AskerId(1), waiter(1)).unwrap();
         schedule.push_read(key(1), AskerId(2), waiter(2)).unwrap();

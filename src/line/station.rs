@@ -1,97 +1,97 @@
-//! What the line remembers of one station: replies that may still come late, and how long it has been silent.
+//! The line's state of one station: replies that may still arrive late, and how long it has been silent.
 
 use crate::domain::time::MonoTime;
 use crate::profile::model::{Model, RefusedWrite};
 use crate::wire::pdu::{Request, function};
 use std::time::Duration;
 
-/// Missing replies that are remembered for one station. When so many are out, nothing more is asked of it
-/// until the oldest can no longer come.
+/// Maximum number of missing replies remembered for one station. When it is reached, no more requests are sent to it
+/// until the oldest reply can no longer arrive.
 pub const MISSING_MAX: usize = 8;
-/// Silences in a row after which a station counts as known to be silent.
+/// Consecutive silences after which a station counts as known to be silent.
 pub const KNOWN_SILENT_AFTER: u32 = 2;
 /// The wait before a station that is known to be silent is asked again; doubled with each silence.
 pub const BACK_OFF_FIRST: Duration = Duration::from_secs(1);
 /// The longest such wait.
 pub const BACK_OFF_MAX: Duration = Duration::from_secs(30);
-/// How long a station that is known to be silent is waited for: it shall cost the others little. A drive
-/// that needs longer is noticed by its late reply and then given its full time-out again.
+/// Reply timeout for a station that is known to be silent, short so that it delays the others little. A drive that
+/// needs longer is noticed by its late reply and then given its full timeout again.
 pub const PROBE_TIMEOUT: Duration = Duration::from_millis(100);
 /// The wait before a station is asked again that may be deaf because it was switched on.
 pub const DEAF_WAIT: Duration = Duration::from_millis(250);
 
-/// The shortest silence that is asked of a station of which a frame came that nothing explains.
+/// The shortest silence required of a station after an unexplained frame.
 pub const QUIET_LEAST: Duration = Duration::from_millis(100);
-/// The longest: replies that come later than that are no longer waited for.
+/// The longest such silence: later replies are not considered.
 pub const QUIET_MAX: Duration = Duration::from_secs(30);
-/// Exchanges in a row without such a frame after which no silence is asked for any more.
+/// Consecutive exchanges without such a frame after which no silence is required any more.
 pub const QUIET_EXCHANGES: u8 = 8;
-/// How long a reply that did not come within the longest lateness is remembered, so that one that comes after all is
-/// known for what it is.
+/// How long a reply that did not arrive within the maximum lateness is remembered, so that it is recognised if it
+/// arrives after all.
 pub const EXPIRED_FOR: Duration = Duration::from_secs(30);
-/// Exchanges in which noise came before the reply and behind which a silence shows whether that was all, among so many.
+/// In how many exchanges with noise before the reply, among how many exchanges, a silence is inserted to see whether
+/// another reply follows.
 pub const LOOKS: (u8, u16) = (8, 256);
 
-/// A request whose reply did not come in time.
+/// A request whose reply did not arrive in time.
 #[derive(Clone, Debug)]
 pub struct Missing {
-    /// What was asked.
+    /// The request.
     pub request: Request,
-    /// When its last character had left.
+    /// When its last character had been sent.
     pub sent_at: MonoTime,
-    /// After this moment the reply can no longer come.
+    /// After this moment the reply can no longer arrive.
     pub until: MonoTime,
 }
 
-/// A sound frame of a station that answers nothing that is on the wire.
+/// A sound frame of a station that answers no open request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stray {
-    /// A reply that was missing.
+    /// A missing reply.
     Explained,
-    /// A reply that came later than any may: so long after its request.
+    /// A reply later than the maximum lateness: the time since its request.
     BeyondLimit(Duration),
-    /// A reply too many, or one to somebody else: so long after the newest request.
+    /// An excess reply, or a reply to another master: the time since the newest request.
     TooMany(Duration),
 }
 
-/// What the line remembers of one station.
+/// The line's state of one station.
 #[derive(Debug)]
 pub struct StationState {
-    /// What a refused write of its looks like.
+    /// How it answers a refused write.
     refused: RefusedWrite,
-    /// How long it hears nothing after it was switched on.
+    /// How long it is deaf after it is switched on.
     deaf_after_power_up: Duration,
     missing: Vec<Missing>,
-    /// Replies that were missing until they could no longer come.
+    /// Missing replies that could no longer arrive.
     expired: Vec<Missing>,
-    /// When the last character of the newest request had left.
+    /// When the last character of the newest request had been sent.
     asked_at: MonoTime,
-    /// How long after its request the latest reply came that was later than declared.
+    /// The greatest lateness of a reply beyond the declared one, since its request.
     latest: Duration,
-    /// The silence that is asked of it at present, and until when that is: a frame came that nothing explains, so that
-    /// another one may follow.
+    /// The silence currently required of it, and until when: after an unexplained frame another one may follow.
     quiet: Duration,
     quiet_until: MonoTime,
     /// Exchanges since the last such frame.
     exchanges_since: u8,
-    /// The newest answer may have been a reply that could no longer come: so late it was then.
+    /// If the newest answer may have been a reply that could no longer arrive: its lateness.
     taken: Option<Duration>,
-    /// Looks that are left, and exchanges until they are counted anew.
+    /// Remaining silences of [`LOOKS`], and exchanges until they are replenished.
     looks: (u8, u16),
-    /// Until then a reply may come to something that was asked before this memory began.
+    /// Until then a reply may arrive to a request from before this state was created.
     asked_before_until: MonoTime,
     silent_in_a_row: u32,
-    /// Waits in a row that grew.
+    /// Consecutive back-offs.
     back_offs: u32,
     ask_again_at: MonoTime,
-    /// Until then it may be deaf: nobody sees when a drive is switched on, only what may have been that.
+    /// Until then it may be deaf: that a drive is switched on can only be guessed.
     may_be_deaf_until: MonoTime,
     /// Until then it is known to be deaf.
     rests_until: MonoTime,
 }
 
 impl StationState {
-    /// A station of `model` of which nothing is known.
+    /// A station of `model` that has not been addressed yet.
     #[must_use]
     pub fn new(model: &Model) -> Self {
         let deaf = model.quirks.deaf_after_power_up.as_ref();
@@ -116,21 +116,20 @@ impl StationState {
         }
     }
 
-    /// Whether a late reply may still come at `now`.
+    /// Whether a late reply may still arrive at `now`.
     #[must_use]
     pub fn is_dirty(&self, now: MonoTime) -> bool {
         now < self.clean_at()
     }
 
-    /// From when on no late reply can come, if nothing else stays out. A moment that has passed means now.
+    /// From when on no late reply can arrive, if no further reply goes missing. A moment in the past means now.
     #[must_use]
     pub fn clean_at(&self) -> MonoTime {
         let known = self.missing.iter().map(|missing| missing.until).max();
         known.unwrap_or(MonoTime::ZERO).max(self.asked_before_until).max(self.quiet_until)
     }
 
-    /// When a late answer can no longer be mistaken for the answer to `request`. A moment that has passed
-    /// means now.
+    /// When a late answer can no longer be mistaken for the answer to `request`. A moment in the past means now.
     #[must_use]
     pub fn unmistakable_at(&self, request: &Request) -> MonoTime {
         if self.missing.len() >= MISSING_MAX {
@@ -140,7 +139,7 @@ impl StationState {
         let mistakable = self.missing.iter().filter(|missing| self.is_mistakable(&missing.request, request));
         let known = mistakable.map(|missing| missing.until).max().unwrap_or(MonoTime::ZERO).max(self.quiet_until);
         match request {
-            // Its data are fresh: no earlier question had them.
+            // Its data are fresh: no earlier request had them.
             Request::Loopback { .. } => known,
             _ => known.max(self.asked_before_until),
         }
@@ -153,25 +152,25 @@ impl StationState {
         now < self.asked_before_until.max(self.quiet_until) || self.missing.iter().any(misses)
     }
 
-    /// Before this moment the station is not asked, because it has been silent.
+    /// Before this moment no requests are sent to the station, because it has been silent.
     #[must_use]
     pub const fn ask_again_at(&self) -> MonoTime {
         self.ask_again_at
     }
 
-    /// Before this moment it is known to be deaf: nothing but a stop goes to it.
+    /// Before this moment it is known to be deaf: only stops are sent to it.
     #[must_use]
     pub const fn rests_until(&self) -> MonoTime {
         self.rests_until
     }
 
-    /// From when it may be asked, as far as it is silent or deaf.
+    /// From when requests may be sent to it, considering silence and deafness.
     #[must_use]
     pub fn may_be_asked_from(&self) -> MonoTime {
         self.ask_again_at.max(self.rests_until)
     }
 
-    /// Somebody may have asked it before this memory began; the reply can come until `moment`.
+    /// It may have been sent a request before this state was created; the reply can arrive until `moment`.
     pub fn asked_before(&mut self, moment: MonoTime) {
         self.asked_before_until = moment;
     }
@@ -183,7 +182,8 @@ impl StationState {
 
     /// Its line was opened at `now`, perhaps because the power came back to both.
     pub fn line_opened(&mut self, now: MonoTime) {
-        (self.latest, self.quiet) = (Duration::ZERO, Duration::ZERO);
+        self.latest = Duration::ZERO;
+        self.quiet = Duration::ZERO;
         self.may_be_deaf(now);
         if now < self.may_be_deaf_until {
             self.ask_again_at = self.ask_again_at.min(now + DEAF_WAIT);
@@ -196,24 +196,24 @@ impl StationState {
         self.silent_in_a_row >= KNOWN_SILENT_AFTER
     }
 
-    /// The last silence may have been a slow reply: the station is not given up before it was waited for in full.
+    /// The last silence may have been a slow reply: the station is not given up before a full timeout.
     #[must_use]
     pub const fn is_in_question(&self) -> bool {
         self.silent_in_a_row > 0
     }
 
-    /// A request stays without an answer at `now`.
+    /// A request has remained unanswered at `now`.
     pub fn reply_missing(&mut self, missing: Missing, now: MonoTime) {
         self.expire(now);
         self.missing.push(missing);
     }
 
-    /// A request goes out to it; its last character leaves at `end`.
+    /// A request is sent to it; its last character is sent at `end`.
     pub const fn asked(&mut self, end: MonoTime) {
         self.asked_at = end;
     }
 
-    /// How late a reply may come of which no model and no configuration knows more than `declared`.
+    /// How late a reply may arrive: `declared`, or more if that was observed.
     #[must_use]
     pub fn lateness(&self, declared: Duration) -> Duration {
         declared.max(with_margin(self.latest))
@@ -225,9 +225,9 @@ impl StationState {
         self.quiet > Duration::ZERO
     }
 
-    /// A sound frame of the station with `pdu` came at `now` that answers nothing that is on the wire. What nothing
-    /// explains makes it dirty until it was silent for as long as the latest reply was late. `declared`: how late one may
-    /// be.
+    /// A sound frame of the station with `pdu` arrived at `now` that answers no open request. An unexplained one makes
+    /// the station dirty until it has been silent for as long as the latest reply was late. `declared`: the declared
+    /// maximum lateness.
     pub fn stray(&mut self, pdu: &[u8], now: MonoTime, declared: Duration) -> Stray {
         self.expire(now);
         if now < self.asked_before_until || self.missing.iter().any(|missing| answers(&missing.request, pdu)) {
@@ -241,12 +241,13 @@ impl StationState {
             self.latest = self.latest.max(late).min(QUIET_MAX);
         }
         self.quiet = self.quiet.max(with_margin(late)).max(QUIET_LEAST);
-        (self.exchanges_since, self.looks) = (0, LOOKS);
+        self.exchanges_since = 0;
+        self.looks = LOOKS;
         self.heard(now);
         if beyond.is_some() { Stray::BeyondLimit(late) } else { Stray::TooMany(late) }
     }
 
-    /// A frame of it was heard at `now`: a silence that is asked of it begins anew.
+    /// A frame of it was received at `now`: a required silence starts over.
     pub fn heard(&mut self, now: MonoTime) {
         if self.quiet > Duration::ZERO {
             self.quiet_until = self.quiet_until.max(now + self.quiet);
@@ -262,7 +263,7 @@ impl StationState {
         self.expired.drain(..excess);
     }
 
-    /// The request that `pdu` answers late, and when its last character had left; nothing if that is not certain.
+    /// The request that `pdu` answers late, and when its last character had been sent; `None` if that is not certain.
     #[must_use]
     pub fn answered_late(&self, pdu: &[u8], now: MonoTime) -> Option<(&Request, MonoTime)> {
         let is_answered = |missing: &&Missing| now < missing.until && answers(&missing.request, pdu);
@@ -271,7 +272,7 @@ impl StationState {
         answered.next().is_none().then_some((&only.request, only.sent_at))
     }
 
-    /// The station was silent; it is asked less and less often, unless it may be deaf for a while.
+    /// The station was silent: it is polled less and less often, unless it may be deaf for a while.
     pub fn silent(&mut self, now: MonoTime) {
         self.silent_in_a_row = self.silent_in_a_row.saturating_add(1);
         if self.silent_in_a_row == KNOWN_SILENT_AFTER {
@@ -288,19 +289,19 @@ impl StationState {
         self.back_offs = self.back_offs.saturating_add(1);
     }
 
-    /// A right answer came to a request that no missing reply could be mistaken for. Drives answer in the
-    /// order they are asked, so nothing of what is missing can follow.
+    /// A valid answer arrived to a request whose answer is unmistakable. Drives answer in order, so none of the missing
+    /// replies can follow.
     pub fn answered(&mut self) {
         self.missing.clear();
         self.asked_before_until = MonoTime::ZERO;
         self.is_there();
     }
 
-    /// The exchange of `request` with it had its answer at `now`. `was_noisy`: something else came before that, which may
-    /// have been the reply, so that the answer is another one and the next is still to come: a silence shows it.
+    /// The exchange of `request` was answered at `now`. `was_noisy`: other data arrived before the answer. If that was
+    /// the reply, the answer belonged to another request and one more will follow: a silence shows it.
     pub fn exchange_ended(&mut self, request: &Request, was_noisy: bool, now: MonoTime) {
         self.expire(now);
-        // Drives answer in order: what could no longer come has been taken for this answer, or never comes.
+        // Drives answer in order: an expired reply has been mistaken for this answer, or never arrives.
         let taken = self.expired.iter().find(|expired| self.is_mistakable(&expired.request, request));
         self.taken = taken.map(|expired| now.since(expired.sent_at));
         self.expired.clear();
@@ -317,7 +318,7 @@ impl StationState {
         self.heard(now);
     }
 
-    /// A frame of the station was heard that was not the answer: it is there, but slow.
+    /// A frame of the station was received that was not the answer: it is there, but slow.
     pub fn is_there(&mut self) {
         self.silent_in_a_row = 0;
         self.back_offs = 0;
@@ -332,7 +333,7 @@ impl StationState {
     fn is_mistakable(&self, missing: &Request, request: &Request) -> bool {
         let keeps_old_value = self.refused == RefusedWrite::KeepsOldValue;
         match (missing, request) {
-            // An exception tells nothing but its function.
+            // An exception carries only its function.
             (Request::Unserved { .. }, _) | (_, Request::Unserved { .. }) => missing.function() == request.function(),
             (Request::ReadHolding { count: a, .. }, Request::ReadHolding { count: b, .. }) => a == b,
             // Where a refused write may be answered with any value, the value says nothing.
@@ -357,7 +358,7 @@ fn answers(request: &Request, pdu: &[u8]) -> bool {
     }
 }
 
-/// What is waited for where something was seen to take `time`: the next one may take longer.
+/// An observed `time` with a margin: the next one may take longer.
 fn with_margin(time: Duration) -> Duration {
     (time + time / 2).min(QUIET_MAX)
 }
@@ -434,7 +435,7 @@ mod tests {
         assert!(station.is_doubtful());
         assert_eq!(station.unmistakable_at(&read(1, 9)), at(1_080) + late * 3 / 2, "not even a barrier");
         assert!(station.misses_function(6, at(1_100)));
-        // Each further frame of it begins the silence anew, an answer too.
+        // Each further frame of it, an answer too, restarts the silence.
         station.heard(at(1_100));
         assert_eq!(station.clean_at(), at(1_100) + late * 3 / 2);
         for n in 0..QUIET_EXCHANGES {
@@ -456,7 +457,7 @@ mod tests {
         assert_eq!(station.lateness(LATENESS), late * 3 / 2);
         station.line_opened(at(3_000));
         assert_eq!((station.lateness(LATENESS), station.is_doubtful()), (LATENESS, false));
-        // Taken for an answer, it shows by the reply that comes behind it.
+        // Mistaken for an answer, it is detected by the reply that follows it.
         let mut station = station_with(RefusedWrite::Exception, Duration::ZERO);
         miss(&mut station, read(1, 1), at(1_000), LATENESS);
         miss(&mut station, read(1, 2), at(1_800), LATENESS);
@@ -466,7 +467,7 @@ mod tests {
     }
 
     #[test]
-    fn behind_noise_and_an_answer_a_silence_shows_whether_that_was_all() {
+    fn after_noise_and_an_answer_a_silence_shows_whether_more_follows() {
         let mut station = station();
         let now = MonoTime::from_millis(5);
         for _ in 0..LOOKS.0 {
@@ -589,7 +590,8 @@ mod tests {
     #[test]
     fn a_late_frame_belongs_to_the_one_request_that_it_answers() {
         let mut station = station();
-        let (first, second) = (MonoTime::from_millis(100), MonoTime::from_millis(200));
+        let first = MonoTime::from_millis(100);
+        let second = MonoTime::from_millis(200);
         miss(&mut station, read(1, 1), first, LATENESS);
         assert_eq!(station.answered_late(&[3, 2, 0, 7], second), Some((&read(1, 1), first)));
         assert_eq!(station.answered_late(&[0x83, 2], second), Some((&read(1, 1), first)));

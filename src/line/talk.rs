@@ -1,18 +1,18 @@
-//! How long others have been talking without a silence in which we could have sent.
+//! How long others have been sending without a silence in which we could have sent.
 
 use crate::domain::time::MonoTime;
 
-/// Since when others have been talking.
+/// Since when others have been sending.
 #[derive(Clone, Copy, Debug)]
 pub struct Talk {
     since: MonoTime,
-    /// A frame of ours went out during the talk, and no other may be sent until then: a silence before that is not one in
-    /// which we could have sent.
+    /// One of our frames was sent during the talk, and no other may be sent until then: a silence before that is not
+    /// one in which we could have sent.
     holds_until: MonoTime,
 }
 
 impl Talk {
-    /// A talk that could begin at `now`, when the port was opened.
+    /// The state when the port is opened at `now`.
     pub const fn new(now: MonoTime) -> Self {
         Self { since: now, holds_until: MonoTime::ZERO }
     }
@@ -22,14 +22,14 @@ impl Talk {
         self.since
     }
 
-    /// Bytes were read at `now`. The ones before, with the silence after them, were over at `pause_at`.
+    /// Bytes were read at `now`. The silence after the preceding ones ended at `pause_at`.
     pub fn heard(&mut self, now: MonoTime, pause_at: MonoTime) {
         if now >= pause_at.max(self.holds_until) {
             self.since = now;
         }
     }
 
-    /// A frame of ours was sent at `now`, and no other may be sent before `free_at`.
+    /// One of our frames was sent at `now`, and no other may be sent before `free_at`.
     pub fn sent(&mut self, now: MonoTime, pause_at: MonoTime, free_at: MonoTime) {
         self.holds_until = if now < pause_at { free_at } else { MonoTime::ZERO };
     }

@@ -1,4 +1,4 @@
-//! How long a reply is waited for, by what is asked.
+//! Reply timeouts by class of request.
 
 use super::budget::ASSUMED_TURNAROUND;
 use super::station::PROBE_TIMEOUT;
@@ -7,19 +7,19 @@ use crate::profile::model::{self, Model};
 use crate::wire::pdu::Request;
 use std::time::Duration;
 
-/// What a drive has to do for a request.
+/// Classes of requests, by what the drive has to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Class {
-    /// It shows something.
+    /// Return a value.
     Read,
-    /// It takes a value.
+    /// Accept a value.
     Write,
-    /// It takes a value and stores it.
+    /// Accept a value and store it.
     StoredWrite,
 }
 
-/// How long an adapter may keep back bytes that it has received: a USB bridge collects them for 16 ms and is asked for
-/// them within the next few.
+/// How long an adapter may hold back received bytes: a USB bridge collects them for 16 ms and is polled within the
+/// next few.
 pub const ADAPTER_HOLDS: Duration = Duration::from_millis(20);
 
 impl Class {
@@ -43,33 +43,37 @@ impl Class {
 /// Longest waits from the end of a request to the start of its reply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReplyTimeouts {
-    /// To a read.
+    /// Of a read.
     pub read: Duration,
-    /// To a write.
+    /// Of a write.
     pub write: Duration,
-    /// To a write of a stored register.
+    /// Of a write of a stored register.
     pub stored_write: Duration,
-    /// Whether shorter waits follow from the reply times that were seen.
+    /// Whether the waits are shortened according to measured reply times.
     pub learns: bool,
 }
 
 impl ReplyTimeouts {
-    /// The same for all, as somebody wants it.
+    /// The same configured wait for all classes.
     #[must_use]
     pub const fn fixed(timeout: Duration) -> Self {
         Self { read: timeout, write: timeout, stored_write: timeout, learns: false }
     }
 
-    /// As `timing` says: the model's cap while nothing better is known, but never less than the drive may need.
+    /// From `timing`: the model's cap until reply times are known, but never less than the drive may need.
     #[must_use]
     pub fn auto(timing: &model::Timing) -> Self {
         let wait =
             |class| timing.reply_timeout_cap.value.max(work(timing, class).unwrap_or_default() + reply_delay(timing));
-        let (read, write) = (wait(Class::Read), wait(Class::Write));
-        Self { read, write, stored_write: wait(Class::StoredWrite), learns: true }
+        Self {
+            read: wait(Class::Read),
+            write: wait(Class::Write),
+            stored_write: wait(Class::StoredWrite),
+            learns: true,
+        }
     }
 
-    /// The wait in force for a station of `timing`, of whose replies `learned` is known.
+    /// The effective wait for a station with `timing`, whose reply times suggest `learned`.
     #[must_use]
     pub fn in_force(&self, class: Class, timing: &model::Timing, learned: Option<Duration>) -> Duration {
         let learned = learned.filter(|_| self.learns).map(|learned| learned.max(floor(timing, class)));
@@ -94,27 +98,27 @@ impl ReplyTimeouts {
     }
 }
 
-/// The wait that would follow for a station of `timing` whose replies all but one in a thousand took no longer than
-/// `usual`: twice that, never less than the drive may need, never more than the model's.
+/// The suggested wait for a station with `timing` whose 99.9th percentile of reply times is `usual`: twice that, but
+/// never less than the drive may need and never more than the model's cap.
 #[must_use]
 pub fn suggested(class: Class, timing: &model::Timing, usual: Duration) -> Duration {
     ReplyTimeouts::auto(timing).in_force(class, timing, Some(usual * 2))
 }
 
-/// The shortest wait that may follow from what was learned: the longest that the drive may need for work and delay, and
-/// what an adapter keeps back.
+/// The shortest wait that may be learned: the longest that the drive may need for processing and delay, plus
+/// [`ADAPTER_HOLDS`].
 #[must_use]
 pub fn floor(timing: &model::Timing, class: Class) -> Duration {
     turnaround(timing, class) + reply_delay(timing) + ADAPTER_HOLDS
 }
 
-/// The longest that the drive works on a request, as documented or else assumed, without the delay that can be set.
+/// The longest processing time of the drive, documented or else assumed, without the reply delay that can be set.
 #[must_use]
 pub fn turnaround(timing: &model::Timing, class: Class) -> Duration {
     work(timing, class).unwrap_or(ASSUMED_TURNAROUND)
 }
 
-/// The longest delay of replies that can be set on the drive, as far as it is known.
+/// The longest reply delay that can be set on the drive; zero if it is not known.
 #[must_use]
 pub fn reply_delay(timing: &model::Timing) -> Duration {
     timing.reply_delay_max.as_ref().map_or(Duration::ZERO, |fact| fact.value)
@@ -129,8 +133,8 @@ fn work(timing: &model::Timing, class: Class) -> Option<Duration> {
     }
 }
 
-/// By how much a reply of `bytes` characters is longer on the line of `timing` than our own frames would be, because the
-/// drive sends characters of `char_bits` bits.
+/// By how much a reply of `bytes` characters takes longer on a line with `timing` than one of our frames, because
+/// the drive sends characters of `char_bits` bits.
 #[must_use]
 pub fn longer_reply(timing: &Timing, char_bits: Option<u8>, bytes: usize) -> Duration {
     let bits = char_bits.map_or(0, |bits| u32::from(bits).saturating_sub(timing.link.bits_per_char()));
@@ -196,7 +200,7 @@ mod tests {
             assert_eq!(auto.probe(class, timing, learned), ms(probe), "{class:?} {learned:?}");
         }
         let fixed = ReplyTimeouts::fixed(ms(300));
-        assert_eq!(fixed.in_force(Class::Read, &timing, Some(ms(4))), ms(300), "what somebody wants stays");
+        assert_eq!(fixed.in_force(Class::Read, &timing, Some(ms(4))), ms(300), "a configured value stays");
         let slow = model::Timing { reply_delay_max: fact(ms(1000)), ..timing };
         assert_eq!(fixed.probe(Class::Read, &slow, None), ms(300));
         assert_eq!(ReplyTimeouts::fixed(ms(2000)).probe(Class::Read, &slow, None), ms(1030));
@@ -206,11 +210,12 @@ mod tests {
     fn what_is_not_known_to_be_lost_with_the_power_is_stored() {
         let mut model = model();
         let at = |role| model.register_for(role).unwrap().address;
-        let (run, ramp) = (at(Role::RunCommand), at(Role::AccelerationTime));
+        let run = at(Role::RunCommand);
+        let ramp = at(Role::AccelerationTime);
         let class = |model: &Model, address| Class::of(&Request::WriteSingle { address, value: 1 }, model);
         assert_eq!(class(&model, run), Class::Write, "it is commanded cyclically");
         assert_eq!(class(&model, ramp), Class::StoredWrite);
-        assert_eq!(class(&model, 0xFFFE), Class::StoredWrite, "nobody knows it");
+        assert_eq!(class(&model, 0xFFFE), Class::StoredWrite, "not in the model");
         for register in &mut model.registers {
             let memory = if register.address == run { Memory::Stored } else { Memory::Ram };
             register.memory = Some(memory);
@@ -226,7 +231,7 @@ mod tests {
     fn characters_of_more_bits_make_a_longer_reply() {
         let link = LinkSettings { baud: 19_200, parity: Parity::Even, ..LinkSettings::DEFAULT };
         let timing = Timing::for_models(Framing::Rtu, link, [], Duration::ZERO);
-        // 7 characters of 12 bits in the place of 11.
+        // 7 characters of 12 bits instead of 11.
         assert_eq!(longer_reply(&timing, Some(12), 7), Duration::from_nanos(364_584));
         assert_eq!(longer_reply(&timing, Some(11), 7), Duration::ZERO);
         assert_eq!(longer_reply(&timing, None, 7), Duration::ZERO);

@@ -1,37 +1,37 @@
-//! What characters and silences cost on one line.
+//! The duration of characters and silences on one line.
 
 use crate::domain::link::{Framing, LinkSettings};
 use crate::profile::model::Model;
 use crate::wire::framing;
 use std::time::Duration;
 
-/// Above this speed the silence no longer follows the character time (Modbus over serial line V1.02, 2.5.1.1).
+/// Above this speed the silence no longer depends on the character time (Modbus over serial line V1.02, 2.5.1.1).
 pub const FIXED_SILENCE_ABOVE_BAUD: u32 = 19_200;
 /// The silence above that speed.
 pub const FIXED_SILENCE: Duration = Duration::from_micros(1_750);
 
-/// Least silence between RTU frames, in characters.
+/// Minimum silence between RTU frames, in characters.
 pub const LEAST_GAP_CHARS: f64 = 3.5;
-/// Least silence between the frames of an ASCII line. The standard asks for none; drives ask for this much.
+/// Minimum silence between ASCII frames. The standard requires none; drives require this much.
 pub const ASCII_SILENCE: Duration = Duration::from_millis(10);
 /// Longest pause between two characters of an ASCII frame (Modbus over serial line V1.02, 2.5.2.1).
 pub const ASCII_HOLE: Duration = Duration::from_secs(1);
 
-/// Longest pause that an adapter makes between two characters of a reply that came without one: the latency timer of common
-/// USB chips is 16 ms, and the bus and the driver need a little. What comes later on a serial port is not the same frame.
+/// Longest pause that an adapter inserts between two characters of a reply: the latency timer of common USB chips is
+/// 16 ms, and the bus and the driver take a little more. On a serial port, later bytes are not part of the same frame.
 pub const ADAPTER_HOLE: Duration = Duration::from_millis(20);
 
 /// Times of one line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
-    /// How frames are told apart.
+    /// How frames are delimited.
     pub framing: Framing,
     /// Speed and character format.
     pub link: LinkSettings,
     /// Silence before each of our frames.
     pub silence: Duration,
-    /// Whether characters take time at all: false only for a pseudo-terminal or a network port that was
-    /// given a silence of its own.
+    /// Whether characters take time at all: false only for a pseudo-terminal or a network port with a silence of its
+    /// own.
     pub paced: bool,
 }
 
@@ -71,7 +71,7 @@ impl Timing {
         framing::adu_bytes(self.framing, pdu_bytes)
     }
 
-    /// Pause between two characters after which a frame that has not ended is no frame.
+    /// Pause between two characters after which an incomplete frame is discarded.
     #[must_use]
     pub const fn longest_hole(&self) -> Duration {
         match self.framing {
@@ -81,7 +81,7 @@ impl Timing {
     }
 }
 
-/// Silence that `model` needs before a frame. Its gap in characters tells RTU frames apart; others say where they end.
+/// Silence that `model` needs before a frame. The gap in characters applies to RTU only; ASCII frames have an end mark.
 fn silence_for(model: &Model, framing: Framing, link: LinkSettings) -> Duration {
     let pause = model.quirks.pause_before_request.as_ref().map_or(Duration::ZERO, |pause| pause.value);
     match framing {
@@ -92,7 +92,7 @@ fn silence_for(model: &Model, framing: Framing, link: LinkSettings) -> Duration 
 
 #[cfg(test)]
 pub(super) mod testing {
-    //! Times that the tests of this room share.
+    //! Timings shared by the tests of this room.
 
     use super::*;
     use crate::domain::link::Parity;
@@ -133,7 +133,8 @@ mod tests {
 
     #[test]
     fn the_largest_gap_of_a_line_counts() {
-        let (short, long) = (model(3.5, None), model(4.5, None));
+        let short = model(3.5, None);
+        let long = model(4.5, None);
         let link = LinkSettings::DEFAULT;
         let silence = |link, gap| Timing::for_models(Framing::Rtu, link, [&short, &long], gap).silence;
         assert_eq!(Timing::for_models(Framing::Rtu, link, [&short, &long], Duration::ZERO), N700);
@@ -142,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn characters_tell_no_ascii_frames_apart() {
+    fn gaps_in_characters_do_not_apply_to_ascii() {
         let slow = model(100.0, None);
         let silence = |models: &[&Model], gap| {
             Timing::for_models(Framing::Ascii, ASCII.link, models.iter().copied(), gap).silence

@@ -1,4 +1,4 @@
-//! One exchange after the other on a half-duplex wire: wait for silence, send, wait for the one right reply.
+//! One exchange after the other on a half-duplex wire: wait for silence, send, wait for the valid reply.
 
 mod hole;
 
@@ -24,12 +24,12 @@ struct Open {
     /// The computed end of our own transmission, where characters take their time.
     sent_until: MonoTime,
     reply_due: MonoTime,
-    /// At this moment the exchange ends whatever is still coming in.
+    /// At this moment the exchange ends even if data is still arriving.
     give_up: MonoTime,
-    /// An exception that counts once silence follows it, where frames do not end by themselves: one flipped bit can
-    /// turn a read's reply into an exception frame with bytes behind it, so the frame alone is no proof.
+    /// An exception that counts once silence follows it, where frames have no end mark: one flipped bit can turn a
+    /// read's reply into an exception frame with bytes after it, so the frame alone is no proof.
     exception: Option<u8>,
-    /// An exception came with bytes behind it: it was none.
+    /// An exception was followed by more bytes, so it was not one.
     was_damaged: bool,
 }
 
@@ -41,13 +41,13 @@ pub struct Wire {
     /// The later of the last byte read and the computed end of our own transmission.
     quiet_from: MonoTime,
     last_byte_at: MonoTime,
-    /// The drives are busy with a broadcast until then.
+    /// Until then the drives are busy with a broadcast.
     held_until: MonoTime,
-    /// Since when bytes have come without a silence that is long enough for a frame of ours.
+    /// Since when bytes have been arriving without a silence long enough for one of our frames.
     talk: Talk,
-    /// Whether replies take their time on the wire, so that one can be too early.
+    /// Whether replies take time on the wire, so that one can be too early.
     is_timed: bool,
-    /// Whether the first copy of each frame of ours is taken out of what is received.
+    /// Whether the first copy of each of our frames is removed from the received data.
     strips_echo: bool,
     own_echo: OwnEcho,
     arrivals: Arrivals,
@@ -56,7 +56,7 @@ pub struct Wire {
 }
 
 impl Wire {
-    /// A wire on which nothing has been heard up to `now`.
+    /// A wire on which nothing has been received up to `now`.
     #[must_use]
     pub fn new(timing: Timing, now: MonoTime) -> Self {
         Self {
@@ -75,31 +75,31 @@ impl Wire {
         }
     }
 
-    /// Whether an exchange waits for its end.
+    /// Whether an exchange is open.
     #[must_use]
     pub const fn is_busy(&self) -> bool {
         self.open.is_some()
     }
 
-    /// The first moment at which the silence before a frame of ours is long enough.
+    /// The first moment at which the silence before one of our frames is long enough.
     #[must_use]
     pub fn may_send_from(&self) -> MonoTime {
         (self.quiet_from + self.timing.silence).max(self.held_until)
     }
 
-    /// When the drives have had their time after a broadcast, whoever else talks.
+    /// When the turnaround after a broadcast ends, whatever else is on the line.
     #[must_use]
     pub const fn held_until(&self) -> MonoTime {
         self.held_until
     }
 
-    /// When the last byte was heard; the start of the port if none was.
+    /// When the last byte was received; when the port was opened if none was.
     #[must_use]
     pub const fn last_byte_at(&self) -> MonoTime {
         self.last_byte_at
     }
 
-    /// Since when somebody has been talking without a silence long enough for a frame, if somebody still is at `now`.
+    /// Since when others have been sending without a silence long enough for a frame; `None` if that is over at `now`.
     #[must_use]
     pub fn talks_since(&self, now: MonoTime) -> Option<MonoTime> {
         (now < self.pause_at() && self.talk.since() < self.last_byte_at).then_some(self.talk.since())
@@ -113,12 +113,13 @@ impl Wire {
         self.is_timed = kind == PortKind::Serial;
     }
 
-    /// Whether the line is known to send back what is sent: the first copy of each frame from now on is taken out.
+    /// Sets whether the line is known to echo: then the first copy of each frame sent from now on is removed.
     pub const fn strip_echo(&mut self, strips: bool) {
         self.strips_echo = strips;
     }
 
-    /// Hands the frame of `exchange` to the port at `now`: appends it to `out`. [`Wire::may_send_from`] has come, none is open.
+    /// Hands the frame of `exchange` to the port at `now`: appends it to `out`. The caller has waited until
+    /// [`Wire::may_send_from`], and no exchange is open.
     pub fn send(&mut self, now: MonoTime, exchange: Exchange, out: &mut Vec<u8>) {
         let start = out.len();
         framing::encode(self.timing.framing, out, exchange.station.0, |pdu| exchange.request.encode(pdu));
@@ -129,7 +130,7 @@ impl Wire {
         self.quiet_from = now + self.timing.on_wire(sent_bytes);
         let reply_due = self.quiet_from + exchange.timeout + self.timing.on_wire(reply_bytes);
         self.talk.sent(now, self.pause_at(), reply_due);
-        // A reply that has begun by then is over by then; whatever goes on is none.
+        // A reply that began in time is complete by then; anything longer is not a reply.
         let give_up = reply_due + self.timing.on_wire(reply_bytes) + self.timing.silence;
         self.flush_idle_bytes();
         // The drive's clock may be some per cent fast.
@@ -142,8 +143,8 @@ impl Wire {
             Some(Open { exchange, expected, sent_until, reply_due, give_up, exception: None, was_damaged: false });
     }
 
-    /// Hands a frame to `station`, which stands for all and answers nothing, to the port at `now`, and puts it into the
-    /// empty `out`. The drives are left alone for `turnaround` after it. As for [`Wire::send`], the caller has waited.
+    /// Hands a frame for the broadcast address `station` to the port at `now`: puts it into the empty `out`. No reply
+    /// follows; the drives are left alone for `turnaround`. As for [`Wire::send`], the caller has waited.
     pub fn broadcast(
         &mut self,
         now: MonoTime,
@@ -162,7 +163,7 @@ impl Wire {
 
     /// Takes bytes that were read at `now`. Returns how the open exchange ended, if it did.
     pub fn receive(&mut self, now: MonoTime, bytes: &[u8]) -> Option<(Exchange, Ending)> {
-        // Where only silence ends frames, a short hole may be an adapter's, and the reply still goes on behind it.
+        // Where only silence ends frames, a short hole may be an adapter's, and the reply continues after it.
         let ended = if self.open.is_none() || self.assembler.sees_ends() {
             self.flush_if_silent(now);
             None
@@ -191,7 +192,10 @@ impl Wire {
             if self.assembler.is_empty() {
                 return self.finish(Ending::Exception(code));
             }
-            self.open.iter_mut().for_each(|open| (open.exception, open.was_damaged) = (None, true));
+            if let Some(open) = &mut self.open {
+                open.exception = None;
+                open.was_damaged = true;
+            }
         }
         if silent_since_frame && let Some(ended) = self.take_frames(true) {
             return Some(ended);
@@ -201,35 +205,35 @@ impl Wire {
         if !is_due && now < open.give_up {
             return None;
         }
-        // Bytes in the shape of the reply prove nothing before its time is over, and little then.
+        // Bytes that look like the reply prove nothing before its time is over, and little then.
         let is_damaged = open.was_damaged || self.holds_damaged_reply();
         self.finish(if is_damaged { Ending::Garbled } else { Ending::Silent })
     }
 
-    /// From when on what was heard may be taken for the reply, damaged: silence has followed then.
+    /// From when on the received data may be treated as the damaged reply, because silence has followed it.
     #[must_use]
     pub fn damaged_from(&self) -> Option<MonoTime> {
         let was_damaged = self.open.as_ref().is_some_and(|open| open.was_damaged);
         (was_damaged || self.holds_damaged_reply()).then(|| self.pause_at())
     }
 
-    /// Ends the open exchange as one whose reply came damaged, before its time is over.
+    /// Ends the open exchange early, with a damaged reply.
     pub fn cut_damaged(&mut self) -> Option<(Exchange, Ending)> {
         self.finish(Ending::Garbled)
     }
 
-    /// Whether a byte has come after `moment`.
+    /// Whether a byte has arrived after `moment`.
     #[must_use]
     pub fn has_heard_after(&self, moment: MonoTime) -> bool {
         self.last_byte_at > moment
     }
 
-    /// Ends the open exchange as one without an answer, before its time is over.
+    /// Ends the open exchange early, without an answer.
     pub fn cut_short(&mut self) -> Option<(Exchange, Ending)> {
         self.finish(Ending::Silent)
     }
 
-    /// Ends the open exchange without an answer, because the port is gone, and forgets what was received.
+    /// Ends the open exchange without an answer because the port is gone, and discards received data.
     pub fn abandon(&mut self, now: MonoTime) -> Option<Exchange> {
         self.assembler.end();
         self.arrivals.clear();
@@ -245,7 +249,7 @@ impl Wire {
             None => has_bytes.then(|| self.frame_end_at()),
             Some(open) if open.exception.is_some() => Some(self.pause_at()),
             Some(open) => match has_bytes.then(|| self.pause_at()) {
-                // Past its due moment a reply may still be coming in: look again when the bytes pause.
+                // After the due time a reply may still be arriving: check again when the bytes pause.
                 Some(pause) if pause > open.reply_due => Some(pause.min(open.give_up)),
                 Some(pause) if self.assembler.waits_for_silence(&open.expected) => Some(pause),
                 _ => Some(open.reply_due),
@@ -253,29 +257,29 @@ impl Wire {
         }
     }
 
-    /// What was heard and not taken yet, in order.
+    /// What was received and not taken yet, in order.
     #[must_use]
     pub fn heard(&self) -> &[Heard] {
         &self.heard
     }
 
-    /// What was heard since the last call, in order.
+    /// Takes what was received since the last call, in order.
     pub fn take_heard(&mut self) -> Vec<Heard> {
         std::mem::take(&mut self.heard)
     }
 
-    /// When the bytes have paused for as long as between two frames.
+    /// When the bytes have paused for the silence between two frames.
     fn pause_at(&self) -> MonoTime {
         self.last_byte_at + self.timing.silence
     }
 
-    /// When nothing that has begun can go on any more.
+    /// When an incomplete frame can no longer continue.
     fn frame_end_at(&self) -> MonoTime {
         self.last_byte_at + self.timing.longest_hole()
     }
 
-    /// Takes the frames out of what was received. `is_over`: silence has followed. Returns how the open exchange ended, if
-    /// it did.
+    /// Removes the frames from the received data. `is_over`: silence has followed. Returns how the open exchange ended,
+    /// if it did.
     fn take_frames(&mut self, is_over: bool) -> Option<(Exchange, Ending)> {
         let mut ended = None;
         while let Some(found) = self.assembler.take_certain(self.open.as_ref().map(|open| &open.expected), is_over) {
@@ -305,7 +309,7 @@ impl Wire {
         Some((open.exchange, ending))
     }
 
-    /// Sorts a sound frame: our answer, or somebody else's, or one that came too late.
+    /// Classifies a sound frame: our answer, another station's or master's, or one that is late.
     fn judge(&self, adu: &[u8]) -> (TrafficKind, Option<Ending>) {
         let frame = framing::decode(self.timing.framing, adu);
         let Some((station, pdu)) = frame else { return (TrafficKind::Noise, None) };
@@ -318,7 +322,7 @@ impl Wire {
             return (TrafficKind::Foreign(Station(station)), None);
         }
         if self.last_byte_at < open.sent_until {
-            // Nobody answers what he has not heard yet.
+            // No station answers a request before it is complete.
             return (stray, None);
         }
         match answer_in(&open.exchange, &pdu) {
@@ -327,7 +331,7 @@ impl Wire {
         }
     }
 
-    /// Takes the echo of our own frame out of what was received, with what came before it.
+    /// Removes the echo of our own frame from the received data, with what preceded it.
     fn take_echo(&mut self, now: MonoTime) {
         if let Some((noise, echo)) = self.own_echo.take_from(&mut self.assembler, now) {
             self.note(TrafficKind::Noise, noise);
@@ -335,9 +339,9 @@ impl Wire {
         }
     }
 
-    /// Whether what was heard begins like the reply, is as long, and is none.
+    /// Whether the received data begins like the reply and has its length, but is not sound.
     fn holds_damaged_reply(&self) -> bool {
-        // What is as long as the reply may also be a damaged echo, and the reply still comes.
+        // Data with the length of the reply may also be a damaged echo, and the reply is still to come.
         let may_be_echo = self.strips_echo && self.own_echo.is_awaited();
         let open = self.open.as_ref().filter(|_| !may_be_echo);
         open.is_some_and(|open| self.assembler.holds_damaged(&open.expected))
@@ -364,7 +368,7 @@ impl Wire {
             return;
         }
         let (first, end) = self.arrivals.take(bytes.len()).unwrap_or((self.last_byte_at, self.last_byte_at));
-        // What is read at once came one byte after the other.
+        // Bytes that are read at once arrived one after the other.
         let begin = if self.is_timed { first.min(end.before(self.timing.on_wire(bytes.len()))) } else { first };
         self.heard.push(Heard { kind, bytes, begin, end });
     }
@@ -417,7 +421,7 @@ mod tests {
     }
 
     #[test]
-    fn what_overtakes_our_frame_neither_answers_it_nor_shortens_the_silence_behind_it() {
+    fn bytes_before_our_frame_ends_neither_answer_it_nor_shorten_the_silence_after_it() {
         let stop = Request::WriteSingle { address: 2, value: 0 };
         let mut wire = wire();
         wire.port_opened(MonoTime::ZERO, PortKind::Serial);
@@ -471,7 +475,7 @@ mod tests {
     }
 
     #[test]
-    fn the_reply_that_comes_behind_bytes_in_its_shape_is_the_reply() {
+    fn the_reply_after_bytes_that_look_like_it_is_the_reply() {
         let mut wire = sent(read());
         let due = wire.wake_at();
         let mut reply = frame(1, &[3, 2, 0x17, 0x70]);
@@ -536,9 +540,9 @@ mod tests {
         assert!(wire.receive(at + silence * 2, &frame(1, &[3, 2, 0x17, 0x70])).is_some());
     }
 
-    /// The beginning of a reply that was cut off, and the beginning of the reply itself, with the right check by chance.
+    /// The beginning of a truncated reply followed by the beginning of the reply itself, with a valid CRC by chance.
     #[test]
-    fn a_sound_frame_that_the_reply_may_begin_inside_of_counts_only_with_silence_behind_it() {
+    fn a_sound_frame_that_the_reply_may_begin_inside_of_counts_only_with_silence_after_it() {
         let two_words = || exchange(Request::ReadHolding { address: 0x0101, count: 2 }, false);
         let (cut, high) = (0..=u16::MAX)
             .find_map(|word| {
@@ -557,13 +561,13 @@ mod tests {
         let ended = wire.receive(at + Duration::from_millis(3), &reply[4..]);
         let words = vec![u16::from_be_bytes([high, 7]), 9];
         assert_eq!(ended, Some((two_words(), Ending::Reply(Reply::Words(words)))));
-        // A reply that only looks like that is one once silence has followed.
+        // A reply that only looks like that is accepted once silence has followed.
         let mut wire = sent(two_words());
         assert_eq!(wire.receive(at, &cut), None);
         assert!(matches!(wire.pass(at + N700.silence), Some((_, Ending::Reply(_)))));
     }
 
-    /// The beginning of a reply that was cut off, and the end of an earlier one.
+    /// The beginning of a truncated reply, and the end of an earlier one.
     #[test]
     fn what_comes_after_a_pause_that_no_adapter_makes_does_not_complete_a_frame() {
         let reply = frame(1, &[3, 2, 0x17, 0x70]);
@@ -574,14 +578,15 @@ mod tests {
             (PortKind::Serial, ADAPTER_HOLE + Duration::from_millis(1), false),
             (PortKind::Virtual, Duration::from_millis(100), true),
         ] {
-            let (mut wire, mut out) = (wire(), Vec::new());
+            let mut wire = wire();
+            let mut out = Vec::new();
             wire.port_opened(MonoTime::ZERO, kind);
             wire.send(SENT, read(), &mut out);
             assert_eq!(wire.receive(at, &reply[..3]), None);
             assert_eq!(wire.pass(at + N700.silence), None);
             let behind = at + hole + N700.on_wire(4);
             assert_eq!(wire.receive(behind, &reply[3..]).is_some(), is_one, "{kind:?} {hole:?}");
-            // The reply itself may still come.
+            // The reply itself may still arrive.
             let later = behind + Duration::from_millis(50);
             assert_eq!(wire.receive(later, &reply).is_some(), !is_one, "{kind:?} {hole:?}");
         }
@@ -628,7 +633,8 @@ mod tests {
         for (kind, is_known, early_is_echo) in
             [(PortKind::Serial, false, true), (PortKind::Virtual, false, false), (PortKind::Virtual, true, true)]
         {
-            let (mut wire, mut out) = (wire(), Vec::new());
+            let mut wire = wire();
+            let mut out = Vec::new();
             wire.port_opened(MonoTime::ZERO, kind);
             wire.strip_echo(is_known);
             wire.send(SENT, write(), &mut out);
@@ -644,7 +650,8 @@ mod tests {
 
     #[test]
     fn a_damaged_echo_is_no_damaged_reply() {
-        let (mut wire, mut out) = (wire(), Vec::new());
+        let mut wire = wire();
+        let mut out = Vec::new();
         wire.strip_echo(true);
         wire.send(SENT, exchange(Request::WriteSingle { address: 2, value: 1 }, false), &mut out);
         out[5] ^= 1;
@@ -654,7 +661,7 @@ mod tests {
     }
 
     #[test]
-    fn somebody_talks_until_a_silence_is_long_enough() {
+    fn talk_lasts_until_a_silence_is_long_enough() {
         let mut wire = wire();
         let at = MonoTime::from_millis;
         for ms in 10..20 {
@@ -667,7 +674,7 @@ mod tests {
     }
 
     #[test]
-    fn requests_of_somebody_else_are_told_from_strays() {
+    fn requests_of_another_master_are_no_strays() {
         let mut wire = wire();
         wire.receive(SENT, &frame(7, &[3, 1, 1, 0, 1]));
         wire.pass(SENT + Duration::from_millis(5));
@@ -686,14 +693,15 @@ mod tests {
 
     #[test]
     fn what_is_heard_has_the_moments_of_its_own_bytes() {
-        let (ms, us) = (MonoTime::from_millis, MonoTime::from_micros);
+        let ms = MonoTime::from_millis;
+        let us = MonoTime::from_micros;
         let mut wire = wire();
         wire.port_opened(ms(0), PortKind::Serial);
         assert_eq!(wire.receive(ms(100), &[0x55]), None);
         let mut out = Vec::new();
         let read = Request::ReadHolding { address: 0x0101, count: 1 };
         wire.send(ms(110), exchange(read, false), &mut out);
-        // Read in two parts, the second with a byte behind the reply.
+        // Read in two parts, the second with a byte after the reply.
         let mut reply = frame(1, &[3, 2, 0x17, 0x70]);
         reply.push(0xAA);
         assert_eq!(wire.receive(us(130_000), &reply[..3]), None);
@@ -701,7 +709,8 @@ mod tests {
         assert_eq!(wire.pass(ms(200)), None);
         let heard: Vec<_> = wire.take_heard().into_iter().map(|it| (it.kind, it.begin, it.end)).collect();
         let char_time = Duration::from_nanos(1_041_667);
-        let (noise, reply) = (TrafficKind::Noise, TrafficKind::Reply);
+        let noise = TrafficKind::Noise;
+        let reply = TrafficKind::Reply;
         assert_eq!(
             heard,
             [

@@ -104,12 +104,12 @@ fn damage_that_is_not_the_reply_ends_nothing() {
         let mut wire = sent(read());
         assert_eq!(wire.receive(at(60), noise), None);
         assert_eq!(wire.pass(at(100)), None);
-        assert_eq!(wire.receive(at(120), &reply()), answered(), "the reply behind it still counts");
+        assert_eq!(wire.receive(at(120), &reply()), answered(), "the reply after it still counts");
     }
 }
 
 #[test]
-fn the_reply_that_comes_behind_a_damaged_frame_is_the_reply() {
+fn the_reply_after_a_damaged_frame_is_the_reply() {
     let mut damaged = reply();
     damaged[9] ^= 1;
     let mut wire = sent(read());
@@ -155,7 +155,7 @@ fn foreign_and_stray_frames_leave_the_timer_running() {
     let due = wire.wake_at();
     assert_eq!(wire.receive(at(60), &frame(2, &[3, 2, 0, 1])), None);
     assert_eq!(wire.receive(at(80), &frame(1, &[3, 4, 0, 1, 0, 2])), None);
-    // A function of which nobody knows the length.
+    // A function whose reply length is not known.
     assert_eq!(wire.receive(at(90), &frame(1, &[0x2B, 0x0E, 1])), None);
     let kinds: Vec<_> = wire.take_heard().into_iter().map(|heard| heard.kind).collect();
     let stray = TrafficKind::Stray(Station(1));
@@ -194,7 +194,7 @@ fn babble_cannot_hold_an_exchange_open() {
             if let Some(ended) = wire.pass(now) {
                 break ended;
             }
-            // The longest frame, 513 characters, and the silence behind it.
+            // The longest frame, 513 characters, and the silence after it.
             assert!(now < at(20 + 18 + 300 + 16 + 535 + 10 + 1));
         };
         assert_eq!(ended, (read(), Ending::Silent));

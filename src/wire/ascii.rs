@@ -38,7 +38,7 @@ pub fn decode(adu: &[u8]) -> Option<(u8, Vec<u8>)> {
         return None;
     }
     let mut bytes = bytes_of(digits)?;
-    // The LRC is what the others lack to a sum of 0.
+    // The LRC complements the other bytes to a sum of 0.
     if bytes.len() < 3 || sum(&bytes) != 0 {
         return None;
     }
@@ -46,14 +46,14 @@ pub fn decode(adu: &[u8]) -> Option<(u8, Vec<u8>)> {
     Some((bytes.remove(0), bytes))
 }
 
-/// Where the next sound frame stands in `bytes`, whatever its function.
+/// The range of the next sound frame in `bytes`, whatever its function.
 #[must_use]
 pub fn find(bytes: &[u8]) -> Option<Range<usize>> {
     ended(bytes).find(|place| bytes.get(place.clone()).is_some_and(|adu| decode(adu).is_some()))
 }
 
-/// Whether a frame that has ended begins like the expected reply or its exception and is as long. With nothing sound
-/// among `bytes`, it is that reply, damaged.
+/// Whether a complete frame begins like the expected reply or its exception and has the same length. If no frame in
+/// `bytes` is sound, it is that reply, damaged.
 #[must_use]
 pub fn holds_damaged(bytes: &[u8], expected: &Expected) -> bool {
     ended(bytes).any(|place| {
@@ -67,7 +67,7 @@ pub fn holds_damaged(bytes: &[u8], expected: &Expected) -> bool {
     })
 }
 
-/// Where the frames are that have ended, sound or not: each from the last ':' before a CR LF to its end.
+/// The ranges of complete frames, sound or not: each from the last ':' before a CR LF to its end.
 fn ended(bytes: &[u8]) -> impl Iterator<Item = Range<usize>> + '_ {
     let mut from = 0;
     std::iter::from_fn(move || {
@@ -82,7 +82,7 @@ fn ended(bytes: &[u8]) -> impl Iterator<Item = Range<usize>> + '_ {
     })
 }
 
-/// The bytes that `digits` stand for, two digits each.
+/// The bytes that `digits` encode, two digits each.
 fn bytes_of(digits: &[u8]) -> Option<Vec<u8>> {
     let value = |digit: u8| char::from(digit).to_digit(16);
     let pairs = digits.chunks(2).map(|pair| match *pair {
@@ -163,7 +163,8 @@ mod tests {
             let (station, pdu) = decode(answered.as_bytes()).unwrap();
             assert_eq!((station, request.reply_in(&pdu)), (1, Some(reply.clone())), "{answered}");
             assert_eq!(answered.len(), expected(&request).adu_bytes, "{answered}");
-            let (mut asked_again, mut answered_again) = (Vec::new(), Vec::new());
+            let mut asked_again = Vec::new();
+            let mut answered_again = Vec::new();
             encode(&mut asked_again, 1, |out| request.encode(out));
             encode(&mut answered_again, 1, |out| match &reply {
                 Reply::Words(words) => encode_words_reply(out, words),
@@ -224,18 +225,18 @@ mod tests {
         assert_eq!(decode(b":01030207D023\n"), None);
     }
 
-    /// A wrong bit changes one digit, and one digit changes the sum; where it only changes the case of a digit, the
-    /// frame says the same. Two wrong bits can cancel each other, which no LRC sees.
+    /// A wrong bit changes one digit, and one digit changes the sum; if it only changes the case of a digit, the
+    /// frame keeps its meaning. Two wrong bits can cancel each other, which no LRC detects.
     #[test]
     fn one_wrong_bit_never_changes_what_a_frame_says() {
         for (_, request, adu, _) in answered() {
-            let meant = decode(adu.as_bytes());
+            let intended = decode(adu.as_bytes());
             for bit in 0..adu.len() * 8 {
                 let mut spoilt = adu.as_bytes().to_vec();
                 spoilt[bit / 8] ^= 1 << (bit % 8);
                 let (found, rest) = found_in(&spoilt, 3);
                 let taken: Vec<_> = found.iter().map(|found| decode(&found.adu)).collect();
-                assert!(taken.is_empty() || taken == [meant.clone()], "{:?}", spoilt.escape_ascii().to_string());
+                assert!(taken.is_empty() || taken == [intended.clone()], "{:?}", spoilt.escape_ascii().to_string());
                 assert_eq!(decode(&rest), None, "{request:?}");
             }
         }

@@ -1,21 +1,21 @@
-//! What is looked for in the bytes of a line, and what is found there.
+//! The frame expected on a line, and the frames found there.
 
-/// The frame that is waited for.
+/// The awaited frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Expected {
-    /// The station that was asked.
+    /// The addressed station.
     pub station: u8,
-    /// The function that was asked for.
+    /// The requested function.
     pub function: u8,
-    /// Length of the normal reply frame as it stands on the wire.
+    /// Length of the normal reply frame on the wire.
     pub adu_bytes: usize,
 }
 
 /// A sound frame found in the stream.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
-    /// Bytes before the frame that belong to none.
+    /// Bytes before it that belong to no frame.
     pub noise: Vec<u8>,
-    /// The whole frame as it stood on the wire.
+    /// The whole frame as received.
     pub adu: Vec<u8>,
 }

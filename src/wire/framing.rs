@@ -1,4 +1,4 @@
-//! Both framings behind one door: frames are built, measured and found the same way whatever a line speaks.
+//! A common interface to both framings: frames are built, measured and found the same way on every line.
 
 use super::frame::{Expected, Found};
 use super::pdu::MAX_PDU_BYTES;
@@ -53,20 +53,20 @@ impl Assembler {
         Self { framing, bytes: Vec::new() }
     }
 
-    /// Most bytes that are kept: two of the longest frames. What comes on top pushes out the oldest.
+    /// Maximum number of bytes that are kept: two of the longest frames. Further bytes push out the oldest.
     #[must_use]
     pub const fn max_bytes(&self) -> usize {
         2 * max_adu_bytes(self.framing)
     }
 
-    /// Takes received bytes; returns those that were pushed out because nobody could use them.
+    /// Takes received bytes; returns those that were pushed out unused.
     pub fn push(&mut self, received: &[u8]) -> Vec<u8> {
         self.bytes.extend_from_slice(received);
         let excess = self.bytes.len().saturating_sub(self.max_bytes());
         self.bytes.drain(..excess).collect()
     }
 
-    /// Takes the next sound frame out, with the noise before it.
+    /// Removes the next sound frame, with the noise before it.
     pub fn take(&mut self, expected: Option<&Expected>) -> Option<Found> {
         let place = match self.framing {
             Framing::Rtu => rtu::find(&self.bytes, expected),
@@ -82,8 +82,8 @@ impl Assembler {
         Found { noise, adu }
     }
 
-    /// Takes the next sound frame out that cannot be made up of others, with the noise before it: see
-    /// [`rtu::find_certain`]. `is_over`: silence has followed behind the bytes.
+    /// Removes the next sound frame that cannot be composed of parts of others, with the noise before it: see
+    /// [`rtu::find_certain`]. `is_over`: the bytes are followed by silence.
     pub fn take_certain(&mut self, expected: Option<&Expected>, is_over: bool) -> Option<Found> {
         let (Framing::Rtu, Some(expected)) = (self.framing, expected) else { return self.take(expected) };
         let place = rtu::find_certain(&self.bytes, expected, is_over)?;
@@ -96,7 +96,7 @@ impl Assembler {
         self.framing == Framing::Rtu && rtu::find_certain(&self.bytes, expected, true).is_some()
     }
 
-    /// Takes the first copy of `frame` out, with all before it; returns what stood before it.
+    /// Removes the first copy of `frame` and everything before it; returns the latter.
     pub fn take_copy(&mut self, frame: &[u8]) -> Option<Vec<u8>> {
         let start = self.bytes.windows(frame.len().max(1)).position(|window| window == frame)?;
         let before = self.bytes[..start].to_vec();
@@ -104,26 +104,26 @@ impl Assembler {
         Some(before)
     }
 
-    /// Whether no bytes wait.
+    /// Whether no bytes are pending.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.bytes.is_empty()
     }
 
-    /// The bytes that wait.
+    /// The pending bytes.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// Gives out all that is left: noise, a damaged frame, one that was never ended, or one whose length no function
-    /// code tells, which [`decode`] finds out.
+    /// Removes all remaining bytes: noise, a damaged or incomplete frame, or one whose function code does not determine
+    /// its length, which [`decode`] then recognises.
     pub fn end(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.bytes)
     }
 
-    /// Whether the bytes that wait, with nothing sound among them, hold the expected reply or its exception, damaged.
-    /// Where frames do not end by themselves, only silence behind the bytes makes that sure.
+    /// Whether the pending bytes, which contain no sound frame, are the expected reply or its exception, damaged. Where
+    /// frames have no end mark, this is certain only once silence has followed.
     #[must_use]
     pub fn holds_damaged(&self, expected: &Expected) -> bool {
         match self.framing {
@@ -132,7 +132,7 @@ impl Assembler {
         }
     }
 
-    /// Whether a frame itself says that it is over, so that nothing behind it can belong to it.
+    /// Whether frames have an end mark, so that nothing after it can belong to them.
     #[must_use]
     pub const fn sees_ends(&self) -> bool {
         matches!(self.framing, Framing::Ascii)

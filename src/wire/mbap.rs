@@ -12,7 +12,7 @@ pub const MAX_ADU_BYTES: usize = HEADER_BYTES + MAX_PDU_BYTES;
 pub struct Message<'a> {
     /// The client's number for the request.
     pub transaction: u16,
-    /// Unit that is addressed.
+    /// The addressed unit.
     pub unit: u8,
     /// Function code and data, 1 to 253 bytes.
     pub pdu: &'a [u8],
@@ -20,22 +20,22 @@ pub struct Message<'a> {
     pub adu_bytes: usize,
 }
 
-/// Why the stream cannot be read on. After either, no later byte can be trusted to start a message.
+/// Why the stream cannot be read any further. After either error, no later byte can be trusted to start a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Malformed {
     /// The protocol identifier is not 0.
     #[error("protocol identifier {0} instead of 0")]
     Protocol(u16),
-    /// The length leaves no function code or passes the longest message.
+    /// The length leaves no room for a function code or exceeds the longest message.
     #[error("length {0} is outside 2 to 254")]
     Length(u16),
 }
 
-/// The message at the start of `stream`, or nothing while it is not whole. What is wrong with a header
-/// is told as soon as its bytes are there.
+/// The message at the start of `stream`; `None` while it is incomplete. A wrong header is reported as soon as
+/// its bytes have arrived.
 ///
 /// # Errors
-/// [`Malformed`] if the header cannot be one of Modbus TCP.
+/// [`Malformed`] if this is not a Modbus TCP header.
 pub fn decode(stream: &[u8]) -> Result<Option<Message<'_>>, Malformed> {
     let word = |at: usize| Some(u16::from_be_bytes([*stream.get(at)?, *stream.get(at + 1)?]));
     if let Some(protocol) = word(2)
@@ -44,11 +44,11 @@ pub fn decode(stream: &[u8]) -> Result<Option<Message<'_>>, Malformed> {
         return Err(Malformed::Protocol(protocol));
     }
     let (Some(transaction), Some(length)) = (word(0), word(4)) else { return Ok(None) };
-    let behind_length = usize::from(length);
-    if !(2..=1 + MAX_PDU_BYTES).contains(&behind_length) {
+    let after_length = usize::from(length);
+    if !(2..=1 + MAX_PDU_BYTES).contains(&after_length) {
         return Err(Malformed::Length(length));
     }
-    let adu_bytes = 6 + behind_length;
+    let adu_bytes = 6 + after_length;
     let Some(body) = stream.get(6..adu_bytes) else { return Ok(None) };
     Ok(Some(Message { transaction, unit: body[0], pdu: &body[1..], adu_bytes }))
 }
@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn what_can_be_no_header_is_told_at_once() {
+    fn a_wrong_header_is_reported_at_once() {
         assert_eq!(decode(&[0, 1, 0, 1]), Err(Malformed::Protocol(1)));
         for length in [0_u16, 1, 255, 60_000, 65_535] {
             let [hi, lo] = length.to_be_bytes();

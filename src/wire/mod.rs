@@ -1,4 +1,4 @@
-//! Bytes on one side, PDUs on the other: RTU and ASCII frames with their checks, MBAP, function codes. Knows no drive.
+//! Converts between bytes and PDUs: RTU and ASCII frames with their checks, MBAP, function codes. Knows no drive.
 
 pub mod ascii;
 pub mod crc;

@@ -1,4 +1,4 @@
-//! Requests that go to drives and the replies to them, without station, CRC or header.
+//! Requests to drives and their replies, without station, CRC or header.
 
 use super::exception::ILLEGAL_FUNCTION;
 
@@ -18,14 +18,14 @@ pub mod function {
     pub const EXCEPTION_BIT: u8 = 0x80;
 }
 
-/// Most words that one read may ask for (V1.1b3, 6.3).
+/// Maximum number of words in one read (V1.1b3, 6.3).
 pub const MAX_READ_WORDS: u16 = 125;
-/// Most words that one write may carry (V1.1b3, 6.12).
+/// Maximum number of words in one write (V1.1b3, 6.12).
 pub const MAX_WRITE_WORDS: u16 = 123;
 /// Longest PDU in bytes (V1.1b3, 4.1).
 pub const MAX_PDU_BYTES: usize = 253;
 
-/// What some drives answer in the place of exception 01.
+/// Exception code that some drives send instead of 01.
 pub const FUNCTION_ERROR: u8 = 0x51;
 
 /// A request to a drive.
@@ -47,7 +47,7 @@ pub enum Request {
     },
     /// 08 with sub-function 0: the drive returns `data` unchanged.
     Loopback {
-        /// Any word; a fresh one cannot be mistaken for an earlier answer.
+        /// Any word; with a fresh one an earlier answer cannot be mistaken for this one.
         data: u16,
     },
     /// 10 hex: write several words.
@@ -57,8 +57,8 @@ pub enum Request {
         /// 1 to 123 words.
         values: Vec<u16>,
     },
-    /// A function that the drive does not serve, so that its exception is the right answer. It does nothing on a drive
-    /// that serves it after all: 08 goes as a loop test, every other function without data.
+    /// A function that the drive does not support, so that its exception is the right answer. It has no effect on a
+    /// drive that supports it after all: 08 is sent as a loop test, every other function without data.
     Unserved {
         /// The function, 1 to 127.
         function: u8,
@@ -67,17 +67,17 @@ pub enum Request {
     },
 }
 
-/// A drive's right answer to a request.
+/// A drive's valid reply to a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Reply {
-    /// To 03: as many words as were asked for.
+    /// To 03: as many words as requested.
     Words(Vec<u16>),
-    /// To 06: the register asked for and the value the drive holds, which need not be the one sent.
+    /// To 06: the requested register and the value that the drive holds, which need not be the one sent.
     Holds {
         /// The value in the reply.
         value: u16,
     },
-    /// To 08 and 10 hex: the echo that the standard asks for.
+    /// To 08 and 10 hex: the echo that the standard prescribes.
     Echo,
 }
 
@@ -94,7 +94,7 @@ impl Request {
         }
     }
 
-    /// Length of the right reply's PDU in bytes.
+    /// Length of the valid reply's PDU in bytes.
     #[must_use]
     pub const fn reply_pdu_bytes(&self) -> usize {
         match self {
@@ -104,7 +104,7 @@ impl Request {
         }
     }
 
-    /// Whether a drive may answer with a copy of it, so that an echo of it looks like its reply.
+    /// Whether a drive may answer with a copy of the request, so that an echo looks like the reply.
     #[must_use]
     pub const fn is_repeated_by_its_reply(&self) -> bool {
         matches!(self, Self::WriteSingle { .. } | Self::Loopback { .. } | Self::Unserved { .. })
@@ -128,8 +128,8 @@ impl Request {
         }
     }
 
-    /// The request that `pdu` holds; nothing if its function is not one of ours or its form is wrong.
-    /// Quantities are not judged: that is the drive's business. Whether a function is served neither: 08 is a loop test.
+    /// Parses a request; `None` if its function is not one of ours or its form is wrong. Quantities are not checked:
+    /// that is left to the drive. Nor is whether a function is supported: 08 is a loop test.
     #[must_use]
     pub fn decode(pdu: &[u8]) -> Option<Self> {
         let (&function, rest) = pdu.split_first()?;
@@ -149,16 +149,16 @@ impl Request {
         }
     }
 
-    /// Whether an exception with `code` answers this request: to a function that the drive does not serve, only the one
+    /// Whether an exception with `code` answers this request. An unsupported function is answered only by the exception
     /// that says so.
     #[must_use]
     pub const fn is_answered_by(&self, code: u8) -> bool {
         !matches!(self, Self::Unserved { .. }) || matches!(code, ILLEGAL_FUNCTION | FUNCTION_ERROR)
     }
 
-    /// What `pdu` answers to this request, or nothing if it does not answer it: another function or
-    /// length, for 06 another register, for 08 other data, for 10 hex another range. No normal reply answers a function
-    /// that the drive does not serve.
+    /// Parses `pdu` as the reply to this request. `None` if it does not answer it: another function or length, for 06
+    /// another register, for 08 other data, for 10 hex another range. No normal reply answers a function that the drive
+    /// does not support.
     #[must_use]
     pub fn reply_in(&self, pdu: &[u8]) -> Option<Reply> {
         let (&function, data) = pdu.split_first()?;
@@ -184,7 +184,7 @@ impl Request {
     }
 }
 
-/// Whether `pdu` can only be a request: whoever sends it asks drives, as we do.
+/// Whether `pdu` can only be a request, so that its sender is a master.
 #[must_use]
 pub fn is_request(pdu: &[u8]) -> bool {
     match pdu {
@@ -194,7 +194,7 @@ pub fn is_request(pdu: &[u8]) -> bool {
     }
 }
 
-/// Appends the PDU of a reply to 03 to `out`. At most 125 words fit.
+/// Appends the PDU of a reply to 03 to `out`. `words` has at most 125 words.
 pub fn encode_words_reply(out: &mut Vec<u8>, words: &[u16]) {
     out.push(function::READ_HOLDING);
     out.push((words.len() * 2) as u8);
@@ -206,7 +206,7 @@ pub fn put_words(out: &mut Vec<u8>, words: &[u16]) {
     out.extend(words.iter().flat_map(|word| word.to_be_bytes()));
 }
 
-/// The words in `bytes`, high byte first; an odd byte at the end is left out.
+/// The words in `bytes`, high byte first; an odd byte at the end is ignored.
 #[must_use]
 pub fn words(bytes: &[u8]) -> Vec<u16> {
     bytes.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect()
@@ -217,7 +217,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_request_survives_the_way_there_and_back() {
+    fn every_request_survives_a_round_trip() {
         let requests = [
             Request::ReadHolding { address: 0x0101, count: 8 },
             Request::WriteSingle { address: 2, value: 1 },

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 /// Longest RTU frame in bytes (Modbus over serial line V1.02, 2.5.1).
 pub const MAX_ADU_BYTES: usize = 256;
-/// Station before and CRC behind the PDU.
+/// Station before and CRC after the PDU.
 pub const OVERHEAD_BYTES: usize = 3;
 /// Length of an exception reply: station, function, code, CRC.
 pub const EXCEPTION_ADU_BYTES: usize = 5;
@@ -36,7 +36,7 @@ pub fn decode(adu: &[u8]) -> Option<(u8, &[u8])> {
     }
 }
 
-/// Length of the reply frame that begins with `head`, as function and byte count tell it.
+/// Length of the reply frame that begins with `head`, from function code and byte count.
 #[must_use]
 pub fn reply_adu_bytes(head: &[u8]) -> ReplyLength {
     let Some(&code) = head.get(1) else { return ReplyLength::NotYetKnown };
@@ -52,21 +52,21 @@ pub fn reply_adu_bytes(head: &[u8]) -> ReplyLength {
     }
 }
 
-/// What the first bytes of a reply tell about its length.
+/// What is known about the length of a reply from its first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReplyLength {
     /// More bytes are needed.
     NotYetKnown,
     /// The whole frame, station and CRC included, has this many bytes.
     Known(usize),
-    /// The function code has no known reply form.
+    /// The function code has no known reply format: only silence ends the frame.
     OnlySilenceTells,
 }
 
-/// Where the next sound frame stands in `bytes`.
+/// The range of the next sound frame in `bytes`.
 ///
-/// A frame at the start is taken by its own length. Behind noise only the expected reply is looked for, because a random
-/// place has a chance of 1 in 65,536 to look like the start of some frame.
+/// A frame at the start is delimited by its own length. After noise only the expected reply is searched for, because a
+/// random position has a chance of 1 in 65,536 to look like the start of some frame.
 #[must_use]
 pub fn find(bytes: &[u8], expected: Option<&Expected>) -> Option<Range<usize>> {
     let is_sound = |place: Range<usize>| bytes.get(place).is_some_and(crc::is_sound);
@@ -83,11 +83,11 @@ pub fn find(bytes: &[u8], expected: Option<&Expected>) -> Option<Range<usize>> {
     })
 }
 
-/// Where the next sound frame stands in `bytes` that cannot be made up of others.
+/// The range of the next sound frame in `bytes` that cannot be composed of parts of others.
 ///
-/// The beginning of a frame that was cut off, and the beginning of the next one behind it, have the right check once in
-/// 65,536 times. What the expected reply may begin inside of is therefore a frame only if silence has followed right
-/// behind it: `is_over`.
+/// The beginning of a truncated frame followed by the beginning of the next one has a valid CRC once in 65,536 times.
+/// A range inside which the expected reply may begin is therefore a frame only if silence follows it immediately:
+/// `is_over`.
 #[must_use]
 pub fn find_certain(bytes: &[u8], expected: &Expected, is_over: bool) -> Option<Range<usize>> {
     let by_its_own_length = match reply_adu_bytes(bytes) {
@@ -109,8 +109,7 @@ pub fn find_certain(bytes: &[u8], expected: &Expected, is_over: bool) -> Option<
     None
 }
 
-/// Whether the expected reply or its exception may begin with `bytes`, as far as there are any: one that is whole and
-/// damaged does not.
+/// Whether `bytes` may be the beginning of the expected reply or its exception. A complete but damaged one is not.
 fn may_begin(bytes: &[u8], expected: &Expected) -> bool {
     let head = [expected.station, expected.function];
     let has_count = (0x01..=0x04).contains(&expected.function);
@@ -125,8 +124,8 @@ fn may_begin(bytes: &[u8], expected: &Expected) -> bool {
     is_like(&normal, expected.adu_bytes) || is_like(&[head[0], head[1] | function::EXCEPTION_BIT], EXCEPTION_ADU_BYTES)
 }
 
-/// Whether `bytes` begin like the expected reply or its exception and are as long. With nothing sound among them, they
-/// may be that reply, damaged, once silence has followed.
+/// Whether `bytes` begin like the expected reply or its exception and have the same length. If no frame in them is
+/// sound, they may be that reply, damaged, once silence has followed.
 #[must_use]
 pub fn holds_damaged(bytes: &[u8], expected: &Expected) -> bool {
     adu_bytes_at(expected, bytes) == Some(bytes.len())

@@ -1,4 +1,4 @@
-//! What a pause in the middle of a reply means.
+//! A pause in the middle of a reply.
 
 use super::super::exchange::{Ending, Exchange};
 use super::super::timing::ADAPTER_HOLE;
@@ -6,9 +6,9 @@ use super::Wire;
 use crate::domain::time::MonoTime;
 
 impl Wire {
-    /// `count` bytes were read at `now`. Where the pause before them is longer than any adapter makes, what came before it is
-    /// over: a reply that was cut off and the end of another one behind it, long after, are no frame, whatever their check
-    /// says. Returns how the open exchange ended, if it did.
+    /// `count` bytes were read at `now`. If the pause before them is longer than any adapter inserts, the data before it
+    /// is complete: a truncated reply and the end of another one long after it are not a frame, even if the CRC matches.
+    /// Returns how the open exchange ended, if it did.
     pub(super) fn end_before_hole(&mut self, now: MonoTime, count: usize) -> Option<(Exchange, Ending)> {
         let hole = now.before(self.timing.on_wire(count)).since(self.last_byte_at);
         if !self.is_timed || self.assembler.is_empty() || hole <= ADAPTER_HOLE.max(self.timing.silence) {
