@@ -1,10 +1,10 @@
-//! Moments as they stand in payloads: the monotonic clock decides, the wall clock labels.
+//! Moments as written in payloads: the monotonic clock decides, the wall clock labels.
 
 use crate::domain::calendar::rfc3339;
 use crate::domain::time::{MonoTime, WallTime};
 
-/// How far the wall clock may drift from where it is expected before labels follow it. Small drift is ignored, so
-/// that the label of one moment stays the same text.
+/// How far the wall clock may drift from its expected time before labels follow it. Small drift is ignored, so that the
+/// label of one moment stays the same.
 const DRIFT_MAX_MS: i64 = 1_000;
 
 /// The present, on both clocks.
@@ -12,12 +12,12 @@ const DRIFT_MAX_MS: i64 = 1_000;
 pub struct Moment {
     /// Decides.
     pub mono: MonoTime,
-    /// Labels, and is compared with moments that commanders name.
+    /// Labels, and is compared with moments that clients name.
     pub wall: WallTime,
 }
 
-/// Turns monotonic moments into labels. It follows a wall clock that is set, as it is on machines that get the
-/// time of day from the network some while after they start.
+/// Turns monotonic moments into labels. It follows a wall clock that is set, as on machines that get the time of day
+/// from the network some time after they start.
 #[derive(Clone, Copy, Debug)]
 pub struct Clock {
     anchor: Moment,
@@ -30,7 +30,7 @@ impl Clock {
         Self { anchor: started }
     }
 
-    /// Takes notice of the present.
+    /// Updates the clock with the present.
     pub fn see(&mut self, at: Moment) {
         let expected = self.wall(at.mono).unix_ms;
         if expected.saturating_sub(at.wall.unix_ms).saturating_abs() > DRIFT_MAX_MS {

@@ -1,27 +1,27 @@
-//! The words of a command in JSON, by whatever way it comes: everything that is not exactly known is refused by name.
+//! The words of a command in JSON, for all interfaces: everything that is not exactly known is refused by name.
 
 use crate::domain::command::{Direction, Reason};
 use crate::domain::frequency::{Hertz, NoFrequency};
 use crate::domain::problem::nearest;
 use serde_json::{Map, Value};
 
-/// Why something that was to be a command is refused.
+/// Why an intended command is refused.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refused {
-    /// By its number and word.
+    /// Its reason, with number and word.
     pub reason: Reason,
     /// What is wrong and what would be right, for people.
     pub message: String,
 }
 
 impl Refused {
-    /// With words of its own.
+    /// With a message of its own.
     #[must_use]
     pub fn new(reason: Reason, message: impl Into<String>) -> Self {
         Self { reason, message: message.into() }
     }
 
-    /// With the words that the reason has for itself.
+    /// With the message that the reason has.
     #[must_use]
     pub fn plain(reason: Reason) -> Self {
         Self::new(reason, reason.text())
@@ -42,7 +42,7 @@ pub enum RunWord {
     Coast,
 }
 
-/// The word that `text` is, trimmed, in any case.
+/// The word that `text` is, trimmed, ignoring case.
 ///
 /// # Errors
 /// It is none of them.
@@ -57,7 +57,7 @@ pub fn run_word(text: &str) -> Result<RunWord, Refused> {
     found.map(|(_, word)| *word).ok_or_else(|| unknown_word(text, RUN_EXAMPLE))
 }
 
-/// Why the value of `key`, written as `text`, is no frequency.
+/// Refuses the value of `key`, written as `text`, as no frequency.
 #[must_use]
 pub fn no_frequency(why: NoFrequency, key: &str, text: &str) -> Refused {
     let reason = match why {
@@ -69,13 +69,13 @@ pub fn no_frequency(why: NoFrequency, key: &str, text: &str) -> Refused {
     Refused::new(reason, message)
 }
 
-/// A word that is not known, where `right` would be.
+/// Refuses an unknown word where `right` is expected.
 #[must_use]
 pub fn unknown_word(text: &str, right: &str) -> Refused {
-    Refused::new(Reason::NotUnderstood, format!("`{}` is not known here; right is {right}", short(text)))
+    Refused::new(Reason::NotUnderstood, format!("`{}` is not valid here; expected {right}", short(text)))
 }
 
-/// So much of `text` as a message shows.
+/// As much of `text` as a message shows.
 #[must_use]
 pub fn short(text: &str) -> String {
     const CHARS_MAX: usize = 40;
@@ -86,38 +86,38 @@ pub fn short(text: &str) -> String {
     short
 }
 
-/// The JSON object that `payload` writes; `example` shows people one.
+/// The JSON object in `payload`; `example` is shown to people.
 ///
 /// # Errors
-/// It writes none.
+/// `payload` is not a JSON object.
 pub fn object(payload: &[u8], example: &str) -> Result<Map<String, Value>, Refused> {
     match serde_json::from_slice(payload) {
         Ok(Value::Object(object)) => Ok(object),
         Ok(_) => Err(not_understood(format!("a JSON object was expected, such as {example}"))),
-        Err(error) => Err(not_understood(format!("no JSON ({error}); right is, for example, {example}"))),
+        Err(error) => Err(not_understood(format!("invalid JSON ({error}); right is, for example, {example}"))),
     }
 }
 
-/// Whether `object` has keys of `keys` alone.
+/// Checks that `object` has only keys of `keys`.
 ///
 /// # Errors
 /// It has another one, which is named.
 pub fn known_keys(object: &Map<String, Value>, keys: &[&str]) -> Result<(), Refused> {
     let Some(key) = object.keys().find(|key| !keys.contains(&key.as_str())) else { return Ok(()) };
     let near = (key.len() <= 64).then(|| nearest(key, keys.iter().copied())).flatten();
-    let right = near.map_or_else(|| format!("known are {}", keys.join(", ")), |near| format!("is it `{near}`?"));
-    Err(not_understood(format!("`{}` is not known; {right}", short(key))))
+    let right = near.map_or_else(|| format!("known keys: {}", keys.join(", ")), |near| format!("is it `{near}`?"));
+    Err(not_understood(format!("`{}` is unknown; {right}", short(key))))
 }
 
-/// Whether each key of `object`, which `payload` writes, stands there once.
+/// Checks that each key of `object`, which `payload` contains, occurs once.
 ///
 /// # Errors
-/// One stands there twice.
+/// One occurs twice.
 pub fn keys_stand_once(payload: &[u8], object: &Map<String, Value>) -> Result<(), Refused> {
-    if pairs_written(payload) == pairs_in(object) { Ok(()) } else { Err(not_understood("a key stands there twice")) }
+    if pairs_written(payload) == pairs_in(object) { Ok(()) } else { Err(not_understood("a key occurs twice")) }
 }
 
-/// Pairs of key and value that the valid JSON text `payload` writes.
+/// Number of key-value pairs written in the valid JSON text `payload`.
 fn pairs_written(payload: &[u8]) -> usize {
     let mut pairs = 0;
     let mut in_text = false;
@@ -134,7 +134,7 @@ fn pairs_written(payload: &[u8]) -> usize {
     pairs
 }
 
-/// Pairs that are left of it: of two with the same key only one is.
+/// Number of pairs that remain after parsing: of two with the same key only one is left.
 fn pairs_in(object: &Map<String, Value>) -> usize {
     object.len() + object.values().map(pairs_below).sum::<usize>()
 }
@@ -147,11 +147,11 @@ fn pairs_below(value: &Value) -> usize {
     }
 }
 
-/// So much of a payload is looked through for a stop, in bytes, however long it is.
+/// How much of a payload is searched for a stop, in bytes, however long it is.
 pub const STOP_WITHIN_BYTES: usize = 8 * 1024;
 
-/// The stop that `payload` orders, whatever stands beside it and whether or not it is JSON to its end: the word of a `run`
-/// of the object that it writes, of any of them if there are several. Only the first bytes are looked at.
+/// The stop that `payload` orders, whatever else it contains and whether or not it is complete JSON: the word of a
+/// `run` of its object, of any of them if there are several. Only the first bytes are searched.
 #[must_use]
 pub fn stop_in(payload: &[u8]) -> Option<RunWord> {
     let payload = payload.get(..STOP_WITHIN_BYTES).unwrap_or(payload);
@@ -189,7 +189,7 @@ pub fn stop_in(payload: &[u8]) -> Option<RunWord> {
     found
 }
 
-/// The text in quotes that `bytes` begin with, quotes and all, and what follows; nothing if it does not end.
+/// The quoted text that `bytes` begin with, including quotes, and what follows; `None` if it does not end.
 fn text_at(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let mut is_escaped = false;
     let end = bytes.iter().skip(1).position(|byte| {
@@ -205,11 +205,11 @@ fn text_of(quoted: &[u8]) -> Option<String> {
 }
 
 fn is_text(quoted: &[u8], text: &str) -> bool {
-    // No longer one is the same, even with every character escaped.
+    // Nothing longer is equal, even with every character escaped.
     quoted.len() <= 2 + 6 * text.len() && text_of(quoted).as_deref() == Some(text)
 }
 
-/// What is said of what stands beside a stop.
+/// The remark on what else a message with a stop contains.
 #[must_use]
 pub fn beside_a_stop(refused: &Refused) -> String {
     format!("the stop was taken all the same: {}", refused.message)
@@ -218,10 +218,10 @@ pub fn beside_a_stop(refused: &Refused) -> String {
 /// Longest number, in characters.
 pub const NUMBER_CHARS_MAX: usize = 32;
 
-/// Whether `text`, which is to be a number as in `example`, is no longer than one.
+/// Checks that `text`, which is to be a number as in `example`, is not longer than one.
 ///
 /// # Errors
-/// It is.
+/// It is longer.
 pub fn short_number(text: &str, example: &str) -> Result<(), Refused> {
     if text.len() <= NUMBER_CHARS_MAX {
         return Ok(());
@@ -254,7 +254,7 @@ pub fn frequency(object: &Map<String, Value>) -> Result<Option<Hertz>, Refused> 
     Ok(Some(frequency))
 }
 
-/// Whether `key` is there, which takes true alone.
+/// Whether `key` is present, which takes only true.
 ///
 /// # Errors
 /// It is something else.
@@ -262,7 +262,7 @@ pub fn only_true(object: &Map<String, Value>, key: &str) -> Result<bool, Refused
     match object.get(key) {
         None => Ok(false),
         Some(Value::Bool(true)) => Ok(true),
-        Some(_) => Err(not_understood(format!("`{key}` takes true and nothing else"))),
+        Some(_) => Err(not_understood(format!("`{key}` accepts only true"))),
     }
 }
 

@@ -1,7 +1,7 @@
-//! The catalogue of what can be wrong with a drive, a line or the gateway. The page, `doctor` and reports speak from it.
+//! The catalogue of what can be wrong with a drive, a line or the gateway, used by the page, `doctor` and reports.
 //!
-//! Each sign is in one place: its word for programs, how bad it is, and what it means. Where it is found out is beside
-//! what it is read from: `report/` for what happened on a line in a span of time, `page/advice/` for how things are now.
+//! Each sign is defined in one place: its word for programs, how bad it is, and what it means. The code that detects it
+//! is next to its data: `report/` for what happened on a line in a span of time, `page/advice/` for the present state.
 
 use crate::domain::ids::Name;
 use serde_json::{Value, json};
@@ -11,9 +11,9 @@ use serde_json::{Value, json};
 pub enum Severity {
     /// Nothing has to be done.
     Good,
-    /// It works, and is worth a look when there is time.
+    /// It works, but is worth a look when there is time.
     Hint,
-    /// It does not work, or disturbs, or will.
+    /// It does not work, causes disturbance, or is about to.
     Problem,
     /// A drive is tripped: what a person who looks at the page has to see first.
     Trip,
@@ -117,9 +117,9 @@ pub struct Finding {
     pub severity: Severity,
     /// What it is, for programs.
     pub sign: Sign,
-    /// The line that it is about; `None`: it is about the gateway.
+    /// The line it concerns; `None` for the gateway.
     pub line: Option<Name>,
-    /// The drive that it is about, if it is about one.
+    /// The drive it concerns, if any.
     pub drive: Option<Name>,
     /// What it is and what to do, for people.
     pub text: String,
@@ -139,7 +139,7 @@ impl Finding {
     }
 }
 
-/// All of `findings`, the worst first; otherwise in their order.
+/// All of `findings`, the worst first; otherwise in order.
 #[must_use]
 pub fn ranked(findings: impl IntoIterator<Item = Finding>) -> Vec<Finding> {
     let mut all: Vec<_> = findings.into_iter().collect();

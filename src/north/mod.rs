@@ -1,4 +1,4 @@
-//! What clients see: parsers and sans-IO machines. No socket, no clock, and nothing of the line machine.
+//! The client side: parsers and sans-IO state machines. No socket, no clock, and no access to the line machine.
 
 pub mod broker;
 pub mod clock;

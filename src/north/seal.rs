@@ -1,5 +1,5 @@
-//! Numbers that the gateway gives away and gets back: each is followed by a code that is made with a secret key, so that no one
-//! else can write one, whatever others they have read.
+//! Numbers that the gateway hands out and gets back: each is followed by a code that is made with a secret key, so that
+//! no one else can forge one, whatever others they have read.
 
 use blake2::Blake2sMac;
 use blake2::digest::consts::U16;
@@ -9,7 +9,7 @@ use std::fmt;
 /// Bytes of a key of the code.
 const KEY_BYTES: usize = 32;
 
-/// A secret key, and what it seals. What another key has sealed is not known here.
+/// A secret key, and what it seals. What another key sealed is not recognized.
 #[derive(Clone)]
 pub(super) struct Seal {
     key: [u8; KEY_BYTES],
@@ -32,7 +32,7 @@ impl Seal {
         format!("{number}-{:032x}", u128::from_be_bytes(code.finalize_fixed().into()))
     }
 
-    /// The number that `text` seals; none unless [`text`](Self::text) has written it with this key.
+    /// The number that `text` seals; `None` unless [`text`](Self::text) has written it with this key.
     pub(super) fn number(&self, text: &[u8]) -> Option<u64> {
         let (number, _) = std::str::from_utf8(text).ok()?.split_once('-')?;
         let number = number.parse().ok()?;
@@ -46,7 +46,7 @@ impl fmt::Debug for Seal {
     }
 }
 
-/// Compares in a time that does not show how far both are equal.
+/// Compares in constant time.
 fn is_equal(one: &[u8], other: &[u8]) -> bool {
     let differences = one.iter().zip(other).fold(0, |all, (one, other)| all | (one ^ other));
     one.len() == other.len() && differences == 0

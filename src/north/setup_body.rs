@@ -7,7 +7,7 @@ use std::time::Duration;
 /// What a body looks like, for people.
 pub const EXAMPLE: &str = r#"{"addresses": [529, 530]}"#;
 
-/// The addresses that `body` names; nothing unless it is an object with them and nothing else.
+/// The addresses that `body` names; `None` unless it is an object with only these.
 #[must_use]
 pub fn addresses(body: &[u8]) -> Option<Vec<u16>> {
     let Value::Object(object) = serde_json::from_slice(body).ok()? else { return None };
@@ -20,7 +20,7 @@ pub fn addresses(body: &[u8]) -> Option<Vec<u16>> {
 /// What the body of an order to set the drive's own watchdog looks like, for people.
 pub const WATCHDOG_EXAMPLE: &str = r#"{"time_ms": 5000}"#;
 
-/// The time that `body` names, or none inside for off; nothing unless it is an object with that and nothing else.
+/// The time that `body` names, or `Some(None)` for off; `None` unless it is an object with only that.
 #[must_use]
 pub fn watchdog_time(body: &[u8]) -> Option<Option<Duration>> {
     let Value::Object(object) = serde_json::from_slice(body).ok()? else { return None };
@@ -33,7 +33,7 @@ pub fn watchdog_time(body: &[u8]) -> Option<Option<Duration>> {
 /// What the body of an order to write one parameter looks like, for people.
 pub const PARAMETER_EXAMPLE: &str = r#"{"raw": 100}"#;
 
-/// The word that `body` names; nothing unless it is an object with that and nothing else.
+/// The word that `body` names; `None` unless it is an object with only that.
 #[must_use]
 pub fn parameter_word(body: &[u8]) -> Option<u16> {
     let Value::Object(object) = serde_json::from_slice(body).ok()? else { return None };

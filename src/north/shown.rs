@@ -1,5 +1,5 @@
-//! What all sides say of drives and lines in the same words: how far a value can be relied on, what a drive does, what it
-//! may be commanded, why a line is down.
+//! Terms for drives and lines shared by all interfaces: how reliable a value is, what a drive does, what it may be
+//! commanded, why a line is down.
 
 use crate::domain::command::{Direction, RunIntent};
 use crate::domain::control::{ControlAction, ControlSettings};
@@ -11,19 +11,19 @@ use crate::drive::view::{DriveView, RunState};
 use crate::profile::model::Register;
 use std::time::Duration;
 
-/// How far a value can be relied on.
+/// How reliable a value is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quality {
-    /// It is not older than it may be.
+    /// It is not older than allowed.
     Good,
-    /// It is.
+    /// It is older than allowed.
     Stale,
     /// There is none yet.
     Never,
 }
 
 impl Quality {
-    /// The word as it stands in payloads.
+    /// The word as used in payloads.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -34,7 +34,7 @@ impl Quality {
     }
 }
 
-/// When the last reading of `register` grows stale; nothing if there is none.
+/// When the last reading of `register` grows stale; `None` if there is none.
 #[must_use]
 pub fn stale_at(drive: &DriveDescription, register: &Register, view: &DriveView) -> Option<MonoTime> {
     Some(view.snapshot.reading(register.address)?.at + drive.stale_after(register)?)
@@ -47,7 +47,7 @@ pub fn fresh(drive: &DriveDescription, register: &Register, view: &DriveView, at
     view.snapshot.reading(register.address).filter(|_| is_fresh)
 }
 
-/// How far the last reading of `register` can be relied on.
+/// How reliable the last reading of `register` is.
 #[must_use]
 pub fn quality(drive: &DriveDescription, register: &Register, view: &DriveView, at: MonoTime) -> Quality {
     match stale_at(drive, register, view) {
@@ -57,13 +57,13 @@ pub fn quality(drive: &DriveDescription, register: &Register, view: &DriveView, 
     }
 }
 
-/// The run state for those who are told beside it that the drive does not answer: such a drive may do anything.
+/// The run state for clients that are also shown that the drive does not answer: such a drive may do anything.
 #[must_use]
 pub fn answered_run_state(view: &DriveView) -> RunState {
     if view.is_online() && view.run_state != RunState::Offline { view.run_state } else { RunState::Unknown }
 }
 
-/// What the drive does; offline as long as it cannot be asked, whatever was known before.
+/// The run state; offline while the drive cannot be reached, whatever was known before.
 #[must_use]
 pub fn run_state(view: &DriveView) -> RunState {
     let was_seen = view.snapshot.presence != Presence::Unknown;
@@ -98,7 +98,7 @@ pub fn capabilities(drive: &DriveDescription) -> Vec<&'static str> {
     words(&table)
 }
 
-/// From where commands are taken, as the configuration says it.
+/// The sources from which commands are accepted, as named in the configuration.
 #[must_use]
 pub fn sources(control: &ControlSettings) -> Vec<&'static str> {
     words(&[
@@ -124,7 +124,7 @@ pub const fn intent(intent: RunIntent) -> &'static str {
     }
 }
 
-/// Why a line cannot be used; nothing if it can.
+/// Why a line cannot be used; `None` if it can.
 #[must_use]
 pub fn down_reason(report: &LineReport) -> Option<String> {
     match (report.state, report.fault) {

@@ -1,4 +1,4 @@
-//! What the tests of both sessions with a broker share: two drives of a real model, the pictures of them, and the time.
+//! Shared by the tests of both sessions with a broker: two drives of a real model, their views, and the time.
 
 use super::broker::{Broker, LineState, Message};
 use super::clock::Moment;
@@ -42,7 +42,7 @@ pub fn idle_control() -> ControlView {
     ControlView { epoch: 1, ..ControlView::default() }
 }
 
-/// `pump`, which this controls, and `fan`, which nobody may, on line `hall`.
+/// `pump`, which this controls, and `fan`, which no client may control, on line `hall`.
 pub fn drives(control: ControlSettings) -> Vec<DriveDescription> {
     let model = Arc::new(model());
     let drive = |place: u16, called: &str, control: Option<ControlSettings>| DriveDescription {
@@ -60,10 +60,10 @@ pub fn drives(control: ControlSettings) -> Vec<DriveDescription> {
     vec![drive(0, "pump", Some(control)), drive(1, "fan", None)]
 }
 
-/// What a session sees of the plant and of the broker, and the time.
+/// The plant and the broker as a session sees them, and the time.
 pub struct Stage {
     pub views: Vec<DriveView>,
-    /// The pictures as the session gets them: made anew only when one differs.
+    /// The views as the session gets them: rebuilt only when one differs.
     pub shown: Vec<Arc<DriveView>>,
     pub lines: Vec<LineState>,
     pub millis: u64,
@@ -110,7 +110,7 @@ impl Stage {
         view.snapshot.take(0x0211, &[3, 3], now);
     }
 
-    /// Lets the session see what the drives are now.
+    /// Shows the session the present drives.
     pub fn show(&mut self) {
         let is_same = |(shown, view): (&Arc<DriveView>, &DriveView)| shown.as_ref() == view;
         if self.shown.len() != self.views.len() || !self.shown.iter().zip(&self.views).all(is_same) {
@@ -119,7 +119,7 @@ impl Stage {
     }
 }
 
-/// A session on the stage.
+/// A session under test.
 pub trait Staged {
     /// What it wants done.
     type Act;
@@ -129,7 +129,7 @@ pub trait Staged {
     fn next_wake(&self) -> Option<MonoTime>;
     /// Wakes it.
     fn tick(&mut self, at: Moment);
-    /// Everything that is to be done now. A probe comes back at once.
+    /// Everything that is to be done now. A probe returns at once.
     fn acts(&mut self) -> Vec<Self::Act>;
 
     /// Time passes, and the session is woken when it asked for it.
@@ -137,7 +137,7 @@ pub trait Staged {
         let until = self.stage().millis + millis;
         let mut all = Vec::new();
         while let Some(wake) = self.next_wake().filter(|wake| *wake <= MonoTime::from_millis(until)) {
-            // A wake-up within a millisecond is rounded up; one that is past would be an endless loop.
+            // A wake-up within a millisecond is rounded up; one in the past would be an endless loop.
             let wake = wake.as_nanos().div_ceil(1_000_000);
             assert!(all.len() < 10_000, "woken for ever");
             let stage = self.stage();

@@ -5,7 +5,7 @@ use crate::north::modbus::sheet::SheetRow;
 use serde_json::{Value, json};
 use std::fmt::Write;
 
-/// The columns of CSV; the first ones say of which unit a row is.
+/// The columns of CSV; the first ones identify the unit of a row.
 const COLUMNS: [&str; 22] = [
     "listen",
     "unit",
@@ -74,8 +74,8 @@ fn hex(row: &SheetRow) -> String {
     format!("0x{:04X}", row.address)
 }
 
-/// As RFC 4180 has it. A number of a table begins with 0, 1, 3 or 4 and never with what starts a formula; texts of a
-/// model might.
+/// As in RFC 4180. A number of a table begins with 0, 1, 3 or 4 and never with what starts a formula; texts of a model
+/// might.
 fn quoted(cell: &str) -> String {
     let is_formula = cell.len() > 1 && cell.starts_with(['=', '+', '-', '@']);
     if !is_formula && !cell.contains([',', '"', '\n', '\r']) {
@@ -87,7 +87,7 @@ fn quoted(cell: &str) -> String {
 /// A heading and a table for each unit.
 pub fn markdown(maps: &[Map]) -> String {
     let mut text = "# Modbus map\n\n\
-        Addresses count from 0, as they are sent; `number` counts from 1 behind the digit of the table, with six digits \
+        Addresses count from 0, as they are sent; `number` counts from 1 after the digit of the table, with six digits \
         behind 9999. A value is the word times `step`.\n"
         .to_owned();
     for map in maps {
@@ -125,7 +125,7 @@ fn section(text: &mut String, map: &Map) {
     }
 }
 
-/// The addresses, also in hexadecimal where they are large.
+/// The addresses, also in hexadecimal if they are large.
 fn span(row: &SheetRow) -> String {
     let last = row.address.saturating_add(row.count.saturating_sub(1));
     let hex = if row.address > 9 { format!(" ({})", hex(row)) } else { String::new() };
@@ -148,12 +148,12 @@ fn values(row: &SheetRow) -> String {
     parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; ")
 }
 
-/// Without what would end a cell.
+/// Without characters that would end a cell.
 fn escaped(text: &str) -> String {
     text.replace('|', "\\|").replace(['\n', '\r'], " ")
 }
 
-/// One document for programs. What there is not is `null`.
+/// One document for programs. Absent values are `null`.
 pub fn json(maps: &[Map]) -> String {
     let maps: Vec<_> = maps.iter().map(of_map).collect();
     format!("{:#}\n", json!({ "maps": maps }))
@@ -180,7 +180,7 @@ fn of_row(row: &SheetRow, is_native: bool) -> Value {
     })
 }
 
-/// The number in `step`, a decimal one or a fraction.
+/// The number in `step`, a decimal or a fraction.
 fn number(step: &str) -> Option<f64> {
     match step.split_once('/') {
         Some((above, below)) => Some(above.parse::<f64>().ok()? / below.parse::<f64>().ok()?),

@@ -1,5 +1,5 @@
-//! Commands of one broker on their way to the lines: stops first, nothing without a bound, and each is answered or given
-//! up. What no line sees is accounted for here; a line accounts for what it saw.
+//! Commands of one broker on their way to the lines: stops first, every queue bounded, and each command answered or
+//! given up. Attempts that never reach a line are recorded here; a line records those that reach it.
 
 use crate::domain::command::{CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights};
 use crate::domain::ids::{AskerId, Ticket};
@@ -10,16 +10,16 @@ use crate::journal::{Attempt, AttemptId, Tried};
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// Most commands without an answer over all drives, stops aside.
+/// Most unanswered commands over all drives, not counting stops.
 const COMMANDS_MAX: usize = 64;
-/// Most stops of one drive without an answer: a stop for a drive that is offline stays pending for minutes, and repeats
-/// of it must not take the room of others.
+/// Most unanswered stops of one drive: a stop for an offline drive stays pending for minutes, and its repeats must not
+/// take the room of others.
 const STOPS_MAX: usize = 4;
-/// Most reads without an answer over all drives.
+/// Most unanswered reads over all drives.
 const READS_MAX: usize = 64;
-/// Most attempts that wait to be fetched.
+/// Most attempts waiting to be fetched.
 pub(in crate::north) const ATTEMPTS_MAX: usize = 256;
-/// How much longer than its deadline a command may stay without its last answer.
+/// How long after its deadline a command may stay without its final answer.
 const ANSWERED_WITHIN: Duration = Duration::from_secs(60);
 
 /// Something for the lines.
@@ -29,22 +29,22 @@ pub enum ToLine {
     Command(DriveRef, CommandRequest),
     /// Ask a drive for registers.
     Read(DriveRef, NativeRequest),
-    /// Tell every line that the way from the commanders is open.
+    /// Tell every line that the path from the clients is open.
     PathAlive,
-    /// Tell every line that the way was opened again after a loss.
+    /// Tell every line that the path was opened again after a loss.
     PathOpened,
 }
 
-/// What was asked of a drive.
+/// What was requested of a drive.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::north) enum Request {
     /// A command.
     Order(Order),
-    /// The register with this place in the drive's model.
+    /// The register at this place in the drive's model.
     Read(usize),
 }
 
-/// One command or read that is not answered. `C` is what its session needs to answer it.
+/// A command or read that is not yet answered. `C` is what its session needs to answer it.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::north) struct Pending<C> {
     pub(in crate::north) ticket: Ticket,
@@ -65,9 +65,9 @@ pub(in crate::north) struct NewCommand<C> {
     pub(in crate::north) drive: usize,
     pub(in crate::north) by: Owner,
     pub(in crate::north) order: Order,
-    /// Its first frame leaves before this moment or never.
+    /// Its first frame is sent before this moment or never.
     pub(in crate::north) start_before: MonoTime,
-    /// When it was issued, if that is known.
+    /// When it was issued, if known.
     pub(in crate::north) issued: Option<MonoTime>,
     pub(in crate::north) epoch: Option<u64>,
     pub(in crate::north) context: C,
@@ -90,11 +90,11 @@ pub(in crate::north) struct NewRead<C> {
 #[derive(Debug)]
 pub(in crate::north) struct Commands<C> {
     asker: AskerId,
-    /// What goes to the lines, in order: that the way was opened and stops first. Bounded by what may be unanswered.
+    /// Messages for the lines, in order: path opened first, then stops. Bounded by the limits on unanswered requests.
     to_lines: VecDeque<ToLine>,
-    /// What is not answered, oldest first.
+    /// Unanswered requests, oldest first.
     unanswered: Vec<Pending<C>>,
-    /// Attempts that no line sees and that were not fetched yet, oldest first.
+    /// Attempts that reach no line and have not been fetched, oldest first.
     attempts: VecDeque<(Option<DriveRef>, Attempt)>,
     last_attempt: u64,
     attempts_lost: u64,
@@ -115,12 +115,12 @@ impl<C> Commands<C> {
         }
     }
 
-    /// Tickets count on from this one.
+    /// Ticket numbers continue from this one.
     pub(in crate::north) const fn count_tickets_from(&mut self, first: Ticket) {
         self.last_ticket = first.0;
     }
 
-    /// A ticket that no one has.
+    /// A ticket that is not in use.
     pub(in crate::north) const fn next_ticket(&mut self) -> Ticket {
         self.last_ticket += 1;
         Ticket(self.last_ticket)
@@ -141,19 +141,20 @@ impl<C> Commands<C> {
         self.attempts_lost
     }
 
-    /// The lines learn that the way was opened, before any command that came on this connection and is still here.
+    /// Tells the lines that the path was opened, before any command that arrived on this connection and is still
+    /// queued.
     pub(in crate::north) fn path_opened(&mut self) {
         self.to_lines.push_front(ToLine::PathOpened);
     }
 
-    /// The lines learn that the way is open.
+    /// Tells the lines that the path is open.
     pub(in crate::north) fn path_alive(&mut self) {
         if !self.to_lines.contains(&ToLine::PathAlive) {
             self.to_lines.push_back(ToLine::PathAlive);
         }
     }
 
-    /// The connection is gone: nothing that waits says otherwise.
+    /// The connection is lost: queued path messages no longer hold.
     pub(in crate::north) fn path_lost(&mut self) {
         self.to_lines.retain(|it| !matches!(it, ToLine::PathAlive | ToLine::PathOpened));
     }
@@ -164,7 +165,7 @@ impl<C> Commands<C> {
         self.unanswered.iter().filter(is_command).count() < COMMANDS_MAX
     }
 
-    /// Whether one more register may be asked for.
+    /// Whether there is room for one more read.
     pub(in crate::north) fn has_room_for_read(&self) -> bool {
         self.unanswered.iter().filter(|it| matches!(it.request, Request::Read(_))).count() < READS_MAX
     }
@@ -204,7 +205,7 @@ impl<C> Commands<C> {
         self.queue(ToLine::Read(place, read), false);
     }
 
-    /// Adds a request behind all that waits for the lines; a stop behind the stops that wait.
+    /// Appends a request to the queue for the lines; a stop is appended to the queued stops.
     fn queue(&mut self, request: ToLine, is_stop: bool) {
         let goes_first = |it: &&ToLine| match it {
             ToLine::Command(_, command) => command.order.is_stop(),
@@ -216,8 +217,8 @@ impl<C> Commands<C> {
         self.to_lines.insert(place, request);
     }
 
-    /// Takes back what gives way to a stop of `drive`, one by one: commands of that drive that still wait here, and the
-    /// oldest stop where there are too many.
+    /// Withdraws, one by one, what gives way to a stop of `drive`: commands of that drive that are still queued here,
+    /// and the oldest stop if there are too many.
     pub(in crate::north) fn give_way_to_stop(&mut self, drive: usize) -> Option<(Pending<C>, Report)> {
         let waits = |pending: &&Pending<C>| {
             let moves = matches!(&pending.request, Request::Order(it) if !it.is_stop() && *it != Order::Renew);
@@ -244,14 +245,14 @@ impl<C> Commands<C> {
         self.give_up(overdue.ticket, report)
     }
 
-    /// Takes one whose drive has no place any more by `moved`: the new place of each drive.
+    /// Takes one whose drive has no place any more in `moved`, which holds the new place of each drive.
     pub(in crate::north) fn take_gone(&mut self, moved: &[Option<usize>]) -> Option<(Pending<C>, Report)> {
         let gone = self.unanswered.iter().find(|it| moved.get(it.drive).copied().flatten().is_none())?;
         let report = Report::new(unanswered_outcome(&gone.request), Reason::Removed);
         self.give_up(gone.ticket, report)
     }
 
-    /// The drives have these places from now on.
+    /// Moves the drives to these places.
     pub(in crate::north) fn move_drives(&mut self, moved: &[Option<usize>]) {
         for pending in &mut self.unanswered {
             pending.drive = moved.get(pending.drive).copied().flatten().unwrap_or(pending.drive);
@@ -268,13 +269,13 @@ impl<C> Commands<C> {
         self.unanswered.iter().find(|it| it.ticket == ticket)
     }
 
-    /// Takes the request with this ticket: it is answered.
+    /// Takes the request with this ticket because it was answered.
     pub(in crate::north) fn take(&mut self, ticket: Ticket) -> Option<Pending<C>> {
         let place = self.unanswered.iter().position(|it| it.ticket == ticket)?;
         Some(self.unanswered.remove(place))
     }
 
-    /// Takes the request that a line could not take, because its inbox was full.
+    /// Takes the request that a line could not accept because its inbox was full.
     pub(in crate::north) fn refused_by_line(&mut self, ticket: Ticket) -> Option<(Pending<C>, Report)> {
         let pending = self.take(ticket)?;
         let report = Report::refused(Reason::QueueFull);
@@ -282,7 +283,7 @@ impl<C> Commands<C> {
         Some((pending, report))
     }
 
-    /// Takes a request that ends so. If it still waits here, no line accounts for it.
+    /// Takes a request that ends with this outcome. If it is still queued here, no line records it.
     fn give_up(&mut self, ticket: Ticket, report: Report) -> Option<(Pending<C>, Report)> {
         let pending = self.take(ticket)?;
         if self.is_waiting(ticket) {
@@ -302,7 +303,7 @@ impl<C> Commands<C> {
         }
     }
 
-    /// Accounts for an attempt that no line sees; nothing was tried where `tried` is `None`.
+    /// Records an attempt that no line sees; `None` for `tried` if nothing was attempted.
     pub(in crate::north) fn keep_attempt(
         &mut self,
         place: Option<DriveRef>,
@@ -321,17 +322,17 @@ impl<C> Commands<C> {
     }
 }
 
-/// Who commands through a broker may write and stop; each message is a command of its own.
+/// A client that commands through a broker may write and stop; each message is a command of its own.
 const fn origin(owner: Owner) -> Origin {
     Origin { owner, rights: Rights { write: true, stop: true }, manner: Manner::Once }
 }
 
-/// What is tried by `order`. To renew a lease is no attempt.
+/// What `order` attempts. Renewing a lease is no attempt.
 pub(in crate::north) fn tried_by(order: &Order) -> Option<Tried> {
     (*order != Order::Renew).then(|| Tried::Order(order.clone()))
 }
 
-/// A frequency outside the limits is refused with the limits.
+/// A frequency outside the limits is refused, and the refusal names the limits.
 pub(in crate::north) fn outside_limits(
     description: &DriveDescription,
     request: &Request,
@@ -343,7 +344,7 @@ pub(in crate::north) fn outside_limits(
     Some(format!("{frequency} Hz is outside the limits of {} to {} Hz", control.least, control.most))
 }
 
-/// How a request ends that no line has answered.
+/// The report on a request that no line has answered.
 const fn unanswered_outcome(request: &Request) -> Outcome {
     match request {
         Request::Order(_) => Outcome::Unknown,

@@ -1,10 +1,11 @@
-//! When a command was issued, by the clock of its commander.
+//! When a command was issued, by the clock of its client.
 //!
-//! That clock may be ahead of ours. How far is seen when a command comes before its own moment, and is taken off the
-//! moments that follow: a command that comes a second time then has the moment at which it came first, and is older than
-//! a stop between the two. It is as good as the clocks: one that is ahead without ever having shown it is believed.
+//! That clock may be ahead of ours. By how much shows when a command arrives before its own moment, and is subtracted
+//! from later moments: a command that arrives a second time then has the moment at which it first arrived, and is older
+//! than a stop in between. This is as good as the clocks: a clock that is ahead without ever having shown it is
+//! believed.
 //!
-//! Ours may be set back. A moment that comes a second time is therefore never younger than when it came first.
+//! Our clock may be set back. A moment that arrives a second time is therefore never younger than on its first arrival.
 
 use crate::domain::command::Reason;
 use crate::domain::time::MonoTime;
@@ -13,45 +14,45 @@ use crate::north::command_words::Refused;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// How far ahead of ours the clock of a commander may be.
+/// How far the clock of a client may be ahead of ours.
 const AHEAD_MAX_MS: i64 = 2_000;
-/// From here on the difference is told.
+/// From this difference on it is reported.
 const TOLD_FROM_MS: i64 = 100;
-/// A difference that was not seen for so long has been mended. No command is as old.
+/// A difference not seen for this long has been corrected. No command is that old.
 const SEEN_FOR: Duration = Duration::from_secs(600);
-/// Most moments that were refused and are remembered.
+/// Most refused moments that are remembered.
 const REFUSED_MAX: usize = 64;
-/// Most moments that were taken and are remembered.
+/// Most accepted moments that are remembered.
 const TAKEN_MAX: usize = 1024;
 
-/// What is known about the clocks of those who command.
+/// What is known about the clocks of the clients.
 #[derive(Debug, Default)]
 pub(in crate::north) struct Issued {
-    /// How far ahead they were at most, in milliseconds, and when that was seen last.
+    /// The largest lead seen, in milliseconds, and when it was last seen.
     lead: Option<(i64, MonoTime)>,
-    /// Moments that were too far ahead, newest last. They stay refused when they have come, so they have a list of their
-    /// own: commands that are taken drop none of them.
+    /// Moments that were too far ahead, newest last. They stay refused once that time is reached, so they have a list
+    /// of their own: accepted commands displace none of them.
     refused: VecDeque<i64>,
-    /// Moments that were taken, newest last, with when each came first.
+    /// Accepted moments, newest last, with the first arrival of each.
     taken: VecDeque<(i64, MonoTime)>,
 }
 
 /// When one command was issued.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(in crate::north) struct Issue {
-    /// How long ago, at least. Nothing is issued after it came.
+    /// Its age, at least. No command is issued after its arrival.
     pub(in crate::north) age: Duration,
     /// The moment on our clock that counts against stops, trips and lost leases.
     pub(in crate::north) moment: MonoTime,
-    /// That the clock is ahead, for people.
+    /// A remark for people that the clock is ahead.
     pub(in crate::north) remark: Option<String>,
 }
 
 impl Issued {
-    /// Takes a command that came `at`, and was issued at `issued_at` in milliseconds since 1970.
+    /// Takes a command that arrived `at`, and was issued at `issued_at` in milliseconds since 1970.
     ///
     /// # Errors
-    /// Its moment is too far ahead, or was when it came first.
+    /// Its moment is too far ahead, or was when it first arrived.
     pub(in crate::north) fn take(&mut self, at: Moment, issued_at: i64) -> Result<Issue, Refused> {
         let ahead_ms = issued_at.saturating_sub(at.wall.unix_ms);
         if ahead_ms > AHEAD_MAX_MS {
@@ -82,7 +83,7 @@ impl Issued {
         }
     }
 
-    /// When this moment came first: now, unless it is remembered.
+    /// When this moment first arrived: now, unless it is remembered.
     fn came_first(&mut self, now: MonoTime, issued_at: i64) -> MonoTime {
         if let Some((_, came_first)) = self.taken.iter().find(|(it, _)| *it == issued_at) {
             return *came_first;
@@ -92,7 +93,7 @@ impl Issued {
     }
 }
 
-/// Adds an item at the back, and drops the oldest one when there are `max`.
+/// Appends an item, and drops the oldest one when there are `max`.
 fn bounded_push<T>(items: &mut VecDeque<T>, max: usize, item: T) {
     if items.len() >= max {
         items.pop_front();
@@ -107,7 +108,7 @@ fn ahead(ahead_ms: i64) -> String {
     format!("its moment of issue is {seconds:.1} s ahead of the gateway's clock: set both clocks")
 }
 
-/// So many milliseconds; none if it is less than none.
+/// This many milliseconds; zero if negative.
 fn millis(span: i64) -> Duration {
     Duration::from_millis(u64::try_from(span).unwrap_or(0))
 }

@@ -1,5 +1,5 @@
-//! What the sessions with a broker share, MQTT and Sparkplug: the way to the broker and its probe, how old a command
-//! is, and commands on their way to the lines. The sessions parse and answer on top of it.
+//! What the MQTT and Sparkplug sessions with a broker share: the path to the broker and its probe, the age of a
+//! command, and commands on their way to the lines. The sessions add parsing and answers.
 
 mod commands;
 mod issued;

@@ -1,56 +1,57 @@
-//! The way through the broker: subscription, probe, what may have waited on it, and when a connection is given up.
+//! The path through the broker: subscription, probe, what may have been delayed on it, and when a connection is given
+//! up.
 //!
-//! Probes go and come in the same queues as commands. A probe that was sent after a command was published cannot come
-//! back before that command. So a command is young as long as every probe comes back in time, and one that waited is
-//! noticed at the latest when the next probe is overdue: after [`unnoticed`].
+//! Probes pass through the same queues as commands. A probe that was sent after a command was published cannot return
+//! before that command. So a command is fresh as long as every probe returns in time, and a delayed one is noticed at
+//! the latest when the next probe is overdue: after [`unnoticed`].
 
 use crate::domain::time::MonoTime;
 use crate::north::seal::Seal;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// A probe that comes back so much later than usual is overdue.
+/// A probe that returns this much later than usual is overdue.
 const LATE: Duration = Duration::from_millis(250);
-/// The longest round trip that counts as usual, so that a way that becomes slower and slower is noticed. It is also
-/// what is assumed of a way that is not known yet.
+/// The longest round trip that counts as usual, so that a path that keeps slowing down is noticed. It is also assumed
+/// for a path that is not known yet.
 const USUAL_MAX: Duration = Duration::from_millis(500);
 /// A connection that ended sooner than this was a brief one.
 const BRIEF: Duration = Duration::from_secs(5);
 /// By what part of the difference the usual round trip follows a faster one; it follows a slower one at once.
 const USUAL_PART: u32 = 8;
-/// Most probes whose moments are kept. With more under way the oldest is overdue long since.
+/// Most probes whose moments are kept. With more in flight the oldest has long been overdue.
 const UNDER_WAY_MAX: usize = 16;
 
-/// The longest time that a command can wait without a sign of it, where the way is probed every `interval`: it waits
-/// behind a probe that has just come back, and the next one is overdue.
+/// The longest time that a command can be delayed unnoticed if the path is probed every `interval`: it is delayed just
+/// after a probe has returned, and the next one is overdue.
 #[must_use]
 pub const fn unnoticed(interval: Duration) -> Duration {
     interval.saturating_add(USUAL_MAX).saturating_add(LATE)
 }
 
-/// Where the connection stands.
+/// State of the connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// No connection.
     Down,
-    /// Accepted by the broker; the subscription is to be asked for.
+    /// Accepted by the broker; the subscription is still to be requested.
     Connected,
-    /// The subscription was asked for, then.
+    /// The subscription was requested at this moment.
     Subscribing(MonoTime),
-    /// Every filter is granted; no probe came back yet.
+    /// Every filter is granted; no probe has returned yet.
     Granted,
-    /// A probe came back.
+    /// A probe has returned.
     Open,
-    /// A new connection is to be asked for, for this reason.
+    /// A new connection is to be requested, for this reason.
     GivingUp(&'static str),
-    /// A new connection was asked for.
+    /// A new connection was requested.
     GivenUp,
 }
 
 /// What a returned probe means.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::north) enum Returned {
-    /// The way is open.
+    /// The path is open.
     Ours,
     /// It is a probe of another connection or another gateway.
     Foreign,
@@ -61,7 +62,7 @@ pub(in crate::north) enum Returned {
 pub(in crate::north) struct Path {
     interval: Duration,
     timeout: Duration,
-    /// What marks the probes of this session, so that no peer can write one.
+    /// Marks the probes of this session, so that no peer can forge one.
     seal: Seal,
     phase: Phase,
     /// Number of the last probe sent.
@@ -72,31 +73,31 @@ pub(in crate::north) struct Path {
     /// Since when a probe is missing.
     missing_since: Option<MonoTime>,
     last_return: Option<MonoTime>,
-    /// Probes that were sent and did not return, each with the moment at which it was due. Bounded.
+    /// Probes that were sent and have not returned, each with the moment at which it was due. Bounded.
     under_way: VecDeque<(u64, MonoTime)>,
     /// The usual time from the moment at which a probe is due to its return.
     usual: Duration,
-    /// What comes may have waited.
+    /// Why what arrives may have been delayed.
     stall: Option<Stall>,
-    /// When the first probe came back on this connection.
+    /// When the first probe returned on this connection.
     opened_at: Option<MonoTime>,
-    /// So long the way has to be open without a break before it is a sign of life again.
+    /// How long the path has to be open without interruption before it counts as a heartbeat again.
     proves_after: Duration,
 }
 
-/// Why what comes may have waited.
+/// Why what arrives may have been delayed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Stall {
-    /// It ends when the probe with this number, or a later one, has come back in time.
+    /// Ends when the probe with this number, or a later one, has returned in time.
     until: u64,
-    /// How long this side stood still.
+    /// How long the process was suspended.
     stood: Duration,
-    /// The way itself is not proven: a probe is overdue, or none came back on this connection.
+    /// The path itself is not proven: a probe is overdue, or none has returned on this connection.
     is_of_the_way: bool,
 }
 
 impl Path {
-    /// A way that is not connected. `probe_key` is random, and of this session alone.
+    /// A path that is not connected. `probe_key` is random, and used by this session only.
     pub(in crate::north) fn new(probe_key: u128, interval: Duration, timeout: Duration) -> Self {
         Self {
             interval,
@@ -120,8 +121,9 @@ impl Path {
         self.reset(Phase::Connected);
     }
 
-    /// The connection is over. The next one is a sign of life of the commanders when it has lasted for another probe; after
-    /// a brief one when it has lasted longer than that. A way that is open only for moments keeps no lease.
+    /// The connection is lost. The next one counts as a heartbeat of the clients once it has lasted for one more probe;
+    /// after a brief one, once it has lasted longer than that. A path that is open only for moments keeps no lease
+    /// alive.
     pub(in crate::north) fn lost(&mut self, at: MonoTime) {
         if let Some(opened) = self.opened_at {
             self.proves_after = if at.since(opened) < BRIEF { BRIEF } else { self.interval / 2 };
@@ -137,11 +139,12 @@ impl Path {
         self.opened_at = None;
         self.under_way.clear();
         self.usual = USUAL_MAX;
-        // Even the answer to the subscription may have waited, and commands right behind it.
+        // Even the answer to the subscription may have been delayed, and commands right after it.
         self.stall = Some(Stall { until: self.sent + 1, stood: Duration::ZERO, is_of_the_way: true });
     }
 
-    /// This side stood still for so long; [`Duration::MAX`]: nobody knows how long what comes now has waited. It has missed what came, so that nothing is overdue, and a probe is due.
+    /// The process was suspended for this long; [`Duration::MAX`]: the delay of what arrives now is unknown. It has
+    /// missed what arrived, so nothing is overdue, and a probe is due.
     pub(in crate::north) fn stalled(&mut self, at: MonoTime, stood: Duration) {
         let before = self.stall.unwrap_or(Stall { until: 0, stood: Duration::ZERO, is_of_the_way: false });
         let is_of_the_way = before.is_of_the_way || stood == Duration::MAX;
@@ -153,14 +156,14 @@ impl Path {
         }
     }
 
-    /// Looks whether a probe is overdue, sent or not. From then on what comes may have waited, until a probe that is sent
-    /// later has come back in time. To be asked before anything that came is judged.
+    /// Checks whether a probe is overdue, sent or not. From then on what arrives may have been delayed, until a probe
+    /// that is sent later has returned in time. To be called before anything that arrived is judged.
     pub(in crate::north) fn look(&mut self, at: MonoTime) {
         if !self.is_granted() {
             return;
         }
         let until = self.stall.map_or(0, |stall| stall.until);
-        // Of those from before a stall only one thing is known: that it was there.
+        // Of those from before a suspension only their return is known.
         let sent = self.under_way.iter().find(|(number, _)| *number >= until).map(|(_, due)| *due);
         let oldest = sent.unwrap_or(self.next_probe);
         if at.since(oldest) > self.usual + LATE {
@@ -169,17 +172,17 @@ impl Path {
         }
     }
 
-    /// How long a message that comes now may have waited because this side stood still.
+    /// How long a message that arrives now may have been delayed because the process was suspended.
     pub(in crate::north) fn may_have_waited(&self) -> Duration {
         self.stall.map_or(Duration::ZERO, |stall| stall.stood)
     }
 
-    /// Whether a message that comes now may have waited on the way, for a time that is not known.
+    /// Whether a message that arrives now may have been delayed on the path, for an unknown time.
     pub(in crate::north) fn is_unproven(&self) -> bool {
         self.stall.is_some_and(|stall| stall.is_of_the_way)
     }
 
-    /// Whether the subscription is to be asked for now; once per connection.
+    /// Whether the subscription is to be requested now; once per connection.
     pub(in crate::north) fn take_subscription(&mut self, at: MonoTime) -> bool {
         let is_due = self.phase == Phase::Connected;
         if is_due {
@@ -188,7 +191,7 @@ impl Path {
         is_due
     }
 
-    /// The broker's answer to the subscription. True if the way to the probe is free now.
+    /// The broker's answer to the subscription. True if the probe may be sent now.
     pub(in crate::north) fn subscribed(&mut self, at: MonoTime, is_granted: bool) -> bool {
         if !matches!(self.phase, Phase::Subscribing(_)) {
             return false;
@@ -223,7 +226,7 @@ impl Path {
         self.look(at);
         let due = self.next_probe;
         self.missing_since.get_or_insert(due);
-        // In step, so that none is late for those before; what was missed while nobody asked is left out.
+        // In step, so that none is late because of earlier ones; those missed while not polled are skipped.
         let next = due + self.interval;
         self.next_probe = if next > at { next } else { at + self.interval };
         self.sent += 1;
@@ -233,7 +236,7 @@ impl Path {
         Some(self.seal.text(self.sent).into_bytes())
     }
 
-    /// A probe came in.
+    /// A probe arrived.
     pub(in crate::north) fn returned(&mut self, at: MonoTime, payload: &[u8]) -> Returned {
         let number = self.seal.number(payload).filter(|number| (self.settled + 1..=self.sent).contains(number));
         let Some(number) = number.filter(|_| self.is_granted()) else { return Returned::Foreign };
@@ -243,12 +246,12 @@ impl Path {
         self.under_way.retain(|(sent, _)| *sent > number);
         self.learn(at, due);
         match &mut self.stall {
-            // With too many under way nobody knows whether this one is in time.
+            // With too many in flight it is unknown whether this one is in time.
             Some(stall) if stall.until <= number && due.is_none() => stall.until = self.sent + 1,
             stall => drop(stall.take_if(|stall| stall.until <= number)),
         }
         if self.stall.is_some_and(|stall| stall.until > self.sent) {
-            // The way moves again: the probe that proves it goes at once.
+            // The path is moving again: the probe that proves it is sent at once.
             self.next_probe = self.next_probe.min(at);
         }
         self.missing_since = (number < self.sent).then_some(at);
@@ -258,14 +261,14 @@ impl Path {
         Returned::Ours
     }
 
-    /// Takes the round trip of a probe that was due then. It is usual up to a bound only.
+    /// Takes the round trip of a probe that was due at this moment. It is usual only up to a bound.
     fn learn(&mut self, at: MonoTime, due: Option<MonoTime>) {
         let Some(due) = due else { return };
         let trip = at.since(due).min(USUAL_MAX);
         self.usual = trip.max(self.usual - self.usual.saturating_sub(trip) / USUAL_PART);
     }
 
-    /// Gives the connection up if the broker has been silent for too long. True if it was a probe that got lost.
+    /// Gives the connection up if the broker has been silent for too long. True if the cause was a lost probe.
     pub(in crate::north) fn check(&mut self, at: MonoTime) -> bool {
         if self.overdue().is_none_or(|overdue| at < overdue) {
             return false;
@@ -279,7 +282,7 @@ impl Path {
         is_probe
     }
 
-    /// The reason for which a new connection is to be asked for; once.
+    /// The reason for which a new connection is to be requested; returned once.
     pub(in crate::north) fn take_reconnect(&mut self) -> Option<&'static str> {
         let Phase::GivingUp(reason) = self.phase else { return None };
         self.phase = Phase::GivenUp;
@@ -291,29 +294,29 @@ impl Path {
         matches!(self.phase, Phase::Granted | Phase::Open)
     }
 
-    /// Whether a probe came back on this connection, and the connection is not given up.
+    /// Whether a probe has returned on this connection, and the connection is not given up.
     pub(in crate::north) fn is_open(&self) -> bool {
         self.phase == Phase::Open
     }
 
-    /// Whether a probe came back not longer ago than it may be missing.
+    /// Whether a probe has returned no longer ago than it may be missing.
     pub(in crate::north) fn is_alive(&self, at: MonoTime) -> bool {
         let is_fresh = |returned| at.since(returned) <= self.interval + self.timeout;
         self.is_open() && self.last_return.is_some_and(is_fresh)
     }
 
-    /// Whether the way has been open for long enough to be a sign of life of those who command by it.
+    /// Whether the path has been open for long enough to be a heartbeat of its clients.
     pub(in crate::north) fn is_sign_of_life(&self, at: MonoTime) -> bool {
         self.opened_at.is_some_and(|opened| at.since(opened) >= self.proves_after)
     }
 
-    /// When something is to be done without a cause from outside.
+    /// When something is to be done without an external event.
     pub(in crate::north) fn wake(&self) -> Option<MonoTime> {
         let probe = self.is_granted().then_some(self.next_probe);
         probe.into_iter().chain(self.overdue()).min()
     }
 
-    /// When the connection is given up if nothing comes.
+    /// When the connection is given up if nothing arrives.
     pub(in crate::north) fn overdue(&self) -> Option<MonoTime> {
         let since = match self.phase {
             Phase::Subscribing(since) => Some(since),
@@ -370,7 +373,7 @@ mod tests {
         let first = path.take_probe(at(1)).unwrap();
         assert_eq!(path.returned(at(1), &first), Returned::Ours);
         let second = path.take_probe(at(6)).unwrap();
-        // One who has read the first writes the second, which is still on its way.
+        // A peer that has read the first writes the second, which is still in flight.
         let first = String::from_utf8(first).unwrap();
         for (place, digit) in first.match_indices('1') {
             let mut forged = first.clone();
@@ -410,15 +413,16 @@ mod tests {
         assert!(path.take_reconnect().is_some());
     }
 
-    /// A way with a round trip of `trip` that stands still between two moments, in milliseconds: what is sent into it then
-    /// comes at the end, in order. `run` is published at that moment. Gives back when it comes, and whether it is trusted.
+    /// A path with a round trip of `trip` that stalls between two moments, in milliseconds: what is sent into it then
+    /// arrives at the end, in order. `run` is published at that moment. Returns when it arrives, and whether it is
+    /// trusted.
     fn run_through(interval: u64, trip: u64, stall: (u64, u64), run: u64) -> (u64, bool) {
         let ms = |millis: u64| MonoTime::from_millis(millis);
         let mut path = Path::new(7, Duration::from_millis(interval), Duration::from_secs(3600));
         path.connected();
         path.take_subscription(ms(0));
         path.subscribed(ms(0), true);
-        // What is under way from the broker: when it comes, and a probe or the run.
+        // In flight from the broker: when it arrives, and a probe or the run.
         let mut coming: VecDeque<(u64, Option<Vec<u8>>)> = VecDeque::new();
         let through = |sent: u64, coming: &VecDeque<(u64, Option<Vec<u8>>)>, trip: u64| {
             let free = if (stall.0..stall.1).contains(&(sent + trip)) { stall.1 } else { sent + trip };
@@ -477,8 +481,8 @@ mod tests {
             for run in (2_000..5_000).step_by(170) {
                 assert!(run_through(1_000, trip, (0, 0), run).1, "{trip} {run}");
             }
-            // Two round trips after the end, at most: of the probe that was late, and of the one that proves. It does not
-            // wait until it is its turn.
+            // At most two round trips after the end: of the probe that was late, and of the one that proves the path,
+            // which is not sent on schedule but at once.
             for end in [15_000, 15_100, 15_500] {
                 assert!(run_through(1_000, trip, (5_000, end), end + 2 * trip + 100).1, "{trip} {end}");
             }
@@ -500,7 +504,7 @@ mod tests {
             path.returned(slow, &probe);
             assert!(second <= 15 || path.is_unproven(), "{second}");
         }
-        // Not even one that cannot be sent, because nothing leaves.
+        // Not even one that cannot be sent, because nothing is sent.
         let mut path = granted();
         let probe = path.take_probe(at(1)).unwrap();
         path.returned(at(1), &probe);

@@ -1,4 +1,4 @@
-//! What a session and its broker say to each other, whatever the payloads are.
+//! Events and messages between a session and its broker, independent of the payload format.
 
 use crate::domain::ids::Name;
 use crate::domain::report::{LineReport, StationReport};
@@ -14,10 +14,10 @@ pub enum Version {
     V5,
 }
 
-/// What a broker said when the connection was accepted.
+/// What a broker stated when it accepted the connection.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Broker {
-    /// Longest packet that it takes, in bytes; nothing: it names no limit.
+    /// Longest packet that it accepts, in bytes; `None` if it names no limit.
     pub maximum_packet_bytes: Option<usize>,
     /// Whether it keeps retained messages.
     pub retains: bool,
@@ -30,27 +30,27 @@ pub enum Event<'a> {
     Connected(Broker),
     /// The broker answered the subscription: whether it granted each filter, in order.
     Subscribed(Vec<bool>),
-    /// A message came.
+    /// A message arrived.
     Message(Message<'a>),
     /// The broker acknowledged the publication with this token.
     Acknowledged(u64),
-    /// The broker does not take the publication with this token (MQTT 5).
+    /// The broker refused the publication with this token (MQTT 5).
     Refused(u64, Refusal),
-    /// This side stood still for so long, or nobody knows how long: what comes from now on may have waited for it, up to
-    /// what is said from now on and comes back.
+    /// The process was suspended for this long, or for an unknown time: what arrives from now on may have been delayed
+    /// by it, until something sent after this event has returned.
     Stalled(Duration),
-    /// The connection is gone.
+    /// The connection is lost.
     Lost,
 }
 
-/// What it means that a broker does not take a publication.
+/// Why a broker refused a publication.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Refusal {
-    /// It takes no more for now, whatever it is.
+    /// It accepts no more for now, whatever it is.
     Full,
     /// It failed to take this one.
     Failed,
-    /// It will not take this one: it is not allowed, or its topic or payload is wrong for that broker.
+    /// It will not accept this one: it is not allowed, or its topic or payload is wrong for that broker.
     Never,
 }
 
@@ -61,15 +61,15 @@ pub struct Message<'a> {
     pub topic: &'a str,
     /// Its payload.
     pub payload: &'a [u8],
-    /// The retain flag as it arrived: set if it was delivered at subscribe or, with MQTT 5, published so.
+    /// The retain flag as received: set if the message was delivered at subscribe or, with MQTT 5, published with it.
     pub retain: bool,
-    /// The sender's or the broker's mark of a repeat.
+    /// The duplicate flag of the sender or the broker.
     pub duplicate: bool,
-    /// Rest of its life (MQTT 5).
+    /// Remaining lifetime (MQTT 5).
     pub expiry: Option<Duration>,
-    /// Where its sender wants the response (MQTT 5).
+    /// Response topic (MQTT 5).
     pub response_topic: Option<&'a str>,
-    /// What the response shall carry (MQTT 5).
+    /// Correlation data for the response (MQTT 5).
     pub correlation: Option<&'a [u8]>,
 }
 
@@ -78,10 +78,10 @@ pub struct Message<'a> {
 pub struct Filter {
     /// The topic, with or without wildcards.
     pub path: String,
-    /// The best quality of service at which the broker shall send what it has.
+    /// The highest quality of service at which the broker delivers messages.
     pub qos: Qos,
-    /// Whether the broker shall send what it has retained (MQTT 5; with 3.1.1 it always does). A retained command is a
-    /// replay, but a retained state is what holds.
+    /// Whether the broker sends retained messages (MQTT 5; with 3.1.1 it always does). A retained command is a replay,
+    /// but a retained state is valid.
     pub wants_retained: bool,
 }
 
@@ -92,15 +92,15 @@ pub struct Publication {
     pub topic: String,
     /// Its payload; empty and retained clears the topic.
     pub payload: Vec<u8>,
-    /// Whether the broker keeps it.
+    /// Whether the broker retains it.
     pub retain: bool,
     /// Quality of service.
     pub qos: Qos,
-    /// How long the broker may keep it (MQTT 5); nothing: for good.
+    /// How long the broker may keep it (MQTT 5); `None`: without limit.
     pub expiry: Option<Duration>,
-    /// What a response carries back (MQTT 5).
+    /// Correlation data of a response (MQTT 5).
     pub correlation: Option<Vec<u8>>,
-    /// The session wants to be told when the broker acknowledged it. Only with quality of service 1.
+    /// The session wants to be notified when the broker has acknowledged it. Only with quality of service 1.
     pub token: Option<u64>,
 }
 

@@ -1,14 +1,14 @@
-//! From what became of a request to the PDU that answers it.
+//! From the outcome of a request to the response PDU.
 
 use super::ask::Ask;
 use super::function as client;
 use crate::wire::exception;
 use crate::wire::pdu::{self, MAX_PDU_BYTES, function};
 
-/// What became of a request.
+/// The outcome of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer<'a> {
-    /// The words that were read: as many as were asked for.
+    /// The words that were read: as many as were requested.
     Words(&'a [u16]),
     /// The bits that were read, the first in the lowest bit of the first byte: as many bytes as they need.
     Bits(&'a [u8]),
@@ -20,20 +20,20 @@ pub enum Answer<'a> {
     Exception(u8),
 }
 
-/// What an answer must keep of its request.
+/// What a response must keep of its request.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Form {
-    /// The function code that was asked for; the answer carries it.
+    /// The requested function code; the response carries it.
     function: u8,
     success: Success,
 }
 
-/// What the answer to a request that succeeds holds.
+/// The content of the response to a successful request.
 #[derive(Clone, Copy, Debug)]
 enum Success {
-    /// As many words as were asked for.
+    /// As many words as were requested.
     Words(u16),
-    /// As many bits as were asked for.
+    /// As many bits as were requested.
     Bits(u16),
     /// The two words with which the write began: address and value, or address and quantity.
     Echo([u16; 2]),
@@ -43,7 +43,7 @@ enum Success {
     Identity,
 }
 
-/// What follows the function code of an answer that is no exception.
+/// What follows the function code in a response that is not an exception.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Body<'a> {
     /// Byte count and words.
@@ -75,9 +75,9 @@ impl Form {
         Self { function: ask.function(), success }
     }
 
-    /// What the client gets, or the code of its exception.
+    /// The response to the client, or the code of its exception.
     ///
-    /// An answer that does not fit what was asked would be a false one, so it is 04.
+    /// A response that does not fit the request would be false, so it becomes exception 04.
     pub(super) fn judge<'a>(&self, answer: Answer<'a>) -> Result<Body<'a>, u8> {
         match (answer, self.success) {
             (Answer::Exception(code), _) => Err(code),
@@ -127,7 +127,7 @@ pub(super) fn encode_exception(out: &mut Vec<u8>, function: u8, code: u8) {
     out.extend([function | function::EXCEPTION_BIT, code]);
 }
 
-/// The bits behind the last one are zeros (V1.1b3, 6.1).
+/// The bits after the last one are zeros (V1.1b3, 6.1).
 fn put_bits(out: &mut Vec<u8>, bytes: &[u8], count: u16) {
     out.extend_from_slice(bytes);
     if let Some(last) = out.last_mut().filter(|_| !count.is_multiple_of(8)) {

@@ -1,4 +1,4 @@
-//! What a client asks, whatever the unit: its request with every check done that needs no unit.
+//! A client's request, independent of the unit, after every check that needs no unit.
 
 use super::function as client;
 use crate::wire::pdu::function;
@@ -21,8 +21,7 @@ pub enum BitTable {
     Discrete,
 }
 
-/// A request that is right in itself: quantities and byte counts are those of the standard, and no range passes
-/// 0xFFFF.
+/// A request that is valid in itself: quantities and byte counts are those of the standard, and no range passes 0xFFFF.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ask {
     /// 01 and 02.
@@ -45,7 +44,7 @@ pub enum Ask {
     },
     /// 08, sub-function 0.
     LoopTest {
-        /// The word that comes back.
+        /// The word that is returned.
         data: u16,
     },
     /// 05.
@@ -106,7 +105,7 @@ pub enum Ask {
 }
 
 impl Ask {
-    /// The function code with which it came.
+    /// Its function code.
     #[must_use]
     pub const fn function(&self) -> u8 {
         match self {
@@ -125,14 +124,14 @@ impl Ask {
         }
     }
 
-    /// Whether it writes, be it besides reading.
+    /// Whether it writes, alone or together with a read.
     #[must_use]
     pub const fn writes(&self) -> bool {
         !matches!(self, Self::ReadBits { .. } | Self::ReadWords { .. } | Self::LoopTest { .. } | Self::Identify { .. })
     }
 }
 
-/// Bits as they stand in a frame: the first in the lowest bit of the first byte.
+/// Bits as in a frame: the first in the lowest bit of the first byte.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Bits {
     bytes: Vec<u8>,
@@ -140,7 +139,7 @@ pub struct Bits {
 }
 
 impl Bits {
-    /// The first `count` bits in `bytes`; nothing unless there are just as many bytes as they need.
+    /// The first `count` bits in `bytes`; `None` unless there are exactly as many bytes as they need.
     #[must_use]
     pub fn new(bytes: &[u8], count: u16) -> Option<Self> {
         (bytes.len() == usize::from(count.div_ceil(8))).then(|| Self { bytes: bytes.to_vec(), count })
@@ -152,7 +151,7 @@ impl Bits {
         self.count
     }
 
-    /// The bit at `place`, from 0; nothing behind the last.
+    /// The bit at `place`, from 0; `None` past the last.
     #[must_use]
     pub fn get(&self, place: u16) -> Option<bool> {
         let byte = self.bytes.get(usize::from(place / 8))?;

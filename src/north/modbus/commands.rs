@@ -1,11 +1,11 @@
-//! The commands of one connection that are not answered yet.
+//! The unanswered commands of one connection.
 
 use super::refusal;
 use crate::domain::command::{CommandAnswer, Outcome};
 use crate::domain::ids::Ticket;
 use crate::domain::time::MonoTime;
 
-/// What a call reads once its command is answered (17 hex).
+/// What a call reads after its command is answered (17 hex).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadBehind {
     /// The unit.
@@ -21,13 +21,13 @@ pub struct ReadBehind {
 pub struct Ended {
     /// The call.
     pub call: Ticket,
-    /// The worst of what became of its commands; nothing: all succeeded.
+    /// The worst outcome of its commands; `None`: all succeeded.
     pub exception: Option<u8>,
     /// What is to be read now, if all succeeded.
     pub read: Option<ReadBehind>,
 }
 
-/// Which commands belong to which call. Its bound is that of the calls in flight.
+/// Which commands belong to which call. Bounded by the number of calls in flight.
 #[derive(Debug, Default)]
 pub struct Commands {
     calls: Vec<Waiting>,
@@ -37,15 +37,15 @@ pub struct Commands {
 struct Waiting {
     call: Ticket,
     deadline: MonoTime,
-    /// Commands that are not answered yet.
+    /// Unanswered commands.
     out: Vec<Ticket>,
     worst: Option<u8>,
     read: Option<ReadBehind>,
 }
 
 impl Commands {
-    /// Expects an answer to each of `out` for `call`, which ends by itself at `deadline`. `worst` is what has become
-    /// of it already: a command that could not be handed on. Nothing is expected if `out` is empty.
+    /// Expects an answer to each of `out` for `call`, which expires at `deadline`. `worst` is its worst outcome so far:
+    /// a command that could not be handed on. No answer is expected if `out` is empty.
     pub fn expect(
         &mut self,
         now: MonoTime,
@@ -61,8 +61,8 @@ impl Commands {
         }
     }
 
-    /// Takes an answer to a command. Returns the call that is answered by it, once the first word of the drive on
-    /// each of its commands is there; what follows an acknowledgement stands in the picture.
+    /// Takes an answer to a command. Returns the call that this answers, once the drive has answered each of its
+    /// commands for the first time; what follows an acknowledgement is shown in the view.
     pub fn take(&mut self, answer: &CommandAnswer) -> Option<Ended> {
         if !answer.is_final && answer.report.outcome != Outcome::Acknowledged {
             return None;

@@ -16,52 +16,52 @@ use crate::wire::mbap;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// A request for a unit. It ends with one [`Connection::answer`], or with exception 0B at its deadline.
+/// A request for a unit. It is finished by one [`Connection::answer`], or by exception 0B at its deadline.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Call {
-    /// This connection's number for it; never used twice.
+    /// This connection's number for it; never reused.
     pub ticket: Ticket,
     /// The unit that the client addressed, not checked.
     pub unit: u8,
-    /// What is asked.
+    /// The request.
     pub ask: Ask,
     /// When the client gets exception 0B if there is no answer yet.
     pub deadline: MonoTime,
 }
 
-/// Whether a request to a unit orders something to stop. Only who knows the units can tell.
+/// Whether a request to a unit orders a stop. This depends on the unit, so the owner supplies it.
 pub type IsStop<'a> = &'a dyn Fn(u8, &Ask) -> bool;
 
 /// One client connection. Its owner moves bytes between it and the socket:
 ///
 /// * bytes from the socket go to [`receive`](Self::receive), as long as [`wants_input`](Self::wants_input);
-///   then [`next_call`](Self::next_call) is asked until it gives nothing;
-/// * what became of a call goes to [`answer`](Self::answer);
-/// * [`output`](Self::output) goes to the socket, and what it took to [`wrote`](Self::wrote);
+///   then [`next_call`](Self::next_call) is called until it returns `None`;
+/// * the outcome of a call goes to [`answer`](Self::answer);
+/// * [`output`](Self::output) goes to the socket, and the number of bytes written to [`wrote`](Self::wrote);
 /// * [`tick`](Self::tick) is called when [`next_wake`](Self::next_wake) is due;
 /// * once there is a [`close_reason`](Self::close_reason), what is left of the output may still be written,
 ///   and the socket is closed.
 ///
-/// Answers go out in the order in which they come to be, each with the transaction and the unit of its request.
-/// Received bytes are parsed at once, so only the beginning of one message is ever kept. Bytes that arrive
-/// against `wants_input` are served too, until the output passes [`OUTPUT_MAX`](Self::OUTPUT_MAX).
+/// Answers are sent in the order in which they become available, each with the transaction and the unit of its request.
+/// Received bytes are parsed at once, so only the beginning of one message is ever kept. Bytes that arrive against
+/// `wants_input` are served too, until the output passes [`OUTPUT_MAX`](Self::OUTPUT_MAX).
 #[derive(Debug)]
 pub struct Connection {
     limits: Limits,
     /// The beginning of one message.
     input: Vec<u8>,
-    /// When the first byte of `input` came.
+    /// When the first byte of `input` arrived.
     begun: Option<MonoTime>,
     calls: VecDeque<Call>,
     /// Requests in flight, oldest first.
     pending: Vec<Pending>,
     output: Vec<u8>,
     next_ticket: u64,
-    /// When the last request came or the last call ended.
+    /// When the last request arrived or the last call was finished.
     active: MonoTime,
     close: Option<CloseReason>,
     counters: Counters,
-    /// Attempts to write that no line sees, oldest first.
+    /// Attempts to write that reach no line, oldest first.
     kept: VecDeque<UnsentAttempt>,
 }
 
@@ -73,22 +73,22 @@ struct Pending {
     transaction: u16,
     unit: u8,
     form: Form,
-    /// It is a stop that found all places taken.
+    /// It is a stop that arrived while all places were taken.
     is_extra: bool,
 }
 
 impl Connection {
-    /// No more input is wanted while more bytes than this wait to be written: the full answers to 16 requests.
+    /// No more input is read while more bytes than this are waiting to be written: the full answers to 16 requests.
     pub const OUTPUT_HIGH: usize = 16 * mbap::MAX_ADU_BYTES;
-    /// Input that arrives while more bytes than this wait to be written ends the connection. It leaves room
-    /// for the exceptions to some reads of the socket that were under way.
+    /// Input that arrives while more bytes than this are waiting to be written closes the connection. It leaves room
+    /// for the exceptions to some socket reads already in progress.
     pub const OUTPUT_MAX: usize = 64 * 1024;
-    /// Most attempts that wait to be fetched: as many requests as some reads of the socket bring.
+    /// Most attempts waiting to be fetched: as many requests as some reads of the socket bring.
     pub const KEPT_MAX: usize = 256;
-    /// What an empty buffer may go on holding, so that thousands of idle connections stay small.
+    /// Most capacity that an empty buffer keeps, so that thousands of idle connections stay small.
     const KEEP_BYTES: usize = 512;
 
-    /// A connection that was accepted at `now`. It holds no memory of its own before the first request.
+    /// A connection that was accepted at `now`. It allocates nothing before the first request.
     #[must_use]
     pub fn new(limits: Limits, now: MonoTime) -> Self {
         Self {
@@ -106,8 +106,9 @@ impl Connection {
         }
     }
 
-    /// Takes bytes that the client sent. Exceptions that need no unit are answered at once. Calls come in the order
-    /// in which they were sent, also stops: one that overtook a run order of the same client would be undone by it.
+    /// Takes bytes that the client sent. Exceptions that need no unit are answered at once. Calls are returned in the
+    /// order in which they were sent, stops included: one that overtook a run order of the same client would be undone
+    /// by it.
     pub fn receive(&mut self, now: MonoTime, bytes: &[u8], is_stop: IsStop<'_>) {
         if self.close.is_some() || bytes.is_empty() {
             return;
@@ -131,8 +132,8 @@ impl Connection {
         self.input = held;
     }
 
-    /// How many of `bytes` reach to the end of the next message; all of them if none ends there. Whoever gives them to
-    /// [`receive`](Self::receive) in such pieces, and answers in between what can be answered at once, has only those
+    /// How many of `bytes` reach to the end of the next message; all of them if none ends there. An owner that passes
+    /// them to [`receive`](Self::receive) in such pieces, and answers immediate requests in between, has only those
     /// requests in flight that wait for something.
     #[must_use]
     pub fn next_piece(&self, bytes: &[u8]) -> usize {
@@ -143,7 +144,7 @@ impl Connection {
         whole.saturating_sub(held).max(1).min(bytes.len())
     }
 
-    /// A number that no call has, for what is ordered besides.
+    /// An unused number, for orders that belong to no call.
     pub fn fresh_ticket(&mut self) -> Ticket {
         self.next_ticket += 1;
         Ticket(self.next_ticket - 1)
@@ -154,15 +155,15 @@ impl Connection {
         self.calls.pop_front()
     }
 
-    /// Answers a call. A ticket that is not pending (answered, expired, never given) is ignored.
+    /// Answers a call. A ticket that is not pending (answered, expired, never issued) is ignored.
     pub fn answer(&mut self, now: MonoTime, ticket: Ticket, answer: Answer<'_>) {
         let Some(place) = self.pending.iter().position(|pending| pending.ticket == ticket) else { return };
         let pending = self.pending.remove(place);
         self.finish(now, &pending, answer);
     }
 
-    /// Refuses a call before any line sees it: it is answered with the exception for `report`, and kept if it `tried` to
-    /// write something.
+    /// Refuses a call before it reaches a line: it is answered with the exception for `report`, and kept if it `tried`
+    /// to write something.
     pub fn refuse(&mut self, now: MonoTime, call: &Call, tried: Option<Tried>, report: Report) {
         if let Some(tried) = tried {
             self.keep(call.unit, tried, report);
@@ -171,7 +172,8 @@ impl Connection {
         self.answer(now, call.ticket, Answer::Exception(code));
     }
 
-    /// The next attempt to write that no line saw. Each is given once; at most [`KEPT_MAX`](Self::KEPT_MAX) wait.
+    /// The next attempt to write that reached no line. Each is returned once; at most [`KEPT_MAX`](Self::KEPT_MAX) are
+    /// queued.
     pub fn next_kept(&mut self) -> Option<UnsentAttempt> {
         self.kept.pop_front()
     }
@@ -184,25 +186,26 @@ impl Connection {
         }
     }
 
-    /// Keeps what was never given out, if it writes.
+    /// Keeps a request that was never handed out, if it writes.
     fn keep_calls(&mut self, calls: impl Iterator<Item = Call>, report: Report) {
         for call in calls.filter(|call| call.ask.writes()) {
             self.keep(call.unit, call.ask.tried(call.unit), report);
         }
     }
 
-    /// After how long without a request it is closed from now on; nothing: never.
+    /// Sets the idle time-out; `None`: never close.
     pub const fn set_idle_timeout(&mut self, idle_timeout: Option<Duration>) {
         self.limits.idle_timeout = idle_timeout;
     }
 
-    /// Whether the client waits for an answer.
+    /// Whether the client is waiting for an answer.
     #[must_use]
     pub const fn is_busy(&self) -> bool {
         !self.pending.is_empty()
     }
 
-    /// Whether the socket should be read: not while much output waits to be written, and not after the end.
+    /// Whether the socket should be read: not while too much output is pending, and not after the connection is
+    /// closing.
     #[must_use]
     pub fn wants_input(&self) -> bool {
         self.close.is_none() && self.output.len() <= Self::OUTPUT_HIGH
@@ -214,19 +217,19 @@ impl Connection {
         &self.output
     }
 
-    /// Says that the first `bytes` of the output were written.
+    /// Removes the first `bytes` of the output, which were written.
     pub fn wrote(&mut self, bytes: usize) {
         self.output.drain(..bytes.min(self.output.len()));
         release(&mut self.output);
     }
 
-    /// Why the connection is to be closed, once it is. From then on nothing is received and nothing answered.
+    /// Why the connection is to be closed, once it is. From then on nothing is received or answered.
     #[must_use]
     pub const fn close_reason(&self) -> Option<CloseReason> {
         self.close
     }
 
-    /// Does what is due at `now`: answers calls whose deadline has come, ends what waited too long.
+    /// Does what is due at `now`: answers calls past their deadline, closes on an expired time-out.
     pub fn tick(&mut self, now: MonoTime) {
         while let Some(oldest) = self.pending.first()
             && oldest.deadline <= now
@@ -245,7 +248,7 @@ impl Connection {
         }
     }
 
-    /// When [`tick`](Self::tick) has something to do, unless something else happens before.
+    /// When [`tick`](Self::tick) has something to do, unless another event occurs first.
     #[must_use]
     pub fn next_wake(&self) -> Option<MonoTime> {
         let answer_due = self.pending.first().map(|oldest| oldest.deadline);
@@ -258,7 +261,7 @@ impl Connection {
         &self.counters
     }
 
-    /// Takes all whole messages at the start of `stream`; returns how many bytes are used up.
+    /// Takes all whole messages at the start of `stream`; returns how many bytes were consumed.
     fn read_messages(&mut self, now: MonoTime, stream: &[u8], is_stop: IsStop<'_>) -> usize {
         let mut used = 0;
         loop {
@@ -269,7 +272,8 @@ impl Connection {
                 }
                 Ok(None) => return used,
                 Err(malformed) => {
-                    // Whether both came in one segment is chance: a stop that was whole before it is not lost by it.
+                    // That both arrived in one segment is chance: a stop that was whole before it is not lost because
+                    // of it.
                     let calls = std::mem::take(&mut self.calls).into_iter();
                     let (stops, others) = calls.partition(|call| is_stop(call.unit, &call.ask));
                     self.calls = others;
@@ -302,7 +306,7 @@ impl Connection {
         }
     }
 
-    /// Whether the place that is kept for a stop of `unit` is free. If not, such a stop is under way already.
+    /// Whether the place reserved for a stop of `unit` is free. If not, such a stop is already in flight.
     fn may_stop(&self, unit: u8) -> bool {
         !self.pending.iter().any(|pending| pending.is_extra && pending.unit == unit)
     }
@@ -333,7 +337,7 @@ impl Connection {
         mbap::encode(&mut self.output, pending.transaction, pending.unit, |out| pending.form.encode(out, result));
     }
 
-    /// Nothing more is received or answered; what waits in the output may still go.
+    /// Nothing more is received or answered; pending output may still be written.
     fn end(&mut self, reason: CloseReason) {
         self.close = Some(reason);
         self.input = Vec::new();
@@ -406,7 +410,7 @@ mod tests {
         assert_eq!(connection.close_reason(), Some(CloseReason::Malformed(Malformed::Protocol(7))));
         assert_eq!(connection.next_call().map(|call| call.ask), Some(Ask::WriteWord { address: 2, value: 0 }));
         assert_eq!(connection.next_call(), None);
-        assert!(connection.output().is_empty(), "nobody is there to be told");
+        assert!(connection.output().is_empty(), "no client is there to read it");
     }
 
     #[test]
@@ -676,7 +680,7 @@ mod tests {
     }
 
     proptest! {
-        /// Half of the chunks begin like a header, or nearly all would end at the protocol identifier.
+        /// Half of the chunks begin like a header; otherwise nearly all would end at the protocol identifier.
         #[test]
         fn no_bytes_grow_the_buffers_past_their_bounds(
             chunks in prop::collection::vec((any::<bool>(), prop::collection::vec(any::<u8>(), 0..600)), 0..40),

@@ -1,15 +1,15 @@
-//! What is counted of a connection.
+//! Counters of a connection.
 
 /// What happened on a connection so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Whole messages received.
     pub requests: u64,
-    /// Answers that are no exceptions.
+    /// Answers that are not exceptions.
     pub replies: u64,
-    /// Exceptions by code; those without a place of their own (0, above 0B) stand at 0.
+    /// Exceptions by code; those without a place of their own (0, above 0B) are counted at 0.
     pub exceptions: [u64; Self::EXCEPTION_CODES],
-    /// Attempts to write that nobody kept, because too many waited to be fetched.
+    /// Attempts to write that were lost because too many were waiting to be fetched.
     pub attempts_lost: u64,
 }
 

@@ -14,11 +14,11 @@ const SINGLE: u8 = 4;
 /// What follows the function code of the answer: access, conformity, more to follow (0), next object (0), number of
 /// objects, and number, length and text of each.
 ///
-/// Who asks for more than the basic objects gets those, and a stream from an object that is not there begins at the
-/// first, as the standard has it.
+/// A request for more than the basic objects returns those, and a stream from an object that does not exist begins at
+/// the first, as the standard requires.
 ///
 /// # Errors
-/// 02 for a single object that is not there, 03 for an access that is not known.
+/// 02 for a single object that does not exist, 03 for an unknown access.
 pub fn read(access: u8, object: u8) -> Result<Vec<u8>, u8> {
     let is_there = usize::from(object) < OBJECTS.len();
     let (first, last) = match access {

@@ -1,4 +1,4 @@
-//! Attempts to write that no line saw: they are answered with an exception here. What a line saw, the line accounts for.
+//! Attempts to write that reach no line: they are answered with an exception here. A line records those that reach it.
 
 use super::ask::Ask;
 use super::function as client;
@@ -8,22 +8,22 @@ use crate::wire::exception;
 use crate::wire::pdu::function;
 use std::fmt::Write;
 
-/// An attempt of one client that no line saw.
+/// An attempt of one client that reached no line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UnsentAttempt {
     /// The unit that was addressed.
     pub unit: u8,
     /// What was tried.
     pub tried: Tried,
-    /// Why it came to nothing.
+    /// Why it had no effect.
     pub report: Report,
 }
 
-/// Words and bytes of one request that are shown.
+/// How many words and bytes of one request are shown.
 const SHOWN_MAX: usize = 16;
 
 impl Ask {
-    /// What is tried at `unit`, in words, where it is not known to be an order or registers of a drive.
+    /// Text for what is attempted at `unit`, if it is not known to be an order or registers of a drive.
     #[must_use]
     pub fn tried(&self, unit: u8) -> Tried {
         let mut text = format!("unit {unit}: function {:02X}", self.function());
@@ -46,7 +46,7 @@ impl Ask {
     }
 }
 
-/// What is tried by a request that is wrong in itself; nothing if its function does not write.
+/// Text for what an invalid request attempts; `None` if its function does not write.
 pub(super) fn of_pdu(unit: u8, pdu: &[u8]) -> Option<Tried> {
     let code = *pdu.first()?;
     let writes = [
@@ -69,7 +69,7 @@ pub(super) fn of_pdu(unit: u8, pdu: &[u8]) -> Option<Tried> {
     Some(Tried::Text(text))
 }
 
-/// Why a request that is wrong in itself is answered with the exception `code`.
+/// Why an invalid request is answered with the exception `code`.
 pub(super) const fn reason_of(code: u8) -> Reason {
     match code {
         exception::ILLEGAL_DATA_ADDRESS => Reason::NotListed,

@@ -6,23 +6,23 @@ use std::time::Duration;
 /// What one client may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Most requests in flight. One more is answered with exception 06, unless it is a stop: that finds one more
+    /// Most requests in flight. One more is answered with exception 06, unless it is a stop: for that there is one more
     /// place for each unit, because a stop never waits for anything else. Default 16: the most that the Modbus
-    /// messaging on TCP/IP implementation guide V1.0b expects a server to take from one client.
+    /// messaging on TCP/IP implementation guide V1.0b expects a server to accept from one client.
     pub pending_max: usize,
-    /// Within this time of its first byte a message must be whole. Default 5 s: more than the repeats of a
-    /// bad network need, little enough that half a message does not hold a connection.
+    /// A message must be complete within this time of its first byte. Default 5 s: longer than the retransmissions of a
+    /// bad network need, short enough that half a message does not hold a connection.
     pub body_timeout: Duration,
-    /// A connection without a request and with nothing pending is closed after this time; nothing: never. Default
-    /// 10 min: longer than the slowest usual poll, short enough that the sockets of vanished clients come back.
+    /// A connection without a request and with nothing pending is closed after this time; `None`: never. Default 10
+    /// min: longer than the slowest usual poll, short enough that the sockets of vanished clients are freed.
     pub idle_timeout: Option<Duration>,
-    /// The deadline of each call, from the moment its last byte arrived. Default 5 s: clients usually give
-    /// up after 1 to 5 s, and an answer that nobody awaits should not occupy a line.
+    /// The deadline of each call, from the arrival of its last byte. Default 5 s: clients usually give up after 1 to 5
+    /// s, and an answer that no client awaits should not occupy a line.
     pub answer_within: Duration,
 }
 
 impl Limits {
-    /// The idle time-out unless another is wanted.
+    /// The default idle time-out.
     pub const IDLE_TIMEOUT: Duration = Duration::from_secs(600);
 }
 
@@ -40,7 +40,7 @@ impl Default for Limits {
 /// Why the gateway closes a connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CloseReason {
-    /// The stream holds something that is no Modbus TCP.
+    /// The stream contains something that is not Modbus TCP.
     #[error("not Modbus TCP: {0}")]
     Malformed(Malformed),
     /// A message was begun and not finished in time.

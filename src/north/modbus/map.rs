@@ -9,11 +9,11 @@ use super::uniform::{ABSENT, ABSENT_SIGNED, WORDS, address};
 pub enum MapUnit {
     /// The uniform unit of each drive.
     Uniform,
-    /// The gateway itself: unit 255, and unit 0 as far as it is read.
+    /// The gateway itself: unit 255, and unit 0 for reads.
     Own,
 }
 
-/// Which table a row stands in.
+/// Which table a row belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum MapTable {
     /// Coils: 01, 05, 0F hex.
@@ -38,22 +38,22 @@ pub enum MapAccess {
 /// What a row is repeated for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Each {
-    /// It stands once.
+    /// It occurs once.
     Once,
-    /// For each line, so many addresses further on.
+    /// For each line, at this address offset.
     Line(u16),
-    /// For each drive, so many addresses further on.
+    /// For each drive, at this address offset.
     Drive(u16),
 }
 
 /// What a row holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Holds {
-    /// A number in steps of so much of a unit of measure.
+    /// A number in steps of this size in a unit of measure.
     Steps(&'static str, &'static str),
-    /// A plain number, and what it does at its ends.
+    /// A plain number, and its behaviour at its ends.
     Number(&'static str),
-    /// Numbers or bits with what each of them means, with commas between them.
+    /// Numbers or bits with their meanings, separated by commas.
     Codes(&'static str),
     /// The number of a [`Reason`](crate::domain::command::Reason).
     Reason,
@@ -68,14 +68,14 @@ pub struct MapRow {
     pub table: MapTable,
     /// First address, from 0. The first of its kind if the row is repeated.
     pub address: u16,
-    /// How many addresses; with more than one for a number the high word comes first.
+    /// How many addresses; for a number with more than one, the high word is first.
     pub count: u16,
     /// What it is.
     pub name: &'static str,
     /// What it holds.
     pub holds: Holds,
-    /// The word that it reads while that is not known or not there; nothing if it always is. In a signed word it is
-    /// [`ABSENT_SIGNED`], else [`ABSENT`], and with more than one word all of them read so.
+    /// The word it reads as while unknown or not present; `None` if it is always known. In a signed word it is
+    /// [`ABSENT_SIGNED`], else [`ABSENT`], and with more than one word all of them read as that.
     pub absent: Option<u16>,
     /// What can be done with it.
     pub access: MapAccess,

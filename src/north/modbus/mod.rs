@@ -2,8 +2,8 @@
 //! and the connection around it.
 //!
 //! A request becomes an [`Ask`] whatever its unit is. A *native* unit turns it into a request to the drive
-//! ([`native`]); a *uniform* unit answers reads from the picture of its drive and turns writes into orders
-//! ([`uniform`]); unit 255 is the gateway itself ([`own`]). What became of it is an [`Answer`].
+//! ([`native`]); a *uniform* unit answers reads from the view of its drive and turns writes into orders ([`uniform`]);
+//! unit 255 is the gateway itself ([`own`]). The outcome is an [`Answer`].
 
 mod answer;
 mod ask;

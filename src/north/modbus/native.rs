@@ -1,4 +1,4 @@
-//! Native units: the drive as its vendor describes it, asked by the addresses of its own registers.
+//! Native units: the drive as its vendor describes it, addressed by its own registers.
 
 use super::answer::Answer;
 use super::ask::Ask;
@@ -7,10 +7,10 @@ use crate::domain::native::{NativeAsk, NativeOutcome, Refusal};
 use crate::profile::model::{Model, Role};
 use crate::wire::exception;
 
-/// What `ask` asks of a drive. 04 is served as 03, because drives have no input registers of their own.
+/// The request that `ask` makes to a drive. 04 is served as 03, because drives have no input registers of their own.
 ///
 /// # Errors
-/// 01: a native unit has no other function than 03, 04, 06, 08 and 10 hex; and of 08 only what the drive serves.
+/// 01: a native unit has only the functions 03, 04, 06, 08 and 10 hex; and of 08 only what the drive serves.
 pub fn ask_of(ask: Ask) -> Result<NativeAsk, u8> {
     match ask {
         Ask::ReadWords { address, count, .. } => Ok(NativeAsk::Read { address, count }),
@@ -21,8 +21,8 @@ pub fn ask_of(ask: Ask) -> Result<NativeAsk, u8> {
     }
 }
 
-/// What the client is told of `outcome`: 04 if the drive refused, its own exception as it is, 0B if it did not
-/// answer in time, 0A if there is no way to it, 06 if it may be asked later.
+/// The answer to the client for `outcome`: 04 if the drive refused, its own exception unchanged, 0B if it did not
+/// answer in time, 0A if it cannot be reached, 06 if the request may be repeated later.
 #[must_use]
 pub fn answer_of(outcome: &NativeOutcome) -> Answer<'_> {
     Answer::Exception(match outcome {

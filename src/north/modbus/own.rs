@@ -1,5 +1,5 @@
-//! Unit 255, the gateway itself: what it counts, all its drives in short, STOP for all of them, and who it is.
-//! Unit 0 reads the same and writes nothing, so that a write that a client means as a broadcast never becomes one.
+//! Unit 255, the gateway itself: its counters, all its drives in short, STOP for all of them, and its identity. Unit 0
+//! reads the same and writes nothing, so that a write that a client intends as a broadcast never becomes one.
 
 use super::ask::{Ask, BitTable};
 use super::identity;
@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 /// The unit of the gateway itself.
 pub const UNIT: u8 = 255;
-/// The unit that the standard keeps for broadcasts.
+/// The unit that the standard reserves for broadcasts.
 pub const BROADCAST: u8 = 0;
 /// The coil that stops all.
 pub const STOP_ALL: u16 = 0;
@@ -27,7 +27,7 @@ pub(super) const LINES: u16 = 100;
 pub(super) const LINE_WORDS: u16 = 16;
 /// The first word of the first drive.
 pub(super) const DRIVES: u16 = 1000;
-/// Most lines that have words: the last one may not reach into the words of the drives.
+/// Most lines that have words: the last one may not overlap the words of the drives.
 pub(super) const LINES_MAX: u16 = (DRIVES - LINES) / LINE_WORDS;
 /// Words of each drive.
 pub(super) const DRIVE_WORDS: u16 = 8;
@@ -35,20 +35,20 @@ pub(super) const DRIVE_WORDS: u16 = 8;
 /// current, age, trips that are kept.
 const DRIVE_COLUMNS: [u16; DRIVE_WORDS as usize] = [1, 2, 4, 5, 3, 6, 12, 13];
 
-/// What a listener serves of the gateway. Lines and drives are numbered as in the configuration, whoever serves them,
-/// so that an address means the same at every listener.
+/// What a listener serves of the gateway. Lines and drives are numbered as in the configuration, whichever listener
+/// serves them, so that an address means the same at every listener.
 pub trait Gateway {
     /// Number of lines.
     fn lines(&self) -> usize;
-    /// The line in this place; nothing if this listener does not serve it.
+    /// The line at this place; `None` if this listener does not serve it.
     fn line(&self, place: usize) -> Option<LineReport>;
     /// Number of drives.
     fn drives(&self) -> usize;
-    /// The drive in this place with its picture; nothing if this listener does not serve it.
+    /// The drive at this place with its view; `None` if this listener does not serve it.
     fn drive(&self, place: usize) -> Option<(&Uniform, Arc<DriveView>)>;
 }
 
-/// What `ask` is to `unit`, which is [`UNIT`] or [`BROADCAST`]. Words are filled into `words`.
+/// What `ask` means to `unit`, which is [`UNIT`] or [`BROADCAST`]. Words are filled into `words`.
 pub fn take(unit: u8, ask: &Ask, gateway: &impl Gateway, present: &Present, words: &mut Words) -> Taken {
     match ask {
         Ask::ReadWords { address, count, .. } => read(*address, *count, gateway, present, words),
@@ -88,7 +88,7 @@ fn coil(address: u16, count: u16, on: bool) -> Taken {
 }
 
 fn read(address: u16, count: u16, gateway: &impl Gateway, present: &Present, words: &mut Words) -> Taken {
-    // The words of one drive come from one picture.
+    // The words of one drive are read from one view.
     let mut drive = None;
     let is_filled = words.fill(address, count, |address| {
         if let Some(offset) = address.checked_sub(DRIVES) {

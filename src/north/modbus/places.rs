@@ -1,4 +1,4 @@
-//! Who has a place among the connections, and who gives way when all are taken. It knows no socket.
+//! Which connections have a place, and which gives way when all are taken. It knows no socket.
 
 use crate::domain::ids::AskerId;
 use std::collections::BTreeMap;
@@ -7,45 +7,45 @@ use std::collections::BTreeMap;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct RoomId(u64);
 
-/// The place of one connection; it is given back by [`Places::leave`].
+/// The place of one connection; it is returned by [`Places::leave`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     /// One that may have to give way.
     Ordinary {
-        /// Whose it is.
+        /// The room it belongs to.
         room: RoomId,
-        /// Where it stands among the others: the least was silent for longest.
+        /// Its rank among the others: the lowest has been silent for longest.
         turn: u64,
     },
     /// One that never gives way.
     Priority,
 }
 
-/// What a newcomer wants.
+/// What a new connection asks for.
 #[derive(Clone, Copy, Debug)]
 pub struct Newcomer {
     /// Its number, which no other connection has.
     pub asker: AskerId,
     /// Its listener's room.
     pub room: RoomId,
-    /// Most ordinary connections there; nothing: as many as there are places.
+    /// Most ordinary connections there; `None`: as many as there are places.
     pub room_max: Option<usize>,
     /// It never gives way.
     pub has_priority: bool,
 }
 
-/// What becomes of a newcomer.
+/// What happens to a new connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Entry {
     /// It has a place.
     Free(Place),
     /// It has the place of this connection, which is to be closed.
     InsteadOf(Place, AskerId),
-    /// All places are taken, and nobody may be closed.
+    /// All places are taken, and no connection may be closed.
     Full,
 }
 
-/// Whether a connection waits for an answer. Such a one does not give way.
+/// Whether a connection is waiting for an answer. Such a connection does not give way.
 pub type IsBusy<'a> = &'a dyn Fn(AskerId) -> bool;
 
 /// The places of all connections. Each call costs the logarithm of their number.
@@ -54,7 +54,7 @@ pub struct Places {
     most: usize,
     last_room: u64,
     last_turn: u64,
-    /// The ordinary ones by turn; rooms without any are not there.
+    /// The ordinary ones by turn; rooms without any are absent.
     rooms: BTreeMap<RoomId, BTreeMap<u64, AskerId>>,
     ordinary: usize,
     priority: usize,
@@ -63,10 +63,10 @@ pub struct Places {
 impl Places {
     /// Most connections, whatever the system grants: what one takes is a few kilobytes.
     pub const MOST: usize = 65_536;
-    /// Places that are kept free for priority, or a quarter of all where there are few.
+    /// Places that are reserved for priority, or a quarter of all if there are few.
     pub const RESERVED: usize = 16;
-    /// Most connections that are asked whether they are busy before a newcomer is refused. A busy one has asked within
-    /// the deadline of a request, so those that were silent for longer stand before it.
+    /// Most connections that are checked for being busy before a new one is refused. A busy one has sent a request
+    /// within the deadline, so those that have been silent for longer are ranked before it.
     const LOOKS_MAX: usize = 64;
 
     /// `most` places, none of them taken.
@@ -87,8 +87,8 @@ impl Places {
         RoomId(self.last_room)
     }
 
-    /// Gives a newcomer a place, if need be that of the connection that was silent for longest: of its own room where that
-    /// is full, else of all.
+    /// Gives a new connection a place, if necessary that of the connection that has been silent for longest: of its own
+    /// room if that is full, else of all.
     pub fn enter(&mut self, newcomer: Newcomer, is_busy: IsBusy<'_>) -> Entry {
         let gone = if newcomer.has_priority {
             let has_room = self.ordinary + self.priority < self.most;
@@ -106,14 +106,15 @@ impl Places {
         }
     }
 
-    /// Takes the place of the ordinary connection that was silent for longest, which is to be closed; nothing if none may be.
+    /// Takes the place of the ordinary connection that has been silent for longest, which is to be closed; `None` if
+    /// none may be closed.
     pub fn make_room(&mut self, is_busy: IsBusy<'_>) -> Option<AskerId> {
         let silent = self.rooms.keys().filter_map(|room| Some((self.silent_in(*room, is_busy)?, *room)));
         let (turn, room) = silent.min()?;
         self.remove(room, turn)
     }
 
-    /// The connection at `place` has asked something: it gives way after all others. Returns its place from now on.
+    /// The connection at `place` has sent a request: it gives way after all others. Returns its new place.
     #[must_use]
     pub fn active(&mut self, place: Place) -> Place {
         let Place::Ordinary { room, turn } = place else { return place };
@@ -124,7 +125,7 @@ impl Places {
         Place::Ordinary { room, turn: self.last_turn }
     }
 
-    /// The connection at `place` has ended. One that had to give way has no place any more, which does no harm.
+    /// The connection at `place` was closed. One that had to give way no longer has a place, which does no harm.
     pub fn leave(&mut self, place: Place) {
         match place {
             Place::Ordinary { room, turn } => {
@@ -153,7 +154,7 @@ impl Places {
         Place::Ordinary { room: newcomer.room, turn: self.last_turn }
     }
 
-    /// The turn of the one in `room` that was silent for longest and waits for nothing.
+    /// The turn of the one in `room` that has been silent for longest and is waiting for nothing.
     fn silent_in(&self, room: RoomId, is_busy: IsBusy<'_>) -> Option<u64> {
         let first = self.rooms.get(&room)?.iter().take(Self::LOOKS_MAX);
         first.into_iter().find(|(_, asker)| !is_busy(**asker)).map(|(turn, _)| *turn)
@@ -298,7 +299,7 @@ mod tests {
         ]
     }
 
-    /// One that is connected, as the test knows it: a list is in the order of their silence, longest first.
+    /// A connection as the test knows it: a list is in the order of their silence, longest first.
     #[derive(Clone, Copy, Debug)]
     struct Known {
         asker: u64,
@@ -338,7 +339,7 @@ mod tests {
                         prop_assert_eq!(gone(entry), right.map(|at| known[at].asker));
                         if let Some(at) = right {
                             let gone = known.remove(at);
-                            // Its task ends later, or asked a last time.
+                            // Its task exits later, or sent a last request.
                             prop_assert_eq!(places.active(gone.place), gone.place);
                             places.leave(gone.place);
                         }

@@ -1,4 +1,4 @@
-//! Which exception tells a client why a write was not done.
+//! Which exception explains to a client why a write was not done.
 
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::wire::exception;
@@ -35,7 +35,7 @@ pub const fn exception_of(reason: Reason) -> u8 {
         | Reason::TooManyFrames
         | Reason::Conflict
         | Reason::TooLarge => exception::ILLEGAL_DATA_VALUE,
-        // Nothing to say and nothing to change are no refusals; as such they would be a fault of ours.
+        // Nothing to report and nothing to change are not refusals; as such they would be a bug.
         Reason::None
         | Reason::Unchanged
         | Reason::KeptOldValue
@@ -71,7 +71,7 @@ pub const fn exception_of(reason: Reason) -> u8 {
     }
 }
 
-/// The exception for a command that ended like this; nothing if it succeeded.
+/// The exception for a command with this outcome; `None` if it succeeded.
 #[must_use]
 pub fn exception_for(report: &Report) -> Option<u8> {
     match report.outcome {
@@ -83,8 +83,8 @@ pub fn exception_for(report: &Report) -> Option<u8> {
     }
 }
 
-/// The one of two exceptions that a client must know of when there is one answer for several drives: not to know
-/// what a drive does is worst, then a drive that refused, then one that is out of reach.
+/// The exception that matters more to a client if there is one answer for several drives: an unknown outcome is worst,
+/// then a drive that refused, then one that is out of reach.
 #[must_use]
 pub fn worst(one: Option<u8>, other: Option<u8>) -> Option<u8> {
     if weight(one) >= weight(other) { one } else { other }

@@ -1,4 +1,4 @@
-//! From the PDU of a client to what is asked, or to the exact exception that answers it.
+//! From a client's PDU to its request, or to the exact exception that answers it.
 
 use super::ask::{Ask, BitTable, Bits, WordTable};
 use super::function as client;
@@ -14,7 +14,7 @@ const MAX_WRITE_BITS: u16 = 1968;
 /// Most words that a write may carry that also reads (V1.1b3, 6.17).
 const MAX_READ_WRITE_WORDS: u16 = 121;
 
-/// What `pdu` asks. Whether the unit has such a thing is not known here.
+/// The request in `pdu`. Whether the unit supports it is not known here.
 ///
 /// The order of the checks is that of the state diagrams of the Modbus application protocol V1.1b3
 /// (section 6): function, then form and quantity, then address.
@@ -53,7 +53,7 @@ fn read_words(data: &[u8], table: WordTable) -> Result<Ask, u8> {
     Ok(Ask::ReadWords { table, address, count })
 }
 
-/// The sub-functions other than the loop test are about a device's own counters, which no unit has.
+/// The sub-functions other than the loop test concern a device's own counters, which no unit has.
 fn loop_test(data: &[u8]) -> Result<Ask, u8> {
     match split_head(data)? {
         (0, data, []) => Ok(Ask::LoopTest { data }),
@@ -124,7 +124,7 @@ fn block(data: &[u8], most: u16) -> Result<(u16, Vec<u16>), u8> {
     Ok((address, pdu::words(values)))
 }
 
-/// The two words with which nearly every request begins, and what follows them.
+/// The two words that nearly every request begins with, and what follows them.
 fn split_head(data: &[u8]) -> Result<(u16, u16, &[u8]), u8> {
     let (head, tail) = data.split_first_chunk::<4>().ok_or(exception::ILLEGAL_DATA_VALUE)?;
     Ok((u16::from_be_bytes([head[0], head[1]]), u16::from_be_bytes([head[2], head[3]]), tail))

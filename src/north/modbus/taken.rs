@@ -1,4 +1,4 @@
-//! What a unit of the gateway's own makes of a request.
+//! What one of the gateway's own units makes of a request.
 
 use super::answer::Answer;
 use super::refusal::exception_of;
@@ -6,7 +6,7 @@ use super::words::Words;
 use crate::domain::command::{Order, Owner, Reason};
 use crate::domain::time::MonoTime;
 
-/// When a unit is asked, and by whom.
+/// When a unit is asked, and by which client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Present {
     /// Now.
@@ -37,15 +37,15 @@ pub enum Taken {
     Order(Order),
     /// Order every drive to stop that is served and has control, and answer when all are answered.
     StopAll,
-    /// A read of what is not there: answer with this exception.
+    /// A read of an address that does not exist: answer with this exception.
     Exception(u8),
     /// A write that is refused for this reason.
     Refused(Reason),
 }
 
 impl Taken {
-    /// Calls `answer` with the answer that can be given at once; nothing is called for an order. `words` are those
-    /// that were filled in.
+    /// Calls `answer` with the answer that can be given at once; it is not called for an order. `words` are those that
+    /// were filled in.
     ///
     /// # Errors
     /// What has to be ordered first.
@@ -69,7 +69,7 @@ impl Taken {
 /// What has to be ordered before there is an answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ordered {
-    /// This, of the drive that was asked.
+    /// This, for the addressed drive.
     One(Order),
     /// A stop of every drive that is served and has control.
     StopAll,

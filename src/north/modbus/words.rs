@@ -1,10 +1,10 @@
-//! A place for the words of one answer, which is used again for the next one.
+//! A reusable buffer for the words of one answer.
 
 use crate::wire::pdu::MAX_READ_WORDS;
 
 const WORDS: usize = MAX_READ_WORDS as usize;
 
-/// Up to 125 words, without memory of their own on the heap.
+/// Up to 125 words, without heap memory.
 #[derive(Clone, Debug)]
 pub struct Words {
     words: [u16; WORDS],
@@ -18,8 +18,8 @@ impl Default for Words {
 }
 
 impl Words {
-    /// Takes the words that `word` has for each of `count` addresses from `address` on. Returns whether it had one
-    /// for each, and as many as fit.
+    /// Fills in the words that `word` has for each of `count` addresses from `address` on. Returns whether it had one
+    /// for each and all fit.
     pub fn fill(&mut self, address: u16, count: u16, mut word: impl FnMut(u16) -> Option<u16>) -> bool {
         self.len = 0;
         for offset in 0..count {

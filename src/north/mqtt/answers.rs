@@ -1,4 +1,4 @@
-//! Answers of the lines: each becomes a result, and a read its value.
+//! Answers of the lines: each becomes a result, and a read also its value.
 
 use super::dispatch::{Asker, Context};
 use super::params::label;
@@ -14,7 +14,8 @@ use crate::north::clock::Moment;
 use serde_json::{Map, Value};
 
 impl Session {
-    /// Takes what became of a command so far. Answers to others, or to what is no longer waited for, are ignored.
+    /// Takes the current outcome of a command. Answers to others, or to commands that are no longer pending, are
+    /// ignored.
     pub fn command_answer(&mut self, at: Moment, answer: &CommandAnswer) {
         self.clock.see(at);
         if answer.asker != AskerId::MQTT {
@@ -29,7 +30,7 @@ impl Session {
         }
     }
 
-    /// Takes the answer to a read. Answers to others, or to what is no longer waited for, are ignored.
+    /// Takes the answer to a read. Answers to others, or to reads that are no longer pending, are ignored.
     pub fn native_answer(&mut self, at: Moment, answer: &NativeAnswer) {
         self.clock.see(at);
         let pending = Some(answer.ticket).filter(|_| answer.asker == AskerId::MQTT);
@@ -43,7 +44,7 @@ impl Session {
         }
     }
 
-    /// Takes word that a line could not take the request with this ticket, because its inbox was full.
+    /// Takes the notice that a line could not accept the request with this ticket, because its inbox was full.
     pub fn refused_by_line(&mut self, at: Moment, ticket: Ticket) {
         self.clock.see(at);
         if let Some((pending, report)) = self.commands.refused_by_line(ticket) {
@@ -51,9 +52,9 @@ impl Session {
         }
     }
 
-    /// Tells the last word on a command or read.
+    /// Publishes the final result of a command or read.
     pub(super) fn tell_end(&mut self, at: Moment, pending: &Pending<Context>, report: Report) {
-        // Renewals come all the time; only their refusal is news.
+        // Renewals arrive all the time; only their refusal is news.
         let is_done = matches!(report.outcome, Outcome::Acknowledged | Outcome::Confirmed);
         let is_renewal = pending.request == Request::Order(Order::Renew);
         if !(is_renewal && is_done && pending.context.reply.is_none()) {
@@ -69,7 +70,7 @@ impl Session {
         let message = outside_limits(&self.drives[pending.drive], &pending.request, report)
             .or_else(|| report.holder.map(|_| report.message()));
         let own_words = || Some(report.reason.text().to_owned()).filter(|_| report.reason != Reason::None);
-        // Beside why it was refused, if it was.
+        // In addition to why it was refused, if it was.
         let message = pending.context.remark.as_ref().map_or_else(
             || message.clone(),
             |remark| {
@@ -94,7 +95,7 @@ impl Session {
         self.tell(at, pending.drive, (pending.by, &pending.context.id, pending.context.reply.as_ref()), stage);
     }
 
-    /// Tells the first outcome of a command that came again.
+    /// Publishes the first outcome of a repeated command.
     pub(super) fn tell_again(&mut self, at: Moment, drive: usize, asker: &Asker, order: &Order, report: Report) {
         let values = values(&self.drives[drive].model, order, &report);
         let stage = Stage { report, is_final: true, is_repeat: true, message: None, values };
@@ -111,7 +112,7 @@ impl Session {
         self.counters.results_dropped += self.results.tell(topic, reply, told);
     }
 
-    /// Tells why an input is refused, which no line ever saw.
+    /// Publishes why an input is refused that no line ever saw.
     pub(super) fn tell_refusal(&mut self, at: Moment, drive: &str, topic: String, asker: &Asker, refused: &Refused) {
         let Asker { by, id, reply } = asker;
         let report = Report::refused(refused.reason);
@@ -126,12 +127,12 @@ impl Session {
     }
 }
 
-/// What there is to tell about a command that a line saw.
+/// The result of a command that a line saw.
 struct Stage {
     report: Report,
     is_final: bool,
     is_repeat: bool,
-    /// Instead of the reason's own words.
+    /// In place of the reason's own message.
     message: Option<String>,
     values: Map<String, Value>,
 }

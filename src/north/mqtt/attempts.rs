@@ -1,4 +1,4 @@
-//! How a message that tried to write and gave no command is told to the journal.
+//! How a message that attempted a write but gave no command is recorded in the journal.
 
 use super::payload::short;
 use super::session::Session;
@@ -7,22 +7,22 @@ use crate::domain::command::{Owner, Report};
 use crate::journal::Tried;
 
 impl Session {
-    /// Accounts for an attempt that no line sees. `drive` is its place in the session's list.
+    /// Records an attempt that no line sees. `drive` is its place in the session's list.
     pub(super) fn keep(&mut self, drive: Option<usize>, owner: Owner, tried: Option<Tried>, report: Report) {
         let place = drive.and_then(|drive| self.drives.get(drive)).map(|drive| drive.place);
         self.commands.keep_attempt(place, owner, tried, report);
     }
 }
 
-/// What is tried at `place` by a payload that is no order.
+/// What a payload that is no order attempts at `place`.
 pub(super) fn of_text(place: InputAddress<'_>, topic: &str, payload: &[u8]) -> Option<Tried> {
     place.input.is_attempt().then(|| text(topic, payload))
 }
 
-/// A message that is no order, as it came, shortened: the last levels of its topic, and its payload.
+/// A message that is no order, as received, shortened: the last levels of its topic, and its payload.
 pub(super) fn text(topic: &str, payload: &[u8]) -> Tried {
     const TOPIC_CHARS: usize = 80;
-    /// More than are shown, whatever is cut off within a character.
+    /// More than are shown, so that a character cut in half is not.
     const PAYLOAD_BYTES: usize = 256;
     let start = payload.get(..PAYLOAD_BYTES).unwrap_or(payload);
     let skipped = topic.chars().count().saturating_sub(TOPIC_CHARS);

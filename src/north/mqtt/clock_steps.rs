@@ -1,5 +1,5 @@
-//! The wall clock is set while the session runs: nothing but labels and `issued_at` shows it. No other machine of the
-//! gateway is ever told the wall clock.
+//! The wall clock is set while the session runs: this affects only labels and `issued_at`. No other machine of the
+//! gateway is ever given the wall clock.
 
 use super::harness::{EPOCH_MS, Rig, Staged, commands, result};
 use super::types::Act;
@@ -11,7 +11,7 @@ use serde_json::Value;
 const HOUR_MS: i64 = 3_600_000;
 const YEAR_MS: i64 = 365 * 24 * HOUR_MS;
 
-/// A payload without what labels it.
+/// A payload without its labels.
 fn unlabelled(publication: &Publication) -> (String, String) {
     let text = String::from_utf8(publication.payload.clone()).expect("text");
     let Ok(mut value) = serde_json::from_str(&text) else { return (publication.topic.clone(), text) };
@@ -27,7 +27,7 @@ fn take_labels(value: &mut Value) {
     object.values_mut().for_each(take_labels);
 }
 
-/// What is done, without labels. A trip that is shown with its moment is shown again when that is another one.
+/// What is done, without labels. A trip that is shown with its moment is shown again when that moment changes.
 fn done(acts: Vec<Act>) -> Vec<String> {
     let told = |act: Act| match act {
         Act::Publish(it) if it.topic.ends_with("/trip/last") => None,
@@ -37,7 +37,7 @@ fn done(acts: Vec<Act>) -> Vec<String> {
     acts.into_iter().filter_map(told).collect()
 }
 
-/// Ten minutes of a plant with everything in them, with the wall clock set as `steps` say, one after each part.
+/// Ten minutes of a plant with all features, with the wall clock set as `steps` say, one after each part.
 fn played(steps: &[i64]) -> Vec<String> {
     let mut steps = steps.iter().copied().cycle();
     let mut rig = Rig::born(Version::V5);
@@ -64,7 +64,7 @@ fn played(steps: &[i64]) -> Vec<String> {
         let acts = rig.send("drive/pump/command", order.as_bytes());
         assert!(commands(&acts).is_empty(), "a repeat is known whatever the wall clock says");
         part(&mut rig, acts);
-        // Nobody answers this one: it is given up in its time.
+        // This one is never answered: it is given up in time.
         let acts = rig.send("drive/pump/frequency/set", b"30.0");
         part(&mut rig, acts);
         let acts = rig.pass(40_000);

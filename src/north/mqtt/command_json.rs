@@ -16,7 +16,8 @@ const EXAMPLE: &str = r#"{"id": "a1", "run": "forward", "frequency_hz": 42.5}"#;
 const ID_MAX_CHARS: usize = 64;
 const TTL_MAX_MS: u64 = 60_000;
 
-/// The wish that `payload` writes, with its id as far as one could be read. A stop is one whatever stands beside it.
+/// The wish that `payload` contains, with its id if one could be read. A stop counts whatever else the payload
+/// contains.
 pub(super) fn read(payload: &[u8], model: &Model) -> (Option<Value>, Result<InputCommand, Refused>) {
     let (id, wish) = whole_command(payload, model);
     let Some(stop) = stop_in(payload) else { return (id, wish) };
@@ -85,7 +86,7 @@ fn whole<T>(
 
 fn order(object: &Map<String, Value>, model: &Model) -> Result<Order, Refused> {
     let run = run(object)?;
-    // A stop is carried out whatever stands beside it, and nothing else of that message is.
+    // A stop is carried out whatever else the message contains, and nothing else of that message is.
     match run {
         Some(RunWord::Stop) => return Ok(Order::Stop { setpoint: None }),
         Some(RunWord::Coast) => return Ok(Order::Coast),
@@ -121,7 +122,7 @@ fn registers(object: &Map<String, Value>, model: &Model) -> Result<Vec<RegisterW
         let number = value.as_f64().ok_or_else(|| not_a_number(&short(code), "10.5"))?;
         let write = params::write(model, code, number)?;
         if writes.iter().any(|it| it.address == write.address) {
-            return Err(conflict(&format!("`{}` stands there twice, by code and by name", short(code))));
+            return Err(conflict(&format!("`{}` occurs twice, by code and by name", short(code))));
         }
         writes.push(write);
     }
@@ -250,6 +251,6 @@ mod tests {
     fn a_refusal_gives_the_id_back_and_names_the_key() {
         let (id, wish) = read(br#"{"id":"a:\"1","frequncy_hz":5}"#, &model());
         assert_eq!(id, Some(json!("a:\"1")));
-        assert_eq!(wish.unwrap_err().message, "`frequncy_hz` is not known; is it `frequency_hz`?");
+        assert_eq!(wish.unwrap_err().message, "`frequncy_hz` is unknown; is it `frequency_hz`?");
     }
 }

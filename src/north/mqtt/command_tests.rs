@@ -1,4 +1,4 @@
-//! What comes of messages: commands, refusals, results.
+//! The effects of messages: commands, refusals, results.
 
 use super::harness::{
     EPOCH_MS, Rig, Staged, commands, kept, message, on, orders, publications, reads, result, results, settings, told,
@@ -36,13 +36,13 @@ fn go(registers: Vec<RegisterWrite>, frequency: Option<u32>, run: Option<Directi
     Order::Go(Go::new(registers, frequency.map(Hertz::from_millihertz), run).expect("an order"))
 }
 
-/// An order to run, and what comes of it while no probe comes back.
+/// An order to run, and its effect while no probe returns.
 fn run_without_echo(rig: &mut Rig) -> Vec<Act> {
     rig.handle(Event::Message(message("vfd/plant/drive/pump/run/set", b"forward")));
     rig.acts_without_echo()
 }
 
-/// The probe that goes out.
+/// The probe that is sent.
 fn probe(acts: &[Act]) -> Publication {
     let is_probe = |act: &&Act| matches!(act, Act::Publish(it) if it.topic == "vfd/plant/probe");
     let Some(Act::Publish(probe)) = acts.iter().find(is_probe) else { panic!("no probe in {acts:?}") };
@@ -115,10 +115,10 @@ fn ids_belong_to_their_commander() {
     }
 }
 
-/// A topic, a payload, what that tries and who, and why it comes to nothing.
+/// A topic, a payload, what that attempts and who, and why it has no effect.
 type Case<'a> = (&'a str, &'a [u8], (Tried, Owner), Reason);
 
-/// What is tried by `order`, and who tried it.
+/// What `order` attempts, and who attempted it.
 fn of_everybody(order: Order) -> (Tried, Owner) {
     (Tried::Order(order), Owner::Mqtt)
 }
@@ -188,7 +188,7 @@ fn what_is_taken_back_or_not_taken_by_a_line_is_kept() {
     rig.millis += 100_000;
     rig.session.tick(rig.at());
     let acts = rig.acts();
-    assert_eq!((commands(&acts).len(), kept(&acts).len()), (0, 1), "nobody fetched it");
+    assert_eq!((commands(&acts).len(), kept(&acts).len()), (0, 1), "it was not fetched");
     rig.send("drive/fan/run/set", b"forward");
     assert_eq!(kept(&rig.pass(100_000)).len(), 0, "a line had it");
 }
@@ -443,7 +443,7 @@ fn what_may_have_waited_through_a_stall_is_stale_but_a_stop_is_carried_out() {
         ] {
             rig.handle(Event::Message(message(&format!("vfd/plant/drive/pump/{rest}"), payload.as_bytes())));
         }
-        // Before any of it the probe goes out that has to come back, behind all that waits at the broker.
+        // Before any of it the probe is sent that has to return, after everything that is queued at the broker.
         let acts = rig.acts_without_echo();
         let probe = probe(&acts);
         assert_eq!(probe.qos, Qos::AtLeastOnce);
@@ -501,7 +501,7 @@ fn while_the_probe_is_overdue_everything_but_a_stop_is_stale_until_a_later_one_i
         assert!(told.contains("the gateway's probe through the broker is late"), "{told}");
         rig.handle(Event::Message(message("vfd/plant/drive/pump/run/set", b"stop")));
         assert_eq!(orders(&rig.acts_without_echo()), [&STOP], "{version:?}");
-        // The late one proves nothing of what waited with it, but the next one goes at once.
+        // The late one proves nothing about what was delayed with it, but the next one is sent at once.
         rig.handle(Event::Message(message("vfd/plant/probe", &late.payload)));
         let acts = run_without_echo(&mut rig);
         assert_eq!(result(&acts), refused("stale"), "{version:?}: still");
@@ -718,7 +718,7 @@ proptest! {
         let acts = rig.deliver(&message);
         prop_assert!(commands(&acts).len() + reads(&acts).len() <= 1);
         prop_assert!(results(&acts).len() <= 1);
-        // Whatever tries to write is accounted for once: by an order, of which a line knows, or as kept.
+        // Every attempt to write is recorded once: by an order, of which a line knows, or as kept.
         let rest = topic.strip_prefix("vfd/plant/").unwrap_or_default();
         let is_input = rest == "all/run/set" || INPUTS.iter().any(|(input, _)| *input == rest);
         let is_attempt = is_input && !payload.is_empty() && !rest.ends_with("/get") && !rest.ends_with("/lease");

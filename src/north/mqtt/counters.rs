@@ -1,4 +1,4 @@
-//! What the MQTT session counts.
+//! The counters of the MQTT session.
 
 /// Counts of the MQTT session since start. All but [`Counters::events_waiting`], [`Counters::history_waiting`] and
 /// [`Counters::alive_refused`] only rise.
@@ -20,30 +20,29 @@ pub struct Counters {
     pub retained_stops: u64,
     /// Repeats: answered with the first outcome, left to it, or refused.
     pub duplicates: u64,
-    /// Times the probe did not come back.
+    /// Probes that did not return.
     pub probes_lost: u64,
-    /// Times a new connection was asked for.
+    /// New connections requested.
     pub reconnects: u64,
     /// Trip events that are not acknowledged by the broker.
     pub events_waiting: u64,
     /// Trip events dropped because the outbox was full.
     pub events_dropped: u64,
-    /// Trip events given up because the broker would not take them.
+    /// Trip events given up because the broker refused them.
     pub events_refused: u64,
     /// Changes of telemetry that wait for the broker.
     pub history_waiting: u64,
-    /// Changes of telemetry dropped because more were to be kept than configured, or because the broker would not
-    /// take them.
+    /// Changes of telemetry dropped because more were to be kept than configured, or because the broker refused them.
     pub history_dropped: u64,
     /// Results dropped because too many waited.
     pub results_dropped: u64,
     /// Response topics that were not allowed.
     pub responses_ignored: u64,
-    /// Publications that were larger than the broker takes.
+    /// Publications that were larger than the broker accepts.
     pub too_large: u64,
     /// 1 while the broker does not let us read the alive topic.
     pub alive_refused: u64,
-    /// Attempts to write that nobody kept, because too many waited to be fetched.
+    /// Attempts to write that were lost because too many were waiting to be fetched.
     pub attempts_lost: u64,
     /// Commands and reads that were never answered.
     pub unanswered: u64,

@@ -1,4 +1,4 @@
-//! Commands and reads that were taken of messages, on their way to the lines.
+//! Commands and reads that were taken from messages, on their way to the lines.
 
 use super::payload::{InputCommand, Refused};
 use super::results::Reply;
@@ -11,11 +11,11 @@ use crate::north::clock::Moment;
 use serde_json::Value;
 use std::time::Duration;
 
-/// How long a read may take: a line that is busy with a silent drive included.
+/// How long a read may take, including a line that is busy with a silent drive.
 const READ_WITHIN: Duration = Duration::from_secs(5);
 const RETAINED_STOP: &str = "executed, but published with the retain flag: it would be refused as a replay later";
 
-/// Who asks, where the answer goes, and under which id.
+/// Who sent the request, where the answer is sent, and under which id.
 pub(super) struct Asker {
     pub(super) by: Owner,
     pub(super) id: Value,
@@ -27,7 +27,7 @@ pub(super) struct Asker {
 pub(super) struct Context {
     pub(super) id: Value,
     pub(super) reply: Option<Reply>,
-    /// What its results say besides.
+    /// Additional content of its results.
     pub(super) remark: Option<String>,
 }
 
@@ -92,13 +92,13 @@ impl Session {
         }
     }
 
-    /// Tells the last word on a command or read.
+    /// Publishes the final result of a command or read.
     pub(super) fn end(&mut self, at: Moment, pending: &Pending<Context>, report: Report) {
         self.seen[pending.drive].ended(pending.ticket, report);
         self.tell_end(at, pending, report);
     }
 
-    /// An id for a commander that gave none.
+    /// An id for a client that gave none.
     pub(super) fn next_id(&mut self) -> Value {
         let Ticket(number) = self.commands.next_ticket();
         format!("{}-{number}", self.run).into()

@@ -1,4 +1,4 @@
-//! The retained topics of one drive: what belongs on each, and which is to be published next.
+//! The retained topics of one drive: the content of each, and which is to be published next.
 
 use super::history::Change;
 use super::points::Points;
@@ -19,35 +19,35 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What a topic shows. Numbers are places of registers in the model.
+/// What a topic shows. Numbers are indices of registers in the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::north) enum Kind {
     Availability,
     RunState,
     /// A polled register.
     Polled(usize),
-    /// What the register at this place shows in per cent of a rated value, in the unit of that value.
+    /// The register at this index, which is in per cent of a rated value, in the unit of that value.
     Rated(usize),
-    /// The setpoint that was commanded, where the drive's own is not polled.
+    /// The setpoint that was commanded, if the drive's own is not polled.
     Setpoint,
-    /// Who holds control.
+    /// The owner of control.
     Owner,
     TripActive,
     TripCode,
     TripText,
     TripCount,
     TripLast,
-    /// A register that was asked for.
+    /// A register that was read on demand.
     Param(usize),
 }
 
 impl Kind {
-    /// Whether its changes are kept while no broker can be told.
+    /// Whether its changes are kept while there is no broker to publish to.
     const fn is_recorded(self) -> bool {
         matches!(self, Self::RunState | Self::Polled(_) | Self::Rated(_) | Self::Setpoint)
     }
 
-    /// What it is a part of; nothing: it is always published.
+    /// The tree it is part of; `None`: it is always published.
     const fn tree(self) -> Option<Tree> {
         match self {
             Self::Availability => None,
@@ -73,13 +73,13 @@ pub(super) struct DriveTopics {
     points: Points,
     publish: Vec<Tree>,
     params: BTreeMap<usize, Reading>,
-    /// The next slot of this walk; behind the last one comes the state.
+    /// The next slot of this walk; after the last one comes the state.
     cursor: usize,
-    /// The picture that was looked at last while no broker could be told.
+    /// The last view seen while there was no broker to publish to.
     recorded: Option<Arc<DriveView>>,
-    /// The picture with which this walk began.
+    /// The view with which this walk began.
     walking: Option<Arc<DriveView>>,
-    /// The picture of the last walk that was finished, and until when another one of it finds nothing.
+    /// The view of the last finished walk, and until when another walk over it would publish nothing.
     walked: Option<(Arc<DriveView>, MonoTime)>,
 }
 
@@ -146,7 +146,7 @@ impl DriveTopics {
         self.restart();
     }
 
-    /// The next publication; nothing if all topics show the picture.
+    /// The next publication; `None` if all topics show the view.
     pub(super) fn next(
         &mut self,
         now: &Present,
@@ -174,7 +174,7 @@ impl DriveTopics {
         let is_of_this_picture = self.walking.take().is_some_and(|walking| Arc::ptr_eq(&walking, view));
         self.walked = is_of_this_picture.then(|| (view.clone(), until));
         self.cursor = 0;
-        // What was walked before the picture changed is walked once more.
+        // What was walked before the view changed is walked once more.
         if is_of_this_picture { None } else { self.next(now, drive, view) }
     }
 
@@ -200,7 +200,8 @@ impl DriveTopics {
         slot.offer(&now, content, differ).then(|| slot.publication(&now, payload, qos))
     }
 
-    /// What has changed of run state, frequencies and measurements since it was told, in the order in which it happened.
+    /// Changes of run state, frequencies and measurements since they were last published or kept, in the order in which
+    /// they happened.
     pub(super) fn record(
         &mut self,
         now: &Present,
@@ -235,7 +236,7 @@ impl DriveTopics {
         changes
     }
 
-    /// What belongs on a topic; nothing if it is to be left as it is.
+    /// The content of a topic; `None` if it is to be left as it is.
     fn content(&self, kind: Kind, now: &Present, drive: &DriveDescription, view: &DriveView) -> Option<Content> {
         let trip = Some(&view.trip).filter(|_| trips_are_fresh(drive, view, now.at));
         let text = |text: Option<String>| text.map_or(Content::Cleared, |text| Content::Text(text.into()));
@@ -254,7 +255,7 @@ impl DriveTopics {
             Kind::TripText => {
                 text(code(view).filter(|_| trip.is_some()).and_then(|code| state::trip_text(drive, code)))
             }
-            // Without a record of our own, what stands there from before is still true.
+            // Without a record of our own, the earlier content of the topic is still true.
             Kind::TripLast => {
                 let record = state::record(drive, now.clock, view.trip_kept.last.as_ref()?);
                 Content::Text(Value::Object(record).to_string().into())
@@ -266,19 +267,19 @@ impl DriveTopics {
         })
     }
 
-    /// Until when nothing is due while the picture stays as it is.
+    /// Until when nothing is due while the view stays the same.
     fn until(&self, now: &Present, drive: &DriveDescription, view: &DriveView) -> MonoTime {
         let heartbeat = |kind| now.beating(self.points.heartbeat(kind)).heartbeat;
         let heartbeats = self.slots.iter().map(|(kind, slot)| slot.due(heartbeat(*kind)));
         let ends = self.slots.iter().filter_map(|(kind, slot)| self.ends_at(*kind, slot, now, drive, view));
-        // The state shows staleness of every polled register, also of those without a topic of their own.
+        // The state shows staleness of every polled register, including those without a topic of their own.
         let polled = drive.model.registers.iter().filter(|it| it.poll.is_some());
         let stale = polled.filter_map(|it| stale_at(drive, it, view)).filter(|stale_at| *stale_at > now.at);
         let all = heartbeats.chain(ends).chain(stale).chain([self.state.due(now.heartbeat)]);
         all.min().unwrap_or(MonoTime::NEVER)
     }
 
-    /// When what stands on a topic is to be cleared.
+    /// When the content of a topic is to be cleared.
     fn ends_at(
         &self,
         kind: Kind,
@@ -299,25 +300,25 @@ impl DriveTopics {
         stale_at(drive, register?, view).filter(|_| slot.is_filled())
     }
 
-    /// When the finished walk is to be walked again; nothing while one is under way.
+    /// When the finished walk is to be repeated; `None` while one is under way.
     pub(super) fn wake(&self) -> Option<MonoTime> {
         self.walked.as_ref().map(|(_, until)| *until)
     }
 }
 
-/// A value that was asked for once is shown for as long as a broker may keep it.
+/// A value that was read once on demand is shown for as long as a broker may keep it.
 fn param_stale_at(now: &Present, reading: &Reading) -> MonoTime {
     reading.at + now.heartbeat * EXPIRY_HEARTBEATS
 }
 
-/// Whether what is known of trips is not older than the register that tells them may be. One that is not polled is read
-/// in another way.
+/// Whether what is known of trips is as recent as the register that shows them has to be. One that is not polled is
+/// read in another way.
 pub(in crate::north) fn trips_are_fresh(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> bool {
     let polled = drive.model.trip_register().filter(|it| it.poll.is_some());
     polled.is_none_or(|register| fresh(drive, register, view, at).is_some())
 }
 
-/// The number of the cause of the trip that holds, 0 if none holds; nothing if that is not known.
+/// The number of the cause of the active trip, 0 if none is active; `None` if that is not known.
 pub(in crate::north) fn code(view: &DriveView) -> Option<u16> {
     if view.trip.active? { view.trip.last.as_ref()?.code } else { Some(0) }
 }
@@ -359,7 +360,7 @@ pub(in crate::north) fn kinds(drive: &DriveDescription) -> Vec<(Kind, String)> {
 
 const SETPOINT: &str = "frequency/setpoint";
 
-/// The topic of a polled register; nothing for the trip count, which is shown as it was understood.
+/// The topic of a polled register; `None` for the trip count, which is shown as interpreted.
 fn value_topic(register: &Register) -> Option<String> {
     match register.role {
         Some(Role::OutputFrequency) => Some("frequency/output".to_owned()),
@@ -370,7 +371,7 @@ fn value_topic(register: &Register) -> Option<String> {
     }
 }
 
-/// The name that a measurement has for every vendor, where it is in the unit that it has for every vendor.
+/// The vendor-independent name of a measurement, if it is in its vendor-independent unit.
 const fn measure_name(role: Role, unit: UnitOfMeasure) -> Option<&'static str> {
     Some(match (role, unit) {
         (Role::OutputCurrent, UnitOfMeasure::Ampere) => "current",

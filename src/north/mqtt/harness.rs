@@ -1,4 +1,4 @@
-//! What the tests of the session share: a broker that is played by hand, and what is read from what the session does.
+//! Shared by the tests of the session: a broker that is played by hand, and helpers that read what the session does.
 
 use super::session::Session;
 use super::types::{Act, LeaseMode, Settings, Tree};
@@ -51,7 +51,7 @@ pub(super) fn drives() -> Vec<DriveDescription> {
     stage::drives(control())
 }
 
-/// A session, and what it sees.
+/// A session with its surroundings.
 pub(super) struct Rig {
     pub(super) session: Session,
     pub(super) stage: Stage,
@@ -113,7 +113,7 @@ impl Rig {
         Self { session: Session::new(settings, drives(), vec![name("hall")], stage.at(), 7), stage }
     }
 
-    /// A session that is born, with `pump` polled just now; what was published for it is left out.
+    /// A session that is born, with `pump` polled just now; what was published for it is omitted.
     pub(super) fn born(version: Version) -> Self {
         let mut rig = Self::new(version);
         rig.poll(0, 3_000);
@@ -125,7 +125,7 @@ impl Rig {
         self.session.handle(self.stage.at(), event);
     }
 
-    /// Connects and plays the broker up to the end of the birth. Gives back everything that was done.
+    /// Connects and plays the broker up to the end of the birth. Returns everything that was done.
     pub(super) fn connect(&mut self) -> Vec<Act> {
         self.handle(Event::Connected(self.broker));
         let mut all = self.acts();
@@ -138,7 +138,7 @@ impl Rig {
         all
     }
 
-    /// Everything that is to be done now; no probe comes back.
+    /// Everything that is to be done now; no probe returns.
     pub(super) fn acts_without_echo(&mut self) -> Vec<Act> {
         self.stage.show();
         let mut all = Vec::new();
@@ -149,7 +149,7 @@ impl Rig {
         all
     }
 
-    /// A message on `rest` below the gateway's topics, and what comes of it.
+    /// Delivers a message on `rest` below the gateway's topics, and returns its effects.
     pub(super) fn send(&mut self, rest: &str, payload: &[u8]) -> Vec<Act> {
         self.deliver(&Message { ..message(&format!("vfd/plant/{rest}"), payload) })
     }

@@ -1,4 +1,4 @@
-//! Telemetry of the time in which no broker could be told, published once it can.
+//! Telemetry of the time without a broker, published once it is back.
 
 use super::in_flight::InFlight;
 use super::topics::Topics;
@@ -9,23 +9,23 @@ use crate::north::clock::Clock;
 use serde_json::{Value, json};
 use std::time::Duration;
 
-/// At most so many are published in [`BURST_EVERY`]: behind an outage the present goes first, and a broker that just came
-/// back is not flooded.
+/// At most this many are published in [`BURST_EVERY`]: after an outage the present is sent first, and a broker that has
+/// just come back is not flooded.
 const BURST: u32 = 20;
 const BURST_EVERY: Duration = Duration::from_millis(100);
 
-/// A topic that shows something else than before.
+/// A topic whose content changed.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Change {
     /// Place of the drive in the session's list.
     pub(super) drive: usize,
     /// The topic below the drive's.
     pub(super) topic: String,
-    /// Since when.
+    /// When it changed.
     pub(super) at: MonoTime,
-    /// What it shows: a number, or a word.
+    /// Its new content: a number, or a word.
     pub(super) value: Value,
-    /// The unit, where the topic's name does not say it.
+    /// The unit, if the topic's name does not state it.
     pub(super) unit: Option<&'static str>,
 }
 
@@ -35,12 +35,12 @@ pub(super) struct History {
     most: usize,
     changes: InFlight<Change>,
     last: u64,
-    /// When this burst began, and how many are gone in it.
+    /// When this burst began, and how many were sent in it.
     burst: (MonoTime, u32),
 }
 
 impl History {
-    /// Keeps at most so many; 0: none.
+    /// Keeps at most this many; 0: none.
     pub(super) fn new(most: usize) -> Self {
         Self { most, changes: InFlight::default(), last: 0, burst: (MonoTime::ZERO, 0) }
     }
@@ -78,7 +78,7 @@ impl History {
         Some((topic, document(change, clock).to_string().into_bytes(), number))
     }
 
-    /// When the next one may go.
+    /// When the next one may be sent.
     pub(super) fn wake(&self) -> Option<MonoTime> {
         let (begun, gone) = self.burst;
         let burst = if gone < BURST { begun } else { begun + BURST_EVERY };
@@ -95,7 +95,7 @@ impl History {
         self.changes.refused(at, number, refusal).is_some()
     }
 
-    /// The connection is gone: what was in flight goes again.
+    /// The connection is lost: what was in flight is sent again.
     pub(super) fn lost(&mut self) {
         self.changes.lost();
     }

@@ -1,4 +1,4 @@
-//! What goes to the broker in order, each until the broker acknowledged it or will not take it.
+//! Messages sent to the broker in order, each until the broker has acknowledged or refused it.
 
 use crate::domain::time::MonoTime;
 use crate::north::broker::Refusal;
@@ -7,25 +7,26 @@ use std::time::Duration;
 
 /// Most that the broker has not acknowledged on this connection.
 pub(super) const IN_FLIGHT_MAX: usize = 16;
-/// So often one thing is offered that the broker fails to take; with the waits between, that is some four minutes.
+/// How often a message is offered that the broker fails to accept; with the waits in between, that is about four
+/// minutes.
 const FAILURES_MAX: u8 = 10;
 /// The wait after a refusal, which doubles with each.
 const WAIT_FIRST: Duration = Duration::from_secs(1);
 const WAIT_MAX: Duration = Duration::from_secs(60);
 
-/// Numbered things that are not acknowledged, oldest first. Its bound is its owner's.
+/// Numbered messages that are not acknowledged, oldest first. Bounded by its owner.
 ///
-/// What the broker refuses for now goes again after a wait that grows, alone and before all that was not sent yet. What
-/// it will not take is given up, so that nothing stands in the way of the rest for ever.
+/// What the broker refuses for now is sent again after a growing wait, alone and before all that was not sent yet. What
+/// it will never accept is given up, so that it does not block the rest for ever.
 #[derive(Debug)]
 pub(super) struct InFlight<T> {
     entries: VecDeque<Entry<T>>,
     in_flight: usize,
-    /// Until when nothing goes, and from when on one at a time; nothing: the broker takes what it gets.
+    /// Until when nothing is sent, and from when on one at a time; `None`: the broker accepts what it gets.
     trial_from: Option<MonoTime>,
     /// The one in flight is a trial.
     is_trial: bool,
-    /// Waits in a row.
+    /// Consecutive waits.
     waits: u32,
 }
 
@@ -49,13 +50,13 @@ impl<T> InFlight<T> {
         self.entries.push_back(Entry { number, it, is_sent: false, failures: 0 });
     }
 
-    /// The next to be sent on this connection.
+    /// The next one to be sent on this connection.
     pub(super) fn next(&mut self, at: MonoTime) -> Option<(u64, &T)> {
         let may_go = self.trial_from.is_none_or(|from| at >= from && self.in_flight == 0);
         if !may_go || self.in_flight >= IN_FLIGHT_MAX {
             return None;
         }
-        // What is sent stands among the first.
+        // The sent ones are first in the queue.
         let entry = self.entries.iter_mut().find(|entry| !entry.is_sent)?;
         entry.is_sent = true;
         self.in_flight += 1;
@@ -63,7 +64,7 @@ impl<T> InFlight<T> {
         Some((entry.number, &entry.it))
     }
 
-    /// When [`next`](Self::next) gives something, as far as that is a question of time.
+    /// When [`next`](Self::next) returns something, as far as that depends on time.
     pub(super) fn wake(&self) -> Option<MonoTime> {
         let has_next = self.in_flight < self.entries.len().min(IN_FLIGHT_MAX);
         match self.trial_from {
@@ -72,22 +73,22 @@ impl<T> InFlight<T> {
         }
     }
 
-    /// When something that was refused goes again.
+    /// When something that was refused is sent again.
     pub(super) fn again_at(&self) -> Option<MonoTime> {
         self.trial_from.and(self.wake())
     }
 
-    /// The broker has the one with this number. False if that is not in flight.
+    /// The broker acknowledged the one with this number. False if that is not in flight.
     pub(super) fn acknowledged(&mut self, number: u64) -> bool {
         let is_done = self.take(number).is_some();
-        // What was on its way before the refusal tells nothing.
+        // What was in flight before the refusal proves nothing.
         if is_done && self.is_trial {
             self.end_of_trials();
         }
         is_done
     }
 
-    /// The broker refuses the one with this number. Gives it back if it is given up.
+    /// The broker refuses the one with this number. Returns it if it is given up.
     pub(super) fn refused(&mut self, at: MonoTime, number: u64, refusal: Refusal) -> Option<T> {
         let place = self.place(number)?;
         let entry = self.entries.get_mut(place)?;
@@ -97,7 +98,7 @@ impl<T> InFlight<T> {
         }
         entry.is_sent = false;
         self.in_flight -= 1;
-        // Those that were on their way together are refused together: that is one wait.
+        // Those that were in flight together are refused together: that is one wait.
         if self.trial_from.is_none_or(|from| at >= from) {
             self.trial_from = Some(at + WAIT_MAX.min(WAIT_FIRST * 2_u32.pow(self.waits.min(16))));
             self.is_trial = false;
@@ -118,13 +119,13 @@ impl<T> InFlight<T> {
         self.entries.remove(place).map(|entry| entry.it)
     }
 
-    /// Where the one with this number stands, if it is in flight.
+    /// The index of the one with this number, if it is in flight.
     fn place(&self, number: u64) -> Option<usize> {
         let place = self.entries.binary_search_by_key(&number, |entry| entry.number).ok()?;
         self.entries.get(place).is_some_and(|entry| entry.is_sent).then_some(place)
     }
 
-    /// The connection is gone: what was in flight goes again.
+    /// The connection is lost: what was in flight is sent again.
     pub(super) fn lost(&mut self) {
         for entry in &mut self.entries {
             if self.in_flight == 0 {
@@ -135,7 +136,7 @@ impl<T> InFlight<T> {
         self.end_of_trials();
     }
 
-    /// Takes out the oldest that is not in flight, and shows the one behind it.
+    /// Removes the oldest that is not in flight, and passes the one after it to the caller.
     pub(super) fn drop_oldest(&mut self) -> Option<(T, Option<&mut T>)> {
         let place = self.entries.iter().position(|entry| !entry.is_sent)?;
         let dropped = self.entries.remove(place)?.it;

@@ -1,4 +1,4 @@
-//! Messages from the broker: what each asks for, and whether it is taken.
+//! Messages from the broker: what each requests, and whether it is accepted.
 
 use super::attempts;
 use super::dispatch::Asker;
@@ -17,15 +17,15 @@ use crate::north::broker::{Message, Returned, Version, tried_by};
 use crate::north::clock::Moment;
 use crate::north::command_words::beside_a_stop;
 
-/// Why a command is refused while nobody knows how long it was on its way.
+/// Why a command is refused while its time in transit is unknown.
 const WAY_UNPROVEN: &str =
     "the gateway's probe through the broker is late, so the command may have waited: send it again with a new id";
-/// The longest correlation data that is carried back.
+/// The longest correlation data that is returned.
 const CORRELATION_MAX_BYTES: usize = 1_024;
 
 impl Session {
-    /// Takes a message. It gives at most one command, one for each drive if it is for all. A message that tries to write
-    /// and gives no command is kept as an attempt, once.
+    /// Takes a message. It gives at most one command, one for each drive if it is for all. A message that attempts a
+    /// write and gives no command is kept as an attempt, once.
     pub(super) fn message(&mut self, at: Moment, message: &Message<'_>) {
         self.counters.messages_in += 1;
         let plant = Plant::of(&self.settings, &self.topics, &self.lines, &self.drives);
@@ -97,7 +97,7 @@ impl Session {
         let owner = owner(place);
         let by = *owner.as_ref().unwrap_or(&Owner::Mqtt);
         let (owner, asked) = match (owner, asked) {
-            // A stop is carried out whatever stands beside it, in its topic too.
+            // A stop is carried out whatever else the message contains, in its topic too.
             (Err(refused), Ok(InputRequest::Order(wish))) if is_a_stop => {
                 (Ok(by), Ok(InputRequest::Order(InputCommand { remark: Some(beside_a_stop(&refused)), ..wish })))
             }
@@ -115,7 +115,7 @@ impl Session {
         }
     }
 
-    /// What a message tries to write; nothing if it does not.
+    /// What a message attempts to write; `None` if it does not.
     fn tried(
         &self,
         place: InputAddress<'_>,
@@ -135,7 +135,7 @@ impl Session {
         if is_live { Ok(()) } else { Err(Refused::plain(Reason::Retained)) }
     }
 
-    /// Refuses repeats of what carries no id by which they could be told.
+    /// Refuses repeats without an id by which they could be recognized.
     fn once(&self, input: Input<'_>, message: &Message<'_>, asked: InputRequest) -> Result<InputRequest, Refused> {
         let is_exempt = match &asked {
             InputRequest::Read(_) => input.only_reads(),
@@ -166,7 +166,7 @@ impl Session {
         self.refuse(at, name, topic, &asker, &refused);
     }
 
-    /// An order that is held to deadline, ids and bounds.
+    /// An order that is subject to deadline, ids and bounds.
     fn order(&mut self, at: Moment, drive: usize, asker: Asker, mut wish: InputCommand, message: &Message<'_>) {
         let tried = tried_by(&wish.order);
         if wish.id.is_some() {
@@ -211,7 +211,7 @@ impl Session {
         self.tell_again(at, drive, asker, &wish.order, report);
     }
 
-    /// Finds out when a command was issued, and refuses one that is too old or may be.
+    /// Determines when a command was issued, and refuses one that is or may be too old.
     fn date(&mut self, at: Moment, wish: &mut InputCommand) -> Result<(), Refused> {
         let ttl = wish.ttl.unwrap_or(self.settings.command_ttl);
         let issue = wish.issued_at.map(|issued_at| self.issued.take(at, issued_at)).transpose()?;
@@ -229,7 +229,7 @@ impl Session {
         Ok(())
     }
 
-    /// Refuses what was tried on a drive, before any line sees it.
+    /// Refuses what was attempted on a drive, before it reaches a line.
     pub(super) fn refuse_for(
         &mut self,
         at: Moment,
@@ -251,7 +251,7 @@ impl Session {
         self.tell_refusal(at, drive, topic, asker, refused);
     }
 
-    /// Where the requester wants the response, if that is allowed.
+    /// The response topic of the request, if it is allowed.
     fn reply_to(&mut self, message: &Message<'_>) -> Option<Reply> {
         let topic = message.response_topic.filter(|_| self.settings.version == Version::V5)?;
         let allowed = self.settings.response_prefix.as_deref();
@@ -264,14 +264,14 @@ impl Session {
     }
 }
 
-/// Who commands at `place`.
+/// The client that commands at `place`.
 ///
 /// # Errors
-/// The name in the topic is none that a commander may have.
+/// The name in the topic is not a valid client name.
 fn owner(place: InputAddress<'_>) -> Result<Owner, Refused> {
     let Some(by) = place.by else { return Ok(Owner::Mqtt) };
     CommanderName::new(by).map(Owner::MqttBy).ok_or_else(|| {
         let right = format!("1 to {} letters, digits, `-`, `_` or `.`", CommanderName::MAX_CHARS);
-        Refused::new(Reason::NotUnderstood, format!("`{}` is no name of a commander; right is {right}", short(by)))
+        Refused::new(Reason::NotUnderstood, format!("`{}` is not a valid client name; expected {right}", short(by)))
     })
 }

@@ -1,4 +1,4 @@
-//! The retained topics of one line, and the document that lists what the gateway has.
+//! The retained topics of one line, and the document that lists the gateway's lines and drives.
 
 use super::slot::{Content, Present, Slot, retained};
 use super::topics::Topics;
@@ -50,7 +50,7 @@ impl LineTopics {
         self.stats = None;
     }
 
-    /// The next publication; nothing if both topics show `line`.
+    /// The next publication; `None` if both topics show `line`.
     pub(super) fn next(&mut self, now: &Present, line: &LineState) -> Option<Publication> {
         let status = status(&line.report);
         let payload = status.clone().into_bytes();
@@ -94,7 +94,7 @@ fn status(report: &LineReport) -> String {
     down_reason(report).map_or_else(|| "up".to_owned(), |reason| format!("down: {reason}"))
 }
 
-/// What was planned, and what was measured of it.
+/// Planned and measured times.
 fn budget(report: &LineReport) -> Value {
     let LineReport { stop, measured, planned_use_per_mille, .. } = report;
     json!({
@@ -132,7 +132,7 @@ fn micros(time: Duration) -> u64 {
 }
 
 fn line_stats(counters: &LineCounters) -> Value {
-    // By its parts, so that a new counter is not forgotten here.
+    // Destructured, so that a new counter is not forgotten here.
     let LineCounters {
         requests,
         replies,
@@ -166,7 +166,7 @@ fn line_stats(counters: &LineCounters) -> Value {
     })
 }
 
-/// What the gateway has: its lines, its drives and their models.
+/// The gateway's lines, its drives and their models.
 pub(super) fn info(settings: &Settings, drives: &[DriveDescription], lines: &[Name], started: &str) -> Vec<u8> {
     let names: Vec<_> = lines.iter().map(Name::as_str).collect();
     let document = json!({

@@ -1,11 +1,11 @@
-//! The MQTT side without a socket or a clock: what the broker says, what the lines answer and time go in; what is
-//! to be published, subscribed and commanded comes out.
+//! The MQTT side without a socket or a clock: messages of the broker, answers of the lines and time go in; what is to
+//! be published, subscribed and commanded comes out.
 //!
-//! [`Session`] is the whole. Inside it, `topics` knows every topic, `payload`, `command_json` and `params` read what
-//! commanders send, `inputs` and `dispatch` make it commands of [`broker`](super::broker), `answers` and `results` tell
-//! how they ended, `attempts` says what a refused message tried, `seen` remembers the ids that were used, `stored`,
-//! `outbox` and `history` hold what is to be told, `telemetry` walks the pictures of the drives, where `points` says of
-//! each register which change of it is news, and `home_assistant` says what there is to show of them.
+//! [`Session`] is the whole. Inside it, `topics` knows every topic, `payload`, `command_json` and `params` parse what
+//! clients send, `inputs` and `dispatch` turn it into commands of [`broker`](super::broker), `answers` and `results`
+//! publish their outcomes, `attempts` describes what a refused message attempted, `seen` remembers used ids, `stored`,
+//! `outbox` and `history` hold what is still to be published, `telemetry` walks the views of the drives, `points`
+//! defines for each register which change is news, and `home_assistant` announces it all.
 
 mod answers;
 mod attempts;

@@ -8,14 +8,14 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 
-/// A journal that gives what was asked for, and the broker's side of the events.
+/// A journal that returns what was requested, and the broker's side of the events.
 #[derive(Default)]
 struct Journal {
     /// Numbers of all events ever kept.
     kept: Vec<u64>,
     taken: Vec<u64>,
     want: Option<u64>,
-    /// What was given and the session does not have yet.
+    /// What was returned and the session does not have yet.
     given: VecDeque<(Vec<u64>, bool)>,
     /// Numbers that the broker got, in order.
     published: Vec<u64>,
@@ -139,13 +139,13 @@ proptest! {
     fn no_event_is_lost_whenever_the_connection_breaks(steps in steps()) {
         let mut rig = Rig::born(Version::V5);
         let mut journal = Journal::default();
-        // What was said at birth.
+        // What was published at birth.
         journal.want = Some(0);
         for step in steps {
             play(&mut rig, &mut journal, step);
         }
         play(&mut rig, &mut journal, Step::Connects);
-        // What was on its way from before the last connect comes first.
+        // What was in flight before the last connect is first.
         for _ in 0..2 * journal.kept.len() + 20 {
             for step in [Step::JournalAnswers, Step::NewsArrive, Step::BrokerAcknowledges(0)] {
                 play(&mut rig, &mut journal, step);

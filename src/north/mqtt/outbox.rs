@@ -1,4 +1,5 @@
-//! Trip events on their way to the broker where no journal keeps them: in order, each until the broker acknowledged it.
+//! Trip events on their way to the broker if no journal keeps them: in order, each until the broker has acknowledged
+//! it.
 
 use super::in_flight::InFlight;
 use crate::domain::time::MonoTime;
@@ -25,14 +26,14 @@ pub(super) struct Outbox {
 }
 
 impl Outbox {
-    /// Adds an event, which gets the next sequence number. True if one had to give way for it.
+    /// Adds an event, which gets the next sequence number. True if an older one had to be dropped for it.
     pub(super) fn add(&mut self, topic: String, body: Map<String, Value>) -> bool {
         self.last_seq += 1;
         self.entries.push(self.last_seq, Entry { topic, body, lost: 0 });
         self.entries.len() > KEPT_MAX && self.drop_oldest()
     }
 
-    /// Drops the oldest that is not in flight. The one behind it says so.
+    /// Drops the oldest that is not in flight. The one after it says so.
     fn drop_oldest(&mut self) -> bool {
         let Some((dropped, next)) = self.entries.drop_oldest() else { return false };
         if let Some(next) = next {
@@ -52,7 +53,7 @@ impl Outbox {
         Some((entry.topic.clone(), Value::Object(body).to_string().into_bytes(), seq))
     }
 
-    /// The broker has the event with this number.
+    /// The broker acknowledged the event with this number.
     pub(super) fn acknowledged(&mut self, seq: u64) {
         self.entries.acknowledged(seq);
     }
@@ -62,12 +63,12 @@ impl Outbox {
         self.entries.refused(at, seq, refusal).is_some()
     }
 
-    /// When one that was refused goes again.
+    /// When one that was refused is sent again.
     pub(super) fn wake(&self) -> Option<MonoTime> {
         self.entries.again_at()
     }
 
-    /// The connection is gone: what was in flight goes again.
+    /// The connection is lost: what was in flight is sent again.
     pub(super) fn lost(&mut self) {
         self.entries.lost();
     }

@@ -6,15 +6,15 @@ use crate::domain::problem::nearest;
 use crate::profile::model::{Model, Register, Role};
 use crate::profile::scale::{NoWord, to_raw};
 
-/// How a register is called in topics and results: by the vendor's code, else by its name.
+/// The name of a register in topics and results: the vendor's code, else its name.
 pub(super) fn label(register: &Register) -> &str {
     register.code.as_deref().unwrap_or(&register.name)
 }
 
-/// The place in `model` of the register called `code`, which can be read.
+/// The index in `model` of the register called `code`, which can be read.
 ///
 /// # Errors
-/// There is none, or reading it is not documented.
+/// There is no such register, or reading it is not documented.
 pub(super) fn readable(model: &Model, code: &str) -> Result<usize, Refused> {
     let register = find(model, code)?;
     if !register.access.can_read() {
@@ -39,7 +39,7 @@ pub(super) fn write(model: &Model, code: &str, value: f64) -> Result<RegisterWri
     Ok(RegisterWrite { address: register.address, value: word })
 }
 
-/// The input of a register that is written by orders and by nothing else.
+/// The input of a register that is written only by orders.
 const fn own_input(register: &Register) -> Option<&'static str> {
     match register.role {
         Some(Role::RunCommand) => Some("run/set"),
@@ -54,7 +54,7 @@ fn find<'m>(model: &'m Model, code: &str) -> Result<&'m Register, Refused> {
 
 fn unknown(model: &Model, code: &str) -> Refused {
     let labels = model.registers.iter().map(label).chain(model.registers.iter().map(|it| it.name.as_str()));
-    // Comparing grows with the square of the length.
+    // The cost of comparing grows with the square of the length.
     let near = (code.len() <= 64).then(|| nearest(code, labels)).flatten();
     let hint = near.map_or_else(String::new, |near| format!("; is it `{near}`?"));
     Refused::new(Reason::NotListed, format!("the drive has no parameter `{}`{hint}", short(code)))

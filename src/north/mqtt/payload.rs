@@ -1,4 +1,4 @@
-//! What a payload orders, or why it orders nothing.
+//! The order in a payload, or why it orders nothing.
 
 use super::command_json;
 use super::params;
@@ -17,15 +17,15 @@ use std::time::Duration;
 /// The largest payload that is read: many times the largest command.
 pub(super) const PAYLOAD_MAX_BYTES: usize = 8 * 1024;
 
-/// What an input asks for.
+/// What an input requests.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum InputRequest {
     Order(InputCommand),
-    /// The value of the register with this place in the model.
+    /// The value of the register at this index in the model.
     Read(usize),
 }
 
-/// An order with what its commander said about it.
+/// An order with what its client said about it.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct InputCommand {
     /// A string or an integer.
@@ -37,7 +37,7 @@ pub(super) struct InputCommand {
     pub(super) epoch: Option<u64>,
     /// When it was issued, on our clock.
     pub(super) issued: Option<MonoTime>,
-    /// What there is to say about it, for people.
+    /// A remark about it, for people.
     pub(super) remark: Option<String>,
 }
 
@@ -68,7 +68,7 @@ pub(super) fn read(input: Input<'_>, payload: &[u8], model: &Model) -> (Option<V
 }
 
 fn too_large(bytes: usize) -> Refused {
-    let message = format!("{bytes} bytes are more than any command has; at most {PAYLOAD_MAX_BYTES} are read");
+    let message = format!("{bytes} bytes are more than any command needs; at most {PAYLOAD_MAX_BYTES} are read");
     Refused::new(Reason::TooLarge, message)
 }
 
@@ -87,18 +87,18 @@ fn plain(input: Input<'_>, payload: &[u8], model: &Model) -> Result<InputRequest
     Ok(InputRequest::Order(InputCommand::plain(order)))
 }
 
-/// The stop that the first bytes of a payload which is too large are, where nothing else stands among them.
+/// The stop in the first bytes of a payload that is too large, if they contain no other word.
 fn stop_word(payload: &[u8]) -> Option<RunWord> {
     let start = std::str::from_utf8(payload.get(..PAYLOAD_MAX_BYTES)?).ok()?;
     run_word(start).ok().filter(|word| matches!(word, RunWord::Stop | RunWord::Coast))
 }
 
-/// The order of a word that is a stop.
+/// The order of a word that must be a stop.
 pub(super) const fn stop_order(word: RunWord) -> Order {
     if matches!(word, RunWord::Coast) { Order::Coast } else { Order::Stop { setpoint: None } }
 }
 
-/// What `all/run/set` takes.
+/// Accepts the payload of `all/run/set`.
 pub(super) fn read_all(payload: &[u8]) -> Result<(), Refused> {
     if payload.len() > PAYLOAD_MAX_BYTES {
         let is_stop = stop_word(payload) == Some(RunWord::Stop);
@@ -122,7 +122,7 @@ fn frequency_order(text: &str) -> Result<Order, Refused> {
     go(Vec::new(), Some(frequency), None)
 }
 
-/// The one word that a topic takes.
+/// Accepts the only word that a topic takes.
 fn only(text: &str, word: &str, order: Order) -> Result<Order, Refused> {
     if text.trim().eq_ignore_ascii_case(word) {
         Ok(order)
@@ -137,12 +137,15 @@ fn param_order(model: &Model, code: &str, payload: &[u8]) -> Result<Order, Refus
     let is_decimal = text.bytes().all(|byte| byte.is_ascii_digit() || matches!(byte, b'.' | b'-' | b'+'));
     let value: Option<f64> = text.parse().ok().filter(|_| is_decimal);
     let value = value.ok_or_else(|| {
-        Refused::new(Reason::NotANumber, format!("`{}` is no number with a decimal point, such as 10.5", short(text)))
+        Refused::new(
+            Reason::NotANumber,
+            format!("`{}` is not a number with a decimal point, such as 10.5", short(text)),
+        )
     })?;
     go(vec![params::write(model, code, value)?], None, None)
 }
 
-/// The order of these parts, of which at least one is there.
+/// The order of these parts, of which at least one is present.
 pub(super) fn go(
     registers: Vec<RegisterWrite>,
     frequency: Option<Hertz>,
@@ -154,7 +157,7 @@ pub(super) fn go(
 /// The payload as trimmed text.
 fn text<'p>(payload: &'p [u8], right: &str) -> Result<&'p str, Refused> {
     let text = std::str::from_utf8(payload).map(str::trim);
-    text.map_err(|_| Refused::new(Reason::NotUnderstood, format!("the payload is no text; right is {right}")))
+    text.map_err(|_| Refused::new(Reason::NotUnderstood, format!("the payload is not text; expected {right}")))
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! How each register of a drive is published: which change of it is news, how often it comes without one, and with how
+//! How each register of a drive is published: which change is news, how often it is repeated without one, and with how
 //! many digits.
 
 use super::drive_topics::Kind;
@@ -9,7 +9,7 @@ use crate::profile::model::{Model, Register};
 use crate::profile::scale::{Scaled, digits_of};
 use std::time::Duration;
 
-/// Digits of a value that follows from a rated one.
+/// Digits of a value that is derived from a rated one.
 const RATED_DIGITS: u8 = 2;
 
 /// How the registers of a drive are published, in the order of its model.
@@ -19,10 +19,10 @@ pub(in crate::north) struct Points(Vec<Point>);
 /// How one register is published.
 #[derive(Clone, Copy, Debug)]
 struct Point {
-    /// Smallest change that is, in steps.
+    /// Smallest change that is news, in steps.
     band: f64,
     heartbeat: Option<Duration>,
-    /// Fewer digits than the register has; nothing: all.
+    /// Fewer digits than the register has; `None`: all.
     digits: Option<u8>,
 }
 
@@ -39,7 +39,7 @@ impl Points {
         }
     }
 
-    /// `content` as it stands on a topic; nothing: the topic is empty.
+    /// `content` as published on a topic; `None`: the topic is empty.
     pub(super) fn shown(&self, kind: Kind, content: &Content, drive: &DriveDescription) -> Option<String> {
         let word = match content {
             Content::Cleared => return None,
@@ -59,7 +59,7 @@ impl Points {
         })
     }
 
-    /// Whether it is news on a topic that its register holds `new` and no longer `old`.
+    /// Whether a change of the topic's register from `old` to `new` is news.
     pub(in crate::north) fn differ_on(&self, kind: Kind, drive: &DriveDescription, old: u16, new: u16) -> bool {
         let text = |word| self.shown(kind, &Content::Word(word), drive);
         match kind {
@@ -69,13 +69,13 @@ impl Points {
         }
     }
 
-    /// Whether it is news that the register of `model` at `place` holds `new` and no longer `old`.
+    /// Whether a change of the register of `model` at `place` from `old` to `new` is news.
     pub(super) fn differ(&self, model: &Model, place: usize, old: u16, new: u16) -> bool {
         let (Some(point), Some(register)) = (self.0.get(place), model.registers.get(place)) else { return false };
         point.is_beyond_band(register, old, new) && point.looks_different(register, old, new)
     }
 
-    /// The value of `word` in `register`, which stands at `place`.
+    /// The value of `word` in `register`, which is at `place`.
     pub(in crate::north) fn value(&self, place: usize, register: &Register, word: u16) -> f64 {
         let scaled = Scaled::from_word(word, register);
         self.digits(place).map_or_else(|| scaled.value(), |digits| scaled.to_digits(digits).value())
@@ -94,7 +94,7 @@ impl Point {
     }
 
     fn is_beyond_band(&self, register: &Register, old: u16, new: u16) -> bool {
-        // A band in decimal is seldom a whole number of steps to the last bit.
+        // A band in decimal is seldom exactly a whole number of steps.
         const ROUNDING: f64 = 1e-6;
         let raw = |word: u16| if register.signed { i32::from(word.cast_signed()) } else { i32::from(word) };
         old != new && f64::from((raw(old) - raw(new)).abs()) + ROUNDING >= self.band

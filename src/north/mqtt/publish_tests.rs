@@ -36,14 +36,14 @@ fn of_output<T>(it: T) -> Vec<(String, T)> {
     vec![("output_frequency".to_owned(), it)]
 }
 
-/// All that is done up to the next poll, which finds nothing new, so many milliseconds later.
+/// Everything that is done up to the next poll this many milliseconds later, which finds no change.
 fn polled_after(rig: &mut Rig, millis: u64) -> Vec<Act> {
     let acts = rig.pass(millis);
     rig.poll(0, 3_000);
     [acts, rig.acts()].concat()
 }
 
-/// Topics on which something stands in the end.
+/// Topics that are not empty in the end.
 fn filled(acts: &[Act]) -> Vec<String> {
     told(acts).into_iter().filter(|(_, payload)| !payload.is_empty()).map(|(topic, _)| topic).collect()
 }
@@ -74,7 +74,7 @@ fn only_what_is_listed_is_published_and_the_rest_is_cleared_once() {
         }
         assert!(always.iter().all(|topic| is_there(topic)), "{filled:?}");
         assert!(publications(&acts).iter().all(|it| it.retain));
-        // Later nothing but heartbeats of what is published, and no walk is begun for nothing.
+        // Later only heartbeats of what is published are sent, and no walk is begun without a reason.
         let later = rig.pass(1_000);
         rig.poll(0, 4_000);
         let later = [later, rig.acts()].concat();

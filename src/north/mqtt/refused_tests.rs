@@ -1,4 +1,4 @@
-//! A broker that does not take events: what goes again, what is given up, and that nothing stands in the way for ever.
+//! A broker that does not accept events: what is sent again, what is given up, and that nothing is blocked for ever.
 
 use super::harness::{Rig, Staged, drives, publications, settings};
 use super::types::{Act, Settings};

@@ -1,4 +1,4 @@
-//! The configuration has changed while the connection stays: other drives, other lines.
+//! The configuration changed while the connection stays: other drives, other lines.
 
 use super::home_assistant::Plant;
 use super::seen::CommandIds;
@@ -8,13 +8,13 @@ use crate::drive::description::DriveDescription;
 use crate::north::clock::Moment;
 
 impl Session {
-    /// Tickets count on from this one.
+    /// Ticket numbers continue from this one.
     pub const fn count_tickets_from(&mut self, first: Ticket) {
         self.commands.count_tickets_from(first);
     }
 
-    /// The gateway has these drives and lines from now on. A drive goes on if its place and name are the same; what was asked
-    /// of the others has no answer any more. Topics of what is gone are cleared.
+    /// Replaces drives and lines. A drive continues if its place and name are the same; requests to the others no
+    /// longer have an answer. Topics of what was removed are cleared.
     pub fn replace(&mut self, at: Moment, drives: Vec<DriveDescription>, lines: Vec<Name>) {
         self.clock.see(at);
         let goes_on =
@@ -25,7 +25,7 @@ impl Session {
         }
         self.commands.move_drives(&moved);
         let mut seen = std::mem::take(&mut self.seen);
-        // Ids outlive a new start of the drive's line: what came once is not done twice.
+        // Ids survive a restart of the drive's line: a command that arrived once is not executed twice.
         let known = |name: &Name| self.drives.iter().position(|it| it.name == *name);
         self.seen = drives
             .iter()

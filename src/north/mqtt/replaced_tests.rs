@@ -1,4 +1,4 @@
-//! The session over a change of the configuration, on a connection that stays.
+//! The session across a change of the configuration, on a connection that stays.
 
 use super::harness::{Rig, Staged, commands, drives, name, on, publications, reads, result, told};
 use super::types::Act;
@@ -8,7 +8,7 @@ use crate::drive::view::DriveView;
 use crate::north::broker::Version;
 use serde_json::Value;
 
-/// These drives and lines from now on. A drive that was there shows what it showed.
+/// Replaces drives and lines. A drive that existed before keeps its view.
 fn replace(rig: &mut Rig, drives: Vec<DriveDescription>, lines: &[&str]) -> Vec<Act> {
     let old: Vec<_> = rig.session.drives.iter().map(|it| it.name.clone()).collect();
     let view = |drive: &DriveDescription| {
@@ -50,7 +50,7 @@ fn topics_of_what_is_gone_are_cleared_and_what_stays_is_not_said_again() {
     let info: Value = serde_json::from_str(&on(&acts, "info").unwrap()).unwrap();
     let names: Vec<_> = info["drives"].as_array().unwrap().iter().map(|it| it["name"].clone()).collect();
     assert_eq!(names, ["mill", "pump"]);
-    // A drive that comes back is said again, and cleared no more, on the next connection either.
+    // A drive that comes back is published again, and no longer cleared, also on the next connection.
     let [pump, fan] = <[_; 2]>::try_from(drives()).unwrap();
     let acts = replace(&mut rig, vec![pump, fan], &["hall"]);
     assert_eq!(on(&acts, "drive/fan/availability").as_deref(), Some("offline"));
@@ -81,7 +81,7 @@ fn what_was_asked_of_a_drive_that_is_gone_is_answered_at_once() {
     let stop = rig.send("drive/pump/command", br#"{"id": "one", "run": "stop"}"#);
     let read = rig.send("drive/fan/param/F007/get", b"");
     assert_eq!((commands(&stop).len(), reads(&read).len()), (1, 1));
-    // The line was started anew: the same drives in other places.
+    // The line was restarted: the same drives in other places.
     let again: Vec<_> = drives()
         .into_iter()
         .map(|drive| DriveDescription { place: DriveRef { line: 9, ..drive.place }, ..drive })
@@ -91,8 +91,8 @@ fn what_was_asked_of_a_drive_that_is_gone_is_answered_at_once() {
     let ends: Vec<_> = results.iter().map(|it| (it["outcome"].clone(), it["reason"].clone())).collect();
     assert_eq!(ends, [("unknown".into(), "removed".into()), ("failed".into(), "removed".into())], "{results:?}");
     let late = rig.answer(commands(&stop)[0].ticket, Outcome::Confirmed, Reason::None, true);
-    assert!(super::harness::results(&late).is_empty(), "nobody waits for it any more");
-    // The id is remembered over the new start.
+    assert!(super::harness::results(&late).is_empty(), "it is no longer pending");
+    // The id is remembered across the restart.
     let acts = rig.send("drive/pump/command", br#"{"id": "one", "run": "forward"}"#);
     assert!(commands(&acts).is_empty());
 }

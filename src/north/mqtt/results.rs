@@ -1,4 +1,4 @@
-//! Results: what became of a command, as its commander reads it.
+//! Results: the outcome of a command, as its client reads it.
 
 use super::params::label;
 use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
@@ -8,28 +8,28 @@ use crate::profile::scale::Scaled;
 use serde_json::{Map, Value, json};
 use std::collections::VecDeque;
 
-/// Most publications that wait. More are only possible while nothing is published.
+/// Most publications that wait. More are possible only while nothing is published.
 const WAITING_MAX: usize = 64;
 
-/// Where a requester wants its response besides, with what it shall carry.
+/// The requester's own response topic, with the correlation data.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Reply {
     pub(super) topic: String,
     pub(super) correlation: Option<Vec<u8>>,
 }
 
-/// What a result says.
+/// The content of a result.
 #[derive(Clone, Debug)]
 pub(super) struct ResultContent<'a> {
     pub(super) id: &'a Value,
     pub(super) drive: &'a str,
-    /// Who commanded.
+    /// The client that commanded.
     pub(super) by: Owner,
     pub(super) report: Report,
     pub(super) is_final: bool,
-    /// It was said before: the command came again.
+    /// It was published before: the command was repeated.
     pub(super) is_repeat: bool,
-    /// Instead of the reason's own words.
+    /// In place of the reason's own message.
     pub(super) message: Option<&'a str>,
     /// Values read back, by code or name.
     pub(super) values: Map<String, Value>,
@@ -72,7 +72,7 @@ pub(super) struct Results {
 }
 
 impl Results {
-    /// Adds a result for `topic`, and for the requester's own topic. Gives back how many older ones gave way.
+    /// Adds a result for `topic`, and for the requester's own topic. Returns how many older ones were dropped.
     pub(super) fn tell(&mut self, topic: String, reply: Option<&Reply>, told: ResultContent<'_>) -> u64 {
         let payload = told.payload();
         let response = reply.map(|reply| publication(reply.topic.clone(), payload.clone(), reply.correlation.clone()));
@@ -92,8 +92,8 @@ const fn publication(topic: String, payload: Vec<u8>, correlation: Option<Vec<u8
     Publication { topic, payload, retain: false, qos: Qos::AtMostOnce, expiry: None, correlation, token: None }
 }
 
-/// The values that `report` on `order` proves the drive to hold: the commanded ones if they were read back, or what
-/// the drive kept where it is clear which register is meant.
+/// The values that `report` on `order` proves the drive to hold: the commanded ones if they were read back, or what the
+/// drive kept if it is clear which register is concerned.
 pub(super) fn values(model: &Model, order: &Order, report: &Report) -> Map<String, Value> {
     let Order::Go(go) = order else { return Map::new() };
     let is_confirmed = report.outcome == Outcome::Confirmed;
@@ -116,7 +116,7 @@ fn kept_frequency(model: &Model, held: u16) -> Option<(String, Value)> {
     Some(("frequency_hz".to_owned(), json!(Scaled::from_word(held, register).value())))
 }
 
-/// A register's value by its label.
+/// A register's value under its label.
 pub(super) fn named(register: &Register, word: u16) -> (String, Value) {
     (label(register).to_owned(), json!(Scaled::from_word(word, register).value()))
 }

@@ -1,4 +1,4 @@
-//! The ids that a drive's commanders used lately, so that a repeat is answered and not executed.
+//! The ids that a drive's clients used recently, so that a repeat is answered and not executed.
 
 use crate::domain::command::{Order, Owner, Report};
 use crate::domain::ids::Ticket;
@@ -16,14 +16,14 @@ const KEPT_FOR: Duration = Duration::from_secs(600);
 #[derive(Debug, Default)]
 pub(super) struct CommandIds {
     ids: VecDeque<Used>,
-    /// Ids of commands that no drive ever saw. They have room of their own, so that a flood of them makes no executed id
-    /// forgotten.
+    /// Ids of commands that no drive ever saw. They have room of their own, so that a flood of them displaces no
+    /// executed id.
     refused: VecDeque<Used>,
 }
 
 #[derive(Debug)]
 struct Used {
-    /// Each commander has ids of its own.
+    /// Each client has ids of its own.
     by: Owner,
     id: Value,
     order: Order,
@@ -40,7 +40,7 @@ pub(super) enum IdState {
     New,
     /// The same command is under way.
     UnderWay,
-    /// The same command ended so.
+    /// The same command ended with this outcome.
     Ended(Report),
     /// Another command had it.
     Other,
@@ -69,7 +69,7 @@ impl CommandIds {
         push(&mut self.ids, Used { by, id, order, epoch, at, ticket, outcome: None });
     }
 
-    /// Remembers a new id whose command is refused, and was given to no drive.
+    /// Remembers a new id whose command is refused without being given to a drive.
     pub(super) fn add_refused(
         &mut self,
         at: MonoTime,
@@ -83,7 +83,7 @@ impl CommandIds {
         push(&mut self.refused, Used { by, id, order, epoch, at, ticket, outcome });
     }
 
-    /// Remembers what became of a command.
+    /// Remembers the outcome of a command.
     pub(super) fn ended(&mut self, ticket: Ticket, report: Report) {
         if let Some(used) = self.ids.iter_mut().find(|used| used.ticket == ticket) {
             used.outcome = Some(report);
@@ -126,7 +126,7 @@ mod tests {
         assert_eq!(seen.look(at(1), (MQTT, &json!(1)), &Order::Coast, None), IdState::Other);
         assert_eq!(seen.look(at(1), (MQTT, &json!(1)), &Order::Reset, Some(1)), IdState::Other);
         let other = Owner::MqttBy(CommanderName::new("plc").unwrap());
-        assert_eq!(seen.look(at(1), (other, &json!(1)), &Order::Reset, None), IdState::New, "the id of somebody else");
+        assert_eq!(seen.look(at(1), (other, &json!(1)), &Order::Reset, None), IdState::New, "the id of another client");
         let refused = Report::refused(Reason::Stale);
         for id in 1_000..2_000 {
             seen.add_refused(at(2), (MQTT, json!(id)), Order::Reset, None, refused);

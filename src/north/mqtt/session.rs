@@ -1,4 +1,4 @@
-//! The MQTT session: its life from connection to farewell, and what it wants done next.
+//! The MQTT session: its life from connection to farewell, and its next act.
 
 use super::counters::Counters;
 use super::dispatch::Context;
@@ -20,7 +20,7 @@ use crate::north::broker::{Broker, Commands, Event, Filter, Issued, LineState, P
 use crate::north::clock::{Clock, Moment};
 use std::sync::Arc;
 
-/// Marks of a token: whose publication it is. Numbers stay far below.
+/// The source of a publication, marked in its token. Numbers stay far below.
 const DISCOVERY: u64 = 1 << 61;
 const STORED: u64 = 1 << 62;
 const HISTORY: u64 = 1 << 63;
@@ -30,12 +30,12 @@ const HISTORY: u64 = 1 << 63;
 ///
 /// * what happens on the connection goes to [`handle`](Self::handle), answers of the lines to
 ///   [`command_answer`](Self::command_answer) and [`native_answer`](Self::native_answer), trips to
-///   [`trip`](Self::trip), or where a journal keeps them, to [`stored_events`](Self::stored_events);
+///   [`trip`](Self::trip), or if a journal keeps them, to [`stored_events`](Self::stored_events);
 /// * [`tick`](Self::tick) is called when [`next_wake`](Self::next_wake) is due;
-/// * after each of these, and whenever a picture changed, [`next_act`](Self::next_act) is asked until it gives
-///   nothing. While there is no room for publications, [`next_inward`](Self::next_inward) is asked instead.
+/// * after each of these, and whenever a view changed, [`next_act`](Self::next_act) is called until it returns
+///   `None`. While there is no room for publications, [`next_inward`](Self::next_inward) is called instead.
 ///
-/// Nothing is published before the broker granted every subscription and a probe came back, except the probe and
+/// Nothing is published before the broker has granted every subscription and a probe has returned, except the probe and
 /// results of commands.
 #[derive(Debug)]
 pub struct Session {
@@ -43,7 +43,7 @@ pub struct Session {
     pub(super) topics: Topics,
     pub(super) drives: Vec<DriveDescription>,
     pub(super) lines: Vec<Name>,
-    /// Distinguishes this process from others of the same gateway: when it was started, in milliseconds since 1970.
+    /// Distinguishes this process from others of the same gateway: its start, in milliseconds since 1970.
     pub(super) run: String,
     pub(super) clock: Clock,
     pub(super) issued: Issued,
@@ -60,13 +60,13 @@ pub struct Session {
     pub(super) telemetry: Telemetry,
     pub(super) discovery: Discovery,
     pub(super) counters: Counters,
-    /// The alive topic says that the commanders are gone.
+    /// The alive topic says that the clients are offline.
     pub(super) are_commanders_gone: bool,
 }
 
 impl Session {
-    /// The session of a gateway with these drives and lines, started now. `probe_key` is random, and of this session alone:
-    /// with it no one else can write a probe.
+    /// The session of a gateway with these drives and lines, started now. `probe_key` is random, and used by this
+    /// session only: without it no peer can forge a probe.
     #[must_use]
     pub fn new(
         settings: Settings,
@@ -134,7 +134,7 @@ impl Session {
     fn subscribed(&mut self, at: Moment, granted: &[bool]) {
         let filters = self.filters();
         let is_whole = granted.len() == filters.len();
-        // What others say is not needed. Without the alive topic the probe alone tells whether the way is open.
+        // The other grants are not needed. Without the alive topic the probe alone shows whether the path is open.
         let is_needed = |filter: &Filter| !filter.wants_retained;
         let is_granted = is_whole && filters.iter().zip(granted).all(|(it, granted)| *granted || !is_needed(it));
         let alive = filters.iter().position(|it| Some(it.path.as_str()) == self.settings.alive_topic.as_deref());
@@ -182,7 +182,8 @@ impl Session {
         self.commands.path_lost();
     }
 
-    /// Takes a trip or its clearing, to be published until the broker has it. Drives that are not ours are ignored.
+    /// Takes a trip or its clearing, to be published until the broker has acknowledged it. Drives that are not ours are
+    /// ignored.
     pub fn trip(&mut self, at: Moment, place: DriveRef, event: &TripEvent) {
         self.clock.see(at);
         let Some(drive) = self.drives.iter().find(|drive| drive.place == place) else { return };
@@ -193,7 +194,7 @@ impl Session {
         self.count_events();
     }
 
-    /// Takes notice of time.
+    /// Advances to the present.
     pub fn tick(&mut self, at: Moment) {
         self.clock.see(at);
         self.check_path(at.mono);
@@ -204,7 +205,7 @@ impl Session {
         self.counters.probes_lost += u64::from(self.path.check(at));
     }
 
-    /// When [`tick`](Self::tick) and [`next_act`](Self::next_act) are to be called if nothing happens before.
+    /// When [`tick`](Self::tick) and [`next_act`](Self::next_act) are to be called if no event occurs before.
     #[must_use]
     pub fn next_wake(&self) -> Option<MonoTime> {
         let open = |wake: Option<MonoTime>| wake.filter(|_| self.path.is_open());
@@ -217,16 +218,16 @@ impl Session {
         [self.path.wake(), self.commands.wake()].into_iter().chain(told).flatten().min()
     }
 
-    /// The next thing for the lines: commands, reads, and signs of the way from the commanders; behind them what is to be
-    /// kept. It needs no room on the connection, so that a stop never waits for one.
+    /// The next item for the lines: commands, reads, and the state of the path from the clients; after them attempts to
+    /// be kept. It needs no room on the connection, so that a stop never waits for one.
     pub fn next_inward(&mut self) -> Option<Act> {
         let attempt = |commands: &mut Commands<_>| commands.next_attempt().map(|(drive, it)| Act::Keep(drive, it));
         let to_line = self.commands.next_to_line().map(Act::ToLine);
         to_line.or_else(|| attempt(&mut self.commands)).or_else(|| self.stored.next_act())
     }
 
-    /// The next thing to do. `views` stand in the order of the drives, `lines` in the order of the lines given to
-    /// [`new`](Self::new). What is returned counts as done, except events with a token, which go again after a
+    /// The next act. `views` are in the order of the drives, `lines` in the order of the lines given to
+    /// [`new`](Self::new). What is returned counts as done, except events with a token, which are sent again after a
     /// reconnect until they are acknowledged.
     pub fn next_act(&mut self, at: Moment, views: &[Arc<DriveView>], lines: &[LineState]) -> Option<Act> {
         if let Some(act) = self.next_inward() {
@@ -251,7 +252,7 @@ impl Session {
         }
     }
 
-    /// Keeps what nobody can be told, if that is wanted.
+    /// Keeps what cannot be published now, if that is configured.
     fn record(&mut self, at: MonoTime, views: &[Arc<DriveView>]) {
         if !self.path.is_open() && self.history.is_on() {
             let now = (at, self.clock);
@@ -263,7 +264,7 @@ impl Session {
 
     fn next_publication(&mut self, at: MonoTime, views: &[Arc<DriveView>], lines: &[LineState]) -> Option<Publication> {
         if let Some(payload) = self.path.take_probe(at) {
-            // It is to wait wherever a command waits, so that it has to be in the same queue of the broker.
+            // It must wait wherever a command waits, so it has to be in the same queue of the broker.
             return Some(passing(self.topics.gateway("probe"), payload, Qos::AtLeastOnce, None));
         }
         if !self.path.is_granted() {
@@ -298,8 +299,8 @@ impl Session {
         self.topics.filters().into_iter().chain(plant.into_iter().flat_map(|it| it.subscriptions())).collect()
     }
 
-    /// `publication` as this broker takes it; nothing if it does not. What is too large would end the connection
-    /// again and again.
+    /// `publication` as this broker accepts it; `None` if it does not. A publication that is too large would end the
+    /// connection again and again.
     fn admitted(&mut self, mut publication: Publication) -> Option<Publication> {
         let is_too_large = self.broker.maximum_packet_bytes.is_some_and(|most| packet_bytes(&publication) > most);
         let is_clearing = publication.retain && publication.payload.is_empty();
@@ -320,21 +321,21 @@ impl Session {
         all.collect::<Vec<_>>().into_iter().filter_map(|it| self.admitted(it)).collect()
     }
 
-    /// Whether the way through the broker was proven lately: a probe came back on this connection, not longer ago
-    /// than two of them and their time-out allow.
+    /// Whether the path through the broker was proven recently: a probe returned on this connection, no longer ago than
+    /// two of them and their time-out allow.
     #[must_use]
     pub fn is_path_alive(&self, at: Moment) -> bool {
         self.path.is_alive(at.mono)
     }
 
-    /// What was counted so far.
+    /// The counters so far.
     #[must_use]
     pub const fn counters(&self) -> Counters {
         Counters { attempts_lost: self.commands.attempts_lost(), ..self.counters }
     }
 }
 
-/// A publication that the broker does not keep.
+/// A publication that the broker does not retain.
 const fn passing(topic: String, payload: Vec<u8>, qos: Qos, token: Option<u64>) -> Publication {
     Publication { topic, payload, retain: false, qos, expiry: None, correlation: None, token }
 }

@@ -145,7 +145,7 @@ fn a_lost_probe_ends_the_connection_and_the_signs_of_life() {
     let alive = |acts: &[Act]| acts.iter().filter(|act| **act == Act::ToLine(ToLine::PathAlive)).count();
     let acts = rig.pass(20_000);
     assert_eq!(alive(&acts), 4, "one for each probe");
-    // The next probe is due 5 s later and does not come back.
+    // The next probe is due 5 s later and does not return.
     rig.millis += 5_000;
     rig.session.tick(rig.at());
     let mut acts = rig.acts_without_echo();

@@ -9,13 +9,13 @@ use std::time::Duration;
 /// How many heartbeats a broker may keep telemetry that is not renewed (MQTT 5).
 pub(super) const EXPIRY_HEARTBEATS: u32 = 3;
 
-/// What publishing depends on besides the pictures.
+/// What publishing depends on besides the views.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Present {
     pub(super) at: MonoTime,
     pub(super) clock: Clock,
     pub(super) heartbeat: Duration,
-    /// Whether the broker may be told how long to keep telemetry (MQTT 5).
+    /// Whether the broker may be given an expiry for telemetry (MQTT 5).
     pub(super) expires: bool,
 }
 
@@ -26,10 +26,10 @@ impl Present {
     }
 }
 
-/// What stands on a topic.
+/// The content of a topic.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Content {
-    /// Nothing.
+    /// It is empty.
     Cleared,
     /// This text.
     Text(Cow<'static, str>),
@@ -42,7 +42,7 @@ pub(super) enum Content {
 pub(super) struct Slot {
     topic: String,
     published: Option<(MonoTime, Content)>,
-    /// What was told last, be it by a publication or for later: it outlives the connection.
+    /// The last content that was published or kept for later: it outlives the connection.
     told: Option<Content>,
 }
 
@@ -52,7 +52,7 @@ impl Slot {
     }
 
     /// Whether `content` is to be published now; from then on it counts as published. Words that `differ` does not
-    /// tell apart are the same content.
+    /// distinguish are the same content.
     pub(super) fn offer(&mut self, now: &Present, content: Content, differ: impl Fn(u16, u16) -> bool) -> bool {
         let is_due = match (&self.published, &content) {
             (None, _) => true,
@@ -69,8 +69,8 @@ impl Slot {
         is_due
     }
 
-    /// Whether `content` is something else than what was told last; from then on it counts as told. The first content of
-    /// all is no change, nor is it one that a value is not known any more.
+    /// Whether `content` differs from what was last published or kept; from then on it counts as such. The first
+    /// content of all is no change, nor is a value becoming unknown.
     pub(super) fn tell(&mut self, content: &Content, differ: impl Fn(u16, u16) -> bool) -> bool {
         let is_new = match (&self.told, content) {
             (_, Content::Cleared) => return false,
@@ -89,12 +89,12 @@ impl Slot {
         &self.topic
     }
 
-    /// Whether something stands on the topic.
+    /// Whether the topic is not empty.
     pub(super) const fn is_filled(&self) -> bool {
         matches!(self.published, Some((_, Content::Text(_) | Content::Word(_))))
     }
 
-    /// When it is published again though nothing changed.
+    /// When it is published again although unchanged.
     pub(super) fn due(&self, heartbeat: Duration) -> MonoTime {
         match &self.published {
             Some((at, Content::Text(_) | Content::Word(_))) => *at + heartbeat,
@@ -102,7 +102,7 @@ impl Slot {
         }
     }
 
-    /// Takes notice of what would be told if the topic were published.
+    /// Records what would be published if the topic were published.
     pub(super) fn see(&mut self, content: Content) {
         self.told = Some(content);
     }

@@ -20,11 +20,11 @@ use serde_json::{Map, Value, json};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Shortest time between two publications of one drive's state: it is large, and what changes faster has topics of
-/// its own.
+/// Shortest time between two publications of one drive's state: it is large, and what changes faster has topics of its
+/// own.
 const HOLD_OFF: Duration = Duration::from_millis(500);
 
-/// What a trip record says, by the names of its registers.
+/// The content of a trip record, by the names of its registers.
 pub(super) fn record(drive: &DriveDescription, clock: Clock, record: &TripRecord) -> Map<String, Value> {
     trip::record(drive, &|at| clock.text(at), record)
 }
@@ -83,7 +83,7 @@ impl StateSlot {
         Some(retained(now, self.topic.clone(), payload, Qos::AtMostOnce))
     }
 
-    /// When it may be due though nothing changes.
+    /// When it may be due although nothing changes.
     pub(super) fn due(&self, heartbeat: Duration) -> MonoTime {
         let Some(last) = &self.published else { return MonoTime::NEVER };
         if self.is_held {
@@ -114,7 +114,7 @@ fn has_changed(now: &Present, drive: &DriveDescription, last: &Published, view: 
         || has_published_lease_ended(now, last, view)
 }
 
-/// Control without the end of the lease, which every sign of life moves.
+/// Control without the end of the lease, which every heartbeat moves.
 fn lasting(view: &DriveView) -> Option<(ControlView, Option<Owner>)> {
     let control = view.control.as_ref()?;
     Some((ControlView { lease: None, ..control.clone() }, control.lease.map(|(owner, _)| owner)))
@@ -124,7 +124,7 @@ fn lease_until(view: &DriveView) -> Option<MonoTime> {
     view.control.as_ref()?.lease.map(|(_, until)| until)
 }
 
-/// Whether the end of the lease that was published is past and another one holds.
+/// Whether the published end of the lease has passed and another one is valid.
 fn has_published_lease_ended(now: &Present, last: &Published, view: &DriveView) -> bool {
     let old = lease_until(&last.view);
     let new = lease_until(view);

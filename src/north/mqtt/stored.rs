@@ -1,5 +1,5 @@
 //! Events that a journal keeps, on their way to the broker. What does not fit here stays in the journal: events are
-//! taken from it when there is room, in the order of their numbers, and it is told which the broker has.
+//! taken from it when there is room, in the order of their numbers, and those that the broker has are reported to it.
 
 use super::in_flight::{IN_FLIGHT_MAX, InFlight};
 use super::session::Session;
@@ -20,21 +20,21 @@ pub(super) struct Stored {
     waiting: InFlight<(String, Vec<u8>)>,
     /// The highest number that was taken so far.
     newest: u64,
-    /// The journal was asked for those behind that.
+    /// The journal was asked for those after that.
     is_asked: bool,
     /// The journal is to be asked.
     wants: bool,
-    /// What the broker has or will not take, and the journal does not know of yet. Each was waiting.
+    /// What the broker has or refused, and was not reported to the journal yet. Each was waiting.
     taken: VecDeque<u64>,
 }
 
 impl Stored {
-    /// A way to the broker is open.
+    /// The path to the broker is open.
     pub(super) const fn opened(&mut self) {
         self.wants = true;
     }
 
-    /// The connection is gone: what was in flight goes again, and the journal is asked anew by the next one.
+    /// The connection is lost: what was in flight is sent again, and the journal is asked again on the next one.
     pub(super) fn lost(&mut self) {
         self.waiting.lost();
         self.wants = false;
@@ -43,12 +43,12 @@ impl Stored {
 
     fn take(&mut self, events: &[StoredEvent], more: bool, topic: impl Fn(&StoredEvent) -> String) {
         if events.is_empty() {
-            // A bell. Without more, what was asked for comes as soon as it is there.
+            // A bell. Without `more`, what was requested arrives as soon as it exists.
             self.wants |= more;
             return;
         }
         self.wants = true;
-        // What was not asked for need not follow what was taken: it is asked for.
+        // What was not requested need not follow what was taken: it is requested.
         if !std::mem::take(&mut self.is_asked) {
             return;
         }
@@ -69,15 +69,15 @@ impl Stored {
         Some((topic.clone(), payload.clone(), seq))
     }
 
-    /// The broker has the event with this number.
+    /// The broker acknowledged the event with this number.
     pub(super) fn acknowledged(&mut self, seq: u64) {
         if self.waiting.acknowledged(seq) {
             self.taken.push_back(seq);
         }
     }
 
-    /// The broker refuses the event with this number. True if it is given up: it stays in the journal, as one that is not
-    /// to be told any more.
+    /// The broker refuses the event with this number. True if it is given up: it stays in the journal, marked as not to
+    /// be published any more.
     pub(super) fn refused(&mut self, at: MonoTime, seq: u64, refusal: Refusal) -> bool {
         let is_given_up = self.waiting.refused(at, seq, refusal).is_some();
         if is_given_up {
@@ -86,12 +86,12 @@ impl Stored {
         is_given_up
     }
 
-    /// When one that was refused goes again.
+    /// When one that was refused is sent again.
     pub(super) fn wake(&self) -> Option<MonoTime> {
         self.waiting.again_at()
     }
 
-    /// What the journal is to be told.
+    /// The next request or report to the journal.
     pub(super) fn next_act(&mut self) -> Option<Act> {
         if let Some(seq) = self.taken.pop_front() {
             return Some(Act::EventTaken(seq));
@@ -112,12 +112,12 @@ impl Stored {
 }
 
 impl Session {
-    /// Takes events of the journal, which are published at `trip/event` until the broker has them: then
-    /// [`Act::EventTaken`] is said of each. Together they are what [`Act::WantEvents`] asked for: the first of those
-    /// that no broker has and whose numbers are higher, in rising order.
+    /// Takes events of the journal, which are published at `trip/event` until the broker has acknowledged them: then
+    /// [`Act::EventTaken`] is returned for each. Together they are what [`Act::WantEvents`] requested: the first of
+    /// those that no broker has and whose numbers are higher, in rising order.
     ///
-    /// Nothing else is taken. A journal that has something nobody asked for yet rings with no events and `more`; a want
-    /// that cannot be answered yet stays open until it can.
+    /// Anything else is ignored. A journal that has something not yet requested rings with no events and `more`; a
+    /// request that cannot be answered yet stays open until it can.
     pub fn stored_events(&mut self, at: Moment, events: &[StoredEvent], more: bool) {
         self.clock.see(at);
         let topics = &self.topics;
@@ -135,7 +135,7 @@ mod tests {
         StoredEvent { seq, drive: Name::new("pump").unwrap(), body: seq.to_string() }
     }
 
-    /// The journal gives this many of its `kept` events from behind `after`.
+    /// The journal returns this many of its `kept` events after `after`.
     fn answer(stored: &mut Stored, kept: &[u64], after: u64, most: usize) {
         let behind: Vec<_> = kept.iter().filter(|seq| **seq > after).map(|seq| event(*seq)).collect();
         let given = behind.get(..most.min(behind.len())).unwrap();

@@ -1,5 +1,5 @@
-//! All that is published retained. There is no queue: what was last published is remembered per topic, and the
-//! pictures are walked when somebody asks for the next publication.
+//! Everything that is published retained. There is no queue: what was last published is remembered per topic, and the
+//! views are walked on each request for the next publication.
 
 use super::drive_topics::DriveTopics;
 use super::history::History;
@@ -18,15 +18,15 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Most topics of removed drives and lines that are cleared again and again: those of a hundred drives. Further ones stay
-/// as they are.
+/// Most topics of removed drives and lines that are cleared again and again: those of a hundred drives. Further ones
+/// stay as they are.
 const GONE_MAX: usize = 4096;
 
 /// All retained topics of the gateway.
 #[derive(Debug)]
 pub(super) struct Telemetry {
     heartbeat: Duration,
-    /// Whether the broker may be told how long to keep telemetry.
+    /// Whether the broker may be given an expiry for telemetry.
     expires: bool,
     info_topic: String,
     info: Vec<u8>,
@@ -35,12 +35,12 @@ pub(super) struct Telemetry {
     status: Slot,
     lines: Vec<LineTopics>,
     drives: Vec<DriveTopics>,
-    /// Topics of what the gateway has no more or does not publish. They are cleared, after each connection anew: a broker
-    /// may bring an old state back.
+    /// Topics that the gateway no longer has or does not publish. They are cleared after each connection: a broker may
+    /// bring an old state back.
     gone: Vec<String>,
     /// How many of them are cleared on this connection.
     cleared: usize,
-    /// What is walked: 0 the information, then the lines, then the drives.
+    /// The position of the walk: 0 the information, then the lines, then the drives.
     place: usize,
 }
 
@@ -70,8 +70,8 @@ impl Telemetry {
         telemetry
     }
 
-    /// The gateway has other drives and lines from now on; `old` and `new` stand in the order of the pictures. What goes on
-    /// keeps what was published of it.
+    /// Replaces drives and lines; `old` and `new` are in the order of the views. Those that continue keep what was
+    /// published of them.
     pub(super) fn replace(
         &mut self,
         settings: &Settings,
@@ -105,8 +105,8 @@ impl Telemetry {
         self.place = 0;
     }
 
-    /// Retained topics that are not published though there is something to stand on them. Registers that were asked for
-    /// are not among them: which were is not known.
+    /// Retained topics that are not published although there is content for them. Registers that were read on demand
+    /// are not included: which ones is not known.
     fn left_out(
         &self,
         settings: &Settings,
@@ -162,7 +162,7 @@ impl Telemetry {
         }
     }
 
-    /// Keeps in `history` what has changed while no broker can be told. Gives back how much gave way for it.
+    /// Keeps changes in `history` while there is no broker to publish to. Returns how many were dropped for them.
     pub(super) fn record(
         &mut self,
         (at, clock): (MonoTime, Clock),
@@ -176,8 +176,8 @@ impl Telemetry {
         changes.map(|change| u64::from(history.add(change))).sum()
     }
 
-    /// The next publication; nothing if all topics show the pictures. `status` comes behind everything else, so
-    /// that whoever waits for it finds the rest complete.
+    /// The next publication; `None` if all topics show the views. `status` is published last, so that a client that
+    /// waits for it finds the rest complete.
     pub(super) fn next(
         &mut self,
         at: MonoTime,
@@ -227,7 +227,7 @@ impl Telemetry {
         Some(Publication { topic, payload, retain: true, qos, expiry: None, correlation: None, token: None })
     }
 
-    /// When something may be due though no picture changes.
+    /// When something may be due although no view changes.
     pub(super) fn wake(&self) -> Option<MonoTime> {
         let lines = self.lines.iter().filter_map(|it| it.wake(self.heartbeat));
         let drives = self.drives.iter().filter_map(DriveTopics::wake);

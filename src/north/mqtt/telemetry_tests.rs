@@ -19,7 +19,7 @@ fn state(acts: &[Act]) -> Option<Value> {
     on(acts, "drive/pump/state").map(|text| serde_json::from_str(&text).expect("JSON"))
 }
 
-/// The drive goes on answering for so long.
+/// The drive continues to answer for this long.
 fn polled(rig: &mut Rig, millis: u64, output: u16) -> Vec<Act> {
     let mut all = Vec::new();
     for _ in 0..millis / 500 {

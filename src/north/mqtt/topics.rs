@@ -1,4 +1,4 @@
-//! The topics of one gateway: building them, and telling what a message's topic asks for.
+//! The topics of one gateway: building them, and parsing the topic of a message.
 
 use super::types::Settings;
 use crate::north::broker::{Filter, Qos};
@@ -19,7 +19,7 @@ pub(super) struct Topics {
 pub(super) enum Inbound<'t> {
     /// Our own probe.
     Probe,
-    /// The sign of life of the commanders.
+    /// The heartbeat of the clients.
     Alive,
     /// STOP for all drives.
     AllRun,
@@ -27,10 +27,10 @@ pub(super) enum Inbound<'t> {
     Drive(InputAddress<'t>),
 }
 
-/// Which input of which drive, and by whom.
+/// Which input of which drive, and of which client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct InputAddress<'t> {
-    /// The commander whose own topic it is, not checked; nothing: the topic of everybody.
+    /// The client whose own topic it is, not checked; `None`: the shared topic.
     pub(super) by: Option<&'t str>,
     /// The name of the drive, which may not exist.
     pub(super) drive: &'t str,
@@ -53,7 +53,7 @@ pub(super) enum Input<'t> {
 }
 
 impl Input<'_> {
-    /// Whether an empty payload means something. Elsewhere it is what clears a retained message.
+    /// Whether an empty payload has a meaning. Elsewhere it clears a retained message.
     pub(super) const fn takes_empty(self) -> bool {
         matches!(self, Self::Lease | Self::ParamGet(_))
     }
@@ -63,7 +63,7 @@ impl Input<'_> {
         matches!(self, Self::ParamGet(_))
     }
 
-    /// Whether it tries to write something. To read is no attempt, and to renew a lease is none.
+    /// Whether it attempts a write. Reading is no attempt, and renewing a lease is none.
     pub(super) const fn is_attempt(self) -> bool {
         !matches!(self, Self::ParamGet(_) | Self::Lease)
     }
@@ -80,9 +80,9 @@ impl Topics {
         }
     }
 
-    /// What is subscribed: inputs only, so that no publication of ours comes back.
+    /// What is subscribed: inputs only, so that none of our publications is delivered to us.
     pub(super) fn filters(&self) -> Vec<Filter> {
-        /// Of everybody, and of each commander that has topics of its own.
+        /// The shared topic, and that of each client with topics of its own.
         const ORDERS: [&str; 8] = [
             "run/set",
             "frequency/set",
@@ -96,7 +96,7 @@ impl Topics {
         let orders = ["", "by/+/"].into_iter().flat_map(|by| ORDERS.map(|rest| format!("{by}drive/+/{rest}")));
         let others = ["all/run/set", "drive/+/param/+/get", "probe"].map(str::to_owned);
         let inputs = orders.chain(others).map(|rest| self.filter(self.gateway(&rest), false));
-        // What the alive topic said while we were away holds.
+        // What the alive topic said while we were disconnected is valid.
         let alive = self.alive.clone().map(|path| self.filter(path, true));
         inputs.chain(alive).collect()
     }
@@ -126,7 +126,7 @@ impl Topics {
         format!("{}drive/{name}/{rest}", self.base)
     }
 
-    /// What `topic` is for; nothing if it is none of those that are subscribed.
+    /// What `topic` is for; `None` if it is none of those that are subscribed.
     pub(super) fn parse<'t>(&self, topic: &'t str) -> Option<Inbound<'t>> {
         if self.alive.as_deref() == Some(topic) {
             return Some(Inbound::Alive);
@@ -135,7 +135,7 @@ impl Topics {
         if rest == "probe" { Some(Inbound::Probe) } else { command(rest) }
     }
 
-    /// Whether a response may go to `topic`: it lies under `allowed`, is a plain topic, and neither ours nor an
+    /// Whether a response may be sent to `topic`: it is under `allowed`, is a plain topic, and is neither ours nor an
     /// input of another gateway under our prefix.
     pub(super) fn may_respond_to(&self, topic: &str, allowed: &str) -> bool {
         let is_under = topic.strip_prefix(allowed).is_some_and(|rest| rest.starts_with('/') && rest.len() > 1);
@@ -151,7 +151,7 @@ impl Topics {
     }
 }
 
-/// What the levels behind the gateway's name command.
+/// The input in the levels after the gateway's name.
 fn command(rest: &str) -> Option<Inbound<'_>> {
     if rest == "all/run/set" {
         return Some(Inbound::AllRun);

@@ -1,4 +1,4 @@
-//! What goes in and out of the MQTT session.
+//! Inputs and outputs of the MQTT session.
 
 pub use crate::domain::control::LeaseMode;
 use crate::domain::ids::Name;
@@ -7,12 +7,12 @@ use crate::journal::Attempt;
 use crate::north::broker::{Filter, Publication, Qos, ToLine, Version};
 use std::time::Duration;
 
-/// How the MQTT side is set up.
+/// Settings of the MQTT side.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Settings {
     /// First level or levels of all topics, without a slash at either end.
     pub prefix: String,
-    /// The gateway's name: the level behind the prefix.
+    /// The gateway's name: the level after the prefix.
     pub gateway: Name,
     /// Protocol version of the connection.
     pub version: Version,
@@ -22,21 +22,21 @@ pub struct Settings {
     pub subscription_qos: Qos,
     /// What keeps a lease of the MQTT side alive.
     pub lease: LeaseMode,
-    /// A topic whose payload `offline` says that the commanders behind the broker are gone; nothing: none.
+    /// A topic whose payload `offline` says that the clients of the broker are gone; `None`: no such topic.
     pub alive_topic: Option<String>,
     /// How often the way through the broker is probed.
     pub probe_interval: Duration,
-    /// After this time without a probe's return the connection is given up.
+    /// After this time without a returned probe the connection is given up.
     pub probe_timeout: Duration,
     /// Deadline of a command that names none.
     pub command_ttl: Duration,
-    /// Topics under which a requester may ask for the response (MQTT 5); nothing: response topics are ignored.
+    /// Topics under which a requester may ask for the response (MQTT 5); `None`: response topics are ignored.
     pub response_prefix: Option<String>,
     /// Most changes of telemetry that are kept while the broker is away; 0: none.
     pub keep_telemetry: usize,
-    /// What is published beside that which always is: availability, status, results, events of trips, the probe.
+    /// What is published besides what always is: availability, status, results, trip events, the probe.
     pub publish: Vec<Tree>,
-    /// Discovery by Home Assistant; nothing: nothing is said to it, and nothing taken back.
+    /// Discovery by Home Assistant; `None`: nothing is announced, and nothing taken back.
     pub home_assistant: Option<HomeAssistant>,
 }
 
@@ -45,9 +45,9 @@ pub struct Settings {
 pub struct HomeAssistant {
     /// Whether anything is announced; if not, what was announced before is taken back.
     pub discovery: bool,
-    /// First level or levels of the topics that Home Assistant looks at, without a slash at either end.
+    /// First level or levels of Home Assistant's discovery topics, without a slash at either end.
     pub prefix: String,
-    /// Each device is announced as a whole, not each entity for itself.
+    /// Each device is announced as a whole, not each entity separately.
     pub devices: bool,
 }
 
@@ -56,13 +56,13 @@ pub struct HomeAssistant {
 pub enum Tree {
     /// `state` of each drive: everything that is known of it, as JSON.
     State,
-    /// Topics with one value each: run state, frequencies, measurements, the present trip, who holds control.
+    /// Topics with one value each: run state, frequencies, measurements, the active trip, the owner of control.
     Values,
     /// Registers that were asked for.
     Param,
     /// Status and counters of the lines.
     Line,
-    /// What the gateway has.
+    /// The gateway's lines and drives.
     Info,
 }
 
@@ -83,7 +83,7 @@ impl Tree {
     }
 }
 
-/// Something to be done.
+/// An act for the owner of the session.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Act {
     /// Subscribe to these filters at quality of service 1, all in one packet.
@@ -92,15 +92,15 @@ pub enum Act {
     Publish(Publication),
     /// Hand this to the lines.
     ToLine(ToLine),
-    /// Keep this attempt to write, of which no line knows: it was refused, is a repeat, or was taken back before it was
-    /// handed to a line. `None` for the drive: the message is for all, or for one that does not exist.
+    /// Keep this attempt to write, which no line saw: it was refused, is a repeat, or was withdrawn before it reached a
+    /// line. `None` for the drive: the message is for all, or for one that does not exist.
     Keep(Option<DriveRef>, Attempt),
-    /// The broker has the stored event with this number, or will not take it: it is not to be told again.
+    /// The broker has the stored event with this number, or will not accept it: it is not to be published again.
     EventTaken(u64),
-    /// The session wants the first stored events with higher numbers that no broker has: now if there are any, else as
-    /// soon as there is one. It is answered once, by [`Session::stored_events`](super::Session::stored_events).
+    /// The session requests the first stored events with higher numbers that no broker has: now if there are any, else
+    /// as soon as there is one. It is answered once, by [`Session::stored_events`](super::Session::stored_events).
     WantEvents {
-        /// The highest number that it was given.
+        /// The highest number that it has received.
         after: u64,
     },
     /// Drop the connection and make a new one.

@@ -1,4 +1,4 @@
-//! How often a sign-in may be tried: with a wait that grows for each address, and not too often over all.
+//! How often a sign-in may be attempted: with a wait that grows for each address, and a rate limit over all.
 
 use crate::domain::time::MonoTime;
 use std::collections::HashMap;
@@ -11,20 +11,20 @@ const FREE: u32 = 3;
 const FIRST_WAIT: Duration = Duration::from_secs(1);
 /// The longest wait of one address.
 const WAIT_MAX: Duration = Duration::from_secs(300);
-/// An address whose last failure is this long ago begins anew.
+/// An address whose last failure is this long ago starts over.
 const FORGOTTEN_AFTER: Duration = Duration::from_secs(3600);
 /// Most addresses that are remembered. Then the one whose failure is longest ago is forgotten.
 const ADDRESSES_MAX: usize = 256;
 /// Sign-ins at once over all addresses: each costs time and memory.
 const BURST: u32 = 30;
-/// One more may be tried every so often.
+/// The interval at which one more may be attempted.
 const EVERY: Duration = Duration::from_secs(2);
 
-/// What was tried.
+/// The attempts so far.
 #[derive(Debug)]
 pub struct Attempts {
     failures: HashMap<IpAddr, Failures>,
-    /// How many may be tried at once, as of the moment beside it.
+    /// How many may be attempted at once, as of the moment beside it.
     left: u32,
     counted_at: MonoTime,
 }
@@ -51,11 +51,11 @@ impl Default for Attempts {
 }
 
 impl Attempts {
-    /// Somebody at `address` tries to sign in at `now`. It counts as a failure until it has [succeeded](Self::succeeded), so
-    /// that many at once are no way around.
+    /// A client at `address` attempts to sign in at `now`. It counts as a failure until it has
+    /// [succeeded](Self::succeeded), so that parallel attempts do not get around the limit.
     ///
     /// # Errors
-    /// How long to wait first; nothing may be tried until then, and to ask makes it no longer.
+    /// How long to wait first; nothing may be attempted until then, and asking does not make it longer.
     pub fn begin(&mut self, now: MonoTime, address: IpAddr) -> Result<(), Duration> {
         self.failures.retain(|_, failures| now.since(failures.last) < FORGOTTEN_AFTER);
         let of = whose(address);
@@ -77,14 +77,14 @@ impl Attempts {
         Ok(())
     }
 
-    /// An attempt from `address` has failed at `now`: the next one waits from here on, however long it took to find out.
+    /// An attempt from `address` failed at `now`: the next one waits from here on, however long the check took.
     pub fn failed(&mut self, now: MonoTime, address: IpAddr) {
         if let Some(failures) = self.failures.get_mut(&whose(address)) {
             failures.last = now;
         }
     }
 
-    /// An attempt from `address` that has begun was the right one.
+    /// An attempt from `address` that had begun was successful.
     pub fn succeeded(&mut self, address: IpAddr) {
         self.failures.remove(&whose(address));
         self.left = (self.left + 1).min(BURST);
@@ -98,7 +98,7 @@ impl Attempts {
     }
 }
 
-/// Whoever has one address of IPv6 has its whole network of 64 bits.
+/// A client with one IPv6 address has the whole network of 64 bits.
 fn whose(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
         IpAddr::V6(address) => Ipv6Addr::from_bits(address.to_bits() & (u128::MAX << 64)).into(),

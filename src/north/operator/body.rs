@@ -7,7 +7,7 @@ use crate::north::command_words::{
 };
 use serde_json::{Map, Value};
 
-/// Longest body in bytes: a password and some.
+/// Longest body in bytes: a password and some more.
 pub const BODY_BYTES_MAX: usize = 4096;
 
 const KEYS: [&str; 4] = ["run", "frequency_hz", "reset", "take"];
@@ -15,18 +15,18 @@ const EXAMPLE: &str = r#"{"run": "forward", "frequency_hz": 42.5}"#;
 /// What a sign-in looks like, for people.
 pub const SIGN_IN_EXAMPLE: &str = r#"{"user": "anna", "password": "..."}"#;
 
-/// What somebody on the page wants of a drive; at least one of both.
+/// What an operator on the page requests of a drive; at least one of both.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PageCommand {
-    /// To take control over first.
+    /// Take control over first.
     pub takes: bool,
-    /// To order.
+    /// The order.
     pub order: Option<Order>,
-    /// What is wrong with what stands beside a stop, for people.
+    /// What is wrong with the rest of a message with a stop, for people.
     pub beside: Option<String>,
 }
 
-/// The wish that `body` writes. A stop is one whatever stands beside it, and nothing else of that body counts.
+/// The wish in `body`. A stop counts whatever else the body contains, and nothing else of that body does.
 ///
 /// # Errors
 /// Why it is none.
@@ -68,7 +68,7 @@ fn whole_wish(body: &[u8]) -> Result<PageCommand, Refused> {
     }
 }
 
-/// The user and the password in `body`; nothing unless it is an object with them and nothing else.
+/// The user and the password in `body`; `None` unless it is an object with only these.
 #[must_use]
 pub fn sign_in(body: &[u8]) -> Option<(String, String)> {
     let Value::Object(object) = serde_json::from_slice(body).ok()? else { return None };
@@ -77,7 +77,7 @@ pub fn sign_in(body: &[u8]) -> Option<(String, String)> {
     (object.len() == 2).then_some(found)
 }
 
-/// Whether `body` says nothing: there is none, or an empty object.
+/// Whether `body` is empty: absent, or an empty object.
 #[must_use]
 pub fn is_empty(body: &[u8]) -> bool {
     body.is_empty() || matches!(serde_json::from_slice(body), Ok(Value::Object(object)) if object.is_empty())
@@ -101,7 +101,7 @@ mod tests {
             (r#"{"take": true}"#, true, None),
             (r#"{"reset": true}"#, false, Some(Order::Reset)),
             (r#"{"run": "stop"}"#, false, Some(Order::Stop { setpoint: None })),
-            // A stop is carried out whatever stands beside it.
+            // A stop is carried out whatever else the body contains.
             (
                 r#"{"run": "stop", "frequency_hz": "x", "reset": 1, "take": true}"#,
                 false,

@@ -1,5 +1,5 @@
-//! Those who command from the page: passwords, sign-in with its rate, sessions, what a request must bring, how old an order may
-//! be. Time and random numbers are arguments.
+//! Operators on the page: passwords, sign-in and its rate limit, sessions, what a request must carry, how old an order
+//! may be. Time and random numbers are arguments.
 
 pub mod attempts;
 pub mod body;

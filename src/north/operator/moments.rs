@@ -1,6 +1,6 @@
-//! How old an order of the page may be. The gateway hands out moments again and again, and an order names the newest that the
-//! page has seen: it was sent after that. One that waited as a whole on its way, in a proxy or a browser that was suspended, so
-//! names an old moment.
+//! How old an order of the page may be. The gateway hands out moments again and again, and an order names the newest
+//! that the page has seen: it was sent after that. One that was delayed as a whole, in a proxy or a suspended browser,
+//! therefore names an old moment.
 
 use crate::domain::time::MonoTime;
 use crate::guard::COMMAND_DEADLINE;
@@ -8,14 +8,14 @@ use crate::north::seal::Seal;
 use std::fmt;
 use std::time::Duration;
 
-/// How often who listens is handed a new moment.
+/// How often listeners are handed a new moment.
 pub const EVERY: Duration = Duration::from_millis(500);
-/// An order that names an older moment is not carried out. So long it can wait on its way before that is noticed.
+/// An order that names an older moment is not carried out. It can be delayed unnoticed for this long.
 pub const AGE_MAX: Duration = EVERY.saturating_add(COMMAND_DEADLINE);
 
 const NANOS_PER_MS: u64 = 1_000_000;
 
-/// The moments of this process. No one else can write one, so that an order only names what its sender has seen.
+/// The moments of this process. No one else can forge one, so an order can only name what its sender has seen.
 #[derive(Clone, Debug)]
 pub struct Moments(Seal);
 
@@ -28,7 +28,7 @@ pub enum Old {
     Unknown,
     /// The moment that it names is so old.
     Since(Duration),
-    /// It did not come in one piece: its body ended so long after its head.
+    /// It did not arrive in one piece: its body ended this long after its head.
     Torn(Duration),
 }
 
@@ -39,16 +39,17 @@ impl Moments {
         Self(Seal::new(key))
     }
 
-    /// What `now` is called.
+    /// The text of `now`.
     #[must_use]
     pub fn at(&self, now: MonoTime) -> String {
         self.0.text(now.as_nanos() / NANOS_PER_MS)
     }
 
-    /// Looks whether an order that names this moment, began to come at `begun` and had come at `now` may have waited.
+    /// Checks whether an order that names this moment, began to arrive at `begun` and had arrived at `now` may have
+    /// been delayed.
     ///
     /// # Errors
-    /// Why it may have.
+    /// Why it may have been.
     pub fn review(&self, named: Option<&[u8]>, begun: MonoTime, now: MonoTime) -> Result<(), Old> {
         if now.since(begun) > COMMAND_DEADLINE {
             return Err(Old::Torn(now.since(begun)));

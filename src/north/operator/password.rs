@@ -1,13 +1,13 @@
-//! Passwords as argon2id hashes in the PHC format: what such a text must be, how one is made and compared. To make or to
-//! compare one takes time and memory on purpose.
+//! Passwords as argon2id hashes in the PHC format: requirements on the hash, making and comparing it. Both take time
+//! and memory on purpose.
 
 use argon2::password_hash::{PasswordHash, PasswordHasher, PasswordVerifier, SaltString};
 use argon2::{Algorithm, Argon2, Params, Version};
 use std::fmt;
 use std::ops::RangeInclusive;
 
-/// Memory that a hash must need, in KiB, and passes over it: what is recommended at least, and what a sign-in may cost a
-/// small machine at most.
+/// Memory that a hash must need, in KiB, and passes over it: at least what is recommended, at most what a sign-in may
+/// cost a small machine.
 const MEMORY_KIB: RangeInclusive<u32> = Params::DEFAULT_M_COST..=64 * 1024;
 const PASSES: RangeInclusive<u32> = Params::DEFAULT_T_COST..=16;
 const LANES: RangeInclusive<u32> = 1..=16;
@@ -16,16 +16,16 @@ const SALT_BYTES_MIN: usize = 8;
 const OUTPUT_BYTES_MIN: usize = 16;
 /// Longest text of a hash in bytes.
 const TEXT_BYTES_MAX: usize = 512;
-/// What a password may be, in characters: shorter ones are guessed.
+/// Allowed length of a password, in characters: shorter ones are guessed.
 pub const PASSWORD_CHARS: RangeInclusive<usize> = 8..=256;
 
-/// The hash of a password, strong enough. It shows nothing of itself in logs.
+/// The hash of a password, strong enough. Its content never appears in logs.
 #[derive(Clone, PartialEq, Eq)]
 pub struct StoredHash {
     text: String,
 }
 
-/// Why a text is no hash that will do.
+/// Why a text is not an acceptable hash.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unfit {
     /// It is something else, a password perhaps.
@@ -44,13 +44,13 @@ pub enum Unfit {
         what: char,
         /// Its value.
         value: u32,
-        /// What it may be.
+        /// Its range.
         range: RangeInclusive<u32>,
     },
 }
 
 impl StoredHash {
-    /// The hash that `text` writes, such as `$argon2id$v=19$m=19456,t=2,p=1$SALT$HASH`.
+    /// The hash in `text`, such as `$argon2id$v=19$m=19456,t=2,p=1$SALT$HASH`.
     ///
     /// # Errors
     /// [`Unfit`].
@@ -79,7 +79,8 @@ impl StoredHash {
         Ok(Self { text: text.to_owned() })
     }
 
-    /// A hash of `password` with a salt that must be random; nothing if the password is not of [`PASSWORD_CHARS`].
+    /// A hash of `password` with a salt that must be random; `None` if the length of the password is outside
+    /// [`PASSWORD_CHARS`].
     #[must_use]
     pub fn make(password: &str, salt: &[u8; 16]) -> Option<Self> {
         if !PASSWORD_CHARS.contains(&password.chars().count()) {

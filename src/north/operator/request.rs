@@ -1,4 +1,5 @@
-//! What a request to the page says of itself: by which name the gateway was called, from which page it comes, whose it is.
+//! What a request to the page says about itself: by which name the gateway was called, from which page it was sent,
+//! whose it is.
 
 use super::sessions::Key;
 use std::net::{Ipv4Addr, Ipv6Addr};
@@ -6,8 +7,9 @@ use std::net::{Ipv4Addr, Ipv6Addr};
 /// Name of the session's cookie.
 pub const COOKIE: &str = "vfd_session";
 
-/// Whether a browser that calls the gateway `host`, as the header `Host` says, can have been sent here by nobody else: an
-/// address, this host, or one of `names` (in lower case). Any other name may be one that a foreign page has made to lead here.
+/// Whether a browser that calls the gateway `host`, as in the header `Host`, can only have been sent here by the
+/// gateway itself: an address, this host, or one of `names` (in lower case). Any other name may be one that a foreign
+/// page has pointed here.
 #[must_use]
 pub fn may_be_called<'n>(host: &str, mut names: impl Iterator<Item = &'n str>) -> bool {
     if let Some(bracketed) = host.strip_prefix('[') {
@@ -32,21 +34,22 @@ pub fn is_own_page(origin: &str, host: &str) -> bool {
     authority.is_some_and(|authority| !host.is_empty() && authority.eq_ignore_ascii_case(host))
 }
 
-/// Whether a browser says, by the headers `Sec-Fetch-Site` and `Sec-Fetch-Mode`, that a page of another site asks in the
-/// background. It could not read the answer, but it would hold its connection. To follow a link is nothing of that kind.
+/// Whether a browser says, by the headers `Sec-Fetch-Site` and `Sec-Fetch-Mode`, that a page of another site sends the
+/// request in the background. It could not read the answer, but it would hold its connection. Following a link is not
+/// of this kind.
 #[must_use]
 pub fn is_of_another_site(site: &str, mode: &str) -> bool {
     site == "cross-site" && mode != "navigate"
 }
 
-/// The id of the session that the header `Cookie` names; nothing if it names none that could be one.
+/// The id of the session that the header `Cookie` names; `None` if it names none that could be one.
 #[must_use]
 pub fn session_id(cookies: &str) -> Option<Key> {
     let of = |cookie: &str| cookie.trim().strip_prefix(COOKIE)?.strip_prefix('=').map(str::to_owned);
     cookies.split(';').find_map(|cookie| key(&of(cookie)?))
 }
 
-/// The 32 bytes that `text` writes in hexadecimal digits.
+/// The 32 bytes in `text` as hexadecimal digits.
 #[must_use]
 pub fn key(text: &str) -> Option<Key> {
     if text.len() != 64 || !text.bytes().all(|byte| byte.is_ascii_hexdigit()) {
@@ -59,7 +62,7 @@ pub fn key(text: &str) -> Option<Key> {
     Some(key)
 }
 
-/// The same the other way round.
+/// The inverse.
 #[must_use]
 pub fn key_text(key: &Key) -> String {
     key.iter().map(|byte| format!("{byte:02x}")).collect()

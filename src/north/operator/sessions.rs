@@ -1,15 +1,15 @@
-//! Who is signed in. A session is known by a digest of its id, so that nothing that is kept here opens one.
+//! Signed-in users. A session is identified by a digest of its id, so that nothing stored here opens one.
 
 use crate::domain::ids::CommanderName;
 use crate::domain::time::MonoTime;
 use std::collections::HashMap;
 use std::time::Duration;
 
-/// Most sessions at once: a few people with a few screens each. Then the one that was used longest ago ends.
+/// Most sessions at once: a few people with a few screens each. Beyond that the least recently used one ends.
 pub const SESSIONS_MAX: usize = 64;
-/// A session that was not used for this long has ended: a shift and some.
+/// A session ends after this time without use: a shift and some more.
 pub const IDLE_MAX: Duration = Duration::from_secs(12 * 3600);
-/// A session has ended this long after the sign-in, however much it was used.
+/// A session ends this long after the sign-in, however much it is used.
 pub const LIFE_MAX: Duration = Duration::from_secs(7 * 24 * 3600);
 
 /// A digest of a session's id.
@@ -35,7 +35,7 @@ impl Session {
 }
 
 impl Sessions {
-    /// `user` has signed in at `now`, and is known by `key` from now on.
+    /// `user` has signed in at `now`, and is identified by `key` from now on.
     pub fn open(&mut self, now: MonoTime, key: Key, user: CommanderName) {
         self.open.retain(|_, session| !session.is_over(now));
         if self.open.len() >= SESSIONS_MAX {
@@ -45,13 +45,13 @@ impl Sessions {
         self.open.insert(key, Session { user, opened: now, used: now });
     }
 
-    /// Who is known by `key` at `now`. To look does not keep the session.
+    /// The user identified by `key` at `now`. Looking does not keep the session alive.
     #[must_use]
     pub fn user(&self, now: MonoTime, key: &Key) -> Option<CommanderName> {
         self.open.get(key).filter(|session| !session.is_over(now)).map(|session| session.user)
     }
 
-    /// The same for a request that commands, which keeps the session.
+    /// The same for a request that commands, which keeps the session alive.
     pub fn used(&mut self, now: MonoTime, key: &Key) -> Option<CommanderName> {
         let session = self.open.get_mut(key).filter(|session| !session.is_over(now))?;
         session.used = now;
@@ -63,7 +63,7 @@ impl Sessions {
         self.open.remove(key);
     }
 
-    /// Ends the sessions of everybody who `stays` does not name.
+    /// Ends the sessions of all users that `stays` does not name.
     pub fn keep(&mut self, stays: impl Fn(CommanderName) -> bool) {
         self.open.retain(|_, session| stays(session.user));
     }

@@ -1,5 +1,5 @@
-//! What is wrong or could be better at this moment: what, where, and what would be right. It follows from what is known
-//! already.
+//! What is wrong or could be better at this moment: what, where, and what would be right. It is derived from what is
+//! already known.
 
 mod of_drive;
 mod of_gateway;
@@ -8,7 +8,7 @@ mod of_line;
 use crate::domain::ids::Name;
 use crate::north::finding::{Finding, Severity, Sign};
 
-/// What there is to say about one thing.
+/// Advice on one subject.
 #[derive(Debug, Default)]
 struct Advice {
     line: Option<Name>,

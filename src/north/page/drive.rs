@@ -18,15 +18,15 @@ use crate::profile::words::{POLL_CLASSES, ROLES};
 use crate::toml_file::words::word_for;
 use serde_json::{Value, json};
 
-/// Digits of a value that follows from a rated one.
+/// Digits of a value that is derived from a rated one.
 const RATED_DIGITS: u8 = 2;
 
-/// One drive with a picture of it.
+/// One drive with its view.
 #[derive(Clone, Copy, Debug)]
 pub struct Drive<'d> {
-    /// What does not change.
+    /// Its description.
     pub description: &'d DriveDescription,
-    /// The picture.
+    /// Its view.
     pub view: &'d DriveView,
     /// Its station number, as far as it is known.
     pub station: Option<Station>,
@@ -63,7 +63,7 @@ impl Drive<'_> {
         })
     }
 
-    /// When a value will have grown stale next though nothing was read; never, if all have.
+    /// When the next value grows stale if no more is read; never, if all have.
     #[must_use]
     pub fn changes_at(&self, now: MonoTime) -> MonoTime {
         let moments = self.polled().filter_map(|register| stale_at(self.description, register, self.view));
@@ -75,7 +75,7 @@ impl Drive<'_> {
         self.hertz(self.description.model.register_for(Role::OutputFrequency)?, now)
     }
 
-    /// The setpoint that the drive holds, unless that is stale; where it is not polled, the last one that was accepted.
+    /// The setpoint that the drive holds, unless that is stale; if it is not polled, the last one that was accepted.
     pub(super) fn setpoint(&self, now: MonoTime) -> Option<f64> {
         match self.description.model.setting_register().filter(|register| register.poll.is_some()) {
             Some(register) => self.hertz(register, now),

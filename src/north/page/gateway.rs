@@ -9,33 +9,33 @@ pub struct Gateway {
     pub name: String,
     /// When it started, as RFC 3339.
     pub started_at: String,
-    /// All lines are open, and the broker is reached if there is one.
+    /// All lines are open, and the broker is connected if there is one.
     pub is_ready: bool,
-    /// The way to the broker; nothing if none is configured.
+    /// The path to the broker; `None` if none is configured.
     pub mqtt: Option<BrokerWay>,
-    /// The journal; nothing if there is none.
+    /// The journal; `None` if there is none.
     pub journal: Option<JournalState>,
-    /// Why the program's own commands do not reach it; nothing if they do.
+    /// Why the program's own commands do not reach it; `None` if they do.
     pub unreachable: Option<String>,
 }
 
-/// The way to the broker.
+/// The path to the broker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BrokerWay {
     /// It is open.
     pub is_connected: bool,
-    /// Another client wants the gateway's identifier.
+    /// Another client uses the gateway's identifier.
     pub is_contested: bool,
 }
 
-/// How the journal is doing.
+/// The state of the journal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct JournalState {
     /// The word for it.
     pub state: &'static str,
-    /// Rows are kept.
+    /// Rows are being kept.
     pub is_ok: bool,
-    /// Why not.
+    /// Why they are not.
     pub reason: Option<String>,
     /// Where a damaged journal was moved to since the start.
     pub moved_aside: Option<String>,

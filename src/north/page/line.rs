@@ -13,15 +13,15 @@ use serde_json::{Value, json};
 pub struct Line<'l> {
     /// Its name.
     pub name: &'l Name,
-    /// What it is physically.
+    /// Its physical interface.
     pub interface: Interface,
-    /// How it is wired.
+    /// Its wiring.
     pub wiring: &'l Wiring,
-    /// What its thread says.
+    /// The report of its thread.
     pub report: &'l LineReport,
-    /// Its thread was found not to come round.
+    /// Its thread was found to hang.
     pub hangs: bool,
-    /// What was measured of late; nothing before there is enough.
+    /// Recent measurements; `None` before there are enough.
     pub rates: Option<Rates>,
     /// The names of its drives, in order.
     pub drives: &'l [&'l Name],
@@ -58,7 +58,7 @@ impl Line<'_> {
     }
 }
 
-/// With one digit behind the point, so that what has hardly changed is the same.
+/// With one decimal, so that a value that has hardly changed is the same.
 fn tenths(value: f64) -> f64 {
     (value * 10.0).round() / 10.0
 }

@@ -1,13 +1,13 @@
-//! How much of a line's time has been used of late, and how many exchanges that were.
+//! How much of a line's time was used recently, and by how many exchanges.
 
 use crate::domain::report::LineCounters;
 use crate::domain::time::MonoTime;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// Over which time it is measured.
+/// The time over which it is measured.
 const SPAN: Duration = Duration::from_secs(10);
-/// Over less it says nothing.
+/// A shorter time says nothing.
 const LEAST: Duration = Duration::from_secs(1);
 /// Most counts that are remembered, however often they are noted.
 const COUNTS_MAX: usize = 16;
@@ -44,7 +44,7 @@ impl LineUse {
         }
     }
 
-    /// What was measured; nothing before a second has passed.
+    /// The rates; `None` before a second has passed.
     #[must_use]
     pub fn rates(&self) -> Option<Rates> {
         let first = self.counts.front()?;

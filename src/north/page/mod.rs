@@ -1,5 +1,5 @@
-//! What the web page shows, as JSON documents: state, changes, the trend of the last hour, advice. Everything is read from
-//! pictures and reports that are there already, so that nobody who looks puts anything on a line.
+//! The web page's content as JSON documents: state, changes, the trend of the last hour, advice. Everything is read
+//! from existing views and reports, so that viewing the page causes no traffic on a line.
 
 mod advice;
 pub mod drive;
@@ -22,7 +22,7 @@ pub use trend::Trends;
 use super::clock::Clock;
 use crate::domain::time::MonoTime;
 
-/// The present, and how its moments are written.
+/// The present, and the format of its moments.
 #[derive(Clone, Copy, Debug)]
 pub struct Present<'c> {
     /// Now.

@@ -1,4 +1,4 @@
-//! What the tests of this room share: drives of the built-in models, and pictures of them.
+//! Shared by the tests of this room: drives of the built-in models, and views of them.
 
 use super::drive::Drive;
 use crate::domain::ids::{DriveIndex, Name, Station, UnitId};
@@ -48,7 +48,7 @@ pub(super) fn description(model: &str) -> DriveDescription {
     }
 }
 
-/// A drive that stands still, every polled register of which held `word` at [`NOW`].
+/// A drive at standstill, every polled register of which held `word` at [`NOW`].
 pub(super) fn view(description: &DriveDescription, word: u16) -> DriveView {
     let mut view = DriveView { line_is_up: true, run_state: RunState::Stopped, ..DriveView::default() };
     view.snapshot.presence = Presence::Online;

@@ -16,7 +16,7 @@ use std::time::Duration;
 pub const STEP: Duration = Duration::from_secs(2);
 /// Most rows of a drive: an hour.
 pub const ROWS_MAX: usize = 1800;
-/// Digits of a value that follows from a rated one, and of one that nobody reads.
+/// Digits of a value that is derived from a rated one, and of one that is not read.
 const USUAL_DIGITS: u8 = 2;
 
 /// The trends of all drives. A drive has at most [`ROWS_MAX`] rows of four numbers, 29 kB.
@@ -28,7 +28,7 @@ pub struct Trends {
 }
 
 impl Trends {
-    /// Takes over these drives. What is known of one that is still the same goes on.
+    /// Takes over these drives. What is known of one that is unchanged continues.
     pub fn change_to<'d>(&mut self, drives: impl IntoIterator<Item = &'d DriveDescription>) {
         let mut old = std::mem::take(&mut self.drives);
         for drive in drives {
@@ -44,7 +44,7 @@ impl Trends {
         self.newest.is_none_or(|newest| newest < steps(now))
     }
 
-    /// Takes a row of each of `drives`. Rows for which nobody came are empty: after a suspend, say.
+    /// Takes a row of each of `drives`. Rows that were missed are empty: after a suspend, for example.
     pub fn note<'d>(&mut self, now: MonoTime, drives: impl IntoIterator<Item = Drive<'d>>) {
         let step = steps(now);
         let missed = self.newest.map_or(0, |newest| step.saturating_sub(newest).saturating_sub(1));
@@ -64,8 +64,8 @@ impl Trends {
         Some(MonoTime::ZERO + STEP * u32::try_from(self.newest?).ok()?)
     }
 
-    /// The document of the drive called `name`, whose newest row is of `end_at_s` seconds after 1970-01-01 UTC; nothing if
-    /// there is no such drive.
+    /// The document of the drive called `name`, whose newest row is at `end_at_s` seconds after 1970-01-01 UTC; `None`
+    /// if there is no such drive.
     #[must_use]
     pub fn document(&self, name: &str, end_at_s: i64) -> Option<Value> {
         let trend = self.drives.get(&Name::new(name)?)?;
@@ -87,7 +87,7 @@ fn steps(now: MonoTime) -> u64 {
 #[derive(Clone, Debug)]
 struct Trend {
     columns: Vec<Column>,
-    /// Row by row, oldest first; no number where nothing was known. As exact as a word of a register is.
+    /// Row by row, oldest first; NaN if unknown. As exact as a register word.
     cells: VecDeque<f32>,
 }
 
@@ -167,7 +167,7 @@ impl Column {
         json!({ "name": self.name, "label": self.label, "unit": self.unit })
     }
 
-    /// A number of so many digits, as it was before it was kept.
+    /// A number with this many digits, as it was before it was stored.
     fn rounded(&self, cell: f32) -> Option<f64> {
         let steps = 10_f64.powi(self.digits.into());
         (!cell.is_nan()).then(|| (f64::from(cell) * steps).round() / steps)

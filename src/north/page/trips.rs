@@ -1,4 +1,4 @@
-//! Trips and their clearings, as two pictures of a drive that follow each other tell them.
+//! Trips and their clearings, derived from two consecutive views of a drive.
 
 use super::Present;
 use crate::drive::description::DriveDescription;
@@ -6,7 +6,7 @@ use crate::drive::view::DriveView;
 use crate::journal::trip;
 use serde_json::{Value, json};
 
-/// What has happened between two pictures of `drive`, in order. Of several trips between them the newest is told.
+/// What happened between two views of `drive`, in order. Of several trips between them the newest is reported.
 #[must_use]
 pub fn between(present: &Present<'_>, drive: &DriveDescription, before: &DriveView, after: &DriveView) -> Vec<Value> {
     let has_tripped = after.trip.seen > before.trip.seen;

@@ -29,7 +29,7 @@ pub fn document(name: &Name, wiring: &Wiring, observed: &Observed) -> Value {
     })
 }
 
-/// Shares are of all exchanges; nothing if there was none.
+/// Shares are of all exchanges; null if there were none.
 fn rates(observed: &Observed) -> Value {
     let all = observed.exchanges();
     let per_mille = |count: u64| (all > 0).then(|| (count as f64 * 10_000.0 / all as f64).round() / 10.0);

@@ -1,4 +1,4 @@
-//! What is found of one drive.
+//! Findings about one drive.
 
 use super::rules::{ENOUGH, FindingText, SIGNS, graded};
 use super::{DriveObserved, Observed};
@@ -8,11 +8,11 @@ use crate::domain::suspicion::Suspicion;
 use crate::drive::snapshot::Presence;
 use crate::north::finding::{OFFLINE_REMEDY, Severity};
 
-/// Long replies are damaged by their length if so many times more of them are.
+/// Long replies are damaged because of their length if this many times more of them are.
 const LONG_TIMES: u64 = 3;
-/// One drive stands out if its share of damage is so many times that of all others.
+/// One drive stands out if its share of damage is this many times that of all others.
 const ALONE_TIMES: u64 = 10;
-/// In a thousand exchanges so many exceptions are no accident.
+/// This many exceptions in a thousand exchanges are no accident.
 const EXCEPTIONS_PER_MILLE: u64 = 50;
 
 pub(super) fn offline(seen: &Observed, drive: &DriveObserved) -> FindingText {
@@ -54,7 +54,7 @@ pub(super) fn late_beyond_limit(seen: &Observed, drive: &DriveObserved) -> Findi
     (beyond > 0 && !is_told).then(|| (Severity::Problem, text()))
 }
 
-/// Where damage is. Each names one cause; what comes first goes before the rest.
+/// Where damage is. Each names one cause; the first that applies takes precedence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Pattern {
     FirstCharacters,
@@ -120,7 +120,7 @@ pub(super) fn damaged(seen: &Observed, drive: &DriveObserved) -> FindingText {
 
 fn said(seen: &Observed, drive: &DriveObserved, pattern: Pattern, text: impl FnOnce() -> String) -> FindingText {
     let severity = graded(drive.damage.damaged, drive.exchanges.total())?;
-    // What is suspected of the whole line says what to do already.
+    // What is suspected of the whole line already says what to do.
     let is_told = seen.line.suspicion.is_some_and(|suspicion| !matches!(suspicion, Suspicion::OneSilent(_)));
     (!is_told && pattern_of(seen, drive) == pattern).then(|| (severity, text()))
 }
@@ -155,7 +155,7 @@ pub(super) fn late(_: &Observed, drive: &DriveObserved) -> FindingText {
     let severity = graded(late, drive.exchanges.total())?;
     let waited = drive.now.report.replies.iter().map(|reply| reply.timeout.as_millis()).max().unwrap_or_default();
     let text = format!(
-        "{late} replies came when nobody waited for them any more, after up to {waited} ms: leave `reply_timeout` away or \
+        "{late} replies arrived after their time-out, after up to {waited} ms: leave `reply_timeout` away or \
          raise it, lower the drive's reply delay, and look at what stands between (a serial device server, a radio)"
     );
     Some((severity, text))

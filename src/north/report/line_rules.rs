@@ -1,11 +1,11 @@
-//! What is found of a line as a whole.
+//! Findings about a line as a whole.
 
 use super::Observed;
 use super::rules::{ENOUGH, FindingText, SIGNS};
 use crate::domain::suspicion::Suspicion;
 use crate::north::finding::{Severity, over_full_text, suspended_text};
 
-/// The line itself says what is probably wrong with it: wiring, speed, parity, a number given twice, an echo, a jam.
+/// The line's own suspicion: wiring, speed, parity, a duplicate station number, an echo, a jam.
 pub(super) fn suspicion(seen: &Observed) -> FindingText {
     Some((Severity::Problem, seen.line.suspicion?.to_string()))
 }
@@ -37,7 +37,7 @@ pub(super) fn other_master(seen: &Observed) -> FindingText {
     let is_told = seen.line.suspicion == Some(Suspicion::OtherMaster);
     let text = || {
         format!(
-            "somebody else sent {} requests on this line: a serial line takes one master only; disconnect the other one",
+            "another master sent {} requests on this line: a serial line takes one master only; disconnect the other one",
             seen.other_master
         )
     };
@@ -56,14 +56,14 @@ pub(super) fn stranger(seen: &Observed) -> FindingText {
     (strangers >= SIGNS).then(|| (Severity::Problem, text()))
 }
 
-/// Bytes where nobody should talk. A few are the adapter's own turn of direction.
+/// Bytes when the line should be silent. A few are caused by the adapter's own change of direction.
 pub(super) fn floating(seen: &Observed) -> FindingText {
     let led = seen.sum(|drive| drive.damage.led);
     let between = seen.noise_between;
     let text = || {
         format!(
             "bytes that belong to no frame came {led} times in front of replies and {between} times between exchanges: \
-             the line floats while nobody sends; it needs bias resistors at one place, its termination (120 ohm) at both \
+             the line floats while no device sends; it needs bias resistors at one place, its termination (120 ohm) at both \
              ends and nowhere else, and a common ground"
         )
     };

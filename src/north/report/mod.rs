@@ -1,4 +1,4 @@
-//! What one line says of itself over a span of time: how its exchanges ended, how long replies take, what is probably
+//! What is known of one line over a span of time: how its exchanges ended, how long replies take, what is probably
 //! wrong with it and what to do. For the page and for `vfd-gateway doctor`.
 
 mod document;
@@ -35,11 +35,11 @@ pub struct LineSeen {
 pub struct DriveSeen {
     /// Its name.
     pub name: Name,
-    /// Its number on the line.
+    /// Its station number on the line.
     pub station: Station,
-    /// Whether it answers, as was known last.
+    /// Whether it answers, as last known.
     pub presence: Presence,
-    /// How its line sees it.
+    /// Its line's record of it.
     pub report: Arc<StationReport>,
 }
 
@@ -50,17 +50,17 @@ pub struct Observed {
     pub time: Duration,
     /// The line at its end.
     pub line: LineReport,
-    /// Sound frames that answered nothing, of whatever station.
+    /// Valid frames that answered nothing, of any station.
     pub strays: u64,
-    /// Sound frames of stations that were not asked.
+    /// Valid frames of stations that were not addressed.
     pub foreign: u64,
-    /// Requests of somebody else.
+    /// Requests of another master.
     pub other_master: u64,
-    /// Frames of ours that came back.
+    /// Our own frames that came back.
     pub echoes: u64,
     /// Bytes that made no frame.
     pub noise_bytes: u64,
-    /// Times that such bytes came while no reply was waited for.
+    /// How often such bytes arrived while no reply was awaited.
     pub noise_between: u64,
     /// Times the port was lost.
     pub port_downs: u64,
@@ -75,12 +75,12 @@ pub struct DriveObserved {
     pub now: DriveSeen,
     /// How the exchanges with it ended.
     pub exchanges: ExchangeCounts,
-    /// What was wrong with what came from it.
+    /// What was wrong with what it sent.
     pub damage: DamageCounts,
 }
 
 impl Observed {
-    /// What happened between `before` and `now`; since the start, at `started`, if there is nothing before.
+    /// What happened between `before` and `now`; since the start, at `started`, if `before` is `None`.
     #[must_use]
     pub fn between(before: Option<&LineSeen>, now: LineSeen, started: MonoTime) -> Self {
         let was = before.map(|before| before.report.counters).unwrap_or_default();
@@ -124,7 +124,7 @@ impl Observed {
 }
 
 impl DriveObserved {
-    /// Time-outs in which not a byte came.
+    /// Time-outs without a single byte.
     #[must_use]
     pub const fn silent(&self) -> u64 {
         let with_bytes = self.damage.damaged.saturating_sub(self.exchanges.garbled);

@@ -1,14 +1,15 @@
-//! What follows from what was observed on a line: a table of signs, each with its text for people, which says what to do.
+//! Conclusions from what was observed on a line: a table of signs, each with its text for people, which says what to
+//! do.
 
 use super::{DriveObserved, Observed};
 use crate::domain::ids::Name;
 use crate::north::finding::{Finding, Severity, Sign, ranked};
 
-/// Of one kind so many before it is believed: one alone is chance.
+/// How many of one kind are needed before it is believed: a single one is chance.
 pub(super) const SIGNS: u64 = 3;
 /// Exchanges before anything is said about shares of them.
 pub(super) const ENOUGH: u64 = 20;
-/// From so many in a thousand exchanges on, something is a problem.
+/// From this many in a thousand exchanges on, something is a problem.
 const PROBLEM_PER_MILLE: u64 = 10;
 
 /// What one rule says, if it applies.
@@ -34,7 +35,7 @@ const fn drive(sign: Sign, of: fn(&Observed, &DriveObserved) -> FindingText) -> 
     Rule { sign, of: Of::Drive(of) }
 }
 
-/// The table. What stands further up is the more likely cause of what stands below.
+/// The table. Rows further up are more likely causes than those below.
 pub const RULES: &[Rule] = &[
     line(Sign::Suspicion, super::line_rules::suspicion),
     line(Sign::LineDown, super::line_rules::down),
@@ -60,7 +61,7 @@ pub const RULES: &[Rule] = &[
     drive(Sign::Exceptions, super::drive_rules::exceptions),
 ];
 
-/// All that is found on the line called `name`, the worst first; that all is well if there is nothing.
+/// All findings on the line called `name`, the worst first; that all is well if there is none.
 #[must_use]
 pub fn verdict(name: &Name, observed: &Observed) -> Vec<Finding> {
     let mut found: Vec<_> = RULES.iter().flat_map(|rule| rule.findings(name, observed)).collect();
@@ -89,7 +90,7 @@ impl Rule {
     }
 }
 
-/// How bad `count` of `all` is; nothing if that is chance, or less than one in a thousand.
+/// How bad `count` of `all` is; `None` if that is chance, or less than one in a thousand.
 pub(super) fn graded(count: u64, all: u64) -> Option<Severity> {
     if count < SIGNS || count * 1000 < all {
         return None;

@@ -42,7 +42,7 @@ pub(super) fn good() -> Observed {
     Observed::between(None, now, MonoTime::from_millis(40_000).before(SPAN))
 }
 
-/// The same line, and nothing happened.
+/// The same line, idle.
 pub(super) fn idle() -> Observed {
     let mut observed = good();
     observed.drives.iter_mut().for_each(|drive| drive.exchanges = ExchangeCounts::default());
@@ -60,7 +60,7 @@ fn of_a(change: impl FnOnce(&mut DriveObserved)) -> Observed {
     with(|observed| change(&mut observed.drives[0]))
 }
 
-/// Drive a had so many damaged replies of the right length.
+/// Drive a had this many damaged replies of the right length.
 fn damaged(count: u64, change: impl FnOnce(&mut DriveObserved)) -> Observed {
     of_a(|a| {
         a.exchanges.replies = 1000 - count;

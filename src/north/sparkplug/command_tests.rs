@@ -1,4 +1,4 @@
-//! Commands of hosts: what is given to the drives, what is refused, and what is told of it.
+//! Commands of hosts: what is given to the drives, what is refused, and what is published about it.
 
 use super::harness::*;
 use super::payload::{Metric, Payload, Value};
@@ -20,7 +20,7 @@ fn stop() -> Order {
     Order::Stop { setpoint: None }
 }
 
-/// What is told of the last command: outcome, reason, message.
+/// What is published about the last command: outcome, reason, message.
 fn told(acts: &[Act], births: &[Sent]) -> Vec<String> {
     let data = sent(acts);
     let words = ["result/outcome", "result/reason", "result/message"];
@@ -60,7 +60,7 @@ fn metrics_become_orders() {
         (vec![text("run/set", "forward"), metric("frequency/set", Value::Double(30.0))], go(Some(30_000), forward)),
         (vec![metric("trip/reset", Value::Boolean(true))], Order::Reset),
         (vec![metric("lease", Value::Boolean(true))], Order::Renew),
-        // A stop counts, whatever stands beside it.
+        // A stop counts, whatever else the message contains.
         (vec![text("run/set", "forward"), text("run/set", "stop")], stop()),
         (vec![text("run/sett", "forward"), text("run/set", "stop")], stop()),
         (vec![text("run/set", "coast"), text("run/set", "stop")], stop()),
@@ -100,7 +100,7 @@ fn what_is_not_exactly_known_is_refused_as_a_whole_and_in_words() {
         (vec![Metric { is_null: Some(true), ..frequency() }], Reason::NotANumber, "frequency/set"),
         (vec![frequency(), frequency()], Reason::Conflict, "one message carries"),
         (vec![frequency(), metric("trip/reset", Value::Boolean(true))], Reason::Conflict, "one message carries"),
-        (vec![metric("trip/reset", Value::Int(1))], Reason::NotUnderstood, "takes true"),
+        (vec![metric("trip/reset", Value::Int(1))], Reason::NotUnderstood, "accepts only true"),
     ];
     for (metrics, reason, says) in table {
         let (mut rig, births) = born();
@@ -235,7 +235,7 @@ fn what_becomes_of_a_command_is_told_at_each_stage_and_counted() {
     let count = births[1].metric("result/count").alias;
     let data = sent(&acts);
     assert!(data[0].payload.metrics.iter().any(|it| it.alias == count && it.value == Some(Value::Long(2))));
-    assert_eq!(rig.answer(ticket, Outcome::Failed, Reason::NoReply, true), [], "nobody waits for it any more");
+    assert_eq!(rig.answer(ticket, Outcome::Failed, Reason::NoReply, true), [], "it is no longer pending");
     let acts = rig.command(vec![metric("frequency/set", Value::Double(300.0))]);
     let ticket = commands(&acts)[0].ticket;
     let acts = rig.answer(ticket, Outcome::Refused, Reason::OutsideLimits, true);

@@ -1,4 +1,4 @@
-//! Commands of hosts: what each asks for, whether it is taken, and how it ended.
+//! Commands of hosts: what each requests, whether it is accepted, and its outcome.
 
 use super::node::{self, NodeCommand};
 use super::order;
@@ -76,8 +76,8 @@ impl Session {
         }
     }
 
-    /// Replays, what is too old, and what comes while nobody could be told of its outcome. Gives back when it was issued,
-    /// on our clock; nothing for a stop.
+    /// Refuses replays, commands that are too old, and those that arrive while their outcome could not be published.
+    /// Returns when it was issued, on our clock; `None` for a stop.
     fn may_be_given(
         &mut self,
         at: Moment,
@@ -98,7 +98,7 @@ impl Session {
         }
         let issued = self.issued(at, payload)?;
         if !self.is_path_alive(at) {
-            let why = "the births of this connection are not told and proven yet, or the primary host is offline";
+            let why = "the births of this connection are not published and proven yet, or the primary host is offline";
             return Err(Refused::new(Reason::CommanderLost, why));
         }
         if self.path.is_unproven() {
@@ -119,14 +119,14 @@ impl Session {
 
     fn issued(&mut self, at: Moment, payload: &Payload) -> Result<MonoTime, Refused> {
         let Some(timestamp) = payload.timestamp.map(|it| i64::try_from(it).unwrap_or(i64::MAX)) else {
-            let why = "the message has no timestamp, so nobody can tell whether it is an old one";
+            let why = "the message has no timestamp, so its age is unknown";
             return Err(Refused::new(Reason::Stale, why));
         };
         let issue = self.issued.take(at, timestamp)?;
         let most = self.settings.max_command_age;
         if issue.age > most {
             let why = format!(
-                "by its timestamp it was issued {:.1} s ago; taken are {} s at most: are the clocks of host and gateway \
+                "by its timestamp it was issued {:.1} s ago; at most {} s are allowed: are the clocks of host and gateway \
                  set?",
                 issue.age.as_secs_f64(),
                 most.as_secs_f64(),
@@ -139,7 +139,7 @@ impl Session {
     fn give(&mut self, at: Moment, drive: usize, order: Order, issued: Option<MonoTime>) {
         if order.is_stop() {
             while let Some((pending, report)) = self.commands.give_way_to_stop(drive) {
-                // The newer stop is told.
+                // The newer stop is reported.
                 let is_stop = matches!(&pending.request, Request::Order(order) if order.is_stop());
                 if !is_stop {
                     self.tell(drive, report, None);
@@ -176,13 +176,13 @@ impl Session {
         self.commands.keep_attempt(place, OWNER, tried, report);
     }
 
-    /// Takes an answer to a command. Answers to others, or to what is no longer waited for, are ignored.
+    /// Takes an answer to a command. Answers to others, or to commands that are no longer pending, are ignored.
     pub fn command_answer(&mut self, answer: &CommandAnswer) {
         if answer.asker != AskerId::SPARKPLUG {
             return;
         }
         let Some(pending) = self.commands.get(answer.ticket).cloned() else { return };
-        // A renewal that is done is no news.
+        // A successful renewal is no news.
         if pending.request != Request::Order(Order::Renew) || answer.report.outcome == Outcome::Refused {
             self.tell(pending.drive, answer.report, Some(&pending));
         }
@@ -191,7 +191,7 @@ impl Session {
         }
     }
 
-    /// Takes word that a line could not take the command with this ticket, because its inbox was full.
+    /// Takes the notice that a line could not accept the command with this ticket, because its inbox was full.
     pub fn refused_by_line(&mut self, ticket: Ticket) {
         if let Some((pending, report)) = self.commands.refused_by_line(ticket) {
             self.tell(pending.drive, report, Some(&pending));
@@ -216,7 +216,7 @@ impl Session {
     }
 }
 
-/// What was tried by something that is no order, for the audit: on one line, and short.
+/// What was attempted by something that is no order, for the audit: on one line, and short.
 fn text(place: &str, says: &str) -> Tried {
     let visible = |c: char| if c.is_control() { ' ' } else { c };
     Tried::Text(format!("{place}: {}", short(says)).chars().map(visible).collect())

@@ -1,4 +1,4 @@
-//! What a metric holds, compared without being written out.
+//! The content of a metric, compared without being written out.
 
 use super::device::LastResult;
 use super::metrics::{Control, Definition, Input, ResultPart, Source, Status, register};
@@ -14,13 +14,13 @@ use crate::north::mqtt::{Kind, Points, trip_code, trips_are_fresh};
 use crate::north::shown::{answered_run_state, fresh, intent, stale_at};
 use std::borrow::Cow;
 
-/// Digits of a value that follows from a rated one.
+/// Digits of a value that is derived from a rated one.
 const RATED_DIGITS: u8 = 2;
 
-/// What a metric holds.
+/// The content of a metric.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Content {
-    /// Nothing that could be relied on.
+    /// Nothing reliable.
     Null,
     /// A register.
     Word(u16),
@@ -28,7 +28,7 @@ pub(super) enum Content {
     Number(i64),
     Hertz(Hertz),
     Text(Cow<'static, str>),
-    /// A part of a report, with the number of that: the same words of another report are news.
+    /// A part of a report, with its number: the same words of another report are news.
     Said(Cow<'static, str>, i64),
 }
 
@@ -46,7 +46,7 @@ impl Content {
     }
 }
 
-/// What a metric is looked up in.
+/// Where the content of a metric is looked up.
 #[derive(Clone, Copy)]
 pub(super) struct Look<'l> {
     pub(super) at: MonoTime,
@@ -54,12 +54,12 @@ pub(super) struct Look<'l> {
     pub(super) drive: &'l DriveDescription,
     pub(super) view: &'l DriveView,
     pub(super) points: &'l Points,
-    /// The last command that came from a host.
+    /// The last command from a host.
     pub(super) told: Option<&'l LastResult>,
 }
 
 impl Look<'_> {
-    /// What the metric holds now.
+    /// The present content of the metric.
     pub(super) fn content(&self, definition: &Definition) -> Content {
         match definition.source {
             Source::Topic(kind) => self.topic(kind),
@@ -142,7 +142,7 @@ impl Look<'_> {
         }
     }
 
-    /// What was written last and is in force; buttons are never down.
+    /// What was last written and is in force; buttons are never pressed.
     fn input(&self, input: Input) -> Content {
         match input {
             Input::Frequency => self.setpoint(),
@@ -151,7 +151,7 @@ impl Look<'_> {
         }
     }
 
-    /// Whether it is news that the metric holds `new` and no longer `old`.
+    /// Whether a change of the metric from `old` to `new` is news.
     pub(super) fn is_news(&self, definition: &Definition, old: &Content, new: &Content) -> bool {
         match (definition.source, old, new) {
             (Source::Topic(kind), Content::Word(old), Content::Word(new)) => {
@@ -161,7 +161,7 @@ impl Look<'_> {
         }
     }
 
-    /// `content` as it travels; nothing if there is no value.
+    /// `content` as sent; `None` if there is no value.
     pub(super) fn value(&self, definition: &Definition, content: &Content) -> Option<Value> {
         use super::payload::Datatype::{Int32, Int64};
         Some(match content {
@@ -186,7 +186,7 @@ impl Look<'_> {
         })
     }
 
-    /// When the metric came to hold what it holds, as far as that is known; else now.
+    /// Since when the metric has its content, as far as known; else now.
     pub(super) fn since(&self, definition: &Definition, content: &Content) -> MonoTime {
         let of_register = || {
             let register = register(self.drive, definition.source)?;
@@ -202,7 +202,7 @@ impl Look<'_> {
         }
     }
 
-    /// When what the metric holds can be relied on no more; nothing: not before something changes.
+    /// When the content of the metric is no longer reliable; `None`: not before something changes.
     pub(super) fn ends_at(&self, definition: &Definition) -> Option<MonoTime> {
         let register = match definition.source {
             Source::Topic(Kind::Polled(_) | Kind::Rated(_)) => register(self.drive, definition.source),

@@ -1,4 +1,4 @@
-//! A drive as a device: its birth, and what has changed since.
+//! A drive as a device: its birth, and its changes since.
 
 use super::content::{Content, Look};
 use super::history::{Entry, History};
@@ -13,18 +13,18 @@ use crate::north::mqtt::Points;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Measured values of one drive are gathered for so long, so that one message carries what several polls brought.
+/// Measured values of one drive are gathered for this long, so that one message carries what several polls brought.
 const GATHERED_FOR: Duration = Duration::from_millis(250);
 /// Most changes of the past in one message.
 const HISTORY_BATCH: usize = 64;
 
-/// What became of the last command that a host gave.
+/// The outcome of the last command that a host gave.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct LastResult {
     pub(super) report: Report,
     /// For people.
     pub(super) message: String,
-    /// Reports so far, so that two of the same words are told apart.
+    /// Reports so far, so that two with the same words are distinguished.
     pub(super) count: i64,
 }
 
@@ -44,17 +44,17 @@ pub(super) struct Device {
     first_alias: u64,
     definitions: Vec<Definition>,
     points: Points,
-    /// What each metric was told, or kept, to hold.
+    /// The content of each metric that was last published or kept.
     held: Vec<Content>,
     /// It was born on this connection and has not died.
     pub(super) is_born: bool,
-    /// It was born before, so that somebody knows what it held.
+    /// It was born before, so a host knows its content.
     was_born: bool,
-    /// Its birth is larger than the broker takes.
+    /// Its birth is larger than the broker accepts.
     pub(super) is_too_large: bool,
     pub(super) history: History,
     told: Option<LastResult>,
-    /// The picture that was looked at last, and until when it tells nothing new.
+    /// The last view seen, and until when it gives nothing new.
     looked: Option<(Arc<DriveView>, MonoTime)>,
     /// Measured values are gathered until then.
     gathers_until: MonoTime,
@@ -79,12 +79,12 @@ impl Device {
         }
     }
 
-    /// The alias behind those of this device.
+    /// The alias after those of this device.
     pub(super) fn next_alias(&self) -> u64 {
         self.first_alias + self.definitions.len() as u64
     }
 
-    /// The metric that `metric` of a command means: by its name where it has one, else by its alias.
+    /// The metric that `metric` of a command addresses: by its name if it has one, else by its alias.
     pub(super) fn definition(&self, metric: &Metric) -> Option<&Definition> {
         if let Some(name) = &metric.name {
             return self.definitions.iter().find(|definition| definition.name == *name);
@@ -93,19 +93,19 @@ impl Device {
         self.definitions.get(place)
     }
 
-    /// The names of what a host may write.
+    /// The names of the metrics that a host may write.
     pub(super) fn inputs(&self) -> impl Iterator<Item = &str> {
         self.definitions.iter().filter(|it| it.input().is_some()).map(|it| it.name.as_str())
     }
 
-    /// Tells what became of a command.
+    /// Publishes the outcome of a command.
     pub(super) fn tell(&mut self, report: Report, message: String) {
         let count = self.told.as_ref().map_or(0, |told| told.count) + 1;
         self.told = Some(LastResult { report, message, count });
         self.looked = None;
     }
 
-    /// The connection is gone.
+    /// The connection is lost.
     pub(super) fn lost(&mut self) {
         self.is_born = false;
         self.is_too_large = false;
@@ -139,7 +139,7 @@ impl Device {
             }
         });
         let mut metrics: Vec<_> = metrics.collect();
-        // Values stand in the order in which they came about, in births too.
+        // Values are in the order in which they occurred, in births too.
         metrics.sort_by_key(|metric| metric.timestamp);
         let until = self.definitions.iter().filter_map(|definition| look.ends_at(definition)).min();
         self.held = held;
@@ -150,7 +150,8 @@ impl Device {
         metrics
     }
 
-    /// The type is said each time, though hosts could know it from the birth: widely used decoders read no value without.
+    /// The type is always sent, though hosts could know it from the birth: widely used decoders read no value without
+    /// it.
     fn metric(&self, place: usize, at_ms: u64, value: Option<Value>) -> Metric {
         Metric {
             alias: Some(self.first_alias + place as u64),
@@ -162,7 +163,7 @@ impl Device {
         }
     }
 
-    /// What has changed since it was told or kept, in the order in which it happened.
+    /// Changes since they were last published or kept, in the order in which they happened.
     fn changes(&mut self, now: &Present<'_>) -> Vec<(Entry, bool)> {
         let is_known = self.looked.as_ref();
         if is_known.is_some_and(|(view, until)| Arc::ptr_eq(view, now.view) && now.at < *until) {
@@ -211,7 +212,7 @@ impl Device {
         self.definitions.get(entry.metric).is_some_and(Definition::is_recorded)
     }
 
-    /// What is to be told now, behind so many `probes`; none if nothing has changed.
+    /// What is to be published now, after this many `probes`; `None` if nothing has changed.
     pub(super) fn data(&mut self, now: &Present<'_>, probes: u64) -> Vec<Metric> {
         let changes = self.changes(now);
         let metrics = changes.iter().map(|(entry, has_quality_changed)| {
@@ -225,7 +226,7 @@ impl Device {
         metrics
     }
 
-    /// Keeps what has changed while no host can be told. What is read for the first time is no change.
+    /// Keeps changes while no host can be reached. A value that is read for the first time is no change.
     pub(super) fn record(&mut self, now: &Present<'_>) {
         for (entry, has_quality_changed) in self.changes(now) {
             let is_first = has_quality_changed && !self.was_born;
@@ -235,7 +236,7 @@ impl Device {
         }
     }
 
-    /// Changes of the past, marked so; none if none waits.
+    /// Changes of the past, marked as such; none if none waits.
     pub(super) fn past(&mut self, probes: u64, room_bytes: usize) -> Vec<Metric> {
         let entries = self.history.take(HISTORY_BATCH, room_bytes);
         let metrics = entries.iter().map(|entry| Metric {
@@ -247,7 +248,7 @@ impl Device {
         metrics
     }
 
-    /// When the picture tells something new though it stays the same.
+    /// When the view gives something new although it stays the same.
     pub(super) fn wake(&self) -> Option<MonoTime> {
         self.looked.as_ref().map(|(_, until)| *until).filter(|until| *until != MonoTime::NEVER)
     }

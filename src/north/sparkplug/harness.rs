@@ -1,4 +1,4 @@
-//! What the tests of the session share: a broker and a host that are played by hand, and what is read from what the
+//! Shared by the tests of the session: a broker and a host that are played by hand, and helpers that read what the
 //! session does.
 
 use super::payload::{Metric, Payload, Value};
@@ -41,10 +41,10 @@ pub(super) fn drives() -> Vec<DriveDescription> {
     stage::drives(ControlSettings { accept_unverified, ..crate::drive::testing::control() })
 }
 
-/// A message as the broker would bring it to a host.
+/// A message as the broker would deliver it to a host.
 #[derive(Debug)]
 pub(super) struct Sent {
-    /// The kind, and the device behind it if it is one's.
+    /// The kind, followed by the device if it concerns one.
     pub(super) kind: String,
     pub(super) payload: Payload,
     pub(super) publication: Publication,
@@ -62,11 +62,11 @@ impl Sent {
     }
 }
 
-/// A session, and what it sees.
+/// A session with its surroundings.
 pub(super) struct Rig {
     pub(super) session: Session,
     stage: Stage,
-    /// No probe comes back.
+    /// No probe returns.
     pub(super) is_deaf: bool,
 }
 
@@ -126,7 +126,7 @@ impl Rig {
         Self { session: Session::new(settings, drives(), &[name("hall")], stage.at(), 7), stage, is_deaf: false }
     }
 
-    /// A session that is born, with `pump` polled just now and the host there.
+    /// A session that is born, with `pump` polled just now and the host online.
     pub(super) fn born() -> Self {
         let mut rig = Self::new();
         rig.poll(0, 3_000);
@@ -153,7 +153,7 @@ impl Rig {
         self.acts()
     }
 
-    /// The host says whether it is there.
+    /// The host says whether it is online.
     pub(super) fn host(&mut self, online: bool, timestamp: u64) -> Vec<Act> {
         let payload = format!(r#"{{"online":{online},"timestamp":{timestamp}}}"#);
         self.deliver(&Message { retain: true, ..message(STATE, payload.as_bytes()) })
@@ -192,7 +192,7 @@ pub(super) fn text(name: &str, value: &str) -> Metric {
     metric(name, Value::Text(value.to_owned()))
 }
 
-/// What was published, the probe aside.
+/// What was published, except the probe.
 pub(super) fn sent(acts: &[Act]) -> Vec<Sent> {
     let published = acts.iter().filter_map(|act| if let Act::Publish(it) = act { Some(it) } else { None });
     let published = published.filter(|it| it.topic != PROBE);

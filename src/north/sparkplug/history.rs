@@ -1,30 +1,30 @@
-//! What a drive did while no host could be told: bounded, oldest first, and given up only when it is proven to have
-//! passed the broker.
+//! Changes of a drive while no host could be reached: bounded, oldest first, and given up only when they are proven to
+//! have passed the broker.
 //!
 //! Sparkplug sends at quality of service 0, so a broker that dies takes the last messages with it. What was sent stays
-//! here until a probe that was sent behind it comes back.
+//! here until a probe that was sent after it returns.
 
 use super::payload::Value;
 use std::collections::VecDeque;
 
-/// Most changes that concern trips, per drive: a night of a drive that trips again and again. They never give way to
-/// telemetry.
+/// Most changes that concern trips, per drive: a night of a drive that trips again and again. They are never dropped
+/// for telemetry.
 const TRIPS_MAX: usize = 256;
 
 /// A change of one metric.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Entry {
-    /// The metric's place in its device.
+    /// The metric's index in its device.
     pub(super) metric: usize,
     /// When, in milliseconds since 1970.
     pub(super) at_ms: u64,
-    /// The value; nothing: there was none.
+    /// The value; `None`: there was none.
     pub(super) value: Option<Value>,
     pub(super) is_trip: bool,
 }
 
 impl Entry {
-    /// What it takes in a message, rounded up.
+    /// Its size in a message, rounded up.
     fn bytes(&self) -> usize {
         /// Alias, moment, type, quality and a number.
         const OTHER_BYTES: usize = 64;
@@ -50,7 +50,7 @@ impl History {
         Self { keep, ..Self::default() }
     }
 
-    /// Adds a change behind the others.
+    /// Appends a change.
     pub(super) fn add(&mut self, entry: Entry) {
         self.last += 1;
         let (queue, most) = if entry.is_trip { (&mut self.trips, TRIPS_MAX) } else { (&mut self.telemetry, self.keep) };
@@ -64,7 +64,7 @@ impl History {
         queue.push_back((self.last, entry));
     }
 
-    /// Takes up to `most` of the oldest, and no more behind the one that fills `room_bytes`.
+    /// Takes up to `most` of the oldest, and no more after the one that fills `room_bytes`.
     pub(super) fn take(&mut self, most: usize, room_bytes: usize) -> Vec<Entry> {
         let mut taken = Vec::new();
         let mut bytes = 0;
@@ -81,24 +81,24 @@ impl History {
         taken
     }
 
-    /// `entries` were sent behind `probes` probes.
+    /// `entries` were sent after `probes` probes.
     pub(super) fn sent(&mut self, probes: u64, entries: impl IntoIterator<Item = Entry>) {
         let kept = |entry: &Entry| entry.is_trip || self.keep > 0;
         self.unproven.extend(entries.into_iter().filter(kept).map(|entry| (probes, entry)));
-        // Values that come faster than probes return are not worth more room than they have in an outage.
+        // Values that arrive faster than probes return deserve no more room than they have in an outage.
         let most = self.keep + TRIPS_MAX;
         let surplus = self.unproven.len().saturating_sub(most);
         self.unproven.drain(..surplus);
     }
 
-    /// The probe with this number came back: what was sent before it has passed the broker.
+    /// The probe with this number returned: what was sent before it has passed the broker.
     pub(super) fn proven(&mut self, probe: u64) {
         while self.unproven.front().is_some_and(|(sent_behind, _)| *sent_behind < probe) {
             self.unproven.pop_front();
         }
     }
 
-    /// The connection is gone: what was not proven is to be sent again, before everything else.
+    /// The connection is lost: what was not proven is to be sent again, before everything else.
     pub(super) fn lost(&mut self) {
         if self.unproven.is_empty() {
             return;
@@ -113,7 +113,7 @@ impl History {
         self.telemetry.len() + self.trips.len()
     }
 
-    /// Takes the count of changes that gave way to newer ones.
+    /// Takes the count of changes that were dropped for newer ones.
     pub(super) const fn take_dropped(&mut self) -> u64 {
         std::mem::replace(&mut self.dropped, 0)
     }

@@ -1,4 +1,4 @@
-//! The primary host application, as its STATE messages tell of it.
+//! The primary host application, as its STATE messages describe it.
 
 use serde_json::Value;
 
@@ -7,9 +7,9 @@ use serde_json::Value;
 pub(super) enum News {
     /// It is not understood, or older than what is known.
     Nothing,
-    /// The host is there.
+    /// The host is online.
     Online,
-    /// The host is gone.
+    /// The host is offline.
     Offline,
 }
 
@@ -18,7 +18,7 @@ pub(super) enum News {
 pub(super) struct Host {
     is_awaited: bool,
     is_online: bool,
-    /// Of the newest message on this connection.
+    /// Timestamp of the newest message on this connection.
     timestamp: Option<u64>,
 }
 
@@ -27,18 +27,18 @@ impl Host {
         Self { is_awaited, is_online: false, timestamp: None }
     }
 
-    /// A new connection: what was known is not of this broker any more.
+    /// A new connection: what was known no longer applies to this broker.
     pub(super) const fn forget(&mut self) {
         self.is_online = false;
         self.timestamp = None;
     }
 
-    /// Whether there is somebody to speak to.
+    /// Whether there is a host to publish to.
     pub(super) const fn is_there(&self) -> bool {
         self.is_online || !self.is_awaited
     }
 
-    /// Takes a STATE message. One that is older than another that came before is the delayed will of a former session.
+    /// Takes a STATE message. One that is older than a previous one is the delayed will of an earlier session.
     pub(super) fn take(&mut self, payload: &[u8]) -> News {
         let Some((is_online, timestamp)) = read(payload) else { return News::Nothing };
         if self.timestamp.is_some_and(|last| timestamp < last) {

@@ -1,6 +1,6 @@
-//! The metrics of a drive: which there are, by which names and in which units.
+//! The metrics of a drive, with their names and units.
 //!
-//! What MQTT shows on a topic below the drive has the name of that topic here.
+//! What MQTT publishes on a topic below the drive has the name of that topic here.
 
 use super::payload::{Datatype, PropertyScalar, PropertySet};
 use crate::domain::control::ControlSettings;
@@ -14,17 +14,17 @@ use crate::profile::model::{Flag, Register};
 /// Where the value of a metric comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Source {
-    /// What stands on a topic of MQTT.
+    /// The content of an MQTT topic.
     Topic(Kind),
     /// Trips that are kept.
     TripTotal,
     /// A part of control.
     Control(Control),
-    /// What a status register tells.
+    /// A part of a status register.
     Status(Status),
-    /// What the drive's own watchdog does.
+    /// The state of the drive's own watchdog.
     Watchdog,
-    /// The last command that came from a host.
+    /// The last command from a host.
     Result(ResultPart),
     /// What does not change.
     Model,
@@ -32,7 +32,7 @@ pub(super) enum Source {
     Line,
     /// The same.
     Unit,
-    /// What a host writes.
+    /// An input that a host writes.
     Input(Input),
 }
 
@@ -45,7 +45,7 @@ pub(super) enum Control {
     FailSafe,
 }
 
-/// What a status register tells.
+/// A part of a status register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Status {
     Local,
@@ -53,7 +53,7 @@ pub(super) enum Status {
     Ready,
 }
 
-/// A part of what became of a command.
+/// A part of the outcome of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ResultPart {
     Outcome,
@@ -62,7 +62,7 @@ pub(super) enum ResultPart {
     Count,
 }
 
-/// What a host writes.
+/// An input that a host writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Input {
     Frequency,
@@ -89,31 +89,31 @@ impl Definition {
         Self { name: name.into(), source, datatype, unit: None, range: None }
     }
 
-    /// What it concerns is told at once, and not gathered with measured values.
+    /// Its changes are published at once, and not gathered with measured values.
     pub(super) const fn is_prompt(&self) -> bool {
         !matches!(self.source, Source::Topic(Kind::Polled(_) | Kind::Rated(_)))
     }
 
-    /// Whether its changes are kept while no host can be told.
+    /// Whether its changes are kept while no host can be reached.
     pub(super) const fn is_recorded(&self) -> bool {
         let is_measured =
             matches!(self.source, Source::Topic(Kind::RunState | Kind::Polled(_) | Kind::Rated(_) | Kind::Setpoint));
         is_measured || self.is_trip()
     }
 
-    /// Whether it tells of trips.
+    /// Whether it concerns trips.
     pub(super) const fn is_trip(&self) -> bool {
         use Kind::{TripActive, TripCode, TripCount, TripLast, TripText};
         let topic = matches!(self.source, Source::Topic(TripActive | TripCode | TripCount | TripLast | TripText));
         topic || matches!(self.source, Source::TripTotal)
     }
 
-    /// What a host writes here; nothing: it may not.
+    /// The input that a host writes here; `None`: it may not.
     pub(super) const fn input(&self) -> Option<Input> {
         if let Source::Input(input) = self.source { Some(input) } else { None }
     }
 
-    /// What a birth says of it besides its value: the names that hosts know.
+    /// What a birth says of it besides its value: the property names that hosts know.
     pub(super) fn properties(&self) -> PropertySet {
         let number = |set: PropertySet, key, value: Option<f64>| match value {
             Some(value) => set.with(key, Datatype::Double, PropertyScalar::Double(value)),

@@ -1,9 +1,9 @@
 //! The Sparkplug B side without a socket or a clock: the gateway is an edge node, each drive a device.
 //!
-//! [`Session`] is the whole. Inside it, `topics` knows the topics, `payload` the bytes, `host` whether the primary host is
-//! there, `metrics` what there is to tell of a drive and by which names, `content` what each holds, `device` and `node`
-//! what is news, `telling` says it in messages, `history` what happened while nobody could be told, `order` what a command
-//! says, and `commands` makes it commands of [`broker`](super::broker) and tells how they ended.
+//! [`Session`] is the whole. Inside it, `topics` knows the topics, `payload` the bytes, `host` whether the primary host
+//! is online, `metrics` the metrics of a drive and their names, `content` the content of each, `device` and `node` what
+//! is news, `telling` puts it into messages, `history` keeps what happened while no host could be reached, `order`
+//! parses commands, and `commands` turns them into commands of [`broker`](super::broker) and reports their outcomes.
 
 mod commands;
 mod content;

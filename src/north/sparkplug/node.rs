@@ -4,14 +4,14 @@ use super::payload::{Datatype, Metric, PropertyScalar, PropertySet, Value};
 use crate::north::broker::LineState;
 use crate::north::shown::down_reason;
 
-/// The name of the metric that names a session; it has no alias.
+/// The name of the metric that identifies a session; it has no alias.
 pub(super) const BDSEQ: &str = "bdSeq";
-/// The name of the metric that asks for all births again; it has no alias.
+/// The name of the metric that requests all births again; it has no alias.
 pub(super) const REBIRTH: &str = "Node Control/Rebirth";
 /// The name of the metric that stops all drives.
 pub(super) const STOP_ALL: &str = "all/run/set";
 
-/// What the first metrics with an alias are: version, then STOP for all, then the lines.
+/// The first aliases: version, then STOP for all, then the lines.
 const VERSION_ALIAS: u64 = 1;
 const STOP_ALL_ALIAS: u64 = 2;
 const FIRST_LINE_ALIAS: u64 = 3;
@@ -19,22 +19,22 @@ const FIRST_LINE_ALIAS: u64 = 3;
 /// The metrics of the edge node.
 #[derive(Debug, Default)]
 pub(super) struct Node {
-    /// What each line was told to be.
+    /// The last published state of each line.
     told: Vec<String>,
 }
 
-/// What a metric of a command for the edge node asks for.
+/// What a metric of a command for the edge node requests.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum NodeCommand<'m> {
     /// All births again, or not.
     Rebirth(Option<&'m Value>),
     /// STOP for all.
     All(Option<&'m Value>),
-    /// Nothing that is known here.
+    /// Unknown here.
     Unknown,
 }
 
-/// What `metric` asks for.
+/// What `metric` requests.
 pub(super) fn asked(metric: &Metric) -> NodeCommand<'_> {
     let value = metric.value.as_ref();
     match (metric.name.as_deref(), metric.alias) {
@@ -44,12 +44,12 @@ pub(super) fn asked(metric: &Metric) -> NodeCommand<'_> {
     }
 }
 
-/// The first alias that a device may have, of a gateway with so many lines.
+/// The first alias that a device may have, of a gateway with this many lines.
 pub(super) const fn next_alias(lines: usize) -> u64 {
     FIRST_LINE_ALIAS + lines as u64
 }
 
-/// The metric that names a session.
+/// The metric that identifies a session.
 pub(super) fn bdseq(number: u8, at_ms: u64) -> Metric {
     Metric {
         name: Some(BDSEQ.to_owned()),
@@ -87,7 +87,7 @@ impl Node {
         all
     }
 
-    /// What has changed since.
+    /// What has changed since it was last published.
     pub(super) fn data(&mut self, at_ms: u64, lines: &[LineState]) -> Vec<Metric> {
         let mut changed = Vec::new();
         for ((alias, line), told) in (FIRST_LINE_ALIAS..).zip(lines).zip(&mut self.told) {

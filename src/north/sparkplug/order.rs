@@ -11,9 +11,9 @@ use crate::north::command_words::{RUN_EXAMPLE, Refused, RunWord, no_frequency, r
 /// What a message orders.
 #[derive(Debug)]
 pub(super) struct DeviceCommand {
-    /// The order; nothing: none, as where buttons were released.
+    /// The order; `None`: there is none, as when buttons were released.
     pub(super) order: Option<Order>,
-    /// Why the message, or what stands in it beside a stop, is refused.
+    /// Why the message, or what it contains besides a stop, is refused.
     pub(super) refused: Option<Refused>,
 }
 
@@ -30,7 +30,8 @@ enum MetricOrder {
     Renew,
 }
 
-/// Reads a command for `device`. All metrics are checked before any counts; but a stop counts whatever stands beside it.
+/// Reads a command for `device`. All metrics are checked before any counts; but a stop counts whatever else the message
+/// contains.
 pub(super) fn read(device: &Device, metrics: &[Metric]) -> DeviceCommand {
     let read: Vec<_> = metrics.iter().map(|metric| part(device, metric)).collect();
     let has = |part: MetricOrder| read.contains(&Ok(Some(part)));
@@ -77,7 +78,7 @@ fn conflict() -> Refused {
     Refused::new(Reason::Conflict, message)
 }
 
-/// What `metric` orders; nothing: a button that is not down.
+/// What `metric` orders; `None`: a button that is not pressed.
 fn part(device: &Device, metric: &Metric) -> Result<Option<MetricOrder>, Refused> {
     let Some(definition) = device.definition(metric) else { return Err(unknown(device, metric)) };
     let name = definition.name.as_str();
@@ -115,7 +116,7 @@ fn unknown(device: &Device, metric: &Metric) -> Refused {
 fn frequency(name: &str, value: Option<&Value>) -> Result<Hertz, Refused> {
     let number = match value {
         Some(Value::Double(number)) => *number,
-        // The nearest double has digits that nobody wrote.
+        // The nearest double has digits that were not written.
         Some(Value::Float(number)) => number.to_string().parse().unwrap_or(f64::NAN),
         Some(Value::Int(bits)) => f64::from(bits.cast_signed()),
         Some(Value::Long(bits)) => i32::try_from(bits.cast_signed()).map_or(f64::NAN, f64::from),
@@ -141,6 +142,6 @@ fn run(name: &str, value: Option<&Value>) -> Result<MetricOrder, Refused> {
 fn button(name: &str, value: Option<&Value>, part: MetricOrder) -> Result<Option<MetricOrder>, Refused> {
     match value {
         Some(Value::Boolean(is_down)) => Ok(is_down.then_some(part)),
-        _ => Err(Refused::new(Reason::NotUnderstood, format!("`{name}` takes true, and does nothing at false"))),
+        _ => Err(Refused::new(Reason::NotUnderstood, format!("`{name}` accepts only true; false has no effect"))),
     }
 }

@@ -1,11 +1,11 @@
 //! Sparkplug B payloads: the fields of the published schema that are used here, and no others.
 //!
-//! What is not here (data sets, templates, files, metadata) is skipped when it comes, and never sent.
+//! Everything else (data sets, templates, files, metadata) is skipped on receipt, and never sent.
 
 use prost::Message;
 
 /// The largest payload of a command that is read: many times the largest command. Decoded, it takes some fifty times as
-/// much room.
+/// much memory.
 pub const COMMAND_MAX_BYTES: usize = 8 * 1024;
 
 /// One message.
@@ -14,7 +14,7 @@ pub struct Payload {
     /// When it was sent, in milliseconds since 1970 (UTC).
     #[prost(uint64, optional, tag = "1")]
     pub timestamp: Option<u64>,
-    /// What it tells or orders.
+    /// Its values or orders.
     #[prost(message, repeated, tag = "2")]
     pub metrics: Vec<Metric>,
     /// Its number among the messages of its edge node, 0 to 255; commands and NDEATH have none.
@@ -25,10 +25,10 @@ pub struct Payload {
 /// One value of a message.
 #[derive(Clone, PartialEq, prost::Message)]
 pub struct Metric {
-    /// Its name; births always say it.
+    /// Its name; always present in births.
     #[prost(string, optional, tag = "1")]
     pub name: Option<String>,
-    /// The number that stands for the name after the birth.
+    /// The number that replaces the name after the birth.
     #[prost(uint64, optional, tag = "2")]
     pub alias: Option<u64>,
     /// When it had this value, in milliseconds since 1970 (UTC).
@@ -37,7 +37,7 @@ pub struct Metric {
     /// The number of a [`Datatype`].
     #[prost(uint32, optional, tag = "4")]
     pub datatype: Option<u32>,
-    /// It is of the past, and says nothing of the present.
+    /// It is historical, and says nothing about the present.
     #[prost(bool, optional, tag = "5")]
     pub is_historical: Option<bool>,
     /// There is no value.
@@ -51,7 +51,7 @@ pub struct Metric {
     pub value: Option<Value>,
 }
 
-/// A value as it travels. Signed numbers travel as their bits.
+/// A value as sent. Signed numbers are sent as their bits.
 #[derive(Clone, PartialEq, prost::Oneof)]
 pub enum Value {
     /// Integers of up to 32 bits.
@@ -74,13 +74,13 @@ pub enum Value {
     Text(String),
 }
 
-/// Properties: keys, and as many values in the same order.
+/// Properties: keys, and the same number of values in the same order.
 #[derive(Clone, PartialEq, prost::Message)]
 pub struct PropertySet {
-    /// What is said.
+    /// The keys.
     #[prost(string, repeated, tag = "1")]
     pub keys: Vec<String>,
-    /// What it is.
+    /// The values.
     #[prost(message, repeated, tag = "2")]
     pub values: Vec<PropertyValue>,
 }
@@ -94,7 +94,7 @@ impl PropertySet {
         self
     }
 
-    /// Nothing for a set without any.
+    /// `None` for a set without any.
     #[must_use]
     pub fn or_none(self) -> Option<Self> {
         (!self.keys.is_empty()).then_some(self)
@@ -112,7 +112,7 @@ pub struct PropertyValue {
     pub value: Option<PropertyScalar>,
 }
 
-/// A value of a property as it travels.
+/// A value of a property as sent.
 #[derive(Clone, PartialEq, prost::Oneof)]
 pub enum PropertyScalar {
     /// Integers of up to 32 bits.
@@ -148,25 +148,25 @@ pub enum Datatype {
     Text = 12,
 }
 
-/// How far a value can be relied on: the property `Quality`.
+/// How reliable a value is: the property `Quality`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Quality {
-    /// It holds.
+    /// It is valid.
     Good = 192,
-    /// It is older than it may be, or was never read.
+    /// It is older than allowed, or was never read.
     Stale = 500,
 }
 
 impl Payload {
-    /// The payload of a command that `bytes` write.
+    /// The payload of a command in `bytes`.
     ///
     /// # Errors
-    /// They are too many, or not of the schema: why, for people.
+    /// There are too many bytes, or they do not match the schema: why, for people.
     pub fn read(bytes: &[u8]) -> Result<Self, String> {
         if bytes.len() > COMMAND_MAX_BYTES {
             return Err(format!(
-                "{} bytes are more than any command has; at most {COMMAND_MAX_BYTES} are read",
+                "{} bytes are more than any command needs; at most {COMMAND_MAX_BYTES} are read",
                 bytes.len()
             ));
         }
@@ -176,7 +176,7 @@ impl Payload {
     /// The same for messages of any length, as hosts get them.
     ///
     /// # Errors
-    /// They are not of the schema: why, for people.
+    /// They do not match the schema: why, for people.
     pub fn parse(bytes: &[u8]) -> Result<Self, String> {
         Self::decode(bytes).map_err(|error| format!("no Sparkplug B payload ({error})"))
     }

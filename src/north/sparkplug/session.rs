@@ -1,4 +1,4 @@
-//! The Sparkplug session: its life from connection to farewell, and what it wants done next.
+//! The Sparkplug session: its life from connection to farewell, and its next act.
 
 use super::device::{Device, millis};
 use super::host::{Host, News};
@@ -16,14 +16,14 @@ use crate::north::clock::{Clock, Moment};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Births that hosts ask for come no more often, however many ask.
+/// Shortest time between births on request, however many hosts ask.
 const BETWEEN_REBIRTHS: Duration = Duration::from_secs(1);
 
 /// The gateway as an edge node of Sparkplug B, each drive a device, as a machine without a socket or a clock. Its owner
 /// moves things between it, the broker and the lines as with [`mqtt::Session`](crate::north::mqtt::Session).
 ///
-/// Each connection has a number, `bdSeq`, that [`connecting`](Self::connecting) is given before
-/// [`will`](Self::will) is asked for.
+/// Each connection has a number, `bdSeq`, that is passed to [`connecting`](Self::connecting) before
+/// [`will`](Self::will) is called.
 #[derive(Debug)]
 pub struct Session {
     pub(super) settings: Settings,
@@ -41,22 +41,22 @@ pub struct Session {
     /// The number of the next message.
     pub(super) seq: u8,
     pub(super) is_born: bool,
-    /// It was born on this connection, which a change of drives does not undo: somebody takes it to be there.
+    /// It was born on this connection, which a change of drives does not undo: hosts consider it online.
     pub(super) is_known: bool,
-    /// When all is born again because a host asked for it.
+    /// When everything is born again because a host requested it.
     pub(super) rebirth_at: Option<MonoTime>,
     pub(super) born_at: MonoTime,
     /// The session with this broker is to be ended, for this reason.
     leaving: Option<&'static str>,
-    /// The device that is looked at next.
+    /// The device that is checked next.
     pub(super) place: usize,
     pub(super) commands: Commands<()>,
     pub(super) counters: Counters,
 }
 
 impl Session {
-    /// The session of a gateway with these drives and lines, started now. `probe_key` is random, and of this session alone:
-    /// with it no one else can write a probe.
+    /// The session of a gateway with these drives and lines, started now. `probe_key` is random, and used by this
+    /// session only: without it no peer can forge a probe.
     #[must_use]
     pub fn new(
         settings: Settings,
@@ -92,7 +92,7 @@ impl Session {
         session
     }
 
-    /// Tickets count on from here.
+    /// Ticket numbers continue from here.
     pub const fn count_tickets_from(&mut self, first: Ticket) {
         self.commands.count_tickets_from(first);
     }
@@ -105,7 +105,7 @@ impl Session {
     /// What the broker publishes when the connection breaks: NDEATH with the number of the connection.
     #[must_use]
     pub fn will(&self) -> Publication {
-        // Written before the connection, so that its moment would be wrong.
+        // Written before the connection, so its timestamp would be wrong.
         let metric = Metric { timestamp: None, ..node::bdseq(self.bdseq, 0) };
         self.death(Payload { timestamp: None, metrics: vec![metric], seq: None })
     }
@@ -133,10 +133,10 @@ impl Session {
                 self.path.subscribed(at.mono, is_granted);
             }
             Event::Message(message) => self.message(at, &message),
-            // Whatever is no stop tells its age itself.
+            // Every message but a stop has to state its age itself.
             Event::Stalled(stood) => self.path.stalled(at.mono, stood),
             Event::Lost => self.lost(at.mono),
-            // Nothing is sent that would be acknowledged but the last words.
+            // Only the last words are sent in a way that is acknowledged.
             Event::Acknowledged(_) | Event::Refused(..) => {}
         }
     }
@@ -170,7 +170,7 @@ impl Session {
         }
     }
 
-    /// A host asked for all births.
+    /// A host requested all births.
     pub(super) fn ask_for_rebirth(&mut self) {
         if self.is_born && self.rebirth_at.is_none() {
             self.rebirth_at = Some(self.born_at + BETWEEN_REBIRTHS);
@@ -189,7 +189,7 @@ impl Session {
         self.count_history();
     }
 
-    /// Speaks of other drives and lines from now on: all is born again.
+    /// Replaces drives and lines: everything is born again.
     pub fn replace(&mut self, drives: Vec<DriveDescription>, lines: &[Name]) {
         self.lines = lines.len();
         let mut devices = devices_of(&self.settings, &drives, self.lines);
@@ -200,7 +200,7 @@ impl Session {
         }
         let moved = |old: &DriveDescription| drives.iter().position(|drive| drive == old);
         let moved: Vec<_> = self.drives.iter().map(moved).collect();
-        // Of a drive that is gone nothing is told any more.
+        // Outcomes of a drive that was removed are not published any more.
         while self.commands.take_gone(&moved).is_some() {}
         self.commands.move_drives(&moved);
         self.devices = devices;
@@ -210,7 +210,7 @@ impl Session {
         self.count_history();
     }
 
-    /// Takes notice of time.
+    /// Advances to the present.
     pub fn tick(&mut self, at: Moment) {
         self.clock.see(at);
         self.check_path(at.mono);
@@ -221,36 +221,36 @@ impl Session {
         self.counters.probes_lost += u64::from(self.path.check(at));
     }
 
-    /// When [`tick`](Self::tick) and [`next_act`](Self::next_act) are to be called if nothing happens before.
+    /// When [`tick`](Self::tick) and [`next_act`](Self::next_act) are to be called if no event occurs before.
     #[must_use]
     pub fn next_wake(&self) -> Option<MonoTime> {
-        // A host that is gone is asked nothing until the connection is left.
+        // Once the host is gone, nothing is sent until the connection is left.
         let may_tell = self.may_tell();
         let path = if self.is_born && may_tell { self.path.wake() } else { self.path.overdue() };
-        // Of those that are not looked at, nobody would take notice.
+        // Devices that are not checked would not be served.
         let looked_at = self.devices.iter().filter(|device| device.is_born || !self.is_born && self.keeps());
         let devices = looked_at.filter_map(Device::wake).min();
         let rebirth = self.rebirth_at.filter(|_| may_tell);
         [path, rebirth, self.commands.wake(), devices].into_iter().flatten().min()
     }
 
-    /// Whether a host is to be told, and can be.
+    /// Whether there is a host to publish to, and it can be reached.
     pub(super) fn may_tell(&self) -> bool {
         self.path.is_granted() && self.host.is_there()
     }
 
-    /// Whether what happens is of interest while no host is told.
+    /// Whether changes are of interest while no host is reached.
     const fn keeps(&self) -> bool {
         self.settings.keep_telemetry > 0
     }
 
-    /// The next thing for the lines, and behind them what is to be kept. It needs no room on the connection.
+    /// The next item for the lines, and after them attempts to be kept. It needs no room on the connection.
     pub fn next_inward(&mut self) -> Option<Act> {
         let to_line = self.commands.next_to_line().map(Act::ToLine);
         to_line.or_else(|| self.commands.next_attempt().map(|(drive, attempt)| Act::Keep(drive, attempt)))
     }
 
-    /// The next thing to do. `views` stand in the order of the drives, `lines` in the order of the lines.
+    /// The next act. `views` are in the order of the drives, `lines` in the order of the lines.
     pub fn next_act(&mut self, at: Moment, views: &[Arc<DriveView>], lines: &[LineState]) -> Option<Act> {
         if let Some(act) = self.next_inward() {
             return Some(act);
@@ -271,7 +271,8 @@ impl Session {
         act
     }
 
-    /// What is still to be published on an orderly end: with MQTT 3.1.1 a will is published for those alone who vanish.
+    /// What is still to be published on an orderly end: with MQTT 3.1.1 a will is published only for clients that
+    /// vanish.
     pub fn farewell(&mut self, at: Moment) -> Vec<Publication> {
         self.clock.see(at);
         let at_ms = millis(self.clock, at.mono);
@@ -279,20 +280,20 @@ impl Session {
         vec![self.death(Payload { timestamp: Some(at_ms), metrics, seq: None })]
     }
 
-    /// Whether a host can command: all is born, the primary host is there if one is configured, and the way through the
-    /// broker was proven lately.
+    /// Whether a host can command: all is born, the primary host is online if one is configured, and the path through
+    /// the broker was proven recently.
     #[must_use]
     pub fn is_path_alive(&self, at: Moment) -> bool {
         self.is_born && self.host.is_there() && self.path.is_alive(at.mono)
     }
 
-    /// Whether the primary host is there; nothing if none is configured.
+    /// Whether the primary host is online; `None` if none is configured.
     #[must_use]
     pub fn is_host_online(&self) -> Option<bool> {
         self.settings.primary_host.is_some().then(|| self.host.is_there())
     }
 
-    /// What was counted so far.
+    /// The counters so far.
     #[must_use]
     pub const fn counters(&self) -> Counters {
         Counters { attempts_lost: self.commands.attempts_lost(), ..self.counters }

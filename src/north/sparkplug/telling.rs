@@ -1,4 +1,4 @@
-//! What the session says next, and what it keeps for later: births, deaths, data, history, each with its number.
+//! What the session publishes next, and what it keeps for later: births, deaths, data, history, each with its number.
 
 use super::device::{Device, Present, millis};
 use super::node;
@@ -11,7 +11,7 @@ use crate::drive::view::DriveView;
 use crate::north::broker::{LineState, Publication, Qos};
 use std::sync::Arc;
 
-/// Longest packet where the broker names no smaller limit.
+/// Longest packet if the broker names no smaller limit.
 const PACKET_MAX: usize = 256 * 1024;
 
 impl Session {
@@ -32,12 +32,12 @@ impl Session {
             return Some(publication);
         }
         if let Some(payload) = self.path.take_probe(at) {
-            // It is to wait wherever a command waits, so that it has to be in the same queue of the broker.
+            // It must wait wherever a command waits, so it has to be in the same queue of the broker.
             let qos = Qos::AtLeastOnce;
             return Some(Act::Publish(Publication { qos, ..publication(self.topics.probe(), payload) }));
         }
         if self.rebirth_at.is_some() {
-            // No data from the wish for births on; what changes until they are due is not lost.
+            // No data once births are requested; what changes until they are due is not lost.
             self.record(at, views);
             return None;
         }
@@ -46,12 +46,12 @@ impl Session {
             return self.publish(at, self.topics.node(Kind::Data), changed);
         }
         let data = self.next_of_devices(at, views, |device, now, probes| device.data(now, probes));
-        // The last that is taken may need as much room again.
+        // The last one taken may need as much room again.
         let room_bytes = self.packet_bytes_max() / 2;
         data.or_else(|| self.next_of_devices(at, views, |device, _, probes| device.past(probes, room_bytes)))
     }
 
-    /// NBIRTH, with which everything begins anew.
+    /// NBIRTH, with which everything starts over.
     fn node_birth(&mut self, at: MonoTime, lines: &[LineState]) -> Act {
         let stops = self.drives.iter().any(|drive| drive.control.as_ref().is_some_and(|it| it.from_sparkplug));
         let at_ms = millis(self.clock, at);
@@ -132,14 +132,14 @@ impl Session {
         None
     }
 
-    /// Keeps what happens while nobody can be told.
+    /// Keeps what happens while no host can be reached.
     fn record(&mut self, at: MonoTime, views: &[Arc<DriveView>]) {
         for ((device, drive), view) in self.devices.iter_mut().zip(&self.drives).zip(views) {
             device.record(&Present { at, clock: self.clock, drive, view });
         }
     }
 
-    /// A message with the next number; nothing if the broker takes none as large, and then no number is used.
+    /// A message with the next number; `None` if the broker accepts none as large, and then no number is used.
     fn publish(&mut self, at: MonoTime, topic: String, metrics: Vec<Metric>) -> Option<Act> {
         let payload = Payload { timestamp: Some(millis(self.clock, at)), metrics, seq: Some(self.seq.into()) };
         let publication = publication(topic, payload.bytes());
@@ -164,7 +164,7 @@ impl Session {
     }
 }
 
-/// At most once and not kept by the broker, as all but NDEATH.
+/// At most once and not retained, as all but NDEATH.
 pub(super) const fn publication(topic: String, payload: Vec<u8>) -> Publication {
     let qos = Qos::AtMostOnce;
     Publication { topic, payload, retain: false, qos, expiry: None, correlation: None, token: None }

@@ -1,4 +1,4 @@
-//! The topics of one edge node: building them, and telling what a message's topic is for.
+//! The topics of one edge node: building them, and parsing the topic of a message.
 
 use super::types::Settings;
 use crate::domain::ids::Name;
@@ -94,7 +94,7 @@ impl Topics {
         self.probe.clone()
     }
 
-    /// What is subscribed. A retained state is what holds; a retained command is a replay.
+    /// What is subscribed. A retained state is valid; a retained command is a replay.
     pub(super) fn filters(&self) -> Vec<Filter> {
         // The specification asks for quality of service 1 (tck-id-message-flow-edge-node-ncmd-subscribe).
         let filter = |path, wants_retained| Filter { path, qos: Qos::AtLeastOnce, wants_retained };

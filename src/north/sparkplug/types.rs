@@ -1,4 +1,4 @@
-//! What goes in and out of the Sparkplug session.
+//! Inputs and outputs of the Sparkplug session.
 
 use crate::domain::ids::Name;
 use crate::drive::description::DriveRef;
@@ -6,32 +6,32 @@ use crate::journal::Attempt;
 use crate::north::broker::{Filter, Publication, ToLine, Version};
 use std::time::Duration;
 
-/// How the Sparkplug side is set up.
+/// Settings of the Sparkplug side.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Settings {
     /// The group: one level of a topic.
     pub group: String,
     /// The edge node: the gateway's name.
     pub node: Name,
-    /// The host application without which nothing is born; nothing: nobody is waited for.
+    /// The host application without which nothing is born; `None`: no host is waited for.
     pub primary_host: Option<String>,
     /// Protocol version of the connection.
     pub version: Version,
-    /// Where the probe goes.
+    /// The topic of the probe.
     pub probe_topic: String,
     /// How often the way through the broker is probed.
     pub probe_interval: Duration,
-    /// After this time without a probe's return the connection is given up.
+    /// After this time without a returned probe the connection is given up.
     pub probe_timeout: Duration,
-    /// Deadline of a command, from when it came.
+    /// Deadline of a command, counted from its arrival.
     pub command_ttl: Duration,
-    /// A command whose timestamp is older is refused.
+    /// Largest age of a command by its timestamp; older ones are refused.
     pub max_command_age: Duration,
-    /// Most changes of telemetry that are kept while no host can be told, over all drives; 0: none.
+    /// Most changes of telemetry that are kept while no host can be reached, over all drives; 0: none.
     pub keep_telemetry: usize,
 }
 
-/// Something to be done.
+/// An act for the owner of the session.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Act {
     /// Subscribe to these filters at quality of service 1, all in one packet.
@@ -40,7 +40,7 @@ pub enum Act {
     Publish(Publication),
     /// Hand this to the lines.
     ToLine(ToLine),
-    /// Keep this attempt to write, of which no line knows. `None` for the drive: it is for all, or for one that does not
+    /// Keep this attempt to write, which no line saw. `None` for the drive: it is for all, or for one that does not
     /// exist.
     Keep(Option<DriveRef>, Attempt),
     /// Drop the connection and make a new one: the broker publishes the will.
@@ -55,13 +55,13 @@ pub enum Act {
 pub struct Counters {
     /// Messages received.
     pub messages_in: u64,
-    /// Messages handed out to be published, the probe aside.
+    /// Messages handed out to be published, except the probe.
     pub messages_out: u64,
-    /// Received messages that mean nothing here.
+    /// Received messages without a meaning here.
     pub ignored: u64,
     /// Births of the edge node.
     pub births: u64,
-    /// Births that a host asked for.
+    /// Births that a host requested.
     pub rebirths: u64,
     /// Commands given to drives.
     pub commands: u64,
@@ -69,21 +69,21 @@ pub struct Counters {
     pub refused: u64,
     /// Of these: replays.
     pub refused_retained: u64,
-    /// Of these: older than they may be.
+    /// Of these: older than allowed.
     pub refused_stale: u64,
     /// 1 while births wait for the primary host.
     pub host_awaited: u64,
     /// Times that the primary host went offline while the edge node was born.
     pub host_losses: u64,
-    /// Times the probe did not come back.
+    /// Probes that did not return.
     pub probes_lost: u64,
-    /// Changes that wait for the host to be told.
+    /// Changes that wait for the host.
     pub history_waiting: u64,
     /// Changes dropped because more were to be kept than configured.
     pub history_dropped: u64,
-    /// Messages that were larger than the broker takes.
+    /// Messages that were larger than the broker accepts.
     pub too_large: u64,
-    /// Attempts to write that nobody kept, because too many waited to be fetched.
+    /// Attempts to write that were lost because too many were waiting to be fetched.
     pub attempts_lost: u64,
     /// Commands that were never answered.
     pub unanswered: u64,

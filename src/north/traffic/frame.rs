@@ -1,4 +1,4 @@
-//! A frame in words, and what is known of the line that it went over.
+//! A frame in words, and what is known of its line.
 
 use crate::domain::ids::{Name, Station};
 use crate::domain::link::Framing;
@@ -8,10 +8,10 @@ use crate::profile::model::Model;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// What has to be known of a line to understand what goes over it.
+/// What has to be known of a line to decode its traffic.
 #[derive(Clone, Debug)]
 pub struct LineFacts {
-    /// How frames are told apart.
+    /// The framing.
     pub framing: Framing,
     /// Its drives.
     pub drives: Vec<KnownDrive>,
@@ -20,36 +20,36 @@ pub struct LineFacts {
 /// One drive of the line.
 #[derive(Clone, Debug)]
 pub struct KnownDrive {
-    /// Its number on the line.
+    /// Its station number on the line.
     pub station: Station,
     /// Its name.
     pub name: Name,
-    /// What it is.
+    /// Its model.
     pub model: Arc<Model>,
-    /// Its rated values, where the model reports in per cent of them.
+    /// Its rated values, if the model reports in per cent of them.
     pub ratings: Ratings,
 }
 
 /// One piece of traffic in words.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// What it was.
+    /// Its kind.
     pub kind: TrafficKind,
-    /// Why we sent it; nothing for what was received.
+    /// Why we sent it; `None` for what was received.
     pub why: Option<Why>,
-    /// The silence in front of it; nothing in front of the first one that is seen.
+    /// The silence before it; `None` before the first one that is seen.
     pub gap: Option<Duration>,
     /// How long it took on the wire, as far as known.
     pub on_wire: Duration,
-    /// The station in it; nothing if it is no frame.
+    /// Its station; `None` if it is no frame.
     pub station: Option<Station>,
     /// The drive at that station.
     pub drive: Option<Name>,
-    /// Its function, as it stands there: with the highest bit in an exception.
+    /// Its function code, as sent: with the highest bit in an exception.
     pub function: Option<u8>,
     /// The code of an exception.
     pub exception: Option<u8>,
-    /// What it says.
+    /// Its content in words.
     pub text: String,
     /// The registers in it with their values.
     pub values: Vec<FrameValue>,
@@ -62,11 +62,11 @@ pub struct FrameValue {
     pub address: u16,
     /// Its name in the model.
     pub name: Option<String>,
-    /// Its value with the unit, or with what it means.
+    /// Its value with the unit, or with its meaning.
     pub text: String,
 }
 
-/// What a frame says.
+/// The content of a frame.
 #[derive(Debug, Default)]
 pub(super) struct FrameText {
     pub(super) text: String,
@@ -80,7 +80,7 @@ impl FrameText {
     }
 }
 
-/// A request that was sent, as long as its reply may be understood by it.
+/// A sent request, for as long as it can explain its reply.
 #[derive(Debug)]
 pub(super) struct OpenRequest {
     pub(super) station: u8,

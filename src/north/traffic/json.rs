@@ -6,7 +6,7 @@ use std::fmt::Write;
 use std::time::Duration;
 
 impl Frame {
-    /// The frame with its `bytes`, which stands for the moment `at`, RFC 3339 in UTC.
+    /// The frame with its `bytes`, sent or received `at`, RFC 3339 in UTC.
     #[must_use]
     pub fn json(&self, at: &str, bytes: &[u8]) -> Value {
         json!({
@@ -37,7 +37,7 @@ fn hex(bytes: &[u8]) -> String {
     })
 }
 
-/// Milliseconds with three digits behind the point.
+/// Milliseconds with three decimals.
 fn millis(span: Duration) -> f64 {
     (span.as_nanos() as f64 / 1e3).round() / 1e3
 }

@@ -1,7 +1,8 @@
-//! What goes over a line in words: each frame with its station, its registers by the model's names, values in their units.
+//! The traffic on a line in words: each frame with its station, its registers by the model's names, values in their
+//! units.
 //!
-//! A reply says little without its request, so a [`Decoder`] sees the frames of one line in order. It keeps the last
-//! request and nothing else.
+//! A reply says little without its request, so a [`Decoder`] sees the frames of one line in order. It keeps only the
+//! last request.
 
 mod frame;
 mod json;
@@ -18,7 +19,7 @@ use crate::wire::framing;
 pub use frame::{Frame, FrameValue, KnownDrive, LineFacts};
 use frame::{FrameText, OpenRequest};
 
-/// Understands the frames of one line, one after the other.
+/// Decodes the frames of one line, in order.
 #[derive(Debug)]
 pub struct Decoder {
     facts: LineFacts,
@@ -27,13 +28,13 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// One that has seen nothing yet.
+    /// A decoder that has seen nothing yet.
     #[must_use]
     pub const fn new(facts: LineFacts) -> Self {
         Self { facts, asked: None, last_end: None }
     }
 
-    /// Some frames were not seen: the next one is as the first.
+    /// Some frames were missed: the next one is treated as the first.
     pub fn skip(&mut self) {
         self.asked = None;
         self.last_end = None;
@@ -88,7 +89,7 @@ impl Decoder {
             }
             TrafficKind::OtherMaster(_) => {
                 let said = request::said(drive, pdu);
-                FrameText { text: format!("somebody else asks: {}", said.text), ..said }
+                FrameText { text: format!("another master requests: {}", said.text), ..said }
             }
             TrafficKind::Echo => FrameText::text("our own frame came back"),
             TrafficKind::Reply => reply::said(drive, pdu, self.asked.as_ref().filter(|asked| asked.station == station)),
@@ -108,7 +109,7 @@ impl Decoder {
         station == 0 || self.facts.drives.iter().any(names_all)
     }
 
-    /// A drive that stands for all, where all are the same.
+    /// A drive that represents all, if all are the same.
     fn any_drive(&self) -> Option<&KnownDrive> {
         let (first, others) = self.facts.drives.split_first()?;
         others.iter().all(|other| other.model.id == first.model.id).then_some(first)

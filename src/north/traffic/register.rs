@@ -1,4 +1,4 @@
-//! Registers and their words as people read them.
+//! Registers and their words in text for people.
 
 use super::{FrameValue, KnownDrive};
 use crate::domain::control::ControlAction;
@@ -8,10 +8,10 @@ use crate::profile::model::{Model, Register, Role, RunCommand, RunForm};
 use crate::profile::scale::{Scaled, digits_of};
 use crate::profile::words::{BIT_MEANINGS, FLAGS};
 
-/// Most values that stand in one line of text.
+/// Most values in one line of text.
 const VALUES_IN_TEXT: usize = 8;
 
-/// `words` from `address` on, as `drive` counts.
+/// `words` from `address` on, with the registers of `drive`.
 pub(super) fn values(drive: Option<&KnownDrive>, address: u16, words: &[u16]) -> Vec<FrameValue> {
     let mut address = address;
     let mut values = Vec::with_capacity(words.len());
@@ -22,7 +22,7 @@ pub(super) fn values(drive: Option<&KnownDrive>, address: u16, words: &[u16]) ->
     values
 }
 
-/// The values in one line, the first ones of many.
+/// The values in one line, only the first if there are many.
 pub(super) fn in_text(values: &[FrameValue], between: &str, with_address: bool) -> String {
     let one = |value: &FrameValue| match &value.name {
         Some(name) if !with_address => format!("{}{between}{}", spoken(name), value.text),
@@ -89,7 +89,7 @@ fn with_meaning(value: String, meaning: String) -> String {
     if meaning.is_empty() { value } else { format!("{value} ({meaning})") }
 }
 
-/// What a word in the register of run commands orders; empty if the model does not say.
+/// What a word in the run command register orders; empty if the model does not say.
 fn run_text(run: &RunCommand, word: u16) -> String {
     let actions = ControlAction::ALL.iter().filter_map(|action| Some((action.word(), run.action(*action)?)));
     let all = [("stop", &run.stop), ("forward", &run.forward)].into_iter().chain(actions);
@@ -102,7 +102,7 @@ fn run_text(run: &RunCommand, word: u16) -> String {
     names.map(|(name, _)| *name).collect::<Vec<_>>().join(", ")
 }
 
-/// The flags that hold with `word` in the status register at `address`.
+/// The flags that are set with `word` in the status register at `address`.
 fn flags(model: &Model, address: u16, word: u16) -> String {
     let holds = model.status.iter().filter(|flag| flag.address == address && flag.holds(word));
     let names = holds.filter_map(|flag| FLAGS.iter().find(|(_, known)| *known == flag.flag));

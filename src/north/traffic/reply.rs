@@ -1,4 +1,4 @@
-//! What a reply says, with the request that it answers, and what is left of a damaged one.
+//! The content of a reply, given the request that it answers, and the remains of a damaged one.
 
 use super::frame::{FrameText, KnownDrive, OpenRequest};
 use super::register::{in_text, place, values};
@@ -9,7 +9,7 @@ use crate::wire::exception::{self, ILLEGAL_FUNCTION};
 use crate::wire::framing;
 use crate::wire::pdu::{self, FUNCTION_ERROR, Reply, Request, function};
 
-/// What `pdu` of `drive` says, as far as known in answer to what was `asked`.
+/// The content of `pdu` of `drive`, as far as known in answer to what was `asked`.
 pub(super) fn said(drive: Option<&KnownDrive>, pdu: &[u8], asked: Option<&OpenRequest>) -> FrameText {
     if let [code, exception] = *pdu
         && code & function::EXCEPTION_BIT != 0
@@ -36,7 +36,7 @@ pub(super) fn said(drive: Option<&KnownDrive>, pdu: &[u8], asked: Option<&OpenRe
     }
 }
 
-/// What a reply says whose request is not known.
+/// The content of a reply whose request is not known.
 fn alone(drive: Option<&KnownDrive>, pdu: &[u8]) -> FrameText {
     match *pdu {
         [function::READ_HOLDING | function::READ_INPUT, bytes, ref data @ ..] if usize::from(bytes) == data.len() => {
@@ -63,7 +63,7 @@ fn alone(drive: Option<&KnownDrive>, pdu: &[u8]) -> FrameText {
     }
 }
 
-/// An exception, by the vendor's words where there are some.
+/// An exception, in the vendor's words if there are any.
 fn refusal(drive: Option<&KnownDrive>, code: u8, asked: Option<&OpenRequest>) -> FrameText {
     let own = drive.and_then(|drive| drive.model.exception_text(code)).map(|own| own.text.as_str());
     let words = own.or(exception::name(code)).unwrap_or("no document names it");
@@ -74,7 +74,7 @@ fn refusal(drive: Option<&KnownDrive>, code: u8, asked: Option<&OpenRequest>) ->
     FrameText { text: format!("exception 0x{code:02X}: {words}{wanted}"), exception: Some(code), values: Vec::new() }
 }
 
-/// What bytes that make no frame may be the rest of.
+/// What bytes that form no frame may be left over from.
 pub(super) fn damaged(framing: Framing, bytes: &[u8], asked: Option<&OpenRequest>) -> String {
     let count = bytes.len();
     let nothing = || match count {

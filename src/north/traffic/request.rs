@@ -1,11 +1,11 @@
-//! What a request asks.
+//! The content of a request.
 
 use super::frame::{FrameText, KnownDrive};
 use super::register::{in_text, place, values};
 use crate::profile::model::Barrier;
 use crate::wire::pdu::{Request, function};
 
-/// What `pdu` asks of `drive`.
+/// What `pdu` requests of `drive`.
 pub(super) fn said(drive: Option<&KnownDrive>, pdu: &[u8]) -> FrameText {
     match Request::decode(pdu) {
         Some(Request::ReadHolding { address, count }) => FrameText::text(read("read", drive, address, count)),

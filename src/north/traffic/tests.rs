@@ -1,4 +1,4 @@
-//! Every frame that is known of the drives, in words, and what is said of frames that are not as they should be.
+//! Every known frame of the drives, in words, and the text of malformed frames.
 
 use super::*;
 use crate::domain::ids::Name;
@@ -44,13 +44,13 @@ fn frame(station: u8, pdu: &[u8]) -> Vec<u8> {
     out
 }
 
-/// What the decoder says of a request and of what comes back as `kind`.
+/// The decoder's text for a request and for what comes back as `kind`.
 fn exchange(decoder: &mut Decoder, request: &[u8], kind: TrafficKind, reply: &[u8]) -> (Frame, Frame) {
     let asked = decoder.decode(&record(TrafficKind::Request, &frame(request[0], &request[1..])));
     (asked, decoder.decode(&record(kind, reply)))
 }
 
-/// One row of a collection of frames: who, how framed, request, reply.
+/// One row of a collection of frames: drive, framing, request, reply.
 struct Row {
     drive: String,
     what: String,
@@ -80,7 +80,7 @@ fn rows() -> Vec<Row> {
         include_str!("../../../tests/data/toshiba-frames.json"),
     ];
     let rows = all.into_iter().flat_map(|text| serde_json::from_str::<Vec<Value>>(text).unwrap());
-    // The vendor's own protocol is no Modbus.
+    // The vendor's own protocol is not Modbus.
     let rows = rows.filter(|row| row["decoded"]["start"] != "2F");
     let bytes = |text: &str| {
         if text.starts_with(':') {
@@ -110,13 +110,13 @@ fn is_sound(framing: Framing, bytes: &[u8]) -> bool {
     }
 }
 
-/// What the decoder makes of a row: of a damaged frame as the line would tell it.
+/// The decoder's text for a row: of a damaged frame as the line would report it.
 fn decoded(row: &Row) -> (Frame, Option<Frame>) {
     let station = match row.framing {
         Framing::Rtu => row.request[0],
         Framing::Ascii => u8::from_str_radix(std::str::from_utf8(&row.request[1..3]).unwrap(), 16).unwrap(),
     };
-    // Where a frame is for all, somebody is there who hears it.
+    // If a frame is for all, some drive receives it.
     let known = model_of(&row.drive).map(|model| drive(model, if matches!(station, 0 | 0xFF) { 1 } else { station }));
     let mut decoder = decoder(row.framing, known.into_iter().collect());
     let kind = |bytes: &[u8], kind| if is_sound(row.framing, bytes) { kind } else { TrafficKind::Noise };
@@ -247,8 +247,8 @@ fn what_answers_nothing_is_understood_by_itself() {
     assert_eq!(said(foreign, &[0x83, 2]), "exception 0x02: illegal data address");
     assert_eq!(said(foreign, &[0x63, 2]), "reply to function 0x63");
     let other = TrafficKind::OtherMaster(Station(2));
-    assert_eq!(said(other, &[3, 1, 1, 0, 1]), "somebody else asks: read 0x0101 output frequency, 1 word");
-    assert_eq!(said(other, &[4, 1, 1, 0, 1]), "somebody else asks: read input 0x0101 output frequency, 1 word");
+    assert_eq!(said(other, &[3, 1, 1, 0, 1]), "another master requests: read 0x0101 output frequency, 1 word");
+    assert_eq!(said(other, &[4, 1, 1, 0, 1]), "another master requests: read input 0x0101 output frequency, 1 word");
     assert_eq!(said(TrafficKind::Echo, &[3, 1, 1, 0, 1]), "our own frame came back");
 }
 
@@ -281,7 +281,7 @@ fn silences_are_counted_from_the_end_of_what_was_there_before() {
     let first = hall.decode(&at(TrafficKind::Reply, 100, 108));
     assert_eq!((gap_ms(first.clone()), first.on_wire.as_millis()), (None, 8));
     assert_eq!(gap_ms(hall.decode(&at(TrafficKind::Reply, 120, 130))), Some(12));
-    // What comes back while it is still sent has no silence in front of it.
+    // What arrives while we are still sending has no silence before it.
     assert_eq!(gap_ms(hall.decode(&at(TrafficKind::Echo, 121, 129))), Some(0));
     assert_eq!(gap_ms(hall.decode(&at(TrafficKind::Reply, 131, 132))), Some(1));
     hall.skip();

@@ -1,5 +1,5 @@
-//! Every Modbus map of a gateway as rows with all their numbers, for whoever prints them: from the tables and the models
-//! that are served by, so that there is no second list.
+//! Every Modbus map of a gateway as rows with all their numbers, for printing: made from the tables and models that
+//! serve requests, so that there is no second list.
 
 mod gateway;
 mod native;
@@ -15,7 +15,7 @@ use super::map::{Holds, MapRow, MapTable};
 use super::uniform::ABSENT;
 use crate::domain::command::Reason;
 
-/// Which tables of Modbus a row stands in, with the functions that reach it.
+/// Which Modbus tables contain a row, with the functions that reach it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SheetTable {
     /// Coils.
@@ -40,8 +40,8 @@ impl SheetTable {
         }
     }
 
-    /// The number by which data sheets call the value at `address`, counted from 1 behind the digit of its table:
-    /// 00001, 10001, 40001. Behind 9999 of them it has six digits.
+    /// The number by which data sheets call the value at `address`, counted from 1 after the digit of its table: 00001,
+    /// 10001, 40001. Above 9999 it has six digits.
     #[must_use]
     pub fn number(self, address: u16) -> String {
         let digit = match self {
@@ -52,7 +52,7 @@ impl SheetTable {
         numbered(digit, address)
     }
 
-    /// The number of the same value as an input register; nothing if it is none.
+    /// The number of the same value as an input register; `None` if it is none.
     #[must_use]
     pub fn input_number(self, address: u16) -> Option<String> {
         (self == Self::Word).then(|| numbered(3, address))
@@ -104,13 +104,13 @@ impl SheetFormat {
 /// One value of a map.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SheetRow {
-    /// Where it stands.
+    /// The table it belongs to.
     pub table: SheetTable,
     /// First address, from 0, as it is sent.
     pub address: u16,
     /// How many addresses.
     pub count: u16,
-    /// What it is about: a drive or a line by its name; empty where the unit says it.
+    /// What it concerns: a drive or a line by its name; empty if the unit already determines it.
     pub of: String,
     /// The vendor's code; empty without one.
     pub code: String,
@@ -126,16 +126,16 @@ pub struct SheetRow {
     pub format: SheetFormat,
     /// It can be read.
     pub is_read: bool,
-    /// It can be written by somebody.
+    /// It can be written by some client.
     pub is_written: bool,
     /// What its values mean.
     pub meaning: String,
-    /// Values that stand for something else, and what is particular with this drive.
+    /// Values with a special meaning, and notes on this drive.
     pub special: String,
 }
 
 impl SheetRow {
-    /// Who may do what, as a table shows it.
+    /// The access, as a table shows it.
     #[must_use]
     pub const fn access(&self) -> &'static str {
         match (self.is_read, self.is_written) {
@@ -146,8 +146,7 @@ impl SheetRow {
         }
     }
 
-    /// The functions by which it is reached, in hexadecimal. `is_native` with registers of a drive, which are written by
-    /// fewer.
+    /// The functions that reach it, in hexadecimal. `is_native` for registers of a drive, which are written by fewer.
     #[must_use]
     pub const fn functions(&self, is_native: bool) -> &'static str {
         match (self.table, self.is_written, is_native) {

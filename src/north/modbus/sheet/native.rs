@@ -12,8 +12,8 @@ use crate::toml_file::words::word_for;
 
 /// The map of the native unit of `drive` for a client with `rights`.
 ///
-/// Every register of the model stands there, and stored twins that may be written. Others may be read as well; what a
-/// drive does then is its own affair.
+/// It contains every register of the model, and stored twins that may be written. Others may be read as well; what a
+/// drive does then is up to the drive.
 #[must_use]
 pub fn native(drive: &DriveDescription, rights: Rights) -> Vec<SheetRow> {
     let model = &drive.model;
@@ -72,7 +72,7 @@ const fn names_trips(role: Role) -> bool {
 
 fn meaning(model: &Model, register: &Register) -> String {
     let own = register.meanings.iter().map(|(code, text)| format!("{code} {text}"));
-    // Where each word has a meaning, flags say nothing more.
+    // If each word has a meaning, flags add nothing.
     let flags = model.status.iter().filter(|flag| flag.address == register.address && register.meanings.is_empty());
     let flags = flags.map(of_flag);
     let of_role: Vec<_> = match register.role {

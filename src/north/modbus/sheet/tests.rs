@@ -1,4 +1,4 @@
-//! What the sheets say is what a client gets.
+//! The sheets state what a client gets.
 
 use super::super::ask::Ask;
 use super::super::connection::Connection;
@@ -30,7 +30,7 @@ fn drives() -> Vec<DriveDescription> {
     built_in.chain([testing::description()]).collect()
 }
 
-/// A picture of `drive` in which each register holds a word of its own, read just now.
+/// A view of `drive` in which each register holds a distinct word, read just now.
 fn picture(drive: &DriveDescription) -> DriveView {
     let mut view = testing::view();
     view.snapshot = Default::default();
@@ -41,7 +41,7 @@ fn picture(drive: &DriveDescription) -> DriveView {
     view
 }
 
-/// What a client gets that asks for `count` words by `function`, through a connection; or the exception.
+/// What a client gets that requests `count` words by `function`, through a connection; or the exception.
 fn asked(unit: &Uniform, view: &DriveView, function: u8, address: u16, count: u16) -> Result<Vec<u16>, u8> {
     let mut connection = Connection::new(Limits::default(), NOW);
     let mut request = Vec::new();
@@ -64,7 +64,7 @@ fn asked(unit: &Uniform, view: &DriveView, function: u8, address: u16, count: u1
     }
 }
 
-/// The first number in `text`, behind `mark`.
+/// The first number in `text` after `mark`.
 fn number(text: &str, mark: &str) -> Option<f64> {
     let (_, rest) = text.split_once(mark)?;
     let digits = rest.split(|it: char| !it.is_ascii_alphanumeric() && it != '.').next()?;

@@ -1,4 +1,4 @@
-//! The map of a uniform unit, with what it has of this drive.
+//! The map of a uniform unit, with what applies to this drive.
 
 use super::super::map::{MapAccess, MapRow, MapTable, MapUnit, map};
 use super::super::uniform::{Uniform, address, capability, run};
@@ -43,7 +43,7 @@ fn of(row: &MapRow, drive: &DriveDescription, unit: &Uniform, rights: Rights) ->
     SheetRow { is_written, special, ..plain }
 }
 
-/// The run values that a client with `rights` gets through to `drive`.
+/// The run values that a client with `rights` may send to `drive`.
 fn taken(drive: &DriveDescription, unit: &Uniform, rights: Rights) -> Vec<u16> {
     let Some(control) = &drive.control else { return Vec::new() };
     if !rights.stop {
@@ -54,9 +54,9 @@ fn taken(drive: &DriveDescription, unit: &Uniform, rights: Rights) -> Vec<u16> {
     std::iter::once(run::STOP).chain(RUN_VALUES.iter().filter(|it| may(it)).map(|(value, _)| *value)).collect()
 }
 
-/// Whether anything that is written to `row` is taken from whoever gets the run values `taken` through.
+/// Whether any write to `row` is accepted from a client that may send the run values `taken`.
 fn is_written(row: &MapRow, taken: &[u16]) -> bool {
-    // Whoever may start it may give it a frequency as well, and holds a lease to renew.
+    // A client that may start it may also set its frequency, and holds a lease to renew.
     let commands = taken.contains(&run::FORWARD) || taken.contains(&run::REVERSE);
     match (row.table, row.address) {
         (MapTable::Coil, address::RESET) => taken.contains(&run::RESET),

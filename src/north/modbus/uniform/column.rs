@@ -8,7 +8,7 @@ use crate::drive::view::DriveView;
 use crate::profile::model::{Register, Role};
 use std::time::Duration;
 
-/// What an unsigned word reads that the drive does not have or that is not known.
+/// The unsigned word for a value that the drive does not have or that is not known.
 pub const ABSENT: u16 = 0xFFFF;
 /// The same for a signed word.
 pub const ABSENT_SIGNED: u16 = 0x8000;
@@ -32,13 +32,13 @@ pub(super) struct Fresh {
 }
 
 impl Column {
-    /// The measurement with `role`; nothing if the model does not have it, does not poll it, or has it in another
-    /// unit (in per cent of a rated value that is not stated, for instance).
+    /// The measurement with `role`; `None` if the model does not have it, does not poll it, or has it in another unit
+    /// (in per cent of a rated value that is not stated, for instance).
     pub(super) fn new(drive: &DriveDescription, role: Role, unit: UnitOfMeasure) -> Option<Self> {
         Self::of(drive, drive.model.register_for(role)?, unit)
     }
 
-    /// The measurement of `register`; nothing as with [`Self::new`].
+    /// The measurement of `register`; `None` as with [`Self::new`].
     pub(super) fn of(drive: &DriveDescription, register: &Register, unit: UnitOfMeasure) -> Option<Self> {
         let rated = Rated::of(register, &drive.ratings).filter(|rated| rated.unit == unit);
         if register.unit != unit && rated.is_none() {
@@ -72,7 +72,7 @@ impl Column {
 }
 
 impl Fresh {
-    /// Without its sign: a drive that shows a frequency in reverse as negative says the direction elsewhere.
+    /// Without its sign: a drive that shows a frequency in reverse as negative shows the direction elsewhere.
     pub(super) const fn magnitude(self) -> Self {
         Self { raw: self.raw.abs(), scale: self.scale }
     }

@@ -1,4 +1,4 @@
-//! Uniform units: the same map for every model, answered from the picture of the drive at once.
+//! Uniform units: the same map for every model, answered at once from the view of the drive.
 
 mod column;
 mod order;
@@ -51,7 +51,7 @@ const CONTROL_LAST: u16 = 261;
 /// Discrete inputs: the bits of word 1.
 const STATUS_BITS: u16 = 16;
 
-/// The uniform unit of one drive, made ready once so that a read looks nothing up by name.
+/// The uniform unit of one drive, prepared once so that a read needs no lookup by name.
 #[derive(Clone, Debug)]
 pub struct Uniform {
     sources: Sources,
@@ -73,10 +73,10 @@ impl Uniform {
         Self { sources, reported, capabilities, limits }
     }
 
-    /// What `ask` is to this unit. Words are filled into `words`, computed from `view` as of `present`.
+    /// What `ask` means to this unit. Words are filled into `words`, computed from `view` as of `present`.
     ///
-    /// Reads succeed whatever the state of the drive is. A request with a part outside of the map is 02 as a whole;
-    /// a write to a drive without control is 01.
+    /// Reads succeed whatever the state of the drive. A request that is partly outside of the map is answered with 02
+    /// as a whole; a write to a drive without control with 01.
     pub fn take(&self, ask: &Ask, view: &DriveView, present: &Present, words: &mut Words) -> Taken {
         match ask {
             Ask::ReadWords { table: WordTable::Input, address, count } if last(*address, *count) >= PICTURE_WORDS => {
@@ -137,7 +137,7 @@ impl Uniform {
         }
     }
 
-    /// Coils read back the direction that is ordered; those for RESET and STOP act at once and read 0.
+    /// Coils read back the ordered direction; those for RESET and STOP act at once and read 0.
     fn read_bits(&self, table: BitTable, address: u16, count: u16, view: &DriveView, present: &Present) -> Taken {
         let (bits, there) = match table {
             BitTable::Discrete => (status::status(&self.sources, view, present.now), STATUS_BITS),

@@ -20,13 +20,13 @@ pub mod run {
     pub const RESET: u16 = 4;
     /// Hand control back to panel or terminals.
     pub const RELEASE: u16 = 5;
-    /// Take control over from the one who holds it.
+    /// Take control over from its owner.
     pub const TAKE: u16 = 6;
 }
 
-/// The order in `ask`; nothing if it orders nothing. `control` is what words 256 and 257 read.
+/// The order in `ask`; `None` if it orders nothing. `control` holds what words 256 and 257 read.
 ///
-/// One request is one order. A stop wins over everything that stands beside it:
+/// One request is one order. A stop wins over everything else in the request:
 ///
 /// * A setpoint beside STOP goes with it; beside COAST it is not taken, because none follows what is not effective, nor
 ///   beside a reset, which moves nothing.
@@ -34,9 +34,9 @@ pub mod run {
 ///   whatever stands beside it; and a request that stops does not reset.
 ///
 /// # Errors
-/// `not_capable` if `ask` does not write; `not_listed` outside of what can be written; `not_understood` for a run value
-/// that is not known; `conflict` for both directions at once, a reset beside RUN, or a release or take-over beside a setpoint;
-/// `setpoint_unknown` for a mask on a setpoint that is not known.
+/// `not_capable` if `ask` does not write; `not_listed` outside of what can be written; `not_understood` for an unknown
+/// run value; `conflict` for both directions at once, a reset together with RUN, or a release or take-over together
+/// with a setpoint; `setpoint_unknown` for a mask on an unknown setpoint.
 pub(super) fn order_in(ask: &Ask, control: Option<&ControlView>) -> Result<Option<Order>, Reason> {
     match ask {
         Ask::WriteCoil { address, on } => coils(*address, 1, |_| Some(*on)),
@@ -80,11 +80,11 @@ fn go(setpoint: Option<Hertz>, direction: Option<Direction>) -> Option<Order> {
     Go::new(Vec::new(), setpoint, direction).map(Order::Go)
 }
 
-/// A mask counts as a write of what it makes of the word that is read back.
+/// A mask counts as a write of its result on the word that is read back.
 fn masked(register: u16, and: u16, or: u16, control: Option<&ControlView>) -> Result<Option<Order>, Reason> {
     let old = match register {
         address::RUN => control.map_or(run::STOP, |control| run_word(control.intent)),
-        // Nothing of the old word stays.
+        // No bit of the old word is kept.
         address::SETPOINT if and == 0 => 0,
         address::SETPOINT => {
             let setpoint = control.and_then(|control| control.setpoint?.centihertz());
@@ -114,7 +114,7 @@ fn coils(first: u16, count: u16, value: impl Fn(u16) -> Option<bool>) -> Result<
     if end > address::COILS {
         return Err(Reason::NotListed);
     }
-    // Nothing: the request does not cover the coil.
+    // `None`: the request does not cover the coil.
     let coil = |coil: u16| coil.checked_sub(first).filter(|place| *place < count).and_then(&value);
     let forward = coil(address::FORWARD);
     let reverse = coil(address::REVERSE);
@@ -135,7 +135,7 @@ fn coils(first: u16, count: u16, value: impl Fn(u16) -> Option<bool>) -> Result<
     }
 }
 
-/// Whether `ask` presses the stop button, coil 3: that is an action each time, and no level that a controller holds.
+/// Whether `ask` presses the stop button, coil 3: that is an action each time, not a level that a controller holds.
 #[must_use]
 pub fn presses_stop(ask: &Ask) -> bool {
     match ask {

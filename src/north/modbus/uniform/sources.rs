@@ -28,7 +28,7 @@ pub(super) struct Sources {
     pub(super) has_control: bool,
 }
 
-/// What is polled so seldom is no measurement: its age tells nothing of the drive.
+/// A value that is polled this seldom is no measurement: its age says nothing about the drive.
 fn is_live(register: &&Register) -> bool {
     register.poll.is_some_and(|poll| !matches!(poll, PollClass::Minutely | PollClass::Hourly))
 }
@@ -70,7 +70,7 @@ impl Sources {
         })
     }
 
-    /// The age of the oldest polled value; nothing if one was never read, or none is polled.
+    /// The age of the oldest polled value; `None` if one was never read, or none is polled.
     pub(super) fn oldest_age(&self, view: &DriveView, now: MonoTime) -> Option<Duration> {
         let mut oldest = None;
         for (address, _) in &self.polled {

@@ -9,7 +9,7 @@ use crate::drive::snapshot::Presence;
 use crate::drive::view::{DriveView, RunState};
 use crate::profile::model::{Flag, Model, Role};
 
-/// Status bits: uniform word 1 and the discrete inputs of the same numbers.
+/// Status bits: uniform word 1 and the discrete inputs with the same numbers.
 pub mod bit {
     /// The line is up and the drive answers.
     pub const ONLINE: u16 = 1;
@@ -17,23 +17,23 @@ pub mod bit {
     pub const RUNNING: u16 = 1 << 1;
     /// It runs in reverse.
     pub const REVERSE: u16 = 1 << 2;
-    /// A trip holds.
+    /// A trip is active.
     pub const TRIPPED: u16 = 1 << 3;
     /// It runs, and the output frequency is within 0.1 Hz of the setting; both are fresh.
     pub const AT_SETPOINT: u16 = 1 << 4;
-    /// It is online, has a control section, and is not known to obey somebody else.
+    /// It is online, has a control section, and is not known to obey another source.
     pub const ACCEPTS: u16 = 1 << 5;
     /// A command is under way, or a stop is not effective yet.
     pub const PENDING: u16 = 1 << 6;
-    /// Somebody holds control.
+    /// A client holds control.
     pub const LEASED: u16 = 1 << 7;
     /// A polled value is stale, or none was read yet.
     pub const STALE: u16 = 1 << 8;
-    /// RUN is refused until stop and run were commanded anew.
+    /// RUN is refused until stop and then run are commanded again.
     pub const INHIBITED: u16 = 1 << 9;
     /// Panel or terminals give the run commands or the frequency.
     pub const LOCAL: u16 = 1 << 10;
-    /// The drive itself reports that something is not as it should be.
+    /// The drive itself reports an alarm.
     pub const ALARM: u16 = 1 << 11;
 }
 
@@ -67,12 +67,12 @@ pub mod capability {
     pub const TAKE: u16 = 1 << 6;
 }
 
-/// What the drive does. One that is out of reach does nothing that is known.
+/// The run state of the drive. It is unknown for a drive that is out of reach.
 pub(super) fn run_state(view: &DriveView) -> RunState {
     if !view.line_is_up || view.snapshot.presence == Presence::Offline { RunState::Offline } else { view.run_state }
 }
 
-/// Whether a trip holds; nothing while that is not known.
+/// Whether a trip is active; `None` while that is unknown.
 pub(super) fn is_tripped(view: &DriveView) -> Option<bool> {
     if run_state(view) == RunState::Tripped { Some(true) } else { view.trip.active }
 }
@@ -118,10 +118,10 @@ pub(super) fn alarms(sources: &Sources, view: &DriveView, now: MonoTime) -> u16 
 
 /// Uniform word 15: the status bits that can ever be set for this drive.
 ///
-/// Online always; stale where anything is polled; running where the output frequency or a status word is; at setpoint
-/// where the setting is as well; tripped where the trips are shown or counted; local and alarm where a status word tells
-/// them; reverse where a status word tells it, or the drive has control and its model can run in reverse, because then
-/// it is known from what was ordered; and with control accepts, pending, leased and inhibited.
+/// Online always; stale if anything is polled; running if the output frequency or a status word is; at setpoint if the
+/// setting is as well; tripped if the trips are shown or counted; local and alarm if a status word shows them; reverse
+/// if a status word shows it, or the drive has control and its model can run in reverse, because then it is known from
+/// what was ordered; and with control accepts, pending, leased and inhibited.
 pub(super) fn reported(drive: &DriveDescription, sources: &Sources) -> u16 {
     let has_flag = |flag| drive.model.status_flag(flag).is_some();
     let has_reverse = sources.has_control && drive.model.run.as_ref().is_some_and(|run| run.reverse.is_some());

@@ -1,4 +1,4 @@
-//! The words of a uniform unit: one row says what a word is, how it is read, and whether a drive has it.
+//! The words of a uniform unit: one row defines what a word is, how it is read, and whether a drive has it.
 
 use super::super::map::{
     AGE, COUNT, HUNDREDTHS, Holds, MapRow, MapTable, MapUnit, RESERVED, RUN_STATES, SECONDS, TRIP, TRIPS, row,
@@ -21,7 +21,7 @@ pub(in super::super) struct WordRow {
 enum From {
     /// This reads it.
     State(fn(&Uniform, &Look<'_>) -> u16),
-    /// The measurement that this finds, in steps of one in so many.
+    /// The measurement found by this function, with its number of steps per unit.
     Measurement(fn(&Sources) -> Option<&Column>, Steps),
 }
 
@@ -57,7 +57,7 @@ const OUTCOMES: Holds =
     Holds::Codes("0 none so far, 1 refused, 2 expired, 3 superseded, 4 failed, 5 unknown, 6 acknowledged, 7 confirmed");
 const RUN_VALUES: Holds = Holds::Codes("0 stop, 1 forward, 2 reverse, 3 coast, 4 reset, 5 release, 6 take");
 const OWNERS: Holds = Holds::Codes(
-    "0 none, 1 MQTT, 2 another Modbus TCP client, 3 this client, 4 a tool at the gateway's host, 5 somebody on the page, \
+    "0 none, 1 MQTT, 2 another Modbus TCP client, 3 this client, 4 a tool at the gateway's host, 5 an operator on the page, \
      6 a Sparkplug host",
 );
 const ALARMS: Holds = Holds::Codes("bit 0 a stop had no effect, 1 fail-safe ran, 2 stale data, 3 line down");
@@ -110,7 +110,7 @@ impl WordRow {
         Self { row: self.row.or_absent(), has, ..self }
     }
 
-    /// The word at `address`, which is of this row.
+    /// The word at `address`, which belongs to this row.
     pub(super) fn read(&self, address: u16, unit: &Uniform, look: &Look<'_>) -> u16 {
         match self.from {
             From::State(read) => read(unit, look),
@@ -138,7 +138,7 @@ impl WordRow {
         }
     }
 
-    /// Whether it can ever hold something else than its mark of absence, with this drive.
+    /// Whether it can ever hold anything but its mark of absence, with this drive.
     pub(super) fn is_of(&self, unit: &Uniform) -> bool {
         let sources = &unit.sources;
         match self.has {

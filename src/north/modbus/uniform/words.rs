@@ -1,4 +1,4 @@
-//! How the words of a uniform unit are read that are no measurements.
+//! How the words of a uniform unit that are not measurements are read.
 
 use super::super::taken::Present;
 use super::column::{ABSENT, unsigned};
@@ -25,7 +25,7 @@ impl Uniform {
         Some(row_at(address)?.read(address, self, &Look { view, present }))
     }
 
-    /// Whether the word at `address` can ever hold something else than its mark of absence, with this drive.
+    /// Whether the word at `address` can ever hold anything but its mark of absence, with this drive.
     #[must_use]
     pub fn has(&self, address: u16) -> bool {
         row_at(address).is_none_or(|row| row.is_of(self))
@@ -48,7 +48,7 @@ impl Uniform {
         control.map_or(run::STOP, |control| run_word(control.intent))
     }
 
-    /// The vendor's number while a trip holds, 0 without one; absent if the number or the trip is not known.
+    /// The vendor's number while a trip is active, 0 without one; absent if the number or the trip is not known.
     pub(super) fn trip_code(&self, look: &Look<'_>) -> u16 {
         match status::is_tripped(look.view) {
             Some(false) => 0,
@@ -61,7 +61,7 @@ impl Uniform {
         }
     }
 
-    /// It stays at 65534 rather than to read as absent or as few.
+    /// It stays at 65534 rather than reading as absent or wrapping.
     pub(super) fn trips_kept(&self, look: &Look<'_>) -> u16 {
         if self.sources.has_trips { look.view.trip_kept.total.min(u32::from(ABSENT - 1)) as u16 } else { ABSENT }
     }
@@ -74,7 +74,7 @@ impl Uniform {
         }
     }
 
-    /// Who holds control, and for how long without a sign of life.
+    /// The owner of control, and the remaining time without a heartbeat.
     fn lease(&self, view: &DriveView, now: MonoTime) -> Option<(Owner, Duration)> {
         let (owner, until) = view.control.as_ref().filter(|_| self.has_control())?.lease?;
         (now < until).then(|| (owner, until.since(now)))
@@ -119,7 +119,7 @@ impl Uniform {
     }
 }
 
-/// Word 16: seconds since start, wrapping, so that a client sees that the gateway lives.
+/// Word 16: seconds since start, wrapping, so that a client sees that the gateway is alive.
 pub(super) const fn life(present: &Present) -> u16 {
     (present.uptime_s & 0xFFFF) as u16
 }

@@ -1,4 +1,4 @@
-//! How a drive is commanded from Home Assistant: only where commands over MQTT are taken, and only what is allowed.
+//! How a drive is commanded from Home Assistant: only if commands over MQTT are accepted, and only what is allowed.
 
 use super::entity::{Component, Entity, Needs};
 use crate::domain::command::Outcome;
@@ -8,10 +8,10 @@ use crate::north::mqtt::topics::Topics;
 use crate::north::shown::capabilities;
 use crate::profile::model::Role;
 
-/// RUN says when it was ordered, where the drive takes no other.
+/// RUN carries the time at which it was ordered, for drives that accept no other.
 const WITH_MOMENT: &str = r#"{"run": "{{ value }}", "issued_at": {{ (now().timestamp() * 1000) | int }}}"#;
 
-/// What commands `drive`, and what became of the last command; nothing where commands over MQTT are not taken.
+/// Inputs of `drive` and the outcome of its last command; empty if commands over MQTT are not accepted.
 pub(super) fn entities(topics: &Topics, drive: &DriveDescription) -> Vec<Entity> {
     let Some(control) = drive.control.as_deref().filter(|control| control.from_mqtt) else { return Vec::new() };
     let topic = |rest: &str| topics.drive(drive.name.as_str(), rest);
@@ -29,7 +29,7 @@ pub(super) fn entities(topics: &Topics, drive: &DriveDescription) -> Vec<Entity>
     }
     for (run, name) in [("stop", "Stop"), ("coast", "Coast")] {
         if can.contains(&run) {
-            // A stop is taken, and kept, for a drive that does not answer too. And it may come late.
+            // A stop is accepted, and kept, also for a drive that does not answer. And it may arrive late.
             let button = button(run, name, Needs::Gateway, run).with("qos", 1);
             entities.push(button.with("command_topic", topic("run/set")));
         }
@@ -45,7 +45,7 @@ fn button(key: &str, name: &str, needs: Needs, payload: &str) -> Entity {
     Entity::new(Component::Button, key, name, needs).with("payload_press", payload)
 }
 
-/// The setpoint within its limits. One of the drive's own that lies outside is shown by the sensor alone: here it would
+/// The setpoint within its limits. A setpoint of the drive that lies outside is shown by the sensor only: here it would
 /// be an error.
 fn setpoint(drive: &DriveDescription, control: &ControlSettings, topic: &dyn Fn(&str) -> String) -> Option<Entity> {
     let least = control.least.as_f64();
@@ -61,7 +61,7 @@ fn setpoint(drive: &DriveDescription, control: &ControlSettings, topic: &dyn Fn(
     Some(number.with("unit_of_measurement", "Hz").class("frequency"))
 }
 
-/// The result is not kept by the broker: both are unknown until there is one.
+/// The result is not retained by the broker: both are unknown until there is one.
 fn last_command(topic: &str) -> [Entity; 2] {
     let sensor = |key: &str, name: &str, template: &str| {
         let entity = Entity::new(Component::Sensor, key, name, Needs::Gateway);

@@ -1,4 +1,4 @@
-//! What stands in announcements: of one drive of each kind in full, and what must hold for those of every model.
+//! Content of announcements: of one drive of each kind in full, and what must hold for those of every model.
 
 use super::entity::Component;
 use super::plant::Plant;

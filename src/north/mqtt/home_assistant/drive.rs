@@ -1,4 +1,4 @@
-//! What a drive shows in Home Assistant: a sensor for each topic with a value, and what its state tells besides.
+//! What a drive shows in Home Assistant: a sensor for each topic with a value, and more from its state.
 
 use super::control;
 use super::entity::{Component, Entity, Needs, json_at, title};
@@ -14,7 +14,7 @@ const RUNNING: &str =
     "{{ None if value in ('', 'unknown') else value in ('forward', 'reverse', 'running', 'stopping') }}";
 const WATCHDOG: &str = "{% set dog = value_json.watchdog if value else None %}\
                         {{ None if not dog or dog.state == 'unknown' else dog.state != 'in_order' }}";
-/// A topic that is cleared while nobody holds it could not say so to those who come later.
+/// A topic that is cleared while control has no owner could not say so to later subscribers.
 const OWNER: &str = "{{ (value_json.control.owner or 'nobody') if value else 'unknown' }}";
 const TRIP_EVENT: &str = "{{ dict(value_json, event_type=value_json.kind) | to_json }}";
 
@@ -40,7 +40,7 @@ fn connected(topic: String) -> Entity {
     entity.showing(topic).words("online", "offline").class("connectivity").diagnostic()
 }
 
-/// What stands on the topic that shows `kind`.
+/// The content of the topic that shows `kind`.
 fn shown(drive: &DriveDescription, kind: Kind, rest: &str, topic: String) -> Vec<Entity> {
     let model = &drive.model;
     let sensor = |key: &str, name: &str| Entity::new(Component::Sensor, key, name, Needs::Drive);
@@ -65,7 +65,7 @@ fn shown(drive: &DriveDescription, kind: Kind, rest: &str, topic: String) -> Vec
             let count = sensor("trip_count", "Trips").showing(topic).diagnostic();
             vec![count.with("state_class", "total_increasing")]
         }
-        // The event tells of it, the state of who holds control, and a parameter is asked for by those who know it.
+        // The event shows it, the state shows the owner of control, and a parameter is read by those who know it.
         Kind::TripActive | Kind::TripCode | Kind::TripText | Kind::TripCount | Kind::TripLast => Vec::new(),
         Kind::Availability | Kind::Owner | Kind::Param(_) => Vec::new(),
     }
@@ -80,7 +80,7 @@ fn run_state(topic: &str) -> [Entity; 2] {
     ]
 }
 
-/// A polled register. One that holds codes or bits is for those who look for it.
+/// A polled register. One that holds codes or bits is for experts.
 fn measured(drive: &DriveDescription, register: &Register, rest: &str, topic: String) -> Entity {
     let digits = register.scale.ilog10();
     let exact = (10_u32.checked_pow(digits) == Some(register.scale)).then_some(digits);
@@ -109,7 +109,7 @@ fn value(rest: &str, topic: String, unit: UnitOfMeasure, decimals: Option<u32>) 
     }
 }
 
-/// What only the drive's JSON document tells.
+/// What only the drive's JSON document shows.
 fn told_by_state(drive: &DriveDescription, topic: &str) -> Vec<Entity> {
     let sensor = |key: &str, name: &str, template: String| {
         let entity = Entity::new(Component::BinarySensor, key, name, Needs::Drive);

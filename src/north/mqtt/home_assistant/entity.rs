@@ -1,4 +1,4 @@
-//! One entity as Home Assistant is told of it.
+//! One entity as announced to Home Assistant.
 
 use crate::domain::units::UnitOfMeasure;
 use serde_json::{Map, Value};
@@ -14,7 +14,7 @@ pub(super) enum Component {
 }
 
 impl Component {
-    /// The word as it stands in topics.
+    /// The word as used in topics.
     pub(super) const fn word(self) -> &'static str {
         match self {
             Self::Sensor => "sensor",
@@ -26,10 +26,10 @@ impl Component {
     }
 }
 
-/// What must be there for an entity to be available.
+/// What must be online for an entity to be available.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Needs {
-    /// Nothing: it tells whether something is there.
+    /// Nothing: it shows whether something is online.
     Nothing,
     /// The gateway.
     Gateway,
@@ -41,14 +41,14 @@ pub(super) enum Needs {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Entity {
     pub(super) component: Component,
-    /// What tells it from others of its device; begins with a letter.
+    /// Distinguishes it from others of its device; begins with a letter.
     pub(super) key: String,
     pub(super) needs: Needs,
     /// Everything that is its own.
     pub(super) config: Map<String, Value>,
 }
 
-/// With nothing on the topic the value is not known: a number is none then, and a text this word, which says so.
+/// If the topic is empty, the value is unknown: a number is none then, and a text this word, which says so.
 const NUMBER: &str = "{{ value or None }}";
 const TEXT: &str = "{{ value or 'unknown' }}";
 
@@ -63,12 +63,12 @@ impl Entity {
         self
     }
 
-    /// Shows the number, or which of two words, stands on `topic`.
+    /// Shows the number, or one of two words, on `topic`.
     pub(super) fn showing(self, topic: String) -> Self {
         self.made_of(topic, NUMBER)
     }
 
-    /// Shows the text that stands on `topic`.
+    /// Shows the text on `topic`.
     pub(super) fn telling(self, topic: String) -> Self {
         self.made_of(topic, TEXT)
     }
@@ -78,7 +78,7 @@ impl Entity {
         self.with("state_topic", topic).with("value_template", template)
     }
 
-    /// On and off stand there as these words.
+    /// The topic carries these words for on and off.
     pub(super) fn words(self, on: &str, off: &str) -> Self {
         self.with("payload_on", on).with("payload_off", off)
     }
@@ -87,12 +87,12 @@ impl Entity {
         self.with("device_class", class)
     }
 
-    /// It tells of the equipment, not of what that does.
+    /// It describes the equipment, not what the equipment does.
     pub(super) fn diagnostic(self) -> Self {
         self.with("entity_category", "diagnostic")
     }
 
-    /// A measurement in `unit` with so many decimals.
+    /// A measurement in `unit` with this many decimals.
     pub(super) fn measured_in(self, unit: UnitOfMeasure, decimals: Option<u32>) -> Self {
         let (symbol, class) = match unit {
             UnitOfMeasure::Hertz => ("Hz", Some("frequency")),
@@ -115,12 +115,12 @@ impl Entity {
     }
 }
 
-/// A template for a place in a JSON document, which is not known while nothing stands on the topic.
+/// A template for a place in a JSON document, which is unknown while the topic is empty.
 pub(super) fn json_at(path: &str) -> String {
     format!("{{{{ value_json.{path} if value else None }}}}")
 }
 
-/// A name in our vocabulary as people write it.
+/// A name in our vocabulary, formatted for people.
 pub(super) fn title(name: &str) -> String {
     let mut words = name.split('_').filter(|word| !word.is_empty());
     let first = words.next().map(|word| match word {

@@ -1,27 +1,27 @@
-//! By which identifiers and topics Home Assistant knows what the gateway has. They follow from names alone, so that they
-//! stay the same over restarts, and no two names give the same.
+//! The identifiers and topics under which Home Assistant knows the gateway's entities. They follow from names only, so
+//! that they stay the same over restarts, and no two names give the same.
 
 use crate::domain::ids::Name;
 
-/// The level of a topic that holds everything of one gateway.
+/// The topic level that contains everything of one gateway.
 pub(super) fn node(gateway: &Name) -> String {
     format!("vfd-gateway-{}", escaped(gateway))
 }
 
-/// What the gateway itself is called below its node.
+/// The name of the gateway itself below its node.
 pub(super) const GATEWAY: &str = "gateway";
 
-/// What a drive is called below its gateway's node.
+/// The name of a drive below its gateway's node.
 pub(super) fn drive(name: &Name) -> String {
     format!("drive_{}", escaped(name))
 }
 
-/// What an entity of a device is called below the node. `key` begins with a letter.
+/// The name of a device's entity below the node. `key` begins with a letter.
 pub(super) fn entity(device: &str, key: &str) -> String {
     format!("{device}_{key}")
 }
 
-/// What an entity of a line is called among those of the gateway.
+/// The name of a line's entity among those of the gateway.
 pub(super) fn of_line(name: &Name, key: &str) -> String {
     format!("line_{}_{key}", escaped(name))
 }
@@ -41,7 +41,7 @@ pub(super) fn filter(prefix: &str, node: &str) -> String {
     format!("{prefix}/+/{node}/+/config")
 }
 
-/// Component and object of a topic under `node`; nothing if it is none that could be ours.
+/// Component and object of a topic under `node`; `None` if it cannot be ours.
 pub(super) fn parse<'t>(topic: &'t str, prefix: &str, node: &str) -> Option<(&'t str, &'t str)> {
     /// Longer than every object that names can give.
     const OBJECT_MAX_BYTES: usize = 256;
@@ -55,8 +55,8 @@ pub(super) fn parse<'t>(topic: &'t str, prefix: &str, node: &str) -> Option<(&'t
     (is_word(component, COMPONENT_MAX_BYTES) && is_word(object, OBJECT_MAX_BYTES)).then_some((component, object))
 }
 
-/// A name in the letters that such a level may have, which leave out the dot. Behind a single `_` stands a letter, so the
-/// end of the name is known.
+/// A name in the letters that such a level may have, which exclude the dot. A single `_` is followed by a letter, so
+/// the end of the name is unambiguous.
 fn escaped(name: &Name) -> String {
     name.as_str().replace('_', "__").replace('.', "_-")
 }

@@ -1,9 +1,9 @@
-//! Discovery by Home Assistant: what the gateway has is announced, again when Home Assistant is born, and taken back when it
-//! is gone.
+//! Discovery by Home Assistant: the gateway's entities are announced, again when Home Assistant is born, and taken back
+//! when they are removed.
 //!
-//! [`Plant`] makes the announcements, [`Discovery`] decides which one goes next. It keeps no announcement, only where it
-//! stands, and what is to be taken back. What an earlier life of the gateway has announced it learns from the broker,
-//! which sends what it has retained under the gateway's own node. Without that, only what this life has announced is
+//! [`Plant`] makes the announcements, [`Discovery`] decides which one is sent next. It keeps no announcement, only its
+//! position, and what is to be taken back. It learns what an earlier process of the gateway announced from the broker,
+//! which sends what it has retained under the gateway's own node. Without that, only what this process announced is
 //! taken back.
 
 mod control;
@@ -27,54 +27,54 @@ use std::collections::BTreeSet;
 use std::ops::Bound;
 use std::time::Duration;
 
-/// At most so many are published in [`BURST_EVERY`]: behind a birth everything else goes first.
+/// At most this many are published in [`BURST_EVERY`]: after a birth everything else is sent first.
 const BURST: u32 = 10;
 const BURST_EVERY: Duration = Duration::from_millis(100);
-/// At most so many are on their way, so that a slow broker has room for others.
+/// At most this many are in flight, so that a slow broker has room for others.
 const IN_FLIGHT_MAX: usize = 8;
 /// Most that is remembered to be taken back: the entities of a hundred drives.
 const GONE_MAX: usize = 4096;
-/// After so long without another one the broker has sent what it has retained.
+/// After this time without another one the broker has sent what it has retained.
 const QUIET: Duration = Duration::from_secs(1);
-/// Longer nobody waits for that.
+/// The wait for that is never longer.
 const QUIET_MAX: Duration = Duration::from_secs(10);
-/// Gateways do not all answer a birth at once.
+/// Not all gateways answer a birth at once.
 const JITTER_MAX_MS: u64 = 5_000;
-/// Says that the entity is announced in another way from now on, and keeps what people have made of it.
+/// Announces that the entity is announced in another way from now on, and keeps what users have made of it.
 const MIGRATES: &[u8] = br#"{"migrate_discovery": true}"#;
 
-/// What is announced to Home Assistant, and what of it is to be done next.
+/// What is announced to Home Assistant, and which step is next.
 #[derive(Debug, Default)]
 pub(super) struct Discovery {
     /// What waits to be taken back before anything is announced.
     gone: BTreeSet<String>,
-    /// What is announced in another way from now on: it is told so before, and taken back afterwards.
+    /// What is announced in another way from now on: it is migrated before, and taken back afterwards.
     moving: BTreeSet<String>,
-    /// What of that was told, in order, so far.
+    /// What of that was migrated, in order, so far.
     told: Option<String>,
-    /// The next announcement, device and entity; nothing: all are out.
+    /// The next announcement, device and entity; `None`: all are sent.
     walk: Option<(usize, usize)>,
-    /// The way to the broker; nothing while there is none.
+    /// The path to the broker; `None` while there is none.
     way: Option<Way>,
     /// When a birth is to be answered.
     again_at: Option<MonoTime>,
-    /// When this burst began, and how many are gone in it.
+    /// When this burst began, and how many were sent in it.
     burst: (MonoTime, u32),
     last: u64,
     /// What the broker has not acknowledged.
     in_flight: BTreeSet<u64>,
 }
 
-/// A way to the broker that is open.
+/// An open path to the broker.
 #[derive(Clone, Copy, Debug)]
 struct Way {
     opened_at: MonoTime,
-    /// Until then what was announced before may come.
+    /// Until then earlier announcements may arrive.
     quiet_at: MonoTime,
 }
 
 impl Discovery {
-    /// The way to the broker is open.
+    /// The path to the broker is open.
     pub(super) fn opened(&mut self, at: MonoTime) {
         self.way = Some(Way { opened_at: at, quiet_at: at + QUIET });
         self.walk = Some((0, 0));
@@ -82,7 +82,7 @@ impl Discovery {
         self.told = None;
     }
 
-    /// The connection is gone: all is announced on the next one.
+    /// The connection is lost: everything is announced on the next one.
     pub(super) fn lost(&mut self) {
         self.way = None;
         self.in_flight.clear();
@@ -93,7 +93,7 @@ impl Discovery {
         self.in_flight.remove(&number);
     }
 
-    /// Takes a message. False if it is none of Home Assistant or about an announcement of ours.
+    /// Takes a message. False if it is neither from Home Assistant nor an announcement of ours.
     pub(super) fn take(&mut self, at: MonoTime, message: &Message<'_>, plant: &Plant<'_>) -> bool {
         if plant.is_birth_topic(message.topic) {
             let is_birth = message.payload.trim_ascii().eq_ignore_ascii_case(b"online");
@@ -117,7 +117,7 @@ impl Discovery {
         true
     }
 
-    /// What is announced before it begins to be is announced anyway.
+    /// What is announced before its turn is announced anyway.
     fn birth(&mut self, at: MonoTime, plant: &Plant<'_>) {
         if self.way.is_some_and(|way| at >= way.quiet_at) {
             let wait = Duration::from_millis(digest(&plant.node()) % (JITTER_MAX_MS + 1));
@@ -187,7 +187,7 @@ impl Discovery {
         self.moving.pop_first().map(|topic| publication(topic, Vec::new(), true))
     }
 
-    /// The first of what moves that was not told so.
+    /// The first entity being migrated that was not announced so yet.
     fn untold(&self) -> Option<&String> {
         match &self.told {
             Some(told) => self.moving.range::<String, _>((Bound::Excluded(told), Bound::Unbounded)).next(),
@@ -195,7 +195,7 @@ impl Discovery {
         }
     }
 
-    /// When something is to be published; nothing while there is nothing, or no room on the way.
+    /// When something is to be published; `None` while there is nothing to publish, or no room in flight.
     pub(super) fn wake(&self) -> Option<MonoTime> {
         let way = self.way.filter(|_| self.in_flight.len() < IN_FLIGHT_MAX)?;
         let has_work = self.walk.is_some() || !self.gone.is_empty() || !self.moving.is_empty();
@@ -207,7 +207,7 @@ impl Discovery {
 }
 
 impl Plant<'_> {
-    /// What is subscribed. Not being granted one of them is no failure.
+    /// What is subscribed. It is no failure if one of them is not granted.
     pub(super) fn subscriptions(&self) -> Vec<Filter> {
         self.filters().into_iter().map(|path| self.topics.filter(path, true)).collect()
     }
@@ -221,7 +221,7 @@ const fn publication(topic: String, payload: Vec<u8>, retain: bool) -> Publicati
     Publication { topic, payload, retain, qos, expiry, correlation, token }
 }
 
-/// A number that follows from a text (FNV-1a).
+/// A number derived from a text (FNV-1a).
 fn digest(text: &str) -> u64 {
     text.bytes().fold(0xCBF2_9CE4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3))
 }

@@ -1,4 +1,4 @@
-//! Everything that is announced to Home Assistant, made when it is asked for: nothing of it is kept.
+//! Everything that is announced to Home Assistant, made on demand: nothing of it is kept.
 
 use super::entity::{Entity, Needs};
 use super::{drive, gateway, ids};
@@ -16,7 +16,7 @@ pub(super) const DEVICE: &str = "device";
 #[derive(Clone, Copy, Debug)]
 pub(in crate::north::mqtt) struct Plant<'a> {
     settings: &'a HomeAssistant,
-    /// Where the commanders say that they are there.
+    /// The topic on which the clients say that they are online.
     alive: Option<&'a str>,
     pub(super) topics: &'a Topics,
     gateway: &'a Name,
@@ -51,11 +51,11 @@ pub(super) enum AnnouncementKind {
     Gone,
 }
 
-/// Where something is announced, and the keys of what it holds if that is a device.
+/// Where something is announced, and the keys of its components if it is a device.
 type Announced = (String, Vec<String>);
 
 impl<'a> Plant<'a> {
-    /// Nothing if Home Assistant is not spoken to.
+    /// `None` if Home Assistant discovery is not configured.
     pub(in crate::north::mqtt) fn of(
         settings: &'a Settings,
         topics: &'a Topics,
@@ -72,15 +72,15 @@ impl<'a> Plant<'a> {
         self.settings.discovery
     }
 
-    /// What is subscribed: where Home Assistant says that it is there, and what was announced before. The alive topic is
-    /// subscribed anyway.
+    /// What is subscribed: where Home Assistant says that it is online, and what was announced before. The alive topic
+    /// is subscribed anyway.
     pub(super) fn filters(&self) -> Vec<String> {
         let birth = self.birth();
         let birth = Some(birth).filter(|birth| self.is_on() && self.alive != Some(birth));
         birth.into_iter().chain([ids::filter(&self.settings.prefix, &self.node())]).collect()
     }
 
-    /// Whether Home Assistant says at `topic` that it is there.
+    /// Whether `topic` is where Home Assistant says that it is online.
     pub(super) fn is_birth_topic(&self, topic: &str) -> bool {
         self.alive == Some(topic) || self.birth() == topic
     }
@@ -94,7 +94,7 @@ impl<'a> Plant<'a> {
         ids::parse(topic, &self.settings.prefix, &self.node())
     }
 
-    /// The announcement at `place`: the number of the device, and of the entity among its own. Nothing behind the last
+    /// The announcement at `place`: the number of the device, and of the entity among its own. `None` past the last
     /// entity of a device, which has one announcement if it is announced as a whole.
     pub(super) fn announcement(&self, (device, entity): (usize, usize)) -> Option<(String, Vec<u8>)> {
         let device = self.device(device)?;
@@ -187,7 +187,7 @@ impl<'a> Plant<'a> {
         }
     }
 
-    /// An entity for itself.
+    /// A single entity.
     fn single(&self, device: Device<'_>, entity: Entity) -> Map<String, Value> {
         let mut config = self.config(device, entity);
         config.insert("device".to_owned(), self.about(device));
@@ -208,7 +208,7 @@ impl<'a> Plant<'a> {
         json!({ "device": self.about(device), "origin": origin(), "components": components })
     }
 
-    /// What an entity is, without its device.
+    /// The configuration of an entity, without its device.
     fn config(&self, device: Device<'_>, entity: Entity) -> Map<String, Value> {
         let Entity { key, needs, mut config, .. } = entity;
         let node = self.node();
@@ -249,7 +249,7 @@ impl<'a> Plant<'a> {
     }
 }
 
-/// Who announces. The URL is there if the package has one.
+/// The announcing software. The URL is present if the package has one.
 fn origin() -> Value {
     let mut origin = json!({ "name": env!("CARGO_PKG_NAME"), "sw_version": env!("CARGO_PKG_VERSION") });
     let url = env!("CARGO_PKG_REPOSITORY");
@@ -263,7 +263,7 @@ fn keys(entities: &[Entity]) -> BTreeSet<String> {
     entities.iter().map(|entity| entity.key.clone()).collect()
 }
 
-/// The keys of what an announced device holds; none of what is no such document.
+/// The component keys of an announced device; none if this is no such document.
 fn keys_of(payload: &[u8]) -> BTreeSet<String> {
     let document: Option<Value> = serde_json::from_slice(payload).ok();
     let components = document.as_ref().and_then(|it| it.get("components")?.as_object());

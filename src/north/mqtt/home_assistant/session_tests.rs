@@ -1,4 +1,4 @@
-//! When the session announces what there is, and when it takes it back.
+//! When the session announces its entities, and when it takes them back.
 
 use super::{BURST, BURST_EVERY, IN_FLIGHT_MAX, MIGRATES};
 use crate::domain::command::{Outcome, Reason};
@@ -17,7 +17,7 @@ fn speaking(version: Version) -> Settings {
     Settings { home_assistant, ..settings(version) }
 }
 
-/// A gateway at a broker that keeps what is retained, gives it back to who subscribes it, and acknowledges at once.
+/// A gateway at a broker that retains messages, sends them to subscribers, and acknowledges at once.
 struct Home {
     rig: Rig,
     kept: BTreeMap<String, Vec<u8>>,
@@ -31,14 +31,14 @@ impl Home {
         Self { rig, kept: BTreeMap::new(), granted: true }
     }
 
-    /// Another life of the gateway at the same broker.
+    /// Another process of the gateway at the same broker.
     fn again(&mut self, settings: Settings, drives: Vec<DriveDescription>) {
         self.rig = Self::new(settings.clone()).rig;
         self.rig.views.truncate(drives.len());
         self.rig.session = Session::new(settings, drives, vec![name("hall")], self.rig.at(), 7);
     }
 
-    /// Plays the broker for these acts and for what follows from them at once. Gives back what was announced.
+    /// Plays the broker for these acts and for what follows from them at once. Returns what was announced.
     fn play(&mut self, acts: Vec<Act>) -> Vec<Publication> {
         let mut announced = Vec::new();
         let mut acts = acts;
@@ -61,13 +61,13 @@ impl Home {
         if let Some(token) = it.token {
             self.rig.handle(Event::Acknowledged(token));
         }
-        // It is subscribed, so it comes back.
+        // It is subscribed, so it is delivered.
         if self.granted {
             self.rig.handle(Event::Message(Message { retain: it.retain, ..message(&it.topic, &it.payload) }));
         }
     }
 
-    /// Connects, and gives back what is announced up to the end.
+    /// Connects, and returns what is announced up to the end.
     fn connect(&mut self) -> Vec<Publication> {
         self.rig.handle(Event::Connected(self.rig.broker));
         let acts = self.rig.acts();
@@ -240,7 +240,7 @@ fn discovery_that_is_switched_off_takes_everything_back() {
         home.connect();
         assert!(!home.kept.is_empty());
         home.again(with(false), drives());
-        // The birth topic tells nothing that is wanted.
+        // The birth topic carries nothing that is wanted.
         home.rig.handle(Event::Connected(home.rig.broker));
         let acts = home.rig.acts();
         let [Act::Subscribe(filters)] = &acts[..] else { panic!("{acts:?}") };

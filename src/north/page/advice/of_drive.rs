@@ -1,4 +1,4 @@
-//! What there is to say about one drive.
+//! Advice on one drive.
 
 use super::Advice;
 use crate::domain::command::{Outcome, Reason, Report};
@@ -16,14 +16,14 @@ use crate::profile::model::{Register, RunForm, SetupItem};
 use crate::profile::scale::Scaled;
 
 impl Drive<'_> {
-    /// What there is to say about it, on a line of this interface.
+    /// The advice on it, on a line of this interface.
     #[must_use]
     pub fn advice(&self, interface: Interface, now: MonoTime) -> Vec<Finding> {
         let description = self.description;
         let line = Some(description.line.clone());
         let drive = Some(description.name.clone());
         let mut said = Advice { line, drive, all: Vec::new() };
-        // A line that is down says so itself, once for all its drives.
+        // A line that is down is reported once, for all its drives.
         if self.view.line_is_up && self.view.snapshot.presence == Presence::Offline {
             let station = self.station.map(|station| format!(" as station {station}")).unwrap_or_default();
             said.say(Sign::Offline, format!("the drive does not answer{station}: {OFFLINE_REMEDY}"));
@@ -38,7 +38,7 @@ impl Drive<'_> {
         said.all
     }
 
-    /// A drive that does not answer may not be tripped any more: then that is said, and not this.
+    /// A drive that does not answer may no longer be tripped: then that is reported, and not this.
     fn tripped(&self, said: &mut Advice) {
         let trip = &self.view.trip;
         if trip.active != Some(true) || !self.view.is_online() {
@@ -55,7 +55,7 @@ impl Drive<'_> {
         said.say(Sign::Tripped, format!("the drive is tripped{name}; find its cause before it is reset"));
     }
 
-    /// Whether it obeys the bus, as far as what was read tells.
+    /// Whether it obeys the bus, as far as known from what was read.
     fn obedience(&self, said: &mut Advice, interface: Interface, now: MonoTime) {
         let model = &self.description.model;
         let name = &self.description.name;
@@ -83,7 +83,7 @@ impl Drive<'_> {
         }
     }
 
-    /// What is set otherwise than bus control needs it; nothing if it is right or not known.
+    /// What is not set as bus control needs it; `None` if it is right or not known.
     fn wrong(&self, item: &SetupItem, now: MonoTime) -> Option<String> {
         let register = self.description.model.register_at(item.address?)?;
         let word = fresh(self.description, register, self.view, now)?.raw;
@@ -148,7 +148,7 @@ fn control(said: &mut Advice, control: &ControlView, now: MonoTime) {
     }
 }
 
-/// What the end of the last command says of the drive or its configuration.
+/// What the outcome of the last command says about the drive or its configuration.
 fn refused(last: &Report) -> Option<String> {
     let hint = match (last.outcome, last.reason) {
         (Outcome::Confirmed | Outcome::Acknowledged, _) => return None,

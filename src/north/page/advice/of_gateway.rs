@@ -1,11 +1,11 @@
-//! What there is to say about the gateway as a whole.
+//! Advice on the gateway as a whole.
 
 use super::Advice;
 use crate::north::finding::{Finding, Sign};
 use crate::north::page::gateway::{Gateway, JournalState};
 
 impl Gateway {
-    /// What there is to say about it.
+    /// The advice on it.
     #[must_use]
     pub fn advice(&self) -> Vec<Finding> {
         let mut said = Advice::default();
@@ -13,7 +13,7 @@ impl Gateway {
             if way.is_contested {
                 said.say(
                     Sign::BrokerContested,
-                    "another client uses the gateway's client identifier at the broker, and each throws the other out: \
+                    "another client uses the gateway's client identifier at the broker, and each disconnects the other: \
                      give each gateway a `client_id` of its own in [mqtt]",
                 );
             } else if !way.is_connected {

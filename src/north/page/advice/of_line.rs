@@ -1,4 +1,4 @@
-//! What there is to say about one line.
+//! Advice on one line.
 
 use super::Advice;
 use crate::domain::report::{LineFault, LineState};
@@ -7,7 +7,7 @@ use crate::north::page::line::Line;
 use crate::north::shown::down_reason;
 
 impl Line<'_> {
-    /// What there is to say about it.
+    /// The advice on it.
     #[must_use]
     pub fn advice(&self) -> Vec<Finding> {
         let mut said = Advice { line: Some(self.name.clone()), ..Advice::default() };
@@ -36,12 +36,14 @@ impl Line<'_> {
         said.all
     }
 
-    /// That it is down, with what to look at where the reason does not say so itself.
+    /// Reports that it is down, with what to check if the reason does not say so itself.
     fn down(&self, reason: &str) -> String {
         let port = &self.wiring.port;
         let hint = match self.report.fault {
             None | Some(LineFault::Gone | LineFault::Failed) => {
-                format!("; check that {port} is there, that the gateway may open it, and that nobody else has it")
+                format!(
+                    "; check that {port} is there, that the gateway may open it, and that no other program has it open"
+                )
             }
             Some(LineFault::Stuck) => format!("; unplug the adapter at {port} and plug it in again"),
             Some(LineFault::Jammed) => "; disconnect drives one by one until the line is silent".to_owned(),
