@@ -1,4 +1,4 @@
-//! `broker`: a small MQTT broker for the demo and for trying out.
+//! `broker`: a small MQTT broker for the demo and for experiments.
 
 use super::{Failure, print};
 use crate::daemon::mqtt::broker;
@@ -16,8 +16,8 @@ pub struct Args {
     listen: SocketAddr,
 }
 
-/// Runs the broker until SIGINT, SIGTERM or the end of standard input: a broker that was started by another program
-/// with a pipe ends with it. To run it by itself without a terminal, give it an input that does not end.
+/// Runs the broker until SIGINT, SIGTERM or the end of standard input: a broker that another program started with a
+/// pipe exits with it. To run it by itself without a terminal, give it an input that does not end.
 pub fn broker(args: &Args) -> Result<(), Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
     let done = runtime.block_on(async {
@@ -26,7 +26,7 @@ pub fn broker(args: &Args) -> Result<(), Failure> {
         let closed = input_closed().map_err(Failure::failed)?;
         print(&format!("{ANNOUNCEMENT}{}\n", listening.address()))?;
         tokio::select! {
-            () = listening.serve() => Err(Failure::failed("the broker ended by itself")),
+            () = listening.serve() => Err(Failure::failed("the broker exited unexpectedly")),
             () = told => Ok(()),
             _ = closed => Ok(()),
         }
@@ -35,13 +35,13 @@ pub fn broker(args: &Args) -> Result<(), Failure> {
     done
 }
 
-/// Is over when standard input has ended. Its thread ends with the process.
+/// Completes when standard input has ended. Its thread exits with the process.
 fn input_closed() -> io::Result<oneshot::Receiver<()>> {
     let (sender, receiver) = oneshot::channel();
     std::thread::Builder::new().name("input".to_owned()).spawn(move || {
         let mut buffer = [0; 256];
         while matches!(io::stdin().lock().read(&mut buffer), Ok(read) if read > 0) {}
-        // The broker may have ended for another reason.
+        // The broker may have exited for another reason.
         let _ = sender.send(());
     })?;
     Ok(receiver)

@@ -1,4 +1,4 @@
-//! `check`: all problems of a configuration at once, or what each of its lines will cost. Opens nothing.
+//! `check`: reports all problems of a configuration at once, or the cost of each of its lines. Opens nothing.
 
 mod drive;
 
@@ -33,7 +33,7 @@ pub struct Args {
     json: bool,
 }
 
-/// Checks the configuration and prints what it means, behind warnings about what of it has no effect.
+/// Checks the configuration and prints its meaning, after warnings about what has no effect.
 pub fn check(args: &Args) -> Result<(), Failure> {
     let (loaded, text) = input::looked_through(&args.config)?;
     let of_this = |problems| Findings { path: args.config.clone(), text, problems };
@@ -55,7 +55,7 @@ pub fn check(args: &Args) -> Result<(), Failure> {
     print(&report(&config))
 }
 
-/// What was found, for programs.
+/// The findings, for programs.
 fn findings_json(found: &[Findings], is_usable: bool) -> Value {
     let problem = |of: &Findings, problem: &Problem| {
         let (line, column) = problem.place_in(&of.text);
@@ -73,7 +73,7 @@ fn findings_json(found: &[Findings], is_usable: bool) -> Value {
     json!({ "usable": is_usable, "problems": problems.collect::<Vec<_>>() })
 }
 
-/// What a sound configuration means, line by line.
+/// The meaning of a valid configuration, line by line.
 fn report(config: &Config) -> String {
     let mut text = String::new();
     for line in &config.lines {
@@ -99,7 +99,7 @@ fn report(config: &Config) -> String {
 }
 
 fn of_listener(listener: &ListenerSettings) -> String {
-    // What no role grants nobody has, wherever he connects from.
+    // A right that no role grants is granted to no client, from whatever address.
     let is_granted = |is: fn(&Rights) -> bool| listener.tls.as_ref().is_none_or(|tls| tls.roles.values().any(is));
     let networks = |networks: &[IpNet], is| if is_granted(is) { list(networks) } else { String::new() };
     let write = networks(&listener.write, |rights| rights.write);
@@ -148,7 +148,7 @@ fn of_mqtt(mqtt: &MqttSettings, config: &Config) -> String {
     )
 }
 
-/// The values with commas between them.
+/// The values, separated by commas.
 fn list<T: Display>(values: impl IntoIterator<Item = T>) -> String {
     values.into_iter().map(|value| value.to_string()).collect::<Vec<_>>().join(", ")
 }
@@ -207,7 +207,7 @@ fn stops(text: &mut String, line: &LineSettings) -> std::fmt::Result {
     Ok(())
 }
 
-/// What the line is reached through.
+/// How the line is connected.
 fn of_port(line: &LineSettings) -> String {
     let PortAddress::Device(_) = line.port else {
         let lateness_s = line.port.max_lateness().as_secs();

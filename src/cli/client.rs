@@ -25,7 +25,7 @@ pub enum NoAnswer {
     Exception(u8),
     /// There is no connection, so nothing was sent.
     Unreachable(String),
-    /// The connection broke, or no answer came in time: what was sent may have been carried out.
+    /// The connection broke, or no answer arrived in time: what was sent may have been carried out.
     Lost(String),
 }
 
@@ -44,7 +44,7 @@ impl From<NoAnswer> for Failure {
     }
 }
 
-/// What an exception means, whoever sent it.
+/// The meaning of an exception, from whichever sender.
 const fn sentence(code: u8) -> &'static str {
     match code {
         1 => "never allowed: the drive or this register is read-only, or this client may not do it",
@@ -54,11 +54,11 @@ const fn sentence(code: u8) -> &'static str {
         6 => "not now: another client holds control, a start is inhibited, a stop is pending, or a queue is full",
         0x0A => "there is no such unit, or its line is down",
         0x0B => "the drive did not answer in time",
-        _ => "the drive answered with a code of its own",
+        _ => "the drive answered with a vendor-specific code",
     }
 }
 
-/// The way to a gateway.
+/// The path to a gateway.
 pub enum Way {
     /// Modbus TCP on this host and port.
     Tcp(String, u16),
@@ -84,7 +84,7 @@ impl Way {
     }
 }
 
-/// A client of one unit. It connects when it is first asked, and anew after each failure.
+/// A client of one unit. It connects on its first request, and again after each failure.
 pub struct Client {
     way: Way,
     unit: u8,
@@ -106,7 +106,11 @@ impl Client {
         let answer = timeout(PATIENCE, connection.read_holding_registers(address, count)).await;
         let words = self.outcome(connection, answer)?;
         // A shorter answer would be another client's.
-        if words.len() == usize::from(count) { Ok(words) } else { Err(self.lost("a wrong number of words came")) }
+        if words.len() == usize::from(count) {
+            Ok(words)
+        } else {
+            Err(self.lost("the answer has a wrong number of words"))
+        }
     }
 
     /// Writes one word.
@@ -119,7 +123,7 @@ impl Client {
         self.outcome(connection, answer)
     }
 
-    /// The connection of the last answer, or a new one. It is put back when the next answer has come.
+    /// The connection of the last answer, or a new one. It is put back after the next answer.
     async fn connection(&mut self) -> Result<Context, NoAnswer> {
         if let Some(connection) = self.connection.take() {
             return Ok(connection);
@@ -165,34 +169,34 @@ fn number(code: ExceptionCode) -> u8 {
 /// A register by its number on the wire, decimal or with `0x`.
 ///
 /// # Errors
-/// It is none, in words.
+/// It is not a register number, in words.
 pub fn address(text: &str) -> Result<u16, String> {
     let number = match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         Some(digits) => u16::from_str_radix(digits, 16),
         None => text.parse(),
     };
-    number.map_err(|_| format!("{text} is no register: a number from 0 to 65535, such as 0x0101 or 257"))
+    number.map_err(|_| format!("{text} is not a register: expected a number from 0 to 65535, such as 0x0101 or 257"))
 }
 
 /// A word of the uniform map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UniformWord {
-    /// Its name here.
+    /// Its name in this program.
     pub name: &'static str,
     /// Its address.
     pub address: u16,
-    /// What it holds.
+    /// Its format.
     pub form: Form,
 }
 
-/// What a word of the uniform map holds.
+/// The format of a word of the uniform map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
     /// A number, `word / scale` in a unit; 65535 if there is none.
     Number(u32, UnitOfMeasure),
     /// Like [`Form::Number`] in two's complement; 32768 if there is none.
     Signed(u32, UnitOfMeasure),
-    /// A number of which every value is one.
+    /// A number all values of which are valid.
     Count,
     /// The upper half of a number that is continued in the next word; both 65535 if there is none.
     Wide(UnitOfMeasure),
@@ -205,7 +209,7 @@ pub enum Form {
 }
 
 impl UniformWord {
-    /// How many words belong to it.
+    /// How many words it takes.
     pub const fn words(self) -> u16 {
         if matches!(self.form, Form::Wide(_)) { 2 } else { 1 }
     }
@@ -291,7 +295,7 @@ fn bits_of(word: u16, names: &[&'static str]) -> Vec<&'static str> {
     names.iter().enumerate().filter(|(bit, _)| word & (1 << bit) != 0).map(|(_, name)| *name).collect()
 }
 
-/// A value of the uniform map, understood.
+/// A decoded value of the uniform map.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
     /// The drive or its model has none.
@@ -300,14 +304,14 @@ pub enum Value {
     Number(i64, u32, UnitOfMeasure),
     /// A word.
     Word(&'static str),
-    /// Words.
+    /// A list of words.
     Words(Vec<&'static str>),
-    /// A word of a register with what it means by its model.
+    /// A word of a register with its meaning by the model.
     Meaning(u16, String),
 }
 
 impl Value {
-    /// What `words`, one or two, mean in a word of this `form`.
+    /// The value of `words`, one or two, in this `form`.
     #[must_use]
     pub fn understand(form: Form, words: &[u16]) -> Self {
         let first = words.first().copied().unwrap_or(0);

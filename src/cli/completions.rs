@@ -1,4 +1,4 @@
-//! `completions`: what lets a shell finish the words of this program.
+//! `completions`: the script with which a shell completes the words of this program.
 
 use super::{Failure, print};
 
@@ -15,7 +15,8 @@ pub fn completions(args: &Args, mut command: clap::Command) -> Result<(), Failur
     let name = command.get_name().to_owned();
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut command, name.as_str(), &mut script);
-    // For bash, clap_complete writes a name with a hyphen in two ways (clap issue 6421), and no option of a command is found.
+    // For bash, clap_complete writes a name with a hyphen in two ways (clap issue 6421), and finds no option of a
+    // command.
     let [wrong, right] = ["__subcmd__", "__"].map(|mark| name.replace('-', mark));
     print(&String::from_utf8(script).map_err(Failure::failed)?.replace(&wrong, &right))
 }

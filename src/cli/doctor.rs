@@ -1,4 +1,4 @@
-//! `doctor`: watches the lines of the running gateway for a while and says what is wrong with them.
+//! `doctor`: observes the lines of the running gateway for a while and reports what is wrong with them.
 
 use super::socket::{self, Question};
 use super::{Failure, log, print};
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tokio::time::interval;
 
-/// Longest time for an answer that needs no waiting, and beyond what a span takes.
+/// Longest time for an answer that needs no waiting, and the allowance beyond the observed span.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Lines that are watched at once.
 const AT_ONCE: usize = 8;
@@ -54,7 +54,7 @@ pub fn doctor(args: &Args) -> Result<(), Failure> {
     }
 }
 
-/// The reports of all lines that are wanted, in the order of the configuration.
+/// The reports of all requested lines, in the order of the configuration.
 async fn watch(socket: &Path, args: &Args) -> Result<Vec<Value>, Failure> {
     let failed = |reason: String| Failure::failed(format!("gateway at {}: {reason}", socket.display()));
     let health = look(socket, "/api/v1/health", PATIENCE).await.map_err(failed)?;
@@ -104,7 +104,7 @@ fn bar(passed: u64, seconds: u64) -> String {
     format!("\r[{}{}] {passed} of {seconds} s", "#".repeat(done), ".".repeat(BAR_CELLS as usize - done))
 }
 
-/// To somebody at a terminal, beside the report.
+/// For a user at a terminal, besides the report.
 fn say(text: &str) {
     if stderr().is_terminal() {
         log::complain(text.as_bytes());
@@ -115,7 +115,7 @@ fn findings(report: &Value) -> impl Iterator<Item = &Value> {
     report["verdict"].as_array().into_iter().flatten()
 }
 
-/// The reports for people. What is missing shows as `?` or `-`: another version may say less.
+/// The reports for people. Missing values are shown as `?` or `-`: another version may send less.
 fn text(reports: &[Value]) -> String {
     reports.iter().map(line).collect::<Vec<_>>().join("\n")
 }

@@ -1,4 +1,4 @@
-//! `enable`: sets on a drive what it needs before it obeys the bus, after a person has seen old and new.
+//! `enable`: sets on a drive what it needs to obey the bus, after a person has seen old and new values.
 
 use super::setup::{self, items, judge, report, text, word};
 use super::{Failure, print, socket};
@@ -17,7 +17,7 @@ pub struct Args {
     yes: bool,
 }
 
-/// Sets what differs. Its end says what was found afterwards.
+/// Sets what differs. The exit code says what was found afterwards.
 pub fn enable(args: &Args) -> Result<(), Failure> {
     let drive = setup::Drive::new(&args.drive, &args.place)?;
     let before = drive.look()?;
@@ -27,11 +27,11 @@ pub fn enable(args: &Args) -> Result<(), Failure> {
     }
     let wrong: Vec<_> = items(&before).filter(|item| item["result"] == "wrong").collect();
     if wrong.is_empty() {
-        print(&format!("{}nothing has to be set over the line\n", report(&before)))?;
+        print(&format!("{}nothing to set over the line\n", report(&before)))?;
         return judge(&before);
     }
     let changes = setup::table(wrong.iter().map(|item| change(item)));
-    print(&format!("drive {}, while its motor stands still:\n{changes}", text(&before, "drive")))?;
+    print(&format!("drive {}, at standstill:\n{changes}", text(&before, "drive")))?;
     if !args.yes {
         ask_for_consent()?;
     }
@@ -43,7 +43,7 @@ pub fn enable(args: &Args) -> Result<(), Failure> {
     judge(&after)
 }
 
-/// What, the old word, and the new one.
+/// Name, old word, and new word.
 fn change(item: &Value) -> [String; 3] {
     let new = item["wanted"].as_array().and_then(|wanted| wanted.first()).map_or_else(|| "?".to_owned(), word);
     [text(item, "what").to_owned(), text(item, "text").to_owned(), format!("{} -> {new}", word(&item["found"]))]
@@ -55,7 +55,7 @@ pub(super) fn ask_for_consent() -> Result<(), Failure> {
         return Err(Failure::wrong("nothing was set: there is no terminal to ask on; add --yes"));
     }
     print("set this? [y/N] ")?;
-    // The question must be seen before the answer is waited for.
+    // The question must be visible before the answer is awaited.
     io::Write::flush(&mut io::stdout()).map_err(Failure::failed)?;
     let mut answer = String::new();
     io::stdin().read_line(&mut answer).map_err(Failure::failed)?;

@@ -1,4 +1,4 @@
-//! Why a command ended without success.
+//! Why a command did not succeed.
 
 use super::log;
 use std::fmt::Display;
@@ -9,7 +9,7 @@ const FAILED: u8 = 1;
 /// Exit code for wrong usage or a wrong configuration, as clap has it.
 pub(super) const WRONG_USAGE: u8 = 2;
 
-/// Why a command ended without success. The message is already for people.
+/// Why a command did not succeed. The message is already for people.
 #[derive(Debug)]
 pub struct Failure {
     pub(super) message: String,

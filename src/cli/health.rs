@@ -1,4 +1,4 @@
-//! `health`: asks the running gateway whether it does what it is configured for, or only whether it is alive.
+//! `health`: asks the running gateway whether it is ready, or only whether it is alive.
 
 use super::socket::{self, Question, connect, exchange, exchange_bytes, unreachable, within};
 use super::{Failure, print};
@@ -9,11 +9,11 @@ use std::path::PathBuf;
 use std::time::Duration;
 use tokio::net::TcpStream;
 
-/// Longest time for the whole question: a container's health check does not wait longer either.
+/// Longest time for the whole request: a container's health check does not wait longer either.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Where the answer is.
+/// The path of the readiness answer.
 const PATH: &str = "/api/v1/health";
-/// Where the sign of life is.
+/// The path of the liveness answer.
 const ALIVE: &str = "/healthz";
 
 /// Arguments of `health`.
@@ -49,7 +49,7 @@ pub fn health(args: &Args) -> Result<(), Failure> {
     if health["ready"] == true { Ok(()) } else { Err(failed("not ready".to_owned())) }
 }
 
-/// Where the gateway is asked.
+/// Where the gateway is reached.
 enum HealthSource {
     Socket(PathBuf),
     Url(Url),
@@ -75,7 +75,7 @@ impl Url {
         let host = uri.host().filter(|_| uri.scheme_str() == Some("http") && matches!(uri.path(), "" | "/"));
         let host =
             host.ok_or_else(|| Failure::wrong(format!("{uri} is not an address such as http://127.0.0.1:8080")))?;
-        // A version 6 address stands in brackets.
+        // A version 6 address is in brackets.
         let host = host.trim_start_matches('[').trim_end_matches(']').to_owned();
         Ok(Self { host, port: uri.port_u16().unwrap_or(80) })
     }
@@ -99,7 +99,7 @@ async fn ask(place: &HealthSource) -> Result<Value, String> {
     }
 }
 
-/// What the gateway says of being alive. An error says why it is not.
+/// The gateway's liveness answer. An error says why it is not alive.
 async fn sign_of_life(place: &HealthSource) -> Result<String, String> {
     let question = Question::look(ALIVE);
     let answer = within(PATIENCE, async {
@@ -116,7 +116,7 @@ async fn sign_of_life(place: &HealthSource) -> Result<String, String> {
     }
 }
 
-/// The answer for people. What is missing from it shows as `?`: another version may say less.
+/// The answer for people. Missing values are shown as `?`: another version may send less.
 fn report(health: &Value) -> String {
     fn word<'a>(of: &'a Value, key: &str) -> &'a str {
         of[key].as_str().unwrap_or("?")
@@ -147,12 +147,12 @@ fn report(health: &Value) -> String {
         };
         let _ = writeln!(text, "mqtt: {}{rival}", if connected { "connected" } else { "not connected" });
         if let Some(refused) = health["mqtt"]["events_refused"].as_u64().filter(|refused| *refused > 0) {
-            let _ = writeln!(text, "mqtt: the broker would not take {refused} trip events; the log says why");
+            let _ = writeln!(text, "mqtt: the broker refused {refused} trip events; see the log");
         }
     }
     if let Some(connected) = health["sparkplug"]["connected"].as_bool() {
         let state = match (connected, health["sparkplug"]["host_awaited"] == true) {
-            (true, _) => "told to its hosts",
+            (true, _) => "published to its hosts",
             (false, true) => "waits for its primary host",
             (false, false) => "not connected",
         };
@@ -162,7 +162,7 @@ fn report(health: &Value) -> String {
         let reason = health["journal"]["reason"].as_str().map(|reason| format!(": {reason}")).unwrap_or_default();
         let _ = writeln!(text, "journal: {state}{reason}");
         if let Some(aside) = health["journal"]["moved_aside"].as_str() {
-            let _ = writeln!(text, "journal: a damaged one was moved aside to {aside}");
+            let _ = writeln!(text, "journal: a damaged journal was moved to {aside}");
         }
     }
     text

@@ -1,4 +1,4 @@
-//! Files that people write: read, and their problems drawn with the place in the text.
+//! User-written files: read, and their problems rendered with their place in the text.
 
 use super::Failure;
 use super::own_models::{ModelDirs, OwnModels};
@@ -17,7 +17,7 @@ use std::sync::Arc;
 /// The built-in models.
 ///
 /// # Errors
-/// A mistake in a model file that is built in.
+/// A mistake in a built-in model file.
 pub fn catalog() -> Result<Catalog, Failure> {
     Catalog::from_texts(vendors::texts().iter().copied()).map_err(|problems| {
         let lines: Vec<_> =
@@ -26,15 +26,15 @@ pub fn catalog() -> Result<Catalog, Failure> {
     })
 }
 
-/// The built-in models and those of the operator's own in `dirs`.
+/// The built-in models and the operator's own in `dirs`.
 ///
 /// # Errors
-/// All problems of all their files, drawn, and what cannot be read.
+/// All problems of all their files, rendered, and what cannot be read.
 pub fn catalog_with(dirs: &ModelDirs) -> Result<Catalog, Failure> {
     joined(&own_models(dirs)?)
 }
 
-/// The models of the operator's own in `dirs`.
+/// The operator's own models in `dirs`.
 ///
 /// # Errors
 /// What cannot be read.
@@ -47,7 +47,7 @@ pub fn own_models(dirs: &ModelDirs) -> Result<OwnModels, Failure> {
 /// The built-in models and those of `own`.
 ///
 /// # Errors
-/// All problems of all files of `own`, drawn.
+/// All problems of all files of `own`, rendered.
 pub fn joined(own: &OwnModels) -> Result<Catalog, Failure> {
     join(catalog()?, own).map_err(|found| Failure::wrong(drawn(&found)))
 }
@@ -65,18 +65,18 @@ fn join(catalog: Catalog, own: &OwnModels) -> Result<Catalog, Vec<Findings>> {
     })
 }
 
-/// What was found in one file.
+/// The findings in one file.
 #[derive(Clone, Debug)]
 pub struct Findings {
     /// The file.
     pub path: PathBuf,
-    /// What stands in it.
+    /// Its content.
     pub text: String,
     /// Its problems, in the order of the text.
     pub problems: Vec<Problem>,
 }
 
-/// Each file with its problems, drawn.
+/// Each file with its problems, rendered.
 #[must_use]
 pub fn drawn(found: &[Findings]) -> String {
     let drawn: Vec<_> = found.iter().map(|it| draw(&it.path, &it.text, &it.problems)).collect();
@@ -104,17 +104,17 @@ pub fn read(path: &Path) -> Result<String, Failure> {
         .map_err(|error| Failure::wrong(format!("{}: {error}", path.display())))
 }
 
-/// Reads a configuration, and the models of the operator's own that it names.
+/// Reads a configuration, and the operator's own models that it names.
 ///
 /// # Errors
-/// All its problems and those of the model files, drawn.
+/// All its problems and those of the model files, rendered.
 pub fn configuration(path: &Path) -> Result<Config, Failure> {
     let loaded = looked_through(path)?.0;
     loaded.map_err(|found| Failure::wrong(drawn(&found)))
 }
 
-/// Reads a configuration as [`configuration`] does: what it says, or all its problems and those of the model files. Its text
-/// comes with it.
+/// Reads a configuration as [`configuration`] does: its content, or all its problems and those of the model files. Its
+/// text is returned with it.
 ///
 /// # Errors
 /// It cannot be read.
@@ -137,7 +137,7 @@ pub fn looked_through(path: &Path) -> Result<(Result<Config, Vec<Findings>>, Str
     Ok((Err(found), text))
 }
 
-/// The model files in `dirs`, each once, and what of them cannot be read, at the place where the directory stands.
+/// The model files in `dirs`, each once, and what cannot be read, at the place where the directory is named.
 fn own_models_of(dirs: &[Spanned<PathBuf>]) -> (OwnModels, Vec<Problem>) {
     let mut own = OwnModels::default();
     let mut problems = Vec::new();
@@ -151,7 +151,7 @@ fn own_models_of(dirs: &[Spanned<PathBuf>]) -> (OwnModels, Vec<Problem>) {
     (own, problems)
 }
 
-/// Draws the problems of `text`, each with its place, and their number.
+/// Renders the problems of `text`, each with its place, and their number.
 #[must_use]
 pub fn draw(path: &Path, text: &str, problems: &[Problem]) -> String {
     let file = path.display().to_string();
@@ -167,8 +167,8 @@ pub fn draw(path: &Path, text: &str, problems: &[Problem]) -> String {
     drawn.join("\n\n")
 }
 
-/// `text` with stars, byte for byte, in the place of what a slip of the pen may have put there: a password as a value,
-/// or before the host of a URL. What is drawn may end in a log.
+/// `text` with stars, byte for byte, in place of passwords that were put there by mistake: as a value, or before the
+/// host of a URL. What is rendered may end up in a log.
 fn without_secrets(text: &str) -> String {
     let lines = text.split_inclusive('\n').map(|line| {
         let is_password =

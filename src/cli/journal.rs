@@ -1,4 +1,4 @@
-//! `journal`: what the gateway has kept, read beside it while it runs.
+//! `journal`: shows what the gateway has recorded, also while it runs.
 
 use super::{Failure, input, print};
 use crate::daemon::host::clock;
@@ -12,9 +12,9 @@ use rusqlite::ErrorCode;
 use std::collections::VecDeque;
 use std::path::PathBuf;
 
-/// Rows that are shown unless it is said how many, or since when.
+/// Rows that are shown if neither a number nor a start is given.
 const LAST_USUAL: usize = 100;
-/// Most rows that `--last` takes: they are held in memory.
+/// Most rows that `--last` accepts: they are held in memory.
 const LAST_MAX: u64 = 1_000_000;
 
 /// Arguments of `journal`.
@@ -93,7 +93,7 @@ pub fn journal(args: &Args) -> Result<(), Failure> {
         let found = match found {
             Ok(found) => found,
             Err(error) => {
-                // The other tables are read on: what is sound of them is shown.
+                // The other tables are still read: their intact rows are shown.
                 lost.push(error.to_string());
                 continue;
             }
@@ -115,7 +115,7 @@ pub fn journal(args: &Args) -> Result<(), Failure> {
     match lost.is_empty() {
         true => Ok(()),
         false => Err(Failure::failed(format!(
-            "{}: the journal is damaged: {}; shown is what could be read",
+            "{}: the journal is damaged: {}; showing what could be read",
             path.display(),
             lost.join("; ")
         ))),

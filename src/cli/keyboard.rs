@@ -1,4 +1,4 @@
-//! Whoever stands beside simulated drives and presses Enter.
+//! The user of a simulation, who presses Enter.
 
 use std::io::{self, BufRead};
 use std::sync::Arc;
@@ -9,10 +9,10 @@ use std::sync::atomic::{AtomicU32, Ordering};
 pub struct Enter(Arc<AtomicU32>);
 
 impl Enter {
-    /// Listens on stdin from now on. The thread ends with stdin or with the program.
+    /// Listens on stdin from now on. The thread exits with stdin or with the program.
     ///
     /// # Errors
-    /// The system's reason for having no thread.
+    /// The system cannot start a thread.
     pub fn listen() -> io::Result<Self> {
         let enter = Self::default();
         let pressed = Arc::clone(&enter.0);
@@ -25,7 +25,7 @@ impl Enter {
         Ok(enter)
     }
 
-    /// Whether it was pressed since this was asked last.
+    /// Whether it was pressed since the last call.
     #[must_use]
     pub fn was_pressed(&self) -> bool {
         self.0.swap(0, Ordering::Relaxed) > 0

@@ -1,8 +1,8 @@
-//! How a serial line is set, as arguments of the tools that open one themselves.
+//! Settings of a serial line, as arguments of the tools that open one themselves.
 
 use crate::domain::link::{DirectionControl, Parity};
 
-/// Parity, stop bits, and who turns the direction.
+/// Parity, stop bits, and direction control.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct LinkArgs {
     /// Parity of the line; default: the model's factory setting, or all in a scan
@@ -42,7 +42,7 @@ impl LinkArgs {
         })
     }
 
-    /// Who turns the direction.
+    /// The direction control.
     #[must_use]
     pub const fn direction(&self) -> DirectionControl {
         match self.rs485 {
@@ -52,7 +52,7 @@ impl LinkArgs {
         }
     }
 
-    /// The same as a configuration writes it.
+    /// The same as written in a configuration.
     #[must_use]
     pub const fn direction_word(&self) -> &'static str {
         match self.rs485 {

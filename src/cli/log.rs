@@ -4,11 +4,11 @@ use std::io::{self, IsTerminal, Write};
 use tracing_appender::non_blocking::{NonBlockingBuilder, WorkerGuard};
 use tracing_subscriber::EnvFilter;
 
-/// Most lines that wait to be written. Room for all of them is taken at the start, 32 bytes each: the library's own number
-/// would be the largest piece of memory of the whole program.
+/// Most lines that wait to be written. Room for all of them is allocated at the start, 32 bytes each: the library's
+/// default would be the largest piece of memory of the whole program.
 const LINES_MAX: usize = 8192;
 
-/// How a log line is written.
+/// The format of log lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Format {
     /// For people.
@@ -17,11 +17,10 @@ pub enum Format {
     Json,
 }
 
-/// Starts logging. `RUST_LOG` chooses what is logged; without it everything from `level` on. What is returned writes the
-/// last lines when it is dropped.
+/// Starts logging. `RUST_LOG` selects what is logged; without it everything from `level` on. The returned guard writes
+/// the last lines when it is dropped.
 ///
-/// A thread of its own writes, so that nobody who logs waits for whoever reads: lines beyond what the thread holds are
-/// lost.
+/// A separate thread writes, so that logging never waits for a reader: lines beyond what the thread holds are lost.
 pub fn start(format: Format, level: &str) -> WorkerGuard {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
     let (writer, guard) = NonBlockingBuilder::default().lossy(true).buffered_lines_limit(LINES_MAX).finish(Stderr);
@@ -33,8 +32,8 @@ pub fn start(format: Format, level: &str) -> WorkerGuard {
     guard
 }
 
-/// Standard error, where a line that cannot be written is lost and nothing else happens. Its reader may be gone, and
-/// an error would make the library complain on the same standard error, which panics the thread that logs.
+/// Standard error; a line that cannot be written is dropped without further effect. Its reader may be gone, and an
+/// error would make the library complain on the same standard error, which panics the thread that logs.
 struct Stderr;
 
 impl Write for Stderr {
@@ -48,7 +47,7 @@ impl Write for Stderr {
     }
 }
 
-/// Writes to standard error. If nobody takes it, it is lost.
+/// Writes to standard error. Failures are ignored.
 pub fn complain(text: &[u8]) {
     let _ = io::stderr().lock().write_all(text);
 }

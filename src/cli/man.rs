@@ -1,4 +1,4 @@
-//! `man`: the manual pages of this program, made from what `--help` is made from.
+//! `man`: the manual pages of this program, generated from the same source as `--help`.
 
 use super::{Failure, print};
 use clap::Command;
@@ -6,7 +6,7 @@ use clap_mangen::Man;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// What stands at the foot of each page.
+/// The footer of each page.
 const SOURCE: &str = concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION"));
 
 /// Arguments of `man`.
@@ -19,7 +19,7 @@ pub struct Args {
 
 /// Prints the page of `command`, or writes those of all its sub-commands.
 pub fn man(args: &Args, command: Command) -> Result<(), Failure> {
-    // Whoever reads a manual needs no command that prints help; and only what is built knows its full names.
+    // A manual needs no command that prints help; and only a built command knows its full names.
     let mut command = command.disable_help_subcommand(true);
     command.build();
     if let Some(dir) = &args.dir {
@@ -30,7 +30,7 @@ pub fn man(args: &Args, command: Command) -> Result<(), Failure> {
     print(&String::from_utf8(page).map_err(Failure::failed)?)
 }
 
-/// Writes the page of `command` and of each command below it that is shown.
+/// Writes the page of `command` and of each visible command below it.
 fn write_all(command: &Command, dir: &Path) -> io::Result<()> {
     for sub in command.get_subcommands().filter(|sub| !sub.is_hide_set()) {
         write_all(sub, dir)?;

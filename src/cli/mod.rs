@@ -136,7 +136,7 @@ impl Command {
     }
 }
 
-/// The command line with all that `--help` and the manual say.
+/// The command line with everything that `--help` and the manual show.
 fn command() -> clap::Command {
     help::complete(Cli::command())
 }

@@ -1,4 +1,4 @@
-//! What models show of themselves to an operator: what they can be commanded, and what of them is not proven.
+//! Facts about models for operators: what they can be commanded, and which facts are not proven.
 
 use crate::config;
 use crate::domain::control::ControlAction;
@@ -7,29 +7,29 @@ use crate::profile::words::FLAGS;
 use crate::toml_file::words::word_for;
 use std::collections::BTreeMap;
 
-/// What every drive that takes orders can be ordered, and what is accepted together.
+/// The orders that every controllable drive has, which are accepted together.
 pub const BASICS: [&str; 3] = ["stop", "frequency", "forward"];
 
-/// Something that a drive can be ordered, with the confidence of its fact.
+/// An order for a drive, with the confidence of its fact.
 pub type OrderWord = (&'static str, Confidence);
 
-/// What a drive of `model` can be ordered.
+/// The orders for a drive of `model`.
 ///
 /// # Errors
-/// It cannot be controlled: why.
+/// Why it cannot be controlled.
 pub fn orders(model: &Model) -> Result<Vec<OrderWord>, String> {
     if let Some(why) = config::why_not_controlled(model) {
         return Err(why);
     }
     let Some(run) = &model.run else { return Ok(Vec::new()) };
     let of = |fact: &Option<Fact<u16>>| fact.as_ref().map(|fact| fact.confidence);
-    // Stop, forward and the setpoint are accepted together, so that they are as sure as the least of them.
+    // Stop, forward and the setpoint are accepted together, so they are as sure as the least sure of them.
     let basic = model.unproven_basics().into_iter().map(|basic| basic.confidence).max();
     let least = |confidence: Confidence| Some(basic.map_or(confidence, |basic| basic.max(confidence)));
     let forward = least(run.forward.confidence);
     let all = [
         (BASICS[0], least(run.stop.confidence)),
-        // Whatever can be controlled takes a frequency.
+        // Every controllable drive takes a frequency.
         (BASICS[1], forward),
         (BASICS[2], forward),
         (ControlAction::Reverse.word(), of(&run.reverse)),
@@ -40,7 +40,7 @@ pub fn orders(model: &Model) -> Result<Vec<OrderWord>, String> {
     Ok(all.into_iter().filter_map(|(word, confidence)| Some((word, confidence?))).collect())
 }
 
-/// `orders` with commas between them, those that have to be accepted marked.
+/// `orders`, separated by commas, those that have to be accepted marked.
 pub fn orders_text(orders: &Result<Vec<OrderWord>, String>) -> String {
     let mark = |(word, confidence): &OrderWord| {
         if confidence.is_proven() { (*word).to_owned() } else { format!("{word} (unproven)") }
@@ -51,7 +51,7 @@ pub fn orders_text(orders: &Result<Vec<OrderWord>, String>) -> String {
     }
 }
 
-/// What of a model no document of this very model states.
+/// The facts of a model that no document of this very model states.
 #[derive(Debug, Default)]
 pub struct Unproven {
     by_confidence: BTreeMap<Confidence, Vec<String>>,
@@ -103,12 +103,12 @@ impl Unproven {
         unproven
     }
 
-    /// How much there is.
+    /// Number of unproven facts.
     pub fn count(&self) -> usize {
         self.by_confidence.values().map(Vec::len).sum()
     }
 
-    /// Each degree of confidence with what has no more.
+    /// Each degree of confidence with its facts.
     pub fn groups(&self) -> impl Iterator<Item = (Confidence, &[String])> {
         self.by_confidence.iter().map(|(confidence, names)| (*confidence, names.as_slice()))
     }
@@ -148,7 +148,7 @@ impl Unproven {
     fn barriers(&mut self, barriers: &[Barrier]) {
         for barrier in barriers {
             match barrier {
-                // A read rests on its registers.
+                // A read is based on its registers.
                 Barrier::Read(_) => {}
                 Barrier::Loop(fact) => self.add("loop test", fact),
                 Barrier::Refused(fact) => self.add(format!("refusal of function {:02X} hex", fact.value), fact),

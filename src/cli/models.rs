@@ -1,4 +1,4 @@
-//! `models`: what drives are known, with sources and confidence.
+//! `models`: the known drives, with sources and confidence.
 
 use super::model_facts::{OrderWord, Unproven, orders, orders_text};
 use super::own_models::ModelDirs;
@@ -84,7 +84,7 @@ fn check_file(path: &Path, own: &ModelDirs) -> Result<(), Failure> {
     let mut files = input::own_models(own)?;
     files.read_file(path).map_err(|unread| Failure::wrong(unread.what))?;
     let catalog = input::joined(&files)?;
-    // What has joined the others is sound by itself.
+    // A model that was added to the catalog is valid by itself.
     let of_file = files.files().find(|(other, _)| *other == path).and_then(|(_, text)| check::model(text).ok());
     let Some(model) = of_file.and_then(|model| catalog.find(&model.id).cloned()) else { return Ok(()) };
     let mut text = format!("{} is sound: {} registers\n", model.id, model.registers.len());

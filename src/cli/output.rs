@@ -2,7 +2,7 @@
 
 use super::Failure;
 
-/// Prints to stdout. A reader who has gone away, such as `head`, ends the output without an error.
+/// Prints to stdout. A reader that has gone away, such as `head`, ends the output without an error.
 ///
 /// # Errors
 /// Any other failure to write.

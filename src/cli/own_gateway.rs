@@ -31,11 +31,11 @@ use std::time::Duration;
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::{Instant, sleep};
 
-/// Longest time until everything listens.
+/// Longest time until all listeners are open.
 const STARTS_WITHIN: Duration = Duration::from_secs(10);
 /// Longest time until the drive has answered for the first time.
 const ANSWERS_WITHIN: Duration = Duration::from_secs(8);
-/// How often it is looked whether it has.
+/// The interval at which this is checked.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// Units of the drive on Modbus TCP: its own registers, and the uniform ones.
 pub const UNIT: u8 = 1;
@@ -78,11 +78,11 @@ impl DriveArgs {
     /// # Errors
     /// None is given, or there is none of this name.
     pub fn model(&self) -> Result<Arc<Model>, Failure> {
-        let id = self.model.as_deref().ok_or_else(|| Failure::wrong("straight on a port, --model is needed"))?;
+        let id = self.model.as_deref().ok_or_else(|| Failure::wrong("directly on a port, --model is needed"))?;
         input::model(id, &self.own)
     }
 
-    /// The models that there are, with those in the directories that are given.
+    /// The known models, with those in the given directories.
     ///
     /// # Errors
     /// Problems of their files, and what cannot be read.
@@ -94,28 +94,28 @@ impl DriveArgs {
 /// What the tool may do with the drive, and how often it is read.
 #[derive(Clone, Debug, Default)]
 pub struct Extra {
-    /// The control section, without its head; nothing: nothing may be written.
+    /// The control section, without its head; `None`: nothing may be written.
     pub control: String,
-    /// It may set the motor going, or give it another setpoint.
+    /// It may start the motor, or change its setpoint.
     pub moves: bool,
     /// Unproven facts that the person accepts.
     pub accept_unverified: Vec<String>,
     /// Registers that may be written.
     pub native_write: Vec<u16>,
-    /// How often the drive is polled; nothing: once.
+    /// How often the drive is polled; `None`: once.
     pub poll: Option<Duration>,
 }
 
 impl Extra {
-    /// A control section under which nothing ever moves but what stands still may be set.
+    /// A control section under which nothing ever moves, but parameters may be set at standstill.
     #[must_use]
     pub fn control_at_rest() -> String {
         control((1.0, 1.0), "forward", "hold")
     }
 }
 
-/// The text of a control section: limits in hertz, one direction, and what happens when the tool ends on purpose. A tool
-/// that is lost has the drive stopped.
+/// The text of a control section: limits in hertz, one direction, and what happens when the tool exits on purpose. If a
+/// tool is lost, the drive is stopped.
 #[must_use]
 pub fn control(limits_hz: (f64, f64), direction: &str, on_shutdown: &str) -> String {
     let (least, most) = limits_hz;
@@ -125,7 +125,7 @@ pub fn control(limits_hz: (f64, f64), direction: &str, on_shutdown: &str) -> Str
     )
 }
 
-/// A gateway that ends with its tool.
+/// A gateway that exits with its tool.
 #[derive(Debug)]
 pub struct OwnGateway {
     directory: Directory,
@@ -136,7 +136,7 @@ pub struct OwnGateway {
     thread: Option<JoinHandle<Result<(), StartError>>>,
 }
 
-/// A directory that only its owner may look into, and that goes with this.
+/// A directory that only its owner may enter, removed on drop.
 #[derive(Debug)]
 struct Directory(PathBuf);
 
@@ -155,7 +155,7 @@ impl Directory {
 
 impl Drop for Directory {
     fn drop(&mut self) {
-        // What is left of it harms nobody.
+        // Leftovers do no harm.
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
@@ -167,7 +167,7 @@ impl OwnGateway {
     /// The arguments do not go together, the port is in use (and by whom), or the drive does not answer.
     pub async fn start(port: &PortAddress, args: &DriveArgs, extra: &Extra) -> Result<Self, Failure> {
         let model = args.model()?;
-        let station = args.station.ok_or_else(|| Failure::wrong("straight on a port, --station is needed"))?;
+        let station = args.station.ok_or_else(|| Failure::wrong("directly on a port, --station is needed"))?;
         let directory = Directory::new()?;
         let text = text(port, args, station, &model, extra, &directory.0);
         let config = config_of(&text, &args.catalog()?)?;
@@ -181,7 +181,7 @@ impl OwnGateway {
         let (connections, made) = mpsc::channel(1);
         let thread = std::thread::Builder::new().name("gateway".to_owned()).spawn(move || {
             run::run_for_tool(&config, made, async move |running: &run::Running<'_>| {
-                // Whoever waits for it may have ended.
+                // The waiting task may have exited.
                 let _ = shows.send(running.shared.clone());
                 let _ = ends.await;
             })
@@ -201,13 +201,13 @@ impl OwnGateway {
         Ok(own)
     }
 
-    /// Where its tools reach it.
+    /// Its local socket.
     #[must_use]
     pub fn socket(&self) -> PathBuf {
         self.directory.0.join(SOCKET_NAME)
     }
 
-    /// The way for connections of Modbus clients: one end of a pair of sockets for each.
+    /// The path for connections of Modbus clients: one end of a pair of sockets for each.
     #[must_use]
     pub fn connections(&self) -> mpsc::Sender<UnixStream> {
         self.connections.clone()
@@ -219,17 +219,17 @@ impl OwnGateway {
         self.drive.clone()
     }
 
-    /// The drive's number on the line.
+    /// The drive's station number.
     #[must_use]
     pub const fn station(&self) -> u8 {
         self.station
     }
 
-    /// Ends it, with the action that is declared for that, and gives the port back.
+    /// Shuts it down, with the action that is declared for that, and releases the port.
     pub async fn close(mut self) {
         drop(self.end.take());
         if let Some(thread) = self.thread.take() {
-            // What it may have to say stands in the log.
+            // Its error, if any, is in the log.
             let _ = tokio::task::spawn_blocking(move || thread.join()).await;
         }
     }
@@ -303,13 +303,13 @@ fn text(port: &PortAddress, args: &DriveArgs, station: u8, model: &Model, extra:
         let registers: Vec<_> = extra.native_write.iter().map(|address| format!("0x{address:04X}")).collect();
         let _ = write!(text, "\n[line.drive.native]\nwrite = {}\n", json!(registers));
     }
-    // Nothing listens there: the section grants the tool its rights.
+    // No server listens there: the section grants the tool its rights.
     let _ = write!(text, "\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n{write}");
     text
 }
 
-/// The unproven facts that are accepted: those that the person names. Where nothing can be moved nobody has to name what
-/// a stop rests on.
+/// The accepted unproven facts: those that the user names. If nothing can be moved, the facts that a stop rests on need
+/// not be named.
 fn accepted(model: &Model, extra: &Extra) -> Vec<String> {
     let basic = ControlAction::Basic.word();
     let needs_no_naming = !extra.moves && !model.unproven_basics().is_empty();

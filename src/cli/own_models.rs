@@ -1,4 +1,4 @@
-//! Model files of the operator's own, read from their directories within bounds.
+//! The operator's own model files, read from their directories within bounds.
 
 use crate::daemon::host::user_files;
 use std::fmt::Display;
@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 
 /// Most files of one catalogue, over all its directories.
 const FILES_MAX: usize = 256;
-/// Longest file, in bytes. The largest of the models that are built in has a tenth of it.
+/// Longest file, in bytes. The largest built-in model takes a tenth of it.
 const BYTES_MAX: u64 = user_files::BYTES_MAX;
 
-/// Where models of the operator's own are.
+/// Directories of the operator's own models.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct ModelDirs {
     /// A directory with model files of your own (*.toml); repeat it for several
@@ -30,7 +30,7 @@ pub struct OwnModels {
 pub struct Unread {
     /// The path and the reason.
     pub what: String,
-    /// What would be right.
+    /// What would be correct.
     pub right: &'static str,
 }
 
@@ -41,10 +41,10 @@ impl Unread {
 }
 
 impl OwnModels {
-    /// Reads each file in `dir` that ends in `.toml`, in the order of their names. Hidden ones are left out: editors
-    /// make such.
+    /// Reads each file in `dir` that ends in `.toml`, in the order of their names. Hidden ones are skipped: editors
+    /// create such.
     ///
-    /// Everything that cannot be read is returned; the rest is taken.
+    /// Everything that cannot be read is returned; the rest is loaded.
     pub fn read_dir(&mut self, dir: &Path) -> Vec<Unread> {
         let paths = match model_files(dir) {
             Ok(paths) => paths,
@@ -90,7 +90,7 @@ fn model_files(dir: &Path) -> io::Result<Vec<PathBuf>> {
         let path = entry?.path();
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let is_model = name.ends_with(".toml") && !name.starts_with('.');
-        // What is no file would be waited for, or is not meant.
+        // Anything but a regular file would block, or is not intended.
         if is_model && fs::metadata(&path).map_or(true, |data| data.is_file()) {
             paths.push(path);
         }

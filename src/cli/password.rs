@@ -1,4 +1,4 @@
-//! `password`: makes the hash of a password for somebody who is to sign in on the page.
+//! `password`: hashes a password for a user of the page.
 
 use super::{Failure, log, print};
 use crate::north::operator::password::{PASSWORD_CHARS, StoredHash};
@@ -8,10 +8,10 @@ use std::io::{self, Read, Stdin};
 
 /// Longest line that is read, in bytes.
 const LINE_BYTES_MAX: u64 = 4096;
-/// What Ctrl-C types where it does not end the program.
+/// The character of Ctrl-C when it does not end the program.
 const CTRL_C: u8 = 3;
 
-/// Where the hash belongs, for people.
+/// Where the hash is used, for people.
 const WHERE: &str = "\
 Put this line into a file that only the gateway may read, and name it in its configuration:
 
@@ -50,7 +50,7 @@ fn ask_twice(stdin: &Stdin) -> Result<String, Failure> {
         if is_cancelled { Err(Failure::failed("\nnothing was made")) } else { Ok(line) }
     };
     let password = ask("Password: ")?;
-    if ask("The same again: ")? == password { Ok(password) } else { Err(Failure::wrong("the two are not the same")) }
+    if ask("The same again: ")? == password { Ok(password) } else { Err(Failure::wrong("the passwords differ")) }
 }
 
 /// The next line without its end, and whether it ends with Ctrl-C.
@@ -63,11 +63,11 @@ fn read_line(stdin: &Stdin) -> Result<(String, bool), Failure> {
             byte => line.push(byte),
         }
     }
-    let line = String::from_utf8(line).map_err(|_| Failure::wrong("the password is no text in UTF-8"))?;
+    let line = String::from_utf8(line).map_err(|_| Failure::wrong("the password is not valid UTF-8"))?;
     Ok((line.strip_suffix('\r').map(str::to_owned).unwrap_or(line), false))
 }
 
-/// A terminal that shows nothing of what is typed but the ends of lines, until this is dropped.
+/// A terminal that echoes only the ends of lines, until this is dropped.
 struct Silence<'t> {
     terminal: &'t Stdin,
     before: Termios,
@@ -77,7 +77,7 @@ impl<'t> Silence<'t> {
     fn begin(terminal: &'t Stdin) -> io::Result<Self> {
         let before = tcgetattr(terminal)?;
         let mut silent = before.clone();
-        // Ctrl-C would end the program and leave the terminal silent: it ends the line instead.
+        // Ctrl-C would end the program and leave the terminal without echo: it ends the line instead.
         silent.local_modes.remove(LocalModes::ECHO | LocalModes::ISIG);
         silent.local_modes.insert(LocalModes::ECHONL | LocalModes::ICANON);
         silent.special_codes[SpecialCodeIndex::VEOL] = CTRL_C;
@@ -88,7 +88,7 @@ impl<'t> Silence<'t> {
 
 impl Drop for Silence<'_> {
     fn drop(&mut self) {
-        // A terminal that is gone shows nothing any more.
+        // A terminal that is gone echoes nothing any more.
         let _ = tcsetattr(self.terminal, OptionalActions::Flush, &self.before);
     }
 }

@@ -1,4 +1,4 @@
-//! How far a long work has come: one line that is drawn anew on a terminal, nothing of it on a pipe. What is worth a line of
+//! Progress of a long task: one line that is redrawn on a terminal, and not shown on a pipe. What is worth a line of
 //! its own is printed on both. All of it goes to standard error.
 
 use super::log::complain;
@@ -18,7 +18,7 @@ pub struct Bar {
 }
 
 impl Bar {
-    /// A bar of so many steps.
+    /// A bar with this many steps.
     #[must_use]
     pub fn new(all: usize) -> Self {
         Self { all, done: 0, what: String::new(), is_terminal: io::stderr().is_terminal() }
@@ -30,12 +30,12 @@ impl Bar {
         self.draw();
     }
 
-    /// There are so many steps from now on.
+    /// Sets the number of steps.
     pub fn of(&mut self, all: usize) {
         self.all = all;
     }
 
-    /// So many steps are done, and this comes next.
+    /// This many steps are done, and this is next.
     pub fn to(&mut self, done: usize, what: &str) {
         self.done = done.min(self.all);
         self.what = what.to_owned();
@@ -49,7 +49,7 @@ impl Bar {
         self.draw();
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub fn end(&mut self) {
         if self.is_terminal {
             complain(b"\r\x1b[2K");
@@ -70,7 +70,7 @@ impl Bar {
     }
 }
 
-/// A time as people say it: `45 s`, `3 min 20 s`, `2 h 5 min`.
+/// A time in words: `45 s`, `3 min 20 s`, `2 h 5 min`.
 #[must_use]
 pub fn seconds(time: Duration) -> String {
     let all = time.as_secs_f64().ceil() as u64;

@@ -1,4 +1,4 @@
-//! `read`: registers or named values of one drive, once, through a running gateway or straight on a port.
+//! `read`: registers or named values of one drive, once, through a running gateway or directly on a port.
 
 use super::client::{Client, NoAnswer, UNIFORM, UniformWord, Value, address};
 use super::own_gateway::Extra;
@@ -9,7 +9,7 @@ use crate::profile::model::{Model, Register};
 use serde_json::json;
 use std::fmt::Write;
 
-/// What is read, for `read` and `watch` alike.
+/// The selection for `read` and `watch` alike.
 #[derive(Debug, clap::Args)]
 pub struct What {
     #[command(flatten)]
@@ -43,7 +43,7 @@ impl Args {
     }
 }
 
-/// Reads once and prints what came.
+/// Reads once and prints the values.
 pub fn read(args: &Args) -> Result<(), Failure> {
     let asked = args.what.asked()?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
@@ -66,7 +66,7 @@ pub fn read(args: &Args) -> Result<(), Failure> {
     print(&text)
 }
 
-/// What is asked for, found out before anything is opened.
+/// What is requested, resolved before anything is opened.
 pub enum ReadRequest {
     /// Registers by number: the first and how many.
     Numbers(u16, u16),
@@ -77,10 +77,10 @@ pub enum ReadRequest {
 }
 
 impl What {
-    /// What the arguments ask for.
+    /// What the arguments request.
     ///
     /// # Errors
-    /// Neither a number nor a name that there is.
+    /// Neither a number nor a known name.
     pub fn asked(&self) -> Result<ReadRequest, Failure> {
         if let Some(model) = self.target.model()?.filter(|_| !self.uniform) {
             return self.asked_of(&model);
@@ -104,7 +104,7 @@ impl What {
 }
 
 impl What {
-    /// What they ask for, straight on a port, where the model gives names: without one, what a gateway would poll.
+    /// What they request directly on a port, where the model gives names: without one, what a gateway would poll.
     fn asked_of(&self, model: &Model) -> Result<ReadRequest, Failure> {
         let readable = |register: &&Register| register.access.can_read();
         let Some(wanted) = &self.register else {
@@ -132,21 +132,21 @@ impl What {
         self.target.is_straight()
     }
 
-    /// The way to the drive.
+    /// The path to the drive.
     ///
     /// # Errors
-    /// The arguments do not go together, or straight on a port the drive does not answer.
+    /// The arguments do not go together, or directly on a port the drive does not answer.
     pub async fn reach(&self) -> Result<Reached, Failure> {
         self.target.reach(self.uniform, &self.extra()).await
     }
 
-    /// What is shown, in a line.
+    /// What is shown, in one line.
     pub fn title(&self) -> String {
         let (place, number) = self.target.place();
         format!("{place} {number}")
     }
 
-    /// What a gateway of our own has to do for this: uniform words come from what is polled.
+    /// What a gateway of our own has to do for this: uniform words are based on what is polled.
     fn extra(&self) -> Extra {
         Extra { poll: self.uniform.then_some(std::time::Duration::from_millis(250)), ..Extra::default() }
     }
@@ -169,13 +169,13 @@ pub struct Shown {
 }
 
 impl Shown {
-    /// One word of a register of which nothing is known.
+    /// One word of an unknown register.
     #[cfg(test)]
     pub fn word(label: &str, address: u16, word: u16) -> Self {
         Self { label: label.to_owned(), address, words: vec![word], value: None }
     }
 
-    /// What `register` holds.
+    /// The value of `register`.
     fn of_model(register: &Register, word: u16) -> Self {
         let raw = if register.signed { i64::from(word.cast_signed()) } else { i64::from(word) };
         let meaning = register.meaning(word).map(|text| Value::Meaning(word, text.to_owned()));
@@ -185,7 +185,7 @@ impl Shown {
         Self { label, address: register.address, words: vec![word], value: Some(value) }
     }
 
-    /// The value: with its unit if it is known what it is, else in decimal and hexadecimal.
+    /// The value: with its unit if its meaning is known, else in decimal and hexadecimal.
     pub fn text(&self) -> String {
         match &self.value {
             Some(value) => value.to_string(),
@@ -214,7 +214,7 @@ impl ReadRequest {
     /// Reads it, name by name or in one piece.
     ///
     /// # Errors
-    /// The first failure; nothing is returned of a part.
+    /// The first failure; no partial result is returned.
     pub async fn read(&self, client: &mut Client) -> Result<Vec<Shown>, NoAnswer> {
         match self {
             Self::Numbers(first, count) => {
@@ -233,7 +233,7 @@ impl ReadRequest {
                 for register in registers {
                     match client.read(register.address, 1).await {
                         Ok(words) => values.extend(words.first().map(|word| Shown::of_model(register, *word))),
-                        // What the drive does not have shall not hide what it has.
+                        // What the drive does not have must not hide what it has.
                         Err(NoAnswer::Exception(1..=4)) if registers.len() > 1 => {}
                         Err(error) => return Err(error),
                     }
@@ -244,7 +244,7 @@ impl ReadRequest {
                 let mut values = Vec::with_capacity(names.len());
                 for word in names {
                     let words = match client.read(word.address, word.words()).await {
-                        // Another version may have fewer words; who wants to see all sees those that are there.
+                        // Another version may have fewer words; a request for all shows those that exist.
                         Err(NoAnswer::Exception(2)) if names.len() > 1 => continue,
                         read => read?,
                     };

@@ -1,11 +1,11 @@
-//! `reload`: has the running gateway take its configuration file anew.
+//! `reload`: makes the running gateway read its configuration file again.
 
 use super::{Failure, print, socket};
 use axum::http::{Method, StatusCode};
 use serde_json::Value;
 use std::time::Duration;
 
-/// Longer than a reload takes: the stops of drives that leave, and the ends of their lines.
+/// Longer than a reload takes, including the stops of removed drives and the shutdown of their lines.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// Arguments of `reload`.
@@ -18,7 +18,7 @@ pub struct Args {
     json: bool,
 }
 
-/// Asks for a reload, and prints what has changed or why nothing has.
+/// Requests a reload, and prints what has changed or why nothing has.
 pub fn reload(args: &Args) -> Result<(), Failure> {
     let socket = args.place.path()?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;

@@ -1,4 +1,4 @@
-//! What a drive needs before it obeys the bus, as the running gateway sees it, and as people read it.
+//! The settings that a drive needs to obey the bus, as the running gateway reads them, in text for people.
 
 use super::Failure;
 use super::socket::{self, Question};
@@ -10,7 +10,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Longest time for one question: longer than the gateway waits for a drive.
+/// Longest time for one request: longer than the gateway waits for a drive.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// One drive behind the gateway's socket.
@@ -27,7 +27,7 @@ impl Drive {
     /// # Errors
     /// No drive can have this name, or there is no socket to ask.
     pub fn new(name: &str, place: &socket::SocketArgs) -> Result<Self, Failure> {
-        let name = Name::new(name).ok_or_else(|| Failure::wrong(format!("`{name}` is no name of a drive")))?;
+        let name = Name::new(name).ok_or_else(|| Failure::wrong(format!("`{name}` is not a valid drive name")))?;
         let socket = place.path()?;
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
         let path = |what: &str| format!("/api/v1/drives/{name}/{what}");
@@ -42,7 +42,7 @@ impl Drive {
         self.ask(Question::look(&self.path))
     }
 
-    /// Has the registers at `addresses` set, and returns what became of it.
+    /// Sets the registers at `addresses`, and returns the outcome.
     ///
     /// # Errors
     /// There is no such drive, or the gateway does not answer.
@@ -51,7 +51,7 @@ impl Drive {
         self.ask(Question { method: Method::POST, path: &self.path, body: Some(&body) })
     }
 
-    /// Has its own watchdog set to `time`, or off without one, and returns what became of it.
+    /// Sets its own watchdog to `time`, or off for `None`, and returns the outcome.
     ///
     /// # Errors
     /// There is no such drive, or the gateway does not answer.
@@ -81,7 +81,7 @@ pub fn unknown(answer: &Value) -> String {
     }
 }
 
-/// What became of an order, in words.
+/// The outcome of an order, in words.
 pub fn outcome(answer: &Value) -> String {
     let mut said = text(answer, "outcome").to_owned();
     if answer["reason"] != "none" {
@@ -94,12 +94,12 @@ pub fn outcome(answer: &Value) -> String {
     said
 }
 
-/// The items of a look; none where it is not understood.
+/// The items of a report; none if it cannot be parsed.
 pub fn items(setup: &Value) -> impl Iterator<Item = &Value> {
     setup["items"].as_array().into_iter().flatten()
 }
 
-/// Everything that a look shows, for people.
+/// The whole report, for people.
 pub fn report(setup: &Value) -> String {
     let drive = text(setup, "drive");
     let model = text(setup, "model");
@@ -108,7 +108,7 @@ pub fn report(setup: &Value) -> String {
     let (by_line, by_hand): (Vec<_>, Vec<_>) = items(setup).partition(|item| item["result"] != "at_the_drive");
     said.push_str(&table(by_line.into_iter().map(row)));
     if !by_hand.is_empty() {
-        said.push_str("at the drive itself, where the gateway cannot look:\n");
+        said.push_str("at the drive itself, where the gateway cannot read:\n");
         said.push_str(&table(
             by_hand.into_iter().map(|item| [text(item, "what"), text(item, "text")].map(str::to_owned)),
         ));
@@ -123,10 +123,10 @@ pub fn report(setup: &Value) -> String {
     said
 }
 
-/// What is wrong about a look, in few words.
+/// What is wrong in a report, in a few words.
 ///
 /// # Errors
-/// Anything is.
+/// Anything is wrong.
 pub fn judge(setup: &Value) -> Result<(), Failure> {
     if setup["right"] == true {
         return Ok(());
@@ -194,7 +194,7 @@ fn exception(answer: &Value) -> String {
     answer["exception"].as_u64().map(|code| format!("; exception {code:02X}")).unwrap_or_default()
 }
 
-/// A word with what it means.
+/// A word with its meaning.
 pub fn word(word: &Value) -> String {
     let raw = word["raw"].as_u64().map_or_else(|| "?".to_owned(), |raw| raw.to_string());
     match word["text"].as_str() {
@@ -203,12 +203,12 @@ pub fn word(word: &Value) -> String {
     }
 }
 
-/// A text of `of`; `?` where it is missing, because another version may say less.
+/// A text of `of`; `?` if it is missing, because another version may send less.
 pub fn text<'a>(of: &'a Value, key: &str) -> &'a str {
     of[key].as_str().unwrap_or("?")
 }
 
-/// Rows below each other, indented, each column as wide as it needs.
+/// Rows, indented, each column as wide as it needs.
 pub fn table<const N: usize>(rows: impl Iterator<Item = [String; N]>) -> String {
     let rows: Vec<_> = rows.collect();
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
@@ -251,7 +251,7 @@ drive d (m on l)
   C1  source: bus  wanted 3 (bus) or 5  found 3 (bus)  ok
   C1  source: bus  wanted 3 (bus) or 5  found 2        WRONG
   C1  source: bus  wanted 3 (bus) or 5  -              not answered: the drive did not answer
-at the drive itself, where the gateway cannot look:
+at the drive itself, where the gateway cannot read:
   SW2  switch: on
 the drive's own watchdog: none is known for this model
 ";

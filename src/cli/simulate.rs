@@ -1,4 +1,4 @@
-//! `simulate`: drives on a pseudo-terminal or a TCP port, for people who have no hardware at hand.
+//! `simulate`: drives on a pseudo-terminal or a TCP port, for users without hardware.
 
 use super::keyboard::Enter;
 use super::own_models::ModelDirs;
@@ -19,7 +19,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Cause number of the trips. Any will do: what the numbers mean is not known for every model.
+/// Cause number of the trips. Any number will do: its meaning is not known for every model.
 const TRIP_CAUSE: u16 = 1;
 
 /// Arguments of `simulate`.
@@ -96,7 +96,7 @@ enum FramingArg {
     Ascii,
 }
 
-/// Plays the drives until SIGINT or SIGTERM.
+/// Simulates the drives until SIGINT or SIGTERM.
 pub fn simulate(args: &Args) -> Result<(), Failure> {
     let model = input::model(&args.model, &args.own)?;
     let framing = match args.framing {
@@ -148,7 +148,7 @@ pub fn simulate(args: &Args) -> Result<(), Failure> {
     play_until_told(&pty, &mut bus, &announcement, trips)
 }
 
-/// The settings of the line, if a drive of `model` can be set to its framing and data bits.
+/// The settings of the line, if a drive of `model` supports its framing and data bits.
 fn link_of(args: &Args, model: &Model, framing: Framing) -> Result<LinkSettings, Failure> {
     let factory = model.link.default.value;
     let data_bits = args.data_bits.unwrap_or(factory.data_bits);
@@ -219,7 +219,7 @@ struct Trips {
 }
 
 impl Trips {
-    /// Trips every drive if Enter was pressed, or the time has passed since the last time or since the start.
+    /// Trips every drive if Enter was pressed, or the interval has passed since the last trip or since the start.
     fn look(&mut self, bus: &mut SimBus, now: MonoTime) {
         let is_due = self.is_due(now);
         let was_pressed = self.enter.as_ref().is_some_and(Enter::was_pressed);

@@ -1,4 +1,4 @@
-//! The running gateway's own HTTP, as the program's commands reach it: over the socket in its data directory.
+//! The running gateway's HTTP interface for the program's commands: over the socket in its data directory.
 
 use super::{Failure, input};
 use crate::daemon::http::socket::SOCKET_NAME;
@@ -13,7 +13,7 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::UnixStream;
 
-/// Longest answer that is read. A gateway with a thousand drives says less.
+/// Longest answer that is read. A gateway with a thousand drives sends less.
 const ANSWER_BYTES_MAX: usize = 1024 * 1024;
 
 /// Where the gateway's socket is.
@@ -46,25 +46,25 @@ fn socket_of(path: &Path) -> Result<PathBuf, Failure> {
     Ok(directory.join(SOCKET_NAME))
 }
 
-/// What is asked: nothing is sent with a look, a JSON text with anything else.
+/// A request: without a body for a GET, else with JSON text.
 pub struct Question<'q> {
-    /// How.
+    /// The method.
     pub method: Method,
-    /// Of what.
+    /// The path.
     pub path: &'q str,
-    /// The text.
+    /// The body.
     pub body: Option<&'q Value>,
 }
 
 impl<'q> Question<'q> {
-    /// A look at `path`.
+    /// A GET of `path`.
     #[must_use]
     pub const fn look(path: &'q str) -> Self {
         Self { method: Method::GET, path, body: None }
     }
 }
 
-/// Asks over a fresh connection to `socket`, at most for `patience`.
+/// Sends a request over a new connection to `socket`, with at most `patience`.
 ///
 /// # Errors
 /// Why there is no answer, for people.
@@ -72,7 +72,7 @@ pub async fn ask(socket: &Path, question: Question<'_>, patience: Duration) -> R
     within(patience, async { exchange(connect(socket).await?, "localhost", question).await }).await
 }
 
-/// A fresh connection to `socket`.
+/// A new connection to `socket`.
 ///
 /// # Errors
 /// Why there is none, for people.
@@ -89,13 +89,13 @@ pub async fn within<T>(patience: Duration, asking: impl Future<Output = Result<T
     answer.unwrap_or_else(|_| Err(format!("no answer within {} s", patience.as_secs())))
 }
 
-/// Why nobody could be asked, for people.
+/// Why there is no connection, for people.
 #[must_use]
 pub fn unreachable(error: std::io::Error) -> String {
     format!("cannot connect: {error}")
 }
 
-/// Asks on `stream`, and reads a JSON answer whatever its status is.
+/// Sends a request on `stream`, and reads a JSON answer whatever its status is.
 ///
 /// # Errors
 /// Why there is none, for people.
@@ -108,12 +108,12 @@ pub async fn exchange(
     let (status, body) = exchange_bytes(stream, host, question).await?;
     match serde_json::from_slice(&body) {
         Ok(answer) => Ok((status, answer)),
-        Err(error) if status.is_success() => Err(format!("{path} is not understood: {error}")),
+        Err(error) if status.is_success() => Err(format!("{path} cannot be parsed: {error}")),
         Err(_) => Err(format!("{path} answers {status}")),
     }
 }
 
-/// Asks on `stream`, and reads the answer whatever it is.
+/// Sends a request on `stream`, and reads the answer whatever it is.
 ///
 /// # Errors
 /// Why there is none, for people.

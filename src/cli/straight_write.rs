@@ -1,4 +1,4 @@
-//! What `write` needs beside its order when there is no gateway: limits, and who may do what.
+//! What `write` needs besides its order if there is no gateway: limits, and permissions.
 
 use super::Failure;
 use super::client::{Client, NoAnswer};
@@ -17,28 +17,28 @@ use tokio::time::{Instant, sleep};
 const POLL: Duration = Duration::from_millis(200);
 /// Longest time until a stop before a start is effective.
 const AT_REST_WITHIN: Duration = Duration::from_secs(30);
-/// Wait between two looks at that.
+/// Wait between two checks of that.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
-/// What a kill of this program means.
-const WARNING: &str = "straight on a port: if this program is killed or the cable is lost, only the drive's own watchdog \
+/// The consequence of killing this program.
+const WARNING: &str = "directly on a port: if this program is killed or the cable is lost, only the drive's own watchdog \
                        stops the motor\n";
 
-/// What only matters straight on a port.
+/// Options that apply only directly on a port.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Straight {
-    /// Straight on a port, for `run` and `frequency`: frequencies that are allowed, in Hz, such as 5-50
+    /// Directly on a port, for `run` and `frequency`: frequencies that are allowed, in Hz, such as 5-50
     #[arg(long, value_name = "MIN-MAX", value_parser = limits)]
     limits: Option<(f64, f64)>,
-    /// Straight on a port, before `run`: give the drive this frequency, in Hz
+    /// Directly on a port, before `run`: give the drive this frequency, in Hz
     #[arg(long, value_name = "HZ")]
     frequency: Option<String>,
-    /// Straight on a port: accept this control fact although the model marks it as unproven; repeat it for several
+    /// Directly on a port: accept this control fact although the model marks it as unproven; repeat it for several
     #[arg(long, value_name = "FACT")]
     accept_unverified: Vec<String>,
 }
 
 fn limits(text: &str) -> Result<(f64, f64), String> {
-    let wrong = || format!("{text} are no limits such as 5-50, in Hz");
+    let wrong = || format!("{text} are not limits such as 5-50, in Hz");
     let (least, most) = text.split_once('-').ok_or_else(wrong)?;
     match (least.trim().parse(), most.trim().parse()) {
         (Ok(least), Ok(most)) if 0.0 <= least && least <= most && most <= 600.0 => Ok((least, most)),
@@ -46,7 +46,7 @@ fn limits(text: &str) -> Result<(f64, f64), String> {
     }
 }
 
-/// What a gateway of our own may do for `order`; nothing is needed where there is another one.
+/// What a gateway of our own may do for `order`; `None` if there is another one.
 ///
 /// # Errors
 /// Limits are missing, or the register is one that commands are written to.
@@ -60,7 +60,7 @@ pub fn extra(target: &Target, straight: &Straight, order: &Order) -> Result<Extr
     if !order.is_uniform {
         let register = model.register_at(order.address);
         if register.is_some_and(|it| it.parameter_kind() == ParameterKind::Command) {
-            return Err(Failure::wrong("commands are not written as words: say `run` or `frequency`"));
+            return Err(Failure::wrong("commands are not written as words: use `run` or `frequency`"));
         }
         let native_write = vec![order.address];
         return Ok(Extra { control: Extra::control_at_rest(), native_write, poll: Some(POLL), ..Extra::default() });
@@ -68,11 +68,11 @@ pub fn extra(target: &Target, straight: &Straight, order: &Order) -> Result<Extr
     let moves = order.makes_run() || order.address == map::SETPOINT;
     let limits = match straight.limits {
         Some(limits) => limits,
-        None if moves => return Err(Failure::wrong("straight on a port, --limits is needed, such as --limits 5-50")),
+        None if moves => return Err(Failure::wrong("directly on a port, --limits is needed, such as --limits 5-50")),
         None => (1.0, 1.0),
     };
     let direction = if order.makes_run() && order.word == 2 { "reverse" } else { "forward" };
-    // Who only sets something leaves the drive as it is; who makes it run stops it, whatever happens.
+    // A command that only sets something leaves the drive as it is; one that makes it run stops it in any case.
     let on_shutdown = if order.makes_run() { "stop" } else { "hold" };
     let control = control(limits, direction, on_shutdown);
     let accept_unverified = straight.accept_unverified.clone();
@@ -82,7 +82,7 @@ pub fn extra(target: &Target, straight: &Straight, order: &Order) -> Result<Extr
     Ok(Extra { control, moves, accept_unverified, native_write: Vec::new(), poll: Some(POLL) })
 }
 
-/// What is set going can be stopped: that is proven, or the person has seen it.
+/// A start needs a stop that is proven, or that the user has seen.
 fn basics_are_accepted(model: &Model, accepted: &[String]) -> Result<(), Failure> {
     let basic = ControlAction::Basic.word();
     let unproven = model.unproven_basics();
@@ -98,7 +98,7 @@ fn basics_are_accepted(model: &Model, accepted: &[String]) -> Result<(), Failure
     )))
 }
 
-/// Makes ready for a run command: a guard that has just begun wants a stop first, and to see the motor stand still.
+/// Prepares for a run command: a guard that has just started requires a stop first, and a motor seen at standstill.
 ///
 /// # Errors
 /// The stop is not acknowledged or shows no effect, or the frequency is refused.

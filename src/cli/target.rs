@@ -1,4 +1,5 @@
-//! Which drive `read`, `write` and `watch` mean: behind a gateway by its unit, or straight on a port by its station.
+//! The drive that `read`, `write` and `watch` address: behind a gateway by its unit, or directly on a port by its
+//! station.
 
 use super::Failure;
 use super::client::{Client, Way};
@@ -43,15 +44,15 @@ impl Port {
     }
 }
 
-/// A drive that can be asked.
+/// A reachable drive.
 pub struct Reached {
-    /// The way to it.
+    /// The path to it.
     pub client: Client,
     own: Option<OwnGateway>,
 }
 
 impl Reached {
-    /// Ends the gateway that was started for this, if one was.
+    /// Shuts down the gateway that was started for this, if any.
     pub async fn close(self) {
         if let Some(own) = self.own {
             own.close().await;
@@ -60,10 +61,10 @@ impl Reached {
 }
 
 impl Target {
-    /// The drive's model, straight on a port.
+    /// The drive's model, directly on a port.
     ///
     /// # Errors
-    /// None is given there, or there is none of this name.
+    /// None is given, or there is none of this name.
     pub fn model(&self) -> Result<Option<Arc<Model>>, Failure> {
         match self.port {
             Port::Tcp(_) => Ok(None),
@@ -71,7 +72,7 @@ impl Target {
         }
     }
 
-    /// The models that there are, with those in the directories that are given.
+    /// The known models, with those in the given directories.
     ///
     /// # Errors
     /// Problems of their files, and what cannot be read.
@@ -85,7 +86,7 @@ impl Target {
         matches!(self.port, Port::Line(_))
     }
 
-    /// What is meant, for people and programs: `unit 3`, `station 3`.
+    /// The addressed drive, for people and programs: `unit 3`, `station 3`.
     #[must_use]
     pub fn place(&self) -> (&'static str, u8) {
         match self.port {
@@ -94,10 +95,10 @@ impl Target {
         }
     }
 
-    /// The way to the drive: straight on a port through a gateway of the tool's own that may do what `extra` says.
+    /// The path to the drive: directly on a port through a gateway of the tool's own that may do what `extra` says.
     ///
     /// # Errors
-    /// The arguments do not go together, or straight on a port the drive does not answer.
+    /// The arguments do not go together, or directly on a port the drive does not answer.
     pub async fn reach(&self, is_uniform: bool, extra: &Extra) -> Result<Reached, Failure> {
         match &self.port {
             Port::Tcp(port) => {

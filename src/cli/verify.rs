@@ -14,7 +14,7 @@ pub struct Args {
     json: bool,
 }
 
-/// Prints what is set. It fails unless all of it is right and was answered.
+/// Prints the settings. It fails unless all of them are right and were answered.
 pub fn verify(args: &Args) -> Result<(), Failure> {
     let seen = setup::Drive::new(&args.drive, &args.place)?.look()?;
     print(&if args.json { format!("{seen}\n") } else { setup::report(&seen) })?;

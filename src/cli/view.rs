@@ -1,4 +1,4 @@
-//! `watch` on a terminal: a table that is drawn anew, and the terminal as it was when that ends.
+//! `watch` on a terminal: a table that is redrawn, and the terminal restored afterwards.
 
 use super::Failure;
 use super::read::Shown;
@@ -9,14 +9,14 @@ use std::time::Duration;
 
 /// How long a change is marked.
 const MARKED_FOR: Duration = Duration::from_secs(3);
-/// Lines besides the rows: title, head, what is wrong, how it ends.
+/// Lines besides the rows: title, head, error, exit hint.
 const OTHER_LINES: usize = 5;
 
 /// A view that takes the terminal until it is dropped.
 pub struct View {
     title: String,
     rows: Vec<Row>,
-    /// Why there was no answer last, if there was none.
+    /// Why there was no answer to the last request, if there was none.
     trouble: Option<String>,
 }
 
@@ -27,7 +27,7 @@ struct Row {
 }
 
 impl View {
-    /// Whether somebody looks at a terminal.
+    /// Whether the output is a terminal.
     #[must_use]
     pub fn is_possible() -> bool {
         io::stdout().is_terminal()
@@ -36,7 +36,7 @@ impl View {
     /// Takes the terminal.
     ///
     /// # Errors
-    /// It takes nothing.
+    /// It cannot be written to.
     pub fn open(title: String) -> Result<Self, Failure> {
         // Another screen, without a cursor.
         put("\x1b[?1049h\x1b[?25l")?;
@@ -58,7 +58,7 @@ impl View {
         }
     }
 
-    /// Nothing was read, for this reason.
+    /// The read failed, for this reason.
     pub fn trouble(&mut self, reason: &str) {
         self.trouble = Some(reason.to_owned());
     }
@@ -66,15 +66,15 @@ impl View {
     /// Draws it as of `now`.
     ///
     /// # Errors
-    /// The terminal takes nothing.
+    /// The terminal cannot be written to.
     pub fn draw(&self, now: MonoTime) -> Result<(), Failure> {
         let (columns, lines) = size();
         let text = self.text(now, columns, lines);
-        // Over what is there, each line to its end, and nothing below: so it does not flicker.
+        // Overwrites each line to its end, and clears what is below: this does not flicker.
         put(&format!("\x1b[H{}\x1b[J", text.replace('\n', "\x1b[K\r\n")))
     }
 
-    /// What is seen on a screen of so many columns and lines.
+    /// The content of a screen with this many columns and lines.
     fn text(&self, now: MonoTime, columns: usize, lines: usize) -> String {
         let width = |of: fn(&Row) -> usize| self.rows.iter().map(of).max().unwrap_or(0);
         let names = width(|row| row.shown.label.chars().count()).max(4);

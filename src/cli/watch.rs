@@ -38,13 +38,13 @@ impl Args {
         self.what.is_straight()
     }
 
-    /// Whether it is a table: somebody looks at a terminal, and wants no lines.
+    /// Whether it is a table: on a terminal, unless lines are requested.
     fn is_table(&self) -> bool {
         !self.plain && !self.all && !self.what.json && View::is_possible()
     }
 }
 
-/// Times that make sense: as fast as a person could wish, as slow as a day.
+/// Sensible intervals: as fast as a person could want, up to a day.
 const EVERY: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(24 * 3600);
 
 fn every(text: &str) -> Result<Duration, String> {
@@ -59,7 +59,7 @@ fn every(text: &str) -> Result<Duration, String> {
     time.filter(|time| EVERY.contains(time)).ok_or_else(|| "a time from 10ms to a day, such as 500ms or 2s".to_owned())
 }
 
-/// Reads until SIGINT or SIGTERM, or until nobody reads the output. A failure is told once and then tried again; only
+/// Reads until SIGINT or SIGTERM, or until the output has no reader. A failure is reported once and then retried; only
 /// the first attempt must succeed in connecting.
 pub fn watch(args: &Args) -> Result<(), Failure> {
     let asked = args.what.asked()?;
@@ -83,7 +83,7 @@ async fn show(args: &Args, asked: &ReadRequest, client: &mut Client) -> Result<(
     let mut ticks = interval(args.every);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     if args.is_table() {
-        // Before the terminal is taken, so that what goes wrong at once is read.
+        // Before the terminal is taken, so that an immediate failure can be read.
         let first = asked.read(client).await?;
         let mut view = View::open(args.what.title())?;
         view.values(first, clock::now());
@@ -105,7 +105,7 @@ async fn show(args: &Args, asked: &ReadRequest, client: &mut Client) -> Result<(
     }
 }
 
-/// What was printed last.
+/// What was last printed.
 struct Screen<'a> {
     args: &'a Args,
     begun: MonoTime,
@@ -114,7 +114,7 @@ struct Screen<'a> {
 }
 
 impl Screen<'_> {
-    /// Reads once and prints what has changed. Returns whether somebody still reads the output.
+    /// Reads once and prints what has changed. Returns whether the output still has a reader.
     async fn look(&mut self, client: &mut Client, asked: &ReadRequest) -> Result<bool, Failure> {
         match asked.read(client).await {
             Ok(values) => {
@@ -153,7 +153,7 @@ impl Screen<'_> {
     }
 }
 
-/// Prints at once. Returns whether somebody still reads.
+/// Prints at once. Returns whether the output still has a reader.
 fn put(text: &str) -> Result<bool, Failure> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {

@@ -1,4 +1,4 @@
-//! `watchdog`: shows how a drive watches its communication, or sets it, after a person has seen old and new.
+//! `watchdog`: shows how a drive monitors its communication, or sets it, after a person has seen old and new values.
 
 use super::enable::ask_for_consent;
 use super::setup::{self, outcome, text, word};
@@ -22,7 +22,7 @@ pub struct Args {
     yes: bool,
 }
 
-/// What the watchdog is to be set to.
+/// What the watchdog is set to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Time {
     Off,
@@ -37,7 +37,7 @@ fn time(text: &str) -> Result<Time, String> {
     time.map(Time::After).ok_or_else(|| "a time such as 5s or 2500ms, or off, is expected".to_owned())
 }
 
-/// Shows it, or sets it and shows it. It fails unless it is on, or off if that was asked for.
+/// Shows it, or sets it and shows it. It fails unless it is on, or off if that was requested.
 pub fn watchdog(args: &Args) -> Result<(), Failure> {
     let drive = setup::Drive::new(&args.drive, &args.place)?;
     let before = drive.look()?;
@@ -52,7 +52,7 @@ pub fn watchdog(args: &Args) -> Result<(), Failure> {
     let name = text(&before, "drive");
     let new = called(wanted);
     let old = word(&before["watchdog"]["found"]);
-    print(&format!("drive {name}, while its motor stands still:\n  {}  {old} -> {new}\n", what(&before)))?;
+    print(&format!("drive {name}, at standstill:\n  {}  {old} -> {new}\n", what(&before)))?;
     if !args.yes {
         ask_for_consent()?;
     }

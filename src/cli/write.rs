@@ -1,5 +1,5 @@
-//! `write`: one register or command of one drive, through a running gateway or straight on a port. Who makes a drive run
-//! stays and answers for it.
+//! `write`: one register or command of one drive, through a running gateway or directly on a port. After a run command
+//! it stays and supervises the drive.
 
 use super::client::{Client, LEASE_LEFT, NoAnswer, REASON, address};
 use super::log::complain;
@@ -21,11 +21,11 @@ use tokio::time::sleep;
 const RENEW_MAX: Duration = Duration::from_secs(1);
 /// Shortest time between two renewals, for leases of a second or less.
 const RENEW_MIN: Duration = Duration::from_millis(100);
-/// What word 18 says if it has nothing to say.
+/// The value of word 18 if it is not known.
 const NOT_KNOWN: u16 = u16::MAX;
-/// How often the stop at the end is tried.
+/// How often the final stop is attempted.
 const STOP_TRIES: u32 = 3;
-/// Wait between these.
+/// Wait between these attempts.
 const STOP_AGAIN: Duration = Duration::from_millis(200);
 
 /// Arguments of `write`.
@@ -64,13 +64,13 @@ pub fn write(args: &Args) -> Result<(), Failure> {
     }
     if let Some(what) = order.starts.as_ref().filter(|_| !args.once) {
         return Err(Failure::wrong(format!(
-            "{} {what}, and nothing would stay to hold control: {INSTEAD}",
+            "{} {what}, and no process would stay to hold control: {INSTEAD}",
             order.text
         )));
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
     runtime.block_on(async {
-        // From before the first frame on, so that no signal leaves a running drive behind.
+        // Set up before the first frame, so that no signal leaves a running drive behind.
         let mut told = pin!(told_to_stop().map_err(Failure::failed)?);
         let extra = extra(&args.target, &args.straight, &order)?;
         let mut reached = tokio::select! {
@@ -92,7 +92,7 @@ async fn carry_out(
     if !(order.makes_run() || order.takes()) || args.once {
         tokio::select! {
             sent = order.send(client) => sent?,
-            () = &mut told => return Err(Failure::failed("ended before an answer came: it may have been carried out")),
+            () = &mut told => return Err(Failure::failed("interrupted before an answer arrived: it may have been carried out")),
         }
         if order.makes_run() || order.takes() || order.starts.is_some() {
             complain(b"warning: nothing renews the lease; the drive will run its fail-safe action when it expires\n");
@@ -116,7 +116,7 @@ async fn carry_out(
     }
 }
 
-/// Also when the terminal is closed: nobody could press Ctrl-C any more.
+/// Also when the terminal is closed: Ctrl-C could no longer be pressed.
 fn told_to_stop() -> io::Result<impl Future<Output = ()>> {
     let told = told_to_end()?;
     let mut hangup = signal(SignalKind::hangup())?;
@@ -131,19 +131,19 @@ fn told_to_stop() -> io::Result<impl Future<Output = ()>> {
 /// What is to be written.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Order {
-    /// Of the register.
+    /// Address of the register.
     pub address: u16,
     /// The word.
     pub word: u16,
     /// For the uniform unit.
     pub is_uniform: bool,
-    /// For people.
+    /// Text for people.
     pub text: String,
-    /// What else it does at a unit that is taken for one of registers: it makes a motor run, or takes it over.
+    /// What else it does at a unit that is taken for a native one: it makes a motor run, or takes it over.
     pub starts: Option<String>,
 }
 
-/// What to do where a word makes a motor run.
+/// The alternative if a word makes a motor run.
 const INSTEAD: &str = "say `run forward`, `run reverse` or `run take` with the drive's uniform unit (its own + 100, if the \
                        configuration does not say otherwise), which stops the drive at Ctrl-C; or write it with --once, \
                        and the drive runs its fail-safe action when the lease ends";
@@ -152,7 +152,7 @@ const RUN_COMMANDS: [(&str, u16); 7] =
     [("stop", STOP), ("forward", 1), ("reverse", 2), ("coast", 3), ("reset", 4), ("release", 5), ("take", TAKE)];
 /// The run command that stops.
 const STOP: u16 = 0;
-/// The one that takes control over and moves nothing.
+/// The one that takes control over without moving anything.
 const TAKE: u16 = 6;
 
 impl Order {
@@ -186,9 +186,9 @@ impl Order {
         }
     }
 
-    /// Writes a run command, and says which one is in force then; nothing if there is nothing to hold. If nobody knows
-    /// what became of it, a stop follows: otherwise a motor might run that nobody answers for. Behind a take it does not:
-    /// it might stop a drive of somebody else.
+    /// Writes a run command, and returns which one is in force then; `None` if there is nothing to hold. If its outcome
+    /// is unknown, a stop follows: otherwise a motor might run unsupervised. After a take it does not: it might stop
+    /// another client's drive.
     async fn run(&self, client: &mut Client) -> Result<Option<u16>, Failure> {
         let error = match client.write(self.address, self.word).await {
             Ok(()) if self.takes() => return self.taken(client).await,
@@ -205,7 +205,7 @@ impl Order {
         Err(Failure::failed(format!("{}: {error}; it may have been carried out, so it is stopped: {then}", self.text)))
     }
 
-    /// The run command that was taken over with the lease; nothing if nobody holds one.
+    /// The run command that was taken over with the lease; `None` if no client holds one.
     async fn taken(&self, client: &mut Client) -> Result<Option<u16>, Failure> {
         let read = async |client: &mut Client, address| match client.read(address, 1).await {
             Ok(words) => Ok(words.first().copied().unwrap_or(0)),
@@ -217,7 +217,7 @@ impl Order {
         read(client, map::RUN).await.map(Some)
     }
 
-    /// The error, for a uniform unit with the reason that the gateway notes there.
+    /// The error, for a uniform unit with the reason that the gateway records there.
     async fn explained(&self, client: &mut Client, error: &NoAnswer) -> Failure {
         let mut text = format!("{}: {error}", self.text);
         if self.is_uniform && matches!(error, NoAnswer::Exception(_)) {
@@ -231,12 +231,15 @@ fn run_command(value: &str) -> Result<u16, Failure> {
     let names = || RUN_COMMANDS.iter().map(|(name, _)| *name);
     let found = RUN_COMMANDS.iter().find(|(name, _)| *name == value).map(|(_, word)| *word);
     found.ok_or_else(|| {
-        Failure::wrong(format!("{value} is no run command; there are {}", names().collect::<Vec<_>>().join(", ")))
+        Failure::wrong(format!(
+            "{value} is not a run command; expected one of {}",
+            names().collect::<Vec<_>>().join(", ")
+        ))
     })
 }
 
-/// What `word` at `address` of a unit behind a gateway does if it makes a motor run, or takes it over: by the drive's own
-/// run command, or at a uniform unit that is not called one.
+/// What `word` at `address` of a unit behind a gateway does if it makes a motor run, or takes it over: by the drive's
+/// own run command, or at a uniform unit that was not given as one.
 fn starts(args: &Args, address: u16, word: u16) -> Result<Option<String>, Failure> {
     let catalog = args.target.catalog()?;
     let models = models_that_run(&catalog, address, word);
@@ -247,7 +250,7 @@ fn starts(args: &Args, address: u16, word: u16) -> Result<Option<String>, Failur
     })
 }
 
-/// The register that is meant; straight on a port also by its name or code.
+/// The addressed register; directly on a port also by its name or code.
 fn register_of(args: &Args, register: &str) -> Result<u16, Failure> {
     let named =
         args.target.model()?.filter(|_| !args.uniform).and_then(|model| Some(model.register_named(register)?.address));
@@ -255,7 +258,8 @@ fn register_of(args: &Args, register: &str) -> Result<u16, Failure> {
 }
 
 pub fn frequency(value: &str) -> Result<u16, Failure> {
-    let wrong = |what: &dyn std::fmt::Display| Failure::wrong(format!("{value} is no frequency such as 42.5: {what}"));
+    let wrong =
+        |what: &dyn std::fmt::Display| Failure::wrong(format!("{value} is not a frequency such as 42.5: {what}"));
     let hertz = Hertz::parse(value).map_err(|error| wrong(&error))?;
     if !hertz.millihertz().is_multiple_of(10) {
         return Err(wrong(&"finer than 0.01 Hz"));
@@ -269,7 +273,7 @@ fn word(value: &str) -> Result<u16, Failure> {
     })
 }
 
-/// What the uniform unit says about the last command, to be put behind a message; nothing if it says nothing.
+/// The uniform unit's reason for the last command, to be appended to a message; empty if there is none.
 pub async fn reason(client: &mut Client) -> String {
     let number = client.read(REASON, 1).await.ok().and_then(|words| words.first().copied());
     let reason = Reason::ALL.iter().find(|reason| Some(reason.number()) == number && **reason != Reason::None);
@@ -308,7 +312,7 @@ async fn keep(client: &mut Client, ours: u16) -> Failure {
     }
 }
 
-/// Renews the lease if our command is still in force; nothing if it is not. Returns the seconds that are left then.
+/// Renews the lease if our command is still in force; `None` if it is not. Returns the remaining seconds.
 async fn renew(client: &mut Client, ours: u16) -> Result<Option<u16>, NoAnswer> {
     if client.read(map::RUN, 1).await? != [ours] {
         return Ok(None);
@@ -325,7 +329,7 @@ fn renew_after(left: u16) -> Duration {
     (Duration::from_secs(left.into()) / 3).clamp(RENEW_MIN, RENEW_MAX)
 }
 
-/// Stops the drive, and says so.
+/// Stops the drive, and reports it.
 pub async fn stop(client: &mut Client) -> Result<String, Failure> {
     let mut last = None;
     for _ in 0..STOP_TRIES {
@@ -352,10 +356,11 @@ mod tests {
         args: Args,
     }
 
-    /// Nobody listens at the port of the discard service.
+    /// No server listens at the port of the discard service.
     const NOBODY: &str = "9";
 
-    /// How `write` of `word` to `register` ends where no gateway listens: only what is not refused beforehand gets that far.
+    /// How `write` of `word` to `register` ends if no gateway listens: only what is not refused beforehand gets that
+    /// far.
     fn end_of(register: u16, word: u16, more: &[&str]) -> Failure {
         let register = format!("0x{register:04X}");
         let word = word.to_string();

@@ -289,7 +289,7 @@ fn a_gateway_that_goes_leaves_a_whole_file() {
     gateway.kill();
     assert_eq!(capture.end_within(PATIENCE).code(), Some(1));
     let said = capture.wait_for("what it has", |line| line.contains("until then").then(|| line.to_owned()));
-    assert!(said.contains("it has ended the connection; ") && said.contains("frames until then are in"), "{said}");
+    assert!(said.contains("it closed the connection; ") && said.contains("frames until then are in"), "{said}");
     let rows = rows(&place.file("line.pcapng"), &[]);
     assert_eq!(rows.len() as u64, said_frames(&summary(&capture)));
 }

@@ -76,7 +76,7 @@ fn a_drive_that_obeys_its_panel_is_found_and_set() {
 
     assert_says(&run(&plant, "verify", &[]), 0, &["found 3 (communication)", "ok"]);
     let seen = plant.written().len();
-    assert_says(&run(&plant, "enable", &[]), 0, &["nothing has to be set"]);
+    assert_says(&run(&plant, "enable", &[]), 0, &["nothing to set"]);
     assert_eq!(plant.written().len(), seen);
     // The motor now follows the gateway.
     plant.run_over_mqtt();

@@ -144,6 +144,6 @@ fn what_was_found_until_ctrl_c_is_kept() {
     scan.wait_for("that the drive answers", |line| line.contains("station 1 answers").then_some(()));
     scan.interrupt();
     assert_eq!(scan.end_within(PATIENCE).code(), Some(1));
-    until("the end is told", PATIENCE, || scan.text().contains("ended before all was tried").then_some(()));
+    until("the end is told", PATIENCE, || scan.text().contains("interrupted before all was tried").then_some(()));
     assert!(scan.text().contains("station 1"), "{}", scan.text());
 }

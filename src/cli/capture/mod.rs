@@ -1,4 +1,4 @@
-//! `capture`: the traffic of a line in a file that programs for network captures read.
+//! `capture`: records the traffic of a line to a file for network analysers.
 
 mod packets;
 mod pcapng;
@@ -22,11 +22,11 @@ use std::time::Duration;
 use tokio::time::sleep;
 use watching::Watching;
 
-/// Longest wait for what the gateway says of itself.
+/// Longest wait for the gateway's description of itself.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// How often the progress is shown.
 const SHOW_EVERY: Duration = Duration::from_millis(500);
-/// The longest capture that can be asked for: a year.
+/// The longest capture that can be requested: a year.
 const SECONDS_MAX: u64 = 366 * 24 * 3600;
 
 /// Arguments of `capture`.
@@ -50,17 +50,17 @@ pub struct Args {
 
 /// Why a capture ended.
 enum End {
-    /// As it was asked for, or as somebody wished.
+    /// As requested by the arguments, or by the user.
     Wanted,
-    /// The gateway tells no more, for this reason.
+    /// The gateway sends no more, for this reason.
     Lost(String),
 }
 
-/// Writes what goes over a line until it is told to end, has enough, or the gateway is gone.
+/// Records the traffic of a line until it is interrupted, has enough, or the gateway is gone.
 pub fn capture(args: &Args) -> Result<(), Failure> {
     let socket = args.place.path()?;
     if is_stdout(&args.out) && io::stdout().is_terminal() {
-        return Err(Failure::wrong("--out -: a capture is no text for a terminal; pipe it into a program"));
+        return Err(Failure::wrong("--out -: a capture is binary; pipe it into a program"));
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
     runtime.block_on(async {
@@ -113,27 +113,27 @@ async fn only_line(socket: &Path) -> Result<String, Failure> {
     }
 }
 
-/// What the gateway tells, over one connection after the other.
+/// The event stream of the gateway, over one connection after the other.
 struct Source<'s> {
     socket: &'s Path,
     line: &'s str,
-    /// The record that was told last.
+    /// The last record that was received.
     seen: Option<String>,
     watching: Option<Watching>,
 }
 
 impl Source<'_> {
-    /// What the gateway says of the line before it tells its traffic.
+    /// The gateway's description of the line, which precedes its traffic.
     async fn header(&mut self) -> Result<Value, String> {
         match self.next().await? {
             Some(event) if event.name == "begin" => {
                 serde_json::from_str(&event.data).map_err(|error| error.to_string())
             }
-            _ => Err("it does not say what it tells".to_owned()),
+            _ => Err("it did not describe the line".to_owned()),
         }
     }
 
-    /// The next event. A connection that ends as it should is followed by another one.
+    /// The next event. A connection that ends regularly is followed by another one.
     async fn next(&mut self) -> Result<Option<sse::Event>, String> {
         loop {
             let watching = match &mut self.watching {
@@ -211,12 +211,12 @@ impl<'a> Capture<'a> {
         Ok(capture)
     }
 
-    /// Writes what `source` tells.
+    /// Writes the events of `source`.
     async fn run(&mut self, source: &mut Source<'_>) -> Result<End, Failure> {
         loop {
             let event = match source.next().await {
                 Ok(Some(event)) => event,
-                Ok(None) => return Ok(End::Lost("it has ended the connection".to_owned())),
+                Ok(None) => return Ok(End::Lost("it closed the connection".to_owned())),
                 Err(reason) => return Ok(End::Lost(reason)),
             };
             let is_read = match event.name.as_str() {
@@ -237,11 +237,11 @@ impl<'a> Capture<'a> {
         }
     }
 
-    /// Writes a frame. Returns whether somebody still reads.
+    /// Writes a frame. Returns whether the output still has a reader.
     fn frame(&mut self, data: &str) -> Result<bool, Failure> {
         let frame = serde_json::from_str(data).ok();
         let Some(told) = frame.and_then(|frame| PacketFrame::of(&frame, self.is_rtu)) else {
-            return Err(Failure::failed("what the gateway tells is not understood; it may be another version"));
+            return Err(Failure::failed("the gateway's answer cannot be parsed; it may be another version"));
         };
         let dropped = std::mem::take(&mut self.dropped);
         let is_read = self.put(&pcapng::packet(&told.packet(dropped)))?;
@@ -249,7 +249,7 @@ impl<'a> Capture<'a> {
         Ok(is_read)
     }
 
-    /// Writes a whole block. Returns whether somebody still reads.
+    /// Writes a whole block. Returns whether the output still has a reader.
     fn put(&mut self, block: &[u8]) -> Result<bool, Failure> {
         match self.out.write_all(block).and_then(|()| self.out.flush()) {
             Ok(()) => Ok(true),
@@ -268,7 +268,7 @@ impl<'a> Capture<'a> {
         format!("{} frames{lost} in {seconds:.1} s", self.frames)
     }
 
-    /// Shows on a terminal how far it is.
+    /// Shows the progress on a terminal.
     fn show(&mut self) {
         let now = clock::now();
         if self.shows && now.since(self.shown) >= SHOW_EVERY {

@@ -1,35 +1,35 @@
-//! From what the gateway tells of a frame to a packet that programs for network captures understand.
+//! From a frame as the gateway reports it to a packet that network analysers understand.
 
 use super::pcapng::{Direction, Packet};
 use crate::domain::calendar;
 use serde_json::Value;
 
-/// What dissectors call RTU frames.
+/// The dissector for RTU frames.
 const RTU: &str = "mbrtu";
-/// What they call text. Frames of ASCII lines are text to them: there is no dissector for those.
+/// The dissector for text. Frames of ASCII lines are text: there is no dissector for those.
 const TEXT: &str = "data-text-lines";
-/// What they call bytes of which nothing is known.
+/// The dissector for unknown bytes.
 const BYTES: &str = "data";
 
-/// A frame as the gateway tells it, ready for a packet.
+/// A frame as the gateway reports it, ready for a packet.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PacketFrame {
     /// Microseconds since 1970-01-01 UTC.
     pub unix_us: u64,
-    /// Which way it went.
+    /// Its direction.
     pub direction: Direction,
-    /// Whether it asks a drive.
+    /// Whether it is a request to a drive.
     pub is_for_a_drive: bool,
-    /// What dissectors call it.
+    /// The name of its dissector.
     pub protocol: &'static str,
     /// The bytes.
     pub bytes: Vec<u8>,
-    /// What it was, in words.
+    /// Its description in words.
     pub comment: String,
 }
 
 impl PacketFrame {
-    /// What `frame` tells of a line that speaks RTU, or ASCII; nothing if that is not understood.
+    /// The content of `frame`, of a line that uses RTU, or ASCII; `None` if it cannot be parsed.
     #[must_use]
     pub fn of(frame: &Value, is_rtu: bool) -> Option<Self> {
         let kind = frame["kind"].as_str()?;
@@ -45,7 +45,7 @@ impl PacketFrame {
         Some(Self { unix_us, direction, is_for_a_drive, protocol, bytes, comment: comment(kind, frame) })
     }
 
-    /// As a packet, with `dropped` ones lost in front of it.
+    /// As a packet, with `dropped` packets lost before it.
     #[must_use]
     pub fn packet(&self, dropped: u64) -> Packet<'_> {
         let Self { unix_us, direction, is_for_a_drive, protocol, bytes, comment } = self;

@@ -1,12 +1,12 @@
-//! Blocks of a pcapng file (draft-ietf-opsawg-pcapng), each of which is whole in itself: a file that ends behind any of
-//! them is a right one.
+//! Blocks of a pcapng file (draft-ietf-opsawg-pcapng), each of which is complete in itself: a file that ends after any
+//! of them is valid.
 //!
-//! Three kinds of blocks are all that is needed, so that a library would be more to look after than this.
+//! Only three kinds of blocks are needed, so a library would be more to maintain than this.
 
-/// Packets are PDUs of a protocol that each names itself, so that no setting is needed to read them.
+/// Packets are PDUs that each name their protocol, so that no setting is needed to read them.
 const LINKTYPE_WIRESHARK_UPPER_PDU: u16 = 252;
 
-/// What drives have in the place of a port, and what asks them.
+/// The numbers used as ports of drives, and of their master.
 const DRIVE_PORT: u32 = 502;
 const MASTER_PORT: u32 = 50_000;
 
@@ -25,10 +25,10 @@ mod option {
     pub const PACKET_DROPPED: u16 = 4;
 }
 
-/// What was captured, and by whom.
+/// The origin of a capture.
 #[derive(Clone, Debug)]
 pub struct Header<'h> {
-    /// The machine, as far as it is told.
+    /// The machine, if known.
     pub hardware: &'h str,
     /// The system.
     pub os: &'h str,
@@ -36,13 +36,13 @@ pub struct Header<'h> {
     pub application: &'h str,
     /// The line.
     pub line: &'h str,
-    /// What the line is, in words.
+    /// A description of the line.
     pub description: &'h str,
     /// Its speed in bit/s.
     pub baud: u64,
 }
 
-/// Which way a packet went.
+/// The direction of a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     /// To the line.
@@ -56,17 +56,17 @@ pub enum Direction {
 pub struct Packet<'p> {
     /// Microseconds since 1970-01-01 UTC.
     pub unix_us: u64,
-    /// Which way it went.
+    /// Its direction.
     pub direction: Direction,
-    /// Whether it asks a drive, whoever asks.
+    /// Whether it is a request to a drive, from any master.
     pub is_for_a_drive: bool,
-    /// The name of its protocol, as dissectors call it.
+    /// The name of its protocol's dissector.
     pub protocol: &'p str,
     /// The bytes.
     pub bytes: &'p [u8],
-    /// What it was, in words.
+    /// Its description in words.
     pub comment: &'p str,
-    /// Packets that were lost in front of it.
+    /// Packets that were lost before it.
     pub dropped: u64,
 }
 
@@ -123,7 +123,7 @@ pub fn packet(packet: &Packet<'_>) -> Vec<u8> {
     block(6, &body)
 }
 
-/// The bytes behind tags that name their protocol. Tags are in network order.
+/// The bytes after tags that name their protocol. Tags are in network order.
 fn upper_pdu(packet: &Packet<'_>) -> Vec<u8> {
     const TAG_END: u16 = 0;
     const TAG_DISSECTOR_NAME: u16 = 12;
@@ -133,7 +133,7 @@ fn upper_pdu(packet: &Packet<'_>) -> Vec<u8> {
     const TCP: u32 = 2;
     let mut name = Vec::new();
     put_padded(&mut name, packet.protocol.as_bytes());
-    // A serial line has no ports. A dissector that is told which one is a drive's knows a request from its echo.
+    // A serial line has no ports. A dissector that knows which one is a drive's distinguishes a request from its echo.
     let (from, to) = if packet.is_for_a_drive { (MASTER_PORT, DRIVE_PORT) } else { (DRIVE_PORT, MASTER_PORT) };
     let ports = [TCP, from, to].map(u32::to_be_bytes);
     let tags = [TAG_PORT_TYPE, TAG_SOURCE_PORT, TAG_DESTINATION_PORT].into_iter().zip(ports.iter().map(|it| &it[..]));
@@ -152,7 +152,7 @@ fn block(kind: u32, body: &[u8]) -> Vec<u8> {
     [&kind.to_le_bytes(), &length, body, &length].concat()
 }
 
-/// A text that is longer than an option can be is cut off.
+/// A text that is longer than an option can hold is cut off.
 fn put_option(out: &mut Vec<u8>, code: u16, value: &[u8]) {
     let length = u16::try_from(value.len()).unwrap_or(u16::MAX);
     out.extend(code.to_le_bytes());
@@ -169,7 +169,7 @@ fn put_padded(out: &mut Vec<u8>, value: &[u8]) {
 mod tests {
     use super::*;
 
-    /// The bytes of `text`, in which everything behind a `#` is said to people.
+    /// The bytes of `text`, in which everything after a `#` is a comment.
     fn bytes(text: &str) -> Vec<u8> {
         let digits: String = text.lines().map(|line| line.split('#').next().unwrap().replace(' ', "")).collect();
         (0..digits.len()).step_by(2).map(|at| u8::from_str_radix(&digits[at..at + 2], 16).unwrap()).collect()

@@ -1,6 +1,6 @@
-//! Server-sent events, cut out of the bytes of an answer (HTML standard, 9.2.6, as far as the gateway uses it).
+//! Server-sent events, parsed from the bytes of an answer (HTML standard, 9.2.6, as far as the gateway uses it).
 
-/// Longest event that is taken in bytes. A frame with all that it can hold has a twentieth of it.
+/// Longest accepted event, in bytes. A frame at its largest takes a twentieth of it.
 const EVENT_BYTES_MAX: usize = 512 * 1024;
 
 /// One event.
@@ -8,13 +8,13 @@ const EVENT_BYTES_MAX: usize = 512 * 1024;
 pub struct Event {
     /// Its name.
     pub name: String,
-    /// By which it is known again, where it is.
+    /// Its id, if any.
     pub id: Option<String>,
-    /// What it says.
+    /// Its data.
     pub data: String,
 }
 
-/// Bytes of which no whole event was made yet.
+/// Bytes that do not form a whole event yet.
 #[derive(Debug, Default)]
 pub struct Cutter {
     bytes: Vec<u8>,
@@ -22,7 +22,7 @@ pub struct Cutter {
 }
 
 impl Cutter {
-    /// More bytes have come.
+    /// More bytes have arrived.
     ///
     /// # Errors
     /// An event that does not end.
@@ -30,7 +30,7 @@ impl Cutter {
         self.bytes.drain(..std::mem::take(&mut self.at));
         self.bytes.extend_from_slice(bytes);
         let is_too_long = self.bytes.len() > EVENT_BYTES_MAX && !self.bytes.windows(2).any(|pair| pair == b"\n\n");
-        if is_too_long { Err("the gateway says something that does not end".to_owned()) } else { Ok(()) }
+        if is_too_long { Err("the gateway sent an event that is too long".to_owned()) } else { Ok(()) }
     }
 
     /// The next whole event.
@@ -41,7 +41,7 @@ impl Cutter {
             let text = String::from_utf8_lossy(rest.get(..length)?);
             let event = event(&text);
             self.at += length + 2;
-            // A block without a name only says something about the answer itself.
+            // A block without a name only concerns the stream itself.
             if !event.name.is_empty() {
                 return Some(event);
             }

@@ -1,4 +1,4 @@
-//! The traffic of a line as the running gateway tells it.
+//! The traffic of a line as the running gateway reports it.
 
 use super::sse::{Cutter, Event};
 use crate::cli::socket::unreachable;
@@ -15,12 +15,12 @@ use std::time::Duration;
 use tokio::net::UnixStream;
 use tokio::time::timeout;
 
-/// The gateway says something every two seconds. Who says nothing for so long hangs.
+/// The gateway sends something every two seconds. A gateway that is silent for this long hangs.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Longest refusal that is read in bytes.
 const REFUSAL_BYTES_MAX: usize = 64 * 1024;
 
-/// An answer that goes on.
+/// A streaming answer.
 #[derive(Debug)]
 pub struct Watching {
     body: Incoming,
@@ -28,16 +28,16 @@ pub struct Watching {
 }
 
 impl Watching {
-    /// Asks the gateway at `socket` for the traffic of `line`, behind the record that is known as `after`.
+    /// Requests the traffic of `line` from the gateway at `socket`, after the record with the id `after`.
     ///
     /// # Errors
-    /// Why it does not tell, for people.
+    /// Why the gateway refuses, for people.
     pub async fn begin(socket: &Path, line: &str, after: Option<&str>) -> Result<Self, String> {
         let asked = timeout(PATIENCE, ask(socket, line, after)).await;
         asked.unwrap_or_else(|_| Err(silent()))
     }
 
-    /// The next event; nothing where the answer ends.
+    /// The next event; `None` at the end of the answer.
     ///
     /// # Errors
     /// Why there is none, for people.
@@ -77,5 +77,5 @@ async fn ask(socket: &Path, line: &str, after: Option<&str>) -> Result<Watching,
 }
 
 fn silent() -> String {
-    format!("it says nothing for {} s", PATIENCE.as_secs())
+    format!("no data for {} s", PATIENCE.as_secs())
 }

@@ -1,4 +1,4 @@
-//! What `check` says of one drive: its polls, what it can be ordered, and what has to be set on it.
+//! The part of `check` about one drive: its polls, what it can be ordered, and what has to be set on it.
 
 use super::super::model_facts::{BASICS, orders};
 use super::{list, ms};
@@ -14,7 +14,7 @@ use crate::toml_file::words::word_for;
 use std::fmt::{Result, Write};
 use std::time::Duration;
 
-/// Appends what the configuration means for the drive at `place` of `line`.
+/// Appends the meaning of the configuration for the drive at `place` of `line`.
 pub(super) fn describe(
     text: &mut String,
     line: &LineSettings,
@@ -47,7 +47,7 @@ pub(super) fn describe(
     Ok(())
 }
 
-/// How long a reply is waited for, and how long a missing one holds up what could be mistaken for it.
+/// How long a reply is awaited, and how long a missing one delays what could be mistaken for it.
 fn lateness(text: &mut String, drive: &DriveSettings) -> Result {
     let timeouts = line_plan::reply_timeouts(drive);
     let [read, write, stored] = Class::ALL.map(|class| timeouts.of(class));
@@ -123,7 +123,7 @@ fn commands(text: &mut String, control: &ControlSettings, model: &Model, mqtt: O
     Ok(())
 }
 
-/// Who may command while somebody holds control, and what keeps it.
+/// Which clients may command while another one holds control, and what keeps control.
 fn ownership(text: &mut String, control: &ControlSettings) -> Result {
     let who = match control.ownership {
         Ownership::One => "one commander at a time",
@@ -166,7 +166,7 @@ fn capabilities(text: &mut String, control: &ControlSettings, model: &Model) -> 
     Ok(())
 }
 
-/// Bits with which the drive obeys the bus whatever its own settings say.
+/// Bits with which the drive obeys the bus whatever its own settings.
 const fn priority(form: &RunForm) -> Option<u16> {
     match form {
         RunForm::Bits { priority, .. } if *priority != 0 => Some(*priority),
@@ -209,7 +209,7 @@ fn setup(text: &mut String, model: &Model, line: &LineSettings) -> Result {
     Ok(())
 }
 
-/// How often the drive is asked at the least, its watchdog and the lease, one within the other.
+/// The least request rate of the drive, its watchdog and the lease, in relation to each other.
 fn watchdog_chain(text: &mut String, drive: &DriveSettings, gap: Duration) -> Result {
     let Some(control) = &drive.control else { return Ok(()) };
     writeln!(text, "    its frames are at most {} apart while it answers; its own watchdog, where it", ms(gap))?;

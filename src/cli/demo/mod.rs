@@ -1,4 +1,4 @@
-//! `demo`: everything at once on loopback, with nothing else installed.
+//! `demo`: everything at once on loopback, without any other software.
 
 pub mod plant;
 
@@ -20,13 +20,13 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Cause number of the trips. Any will do: what the numbers mean is not known for every model.
+/// Cause number of the trips. Any number will do: its meaning is not known for every model.
 const TRIP_CAUSE: u16 = 1;
 
-/// Who may sign in on the page. It is printed, and reached from this host only.
+/// The user of the page. The password is printed, and works from this host only.
 const USER: &str = "demo";
 const PASSWORD: &str = "demo-demo";
-/// Two demos may have the same hash: it hides nothing.
+/// Two demos may have the same hash: it protects nothing.
 const SALT: [u8; 16] = [0; 16];
 
 /// Arguments of `demo`.
@@ -40,7 +40,7 @@ pub struct Args {
     http_port: u16,
 }
 
-/// Plays drives with the gateway and a broker in front of them, until SIGINT or SIGTERM.
+/// Simulates drives with the gateway and a broker in front of them, until SIGINT or SIGTERM.
 pub fn demo(args: &Args) -> Result<(), Failure> {
     let lines = plant::lines();
     let mut played = Vec::new();
@@ -57,7 +57,7 @@ pub fn demo(args: &Args) -> Result<(), Failure> {
     play(&mut played, &enter, first, || gateway(args, &lines, &devices)).map_err(Failure::failed)?
 }
 
-/// Plays every line as long as `work` lasts. Each Enter trips the drive at station `first` of the first line.
+/// Simulates every line as long as `work` lasts. Each Enter trips the drive at station `first` of the first line.
 fn play<T>(
     lines: &mut [(Pty, SimBus)],
     enter: &Enter,
@@ -85,7 +85,7 @@ fn gateway(args: &Args, lines: &[Line], devices: &[PathBuf]) -> Result<(), Failu
             Err(StartError::Listen { address, error }) if error.kind() == io::ErrorKind::AddrInUse => address,
             other => return other.map_err(Failure::failed),
         };
-        print(&format!("{error} is taken; another port is used\n"))?;
+        print(&format!("{error} is taken; using another port\n"))?;
         match error.port() {
             port if port == modbus && modbus != 0 => modbus = 0,
             _ => http = 0,
@@ -104,7 +104,7 @@ fn serve(modbus: u16, http: u16, lines: &[Line], devices: &[PathBuf]) -> Result<
             Ok(told) => told,
             Err(error) => return tracing::error!(%error, "cannot wait for Ctrl-C"),
         };
-        // Whoever reads the output may be gone; the demo goes on.
+        // The reader of the output may be gone; the demo continues.
         let _ = print(&welcome(running, lines, devices));
         told.await;
     })
@@ -132,7 +132,7 @@ listen = "127.0.0.1:{http}"
     )
 }
 
-/// The section of whoever may sign in.
+/// The section of the user that may sign in.
 fn user() -> String {
     let hash = StoredHash::make(PASSWORD, &SALT);
     let hash = hash.as_ref().map_or("", StoredHash::as_str);

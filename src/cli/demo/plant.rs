@@ -1,4 +1,4 @@
-//! What the demo plays: one drive of every vendor, on as few lines as their settings allow.
+//! The simulated plant of the demo: one drive of every vendor, on as few lines as their settings allow.
 
 use crate::domain::control::ControlAction;
 use crate::domain::ids::Station;
@@ -12,21 +12,21 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What the drives are called, with their stations behind it.
+/// The drives' names, which are followed by their stations.
 const NAMES: [&str; 5] = ["pump", "fan", "mixer", "belt", "mill"];
-/// Rated current and voltage of every drive, as the simulator plays them.
+/// Rated current and voltage of every drive, as simulated.
 const RATED_CURRENT_A: f64 = 11.0;
 const RATED_VOLTAGE_V: f64 = 400.0;
 
-/// Who commands the demo's drives.
+/// Who may command the demo's drives.
 pub(super) const FROM: [&str; 3] = ["mqtt", "modbus-tcp", "page"];
 
 /// One drive of the demo.
 #[derive(Debug)]
 pub struct Drive {
-    /// What it is called.
+    /// Its name.
     pub name: String,
-    /// Its number on the line.
+    /// Its station number.
     pub station: Station,
     /// Its model.
     pub model: Arc<Model>,
@@ -35,7 +35,7 @@ pub struct Drive {
 /// One line of the demo.
 #[derive(Debug)]
 pub struct Line {
-    /// What it is called.
+    /// Its name.
     pub name: String,
     /// Speed, parity and stop bits.
     pub link: LinkSettings,
@@ -67,7 +67,7 @@ pub(super) fn lines() -> Vec<Line> {
     lines
 }
 
-/// The fastest setting that `model` shares with every drive of `line`; nothing if there is none.
+/// The fastest setting that `model` shares with every drive of `line`; `None` if there is none.
 fn common(line: &Line, model: &Model) -> Option<LinkSettings> {
     let all = || line.drives.iter().map(|drive| drive.model.as_ref()).chain([model]);
     let share = |can: &dyn Fn(&Model) -> bool| all().all(can);
@@ -138,8 +138,8 @@ fn drive_section(text: &mut String, drive: &Drive, unit: u8, from: &[&str]) {
     );
 }
 
-/// The actions that `model` has and does not prove. The simulator plays them as they are described, so the demo accepts
-/// them all but the release, which nobody is offered here.
+/// The actions that `model` has and does not prove. The simulator plays them as described, so the demo accepts all of
+/// them except the release, which no client is offered here.
 fn unproven(model: &Model) -> impl Iterator<Item = ControlAction> + '_ {
     let basic = (!model.unproven_basics().is_empty()).then_some(ControlAction::Basic);
     let unproven = model.run.iter().flat_map(RunCommand::unproven).map(|(action, _)| action);

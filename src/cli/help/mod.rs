@@ -1,4 +1,4 @@
-//! What `--help` of each command teaches beside its options: what there is to know, examples that work, exit codes.
+//! Additions to `--help` of each command: background, examples that work, exit codes.
 
 mod lessons;
 
@@ -6,15 +6,15 @@ use clap::Command;
 use lessons::LESSONS;
 use std::fmt::Write;
 
-/// What there is to know of a command.
+/// Additional help for a command.
 struct Lesson {
     /// The command with its sub-command.
     command: &'static str,
-    /// In sentences; empty if its options say all.
+    /// In sentences; empty if its options are enough.
     about: &'static str,
-    /// What may be typed, with what it does.
+    /// Command lines, with their effects.
     examples: &'static [(&'static str, &'static str)],
-    /// What its exit codes mean.
+    /// The meaning of its exit codes.
     exits: &'static str,
 }
 
@@ -33,12 +33,12 @@ impl Lesson {
     }
 }
 
-/// The command line `plain` with all that `--help` and the manual say.
+/// The command line `plain` with everything that `--help` and the manual show.
 pub fn complete(plain: Command) -> Command {
     taught(plain, "")
 }
 
-/// `command`, which is called by `words`, with its lesson and those of its sub-commands.
+/// `command`, which is invoked by `words`, with its lesson and those of its sub-commands.
 fn taught(command: Command, words: &str) -> Command {
     let names: Vec<_> = command.get_subcommands().map(|it| it.get_name().to_owned()).collect();
     let command = names.into_iter().fold(command, |command, name| {
@@ -58,7 +58,7 @@ mod tests {
     use clap::FromArgMatches;
     use std::collections::BTreeSet;
 
-    /// All commands that are shown, with their words.
+    /// All visible commands, with their words.
     fn all(command: &Command, words: &str) -> Vec<(String, Command)> {
         let shown = command.get_subcommands().filter(|sub| !sub.is_hide_set() && sub.get_name() != "help");
         let mut found = vec![(words.to_owned(), command.clone())];
@@ -83,7 +83,7 @@ mod tests {
         }
     }
 
-    /// An example is taken by the program as it stands, up to a pipe or a file.
+    /// An example is accepted by the program as written, up to a pipe or a file.
     #[test]
     fn every_example_is_taken() {
         let known: BTreeSet<_> = all(&command(), "").into_iter().map(|(words, _)| words).collect();

@@ -1,4 +1,4 @@
-//! `map`: every Modbus map of a configuration, for the one who programs a controller or a SCADA system.
+//! `map`: every Modbus map of a configuration, for programmers of controllers and SCADA systems.
 
 mod form;
 
@@ -30,7 +30,7 @@ pub struct Args {
     json: bool,
 }
 
-/// How maps are printed.
+/// The output format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Format {
     /// CSV for spreadsheets and tag imports
@@ -39,17 +39,17 @@ enum Format {
     Md,
 }
 
-/// One unit with all that is reached at it.
+/// One unit with everything that is reached at it.
 #[derive(Debug)]
 struct Map {
     unit: u8,
     /// `native`, `uniform` or `gateway`.
     kind: &'static str,
-    /// The drive's name; nothing for the gateway.
+    /// The drive's name; `None` for the gateway.
     drive: Option<String>,
     /// Model and line of the drive.
     model: Option<(String, String)>,
-    /// Where it answers.
+    /// The listeners that serve it.
     listeners: Vec<String>,
     rows: Vec<SheetRow>,
 }
@@ -68,7 +68,7 @@ pub fn map(args: &Args) -> Result<(), Failure> {
         let units: Vec<_> = maps.iter().map(|map| map.unit.to_string()).collect();
         maps.retain(|map| map.unit == unit);
         if maps.is_empty() {
-            return Err(Failure::wrong(format!("no unit is {unit}; there are {}", units.join(", "))));
+            return Err(Failure::wrong(format!("there is no unit {unit}; units are {}", units.join(", "))));
         }
     }
     print(&match (args.json, args.format) {
@@ -104,7 +104,7 @@ fn maps(config: &Config) -> Vec<Map> {
     maps
 }
 
-/// The map of `unit` of `drive`; nothing if no listener serves it.
+/// The map of `unit` of `drive`; `None` if no listener serves it.
 fn of_drive(
     config: &Config,
     drive: &DriveDescription,
@@ -125,13 +125,13 @@ fn of_drive(
     })
 }
 
-/// What one of `listeners` at least grants to somebody.
+/// The rights that at least one of `listeners` grants to some client.
 fn rights(listeners: &[&ListenerSettings]) -> Rights {
     let all = listeners.iter().map(|listener| of_listener(listener));
     all.fold(Rights::NONE, |rights, more| Rights { write: rights.write || more.write, stop: rights.stop || more.stop })
 }
 
-/// What `listener` grants to somebody, by addresses and roles.
+/// The rights that `listener` grants to some client, by addresses and roles.
 fn of_listener(listener: &ListenerSettings) -> Rights {
     let has_role = |may: fn(&Rights) -> bool| listener.tls.as_ref().is_none_or(|tls| tls.roles.values().any(may));
     let stop = listener.stop.as_ref().unwrap_or(&listener.write);
@@ -141,7 +141,7 @@ fn of_listener(listener: &ListenerSettings) -> Rights {
     }
 }
 
-/// The rows with the names by which `read` and `watch` know them.
+/// The rows with the names that `read` and `watch` use.
 fn named(rows: Vec<SheetRow>) -> Vec<SheetRow> {
     let name = |row: &SheetRow| {
         let is_word = matches!(row.table, sheet::SheetTable::Word | sheet::SheetTable::Holding);
@@ -165,7 +165,7 @@ mod tests {
         maps(&config::load(&text, &catalog).unwrap())
     }
 
-    /// Held against `tests/golden/map/`, and written there with `UPDATE_GOLDEN`.
+    /// Compared with `tests/golden/map/`, and written there with `UPDATE_GOLDEN`.
     fn is_golden(name: &str, found: &str) {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/map").join(name);
         if std::env::var_os("UPDATE_GOLDEN").is_some() {
@@ -200,7 +200,7 @@ mod tests {
         let found = |keys: &str| {
             let text = include_str!("../../../tests/golden/config/several_vendors.toml");
             let write = "write = [\"127.0.0.1/32\"]";
-            // Somebody must be able to command the drive that takes commands from here.
+            // Some client must be able to command the drive that accepts commands from here.
             let other = format!("{keys}\n[[modbus_tcp]]\nlisten = \"127.0.0.1:1503\"\n{write}");
             let text = text.replace(write, &other);
             let config = config::load(&text, &catalog).unwrap_or_else(|problems| panic!("{problems:?}"));

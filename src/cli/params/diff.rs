@@ -1,13 +1,13 @@
-//! What differs between two dumps, and what of it a restore would write, in which order.
+//! The differences between two dumps, and what a restore would write, in which order.
 
 use super::file::{Dump, Parameter};
 use super::live::ListedParameter;
 use serde_json::{Value, json};
 
-/// One parameter that is not the same on both sides.
+/// A parameter that is not the same on both sides.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Difference {
-    /// On the first side; nothing: it is only on the other.
+    /// On the first side; `None`: it is only on the other.
     pub first: Option<Parameter>,
     /// On the second side.
     pub second: Option<Parameter>,
@@ -54,7 +54,7 @@ pub fn differences(first: &Dump, second: &Dump) -> Vec<Difference> {
     addresses.into_iter().map(pair).filter(differs).map(without_old_text).collect()
 }
 
-/// Whoever changes a file changes its words, and leaves the texts beside them as they were.
+/// A person who edits a file changes its words, and leaves the texts beside them unchanged.
 fn without_old_text(mut it: Difference) -> Difference {
     if let (Some(first), Some(second)) = (&mut it.first, &mut it.second)
         && first.text == second.text
@@ -70,7 +70,7 @@ fn without_old_text(mut it: Difference) -> Difference {
 pub struct Plan {
     /// What is written, in this order: old, new, and whether it wears a memory.
     pub writes: Vec<Change>,
-    /// What differs and is left as it is, with the reason.
+    /// Differences that are left unchanged, with the reason.
     pub left: Vec<(Parameter, String)>,
 }
 
@@ -79,16 +79,16 @@ pub struct Plan {
 pub struct Change {
     /// What the drive holds.
     pub old: Parameter,
-    /// What it shall hold.
+    /// What it is to hold.
     pub new: Parameter,
     /// Writing it wears a memory.
     pub is_stored: bool,
-    /// The gateway's word for what it decides.
+    /// The gateway's word for its effect.
     pub kind: String,
 }
 
-/// Place in the order of a restore: what decides whom the motor obeys comes behind everything else, and what decides how
-/// the drive is reached last of all, because nothing may be reached behind it.
+/// Position in the order of a restore: parameters that select the command source follow everything else, and those that
+/// determine how the drive is reached are last, because nothing may be reachable after them.
 fn order(kind: &str) -> u8 {
     match kind {
         "source" => 1,
@@ -97,8 +97,8 @@ fn order(kind: &str) -> u8 {
     }
 }
 
-/// What makes `live` hold what `wanted` says, on a drive that knows `known`. Link, station and sources are left alone
-/// unless `with_link`.
+/// The writes that make `live` hold the values of `wanted`, on a drive that knows `known`. Link, station and sources
+/// are left alone unless `with_link`.
 #[must_use]
 pub fn plan(wanted: &Dump, live: &Dump, known: &[ListedParameter], with_link: bool) -> Plan {
     let mut plan = Plan::default();

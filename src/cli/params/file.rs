@@ -5,22 +5,22 @@ use std::fmt::Write;
 use std::path::Path;
 use toml::{Table, Value};
 
-/// What a dump says.
+/// The content of a dump.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Dump {
     /// Name of the drive.
     pub drive: String,
     /// Its model.
     pub model: String,
-    /// Its number on the line, where it was known.
+    /// Its station number, if known.
     pub station: Option<u8>,
     /// When it was read, in RFC 3339.
     pub at: String,
-    /// What could be read, in order of address.
+    /// The parameters that were read, in order of address.
     pub parameters: Vec<Parameter>,
-    /// What could not.
+    /// Those that could not be read.
     pub unreadable: Vec<Unreadable>,
-    /// What it does not hold besides.
+    /// What else it does not hold.
     pub left_out: Vec<LeftOut>,
 }
 
@@ -42,9 +42,9 @@ pub struct Parameter {
     pub address: u16,
     /// The word.
     pub raw: u16,
-    /// The word in its unit, or what it means; nothing where it is a plain number.
+    /// The word in its unit, or its meaning; `None` for a plain number.
     pub text: Option<String>,
-    /// What it is.
+    /// Its title.
     pub title: String,
 }
 
@@ -127,13 +127,13 @@ impl Dump {
     /// Reads the file at `path`.
     ///
     /// # Errors
-    /// It cannot be read, or is none: where, and what would be right.
+    /// It cannot be read, or is not a dump: where, and what would be correct.
     pub fn read(path: &Path) -> Result<Self, Failure> {
         let text = crate::cli::input::read(path)?;
         Self::parse(&text).map_err(|wrong| Failure::wrong(format!("{}: {wrong}", path.display())))
     }
 
-    /// What `text` says.
+    /// The dump in `text`.
     ///
     /// # Errors
     /// What is wrong with it.
@@ -176,7 +176,7 @@ impl Dump {
         let mut addresses: Vec<u16> = dump.parameters.iter().map(|parameter| parameter.address).collect();
         addresses.sort_unstable();
         match addresses.windows(2).find(|pair| pair[0] == pair[1]) {
-            Some(pair) => Err(format!("0x{:04X} stands there twice", pair[0])),
+            Some(pair) => Err(format!("0x{:04X} occurs twice", pair[0])),
             None => Ok(dump),
         }
     }
@@ -194,12 +194,12 @@ fn tables<'t>(table: &'t Table, key: &str) -> Result<Vec<(String, &'t Table)>, S
 
 fn word(table: &Table, place: &str, key: &str) -> Result<String, String> {
     let text = table.get(key).and_then(Value::as_str);
-    text.map(str::to_owned).ok_or(format!("{place}.{key} is missing, or no text"))
+    text.map(str::to_owned).ok_or(format!("{place}.{key} is missing or not text"))
 }
 
 fn number<T: TryFrom<i64>>(value: &Value, place: &str) -> Result<T, String> {
     let number = value.as_integer().and_then(|number| T::try_from(number).ok());
-    number.ok_or(format!("{place} is no number in its range"))
+    number.ok_or(format!("{place} is not a number in its range"))
 }
 
 #[cfg(test)]
@@ -253,9 +253,9 @@ mod tests {
         for (old, new, told) in [
             ("[drive]", "[drives]", "no `drives`"),
             ("model = ", "modell = ", "drive.model is missing"),
-            ("raw = 100", "raw = 65536", "parameter[0].raw is no number in its range"),
+            ("raw = 100", "raw = 65536", "parameter[0].raw is not a number in its range"),
             ("raw = 100", "raw = \"x\"", "parameter[0].raw"),
-            ("address = 0x0211", "address = 0x020C", "0x020C stands there twice"),
+            ("address = 0x0211", "address = 0x020C", "0x020C occurs twice"),
             ("[[unreadable]]\ncode = \"F9\"\n", "[[unreadable]]\n", "unreadable[0].code"),
         ] {
             let wrong = Dump::parse(&text.replacen(old, new, 1)).unwrap_err();

@@ -1,4 +1,4 @@
-//! The parameters of a drive as they are now: asked of the gateway that serves it, over its socket.
+//! The present parameters of a drive, requested from the gateway that serves it, over its socket.
 
 use super::file::{Dump, LeftOut, Parameter, Unreadable};
 use super::walk::{Tried, Walk};
@@ -14,10 +14,10 @@ use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Longest time for one question: longer than the gateway waits for a drive.
+/// Longest time for one request: longer than the gateway waits for a drive.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// How often a drive that passes for silent is asked whether it answers again, and how many times.
+/// How often a drive that counts as silent is asked whether it answers again, and how many times.
 const BACK_EVERY: Duration = Duration::from_millis(500);
 const BACK_WITHIN: usize = 20;
 
@@ -28,7 +28,7 @@ pub struct Live {
     pub socket: PathBuf,
     /// The drive's name there.
     pub drive: Name,
-    /// Its number on the line, where that is known.
+    /// Its station number, if known.
     pub station: Option<u8>,
 }
 
@@ -43,7 +43,7 @@ pub struct ListedParameter {
     pub address: u16,
     /// What a tool may do with it, in the gateway's word.
     pub kind: String,
-    /// Why nobody may write it, where that is so.
+    /// Why it is never written, if so.
     pub reason: Option<String>,
     /// Whether writing it wears a memory.
     pub is_stored: bool,
@@ -58,13 +58,13 @@ pub struct Catalogue {
     pub may_be_written: bool,
     /// Its parameters.
     pub parameters: Vec<ListedParameter>,
-    /// The registers of the model that are no parameters.
+    /// The registers of the model that are not parameters.
     pub left_out: Vec<LeftOut>,
     /// The groups of the drive's parameters, where the model has a rule for them.
     pub groups: Vec<UnknownOf>,
 }
 
-/// The parameters of a group that the model does not describe: the drive may have them or not.
+/// The parameters of a group that the model does not describe: the drive may or may not have them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct UnknownOf {
     /// The group.
@@ -82,7 +82,7 @@ impl Catalogue {
 }
 
 impl Live {
-    /// What the gateway knows of the drive's parameters. It asks nothing of the drive.
+    /// What the gateway knows of the drive's parameters. Causes no request to the drive.
     ///
     /// # Errors
     /// There is no such drive, or no answer.
@@ -115,7 +115,7 @@ impl Live {
         })
     }
 
-    /// Reads one parameter; nothing but the reason if the drive does not show it.
+    /// Reads one parameter; only the reason if the drive does not show it.
     ///
     /// # Errors
     /// The gateway does not answer.
@@ -136,8 +136,8 @@ impl Live {
         })
     }
 
-    /// Reads what of `groups` the drive has besides what its model describes, into `dump`. `there` is a parameter that it is
-    /// known to answer: it is read where one was not answered, so that the drive does not pass for silent.
+    /// Reads the parameters of `groups` that the drive has beyond its model into `dump`. `there` is a parameter that it
+    /// is known to answer: it is read after one was not answered, so that the drive does not count as silent.
     ///
     /// # Errors
     /// The gateway does not answer.
@@ -169,7 +169,7 @@ impl Live {
         Ok(())
     }
 
-    /// Waits until the drive answers again, where it passes for silent.
+    /// Waits until the drive answers again, if it counts as silent.
     async fn wait_for(&self, there: &ListedParameter) -> Result<(), Failure> {
         for _ in 0..BACK_WITHIN {
             if self.read(there).await?.is_ok() {
@@ -194,7 +194,7 @@ impl Live {
         Ok(Parameter { code, address, raw, text, title })
     }
 
-    /// Reads all of `wanted`, showing how far it has come.
+    /// Reads all of `wanted`, showing the progress.
     ///
     /// # Errors
     /// The gateway does not answer.
@@ -218,10 +218,10 @@ impl Live {
         Ok(dump)
     }
 
-    /// Writes one parameter. Nothing means that the drive holds it now; else why not.
+    /// Writes one parameter. `None` means that the drive holds it now; else why not.
     ///
     /// # Errors
-    /// The gateway does not answer: what became of it is not known.
+    /// The gateway does not answer: the outcome is unknown.
     pub async fn write(&self, address: u16, raw: u16) -> Result<Option<String>, Failure> {
         let path = self.path(Some(address));
         let body = json!({ "raw": raw });

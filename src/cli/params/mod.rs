@@ -20,7 +20,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// How often a drive on a port is looked at while its parameters are read or written.
+/// How often a drive on a port is polled while its parameters are read or written.
 const POLL: Duration = Duration::from_millis(500);
 
 /// Arguments of `params`.
@@ -112,7 +112,7 @@ pub fn params(args: &Args) -> Result<(), Failure> {
         let told = told_to_end().map_err(Failure::failed)?;
         tokio::select! {
             done = act(&args.action) => done,
-            () = told => Err(Failure::failed("ended before it was done")),
+            () = told => Err(Failure::failed("interrupted before it was done")),
         }
     })
 }
@@ -132,7 +132,7 @@ async fn act(action: &Action) -> Result<(), Failure> {
     }
 }
 
-/// A drive that can be asked, and the gateway that was started for that.
+/// A reachable drive, and the gateway that was started for that.
 struct Reached {
     live: Live,
     own: Option<OwnGateway>,
@@ -151,21 +151,21 @@ impl Of {
     async fn reach(&self, drive: Option<&str>, writes: bool) -> Result<Reached, Failure> {
         if let Some(port) = &self.port {
             let control = writes.then(Extra::control_at_rest).unwrap_or_default();
-            // The motor is known to stand still only while it is looked at.
+            // The motor is known to be at standstill only while it is polled.
             let extra = Extra { control, poll: Some(POLL), ..Extra::default() };
             let own = OwnGateway::start(port, &self.on_port, &extra).await?;
             let live = Live { socket: own.socket(), drive: own.drive(), station: Some(own.station()) };
             return Ok(Reached { live, own: Some(own) });
         }
         let name = drive.unwrap_or_default();
-        let drive = Name::new(name).ok_or_else(|| Failure::wrong(format!("`{name}` is no name of a drive")))?;
+        let drive = Name::new(name).ok_or_else(|| Failure::wrong(format!("`{name}` is not a valid drive name")))?;
         Ok(Reached { live: Live { socket: self.place.path()?, drive, station: None }, own: None })
     }
 }
 
 async fn dump(args: &DumpArgs) -> Result<(), Failure> {
     if let Some(out) = args.out.as_deref().filter(|out| out.exists()) {
-        return Err(Failure::wrong(format!("{} is there already, and is left alone", out.display())));
+        return Err(Failure::wrong(format!("{} already exists and is not overwritten", out.display())));
     }
     let reached = args.of.reach(args.drive.as_deref(), false).await?;
     let dump = whole(&reached.live).await;
@@ -176,7 +176,7 @@ async fn dump(args: &DumpArgs) -> Result<(), Failure> {
         complain(format!("could not be read:\n{}", table(rows)).as_bytes());
     }
     if dump.parameters.is_empty() {
-        return Err(Failure::failed("the drive shows no parameter at all"));
+        return Err(Failure::failed("the drive returned no parameter"));
     }
     let Some(out) = &args.out else { return print(&dump.text()) };
     write_new(out, &dump.text())?;
@@ -187,7 +187,7 @@ async fn dump(args: &DumpArgs) -> Result<(), Failure> {
 async fn whole(live: &Live) -> Result<Dump, Failure> {
     let catalogue = live.catalogue().await?;
     let mut dump = live.dump(&catalogue.model, &catalogue.parameters).await?;
-    // A drive that shows nothing is not asked for more.
+    // A drive that shows no parameter is not asked for more.
     if !dump.parameters.is_empty() {
         let there = catalogue.parameters.iter().find(|known| dump.at(known.address).is_some()).cloned();
         live.dump_groups(&catalogue.groups, there.as_ref(), &mut dump).await?;

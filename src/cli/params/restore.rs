@@ -1,4 +1,4 @@
-//! Writing a dump back: what would change is shown first, each value is read back, and the first refusal ends it.
+//! Writing a dump back: the changes are shown first, each value is read back, and the first refusal ends it.
 
 use super::diff::{Change, Plan, plan};
 use super::file::{Dump, LeftOut};
@@ -8,21 +8,22 @@ use crate::cli::progress::Bar;
 use crate::cli::setup::table;
 use crate::cli::{Failure, print};
 
-/// What a person wants of it.
+/// The user's options.
 #[derive(Clone, Copy, Debug)]
 pub struct RestoreOptions {
-    /// Also what decides how the drive is reached and whom it obeys.
+    /// Also write what determines how the drive is reached and which source it obeys.
     pub with_link: bool,
-    /// Nobody is asked.
+    /// Do not ask.
     pub yes: bool,
-    /// Nothing is written.
+    /// Write nothing.
     pub dry_run: bool,
 }
 
-/// Has the drive hold what `wanted` says.
+/// Makes the drive hold the values of `wanted`.
 ///
 /// # Errors
-/// The model is another, nobody agrees, or something was refused: then it is told what was written and what was not.
+/// The model differs, the user does not agree, or something was refused: then the message says what was written and
+/// what was not.
 pub async fn restore(wanted: &Dump, live: &Live, wish: RestoreOptions) -> Result<(), Failure> {
     let catalogue = live.catalogue().await?;
     if catalogue.model != wanted.model {
@@ -51,14 +52,14 @@ pub async fn restore(wanted: &Dump, live: &Live, wish: RestoreOptions) -> Result
     write(&plan.writes, live).await
 }
 
-/// What a copy by `wanted` lacks, whatever is written.
+/// What a copy made from `wanted` lacks, whatever is written.
 fn not_held(wanted: &Dump, catalogue: &Catalogue) -> String {
     let is_told = |code: &str| wanted.unreadable.iter().any(|it| it.code == code);
     let unread =
         catalogue.parameters.iter().filter(|known| wanted.at(known.address).is_none() && !is_told(&known.code));
     let unread = unread.map(|it| LeftOut { what: it.code.clone(), reason: "it is not in the file".to_owned() });
     let mut missing: Vec<_> = wanted.missing().into_iter().chain(unread).collect();
-    // A file of an earlier version does not say this itself.
+    // A file of an earlier version does not state this itself.
     for known in &catalogue.left_out {
         if !missing.contains(known) {
             missing.push(known.clone());
@@ -74,7 +75,7 @@ fn not_held(wanted: &Dump, catalogue: &Catalogue) -> String {
     format!("the file does not hold:\n{}", table(missing.into_iter().map(|it| [it.what, it.reason])))
 }
 
-/// What would change, what is left, and what it costs.
+/// What would change, what is left unchanged, and what it costs.
 fn shown(plan: &Plan, live: &Live) -> String {
     let mut text = String::new();
     if !plan.left.is_empty() {
@@ -87,11 +88,7 @@ fn shown(plan: &Plan, live: &Live) -> String {
     }
     let change =
         |it: &Change| [it.new.code.clone(), it.new.title.clone(), format!("{} -> {}", it.old.shown(), it.new.shown())];
-    text.push_str(&format!(
-        "drive {}, while its motor stands still:\n{}",
-        live.drive,
-        table(plan.writes.iter().map(change))
-    ));
+    text.push_str(&format!("drive {}, at standstill:\n{}", live.drive, table(plan.writes.iter().map(change))));
     let stored = plan.writes.iter().filter(|change| change.is_stored).count();
     if stored > 0 {
         text.push_str(&format!(
@@ -127,7 +124,7 @@ async fn write(writes: &[Change], live: &Live) -> Result<(), Failure> {
     print(&format!("{} written and read back\n", writes.len()))
 }
 
-/// What to say when the write at place `at` was refused.
+/// The message for when the write at place `at` was refused.
 fn ended(writes: &[Change], at: usize, refused: &str) -> String {
     let codes = |of: &[Change]| of.iter().map(|it| it.new.code.as_str()).collect::<Vec<_>>().join(", ");
     let done = writes.get(..at).unwrap_or_default();

@@ -2,12 +2,12 @@
 
 use super::file::{Dump, LeftOut, Parameter};
 
-/// Numbers that the drive refuses in a row until the group is taken to end before them: groups have gaps.
+/// Consecutive refused numbers after which the group is taken to have ended before them: groups have gaps.
 const REFUSED_MAX: usize = 16;
-/// Numbers that it does not answer in a row: each of these takes the line a whole time-out.
+/// Consecutive unanswered numbers: each of these occupies the line for a whole time-out.
 const SILENT_MAX: usize = 3;
 
-/// What came of a number.
+/// The outcome of reading a number.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Tried {
     /// The drive has it.
@@ -30,7 +30,7 @@ pub struct Walk {
 }
 
 impl Walk {
-    /// Takes what came of the next number into `dump`; whether the one behind it is worth asking for.
+    /// Takes the outcome of the next number into `dump`; returns whether the one after it is worth asking for.
     pub fn goes_on_after(&mut self, tried: Tried, dump: &mut Dump) -> bool {
         match tried {
             Tried::Shown(parameter) => {
@@ -55,7 +55,7 @@ impl Walk {
         let last = self.silent.last().map(|(code, _)| code).or(self.refused.last()).cloned();
         self.note(dump);
         if let Some(last) = last.filter(|_| self.is_cut) {
-            let reason = "not asked for: the drive showed none of those before them".to_owned();
+            let reason = "not read: the drive showed none of those before them".to_owned();
             dump.left_out.push(LeftOut { what: format!("group {name} behind {last}"), reason });
         }
     }
@@ -101,7 +101,7 @@ mod tests {
         Tried::Shown(Parameter { code: code(number), address, raw: 7, text: None, title: String::new() })
     }
 
-    /// The numbers that are asked for, and what the dump holds then.
+    /// The numbers that are requested, and the resulting dump.
     fn walked(has: impl Fn(usize) -> Tried) -> (usize, Dump) {
         let mut walk = Walk::default();
         let mut dump = Dump::default();
@@ -124,7 +124,7 @@ mod tests {
             "F00: the drive refuses to show it",
             "F05 to F09: the drive refuses to show it",
             "F20 to F35: the drive refuses to show it",
-            "group F behind F35: not asked for: the drive showed none of those before them",
+            "group F behind F35: not read: the drive showed none of those before them",
         ];
         assert_eq!(left_out(&dump), told);
         let (asked, dump) = walked(shown);
@@ -139,7 +139,7 @@ mod tests {
         let told = [
             "F00: no answer",
             "F04 to F06: no answer",
-            "group F behind F06: not asked for: the drive showed none of those before them",
+            "group F behind F06: not read: the drive showed none of those before them",
         ];
         assert_eq!(left_out(&dump), told);
     }

@@ -1,4 +1,4 @@
-//! Whoever asks on a real port: a line of the tool's own, opened anew for each setting.
+//! Requests on a real port: a line of the tool's own, reopened for each setting.
 
 use super::plan::{LISTEN, Setting};
 use super::survey::{Asker, Heard};
@@ -12,9 +12,9 @@ use crate::domain::report::LineCounters;
 use std::time::Duration;
 use tokio::time::sleep;
 
-/// Loose bytes while nobody was asked that are still put down to an adapter that was switched on.
+/// Stray bytes without a request that are still attributed to an adapter that was switched on.
 const LOOSE_BYTES_MAX: u64 = 3;
-/// How much longer than the drive the line may take for a read: what may come late, and the turn of others.
+/// How much longer than the drive the line may take for a read: late replies, and other stations' turns.
 const LATE: Duration = Duration::from_secs(2);
 
 /// A port, and the line that is open on it.
@@ -26,9 +26,9 @@ pub struct PortAsker {
     patience: Duration,
     has_listened: bool,
     seen: LineCounters,
-    /// What the adapter sends back of what is sent.
+    /// The adapter echoes what is sent.
     pub echoes: u64,
-    /// Frames of drives that came too late to count.
+    /// Frames of drives that arrived too late to count.
     pub late: u64,
 }
 
@@ -49,7 +49,7 @@ impl PortAsker {
         }
     }
 
-    /// Gives the port back.
+    /// Releases the port.
     pub async fn close(&mut self) {
         if let Some(line) = self.line.take() {
             line.close().await;
@@ -60,7 +60,7 @@ impl PortAsker {
         self.line.as_ref().ok_or_else(|| Failure::failed("the line is not open"))
     }
 
-    /// Only listens, and refuses a line on which somebody talks: two who ask take each other's answers.
+    /// Only listens, and refuses a line with traffic: two masters take each other's answers.
     async fn listen(&mut self, link: LinkSettings) -> Result<(), Failure> {
         sleep(LISTEN).await;
         let heard = self.line()?.report().counters;
@@ -78,11 +78,11 @@ impl PortAsker {
             self.has_listened = true;
             return Ok(());
         };
-        let right = "end whatever asks there, a PLC or another gateway, and scan again";
+        let right = "stop the other master, a PLC or another gateway, and scan again";
         Err(Failure::failed(format!("the line is in use: {how}; {right}")))
     }
 
-    /// What was counted since this was asked last.
+    /// The counters since the last call.
     fn counted(&mut self) -> Result<LineCounters, Failure> {
         let now = self.line()?.report().counters;
         let before = std::mem::replace(&mut self.seen, now);

@@ -1,5 +1,5 @@
-//! `scan`: finds drives on a line that nobody uses, names their models where it can tell, and prints a configuration to
-//! start from. It only reads.
+//! `scan`: finds drives on an unused line, names their models if it can tell, and prints a configuration to start from.
+//! It only reads.
 
 mod asker;
 mod plan;
@@ -74,7 +74,7 @@ fn patience(text: &str) -> Result<Duration, String> {
     seconds.map(Duration::from_secs_f64).ok_or_else(|| format!("{text} is no time from 0.02 to 10 seconds"))
 }
 
-/// Looks for drives until all was tried, or Ctrl-C. What was found by then is printed either way.
+/// Looks for drives until everything was tried, or Ctrl-C. What was found by then is printed either way.
 pub fn scan(args: &Args) -> Result<(), Failure> {
     let catalog = input::catalog_with(&args.own)?;
     let models: Vec<_> = catalog.ids().filter_map(|id| catalog.find(id).cloned()).collect();
@@ -94,7 +94,7 @@ pub fn scan(args: &Args) -> Result<(), Failure> {
         ));
     }
     if let Some(out) = args.out.as_deref().filter(|out| out.exists()) {
-        return Err(Failure::wrong(format!("{} is there already, and is left alone", out.display())));
+        return Err(Failure::wrong(format!("{} already exists and is not overwritten", out.display())));
     }
     let plan = Plan::new(&models, args.stations.0.clone(), &wish);
     if plan.settings.is_empty() {
@@ -129,21 +129,21 @@ pub fn scan(args: &Args) -> Result<(), Failure> {
     tell(args, &scan, late)?;
     ended?;
     match (findings.is_complete, findings.drives.is_empty()) {
-        (false, _) => Err(Failure::failed("ended before all was tried; this is what was found until then")),
+        (false, _) => Err(Failure::failed("interrupted before all was tried; this was found so far")),
         (true, true) => Err(Failure::failed(ADVICE)),
         (true, false) => Ok(()),
     }
 }
 
-/// What may help where nothing answers.
+/// What may help if no drive answers.
 const ADVICE: &str = "nothing answers. Is the drive switched on, set to RS-485 and to a station among those that were \
                       asked? Are A and B exchanged? Try --all-settings, or --stations 1-247";
 
-/// The results in their places.
+/// Prints the results where they belong.
 fn tell(args: &Args, scan: &Scan<'_>, late: u64) -> Result<(), Failure> {
     if late > 0 {
         let hint = "ask again with a longer --seconds-per-station";
-        complain(format!("{late} frames came too late to count: {hint}\n").as_bytes());
+        complain(format!("{late} frames arrived too late to count: {hint}\n").as_bytes());
     }
     let configuration = scan.configuration();
     if let (Some(out), Some(text)) = (&args.out, &configuration) {
@@ -167,7 +167,7 @@ fn write_new(path: &std::path::Path, text: &str) -> Result<(), Failure> {
     written.map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
 }
 
-/// How many reads look for drives, at the most.
+/// The largest number of reads that look for drives.
 fn asks(plan: &Plan) -> usize {
     plan.settings.iter().map(|setting| setting.probes.len() * plan.stations.len()).sum()
 }
@@ -189,7 +189,7 @@ fn announcement(args: &Args, plan: &Plan) -> String {
     )
 }
 
-/// The course of it on a terminal.
+/// Shows the progress on a terminal.
 struct Shown<'a> {
     plan: &'a Plan,
     bar: Bar,

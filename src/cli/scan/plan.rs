@@ -1,5 +1,5 @@
-//! What a scan tries, in which order, and how long that takes: settings, the reads that find drives, the reads that tell
-//! models apart. All of it follows from the models.
+//! What a scan tries, in which order, and how long that takes: settings, the reads that find drives, the reads that
+//! distinguish models. All of it follows from the models.
 
 use crate::domain::link::{Framing, LinkSettings, Parity};
 use crate::gateway::DriveSetup;
@@ -12,17 +12,17 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How long the line is only listened to before the first frame.
+/// How long the line is observed before the first frame.
 pub const LISTEN: Duration = Duration::from_secs(2);
-/// Registers that are read to tell a model from the others.
+/// Registers that are read to distinguish a model from the others.
 pub const TELLING: usize = 3;
-/// Most reads without an answer that one station may cost while its model is looked for.
+/// Most reads without an answer that one station may cost while its model is determined.
 pub const SILENCES_MAX: u32 = 2;
-/// What an answer is reckoned to take beyond its characters: drives need some milliseconds, adapters as many.
+/// The assumed time of an answer beyond its characters: drives need some milliseconds, adapters as many.
 const ANSWERS_WITHIN: Duration = Duration::from_millis(50);
 /// Time to open a port.
 const OPENS_WITHIN: Duration = Duration::from_millis(200);
-/// Bytes of a request, and of the reply to it, at the most.
+/// Largest request, and largest reply to it, in bytes.
 const REQUEST_PDU_BYTES: usize = 5;
 
 /// Everything that is tried.
@@ -34,16 +34,16 @@ pub struct Plan {
     pub stations: Vec<u8>,
 }
 
-/// One way in which a line may be set, and what is asked there.
+/// One setting of a line, and what is read with it.
 #[derive(Clone, Debug)]
 pub struct Setting {
     /// Speed and character format.
     pub link: LinkSettings,
-    /// How frames are told apart.
+    /// The framing.
     pub framing: Framing,
-    /// Models that may be set so, those that leave the factory so first.
+    /// Models that may be set to this, those with it as factory setting first.
     pub candidates: Vec<Arc<Model>>,
-    /// Addresses at which every drive that leaves the factory so answers one or the other.
+    /// Addresses of which every drive with this factory setting answers at least one.
     pub probes: Vec<u16>,
     /// Longest wait for an answer.
     pub timeout: Duration,
@@ -51,12 +51,12 @@ pub struct Setting {
     pub lateness: Duration,
 }
 
-/// What a person wants to be tried.
+/// The user's selection.
 #[derive(Clone, Debug, Default)]
 pub struct ScanOptions {
-    /// Every setting that some model has, not only those of the factories.
+    /// Every setting that some model has, not only factory settings.
     pub everything: bool,
-    /// Only these speeds; none: those of the models.
+    /// Only these speeds; empty: those of the models.
     pub bauds: Vec<u32>,
     /// Only this parity.
     pub parity: Option<Parity>,
@@ -66,12 +66,12 @@ pub struct ScanOptions {
     pub is_ascii: bool,
     /// The speed is set elsewhere: at the serial device server.
     pub is_network: bool,
-    /// Longest wait for an answer; nothing: from the models.
+    /// Longest wait for an answer; `None`: from the models.
     pub timeout: Option<Duration>,
 }
 
 impl Plan {
-    /// What is tried to find drives of `models` at `stations`.
+    /// The plan for finding drives of `models` at `stations`.
     #[must_use]
     pub fn new(models: &[Arc<Model>], stations: Vec<u8>, wish: &ScanOptions) -> Self {
         let framing = if wish.is_ascii { Framing::Ascii } else { Framing::Rtu };
@@ -82,7 +82,7 @@ impl Plan {
         Self { settings: links.into_iter().map(setting).filter(|it| !it.probes.is_empty()).collect(), stations }
     }
 
-    /// How long the line is in use if nobody answers, and how much longer if every station does.
+    /// How long the line is in use if no station answers, and how much longer if every station does.
     #[must_use]
     pub fn duration(&self) -> (Duration, Duration) {
         let stations = u32::try_from(self.stations.len()).unwrap_or(u32::MAX);
@@ -109,14 +109,14 @@ impl Setting {
         Self { link, framing, candidates, probes, timeout, lateness }
     }
 
-    /// Times of a line that is set so.
+    /// Times of a line with this setting.
     #[must_use]
     pub fn timing(&self) -> Timing {
         let models = self.candidates.iter().map(AsRef::as_ref);
         Timing::for_models(self.framing, self.link, models, Duration::ZERO)
     }
 
-    /// A station of which nothing is known but how it is reached: it is never polled.
+    /// A station known only by its address: it is never polled.
     #[must_use]
     pub fn station(&self, station: u8) -> Option<DriveSetup> {
         let like =
@@ -148,7 +148,7 @@ impl Setting {
         (self.exchange(self.timeout) * stations + self.lateness + OPENS_WITHIN) * rounds
     }
 
-    /// Time to find out the model of one station that answers, with all silences that this may cost.
+    /// Time to determine the model of one station that answers, with all silences that this may cost.
     fn when_told_apart(&self) -> Duration {
         let reads = u32::try_from(TELLING * self.candidates.len().min(3)).unwrap_or(u32::MAX);
         let is_told_by_silence = self.candidates.iter().any(|model| model.exceptions.is_empty());
@@ -167,7 +167,7 @@ fn is_factory(model: &Model, link: LinkSettings, framing: Framing) -> bool {
     let factory = model.link.default.value;
     match framing {
         Framing::Rtu => factory == link,
-        // Data bits that only text can have are no setting of a factory.
+        // Data bits that only ASCII frames can have are not a factory setting.
         Framing::Ascii => LinkSettings { data_bits: link.data_bits, ..factory } == link,
     }
 }
@@ -180,7 +180,7 @@ fn may_be_set(model: &Model, link: LinkSettings) -> bool {
         && of.data_bits.value.contains(&link.data_bits)
 }
 
-/// The settings that are tried: those of the factories, then the others as far as they are wanted.
+/// The settings to try: factory settings, then the others as far as requested.
 fn links(models: &[Arc<Model>], framing: Framing, wish: &ScanOptions) -> Vec<LinkSettings> {
     let data_bits: &[u8] = if framing == Framing::Ascii { &[8, 7] } else { &[8] };
     let is_wanted = |link: &LinkSettings| {
@@ -231,8 +231,8 @@ pub fn readable(model: &Model, address: u16) -> Option<&Register> {
     model.register_at(address).filter(|register| register.access.can_read())
 }
 
-/// Few addresses, one of which each of `models` answers. A drive whose exceptions are known answers whatever it is asked;
-/// of others nobody knows what they do about an address that they do not have.
+/// A few addresses, one of which each of `models` answers. A drive whose exceptions are known answers any request; for
+/// others it is unknown how they handle an address that they do not have.
 pub fn probes(models: &[Arc<Model>]) -> Vec<u16> {
     let answers = |model: &Model, address| readable(model, address).is_some() || !model.exceptions.is_empty();
     let mut left: Vec<&Arc<Model>> = models.iter().collect();
@@ -243,7 +243,7 @@ pub fn probes(models: &[Arc<Model>]) -> Vec<u16> {
             .flat_map(|model| model.registers.iter().filter(|it| it.access.can_read()).map(|it| it.address))
             .collect();
         let count = |address: u16| left.iter().filter(|model| answers(model, address)).count();
-        // Of equals the lowest.
+        // Of equal ones the lowest.
         let Some(best) = addresses.into_iter().rev().max_by_key(|address| count(*address)) else { break };
         probes.push(best);
         left.retain(|model| !answers(model, best));
@@ -251,7 +251,7 @@ pub fn probes(models: &[Arc<Model>]) -> Vec<u16> {
     probes
 }
 
-/// The registers of `model` that fewest others of `all` have, the surest first.
+/// The registers of `model` that the fewest others of `all` have, the surest first.
 #[must_use]
 pub fn telling(model: &Model, all: &[Arc<Model>]) -> Vec<u16> {
     let others =
@@ -267,10 +267,10 @@ pub fn nowhere(models: &[Arc<Model>]) -> Option<u16> {
     (0..0x7000_u16).rev().find(|address| models.iter().all(|model| model.register_at(*address).is_none()))
 }
 
-/// Stations as people write them: `1-32`, `1,3,7-9`.
+/// Stations in text form: `1-32`, `1,3,7-9`.
 ///
 /// # Errors
-/// What is wrong, and what would be right.
+/// What is wrong, and what would be correct.
 pub fn stations(text: &str) -> Result<Vec<u8>, String> {
     let wrong =
         || format!("{text} names no stations: numbers from 1 to 247 and ranges of them, such as 1-32 or 1,3,7-9");

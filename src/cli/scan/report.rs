@@ -1,4 +1,4 @@
-//! What a scan has found: as a table for people, as JSON, and as a configuration to start from.
+//! The results of a scan: as a table for people, as JSON, and as a configuration to start from.
 
 use super::plan::{Plan, Setting};
 use super::survey::{Finding, Findings};
@@ -9,7 +9,7 @@ use crate::toml_file::words::{FRAMINGS, PARITIES, word_for};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
-/// What was scanned.
+/// A scan with its results.
 pub struct Scan<'a> {
     /// The port.
     pub port: &'a PortAddress,
@@ -17,19 +17,19 @@ pub struct Scan<'a> {
     pub plan: &'a Plan,
     /// What was found.
     pub findings: &'a Findings,
-    /// The adapter sends back what is sent.
+    /// The adapter echoes what is sent.
     pub echoes: bool,
-    /// When, as a date.
+    /// The date.
     pub date: &'a str,
 }
 
-/// `9600 8N1`, with ` ascii` where it is.
+/// `9600 8N1`, with ` ascii` if it is.
 pub fn setting_text(setting: &Setting) -> String {
     let ascii = if setting.framing == Framing::Ascii { " ascii" } else { "" };
     format!("{}{ascii}", setting.link)
 }
 
-/// What a drive may be, for people.
+/// The model candidates, for people.
 pub fn model_text(finding: &Finding) -> String {
     let ids: Vec<_> = finding.verdict.fits.iter().map(|model| model.id.as_str()).collect();
     match finding.verdict.word() {
@@ -44,7 +44,7 @@ impl Scan<'_> {
         self.plan.settings.get(finding.setting)
     }
 
-    /// The drives as a table, and what else was seen.
+    /// The drives as a table, and other observations.
     pub fn table(&self) -> String {
         let row = |finding: &Finding| {
             let setting = self.setting(finding).map(|it| self.place(it)).unwrap_or_default();
@@ -103,8 +103,8 @@ impl Scan<'_> {
         })
     }
 
-    /// A configuration with the drives whose model is known, read-only; nothing if there is none. A line has one setting:
-    /// drives that answer with another one are named beside it.
+    /// A configuration with the drives whose model is known, read-only; `None` if there is none. A line has one
+    /// setting: drives that answer with another one are named in comments.
     pub fn configuration(&self) -> Option<String> {
         let known = |finding: &&Finding| !finding.verdict.fits.is_empty();
         let count = |number: usize| self.findings.drives.iter().filter(known).filter(|it| it.setting == number).count();
@@ -119,7 +119,7 @@ impl Scan<'_> {
             self.date
         );
         if !self.findings.is_complete {
-            text.push_str("# The scan was ended before all was tried.\n\n");
+            text.push_str("# The scan was interrupted before all was tried.\n\n");
         }
         self.line(setting, &mut text);
         for finding in self.findings.drives.iter().filter(|it| it.setting == number) {

@@ -1,5 +1,5 @@
-//! The course of a scan: who answers, and what it probably is. It knows neither port nor clock, so that a test can play it
-//! on a simulated line in simulated time.
+//! The course of a scan: which stations answer, and what they probably are. It knows neither port nor clock, so that a
+//! test can run it on a simulated line in simulated time.
 
 use super::plan::{Plan, SILENCES_MAX, Setting, nowhere, readable, telling};
 use crate::cli::Failure;
@@ -7,71 +7,71 @@ use crate::profile::model::Model;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
-/// What came of one read.
+/// The outcome of one read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Heard {
     /// The word of the register.
     Word(u16),
-    /// The drive answered that it will not.
+    /// The drive answered with an exception.
     Exception(u8),
-    /// Something came that is no answer.
+    /// Something arrived that is not an answer.
     Damaged,
-    /// Nothing came.
+    /// No byte arrived.
     Silent,
 }
 
-/// Whoever asks on the line.
+/// Sends the requests on the line.
 pub trait Asker {
-    /// Takes the line with this setting, for these stations.
+    /// Opens the line with this setting, for these stations.
     ///
     /// # Errors
-    /// The line cannot be used, or somebody else uses it.
+    /// The line cannot be used, or another master uses it.
     async fn open(&mut self, setting: &Setting, stations: &[u8]) -> Result<(), Failure>;
 
     /// Reads one register of one of them.
     ///
     /// # Errors
-    /// The line is lost, or somebody else uses it.
+    /// The line is lost, or another master uses it.
     async fn ask(&mut self, station: u8, address: u16) -> Result<Heard, Failure>;
 }
 
-/// Something that people want to see at once.
+/// An event that is shown at once.
 #[derive(Debug)]
 pub enum Event<'a> {
-    /// A setting is begun: which one, from 0.
+    /// A setting is started: which one, from 0.
     Setting(usize),
-    /// So many stations of a round are done.
+    /// This many stations of a round are done.
     Asked,
     /// A station answers.
     Answers(u8),
-    /// What it is was looked for.
+    /// Its model was searched for.
     Told(&'a Finding),
 }
 
 /// One drive that answers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
-    /// With which setting, by its place in the plan.
+    /// Its setting, by its index in the plan.
     pub setting: usize,
-    /// Its number.
+    /// Its station number.
     pub station: u8,
     /// It answered with an exception, not with a word.
     pub by_exception: bool,
-    /// What it may be.
+    /// Its model candidates.
     pub verdict: Verdict,
 }
 
-/// What a drive may be.
+/// The models that a drive may be.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Verdict {
-    /// The models that fit, the likeliest first.
+    /// The models that fit, the most likely first.
     pub fits: Vec<Arc<Model>>,
-    /// It answers also what no model knows: what fits, proves little.
+    /// It also answers addresses that no model has: a fit proves little.
     pub answers_anything: bool,
 }
 
 impl Verdict {
-    /// How sure it is, in a word.
+    /// The confidence, in one word.
     #[must_use]
     pub fn word(&self) -> &'static str {
         match (self.fits.len(), self.answers_anything) {
@@ -82,19 +82,19 @@ impl Verdict {
     }
 }
 
-/// What a scan has found so far.
+/// The findings of a scan so far.
 #[derive(Clone, Debug, Default)]
 pub struct Findings {
     /// Drives, in the order in which they answered.
     pub drives: Vec<Finding>,
-    /// Stations from which only damaged answers came, by setting.
+    /// Stations that sent only damaged answers, by setting.
     pub damaged: BTreeMap<usize, BTreeSet<u8>>,
     /// Every setting was tried.
     pub is_complete: bool,
 }
 
 impl Findings {
-    /// Whether `station` answers with a setting that differs in stop bits alone: then it is the same drive.
+    /// Whether `station` answers with a setting that differs only in stop bits: then it is the same drive.
     fn has_like(&self, plan: &Plan, setting: &Setting, station: u8) -> bool {
         self.drives.iter().any(|drive| {
             let link = plan.settings.get(drive.setting).map(|it| it.link);
@@ -134,7 +134,7 @@ pub async fn survey(
     Ok(())
 }
 
-/// Asks each station until it answers. Returns those that do, with the address at which they did.
+/// Requests each station until it answers. Returns those that do, with the address at which they did.
 async fn look(
     plan: &Plan,
     number: usize,
@@ -174,7 +174,7 @@ async fn look(
     Ok(answered)
 }
 
-/// Reads what tells the models apart, those first that leave the factory with this setting. `probe` is known to be
+/// Reads the registers that distinguish the models, those first that have this factory setting. `probe` is known to be
 /// answered.
 async fn identify(setting: &Setting, station: u8, probe: u16, asker: &mut impl Asker) -> Result<Verdict, Failure> {
     let has_number = |model: &&Arc<Model>| model.link.stations.value.contains(&station);
@@ -203,7 +203,7 @@ async fn identify(setting: &Setting, station: u8, probe: u16, asker: &mut impl A
         {
             verdict.answers_anything = matches!(look.ask(nowhere).await?, Heard::Word(_));
         }
-        // Who has shown that it does not answer everything, can only be one that has all of these too.
+        // A station that has shown that it does not answer everything can only be one that has all of these too.
         if !verdict.answers_anything {
             queue.retain(|other| told.iter().all(|address| readable(other, *address).is_some()));
         }
@@ -222,7 +222,7 @@ struct Look<'a, A> {
 }
 
 impl<A: Asker> Look<'_, A> {
-    /// Whether all registers that tell `model` from the others are there, with words that they take.
+    /// Whether all registers that distinguish `model` from the others exist, with words that they accept.
     async fn fits(&mut self, model: &Model, all: &[Arc<Model>]) -> Result<bool, Failure> {
         for address in telling(model, all) {
             let heard = self.ask(address).await?;
@@ -234,7 +234,8 @@ impl<A: Asker> Look<'_, A> {
         Ok(true)
     }
 
-    /// Reads `address`, once. After a silence the station is asked for what it answers, so that it does not count as gone.
+    /// Reads `address`, once. After a silence the station is asked for a known address, so that it does not count as
+    /// gone.
     async fn ask(&mut self, address: u16) -> Result<Heard, Failure> {
         if let Some(heard) = self.known.get(&address) {
             return Ok(*heard);

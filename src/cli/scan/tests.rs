@@ -26,7 +26,7 @@ fn model(id: &str) -> Arc<Model> {
     models().into_iter().find(|model| model.id == id).unwrap()
 }
 
-/// Drives of one model at their factory setting, and whoever asks them.
+/// Drives of one model at their factory setting, and the requests to them.
 struct Simulated {
     bus: SimBus,
     link: LinkSettings,
@@ -49,7 +49,7 @@ impl Simulated {
         Self { bus, link, now: MonoTime::from_millis(1), core: None, stations: Vec::new(), hears: false, faulty }
     }
 
-    /// Goes on to the next thing that happens; at most to `until`. Returns the answer to a request, if that was it.
+    /// Proceeds to the next event; at most to `until`. Returns the answer to a request, if that was it.
     fn go_on(&mut self, until: MonoTime) -> Option<NativeOutcome> {
         let core = self.core.as_mut().unwrap();
         let mut answer = None;
