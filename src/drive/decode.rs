@@ -1,10 +1,10 @@
-//! A write to a drive's own registers becomes an order: every way to run a motor is reviewed as such.
+//! Decodes a write to a drive's own registers into an order, so that every way to run a motor is reviewed as such.
 
 use crate::domain::command::{Direction, Go, Order, Reason, RegisterWrite};
 use crate::domain::frequency::Hertz;
 use crate::profile::model::{Model, Role, RunCommand};
 
-/// What one word of a write means.
+/// The meaning of one word of a write.
 enum DecodedPart {
     Run(RunPart),
     Frequency(Hertz),
@@ -20,17 +20,19 @@ enum RunPart {
     Release,
 }
 
-/// The order that `values`, written from `address` on, mean on `model`.
+/// The order that `values`, written from `address` on, stand for on `model`.
 ///
-/// A stop or a cut-off in a block comes before everything else in it.
+/// A stop or a cut-off in a block takes precedence over everything else in it.
 ///
 /// # Errors
-/// [`Reason::NotListed`] for an address that the model does not know as writable, [`Reason::NotAllowed`] for a register
-/// that decides whom the motor obeys or moves it by another way, [`Reason::NotUnderstood`] for a run value that is not
-/// exactly one known command, [`Reason::OutsideRange`] for a word that the register does not take,
-/// [`Reason::Conflict`] for parts that exclude each other.
+/// [`Reason::NotListed`] for an address that the model does not list as writable, [`Reason::NotAllowed`] for a
+/// register that selects the source of commands or moves the motor by other means, [`Reason::NotUnderstood`] for a
+/// run value that is not exactly one known command, [`Reason::OutsideRange`] for a word outside the register's
+/// range, [`Reason::Conflict`] for parts that exclude each other.
 pub fn order(model: &Model, address: u16, values: &[u16]) -> Result<Order, Reason> {
-    let (mut run, mut frequency, mut registers) = (None, None, Vec::new());
+    let mut run = None;
+    let mut frequency = None;
+    let mut registers = Vec::new();
     let addresses = std::iter::successors(Some(address), |address| Some(model.next_address(*address)));
     for (address, value) in addresses.zip(values) {
         match part(model, address, *value)? {
@@ -51,10 +53,10 @@ pub fn order(model: &Model, address: u16, values: &[u16]) -> Result<Order, Reaso
     }
 }
 
-/// Whether the model lets `write` be made as it is, once it is listed.
+/// Whether the model allows `write` as a plain register write, once it is listed.
 ///
 /// # Errors
-/// As of [`order`]; [`Reason::NotAllowed`] for the registers that commands are written to as well.
+/// As for [`order`]; also [`Reason::NotAllowed`] for the registers that commands are written to.
 pub fn register(model: &Model, write: RegisterWrite) -> Result<(), Reason> {
     match part(model, write.address, write.value)? {
         DecodedPart::Register(_) => Ok(()),

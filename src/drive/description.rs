@@ -1,4 +1,4 @@
-//! What does not change about a drive while the gateway runs: names, units, model, limits.
+//! The constant properties of a drive while the gateway runs: names, units, model, limits.
 
 use super::plan::Pace;
 use crate::domain::control::ControlSettings;
@@ -22,26 +22,25 @@ pub struct DriveRef {
 /// Rated values of one drive, from its nameplate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ratings {
-    /// Rated current in mA; nothing: not stated.
+    /// Rated current in mA; `None` if not stated.
     pub current_ma: Option<u32>,
-    /// Rated voltage in mV; nothing: not stated.
+    /// Rated voltage in mV; `None` if not stated.
     pub voltage_mv: Option<u32>,
 }
 
-/// How the polled registers of a drive are published, each by its name.
+/// How the polled registers of a drive are published, by register name.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
-    /// Smallest change that is published, in the register's unit; of one that is not here: a step.
+    /// Smallest change that is published, in the register's unit; one step for registers not listed.
     pub dead_bands: Vec<(String, f64)>,
-    /// After this time a value that has not changed is published again; of one that is not here: after the heartbeat of
-    /// all topics.
+    /// After this time an unchanged value is published again; the general heartbeat applies to registers not listed.
     pub heartbeats: Vec<(String, Duration)>,
-    /// Digits behind the decimal point, none that the register has not; of one that is not here: all that it has.
+    /// Digits after the decimal point, at most those that the register has; all of them for registers not listed.
     pub decimals: Vec<(String, u8)>,
 }
 
 impl Points {
-    /// Digits behind the decimal point with which `register` is published; nothing: all that it has.
+    /// Digits after the decimal point with which `register` is published; `None` for all that it has.
     #[must_use]
     pub fn decimals_of(&self, register: &Register) -> Option<u8> {
         self.decimals.iter().find(|(name, _)| *name == register.name).map(|(_, digits)| *digits)
@@ -51,13 +50,13 @@ impl Points {
 /// One drive as the configuration names it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DriveDescription {
-    /// Where it hangs.
+    /// Its line and its place there.
     pub place: DriveRef,
     /// Its name, unique over the gateway.
     pub name: Name,
     /// The name of its line.
     pub line: Name,
-    /// What it is.
+    /// Its model.
     pub model: Arc<Model>,
     /// Its native unit on Modbus TCP.
     pub unit: UnitId,
@@ -67,14 +66,14 @@ pub struct DriveDescription {
     pub pace: Pace,
     /// Its rated values, where the model reports in per cent of them.
     pub ratings: Ratings,
-    /// What may be commanded; nothing: the drive is read-only.
+    /// What may be commanded; `None` if the drive is read-only.
     pub control: Option<Arc<ControlSettings>>,
     /// How its polled registers are published.
     pub points: Points,
 }
 
 impl DriveDescription {
-    /// The age from which a reading of `register` is stale; nothing if the register is not polled.
+    /// The age from which a reading of `register` is stale; `None` if the register is not polled.
     #[must_use]
     pub fn stale_after(&self, register: &Register) -> Option<Duration> {
         Some(self.pace.period(register.poll?) * STALE_PERIODS)

@@ -1,5 +1,5 @@
-//! What is known about one drive, and what an order means to it: which registers are polled and when, what was last
-//! read, orders as steps, trips, run state, and the picture that the north sides are shown.
+//! The state of one drive and how orders are carried out on it: which registers are polled and when, the last
+//! readings, orders as steps, trips, run state, and the view for the north interfaces.
 
 pub mod decode;
 pub mod description;

@@ -1,9 +1,9 @@
-//! The poll plan of one drive: its polled registers, merged into as few frames as the model allows, and when each is due.
+//! The poll plan of one drive: its polled registers, merged into as few frames as the model allows, and when each is
+//! due.
 //!
-//! Registers that no document of the model itself shows are read apart from the others until the drive has answered for
-//! them once, so that a drive that does not know them loses nothing else by it. If it never answers for them while it
-//! answers for others, they are asked for seldom. Registers that lie between two groups are read along, until the drive
-//! refuses that.
+//! Registers that no document of the model itself shows are read separately until the drive has answered for them once,
+//! so that the others can be read from a drive that does not have them. If it never answers for them while it answers
+//! for others, they are rarely polled. Registers between two groups are read along, until the drive refuses that.
 
 mod groups;
 mod phases;
@@ -19,38 +19,39 @@ use groups::{apart, may_be_read_along};
 use std::cmp::Reverse;
 use std::time::Duration;
 
-/// How often registers that are not proven, or a read over a hole, are asked for in vain, each time with answers to other
-/// requests in between, before that is given up.
+/// Number of failed reads of unproven registers, or over a hole, before they are given up; each counts only if other
+/// requests were answered in between.
 const VAIN_MAX: u8 = 3;
-/// How often registers are asked for that the drive never answers for.
+/// Period of reads of registers that the drive has never answered for.
 const SELDOM: Duration = Duration::from_secs(3600);
 
-/// What was asked for in vain.
+/// Counts failed reads.
 #[derive(Clone, Copy, Debug, Default)]
 struct Vain {
     times: u8,
-    /// The drive's answers when it was last.
+    /// The drive's answers at the last failure.
     at: u64,
 }
 
 impl Vain {
-    /// Once more; returns whether that is enough. A drive that answers nothing at all tells nothing about it.
+    /// Counts a failure; returns whether that is enough. A drive that answers nothing at all proves nothing.
     const fn again(&mut self, answers: u64) -> bool {
         if self.at < answers {
-            (self.times, self.at) = (self.times.saturating_add(1), answers);
+            self.times = self.times.saturating_add(1);
+            self.at = answers;
         }
         self.times >= VAIN_MAX
     }
 }
 
-/// One group with its times. None has a hole in it.
+/// One group, without holes, with its times.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
     group: PollGroup,
     /// A moment at which it falls due once it runs regularly.
     regular: MonoTime,
     due: MonoTime,
-    /// The drive is known to answer for it: documents of the model say so, or it has done so.
+    /// Whether the drive is known to answer for it: documents of the model say so, or it has done so.
     is_trusted: bool,
     was_sent: bool,
     vain: Vain,
@@ -66,23 +67,23 @@ struct Bridges {
     vain: Vain,
 }
 
-/// The order in which polls go that are due: those that have waited for whole periods of theirs, the most first, so that
-/// an over-full line stretches all alike; then by class, then the older.
+/// The order of due polls: first by the number of whole periods that they have waited, so that an overloaded line
+/// stretches all alike; then by class, then by age.
 pub type Urgency = (Reverse<u64>, PollClass, MonoTime);
 
 /// The poll groups of one drive with the moments at which they are due.
 #[derive(Debug)]
 pub struct PollPlan {
     pace: Pace,
-    /// Answers of the drive so far, to whatever request.
+    /// Answers of the drive so far, to any request.
     answers: u64,
     bridges: Bridges,
     entries: Vec<Entry>,
 }
 
 impl PollPlan {
-    /// The plan of a drive of `model`. Everything is due at `start`, so that the drive is known soon; then each group
-    /// has a rhythm of its own, so that the polls of a line do not fall due together.
+    /// The plan of a drive of `model`. Everything is due at `start`, so that all values are known soon; after that each
+    /// group has a phase of its own, so that the polls of a line do not fall due together.
     #[must_use]
     pub fn new(model: &Model, pace: Pace, start: MonoTime, place: PlaceOnLine) -> Self {
         let groups = apart(model, |a, b| a == b);
@@ -100,8 +101,8 @@ impl PollPlan {
         Self { pace, answers: 1, bridges: Bridges::default(), entries }
     }
 
-    /// The port was opened at `now`. What has never been asked for and what tells how the drive is goes as soon as it
-    /// can; everything else waits for its moment, so that it is not all due at once.
+    /// The port was opened at `now`. Groups never read and fast groups are due at once; all others wait for their
+    /// phase, so that they are not all due together.
     pub fn port_opened(&mut self, now: MonoTime) {
         self.bridges = Bridges::default();
         let pace = self.pace;
@@ -114,12 +115,13 @@ impl PollPlan {
         }
     }
 
-    /// The drive answered a request well; where it was a read of ours, it covered `count` words from `address` on.
+    /// The drive answered a request; a read of ours covered `count` words from `address` on.
     pub fn answered(&mut self, address: u16, count: u16) {
         self.answers += 1;
         self.bridges.are_answered |= self.bridges.last == Some((address, count));
         for entry in within(&mut self.entries, address, count) {
-            (entry.is_trusted, entry.vain) = (true, Vain::default());
+            entry.is_trusted = true;
+            entry.vain = Vain::default();
         }
     }
 
@@ -142,7 +144,7 @@ impl PollPlan {
         }
     }
 
-    /// The drive does not take a read over a hole: what it was to bring is asked for at once, group by group.
+    /// The drive does not accept a read over a hole: its registers are due at once, group by group.
     fn read_apart(&mut self, now: MonoTime) {
         self.bridges.are_refused = true;
         if let Some((address, count)) = self.bridges.last.take() {
@@ -160,37 +162,37 @@ impl PollPlan {
         }
     }
 
-    /// What a person may have changed while the drive was out of sight is asked for as soon as it can.
+    /// The drive answers again: registers that a person may have changed meanwhile are due at once.
     pub fn drive_is_back(&mut self, now: MonoTime) {
         for entry in self.entries.iter_mut().filter(|entry| entry.group.class == PollClass::Minutely) {
             entry.due = entry.due.min(now);
         }
     }
 
-    /// The number of each group, what it reads and when it is due.
+    /// Index, group and due time of each group.
     pub fn iter(&self) -> impl Iterator<Item = (usize, PollGroup, MonoTime)> + '_ {
         self.entries.iter().enumerate().map(|(index, entry)| (index, entry.group, entry.due))
     }
 
-    /// How urgent a group is at `now` that is due since `due`.
+    /// How urgent a group is at `now` that has been due since `due`.
     #[must_use]
     pub fn urgency(&self, group: PollGroup, due: MonoTime, now: MonoTime) -> Urgency {
-        // What is asked for by the hour is not waited for by the hour.
+        // An hourly poll must not wait for hours.
         let period = group.period(self.pace).min(self.pace.period(PollClass::Slow));
         let waited = now.since(due).as_millis() / period.as_millis().max(1);
         (Reverse(u64::try_from(waited).unwrap_or(u64::MAX)), group.class, due)
     }
 
-    /// Whether a group that is due since `due` has grown too old by `now` to wait for others: a fast one after half its
-    /// period, any after a whole one.
+    /// Whether a group that has been due since `due` is too old at `now` to wait for others: a fast one after half its
+    /// period, any other after a whole one.
     #[must_use]
     pub fn is_aged(&self, group: PollGroup, due: MonoTime, now: MonoTime) -> bool {
         let is_fast = group.class == PollClass::Fast && now.since(due) * 2 > group.period(self.pace);
         is_fast || self.urgency(group, due, now).0.0 > 0
     }
 
-    /// Takes the group at `index` for the wire at `now`, with its neighbours that are due as well, whatever their class,
-    /// as far as one read of `model` reaches and `may_go` allows the longer read. Returns what is to be read.
+    /// Takes the group at `index` for the wire at `now`, with due neighbours of any class, as far as one read of
+    /// `model` reaches and `may_go` allows the longer read. Returns first register and number of words.
     pub fn take(
         &mut self,
         index: usize,
@@ -202,7 +204,8 @@ impl PollPlan {
         self.sent(index, now);
         let mut has_holes = false;
         while is_trusted && let Some((neighbour, longer, hole)) = self.due_neighbour(&all, now, model, &may_go) {
-            (all, has_holes) = (longer, has_holes || hole > 0);
+            all = longer;
+            has_holes |= hole > 0;
             self.sent(neighbour, now);
         }
         let read = (all.address, all.count);
@@ -210,7 +213,7 @@ impl PollPlan {
         Some(read)
     }
 
-    /// A group that is due at `now` and fits into one read with `all`, that read, and how many words lie between.
+    /// A group that is due at `now` and fits into one read with `all`, that read, and the number of words between them.
     fn due_neighbour(
         &self,
         all: &PollGroup,
@@ -242,8 +245,8 @@ impl PollPlan {
 }
 
 impl Entry {
-    /// It falls due at its next moment after `now`. Periods that were missed are left out, so that a line that fell
-    /// behind does not try to catch up; the rhythm is kept.
+    /// Sets the due time to the next one in its phase after `now`. Missed periods are skipped, so that a line that fell
+    /// behind does not try to catch up.
     fn next_regular(&mut self, pace: Pace, now: MonoTime) {
         if now >= self.regular {
             let period = self.group.period(pace);

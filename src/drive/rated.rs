@@ -1,11 +1,11 @@
-//! Values that a drive reports in per cent of its rated ones, in units of their own.
+//! Converts values that a drive reports in per cent of its rated values into physical units.
 
 use super::description::Ratings;
 use crate::domain::units::UnitOfMeasure;
 use crate::profile::model::{Register, Role};
 use crate::profile::scale::Decimal;
 
-/// How the words of a register in per cent become amperes or volts.
+/// The conversion of a register in per cent into amperes or volts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rated {
     /// The rated value in thousandths of the unit.
@@ -17,7 +17,7 @@ pub struct Rated {
 }
 
 impl Rated {
-    /// Nothing if the register is not in per cent of a rated value, or that value is not stated.
+    /// `None` if the register is not in per cent of a rated value, or that value is not stated.
     #[must_use]
     pub fn of(register: &Register, ratings: &Ratings) -> Option<Self> {
         let (rated_milli, unit) = match (register.role?, register.unit) {
@@ -36,7 +36,7 @@ impl Rated {
         (i64::from(word) * i64::from(self.rated_milli), i64::from(self.scale) * 100 * 1000)
     }
 
-    /// The value of `word` in the unit, with so many digits behind the point.
+    /// The value of `word` in the unit, with `digits` digits after the decimal point.
     #[must_use]
     pub fn to_digits(self, word: u16, digits: u8) -> Decimal {
         let (numerator, denominator) = self.fraction(word);

@@ -1,14 +1,14 @@
-//! What a drive does, told from what can be read of it.
+//! The run state of a drive, derived from what can be read from it.
 //!
-//! Where the model has a status word, that tells whether the drive is ordered to run, and in which direction; the output
-//! frequency tells whether it stands still.
+//! If the model has a status word, it shows whether the drive is ordered to run, and in which direction; the output
+//! frequency shows whether it is at standstill.
 //!
 //! A model without a status word shows only its output frequency. The rule for such models, and its confidence:
 //!
-//! * output above zero: it runs. The direction is the one that was ordered here, else not known (inferred: no register
-//!   shows it). After an ordered stop it is stopping.
+//! * output above zero: it runs. The direction is the one ordered here, or else not known (inferred: no register shows
+//!   it). After an ordered stop it is stopping.
 //! * output zero twice in a row with nothing ordered: stopped (inferred: zero does not prove that the drive is not
-//!   ordered to run by somebody else at 0 Hz).
+//!   ordered to run at 0 Hz from elsewhere).
 //! * output zero with a run order in force: not known.
 
 use super::status::StatusWatch;
@@ -18,7 +18,7 @@ use crate::domain::time::MonoTime;
 use crate::profile::model::Flag;
 use std::time::Duration;
 
-/// How many readings of zero in a row count as standstill.
+/// Number of consecutive zero readings that count as standstill.
 pub const ZEROS_FOR_STANDSTILL: u8 = 2;
 
 /// The last readings of the output frequency.
@@ -26,71 +26,72 @@ pub const ZEROS_FOR_STANDSTILL: u8 = 2;
 pub struct OutputWatch {
     last: Option<(u16, MonoTime)>,
     zeros: u8,
-    /// The readings since a stop has taken effect.
+    /// The readings since a stop took effect.
     ramp: Option<Ramp>,
 }
 
-/// How the output has gone since a stop has taken effect.
+/// How the output has changed since a stop took effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Ramp {
     lowest: u16,
     lowest_at: MonoTime,
-    /// Every reading was lower than the one before.
+    /// Whether every reading was lower than the one before.
     falls: bool,
 }
 
 impl OutputWatch {
-    /// Takes a reading of the output frequency, as the drive sent it.
+    /// Takes a raw reading of the output frequency.
     pub fn take(&mut self, raw: u16, at: MonoTime) {
         self.last = Some((raw, at));
         self.zeros = if raw == 0 { self.zeros.saturating_add(1) } else { 0 };
         let Some(ramp) = &mut self.ramp else { return };
         if raw < ramp.lowest {
-            (ramp.lowest, ramp.lowest_at) = (raw, at);
+            ramp.lowest = raw;
+            ramp.lowest_at = at;
         } else {
             ramp.falls = false;
         }
     }
 
-    /// A stop has taken effect at `at`: from here on the output falls.
+    /// A stop took effect at `at`: from then on the output should fall.
     pub fn ramps_down(&mut self, at: MonoTime) {
         let (lowest, lowest_at) = self.last.unwrap_or((u16::MAX, at));
         self.ramp = Some(Ramp { lowest, lowest_at, falls: true });
     }
 
-    /// Whether the motor turns otherwise than a stop explains: the output has risen by more than `rise` above its lowest
-    /// reading, or has not fallen for `within`.
+    /// Whether the motor turns in a way that a stop does not explain: the output has risen by more than `rise` above
+    /// its lowest reading, or has not fallen for `within`.
     #[must_use]
     pub fn has_left_its_ramp(&self, rise: u32, within: Duration) -> bool {
         let (Some(ramp), Some((raw, at))) = (self.ramp, self.last) else { return false };
         raw > 0 && (u32::from(raw) > u32::from(ramp.lowest).saturating_add(rise) || at.since(ramp.lowest_at) >= within)
     }
 
-    /// Whether the output has fallen with every reading since a stop has taken effect. A motor that has kept its speed
-    /// for one reading may have been started by others, and falls to their setpoint.
+    /// Whether the output has fallen with every reading since a stop took effect. A motor that has kept its speed for
+    /// one reading may have been started from elsewhere, and be falling to that setpoint.
     #[must_use]
     pub fn falls(&self) -> bool {
         self.ramp.is_some_and(|ramp| ramp.falls)
     }
 
-    /// When the last reading came; nothing if there is none.
+    /// When the last reading arrived; `None` if there is none.
     #[must_use]
     pub fn at(&self) -> Option<MonoTime> {
         self.last.map(|(_, at)| at)
     }
 
-    /// Forgets everything: the drive is out of sight.
+    /// Discards everything: the drive is offline.
     pub fn forget(&mut self) {
         *self = Self::default();
     }
 
-    /// The last reading; nothing if there is none.
+    /// The last reading; `None` if there is none.
     #[must_use]
     pub fn raw(&self) -> Option<u16> {
         self.last.map(|(raw, _)| raw)
     }
 
-    /// Whether the motor is known to stand still.
+    /// Whether the motor is known to be at standstill.
     #[must_use]
     pub const fn is_at_standstill(&self) -> bool {
         self.zeros >= ZEROS_FOR_STANDSTILL
@@ -102,8 +103,7 @@ impl OutputWatch {
         self.raw().is_some_and(|raw| raw > 0)
     }
 
-    /// What the drive does, if it is online and not tripped. `stopping`: a stop that was ordered here is the last
-    /// order.
+    /// The run state of a drive that is online and not tripped. `stopping`: the last order from here was a stop.
     #[must_use]
     pub fn run_state(&self, status: &StatusWatch, intent: RunIntent, stopping: bool) -> RunState {
         match status.is_running() {
@@ -112,7 +112,7 @@ impl OutputWatch {
         }
     }
 
-    /// A drive that has reached standstill is stopped, also while its status still names the stop that led there.
+    /// A drive at standstill is stopped, even while its status still shows the stop that led there.
     fn with_status(&self, status: &StatusWatch, running: bool, intent: RunIntent, stopping: bool) -> RunState {
         let ramps_down = status.get(Flag::Stopping) == Some(true) || (stopping && (running || self.is_active()));
         if !running && self.is_at_standstill() {
@@ -126,7 +126,7 @@ impl OutputWatch {
             (false, true, None, RunIntent::Run(Direction::Reverse)) => RunState::Reverse,
             (false, true, None, _) => RunState::Running,
             (false, false, ..) if self.is_active() => RunState::Running,
-            // Not ordered to run, and the output is zero once or was not read.
+            // Not ordered to run, and the output was read as zero once or not at all.
             (false, false, ..) => RunState::Stopped,
         }
     }
@@ -152,7 +152,8 @@ mod tests {
 
     #[test]
     fn what_the_output_frequency_tells() {
-        let (forward, stop) = (RunIntent::Run(Direction::Forward), RunIntent::Stop);
+        let forward = RunIntent::Run(Direction::Forward);
+        let stop = RunIntent::Stop;
         let cases: [(&[u16], RunIntent, bool, RunState); 9] = [
             (&[], stop, false, RunState::Unknown),
             (&[0], stop, false, RunState::Unknown),
@@ -179,7 +180,8 @@ mod tests {
 
     #[test]
     fn a_motor_leaves_the_ramp_of_a_stop_by_rising_or_by_not_falling() {
-        let (rise, within) = (100, Duration::from_secs(3));
+        let rise = 100;
+        let within = Duration::from_secs(3);
         for (readings, has_left) in [
             (&[(0, 3000), (1, 2500), (2, 2000)][..], false),
             (&[(0, 3000), (1, 2500), (2, 2600)], false),
@@ -222,7 +224,8 @@ mod tests {
 
     #[test]
     fn what_the_status_word_tells() {
-        let (forward, stop) = (RunIntent::Run(Direction::Forward), RunIntent::Stop);
+        let forward = RunIntent::Run(Direction::Forward);
+        let stop = RunIntent::Stop;
         let cases: [(u16, &[u16], RunIntent, bool, RunState); 8] = [
             (0b0001, &[3000], stop, false, RunState::Forward),
             (0b0011, &[3000], forward, false, RunState::Reverse),

@@ -1,4 +1,4 @@
-//! What was last read from one drive.
+//! The last readings of one drive.
 
 use crate::domain::time::MonoTime;
 use std::collections::BTreeMap;
@@ -6,16 +6,16 @@ use std::collections::BTreeMap;
 /// Whether a drive answers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Presence {
-    /// Not asked yet.
+    /// It has not been polled yet.
     #[default]
     Unknown,
-    /// It answered the last time it was asked.
+    /// It answers.
     Online,
     /// It has been silent several times in a row.
     Offline,
 }
 
-/// One word with the moment its reply was complete.
+/// One word with its time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reading {
     /// The word as the drive sent it.
@@ -24,7 +24,7 @@ pub struct Reading {
     pub at: MonoTime,
 }
 
-/// What is known of a drive from its own replies.
+/// The known state of a drive, from its own replies.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DriveSnapshot {
     /// Whether it answers.
@@ -33,13 +33,13 @@ pub struct DriveSnapshot {
 }
 
 impl DriveSnapshot {
-    /// The last reading of the polled register at `address`.
+    /// The last reading of the register at `address`; `None` if it has not been read.
     #[must_use]
     pub fn reading(&self, address: u16) -> Option<Reading> {
         self.readings.get(&address).copied()
     }
 
-    /// Takes the words that were read from `address` on and came at `at`.
+    /// Stores the words that were read from `address` on and arrived at `at`.
     pub fn take(&mut self, address: u16, words: &[u16], at: MonoTime) {
         for (offset, raw) in (0..).zip(words) {
             self.readings.insert(address.wrapping_add(offset), Reading { raw: *raw, at });

@@ -1,23 +1,23 @@
-//! What the status registers of a drive tell, kept from one reading to the next.
+//! The status flags of a drive, kept from one reading to the next.
 
 use super::view::StatusView;
 use crate::profile::model::{Flag, Model, StatusFlag};
 
-/// The flags of one drive as they were read last.
+/// The flags of one drive as last read.
 #[derive(Clone, Debug, Default)]
 pub struct StatusWatch {
     flags: Vec<(StatusFlag, Option<bool>)>,
 }
 
 impl StatusWatch {
-    /// The watch of a drive of `model`. It knows nothing yet, and never will on a model without status registers.
+    /// The watch of a drive of `model`, with all flags unknown. It has none on a model without status registers.
     #[must_use]
     pub fn new(model: &Model) -> Self {
         Self { flags: model.status.iter().map(|flag| (flag.clone(), None)).collect() }
     }
 
-    /// Takes the words that a read from `address` on has brought. Returns whether they show the motor ordered to run;
-    /// nothing if they do not tell.
+    /// Takes the words of a read from `address` on. Returns whether they show the motor ordered to run; `None` if they
+    /// do not contain that flag.
     pub fn take(&mut self, address: u16, words: &[u16]) -> Option<bool> {
         let mut running = None;
         for (flag, value) in &mut self.flags {
@@ -30,24 +30,24 @@ impl StatusWatch {
         running
     }
 
-    /// Forgets everything: the drive is out of sight.
+    /// Discards everything: the drive is offline.
     pub fn forget(&mut self) {
         self.flags.iter_mut().for_each(|(_, value)| *value = None);
     }
 
-    /// Whether `flag` holds; nothing where the model has no such flag or it was not read yet.
+    /// Whether `flag` is set; `None` if the model has no such flag or it has not been read yet.
     #[must_use]
     pub fn get(&self, flag: Flag) -> Option<bool> {
         self.flags.iter().find(|(it, _)| it.flag == flag).and_then(|(_, value)| *value)
     }
 
-    /// Whether the motor is ordered to run, as the drive shows it. A drive that ramps down is not.
+    /// Whether the drive shows its motor as ordered to run. It does not while it ramps down.
     #[must_use]
     pub fn is_running(&self) -> Option<bool> {
         self.get(Flag::Running)
     }
 
-    /// What is shown of it beside the run state and the trips.
+    /// The flags shown besides run state and trips.
     #[must_use]
     pub fn view(&self) -> StatusView {
         StatusView {

@@ -1,4 +1,4 @@
-//! An order becomes a bounded list of steps, from what the model says.
+//! Translates an order into a bounded list of steps according to the model.
 
 use crate::domain::command::{Direction, Go, RegisterWrite};
 use crate::domain::control::ControlSettings;
@@ -7,24 +7,24 @@ use crate::profile::model::{Flag, Model, Register, Role, RunCommand};
 use crate::wire::pdu::function;
 use std::time::Duration;
 
-/// How long a drive may take to show what it has acknowledged: the next turn of its own program, or a ramp's start.
+/// How long a drive may take to show what it has acknowledged: the next cycle of its firmware, or the start of a ramp.
 pub const SHOWN_WITHIN: Duration = Duration::from_secs(1);
 
 /// One exchange of a command, or a pause in it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// Read a register before anything is written: its word must lie within these. Otherwise the command is refused.
+    /// Read a register before anything is written. The command is refused if its word is outside this range.
     Check {
         /// The register.
         address: u16,
-        /// Lowest word that lets the command go on.
+        /// Lowest accepted word.
         least: u16,
-        /// Highest such word.
+        /// Highest accepted word.
         most: u16,
     },
     /// Write a register, or neighbours in one frame, in the order of their addresses. Never empty.
     Write(Vec<Write>),
-    /// The drive hears nothing for this long.
+    /// Send nothing to the drive for this long.
     Rest(Duration),
 }
 
@@ -37,22 +37,22 @@ pub struct Write {
     pub value: u16,
     /// What it does.
     pub part: StepPart,
-    /// Where the drive shows what became of it, as far as it does.
+    /// Where the drive shows the effect; empty if it does not.
     pub shown: Vec<Condition>,
 }
 
-/// What a register shows when something has become true.
+/// A condition on a register.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Condition {
     /// The register.
     pub address: u16,
-    /// The bits that count.
+    /// The relevant bits.
     pub mask: u16,
     /// Masked words.
     pub values: Vec<u16>,
-    /// Whether the masked word must be one of them, or none.
+    /// Whether the masked word must be one of them, or must not be.
     pub is_one: bool,
-    /// How long it may take.
+    /// How long the drive may take to meet it.
     pub within: Duration,
 }
 
@@ -62,21 +62,26 @@ impl Condition {
         Self { address, mask: u16::MAX, values: value, is_one: true, within }
     }
 
-    /// The model's `flag` is set or not; nothing where it has none.
+    /// The model's `flag` is set or not; `None` if it has no such flag.
     fn flag(model: &Model, flag: Flag, is_set: bool) -> Option<Self> {
         let flag = model.status_flag(flag)?;
-        let (address, mask, values) = (flag.address, flag.mask, flag.values.clone());
-        Some(Self { address, mask, values, is_one: is_set, within: SHOWN_WITHIN })
+        Some(Self {
+            address: flag.address,
+            mask: flag.mask,
+            values: flag.values.clone(),
+            is_one: is_set,
+            within: SHOWN_WITHIN,
+        })
     }
 
-    /// Whether it is met when the register holds `word`.
+    /// Whether `word` meets it.
     #[must_use]
     pub fn is_met(&self, word: u16) -> bool {
         self.values.contains(&(word & self.mask)) == self.is_one
     }
 }
 
-/// What a write of a command does.
+/// The purpose of a write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StepPart {
     /// It sets a register without a role.
@@ -92,9 +97,9 @@ pub enum StepPart {
         /// The drive shows afterwards whether a trip holds.
         is_seen: bool,
     },
-    /// It hands control back.
+    /// It releases control.
     Release,
-    /// It takes back a word that resets and was left standing.
+    /// It replaces a reset word that was left in the register.
     TakesBack,
 }
 
@@ -103,16 +108,16 @@ pub enum StepPart {
 pub enum NoSteps {
     /// The model has no such command.
     NotCapable,
-    /// The frequency lies between two steps of its register, or beyond it.
+    /// The frequency lies between two steps of its register, or outside its range.
     BetweenSteps,
-    /// The model wants the setpoint with each RUN, and none was given here so far.
+    /// The model requires the setpoint with each RUN, and none has been given yet.
     SetpointUnknown,
 }
 
 /// The steps of an order that sets something: registers, then the setpoint, then run; setpoint and run in one frame
-/// where the model allows it. At most one for each part of the order and one before them: RUN without a setpoint checks
-/// the drive's own setting first, or repeats `last`, the setpoint that was accepted last, where the model cannot show
-/// its setting or cannot be relied on to keep it.
+/// if the model allows it. At most one step for each part of the order and one before them: RUN without a setpoint
+/// checks the drive's own setting first, or repeats `last`, the last accepted setpoint, if the model cannot show its
+/// setting or cannot be relied on to keep it.
 ///
 /// # Errors
 /// [`NoSteps`]
@@ -143,7 +148,8 @@ pub fn of_reset(model: &Model) -> Result<Vec<Step>, NoSteps> {
     let is_seen = model.status_flag(Flag::Tripped).is_some();
     let write = |(index, value): (usize, &u16)| {
         let ends = index == last;
-        let (part, shown) = (StepPart::Reset { ends, is_seen }, if ends { reset_shown(model) } else { Vec::new() });
+        let part = StepPart::Reset { ends, is_seen };
+        let shown = if ends { reset_shown(model) } else { Vec::new() };
         Step::Write(vec![Write { address: register.address, value: *value, part, shown }])
     };
     let rest = model.quirks.deaf_after_reset.as_ref().map(|deaf| Step::Rest(deaf.value));
@@ -160,11 +166,11 @@ pub fn of_stop(model: &Model, coast: bool) -> Result<(u16, u16), NoSteps> {
     Ok((register.address, value))
 }
 
-/// The steps that take back the word of a reset that was cut off: a stop, where the register can be read only if that word
-/// still stands there.
+/// The steps that replace the word of an interrupted reset by a stop. If the register can be read, only if it still
+/// holds that word.
 ///
 /// # Errors
-/// [`NoSteps::NotCapable`] where a reset leaves no word standing.
+/// [`NoSteps::NotCapable`] if a reset leaves no word in the register.
 pub fn of_take_back(model: &Model) -> Result<Vec<Step>, NoSteps> {
     let (register, run) = command_register(model)?;
     let reset = run.reset.as_ref().ok_or(NoSteps::NotCapable)?.value;
@@ -189,7 +195,7 @@ pub fn takes_in_a_block(model: &Model, address: u16) -> bool {
             .is_some_and(|block| (block.address..block.address.saturating_add(block.count.value)).contains(&address))
 }
 
-/// The step that hands control back.
+/// The step that releases control.
 ///
 /// # Errors
 /// [`NoSteps::NotCapable`]
@@ -199,11 +205,10 @@ pub fn of_release(model: &Model) -> Result<Vec<Step>, NoSteps> {
     Ok(vec![Step::Write(vec![Write { address: register.address, value, part: StepPart::Release, shown: Vec::new() }])])
 }
 
-/// The steps that set what the drive needs before it obeys the bus, in the model's order, as far as `addresses` names
-/// them.
+/// The steps that set the registers in `addresses` that the drive needs before it obeys the bus, in the model's order.
 ///
 /// # Errors
-/// [`NoSteps::NotCapable`] if one of them is nothing that the model asks to be set.
+/// [`NoSteps::NotCapable`] if the model does not require one of them to be set.
 pub fn of_setup(model: &Model, addresses: &[u16]) -> Result<Vec<Step>, NoSteps> {
     let item = |address: &u16| model.setup.iter().any(|item| item.address == Some(*address));
     if !addresses.iter().all(item) {
@@ -254,7 +259,7 @@ fn run(model: &Model, direction: Direction) -> Result<Write, NoSteps> {
     Ok(Write { address: register.address, value, part: StepPart::Run(direction), shown })
 }
 
-/// The setpoint that goes out with RUN; nothing if the drive's own is read instead.
+/// The setpoint that is sent with RUN; `None` if the drive's own is checked instead.
 fn setpoint_of_run(model: &Model, go: &Go, last: Option<Hertz>) -> Result<Option<Hertz>, NoSteps> {
     let must_be_given = model.quirks.setpoint_before_run.is_some() || model.setting_register().is_none();
     match go.frequency() {
@@ -265,7 +270,8 @@ fn setpoint_of_run(model: &Model, go: &Go, last: Option<Hertz>) -> Result<Option
 }
 
 fn setpoint_and_run(model: &Model, setpoint: Write, run: Write) -> Vec<Step> {
-    let (low, high) = (setpoint.address.min(run.address), setpoint.address.max(run.address));
+    let low = setpoint.address.min(run.address);
+    let high = setpoint.address.max(run.address);
     let block = model.write.block.as_ref().filter(|block| block.count.confidence.is_proven());
     let in_one_frame = block.is_some_and(|block| {
         let end = block.address.saturating_add(block.count.value);

@@ -1,4 +1,4 @@
-//! What tests of several rooms share: a built-in model and a control section for it.
+//! Shared by the tests of several rooms: a built-in model and a control section for it.
 
 use crate::domain::command::Direction;
 use crate::domain::control::{ControlSettings, FailSafe};
@@ -47,11 +47,17 @@ pub fn with_status() -> Model {
 }
 
 fn status_flag(flag: Flag, mask: u16) -> StatusFlag {
-    let (confidence, source) = (Confidence::Manual, "IM 1".to_owned());
-    StatusFlag { flag, address: 0x2100, mask, values: vec![mask], confidence, source }
+    StatusFlag {
+        flag,
+        address: 0x2100,
+        mask,
+        values: vec![mask],
+        confidence: Confidence::Manual,
+        source: "IM 1".to_owned(),
+    }
 }
 
-/// The first built-in model with its frequency command behind its run command, both to be written in one frame.
+/// The first built-in model with its frequency command after its run command, both to be written in one frame.
 pub fn with_block() -> Model {
     let mut model = model();
     for register in &mut model.registers {

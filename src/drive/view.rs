@@ -1,4 +1,4 @@
-//! What the north sides see of one drive: a picture that is replaced as a whole whenever something changes.
+//! The view of one drive for the north interfaces. It is replaced as a whole whenever something changes.
 
 use super::snapshot::{DriveSnapshot, Presence};
 use super::watchdog::WatchdogView;
@@ -7,50 +7,50 @@ use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use std::time::Duration;
 
-/// Everything about one drive that can be shown. It is made by the line and never changed by anybody else.
+/// Everything about one drive that can be shown. It is created by the line and never modified.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DriveView {
     /// Whether the line's port is open.
     pub line_is_up: bool,
     /// Presence and the last reading of each polled register.
     pub snapshot: DriveSnapshot,
-    /// What the drive does, as far as it is known.
+    /// The run state.
     pub run_state: RunState,
-    /// What its status registers tell.
+    /// Its status flags.
     pub status: StatusView,
-    /// Trips, counted and read, as they are now.
+    /// Trips, as currently known.
     pub trip: TripView,
-    /// Trips as far as they are kept.
+    /// Trips that are stored in the journal.
     pub trip_kept: KeptTrips,
-    /// Control; nothing if the drive has no control section.
+    /// Control; `None` if the drive has no control section.
     pub control: Option<ControlView>,
-    /// The drive's own watchdog; nothing where the model has none.
+    /// The drive's own watchdog; `None` if the model has none.
     pub watchdog: Option<WatchdogView>,
 }
 
 impl DriveView {
-    /// Whether the drive can be asked: its line is up and it answers.
+    /// Whether the drive is reachable: its line is up and it answers.
     #[must_use]
     pub fn is_online(&self) -> bool {
         self.line_is_up && self.snapshot.presence == Presence::Online
     }
 }
 
-/// What the status registers tell; nothing in each where the model has no such flag or it was not read yet.
+/// Status flags; each is `None` if the model has no such flag or it has not been read yet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StatusView {
     /// Run commands are taken from the bus.
     pub bus_run: Option<bool>,
     /// The frequency is taken from the bus.
     pub bus_frequency: Option<bool>,
-    /// Something is not as it should be, and the drive goes on.
+    /// The drive reports an alarm but keeps running.
     pub alarm: Option<bool>,
-    /// The drive would run if it were ordered to.
+    /// The drive is ready to run.
     pub ready: Option<bool>,
 }
 
 impl StatusView {
-    /// Whether the drive obeys somebody else: panel or terminals give its run commands or its frequency.
+    /// Whether panel or terminals give the run commands or the frequency; `None` if not known.
     #[must_use]
     pub const fn is_local(&self) -> Option<bool> {
         match (self.bus_run, self.bus_frequency) {
@@ -61,7 +61,7 @@ impl StatusView {
     }
 }
 
-/// What a drive does. The number stands in uniform word 2.
+/// The run state of a drive. Uniform word 2 holds its number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u16)]
 pub enum RunState {
@@ -85,7 +85,7 @@ pub enum RunState {
 }
 
 impl RunState {
-    /// The word as it stands in topics.
+    /// The word used in topics.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -100,7 +100,7 @@ impl RunState {
         }
     }
 
-    /// The number as it stands in uniform word 2.
+    /// The number used in uniform word 2.
     #[must_use]
     pub const fn number(self) -> u16 {
         self as u16
@@ -116,9 +116,9 @@ impl RunState {
 /// What is known of a drive's trips.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TripView {
-    /// Whether a trip holds now; nothing while that is not known.
+    /// Whether a trip is active; `None` while that is not known.
     pub active: Option<bool>,
-    /// Trips as the drive counts them; nothing before the first reading.
+    /// Trips as the drive counts them; `None` before the first reading.
     pub count: Option<u16>,
     /// Trips that this process has seen.
     pub seen: u32,
@@ -126,31 +126,31 @@ pub struct TripView {
     pub last: Option<TripRecord>,
 }
 
-/// What is kept of a drive's trips: what is shown of it outlives the gateway. Without a journal it is what is known now.
+/// The stored trips of a drive: what is shown of them outlives the process. Without a journal: the trips known now.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct KeptTrips {
-    /// Trips as the drive counted them then.
+    /// Trips as the drive counted them at that time.
     pub count: Option<u16>,
-    /// Trips that are kept, those of earlier lives of the gateway included.
+    /// Stored trips, including those of earlier runs of the gateway.
     pub total: u32,
-    /// The newest trip of this life.
+    /// The newest trip of this run.
     pub last: Option<TripRecord>,
-    /// The vendor's number of the newest trip of all.
+    /// The vendor's number of the newest trip of all runs.
     pub last_code: Option<u16>,
 }
 
-/// What was read after a trip.
+/// The record read after a trip.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TripRecord {
     /// When it was seen.
     pub at: MonoTime,
-    /// The vendor's number of the cause; nothing if the record could not be read.
+    /// The vendor's number of the cause; `None` if the record could not be read.
     pub code: Option<u16>,
-    /// The words of the record by the names of their registers, each with its scale and unit in the model.
+    /// The words of the record: register address and word.
     pub words: Vec<(u16, u16)>,
 }
 
-/// A trip or its clearing, in the order in which they happen.
+/// A trip or its clearing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TripEvent {
     /// What happened.
@@ -159,39 +159,38 @@ pub struct TripEvent {
     pub count: Option<u16>,
     /// When it was seen.
     pub at: MonoTime,
-    /// It happened while the drive was not seen: it was found at the start, or when the drive was back.
+    /// It happened while the drive was not polled or offline, and was detected at the start or on its return.
     pub while_away: bool,
 }
 
 /// What happened.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TripEventKind {
-    /// So many trips since the last reading (more than one if they came faster than the polls), the newest with
-    /// its record.
+    /// Trips since the last reading (more than one if they happen faster than the polls), the newest with its record.
     Tripped {
         /// How many, at least 1.
         trips: u16,
         /// The newest record.
         record: TripRecord,
     },
-    /// The trip holds no more.
+    /// The trip is no longer active.
     Cleared,
 }
 
 /// Who controls a drive and what is ordered.
 ///
-/// The default is a drive that nobody has commanded yet.
+/// The default is a drive that no client has commanded yet.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ControlView {
-    /// Who holds control, and until when without a sign of life.
+    /// Who holds control, and when the lease expires without a heartbeat.
     pub lease: Option<(Owner, MonoTime)>,
     /// What is ordered: uniform word 256.
     pub intent: RunIntent,
     /// The last accepted setpoint: uniform word 257.
     pub setpoint: Option<Hertz>,
-    /// RUN is refused until stop and run were commanded anew.
+    /// RUN is refused until stop and then run are commanded.
     pub start_inhibited: bool,
-    /// A command is on its way or a stop is not effective yet.
+    /// A command is in progress or a stop is not effective yet.
     pub command_pending: bool,
     /// A stop that is not effective yet.
     pub stop_pending: bool,
@@ -205,24 +204,24 @@ pub struct ControlView {
     pub last: Option<Report>,
     /// Commands so far, wrapping.
     pub commands: u16,
-    /// Who stops the drive again and again although it was started elsewhere.
+    /// Set if a client keeps stopping the drive although it is started from elsewhere.
     pub stopped_again: Option<StoppedAgain>,
 }
 
-/// Somebody stops a drive again and again that others start.
+/// A client keeps stopping a drive that is started from elsewhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StoppedAgain {
-    /// Who.
+    /// The client.
     pub by: Owner,
-    /// How often in a row.
+    /// Number of consecutive stops.
     pub times: u16,
-    /// When the last time.
+    /// When the last one happened.
     pub at: MonoTime,
 }
 
 impl StoppedAgain {
-    /// So many in a row are told.
+    /// Number of consecutive stops from which they are reported.
     pub const TOLD_FROM: u16 = 3;
-    /// After so long without one the next is the first again.
+    /// After this time without one the count restarts.
     pub const WITHIN: Duration = Duration::from_secs(60);
 }

@@ -1,4 +1,4 @@
-//! What is known of a drive's own watchdog over its communication, and whether it fits what was configured.
+//! The drive's own communication watchdog, and whether its setting matches the configuration.
 
 use crate::profile::model::Model;
 use std::sync::Arc;
@@ -7,23 +7,23 @@ use std::time::Duration;
 /// How the drive's own watchdog is set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum WatchdogState {
-    /// It was not read yet, or the drive is out of sight.
+    /// It has not been read yet, or the drive is offline.
     #[default]
     Unknown,
     /// It is off.
     Off,
-    /// It is on, and the motor runs on all the same.
+    /// It is on, but the motor keeps running.
     KeepsRunning,
-    /// It may stop the drive although all is well: its time is not more than twice the longest gap between two frames.
+    /// It may stop the drive without a fault: its time is not more than twice the longest gap between two frames.
     TooShort,
-    /// It takes longer than its time may be.
+    /// Its time is longer than allowed.
     TooLong,
-    /// It is on, and its time fits.
+    /// It is on, and its time is in range.
     InOrder,
 }
 
 impl WatchdogState {
-    /// The word as it stands in payloads.
+    /// The word used in payloads.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -42,9 +42,9 @@ impl WatchdogState {
 pub struct WatchdogView {
     /// How it is set.
     pub state: WatchdogState,
-    /// Its time, where it is on.
+    /// Its time, if it is on.
     pub time: Option<Duration>,
-    /// Whether what the model says of it is proven.
+    /// Whether the model's facts about it are proven.
     pub is_proven: bool,
 }
 
@@ -56,20 +56,20 @@ impl WatchdogView {
     }
 }
 
-/// Between which times the watchdog fits.
+/// The range of acceptable watchdog times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WatchdogRange {
-    /// Its time has to be more than this: twice the longest gap between two frames.
+    /// Exclusive lower bound: twice the longest gap between two frames.
     pub more_than: Duration,
-    /// And no more than this: a commander may be silent for as long.
+    /// Inclusive upper bound: as long as a client may be silent.
     pub at_most: Duration,
 }
 
 impl WatchdogRange {
-    /// Whatever it is set to fits.
+    /// Any time.
     pub const ANY: Self = Self { more_than: Duration::ZERO, at_most: Duration::MAX };
 
-    /// What a watchdog of `time` is.
+    /// The state of a watchdog set to `time`.
     #[must_use]
     pub fn judge(&self, time: Duration) -> WatchdogState {
         if time > self.at_most {
@@ -82,35 +82,37 @@ impl WatchdogRange {
     }
 }
 
-/// The watchdog of one drive, as it was read last.
+/// The watchdog of one drive, as last read.
 #[derive(Clone, Debug)]
 pub struct WatchdogWatch {
     model: Arc<Model>,
     range: WatchdogRange,
     time: Option<u16>,
     action: Option<u16>,
-    /// Its time when it was last seen to stop the motor soon enough, also of a drive that is out of sight now.
+    /// Its time when it was last known to stop the motor soon enough, kept while the drive is offline.
     last_time: Option<Duration>,
 }
 
 impl WatchdogWatch {
-    /// The watch of a drive of `model`, whose watchdog should lie in `range`. It knows nothing yet, and never will where
-    /// the model has none.
+    /// The watch of a drive of `model`, whose watchdog time should be in `range`. Its state is unknown until it is
+    /// read, and stays so if the model has no watchdog.
     #[must_use]
     pub const fn new(model: Arc<Model>, range: WatchdogRange) -> Self {
         Self { model, range, time: None, action: None, last_time: None }
     }
 
-    /// Takes the words that a read from `address` on has brought. Returns the state if that is another one now.
+    /// Takes the words of a read from `address` on. Returns the state if it has changed.
     pub fn take(&mut self, address: u16, words: &[u16]) -> Option<WatchdogState> {
         let watchdog = self.model.watchdog.as_ref()?;
         let word_at = |wanted: u16| words.get(usize::from(wanted.checked_sub(address)?)).copied();
-        let (time, action) = (word_at(watchdog.time), watchdog.action.and_then(word_at));
+        let time = word_at(watchdog.time);
+        let action = watchdog.action.and_then(word_at);
         if time.is_none() && action.is_none() {
             return None;
         }
         let before = self.state();
-        (self.time, self.action) = (time.or(self.time), action.or(self.action));
+        self.time = time.or(self.time);
+        self.action = action.or(self.action);
         let state = self.state();
         let stops = matches!(state, WatchdogState::InOrder | WatchdogState::TooShort);
         if state != WatchdogState::Unknown {
@@ -119,12 +121,13 @@ impl WatchdogWatch {
         (state != before).then_some(state)
     }
 
-    /// The drive is out of sight: its watchdog may be set to anything when it is back.
+    /// The drive is offline: its watchdog may have any setting when it returns.
     pub const fn forget(&mut self) {
-        (self.time, self.action) = (None, None);
+        self.time = None;
+        self.action = None;
     }
 
-    /// What is shown of it; nothing where the model has none.
+    /// The view; `None` if the model has no watchdog.
     #[must_use]
     pub fn view(&self) -> Option<WatchdogView> {
         self.model.watchdog.as_ref()?;
@@ -132,7 +135,7 @@ impl WatchdogWatch {
         Some(WatchdogView { state: self.state(), time: self.read_time(), is_proven })
     }
 
-    /// After how long without a frame the drive stops its motor by itself, as far as that was read and can be relied on.
+    /// After how long without a frame the drive stops its motor by itself; `None` if not read or not reliable.
     #[must_use]
     pub fn stops_after(&self) -> Option<Duration> {
         self.last_time.filter(|_| self.model.watchdog_is_proven())
@@ -150,7 +153,8 @@ impl WatchdogWatch {
         let says = |word: u16| watchdog.action_digit.map_or(word, |digit| word / digit.max(1) % 10);
         match (watchdog.action, self.action.map(says), self.read_time()) {
             (Some(_), Some(action), _) if watchdog.keeps_running.contains(&action) => WatchdogState::KeepsRunning,
-            // What a word means that nobody has named is not known, and a reaction that was not read is none.
+            // A word that the model does not list has an unknown meaning, and a reaction that was not read does not
+            // count.
             (Some(_), action, _) if !action.is_some_and(|it| watchdog.stops.contains(&it)) => WatchdogState::Unknown,
             (_, _, Some(time)) => self.range.judge(time),
             (_, _, None) => WatchdogState::Unknown,
@@ -170,11 +174,17 @@ mod tests {
 
     fn watched() -> Arc<Model> {
         let mut model = model();
-        let (keeps_running, stops) = (vec![3], vec![0, 1]);
-        let (action, action_digit) = (Some(ACTION), None);
-        model.watchdog = Some(Watchdog { time: TIME, off: fact(0), action, action_digit, keeps_running, stops });
+        model.watchdog = Some(Watchdog {
+            time: TIME,
+            off: fact(0),
+            action: Some(ACTION),
+            action_digit: None,
+            keeps_running: vec![3],
+            stops: vec![0, 1],
+        });
         for register in model.registers.iter_mut().filter(|register| register.address == TIME) {
-            (register.unit, register.scale) = (UnitOfMeasure::Second, 10);
+            register.unit = UnitOfMeasure::Second;
+            register.scale = 10;
         }
         Arc::new(model)
     }
@@ -218,7 +228,8 @@ mod tests {
         ] {
             let mut model = Model::clone(&watched());
             if let Some(watchdog) = &mut model.watchdog {
-                (watchdog.action_digit, watchdog.keeps_running) = (Some(100), vec![2]);
+                watchdog.action_digit = Some(100);
+                watchdog.keeps_running = vec![2];
             }
             let mut watch = WatchdogWatch::new(Arc::new(model), range());
             watch.take(TIME, &[20, 0, 0, word]);

@@ -1,26 +1,26 @@
-//! Which registers share a read: neighbours, and those between which lie only registers that may be read along.
+//! Which registers share a read: neighbours, and those with only registers between them that may be read along.
 
 use crate::profile::model::{Confidence, FactPart, Model, PollClass, Register};
 use std::time::Duration;
 
-/// How many fast periods a slow poll waits.
+/// Slow period in fast periods.
 pub const SLOW_FACTOR: u32 = 4;
-/// Widest hole between two groups that is read along, in words. Their 16 characters cost less than an exchange of its
-/// own: 8 characters of the request, 5 of the reply and at least 3.5 of silence, and the time that the drive takes.
+/// Widest hole between two groups that is read along, in words. Its 16 characters cost less than another exchange: 8
+/// characters of the request, 5 of the reply, at least 3.5 of silence, and the drive's processing time.
 pub const HOLE_MAX: u16 = 8;
 
 /// How often a drive is polled.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pace {
-    /// Period of its fast polls, as it is wanted.
+    /// Intended period of its fast polls.
     poll: Duration,
-    /// By how much the line stretches every period, from 1.
+    /// By how much the line stretches every period, at least 1.
     stretch: f64,
 }
 
 impl Pace {
-    /// The pace of a drive with fast polls every `poll` on a line that stretches every period by `stretch`; what is below
-    /// 1, or no number, counts as 1.
+    /// The pace of a drive with fast polls every `poll` on a line that stretches every period by `stretch`. A `stretch`
+    /// below 1 or NaN counts as 1.
     #[must_use]
     pub fn new(poll: Duration, stretch: f64) -> Self {
         Self { poll, stretch: stretch.clamp(1.0, 1e6).max(1.0) }
@@ -40,7 +40,7 @@ impl Pace {
     }
 }
 
-/// One read that is repeated.
+/// One periodic read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PollGroup {
     /// First register.
@@ -58,8 +58,8 @@ impl PollGroup {
         pace.period(self.class)
     }
 
-    /// One read for both, if `model` takes one so long: its first register, its words, and those of them that lie between
-    /// the two groups.
+    /// One read for both groups: first register, number of words, and number of words between the groups. `None` if it
+    /// is too long for `model`.
     pub(super) fn with(&self, other: &Self, model: &Model) -> Option<(u16, u16, u16)> {
         let (low, high) = if self.address <= other.address { (self, other) } else { (other, self) };
         let hole = high.address.checked_sub(low.address.checked_add(low.count)?)?;
@@ -74,8 +74,8 @@ impl PollGroup {
     }
 }
 
-/// The poll groups of `model`: fast ones first, each in order of address. Registers of one class share a frame up to the
-/// model's limit and group boundary if they follow each other, or if all between them [may be read
+/// The poll groups of `model`: fast ones first, each class in order of address. Registers of one class share a frame up
+/// to the model's limit and group boundary if they are adjacent, or if all between them [may be read
 /// along](may_be_read_along).
 #[must_use]
 pub fn groups(model: &Model) -> Vec<PollGroup> {
@@ -95,12 +95,13 @@ pub fn groups(model: &Model) -> Vec<PollGroup> {
     groups
 }
 
-/// The groups without any hole, with whether they are proven, as far as `may_join` lets neighbours share one.
+/// The groups without holes and whether each is proven; `may_join` decides whether neighbours may share a group.
 pub(super) fn apart(model: &Model, may_join: impl Fn(bool, bool) -> bool) -> Vec<(PollGroup, bool)> {
     let mut groups: Vec<(PollGroup, bool)> = Vec::new();
     for class in [PollClass::Fast, PollClass::Second, PollClass::Slow, PollClass::Minutely, PollClass::Hourly] {
         for register in model.registers.iter().filter(|register| register.poll == Some(class)) {
-            let (address, is_proven) = (register.address, is_documented(register));
+            let address = register.address;
+            let is_proven = is_documented(register);
             match groups.last_mut() {
                 Some((last, proven))
                     if last.class == class && follows(model, last, address) && may_join(*proven, is_proven) =>
@@ -114,8 +115,8 @@ pub(super) fn apart(model: &Model, may_join: impl Fn(bool, bool) -> bool) -> Vec
     groups
 }
 
-/// Whether a read of others may cover `address`: the model lists it, and its own documents show that it can be read. A
-/// number that does not exist spoils a whole read on some drives.
+/// Whether a read of others may cover `address`: the model lists it, and its own documents show that it can be read.
+/// On some drives an address that does not exist fails the whole read.
 pub(super) fn may_be_read_along(model: &Model, address: u16) -> bool {
     model.register_at(address).is_some_and(|register| register.access.can_read() && is_documented(register))
 }
@@ -124,7 +125,7 @@ fn is_shown(model: &Model, group: &PollGroup) -> bool {
     (group.address..=group.address.saturating_add(group.count - 1)).all(|address| may_be_read_along(model, address))
 }
 
-/// Documents of the model show it. What only the operator states may be wrong.
+/// Whether documents of the model show it. What only the operator states may be wrong.
 fn is_documented(register: &Register) -> bool {
     register.proves(FactPart::Reading) && register.confidence != Confidence::Configured
 }

@@ -1,7 +1,7 @@
-//! When each group of a plan falls due, so that the polls of a line come one after the other and not in heaps.
+//! When each group of a plan falls due, so that the polls of a line are spread evenly.
 //!
-//! A line has so many slots in a period as it has drives, and each drive has its own; the groups of one class stand side
-//! by side in it. Classes are moved against each other by parts of a slot. Groups that can share a read fall due together.
+//! A line has one slot per drive in a period; the groups of one class of a drive follow each other in its slot. Classes
+//! are offset against each other by parts of a slot. Groups that can share a read fall due together.
 
 use super::groups::{Pace, PollGroup, may_be_read_along};
 use crate::domain::time::MonoTime;
@@ -13,16 +13,16 @@ use std::time::Duration;
 pub struct PlaceOnLine {
     /// From 0.
     pub index: u32,
-    /// Drives of the line, at least 1.
+    /// Number of drives on the line, at least 1.
     pub drives: u32,
 }
 
 impl PlaceOnLine {
-    /// A drive that has its line for itself.
+    /// A drive that is alone on its line.
     pub const ALONE: Self = Self { index: 0, drives: 1 };
 }
 
-/// A moment for each of `groups` at which it falls due for the first time in its rhythm.
+/// For each of `groups`, when it first falls due in its phase.
 pub(super) fn spread(
     model: &Model,
     groups: &[PollGroup],
@@ -50,7 +50,7 @@ pub(super) fn spread(
     moments
 }
 
-/// The moment of a group that no other leads, the `rank`-th of its class.
+/// The phase of a group without a lead, the `rank`-th of its class.
 fn own_moment(
     groups: &[PollGroup],
     leads: &[Option<usize>],
@@ -69,11 +69,12 @@ fn own_moment(
     group.period(pace) / own * slot + shift
 }
 
-/// The first group before the one at `at` that it can share a read with, if their periods go together.
+/// The first group before the one at `at` that it can share a read with, if its period is a multiple of that group's.
 fn lead_of(model: &Model, groups: &[PollGroup], at: usize, pace: Pace) -> Option<usize> {
     let group = groups.get(at)?;
     let leads = |lead: &PollGroup| {
-        let (long, short) = (group.period(pace).as_nanos(), lead.period(pace).as_nanos().max(1));
+        let long = group.period(pace).as_nanos();
+        let short = lead.period(pace).as_nanos().max(1);
         let is_polled = |address| groups.iter().any(|it| (it.address..it.address + it.count).contains(&address));
         long.is_multiple_of(short)
             && lead.with(group, model).is_some()

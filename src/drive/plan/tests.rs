@@ -22,7 +22,8 @@ fn neighbours_share_a_frame_and_classes_do_not() {
 fn neighbours_that_are_due_together_go_together_whatever_their_class() {
     let mut model = model();
     let slow = |address: u16| Register { address, poll: Some(PollClass::Slow), ..model.registers[2].clone() };
-    let (before, after) = (slow(0x0100), slow(0x0102));
+    let before = slow(0x0100);
+    let after = slow(0x0102);
     model.registers.extend([before, after]);
     model.registers.sort_by_key(|register| register.address);
     let at = MonoTime::from_millis;
@@ -32,7 +33,9 @@ fn neighbours_that_are_due_together_go_together_whatever_their_class() {
     assert_eq!(plan.take(index, at(0), &model, |_, _| true), Some((0x0100, 3)), "all are due at the start");
     // Each goes along with every fourth of the fast ones, and not both with the same.
     let taken: Vec<_> = (1..=8).filter_map(|n| plan.take(index, at(n * 100), &model, |_, _| true)).collect();
-    let (with_after, alone, with_before) = ((0x0101, 2), (0x0101, 1), (0x0100, 2));
+    let with_after = (0x0101, 2);
+    let alone = (0x0101, 1);
+    let with_before = (0x0100, 2);
     assert_eq!(taken, [with_after, alone, alone, with_before, with_after, alone, alone, with_before]);
     let due = plan.iter().filter(|(_, _, due)| *due <= at(800)).count();
     assert_eq!(due, 3, "those elsewhere still wait");
@@ -119,7 +122,8 @@ fn a_hole_is_read_along_where_all_of_it_is_listed_readable_and_documented() {
     let boundary = [(0x01FE, SLOW), (0x01FF, None), (0x0200, SLOW)];
     assert_eq!(read(&with_registers(&boundary)), [(0x01FE, 1), (0x0200, 1)]);
     let mut wide: Vec<_> = (0x0101..=0x010B).map(|address| (address, None)).collect();
-    (wide[0].1, wide[10].1) = (SLOW, SLOW);
+    wide[0].1 = SLOW;
+    wide[10].1 = SLOW;
     let mut model = with_registers(&wide);
     model.read.max_words.value = 30;
     assert_eq!(read(&model), [(0x0101, 1), (0x010B, 1)], "9 words cost more than they save");
@@ -134,7 +138,8 @@ fn what_is_planned_is_what_is_read() {
         // Once it has answered for everything.
         plan.entries.iter_mut().for_each(|entry| entry.is_trusted = true);
         let is_polled = |address: &u16| model.register_at(*address).is_some_and(|it| it.poll.is_some());
-        let (mut read, mut reads) = (Vec::new(), 0);
+        let mut read = Vec::new();
+        let mut reads = 0;
         let due = |plan: &PollPlan| plan.iter().find(|(.., due)| *due <= at).map(|(index, ..)| index);
         while let Some(index) = due(&plan) {
             let (address, count) = plan.take(index, at, &model, |_, _| true).unwrap();
@@ -158,7 +163,7 @@ fn a_refused_bridge_is_not_tried_again_until_the_port_is_opened() {
     let take = |plan: &mut PollPlan, now| plan.take(0, at(now), &model, |_, _| true);
     assert_eq!(take(&mut plan, 0), Some((0x0101, 3)));
     plan.refused(0x0101, 3, at(10));
-    assert!(plan.iter().all(|(.., due)| due == at(10)), "what it was to bring is asked for at once");
+    assert!(plan.iter().all(|(.., due)| due == at(10)), "its registers are due at once");
     assert_eq!(take(&mut plan, 10), Some((0x0101, 1)));
     assert_eq!(take(&mut plan, 450), Some((0x0101, 1)));
     plan.port_opened(at(500));
@@ -198,7 +203,7 @@ fn due_moments(model: &Model, drives: u32, from: u64) -> Vec<MonoTime> {
 }
 
 #[test]
-fn polls_of_a_full_line_do_not_fall_due_in_heaps() {
+fn polls_of_a_full_line_are_spread_evenly() {
     const DRIVES: u32 = 32;
     let slot = Duration::from_secs(1) / DRIVES;
     for (id, text) in vendors::texts() {

@@ -1,17 +1,17 @@
-//! Trips of a drive: what shows them is watched, and each is told once, with its record.
+//! Detects the trips of a drive and reports each once, with its record.
 //!
-//! * A drive that only counts its trips: a rise by n is n trips, a fall is a new baseline. The record is read between two
-//!   equal counts, so that it belongs to the count. A fall, and a rise by more than a few at once, are read again before
-//!   they are believed, and a rise that the next reading takes back was none.
-//! * A drive that shows whether a trip holds, by a flag or by the trip's number: each time it begins to hold is a trip,
-//!   and so is another number while it holds.
+//! * A drive that only counts its trips: a rise by n is n trips, a fall is a new baseline. The record is read between
+//!   two equal counts, so that it belongs to the count. A fall, and a rise by more than a few at once, are read again
+//!   before they are believed, and a rise that the next reading does not confirm is ignored.
+//! * A drive that shows whether a trip is active, by a flag or by the trip's number: each time it becomes active is a
+//!   trip, and so is another number while it is active.
 //!
-//! A trip that was seen is told, whatever comes before its record was read: if it ends, or the drive goes out of sight,
-//! it is told without one.
+//! A detected trip is always reported: if it ends or the drive goes offline before its record was read, it is reported
+//! without one.
 //!
-//! What was told is remembered beyond the life of the gateway, as a [`TripBaseline`]: what goes beyond it is told, also
-//! if it came while nobody looked. Where nothing can be remembered, what held already when the drive was first seen is no
-//! news: its record is read and shown, and not told as an event.
+//! What has been reported outlives the process as a [`TripBaseline`]: anything beyond it is reported, even if it
+//! happened while the gateway was not running. Without that memory, a trip that was already active when the drive was
+//! first seen is not reported as an event; its record is only read and shown.
 
 mod places;
 #[cfg(test)]
@@ -22,22 +22,22 @@ use crate::domain::time::MonoTime;
 use crate::profile::model::Model;
 use places::{Places, Source, TripReading};
 
-/// How often a record is read anew because the count went on rising meanwhile, or because it was not answered. After
-/// that the trips are told with what there is: they must not wait for ever.
+/// How often a record is read again because the count kept rising or the read was not answered. After that the trips
+/// are reported with what is known, so that they do not wait forever.
 const READS_MAX: u8 = 4;
 
-/// A count that rises by more at once, or falls, is read again before it is believed: it may be the answer to something
-/// else.
+/// A count that rises by more at once, or falls, is read again before it is believed: it may be the answer to another
+/// request.
 const TRIPS_AT_ONCE: u16 = 16;
 
-/// Up to where the trips of a drive were told.
+/// Up to where the trips of a drive have been reported.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TripBaseline {
-    /// The drive's own count; nothing where it does not count, or was not read yet.
+    /// The drive's own count; `None` if it does not count or has not been read yet.
     pub count: Option<u16>,
-    /// Whether a trip held that was told, if that was known.
+    /// Whether a reported trip was active, if known.
     pub held: Option<bool>,
-    /// The vendor's number of the trip that held last, if it was read.
+    /// The vendor's number of the last active trip, if it was read.
     pub code: Option<u16>,
 }
 
@@ -46,22 +46,22 @@ pub struct TripBaseline {
 pub struct TripWatch {
     places: Option<Places>,
     view: TripView,
-    /// The count up to which everything was told.
+    /// The count up to which everything has been reported.
     told: Option<u16>,
     /// That count was read more than once.
     told_is_sure: bool,
-    /// A reading of the count that is believed once it was read again.
+    /// A reading of the count that is believed once it has been read again.
     doubted: Option<u16>,
-    /// Whether a trip held when that was last known and told, also before the drive was out of sight.
+    /// Whether a trip was active when that was last known and reported, even before the drive went offline.
     held: Option<bool>,
-    /// The vendor's number of the trip that was told or shown last.
+    /// The vendor's number of the last trip reported or shown.
     code: Option<u16>,
-    /// What was told outlives the gateway: what is not remembered was never told.
+    /// Whether the baseline outlives the process: then anything not in it was never reported.
     is_remembered: bool,
-    /// What shows trips was read since the start, or since the drive was out of sight.
+    /// Whether the trip source has been read since the start, or since the drive was offline.
     is_in_sight: bool,
     reading: Option<Reading>,
-    /// A reset was acknowledged; the next count tells whether it holds.
+    /// A reset was acknowledged; the next count shows whether it had an effect.
     reset_acknowledged: bool,
     /// A reading that may be another drive's contradicts what is known.
     is_contradicted: bool,
@@ -72,23 +72,23 @@ pub struct TripWatch {
 struct Reading {
     /// The count that the record must belong to, on a drive that counts.
     count: Option<u16>,
-    /// How many of the record's reads have come.
+    /// How many of the record's reads have arrived.
     parts: usize,
     words: Vec<(u16, u16)>,
-    /// The vendor's number as it was seen beside the record.
+    /// The vendor's number as seen outside the record.
     code: Option<u16>,
     tries: u8,
-    /// The trip is to be told when the record is there.
+    /// The trip is to be reported once the record has been read.
     is_news: bool,
-    /// When the trip was seen.
+    /// When the trip was detected.
     seen_at: MonoTime,
-    /// It was there already when the drive came into sight.
+    /// It was already there when the drive came online.
     while_away: bool,
     /// The count was read more than once.
     is_sure: bool,
-    /// Whether a trip held before, as far as that was known.
+    /// Whether a trip was active before, if known.
     was_active: Option<bool>,
-    /// The number of the trip that held, where this one was begun because another number was seen.
+    /// The number of the previous active trip, if this reading began because another number was seen.
     instead_of: Option<u16>,
 }
 
@@ -99,7 +99,7 @@ impl TripWatch {
         Self { places: Places::of(model), ..Self::default() }
     }
 
-    /// The same, where `baseline` is what was told so far.
+    /// The same, with `baseline` as what has been reported so far.
     #[must_use]
     pub fn remembering(self, baseline: TripBaseline) -> Self {
         let TripBaseline { count, held, code } = baseline;
@@ -108,25 +108,26 @@ impl TripWatch {
         Self { told, told_is_sure: told.is_some(), held: held.filter(|_| !counts), code, is_remembered: true, ..self }
     }
 
-    /// Up to where everything was told.
+    /// Up to where everything has been reported.
     #[must_use]
     pub const fn baseline(&self) -> TripBaseline {
         TripBaseline { count: self.told, held: self.held, code: self.code }
     }
 
-    /// What is known.
+    /// The current view.
     #[must_use]
     pub const fn view(&self) -> &TripView {
         &self.view
     }
 
-    /// First register and number of words that should be read now, beside the polls.
+    /// First register and number of words to be read now, in addition to the polls; `None` if none.
     #[must_use]
     pub fn wants(&self) -> Option<(u16, u16)> {
         if let (Some(Places { source: Source::Count(count), .. }), Some(_)) = (&self.places, self.doubted) {
             return Some((*count, 1));
         }
-        let (places, reading) = (self.places.as_ref()?, self.reading.as_ref()?);
+        let places = self.places.as_ref()?;
+        let reading = self.reading.as_ref()?;
         match (places.record.get(reading.parts), &places.source) {
             (Some(part), _) => Some(*part),
             (None, Source::Count(count)) => Some((*count, 1)),
@@ -134,12 +135,12 @@ impl TripWatch {
         }
     }
 
-    /// Takes the words that a read from `address` has brought at `now`, polls included. They may tell of a trip and of
-    /// its end.
+    /// Takes the words of a read from `address` at `now`, polls included. They may show a trip and its end.
     pub fn take(&mut self, address: u16, words: &[u16], now: MonoTime) -> Vec<TripEvent> {
         let Some(places) = &self.places else { return Vec::new() };
         let word = |register: u16| words.get(usize::from(register.checked_sub(address)?)).copied();
-        let (seen, cause) = (places.source.seen(word), places.cause.and_then(word));
+        let seen = places.source.seen(word);
+        let cause = places.cause.and_then(word);
         let mut told = Vec::from_iter(self.take_part(address, words));
         match seen {
             Some(TripReading::Held(true)) => told.extend(self.take_held(now)),
@@ -155,9 +156,9 @@ impl TripWatch {
         told
     }
 
-    /// Takes words that may be another drive's: of trips they tell nothing, except that what is known may not be so. A trip
-    /// that was seen before is told without its record, which cannot be read now. A count that was read only once may
-    /// have been the other drive's already; it is read again afterwards.
+    /// Takes words that may be another drive's: they prove nothing about trips, but may contradict what is known. A
+    /// trip that was detected before is reported without its record, which cannot be read now. A count that was read
+    /// only once may already have been the other drive's; it is read again afterwards.
     pub fn take_unsure(&mut self, address: u16, words: &[u16]) -> Option<TripEvent> {
         let places = self.places.as_ref()?;
         let word = |register: u16| words.get(usize::from(register.checked_sub(address)?)).copied();
@@ -177,7 +178,7 @@ impl TripWatch {
         self.is_contradicted
     }
 
-    /// The drive turns its motor. One that only counts its trips is not tripped then.
+    /// The output is active. A drive that only counts its trips is then not tripped.
     pub fn output_is_active(&mut self, now: MonoTime) -> Option<TripEvent> {
         // While a record is being read, a trip has just been counted: an older output proves nothing.
         if self.is_counted() && self.reading.is_none() { self.clear(now) } else { None }
@@ -199,7 +200,7 @@ impl TripWatch {
         told
     }
 
-    /// What is being read cannot be read any more: what is news is told without it.
+    /// The record can no longer be read: a new trip is reported without it.
     pub fn tell_unread(&mut self) -> Option<TripEvent> {
         if self.reading.as_ref()?.is_news {
             return self.end_reading(false);
@@ -208,7 +209,7 @@ impl TripWatch {
         None
     }
 
-    /// The read that was wanted was not answered well.
+    /// The wanted read failed.
     pub fn read_failed(&mut self) -> Option<TripEvent> {
         if self.doubted.take().is_some() {
             // The next poll shows it again, if it is true.
@@ -219,9 +220,10 @@ impl TripWatch {
         if reading.tries < READS_MAX { None } else { self.end_reading(false) }
     }
 
-    /// Takes one part of the record, if it is the one that is awaited.
+    /// Takes one part of the record, if it is the awaited one.
     fn take_part(&mut self, address: u16, words: &[u16]) -> Option<TripEvent> {
-        let (places, reading) = (self.places.as_ref()?, self.reading.as_mut()?);
+        let places = self.places.as_ref()?;
+        let reading = self.reading.as_mut()?;
         let (first, count) = *places.record.get(reading.parts)?;
         if first != address || usize::from(count) != words.len() {
             return None;
@@ -232,14 +234,14 @@ impl TripWatch {
         if is_whole && reading.count.is_none() { self.end_reading(true) } else { None }
     }
 
-    /// A trip holds.
+    /// A trip is active.
     fn take_held(&mut self, now: MonoTime) -> Option<TripEvent> {
         let is_new = self.view.active.replace(true) != Some(true);
         let was_told = self.held.unwrap_or(!self.is_remembered);
         if is_new { self.begin(!was_told, now) } else { None }
     }
 
-    /// No trip holds. One that is gone before its record was read is told all the same.
+    /// No trip is active. One that ended before its record was read is reported anyway.
     fn take_released(&mut self, now: MonoTime, told: &mut Vec<TripEvent>) {
         told.extend(self.tell_unread());
         let held_before = self.held.replace(false);
@@ -249,7 +251,7 @@ impl TripWatch {
         told.extend(self.clear(now));
     }
 
-    /// The number of a trip was seen. Another one than was told, while a trip holds, is another trip.
+    /// The number of a trip was seen. A number other than the reported one, while a trip is active, is another trip.
     fn take_code(&mut self, code: u16, now: MonoTime) {
         if self.is_counted() || self.view.active != Some(true) {
             return;
@@ -272,20 +274,23 @@ impl TripWatch {
         }
         self.told_is_sure |= !is_first && count == told;
         if count > told.saturating_add(TRIPS_AT_ONCE) && !self.told_is_sure {
-            // Of two numbers the one that was read twice is the baseline.
-            (self.told, self.view.count, self.told_is_sure) = (Some(count), Some(count), true);
+            // The count that was read twice is the baseline.
+            self.told = Some(count);
+            self.view.count = Some(count);
+            self.told_is_sure = true;
             return;
         }
         if count == told
             && let Some(reading) = self.reading.take_if(|reading| !reading.is_sure)
         {
-            // A rise that only one reading has shown, and no other.
+            // A rise that only one reading has shown.
             self.view.active = reading.was_active;
         }
         if count <= told {
-            // Where it is counted anew, what had risen until then is told with the count of then.
+            // If the count restarts, the rise up to then is reported with its own count.
             events.extend(self.tell_unread());
-            (self.told, self.view.count) = (Some(count), Some(count));
+            self.told = Some(count);
+            self.view.count = Some(count);
             if self.reset_acknowledged {
                 events.extend(self.clear(now));
             }
@@ -323,7 +328,7 @@ impl TripWatch {
         true
     }
 
-    /// A trip that holds begins to be read, or is told at once where the model has no record.
+    /// Begins to read the record of an active trip, or reports it at once if the model has no record.
     fn begin(&mut self, is_news: bool, now: MonoTime) -> Option<TripEvent> {
         self.reading = Some(self.new_reading(is_news, now));
         let has_record = self.places.as_ref().is_some_and(|places| !places.record.is_empty());
@@ -335,14 +340,15 @@ impl TripWatch {
         Reading { is_news, seen_at: now, while_away: !self.is_in_sight, was_active, ..Reading::default() }
     }
 
-    /// The reading is over: its record is shown and, if it is news, told. `is_sure`: the record is the trip's own.
+    /// Ends the reading: its record is shown and, if new, reported. `is_sure`: the record is the trip's own.
     fn end_reading(&mut self, is_sure: bool) -> Option<TripEvent> {
-        let (places, reading) = (self.places.as_ref()?, self.reading.take()?);
-        // Of a record that may belong to another trip nothing is kept.
+        let places = self.places.as_ref()?;
+        let reading = self.reading.take()?;
+        // A record that may belong to another trip is discarded.
         let words = if is_sure || reading.count.is_none() { reading.words } else { Vec::new() };
         let cause = words.iter().find(|(address, _)| Some(*address) == places.cause).map(|(_, word)| *word);
         if cause.is_some() && cause == reading.instead_of {
-            // The record shows the trip that held: the other number was read wrongly.
+            // The record shows the trip that was active: the other number was misread.
             return None;
         }
         let code = cause.filter(|code| *code != 0).or(reading.code);
@@ -354,7 +360,8 @@ impl TripWatch {
             _ => 1,
         };
         if self.is_counted() {
-            (self.told, self.told_is_sure) = (self.view.count, true);
+            self.told = self.view.count;
+            self.told_is_sure = true;
         } else {
             self.held = Some(true);
         }
@@ -364,8 +371,8 @@ impl TripWatch {
             return None;
         }
         self.view.seen += u32::from(trips);
-        let (count, while_away) = (self.view.count, reading.while_away);
-        Some(TripEvent { kind: TripEventKind::Tripped { trips, record }, count, at: reading.seen_at, while_away })
+        let kind = TripEventKind::Tripped { trips, record };
+        Some(TripEvent { kind, count: self.view.count, at: reading.seen_at, while_away: reading.while_away })
     }
 
     fn is_counted(&self) -> bool {
@@ -375,7 +382,7 @@ impl TripWatch {
     fn clear(&mut self, now: MonoTime) -> Option<TripEvent> {
         self.reset_acknowledged = false;
         let was_active = self.view.active.replace(false) == Some(true);
-        let (count, while_away) = (self.view.count, !self.is_in_sight);
-        was_active.then_some(TripEvent { kind: TripEventKind::Cleared, count, at: now, while_away })
+        let while_away = !self.is_in_sight;
+        was_active.then_some(TripEvent { kind: TripEventKind::Cleared, count: self.view.count, at: now, while_away })
     }
 }

@@ -1,29 +1,29 @@
-//! Where a model shows its trips: what tells that there is one, and the registers of its record.
+//! Where a model shows its trips: what indicates a trip, and the registers of its record.
 
 use crate::profile::model::{Flag, Model, Register, Role, StatusFlag};
 
-/// What tells that there is a trip, the surest first.
+/// What indicates a trip, the most reliable first.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Source {
-    /// A flag of a status register holds as long as the trip does.
+    /// A flag of a status register is set as long as the trip is active.
     Flag(StatusFlag),
-    /// A register holds the number of the present trip, 0 for none.
+    /// A register holds the number of the active trip, 0 for none.
     Code(u16),
     /// A register counts trips.
     Count(u16),
 }
 
-/// What a reading tells of trips.
+/// What a reading says about trips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum TripReading {
-    /// Whether one holds.
+    /// Whether one is active.
     Held(bool),
     /// How many there were.
     Counted(u16),
 }
 
 impl Source {
-    /// What a reading tells whose registers hold what `word` says; nothing if it does not cover this source.
+    /// Evaluates a reading, where `word` returns the value of a register; `None` if it does not cover this source.
     pub fn seen(&self, word: impl Fn(u16) -> Option<u16>) -> Option<TripReading> {
         match self {
             Self::Flag(flag) => word(flag.address).map(|word| TripReading::Held(flag.holds(word))),
@@ -44,7 +44,7 @@ pub(super) struct Places {
 }
 
 impl Places {
-    /// Nothing if the model shows no trips.
+    /// `None` if the model shows no trips.
     pub fn of(model: &Model) -> Option<Self> {
         let address = |role| model.register_for(role).map(|register| register.address);
         let flag = model.status_flag(Flag::Tripped).cloned().map(Source::Flag);
